@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+// Generated from regs/card.toml by `make regs`; edit that file, not this one.
+//
+// The fixed format of the drive line (FC-1, FC-8); pause in ticks of 1/16 bit, ratio in ticks of the base.
+
+`define CARD_BASE_HZ 1843200
+`define CARD_DRIVE_RATIO 9'd12
+`define CARD_DRIVE_PAUSE_TICKS 12'd352
+`define CARD_DRIVE_PARITY_ENABLE 1'b1
+`define CARD_DRIVE_PARITY_ODD 1'b0
+`define CARD_DRIVE_TWO_STOP 1'b0

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// Generated from regs/card.toml by `make regs`; edit that file, not this one.
+//
+// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.
+// Silences in ticks of 1/16 bit (FRAME-1), ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3).
+
+`default_nettype none
+
+module card_tables (
+    input  wire [ 5:1] sw_baud,
+    output reg  [ 8:0] baud_ratio,
+    output reg  [11:0] t15_ticks,
+    output reg  [11:0] t35_ticks,
+    output reg         parity_enable,
+    output reg         parity_odd,
+    output reg         two_stop
+);
+
+  always @* begin
+    case (sw_baud[3:1])
+      3'b000: begin
+        baud_ratio = 9'd384;
+        t15_ticks = 12'd264;
+        t35_ticks = 12'd616;
+      end
+      3'b001: begin
+        baud_ratio = 9'd3;
+        t15_ticks = 12'd461;
+        t35_ticks = 12'd1076;
+      end
+      3'b010: begin
+        baud_ratio = 9'd48;
+        t15_ticks = 12'd264;
+        t35_ticks = 12'd616;
+      end
+      3'b011: begin
+        baud_ratio = 9'd1;
+        t15_ticks = 12'd1383;
+        t35_ticks = 12'd3226;
+      end
+      3'b100: begin
+        baud_ratio = 9'd96;
+        t15_ticks = 12'd264;
+        t35_ticks = 12'd616;
+      end
+      3'b101: begin
+        baud_ratio = 9'd6;
+        t15_ticks = 12'd264;
+        t35_ticks = 12'd616;
+      end
+      3'b110: begin
+        baud_ratio = 9'd24;
+        t15_ticks = 12'd264;
+        t35_ticks = 12'd616;
+      end
+      default: begin
+        baud_ratio = 9'd12;
+        t15_ticks = 12'd264;
+        t35_ticks = 12'd616;
+      end
+    endcase
+  end
+
+  always @* begin
+    case (sw_baud[5:4])
+      2'b00: begin
+        parity_enable = 1'b1;
+        parity_odd = 1'b0;
+        two_stop = 1'b0;
+      end
+      2'b01: begin
+        parity_enable = 1'b0;
+        parity_odd = 1'b0;
+        two_stop = 1'b0;
+      end
+      2'b10: begin
+        parity_enable = 1'b1;
+        parity_odd = 1'b1;
+        two_stop = 1'b0;
+      end
+      default: begin
+        parity_enable = 1'b0;
+        parity_odd = 1'b0;
+        two_stop = 1'b1;
+      end
+    endcase
+  end
+
+endmodule
+
+`default_nettype wire

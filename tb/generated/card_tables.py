@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+# Generated from regs/card.toml by `make regs`; edit that file, not this one.
+"""Rates, formats and silences by switch pattern (first switch first, 1 = ON; LINE-2, LINE-3, FRAME-1)."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rate:
+    """baud in bit/s; ratio in base ticks per tick; t15, t35 in ticks of 1/16 bit."""
+
+    baud: int
+    ratio: int
+    t15_ticks: int
+    t35_ticks: int
+
+
+@dataclass(frozen=True)
+class Format:
+    parity: str
+    stop_bits: int
+
+
+BASE_HZ = 1843200
+TICKS_PER_BIT = 16
+CHARACTER_BITS = 11
+DRIVE_BAUD = 9600
+DRIVE_FORMAT = Format("even", 1)
+DRIVE_PAUSE_TICKS = 352
+
+# switches 1, 2, 3
+RATES = {
+    "000": Rate(300, 384, 264, 616),
+    "001": Rate(1200, 96, 264, 616),
+    "010": Rate(2400, 48, 264, 616),
+    "011": Rate(4800, 24, 264, 616),
+    "111": Rate(9600, 12, 264, 616),
+    "101": Rate(19200, 6, 264, 616),
+    "100": Rate(38400, 3, 461, 1076),
+    "110": Rate(115200, 1, 1383, 3226),
+}
+
+# switches 4, 5
+FORMATS = {
+    "00": Format("even", 1),
+    "10": Format("none", 1),
+    "01": Format("odd", 1),
+    "11": Format("none", 2),
+}

@@ -1,0 +1,443 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Generates everything that is derived from regs/mailbox.rdl and regs/card.toml.
+
+    tools/regs.py            writes the generated files
+    tools/regs.py --check    exits 1 and names every file that differs from what would be written
+
+From the mailbox map: C header, Verilog constants, Python constants, Markdown page.
+From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+"""
+
+import argparse
+import difflib
+import math
+import re
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+from peakrdl_cheader.c_standards import CStandard
+from peakrdl_cheader.exporter import CHeaderExporter
+from peakrdl_markdown import MarkdownExporter
+from systemrdl import RDLCompiler
+from systemrdl.node import AddrmapNode, FieldNode, RegNode
+
+ROOT = Path(__file__).resolve().parent.parent
+RDL = "regs/mailbox.rdl"
+CARD = "regs/card.toml"
+WORD_BYTES = 4
+
+
+def banner(comment: str, source: str) -> str:
+    return (
+        f"{comment} SPDX-License-Identifier: Apache-2.0\n"
+        f"{comment} Generated from {source} by `make regs`; edit that file, not this one.\n"
+    )
+
+
+# ---------------------------------------------------------------- mailbox map
+
+
+def compile_map() -> AddrmapNode:
+    """The elaborated `card` address space, whose only child is the mailbox."""
+    compiler = RDLCompiler()
+    compiler.compile_file(str(ROOT / RDL))
+    return compiler.elaborate("card").top
+
+
+def registers(mailbox: AddrmapNode) -> list[RegNode]:
+    """Registers in front of the frame memory."""
+    return [child for child in mailbox.children() if isinstance(child, RegNode)]
+
+
+def frame_areas(mailbox: AddrmapNode) -> list:
+    """Everything that lives in the frame memory: frames and counters, in address order."""
+    return [child for child in mailbox.children() if not isinstance(child, RegNode)]
+
+
+def field_access(field: FieldNode) -> str:
+    return {(True, True): "rw", (True, False): "ro", (False, True): "wo"}[
+        (field.is_sw_readable, field.is_sw_writable)
+    ]
+
+
+def field_reset(field: FieldNode) -> int | None:
+    """The reset value, or None where the field shows switches or parameters."""
+    reset = field.get_property("reset")
+    return reset if isinstance(reset, int) else None
+
+
+def c_header(card: AddrmapNode) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mailbox.h"
+        CHeaderExporter().export(
+            card, str(path), std=CStandard.gnu99, reuse_typedefs=False, explode_top=True, instantiate=True
+        )
+        text = path.read_text()
+    # All members are whole words, so the layout needs no packing; packed, the compiler must assume
+    # alignment 1 and would read every register byte by byte.
+    text = text.replace("struct __attribute__ ((__packed__))", "struct")
+    return banner("//", RDL) + text.rstrip() + "\n"
+
+
+def markdown_page(mailbox: AddrmapNode) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "registers.md"
+        MarkdownExporter().export(mailbox, str(path), [RDL], "mailbox")
+        text = path.read_text()
+    text = re.sub(r"\A\s*<!-.*?-->\n", "", text, flags=re.DOTALL)
+    text = re.sub(r"</?p>", "", text)
+    text = re.sub(r"\n{3,}", "\n\n", text)
+    comments = "".join(f"<!-- {line} -->\n" for line in banner("", RDL).strip().split("\n "))
+    return f"{comments}\n# Mailbox registers\n\n{text.strip()}\n"
+
+
+def verilog_constants(mailbox: AddrmapNode) -> str:
+    areas = frame_areas(mailbox)
+    memory = areas[0].address_offset
+    lines = [
+        banner("//", RDL).rstrip(),
+        "//",
+        "// Macros, not an `include, so that the file list alone elaborates anywhere; it stands first in the list.",
+        "// MBX_x_WORD: word address of register x inside the mailbox, 9 bits.",
+        "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
+        "// MBX_x_INDEX: byte address of x inside the frame memory, 8 bits.",
+        "",
+    ]
+    for reg in registers(mailbox):
+        lines.append(f"`define MBX_{reg.inst_name}_WORD 9'h{reg.address_offset // WORD_BYTES:03x}")
+        for field in reg.fields():
+            name = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
+            bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
+            lines.append(f"`define {name}_BITS {bits}")
+            lines.append(f"`define {name}_WIDTH {field.width}")
+            if (reset := field_reset(field)) is not None:
+                lines.append(f"`define {name}_RESET {field.width}'h{reset:x}")
+        lines.append("")
+    lines.append(f"`define MBX_FRAME_MEMORY_WORD 9'h{memory // WORD_BYTES:03x}")
+    for area in areas:
+        index = (area.address_offset - memory) // WORD_BYTES
+        lines.append(f"`define MBX_{area.inst_name}_INDEX 8'h{index:02x}")
+    return "\n".join(lines) + "\n"
+
+
+def python_constants(mailbox: AddrmapNode) -> str:
+    areas = frame_areas(mailbox)
+    memory = areas[0].address_offset
+    lines = [
+        banner("#", RDL).rstrip(),
+        '"""The mailbox map: byte offsets from BASE, field positions, frame-memory indices."""',
+        "",
+        "from dataclasses import dataclass",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Field:",
+        '    """One field; reset is None where it shows switches or build parameters."""',
+        "",
+        "    bit: int",
+        "    width: int",
+        "    access: str",
+        "    reset: int | None",
+        "",
+        "    def get(self, word: int) -> int:",
+        '        """The field\'s value inside a register word."""',
+        "        return (word >> self.bit) & ((1 << self.width) - 1)",
+        "",
+        "    def put(self, value: int) -> int:",
+        '        """A register word with this field set and all others 0."""',
+        "        assert 0 <= value < 1 << self.width",
+        "        return value << self.bit",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Register:",
+        "    offset: int",
+        "    fields: dict[str, Field]",
+        "",
+        "    def unpack(self, word: int) -> dict[str, int]:",
+        "        return {name: field.get(word) for name, field in self.fields.items()}",
+        "",
+        "    def pack(self, **values: int) -> int:",
+        "        return sum(self.fields[name].put(value) for name, value in values.items())",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Area:",
+        '    """A part of the frame memory: `index` in bytes of the memory, one byte a word."""',
+        "",
+        "    offset: int",
+        "    index: int",
+        "    length: int",
+        "",
+        "",
+        f"BASE = 0x{mailbox.absolute_address:08X}",
+        f"FRAME_MEMORY = 0x{memory:03X}",
+        "",
+        "REGISTERS = {",
+    ]
+    for reg in registers(mailbox):
+        lines += [f'    "{reg.inst_name}": Register(', f"        0x{reg.address_offset:02X},", "        {"]
+        for field in reg.fields():
+            reset = field_reset(field)
+            reset_text = "None" if reset is None else f"0x{reset:X}"
+            lines.append(
+                f'            "{field.inst_name}": '
+                f'Field({field.low}, {field.width}, "{field_access(field)}", {reset_text}),'
+            )
+        lines += ["        },", "    ),"]
+    lines += ["}", "", "AREAS = {"]
+    for area in areas:
+        index = (area.address_offset - memory) // WORD_BYTES
+        lines.append(
+            f'    "{area.inst_name}": '
+            f"Area(0x{area.address_offset:03X}, 0x{index:02X}, {area.size // WORD_BYTES}),"
+        )
+    lines.append("}")
+    return "\n".join(lines) + "\n"
+
+
+# ---------------------------------------------------------------- card tables
+
+
+class Card:
+    """card.toml, checked and with what follows from it."""
+
+    def __init__(self) -> None:
+        data = tomllib.loads((ROOT / CARD).read_text())
+        self.line = data["line"]
+        self.drive = data["drive"]
+        self.rates = {self.switch_bits(text, 3): rate for text, rate in data["baud"].items()}
+        self.formats = {self.switch_bits(text, 2): entry for text, entry in data["format"].items()}
+        if sorted(self.rates) != list(range(8)) or sorted(self.formats) != list(range(4)):
+            sys.exit(f"{CARD}: every switch pattern must be listed once")
+
+    @staticmethod
+    def switch_bits(text: str, width: int) -> int:
+        """'110' (first switch first) -> the number whose bit 0 is the first switch."""
+        if len(text) != width or set(text) - set("01"):
+            sys.exit(f"{CARD}: bad switch pattern {text!r}")
+        return int(text[::-1], 2)
+
+    def switch_text(self, bits: int, width: int) -> str:
+        return f"{bits:0{width}b}"[::-1]
+
+    def ratio(self, rate: int) -> int:
+        """Base ticks per oversampling tick; exact at every rate (LINE-4)."""
+        ratio, rest = divmod(self.line["base_hz"], self.line["ticks_per_bit"] * rate)
+        if rest:
+            sys.exit(f"{CARD}: {rate} bit/s does not divide the base of {self.line['base_hz']} Hz")
+        return ratio
+
+    def silence_ticks(self, rate: int, name: str) -> int:
+        """t15 or t35 in oversampling ticks, rounded up to a whole tick (FRAME-1)."""
+        if rate > self.line["fast_above_baud"]:
+            ticks = self.line[f"fast_{name}_us"] * rate * self.line["ticks_per_bit"] / 1e6
+        else:
+            ticks = self.line[f"{name}_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
+        return math.ceil(ticks)
+
+    @property
+    def drive_pause_ticks(self) -> int:
+        return self.drive["pause_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
+
+
+def card_constants(card: Card) -> str:
+    drive = card.drive
+    constants = {
+        "CARD_BASE_HZ": card.line["base_hz"],
+        "CARD_DRIVE_RATIO": f"9'd{card.ratio(drive['baud'])}",
+        "CARD_DRIVE_PAUSE_TICKS": f"12'd{card.drive_pause_ticks}",
+        "CARD_DRIVE_PARITY_ENABLE": f"1'b{int(drive['parity'] != 'none')}",
+        "CARD_DRIVE_PARITY_ODD": f"1'b{int(drive['parity'] == 'odd')}",
+        "CARD_DRIVE_TWO_STOP": f"1'b{int(drive['stop_bits'] == 2)}",
+    }
+    lines = [
+        banner("//", CARD).rstrip(),
+        "//",
+        "// The fixed format of the drive line (FC-1, FC-8); pause in ticks of 1/16 bit, ratio in ticks of the base.",
+        "",
+    ]
+    return "\n".join(lines + [f"`define {name} {value}" for name, value in constants.items()]) + "\n"
+
+
+def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict[str, int]]) -> list[str]:
+    """An always block that looks all outputs up by `width` switch bits, complete over all patterns."""
+    lines = ["  always @* begin", f"    case ({select})"]
+    for bits, row in sorted(rows.items()):
+        label = "default" if bits == max(rows) else f"{width}'b{bits:0{width}b}"
+        lines.append(f"      {label}: begin")
+        for name, size in outputs.items():
+            lines.append(f"        {name} = {size}'{'b' if size == 1 else 'd'}{row[name]};")
+        lines.append("      end")
+    return lines + ["    endcase", "  end"]
+
+
+def card_verilog(card: Card) -> str:
+    rates = {
+        bits: {
+            "baud_ratio": card.ratio(rate),
+            "t15_ticks": card.silence_ticks(rate, "t15"),
+            "t35_ticks": card.silence_ticks(rate, "t35"),
+        }
+        for bits, rate in card.rates.items()
+    }
+    formats = {
+        bits: {
+            "parity_enable": int(entry["parity"] != "none"),
+            "parity_odd": int(entry["parity"] == "odd"),
+            "two_stop": int(entry["stop_bits"] == 2),
+        }
+        for bits, entry in card.formats.items()
+    }
+    lines = [
+        banner("//", CARD).rstrip(),
+        "//",
+        "// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.",
+        "// Silences in ticks of 1/16 bit (FRAME-1), ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3).",
+        "",
+        "`default_nettype none",
+        "",
+        "module card_tables (",
+        "    input  wire [ 5:1] sw_baud,",
+        "    output reg  [ 8:0] baud_ratio,",
+        "    output reg  [11:0] t15_ticks,",
+        "    output reg  [11:0] t35_ticks,",
+        "    output reg         parity_enable,",
+        "    output reg         parity_odd,",
+        "    output reg         two_stop",
+        ");",
+        "",
+        *verilog_case("sw_baud[3:1]", 3, {"baud_ratio": 9, "t15_ticks": 12, "t35_ticks": 12}, rates),
+        "",
+        *verilog_case("sw_baud[5:4]", 2, {"parity_enable": 1, "parity_odd": 1, "two_stop": 1}, formats),
+        "",
+        "endmodule",
+        "",
+        "`default_nettype wire",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def card_python(card: Card) -> str:
+    lines = [
+        banner("#", CARD).rstrip(),
+        '"""Rates, formats and silences by switch pattern (first switch first, 1 = ON; LINE-2, LINE-3, FRAME-1)."""',
+        "",
+        "from dataclasses import dataclass",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Rate:",
+        '    """baud in bit/s; ratio in base ticks per tick; t15, t35 in ticks of 1/16 bit."""',
+        "",
+        "    baud: int",
+        "    ratio: int",
+        "    t15_ticks: int",
+        "    t35_ticks: int",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Format:",
+        "    parity: str",
+        "    stop_bits: int",
+        "",
+        "",
+        f"BASE_HZ = {card.line['base_hz']}",
+        f"TICKS_PER_BIT = {card.line['ticks_per_bit']}",
+        f"CHARACTER_BITS = {card.line['character_bits']}",
+        f"DRIVE_BAUD = {card.drive['baud']}",
+        f'DRIVE_FORMAT = Format("{card.drive["parity"]}", {card.drive["stop_bits"]})',
+        f"DRIVE_PAUSE_TICKS = {card.drive_pause_ticks}",
+        "",
+        "# switches 1, 2, 3",
+        "RATES = {",
+    ]
+    for bits, rate in sorted(card.rates.items(), key=lambda item: item[1]):
+        t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
+        lines.append(f'    "{card.switch_text(bits, 3)}": Rate({rate}, {card.ratio(rate)}, {t15}, {t35}),')
+    lines += ["}", "", "# switches 4, 5", "FORMATS = {"]
+    for bits, entry in sorted(card.formats.items()):
+        lines.append(
+            f'    "{card.switch_text(bits, 2)}": Format("{entry["parity"]}", {entry["stop_bits"]}),'
+        )
+    lines.append("}")
+    return "\n".join(lines) + "\n"
+
+
+def card_cpp(card: Card) -> str:
+    letters = {"none": "N", "odd": "O", "even": "E"}
+    lines = [
+        banner("//", CARD).rstrip(),
+        "//",
+        "// Rates and formats by switch bits; bit 0 of an index is the first switch of its group (LINE-2, LINE-3).",
+        "",
+        "#ifndef CARD_TABLES_H",
+        "#define CARD_TABLES_H",
+        "",
+        "namespace card_tables {",
+        "",
+        "struct Format {",
+        "  char parity;    // 'N', 'O' or 'E'",
+        "  int stop_bits;  // stop bits that are sent",
+        "};",
+        "",
+        f"constexpr int kCharacterBits = {card.line['character_bits']};",
+        f"constexpr int kDriveBaud = {card.drive['baud']};  // bit/s",
+        f"constexpr Format kDriveFormat = {{'{letters[card.drive['parity']]}', {card.drive['stop_bits']}}};",
+        "",
+        "// index: switches 1, 2, 3; bit/s",
+        f"constexpr int kBaud[8] = {{{', '.join(str(card.rates[bits]) for bits in range(8))}}};",
+        "",
+        "// index: switches 4, 5",
+        "constexpr Format kFormat[4] = {",
+    ]
+    for bits in range(4):
+        entry = card.formats[bits]
+        lines.append(f"    {{'{letters[entry['parity']]}', {entry['stop_bits']}}},")
+    lines += ["};", "", "}  // namespace card_tables", "", "#endif"]
+    return "\n".join(lines) + "\n"
+
+
+def generate() -> dict[str, str]:
+    """Path (from the repository's root) -> text of every generated file."""
+    top = compile_map()
+    mailbox = top.get_child_by_name("MAILBOX")
+    card = Card()
+    return {
+        "sw/generated/mailbox.h": c_header(top),
+        "rtl/generated/mailbox_defs.v": verilog_constants(mailbox),
+        "tb/generated/mailbox.py": python_constants(mailbox),
+        "docs/registers.md": markdown_page(mailbox),
+        "rtl/generated/card_defs.v": card_constants(card),
+        "rtl/generated/card_tables.v": card_verilog(card),
+        "tb/generated/card_tables.py": card_python(card),
+        "sim/generated/card_tables.h": card_cpp(card),
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
+    check = parser.parse_args().check
+    drifted = 0
+    for name, text in generate().items():
+        path = ROOT / name
+        old = path.read_text() if path.exists() else ""
+        if old == text:
+            continue
+        if check:
+            drifted += 1
+            print(f"{name} differs from its source; run `make regs`", file=sys.stderr)
+            diff = difflib.unified_diff(old.splitlines(), text.splitlines(), "now", "generated", lineterm="", n=0)
+            print("\n".join(list(diff)[:20]), file=sys.stderr)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+            print(f"wrote {name}")
+    return 1 if drifted else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
