@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// The card's base tick: 1.8432 MHz on average, from any clock of 2 to 100 MHz.
+//
+// 1.8432 MHz is 16 x 115200, and every other rate divides it by a whole number, so
+// one phase accumulator serves both ports. Its 16-bit step is rounded to half a
+// unit: at 100 MHz, the worst case, 0.5 / 1208 = 0.041 % (LINE-4 asks for 0.1 %).
+// An edge is never off by more than one clock. Clock domain: clk.
+`default_nettype none
+
+module baud_base #(
+    parameter CLK_HZ = 12_000_000
+) (
+    input  wire clk,
+    input  wire rst,
+    // stream out
+    output reg  tick_base
+);
+
+  // 1843200 * 65536 / CLK_HZ without leaving 32 bits: both sides divided by 1600.
+  localparam [31:0] CLK_UNITS = CLK_HZ / 1600;
+  localparam [31:0] STEP_EXACT = (32'd1152 * 32'd65536 + CLK_UNITS / 2) / CLK_UNITS;
+  localparam [15:0] STEP = STEP_EXACT[15:0];
+
+  reg  [15:0] phase = 16'd0;
+  wire [16:0] phase_next = {1'b0, phase} + {1'b0, STEP};
+
+  initial tick_base = 1'b0;
+
+  always @(posedge clk) begin
+    phase <= phase_next[15:0];
+    tick_base <= phase_next[16];
+    if (rst) begin
+      phase <= 16'd0;
+      tick_base <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one place that lets anything leave the card: prepare early, commit late.
+//
+// The firmware queues a reply and a telegram for a ticket, the number of the
+// request they answer. A stale ticket is ignored. What is queued leaves only after
+// the request was committed, and is dropped when it is revoked (FRAME-6).
+//
+// Reply: once for each request, on a line silent for t3.5; dropped by any
+// character after the commit (FRAME-7); with after_drive it also waits until the
+// drive's reply is good, and is dropped if that turns out bad. Never for a
+// broadcast (MAP-9).
+// Telegram: committed means licensed. The licence outlives newer requests, so an
+// exchange under way is finished and the same telegram may be repeated (FC-9); any
+// write to its memory ends the licence. It starts after 2 characters of silence.
+//
+// Without a committed request no telegram starts (SAFE-1). Clock domain: clk.
+`default_nettype none
+
+module commit_gate (
+    input  wire       clk,
+    input  wire       rst,
+    // network request
+    input  wire       candidate,
+    input  wire       commit,
+    input  wire       revoke,
+    input  wire       broadcast,
+    input  wire       modbus_start_seen,
+    input  wire       modbus_quiet,
+    // drive line
+    input  wire       drive_good,
+    input  wire       drive_bad,
+    input  wire       drive_quiet,
+    // firmware
+    input  wire       queue_reply,
+    input  wire       reply_empty,
+    input  wire       reply_after_drive,
+    input  wire       queue_telegram,
+    input  wire       telegram_repeat,
+    input  wire       telegram_touched,
+    input  wire [3:0] queue_ticket,
+    // stream out
+    output wire       reply_start,
+    output wire       telegram_start,
+    // status
+    output reg  [3:0] ticket,
+    output reg        is_candidate,
+    output reg        is_committed,
+    output reg        reply_queued,
+    output reg        telegram_queued,
+    output reg        telegram_started
+);
+
+  reg  answerable = 1'b0;  // committed, and nothing heard or answered since
+  reg  wait_drive = 1'b0;
+  reg  licensed = 1'b0;
+
+  wire current = queue_ticket == ticket;
+
+  assign reply_start = reply_queued && answerable && modbus_quiet && (!wait_drive || drive_good);
+  assign telegram_start = telegram_queued && licensed && drive_quiet;
+
+  initial begin
+    ticket = 4'd0;
+    is_candidate = 1'b0;
+    is_committed = 1'b0;
+    reply_queued = 1'b0;
+    telegram_queued = 1'b0;
+    telegram_started = 1'b0;
+  end
+
+  always @(posedge clk) begin
+    if (reply_start) begin
+      reply_queued <= 1'b0;
+      answerable   <= 1'b0;
+    end
+    if (telegram_start) begin
+      telegram_queued  <= 1'b0;
+      telegram_started <= 1'b1;
+    end
+
+    // What the firmware queues.
+    if (queue_reply) begin
+      reply_queued <= current && !broadcast && !reply_empty &&
+          (is_candidate || (is_committed && answerable));
+      wait_drive <= reply_after_drive;
+    end
+    if (queue_telegram) begin
+      telegram_started <= 1'b0;
+      if (telegram_repeat) telegram_queued <= licensed;
+      else begin
+        telegram_queued <= current && (is_candidate || is_committed);
+        licensed <= current && is_committed;
+      end
+    end
+    // What the two lines take back.
+    if (modbus_start_seen && is_committed) begin
+      reply_queued <= 1'b0;
+      answerable   <= 1'b0;
+    end
+    if (drive_bad && wait_drive) reply_queued <= 1'b0;
+
+    // The request's own fate. Both at once: PREPARE_EARLY = 0.
+    if (candidate) begin
+      ticket <= ticket + 4'd1;
+      is_candidate <= 1'b1;
+      is_committed <= 1'b0;
+      answerable <= 1'b0;
+      reply_queued <= 1'b0;
+      if (!licensed) telegram_queued <= 1'b0;
+    end
+    if (commit) begin
+      is_candidate <= 1'b0;
+      is_committed <= 1'b1;
+      answerable   <= 1'b1;
+      if (telegram_queued || (queue_telegram && !telegram_repeat && current)) licensed <= 1'b1;
+    end
+    if (revoke && is_candidate) begin
+      is_candidate <= 1'b0;
+      reply_queued <= 1'b0;
+      if (!licensed) telegram_queued <= 1'b0;
+    end
+
+    // Last, so that nothing above can license what is being changed.
+    if (telegram_touched) begin
+      telegram_queued <= 1'b0;
+      licensed <= 1'b0;
+    end
+
+    if (rst) begin
+      is_candidate <= 1'b0;
+      is_committed <= 1'b0;
+      answerable <= 1'b0;
+      reply_queued <= 1'b0;
+      telegram_queued <= 1'b0;
+      telegram_started <= 1'b0;
+      licensed <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

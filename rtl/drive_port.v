@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+// The drive line from pin to telegram: everything that knows FC telegram framing.
+//
+// Receive: sync_2ff, glitch_filter, uart_rx, silence_timer, fc_rx (with its bcc).
+// Send: fc_tx (with its bcc), rs485_dir, uart_tx. After a telegram that wants a reply
+// the receiver listens. 9600 8E1, fixed (FC-1). Only wires in here; network_port has
+// the same shape. Clock domain: clk. Rules: FC-1, FC-8, FC-10.
+`default_nettype none
+
+module drive_port (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick_base,
+    // frame memory
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [4:0] write_addr,
+    output wire [7:0] write_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
+    // stream in
+    input  wire       telegram_start,
+    input  wire [4:0] telegram_length,
+    input  wire       telegram_no_reply,
+    // pins
+    input  wire       rx,
+    output wire       tx,
+    output wire       de,
+    // configuration
+    input  wire       listen_again,
+    input  wire       listen_stop,
+    // status
+    output wire       tick16,
+    output wire       sending,
+    output wire       quiet,
+    output wire       listening,
+    output wire       candidate,
+    output wire       good,
+    output wire       bad,
+    output wire [7:0] lge
+);
+
+  // A gap of exactly 2 characters is still allowed, so the limit stands 1/4 bit later.
+  localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
+
+  wire synced;
+  wire line;
+  wire rx_valid;
+  wire [7:0] rx_data;
+  wire rx_parity_error;
+  wire rx_framing_error;
+  wire rx_busy;
+  wire rx_start_seen;
+  wire short_reached;
+  wire long_reached;
+  wire long_silent;
+  wire tx_valid;
+  wire tx_ready;
+  wire [7:0] tx_data;
+  wire tx_busy;
+  wire line_request;
+  wire line_ready;
+  wire sent;
+  wire [7:0] adr;
+
+  assign write_data = rx_data;
+  assign quiet = long_silent && !rx_busy && synced && !de;
+
+  baud_divider divider_i (
+      .clk(clk),
+      .rst(rst),
+      // stream in
+      .tick_base(tick_base),
+      // stream out
+      .tick16(tick16),
+      // configuration
+      .ratio(`CARD_DRIVE_RATIO)
+  );
+
+  sync_2ff #(
+      .RESET_VALUE(1'b1)
+  ) sync_i (
+      .clk(clk),
+      .rst(rst),
+      // pin
+      .raw(rx),
+      // status
+      .synced(synced)
+  );
+
+  glitch_filter filter_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // pin
+      .raw(synced),
+      // configuration
+      .mute(de),
+      // status
+      .clean(line)
+  );
+
+  uart_rx uart_rx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // pin, filtered
+      .line(line),
+      // stream out
+      .byte_valid(rx_valid),
+      .byte_data(rx_data),
+      .byte_parity_error(rx_parity_error),
+      .byte_framing_error(rx_framing_error),
+      // configuration
+      .parity_enable(`CARD_DRIVE_PARITY_ENABLE),
+      .parity_odd(`CARD_DRIVE_PARITY_ODD),
+      // status
+      .busy(rx_busy),
+      .start_seen(rx_start_seen)
+  );
+
+  silence_timer silence_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // line activity
+      .restart(rx_valid || de),
+      .busy(rx_busy),
+      // configuration
+      .short_ticks(PAUSE_TICKS),
+      .long_ticks(PAUSE_TICKS),
+      .two_stop(`CARD_DRIVE_TWO_STOP),
+      // status
+      .short_reached(short_reached),
+      .long_reached(long_reached),
+      .long_silent(long_silent)
+  );
+
+  fc_rx fc_rx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // stream in
+      .byte_valid(rx_valid),
+      .byte_data(rx_data),
+      .byte_parity_error(rx_parity_error),
+      .byte_framing_error(rx_framing_error),
+      .long_reached(long_reached),
+      // frame memory, 32 bytes
+      .write_valid(write_valid),
+      .write_ready(write_ready),
+      .write_addr(write_addr),
+      // configuration
+      .listen_start((sent && !telegram_no_reply) || listen_again),
+      .listen_stop(telegram_start || listen_stop),
+      .adr(adr),
+      // status
+      .listening(listening),
+      .candidate(candidate),
+      .good(good),
+      .bad(bad),
+      .lge(lge)
+  );
+
+  fc_tx fc_tx_i (
+      .clk(clk),
+      .rst(rst),
+      // stream in
+      .start(telegram_start),
+      .length(telegram_length),
+      // frame memory
+      .read_valid(read_valid),
+      .read_ready(read_ready),
+      .read_addr(read_addr),
+      .read_data(read_data),
+      // stream out
+      .byte_valid(tx_valid),
+      .byte_ready(tx_ready),
+      .byte_data(tx_data),
+      // direction
+      .line_request(line_request),
+      .line_ready(line_ready),
+      .line_busy(tx_busy),
+      // status
+      .sending(sending),
+      .sent(sent),
+      .adr(adr)
+  );
+
+  rs485_dir dir_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // stream in
+      .request(line_request),
+      .ready(line_ready),
+      // pin
+      .de(de),
+      // status
+      .tx_busy(tx_busy)
+  );
+
+  uart_tx uart_tx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // stream in
+      .byte_valid(tx_valid),
+      .byte_ready(tx_ready),
+      .byte_data(tx_data),
+      // pin
+      .txd(tx),
+      // configuration
+      .parity_enable(`CARD_DRIVE_PARITY_ENABLE),
+      .parity_odd(`CARD_DRIVE_PARITY_ODD),
+      .two_stop(`CARD_DRIVE_TWO_STOP),
+      // status
+      .busy(tx_busy)
+  );
+
+  // One limit serves as gap and pause; a start bit alone decides nothing here.
+  wire unused = &{1'b0, short_reached, rx_start_seen};
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Receives the drive's reply telegram and judges it.
+//
+// It listens after the card's own telegram (listen_start) until listen_stop or
+// the next own telegram. Bytes that are not STX at the start are ignored, for a
+// line that is turned around may show a phantom character. From STX on everything
+// must fit: LGE >= 6, ADR as sent, parity, stop bits, gaps <= 2 characters, the
+// whole within 1.5 x its nominal time, BCC (FC-8). A telegram that does not is
+// counted once, and after 2 characters of silence the hunt goes on.
+//
+// candidate: level, all data bytes are in and only the BCC is to come, so the
+// firmware may prepare. good: level, the BCC was right: the telegram stays in the
+// frame memory until listen_start, listen_stop or the next own telegram.
+// Data byte i is stored at i, from 24 on at 24 + (i mod 4): a text longer than 20
+// characters is followed to its end, and the last four bytes, PCD1 and PCD2, are
+// always there (FC-7). Units: tick16 = 1/16 bit. Clock domain: clk.
+`default_nettype none
+
+module fc_rx (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick16,
+    // stream in
+    input  wire       byte_valid,
+    input  wire [7:0] byte_data,
+    input  wire       byte_parity_error,
+    input  wire       byte_framing_error,
+    input  wire       long_reached,
+    // frame memory, 32 bytes
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [4:0] write_addr,
+    // configuration
+    input  wire       listen_start,
+    input  wire       listen_stop,
+    input  wire [7:0] adr,
+    // status
+    output wire       listening,
+    output wire       candidate,
+    output wire       good,
+    output reg        bad,
+    output reg  [7:0] lge
+);
+
+  localparam [7:0] STX = 8'h02;
+  localparam [7:0] LGE_MIN = 8'd6;  // ADR, PCD1, PCD2, BCC
+  // 1.5 x 11 bits, the share of a character in the time a telegram may take.
+  localparam [8:0] SLOT_TICKS = 9'd264;
+  // The telegram's clock starts when STX is in: one character of it is gone by.
+  localparam [8:0] CHARACTER_TICKS = 9'd176;
+
+  localparam [2:0] S_OFF = 3'd0;
+  localparam [2:0] S_HUNT = 3'd1;  // for STX
+  localparam [2:0] S_LGE = 3'd2;
+  localparam [2:0] S_ADR = 3'd3;
+  localparam [2:0] S_DATA = 3'd4;
+  localparam [2:0] S_BCC = 3'd5;
+  localparam [2:0] S_GOOD = 3'd6;
+  localparam [2:0] S_BAD = 3'd7;  // until 2 characters of silence
+
+  reg [2:0] state = S_OFF;
+  reg [7:0] left = 8'd0;  // bytes to come, BCC included
+  reg [4:0] index = 5'd0;
+  reg storing = 1'b0;
+  reg [8:0] slot = 9'd0;
+  reg signed [9:0] ahead = 10'sd0;  // characters received - slots gone by
+
+  wire [7:0] check;
+  wire in_telegram = state == S_LGE || state == S_ADR || state == S_DATA || state == S_BCC;
+  wire damaged = byte_parity_error || byte_framing_error;
+  wire slot_end = tick16 && slot == SLOT_TICKS - 9'd1;
+  wire stored = storing && write_ready;
+
+  wire misfit = damaged || (state == S_LGE && byte_data < LGE_MIN) ||
+      (state == S_ADR && byte_data != adr) ||
+      (state == S_BCC && (byte_data != check || ahead < 10'sd0));
+  wire fault = in_telegram && (long_reached || (byte_valid && misfit));
+
+  assign write_valid = storing;
+  assign write_addr = index;
+  assign listening = state != S_OFF;
+  assign candidate = state == S_BCC;
+  assign good = state == S_GOOD;
+
+  bcc bcc_i (
+      .clk(clk),
+      // stream in
+      .clear(!in_telegram),
+      .byte_valid(byte_valid),
+      .byte_data(byte_data),
+      // status
+      .value(check)
+  );
+
+  initial begin
+    bad = 1'b0;
+    lge = 8'd0;
+  end
+
+  always @(posedge clk) begin
+    bad <= fault;
+
+    if (!in_telegram) slot <= CHARACTER_TICKS;
+    else if (tick16) slot <= slot_end ? 9'd0 : slot + 9'd1;
+    if (!in_telegram) ahead <= 10'sd1;
+    else if (byte_valid && !slot_end) ahead <= ahead + 10'sd1;
+    else if (!byte_valid && slot_end) ahead <= ahead - 10'sd1;
+
+    if (stored) begin
+      storing <= 1'b0;
+      if (index[4:3] == 2'b11) index[1:0] <= index[1:0] + 2'd1;
+      else index <= index + 5'd1;
+    end
+    if (state == S_LGE) index <= 5'd0;
+
+    if (byte_valid) begin
+      left <= left - 8'd1;
+      case (state)
+        S_HUNT:  if (!damaged && byte_data == STX) state <= S_LGE;
+        S_LGE: begin
+          lge   <= byte_data;
+          left  <= byte_data;
+          state <= S_ADR;
+        end
+        S_ADR:   state <= S_DATA;
+        S_DATA: begin
+          storing <= 1'b1;
+          if (left == 8'd2) state <= S_BCC;
+        end
+        S_BCC:   state <= S_GOOD;
+        default: ;
+      endcase
+    end
+    if (fault) state <= S_BAD;
+    if (long_reached && (in_telegram || state == S_BAD)) state <= S_HUNT;
+
+    if (listen_start) state <= S_HUNT;
+    if (listen_stop || rst) state <= S_OFF;
+    if (rst) storing <= 1'b0;
+  end
+
+`ifndef SYNTHESIS
+  reg [8*4-1:0] state_name;
+  always @* begin
+    case (state)
+      S_HUNT:  state_name = "HUNT";
+      S_LGE:   state_name = "LGE";
+      S_ADR:   state_name = "ADR";
+      S_DATA:  state_name = "DATA";
+      S_BCC:   state_name = "BCC";
+      S_GOOD:  state_name = "GOOD";
+      S_BAD:   state_name = "BAD";
+      default: state_name = "OFF";
+    endcase
+  end
+`endif
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+// The network line from pin to frame: everything that knows Modbus RTU framing.
+//
+// Receive: sync_2ff, glitch_filter, uart_rx, silence_timer, crc16_modbus, rtu_rx.
+// Send: rtu_tx, crc16_modbus, rs485_dir, uart_tx. One CRC serves both directions,
+// for the receiver is deaf while DE is high. Only wires in here; drive_port has the
+// same shape. With an invalid address the port stays deaf, so the card stays silent on
+// both lines (LINE-7). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
+`default_nettype none
+
+module network_port #(
+    parameter [0:0] STRICT_T15 = 1'b1,
+    parameter [0:0] PREPARE_EARLY = 1'b1
+) (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick_base,
+    // frame memory
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [5:0] write_addr,
+    output wire [7:0] write_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
+    // stream in
+    input  wire       reply_start,
+    input  wire [4:0] reply_length,
+    // pins
+    input  wire       rx,
+    output wire       tx,
+    output wire       de,
+    // configuration
+    input  wire [5:1] sw_baud,
+    input  wire [7:0] own_address,
+    input  wire       address_valid,
+    // status
+    output wire       sending,
+    output wire       quiet,
+    output wire       start_seen,
+    output wire       candidate,
+    output wire       commit,
+    output wire       revoke,
+    output wire [8:0] frame_length,
+    output wire       frame_broadcast,
+    output wire       frame_bank,
+    output wire       count_crc,
+    output wire       count_parity,
+    output wire       count_framing,
+    output wire       count_t15,
+    output wire       count_overrun
+);
+
+  wire [8:0] baud_ratio;
+  wire [11:0] t15_ticks;
+  wire [11:0] t35_ticks;
+  wire parity_enable;
+  wire parity_odd;
+  wire two_stop;
+  wire tick16;
+  wire synced;
+  wire line;
+  wire rx_valid;
+  wire [7:0] rx_data;
+  wire rx_parity_error;
+  wire rx_framing_error;
+  wire rx_busy;
+  wire short_reached;
+  wire long_reached;
+  wire long_silent;
+  wire crc_clear;
+  wire crc_valid;
+  wire [15:0] crc;
+  wire crc_good;
+  wire tx_valid;
+  wire tx_ready;
+  wire [7:0] tx_data;
+  wire tx_busy;
+  wire line_request;
+  wire line_ready;
+
+  assign write_data = rx_data;
+  assign quiet = long_silent && !rx_busy && synced && !de;
+
+  card_tables tables_i (
+      .sw_baud(sw_baud),
+      .baud_ratio(baud_ratio),
+      .t15_ticks(t15_ticks),
+      .t35_ticks(t35_ticks),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop)
+  );
+
+  baud_divider divider_i (
+      .clk(clk),
+      .rst(rst),
+      // stream in
+      .tick_base(tick_base),
+      // stream out
+      .tick16(tick16),
+      // configuration
+      .ratio(baud_ratio)
+  );
+
+  sync_2ff #(
+      .RESET_VALUE(1'b1)
+  ) sync_i (
+      .clk(clk),
+      .rst(rst),
+      // pin
+      .raw(rx),
+      // status
+      .synced(synced)
+  );
+
+  glitch_filter filter_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // pin
+      .raw(synced),
+      // configuration
+      .mute(de),
+      // status
+      .clean(line)
+  );
+
+  uart_rx uart_rx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // pin, filtered
+      .line(line),
+      // stream out
+      .byte_valid(rx_valid),
+      .byte_data(rx_data),
+      .byte_parity_error(rx_parity_error),
+      .byte_framing_error(rx_framing_error),
+      // configuration
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      // status
+      .busy(rx_busy),
+      .start_seen(start_seen)
+  );
+
+  silence_timer silence_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // line activity
+      .restart(rx_valid || de),
+      .busy(rx_busy),
+      // configuration
+      .short_ticks(t15_ticks),
+      .long_ticks(t35_ticks),
+      .two_stop(two_stop),
+      // status
+      .short_reached(short_reached),
+      .long_reached(long_reached),
+      .long_silent(long_silent)
+  );
+
+  crc16_modbus crc_i (
+      .clk(clk),
+      // stream in
+      .clear(crc_clear && !sending),
+      .byte_valid(sending ? crc_valid : rx_valid),
+      .byte_data(sending ? tx_data : rx_data),
+      // status
+      .crc(crc),
+      .good(crc_good)
+  );
+
+  rtu_rx #(
+      .STRICT_T15(STRICT_T15),
+      .PREPARE_EARLY(PREPARE_EARLY)
+  ) rtu_rx_i (
+      .clk(clk),
+      .rst(rst),
+      // stream in
+      .byte_valid(rx_valid),
+      .byte_data(rx_data),
+      .byte_parity_error(rx_parity_error),
+      .byte_framing_error(rx_framing_error),
+      .short_reached(short_reached),
+      .long_reached(long_reached),
+      // frame memory, 32 bytes a bank
+      .write_valid(write_valid),
+      .write_ready(write_ready),
+      .write_addr(write_addr),
+      // check
+      .crc_clear(crc_clear),
+      .crc_good(crc_good),
+      // configuration
+      .deaf(de || !address_valid),
+      .own_address(own_address),
+      // status
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_bank(frame_bank),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun)
+  );
+
+  rtu_tx rtu_tx_i (
+      .clk(clk),
+      .rst(rst),
+      // stream in
+      .start(reply_start),
+      .length(reply_length),
+      // frame memory
+      .read_valid(read_valid),
+      .read_ready(read_ready),
+      .read_addr(read_addr),
+      .read_data(read_data),
+      // check
+      .crc_valid(crc_valid),
+      .crc(crc),
+      // stream out
+      .byte_valid(tx_valid),
+      .byte_ready(tx_ready),
+      .byte_data(tx_data),
+      // direction
+      .line_request(line_request),
+      .line_ready(line_ready),
+      .line_busy(tx_busy),
+      // status
+      .sending(sending)
+  );
+
+  rs485_dir dir_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // stream in
+      .request(line_request),
+      .ready(line_ready),
+      // pin
+      .de(de),
+      // status
+      .tx_busy(tx_busy)
+  );
+
+  uart_tx uart_tx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // stream in
+      .byte_valid(tx_valid),
+      .byte_ready(tx_ready),
+      .byte_data(tx_data),
+      // pin
+      .txd(tx),
+      // configuration
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      // status
+      .busy(tx_busy)
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,358 @@
+// SPDX-License-Identifier: Apache-2.0
+// The card: a Modbus RTU slave on one EIA-485 line, master of a VLT drive's FC
+// protocol on the other, a soft core with firmware in between.
+//
+// Only wires in here; docs/architecture.md follows a frame through the modules.
+// clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released in step with clk.
+// Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 =
+// lit, red and green together are orange. Serial lines idle at 1, DE drives at 1.
+// Rules: TOP-1, TOP-2.
+`default_nettype none
+
+module rtu2fc #(
+    parameter CLK_HZ = 12_000_000,
+    parameter FIRMWARE_HEX = "firmware.hex",
+    parameter MEMORY_BYTES = 8192,
+    parameter [0:0] STRICT_T15 = 1'b1,
+    parameter [0:0] PREPARE_EARLY = 1'b1
+) (
+    input  wire       clk,
+    input  wire       rst_n,
+    // switches
+    input  wire [9:1] sw_baud,
+    input  wire [8:1] sw_addr,
+    // network line
+    input  wire       modbus_rx,
+    output wire       modbus_tx,
+    output wire       modbus_de,
+    // drive line
+    input  wire       drive_rx,
+    output wire       drive_tx,
+    output wire       drive_de,
+    // LEDs
+    output wire       led_modbus_red,
+    output wire       led_modbus_green,
+    output wire       led_drive_red,
+    output wire       led_drive_green
+);
+
+  localparam [1:0] SOFT_CORE_ID = 2'd0;  // PicoRV32
+
+  // Nothing runs before the switches are known.
+  wire rst_pin;
+  wire sw_ready;
+  wire rst = rst_pin || !sw_ready;
+
+  wire tick_base;
+  wire tick16_drive;
+  wire [15:0] ms;
+  wire [9:1] baud;
+  wire [8:1] addr;
+  wire addr_valid;
+
+  wire core_valid;
+  wire core_ready;
+  wire [31:0] core_addr;
+  wire [31:0] core_wdata;
+  wire [3:0] core_wstrb;
+  wire [31:0] core_rdata;
+  wire core_trap;
+  wire ram_valid;
+  wire ram_ready;
+  wire [31:0] ram_rdata;
+  wire mailbox_valid;
+  wire mailbox_ready;
+  wire mailbox_write;
+  wire [8:0] mailbox_word;
+  wire [15:0] mailbox_rdata;
+
+  wire modbus_write_valid;
+  wire modbus_write_ready;
+  wire [5:0] modbus_write_addr;
+  wire [7:0] modbus_write_data;
+  wire modbus_read_valid;
+  wire modbus_read_ready;
+  wire [4:0] modbus_read_addr;
+  wire reply_start;
+  wire [4:0] reply_length;
+  wire modbus_sending;
+  wire modbus_quiet;
+  wire modbus_start_seen;
+  wire candidate;
+  wire commit;
+  wire revoke;
+  wire [8:0] frame_length;
+  wire frame_broadcast;
+  wire frame_bank;
+  wire count_crc;
+  wire count_parity;
+  wire count_framing;
+  wire count_t15;
+  wire count_overrun;
+
+  wire drive_write_valid;
+  wire drive_write_ready;
+  wire [4:0] drive_write_addr;
+  wire [7:0] drive_write_data;
+  wire drive_read_valid;
+  wire drive_read_ready;
+  wire [4:0] drive_read_addr;
+  wire telegram_start;
+  wire [4:0] telegram_length;
+  wire telegram_no_reply;
+  wire listen_again;
+  wire listen_stop;
+  wire drive_sending;
+  wire drive_quiet;
+  wire drive_listening;
+  wire drive_candidate;
+  wire drive_good;
+  wire drive_bad;
+  wire [7:0] drive_lge;
+
+  wire [7:0] frame_read_data;
+
+  reset_sync reset_i (
+      .clk  (clk),
+      .rst_n(rst_n),
+      // status
+      .rst  (rst_pin)
+  );
+
+  baud_base #(
+      .CLK_HZ(CLK_HZ)
+  ) baud_i (
+      .clk(clk),
+      .rst(rst_pin),
+      // stream out
+      .tick_base(tick_base)
+  );
+
+  switch_sampler switches_i (
+      .clk(clk),
+      .rst(rst_pin),
+      .tick_base(tick_base),
+      // pins
+      .sw_baud(sw_baud),
+      .sw_addr(sw_addr),
+      // status
+      .ready(sw_ready),
+      .baud(baud),
+      .addr(addr),
+      .addr_valid(addr_valid)
+  );
+
+  ms_timer ms_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16_drive),
+      // status
+      .ms(ms)
+  );
+
+  network_port #(
+      .STRICT_T15(STRICT_T15),
+      .PREPARE_EARLY(PREPARE_EARLY)
+  ) network_i (
+      .clk(clk),
+      .rst(rst),
+      .tick_base(tick_base),
+      // frame memory
+      .write_valid(modbus_write_valid),
+      .write_ready(modbus_write_ready),
+      .write_addr(modbus_write_addr),
+      .write_data(modbus_write_data),
+      .read_valid(modbus_read_valid),
+      .read_ready(modbus_read_ready),
+      .read_addr(modbus_read_addr),
+      .read_data(frame_read_data),
+      // stream in
+      .reply_start(reply_start),
+      .reply_length(reply_length),
+      // pins
+      .rx(modbus_rx),
+      .tx(modbus_tx),
+      .de(modbus_de),
+      // configuration
+      .sw_baud(baud[5:1]),
+      .own_address(addr),
+      .address_valid(addr_valid),
+      // status
+      .sending(modbus_sending),
+      .quiet(modbus_quiet),
+      .start_seen(modbus_start_seen),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_bank(frame_bank),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun)
+  );
+
+  drive_port drive_i (
+      .clk(clk),
+      .rst(rst),
+      .tick_base(tick_base),
+      // frame memory
+      .write_valid(drive_write_valid),
+      .write_ready(drive_write_ready),
+      .write_addr(drive_write_addr),
+      .write_data(drive_write_data),
+      .read_valid(drive_read_valid),
+      .read_ready(drive_read_ready),
+      .read_addr(drive_read_addr),
+      .read_data(frame_read_data),
+      // stream in
+      .telegram_start(telegram_start),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
+      // pins
+      .rx(drive_rx),
+      .tx(drive_tx),
+      .de(drive_de),
+      // configuration
+      .listen_again(listen_again),
+      .listen_stop(listen_stop),
+      // status
+      .tick16(tick16_drive),
+      .sending(drive_sending),
+      .quiet(drive_quiet),
+      .listening(drive_listening),
+      .candidate(drive_candidate),
+      .good(drive_good),
+      .bad(drive_bad),
+      .lge(drive_lge)
+  );
+
+  mailbox #(
+      .STRICT_T15(STRICT_T15),
+      .PREPARE_EARLY(PREPARE_EARLY),
+      .SOFT_CORE_ID(SOFT_CORE_ID),
+      .CLK_HZ(CLK_HZ)
+  ) mailbox_i (
+      .clk(clk),
+      .rst(rst),
+      // firmware bus
+      .bus_valid(mailbox_valid),
+      .bus_ready(mailbox_ready),
+      .bus_write(mailbox_write),
+      .bus_word(mailbox_word),
+      .bus_wdata(core_wdata[15:0]),
+      .bus_rdata(mailbox_rdata),
+      // network port
+      .modbus_write_valid(modbus_write_valid),
+      .modbus_write_ready(modbus_write_ready),
+      .modbus_write_addr(modbus_write_addr),
+      .modbus_write_data(modbus_write_data),
+      .modbus_read_valid(modbus_read_valid),
+      .modbus_read_ready(modbus_read_ready),
+      .modbus_read_addr(modbus_read_addr),
+      .reply_start(reply_start),
+      .reply_length(reply_length),
+      .modbus_sending(modbus_sending),
+      .modbus_quiet(modbus_quiet),
+      .modbus_start_seen(modbus_start_seen),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_bank(frame_bank),
+      // drive port
+      .drive_write_valid(drive_write_valid),
+      .drive_write_ready(drive_write_ready),
+      .drive_write_addr(drive_write_addr),
+      .drive_write_data(drive_write_data),
+      .drive_read_valid(drive_read_valid),
+      .drive_read_ready(drive_read_ready),
+      .drive_read_addr(drive_read_addr),
+      .telegram_start(telegram_start),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
+      .listen_again(listen_again),
+      .listen_stop(listen_stop),
+      .drive_sending(drive_sending),
+      .drive_quiet(drive_quiet),
+      .drive_listening(drive_listening),
+      .drive_candidate(drive_candidate),
+      .drive_good(drive_good),
+      .drive_bad(drive_bad),
+      .drive_lge(drive_lge),
+      // both ports
+      .read_data(frame_read_data),
+      // status
+      .sw_baud(baud),
+      .sw_addr(addr),
+      .ms(ms),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun),
+      .led_modbus_red(led_modbus_red),
+      .led_modbus_green(led_modbus_green),
+      .led_drive_red(led_drive_red),
+      .led_drive_green(led_drive_green)
+  );
+
+  soft_core #(
+      .STACK_TOP(MEMORY_BYTES)
+  ) core_i (
+      .clk(clk),
+      .rst(rst),
+      // bus
+      .bus_valid(core_valid),
+      .bus_ready(core_ready),
+      .bus_addr(core_addr),
+      .bus_wdata(core_wdata),
+      .bus_wstrb(core_wstrb),
+      .bus_rdata(core_rdata),
+      // status
+      .trap(core_trap)
+  );
+
+  bus_decode decode_i (
+      // soft core
+      .core_valid(core_valid),
+      .core_ready(core_ready),
+      .core_addr(core_addr),
+      .core_wstrb(core_wstrb),
+      .core_rdata(core_rdata),
+      // memory
+      .ram_valid(ram_valid),
+      .ram_ready(ram_ready),
+      .ram_rdata(ram_rdata),
+      // mailbox
+      .mailbox_valid(mailbox_valid),
+      .mailbox_ready(mailbox_ready),
+      .mailbox_write(mailbox_write),
+      .mailbox_word(mailbox_word),
+      .mailbox_rdata(mailbox_rdata)
+  );
+
+  firmware_ram #(
+      .BYTES(MEMORY_BYTES),
+      .FIRMWARE_HEX(FIRMWARE_HEX)
+  ) ram_i (
+      .clk(clk),
+      .rst(rst),
+      // soft core bus
+      .bus_valid(ram_valid),
+      .bus_ready(ram_ready),
+      .bus_addr(core_addr),
+      .bus_wdata(core_wdata),
+      .bus_wstrb(core_wstrb),
+      .bus_rdata(ram_rdata)
+  );
+
+  // Seen in waves; nothing acts on it.
+  wire unused = core_trap;
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+// Receives Modbus RTU frames: finds their ends by silence and judges them.
+//
+// A frame starts with a character after t3.5 of silence. At t1.5 after a good
+// frame (CRC, parity, framing, 4 to 256 bytes) for this card or for all it becomes
+// the candidate; at t3.5 it is committed; a character in between revokes it
+// (FRAME-6). The first 32 bytes go to the frame memory, the true length is told
+// (FRAME-5). Two banks take turns: the bank of the newest candidate is not
+// written again before a newer candidate exists, so the firmware never reads a
+// mixture.
+//
+// STRICT_T15 = 1: a frame that is not good at t1.5 is thrown away and the next
+// byte is an address (FRAME-2); a character after a good one spoils everything up
+// to the next t3.5 (FRAME-3). STRICT_T15 = 0: a frame goes on growing until t3.5.
+// PREPARE_EARLY = 0: candidate and commit come together at t3.5.
+//
+// One event is counted for each frame that was thrown away: its framing error,
+// parity error, over-length or CRC (in this order), or the gap if a character
+// followed between t1.5 and t3.5. Clock domain: clk. Rules: FRAME-1 ... FRAME-6.
+`default_nettype none
+
+module rtu_rx #(
+    parameter [0:0] STRICT_T15 = 1'b1,
+    parameter [0:0] PREPARE_EARLY = 1'b1
+) (
+    input  wire       clk,
+    input  wire       rst,
+    // stream in
+    input  wire       byte_valid,
+    input  wire [7:0] byte_data,
+    input  wire       byte_parity_error,
+    input  wire       byte_framing_error,
+    input  wire       short_reached,
+    input  wire       long_reached,
+    // frame memory, 32 bytes a bank
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [5:0] write_addr,
+    // check
+    output wire       crc_clear,
+    input  wire       crc_good,
+    // configuration
+    input  wire       deaf,
+    input  wire [7:0] own_address,
+    // status
+    output reg        candidate,
+    output reg        commit,
+    output reg        revoke,
+    output reg  [8:0] frame_length,
+    output reg        frame_broadcast,
+    output reg        frame_bank,
+    output wire       count_crc,
+    output wire       count_parity,
+    output wire       count_framing,
+    output wire       count_t15,
+    output wire       count_overrun
+);
+
+  localparam [2:0] S_WAIT = 3'd0;  // ignore everything until t3.5 of silence
+  localparam [2:0] S_IDLE = 3'd1;  // silence: the next character starts a frame
+  localparam [2:0] S_RECEIVE = 3'd2;  // inside a frame
+  localparam [2:0] S_HOLD = 3'd3;  // good at t1.5, over at t3.5
+  localparam [2:0] S_SUSPECT = 3'd4;  // not good at t1.5 and forgotten
+
+  reg [2:0] state = S_WAIT;
+  reg [8:0] length = 9'd0;
+  reg storing = 1'b0;
+  reg for_us = 1'b0;
+  reg for_all = 1'b0;
+  reg parity_bad = 1'b0;
+  reg framing_bad = 1'b0;
+  reg overrun = 1'b0;
+
+  wire clean = !parity_bad && !framing_bad && !overrun;
+  wire good = crc_good && clean && length[8:2] != 7'd0;
+  wire mine = for_us || for_all;
+  wire first = state == S_IDLE || state == S_SUSPECT;
+  wire accept = byte_valid && (first || state == S_RECEIVE || (state == S_HOLD && !STRICT_T15));
+  wire kept = length[8:5] == 4'd0;
+  wire stored = storing && (write_ready || !kept);
+
+  assign crc_clear   = first || state == S_WAIT;
+  assign write_valid = storing && kept;
+  assign write_addr  = {!frame_bank, length[4:0]};
+
+  // The clock in which a good frame becomes the candidate.
+  wire raise = mine && (PREPARE_EARLY ? state == S_RECEIVE && short_reached && good
+                                      : state == S_HOLD && long_reached);
+  wire spoilt = state == S_HOLD && byte_valid;
+
+  // A frame that ended badly is counted under the first of its faults.
+  wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
+  assign count_framing = ended_bad && framing_bad;
+  assign count_parity = ended_bad && parity_bad && !framing_bad;
+  assign count_overrun = ended_bad && overrun && !parity_bad && !framing_bad;
+  assign count_crc = ended_bad && clean;
+  assign count_t15 = byte_valid && state == S_SUSPECT;
+
+  initial begin
+    candidate = 1'b0;
+    commit = 1'b0;
+    revoke = 1'b0;
+    frame_length = 9'd0;
+    frame_broadcast = 1'b0;
+    frame_bank = 1'b0;
+  end
+
+  always @(posedge clk) begin
+    candidate <= raise;
+    commit <= state == S_HOLD && long_reached && mine;
+    revoke <= spoilt;
+
+    if (stored) begin
+      storing <= 1'b0;
+      if (length[8]) overrun <= 1'b1;
+      else length <= length + 9'd1;
+    end
+    if (accept) begin
+      storing <= 1'b1;
+      if (first) begin
+        length <= 9'd0;
+        overrun <= 1'b0;
+        for_us <= byte_data == own_address;
+        for_all <= byte_data == 8'd0;
+        parity_bad <= byte_parity_error;
+        framing_bad <= byte_framing_error;
+      end else begin
+        if (byte_parity_error) parity_bad <= 1'b1;
+        if (byte_framing_error) framing_bad <= 1'b1;
+      end
+    end
+
+    // Latched, because the next frame may begin while the firmware still reads.
+    // A revoked candidate gives its bank back and may go on growing in it.
+    if (raise) begin
+      frame_length <= length;
+      frame_broadcast <= for_all;
+    end
+    if (raise || (spoilt && mine && PREPARE_EARLY)) frame_bank <= !frame_bank;
+
+    case (state)
+      S_WAIT: if (long_reached) state <= S_IDLE;
+      S_RECEIVE:
+      if (short_reached && good) state <= S_HOLD;
+      else if (short_reached && STRICT_T15) state <= S_SUSPECT;
+      else if (long_reached) state <= S_IDLE;
+      S_HOLD:
+      if (byte_valid) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;
+      else if (long_reached) state <= S_IDLE;
+      S_SUSPECT:
+      if (byte_valid) state <= S_RECEIVE;
+      else if (long_reached) state <= S_IDLE;
+      default: if (byte_valid) state <= S_RECEIVE;
+    endcase
+
+    if (deaf) state <= S_WAIT;
+    if (rst) begin
+      state <= S_WAIT;
+      storing <= 1'b0;
+      frame_bank <= 1'b0;
+      candidate <= 1'b0;
+      commit <= 1'b0;
+      revoke <= 1'b0;
+    end
+  end
+
+`ifndef SYNTHESIS
+  reg [8*7-1:0] state_name;
+  always @* begin
+    case (state)
+      S_WAIT: state_name = "WAIT";
+      S_RECEIVE: state_name = "RECEIVE";
+      S_HOLD: state_name = "HOLD";
+      S_SUSPECT: state_name = "SUSPECT";
+      default: state_name = "IDLE";
+    endcase
+  end
+`endif
+
+endmodule
+
+`default_nettype wire
