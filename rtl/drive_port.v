@@ -127,7 +127,7 @@ module drive_port (
       .tick16(tick16),
       // line activity
       .restart(rx_valid || de),
-      .busy(rx_busy),
+      .busy(rx_busy || !synced),
       // configuration
       .short_ticks(PAUSE_TICKS),
       .long_ticks(PAUSE_TICKS),

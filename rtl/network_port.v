@@ -152,7 +152,7 @@ module network_port #(
       .tick16(tick16),
       // line activity
       .restart(rx_valid || de),
-      .busy(rx_busy),
+      .busy(rx_busy || !synced),
       // configuration
       .short_ticks(t15_ticks),
       .long_ticks(t35_ticks),

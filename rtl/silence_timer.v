@@ -4,17 +4,20 @@
 // Network port: short = t1.5, long = t3.5 (FRAME-1). Drive port: short and long
 // are both the two characters of FC-8.
 //
-// The count starts when the receiver votes on the first stop bit, which leaves
-// half a bit of the character to come, or one and a half with two stop bits. Both
-// limits are therefore given with TAIL_TICKS on top, and with one stop bit the
-// count starts one bit ahead. A false start stops the count for as long as it
-// lasts and no longer. The glitch filter delays both ends of a silence alike, so
-// it drops out. *_reached: one clock. long_silent: level, until the next character
-// is complete. Units: tick16 = 1/16 bit. Clock domain: clk.
+// The count starts when the receiver votes on the first stop bit. The filter shows
+// everything five to six ticks late, so of that bit two to three ticks are still to
+// come, and one bit more with two stop bits: with one, the count starts 16 ahead.
+// TAIL_TICKS is chosen so that a limit is reached 0 to 1 tick early (FRAME-1 allows
+// 4): at 300 bit/s a whole tick late would cost PERF-2. busy must rise with the pin,
+// not with the filtered line, for the filter's delay is taken off here. It stops the
+// count for as long as it lasts, so a glitch or a false start costs no more than
+// itself; restart clears it, at the end of each character and while the port sends.
+// *_reached: one clock. long_silent: level, until the next restart.
+// Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8.
 `default_nettype none
 
 module silence_timer #(
-    parameter [11:0] TAIL_TICKS = 12'd24
+    parameter [11:0] TAIL_TICKS = 12'd17
 ) (
     input  wire        clk,
     input  wire        rst,
