@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated drive for Python: a thin ctypes skin over sim/drive/vlt_drive.c.
+
+The same code stands behind the virtual card, so every test sees one and the same drive. Values are
+raw, as transferred; times are simulated microseconds and pass only in `step()`. No cocotb inside.
+
+    drive = VltDrive()                  # powered up, stopped, status word 0607h
+    reply = drive.telegram(request)     # bytes, or None for silence
+    drive.step(1_000_000)               # a second later
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import functools
+import subprocess
+from enum import IntEnum
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+LIBRARY = Path("build/host/libvltdrive.so")
+REPLY_MAX = 12 + 60
+TEXT_MAX = 60
+
+
+class Outcome(IntEnum):
+    """What became of a telegram (drive_outcome_t)."""
+
+    REPLIED = 0
+    BROADCAST = 1
+    NOT_MINE = 2
+    DAMAGED = 3
+
+
+class DriveError(ValueError):
+    """Access from outside the bus that the drive cannot do; `fault` is its number."""
+
+    def __init__(self, pnu: int, fault: int):
+        super().__init__(f"parameter {pnu}: fault {fault}")
+        self.fault = fault
+
+
+@functools.cache
+def load_library() -> ctypes.CDLL:
+    """Build the library if it is missing or old, and load it. Safe under parallel test workers."""
+    directory = ROOT / LIBRARY.parent
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory / ".libvltdrive.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        made = subprocess.run(
+            ["make", "--silent", "--no-print-directory", "-f", "sim/drive/drive.mk", str(LIBRARY)],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if made.returncode != 0:
+        raise RuntimeError(f"cannot build {LIBRARY}:\n{made.stdout}{made.stderr}")
+    library = ctypes.CDLL(str(ROOT / LIBRARY))
+    pointer, size = ctypes.c_void_p, ctypes.c_size_t
+    u8, u16, u32 = ctypes.c_uint8, ctypes.c_uint16, ctypes.c_uint32
+    i64, integer, text = ctypes.c_int64, ctypes.c_int, ctypes.c_char_p
+    value = ctypes.POINTER(i64)
+    for name, result, arguments in (
+        ("drive_size", size, []),
+        ("drive_profile", pointer, [text]),
+        ("drive_init", None, [pointer, pointer]),
+        ("drive_power_cycle", None, [pointer]),
+        ("drive_telegram", integer, [pointer, text, size, pointer, ctypes.POINTER(size)]),
+        ("drive_step", None, [pointer, u32]),
+        ("drive_example_state", None, [pointer]),
+        ("drive_force_process", None, [pointer, u16, u16]),
+        ("drive_release_process", None, [pointer]),
+        ("drive_set", integer, [pointer, u16, u8, i64]),
+        ("drive_set_text", integer, [pointer, u16, text]),
+        ("drive_get", integer, [pointer, u16, u8, value]),
+        ("drive_get_eeprom", integer, [pointer, u16, u8, value]),
+        ("drive_get_text", integer, [pointer, u16, pointer]),
+        ("drive_refuse", integer, [pointer, u16, integer]),
+        ("drive_trip", None, [pointer, u8]),
+        ("drive_warn", None, [pointer, u32]),
+        ("drive_status_word", u16, [pointer]),
+        ("drive_frequency_word", u16, [pointer]),
+        ("drive_control_word", u16, [pointer]),
+        ("drive_reference_word", u16, [pointer]),
+        ("drive_frequency_mhz", ctypes.c_int32, [pointer]),
+        ("drive_alarm", u8, [pointer]),
+        ("drive_running", ctypes.c_bool, [pointer]),
+        ("drive_relay", ctypes.c_bool, [pointer, ctypes.c_uint]),
+        ("drive_eeprom_writes", u32, [pointer]),
+    ):
+        function = getattr(library, name)
+        function.restype = result
+        function.argtypes = arguments
+    return library
+
+
+class VltDrive:
+    """One simulated drive. `example=True` starts it in the state behind the manual's examples."""
+
+    def __init__(self, profile: str = "vlt6000", example: bool = False):
+        self._library = load_library()
+        self._drive = ctypes.create_string_buffer(self._library.drive_size())
+        self._profile = self._library.drive_profile(profile.encode())
+        if not self._profile:
+            raise ValueError(f"no drive profile '{profile}'")
+        self.outcome: Outcome | None = None  # of the last telegram
+        self.init()
+        if example:
+            self.example_state()
+
+    def init(self) -> None:
+        """Every parameter at its default, motor stopped, nothing forced."""
+        self._library.drive_init(self._drive, self._profile)
+
+    def power_cycle(self) -> None:
+        """Mains off and on: RAM values come back from EEPROM."""
+        self._library.drive_power_cycle(self._drive)
+
+    def telegram(self, request: bytes) -> bytes | None:
+        """One whole telegram off the line; the reply, or None for silence (`outcome` says why)."""
+        reply = ctypes.create_string_buffer(REPLY_MAX)
+        length = ctypes.c_size_t()
+        self.outcome = Outcome(
+            self._library.drive_telegram(
+                self._drive, bytes(request), len(request), reply, ctypes.byref(length)
+            )
+        )
+        return reply.raw[: length.value] if self.outcome is Outcome.REPLIED else None
+
+    def step(self, microseconds: int) -> None:
+        """Let simulated time pass."""
+        while microseconds > 0:
+            part = min(microseconds, 0xFFFFFFFF)
+            self._library.drive_step(self._drive, part)
+            microseconds -= part
+
+    def example_state(self) -> None:
+        """Replies carry 0F03h and 2000h, 514 = 3.00 A, 621 = "VLT600"."""
+        self._library.drive_example_state(self._drive)
+
+    def force_process(self, status: int, frequency: int) -> None:
+        """Pin status and output frequency word; the motor then stands still."""
+        self._library.drive_force_process(self._drive, status, frequency)
+
+    def release_process(self) -> None:
+        self._library.drive_release_process(self._drive)
+
+    def _done(self, pnu: int, fault: int) -> None:
+        if fault != -1:
+            raise DriveError(pnu, fault)
+
+    def set(self, pnu: int, value: int, index: int = 0) -> None:
+        """Set a value past all limits and rights, in RAM and EEPROM; pins a readout."""
+        self._done(pnu, self._library.drive_set(self._drive, pnu, index, value))
+
+    def get(self, pnu: int, index: int = 0) -> int:
+        value = ctypes.c_int64()
+        self._done(pnu, self._library.drive_get(self._drive, pnu, index, ctypes.byref(value)))
+        return value.value
+
+    def get_eeprom(self, pnu: int, index: int = 0) -> int:
+        value = ctypes.c_int64()
+        self._done(pnu, self._library.drive_get_eeprom(self._drive, pnu, index, ctypes.byref(value)))
+        return value.value
+
+    def set_text(self, pnu: int, text: str) -> None:
+        """Up to 60 characters, more than fit through the card."""
+        self._done(pnu, self._library.drive_set_text(self._drive, pnu, text.encode("ascii")))
+
+    def get_text(self, pnu: int) -> str:
+        text = ctypes.create_string_buffer(TEXT_MAX + 1)
+        self._done(pnu, self._library.drive_get_text(self._drive, pnu, text))
+        return text.value.decode("latin-1")
+
+    def refuse(self, pnu: int, fault: int | None) -> None:
+        """Refuse every access to a parameter with this fault number; None: no longer."""
+        self._done(pnu, self._library.drive_refuse(self._drive, pnu, -1 if fault is None else fault))
+
+    def trip(self, alarm: int) -> None:
+        """Trip with alarm 1 to 99."""
+        self._library.drive_trip(self._drive, alarm)
+
+    def warn(self, warnings: int) -> None:
+        """Bits of the warning word; 0 ends the warning."""
+        self._library.drive_warn(self._drive, warnings)
+
+    @property
+    def status_word(self) -> int:
+        return self._library.drive_status_word(self._drive)
+
+    @property
+    def frequency_word(self) -> int:
+        return self._library.drive_frequency_word(self._drive)
+
+    @property
+    def control_word(self) -> int:
+        """The last valid control word, 0 before the first."""
+        return self._library.drive_control_word(self._drive)
+
+    @property
+    def reference_word(self) -> int:
+        return self._library.drive_reference_word(self._drive)
+
+    @property
+    def frequency_mhz(self) -> int:
+        """Output frequency in mHz, negative in reverse."""
+        return self._library.drive_frequency_mhz(self._drive)
+
+    @property
+    def alarm(self) -> int:
+        return self._library.drive_alarm(self._drive)
+
+    @property
+    def running(self) -> bool:
+        return self._library.drive_running(self._drive)
+
+    @property
+    def eeprom_writes(self) -> int:
+        return self._library.drive_eeprom_writes(self._drive)
+
+    def relay(self, number: int) -> bool:
+        """Relay 1 or 2 pulled in."""
+        return self._library.drive_relay(self._drive, number)
