@@ -16,9 +16,7 @@ module baud_base #(
     output reg  tick_base
 );
 
-  // 1843200 * 65536 / CLK_HZ without leaving 32 bits: both sides divided by 1600.
-  localparam [31:0] CLK_UNITS = CLK_HZ / 1600;
-  localparam [31:0] STEP_EXACT = (32'd1152 * 32'd65536 + CLK_UNITS / 2) / CLK_UNITS;
+  localparam [63:0] STEP_EXACT = (64'd65536 * `CARD_BASE_HZ + CLK_HZ / 2) / CLK_HZ;
   localparam [15:0] STEP = STEP_EXACT[15:0];
 
   reg  [15:0] phase = 16'd0;

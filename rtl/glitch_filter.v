@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lets a level pass only after it stood for SAMPLES ticks in a row.
+// Shows the level that most of the last WINDOW ticks had.
 //
-// A tick is 1/16 bit. Five samples in a row span at least four ticks, so whatever
-// is shorter than 1/4 bit never passes (LINE-5), and both edges are delayed alike
-// by five ticks, so the width of a bit is kept. While mute is high the output is
-// held at idle (1): the port does not hear its own sending (LINE-6, FC-10).
+// A tick is 1/16 bit. Whatever is shorter than 1/4 bit is four samples at most, and
+// four of nine never win, so it never passes; beside a real edge it moves that edge by
+// no more than its own width, which leaves the middle of the bit alone (LINE-5). A
+// filter that asks for five equal ticks in a row would add the two up. Clean edges are
+// delayed by five ticks, both alike, so the width of a bit is kept. While mute is high
+// the output is held at idle (1): the port does not hear its own sending (LINE-6, FC-10).
 // Clock domain: clk.
 `default_nettype none
 
-module glitch_filter #(
-    parameter SAMPLES = 5
-) (
+module glitch_filter (
     input  wire clk,
     input  wire rst,
     input  wire tick16,
@@ -22,22 +22,22 @@ module glitch_filter #(
     output reg  clean
 );
 
-  localparam [2:0] LAST = SAMPLES - 1;
+  reg [8:0] history = 9'h1FF;
+  reg [3:0] ones = 4'd9;  // in history
 
-  reg [2:0] differing = 3'd0;
+  wire [3:0] ones_next = ones + {3'd0, raw} - {3'd0, history[8]};
 
   initial clean = 1'b1;
 
   always @(posedge clk) begin
     if (tick16) begin
-      if (raw == clean) differing <= 3'd0;
-      else if (differing == LAST) begin
-        differing <= 3'd0;
-        clean <= raw;
-      end else differing <= differing + 3'd1;
+      history <= {history[7:0], raw};
+      ones <= ones_next;
+      clean <= ones_next >= 4'd5;
     end
     if (rst || mute) begin
-      differing <= 3'd0;
+      history <= 9'h1FF;
+      ones <= 4'd9;
       clean <= 1'b1;
     end
   end

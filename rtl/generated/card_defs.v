@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
-// The fixed format of the drive line (FC-1, FC-8); pause in ticks of 1/16 bit, ratio in ticks of the base.
+// The fixed format of the drive line (FC-1, FC-8).
+// Pause in ticks of 1/16 bit, ratio in ticks of the baud base.
 
 `define CARD_BASE_HZ 1843200
 `define CARD_DRIVE_RATIO 9'd12

@@ -2,7 +2,8 @@
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
 // What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.
-// Silences in ticks of 1/16 bit (FRAME-1), ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3).
+// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3), silences in ticks of 1/16 bit
+// (FRAME-1).
 
 `default_nettype none
 

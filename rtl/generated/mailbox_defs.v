@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from regs/mailbox.rdl by `make regs`; edit that file, not this one.
 //
-// Macros, not an `include, so that the file list alone elaborates anywhere; it stands first in the list.
+// Macros, not an `include: the list of files alone must elaborate, in any folder.
 // MBX_x_WORD: word address of register x inside the mailbox, 9 bits.
 // MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.
 // MBX_x_INDEX: byte address of x inside the frame memory, 8 bits.
