@@ -4,7 +4,8 @@
 The same code stands behind the virtual card, so every test sees one and the same drive. Values are
 raw, as transferred; times are simulated microseconds and pass only in `step()`. No cocotb inside.
 
-    drive = VltDrive()                  # powered up, stopped, status word 0607h
+    drive = VltDrive()                  # a VLT 6000, powered up, stopped, status word 0607h
+    drive = VltDrive("vlt2800")         # or another of PROFILES
     reply = drive.telegram(request)     # bytes, or None for silence
     drive.step(1_000_000)               # a second later
 """
@@ -22,6 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = Path("build/host/libvltdrive.so")
 REPLY_MAX = 12 + 60
 TEXT_MAX = 60
+PROFILE_FOLDER = ROOT / "sim" / "drive"
+PROFILES = tuple(sorted(table.stem for table in PROFILE_FOLDER.glob("*.csv")))
 
 
 class Outcome(IntEnum):
@@ -79,6 +82,7 @@ def load_library() -> ctypes.CDLL:
         ("drive_get_text", integer, [pointer, u16, pointer]),
         ("drive_refuse", integer, [pointer, u16, integer]),
         ("drive_trip", None, [pointer, u8]),
+        ("drive_trip_lock", None, [pointer, u8]),
         ("drive_warn", None, [pointer, u32]),
         ("drive_status_word", u16, [pointer]),
         ("drive_frequency_word", u16, [pointer]),
@@ -97,14 +101,17 @@ def load_library() -> ctypes.CDLL:
 
 
 class VltDrive:
-    """One simulated drive. `example=True` starts it in the state behind the manual's examples."""
+    """One simulated drive, `profile` one of PROFILES; ValueError when it is not.
+
+    `example=True` starts it in the state behind the examples of the profile's own document.
+    """
 
     def __init__(self, profile: str = "vlt6000", example: bool = False):
         self._library = load_library()
         self._drive = ctypes.create_string_buffer(self._library.drive_size())
         self._profile = self._library.drive_profile(profile.encode())
         if not self._profile:
-            raise ValueError(f"no drive profile '{profile}'")
+            raise ValueError(f"no drive profile '{profile}', only {', '.join(PROFILES)}")
         self.outcome: Outcome | None = None  # of the last telegram
         self.init()
         if example:
@@ -137,7 +144,7 @@ class VltDrive:
             microseconds -= part
 
     def example_state(self) -> None:
-        """Replies carry 0F03h and 2000h, 514 = 3.00 A, 621 = "VLT600"."""
+        """The state behind the examples of the profile's document (drive_example_state)."""
         self._library.drive_example_state(self._drive)
 
     def force_process(self, status: int, frequency: int) -> None:
@@ -181,6 +188,10 @@ class VltDrive:
     def trip(self, alarm: int) -> None:
         """Trip with alarm 1 to 99."""
         self._library.drive_trip(self._drive, alarm)
+
+    def trip_lock(self, alarm: int) -> None:
+        """Trip with an alarm that only power_cycle() resets."""
+        self._library.drive_trip_lock(self._drive, alarm)
 
     def warn(self, warnings: int) -> None:
         """Bits of the warning word; 0 ends the warning."""

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+# Firmware: the images for the card, and a library of the same sources for tests on the host.
+# Included by the top Makefile; stands alone too (make -f sw/firmware.mk firmware).
+
+FIRMWARE_CROSS ?= riscv64-unknown-elf-
+FIRMWARE_PYTHON ?= python3
+# Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
+FIRMWARE_DEFINES ?=
+FIRMWARE_HOST_DIR ?= build/host
+
+# Bytes. Code, variables and stack fit the smallest memory of configs.toml: one firmware for all.
+FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
+	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
+FIRMWARE_STACK := 256
+
+FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c)
+FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
+FIRMWARE_HOST := sw/port/host/host.c
+FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h sw/generated/*.h)
+
+FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
+	-Wmissing-prototypes -Isw/include -Isw/src -Isw/generated
+# Loops stay loops: there is no C library to call instead.
+FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -march=rv32i -mabi=ilp32 -ffreestanding -ffunction-sections \
+	-fno-tree-loop-distribute-patterns
+FIRMWARE_LDFLAGS := -nostdlib -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
+	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
+
+.PHONY: firmware firmware-size
+firmware: build/firmware.hex build/tiny/firmware.hex
+
+build/firmware.elf: $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
+		sw/firmware.mk configs.toml
+	@mkdir -p $(@D)
+	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_DEFINES) $(FIRMWARE_LDFLAGS) \
+		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)
+
+build/firmware.bin: build/firmware.elf
+	$(FIRMWARE_CROSS)objcopy -O binary $< $@
+
+build/firmware.hex: build/firmware.bin tools/bin2hex.py
+	$(FIRMWARE_PYTHON) tools/bin2hex.py --config standard $< $@
+
+build/tiny/firmware.hex: build/firmware.bin tools/bin2hex.py
+	$(FIRMWARE_PYTHON) tools/bin2hex.py --config tiny $< $@
+
+# text: code and constants; bss: variables; the stack comes on top.
+firmware-size: build/firmware.elf
+	$(FIRMWARE_CROSS)size $<
+
+$(FIRMWARE_HOST_DIR)/libtranslate.so: $(FIRMWARE_SOURCES) $(FIRMWARE_HOST) $(FIRMWARE_HEADERS) sw/firmware.mk
+	@mkdir -p $(@D)
+	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_DEFINES) -g -O1 -fPIC -shared -o $@ \
+		$(FIRMWARE_SOURCES) $(FIRMWARE_HOST)

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the two LEDs show and when (LED-1...LED-4). Times in ms. */
+#ifndef LEDS_H
+#define LEDS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct leds {
+    uint32_t step_at; /* when the present step began */
+    uint8_t step;
+};
+
+void leds_init(struct leds *leds, uint32_t now);
+
+/* The value for the LED register. */
+uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool drive_online);
+
+#endif

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Build options of the firmware; override with -D.
+ *
+ * DIALECT         register and exception conventions (SPEC section 8); only the card's own exists.
+ * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
+ * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
+ */
+#ifndef OPTIONS_H
+#define OPTIONS_H
+
+#define DIALECT_CARD 0
+
+#ifndef DIALECT
+#define DIALECT DIALECT_CARD
+#endif
+#if DIALECT != DIALECT_CARD
+#error "DIALECT: only DIALECT_CARD is there"
+#endif
+
+#ifndef STATUS_REFRESH
+#define STATUS_REFRESH 0
+#endif
+
+#ifndef ADR_SHORT
+#define ADR_SHORT 0
+#endif
+
+#if ADR_SHORT
+#define ADR_DRIVE 0x01u
+#define ADR_BROADCAST 0x20u
+#else
+#define ADR_DRIVE 0x81u
+#define ADR_BROADCAST 0x80u
+#endif
+
+#endif

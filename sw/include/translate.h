@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Translation between Modbus PDUs and FC telegrams, free of hardware.
+ *
+ * One request is one transaction. Its way, prepare early and commit late (FRAME-6):
+ *   translate_request       decodes the PDU and prepares all that follows; changes nothing
+ *   translate_commit        the request holds: its effects come into force (a revoked one is just forgotten)
+ *   translate_drive_reply   prepares the Modbus reply while the telegram's BCC is still to come
+ *   translate_drive_commit  the BCC was good: the status image follows (FC-6)
+ *   translate_drive_silent  no good reply: exception 255 (FC-9)
+ * Two transactions may live at once: one at the drive, and a newer request (FRAME-7).
+ *
+ * PDU: function code and data, no address, no CRC. Telegram: ADR and data, no STX, LGE, BCC.
+ * Lengths are in bytes. Frames lie one byte a word, as in the frame memory.
+ */
+#ifndef TRANSLATE_H
+#define TRANSLATE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum {
+    REPLY_PDU_MAX = 22, /* function, byte count, 10 registers of text */
+    TELEGRAM_MAX = 29,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2 */
+};
+
+enum outcome {
+    OUTCOME_SILENT,      /* nothing to send (a broadcast) */
+    OUTCOME_REPLY,       /* the reply PDU is ready */
+    OUTCOME_EXCHANGE,    /* the telegram is ready, the drive answers first */
+    OUTCOME_NOT_A_REPLY, /* this telegram does not fit what was asked (FC-8): go on waiting */
+};
+
+/* Registers 40001-40003 (MAP-5). */
+enum {
+    LOCAL_IND,
+    LOCAL_NETWORK_TIMEOUT, /* 10 ms, 0 = never */
+    LOCAL_DRIVE_TIMEOUT,   /* 10 ms, never 0 */
+    LOCAL_REGISTERS,
+};
+
+typedef const volatile uint32_t frame_byte;
+
+/* What a master can write. */
+struct settings {
+    uint32_t control; /* coils 1-32: CTW, and REF in the high half */
+    uint16_t local[LOCAL_REGISTERS];
+    bool eeprom; /* coil 65 */
+};
+
+struct translator {
+    struct settings settings;
+    uint32_t status; /* coils 33-64: STW, and MAV in the high half */
+};
+
+struct transaction {
+    struct settings settings; /* the card's settings once this request commits */
+    uint32_t status;          /* PCD of the drive reply under judgement */
+    uint16_t address;         /* first coil or register, on-wire */
+    uint16_t operand;         /* quantity, or the value of 05 and 06 */
+    uint16_t pnu;
+    uint8_t function;
+    uint8_t expects; /* enum expectation */
+    bool broadcast;
+    uint8_t reply_length;
+    uint8_t telegram_length;
+    uint8_t reply[REPLY_PDU_MAX];
+    uint8_t telegram[TELEGRAM_MAX];
+};
+
+void translate_init(struct translator *t);
+
+/* pdu_length: the true length, even if only the first 31 bytes were kept (FRAME-5). */
+enum outcome translate_request(const struct translator *t, struct transaction *txn, frame_byte *pdu,
+                               uint32_t pdu_length, bool broadcast);
+
+void translate_commit(struct translator *t, const struct transaction *txn);
+
+/* data: byte i of the telegram's data at i, from 24 on at 24 + i % 4; lge as received. */
+enum outcome translate_drive_reply(const struct translator *t, struct transaction *txn, frame_byte *data,
+                                   uint32_t lge);
+
+void translate_drive_commit(struct translator *t, const struct transaction *txn);
+
+enum outcome translate_drive_silent(struct transaction *txn);
+
+#endif

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the tests on the host see: the mailbox they play, and the inside of structs they only carry around. */
+#include "host.h"
+
+#include "mailbox_port.h"
+
+volatile MAILBOX_t host_memory;
+
+static host_read_hook *read_hook;
+static host_write_hook *write_hook;
+
+void host_connect(host_read_hook *on_read, host_write_hook *on_write)
+{
+    read_hook = on_read;
+    write_hook = on_write;
+}
+
+uint32_t host_read(uint32_t offset)
+{
+    return read_hook(offset);
+}
+
+void host_write(uint32_t offset, uint32_t value)
+{
+    write_hook(offset, value);
+}
+
+uint32_t host_size_of_translator(void)
+{
+    return sizeof(struct translator);
+}
+
+uint32_t host_size_of_transaction(void)
+{
+    return sizeof(struct transaction);
+}
+
+uint32_t host_size_of_gateway(void)
+{
+    return sizeof(struct gateway);
+}
+
+const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)
+{
+    *length = txn->reply_length;
+    return txn->reply;
+}
+
+const uint8_t *host_telegram(const struct transaction *txn, uint32_t *length)
+{
+    *length = txn->telegram_length;
+    return txn->telegram;
+}

@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#ifndef HOST_H
+#define HOST_H
+
+#include "gateway.h"
+
+typedef uint32_t host_read_hook(uint32_t offset);
+typedef void host_write_hook(uint32_t offset, uint32_t value);
+
+/* Who answers register accesses; offsets in bytes from the mailbox base. */
+void host_connect(host_read_hook *on_read, host_write_hook *on_write);
+
+/* Sizes in bytes. */
+uint32_t host_size_of_translator(void);
+uint32_t host_size_of_transaction(void);
+uint32_t host_size_of_gateway(void);
+
+const uint8_t *host_reply(const struct transaction *txn, uint32_t *length);
+const uint8_t *host_telegram(const struct transaction *txn, uint32_t *length);
+
+#endif

@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Coils 1-128 (MAP-1...MAP-4). Coil numbers in the code are on-wire: coil 1 is 0. */
+#include "options.h"
+#include "transaction.h"
+
+enum { CONTROL_COILS = 32, STATUS_COILS_END = 64, COIL_EEPROM = 64, COILS = 128 };
+
+enum outcome coils_answer(const struct translator *t, struct transaction *txn, uint32_t status)
+{
+    /* One word beyond the 128 coils, for a byte that starts in the last word. */
+    const uint32_t image[] = {t->settings.control, status, t->settings.eeprom, 0, 0};
+    const uint32_t bytes = (txn->operand + 7u) >> 3;
+    uint32_t coil = txn->address;
+    uint32_t i;
+
+    txn->reply[0] = txn->function;
+    txn->reply[1] = (uint8_t)bytes;
+    for (i = 0; i < bytes; i++, coil += 8) {
+        const uint32_t *word = &image[coil >> 5];
+        const uint32_t shift = coil & 31u;
+        uint32_t bits = word[0] >> shift;
+
+        if (shift > 24)
+            bits |= word[1] << (32 - shift);
+        txn->reply[2 + i] = (uint8_t)bits;
+    }
+    if (txn->operand & 7u)
+        txn->reply[1 + bytes] &= (uint8_t)((1u << (txn->operand & 7u)) - 1u);
+    txn->reply_length = (uint8_t)(2 + bytes);
+    return OUTCOME_REPLY;
+}
+
+enum outcome coils_read(const struct translator *t, struct transaction *txn, frame_byte *data)
+{
+    const uint32_t end = (uint32_t)txn->address + txn->operand;
+
+    (void)data;
+    if (end > COILS)
+        return refuse(txn, EXCEPTION_ADDRESS);
+#if STATUS_REFRESH
+    if (txn->address < STATUS_COILS_END && end > CONTROL_COILS)
+        return telegram_process(txn, 0);
+#endif
+    return coils_answer(t, txn, t->status);
+}
+
+/* MAP-2: a run inside coils 1-32, or coil 65 alone. */
+static bool writable(const struct transaction *txn, uint32_t quantity)
+{
+    return txn->address + quantity <= CONTROL_COILS || (txn->address == COIL_EEPROM && quantity == 1);
+}
+
+static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32_t bits)
+{
+    uint32_t *control = &txn->settings.control;
+    uint32_t mask;
+
+    if (txn->address == COIL_EEPROM) {
+        txn->settings.eeprom = (bits & 1u) != 0;
+        return confirm(txn);
+    }
+    mask = UINT32_MAX >> (CONTROL_COILS - quantity) << txn->address;
+    *control = (*control & ~mask) | (bits << txn->address & mask);
+    return telegram_process(txn, *control);
+}
+
+enum outcome coil_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+{
+    (void)t;
+    (void)data;
+    if (!writable(txn, 1))
+        return refuse(txn, EXCEPTION_ADDRESS);
+    if (txn->operand != 0 && txn->operand != 0xFF00)
+        return refuse(txn, EXCEPTION_VALUE);
+    return write_run(txn, 1, txn->operand != 0);
+}
+
+enum outcome coils_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+{
+    uint32_t bits = 0;
+    uint32_t shift;
+
+    (void)t;
+    if (!writable(txn, txn->operand))
+        return refuse(txn, EXCEPTION_ADDRESS);
+    for (shift = 0; shift < txn->operand; shift += 8)
+        bits |= *data++ << shift;
+    return write_run(txn, txn->operand, bits);
+}

@@ -1,0 +1,208 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "gateway.h"
+
+#include "mailbox_port.h"
+
+/* Registers 40002 and 40003 count in 10 ms; no multiplication on this CPU. */
+static uint32_t milliseconds(uint32_t tens)
+{
+    return (tens << 3) + (tens << 1);
+}
+
+static void count(volatile uint32_t *low, volatile uint32_t *high)
+{
+    *low = (*low + 1) & 0xFF;
+    if (*low == 0)
+        *high = (*high + 1) & 0xFF;
+}
+
+/* ---- towards the network */
+
+/* Only the newest request is answered (FRAME-7), and no older reply may overwrite its own. */
+static void queue_reply(const struct gateway *g, const struct transaction *txn, uint32_t after_drive)
+{
+    volatile uint32_t *frame = mailbox_frame(REPLY_FRAME);
+    uint32_t i;
+
+    if (txn != g->newest)
+        return;
+    *frame++ = mailbox_read(SW_ADDR);
+    for (i = 0; i < txn->reply_length; i++)
+        *frame++ = txn->reply[i];
+    mailbox_write(REPLY, (txn->reply_length + 1u) << MAILBOX__REPLY__LENGTH_bp | after_drive |
+                             (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
+}
+
+/* A reply prepared from a telegram whose BCC was wrong: the hardware drops one that it already had. */
+static void cancel_reply(const struct gateway *g)
+{
+    if (g->at_drive == g->newest)
+        mailbox_write(REPLY, (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
+}
+
+/* ---- towards the drive */
+
+static void queue_telegram(struct gateway *g, uint32_t how)
+{
+    mailbox_write(TELEGRAM, how | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
+    g->fits = false;
+    g->exchange = EXCHANGE_LEAVING;
+}
+
+static void start_exchange(struct gateway *g)
+{
+    const struct transaction *txn = g->newest;
+    volatile uint32_t *frame = mailbox_frame(TELEGRAM_FRAME);
+    uint32_t i;
+
+    for (i = 0; i < txn->telegram_length; i++)
+        *frame++ = txn->telegram[i];
+    g->wants_drive = false;
+    g->repeated = false;
+    g->at_drive = g->newest;
+    queue_telegram(g, (uint32_t)txn->telegram_length << MAILBOX__TELEGRAM__LENGTH_bp |
+                          (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u));
+}
+
+static void repeat_or_give_up(struct gateway *g)
+{
+    mailbox_write(LISTEN, 0);
+    if (!g->repeated) {
+        g->repeated = true;
+        count(mailbox_counter(COUNT_DRIVE_REPEAT));
+        queue_telegram(g, MAILBOX__TELEGRAM__REPEAT_bm);
+        return;
+    }
+    count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
+    g->drive_online = false;
+    translate_drive_silent(g->at_drive);
+    queue_reply(g, g->at_drive, 0);
+    g->exchange = EXCHANGE_IDLE;
+}
+
+static void poll_leaving(struct gateway *g, uint32_t state)
+{
+    if (state & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__SENDING_bm))
+        return;
+    g->sent_at = g->now;
+    /* Either dropped with its request, or sent; a broadcast is not answered. */
+    g->exchange = state & MAILBOX__EXCHANGE__STARTED_bm && !g->at_drive->broadcast ? EXCHANGE_WAITING
+                                                                                    : EXCHANGE_IDLE;
+}
+
+/* The telegram's data are in: prepare the reply while its BCC is still on the line (PERF-3). */
+static void judge(struct gateway *g, uint32_t state)
+{
+    const uint32_t lge = (state & MAILBOX__EXCHANGE__LGE_bm) >> MAILBOX__EXCHANGE__LGE_bp;
+
+    g->fits = translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME), lge) !=
+              OUTCOME_NOT_A_REPLY;
+    if (g->fits)
+        queue_reply(g, g->at_drive, MAILBOX__REPLY__AFTER_DRIVE_bm);
+}
+
+static void poll_waiting(struct gateway *g, uint32_t state)
+{
+    const uint32_t wait = milliseconds(g->translator.settings.local[LOCAL_DRIVE_TIMEOUT]);
+    const bool good = (state & MAILBOX__EXCHANGE__GOOD_bm) != 0;
+    const bool there = good || state & MAILBOX__EXCHANGE__CANDIDATE_bm;
+
+    if (there && !g->fits)
+        judge(g, state);
+    if (!there && g->fits) {
+        g->fits = false;
+        cancel_reply(g);
+    }
+    if (g->fits && good) {
+        translate_drive_commit(&g->translator, g->at_drive);
+        g->drive_online = true;
+        g->exchange = EXCHANGE_IDLE;
+        return;
+    }
+    if (good)
+        mailbox_write(LISTEN, MAILBOX__LISTEN__ON_bm);
+    /* A BCC under way may come after the wait: two characters at most. The clock may tick right after
+     * sent_at: only one more than wait is surely wait. */
+    if (!g->fits && g->now - g->sent_at > wait)
+        repeat_or_give_up(g);
+}
+
+static void poll_exchange(struct gateway *g)
+{
+    const uint32_t state = mailbox_read(EXCHANGE);
+
+    if (g->exchange == EXCHANGE_LEAVING)
+        poll_leaving(g, state);
+    else if (g->exchange == EXCHANGE_WAITING)
+        poll_waiting(g, state);
+}
+
+/* ---- from the network */
+
+static void prepare(struct gateway *g, uint32_t request)
+{
+    frame_byte *adu = request & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
+                                                          : mailbox_frame(REQUEST_FRAME_0);
+    enum outcome outcome;
+
+    g->ticket = request & MAILBOX__REQUEST__TICKET_bm;
+    g->uncommitted = true;
+    /* Not the one at the drive: that goes on, but is the newest no longer. */
+    g->newest = &g->transactions[g->at_drive == &g->transactions[0]];
+    /* The ADU has address and CRC besides the PDU. */
+    outcome = translate_request(&g->translator, g->newest, adu + 1, mailbox_read(REQUEST_LENGTH) - 3,
+                                (request & MAILBOX__REQUEST__BROADCAST_bm) != 0);
+    g->wants_drive = outcome == OUTCOME_EXCHANGE;
+    if (outcome == OUTCOME_REPLY)
+        queue_reply(g, g->newest, 0);
+}
+
+static void poll_request(struct gateway *g)
+{
+    const uint32_t request = mailbox_read(REQUEST);
+
+    /* None yet, or revoked: its ticket never comes back, so what was prepared for it is forgotten. */
+    if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm)))
+        return;
+    if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket)
+        prepare(g, request);
+    if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
+        start_exchange(g);
+    if (request & MAILBOX__REQUEST__COMMITTED_bm && g->uncommitted) {
+        g->uncommitted = false;
+        translate_commit(&g->translator, g->newest);
+        g->heard_at = g->now;
+        g->network_online = true;
+    }
+}
+
+/* ---- time and LEDs */
+
+static void poll_time(struct gateway *g)
+{
+    const uint32_t timeout = milliseconds(g->translator.settings.local[LOCAL_NETWORK_TIMEOUT]);
+    const uint32_t passed = (mailbox_read(TIME) - g->now) & MAILBOX__TIME__MS_bm;
+
+    if (passed == 0)
+        return;
+    g->now += passed;
+    if (timeout != 0 && g->now - g->heard_at >= timeout)
+        g->network_online = false;
+    mailbox_write(LED, leds_show(&g->leds, g->now, g->network_online, g->drive_online));
+}
+
+void gateway_init(struct gateway *g)
+{
+    translate_init(&g->translator);
+    g->now = mailbox_read(TIME);
+    /* A request from before a restart is not served again. */
+    g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
+    leds_init(&g->leds, g->now);
+}
+
+void gateway_poll(struct gateway *g)
+{
+    poll_time(g);
+    poll_exchange(g);
+    poll_request(g);
+}

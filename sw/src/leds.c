@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "leds.h"
+
+#include "mailbox.h"
+
+enum { STEP_MS = 250 };
+
+enum {
+    NETWORK_RED = MAILBOX__LED__MODBUS_RED_bm,
+    NETWORK_GREEN = MAILBOX__LED__MODBUS_GREEN_bm,
+    DRIVE_RED = MAILBOX__LED__DRIVE_RED_bm,
+    DRIVE_GREEN = MAILBOX__LED__DRIVE_GREEN_bm,
+    ALL = NETWORK_RED | NETWORK_GREEN | DRIVE_RED | DRIVE_GREEN,
+};
+
+enum {
+    /* The power-up show, once (LED-1), ... */
+    SHOW_STEPS = 8,
+    /* ... then 1 Hz for ever: lit, lit, dark, dark (LED-2). */
+    STEPS = 12,
+};
+
+/* Which of the LEDs a step may light; in the show it lights them all. */
+static const uint8_t steps[STEPS] = {
+    DRIVE_RED,   DRIVE_GREEN,   DRIVE_RED | DRIVE_GREEN,     0, /* drive LED first */
+    NETWORK_RED, NETWORK_GREEN, NETWORK_RED | NETWORK_GREEN, 0, /* then the network LED */
+    ALL,         ALL,           0,                           0,
+};
+
+void leds_init(struct leds *leds, uint32_t now)
+{
+    leds->step_at = now;
+    leds->step = 0;
+}
+
+uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool drive_online)
+{
+    uint32_t state = ALL;
+
+    if (now - leds->step_at >= STEP_MS) {
+        leds->step_at += STEP_MS;
+        leds->step++;
+        if (leds->step == STEPS)
+            leds->step = SHOW_STEPS;
+    }
+    if (leds->step >= SHOW_STEPS)
+        state = (network_online ? NETWORK_GREEN : NETWORK_RED) | (drive_online ? DRIVE_GREEN : DRIVE_RED);
+    return state & steps[leds->step];
+}

@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Holding registers (MAP-5...MAP-8): 40001-40003 are the card's own, parameter PNU starts at register
+ * 10 x PNU. Register numbers in the code are on-wire: 40001 is 0.
+ */
+#include "transaction.h"
+
+enum { PNU_MAX = 2047, LIMIT_NUMBER = 2, LIMIT_TEXT = 10, PWE_BYTES = 4 };
+
+/* High byte of IND: text by text, not by number (MAP-8). */
+enum { IND_TEXT_READ = 0x0400, IND_TEXT_WRITE = 0x0500, IND_TEXT = 0xFF00, IND_INDEX = 0x00FF };
+
+static bool is_local(const struct transaction *txn)
+{
+    return txn->address < LOCAL_REGISTERS;
+}
+
+static bool is_text(const struct translator *t, const struct transaction *txn)
+{
+    const uint32_t mode = t->settings.local[LOCAL_IND] & IND_TEXT;
+
+    return (txn->function == READ_REGISTERS && mode == IND_TEXT_READ) ||
+           (txn->function == WRITE_REGISTERS && mode == IND_TEXT_WRITE);
+}
+
+uint32_t registers_limit(const struct translator *t, const struct transaction *txn)
+{
+    if (is_local(txn))
+        return LOCAL_REGISTERS;
+    return is_text(t, txn) ? LIMIT_TEXT : LIMIT_NUMBER;
+}
+
+/* Finds the parameter that starts at the address (MAP-6). The CPU has no division: n/10 as 0.8n/8. */
+static bool find_parameter(struct transaction *txn)
+{
+    const uint32_t n = txn->address + 1u;
+    uint32_t tenth = (n >> 1) + (n >> 2);
+    uint32_t rest;
+
+    tenth += tenth >> 4;
+    tenth += tenth >> 8;
+    tenth >>= 3; /* exact, or 1 too small */
+    rest = n - (tenth << 3) - (tenth << 1);
+    if (rest == 10) {
+        tenth++;
+        rest = 0;
+    }
+    txn->pnu = (uint16_t)tenth;
+    return rest == 0 && tenth >= 1 && tenth <= PNU_MAX;
+}
+
+static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t value)
+{
+    txn->reply[at] = (uint8_t)(value >> 8);
+    txn->reply[at + 1] = (uint8_t)value;
+    return at + 2;
+}
+
+static void begin_answer(struct transaction *txn)
+{
+    const uint32_t bytes = (uint32_t)txn->operand << 1;
+
+    txn->reply[0] = txn->function;
+    txn->reply[1] = (uint8_t)bytes;
+    txn->reply_length = (uint8_t)(2 + bytes);
+}
+
+enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low)
+{
+    uint32_t at = 2;
+
+    if (txn->operand == 2)
+        at = put_register(txn, at, high);
+    else if (high != 0 && !(high == 0xFFFF && low >= 0x8000))
+        return refuse(txn, EXCEPTION_TYPE); /* never a cut value (MAP-7) */
+    put_register(txn, at, low);
+    begin_answer(txn);
+    return OUTCOME_REPLY;
+}
+
+enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters)
+{
+    uint32_t i;
+
+    begin_answer(txn);
+    for (i = 0; i < txn->reply[1]; i++)
+        txn->reply[2 + i] = i < characters ? (uint8_t)text[i] : ' ';
+    return OUTCOME_REPLY;
+}
+
+enum outcome registers_read(const struct translator *t, struct transaction *txn, frame_byte *data)
+{
+    const uint32_t end = (uint32_t)txn->address + txn->operand;
+    const uint32_t index = t->settings.local[LOCAL_IND] & IND_INDEX;
+
+    if (is_local(txn)) {
+        uint32_t at = 2;
+        uint32_t i;
+
+        if (end > LOCAL_REGISTERS)
+            return refuse(txn, EXCEPTION_ADDRESS);
+        for (i = txn->address; i < end; i++)
+            at = put_register(txn, at, t->settings.local[i]);
+        begin_answer(txn);
+        return OUTCOME_REPLY;
+    }
+    if (!find_parameter(txn))
+        return refuse(txn, EXCEPTION_ADDRESS);
+    if (is_text(t, txn))
+        return telegram_parameter(txn, AK_TEXT, IND_TEXT_READ | index, PWE_BYTES, data, 0);
+    return telegram_parameter(txn, AK_READ, index, PWE_BYTES, data, 0);
+}
+
+static enum outcome write_local(struct transaction *txn, frame_byte *data, uint32_t quantity)
+{
+    const uint32_t end = txn->address + quantity;
+    uint32_t i;
+
+    if (end > LOCAL_REGISTERS)
+        return refuse(txn, EXCEPTION_ADDRESS);
+    /* The drive time-out is the last of them, so of the run too. */
+    if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
+        return refuse(txn, EXCEPTION_VALUE);
+    for (i = txn->address; i < end; i++, data += 2)
+        txn->settings.local[i] = word_at(data);
+    return confirm(txn);
+}
+
+static enum outcome write_run(const struct translator *t, struct transaction *txn, frame_byte *data,
+                              uint32_t quantity)
+{
+    const uint32_t index = t->settings.local[LOCAL_IND] & IND_INDEX;
+    const bool store = t->settings.eeprom;
+    const uint32_t bytes = quantity << 1;
+    uint32_t ak;
+
+    if (is_local(txn))
+        return write_local(txn, data, quantity);
+    if (!find_parameter(txn))
+        return refuse(txn, EXCEPTION_ADDRESS);
+    if (is_text(t, txn))
+        return telegram_parameter(txn, AK_TEXT, IND_TEXT_WRITE | index, 0, data, bytes);
+    if (quantity == 1)
+        ak = store ? AK_STORE_WORD : AK_WRITE_WORD;
+    else
+        ak = store ? AK_STORE_DOUBLE : AK_WRITE_DOUBLE;
+    return telegram_parameter(txn, ak, index, PWE_BYTES - bytes, data, bytes);
+}
+
+enum outcome register_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+{
+    return write_run(t, txn, data, 1);
+}
+
+enum outcome registers_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+{
+    return write_run(t, txn, data, txn->operand);
+}

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The FC telegrams (FC-3), from ADR to the last data byte; words go out high byte first. */
+#include "options.h"
+#include "transaction.h"
+
+static uint8_t *put_word(uint8_t *at, uint32_t value)
+{
+    at[0] = (uint8_t)(value >> 8);
+    at[1] = (uint8_t)value;
+    return at + 2;
+}
+
+static uint8_t *begin(struct transaction *txn, enum expectation expects)
+{
+    txn->telegram[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
+    txn->expects = (uint8_t)expects;
+    return txn->telegram + 1;
+}
+
+/* PCD ends every telegram. */
+static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uint32_t pcd2)
+{
+    at = put_word(put_word(at, pcd1), pcd2);
+    txn->telegram_length = (uint8_t)(at - txn->telegram);
+    return OUTCOME_EXCHANGE;
+}
+
+enum outcome telegram_process(struct transaction *txn, uint32_t control)
+{
+    return end(txn, begin(txn, EXPECT_PROCESS), control, control >> 16);
+}
+
+enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t ind, uint32_t zeros,
+                                frame_byte *data, uint32_t bytes)
+{
+    uint8_t *at = begin(txn, ak == AK_TEXT ? EXPECT_TEXT : EXPECT_NUMBER);
+
+    at = put_word(put_word(at, ak << 12 | txn->pnu), ind);
+    while (zeros--)
+        *at++ = 0;
+    while (bytes--)
+        *at++ = (uint8_t)*data++;
+    /* Control bit 10 = 0: the drive leaves its process data alone (FC-5). */
+    return end(txn, at, 0, 0);
+}

@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the files of the translation core share: exceptions, simple replies, telegrams, the two maps. */
+#ifndef TRANSACTION_H
+#define TRANSACTION_H
+
+#include "translate.h"
+
+/* Exception codes of the card's own (EXC); those of the drive pass unchanged. */
+enum exception {
+    EXCEPTION_VALUE = 2,
+    EXCEPTION_TYPE = 5,
+    EXCEPTION_ADDRESS = 64,
+    EXCEPTION_LENGTH = 65,
+    EXCEPTION_QUANTITY = 66,
+    EXCEPTION_FUNCTION = 67,
+    EXCEPTION_TIMEOUT = 255,
+};
+
+enum function_code {
+    READ_COILS = 0x01,
+    READ_REGISTERS = 0x03,
+    WRITE_COIL = 0x05,
+    WRITE_REGISTER = 0x06,
+    WRITE_COILS = 0x0F,
+    WRITE_REGISTERS = 0x10,
+};
+
+/* The three telegrams (FC-3), and so what their replies must look like. */
+enum expectation { EXPECT_PROCESS, EXPECT_NUMBER, EXPECT_TEXT };
+
+/* AK, both ways (FC-4). */
+enum {
+    AK_READ = 1,
+    AK_WRITE_WORD = 2,
+    AK_WRITE_DOUBLE = 3,
+    AK_STORE_DOUBLE = 13,
+    AK_STORE_WORD = 14,
+    AK_TEXT = 15,
+    AK_IS_WORD = 1,
+    AK_IS_DOUBLE = 2,
+    AK_REFUSED = 7,
+};
+
+/* LGE (FC-1). */
+enum { LGE_PROCESS = 0x06, LGE_PARAMETER = 0x0E, LGE_TEXT = 10 };
+
+static inline uint16_t word_at(frame_byte *bytes)
+{
+    return (uint16_t)(bytes[0] << 8 | bytes[1]);
+}
+
+/* A function's handler: data is what follows address and quantity in the PDU. */
+typedef enum outcome handler(const struct translator *t, struct transaction *txn, frame_byte *data);
+
+handler coils_read, coil_write, coils_write;
+handler registers_read, register_write, registers_write;
+
+/* The largest quantity at txn->address (EXC 3). */
+uint32_t registers_limit(const struct translator *t, const struct transaction *txn);
+
+/* The replies once the drive has answered. */
+enum outcome coils_answer(const struct translator *t, struct transaction *txn, uint32_t status);
+enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low);
+enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters);
+
+enum outcome refuse(struct transaction *txn, enum exception code);
+/* 05 and 06 echo the request, 0F and 10 its address and quantity: the same five bytes. */
+enum outcome confirm(struct transaction *txn);
+
+enum outcome telegram_process(struct transaction *txn, uint32_t control);
+/* Between IND and PCD: PWE or text, as so many zeros and then bytes of the request's data. */
+enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t ind, uint32_t zeros,
+                                frame_byte *data, uint32_t bytes);
+
+#endif

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the card must do, in plain Python: a request's PDU in, a reply's PDU or an FC telegram out.
+
+Written from the rules, not from the firmware, so that each can judge the other. It knows nothing of
+lines, times or CRC: a request given to it has committed, a telegram given to it had a good BCC.
+Telegrams here are ADR and data, without STX, LGE and BCC. Registers and coils are numbered on-wire.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+CONTROL, STATUS, EEPROM, COILS = range(0, 32), range(32, 64), 64, 128
+IND, NETWORK_TIMEOUT, DRIVE_TIMEOUT = range(3)
+FUNCTIONS = {0x01, 0x03, 0x05, 0x06, 0x0F, 0x10}
+READS = {0x01, 0x03}
+COUNTED = {0x0F, 0x10}
+
+
+class Refused(Exception):
+    """An exception of Modbus: its code."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+@dataclass
+class Step:
+    """What the card does next: answers, asks the drive, or (both None) keeps silent."""
+
+    reply: bytes | None = None
+    telegram: bytes | None = None
+
+
+@dataclass
+class Question:
+    """What was asked of the drive, and what the master asked."""
+
+    function: int
+    start: int
+    operand: int
+    kind: str  # process, number, text
+    pnu: int = 0
+
+
+def word(data: bytes, at: int = 0) -> int:
+    """Sixteen bits, high byte first."""
+    return int.from_bytes(data[at : at + 2], "big")
+
+
+def bits_to_word(bits: list[int]) -> int:
+    return sum(bit << i for i, bit in enumerate(bits))
+
+
+def word_to_bits(value: int) -> list[int]:
+    return [value >> i & 1 for i in range(16)]
+
+
+@dataclass
+class Card:
+    """The card's images (MAP-4, MAP-5), and the question the drive has not answered yet."""
+
+    adr: int = 0x81
+    adr_broadcast: int = 0x80
+    status_refresh: bool = False
+    coils: list[int] = field(default_factory=lambda: [0] * COILS)
+    registers: list[int] = field(default_factory=lambda: [0, 1000, 15])
+    question: Question | None = None
+
+    # ------------------------------------------------------------ requests
+
+    def request(self, pdu: bytes, broadcast: bool = False) -> Step:
+        """A committed request."""
+        self.question = None
+        if broadcast and pdu[0] in READS:
+            return Step()
+        try:
+            step = self._serve(pdu, broadcast)
+        except Refused as refusal:
+            step = Step(reply=bytes([pdu[0] | 0x80, refusal.code]))
+        if broadcast:
+            self.question = None
+            step.reply = None
+        return step
+
+    def _serve(self, pdu: bytes, broadcast: bool) -> Step:
+        function = pdu[0]
+        if function not in FUNCTIONS:
+            raise Refused(67)
+        if function in COUNTED:
+            if len(pdu) < 6 or len(pdu) != 6 + pdu[5]:
+                raise Refused(65)
+        elif len(pdu) != 5:
+            raise Refused(65)
+        start, operand = word(pdu, 1), word(pdu, 3)
+        adr = bytes([self.adr_broadcast if broadcast else self.adr])
+        if function in (0x05, 0x06):
+            count = 1
+        else:
+            count = operand
+            if not 1 <= count <= self._limit(function, start):
+                raise Refused(66)
+        if function in COUNTED and pdu[5] != (-(-count // 8) if function == 0x0F else 2 * count):
+            raise Refused(66)
+        self.question = Question(function, start, operand, "process")
+        if function in (0x01, 0x05, 0x0F):
+            return self._coils(function, start, count, operand, pdu[6:], adr)
+        data = pdu[3:] if function == 0x06 else pdu[6:]
+        return self._registers(function, start, count, data, adr)
+
+    def _limit(self, function: int, start: int) -> int:
+        if function == 0x01:
+            return 128
+        if function == 0x0F:
+            return 32
+        if start < 3:
+            return 3
+        return 10 if self._by_text(function) else 2
+
+    def _by_text(self, function: int) -> bool:
+        return self.registers[IND] >> 8 == {0x03: 4, 0x10: 5}.get(function, -1)
+
+    def _coils(self, function: int, start: int, count: int, operand: int, data: bytes, adr: bytes) -> Step:
+        run = range(start, start + count)
+        if function == 0x01:
+            if run.stop > COILS:
+                raise Refused(64)
+            if self.status_refresh and set(run) & set(STATUS):
+                return Step(telegram=adr + bytes(4))
+            return Step(reply=self._pack_coils(run))
+        if not (run.stop <= CONTROL.stop or list(run) == [EEPROM]):
+            raise Refused(64)
+        if function == 0x05:
+            if operand not in (0x0000, 0xFF00):
+                raise Refused(2)
+            values = [int(operand == 0xFF00)]
+        else:
+            values = [data[i // 8] >> i % 8 & 1 for i in range(count)]
+        self.coils[run.start : run.stop] = values
+        if start == EEPROM:
+            return Step(reply=self._echo())
+        ctw, ref = bits_to_word(self.coils[0:16]), bits_to_word(self.coils[16:32])
+        return Step(telegram=adr + ctw.to_bytes(2, "big") + ref.to_bytes(2, "big"))
+
+    def _pack_coils(self, run: range) -> bytes:
+        count = -(-len(run) // 8)
+        packed = sum(self.coils[coil] << i for i, coil in enumerate(run)).to_bytes(count, "little")
+        return bytes([0x01, count]) + packed
+
+    def _registers(self, function: int, start: int, count: int, data: bytes, adr: bytes) -> Step:
+        if start < 3:
+            if start + count > 3:
+                raise Refused(64)
+            if function == 0x03:
+                values = self.registers[start : start + count]
+                return Step(reply=bytes([3, 2 * count]) + b"".join(v.to_bytes(2, "big") for v in values))
+            values = [word(data, 2 * i) for i in range(count)]
+            if start + count == 3 and values[-1] == 0:
+                raise Refused(2)
+            self.registers[start : start + count] = values
+            return Step(reply=self._echo())
+        pnu, rest = divmod(start + 1, 10)
+        if rest or not 1 <= pnu <= 2047:
+            raise Refused(64)
+        index = self.registers[IND] & 0xFF
+        by_text = self._by_text(function)
+        self.question.kind = "text" if by_text else "number"
+        self.question.pnu = pnu
+        if by_text:
+            ak, ind = 15, self.registers[IND]
+            value = data if function == 0x10 else bytes(4)
+        elif function == 0x03:
+            ak, ind, value = 1, index, bytes(4)
+        else:
+            stored = self.coils[EEPROM]
+            ak = {(1, 0): 2, (2, 0): 3, (1, 1): 14, (2, 1): 13}[count, stored]
+            ind, value = index, data.rjust(4, b"\0")
+        pke = (ak << 12 | pnu).to_bytes(2, "big")
+        return Step(telegram=adr + pke + ind.to_bytes(2, "big") + value + bytes(4))
+
+    def _echo(self) -> bytes:
+        q = self.question
+        return bytes([q.function]) + q.start.to_bytes(2, "big") + q.operand.to_bytes(2, "big")
+
+    # ------------------------------------------------------------ the drive
+
+    def drive_reply(self, telegram: bytes) -> Step:
+        """The drive's telegram, ADR and data; Step() when it is not a reply to what was asked (FC-8)."""
+        q, data = self.question, telegram[1:]
+        if q is None or telegram[0] != self.adr or not self._fits(q, data):
+            return Step()
+        self.coils[32:48] = word_to_bits(word(data, len(data) - 4))
+        self.coils[48:64] = word_to_bits(word(data, len(data) - 2))
+        try:
+            reply = self._answer(q, data)
+        except Refused as refusal:
+            reply = bytes([q.function | 0x80, refusal.code])
+        self.question = None
+        return Step(reply=reply)
+
+    def drive_silent(self) -> Step:
+        """No good reply, not even to the repeat (FC-9)."""
+        reply = bytes([self.question.function | 0x80, 255])
+        self.question = None
+        return Step(reply=reply)
+
+    @staticmethod
+    def _fits(q: Question, data: bytes) -> bool:
+        if q.kind == "process":
+            return len(data) == 4
+        if len(data) < 8 or word(data) & 0xFFF != q.pnu:
+            return False
+        ak = data[0] >> 4
+        if q.kind == "text" and ak == 15:
+            return True
+        return len(data) == 12 and (ak == 7 or (q.kind == "number" and ak in (1, 2)))
+
+    def _answer(self, q: Question, data: bytes) -> bytes:
+        if q.kind == "process":
+            if q.function == 0x01:
+                return self._pack_coils(range(q.start, q.start + q.operand))
+            return self._echo_of(q)
+        if data[0] >> 4 == 7:
+            raise Refused(data[7])
+        if q.function != 0x03:
+            return self._echo_of(q)
+        size = 2 * q.operand
+        if q.kind == "text":
+            return bytes([3, size]) + data[4:-4][:size].ljust(size, b" ")
+        value = data[4:8]
+        if size == 2:
+            unsigned, signed = int.from_bytes(value, "big"), int.from_bytes(value, "big", signed=True)
+            if not (unsigned <= 0xFFFF or -0x8000 <= signed <= 0x7FFF):
+                raise Refused(5)
+            value = value[2:]
+        return bytes([3, size]) + value
+
+    def _echo_of(self, q: Question) -> bytes:
+        self.question = q
+        return self._echo()

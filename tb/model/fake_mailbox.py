@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mailbox as the firmware sees it, played by a test: commit gate and both ports, one event at a time.
+
+Rules as in rtl/commit_gate.v: what is queued for a request leaves after its commit, never after a revoke;
+a committed telegram is licensed and may be repeated. Times in ms. Frames on the network side are address
+and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
+"""
+
+from __future__ import annotations
+
+from tb.generated.mailbox import AREAS, REGISTERS
+from tb.model.firmware import JUNK, drive_frame, mailbox_word
+
+BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
+CRC_BYTES = 2
+
+
+class FakeMailbox:
+    def __init__(self, address: int = 1) -> None:
+        self.address = address
+        self.time = 0
+        self.led = 0
+        # network side
+        self.ticket = 0
+        self.is_candidate = self.is_committed = self.is_broadcast = False
+        self.bank = 0
+        self.length = 0
+        self.answerable = False
+        self.reply_queued = self.wait_drive = False
+        self.replies: list[bytes] = []  # that left
+        # drive side
+        self.telegram_queued = self.licensed = self.started = self.sending = False
+        self.no_reply = False
+        self.quiet = True  # the pause before a telegram is over (FC-8)
+        self.telegram = b""
+        self.telegrams: list[bytes] = []  # that left
+        self.listening = self.drive_candidate = self.drive_good = False
+        self.lge = 0
+        for area in AREAS.values():
+            for i in range(area.length):
+                mailbox_word(area.offset + 4 * i).value = 0
+
+    # ------------------------------------------------------------ memory
+
+    def memory(self, area: str, length: int) -> bytes:
+        return bytes(mailbox_word(AREAS[area].offset + 4 * i).value for i in range(length))
+
+    def _store(self, area: str, data: bytes) -> None:
+        for i, byte in enumerate(data):
+            mailbox_word(AREAS[area].offset + 4 * i).value = byte
+
+    def counter(self, name: str) -> int:
+        return int.from_bytes(self.memory(name, 2), "little")
+
+    # ------------------------------------------------------------ what the firmware does
+
+    def read(self, offset: int) -> int:
+        return getattr(self, "_read_" + BY_OFFSET[offset].lower())()
+
+    def write(self, offset: int, value: int) -> None:
+        name = BY_OFFSET[offset]
+        getattr(self, "_write_" + name.lower())(**REGISTERS[name].unpack(value))
+        self._release()
+
+    def _read_sw_addr(self) -> int:
+        return self.address
+
+    def _read_time(self) -> int:
+        return self.time & 0xFFFF
+
+    def _read_request(self) -> int:
+        return REGISTERS["REQUEST"].pack(
+            ticket=self.ticket,
+            candidate=self.is_candidate,
+            committed=self.is_committed,
+            broadcast=self.is_broadcast,
+            bank=self.bank,
+        )
+
+    def _read_request_length(self) -> int:
+        return self.length
+
+    def _read_exchange(self) -> int:
+        return REGISTERS["EXCHANGE"].pack(
+            queued=self.telegram_queued,
+            sending=self.sending,
+            started=self.started,
+            listening=self.listening,
+            candidate=self.drive_candidate,
+            good=self.drive_good,
+            lge=self.lge,
+        )
+
+    def _write_led(self, modbus_red: int, modbus_green: int, drive_red: int, drive_green: int) -> None:
+        self.led = modbus_red | modbus_green << 1 | drive_red << 2 | drive_green << 3
+
+    def _write_reply(self, length: int, after_drive: int, ticket: int, **_: int) -> None:
+        alive = self.is_candidate or (self.is_committed and self.answerable)
+        self.reply_queued = ticket == self.ticket and alive and not self.is_broadcast and length > 0
+        self.wait_drive = bool(after_drive)
+        self.reply = self.memory("REPLY_FRAME", length)
+
+    def _write_telegram(self, length: int, no_reply: int, repeat: int, ticket: int) -> None:
+        self.started = False
+        if repeat:
+            self.telegram_queued = self.licensed
+            return
+        assert not self.sending, "the telegram on the line was overwritten"
+        self.telegram_queued = ticket == self.ticket and (self.is_candidate or self.is_committed)
+        self.licensed = ticket == self.ticket and self.is_committed
+        self.no_reply = bool(no_reply)
+        self.telegram = self.memory("TELEGRAM_FRAME", length)
+
+    def _write_listen(self, on: int) -> None:
+        self.listening = bool(on)
+        self.drive_candidate = self.drive_good = False
+
+    # ------------------------------------------------------------ what happens on the network line
+
+    def candidate(self, pdu: bytes, broadcast: bool = False) -> None:
+        """A good frame, and t1.5 of silence behind it."""
+        self.bank ^= 1
+        adu = bytes([0 if broadcast else self.address]) + pdu + bytes([JUNK] * CRC_BYTES)
+        self._store(f"REQUEST_FRAME_{self.bank}", adu[:32])
+        self.length = len(adu)
+        self.ticket = (self.ticket + 1) & 15
+        self.is_candidate, self.is_committed, self.is_broadcast = True, False, broadcast
+        self.answerable = self.reply_queued = False
+        self._drop_unlicensed()
+
+    def commit(self) -> None:
+        """t3.5 of silence."""
+        self.is_candidate, self.is_committed, self.answerable = False, True, True
+        self.licensed |= self.telegram_queued
+        self._release()
+
+    def character(self) -> None:
+        """A character: revokes a candidate, makes a committed request too late to answer."""
+        self.answerable = self.reply_queued = False
+        if self.is_candidate:
+            self.is_candidate = False
+            self._drop_unlicensed()
+
+    def _drop_unlicensed(self) -> None:
+        if not self.licensed:
+            self.telegram_queued = False
+
+    def _release(self) -> None:
+        if self.reply_queued and self.answerable and (not self.wait_drive or self.drive_good):
+            self.reply_queued = self.answerable = False
+            self.replies.append(self.reply)
+        if self.telegram_queued and self.licensed and self.quiet:
+            assert self.telegram == self.memory("TELEGRAM_FRAME", len(self.telegram)), "touched while queued"
+            self.telegram_queued, self.started, self.sending = False, True, True
+            self.listening = self.drive_candidate = self.drive_good = False
+            self.telegrams.append(self.telegram)
+
+    # ------------------------------------------------------------ what happens on the drive line
+
+    def pause_over(self) -> None:
+        self.quiet = True
+        self._release()
+
+    def telegram_ends(self) -> None:
+        """The last stop bit of the telegram is out."""
+        if self.sending:
+            assert self.telegram == self.memory("TELEGRAM_FRAME", len(self.telegram)), "touched while sent"
+            self.sending, self.listening = False, not self.no_reply
+
+    def drive_data(self, data: bytes, lge: int | None = None) -> None:
+        """All of the drive's telegram but its BCC."""
+        if self.listening and not self.drive_good:
+            for i, byte in enumerate(drive_frame(data)):
+                mailbox_word(AREAS["DRIVE_FRAME"].offset + 4 * i).value = byte
+            self.lge = len(data) + 2 if lge is None else lge
+            self.drive_candidate = True
+
+    def bcc(self, good: bool = True) -> None:
+        if self.drive_candidate:
+            self.drive_candidate, self.drive_good = False, good
+            if not good and self.wait_drive:
+                self.reply_queued = False
+            self._release()

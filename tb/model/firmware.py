@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The firmware's own C sources on the host, through ctypes. No simulator inside.
+
+`Translator` is the translation core (PDU in, PDU or telegram out), `Gateway` the poll loop behind a
+mailbox that the test plays.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import functools
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SILENT, REPLY, EXCHANGE, NOT_A_REPLY = range(4)  # enum outcome
+KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
+JUNK = 0xA5  # in every frame byte that the hardware did not write
+
+ReadHook = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
+WriteHook = ctypes.CFUNCTYPE(None, ctypes.c_uint32, ctypes.c_uint32)
+
+
+def build(file: str, *variables: str) -> Path:
+    """Makes a file of sw/firmware.mk from today's sources; test processes take turns."""
+    (ROOT / "build").mkdir(exist_ok=True)
+    with open(ROOT / "build/firmware.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        subprocess.run(["make", "-s", "-f", "sw/firmware.mk", *variables, file], cwd=ROOT, check=True)
+    return ROOT / file
+
+
+@functools.cache
+def library(option: str = "") -> ctypes.CDLL:
+    """The host library; `option` is one of sw/include/options.h, set to 1."""
+    folder = f"build/host/{option}" if option else "build/host"
+    defines = f"FIRMWARE_DEFINES=-D{option}=1" if option else "FIRMWARE_DEFINES="
+    file = build(f"{folder}/libtranslate.so", f"FIRMWARE_HOST_DIR={folder}", defines)
+    lib = ctypes.CDLL(str(file))
+    pointer, u32 = ctypes.c_void_p, ctypes.c_uint32
+    for name, result, *arguments in [
+        ("translate_init", None, pointer),
+        ("translate_request", ctypes.c_int, pointer, pointer, pointer, u32, ctypes.c_bool),
+        ("translate_commit", None, pointer, pointer),
+        ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
+        ("translate_drive_commit", None, pointer, pointer),
+        ("translate_drive_silent", ctypes.c_int, pointer),
+        ("gateway_init", None, pointer),
+        ("gateway_poll", None, pointer),
+        ("host_connect", None, ReadHook, WriteHook),
+        ("host_size_of_translator", u32),
+        ("host_size_of_transaction", u32),
+        ("host_size_of_gateway", u32),
+        ("host_reply", pointer, pointer, ctypes.POINTER(u32)),
+        ("host_telegram", pointer, pointer, ctypes.POINTER(u32)),
+    ]:
+        function = getattr(lib, name)
+        function.restype, function.argtypes = result, arguments
+    return lib
+
+
+def frame(data: bytes, words: int = 32) -> ctypes.Array:
+    """Bytes as they lie in the frame memory, one a word."""
+    return (ctypes.c_uint32 * words)(*data, *[JUNK] * (words - len(data)))
+
+
+def drive_frame(data: bytes) -> ctypes.Array:
+    """Telegram data as the receiver stores them: from byte 24 on, only the last four stay (FC-7)."""
+    kept = frame(data[:24], 28)
+    for i in range(24, len(data)):
+        kept[24 + i % 4] = data[i]
+    return kept
+
+
+@dataclass
+class Transaction:
+    """One request on its way: what translate_request said, and what may follow."""
+
+    translator: Translator
+    memory: ctypes.Array = field(repr=False)
+    outcome: int
+
+    def _bytes(self, getter: Callable) -> bytes:
+        length = ctypes.c_uint32()
+        return ctypes.string_at(getter(self.memory, ctypes.byref(length)), length.value)
+
+    @property
+    def reply(self) -> bytes:
+        """The reply PDU."""
+        return self._bytes(self.translator.lib.host_reply)
+
+    @property
+    def telegram(self) -> bytes:
+        """ADR and data of the telegram."""
+        return self._bytes(self.translator.lib.host_telegram)
+
+    def commit(self) -> Transaction:
+        self.translator.lib.translate_commit(self.translator.memory, self.memory)
+        return self
+
+    def drive_reply(self, data: bytes, lge: int | None = None) -> int:
+        """The drive's telegram data, without ADR and BCC."""
+        self.outcome = self.translator.lib.translate_drive_reply(
+            self.translator.memory, self.memory, drive_frame(data), len(data) + 2 if lge is None else lge
+        )
+        return self.outcome
+
+    def drive_commit(self) -> Transaction:
+        self.translator.lib.translate_drive_commit(self.translator.memory, self.memory)
+        return self
+
+    def drive_silent(self) -> bytes:
+        self.outcome = self.translator.lib.translate_drive_silent(self.memory)
+        return self.reply
+
+
+class Translator:
+    """The card's images and what can be asked of them."""
+
+    def __init__(self, option: str = "") -> None:
+        self.lib = library(option)
+        size = self.lib.host_size_of_translator()
+        self.memory = ctypes.create_string_buffer(bytes([JUNK] * size), size)
+        self.lib.translate_init(self.memory)
+
+    def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
+        """Prepares a request; `length` is the true length where it is not that of `pdu`."""
+        memory = ctypes.create_string_buffer(self.lib.host_size_of_transaction())
+        length = len(pdu) if length is None else length
+        outcome = self.lib.translate_request(self.memory, memory, frame(pdu[:KEPT]), length, broadcast)
+        return Transaction(self, memory, outcome)
+
+    def do(self, pdu: bytes, broadcast: bool = False) -> Transaction:
+        """Prepares a request and commits it."""
+        return self.request(pdu, broadcast=broadcast).commit()
+
+    def state(self) -> bytes:
+        """All images, to see whether anything changed."""
+        return self.memory.raw
+
+
+class Gateway:
+    """The poll loop; `read(offset)` and `write(offset, value)` play the registers."""
+
+    def __init__(self, read: Callable[[int], int], write: Callable[[int, int], None]) -> None:
+        self._hooks = ReadHook(read), WriteHook(write)  # must outlive the calls
+        self.memory = ctypes.create_string_buffer(library().host_size_of_gateway())
+        library().host_connect(*self._hooks)
+        library().gateway_init(self.memory)
+
+    def poll(self) -> None:
+        library().gateway_poll(self.memory)
+
+
+def mailbox_word(offset: int) -> ctypes.c_uint32:
+    """One word of the host's mailbox memory (frames and counters); offset in bytes from the base."""
+    base = ctypes.addressof(ctypes.c_uint32.in_dll(library(), "host_memory"))
+    return ctypes.c_uint32.from_address(base + offset)

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A small RV32I machine that runs the card's own firmware image against a mailbox played by a test.
+
+It counts instructions, not clocks, and is strict where the card is: no multiplication, no unaligned
+access, only whole words in the mailbox, nothing outside the memory.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+from tb.generated.mailbox import BASE, FRAME_MEMORY, REGISTERS
+from tb.model.firmware import build, mailbox_word
+
+MASK = 0xFFFFFFFF
+SP, STACK_FILL = 2, 0x5A
+
+
+@functools.cache
+def image() -> bytes:
+    """The firmware as it is loaded into the card."""
+    return build("build/firmware.bin").read_bytes()
+
+
+def signed(value: int, bits: int = 32) -> int:
+    return value - (1 << bits) if value >> (bits - 1) & 1 else value
+
+
+def alu(funct3: int, alternate: bool, a: int, b: int) -> int:
+    match funct3:
+        case 0:
+            return (a - b if alternate else a + b) & MASK
+        case 1:
+            return a << (b & 31) & MASK
+        case 2:
+            return int(signed(a) < signed(b))
+        case 3:
+            return int(a < b)
+        case 4:
+            return a ^ b
+        case 5:
+            return (signed(a) >> (b & 31)) & MASK if alternate else a >> (b & 31)
+        case 6:
+            return a | b
+        case _:
+            return a & b
+
+
+def taken(funct3: int, a: int, b: int) -> bool:
+    if funct3 & 4:
+        less = a < b if funct3 & 2 else signed(a) < signed(b)
+        return less != bool(funct3 & 1)
+    return (a == b) != bool(funct3 & 1)
+
+
+class Machine:
+    """Same use as firmware.Gateway: `poll` is one round of the loop, which begins with reading TIME."""
+
+    def __init__(
+        self, read: Callable[[int], int], write: Callable[[int, int], None], memory: int = 6144
+    ) -> None:
+        self.on_read, self.on_write = read, write
+        self.memory = bytearray(image().ljust(memory, bytes([STACK_FILL])))
+        self.decoded: dict[int, Callable[[], None]] = {}
+        self.x = [0] * 32
+        self.pc = 0
+        self.instructions = 0
+        self.lowest_sp = memory
+        # The first reading of TIME is that of the start.
+        self._run_to_time()
+        self.poll()
+
+    def poll(self) -> None:
+        self._step()  # the reading itself
+        self._run_to_time()
+
+    def _run_to_time(self) -> None:
+        self.reads_time = False
+        while not self.reads_time:
+            pc = self.pc
+            self._step()
+        # Undo the last step: the loop stands before its reading of TIME.
+        self.pc = pc
+        self.instructions -= 1
+
+    def _step(self) -> None:
+        execute = self.decoded.get(self.pc)
+        if execute is None:
+            execute = self.decoded[self.pc] = self._decode(self.pc)
+        self.pc += 4
+        self.instructions += 1
+        execute()
+
+    # ------------------------------------------------------------ memory
+
+    def _load(self, address: int, size: int) -> int:
+        assert address % size == 0, f"unaligned load at {self.pc - 4:#x}"
+        if address >= BASE:
+            assert size == 4, f"load of {size} bytes from the mailbox at {self.pc - 4:#x}"
+            offset = address - BASE
+            if offset >= FRAME_MEMORY:
+                return mailbox_word(offset).value
+            self.reads_time |= offset == REGISTERS["TIME"].offset
+            return self.on_read(offset)
+        assert address + size <= len(self.memory), f"load outside the memory at {self.pc - 4:#x}"
+        return int.from_bytes(self.memory[address : address + size], "little")
+
+    def _store(self, address: int, size: int, value: int) -> None:
+        assert address % size == 0, f"unaligned store at {self.pc - 4:#x}"
+        if address >= BASE:
+            assert size == 4, f"store of {size} bytes to the mailbox at {self.pc - 4:#x}"
+            offset = address - BASE
+            if offset >= FRAME_MEMORY:
+                mailbox_word(offset).value = value & 0xFF
+            else:
+                self.on_write(offset, value)
+            return
+        assert len(image()) <= address <= len(self.memory) - size, f"store into code at {self.pc - 4:#x}"
+        self.memory[address : address + size] = (value & ((1 << 8 * size) - 1)).to_bytes(size, "little")
+
+    # ------------------------------------------------------------ instructions
+
+    def _decode(self, pc: int) -> Callable[[], None]:
+        """The instruction at pc as a function without arguments."""
+        word = int.from_bytes(self.memory[pc : pc + 4], "little")
+        x = self.x
+        opcode, rd, funct3 = word & 0x7F, word >> 7 & 31, word >> 12 & 7
+        rs1, rs2, funct7 = word >> 15 & 31, word >> 20 & 31, word >> 25
+        imm_i = signed(word >> 20, 12)
+        imm_s = signed(funct7 << 5 | rd, 12)
+
+        def set_rd(value: int) -> None:
+            if rd:
+                x[rd] = value & MASK
+                if rd == SP:
+                    self.lowest_sp = min(self.lowest_sp, x[SP]) if x[SP] else self.lowest_sp
+
+        match opcode:
+            case 0x37:
+                return lambda: set_rd(word & 0xFFFFF000)
+            case 0x17:
+                return lambda: set_rd(pc + (word & 0xFFFFF000))
+            case 0x6F:
+                bits = (
+                    word >> 31 << 20
+                    | (word >> 12 & 0xFF) << 12
+                    | (word >> 20 & 1) << 11
+                    | (word >> 21 & 0x3FF) << 1
+                )
+                target = pc + signed(bits, 21)
+
+                def jal() -> None:
+                    set_rd(pc + 4)
+                    self.pc = target
+
+                return jal
+            case 0x67:
+
+                def jalr() -> None:
+                    target = x[rs1] + imm_i & MASK & ~1
+                    set_rd(pc + 4)
+                    self.pc = target
+
+                return jalr
+            case 0x63:
+                bits = funct7 >> 6 << 12 | (rd & 1) << 11 | (funct7 & 0x3F) << 5 | (rd & ~1)
+                target = pc + signed(bits, 13)
+
+                def branch() -> None:
+                    if taken(funct3, x[rs1], x[rs2]):
+                        self.pc = target
+
+                return branch
+            case 0x03:
+                size, unsigned = 1 << (funct3 & 3), bool(funct3 & 4)
+
+                def load() -> None:
+                    value = self._load(x[rs1] + imm_i & MASK, size)
+                    set_rd(value if unsigned else signed(value, 8 * size))
+
+                return load
+            case 0x23:
+                size = 1 << funct3
+                return lambda: self._store(x[rs1] + imm_s & MASK, size, x[rs2])
+            case 0x13:
+                alternate = funct3 == 5 and funct7 == 0x20
+                return lambda: set_rd(alu(funct3, alternate, x[rs1], imm_i & MASK))
+            case 0x33 if funct7 in (0, 0x20):
+                alternate = funct7 == 0x20
+                return lambda: set_rd(alu(funct3, alternate, x[rs1], x[rs2]))
+        raise AssertionError(f"no RV32I instruction at {pc:#x}: {word:08x}")
