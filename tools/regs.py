@@ -99,7 +99,7 @@ def verilog_constants(mailbox: AddrmapNode) -> str:
     lines = [
         banner("//", RDL).rstrip(),
         "//",
-        "// Macros, not an `include, so that the file list alone elaborates anywhere; it stands first in the list.",
+        "// Macros, not an `include: the list of files alone must elaborate, in any folder.",
         "// MBX_x_WORD: word address of register x inside the mailbox, 9 bits.",
         "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
         "// MBX_x_INDEX: byte address of x inside the frame memory, 8 bits.",
@@ -256,13 +256,14 @@ def card_constants(card: Card) -> str:
     lines = [
         banner("//", CARD).rstrip(),
         "//",
-        "// The fixed format of the drive line (FC-1, FC-8); pause in ticks of 1/16 bit, ratio in ticks of the base.",
+        "// The fixed format of the drive line (FC-1, FC-8).",
+        "// Pause in ticks of 1/16 bit, ratio in ticks of the baud base.",
         "",
     ]
     return "\n".join(lines + [f"`define {name} {value}" for name, value in constants.items()]) + "\n"
 
 
-def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict[str, int]]) -> list[str]:
+def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict]) -> list[str]:
     """An always block that looks all outputs up by `width` switch bits, complete over all patterns."""
     lines = ["  always @* begin", f"    case ({select})"]
     for bits, row in sorted(rows.items()):
@@ -271,7 +272,7 @@ def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[in
         for name, size in outputs.items():
             lines.append(f"        {name} = {size}'{'b' if size == 1 else 'd'}{row[name]};")
         lines.append("      end")
-    return lines + ["    endcase", "  end"]
+    return [*lines, "    endcase", "  end"]
 
 
 def card_verilog(card: Card) -> str:
@@ -295,7 +296,8 @@ def card_verilog(card: Card) -> str:
         banner("//", CARD).rstrip(),
         "//",
         "// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.",
-        "// Silences in ticks of 1/16 bit (FRAME-1), ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3).",
+        "// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3), silences in ticks of 1/16 bit",
+        "// (FRAME-1).",
         "",
         "`default_nettype none",
         "",
@@ -323,7 +325,7 @@ def card_verilog(card: Card) -> str:
 def card_python(card: Card) -> str:
     lines = [
         banner("#", CARD).rstrip(),
-        '"""Rates, formats and silences by switch pattern (first switch first, 1 = ON; LINE-2, LINE-3, FRAME-1)."""',
+        '"""Rates, formats, silences by switches, first switch first, 1 = ON (LINE-2, LINE-3, FRAME-1)."""',
         "",
         "from dataclasses import dataclass",
         "",
@@ -359,9 +361,7 @@ def card_python(card: Card) -> str:
         lines.append(f'    "{card.switch_text(bits, 3)}": Rate({rate}, {card.ratio(rate)}, {t15}, {t35}),')
     lines += ["}", "", "# switches 4, 5", "FORMATS = {"]
     for bits, entry in sorted(card.formats.items()):
-        lines.append(
-            f'    "{card.switch_text(bits, 2)}": Format("{entry["parity"]}", {entry["stop_bits"]}),'
-        )
+        lines.append(f'    "{card.switch_text(bits, 2)}": Format("{entry["parity"]}", {entry["stop_bits"]}),')
     lines.append("}")
     return "\n".join(lines) + "\n"
 
@@ -371,7 +371,7 @@ def card_cpp(card: Card) -> str:
     lines = [
         banner("//", CARD).rstrip(),
         "//",
-        "// Rates and formats by switch bits; bit 0 of an index is the first switch of its group (LINE-2, LINE-3).",
+        "// Rates and formats by switch bits (LINE-2, LINE-3); bit 0 of an index: the group's first switch.",
         "",
         "#ifndef CARD_TABLES_H",
         "#define CARD_TABLES_H",
@@ -430,7 +430,9 @@ def main() -> int:
         if check:
             drifted += 1
             print(f"{name} differs from its source; run `make regs`", file=sys.stderr)
-            diff = difflib.unified_diff(old.splitlines(), text.splitlines(), "now", "generated", lineterm="", n=0)
+            diff = difflib.unified_diff(
+                old.splitlines(), text.splitlines(), "now", "generated", lineterm="", n=0
+            )
             print("\n".join(list(diff)[:20]), file=sys.stderr)
         else:
             path.parent.mkdir(parents=True, exist_ok=True)

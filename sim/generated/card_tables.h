@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
-// Rates and formats by switch bits; bit 0 of an index is the first switch of its group (LINE-2, LINE-3).
+// Rates and formats by switch bits (LINE-2, LINE-3); bit 0 of an index: the group's first switch.
 
 #ifndef CARD_TABLES_H
 #define CARD_TABLES_H

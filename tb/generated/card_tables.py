@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Generated from regs/card.toml by `make regs`; edit that file, not this one.
-"""Rates, formats and silences by switch pattern (first switch first, 1 = ON; LINE-2, LINE-3, FRAME-1)."""
+"""Rates, formats, silences by switches, first switch first, 1 = ON (LINE-2, LINE-3, FRAME-1)."""
 
 from dataclasses import dataclass
 

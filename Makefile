@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+# All of the project's commands; `make` alone lists them. Whatever is missing is installed first.
+#
+#   CONFIG=name   configuration of configs.toml (sources)        default: standard
+#   SIM=name      icarus or verilator (test, waves)              default: both; waves: icarus
+#   TEST=name     what `pytest -k` takes (test, waves)           default: all
+#   JOBS=n        processes of a test run                        default: 2
+#   V=1           show the commands
+
+CONFIG ?= standard
+SIM ?=
+TEST ?=
+JOBS ?= 2
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+MAKEFLAGS += --no-builtin-rules --no-print-directory $(if $(V),,--silent)
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+BUILD := build
+VENV := .venv
+PY := $(VENV)/bin/python
+# The order-only prerequisite of everything that needs a tool.
+SETUP := setup
+
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+export PYTHONDONTWRITEBYTECODE := 1
+export OBJCACHE := ccache
+export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
+
+MODBUS_LINK := $(BUILD)/modbus
+PYTEST := $(PY) -m pytest tb $(if $(TEST),-k '$(TEST)')
+
+.PHONY: help
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
+
+.PHONY: demo run card firmware
+demo: card ## the manual's examples by real Modbus masters, with verdicts
+	@$(PY) tools/demo.py
+
+run: card ## the virtual card with its simulated drive, until Ctrl-C
+	@echo "Virtual card, unit address 1, 9600 bit/s, no parity, on $(MODBUS_LINK). In another terminal:"
+	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 4 -r 5140 -c 2 -1 $(MODBUS_LINK)    motor current"
+	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 1 -c 32 -1 $(MODBUS_LINK)      control image"
+	@exec $(BUILD)/card --modbus $(MODBUS_LINK)
+
+card: $(BUILD)/card ## build/card, the virtual card (build/card --help)
+firmware: $(BUILD)/firmware.hex ## build/firmware.hex and build/tiny/firmware.hex
+
+.PHONY: test lint format
+test: firmware card drive $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
+	@$(PYTEST) -n $(JOBS) $(if $(SIM),--sim=$(SIM))
+
+lint: | $(SETUP) ## every static check
+	@$(PY) tools/lint.py
+
+format: | $(SETUP) ## lay out Verilog and Python as lint wants them
+	@$(PY) tools/lint.py --format
+
+.PHONY: waves
+waves: firmware | $(SETUP) ## waveform of a test: make waves TEST=name
+	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
+	@WAVES=1 $(PYTEST) -q --sim=$(or $(SIM),icarus)
+
+.PHONY: regs regs-check
+regs: | $(SETUP) ## everything derived from regs/
+	@$(PY) tools/regs.py
+
+regs-check: | $(SETUP) ## fail when something derived from regs/ has drifted
+	@$(PY) tools/regs.py --check
+
+.PHONY: sources
+sources: | $(SETUP) ## every Verilog file of the whole card (CONFIG=)
+	@$(PY) tools/sources.py $(CONFIG)
+
+.PHONY: setup clean
+setup: ## install what is missing (done by the others too)
+	@tools/setup.sh
+
+clean: ## remove build/
+	@rm -rf $(BUILD)
+
+# A fixed path: on the first call there is nothing to look up yet.
+CARD_VERILATOR := $(VENV)/verilator/bin/verilator
+
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk
+
+# Whatever a compiler makes waits for the compiler to be there.
+$(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)
+$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS): | $(SETUP)

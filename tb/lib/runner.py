@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds a module for a simulator and runs the cocotb tests of a Python module on it.
+
+Every build lies in a folder of its own, named by everything it was made from (sources, parameters,
+tool options), so that nothing stale is reused and several pytest workers can share it.
+Environment: WAVES=1 writes build/waves/<test>.fst and names the file.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import re
+import shutil
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from cocotb_tools.runner import as_sv_literal, get_runner
+
+from tools.sources import ROOT, configurations, needed_files, rtl_files
+
+SIMULATORS = ("icarus", "verilator")
+WAIVERS = ROOT / "tools/verilator.vlt"
+WAVES_FOLDER = ROOT / "build/waves"
+TIMESCALE = ("1ns", "1ps")
+BUILDS_KEPT = 3
+
+# Waveforms of this session, each with the GTKWave view of its top if there is one.
+waves_written: list[list[Path]] = []
+
+# Warnings are the business of `make lint`.
+BUILD_ARGS = {
+    "icarus": [],
+    "verilator": ["-Wno-fatal", "--no-timing", "-CFLAGS", "-O1", "--x-initial", "unique"],
+}
+# Verilator's default, VCD, is large and slow.
+WAVES_ARGS = {
+    "icarus": [],
+    "verilator": ["--trace-fst"],
+}
+TOOLS = {"icarus": ("iverilog", "vvp"), "verilator": ("verilator", "g++", "make")}
+
+
+def run(
+    top: str,
+    test_module: str,
+    *,
+    sim: str,
+    parameters: Mapping[str, object] | None = None,
+    sources: Sequence[Path] | None = None,
+    extra_sources: Sequence[Path] = (),
+    testcase: str | Sequence[str] | None = None,
+    extra_env: Mapping[str, str] | None = None,
+) -> None:
+    """Runs the cocotb tests of `test_module` on module `top`; fails like any pytest test.
+
+    The sources are found: `top` and all modules below it. A bench with a wrapper in Verilog gives it as
+    `extra_sources`, with `top` in it. `sources` replaces the finding. String parameters are quoted here.
+    `testcase` names the cocotb tests to run, parametrised ones by their function; default: all.
+    """
+    for tool in TOOLS[sim]:
+        if shutil.which(tool) is None:
+            pytest.fail(f"{tool} is missing; run `make setup`", pytrace=False)
+    waves = os.environ.get("WAVES", "0") not in ("", "0")
+    parameters = dict(parameters or {})
+    if sources is None:
+        sources = bench_files(extra_sources) if extra_sources else needed_files(top)
+    sources = [*sources, *extra_sources]
+    if top == "rtu2fc":
+        parameters.setdefault("FIRMWARE_HEX", str(_firmware()))
+    literals = {name: as_sv_literal(value) for name, value in parameters.items()}
+    test_name = _test_name()
+    run_folder = ROOT / "build/tests" / test_name
+    shutil.rmtree(run_folder, ignore_errors=True)
+    run_folder.mkdir(parents=True)
+
+    runner = get_runner(sim)
+    build_folder = _build(runner, top, sim, sources, literals, waves)
+    results = run_folder / "results.xml"
+    dump = run_folder / ("dump.fst" if sim == "verilator" else "icarus.fst")
+    try:
+        runner.test(
+            hdl_toplevel=top,
+            hdl_toplevel_lang="verilog",
+            test_module=test_module,
+            test_filter=_filter(testcase),
+            build_dir=build_folder,
+            test_dir=run_folder,
+            results_xml=str(results),
+            plusargs=[f"+dumpfile_path={dump}"] if waves and sim == "icarus" else [],
+            timescale=TIMESCALE,
+            waves=waves,
+            extra_env={"PYTHONWARNINGS": "error::DeprecationWarning", **(extra_env or {})},
+        )
+    except SystemExit:
+        pass  # judged below, from the results file
+    finally:
+        if waves and dump.exists():
+            _keep_waves(dump, test_name, top)
+    _judge(results)
+
+
+def _filter(testcase: str | Sequence[str] | None) -> str | None:
+    if testcase is None:
+        return None
+    names = [testcase] if isinstance(testcase, str) else testcase
+    return rf"\.({'|'.join(names)})(/|$)"
+
+
+def bench_files(wrappers: Sequence[Path]) -> list[Path]:
+    """The project's files that the wrappers of a bench need."""
+    words = set(re.findall(r"\w+", "".join(Path(path).read_text() for path in wrappers)))
+    tops = [path.stem for path in rtl_files() if path.stem in words]
+    files = [path for top in tops for path in needed_files(top)]
+    return list(dict.fromkeys(files))
+
+
+def _firmware() -> Path:
+    path = ROOT / configurations()["standard"]["firmware_hex"]
+    if not path.exists():
+        pytest.fail(f"{path.relative_to(ROOT)} is missing; run `make firmware`", pytrace=False)
+    return path
+
+
+def _test_name() -> str:
+    """The running pytest test as a file name: module.test[parameters]."""
+    node = os.environ["PYTEST_CURRENT_TEST"].rsplit(" (", 1)[0]
+    return re.sub(r"[^\w.=-]+", "-", Path(node.split("::")[0]).stem + "." + node.split("::")[-1]).strip("-")
+
+
+@contextmanager
+def _lock(path: Path):
+    """Holds off the other pytest workers; released by the system if this one dies."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _build(
+    runner, top: str, sim: str, sources: Sequence[Path], parameters: Mapping[str, str], waves: bool
+) -> Path:
+    """Compiles unless this very content was compiled before; returns the folder of the build."""
+    args = BUILD_ARGS[sim] + (WAVES_ARGS[sim] if waves else [])
+    inputs = list(sources) + ([WAIVERS] if sim == "verilator" else [])
+    setup = f"{top} {sorted(parameters.items())} {args} {waves} {sys.version} {ROOT}".encode()
+    content = hashlib.sha256(setup)
+    for path in inputs:
+        content.update(str(path).encode() + b"\0" + Path(path).read_bytes())
+    variant = hashlib.sha256(setup).hexdigest()[:8]
+    base = ROOT / "build/bench" / sim
+    folder = base / f"{top}-{variant}-{content.hexdigest()[:16]}"
+    done = folder / "built"
+    with _lock(base / f"{folder.name}.lock"):
+        if done.exists():
+            # What runner.test() wants to know of the build.
+            runner.build_dir, runner.parameters, runner.waves = folder, dict(parameters), waves
+            runner.sources = inputs
+            return folder
+        # Most of a Verilator build is its run-time library, the same each time.
+        if shutil.which("ccache"):
+            os.environ.setdefault("OBJCACHE", "ccache")
+            os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
+        try:
+            runner.build(
+                hdl_toplevel=top,
+                sources=inputs,
+                parameters=parameters,
+                build_args=args,
+                build_dir=folder,
+                timescale=TIMESCALE,
+                waves=waves,
+                clean=folder.exists(),
+            )
+        except RuntimeError:
+            pytest.fail(f"{sim} could not build {top}; its messages are above", pytrace=False)
+        done.touch()
+        _forget_old_builds(base, f"{top}-{variant}-")
+    return folder
+
+
+def _forget_old_builds(base: Path, prefix: str) -> None:
+    builds = sorted(base.glob(f"{prefix}*/built"), key=lambda path: path.stat().st_mtime)
+    for built in builds[:-BUILDS_KEPT]:
+        shutil.rmtree(built.parent, ignore_errors=True)
+
+
+def _keep_waves(dump: Path, test_name: str, top: str) -> None:
+    WAVES_FOLDER.mkdir(parents=True, exist_ok=True)
+    kept = WAVES_FOLDER / f"{test_name}.fst"
+    shutil.move(dump, kept)
+    view = ROOT / f"tb/waves/{top}.gtkw"
+    waves_written.append([kept, view] if view.exists() else [kept])
+
+
+def _judge(results: Path) -> None:
+    """Fails the pytest test when a cocotb test failed, and also when none ran."""
+    if not results.exists():
+        pytest.fail("the simulator ended without results; its messages are above", pytrace=False)
+    cases = list(ElementTree.parse(results).iter("testcase"))
+    ran = [case for case in cases if case.find("skipped") is None]
+    failed = [case for case in ran if case.find("failure") is not None or case.find("error") is not None]
+    if not ran:
+        pytest.fail("no cocotb test ran", pytrace=False)
+    if failed:
+        names = ", ".join(case.get("name", "?") for case in failed)
+        pytest.fail(f"{len(failed)} of {len(ran)} cocotb tests failed: {names}", pytrace=False)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The register map and the card tables: one source each, and everything derived from them agrees."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from systemrdl.node import RegNode
+
+from tb.generated import card_tables, mailbox
+from tb.lib.runner import ROOT
+from tools import regs
+
+COMPILER = "riscv64-unknown-elf-gcc"
+
+
+@pytest.fixture(scope="module")
+def mailbox_map():
+    return regs.compile_map().get_child_by_name("MAILBOX")
+
+
+@pytest.fixture(scope="module")
+def c_offsets(tmp_path_factory) -> dict[str, int]:
+    """What the firmware's compiler makes of the header: member -> offset from the mailbox's base."""
+    folder = tmp_path_factory.mktemp("header")
+    members = re.findall(r"^    \w+ (\w+);$", (ROOT / "sw/generated/mailbox.h").read_text(), re.MULTILINE)
+    members = [name for name in dict.fromkeys(members) if name not in ("LO", "HI")]
+    lines = ["#include <stddef.h>", '#include "mailbox.h"', "const unsigned offsets[] = {"]
+    lines += [f"  offsetof(MAILBOX_t, {name})," for name in members]
+    source = folder / "offsets.c"
+    source.write_text("\n".join([*lines, "};"]))
+    command = [COMPILER, "-march=rv32i", "-mabi=ilp32", "-std=c99", "-Wall", "-Wextra", "-Werror"]
+    command += ["-ffreestanding", "-I", str(ROOT / "sw/generated"), "-S", "-o", "-", str(source)]
+    assembly = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    words = [
+        0 if kind == "zero" else int(count)
+        for kind, count in re.findall(r"^\s+\.(word|zero)\s+(\d+)", assembly, re.MULTILINE)
+    ]
+    return dict(zip(members, words, strict=True))
+
+
+def verilog_macros(name: str) -> dict[str, str]:
+    text = (ROOT / "rtl/generated" / name).read_text()
+    return dict(re.findall(r"^`define (\w+) (\S+)$", text, re.MULTILINE))
+
+
+def verilog_value(literal: str) -> int:
+    """12'd352 -> 352, 9'h00a -> 10, 16 -> 16."""
+    _, quote, rest = literal.partition("'")
+    return int(rest[1:], {"h": 16, "d": 10, "b": 2}[rest[0]]) if quote else int(literal)
+
+
+def test_nothing_has_drifted():
+    for name, text in regs.generate().items():
+        assert (ROOT / name).read_text() == text, f"{name} differs; run `make regs`"
+
+
+def test_drift_is_noticed(tmp_path):
+    """The check itself can fail: a copy with one digit changed is refused and named."""
+    for folder in ("regs", "tools", "sw/generated", "rtl/generated", "tb/generated", "sim/generated", "docs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    target = tmp_path / "rtl/generated/card_defs.v"
+    target.write_text(target.read_text().replace("9'd12", "9'd13"))
+    done = subprocess.run(
+        [sys.executable, tmp_path / "tools/regs.py", "--check"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "rtl/generated/card_defs.v differs" in done.stderr
+
+
+def test_every_register_is_everywhere(mailbox_map, c_offsets):
+    """Name and place of every register, frame and counter in C, Verilog, Python and Markdown."""
+    macros = verilog_macros("mailbox_defs.v")
+    page = (ROOT / "docs/registers.md").read_text()
+    for child in mailbox_map.children():
+        name, offset = child.inst_name, child.address_offset
+        assert c_offsets[name] == offset
+        assert f"{name} " in page
+        if isinstance(child, RegNode):
+            assert verilog_value(macros[f"MBX_{name}_WORD"]) * 4 == offset
+            assert mailbox.REGISTERS[name].offset == offset
+        else:
+            index = verilog_value(macros[f"MBX_{name}_INDEX"])
+            assert verilog_value(macros["MBX_FRAME_MEMORY_WORD"]) * 4 + 4 * index == offset
+            assert (mailbox.AREAS[name].offset, mailbox.AREAS[name].index) == (offset, index)
+
+
+def test_every_field_is_everywhere(mailbox_map):
+    """Bits, reset value and access of every field in C, Verilog and Python; name in Markdown."""
+    macros = verilog_macros("mailbox_defs.v")
+    header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "sw/generated/mailbox.h").read_text(), re.M))
+    page = (ROOT / "docs/registers.md").read_text()
+    fields = [(reg, field) for reg in regs.registers(mailbox_map) for field in reg.fields()]
+    assert len(fields) > 30
+    for reg, field in fields:
+        verilog = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
+        c = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
+        bits = f"{field.high}:{field.low}" if field.width > 1 else str(field.low)
+        mask = ((1 << field.width) - 1) << field.low
+        python = mailbox.REGISTERS[reg.inst_name].fields[field.inst_name]
+        assert macros[f"{verilog}_BITS"] == bits
+        assert int(header[f"{c}_bm"], 16) == mask
+        assert python.put((1 << field.width) - 1) == mask
+        assert python.access == regs.field_access(field)
+        assert re.search(rf"\|\s*{bits}\s*\|\s*{field.inst_name}\s*\|", page)
+        reset = regs.field_reset(field)
+        assert python.reset == reset
+        if reset is not None:
+            assert verilog_value(macros[f"{verilog}_RESET"]) == reset
+            assert int(header[f"{c}_reset"], 16) == reset
+
+
+def test_no_two_share_bits(mailbox_map):
+    for reg in regs.registers(mailbox_map):
+        taken = [bit for field in reg.fields() for bit in range(field.low, field.high + 1)]
+        assert len(taken) == len(set(taken))
+        assert max(taken) < 16, "only the low 16 bits of a register exist"
+
+
+def test_the_map_ends_with_the_address_space(mailbox_map):
+    assert mailbox.BASE == 0xFFFF_F800
+    last = max(mailbox.AREAS.values(), key=lambda area: area.offset)
+    assert mailbox.BASE + mailbox.FRAME_MEMORY + 4 * 256 == 1 << 32
+    assert last.index + last.length <= 256
+
+
+@pytest.mark.rule("LINE-2", "LINE-4")
+def test_rates_of_the_manual_and_exact_division():
+    """The rates of LINE-2 by switch pattern; each divides the base without a rest (LINE-4)."""
+    rates = {pattern: rate.baud for pattern, rate in card_tables.RATES.items()}
+    manual = {"000": 300, "001": 1200, "010": 2400, "011": 4800, "111": 9600, "101": 19200}
+    assert rates == manual | {"100": 38400, "110": 115200}
+    for rate in card_tables.RATES.values():
+        assert rate.ratio * rate.baud * card_tables.TICKS_PER_BIT == card_tables.BASE_HZ
+        assert rate.ratio < 1 << 9
+
+
+@pytest.mark.rule("LINE-3")
+def test_formats_of_the_manual():
+    formats = {pattern: (entry.parity, entry.stop_bits) for pattern, entry in card_tables.FORMATS.items()}
+    assert formats == {"11": ("none", 2), "01": ("odd", 1), "00": ("even", 1), "10": ("none", 1)}
+
+
+@pytest.mark.rule("FRAME-1")
+def test_silences_within_a_quarter_bit():
+    """11-bit characters up to 19200 bit/s, 750 and 1750 microseconds above; never too short."""
+    for rate in card_tables.RATES.values():
+        bit = 1 / rate.baud
+        t15, t35 = (750e-6, 1750e-6) if rate.baud > 19200 else (16.5 * bit, 38.5 * bit)
+        for ticks, wanted in ((rate.t15_ticks, t15), (rate.t35_ticks, t35)):
+            assert 0 <= ticks * bit / 16 - wanted <= bit / 4 + 1e-12
+            assert ticks < 1 << 12
+
+
+@pytest.mark.rule("FC-1", "FC-8")
+def test_drive_line_constants():
+    macros = verilog_macros("card_defs.v")
+    values = {name: verilog_value(text) for name, text in macros.items()}
+    assert values["CARD_BASE_HZ"] == 16 * 9600 * values["CARD_DRIVE_RATIO"]
+    assert values["CARD_DRIVE_PAUSE_TICKS"] == 22 * 16
+    assert (values["CARD_DRIVE_PARITY_ENABLE"], values["CARD_DRIVE_PARITY_ODD"]) == (1, 0)
+    assert values["CARD_DRIVE_TWO_STOP"] == 0
+
+
+def test_cpp_tables_agree():
+    text = (ROOT / "sim/generated/card_tables.h").read_text()
+    bauds = [int(item) for item in re.search(r"kBaud\[8\] = \{(.*?)\}", text)[1].split(",")]
+    assert bauds == [card_tables.RATES[f"{bits:03b}"[::-1]].baud for bits in range(8)]
+    formats = re.findall(r"^ +\{'([NOE])', (\d)\},", text, re.MULTILINE)
+    wanted = [card_tables.FORMATS[f"{bits:02b}"[::-1]] for bits in range(4)]
+    assert formats == [(entry.parity[0].upper(), str(entry.stop_bits)) for entry in wanted]

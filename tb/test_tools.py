@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands around the project: what they print, and that what goes wrong is said in one line."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tb.lib.runner import ROOT
+
+TOP = "rtu2fc"
+TIMEOUT_S = 300  # for one command
+# What the set-up needs of the system itself, not counting what it looks for.
+BASE_COMMANDS = [
+    "awk",
+    "bash",
+    "cat",
+    "cut",
+    "dirname",
+    "env",
+    "flock",
+    "grep",
+    "id",
+    "ln",
+    "make",
+    "mkdir",
+    "python3",
+    "rm",
+    "sed",
+    "sha256sum",
+    "tail",
+]
+
+
+def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
+    """Runs without a make around it: its flags and variables would be handed down."""
+    handed_down = re.compile(r"MAKE|MFLAGS|(CONFIG|SIM|TEST|JOBS|V|WAVES)$")
+    clean = {name: value for name, value in os.environ.items() if not handed_down.match(name)}
+    done = subprocess.Popen(
+        words,
+        cwd=cwd,
+        env=clean | (env or {}),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        stdout, stderr = done.communicate(timeout=TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        # Make's children too: they would run on without it.
+        os.killpg(done.pid, signal.SIGKILL)
+        raise
+    return subprocess.CompletedProcess(words, done.returncode, stdout, stderr)
+
+
+@pytest.fixture(scope="module")
+def sources() -> list[str]:
+    done = command("make", "-s", "sources")
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def one_line(text: str) -> str:
+    """The message itself; make adds a line that names the target."""
+    lines = [line for line in text.splitlines() if not line.startswith("make:")]
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+def test_make_alone_lists_every_target():
+    done = command("make")
+    assert done.returncode == 0
+    listed = re.findall(r"^make ([a-z-]+) +\S", done.stdout, re.MULTILINE)
+    phony = re.findall(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(" ".join(phony).split())
+    assert {"demo", "test", "run", "card", "firmware", "sources", "lint", "waves"} <= set(listed)
+
+
+def test_unknown_target():
+    done = command("make", "nosuch")
+    assert done.returncode == 2
+    assert "No rule to make target 'nosuch'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_waves_wants_a_name():
+    done = command("make", "waves")
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "say which test: make waves TEST=name"
+
+
+@pytest.mark.rule("TOP-2")
+def test_unknown_configuration():
+    done = command("make", "-s", "sources", "CONFIG=nosuch")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert one_line(done.stderr) == "no configuration 'nosuch' in configs.toml; there are: standard, tiny"
+
+
+@pytest.mark.rule("TOP-1")
+def test_sources_are_the_whole_card(sources):
+    """One existing file a line: all of rtl/, and the soft core from its package."""
+    assert all(Path(line).is_file() for line in sources)
+    assert {line for line in sources if line.startswith(f"{ROOT}/rtl/")} == {
+        str(path) for path in (ROOT / "rtl").rglob("*.v")
+    }
+    assert [Path(line).name for line in sources if "pythondata_cpu_" in line] == ["picorv32.v"]
+
+
+@pytest.mark.rule("TOP-1")
+@pytest.mark.parametrize(
+    "elaborate",
+    [
+        pytest.param(["iverilog", "-g2005", "-t", "null", "-s", TOP], id="icarus-2005"),
+        pytest.param(["iverilog", "-g2012", "-t", "null", "-s", TOP], id="icarus-2012"),
+        pytest.param(["verilator", "--lint-only", "--top-module", TOP], id="verilator"),
+    ],
+)
+def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
+    """No include folder, no option, any folder; without a warning."""
+    done = command(*elaborate, *sources, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "arning" not in done.stderr
+
+
+@pytest.fixture
+def poor_machine(tmp_path) -> Path:
+    """A folder for PATH with the system's commands and the compilers, but no iverilog and no apt-get."""
+    for name in [*BASE_COMMANDS, "gcc", "g++", "ccache", "mbpoll", "perl", "riscv64-unknown-elf-gcc"]:
+        (tmp_path / name).symlink_to(
+            shutil.which(name, path="/usr/local/bin:/usr/bin:/bin:" + os.environ["PATH"])
+        )
+    return tmp_path
+
+
+def test_missing_tool_is_named(poor_machine):
+    done = command("make", "lint", env={"PATH": str(poor_machine)})
+    assert done.returncode == 2
+    assert one_line(done.stderr) == (
+        "setup: missing: iverilog; there is no apt-get here, install them by hand"
+    )
+
+
+def test_missing_tool_without_root(poor_machine):
+    """With apt-get but neither root nor sudo: the command to type."""
+    for name, script in {"apt-get": "exit 1", "id": "echo 1000"}.items():
+        (poor_machine / name).unlink(missing_ok=True)
+        (poor_machine / name).write_text(f"#!/bin/sh\n{script}\n")
+        (poor_machine / name).chmod(0o755)
+    done = command("tools/setup.sh", env={"PATH": str(poor_machine)})
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "setup: missing: iverilog; as root: apt-get install iverilog"
+
+
+def test_second_setup_does_nothing():
+    assert command("make", "setup").returncode == 0
+    done = command("make", "setup")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_an_empty_test_run_fails():
+    """A name that selects no test is no success (pytest's exit code 5)."""
+    done = command("make", "waves", "TEST=no_such_test_at_all")
+    assert done.returncode != 0
+    assert "deselected" in done.stdout

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every static check of the project, one line each; exit 1 when one fails.
+
+    tools/lint.py            checks
+    tools/lint.py --format   lays Verilog and Python files out the way the checks want them
+
+C and C++ have no line here: their warnings are errors in the builds.
+"""
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, rtl_files
+
+TOP = "rtu2fc"
+FOLDERS = ("regs", "rtl", "sw", "sim", "tb", "tools")
+SUFFIXES = {".v", ".vh", ".vlt", ".rdl", ".py", ".sh", ".c", ".h", ".S", ".ld", ".cpp", ".mk", ".toml"}
+UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
+SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
+OUR_OWN = Path(__file__).name
+
+
+def source_files() -> list[Path]:
+    """Every text file of our own that carries code."""
+    found = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES]
+    found += [ROOT / name for name in ("Makefile", "configs.toml", "pyproject.toml", ".ci/run")]
+    return sorted(path for path in found if "__pycache__" not in path.parts)
+
+
+def hand_written_verilog() -> list[Path]:
+    benches = sorted((ROOT / "tb").rglob("*.v"))
+    return [path for path in rtl_files() if "generated" not in path.parts] + benches
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def tool(*command: str | Path) -> list[str]:
+    """Runs a tool; its output, line by line, if it failed or warned."""
+    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, check=False)
+    output = (done.stdout + done.stderr).splitlines()
+    return output or [f"exit code {done.returncode}"] if done.returncode else []
+
+
+# ---------------------------------------------------------------- checks: each returns what is wrong
+
+
+def file_list() -> list[str]:
+    """rtl/rtl.f names every Verilog file of rtl/, once."""
+    listed = rtl_files()
+    there = sorted((ROOT / "rtl").rglob("*.v"))
+    wrong = [f"{name(path)} is not in {name(FILE_LIST)}" for path in there if path not in listed]
+    wrong += [f"{name(path)} is in {name(FILE_LIST)} but not there" for path in listed if path not in there]
+    return wrong + [f"{name(path)} is listed twice" for path in set(listed) if listed.count(path) > 1]
+
+
+@cache
+def built_configurations() -> list[tuple[str, list[Path]]]:
+    built = []
+    for config in configurations():
+        try:
+            built.append((config, card_files(config)))
+        except SourcesError as error:
+            print(f"note  {error}")
+    return built
+
+
+def verilator() -> list[str]:
+    """The whole card, all warnings on; tools/verilator.vlt says which are waived and why."""
+    command = ["verilator", "--lint-only", "-Wall", "--no-timing", "--quiet", "--top-module", TOP]
+    built = built_configurations()
+    wrong = [] if built else ["no configuration can be built"]
+    for config, files in built:
+        wrong += [f"{config}: {line}" for line in tool(*command, ROOT / "tools/verilator.vlt", *files)]
+    return wrong
+
+
+def icarus() -> list[str]:
+    """The whole card as Verilog-2005, all warnings on; those about the soft cores are not ours."""
+    wrong = []
+    for config, files in built_configurations():
+        command = ["iverilog", "-g2005", "-Wall", "-Wno-timescale", "-t", "null", "-s", TOP, *files]
+        done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, check=False)
+        lines = [line for line in done.stderr.splitlines() if "/pythondata_cpu_" not in line]
+        wrong += [f"{config}: {line}" for line in lines]
+        if done.returncode and not lines:
+            wrong.append(f"{config}: iverilog ended with {done.returncode}")
+    return wrong
+
+
+def verible_lint() -> list[str]:
+    return tool("verible-verilog-lint", "--rules_config=tools/verible.rules", *hand_written_verilog())
+
+
+def verible_format() -> list[str]:
+    return tool("verible-verilog-format", "--inplace", "--verify", *hand_written_verilog())
+
+
+def net_types() -> list[str]:
+    """Every Verilog module stands between `default_nettype none and wire."""
+    wrong = []
+    for path in (path for path in rtl_files() + hand_written_verilog() if not path.stem.endswith("_defs")):
+        code = [line for line in path.read_text().splitlines() if line.strip() and not line.startswith("//")]
+        if not code or code[0] != "`default_nettype none" or code[-1] != "`default_nettype wire":
+            wrong.append(f"{name(path)}: first line `default_nettype none, last line `default_nettype wire")
+    return wrong
+
+
+def licences() -> list[str]:
+    return [
+        f"{name(path)}: no SPDX-License-Identifier in the first three lines"
+        for path in source_files()
+        if "SPDX-License-Identifier: Apache-2.0" not in "".join(path.open().readlines()[:3])
+    ]
+
+
+def finished() -> list[str]:
+    """Nothing left for later, nothing left out."""
+    wrong = []
+    for path in (path for path in source_files() if path.name != OUR_OWN):
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            if UNFINISHED.search(line) or (path.suffix == ".py" and SKIPPED.search(line)):
+                wrong.append(f"{name(path)}:{number}: {line.strip()}")
+    return wrong
+
+
+def registers() -> list[str]:
+    return tool(sys.executable, ROOT / "tools/regs.py", "--check")
+
+
+def ruff_check() -> list[str]:
+    return tool("ruff", "check", "--quiet", "--output-format", "concise", ".")
+
+
+def ruff_format() -> list[str]:
+    return tool("ruff", "format", "--check", ".")
+
+
+CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
+    ("rtl/rtl.f complete", file_list),
+    ("generated files current", registers),
+    ("verilator -Wall", verilator),
+    ("iverilog -g2005 -Wall", icarus),
+    ("verible lint", verible_lint),
+    ("verible format", verible_format),
+    ("net types", net_types),
+    ("licence lines", licences),
+    ("nothing unfinished", finished),
+    ("ruff check", ruff_check),
+    ("ruff format", ruff_format),
+]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--format", action="store_true", help="format the files instead of checking them")
+    if parser.parse_args().format:
+        problems = tool("verible-verilog-format", "--inplace", *hand_written_verilog())
+        problems += tool("ruff", "check", "--quiet", "--select", "I", "--fix", ".")
+        problems += tool("ruff", "format", "--quiet", ".")
+        print("\n".join(problems), end="\n" if problems else "")
+        return 1 if problems else 0
+
+    for command in ("verilator", "iverilog", "verible-verilog-lint", "ruff"):
+        if shutil.which(command) is None:
+            print(f"{command} is missing; run `make setup`", file=sys.stderr)
+            return 2
+    failed = 0
+    for title, check in CHECKS:
+        wrong = check()
+        failed += bool(wrong)
+        print(f"{'FAIL' if wrong else 'ok':5} {title}")
+        for line in wrong:
+            print(f"      {line}")
+    print(f"{len(CHECKS) - failed} checks passed, {failed} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

