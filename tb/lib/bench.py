@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every bench does: inputs at known levels from the first moment, a clock, a reset, waiting.
+
+An input nobody drives is Z in Icarus and 0 in Verilator, so all inputs are given here, and the clock
+starts a period later. (Icarus 11 loses an `Immediate` write of time 0, so these are plain ones.)
+"""
+
+from __future__ import annotations
+
+import cocotb
+from cocotb.clock import Clock
+from cocotb.triggers import ReadOnly, RisingEdge, Timer
+
+from tb.lib.uart_agent import now_ps
+
+
+def clock_period_ps(clk_hz: float) -> int:
+    """An even number of ps, as both halves are equal: off by at most 1 ps, 100 ppm at 100 MHz."""
+    return 2 * round(5e11 / clk_hz)
+
+
+class Bench:
+    """A device under test with `clk`, and `rst_n` or else `rst` (active high) if it has one.
+
+    `period_ps` is the real length of a clock in this simulation.
+    """
+
+    def __init__(self, dut, clk_hz: float = 10e6, **inputs: int):
+        self.dut = dut
+        self.period_ps = clock_period_ps(clk_hz)
+        self._reset = next(((n, v) for n, v in (("rst_n", 0), ("rst", 1)) if hasattr(dut, n)), None)
+        if self._reset:
+            inputs.setdefault(*self._reset)
+        for name, value in inputs.items():
+            getattr(dut, name).value = value
+        self.clock = Clock(dut.clk, self.period_ps, unit="ps", impl="gpi")
+
+    async def start(self, reset_clocks: int = 3, release: bool = True) -> Bench:
+        """Clock on, reset for some clocks; returns just after a falling edge, a clock after the release."""
+        await Timer(self.period_ps, unit="ps")
+        self._first_edge_ps = now_ps()
+        self.clock.start()
+        await self.clocks(reset_clocks)
+        if self._reset and release:
+            name, active = self._reset
+            getattr(self.dut, name).value = 1 - active
+            await self.clocks(1)
+        return self
+
+    async def clocks(self, count: float = 1) -> None:
+        """Lets `count` clocks pass with a single timer, staying just after a falling edge.
+
+        Inputs set then are stable at the next rising edge, outputs read then belong to the last one.
+        """
+        target = now_ps() + round(count * self.period_ps)
+        # The clock starts with a rising edge; 1 ps after a falling edge is the place to stay.
+        past = (target - self._first_edge_ps - self.period_ps // 2 - 1) % self.period_ps
+        await Timer(max(1, target - past - now_ps()), unit="ps")
+
+    def last_edge_ps(self) -> int:
+        """When the last rising edge was."""
+        return now_ps() - (now_ps() - self._first_edge_ps) % self.period_ps
+
+    async def edge(self) -> None:
+        """Lets the next rising edge pass, from any moment."""
+        await RisingEdge(self.dut.clk)
+        await self.clocks()
+
+    async def give(self, data: bytes, prefix: str = "byte") -> None:
+        """Hands bytes to a stream <prefix>_valid/_ready/_data, always one waiting; returns when all are taken."""
+        valid, ready, lane = (getattr(self.dut, f"{prefix}_{part}") for part in ("valid", "ready", "data"))
+        for byte in data:
+            lane.value, valid.value = byte, 1
+            if str(ready.value) != "1":
+                await RisingEdge(ready)
+            await self.edge()
+        valid.value = 0
+
+    async def strobe(self, signal) -> None:
+        """One clock wide pulse."""
+        signal.value = 1
+        await self.clocks()
+        signal.value = 0
+
+
+class Strobes:
+    """Counts the clocks in which a strobe is high, and keeps the values of other signals then."""
+
+    def __init__(self, dut, strobe: str, *values: str):
+        self.times_ps: list[int] = []
+        self.values: list[tuple[int, ...]] = []
+        self._dut, self._strobe = dut, getattr(dut, strobe)
+        self._signals = [getattr(dut, name) for name in values]
+        self._task = cocotb.start_soon(self._watch())
+
+    def __len__(self) -> int:
+        return len(self.times_ps)
+
+    def clear(self) -> None:
+        self.times_ps.clear()
+        self.values.clear()
+
+    async def _watch(self) -> None:
+        high_already = str(self._strobe.value) == "1"
+        while True:
+            await RisingEdge(self._dut.clk if high_already else self._strobe)
+            await ReadOnly()
+            high_already = False
+            # A strobe wider than one clock shows as several.
+            while str(self._strobe.value) == "1":
+                self.times_ps.append(now_ps())
+                self.values.append(tuple(int(s.value) for s in self._signals))
+                await RisingEdge(self._dut.clk)
+                await ReadOnly()

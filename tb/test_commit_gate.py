@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: Apache-2.0
+"""commit_gate: what the firmware queued leaves after the commit, or never."""
+
+from __future__ import annotations
+
+import cocotb
+import pytest
+from cocotb.triggers import Timer
+
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+INPUTS = """
+    candidate commit revoke broadcast modbus_start_seen modbus_quiet drive_good drive_bad drive_quiet
+    queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
+""".split()  # noqa: SIM905 (a table reads better than a list)
+
+
+class Gate:
+    """The gate with both lines silent, and verbs for what may happen to it."""
+
+    def __init__(self, dut):
+        self.dut = dut
+        self.bench = Bench(dut, **dict.fromkeys(INPUTS, 0))
+        self.replies = Strobes(dut, "reply_start")
+        self.telegrams = Strobes(dut, "telegram_start")
+
+    async def start(self) -> Gate:
+        await self.bench.start()
+        self.dut.modbus_quiet.value = 1
+        self.dut.drive_quiet.value = 1
+        return self
+
+    async def pulse(self, *names: str, **levels: int) -> None:
+        """One clock with these strobes high and these levels given."""
+        for name, value in levels.items():
+            getattr(self.dut, name).value = value
+        for name in names:
+            getattr(self.dut, name).value = 1
+        await self.bench.clocks()
+        for name in names:
+            getattr(self.dut, name).value = 0
+
+    async def candidate(self, broadcast: int = 0) -> int:
+        await self.pulse("candidate", broadcast=broadcast)
+        return self.dut.ticket.value.to_unsigned()
+
+    async def queue_reply(self, ticket: int, after_drive: int = 0, empty: int = 0) -> None:
+        await self.pulse("queue_reply", queue_ticket=ticket, reply_after_drive=after_drive, reply_empty=empty)
+
+    async def queue_telegram(self, ticket: int, repeat: int = 0) -> None:
+        await self.pulse("queue_telegram", queue_ticket=ticket, telegram_repeat=repeat)
+
+    async def settle(self) -> tuple[int, int]:
+        """How many replies and telegrams have started so far, some clocks on."""
+        await self.bench.clocks(5)
+        return len(self.replies), len(self.telegrams)
+
+
+@cocotb.test()
+async def what_is_queued_for_a_candidate_leaves_at_the_commit_and_not_before(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 0)
+    await gate.pulse("commit")
+    assert await gate.settle() == (1, 1)
+
+
+@cocotb.test()
+async def a_revoke_drops_both_and_a_late_queue_too(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    await gate.pulse("revoke")
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 0)
+    await gate.pulse("commit")  # of a frame for somebody else: none is signalled, but it must not help
+    assert int(dut.telegram_queued.value) == 0 and int(dut.reply_queued.value) == 0
+
+
+@cocotb.test()
+async def a_queue_after_the_commit_leaves_at_once(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (1, 1)
+
+
+@cocotb.test()
+async def each_request_gets_one_reply(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_reply(ticket)
+    await gate.queue_reply(ticket)
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (1, 0)
+
+
+@cocotb.test()
+async def every_wrong_ticket_is_ignored(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit")
+    for wrong in range(16):
+        if wrong != ticket:
+            await gate.queue_reply(wrong)
+            await gate.queue_telegram(wrong)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def nothing_leaves_before_the_first_request(dut):
+    gate = await Gate(dut).start()
+    for ticket in range(16):
+        await gate.queue_reply(ticket)
+        await gate.queue_telegram(ticket)
+        await gate.queue_telegram(ticket, repeat=1)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def tickets_count_candidates(dut):
+    gate = await Gate(dut).start()
+    first = await gate.candidate()
+    for n in range(1, 40):
+        await gate.pulse("revoke" if n % 3 else "commit")
+        assert await gate.candidate() == (first + n) % 16
+
+
+@cocotb.test()
+async def a_character_after_the_commit_drops_the_reply_but_not_the_telegram(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    dut.drive_quiet.value = 0
+    await gate.pulse("commit")
+    await gate.queue_telegram(ticket)
+    await gate.pulse("modbus_start_seen")
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (0, 0)
+    dut.drive_quiet.value = 1
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+async def a_reply_waits_for_a_quiet_line(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit", modbus_quiet=0)
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (0, 0)
+    dut.modbus_quiet.value = 1
+    assert await gate.settle() == (1, 0)
+
+
+@cocotb.test()
+async def a_reply_after_the_drive_waits_for_good_and_dies_with_bad(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_reply(ticket, after_drive=1)
+    assert await gate.settle() == (0, 0)
+    await gate.pulse("drive_bad")
+    dut.drive_good.value = 1
+    assert await gate.settle() == (0, 0)
+    dut.drive_good.value = 0
+    await gate.queue_reply(ticket, after_drive=1)
+    dut.drive_good.value = 1
+    assert await gate.settle() == (1, 0)
+
+
+@cocotb.test()
+async def a_bad_telegram_from_the_drive_leaves_a_plain_reply_alone(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_reply(ticket)
+    await gate.pulse("drive_bad")
+    await gate.pulse("commit")
+    assert await gate.settle() == (1, 0)
+
+
+@cocotb.test()
+async def a_broadcast_is_never_answered_but_goes_to_the_drive(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(broadcast=1)
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+async def length_0_takes_a_reply_back(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_reply(ticket)
+    await gate.queue_reply(ticket, empty=1)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def a_licensed_telegram_is_repeated_even_after_newer_requests(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+    newer = await gate.candidate()
+    assert newer != ticket
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 2)
+    await gate.pulse("revoke")
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 3)
+
+
+@cocotb.test()
+async def touching_the_telegram_ends_its_licence(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+    await gate.pulse("telegram_touched")
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 1)
+    await gate.queue_telegram(ticket)  # the request still stands: a second exchange for it
+    assert await gate.settle() == (0, 2)
+
+
+@cocotb.test()
+async def touching_in_the_very_clock_of_the_commit_licenses_nothing(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit", "telegram_touched")
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def candidate_and_commit_in_one_clock_serve_a_card_that_does_not_prepare_early(dut):
+    gate = await Gate(dut).start()
+    await gate.pulse("candidate", "commit")
+    ticket = dut.ticket.value.to_unsigned()
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (1, 1)
+
+
+@cocotb.test()
+async def a_reset_forgets_what_was_queued_and_licensed(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    dut.drive_quiet.value = 0
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit", "modbus_start_seen")
+    await gate.pulse("rst")
+    dut.drive_quiet.value = 1
+    await gate.queue_telegram(ticket, repeat=1)
+    await gate.queue_telegram(ticket)
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (0, 0)
+
+
+ODDS = {
+    "candidate": 0.08,
+    "commit": 0.12,
+    "revoke": 0.03,
+    "modbus_start_seen": 0.03,
+    "drive_bad": 0.03,
+    "queue_reply": 0.2,
+    "queue_telegram": 0.2,
+    "telegram_touched": 0.05,
+}
+
+
+@cocotb.test()
+async def no_random_history_lets_anything_out_without_its_commit(dut):
+    """Against the promise told from the inputs alone: who may leave in this clock, not who must."""
+    rng = seeded("gate history")
+    gate = await Gate(dut).start()
+    pending, committed, fresh, licence = False, False, False, False
+    current = dut.ticket.value.to_unsigned()  # a reset does not set it back
+    left = {"reply": 0, "telegram": 0}
+    for step in range(6000):
+        names = {name for name, odds in ODDS.items() if rng.random() < odds}
+        # The receiver never gives two of these at once, and commits only what is pending.
+        fate = [n for n in ("candidate", "commit", "revoke", "modbus_start_seen") if n in names]
+        names -= set(fate[1:])
+        if not pending:
+            names.discard("commit")
+        levels = {name: rng.randint(0, 1) for name in ("modbus_quiet", "drive_quiet", "drive_good")}
+        repeat = int(rng.random() < 0.3)
+        ticket = current if rng.random() < 0.8 else rng.randrange(16)
+        for name, value in levels.items():
+            getattr(dut, name).value = value
+        dut.queue_ticket.value = ticket
+        dut.telegram_repeat.value = repeat
+        dut.reply_after_drive.value = rng.randint(0, 1)
+        dut.reply_empty.value = int(rng.random() < 0.1)
+        for name in ODDS:
+            getattr(dut, name).value = int(name in names)
+        await Timer(1, unit="ns")
+        reply, telegram = int(dut.reply_start.value), int(dut.telegram_start.value)
+        assert not reply or (fresh and levels["modbus_quiet"]), f"reply in step {step}"
+        assert not telegram or (licence and levels["drive_quiet"]), f"telegram in step {step}"
+        left["reply"] += reply
+        left["telegram"] += telegram
+        await gate.bench.clocks()
+
+        if reply or "modbus_start_seen" in names:
+            fresh = False
+        # A new telegram is licensed if its request is committed; what changes is not licensed any more.
+        if "queue_telegram" in names and not repeat:
+            licence = committed and ticket == current
+        if "candidate" in names:
+            current, pending, committed, fresh = (current + 1) % 16, True, False, False
+        if "commit" in names:
+            pending, committed, fresh, licence = False, True, True, True
+        if "revoke" in names:
+            pending = False
+        if "telegram_touched" in names:
+            licence = False
+    dut._log.info("%s", left)
+    assert min(left.values()) > 100, "the history was too dull to show anything"
+
+
+@pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1")
+def test_commit_gate(sim):
+    run("commit_gate", "tb.test_commit_gate", sim=sim)
