@@ -15,6 +15,7 @@ module mailbox #(
 ) (
     input  wire        clk,
     input  wire        rst,
+    input  wire        core_rst,
     // firmware bus
     input  wire        bus_valid,
     output wire        bus_ready,
@@ -63,6 +64,12 @@ module mailbox #(
     input  wire [ 7:0] drive_lge,
     // both ports
     output wire [ 7:0] read_data,
+    // supervisor
+    output wire        watchdog_kick,
+    output wire        halt,
+    output wire        loopback_close,
+    input  wire        loopback_open,
+    input  wire [ 1:0] watchdog_bites,
     // status
     input  wire [ 9:1] sw_baud,
     input  wire [ 8:1] sw_addr,
@@ -117,7 +124,7 @@ module mailbox #(
       .CLK_HZ(CLK_HZ)
   ) regs_i (
       .clk(clk),
-      .rst(rst),
+      .rst(core_rst),
       // firmware bus
       .bus_valid(bus_valid),
       .bus_ready(bus_ready),
@@ -139,6 +146,9 @@ module mailbox #(
       .telegram_touched(telegram_touched),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
+      .watchdog_kick(watchdog_kick),
+      .halt(halt),
+      .loopback_close(loopback_close),
       .reply_length(reply_length),
       .telegram_length(telegram_length),
       .telegram_no_reply(telegram_no_reply),
@@ -164,12 +174,14 @@ module mailbox #(
       .drive_listening(drive_listening),
       .drive_candidate(drive_candidate),
       .drive_good(drive_good),
-      .drive_lge(drive_lge)
+      .drive_lge(drive_lge),
+      .loopback_open(loopback_open),
+      .watchdog_bites(watchdog_bites)
   );
 
   commit_gate gate_i (
       .clk(clk),
-      .rst(rst),
+      .rst(core_rst),
       // network request
       .candidate(candidate),
       .commit(commit),
@@ -189,6 +201,8 @@ module mailbox #(
       .telegram_repeat(bus_wdata[`MBX_TELEGRAM_REPEAT_BITS]),
       .telegram_touched(telegram_touched),
       .queue_ticket(bus_wdata[`MBX_REPLY_TICKET_BITS]),
+      // configuration
+      .loopback_open(loopback_open),
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),

@@ -36,6 +36,9 @@ module mailbox_regs #(
     output wire        telegram_touched,
     output wire        listen_again,
     output wire        listen_stop,
+    output wire        watchdog_kick,
+    output wire        halt,
+    output wire        loopback_close,
     output reg  [ 4:0] reply_length,
     output reg  [ 4:0] telegram_length,
     output reg         telegram_no_reply,
@@ -61,10 +64,14 @@ module mailbox_regs #(
     input  wire        drive_listening,
     input  wire        drive_candidate,
     input  wire        drive_good,
-    input  wire [ 7:0] drive_lge
+    input  wire [ 7:0] drive_lge,
+    input  wire        loopback_open,
+    input  wire [ 1:0] watchdog_bites
 );
 
   localparam [7:0] TELEGRAM_AREA = `MBX_TELEGRAM_FRAME_INDEX;
+  // A firmware that writes at random does not keep itself alive.
+  localparam [7:0] WATCHDOG_KEY = 8'hA5;
   localparam [31:0] CLK_MHZ = CLK_HZ / 1_000_000;
 
   reg done = 1'b0;
@@ -90,6 +97,13 @@ module mailbox_regs #(
   assign telegram_touched = write_valid && write_ready && is_telegram;
   assign listen_again = reg_write && bus_word == `MBX_LISTEN_WORD && bus_wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = reg_write && bus_word == `MBX_LISTEN_WORD && !bus_wdata[`MBX_LISTEN_ON_BITS];
+
+  assign watchdog_kick = reg_write && bus_word == `MBX_WATCHDOG_WORD &&
+      bus_wdata[`MBX_WATCHDOG_KEY_BITS] == WATCHDOG_KEY;
+  assign halt = reg_write && bus_word == `MBX_SUPERVISOR_WORD &&
+      bus_wdata[`MBX_SUPERVISOR_HALT_BITS];
+  assign loopback_close = reg_write && bus_word == `MBX_SUPERVISOR_WORD &&
+      bus_wdata[`MBX_SUPERVISOR_LOOPBACK_BITS];
 
   initial begin
     reply_length = 5'd0;
@@ -156,6 +170,10 @@ module mailbox_regs #(
         reg_rdata[`MBX_EXCHANGE_CANDIDATE_BITS] <= drive_candidate;
         reg_rdata[`MBX_EXCHANGE_GOOD_BITS] <= drive_good;
         reg_rdata[`MBX_EXCHANGE_LGE_BITS] <= drive_lge;
+      end
+      `MBX_SUPERVISOR_WORD: begin
+        reg_rdata[`MBX_SUPERVISOR_BITES_BITS] <= watchdog_bites;
+        reg_rdata[`MBX_SUPERVISOR_LOOPBACK_BITS] <= loopback_open;
       end
       default: ;
     endcase

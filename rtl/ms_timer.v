@@ -3,7 +3,7 @@
 //
 // A millisecond is 153.6 ticks of 1/(16 * 9600) s. Counting five a tick up to 768
 // makes that exact on average; one millisecond is off by less than a tick (7 us).
-// ms wraps round after 65.536 s. Clock domain: clk. Rules: FC-9, LED-1.
+// ms wraps round after 65.536 s; ms_tick is high for one clock a millisecond. Clock domain: clk. Rules: FC-9, LED-1.
 `default_nettype none
 
 module ms_timer (
@@ -11,6 +11,7 @@ module ms_timer (
     input  wire        rst,
     input  wire        tick16,
     // status
+    output wire        ms_tick,
     output reg  [15:0] ms
 );
 
@@ -18,6 +19,8 @@ module ms_timer (
 
   reg [9:0] fifths = 10'd0;
   wire over = fifths >= FIFTHS_PER_MS - 10'd5;
+
+  assign ms_tick = tick16 && over;
 
   initial ms = 16'd0;
 

@@ -4,8 +4,7 @@
 // Receive: sync_2ff, glitch_filter, uart_rx, silence_timer, crc16_modbus, rtu_rx.
 // Send: rtu_tx, crc16_modbus, rs485_dir, uart_tx. One CRC serves both directions,
 // for the receiver is deaf while DE is high. Only wires in here; drive_port has the
-// same shape. With an invalid address the port stays deaf, so the card stays silent on
-// both lines (LINE-7). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
+// same shape. Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
 `default_nettype none
 
 module network_port #(
@@ -34,7 +33,6 @@ module network_port #(
     // configuration
     input  wire [5:1] sw_baud,
     input  wire [7:0] own_address,
-    input  wire       address_valid,
     // status
     output wire       sending,
     output wire       quiet,
@@ -195,7 +193,7 @@ module network_port #(
       .crc_clear(crc_clear),
       .crc_good(crc_good),
       // configuration
-      .deaf(de || !address_valid),
+      .deaf(de),
       .own_address(own_address),
       // status
       .candidate(candidate),

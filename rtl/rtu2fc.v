@@ -45,6 +45,7 @@ module rtu2fc #(
 
   wire tick_base;
   wire tick16_drive;
+  wire ms_tick;
   wire [15:0] ms;
   wire [9:1] baud;
   wire [8:1] addr;
@@ -57,6 +58,7 @@ module rtu2fc #(
   wire [3:0] core_wstrb;
   wire [31:0] core_rdata;
   wire core_trap;
+  wire core_rst;
   wire ram_valid;
   wire ram_ready;
   wire [31:0] ram_rdata;
@@ -112,6 +114,23 @@ module rtu2fc #(
 
   wire [7:0] frame_read_data;
 
+  wire watchdog_kick;
+  wire halt;
+  wire loopback_close;
+  wire loopback_open;
+  wire [1:0] watchdog_bites;
+  wire fault;
+  wire lit_modbus_red;
+  wire lit_modbus_green;
+  wire lit_drive_red;
+  wire lit_drive_green;
+
+  // On a fault both LEDs are red whatever the firmware last asked for (LED-5).
+  assign led_modbus_red = lit_modbus_red || fault;
+  assign led_modbus_green = lit_modbus_green && !fault;
+  assign led_drive_red = lit_drive_red || fault;
+  assign led_drive_green = lit_drive_green && !fault;
+
   reset_sync reset_i (
       .clk  (clk),
       .rst_n(rst_n),
@@ -147,6 +166,7 @@ module rtu2fc #(
       .rst(rst),
       .tick16(tick16_drive),
       // status
+      .ms_tick(ms_tick),
       .ms(ms)
   );
 
@@ -155,7 +175,7 @@ module rtu2fc #(
       .PREPARE_EARLY(PREPARE_EARLY)
   ) network_i (
       .clk(clk),
-      .rst(rst),
+      .rst(rst || fault),
       .tick_base(tick_base),
       // frame memory
       .write_valid(modbus_write_valid),
@@ -176,7 +196,6 @@ module rtu2fc #(
       // configuration
       .sw_baud(baud[5:1]),
       .own_address(addr),
-      .address_valid(addr_valid),
       // status
       .sending(modbus_sending),
       .quiet(modbus_quiet),
@@ -196,7 +215,7 @@ module rtu2fc #(
 
   drive_port drive_i (
       .clk(clk),
-      .rst(rst),
+      .rst(rst || fault),
       .tick_base(tick_base),
       // frame memory
       .write_valid(drive_write_valid),
@@ -237,6 +256,7 @@ module rtu2fc #(
   ) mailbox_i (
       .clk(clk),
       .rst(rst),
+      .core_rst(core_rst),
       // firmware bus
       .bus_valid(mailbox_valid),
       .bus_ready(mailbox_ready),
@@ -285,6 +305,12 @@ module rtu2fc #(
       .drive_lge(drive_lge),
       // both ports
       .read_data(frame_read_data),
+      // supervisor
+      .watchdog_kick(watchdog_kick),
+      .halt(halt),
+      .loopback_close(loopback_close),
+      .loopback_open(loopback_open),
+      .watchdog_bites(watchdog_bites),
       // status
       .sw_baud(baud),
       .sw_addr(addr),
@@ -294,17 +320,38 @@ module rtu2fc #(
       .count_framing(count_framing),
       .count_t15(count_t15),
       .count_overrun(count_overrun),
-      .led_modbus_red(led_modbus_red),
-      .led_modbus_green(led_modbus_green),
-      .led_drive_red(led_drive_red),
-      .led_drive_green(led_drive_green)
+      .led_modbus_red(lit_modbus_red),
+      .led_modbus_green(lit_modbus_green),
+      .led_drive_red(lit_drive_red),
+      .led_drive_green(lit_drive_green)
+  );
+
+  supervisor supervisor_i (
+      .clk(clk),
+      .rst(rst),
+      .ms_tick(ms_tick),
+      // firmware
+      .kick(watchdog_kick),
+      .halt(halt),
+      .loopback_close(loopback_close),
+      .core_trap(core_trap),
+      // configuration
+      .sw_baud(baud),
+      .address_valid(addr_valid),
+      // status
+      .reply_start(reply_start),
+      .drive_good(drive_good),
+      .core_rst(core_rst),
+      .bites(watchdog_bites),
+      .fault(fault),
+      .loopback_open(loopback_open)
   );
 
   soft_core #(
       .STACK_TOP(MEMORY_BYTES)
   ) core_i (
       .clk(clk),
-      .rst(rst),
+      .rst(core_rst),
       // bus
       .bus_valid(core_valid),
       .bus_ready(core_ready),
@@ -340,7 +387,7 @@ module rtu2fc #(
       .FIRMWARE_HEX(FIRMWARE_HEX)
   ) ram_i (
       .clk(clk),
-      .rst(rst),
+      .rst(core_rst),
       // soft core bus
       .bus_valid(ram_valid),
       .bus_ready(ram_ready),
@@ -349,9 +396,6 @@ module rtu2fc #(
       .bus_wstrb(core_wstrb),
       .bus_rdata(ram_rdata)
   );
-
-  // Seen in waves; nothing acts on it.
-  wire unused = core_trap;
 
 endmodule
 

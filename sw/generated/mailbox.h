@@ -75,6 +75,11 @@ extern "C" {
 #define MAILBOX__LED__DRIVE_GREEN_bw 1
 #define MAILBOX__LED__DRIVE_GREEN_reset 0x0
 
+// reg - MAILBOX.WATCHDOG
+#define MAILBOX__WATCHDOG__KEY_bm 0xff
+#define MAILBOX__WATCHDOG__KEY_bp 0
+#define MAILBOX__WATCHDOG__KEY_bw 8
+
 // reg - MAILBOX.REQUEST
 #define MAILBOX__REQUEST__TICKET_bm 0xf
 #define MAILBOX__REQUEST__TICKET_bp 0
@@ -170,6 +175,17 @@ extern "C" {
 #define MAILBOX__LISTEN__ON_bm 0x1
 #define MAILBOX__LISTEN__ON_bp 0
 #define MAILBOX__LISTEN__ON_bw 1
+
+// reg - MAILBOX.SUPERVISOR
+#define MAILBOX__SUPERVISOR__HALT_bm 0x1
+#define MAILBOX__SUPERVISOR__HALT_bp 0
+#define MAILBOX__SUPERVISOR__HALT_bw 1
+#define MAILBOX__SUPERVISOR__LOOPBACK_bm 0x2
+#define MAILBOX__SUPERVISOR__LOOPBACK_bp 1
+#define MAILBOX__SUPERVISOR__LOOPBACK_bw 1
+#define MAILBOX__SUPERVISOR__BITES_bm 0x30
+#define MAILBOX__SUPERVISOR__BITES_bp 4
+#define MAILBOX__SUPERVISOR__BITES_bw 2
 
 // reg - MAILBOX.REQUEST_FRAME_0.BYTE[]
 #define MAILBOX__REQUEST_FRAME_0__BYTEX__DATA_bm 0xff
@@ -392,14 +408,15 @@ typedef struct {
     uint32_t SW_ADDR;
     uint32_t TIME;
     uint32_t LED;
-    uint8_t RESERVED_1c_1f[0x4];
+    uint32_t WATCHDOG;
     uint32_t REQUEST;
     uint32_t REQUEST_LENGTH;
     uint32_t REPLY;
     uint32_t TELEGRAM;
     uint32_t EXCHANGE;
     uint32_t LISTEN;
-    uint8_t RESERVED_38_3ff[0x3c8];
+    uint32_t SUPERVISOR;
+    uint8_t RESERVED_3c_3ff[0x3c4];
     MAILBOX__REQUEST_FRAME_0_t REQUEST_FRAME_0;
     MAILBOX__REQUEST_FRAME_1_t REQUEST_FRAME_1;
     MAILBOX__REPLY_FRAME_t REPLY_FRAME;

@@ -98,6 +98,12 @@ REGISTERS = {
             "drive_green": Field(3, 1, "rw", 0x0),
         },
     ),
+    "WATCHDOG": Register(
+        0x1C,
+        {
+            "key": Field(0, 8, "wo", None),
+        },
+    ),
     "REQUEST": Register(
         0x20,
         {
@@ -149,6 +155,14 @@ REGISTERS = {
         0x34,
         {
             "on": Field(0, 1, "wo", None),
+        },
+    ),
+    "SUPERVISOR": Register(
+        0x38,
+        {
+            "halt": Field(0, 1, "rw", None),
+            "loopback": Field(1, 1, "rw", None),
+            "bites": Field(4, 2, "ro", None),
         },
     ),
 }

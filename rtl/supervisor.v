@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Watches the firmware, restarts it when it stops, and halts the card on a fault.
+//
+// Watchdog (WDG-1): without a kick for BITE_MS, or on a trap, it bites: the soft core
+// and what it had queued are reset, the lines and the switch settings are not, so a
+// telegram on the wire is finished. Three bites with neither a reply sent nor a
+// good telegram from the drive in between are a fault.
+// Fault (LED-5): an invalid unit address, a firmware image that does not add up, or
+// the third bite. From then on until reset: soft core stopped, both ports in reset
+// (both DE low), both LEDs red.
+// Loop-back test (LOOP-1): open while its switch pattern was set at power-up and the
+// firmware has not closed it; then never again.
+// Units: ms_tick = 1 ms. Clock domain: clk.
+`default_nettype none
+
+module supervisor #(
+    parameter [6:0] BITE_MS = 7'd64,
+    parameter [9:1] LOOPBACK_SWITCHES = 9'b1111_00_111
+) (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       ms_tick,
+    // firmware
+    input  wire       kick,
+    input  wire       halt,
+    input  wire       loopback_close,
+    input  wire       core_trap,
+    // configuration
+    input  wire [9:1] sw_baud,
+    input  wire       address_valid,
+    // status
+    input  wire       reply_start,
+    input  wire       drive_good,
+    output wire       core_rst,
+    output reg  [1:0] bites,
+    output wire       fault,
+    output wire       loopback_open
+);
+
+  reg [6:0] idle_ms = 7'd0;
+  reg [1:0] restarting = 2'b00;
+  reg halted = 1'b0;
+  reg loopback_closed = 1'b0;
+  reg drive_was_good = 1'b0;
+
+  wire bite = (idle_ms == BITE_MS || core_trap) && restarting == 2'b00;
+
+  assign loopback_open = !loopback_closed && sw_baud == LOOPBACK_SWITCHES;
+  assign fault = halted || bites == 2'd3 || (!address_valid && !loopback_open);
+  assign core_rst = rst || fault || restarting != 2'b00;
+
+  initial bites = 2'd0;
+
+  always @(posedge clk) begin
+    // Two clocks, so that an access under way has its answer before the next begins.
+    restarting <= {restarting[0], bite};
+    if (ms_tick) idle_ms <= idle_ms + 7'd1;
+    if (kick || bite) idle_ms <= 7'd0;
+    drive_was_good <= drive_good;
+    if (reply_start || (drive_good && !drive_was_good)) bites <= 2'd0;
+    if (bite && !fault) bites <= bites + 2'd1;
+    if (halt) halted <= 1'b1;
+    if (loopback_close) loopback_closed <= 1'b1;
+    if (rst) begin
+      restarting <= 2'b00;
+      idle_ms <= 7'd0;
+      bites <= 2'd0;
+      halted <= 1'b0;
+      loopback_closed <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
