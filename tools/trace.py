@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Which test shows which rule, and what its last run said.
+
+Rules come from docs/requirements.md, tests from the `rule` marks that pytest collects, results from the last
+runs (build/results.json, written by tb/conftest.py). Fails on a rule that nothing shows, on a mark that names
+no rule, and on a test whose last run failed. Rules that the list calls open, or shown by something else than
+a test, are printed as such.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+REQUIREMENTS = ROOT / "docs/requirements.md"
+RESULTS = ROOT / "build/results.json"
+ROW = re.compile(r"^\| ([A-Z0-9]+(?:-[A-Z0-9]+)*) \| (.+) \| (.+) \|$")
+
+
+class Collector:
+    """A pytest plugin that notes each test and its marks."""
+
+    def __init__(self) -> None:
+        self.tests: dict[str, list[str]] = defaultdict(list)
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        for item in items:
+            for mark in item.iter_markers("rule"):
+                for rule in mark.args:
+                    self.tests[rule].append(item.nodeid)
+
+
+def read_rules() -> dict[str, str]:
+    """Rule id to what shows it."""
+    rows = (ROW.match(line) for line in REQUIREMENTS.read_text().splitlines())
+    return {row[1]: row[3].strip() for row in rows if row and row[1] != "ID"}
+
+
+def collect() -> dict[str, list[str]]:
+    collector = Collector()
+    code = pytest.main(["--collect-only", "-q", "--no-header", "-p", "no:terminal", str(ROOT / "tb")], [collector])
+    if code != pytest.ExitCode.OK:
+        sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
+    return collector.tests
+
+
+def verdict(tests: list[str], results: dict[str, str]) -> str:
+    """In words, the worst first."""
+    counts = {state: sum(results.get(test, "not run") == state for test in tests) for state in STATES}
+    return ", ".join(f"{number} {state}" for state, number in counts.items() if number)
+
+
+STATES = ("failed", "not run", "passed")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tests", action="store_true", help="name every test")
+    args = parser.parse_args()
+
+    rules = read_rules()
+    tests = collect()
+    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    problems = [f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules]
+    for rule, shown_by in rules.items():
+        own = tests.get(rule, [])
+        functions = sorted({test.split("[")[0] for test in own})
+        state = verdict(own, results) if own else ("NO TEST" if shown_by == "test" else shown_by)
+        where = ", ".join(sorted({function.split("::")[0].removeprefix("tb/") for function in functions}))
+        print(f"{rule:<18} {len(functions):>3} tests  {state:<24} {where}")
+        if args.tests:
+            for function in functions:
+                print(f"{'':<18}   {function}")
+        if shown_by == "test" and not own:
+            problems.append(f"{rule}: no test names it")
+        problems += [f"{rule}: {test} failed" for test in own if results.get(test) == "failed"]
+    for problem in problems:
+        print(f"trace: {problem}", file=sys.stderr)
+    shown = sum(1 for rule, by in rules.items() if tests.get(rule) or by not in ("test", "open"))
+    print(f"{len(rules)} rules, {shown} shown, {sum(by == 'open' for by in rules.values())} open")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
