@@ -13,7 +13,7 @@ FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
 FIRMWARE_STACK := 256
 
-FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c)
+FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
 FIRMWARE_HOST := sw/port/host/host.c
 FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h sw/generated/*.h)
@@ -21,7 +21,7 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h sw/genera
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Isw/generated
 # Loops stay loops: there is no C library to call instead.
-FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -march=rv32i -mabi=ilp32 -ffreestanding -ffunction-sections \
+FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns
 FIRMWARE_LDFLAGS := -nostdlib -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
@@ -35,8 +35,9 @@ build/firmware.elf: $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/
 	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_DEFINES) $(FIRMWARE_LDFLAGS) \
 		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)
 
-build/firmware.bin: build/firmware.elf
-	$(FIRMWARE_CROSS)objcopy -O binary $< $@
+build/firmware.bin: build/firmware.elf tools/seal.py
+	$(FIRMWARE_CROSS)objcopy -O binary $< $@.unsealed
+	$(FIRMWARE_PYTHON) tools/seal.py $@.unsealed $@
 
 build/firmware.hex: build/firmware.bin tools/bin2hex.py
 	$(FIRMWARE_PYTHON) tools/bin2hex.py --config standard $< $@

@@ -742,7 +742,7 @@ WORST_REQUESTS = {
 }
 
 
-IDLE_ROUND = 100  # instructions, at most
+IDLE_ROUND = 150  # instructions, at most
 
 
 def instructions_until(bench: Bench, happened: str) -> int:

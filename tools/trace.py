@@ -46,7 +46,9 @@ def read_rules() -> dict[str, str]:
 
 def collect() -> dict[str, list[str]]:
     collector = Collector()
-    code = pytest.main(["--collect-only", "-q", "--no-header", "-p", "no:terminal", str(ROOT / "tb")], [collector])
+    code = pytest.main(
+        ["--collect-only", "-q", "--no-header", "-p", "no:terminal", str(ROOT / "tb")], [collector]
+    )
     if code != pytest.ExitCode.OK:
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
     return collector.tests
@@ -69,7 +71,9 @@ def main() -> int:
     rules = read_rules()
     tests = collect()
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    problems = [f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules]
+    problems = [
+        f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules
+    ]
     for rule, shown_by in rules.items():
         own = tests.get(rule, [])
         functions = sorted({test.split("[")[0] for test in own})

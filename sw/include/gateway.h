@@ -9,6 +9,7 @@
 #define GATEWAY_H
 
 #include "leds.h"
+#include "loopback.h"
 #include "translate.h"
 
 /* The exchange with the drive. */
@@ -35,10 +36,15 @@ struct gateway {
     bool network_online;          /* LED-3 */
     bool drive_online;            /* LED-4 */
     struct leds leds;
+    bool testing; /* the loop-back test is on, no request is served */
+    struct loopback loopback;
 };
 
 /* g: all zero. */
 void gateway_init(struct gateway *g);
 void gateway_poll(struct gateway *g);
+
+/* Nothing is under way on either line: time for something else. */
+bool gateway_is_idle(const struct gateway *g);
 
 #endif

@@ -16,4 +16,6 @@ void leds_init(struct leds *leds, uint32_t now);
 /* The value for the LED register. */
 uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool drive_online);
 
+bool leds_show_is_over(const struct leds *leds);
+
 #endif

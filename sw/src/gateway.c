@@ -182,27 +182,47 @@ static void poll_time(struct gateway *g)
 {
     const uint32_t timeout = milliseconds(g->translator.settings.local[LOCAL_NETWORK_TIMEOUT]);
     const uint32_t passed = (mailbox_read(TIME) - g->now) & MAILBOX__TIME__MS_bm;
+    uint32_t leds;
 
     if (passed == 0)
         return;
     g->now += passed;
     if (timeout != 0 && g->now - g->heard_at >= timeout)
         g->network_online = false;
-    mailbox_write(LED, leds_show(&g->leds, g->now, g->network_online, g->drive_online));
+    leds = leds_show(&g->leds, g->now, g->network_online, g->drive_online);
+    if (g->testing && leds_show_is_over(&g->leds))
+        leds = loopback_leds(&g->loopback);
+    mailbox_write(LED, leds);
+}
+
+/* A request from before a restart, or from the time of the loop-back test, is not served. */
+static void forget_request(struct gateway *g)
+{
+    g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
 }
 
 void gateway_init(struct gateway *g)
 {
     translate_init(&g->translator);
     g->now = mailbox_read(TIME);
-    /* A request from before a restart is not served again. */
-    g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
+    forget_request(g);
     leds_init(&g->leds, g->now);
+    g->testing = loopback_init(&g->loopback, g->now);
 }
 
 void gateway_poll(struct gateway *g)
 {
     poll_time(g);
+    if (g->testing) {
+        g->testing = loopback_poll(&g->loopback, g->now, leds_show_is_over(&g->leds));
+        forget_request(g);
+        return;
+    }
     poll_exchange(g);
     poll_request(g);
+}
+
+bool gateway_is_idle(const struct gateway *g)
+{
+    return g->exchange == EXCHANGE_IDLE && !g->uncommitted && !g->testing;
 }

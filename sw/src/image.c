@@ -17,15 +17,20 @@ void image_init(struct image *image, const volatile uint32_t *begin, const volat
 
 bool image_step(struct image *image, uint32_t words)
 {
-    bool good;
+    const volatile uint32_t *at = image->at;
+    const volatile uint32_t *end = image->end;
+    uint32_t sum = image->sum;
+    uint32_t sums = image->sums;
 
-    for (; words != 0 && image->at != image->end; words--) {
-        image->sum += *image->at++;
-        image->sums += image->sum;
+    for (; words != 0 && at != end; words--) {
+        sum += *at++;
+        sums += sum;
     }
-    if (image->at != image->end)
+    image->at = at;
+    image->sum = sum;
+    image->sums = sums;
+    if (at != end)
         return true;
-    good = image->sum == image->end[0] && image->sums == image->end[1];
     restart(image);
-    return good;
+    return sum == end[0] && sums == end[1];
 }

@@ -43,7 +43,12 @@ uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool dr
         if (leds->step == STEPS)
             leds->step = SHOW_STEPS;
     }
-    if (leds->step >= SHOW_STEPS)
+    if (leds_show_is_over(leds))
         state = (network_online ? NETWORK_GREEN : NETWORK_RED) | (drive_online ? DRIVE_GREEN : DRIVE_RED);
     return state & steps[leds->step];
+}
+
+bool leds_show_is_over(const struct leds *leds)
+{
+    return leds->step >= SHOW_STEPS;
 }

@@ -2,8 +2,8 @@
 """The mailbox as the firmware sees it, played by a test: commit gate and both ports, one event at a time.
 
 Rules as in rtl/commit_gate.v: what is queued for a request leaves after its commit, never after a revoke;
-a committed telegram is licensed and may be repeated. Times in ms. Frames on the network side are address
-and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
+a committed telegram is licensed and may be repeated; during the loop-back test all may leave. Times in ms.
+Frames on the network side are address and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from tb.model.firmware import JUNK, drive_frame, mailbox_word
 
 BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
 CRC_BYTES = 2
+WATCHDOG_KEY = 0xA5
 
 
 class FakeMailbox:
@@ -20,6 +21,9 @@ class FakeMailbox:
         self.address = address
         self.time = 0
         self.led = 0
+        self.kicks = 0
+        self.halted = False
+        self.loopback = False
         # network side
         self.ticket = 0
         self.is_candidate = self.is_committed = self.is_broadcast = False
@@ -94,9 +98,21 @@ class FakeMailbox:
     def _write_led(self, modbus_red: int, modbus_green: int, drive_red: int, drive_green: int) -> None:
         self.led = modbus_red | modbus_green << 1 | drive_red << 2 | drive_green << 3
 
+    def _write_watchdog(self, key: int) -> None:
+        assert key == WATCHDOG_KEY
+        self.kicks += 1
+
+    def _read_supervisor(self) -> int:
+        return REGISTERS["SUPERVISOR"].pack(loopback=self.loopback)
+
+    def _write_supervisor(self, halt: int, loopback: int, **_: int) -> None:
+        self.halted |= bool(halt)
+        self.loopback &= not loopback
+
     def _write_reply(self, length: int, after_drive: int, ticket: int, **_: int) -> None:
         alive = self.is_candidate or (self.is_committed and self.answerable)
-        self.reply_queued = ticket == self.ticket and alive and not self.is_broadcast and length > 0
+        mine = ticket == self.ticket and alive and not self.is_broadcast
+        self.reply_queued = (mine or self.loopback) and length > 0
         self.wait_drive = bool(after_drive)
         self.reply = self.memory("REPLY_FRAME", length)
 
@@ -106,8 +122,9 @@ class FakeMailbox:
             self.telegram_queued = self.licensed
             return
         assert not self.sending, "the telegram on the line was overwritten"
-        self.telegram_queued = ticket == self.ticket and (self.is_candidate or self.is_committed)
-        self.licensed = ticket == self.ticket and self.is_committed
+        mine = ticket == self.ticket
+        self.telegram_queued = (mine and (self.is_candidate or self.is_committed)) or self.loopback
+        self.licensed = (mine and self.is_committed) or self.loopback
         self.no_reply = bool(no_reply)
         self.telegram = self.memory("TELEGRAM_FRAME", length)
 
@@ -146,7 +163,8 @@ class FakeMailbox:
             self.telegram_queued = False
 
     def _release(self) -> None:
-        if self.reply_queued and self.answerable and (not self.wait_drive or self.drive_good):
+        answerable = self.answerable or self.loopback
+        if self.reply_queued and answerable and (not self.wait_drive or self.drive_good):
             self.reply_queued = self.answerable = False
             self.replies.append(self.reply)
         if self.telegram_queued and self.licensed and self.quiet:

@@ -15,6 +15,11 @@ from tb.model.firmware import build, mailbox_word
 
 MASK = 0xFFFFFFFF
 SP, STACK_FILL = 2, 0x5A
+LONGEST_ROUND = 100_000  # instructions; the check of the whole image at the start is the longest
+
+
+class Hung(Exception):
+    """The firmware does not come round any more: the watchdog's business."""
 
 
 @functools.cache
@@ -58,10 +63,16 @@ class Machine:
     """Same use as firmware.Gateway: `poll` is one round of the loop, which begins with reading TIME."""
 
     def __init__(
-        self, read: Callable[[int], int], write: Callable[[int, int], None], memory: int = 6144
+        self,
+        read: Callable[[int], int],
+        write: Callable[[int, int], None],
+        memory: int = 6144,
+        damaged_bit: int | None = None,
     ) -> None:
         self.on_read, self.on_write = read, write
         self.memory = bytearray(image().ljust(memory, bytes([STACK_FILL])))
+        if damaged_bit is not None:
+            self.memory[damaged_bit // 8] ^= 1 << damaged_bit % 8
         self.decoded: dict[int, Callable[[], None]] = {}
         self.x = [0] * 32
         self.pc = 0
@@ -77,7 +88,10 @@ class Machine:
 
     def _run_to_time(self) -> None:
         self.reads_time = False
+        last = self.instructions + LONGEST_ROUND
         while not self.reads_time:
+            if self.instructions > last:
+                raise Hung(f"no reading of TIME for {LONGEST_ROUND} instructions, now at {self.pc:#x}")
             pc = self.pc
             self._step()
         # Undo the last step: the loop stands before its reading of TIME.

@@ -1,0 +1,43 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the check sums into the last eight bytes of a firmware image.
+
+They are what sw/src/image.c finds when it adds up the image before them: the sum of its 32-bit words and the
+sum of all sums on the way there, both modulo 2^32, little-endian.
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+import sys
+from itertools import accumulate
+from pathlib import Path
+
+SUMS = struct.Struct("<2I")
+
+
+def seal(image: bytes) -> bytes:
+    """The same image with its sums; its last eight bytes are the place for them."""
+    words = struct.unpack(f"<{len(image) // 4 - 2}I", image[: -SUMS.size])
+    running = list(accumulate(words))
+    return image[: -SUMS.size] + SUMS.pack(running[-1] % 2**32, sum(running) % 2**32)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("unsealed", type=Path)
+    parser.add_argument("sealed", type=Path)
+    args = parser.parse_args()
+    image = args.unsealed.read_bytes()
+    if len(image) % 4 or len(image) <= SUMS.size:
+        print(
+            f"{args.unsealed}: {len(image)} bytes are not whole words with room for the sums", file=sys.stderr
+        )
+        return 1
+    args.sealed.write_bytes(seal(image))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
