@@ -375,3 +375,4 @@ class BitTiming:
 def with_gaps(count: int, gap: float) -> Flaws:
     """The same gap (in bits) before every character but the first."""
     return Flaws(gaps=dict.fromkeys(range(1, count), gap))
+
