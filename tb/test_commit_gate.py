@@ -14,6 +14,7 @@ from tb.lib.seeds import seeded
 INPUTS = """
     candidate commit revoke broadcast modbus_start_seen modbus_quiet drive_good drive_bad drive_quiet
     queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
+    loopback_open
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
 
@@ -274,6 +275,20 @@ async def a_reset_forgets_what_was_queued_and_licensed(dut):
     assert await gate.settle() == (0, 0)
 
 
+@cocotb.test()
+async def the_open_loop_back_test_needs_no_request_the_closed_one_does(dut):
+    gate = await Gate(dut).start()
+    dut.loopback_open.value = 1
+    await gate.queue_telegram(5)
+    assert await gate.settle() == (0, 1)
+    await gate.queue_reply(5)
+    assert await gate.settle() == (1, 1)
+    dut.loopback_open.value = 0
+    await gate.queue_telegram(5)
+    await gate.queue_reply(5)
+    assert await gate.settle() == (1, 1)
+
+
 ODDS = {
     "candidate": 0.08,
     "commit": 0.12,
@@ -337,6 +352,6 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     assert min(left.values()) > 100, "the history was too dull to show anything"
 
 
-@pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1")
+@pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1")
 def test_commit_gate(sim):
     run("commit_gate", "tb.test_commit_gate", sim=sim)

@@ -31,10 +31,15 @@ SOURCES = {
     ("EXCHANGE", "candidate"): "drive_candidate",
     ("EXCHANGE", "good"): "drive_good",
     ("EXCHANGE", "lge"): "drive_lge",
+    ("SUPERVISOR", "loopback"): "loopback_open",
+    ("SUPERVISOR", "bites"): "watchdog_bites",
 }
 PARAMETERS = {"CLK_HZ": 24_500_000, "STRICT_T15": 0, "PREPARE_EARLY": 1, "SOFT_CORE_ID": 1}
 BUILD = {"strict_t15": 0, "prepare_early": 1, "soft_core": 1, "clk_mhz": 24}
-COMMANDS = ("queue_reply", "queue_telegram", "telegram_touched", "listen_again", "listen_stop")
+COMMANDS = """
+    queue_reply queue_telegram telegram_touched listen_again listen_stop watchdog_kick halt loopback_close
+""".split()  # noqa: SIM905
+KEY = 0xA5
 TELEGRAM = AREAS["TELEGRAM_FRAME"]
 
 
@@ -161,6 +166,27 @@ async def each_command_comes_once_and_from_its_register_alone(dut):
 
 
 @cocotb.test()
+async def only_its_key_kicks_the_watchdog(dut):
+    firmware = await Firmware(dut).start()
+    kicks = Strobes(dut, "watchdog_kick")
+    for key in range(256):
+        await firmware.write("WATCHDOG", key=key)
+        assert len(kicks) == (key >= KEY)
+
+
+@cocotb.test()
+async def the_supervisor_is_told_one_thing_at_a_time(dut):
+    firmware = await Firmware(dut).start()
+    halts, closes = Strobes(dut, "halt"), Strobes(dut, "loopback_close")
+    await firmware.write("SUPERVISOR")
+    assert (len(halts), len(closes)) == (0, 0)
+    await firmware.write("SUPERVISOR", loopback=1)
+    assert (len(halts), len(closes)) == (0, 1)
+    await firmware.write("SUPERVISOR", halt=1)
+    assert (len(halts), len(closes)) == (1, 1)
+
+
+@cocotb.test()
 async def every_byte_of_the_frame_memory_has_a_word_of_its_own(dut):
     firmware = await Firmware(dut).start()
     writes = Strobes(dut, "write_valid", "frame_addr", "write_data")
@@ -201,6 +227,6 @@ async def a_telegram_on_the_wire_cannot_be_changed(dut):
     assert [addr for (addr,) in written.values[4:]] == [first - 1, last + 1]
 
 
-@pytest.mark.rule("SAFE-1", "LINE-8")
+@pytest.mark.rule("SAFE-1", "LINE-8", "WDG-1", "LED-5", "LOOP-1")
 def test_mailbox_regs(sim):
     run("mailbox_regs", "tb.test_mailbox_regs", sim=sim, parameters=PARAMETERS)

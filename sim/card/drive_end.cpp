@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+
+#include "drive_end.h"
+
+namespace card {
+
+namespace {
+constexpr std::size_t kLge = 1;       // place of LGE in a telegram
+constexpr std::size_t kNotInLge = 2;  // STX and LGE itself
+}  // namespace
+
+DriveEnd::DriveEnd(const LineSettings& settings, const SimClock& clock, Cycles response_time)
+    : clock_(clock), settings_(settings), response_time_(response_time) {
+  drive_init(&drive_, drive_profile("vlt6000"));
+  drive_example_state(&drive_);
+}
+
+// A gap of more than 2 characters inside a telegram, a parity or a stop bit error spoils it (FC-8).
+void DriveEnd::from_card(const LineByte& byte) {
+  if (byte.start - last_byte_end_ > settings_.frame_gap) {
+    telegram_.clear();
+    damaged_ = false;
+  }
+  last_byte_end_ = byte.end;
+  damaged_ = damaged_ || byte.error;
+  if (telegram_.size() < DRIVE_REQUEST_MAX) telegram_.push_back(byte.value);
+  reply_due_ = kNever;  // the card speaks: an answer to what came before would only disturb it
+  if (complete() && !damaged_) take_telegram();
+}
+
+bool DriveEnd::complete() const {
+  return telegram_.size() > kLge && telegram_.size() == telegram_[kLge] + kNotInLge;
+}
+
+void DriveEnd::take_telegram() {
+  std::uint8_t reply[DRIVE_REPLY_MAX];
+  std::size_t length = 0;
+  if (drive_telegram(&drive_, telegram_.data(), telegram_.size(), reply, &length) != DRIVE_REPLIED) return;
+  reply_.assign(reply, reply + length);
+  reply_due_ = last_byte_end_ + response_time_;
+}
+
+void DriveEnd::step(UartLine& line, Cycles now) {
+  const std::int64_t now_us = clock_.microseconds(now);
+  drive_step(&drive_, static_cast<std::uint32_t>(now_us - stepped_us_));
+  stepped_us_ = now_us;
+  if (now < reply_due_) return;
+  reply_due_ = kNever;
+  line.send(reply_, now);
+}
+
+}  // namespace card

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// The simulated drive at the far end of the drive line: puts sim/drive behind a UART and a response time.
+
+#ifndef DRIVE_END_H
+#define DRIVE_END_H
+
+#include "far_end.h"
+#include "vlt_drive.h"
+
+namespace card {
+
+class DriveEnd : public FarEnd {
+ public:
+  // `response_time`: silence between the card's telegram and the reply. The drive stands in the state of the
+  // manual's examples.
+  DriveEnd(const LineSettings& settings, const SimClock& clock, Cycles response_time);
+  void from_card(const LineByte& byte) override;
+  void step(UartLine& line, Cycles now) override;
+  std::string name() const override { return "sim"; }
+
+ private:
+  bool complete() const;
+  void take_telegram();
+
+  const SimClock clock_;
+  const LineSettings settings_;
+  const Cycles response_time_;
+  drive_t drive_{};
+  std::vector<std::uint8_t> telegram_;
+  bool damaged_ = false;
+  Cycles last_byte_end_ = 0;
+  std::vector<std::uint8_t> reply_;
+  Cycles reply_due_ = kNever;
+  std::int64_t stepped_us_ = 0;
+};
+
+}  // namespace card
+
+#endif

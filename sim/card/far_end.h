@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is at the other end of a line: a foreign program behind a port, or the simulated drive.
+
+#ifndef FAR_END_H
+#define FAR_END_H
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "byte_port.h"
+#include "line_settings.h"
+#include "sim_clock.h"
+#include "uart_line.h"
+
+namespace card {
+
+class FarEnd {
+ public:
+  virtual ~FarEnd() = default;
+  // The card has sent a byte.
+  virtual void from_card(const LineByte& byte) = 0;
+  // Called several times a millisecond; may hand bytes to `line`.
+  virtual void step(UartLine& line, Cycles now) = 0;
+  // True while another program is expected to answer the card: simulated time must not outrun it.
+  virtual bool answer_expected(Cycles) const { return false; }
+  // Descriptor that becomes readable when something arrives, or -1.
+  virtual int fd() const { return -1; }
+  virtual std::string name() const = 0;
+};
+
+// A foreign program. Bytes that arrive together go onto the line as one burst without gaps. A burst waits
+// until the line has been silent for as long as a polite sender waits; bytes that come while the burst they
+// follow is still on the line, or only just over, go on with it.
+class PortFarEnd : public FarEnd {
+ public:
+  // `answer_time`: how long the program is expected to need for an answer to the card; 0: it only asks.
+  PortFarEnd(std::unique_ptr<BytePort> port, const LineSettings& settings, const SimClock& clock,
+             Cycles answer_time);
+  void from_card(const LineByte& byte) override;
+  void step(UartLine& line, Cycles now) override;
+  bool answer_expected(Cycles now) const override;
+  int fd() const override { return port_->fd(); }
+  std::string name() const override { return port_->name(); }
+
+ private:
+  void arrived(const std::vector<std::uint8_t>& bytes, UartLine& line, Cycles now);
+  bool goes_on(const UartLine& line, Cycles now) const;
+
+  std::unique_ptr<BytePort> port_;
+  const LineSettings settings_;
+  const Cycles collect_;      // a burst is complete when nothing has come for so long
+  const Cycles pause_limit_;  // a longer pause between two arrivals starts a new burst
+  const Cycles answer_time_;
+  std::deque<std::vector<std::uint8_t>> bursts_;  // not on the line yet
+  std::size_t waiting_bytes_ = 0;
+  Cycles last_arrival_ = 0;
+  bool last_word_ours_ = false;  // the newest byte on the line came from here, not from the card
+  Cycles answer_until_ = -1;
+};
+
+}  // namespace card
+
+#endif

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// The virtual card: puts lines, far ends, logs and pace together around VirtualCard.
+// Exit codes: 0 ended by --for or a signal, 2 wrong option or busy path.
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "describe.h"
+#include "drive_end.h"
+#include "far_end.h"
+#include "json_log.h"
+#include "options.h"
+#include "pacer.h"
+#include "pcapng.h"
+#include "pty_port.h"
+#include "serial_port.h"
+#include "user_error.h"
+#include "virtual_card.h"
+
+namespace {
+
+using namespace card;
+
+constexpr SimClock kClock{CARD_CLK_HZ};
+constexpr int kDriveResponseUs = 5'000;       // of the simulated drive; a real one takes 2.3 ms to 50 ms
+constexpr double kForeignDriveSeconds = 0.3;  // longer than any legal drive needs
+constexpr double kStartSeconds = 0.1;         // run before 'ready': the firmware boots, the speed is measured
+constexpr int kStepUs = 500;                  // between two looks at the wall clock
+constexpr double kWarnBelow = 0.98;           // x real time
+constexpr int kWarnEvery = 10;                // simulated seconds
+constexpr int kOversampling = 64;             // clocks a bit that LINE-5 asks for
+
+volatile sig_atomic_t stop_requested = 0;
+
+void request_stop(int) { stop_requested = 1; }
+
+void catch_signals() {
+  struct sigaction action{};
+  action.sa_handler = request_stop;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+}
+
+// Where everything that is seen on the lines and LEDs goes.
+class Reporter {
+ public:
+  explicit Reporter(const Options& options) : quiet_(options.quiet) {
+    if (!options.log_file.empty()) log_ = std::make_unique<JsonLog>(options.log_file, kClock);
+    if (!options.pcap_file.empty()) pcap_ = std::make_unique<PcapngFile>(options.pcap_file, kClock);
+  }
+
+  void frame(Frame frame) {
+    describer_.describe(frame);
+    if (log_) log_->frame(frame);
+    if (pcap_) pcap_->frame(frame);
+    if (quiet_) return;
+    std::printf("%11.6f  %-6s %-6s  %s\n%30s%s%s\n", kClock.seconds(frame.start), line_name(frame.line),
+                sender_name(frame), hex_text(frame.bytes).c_str(), "",
+                frame.ok ? "" : "BAD: ", frame.what.c_str());
+    std::fflush(stdout);
+  }
+
+  void led(const LedChange& change) {
+    if (log_) log_->led(change);
+    if (quiet_) return;
+    std::printf("%11.6f  %-6s LED     %s\n", kClock.seconds(change.at), change.led.c_str(),
+                change.shows.c_str());
+    std::fflush(stdout);
+  }
+
+ private:
+  const bool quiet_;
+  Describer describer_;
+  std::unique_ptr<JsonLog> log_;
+  std::unique_ptr<PcapngFile> pcap_;
+};
+
+std::unique_ptr<FarEnd> open_master(const Options& options) {
+  const LineSettings line = network_settings(options.sw_baud, kClock);
+  std::unique_ptr<BytePort> port;
+  if (options.modbus_device.empty()) {
+    port = std::make_unique<PtyPort>(options.modbus_link);
+  } else {
+    port = std::make_unique<SerialPort>(options.modbus_device, line);
+  }
+  return std::make_unique<PortFarEnd>(std::move(port), line, kClock, 0);
+}
+
+std::unique_ptr<FarEnd> open_drive(const Options& options) {
+  const LineSettings line = drive_settings(kClock);
+  std::unique_ptr<BytePort> port;
+  if (!options.drive_device.empty()) {
+    port = std::make_unique<SerialPort>(options.drive_device, line);
+  } else if (!options.drive_link.empty()) {
+    port = std::make_unique<PtyPort>(options.drive_link);
+  } else {
+    return std::make_unique<DriveEnd>(line, kClock, kClock.from_microseconds(kDriveResponseUs));
+  }
+  return std::make_unique<PortFarEnd>(std::move(port), line, kClock,
+                                      kClock.from_seconds(kForeignDriveSeconds));
+}
+
+// Directory of this program: the firmware image lies beside it.
+std::string own_directory() {
+  char path[4096];
+  const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
+  if (length <= 0 || length == static_cast<ssize_t>(sizeof path))
+    throw system_error("cannot find this program's folder");
+  const std::string name(path, static_cast<std::size_t>(length));
+  return name.substr(0, name.rfind('/'));
+}
+
+void warn_about_switches(const Options& options) {
+  const LineSettings line = network_settings(options.sw_baud, kClock);
+  if (static_cast<std::int64_t>(line.baud) * kOversampling > kClock.hz)
+    std::fprintf(stderr, "card: warning: %d bit/s need a clock of %.1f MHz, this card runs at %.1f MHz\n",
+                 line.baud, line.baud * kOversampling / 1e6, static_cast<double>(kClock.hz) / 1e6);
+  if (options.sw_addr == 0 || options.sw_addr > 247)
+    std::fprintf(stderr, "card: warning: address switches give %u, not 1 to 247: the card stays silent\n",
+                 options.sw_addr);
+}
+
+void run(const Options& options) {
+  Reporter reporter(options);
+  const std::unique_ptr<FarEnd> master = open_master(options);
+  const std::unique_ptr<FarEnd> drive = open_drive(options);
+  CardSetup setup{kClock, options.sw_baud, options.sw_addr, own_directory(), options.wave_file};
+  VirtualCard virtual_card(
+      setup, [&](const Frame& frame) { reporter.frame(frame); },
+      [&](const LedChange& change) { reporter.led(change); });
+  virtual_card.connect(*master, *drive);
+  warn_about_switches(options);
+
+  const Cycles end = options.seconds > 0 ? kClock.from_seconds(options.seconds) : kNever;
+  const Cycles step = kClock.from_microseconds(kStepUs);
+  const Cycles start = std::min(end, kClock.from_seconds(kStartSeconds));
+  Pacer pacer(kClock);
+  virtual_card.run(start);
+  pacer.run_free(start);
+  if (!options.quiet)
+    std::printf("card at %.1f MHz, unit %u, %s; one core can do %.1f x real time\n",
+                static_cast<double>(kClock.hz) / 1e6, options.sw_addr,
+                network_settings(options.sw_baud, kClock).name().c_str(), pacer.possible_ratio());
+  std::printf("ready modbus=%s drive=%s\n", master->name().c_str(), drive->name().c_str());
+  std::fflush(stdout);
+
+  const std::vector<int> wake_up = {master->fd(), drive->fd()};
+  Cycles next_check = virtual_card.now() + kClock.hz;
+  Cycles next_warning = 0;
+  while (stop_requested == 0 && virtual_card.now() < end) {
+    const Cycles cycles = std::min(step, end - virtual_card.now());
+    virtual_card.run(cycles);
+    if (options.real_time || drive->answer_expected(virtual_card.now())) {
+      pacer.keep_to_wall_time(cycles, wake_up);
+    } else {
+      pacer.run_free(cycles);
+    }
+    if (virtual_card.now() < next_check) continue;
+    next_check = virtual_card.now() + kClock.hz;
+    const double ratio = pacer.take_shortfall();
+    if (options.real_time && ratio < kWarnBelow && virtual_card.now() >= next_warning) {
+      std::fprintf(stderr, "card: warning: too slow, running at %.2f x real time\n", ratio);
+      next_warning = virtual_card.now() + kWarnEvery * kClock.hz;
+    }
+  }
+  virtual_card.finish();
+  if (!options.quiet)
+    std::printf("simulated %.1f s in %.1f s; one core can do %.1f x real time\n", pacer.simulated_seconds(),
+                pacer.wall_seconds(), pacer.possible_ratio());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const Options options = parse_options(argc, argv);
+    if (options.help) {
+      std::fputs(help_text(), stdout);
+    } else if (options.version) {
+      std::printf("rtu2fc virtual card, %lld Hz\n", static_cast<long long>(kClock.hz));
+    } else {
+      catch_signals();
+      run(options);
+    }
+    return 0;
+  } catch (const UserError& error) {
+    std::fprintf(stderr, "card: %s\n", error.what());
+    return 2;
+  }
+}

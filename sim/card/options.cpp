@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+
+#include "options.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <vector>
+
+#include "user_error.h"
+
+namespace card {
+
+namespace {
+
+constexpr const char* kDefaultBaudSwitches = "111110000";  // 9600 8N2
+constexpr const char* kDefaultAddrSwitches = "10000000";   // address 1
+constexpr std::size_t kBaudSwitches = 9;
+constexpr std::size_t kAddrSwitches = 8;
+
+unsigned switches(const std::string& option, const std::string& text, std::size_t count) {
+  if (text.size() != count || text.find_first_not_of("01") != std::string::npos)
+    throw UserError(option + " takes " + std::to_string(count) + " digits 0 or 1, switch 1 first, not '" +
+                    text + "'");
+  unsigned value = 0;
+  for (std::size_t i = 0; i < count; ++i) value |= static_cast<unsigned>(text[i] - '0') << i;
+  return value;
+}
+
+double positive_seconds(const std::string& option, const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0' || !std::isfinite(value) || value <= 0)
+    throw UserError(option + " takes a number of seconds above 0, not '" + text + "'");
+  return value;
+}
+
+bool is_real(const std::string& option, const std::string& text) {
+  if (text != "real" && text != "max") throw UserError(option + " is real or max, not '" + text + "'");
+  return text == "real";
+}
+
+struct Option {
+  std::string name;
+  bool takes_value;
+  std::function<void(const std::string&)> set;
+};
+
+void check_together(const Options& options) {
+  if (!options.modbus_link.empty() && !options.modbus_device.empty())
+    throw UserError("--modbus and --modbus-device exclude each other");
+  if (!options.drive_link.empty() && !options.drive_device.empty())
+    throw UserError("--drive and --drive-device exclude each other");
+  if (!options.real_time && (!options.modbus_device.empty() || !options.drive_device.empty()))
+    throw UserError("--speed max does not go with a real serial port");
+  if (!options.modbus_link.empty() && options.modbus_link == options.drive_link)
+    throw UserError("--modbus and --drive need two different links");
+}
+
+}  // namespace
+
+Options parse_options(int argc, char** argv) {
+  Options options;
+  options.sw_baud = switches("--sw-baud", kDefaultBaudSwitches, kBaudSwitches);
+  options.sw_addr = switches("--sw-addr", kDefaultAddrSwitches, kAddrSwitches);
+  const auto text = [](std::string& target) {
+    return [&target](const std::string& value) { target = value; };
+  };
+  const auto flag = [](bool& target) { return [&target](const std::string&) { target = true; }; };
+  const std::vector<Option> known = {
+      {"--modbus", true, text(options.modbus_link)},
+      {"--modbus-device", true, text(options.modbus_device)},
+      {"--drive", true, [&](const std::string& v) { options.drive_link = v == "sim" ? "" : v; }},
+      {"--drive-device", true, text(options.drive_device)},
+      {"--sw-baud", true,
+       [&](const std::string& v) { options.sw_baud = switches("--sw-baud", v, kBaudSwitches); }},
+      {"--sw-addr", true,
+       [&](const std::string& v) { options.sw_addr = switches("--sw-addr", v, kAddrSwitches); }},
+      {"--speed", true, [&](const std::string& v) { options.real_time = is_real("--speed", v); }},
+      {"--for", true, [&](const std::string& v) { options.seconds = positive_seconds("--for", v); }},
+      {"--wave", true, text(options.wave_file)},
+      {"--pcap", true, text(options.pcap_file)},
+      {"--log", true, text(options.log_file)},
+      {"--quiet", false, flag(options.quiet)},
+      {"--help", false, flag(options.help)},
+      {"--version", false, flag(options.version)},
+  };
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const std::size_t equals = argument.find('=');
+    const std::string name = argument.substr(0, equals);
+    const Option* option = nullptr;
+    for (const Option& candidate : known)
+      if (candidate.name == name) option = &candidate;
+    if (option == nullptr) throw UserError("unknown option '" + argument + "' (--help lists them)");
+    if (!option->takes_value) {
+      if (equals != std::string::npos) throw UserError(name + " takes no value");
+      option->set("");
+      continue;
+    }
+    const bool follows = equals == std::string::npos;
+    if (follows && i + 1 >= argc) throw UserError(name + " needs a value");
+    const std::string value = follows ? argv[++i] : argument.substr(equals + 1);
+    if (value.empty()) throw UserError(name + " needs a value");
+    option->set(value);
+  }
+  check_together(options);
+  return options;
+}
+
+const char* help_text() {
+  return "usage: card [options]\n"
+         "The virtual card: the Verilated rtu2fc card, firmware running, behind two serial lines.\n"
+         "\n"
+         "network line (Modbus RTU master)\n"
+         "  --modbus LINK          open a pty and make LINK a symbolic link to it, removed at the end\n"
+         "  --modbus-device DEV    use a real serial port, set to the switches' rate and parity\n"
+         "                         (neither: a pty without link, named in the ready line)\n"
+         "drive line (FC protocol, 9600 8E1)\n"
+         "  --drive sim|LINK       sim (default): a simulated VLT 6000; LINK: a pty for a foreign drive\n"
+         "  --drive-device DEV     use a real serial port\n"
+         "card\n"
+         "  --sw-baud 111110000    rate and parity switches, switch 1 first, 1 = ON (default 9600 8N2)\n"
+         "  --sw-addr 10000000     address switches, likewise (default address 1)\n"
+         "time\n"
+         "  --speed real|max       real (default): simulated time follows wall time; max: as fast as it "
+         "can,\n"
+         "                         but no faster than real time while a foreign drive is to answer\n"
+         "  --for SECONDS          stop after so many simulated seconds (default: run until Ctrl-C)\n"
+         "output\n"
+         "  --wave FILE.fst        waveform of the card (some 20 MB a simulated second, and slower)\n"
+         "  --pcap FILE.pcapng     frames of both lines for Wireshark\n"
+         "  --log FILE.jsonl       frames and LED changes, one JSON object a line\n"
+         "  --quiet                no frames on the terminal, only 'ready' and errors\n"
+         "  --help, --version\n"
+         "\n"
+         "Prints 'ready modbus=... drive=...' when both lines are open. SIGINT, SIGTERM and --for end it "
+         "with\n"
+         "exit code 0; a wrong option or a busy path is one line and exit code 2.\n";
+}
+
+}  // namespace card

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Command line of the virtual card.
+
+#ifndef OPTIONS_H
+#define OPTIONS_H
+
+#include <string>
+
+namespace card {
+
+struct Options {
+  std::string modbus_link;
+  std::string modbus_device;
+  std::string drive_link;  // empty: the simulated drive, unless drive_device is set
+  std::string drive_device;
+  unsigned sw_baud = 0;  // bit n-1 = switch n, 1 = ON
+  unsigned sw_addr = 0;
+  bool real_time = true;
+  double seconds = 0;  // simulated seconds to run, 0: until a signal
+  std::string wave_file;
+  std::string pcap_file;
+  std::string log_file;
+  bool quiet = false;
+  bool help = false;
+  bool version = false;
+};
+
+// Throws UserError for anything that is not in help_text().
+Options parse_options(int argc, char** argv);
+
+const char* help_text();
+
+}  // namespace card
+
+#endif

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Simulated time. Its unit is one cycle of the card's clock, counted from the release of the reset.
+
+#ifndef SIM_CLOCK_H
+#define SIM_CLOCK_H
+
+#include <cstdint>
+#include <limits>
+
+namespace card {
+
+using Cycles = std::int64_t;
+
+constexpr Cycles kNever = std::numeric_limits<Cycles>::max();
+
+struct SimClock {
+  std::int64_t hz;  // cycles in a second
+
+  double seconds(Cycles cycles) const { return static_cast<double>(cycles) / static_cast<double>(hz); }
+  std::int64_t microseconds(Cycles cycles) const {
+    return cycles / hz * 1'000'000 + cycles % hz * 1'000'000 / hz;
+  }
+  std::int64_t nanoseconds(Cycles cycles) const {
+    return cycles / hz * 1'000'000'000 + cycles % hz * 1'000'000'000 / hz;
+  }
+  Cycles from_microseconds(std::int64_t us) const { return us * hz / 1'000'000; }
+  Cycles from_seconds(double s) const { return static_cast<Cycles>(s * static_cast<double>(hz)); }
+  // Length of `half_bits` half bits at `baud` bit/s, rounded to the nearest cycle.
+  Cycles half_bits(std::int64_t half_bits, std::int64_t baud) const {
+    return (half_bits * hz + baud) / (2 * baud);
+  }
+};
+
+}  // namespace card
+
+#endif

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+
+#include "uart_line.h"
+
+#include <utility>
+
+namespace card {
+
+namespace {
+constexpr int kFirstDataBit = 1;
+constexpr int kAfterData = 9;  // parity bit, or first stop bit without parity
+}  // namespace
+
+UartLine::UartLine(const SimClock& clock, const LineSettings& settings, Listener listener)
+    : clock_(clock), settings_(settings), listener_(std::move(listener)) {}
+
+bool UartLine::parity_bit(std::uint8_t value) const {
+  const bool odd_ones = __builtin_parity(value) != 0;
+  return settings_.parity == 'O' ? !odd_ones : odd_ones;
+}
+
+void UartLine::send(const std::vector<std::uint8_t>& bytes, Cycles now) {
+  tx_queue_.insert(tx_queue_.end(), bytes.begin(), bytes.end());
+  if (!far_end_sending() && !tx_queue_.empty()) {
+    tx_start_ = now;
+    tx_bit_ = 0;
+    tx_due_ = now;
+  }
+}
+
+void UartLine::run(Cycles now) {
+  // One pass does a single step of each side; a due time that is still past comes back through next_event().
+  if (tx_due_ <= now) next_tx_bit(now);
+  if (rx_due_ <= now) sample_rx_bit();
+}
+
+void UartLine::next_tx_bit(Cycles now) {
+  if (tx_bit_ == settings_.char_bits()) {
+    const LineByte done{Sender::kFarEnd, tx_queue_.front(), false, tx_start_, now};
+    tx_queue_.pop_front();
+    traffic_until(now);
+    tx_bit_ = tx_queue_.empty() ? -1 : 0;
+    tx_start_ = now;
+    tx_due_ = tx_queue_.empty() ? kNever : now;
+    listener_(done);
+    if (tx_bit_ < 0) return;
+  }
+  const std::uint8_t value = tx_queue_.front();
+  if (tx_bit_ == 0) {
+    far_level_ = false;
+  } else if (tx_bit_ < kAfterData) {
+    far_level_ = (value >> (tx_bit_ - kFirstDataBit) & 1) != 0;
+  } else {
+    far_level_ = tx_bit_ == kAfterData && settings_.parity != 'N' ? parity_bit(value) : true;
+  }
+  ++tx_bit_;
+  tx_due_ = bit_edge(tx_start_, tx_bit_);
+}
+
+void UartLine::card_pins(bool tx, bool de, Cycles now) {
+  const bool was = card_level_;
+  if (card_enabled_ && !de) traffic_until(now);
+  card_enabled_ = de;
+  card_level_ = de ? tx : true;
+  if (was && !card_level_ && rx_bit_ < 0) {
+    rx_start_ = now;
+    rx_bit_ = 0;
+    rx_value_ = 0;
+    rx_error_ = false;
+    rx_due_ = now + clock_.half_bits(1, settings_.baud);
+  }
+}
+
+void UartLine::sample_rx_bit() {
+  const int bit = rx_bit_;
+  const bool level = card_level_;
+  const bool has_parity = settings_.parity != 'N';
+  if (bit == 0 && level) {  // too short for a start bit
+    rx_bit_ = -1;
+    rx_due_ = kNever;
+    return;
+  }
+  if (bit >= kFirstDataBit && bit < kAfterData) {
+    rx_value_ = static_cast<std::uint8_t>(rx_value_ | level << (bit - kFirstDataBit));
+  } else if (bit == kAfterData && has_parity) {
+    rx_error_ = level != parity_bit(rx_value_);
+  } else if (bit >= kAfterData) {  // first stop bit
+    rx_error_ = rx_error_ || !level;
+    rx_bit_ = -1;
+    rx_due_ = kNever;
+    const Cycles end = bit_edge(rx_start_, settings_.char_bits());
+    traffic_until(end);
+    listener_(LineByte{Sender::kCard, rx_value_, rx_error_, rx_start_, end});
+    return;
+  }
+  ++rx_bit_;
+  rx_due_ = rx_start_ + clock_.half_bits(2 * rx_bit_ + 1, settings_.baud);
+}
+
+}  // namespace card

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// One half-duplex RS-485 pair in simulated time: serialises the bytes of the far end onto the card's receive
+// pin and reads the bytes the card sends, bit by bit (LINE-1). All times in cycles of the card's clock.
+
+#ifndef UART_LINE_H
+#define UART_LINE_H
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <vector>
+
+#include "line_settings.h"
+#include "sim_clock.h"
+
+namespace card {
+
+enum class Sender { kFarEnd, kCard };
+
+struct LineByte {
+  Sender sender;
+  std::uint8_t value;
+  bool error;    // parity or stop bit wrong
+  Cycles start;  // first edge of the start bit
+  Cycles end;    // end of the last stop bit
+};
+
+class UartLine {
+ public:
+  using Listener = std::function<void(const LineByte&)>;
+
+  UartLine(const SimClock& clock, const LineSettings& settings, Listener listener);
+
+  // The far end's next bytes; they follow one another without gaps.
+  void send(const std::vector<std::uint8_t>& bytes, Cycles now);
+  bool far_end_sending() const { return tx_bit_ >= 0; }
+
+  // Cycle of the next thing to do; do it with run() before the cycle is simulated.
+  Cycles next_event() const { return tx_due_ < rx_due_ ? tx_due_ : rx_due_; }
+  void run(Cycles now);
+
+  // The card's transmit and driver-enable pins changed at `now`.
+  void card_pins(bool tx, bool de, Cycles now);
+  // Level of the pair at the card's receive pin: idle 1, and whoever pulls it to 0 wins.
+  bool level() const { return far_level_ && card_level_; }
+
+  bool busy() const { return far_end_sending() || rx_bit_ >= 0 || card_enabled_; }
+  // End of the last traffic; meaningful while not busy().
+  Cycles silent_since() const { return silent_since_; }
+
+ private:
+  void next_tx_bit(Cycles now);
+  void sample_rx_bit();
+  Cycles bit_edge(Cycles start, int bit) const { return start + clock_.half_bits(2 * bit, settings_.baud); }
+  bool parity_bit(std::uint8_t value) const;
+  void traffic_until(Cycles end) { silent_since_ = end > silent_since_ ? end : silent_since_; }
+
+  const SimClock clock_;
+  const LineSettings settings_;
+  Listener listener_;
+  Cycles silent_since_ = 0;
+
+  // far end -> card: tx_bit_ is the bit on the line, 0 = start bit, -1 = idle
+  std::deque<std::uint8_t> tx_queue_;
+  int tx_bit_ = -1;
+  Cycles tx_start_ = 0;
+  Cycles tx_due_ = kNever;
+  bool far_level_ = true;
+
+  // card -> far end: rx_bit_ is the bit to sample next, -1 = waiting for a start edge
+  int rx_bit_ = -1;
+  Cycles rx_start_ = 0;
+  Cycles rx_due_ = kNever;
+  std::uint8_t rx_value_ = 0;
+  bool rx_error_ = false;
+  bool card_level_ = true;
+  bool card_enabled_ = false;
+};
+
+}  // namespace card
+
+#endif

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Something the user can put right: printed as one line, exit code 2.
+
+#ifndef USER_ERROR_H
+#define USER_ERROR_H
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+namespace card {
+
+struct UserError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// UserError "<what>: <text of errno>".
+inline UserError system_error(const std::string& what) {
+  return UserError(what + ": " + std::strerror(errno));
+}
+
+}  // namespace card
+
+#endif

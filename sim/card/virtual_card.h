@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Verilated card with its two lines: steps the clock, moves bits between the pins and the lines, samples
+// the LEDs, and can write a waveform. Knows nothing of wall time, files' formats or command lines.
+
+#ifndef VIRTUAL_CARD_H
+#define VIRTUAL_CARD_H
+
+#include <memory>
+#include <string>
+
+#include "far_end.h"
+#include "frame.h"
+#include "led_watch.h"
+#include "sim_clock.h"
+#include "uart_line.h"
+
+class VerilatedContext;
+class VerilatedFstC;
+class Vrtu2fc;
+
+namespace card {
+
+struct CardSetup {
+  SimClock clock;
+  unsigned sw_baud = 0;
+  unsigned sw_addr = 0;
+  std::string firmware_dir;  // where FIRMWARE_HEX of the build lies
+  std::string wave_file;     // empty: none
+};
+
+class VirtualCard {
+ public:
+  VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame, LedWatch::Listener on_led);
+  ~VirtualCard();
+  VirtualCard(const VirtualCard&) = delete;
+  VirtualCard& operator=(const VirtualCard&) = delete;
+
+  void connect(FarEnd& master, FarEnd& drive);
+  // Time since the release of the reset.
+  Cycles now() const { return now_; }
+  void run(Cycles cycles);
+  // Ends frames still open and the waveform; nothing may run afterwards.
+  void finish();
+
+ private:
+  struct Port {
+    UartLine line;
+    FrameGrouper frames;
+    FarEnd* far_end;
+  };
+
+  void load_firmware(const std::string& dir);
+  void reset();
+  template <bool kWave>
+  void clock_until(Cycles end);
+  void step_far_ends();
+  void serve_lines();
+  void pins_changed(unsigned pins);
+  void drive_inputs();
+  unsigned pins() const;
+  void open_wave(const std::string& path);
+  void dump_wave(bool second_half);
+
+  const SimClock clock_;
+  const Cycles slice_;
+  std::unique_ptr<VerilatedContext> context_;
+  std::unique_ptr<Vrtu2fc> top_;
+  std::unique_ptr<VerilatedFstC> wave_;
+  Port modbus_;
+  Port drive_;
+  LedWatch modbus_led_;
+  LedWatch drive_led_;
+  Cycles now_ = 0;
+  Cycles next_event_ = 0;
+  unsigned last_pins_ = 0;
+  bool finished_ = false;
+};
+
+}  // namespace card
+
+#endif
