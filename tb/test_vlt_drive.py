@@ -8,7 +8,6 @@ model, which is checked against the same hand-made ones.
 
 from __future__ import annotations
 
-import csv
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,68 +15,38 @@ from pathlib import Path
 
 import pytest
 
+from tb.lib.drive_bench import (
+    COAST,
+    DC_BRAKE,
+    FREEZE,
+    FULL_SPEED,
+    JOG,
+    QUICK_STOP,
+    RAMP_2,
+    RAMP_STOP,
+    RELAY_1,
+    RELAY_2,
+    RESET,
+    REVERSE,
+    SECOND,
+    START,
+    ask,
+    brought_to,
+    control,
+    hertz,
+    read_text,
+    table,
+    write_text,
+)
 from tb.lib.seeds import seeded
 from tb.model import fc_telegram as fc
 from tb.model.vlt_drive import DriveError, Outcome, VltDrive
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_TOOL = ROOT / "tools" / "drive_table.py"
-PROFILE = ROOT / "sim" / "drive" / "vlt6000.csv"
 
-START = 0x047C
-RAMP_STOP = 0x043C
-COAST = 0x0474
-QUICK_STOP = 0x046C
-DC_BRAKE = 0x0478
-FREEZE = 0x045C
-JOG = 0x057C
-RESET = 0x0080
-RELAY_1 = 0x0800
-RELAY_2 = 0x1000
-REVERSE = 0x8000
-
-FULL_SPEED = 0x4000
-SECOND = 1_000_000
 MAGNETISING = 300
-
-NUMBERS = {"uint8": False, "int16": False, "uint16": False, "int32": True, "uint32": True}
-
-
-def profile_rows() -> Iterator[dict[str, str]]:
-    lines = (line for line in PROFILE.read_text().splitlines() if not line.startswith("#"))
-    yield from csv.DictReader(lines)
-
-
-ROWS = list(profile_rows())
-
-
-def ask(drive: VltDrive, ak: int, pnu: int, pwe: int = 0, ind: int = 0) -> fc.Telegram:
-    """A parameter telegram that leaves the process part alone, and the reply to it."""
-    reply = drive.telegram(fc.build_parameter(ak, pnu, ind, pwe))
-    assert reply is not None
-    return fc.parse(reply, reply=True)
-
-
-def control(drive: VltDrive, word: int, reference: int = 0) -> tuple[int, int]:
-    """A process telegram; status word and output frequency word of the reply."""
-    reply = drive.telegram(fc.build_process(word, reference))
-    assert reply is not None
-    parts = fc.parse(reply, reply=True)
-    assert parts.kind == "process"
-    return parts.pcd1, parts.pcd2
-
-
-def hertz(drive: VltDrive) -> float:
-    return drive.frequency_mhz / 1000
-
-
-def brought_to(frequency_hz: float) -> VltDrive:
-    """A drive that has ramped up to a frequency of at most 50 Hz."""
-    drive = VltDrive()
-    control(drive, START, round(frequency_hz / 50 * FULL_SPEED))
-    drive.step(10 * SECOND)
-    assert hertz(drive) == pytest.approx(frequency_hz, abs=0.01)
-    return drive
+ROWS = table("vlt6000")
 
 
 # ---- telegrams on the wire ---------------------------------------------------------------------
@@ -262,50 +231,48 @@ def test_the_table_has_all_the_parameters():
     assert len(ROWS) == 209
 
 
-@pytest.mark.parametrize("row", [r for r in ROWS if r["type"] != "text"], ids=lambda r: r["pnu"])
-def test_a_number_keeps_to_its_row_of_the_table(row: dict[str, str]):
-    """Reply AK by type, default, limits, rights, array length: each parameter over the bus."""
-    pnu, low, high, double = int(row["pnu"]), int(row["min"]), int(row["max"]), NUMBERS[row["type"]]
-    bits = 0xFFFFFFFF if double else 0xFFFF
-    length = int(row["array"])
-    index = 1 if length else 0
+def test_the_logs_606_to_617_are_the_arrays():
+    arrays = {int(row["pnu"]): int(row["array"]) for row in ROWS if row["array"] != "0"}
+    assert arrays == {**dict.fromkeys(range(606, 615), 20), **dict.fromkeys(range(615, 618), 10)}
+
+
+def test_each_element_of_a_log_is_read_by_its_own_index():
     drive = VltDrive()
-    reply = ask(drive, fc.AK_READ, pnu, ind=index)
-    assert (reply.ak, reply.pnu, reply.ind) == (2 if double else 1, pnu, index)
-    if not row["role"].startswith("show_"):
-        assert reply.pwe == int(row["default"]) & bits
-    assert ask(drive, fc.AK_READ, pnu, ind=length + 1).fault == (3 if length else 4)
-    if length:
-        assert ask(drive, fc.AK_READ, pnu, ind=0).fault == 3
-        assert ask(drive, fc.AK_READ, pnu, ind=length).fault is None
-
-    write = fc.AK_WRITE_DOUBLE if double else fc.AK_WRITE_WORD
-    if row["access"] != "rw":
-        assert ask(drive, write, pnu, low, index).fault == {"ro": 1, "local": 130}[row["access"]]
-        return
-    assert ask(drive, fc.AK_WRITE_WORD if double else fc.AK_WRITE_DOUBLE, pnu, high, index).fault == 5
-    reply = ask(drive, write, pnu, high, index)
-    assert (reply.fault, reply.pwe) == (None, high & bits)
-    assert drive.get(pnu, index) == high
-    for outside in (low - 1, high + 1):
-        if outside & bits == outside or low < 0:
-            assert ask(drive, write, pnu, outside, index).fault == 2
-            assert drive.get(pnu, index) == high
-    reply = ask(drive, write, pnu, low, index)
-    assert (reply.fault, reply.pwe) == (None, low & bits)
+    for pnu in range(606, 618):
+        length = 20 if pnu < 615 else 10
+        indices = [*range(1, length + 1)]
+        for index in indices:
+            drive.set(pnu, index, index)
+        assert [ask(drive, fc.AK_READ, pnu, ind=i).pwe for i in indices] == indices
 
 
-@pytest.mark.parametrize("row", [r for r in ROWS if r["access"] == "rw"], ids=lambda r: r["pnu"])
-def test_what_needs_a_stopped_motor_is_refused_while_it_runs(row: dict[str, str]):
-    pnu, text = int(row["pnu"]), row["type"] == "text"
-    drive = VltDrive()
-    control(drive, START, FULL_SPEED)
-    if text:
-        reply = fc.parse(drive.telegram(fc.build_text(pnu, b"RUN")), reply=True)
-    else:
-        double = NUMBERS[row["type"]]
-        reply = ask(drive, fc.AK_WRITE_DOUBLE if double else fc.AK_WRITE_WORD, pnu, int(row["default"]))
-    assert reply.fault == (None if row["while_running"] == "1" else 17)
+def test_the_texts_are_533_534_and_the_nameplate_621_to_631():
+    texts = {int(row["pnu"]): row["access"] for row in ROWS if row["type"] == "text"}
+    assert texts == {533: "rw", 534: "rw", **dict.fromkeys(range(621, 632), "ro")}
+
+
+def ramping_down() -> VltDrive:
+    drive = brought_to(25)
+    control(drive, RAMP_STOP)
+    drive.step(SECOND)
+    return drive
+
+
+def braking() -> VltDrive:
+    drive = brought_to(25)
+    drive.set(115, 20)
+    control(drive, DC_BRAKE)
+    drive.step(SECOND)
+    return drive
+
+
+@pytest.mark.parametrize("state", [ramping_down, braking])
+def test_a_motor_on_its_way_to_standstill_counts_as_running(state):
+    """Fault 17 until it stands, then the same write is taken."""
+    drive = state()
+    assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault == 17
+    drive.step(10 * SECOND)
+    assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault is None
 
 
 @pytest.mark.parametrize(
@@ -352,7 +319,7 @@ def test_nothing_but_the_setup_choice_is_written_while_the_factory_setup_is_acti
     drive = VltDrive()
     assert ask(drive, fc.AK_WRITE_WORD, 2, 0).fault is None
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault == 131
-    assert fc.parse(drive.telegram(fc.build_text(533, b"NO")), reply=True).fault == 131
+    assert write_text(drive, 533, b"NO").fault == 131
     assert ask(drive, fc.AK_READ, 104).pwe == 50
     assert ask(drive, fc.AK_WRITE_WORD, 2, 1).fault is None
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault is None
@@ -421,24 +388,6 @@ def test_from_outside_the_bus_everything_can_be_set():
 # ---- texts -------------------------------------------------------------------------------------
 
 
-def read_text(drive: VltDrive, pnu: int) -> bytes:
-    reply = drive.telegram(fc.build_text_read(pnu))
-    parts = fc.parse(reply, reply=True)
-    assert (parts.ak, parts.pnu, parts.ind) == (fc.AK_TEXT, pnu, 0x0400)
-    assert reply[1] == 10 + len(parts.text)
-    return parts.text
-
-
-@pytest.mark.parametrize("row", [r for r in ROWS if r["type"] == "text"], ids=lambda r: r["pnu"])
-def test_a_text_is_sent_in_its_own_length_and_written_where_allowed(row: dict[str, str]):
-    pnu = int(row["pnu"])
-    drive = VltDrive()
-    assert read_text(drive, pnu) == row["default"].encode()
-    reply = fc.parse(drive.telegram(fc.build_text(pnu, b"NEW")), reply=True)
-    assert reply.fault == (None if pnu in (533, 534) else 1)
-    assert read_text(drive, pnu) == (b"NEW" if pnu in (533, 534) else row["default"].encode())
-
-
 @pytest.mark.parametrize("n", [0, 1, 4, 10, 19, 20])
 def test_a_display_text_of_up_to_20_characters_comes_back_unpadded(n: int):
     drive = VltDrive()
@@ -454,7 +403,7 @@ def test_a_display_text_of_up_to_20_characters_comes_back_unpadded(n: int):
 
 def test_a_display_text_of_21_characters_is_refused():
     drive = VltDrive()
-    assert fc.parse(drive.telegram(fc.build_text(533, b"X" * 21)), reply=True).fault == 2
+    assert write_text(drive, 533, b"X" * 21).fault == 2
     assert read_text(drive, 533) == b""
 
 
@@ -558,6 +507,21 @@ def test_of_two_stops_the_stronger_is_obeyed(first: int, second: int, obeyed: st
     drive.step(SECOND)
     assert hertz(drive) == (45 if ramping else 0)
     assert drive.running == (obeyed != "coast"), "coasting counts as stopped, braking does not"
+
+
+def test_a_ramp_stop_wins_over_freeze():
+    drive = brought_to(50)
+    control(drive, RAMP_STOP & FREEZE, FULL_SPEED)
+    drive.step(10 * SECOND)
+    assert hertz(drive) == 0
+
+
+def test_bit_9_has_no_function():
+    """A VLT 6000 has one ramp."""
+    drive = VltDrive()
+    control(drive, START | RAMP_2, FULL_SPEED)
+    drive.step(SECOND)
+    assert hertz(drive) == 5
 
 
 @pytest.mark.parametrize("stop", [COAST, QUICK_STOP, DC_BRAKE])
@@ -712,6 +676,25 @@ def test_a_trip_takes_the_output_off_and_is_reset_by_an_edge_only():
     assert drive.alarm == 0
 
 
+def test_a_trip_lock_is_reset_by_the_mains_alone():
+    drive = VltDrive()
+    drive.trip_lock(12)
+    control(drive, RAMP_STOP)
+    assert control(drive, RAMP_STOP | RESET)[0] == 0x0608, "bit 6 is not used by a VLT 6000"
+    drive.power_cycle()
+    assert (control(drive, 0)[0], drive.alarm) == (0x0607, 0)
+    drive.trip(12)
+    assert control(drive, RAMP_STOP | RESET)[0] == 0x0607, "an ordinary trip again"
+
+
+def test_a_drive_that_has_tripped_already_is_not_locked_by_the_next_alarm():
+    drive = VltDrive()
+    drive.trip(4)
+    drive.trip_lock(12)
+    assert drive.alarm == 4
+    assert control(drive, RAMP_STOP | RESET)[0] == 0x0607
+
+
 def test_the_fault_log_has_the_newest_trip_first_and_outlives_the_mains():
     drive = VltDrive()
     for alarm in (7, 8, 9):
@@ -794,111 +777,6 @@ def test_two_drives_on_one_line_know_nothing_of_each_other():
 # ---- random telegrams --------------------------------------------------------------------------
 
 
-class Expected:
-    """What the table says, kept in Python: the second opinion on reads and writes of a stopped drive."""
-
-    def __init__(self):
-        self.rows = {int(row["pnu"]): row for row in ROWS}
-        self.values = {pnu: int(row["default"]) for pnu, row in self.rows.items() if row["type"] != "text"}
-        self.texts = {pnu: row["default"].encode() for pnu, row in self.rows.items() if row["type"] == "text"}
-
-    def reply(self, ak: int, pnu: int, ind: int, pwe: int, text: bytes) -> tuple[int, int | bytes]:
-        """(AK, PWE or characters) that the drive has to answer; raises nothing."""
-        row = self.rows.get(pnu)
-        if ak == fc.AK_NONE:
-            return 0, 0
-        if row is None:
-            return 7, 0
-        if ak not in (1, 2, 3, 13, 14, 15):
-            return 7, 130
-        if (ak == 15) != (row["type"] == "text"):
-            return 7, 5
-        index, length = ind & 0xFF, int(row["array"])
-        if length == 0 and index:
-            return 7, 4
-        if length and not 1 <= index <= length:
-            return 7, 3
-        if ak == 15:
-            return self.text_reply(row, pnu, ind >> 8, text)
-        double = NUMBERS[row["type"]]
-        if ak != 1:
-            fault = self.write(row, pnu, ak, pwe, double)
-            if fault is not None:
-                return 7, fault
-        return (2 if double else 1), self.values[pnu] & (0xFFFFFFFF if double else 0xFFFF)
-
-    def text_reply(self, row: dict[str, str], pnu: int, how: int, text: bytes) -> tuple[int, int | bytes]:
-        if how == 5:
-            if row["access"] == "ro":
-                return 7, 1
-            if self.values[2] == 0:
-                return 7, 131
-            if len(text) > int(row["max"]):
-                return 7, 2
-            self.texts[pnu] = text
-        elif how != 4:
-            return 7, 3
-        return 15, self.texts[pnu]
-
-    def write(self, row: dict[str, str], pnu: int, ak: int, pwe: int, double: bool) -> int | None:
-        if row["access"] != "rw":
-            return 1 if row["access"] == "ro" else 130
-        if double != (ak in (3, 13)):
-            return 5
-        if self.values[2] == 0 and pnu != 2:
-            return 131
-        width = 32 if double else 16
-        value = pwe & ((1 << width) - 1)
-        if row["type"].startswith("int") and value >> (width - 1):
-            value -= 1 << width
-        if not int(row["min"]) <= value <= int(row["max"]):
-            return 2
-        self.values[pnu] = value
-        return None
-
-
-def test_drive_and_model_agree_on_random_parameter_telegrams():
-    rng = seeded("parameter telegrams")
-    numbers = [int(row["pnu"]) for row in ROWS]
-    answers: set[tuple[int, int | None]] = set()
-    for turn in range(20_000):
-        if turn % 1000 == 0:
-            drive, expected = VltDrive(), Expected()
-            drive.force_process(0x0607, 0)
-        pnu = rng.choice([*numbers, *[2] * 10, *[rng.randrange(2048)] * 10])
-        row = expected.rows.get(pnu, ROWS[0])
-        if row["role"].startswith("show_"):
-            continue
-        is_text = row["type"] == "text"
-        ak = (
-            rng.choice([15, 15, 1, 2])
-            if is_text
-            else rng.choice([1, 1, 2, 2, 3, 3, 13, 14, rng.randrange(16)])
-        )
-        index = rng.randrange(int(row["array"]) + 2) if rng.random() < 0.3 else int(row["array"] != "0")
-        ind = index | rng.choice([4, 5, 5, rng.randrange(256)]) << 8
-        near = [int(row[key]) + rng.randrange(-1, 2) for key in ("min", "max")] if not is_text else [0]
-        pwe = rng.choice([*near, rng.randrange(1 << 32), rng.randrange(1 << 16)]) & 0xFFFFFFFF
-        adr = rng.choice([0x01, 0x81])
-        text = rng.randbytes(rng.choice([4, rng.randrange(24)]))
-        if ak == 15 and ind >> 8 == 5:
-            request = fc.build_text(pnu, text, ind, adr=adr)
-        else:
-            request = fc.build_parameter(ak, pnu, ind, pwe, adr=adr)
-        raw = drive.telegram(request)
-        reply = fc.parse(raw, reply=True)
-        wanted_ak, wanted = expected.reply(ak, pnu, ind, pwe, text)
-        assert (reply.ak, reply.pwe if reply.text is None else reply.text) == (wanted_ak, wanted), (
-            f"{request.hex(' ')}: {fc.describe(request)}: {fc.describe(raw, True)}"
-        )
-        if ak:
-            assert (reply.adr, reply.pnu, reply.ind) == (adr, pnu, ind)
-        assert (reply.pcd1, reply.pcd2) == (0x0607, 0)
-        answers.add((reply.ak, reply.fault))
-    faults = (0, 1, 2, 3, 4, 5, 130, 131)
-    assert answers == {(0, None), (1, None), (2, None), (15, None), *((7, n) for n in faults)}
-
-
 def test_no_bytes_at_all_upset_the_drive():
     """Random bytes, random data in a good frame, one damaged byte: silence or a well-formed reply."""
     rng = seeded("bytes")
@@ -931,8 +809,8 @@ def test_no_bytes_at_all_upset_the_drive():
 
 # ---- the table tool ----------------------------------------------------------------------------
 
-COLUMN_LINE = "pnu,name,type,conversion,min,max,default,array,access,while_running,unit,role"
-GOOD_ROW = "104,Motor frequency,uint16,0,24,1000,50,0,rw,0,Hz,motor_frequency"
+COLUMN_LINE = "pnu,name,type,conversion,min,max,default,array,access,while_running,unit,role,source"
+GOOD_ROW = "104,Motor frequency,uint16,0,24,1000,50,0,rw,0,Hz,motor_frequency,memory"
 
 
 def make_table(tmp_path: Path, text: str) -> tuple[int, str, Path]:
@@ -948,36 +826,45 @@ def make_table(tmp_path: Path, text: str) -> tuple[int, str, Path]:
 def test_a_good_table_becomes_a_c_header(tmp_path: Path):
     code, messages, header = make_table(tmp_path, f"#: pnu_bits = 12\n{COLUMN_LINE}\n{GOOD_ROW}\n")
     assert (code, messages) == (0, "")
-    assert 'drive_profile_toy = {\n    "toy", 4095, 1,' in header.read_text()
+    assert '{"toy", 4095, 1, 130, false, ' in header.read_text()
 
 
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz", "11 columns instead of 12"),
-        ("104,x,uint24,0,24,1000,50,0,rw,0,Hz,", "type 'uint24' is none of"),
-        ("2048,x,uint16,0,24,1000,50,0,rw,0,Hz,", "pnu 2048 is outside 1 to 2047"),
-        ("ten,x,uint16,0,24,1000,50,0,rw,0,Hz,", "pnu 'ten' is not a whole number"),
-        ("104,,uint16,0,24,1000,50,0,rw,0,Hz,", "name is empty"),
-        ("104,x,uint16,5,24,1000,50,0,rw,0,Hz,", "conversion 5 is none of"),
-        ("104,x,uint8,0,24,1000,50,0,rw,0,Hz,", "max 1000 is outside 24 to 255"),
-        ("104,x,uint16,0,24,20,50,0,rw,0,Hz,", "max 20 is outside 24 to 65535"),
-        ("104,x,uint16,0,24,1000,23,0,rw,0,Hz,", "default 23 is outside 24 to 1000"),
-        ("104,x,uint16,0,24,1000,50.5,0,rw,0,Hz,", "default '50.5' is not a whole number"),
-        ("104,x,uint16,0,24,1000,50,0,wo,0,Hz,", "access 'wo' is none of rw, ro, local"),
-        ("104,x,uint16,0,24,1000,50,0,rw,Y,Hz,", "while_running 'Y' is none of 0, 1"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,speed", "role 'speed' is none of"),
-        ("104,x,uint16,0,24,1000,50,9,rw,0,Hz,jog_frequency", "an array cannot have role"),
-        ("104,x,text,0,0,4,HELLO,0,ro,1,,", "default has 5 characters"),
-        ("104,x,text,0,0,61,,0,ro,1,,", "max 61 is outside 0 to 60"),
-        ("100,x,uint16,0,24,1000,50,0,rw,0,Hz,", "pnu 100 does not follow 103"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,ramp_up", "role ramp_up is given twice"),
+        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz", "11 columns instead of 13"),
+        ("104,x,uint24,0,24,1000,50,0,rw,0,Hz,,memory", "type 'uint24' is none of"),
+        ("2048,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 2048 is outside 1 to 2047"),
+        ("ten,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 'ten' is not a whole number"),
+        ("104,,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "name is empty"),
+        ("104,x,uint16,5,24,1000,50,0,rw,0,Hz,,memory", "conversion 5 is none of"),
+        ("104,x,uint8,0,24,1000,50,0,rw,0,Hz,,memory", "max 1000 is outside 24 to 255"),
+        ("104,x,uint16,0,24,20,50,0,rw,0,Hz,,memory", "max 20 is outside 24 to 65535"),
+        ("104,x,uint16,0,24,1000,23,0,rw,0,Hz,,memory", "default 23 is outside 24 to 1000"),
+        ("104,x,uint16,0,24,1000,50.5,0,rw,0,Hz,,memory", "default '50.5' is not a whole number"),
+        ("104,x,uint16,0,24,1000,50,0,wo,0,Hz,,memory", "access 'wo' is none of rw, ro, local"),
+        ("104,x,uint16,0,24,1000,50,0,rw,Y,Hz,,memory", "while_running 'Y' is none of 0, 1"),
+        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,speed,memory", "role 'speed' is none of"),
+        ("104,x,uint16,0,24,1000,50,9,rw,0,Hz,jog_frequency,memory", "an array cannot have role"),
+        ("104,x,text,0,0,4,HELLO,0,ro,1,,,memory", "default has 5 characters"),
+        ("104,x,text,0,0,61,,0,ro,1,,,memory", "max 61 is outside 0 to 60"),
+        ("100,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 100 does not follow 103"),
+        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,ramp_up,memory", "role ramp_up is given twice"),
         ("#: pnu_bits = 16", "pnu_bits 16 is outside 11 to 12"),
+        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,,rumour", "source 'rumour' is none of document, partly, "),
+        ("104,x,int16,-2,0,100,0,0,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
+        ("104,x,int16,-2,0,100,0,3,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
         ("#: colour = 3", "setting must be one of"),
+        ("#: colour 104 = 3", "setting must be one of"),
+        ("#: index_first = two", "index_first 'two' is not a whole number"),
+        ("#: index_first = 2", "index_first 2 is outside 0 to 1"),
+        ("#: example 104 = 3", "example 104 is no number of this table"),
+        ("#: example 103[1] = 3", "example 103 has no index 1"),
+        ("#: example 103 = 11", "example 103 is outside 1 to 10"),
     ],
 )
 def test_a_malformed_row_is_told_with_its_line(tmp_path: Path, row: str, message: str):
-    first = "103,First,uint16,0,1,10,5,0,rw,0,s,ramp_up"
+    first = "103,First,uint16,0,1,10,5,0,rw,0,s,ramp_up,memory"
     code, messages, header = make_table(tmp_path, f"# toy\n{COLUMN_LINE}\n{first}\n{row}\n")
     assert code == 1
     assert messages.startswith(f"{tmp_path / 'toy.csv'}:4: ")
@@ -992,7 +879,7 @@ def test_all_malformed_rows_are_told_at_once(tmp_path: Path):
 
 
 def test_a_table_too_large_for_the_drive_is_refused(tmp_path: Path):
-    rows = "\n".join(f"{pnu},x,uint8,0,0,1,0,255,ro,1,," for pnu in range(1, 6))
+    rows = "\n".join(f"{pnu},x,uint8,0,0,1,0,255,ro,1,,,memory" for pnu in range(1, 6))
     code, messages, _ = make_table(tmp_path, f"{COLUMN_LINE}\n{rows}\n")
     assert code == 1
     assert "1275 values, vlt_drive.h has room for 1024" in messages

@@ -1,15 +1,26 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Turn the parameter table of a simulated drive (sim/drive/NAME.csv) into a C header.
+"""Turn the parameter tables of the simulated drives (sim/drive/NAME.csv) into one C header.
 
-    tools/drive_table.py sim/drive/vlt6000.csv build/sim/vlt6000_table.h
+    tools/drive_table.py sim/drive/vlt5000.csv sim/drive/vlt6000.csv build/sim/drive_profiles.h
 
-The header holds one `static const drive_profile_t drive_profile_NAME` and is included by
-sim/drive/vlt_drive.c alone. Every malformed row is told as `file:line: message`; exit 1 after them.
+The header holds the array `drive_profiles` and is included by sim/drive/vlt_drive.c alone. Every
+malformed line is told as `file:line: message`; exit 1 after them.
 
-A profile is a CSV file: `#` lines are comments, `#: key = value` lines are settings (pnu_bits,
-relay_running, relay_alarm, relay_bus), the first other line names the columns. Values are raw. Roles,
-types and capacities are read from sim/drive/vlt_drive.h, so they are written in one place.
+A profile is a CSV file. `#` lines are comments. `#: key = number` lines are settings, decimal or 0x:
+
+    pnu_bits           bits of PKE that are the parameter number, 11 or 12
+    index_first        index of an array's first element, 0 or 1
+    fault_unknown_ak   fault number for an AK that the drive does not know
+    fc_status          1: status word bit 2 = 0 coasting, bit 6 = 1 trip lock; 0: bit 2 = 1 stand by
+    relay_bus, relay_running, relay_alarm   relay choices: control word, motor runs, drive tripped
+    example_status, example_frequency       process words of the example state
+    example PNU = number, example PNU[INDEX] = number   a value of the example state
+
+The first other line names the columns. Values are raw. `source` says what a row stands on: `document`
+(number, type and conversion are in a public document), `partly` (some of it), `memory` (of the product
+family), `simulator` (a choice of the simulator's own). Roles, types and capacities are read from
+sim/drive/vlt_drive.h, so they are written in one place.
 """
 
 from __future__ import annotations
@@ -18,15 +29,25 @@ import argparse
 import csv
 import re
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 HEADER = Path(__file__).resolve().parent.parent / "sim" / "drive" / "vlt_drive.h"
 COLUMNS = [
     *("pnu", "name", "type", "conversion", "min", "max", "default"),
-    *("array", "access", "while_running", "unit", "role"),
+    *("array", "access", "while_running", "unit", "role", "source"),
 ]
-SETTINGS = {"pnu_bits": (11, 12), "relay_running": (0, 255), "relay_alarm": (0, 255), "relay_bus": (0, 255)}
+SOURCES = ["document", "partly", "memory", "simulator"]
+# Setting: least and greatest value, and the value where a profile does not say.
+SETTINGS = {
+    "pnu_bits": (11, 12, 11),
+    "index_first": (0, 1, 1),
+    "fault_unknown_ak": (0, 255, 130),
+    "fc_status": (0, 1, 0),
+    **{f"relay_{what}": (0, 255, 255) for what in ("bus", "running", "alarm")},
+    "example_status": (0, 0xFFFF, 0x0F03),
+    "example_frequency": (0, 0xFFFF, 0x2000),
+}
 RANGES = {
     "uint8": (0, 0xFF),
     "int16": (-0x8000, 0x7FFF),
@@ -34,8 +55,16 @@ RANGES = {
     "int32": (-0x80000000, 0x7FFFFFFF),
     "uint32": (0, 0xFFFFFFFF),
 }
-ACCESS = {"rw": "DRIVE_READ_WRITE", "ro": "DRIVE_READ_ONLY", "local": "DRIVE_LOCAL"}
-CONVERSIONS = [*range(-4, 4), 74]
+ACCESS = {
+    "rw": "DRIVE_READ_WRITE",
+    "ro": "DRIVE_READ_ONLY",
+    "local": "DRIVE_LOCAL",
+    "reset": "DRIVE_RESET",
+    "fixed": "DRIVE_FIXED",
+    "denied": "DRIVE_DENIED",
+}
+PRESETS = 4  # preset references that the control word can choose
+CONVERSIONS = [*range(-4, 4), 73, 74]
 ROLE_NONE = 0xFFFF
 
 
@@ -61,6 +90,19 @@ class Parameter:
     unit: str
     role: str
     slot: int = 0
+
+
+@dataclass
+class Profile:
+    """One table. `examples` are (line, pnu, index, value)."""
+
+    name: str
+    parameters: list[Parameter] = field(default_factory=list)
+    settings: dict[str, int] = field(default_factory=dict)
+    examples: list[tuple[int, int, int, int]] = field(default_factory=list)
+
+    def setting(self, key: str) -> int:
+        return self.settings.get(key, SETTINGS[key][2])
 
 
 @dataclass
@@ -107,14 +149,14 @@ def choice(row: dict[str, str], column: str, allowed: list[str]) -> str:
     return row[column]
 
 
-def parse_row(fields: list[str], settings: dict[str, int], capacity: Capacity) -> Parameter:
+def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter:
     """One row as a Parameter; TableError when it makes no sense by itself."""
     if len(fields) != len(COLUMNS):
         raise TableError(f"{len(fields)} columns instead of {len(COLUMNS)}")
     row = dict(zip(COLUMNS, fields, strict=True))
     if not all(" " <= character <= "~" for field in fields for character in field):
         raise TableError("only printable ASCII characters are allowed")
-    pnu = integer(row, "pnu", 1, (1 << settings.get("pnu_bits", 11)) - 1)
+    pnu = integer(row, "pnu", 1, (1 << pnu_bits) - 1)
     if not row["name"]:
         raise TableError("name is empty")
     kind = choice(row, "type", [*RANGES, "text"])
@@ -136,10 +178,11 @@ def parse_row(fields: list[str], settings: dict[str, int], capacity: Capacity) -
     role = choice(row, "role", ["", *capacity.roles])
     if role and kind == "text":
         raise TableError("a text cannot have a role")
-    if array and role and not role.startswith("fault_"):
+    if array and role not in ("", "presets", "relay_1") and not role.startswith("fault_"):
         raise TableError(f"an array cannot have role {role}")
     if role.startswith("fault_") and not array:
         raise TableError(f"role {role} needs an array")
+    choice(row, "source", SOURCES)
     return Parameter(
         pnu,
         row["name"],
@@ -157,27 +200,78 @@ def parse_row(fields: list[str], settings: dict[str, int], capacity: Capacity) -
     )
 
 
-def parse_setting(line: str, settings: dict[str, int]) -> None:
-    match = re.fullmatch(r"#:\s*(\w+)\s*=\s*(-?\d+)\s*", line)
-    if not match or match[1] not in SETTINGS:
-        raise TableError(f"setting must be one of {', '.join(SETTINGS)} = NUMBER")
-    if match[1] in settings:
+def parse_setting(number: int, line: str, profile: Profile) -> None:
+    """A `#:` line; `number` is its place in the file."""
+    match = re.fullmatch(r"#:\s*(\w+)(?:\s+(\d+)(?:\[(\d+)\])?)?\s*=\s*(-?\w+)\s*", line)
+    known = match is not None and (match[1] in SETTINGS if match[2] is None else match[1] == "example")
+    if not known:
+        raise TableError(f"setting must be one of {', '.join(SETTINGS)}, example PNU[INDEX] = NUMBER")
+    try:
+        value = int(match[4], 0)
+    except ValueError:
+        raise TableError(f"{match[1]} '{match[4]}' is not a whole number") from None
+    if match[2] is not None:
+        profile.examples.append((number, int(match[2]), int(match[3] or 0), value))
+        return
+    low, high, _ = SETTINGS[match[1]]
+    if match[1] in profile.settings:
         raise TableError(f"{match[1]} is set twice")
-    settings[match[1]] = integer({match[1]: match[2]}, match[1], *SETTINGS[match[1]])
+    if not low <= value <= high:
+        raise TableError(f"{match[1]} {value} is outside {low} to {high}")
+    profile.settings[match[1]] = value
 
 
-def read_profile(path: Path, capacity: Capacity) -> tuple[list[Parameter], dict[str, int], list[str]]:
-    """(parameters, settings, errors); each error is `file:line: message`."""
-    parameters: list[Parameter] = []
-    settings: dict[str, int] = {}
+def check_example(profile: Profile, pnu: int, index: int, value: int) -> None:
+    """An example must be a value that the drive's own table allows, but for readouts and logs."""
+    parameter = next((p for p in profile.parameters if p.pnu == pnu), None)
+    if parameter is None or parameter.type == "text":
+        raise TableError(f"example {pnu} is no number of this table")
+    first = profile.setting("index_first") if parameter.array else 0
+    if not first <= index < first + max(parameter.array, 1):
+        raise TableError(f"example {pnu} has no index {index}")
+    if not parameter.min <= value <= parameter.max:
+        raise TableError(f"example {pnu} is outside {parameter.min} to {parameter.max}")
+
+
+def check_presets(parameters: list[Parameter]) -> None:
+    """Role `presets` wants four values of one kind side by side in the drive's memory."""
+    at = next((i for i, p in enumerate(parameters) if p.role == "presets"), None)
+    if at is None or parameters[at].array >= PRESETS:
+        return
+    run = parameters[at : at + PRESETS]
+    wanted = [(run[0].pnu + i, run[0].type, run[0].conversion, 0) for i in range(PRESETS)]
+    if [(p.pnu, p.type, p.conversion, p.array) for p in run] != wanted:
+        raise TableError(f"role presets needs {PRESETS} parameters in a row or an array of {PRESETS}")
+
+
+def add_row(profile: Profile, parameter: Parameter, used: dict[str, int]) -> None:
+    """Append a parameter and give it its place: `used` counts values and texts so far."""
+    if profile.parameters and parameter.pnu <= profile.parameters[-1].pnu:
+        raise TableError(f"pnu {parameter.pnu} does not follow {profile.parameters[-1].pnu}")
+    single = parameter.role and not parameter.role.startswith("show_")
+    if single and any(parameter.role == other.role for other in profile.parameters):
+        raise TableError(f"role {parameter.role} is given twice")
+    kind = "texts" if parameter.type == "text" else "values"
+    parameter.slot = used[kind]
+    used[kind] += max(parameter.array, 1)
+    profile.parameters.append(parameter)
+
+
+def read_profile(path: Path, capacity: Capacity) -> tuple[Profile, list[str]]:
+    """The profile and what is wrong with it; each error is `file:line: message`."""
+    profile = Profile(path.stem)
     errors: list[str] = []
+    used = {"values": 0, "texts": 0}
     header_seen = False
-    slots = texts = 0
     number = 0
+
+    def tell(line: int, message: object) -> None:
+        errors.append(f"{path}:{line}: {message}")
+
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         try:
             if line.startswith("#:"):
-                parse_setting(line, settings)
+                parse_setting(number, line, profile)
                 continue
             if not line.strip() or line.startswith("#"):
                 continue
@@ -187,28 +281,31 @@ def read_profile(path: Path, capacity: Capacity) -> tuple[list[Parameter], dict[
                 if fields != COLUMNS:
                     raise TableError(f"columns must be {','.join(COLUMNS)}")
                 continue
-            parameter = parse_row(fields, settings, capacity)
-            if parameters and parameter.pnu <= parameters[-1].pnu:
-                raise TableError(f"pnu {parameter.pnu} does not follow {parameters[-1].pnu}")
-            if parameter.role and any(parameter.role == other.role for other in parameters):
-                raise TableError(f"role {parameter.role} is given twice")
-            if parameter.type == "text":
-                parameter.slot, texts = texts, texts + 1
-            else:
-                parameter.slot, slots = slots, slots + max(parameter.array, 1)
-            parameters.append(parameter)
+            add_row(profile, parse_row(fields, profile.setting("pnu_bits"), capacity), used)
         except (TableError, csv.Error) as error:
-            errors.append(f"{path}:{number}: {error}")
+            tell(number, error)
+    if errors:
+        return profile, errors
+
     for what, have, room in (
-        ("parameters", len(parameters), capacity.parameters),
-        ("values", slots, capacity.slots),
-        ("texts", texts, capacity.texts),
+        ("parameters", len(profile.parameters), capacity.parameters),
+        ("values", used["values"], capacity.slots),
+        ("texts", used["texts"], capacity.texts),
     ):
         if have > room:
-            errors.append(f"{path}:{number}: {have} {what}, vlt_drive.h has room for {room}")
-    if not parameters and not errors:
-        errors.append(f"{path}:{number}: no parameters")
-    return parameters, settings, errors
+            tell(number, f"{have} {what}, vlt_drive.h has room for {room}")
+    if not profile.parameters:
+        tell(number, "no parameters")
+    try:
+        check_presets(profile.parameters)
+    except TableError as error:
+        tell(number, error)
+    for line, pnu, index, value in profile.examples:
+        try:
+            check_example(profile, pnu, index, value)
+        except TableError as error:
+            tell(line, error)
+    return profile, errors
 
 
 def c_string(text: str) -> str:
@@ -219,14 +316,12 @@ def c_number(value: int) -> str:
     return f"INT64_C({value})"
 
 
-def render(
-    name: str, source: str, parameters: list[Parameter], settings: dict[str, int], roles: list[str]
-) -> str:
-    """The whole header as text."""
-    place = {p.role: i for i, p in enumerate(parameters) if p.role}
-    lines = [f"/* Made by tools/drive_table.py from {source}: do not edit. */", ""]
-    lines.append(f"static const drive_parameter_t {name}_parameters[] = {{")
-    for p in parameters:
+def render_tables(profile: Profile, roles: list[str]) -> list[str]:
+    """The parameter, role and example tables of one profile."""
+    name = profile.name
+    place = {p.role: i for i, p in enumerate(profile.parameters) if p.role}
+    lines = [f"static const drive_parameter_t {name}_parameters[] = {{"]
+    for p in profile.parameters:
         role = f"DRIVE_ROLE_{(p.role or 'none').upper()}"
         lines.append(
             f"    {{{p.pnu}, DRIVE_{p.type.upper()}, {ACCESS[p.access]}, {role}, {p.conversion}, "
@@ -236,33 +331,60 @@ def render(
         )
     lines += ["};", "", f"static const uint16_t {name}_by_role[DRIVE_ROLE_COUNT] = {{", f"    {ROLE_NONE},"]
     lines += [f"    {place.get(role, ROLE_NONE)}, /* {role} */" for role in roles]
-    lines += ["};", "", f"static const drive_profile_t drive_profile_{name} = {{"]
-    mask = (1 << settings.get("pnu_bits", 11)) - 1
-    relays = [settings.get(key, 255) for key in ("relay_bus", "relay_running", "relay_alarm")]
-    lines.append(f'    "{name}", {mask}, {len(parameters)}, {relays[0]}, {relays[1]}, {relays[2]},')
-    lines += [f"    {name}_parameters, {name}_by_role,", "};", ""]
+    lines += ["};", ""]
+    if profile.examples:
+        lines.append(f"static const drive_example_t {name}_examples[] = {{")
+        lines += [f"    {{{pnu}, {index}, {c_number(value)}}}," for _, pnu, index, value in profile.examples]
+        lines += ["};", ""]
+    return lines
+
+
+def render_profile(profile: Profile) -> str:
+    """One element of the array drive_profiles."""
+    name, get = profile.name, profile.setting
+    return (
+        f'    {{"{name}", {(1 << get("pnu_bits")) - 1}, {get("index_first")}, {get("fault_unknown_ak")}, '
+        f"{'true' if get('fc_status') else 'false'}, {get('relay_bus')}, {get('relay_running')}, "
+        f"{get('relay_alarm')}, {get('example_status')}, {get('example_frequency')}, "
+        f"{len(profile.examples)}, {f'{name}_examples' if profile.examples else 'NULL'}, "
+        f"{len(profile.parameters)}, {name}_parameters, {name}_by_role}},"
+    )
+
+
+def render(profiles: list[Profile], roles: list[str]) -> str:
+    """The whole header as text."""
+    lines = ["/* Made by tools/drive_table.py from sim/drive/: do not edit. */", ""]
+    for profile in profiles:
+        lines += render_tables(profile, roles)
+    lines.append("static const drive_profile_t drive_profiles[] = {")
+    lines += [render_profile(profile) for profile in profiles]
+    lines += ["};", ""]
     return "\n".join(lines)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("profile", type=Path, help="parameter table, its name is the profile's")
+    parser.add_argument("profile", type=Path, nargs="+", help="parameter table, its name is the profile's")
     parser.add_argument("header", type=Path, help="C header to write")
     arguments = parser.parse_args()
-    name = arguments.profile.stem
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        parser.error(f"{arguments.profile}: the file's name must be a C name in lower case")
     capacity = read_capacity()
-    try:
-        parameters, settings, errors = read_profile(arguments.profile, capacity)
-    except (OSError, UnicodeDecodeError) as error:
-        parser.error(f"{arguments.profile}: {error}")
+    profiles: list[Profile] = []
+    errors: list[str] = []
+    for path in arguments.profile:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", path.stem):
+            parser.error(f"{path}: the file's name must be a C name in lower case")
+        try:
+            profile, wrong = read_profile(path, capacity)
+        except (OSError, UnicodeDecodeError) as error:
+            parser.error(f"{path}: {error}")
+        profiles.append(profile)
+        errors += wrong
     if errors:
         print("\n".join(errors), file=sys.stderr)
         return 1
     arguments.header.parent.mkdir(parents=True, exist_ok=True)
     partial = arguments.header.with_name(arguments.header.name + ".partial")
-    partial.write_text(render(name, arguments.profile.name, parameters, settings, capacity.roles))
+    partial.write_text(render(profiles, capacity.roles))
     partial.replace(arguments.header)
     return 0
 

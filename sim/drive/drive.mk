@@ -3,8 +3,9 @@
 # Makefile; works by itself too (make -f sim/drive/drive.mk drive), which is how tb/model/vlt_drive.py
 # builds what it loads.
 
-DRIVE_PROFILES := vlt6000
-DRIVE_TABLES := $(DRIVE_PROFILES:%=build/sim/%_table.h)
+# Every table here is a profile.
+DRIVE_PROFILES := $(sort $(wildcard sim/drive/*.csv))
+DRIVE_TABLES := build/sim/drive_profiles.h
 DRIVE_SOURCES := sim/drive/vlt_drive.c
 # What a program needs that links the drive itself: these flags, DRIVE_SOURCES, DRIVE_TABLES made first.
 DRIVE_CPPFLAGS := -Isim/drive -Ibuild/sim
@@ -13,8 +14,8 @@ DRIVE_CFLAGS := -std=c99 -O2 -Wall -Wextra -Werror -Wconversion
 .PHONY: drive
 drive: build/host/libvltdrive.so
 
-build/sim/%_table.h: sim/drive/%.csv tools/drive_table.py sim/drive/vlt_drive.h
-	python3 tools/drive_table.py $< $@
+$(DRIVE_TABLES): $(DRIVE_PROFILES) tools/drive_table.py sim/drive/vlt_drive.h sim/drive/drive.mk
+	python3 tools/drive_table.py $(DRIVE_PROFILES) $@
 
 # Written beside and moved: a test running meanwhile never loads half a library.
 build/host/libvltdrive.so: $(DRIVE_SOURCES) sim/drive/vlt_drive.h sim/drive/drive.mk $(DRIVE_TABLES)

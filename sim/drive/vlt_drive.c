@@ -3,12 +3,12 @@
  * Simulated VLT drive, see vlt_drive.h for what it is and how it is used.
  *
  * Choices where the documents say nothing (all of them the simulator's own):
- * - An AK that no VLT 6000 table lists (4 to 12) is refused with fault 130.
+ * - An AK that no table lists (4 to 12) is refused: fault 130, or what the profile says.
  * - Word replies carry PWE high = 0, also for a negative int16. Word writes ignore PWE high.
  * - AK 0 is answered with AK 0, index and value zero.
- * - Faults are looked for in this order: 0, 130 (AK), 5 (text asked as number or the reverse), 4, 3,
- *   then for writes 1, 130 (panel only), 5 (word against double word), 131, 17, 2.
- * - Array elements count from 1; the newest log entry is element 1.
+ * - Faults are looked for in this order: 0, unknown AK, 5 (text asked as number or the reverse), 4, 3,
+ *   then for writes the access (1, 130, 7, 11), 5 (word against double word), 131, 17, 6, 2.
+ * - Of a log array the first element is the newest entry.
  * - In one telegram the parameter part is executed before the process part.
  * - A text write is answered with the text; texts are always kept in EEPROM.
  * - Digital inputs are not wired: nothing started or reversed there, terminal 27 closed (no coasting).
@@ -19,7 +19,7 @@
 
 #include <string.h>
 
-#include "vlt6000_table.h"
+#include "drive_profiles.h" /* made from the profiles: the array drive_profiles */
 
 enum { STX = 0x02, NOWHERE = 0xFFFF };
 
@@ -32,6 +32,7 @@ enum { /* control word */
   CTW_START = 1 << 6,
   CTW_RESET = 1 << 7,
   CTW_JOG = 1 << 8,
+  CTW_RAMP_2 = 1 << 9,
   CTW_VALID = 1 << 10,
   CTW_RELAY_1 = 1 << 11,
   CTW_RELAY_2 = 1 << 12,
@@ -42,7 +43,9 @@ enum { /* status word */
   STW_CONTROL_READY = 1 << 0,
   STW_DRIVE_READY = 1 << 1,
   STW_STAND_BY = 1 << 2,
+  STW_NOT_COASTING = 1 << 2, /* the same bit of another drive */
   STW_TRIP = 1 << 3,
+  STW_TRIP_LOCK = 1 << 6,
   STW_WARNING = 1 << 7,
   STW_ON_REFERENCE = 1 << 8,
   STW_BUS_CONTROL = 1 << 9,
@@ -67,9 +70,8 @@ typedef enum { GO_COAST, GO_QUICK_STOP, GO_DC_BRAKE, GO_STOP, GO_RUN } command_t
 /* ---- parameters ------------------------------------------------------------------------------ */
 
 const drive_profile_t *drive_profile(const char *name) {
-  static const drive_profile_t *const profiles[] = {&drive_profile_vlt6000};
-  for (size_t i = 0; i < sizeof profiles / sizeof profiles[0]; i++) {
-    if (strcmp(profiles[i]->name, name) == 0) return profiles[i];
+  for (size_t i = 0; i < sizeof drive_profiles / sizeof drive_profiles[0]; i++) {
+    if (strcmp(drive_profiles[i].name, name) == 0) return &drive_profiles[i];
   }
   return NULL;
 }
@@ -152,7 +154,7 @@ static int64_t bus_time_out_function(const drive_t *d) {
 }
 
 /* A command from bus and (unwired, so false) digital input, joined as the selector says: 0 digital
- * input, 1 bus, 2 logic and, 3 logic or. */
+ * input, 1 bus, 2 logic and, 3 logic or. A drive without this selector: the bus alone. */
 static bool selected(const drive_t *d, drive_role_t selector, bool bus) {
   int64_t how = setting(d, selector, 3);
   return bus && (how == 1 || how == 3);
@@ -175,20 +177,19 @@ static command_t command(const drive_t *d) {
       break;
   }
   if (selected(d, DRIVE_ROLE_SELECT_COAST, !(ctw & CTW_NO_COAST))) return GO_COAST;
-  if (!(ctw & CTW_NO_QUICK_STOP)) return GO_QUICK_STOP;
+  if (selected(d, DRIVE_ROLE_SELECT_QUICK_STOP, !(ctw & CTW_NO_QUICK_STOP))) return GO_QUICK_STOP;
   if (selected(d, DRIVE_ROLE_SELECT_DC_BRAKE, !(ctw & CTW_NO_DC_BRAKE))) return GO_DC_BRAKE;
   if (ctw & CTW_JOG) return GO_RUN;
   if (selected(d, DRIVE_ROLE_SELECT_START, (ctw & CTW_START) != 0)) return GO_RUN;
   return GO_STOP;
 }
 
-/* Sum of bus and preset reference, -FULL_SUM..FULL_SUM for -100..100 %. */
+/* Sum of bus and preset reference (in 0.01 %), -FULL_SUM..FULL_SUM for -100..100 %. */
 static int64_t reference_sum(const drive_t *d) {
-  static const drive_role_t presets[] = {DRIVE_ROLE_PRESET_1, DRIVE_ROLE_PRESET_2, DRIVE_ROLE_PRESET_3,
-                                         DRIVE_ROLE_PRESET_4};
+  const drive_parameter_t *presets = by_role(d, DRIVE_ROLE_PRESETS);
   int64_t external = d->reference >= 0x8000 ? (int64_t)d->reference - 0x10000 : d->reference;
   unsigned choice = selected(d, DRIVE_ROLE_SELECT_PRESET, true) ? d->control & CTW_PRESET : 0;
-  int64_t preset = scaled(d, presets[choice], 2, 0); /* 0.01 % */
+  int64_t preset = presets == NULL ? 0 : scale(d->ram[presets->slot + choice], presets->conversion + 2);
   int64_t sum;
   switch (setting(d, DRIVE_ROLE_REFERENCE_TYPE, 0)) {
     case 0:
@@ -245,13 +246,27 @@ static bool frozen(const drive_t *d) {
   return function == BUS_FREEZE || !(d->control & CTW_NO_FREEZE);
 }
 
+/* The ramp that bit 9 of the control word chooses, where the drive has two. */
+static drive_role_t chosen_ramp(const drive_t *d, drive_role_t first, drive_role_t second) {
+  return (d->control & CTW_RAMP_2) && by_role(d, second) != NULL ? second : first;
+}
+
+static drive_role_t ramp_down(const drive_t *d) {
+  return chosen_ramp(d, DRIVE_ROLE_RAMP_DOWN, DRIVE_ROLE_RAMP_DOWN_2);
+}
+
+static drive_role_t quick_stop_ramp(const drive_t *d) {
+  return by_role(d, DRIVE_ROLE_QUICK_STOP_RAMP) != NULL ? DRIVE_ROLE_QUICK_STOP_RAMP : ramp_down(d);
+}
+
 /* Move the output frequency towards a target for 1 ms; a ramp time is that from 0 to the rated
  * motor frequency. Frequencies fall on the ramp-down time, also towards a reversal. */
 static void ramp(drive_t *d, int64_t target, drive_role_t down) {
   int64_t from = d->frequency_nhz;
   int64_t rated = scaled(d, DRIVE_ROLE_MOTOR_FREQUENCY, NANO, 50 * INT64_C(1000000000));
   bool rising = (from >= 0 && target > from) || (from <= 0 && target < from);
-  int64_t time_ms = scaled(d, rising ? DRIVE_ROLE_RAMP_UP : down, MILLI, 0);
+  drive_role_t up = chosen_ramp(d, DRIVE_ROLE_RAMP_UP, DRIVE_ROLE_RAMP_UP_2);
+  int64_t time_ms = scaled(d, rising ? up : down, MILLI, 0);
   int64_t step = time_ms > 0 ? rated / time_ms : INT64_MAX;
   int64_t stop_at = !rising && (from > 0) != (target > 0) ? 0 : target; /* turn round at standstill */
   if (magnitude(stop_at - from) <= step) {
@@ -259,10 +274,6 @@ static void ramp(drive_t *d, int64_t target, drive_role_t down) {
   } else {
     d->frequency_nhz += stop_at > from ? step : -step;
   }
-}
-
-static drive_role_t quick_stop_ramp(const drive_t *d) {
-  return by_role(d, DRIVE_ROLE_QUICK_STOP_RAMP) != NULL ? DRIVE_ROLE_QUICK_STOP_RAMP : DRIVE_ROLE_RAMP_DOWN;
 }
 
 /* What does not wait for a ramp: output off, brake on. */
@@ -291,10 +302,10 @@ static void step_ms(drive_t *d) {
   if (d->dc_brake_us > 0) d->dc_brake_us -= d->dc_brake_us < 1000 ? d->dc_brake_us : 1000;
   switch (command(d)) {
     case GO_RUN:
-      if (!frozen(d)) ramp(d, wanted_nhz(d), DRIVE_ROLE_RAMP_DOWN);
+      if (!frozen(d)) ramp(d, wanted_nhz(d), ramp_down(d));
       break;
     case GO_STOP:
-      ramp(d, 0, DRIVE_ROLE_RAMP_DOWN);
+      ramp(d, 0, ramp_down(d));
       break;
     case GO_QUICK_STOP:
       ramp(d, 0, quick_stop_ramp(d));
@@ -346,11 +357,15 @@ static uint16_t live_status(const drive_t *d) {
   unsigned status = STW_BUS_CONTROL;
   int64_t output = magnitude(d->frequency_nhz);
   bool running = d->frequency_nhz != 0 || command(d) == GO_RUN;
+  bool fc = d->profile->fc_status;
   if (d->alarm != 0) {
     status |= STW_TRIP;
+    if (fc && d->locked) status |= STW_TRIP_LOCK;
   } else {
     status |= STW_CONTROL_READY | STW_DRIVE_READY;
-    status |= running ? STW_RUNNING : STW_STAND_BY;
+    if (running) status |= STW_RUNNING;
+    if (fc && command(d) != GO_COAST) status |= STW_NOT_COASTING;
+    if (!fc && !running) status |= STW_STAND_BY;
     if (command(d) == GO_RUN && d->frequency_nhz == wanted_nhz(d)) status |= STW_ON_REFERENCE;
     const drive_parameter_t *limit = by_role(d, DRIVE_ROLE_CURRENT_LIMIT);
     const drive_parameter_t *rated = by_role(d, DRIVE_ROLE_MOTOR_CURRENT);
@@ -360,8 +375,10 @@ static uint16_t live_status(const drive_t *d) {
     }
   }
   if (d->warnings != 0) status |= STW_WARNING;
-  if (output >= scaled(d, DRIVE_ROLE_FREQUENCY_MIN, NANO, 0) &&
-      output <= scaled(d, DRIVE_ROLE_FREQUENCY_MAX, NANO, INT64_MAX)) {
+  int64_t low = scaled(d, DRIVE_ROLE_FREQUENCY_MIN, NANO, 0);
+  int64_t high = scaled(d, DRIVE_ROLE_FREQUENCY_MAX, NANO, INT64_MAX);
+  if (output >= scaled(d, DRIVE_ROLE_RANGE_LOW, NANO, low) &&
+      output <= scaled(d, DRIVE_ROLE_RANGE_HIGH, NANO, high)) {
     status |= STW_IN_RANGE;
   }
   return (uint16_t)status;
@@ -393,7 +410,10 @@ uint32_t drive_eeprom_writes(const drive_t *d) { return d->eeprom_writes; }
 
 bool drive_relay(const drive_t *d, unsigned number) {
   bool first = number == 1;
-  int64_t what = setting(d, first ? DRIVE_ROLE_RELAY_1 : DRIVE_ROLE_RELAY_2, 0);
+  const drive_parameter_t *one = by_role(d, DRIVE_ROLE_RELAY_1);
+  bool paired = one != NULL && one->length > 1;
+  int64_t what = paired ? d->ram[one->slot + !first]
+                        : setting(d, first ? DRIVE_ROLE_RELAY_1 : DRIVE_ROLE_RELAY_2, 0);
   if (what == d->profile->relay_bus) {
     return (d->control & (first ? CTW_RELAY_1 : CTW_RELAY_2)) != 0 && !bus_timed_out(d);
   }
@@ -412,6 +432,12 @@ void drive_trip(drive_t *d, uint8_t alarm) {
   settle(d);
 }
 
+void drive_trip_lock(drive_t *d, uint8_t alarm) {
+  if (d->alarm != 0) return;
+  drive_trip(d, alarm);
+  d->locked = d->alarm != 0;
+}
+
 void drive_warn(drive_t *d, uint32_t warnings) { d->warnings = warnings; }
 
 /* PCD of a request. Bit 10 = 0: neither word is looked at. */
@@ -422,7 +448,7 @@ static void control(drive_t *d, uint16_t ctw, uint16_t reference) {
   d->reference = reference;
   d->controlled = true;
   d->bus_idle_us = 0;
-  if (reset) d->alarm = 0;
+  if (reset && !d->locked) d->alarm = 0;
   settle(d);
 }
 
@@ -485,11 +511,12 @@ static bool live(const drive_t *d, const drive_parameter_t *p, int64_t *value) {
 /* ---- parameter access ------------------------------------------------------------------------ */
 
 /* Slot of an element; a fault number when the index does not fit. */
-static int locate(const drive_parameter_t *p, uint8_t index, size_t *slot) {
+static int locate(const drive_t *d, const drive_parameter_t *p, uint8_t index, size_t *slot) {
+  uint8_t first = d->profile->index_first;
   *slot = p->slot;
   if (p->length == 0) return index == 0 ? DRIVE_OK : DRIVE_FAULT_NOT_ARRAY;
-  if (index == 0 || index > p->length) return DRIVE_FAULT_SUB_INDEX;
-  *slot = (size_t)p->slot + index - 1;
+  if (index < first || index - first >= p->length) return DRIVE_FAULT_SUB_INDEX;
+  *slot = (size_t)p->slot + index - first;
   return DRIVE_OK;
 }
 
@@ -499,7 +526,7 @@ int drive_get(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value) {
   if (at == NOWHERE) return DRIVE_FAULT_NO_PARAMETER;
   const drive_parameter_t *p = &d->profile->parameters[at];
   if (p->type == DRIVE_TEXT) return DRIVE_FAULT_TYPE;
-  int fault = locate(p, index, &slot);
+  int fault = locate(d, p, index, &slot);
   if (fault == DRIVE_OK && (d->pinned[at] || !live(d, p, value))) *value = d->ram[slot];
   return fault;
 }
@@ -510,7 +537,7 @@ int drive_get_eeprom(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *val
   if (at == NOWHERE) return DRIVE_FAULT_NO_PARAMETER;
   const drive_parameter_t *p = &d->profile->parameters[at];
   if (p->type == DRIVE_TEXT) return DRIVE_FAULT_TYPE;
-  int fault = locate(p, index, &slot);
+  int fault = locate(d, p, index, &slot);
   if (fault == DRIVE_OK) *value = d->eeprom[slot];
   return fault;
 }
@@ -521,7 +548,7 @@ int drive_set(drive_t *d, uint16_t pnu, uint8_t index, int64_t value) {
   if (at == NOWHERE) return DRIVE_FAULT_NO_PARAMETER;
   const drive_parameter_t *p = &d->profile->parameters[at];
   if (p->type == DRIVE_TEXT) return DRIVE_FAULT_TYPE;
-  int fault = locate(p, index, &slot);
+  int fault = locate(d, p, index, &slot);
   if (fault != DRIVE_OK) return fault;
   d->ram[slot] = value;
   d->eeprom[slot] = value;
@@ -566,9 +593,18 @@ int drive_refuse(drive_t *d, uint16_t pnu, int fault) {
 
 /* Access rights and, apart from them, the mode of the moment: fault number or DRIVE_OK. */
 static int writable(const drive_parameter_t *p) {
-  if (p->access == DRIVE_READ_ONLY) return DRIVE_FAULT_READ_ONLY;
-  if (p->access == DRIVE_LOCAL) return DRIVE_FAULT_BUS_ACCESS;
-  return DRIVE_OK;
+  switch ((drive_access_t)p->access) {
+    case DRIVE_READ_ONLY:
+      return DRIVE_FAULT_READ_ONLY;
+    case DRIVE_LOCAL:
+      return DRIVE_FAULT_BUS_ACCESS;
+    case DRIVE_FIXED:
+      return DRIVE_FAULT_NOT_CHANGEABLE;
+    case DRIVE_DENIED:
+      return DRIVE_FAULT_NO_RIGHTS;
+    default:
+      return DRIVE_OK;
+  }
 }
 
 static int writable_now(const drive_t *d, const drive_parameter_t *p) {
@@ -639,6 +675,7 @@ static int write_number(drive_t *d, const drive_parameter_t *p, size_t slot, uns
   if (as_double != is_double(p)) return DRIVE_FAULT_TYPE;
   fault = writable_now(d, p);
   if (fault != DRIVE_OK) return fault;
+  if (p->access == DRIVE_RESET && value != 0) return DRIVE_FAULT_RESET_ONLY;
   if (value < p->min || value > p->max) return DRIVE_FAULT_LIMITS;
   d->ram[slot] = value;
   if (ak == AK_EEPROM_DOUBLE || ak == AK_EEPROM_WORD) {
@@ -675,11 +712,11 @@ static size_t parameter_job(drive_t *d, const uint8_t *data, size_t n, uint8_t *
   } else if (d->refuse[at] != 0) {
     fault = d->refuse[at] - 1;
   } else if (!known) {
-    fault = DRIVE_FAULT_BUS_ACCESS;
+    fault = d->profile->fault_unknown_ak;
   } else if ((ak == AK_TEXT) != (p->type == DRIVE_TEXT)) {
     fault = DRIVE_FAULT_TYPE;
   } else {
-    fault = locate(p, index, &slot);
+    fault = locate(d, p, index, &slot);
   }
 
   if (fault == DRIVE_OK && ak == AK_TEXT) {
@@ -765,6 +802,7 @@ static void power_up(drive_t *d) {
   d->controlled = false;
   d->bus_idle_us = 0;
   d->alarm = 0;
+  d->locked = false;
   d->warnings = 0;
   d->frequency_nhz = 0;
   d->dc_brake_us = 0;
@@ -799,9 +837,12 @@ void drive_force_process(drive_t *d, uint16_t status, uint16_t frequency) {
 void drive_release_process(drive_t *d) { d->forced = false; }
 
 void drive_example_state(drive_t *d) {
-  drive_force_process(d, 0x0F03, 0x2000);
-  (void)drive_set(d, 514, 0, 300);
-  (void)drive_set_text(d, 621, "VLT600");
+  const drive_profile_t *profile = d->profile;
+  drive_force_process(d, profile->example_status, profile->example_frequency);
+  for (uint16_t i = 0; i < profile->example_count; i++) {
+    const drive_example_t *example = &profile->examples[i];
+    (void)drive_set(d, example->pnu, example->index, example->value);
+  }
 }
 
 size_t drive_size(void) { return sizeof(drive_t); }

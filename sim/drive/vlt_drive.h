@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Simulated VLT drive: a slave of the FC protocol (FC-1 to FC-7) with a parameter table and a motor
- * that ramps. The one implementation for the virtual card (C++) and the test benches (Python, ctypes).
+ * that ramps; which drive it is comes from a profile. The one implementation for the virtual card (C++) and the test benches (Python, ctypes).
  *
  * Bytes in, bytes out: the drive neither knows characters nor waiting times. Whoever owns the line
  * collects a whole telegram, asks drive_telegram() and sends the reply after the response time wished
@@ -52,7 +52,11 @@ enum {
   DRIVE_FAULT_SUB_INDEX = 3,
   DRIVE_FAULT_NOT_ARRAY = 4,
   DRIVE_FAULT_TYPE = 5,
+  DRIVE_FAULT_RESET_ONLY = 6,
+  DRIVE_FAULT_NOT_CHANGEABLE = 7,
+  DRIVE_FAULT_NO_RIGHTS = 11,
   DRIVE_FAULT_MODE = 17,
+  DRIVE_FAULT_OTHER = 18,
   DRIVE_FAULT_BUS_ACCESS = 130,
   DRIVE_FAULT_FACTORY_SETUP = 131
 };
@@ -69,7 +73,10 @@ typedef enum {
 typedef enum {
   DRIVE_READ_WRITE,
   DRIVE_READ_ONLY,
-  DRIVE_LOCAL /* readable, but set at the drive's own panel only: fault 130 */
+  DRIVE_LOCAL, /* readable, but set at the drive's own panel only: fault 130 */
+  DRIVE_RESET, /* may be set to 0 only: fault 6 */
+  DRIVE_FIXED, /* fault 7 */
+  DRIVE_DENIED /* fault 11 */
 } drive_access_t;
 
 /* What a parameter means to the simulation, so that profiles with other numbers share this code.
@@ -90,21 +97,23 @@ typedef enum {
   DRIVE_ROLE_DC_BRAKE_TIME,
   DRIVE_ROLE_FREQUENCY_MIN,
   DRIVE_ROLE_FREQUENCY_MAX,
+  DRIVE_ROLE_RANGE_LOW, /* of bit 10 of the status word; without: the two above */
+  DRIVE_ROLE_RANGE_HIGH,
   DRIVE_ROLE_REFERENCE_MIN,
   DRIVE_ROLE_REFERENCE_MAX,
   DRIVE_ROLE_RAMP_UP,
   DRIVE_ROLE_RAMP_DOWN,
+  DRIVE_ROLE_RAMP_UP_2, /* chosen by bit 9 of the control word; without: bit 9 has no function */
+  DRIVE_ROLE_RAMP_DOWN_2,
   DRIVE_ROLE_QUICK_STOP_RAMP, /* a drive without one quick-stops on its ramp-down time */
   DRIVE_ROLE_JOG_FREQUENCY,
   DRIVE_ROLE_REFERENCE_TYPE, /* 0 sum, 1 relative, 2 external/preset */
-  DRIVE_ROLE_PRESET_1,
-  DRIVE_ROLE_PRESET_2,
-  DRIVE_ROLE_PRESET_3,
-  DRIVE_ROLE_PRESET_4,
+  DRIVE_ROLE_PRESETS, /* the first of four parameters in a row, or an array of four and more */
   DRIVE_ROLE_CURRENT_LIMIT,
-  DRIVE_ROLE_RELAY_1,
-  DRIVE_ROLE_RELAY_2,
+  DRIVE_ROLE_RELAY_1, /* an array: its second element is relay 2 */
+  DRIVE_ROLE_RELAY_2, /* or a digital output that bit 12 of the control word can work */
   DRIVE_ROLE_SELECT_COAST, /* selectors: 0 digital input, 1 bus, 2 logic and, 3 logic or */
+  DRIVE_ROLE_SELECT_QUICK_STOP,
   DRIVE_ROLE_SELECT_DC_BRAKE,
   DRIVE_ROLE_SELECT_START,
   DRIVE_ROLE_SELECT_REVERSING,
@@ -125,7 +134,7 @@ typedef enum {
   DRIVE_ROLE_SHOW_ALARM_WORD,
   DRIVE_ROLE_SHOW_CONTROL_WORD,
   DRIVE_ROLE_SHOW_WARNING_WORD,
-  DRIVE_ROLE_FAULT_CODE, /* arrays, newest entry at index 1 */
+  DRIVE_ROLE_FAULT_CODE, /* arrays, newest entry first */
   DRIVE_ROLE_FAULT_TIME,
   DRIVE_ROLE_FAULT_VALUE,
   DRIVE_ROLE_HOURS_RUN,
@@ -139,7 +148,7 @@ typedef struct {
   uint8_t role;       /* drive_role_t */
   int8_t conversion;  /* conversion index: value = raw x 10^index; 74 = operating hours */
   bool while_running; /* may be changed while the motor runs; else fault 17 */
-  uint16_t length;    /* elements of an array, index 1 to length; 0 = not an array */
+  uint16_t length;    /* elements of an array; 0 = not an array */
   uint16_t slot;      /* first place in drive_t.ram (numbers) or drive_t.text (texts) */
   int64_t min;        /* numbers: limits; texts: least and greatest number of characters */
   int64_t max;
@@ -149,14 +158,29 @@ typedef struct {
   const char *unit;
 } drive_parameter_t;
 
+/* A value of the example state. */
+typedef struct {
+  uint16_t pnu;
+  uint8_t index;
+  int64_t value;
+} drive_example_t;
+
+/* A model of drive. All of it comes from sim/drive/NAME.csv, see tools/drive_table.py. */
 typedef struct {
   const char *name;
-  uint16_t pnu_mask;                   /* 07FFh: bit 11 of PKE is not looked at; 0FFFh: it is used */
-  uint16_t count;                      /* parameters, rising numbers */
-  uint8_t relay_bus;                   /* relay choice: bits 11/12 of the control word */
-  uint8_t relay_running, relay_alarm;  /* relay choices: motor runs, drive has tripped */
+  uint16_t pnu_mask;                  /* 07FFh: bit 11 of PKE is not looked at; 0FFFh: it is used */
+  uint8_t index_first;                /* index of an array's first element */
+  uint8_t fault_unknown_ak;           /* fault number for an AK that the drive does not know */
+  bool fc_status;                     /* status word: bit 2 = 0 coasting, bit 6 = 1 trip lock; else bit
+                                         2 = 1 stand by, bit 6 unused */
+  uint8_t relay_bus;                  /* relay choice: bits 11/12 of the control word */
+  uint8_t relay_running, relay_alarm; /* relay choices: motor runs, drive has tripped */
+  uint16_t example_status, example_frequency;
+  uint16_t example_count;
+  const drive_example_t *examples;
+  uint16_t count; /* parameters, rising numbers */
   const drive_parameter_t *parameters;
-  const uint16_t *by_role;             /* role -> place in parameters, FFFFh = none */
+  const uint16_t *by_role; /* role -> place in parameters, FFFFh = none */
 } drive_profile_t;
 
 typedef struct {
@@ -176,6 +200,7 @@ typedef struct {
   uint16_t forced_status, forced_frequency;
 
   uint8_t alarm; /* 0 = not tripped */
+  bool locked;   /* by a trip lock */
   uint32_t warnings;
   int64_t frequency_nhz; /* output frequency, negative = reverse */
   int64_t dc_brake_us;   /* braking time left */
@@ -184,7 +209,8 @@ typedef struct {
   uint64_t run_us;
 } drive_t;
 
-/* A profile by its name ("vlt6000"), NULL when there is none. */
+/* A profile by its name: "vlt6000" (the card's own drive), "vlt5000", "vlt2800", "vlt8000",
+ * "hvac_basic". NULL when there is none. */
 const drive_profile_t *drive_profile(const char *name);
 
 /* Power the drive up with every parameter at its default: motor stopped, no trip, status word 0607h. */
@@ -202,8 +228,8 @@ drive_outcome_t drive_telegram(drive_t *d, const uint8_t *request, size_t n, uin
 /* Let simulated time pass. */
 void drive_step(drive_t *d, uint32_t microseconds);
 
-/* The state behind the manual's examples: status word 0F03h, output frequency word 2000h, parameter
- * 514 = 3.00 A, nameplate 621 = "VLT600". */
+/* The state behind the examples of the profile's own document: status and output frequency word
+ * forced, the values of the examples set. A VLT 6000: 0F03h, 2000h, parameter 514 = 3.00 A. */
 void drive_example_state(drive_t *d);
 
 /* Pin status and output frequency word of every reply. The motor then stands still whatever the
@@ -224,8 +250,10 @@ int drive_get_text(const drive_t *d, uint16_t pnu, char text[DRIVE_TEXT_MAX + 1]
  * Returns DRIVE_OK, or 0 when there is no such parameter. */
 int drive_refuse(drive_t *d, uint16_t pnu, int fault);
 
-/* Trip with an alarm number 1 to 99: output off, entry in the fault log. Ignored while tripped. */
+/* Trip with an alarm number 1 to 99: output off, entry in the fault log. Ignored while tripped.
+ * drive_trip_lock() makes a trip that only drive_power_cycle() resets. */
 void drive_trip(drive_t *d, uint8_t alarm);
+void drive_trip_lock(drive_t *d, uint8_t alarm);
 
 /* Warnings shown in the warning word and in bit 7 of the status word; 0 ends them. */
 void drive_warn(drive_t *d, uint32_t warnings);
