@@ -59,6 +59,10 @@ lint: | $(SETUP) ## every static check
 format: | $(SETUP) ## lay out Verilog and Python as lint wants them
 	@$(PY) tools/lint.py --format
 
+.PHONY: trace
+trace: | $(SETUP) ## which test shows which rule, and its last result
+	@$(PY) tools/trace.py
+
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }

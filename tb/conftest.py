@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import sys
@@ -33,6 +34,26 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "sim" in metafunc.fixturenames:
         chosen = metafunc.config.getoption("--sim")
         metafunc.parametrize("sim", [chosen] if chosen else SIMULATORS)
+
+
+# Last result of every test, for `make trace`. Runs add to it, so a part run alone takes nothing away.
+RESULTS = ROOT / "build/results.json"
+results: dict[str, str] = {}
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if report.failed:
+        results[report.nodeid] = "failed"
+    elif report.when == "call":
+        results.setdefault(report.nodeid, report.outcome)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    # Workers report to the one process that started them.
+    if results and not hasattr(session.config, "workerinput"):
+        known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+        RESULTS.parent.mkdir(exist_ok=True)
+        RESULTS.write_text(json.dumps(known | results, indent=0, sort_keys=True))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

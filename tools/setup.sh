@@ -119,6 +119,8 @@ fi
 stamp=$(cat "$root/requirements.txt" "${BASH_SOURCE[0]}" | sha256sum)" $venv"
 if [ "$(cat "$venv/setup.stamp" 2>/dev/null)" != "$stamp" ]; then
   if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
+    # Through a link that would empty somebody else's.
+    [ ! -L "$venv" ] || die ".venv is a link to $(readlink -f "$venv"), which belongs there; remove the link"
     python3 -m venv --clear "$venv"
   fi
   install_python_packages

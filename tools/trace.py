@@ -11,6 +11,8 @@ a test, are printed as such.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
 import re
 import sys
@@ -46,10 +48,10 @@ def read_rules() -> dict[str, str]:
 
 def collect() -> dict[str, list[str]]:
     collector = Collector()
-    code = pytest.main(
-        ["--collect-only", "-q", "--no-header", "-p", "no:terminal", str(ROOT / "tb")], [collector]
-    )
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        code = pytest.main(["--collect-only", "-q", f"--rootdir={ROOT}", str(ROOT / "tb")], [collector])
     if code != pytest.ExitCode.OK:
+        print(said.getvalue(), file=sys.stderr)
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
     return collector.tests
 
@@ -77,9 +79,11 @@ def main() -> int:
     for rule, shown_by in rules.items():
         own = tests.get(rule, [])
         functions = sorted({test.split("[")[0] for test in own})
-        state = verdict(own, results) if own else ("NO TEST" if shown_by == "test" else shown_by)
+        state = verdict(own, results) if own else ("NO TEST" if shown_by == "test" else "")
+        if shown_by != "test":
+            state = f"{shown_by}; {state}" if state else shown_by
         where = ", ".join(sorted({function.split("::")[0].removeprefix("tb/") for function in functions}))
-        print(f"{rule:<18} {len(functions):>3} tests  {state:<24} {where}")
+        print(f"{rule:<18} {len(functions):>3} tests  {state:<28} {where}")
         if args.tests:
             for function in functions:
                 print(f"{'':<18}   {function}")
