@@ -106,6 +106,9 @@ module uart_rx (
   end
 
 `ifndef SYNTHESIS
+  reg [7:0] last_byte = 8'd0;
+  always @(posedge clk) if (byte_valid) last_byte <= byte_data;
+
   reg [8*6-1:0] state_name;
   always @* begin
     case (state)

@@ -60,6 +60,11 @@ module uart_tx (
     end
   end
 
+`ifndef SYNTHESIS
+  reg [7:0] last_byte = 8'd0;
+  always @(posedge clk) if (byte_valid && byte_ready) last_byte <= byte_data;
+`endif
+
 endmodule
 
 `default_nettype wire

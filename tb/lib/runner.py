@@ -23,6 +23,7 @@ import pytest
 from cocotb_tools.runner import as_sv_literal, get_runner
 
 from tools.sources import ROOT, configurations, needed_files, rtl_files
+from tools.waves import save_file
 
 SIMULATORS = ("icarus", "verilator")
 WAIVERS = ROOT / "tools/verilator.vlt"
@@ -194,8 +195,7 @@ def _keep_waves(dump: Path, test_name: str, top: str) -> None:
     WAVES_FOLDER.mkdir(parents=True, exist_ok=True)
     kept = WAVES_FOLDER / f"{test_name}.fst"
     shutil.move(dump, kept)
-    view = ROOT / f"tb/waves/{top}.gtkw"
-    waves_written.append([kept, view] if view.exists() else [kept])
+    waves_written.append([kept, save_file(kept, top)])
 
 
 def _judge(results: Path) -> None:
