@@ -62,7 +62,9 @@ module commit_gate (
 
   assign reply_start = reply_queued && (answerable || loopback_open) && modbus_quiet &&
       (!wait_drive || drive_good);
-  assign telegram_start = telegram_queued && licensed && drive_quiet;
+  // What the firmware does to the telegram in this very clock comes first.
+  assign telegram_start = telegram_queued && licensed && drive_quiet && !telegram_touched &&
+      !queue_telegram;
 
   initial begin
     ticket = 4'd0;

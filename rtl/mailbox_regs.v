@@ -82,7 +82,7 @@ module mailbox_regs #(
   wire is_telegram = bus_word[7:5] == TELEGRAM_AREA[7:5];
   wire request = bus_valid && !done;
   // What is on the wire cannot be changed any more.
-  wire locked = is_telegram && telegram_sending;
+  wire locked = is_telegram && telegram_sending && bus_write;
   wire reg_write = request && bus_write && !is_frame;
 
   assign frame_addr = bus_word[7:0];
@@ -93,7 +93,7 @@ module mailbox_regs #(
   assign bus_rdata = frame_read ? {8'd0, read_data} : reg_rdata;
 
   assign queue_reply = reg_write && bus_word == `MBX_REPLY_WORD;
-  assign queue_telegram = reg_write && bus_word == `MBX_TELEGRAM_WORD;
+  assign queue_telegram = reg_write && bus_word == `MBX_TELEGRAM_WORD && !telegram_sending;
   assign telegram_touched = write_valid && write_ready && is_telegram;
   assign listen_again = reg_write && bus_word == `MBX_LISTEN_WORD && bus_wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = reg_write && bus_word == `MBX_LISTEN_WORD && !bus_wdata[`MBX_LISTEN_ON_BITS];

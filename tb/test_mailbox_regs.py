@@ -227,6 +227,17 @@ async def a_telegram_on_the_wire_cannot_be_changed(dut):
     assert [addr for (addr,) in written.values[4:]] == [first - 1, last + 1]
 
 
+@cocotb.test()
+async def no_telegram_is_queued_over_the_one_on_the_wire(dut):
+    firmware = await Firmware(dut).start()
+    queued = Strobes(dut, "queue_telegram")
+    await firmware.write("TELEGRAM", length=13)
+    dut.telegram_sending.value = 1
+    await firmware.write("TELEGRAM", length=5, no_reply=1)
+    assert len(queued) == 1
+    assert int(dut.telegram_length.value) == 13 and not int(dut.telegram_no_reply.value)
+
+
 @pytest.mark.rule("SAFE-1", "LINE-8", "WDG-1", "LED-5", "LOOP-1")
 def test_mailbox_regs(sim):
     run("mailbox_regs", "tb.test_mailbox_regs", sim=sim, parameters=PARAMETERS)
