@@ -67,7 +67,7 @@ class Bench:
         await self.clocks()
 
     async def give(self, data: bytes, prefix: str = "byte") -> None:
-        """Hands bytes to a stream <prefix>_valid/_ready/_data, always one waiting; returns when all are taken."""
+        """Hands bytes to a stream <prefix>_valid, _ready, _data, always one waiting, until all are taken."""
         valid, ready, lane = (getattr(self.dut, f"{prefix}_{part}") for part in ("valid", "ready", "data"))
         for byte in data:
             lane.value, valid.value = byte, 1
@@ -77,9 +77,9 @@ class Bench:
         valid.value = 0
 
     async def strobe(self, signal) -> None:
-        """One clock wide pulse."""
+        """A pulse that just one rising edge sees, from any moment."""
         signal.value = 1
-        await self.clocks()
+        await self.edge()
         signal.value = 0
 
 

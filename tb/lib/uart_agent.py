@@ -9,15 +9,15 @@ of a line; source and monitor each have their own, so they may differ on purpose
 from __future__ import annotations
 
 import random
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import cocotb
 from cocotb.handle import LogicObject
-from cocotb.queue import Queue
 from cocotb.simtime import get_sim_time
 from cocotb.task import Task
-from cocotb.triggers import FallingEdge, SimTimeoutError, Timer, ValueChange, with_timeout
+from cocotb.triggers import Event, FallingEdge, First, Timer, ValueChange
 
 PS_PER_S = 1_000_000_000_000
 
@@ -260,7 +260,8 @@ class UartMonitor:
         self.fmt = fmt
         self.edges: list[tuple[int, int]] = []
         self.characters: list[Character] = []
-        self._fresh: Queue[Character] = Queue()
+        self._fresh: deque[Character] = deque()
+        self._news = Event()
         self._tasks: list[Task] = [
             cocotb.start_soon(self._record_edges()),
             cocotb.start_soon(self._decode()),
@@ -296,23 +297,27 @@ class UartMonitor:
             stop_ok = all(levels[9 + fmt.parity_bits :])
             heard = Character(byte, start, round(start + fmt.character_ps), parity_ok, stop_ok)
             self.characters.append(heard)
-            self._fresh.put_nowait(heard)
+            self._fresh.append(heard)
+            self._news.set()
             while str(self.pin.value) == "0":
                 await ValueChange(self.pin)
 
     def forget(self) -> None:
         """Drops the characters that nobody waited for."""
-        while not self._fresh.empty():
-            self._fresh.get_nowait()
+        self._fresh.clear()
 
     async def character(self, timeout_ps: float | None = None) -> Character | None:
         """The next character, or None when none was complete in time."""
-        if timeout_ps is None or not self._fresh.empty():
-            return await self._fresh.get()
-        try:
-            return await with_timeout(self._fresh.get(), max(1, round(timeout_ps)), "ps")
-        except SimTimeoutError:
-            return None
+        deadline = None if timeout_ps is None else now_ps() + max(1, round(timeout_ps))
+        while not self._fresh:
+            self._news.clear()
+            if deadline is None:
+                await self._news.wait()
+            elif now_ps() >= deadline:
+                return None
+            else:
+                await First(self._news.wait(), Timer(deadline - now_ps(), unit="ps"))
+        return self._fresh.popleft()
 
     async def frame(self, timeout_ps: float | None = None, gap_bits: float = 16.5) -> Frame | None:
         """The next characters up to a silence of `gap_bits`, or None when nothing came in time.
@@ -338,6 +343,11 @@ class UartMonitor:
             else:
                 groups.append([c])
         return [Frame(tuple(group)) for group in groups]
+
+    async def pin_idle(self, for_ps: float) -> None:
+        """Waits until nothing was sent for so long."""
+        while now_ps() - (self.edges[-1][0] if self.edges else 0) < for_ps:
+            await Timer(round(for_ps / 4), unit="ps")
 
     def edges_of(self, frame: Frame) -> list[tuple[int, int]]:
         """The edges of a frame, from its first start edge on."""

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bench wrapper: the drive port with the base tick made from the clock, as on the card.
+`default_nettype none
+
+module drive_line #(
+    parameter CLK_HZ = 2_000_000
+) (
+    input  wire       clk,
+    input  wire       rst,
+    // pins
+    input  wire       rx,
+    output wire       tx,
+    output wire       de,
+    // frame memory
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [4:0] write_addr,
+    output wire [7:0] write_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
+    // stream in
+    input  wire       telegram_start,
+    input  wire [4:0] telegram_length,
+    input  wire       telegram_no_reply,
+    // configuration
+    input  wire       listen_again,
+    input  wire       listen_stop,
+    // status
+    output wire       sending,
+    output wire       quiet,
+    output wire       listening,
+    output wire       candidate,
+    output wire       good,
+    output wire       bad,
+    output wire [7:0] lge
+);
+
+  wire tick_base;
+
+  baud_base #(
+      .CLK_HZ(CLK_HZ)
+  ) base_i (
+      .clk(clk),
+      .rst(rst),
+      .tick_base(tick_base)
+  );
+
+  drive_port port_i (
+      .clk(clk),
+      .rst(rst),
+      .tick_base(tick_base),
+      .write_valid(write_valid),
+      .write_ready(write_ready),
+      .write_addr(write_addr),
+      .write_data(write_data),
+      .read_valid(read_valid),
+      .read_ready(read_ready),
+      .read_addr(read_addr),
+      .read_data(read_data),
+      .telegram_start(telegram_start),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
+      .rx(rx),
+      .tx(tx),
+      .de(de),
+      .listen_again(listen_again),
+      .listen_stop(listen_stop),
+      .tick16(),
+      .sending(sending),
+      .quiet(quiet),
+      .listening(listening),
+      .candidate(candidate),
+      .good(good),
+      .bad(bad),
+      .lge(lge)
+  );
+
+endmodule
+
+`default_nettype wire

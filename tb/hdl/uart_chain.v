@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bench wrapper: one port's way of a character, from the clock and from the pin:
+// baud_base, baud_divider, uart_tx; sync_2ff, glitch_filter, uart_rx.
+`default_nettype none
+
+module uart_chain #(
+    parameter CLK_HZ = 12_000_000
+) (
+    input  wire       clk,
+    input  wire       rst,
+    // pins
+    input  wire       rx,
+    output wire       tx,
+    // configuration
+    input  wire [8:0] ratio,
+    input  wire       parity_enable,
+    input  wire       parity_odd,
+    input  wire       two_stop,
+    // stream in
+    input  wire       tx_valid,
+    output wire       tx_ready,
+    input  wire [7:0] tx_data,
+    // stream out
+    output wire       rx_valid,
+    output wire [7:0] rx_data,
+    output wire       rx_parity_error,
+    output wire       rx_framing_error,
+    // status
+    output wire       start_seen,
+    output wire       tick16
+);
+
+  wire tick_base;
+  wire synced;
+  wire line;
+
+  baud_base #(
+      .CLK_HZ(CLK_HZ)
+  ) base_i (
+      .clk(clk),
+      .rst(rst),
+      .tick_base(tick_base)
+  );
+
+  baud_divider divider_i (
+      .clk(clk),
+      .rst(rst),
+      .tick_base(tick_base),
+      .tick16(tick16),
+      .ratio(ratio)
+  );
+
+  sync_2ff sync_i (
+      .clk(clk),
+      .rst(rst),
+      .raw(rx),
+      .synced(synced)
+  );
+
+  glitch_filter filter_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      .raw(synced),
+      .mute(1'b0),
+      .clean(line)
+  );
+
+  uart_rx rx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      .line(line),
+      .byte_valid(rx_valid),
+      .byte_data(rx_data),
+      .byte_parity_error(rx_parity_error),
+      .byte_framing_error(rx_framing_error),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .busy(),
+      .start_seen(start_seen)
+  );
+
+  uart_tx tx_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      .byte_valid(tx_valid),
+      .byte_ready(tx_ready),
+      .byte_data(tx_data),
+      .txd(tx),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .busy()
+  );
+
+endmodule
+
+`default_nettype wire

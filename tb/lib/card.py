@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole card on a bench: switches set, both lines connected, firmware booted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from cocotb.triggers import ReadOnly, RisingEdge, Timer, with_timeout
+
+from tb.generated.card_tables import DRIVE_BAUD, FORMATS, RATES
+from tb.generated.mailbox import REGISTERS
+from tb.lib.bench import Bench
+from tb.lib.fc_slave import FcSlave, Manner
+from tb.lib.modbus_master import ModbusMaster
+from tb.lib.rs485 import Rs485Line
+from tb.lib.uart_agent import Format
+
+PARITY_LETTER = {"none": "N", "even": "E", "odd": "O"}
+MS = 1_000_000_000
+BOOT_MS, BOOT_CLK_HZ = 20, 12_000_000  # BOOT-1: what the firmware may take, at the standard clock
+
+
+def line_formats() -> dict[str, str]:
+    """Short form, for example 8E1, to the positions of switches 4 and 5."""
+    return {f"8{PARITY_LETTER[f.parity]}{f.stop_bits}": key for key, f in FORMATS.items()}
+
+
+def baud_switches(baud: int, form: str, rest: str = "0000") -> str:
+    """Positions of switches 1 to 9, first switch first, 1 = ON."""
+    rate = next(key for key, entry in RATES.items() if entry.baud == baud)
+    return rate + line_formats()[form] + rest
+
+
+def switch_word(positions: str) -> int:
+    """As the pins want it: index = switch number, so switch 1 is the lowest bit."""
+    return int(positions[::-1], 2)
+
+
+class Card:
+    """Device under test with a master on one side and a drive on the other."""
+
+    def __init__(
+        self,
+        dut,
+        clk_hz: int,
+        model: Callable[[bytes], bytes | None] | None = None,
+        baud: int = 19200,
+        form: str = "8N2",
+        address: int = 1,
+        echo: bool = False,
+        manner: Manner | None = None,
+    ):
+        self.dut = dut
+        self.clk_hz = clk_hz
+        self.bench = Bench(
+            dut,
+            clk_hz,
+            sw_baud=switch_word(baud_switches(baud, form)),
+            sw_addr=address,
+        )
+        self.modbus = Rs485Line(
+            dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form), echo
+        )
+        self.drive = Rs485Line(
+            dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(DRIVE_BAUD, "8E1"), echo
+        )
+        self.master = ModbusMaster(self.modbus)
+        self.slave = FcSlave(self.drive, model or (lambda telegram: None), manner)
+
+    async def boot(self) -> Card:
+        """Power on, and until the firmware looks for requests."""
+        await self.power_up()
+        await self._firmware_ready()
+        return self
+
+    async def power_up(self) -> None:
+        await self.bench.start(reset_clocks=8)
+
+    async def reset(self, faulty: bool = False, **switches: int) -> None:
+        """Switches to new positions, then a reset, and until the firmware looks for requests.
+
+        `faulty`: it never does, so nobody waits.
+        """
+        for name, value in switches.items():
+            getattr(self.dut, name).value = value
+        self.dut.rst_n.value = 0
+        await self.bench.clocks(8)
+        self.dut.rst_n.value = 1
+        if not faulty:
+            await self._firmware_ready()
+
+    async def _firmware_ready(self) -> None:
+        """At a slow clock the firmware starts later; nobody needs to wait longer than it takes."""
+        limit_ms = BOOT_MS * BOOT_CLK_HZ / min(self.clk_hz, BOOT_CLK_HZ)
+        await with_timeout(self._first_look(), round(limit_ms * MS), "ps")
+
+    async def _first_look(self) -> None:
+        word = None
+        while word != REGISTERS["REQUEST"].offset // 4:
+            await RisingEdge(self.dut.mailbox_valid)
+            await ReadOnly()
+            word = self.dut.mailbox_word.value.to_unsigned()
+        # Both lines have been silent for long enough by then at any rate the benches use.
+        await Timer(4 * MS, unit="ps")
+
+    async def use(self, baud: int, form: str) -> None:
+        """Another rate and format, by switches and reset; the master follows."""
+        await self.reset(sw_baud=switch_word(baud_switches(baud, form)))
+        self.modbus.set_format(Format.named(baud, form))
+        self.master = ModbusMaster(self.modbus)
+
+    async def quiet(self, ms: float, what: str = "") -> None:
+        """Time in which the card sends nothing on either line, after `what`."""
+        before = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
+        await Timer(round(ms * MS), unit="ps")
+        after = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
+        assert after == before, f"after {what}: DE rose (modbus, drive) {before} times before, {after} now"
+
+    def check_lines(self) -> None:
+        """What must hold after any scenario."""
+        self.modbus.check_direction()
+        self.drive.check_direction()

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A drive on a simulated line: hears telegrams, answers through a model, misbehaves on request.
+
+The model is any function from a telegram to a reply or None: `VltDrive().telegram`, or a `Script` of
+pairs. What goes wrong is said per exchange with `Manner`. Times are in ps, gaps in bits. Rules: FC-1, FC-8.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import cocotb
+
+from tb.lib.rs485 import Rs485Line
+from tb.lib.uart_agent import Flaws, Frame, Sent, sleep_until, with_gaps
+
+STX = 0x02
+CHARACTER_BITS = 11
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How one telegram is answered.
+
+    delay_bits      from the telegram's last stop bit to the reply's first start bit; 2 characters at least
+    gap_bits        idle time between the reply's characters
+    fault           None, or one of FAULTS
+    """
+
+    delay_bits: float = 2.1 * CHARACTER_BITS
+    gap_bits: float = 0.0
+    fault: str | None = None
+
+
+def _silence(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return b"", Flaws()
+
+
+def _bad_bcc(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return reply[:-1] + bytes([reply[-1] ^ 0x10]), Flaws()
+
+
+def _bad_stx(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return bytes([0x03]) + reply[1:-1] + bytes([reply[-1] ^ 0x01]), Flaws()
+
+
+def _wrong_adr(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    """Another drive's telegram, right in all else."""
+    return reply[:2] + bytes([reply[2] ^ 0x03]) + reply[3:-1] + bytes([reply[-1] ^ 0x03]), Flaws()
+
+
+def _wrong_lge(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    """LGE says one more than there is; the BCC fits the bytes."""
+    wrong = reply[1] + 1
+    return bytes([reply[0], wrong]) + reply[2:-1] + bytes([reply[-1] ^ reply[1] ^ wrong]), Flaws()
+
+
+def _parity(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return reply, Flaws(bad_parity=(len(reply) // 2,))
+
+
+def _framing(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return reply, Flaws(bad_stop=(len(reply) // 2,))
+
+
+def _garbage_before(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    """A phantom character, as when the line is turned round; the reply itself is right."""
+    return b"\x00" + reply, Flaws()
+
+
+def _cut_short(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return reply[:-3], Flaws()
+
+
+def _slow(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    """Every gap legal, the whole longer than 1.5 x its nominal time."""
+    return reply, with_gaps(len(reply), 0.65 * CHARACTER_BITS)
+
+
+def _long_gap(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
+    return reply, Flaws(gaps={len(reply) // 2: 2.5 * CHARACTER_BITS})
+
+
+FAULTS: dict[str, Callable[[bytes, bytes], tuple[bytes, Flaws]]] = {
+    "silence": _silence,
+    "bad BCC": _bad_bcc,
+    "bad STX": _bad_stx,
+    "wrong ADR": _wrong_adr,
+    "wrong LGE": _wrong_lge,
+    "parity error": _parity,
+    "framing error": _framing,
+    "garbage before": _garbage_before,
+    "cut short": _cut_short,
+    "slow": _slow,
+    "long gap": _long_gap,
+}
+
+
+@dataclass(frozen=True)
+class Heard:
+    """One telegram of the master, and when the reply to it was sent (None: no reply)."""
+
+    frame: Frame
+    reply: bytes | None
+    reply_sent: Sent | None
+
+    @property
+    def telegram(self) -> bytes:
+        return self.frame.data
+
+
+class Script:
+    """Expected telegrams in their order, each with its reply or None; anything else is an error."""
+
+    def __init__(self, pairs: Iterable[tuple[bytes, bytes | None]] = ()):
+        self.left = deque(pairs)
+        self.errors: list[str] = []
+
+    def expect(self, telegram: bytes, reply: bytes | None) -> None:
+        self.left.append((telegram, reply))
+
+    def __call__(self, telegram: bytes) -> bytes | None:
+        if not self.left:
+            self.errors.append(f"unexpected telegram {telegram.hex(' ')}")
+            return None
+        expected, reply = self.left.popleft()
+        if telegram != expected:
+            self.errors.append(f"telegram {telegram.hex(' ')} instead of {expected.hex(' ')}")
+        return reply
+
+    def check(self) -> None:
+        """All was said, and nothing else."""
+        assert not self.errors, "; ".join(self.errors)
+        assert not self.left, f"never sent: {self.left[0][0].hex(' ')}"
+
+
+class FcSlave:
+    """Answers on `line` from now on; `heard` records every telegram."""
+
+    def __init__(
+        self, line: Rs485Line, model: Callable[[bytes], bytes | None], manner: Manner | None = None
+    ):
+        self.line = line
+        self.model = model
+        self.manner = manner or Manner()
+        self.heard: list[Heard] = []
+        self._next: deque[Manner] = deque()
+        self._task = cocotb.start_soon(self._serve())
+
+    def next(self, *manners: Manner) -> None:
+        """How the next telegrams are answered, one each; then `manner` holds again."""
+        self._next.extend(manners)
+
+    async def _serve(self) -> None:
+        while True:
+            frame = await self._telegram()
+            await self._answer(frame)
+
+    async def _telegram(self) -> Frame:
+        """Characters up to the number that LGE says; a gap of 2 characters ends it early."""
+        monitor = self.line.monitor
+        limit = (2 * CHARACTER_BITS + monitor.fmt.bits) * monitor.fmt.bit_ps
+        characters = [await monitor.character()]
+        while len(characters) < 2 or len(characters) < characters[1].byte + 2:
+            got = await monitor.character(limit)
+            if got is None:
+                break
+            characters.append(got)
+        return Frame(tuple(characters))
+
+    async def _answer(self, frame: Frame) -> None:
+        manner = self._next.popleft() if self._next else self.manner
+        reply = self.model(frame.data) if frame.ok else None
+        sent = None
+        if reply is not None:
+            data, flaws = (reply, Flaws())
+            if manner.fault:
+                data, flaws = FAULTS[manner.fault](reply, frame.data)
+            if manner.gap_bits:
+                flaws = with_gaps(len(data), manner.gap_bits)
+            if data:
+                await sleep_until(frame.end_ps + manner.delay_bits * self.line.fmt.bit_ps)
+                sent = await self.line.source.send(data, flaws)
+            reply = data or None
+        self.heard.append(Heard(frame, reply, sent))

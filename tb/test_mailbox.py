@@ -1,0 +1,520 @@
+# SPDX-License-Identifier: Apache-2.0
+"""mailbox as a whole: the firmware on its bus, both ports at their sides, and the gate between them."""
+
+from __future__ import annotations
+
+import random
+
+import cocotb
+import pytest
+from cocotb.triggers import Timer
+
+from tb.generated.mailbox import AREAS, FRAME_MEMORY, REGISTERS, Area
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+INPUTS = """
+    bus_valid bus_write bus_word bus_wdata
+    modbus_write_valid modbus_write_addr modbus_write_data modbus_read_valid modbus_read_addr
+    modbus_sending modbus_quiet modbus_start_seen candidate commit revoke
+    frame_length frame_broadcast frame_bank
+    drive_write_valid drive_write_addr drive_write_data drive_read_valid drive_read_addr
+    drive_sending drive_quiet drive_listening drive_candidate drive_good drive_bad drive_lge
+    loopback_open watchdog_bites sw_baud sw_addr ms
+    count_crc count_parity count_framing count_t15 count_overrun
+""".split()  # noqa: SIM905 (a table reads better than a list)
+# Field of the map to the input that feeds it, as far as it needs no request.
+SOURCES = {
+    ("SW_BAUD", "switches"): "sw_baud",
+    ("SW_ADDR", "switches"): "sw_addr",
+    ("TIME", "ms"): "ms",
+    ("REQUEST", "broadcast"): "frame_broadcast",
+    ("REQUEST", "bank"): "frame_bank",
+    ("REQUEST_LENGTH", "bytes"): "frame_length",
+    ("REPLY", "sending"): "modbus_sending",
+    ("EXCHANGE", "sending"): "drive_sending",
+    ("EXCHANGE", "listening"): "drive_listening",
+    ("EXCHANGE", "candidate"): "drive_candidate",
+    ("EXCHANGE", "good"): "drive_good",
+    ("EXCHANGE", "lge"): "drive_lge",
+    ("SUPERVISOR", "loopback"): "loopback_open",
+    ("SUPERVISOR", "bites"): "watchdog_bites",
+}
+# What is counted by hardware, and the strobe that says so.
+EVENTS = {
+    "COUNT_CRC": "count_crc",
+    "COUNT_PARITY": "count_parity",
+    "COUNT_FRAMING": "count_framing",
+    "COUNT_T15": "count_t15",
+    "COUNT_OVERRUN": "count_overrun",
+    "COUNT_REVOKED": "revoke",
+    "COUNT_DRIVE_BAD": "drive_bad",
+}
+REPLY, TELEGRAM, DRIVE = (AREAS[f"{name}_FRAME"] for name in ("REPLY", "TELEGRAM", "DRIVE"))
+REQUEST_BANKS = (AREAS["REQUEST_FRAME_0"], AREAS["REQUEST_FRAME_1"])
+LONGEST_WAIT = 16  # clocks of a bus access
+
+
+class Mailbox:
+    """Both lines silent and both ports idle, until told otherwise."""
+
+    def __init__(self, dut):
+        self.dut = dut
+        self.bench = Bench(dut, core_rst=1, **dict.fromkeys(INPUTS, 0))
+        self.replies = Strobes(dut, "reply_start", "reply_length")
+        self.telegrams = Strobes(dut, "telegram_start", "telegram_length", "telegram_no_reply")
+
+    async def start(self) -> Mailbox:
+        await self.bench.start()
+        self.dut.core_rst.value = 0
+        self.dut.modbus_quiet.value = self.dut.drive_quiet.value = 1
+        await self.bench.clocks()
+        return self
+
+    # the firmware
+
+    async def access(self, offset: int, value: int | None = None) -> int:
+        """One bus access at a byte offset; returns what was read."""
+        dut = self.dut
+        dut.bus_word.value, dut.bus_write.value = offset // 4, int(value is not None)
+        dut.bus_wdata.value = value or 0
+        dut.bus_valid.value = 1
+        for _ in range(LONGEST_WAIT):
+            await self.bench.clocks()
+            if int(dut.bus_ready.value):
+                break
+        else:
+            raise AssertionError(f"no answer within {LONGEST_WAIT} clocks")
+        data = dut.bus_rdata.value.to_unsigned()
+        dut.bus_valid.value = 0
+        await self.bench.clocks()
+        return data
+
+    async def read(self, name: str) -> dict[str, int]:
+        return REGISTERS[name].unpack(await self.access(REGISTERS[name].offset))
+
+    async def write(self, name: str, **fields: int) -> None:
+        await self.access(REGISTERS[name].offset, REGISTERS[name].pack(**fields))
+
+    async def peek(self, index: int) -> int:
+        return await self.access(FRAME_MEMORY + 4 * index)
+
+    async def poke(self, index: int, byte: int) -> None:
+        await self.access(FRAME_MEMORY + 4 * index, byte)
+
+    async def put(self, area: Area, data: bytes) -> None:
+        for n, byte in enumerate(data):
+            await self.poke(area.index + n, byte)
+
+    async def get(self, area: Area, count: int = 32) -> bytes:
+        return bytes([await self.peek(area.index + n) for n in range(count)])
+
+    async def count(self, name: str) -> int:
+        return int.from_bytes(await self.get(AREAS[name], 2), "little")
+
+    # the ports
+
+    async def pulse(self, *names: str) -> None:
+        for name in names:
+            getattr(self.dut, name).value = 1
+        await self.bench.clocks()
+        for name in names:
+            getattr(self.dut, name).value = 0
+
+    async def port(self, access: str, addr: int, byte: int | None = None) -> tuple[int, int]:
+        """A port's access, for example "drive_write"; returns the byte read and the clocks waited."""
+        valid, ready, lane = (getattr(self.dut, f"{access}_{part}") for part in ("valid", "ready", "addr"))
+        lane.value, valid.value = addr, 1
+        if byte is not None:
+            getattr(self.dut, f"{access}_data").value = byte
+        waited, taken = -1, False
+        while not taken:
+            await Timer(self.bench.period_ps // 4, unit="ps")
+            taken = int(ready.value)
+            await self.bench.clocks()
+            waited += 1
+        valid.value = 0
+        return self.dut.read_data.value.to_unsigned(), waited
+
+    async def request(self) -> int:
+        """A candidate; returns its ticket."""
+        await self.pulse("candidate")
+        request = await self.read("REQUEST")
+        assert request["candidate"] and not request["committed"]
+        return request["ticket"]
+
+    async def settle(self) -> tuple[int, int]:
+        """How many replies and telegrams have started so far."""
+        await self.bench.clocks(5)
+        return len(self.replies), len(self.telegrams)
+
+
+@cocotb.test()
+async def a_request_comes_in_and_its_reply_goes_out_through_the_frame_memory(dut):
+    rng = seeded("frames")
+    mailbox = await Mailbox(dut).start()
+    for bank, area in enumerate(REQUEST_BANKS):
+        adu = rng.randbytes(32)
+        for n, byte in enumerate(adu):
+            await mailbox.port("modbus_write", 32 * bank + n, byte)
+        assert await mailbox.get(area) == adu
+    reply = rng.randbytes(32)
+    await mailbox.put(REPLY, reply)
+    assert bytes([(await mailbox.port("modbus_read", n))[0] for n in range(32)]) == reply
+
+
+@cocotb.test()
+async def a_telegram_goes_out_and_the_drives_reply_comes_in_through_the_frame_memory(dut):
+    rng = seeded("frames")
+    mailbox = await Mailbox(dut).start()
+    telegram, answer = rng.randbytes(32), rng.randbytes(32)
+    await mailbox.put(TELEGRAM, telegram)
+    assert bytes([(await mailbox.port("drive_read", n))[0] for n in range(32)]) == telegram
+    for n, byte in enumerate(answer):
+        await mailbox.port("drive_write", n, byte)
+    assert await mailbox.get(DRIVE) == answer
+    assert await mailbox.get(TELEGRAM) == telegram
+
+
+@cocotb.test()
+async def every_input_is_seen_in_its_own_field(dut):
+    rng = seeded("levels")
+    mailbox = await Mailbox(dut).start()
+    for _ in range(10):
+        expected = {}
+        for (register, field), source in SOURCES.items():
+            value = rng.getrandbits(REGISTERS[register].fields[field].width)
+            getattr(dut, source).value = value
+            expected[register, field] = value
+        for (register, field), value in expected.items():
+            assert (await mailbox.read(register))[field] == value, f"{register}.{field}"
+
+
+@cocotb.test()
+async def each_event_is_counted_in_its_own_counter(dut):
+    mailbox = await Mailbox(dut).start()
+    before = {name: await mailbox.count(name) for name in EVENTS}
+    for n, strobe in enumerate(EVENTS.values(), 1):
+        for _ in range(n):
+            await mailbox.pulse(strobe)
+            await mailbox.bench.clocks(30)
+    after = {name: await mailbox.count(name) for name in EVENTS}
+    assert after == {name: before[name] + n for n, name in enumerate(EVENTS, 1)}
+
+
+@cocotb.test()
+async def the_firmware_can_clear_and_keep_counters(dut):
+    mailbox = await Mailbox(dut).start()
+    for n, name in enumerate(name for name in AREAS if name.startswith("COUNT_")):
+        await mailbox.put(AREAS[name], bytes([0xFF, n]))
+    await mailbox.pulse(*EVENTS.values())
+    await mailbox.bench.clocks(200)
+    for n, name in enumerate(name for name in AREAS if name.startswith("COUNT_")):
+        assert await mailbox.count(name) == 256 * n + 255 + (name in EVENTS), name
+
+
+@cocotb.test()
+async def what_was_prepared_for_a_candidate_leaves_at_its_commit(dut):
+    mailbox = await Mailbox(dut).start()
+    ticket = await mailbox.request()
+    await mailbox.write("REPLY", length=17, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=13, ticket=ticket)
+    assert (await mailbox.read("REPLY"))["queued"] and (await mailbox.read("EXCHANGE"))["queued"]
+    assert await mailbox.settle() == (0, 0)
+    await mailbox.pulse("commit")
+    assert await mailbox.settle() == (1, 1)
+    assert mailbox.replies.values == [(17,)] and mailbox.telegrams.values == [(13, 0)]
+    exchange = await mailbox.read("EXCHANGE")
+    assert exchange["started"] and not exchange["queued"]
+    assert not (await mailbox.read("REPLY"))["queued"]
+    request = await mailbox.read("REQUEST")
+    assert request["committed"] and not request["candidate"] and request["ticket"] == ticket
+
+
+@cocotb.test()
+async def a_revoke_takes_everything_back(dut):
+    mailbox = await Mailbox(dut).start()
+    ticket = await mailbox.request()
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    await mailbox.pulse("revoke")
+    request, exchange = await mailbox.read("REQUEST"), await mailbox.read("EXCHANGE")
+    assert not request["candidate"] and not request["committed"]
+    assert not exchange["queued"] and not exchange["started"]
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    assert await mailbox.settle() == (0, 0)
+
+
+@cocotb.test()
+async def a_stale_ticket_sends_nothing(dut):
+    mailbox = await Mailbox(dut).start()
+    old = await mailbox.request()
+    new = await mailbox.request()
+    await mailbox.pulse("commit")
+    for ticket in range(16):
+        if ticket != new:
+            await mailbox.write("REPLY", length=6, ticket=ticket)
+            await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    assert old != new and await mailbox.settle() == (0, 0)
+    await mailbox.write("REPLY", length=0, ticket=new)
+    assert await mailbox.settle() == (0, 0), "length 0 is no reply"
+    await mailbox.write("REPLY", length=6, ticket=new)
+    await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=new)
+    assert await mailbox.settle() == (1, 1)
+    assert mailbox.telegrams.values == [(5, 1)]
+
+
+@cocotb.test()
+async def a_broadcast_gets_a_telegram_but_no_reply(dut):
+    mailbox = await Mailbox(dut).start()
+    dut.frame_broadcast.value = 1
+    ticket = await mailbox.request()
+    await mailbox.pulse("commit")
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=ticket)
+    assert await mailbox.settle() == (0, 1)
+
+
+@cocotb.test()
+@cocotb.parametrize(outcome=("drive_good", "drive_bad"))
+async def a_reply_after_the_drive_waits_for_the_verdict_on_its_telegram(dut, outcome):
+    mailbox = await Mailbox(dut).start()
+    ticket = await mailbox.request()
+    await mailbox.pulse("commit")
+    await mailbox.write("REPLY", length=6, after_drive=1, ticket=ticket)
+    assert await mailbox.settle() == (0, 0)
+    getattr(dut, outcome).value = 1
+    await mailbox.bench.clocks()
+    dut.drive_bad.value, dut.drive_good.value = 0, 1
+    assert await mailbox.settle() == (int(outcome == "drive_good"), 0)
+
+
+@cocotb.test()
+async def each_line_holds_back_what_has_to_wait_for_its_silence(dut):
+    mailbox = await Mailbox(dut).start()
+    dut.modbus_quiet.value = dut.drive_quiet.value = 0
+    ticket = await mailbox.request()
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    await mailbox.pulse("commit")
+    assert await mailbox.settle() == (0, 0)
+    dut.modbus_quiet.value = 1
+    assert await mailbox.settle() == (1, 0)
+    dut.drive_quiet.value = dut.drive_sending.value = 1
+    assert await mailbox.settle() == (1, 0), "the telegram before it is not over"
+    dut.drive_sending.value = 0
+    assert await mailbox.settle() == (1, 1)
+
+
+@cocotb.test()
+async def a_character_after_the_commit_drops_the_reply(dut):
+    mailbox = await Mailbox(dut).start()
+    ticket = await mailbox.request()
+    await mailbox.pulse("commit")
+    await mailbox.pulse("modbus_start_seen")
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    assert await mailbox.settle() == (0, 0)
+
+
+@cocotb.test()
+async def listening_is_switched_by_the_firmware(dut):
+    mailbox = await Mailbox(dut).start()
+    again, stop = Strobes(dut, "listen_again"), Strobes(dut, "listen_stop")
+    await mailbox.write("LISTEN", on=1)
+    assert (len(again), len(stop)) == (1, 0)
+    await mailbox.write("LISTEN", on=0)
+    assert (len(again), len(stop)) == (1, 1)
+
+
+@cocotb.test()
+async def a_telegram_on_the_wire_can_neither_be_changed_nor_misread(dut):
+    rng = seeded("telegram")
+    mailbox = await Mailbox(dut).start()
+    telegram = rng.randbytes(32)
+    await mailbox.put(TELEGRAM, telegram)
+    await mailbox.put(REPLY, bytes(byte ^ 0xFF for byte in telegram))
+    dut.drive_sending.value = 1
+    await mailbox.put(TELEGRAM, bytes(32))
+    assert await mailbox.get(TELEGRAM) == telegram
+    # The same while the network port reads in every clock but a few.
+    for n in range(32):
+        dut.modbus_read_addr.value, dut.modbus_read_valid.value = n, 1
+        reading = cocotb.start_soon(mailbox.peek(TELEGRAM.index + n))
+        await mailbox.bench.clocks(rng.randint(1, 5))
+        dut.modbus_read_valid.value = 0
+        assert await reading == telegram[n], f"byte {n}"
+    dut.drive_sending.value = 0
+    await mailbox.put(TELEGRAM, bytes(32))
+    assert await mailbox.get(TELEGRAM) == bytes(32)
+
+
+@cocotb.test()
+async def a_changed_telegram_needs_a_new_licence(dut):
+    mailbox = await Mailbox(dut).start()
+    ticket = await mailbox.request()
+    await mailbox.put(TELEGRAM, bytes(13))
+    await mailbox.write("TELEGRAM", length=13, ticket=ticket)
+    await mailbox.pulse("commit")
+    assert await mailbox.settle() == (0, 1)
+    await mailbox.write("TELEGRAM", repeat=1)
+    assert await mailbox.settle() == (0, 2)
+    assert mailbox.telegrams.values[1] == (13, 0), "a repeat is the same telegram"
+    dut.drive_sending.value = 1
+    await mailbox.poke(TELEGRAM.index + 12, 4)
+    dut.drive_sending.value = 0
+    await mailbox.write("TELEGRAM", repeat=1)
+    assert await mailbox.settle() == (0, 3), "nothing was changed while it was sent"
+    await mailbox.poke(TELEGRAM.index + 12, 4)
+    await mailbox.write("TELEGRAM", repeat=1)
+    assert await mailbox.settle() == (0, 3)
+
+
+@cocotb.test()
+async def a_telegram_is_never_changed_in_the_moment_of_its_start(dut):
+    """Whichever clock the write comes in: what starts is what was committed."""
+    mailbox = await Mailbox(dut).start()
+    for clocks in range(-3, 4):
+        dut.drive_quiet.value = 0
+        ticket = await mailbox.request()
+        await mailbox.poke(TELEGRAM.index + 1, 0x00)
+        await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+        await mailbox.pulse("commit")
+        before = len(mailbox.telegrams)
+        write = None
+        for now in range(-4, 6):
+            if now == clocks:
+                write = cocotb.start_soon(mailbox.poke(TELEGRAM.index + 1, 0x04))
+            if now == 0:
+                dut.drive_quiet.value = 1
+            await mailbox.bench.clocks()
+            # The drive port says that it sends from the clock after the start on.
+            dut.drive_sending.value = int(len(mailbox.telegrams) > before)
+        await write
+        started = len(mailbox.telegrams) > before
+        byte = await mailbox.peek(TELEGRAM.index + 1)
+        dut.drive_sending.value = 0
+        assert not (started and byte == 0x04), f"write {clocks} clocks after the silence"
+        assert started or byte == 0x04, "one of the two must be"
+
+
+@cocotb.test()
+async def a_restart_of_the_firmware_drops_what_it_queued_and_nothing_else(dut):
+    mailbox = await Mailbox(dut).start()
+    await mailbox.write("LED", modbus_green=1, drive_red=1)
+    await mailbox.put(REPLY, bytes(range(32)))
+    before = await mailbox.count("COUNT_CRC")
+    dut.drive_quiet.value = dut.modbus_quiet.value = 0
+    ticket = await mailbox.request()
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    await mailbox.pulse("commit")
+    await mailbox.pulse("core_rst", "count_crc")
+    dut.drive_quiet.value = dut.modbus_quiet.value = 1
+    await mailbox.write("TELEGRAM", repeat=1)
+    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    await mailbox.write("REPLY", length=6, ticket=ticket)
+    assert await mailbox.settle() == (0, 0)
+    assert not any((await mailbox.read("LED")).values())
+    assert await mailbox.get(REPLY) == bytes(range(32))
+    assert await mailbox.count("COUNT_CRC") == before + 1
+
+
+@cocotb.test()
+async def while_the_loop_back_test_is_open_both_ports_send_without_a_request(dut):
+    mailbox = await Mailbox(dut).start()
+    dut.loopback_open.value = 1
+    await mailbox.write("REPLY", length=6)
+    await mailbox.write("TELEGRAM", length=5)
+    assert await mailbox.settle() == (1, 1)
+    dut.loopback_open.value = 0
+    await mailbox.put(TELEGRAM, bytes(5))
+    await mailbox.write("REPLY", length=6)
+    await mailbox.write("TELEGRAM", length=5)
+    assert await mailbox.settle() == (1, 1)
+
+
+class Traffic:
+    """Everybody on the frame memory at once, more often than ever on the card.
+
+    Each byte has one writer while it lasts, so that what must be read is always known: the firmware
+    writes the even bytes of its frames, the ports read the odd ones.
+    """
+
+    def __init__(self, mailbox: Mailbox, rng: random.Random):
+        self.mailbox, self.rng = mailbox, rng
+        self.bytes: dict[int, int] = {}
+        self.events = dict.fromkeys(EVENTS, 0)
+        self.waits: dict[str, int] = {}
+
+    async def _port(self, access: str, area: int, addrs: list[int]) -> None:
+        write = access.endswith("write")
+        for addr in addrs:
+            await self.mailbox.bench.clocks(self.rng.randint(1, 9))
+            byte = self.rng.randrange(256) if write else None
+            got, waited = await self.mailbox.port(access, addr, byte)
+            self.waits[access] = max(waited, self.waits.get(access, 0))
+            if write:
+                self.bytes[area + addr] = byte
+            else:
+                assert got == self.bytes[area + addr], f"{access} of byte {addr}"
+
+    async def _events(self, name: str, count: int) -> None:
+        for _ in range(count):
+            await self.mailbox.bench.clocks(self.rng.randint(150, 300))
+            self.events[name] += 1
+            await self.mailbox.pulse(EVENTS[name])
+
+    async def _firmware(self, count: int) -> None:
+        own = [area.index + n for area in (REPLY, TELEGRAM) for n in range(32)]
+        for _ in range(count):
+            index = self.rng.choice(own)
+            if index % 2 == 0 and self.rng.random() < 0.5:
+                byte = self.rng.randrange(256)
+                await self.mailbox.poke(index, byte)
+                self.bytes[index] = byte
+            else:
+                assert await self.mailbox.peek(index) == self.bytes[index], f"byte {index:02X}h"
+            await self.mailbox.bench.clocks(self.rng.randint(1, 3))
+
+    async def round(self) -> None:
+        rng = self.rng
+        odd = list(range(1, 32, 2))
+        tasks = [
+            self._port("modbus_write", REQUEST_BANKS[0].index, rng.sample(range(64), 64)),
+            self._port("modbus_read", REPLY.index, rng.choices(odd, k=60)),
+            self._port("drive_write", DRIVE.index, rng.sample(range(32), 32)),
+            self._port("drive_read", TELEGRAM.index, rng.choices(odd, k=60)),
+            self._firmware(80),
+            *(self._events(name, 2) for name in EVENTS),
+        ]
+        for task in [cocotb.start_soon(task) for task in tasks]:
+            await task
+        await self.mailbox.bench.clocks(200)
+
+
+@cocotb.test()
+async def nothing_is_lost_when_lines_counters_and_firmware_meet_in_the_memory(dut):
+    mailbox = await Mailbox(dut).start()
+    traffic = Traffic(mailbox, seeded("traffic"))
+    for area in (REPLY, TELEGRAM):
+        for n in range(32):
+            traffic.bytes[area.index + n] = n ^ area.index
+            await mailbox.poke(area.index + n, n ^ area.index)
+    before = {name: await mailbox.count(name) for name in EVENTS}
+    for _ in range(8):
+        await traffic.round()
+        for index, byte in traffic.bytes.items():
+            assert await mailbox.peek(index) == byte, f"byte {index:02X}h"
+    counted = {name: await mailbox.count(name) - before[name] for name in EVENTS}
+    assert counted == traffic.events
+    # The network line never waits, the drive line for one access of the network line.
+    assert traffic.waits["modbus_write"] == traffic.waits["modbus_read"] == 0
+    assert traffic.waits["drive_write"] <= 1 and traffic.waits["drive_read"] <= 1
+    assert traffic.waits["drive_write"] + traffic.waits["drive_read"] > 0, "they never met"
+
+
+@pytest.mark.rule("FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "LOOP-1", "WDG-1")
+def test_mailbox(sim):
+    run("mailbox", "tb.test_mailbox", sim=sim)

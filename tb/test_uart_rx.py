@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: Apache-2.0
+"""uart_rx: formats, errors that travel with their byte, and bad senders at the pin (LINE-5)."""
+
+import os
+from pathlib import Path
+
+import cocotb
+import pytest
+
+from tb.generated.card_tables import RATES
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+from tb.lib.uart_agent import Flaws, Format, UartSource
+
+HERE = Path(__file__).parent
+FORMATS = ("8N1", "8N2", "8E1", "8O1")
+BAUD = 9600
+TICKS_HZ = 16 * BAUD  # with tick16 held high a clock is a tick
+TICK = 1 / 16
+
+
+def parity_levels(form: str) -> dict[str, int]:
+    return {"parity_enable": form[1] != "N", "parity_odd": form[1] == "O"}
+
+
+class Receiver:
+    """uart_rx alone, its line driven by a source; `bytes` and `flags` are what came out."""
+
+    def __init__(self, dut, form: str):
+        self.dut = dut
+        self.bench = Bench(dut, TICKS_HZ, tick16=1, **parity_levels(form))
+        self.source = UartSource(dut.line, Format.named(BAUD, form))
+        self.out = Strobes(dut, "byte_valid", "byte_data", "byte_parity_error", "byte_framing_error")
+        self.starts = Strobes(dut, "start_seen")
+
+    async def start(self) -> "Receiver":
+        await self.bench.start()
+        await self.source.idle(2)
+        return self
+
+    @property
+    def bytes(self) -> bytes:
+        return bytes(value[0] for value in self.out.values)
+
+    @property
+    def flags(self) -> list[tuple[int, int]]:
+        """(parity error, framing error) of each byte."""
+        return [(value[1], value[2]) for value in self.out.values]
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def bytes_of_every_format_come_out_back_to_back(dut, form):
+    rng = seeded("bytes")
+    rx = await Receiver(dut, form).start()
+    data = b"\x00\xff\x55\xaa\x01\x80" + rng.randbytes(20)
+    await rx.source.send(data)
+    await rx.source.idle(2)
+    assert rx.bytes == data
+    assert set(rx.flags) == {(0, 0)}
+    assert len(rx.starts) == len(data)
+
+
+@cocotb.test()
+@cocotb.parametrize(form=("8E1", "8O1"))
+async def parity_error_is_reported_with_its_own_byte(dut, form):
+    rx = await Receiver(dut, form).start()
+    await rx.source.send(b"\x11\x22\x33\x44", Flaws(bad_parity=(1, 3)))
+    await rx.source.idle(2)
+    assert rx.bytes == b"\x11\x22\x33\x44"
+    assert rx.flags == [(0, 0), (1, 0), (0, 0), (1, 0)]
+
+
+@cocotb.test()
+async def other_parity_of_the_sender_is_an_error_in_every_byte(dut):
+    rx = await Receiver(dut, "8E1").start()
+    await rx.source.send(bytes(range(8)), fmt=Format.named(BAUD, "8O1"))
+    await rx.source.idle(2)
+    assert rx.flags == [(1, 0)] * 8
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def missing_stop_bit_is_reported_with_its_own_byte(dut, form):
+    rx = await Receiver(dut, form).start()
+    gaps = {2: 3.0}  # the line must have come back before the next character
+    await rx.source.send(b"\x11\x22\x33", Flaws(bad_stop=(1,), gaps=gaps))
+    await rx.source.idle(2)
+    assert rx.bytes == b"\x11\x22\x33"
+    assert rx.flags == [(0, 0), (0, 1), (0, 0)]
+
+
+@cocotb.test()
+async def one_stop_bit_is_enough_where_two_are_usual(dut):
+    rx = await Receiver(dut, "8N2").start()
+    await rx.source.send(b"\xa5\x00\xff\x5a", fmt=Format.named(BAUD, "8N1"))
+    await rx.source.idle(2)
+    assert rx.bytes == b"\xa5\x00\xff\x5a"
+    assert set(rx.flags) == {(0, 0)}
+
+
+@cocotb.test()
+async def break_is_one_zero_with_framing_error_and_busy_until_it_ends(dut):
+    rx = await Receiver(dut, "8E1").start()
+    await rx.source.send_break(40, idle_after=0)
+    assert rx.bytes == b"\x00" and rx.flags[0][1] == 1
+    assert dut.busy.value == 1
+    await rx.source.idle(1)
+    assert dut.busy.value == 0
+    await rx.source.send(b"\x42")
+    await rx.source.idle(2)
+    assert rx.bytes == b"\x00\x42" and rx.flags[1] == (0, 0)
+
+
+@cocotb.test()
+async def low_of_less_than_half_a_bit_is_no_start_bit(dut):
+    rx = await Receiver(dut, "8E1").start()
+    for ticks in range(1, 8):
+        await rx.source.low_pulse(ticks * TICK * rx.source.fmt.bit_ps)
+        await rx.source.idle(1)
+        assert dut.busy.value == 0
+    await rx.source.idle(12)
+    assert len(rx.starts) == 0 and len(rx.out) == 0
+    await rx.source.send(b"\x99")
+    await rx.source.idle(2)
+    assert rx.bytes == b"\x99"
+
+
+@cocotb.test()
+async def single_bad_sample_in_the_middle_of_each_bit_is_outvoted(dut):
+    rx = await Receiver(dut, "8E1").start()
+    data = b"\x35\xca"
+    for middle in (6.5, 7.5, 8.5):
+        places = [(bit + middle * TICK, TICK) for bit in range(22)]
+        await rx.source.send(data, Flaws(glitches=places))
+        await rx.source.idle(3)
+    assert rx.bytes == data * 3
+    assert set(rx.flags) == {(0, 0)}
+
+
+@cocotb.test()
+async def busy_falls_with_the_byte_in_the_middle_of_the_stop_bit(dut):
+    rx = await Receiver(dut, "8E1").start()
+    sent = await rx.source.send(b"\x77")
+    await rx.source.idle(2)
+    stop_bit_left = (sent.end_ps - rx.out.times_ps[0]) / rx.source.fmt.bit_ps
+    assert 0.3 < stop_bit_left < 0.6
+
+
+@cocotb.test()
+async def reset_in_the_middle_of_a_byte_forgets_it(dut):
+    rx = await Receiver(dut, "8E1").start()
+    sending = cocotb.start_soon(rx.source.send(b"\xfe"))
+    await rx.source.idle(4)
+    await rx.bench.strobe(dut.rst)
+    await sending
+    await rx.source.idle(12)
+    assert len(rx.out) == 0
+
+
+class Chain:
+    """The way from the pin: synchroniser, filter, receiver, on a real clock."""
+
+    def __init__(self, dut):
+        self.dut = dut
+        self.bench = Bench(
+            dut, int(os.environ["CLK_HZ"]), ratio=1, two_stop=0, tx_valid=0, tx_data=0, **parity_levels("8E1")
+        )
+        self.source = UartSource(dut.rx, Format())
+        self.out = Strobes(dut, "rx_valid", "rx_data", "rx_parity_error", "rx_framing_error")
+        self.starts = Strobes(dut, "start_seen")
+
+    async def use(self, baud: int, form: str) -> None:
+        self.dut.ratio.value = next(r.ratio for r in RATES.values() if r.baud == baud)
+        for name, level in parity_levels(form).items():
+            getattr(self.dut, name).value = level
+        self.source.fmt = Format.named(baud, form)
+        # The divider may still have most of a long tick before it.
+        await self.bench.clocks(500)
+        await self.source.idle(2)
+
+    async def expect(self, data: bytes, flaws: Flaws, what: str) -> None:
+        before = len(self.out)
+        await self.source.send(data, flaws)
+        await self.source.idle(1.5)
+        got = self.out.values[before:]
+        assert bytes(v[0] for v in got) == data, f"{what}: {bytes(v[0] for v in got).hex(' ')}"
+        assert not any(v[1] or v[2] for v in got), f"{what}: errors {got}"
+
+
+@cocotb.test()
+async def sender_off_by_four_percent_is_understood(dut):
+    chain = Chain(dut)
+    await chain.bench.start()
+    slowest, fastest = (int(os.environ[name]) for name in ("SLOWEST", "FASTEST"))
+    for rate in RATES.values():
+        if not slowest <= rate.baud <= fastest:
+            continue
+        # Back to back, as only then does an error of the start edge go on into the next character.
+        data = b"\x00\x55" if rate.baud < 2400 else b"\x00\x55\xff\x7e\x01\x80"
+        for form in FORMATS:
+            await chain.use(rate.baud, form)
+            for ppm in (-40_000, 40_000):
+                await chain.expect(data, Flaws(ppm=ppm), f"{rate.baud} {form} {ppm} ppm")
+
+
+@cocotb.test()
+async def jitter_and_unequal_slopes_are_understood(dut):
+    rng = seeded("jitter")
+    chain = Chain(dut)
+    await chain.bench.start()
+    for form in FORMATS:
+        await chain.use(9600, form)
+        for stretch in (-0.15, 0.15):
+            flaws = Flaws(jitter=0.1, jitter_seed=rng.randrange(1 << 31), low_stretch=stretch)
+            await chain.expect(rng.randbytes(8), flaws, f"{form}, {flaws}")
+
+
+@cocotb.test()
+async def glitch_of_less_than_a_quarter_bit_anywhere_in_a_character_is_ignored(dut):
+    rng = seeded("bytes")
+    chain = Chain(dut)
+    await chain.bench.start()
+    await chain.use(19200, "8E1")
+    for eighth in range(1, 11 * 8):
+        place = eighth / 8 + rng.uniform(-0.06, 0.06)
+        await chain.expect(rng.randbytes(1), Flaws(glitches=[(place, 0.24)]), f"glitch at {place:.3f} bits")
+
+
+@cocotb.test()
+async def glitches_on_the_idle_line_are_ignored(dut):
+    rng = seeded("glitches")
+    chain = Chain(dut)
+    await chain.bench.start()
+    await chain.use(19200, "8E1")
+    for _ in range(60):
+        await chain.source.low_pulse(rng.uniform(0.01, 0.245) * chain.source.fmt.bit_ps)
+        await chain.source.idle(rng.uniform(0.3, 2))
+    await chain.source.idle(12)
+    assert len(chain.starts) == 0 and len(chain.out) == 0
+
+
+@cocotb.test()
+async def line_low_from_power_up_is_never_taken_for_a_character(dut):
+    chain = Chain(dut)
+    chain.source.hold(0)
+    await chain.bench.start(reset_clocks=200, release=False)
+    assert len(chain.starts) == 0
+    dut.rst.value = 0
+    await chain.use(19200, "8E1")
+    await chain.source.idle(40)
+    # A line that stays low is a break: reported once, and as an error.
+    assert [v[2] for v in chain.out.values] == [1]
+    chain.source.hold(1)
+    await chain.source.idle(2)
+    await chain.expect(b"\x3c", Flaws(), "after the line came back")
+
+
+UNIT_TESTS = [
+    "bytes_of_every_format_come_out_back_to_back",
+    "parity_error_is_reported_with_its_own_byte",
+    "other_parity_of_the_sender_is_an_error_in_every_byte",
+    "missing_stop_bit_is_reported_with_its_own_byte",
+    "one_stop_bit_is_enough_where_two_are_usual",
+    "break_is_one_zero_with_framing_error_and_busy_until_it_ends",
+    "low_of_less_than_half_a_bit_is_no_start_bit",
+    "single_bad_sample_in_the_middle_of_each_bit_is_outvoted",
+    "busy_falls_with_the_byte_in_the_middle_of_the_stop_bit",
+    "reset_in_the_middle_of_a_byte_forgets_it",
+]
+PIN_TESTS = [
+    "jitter_and_unequal_slopes_are_understood",
+    "glitch_of_less_than_a_quarter_bit_anywhere_in_a_character_is_ignored",
+    "glitches_on_the_idle_line_are_ignored",
+    "line_low_from_power_up_is_never_taken_for_a_character",
+]
+
+
+def run_chain(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> None:
+    run(
+        "uart_chain",
+        "tb.test_uart_rx",
+        sim=sim,
+        extra_sources=[HERE / "hdl/uart_chain.v"],
+        parameters={"CLK_HZ": clk_hz},
+        extra_env={"CLK_HZ": str(clk_hz), **env},
+        testcase=testcase,
+    )
+
+
+@pytest.mark.rule("LINE-1", "LINE-3", "LINE-5")
+def test_uart_rx(sim):
+    run("uart_rx", "tb.test_uart_rx", sim=sim, testcase=UNIT_TESTS)
+
+
+@pytest.mark.rule("LINE-5")
+@pytest.mark.parametrize(
+    ("clk_hz", "slowest", "fastest"),
+    [(2_000_000, 300, 19_200), (7_372_800, 38_400, 115_200)],
+)
+def test_baud_error(sim, clk_hz, slowest, fastest):
+    """The fastest rate has a clock of just 64 x it in the second case, the least the rule asks for."""
+    run_chain(
+        sim,
+        clk_hz,
+        "sender_off_by_four_percent_is_understood",
+        SLOWEST=str(slowest),
+        FASTEST=str(fastest),
+    )
+
+
+@pytest.mark.rule("LINE-5")
+def test_bad_lines(sim):
+    run_chain(sim, 2_000_000, PIN_TESTS)
