@@ -4,6 +4,8 @@
 
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
+# An image for each dialect; the card's own lies in build itself.
+FIRMWARE_DIALECTS := builtin hvac_basic
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
@@ -21,35 +23,42 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h sw/genera
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Isw/generated
 # Loops stay loops: there is no C library to call instead.
-FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
+FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns
 FIRMWARE_LDFLAGS := -nostdlib -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
 .PHONY: firmware firmware-size
-firmware: build/firmware.hex build/tiny/firmware.hex
+FIRMWARE_ELFS := build/firmware.elf $(FIRMWARE_DIALECTS:%=build/%/firmware.elf)
+firmware: $(FIRMWARE_ELFS:.elf=.hex) build/tiny/firmware.hex
 
-build/firmware.elf: $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
-		sw/firmware.mk configs.toml
+FIRMWARE_DIALECT := CARD
+build/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
+build/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
+FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_DEFINES)
+
+$(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
+		sw/firmware.mk configs.toml | $(SETUP)
 	@mkdir -p $(@D)
-	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_DEFINES) $(FIRMWARE_LDFLAGS) \
+	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_OPTIONS) $(FIRMWARE_LDFLAGS) \
 		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)
 
-build/firmware.bin: build/firmware.elf tools/seal.py
+$(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf tools/seal.py
 	$(FIRMWARE_CROSS)objcopy -O binary $< $@.unsealed
 	$(FIRMWARE_PYTHON) tools/seal.py $@.unsealed $@
 
-build/firmware.hex: build/firmware.bin tools/bin2hex.py
+$(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin tools/bin2hex.py
 	$(FIRMWARE_PYTHON) tools/bin2hex.py --config standard $< $@
 
 build/tiny/firmware.hex: build/firmware.bin tools/bin2hex.py
 	$(FIRMWARE_PYTHON) tools/bin2hex.py --config tiny $< $@
 
 # text: code and constants; bss: variables; the stack comes on top.
-firmware-size: build/firmware.elf
-	$(FIRMWARE_CROSS)size $<
+firmware-size: $(FIRMWARE_ELFS)
+	$(FIRMWARE_CROSS)size $^
 
-$(FIRMWARE_HOST_DIR)/libtranslate.so: $(FIRMWARE_SOURCES) $(FIRMWARE_HOST) $(FIRMWARE_HEADERS) sw/firmware.mk
+$(addsuffix /libtranslate.so,$(FIRMWARE_HOST_DIR) $(addprefix build/host/,$(FIRMWARE_DIALECTS))): \
+		$(FIRMWARE_SOURCES) $(FIRMWARE_HOST) $(FIRMWARE_HEADERS) sw/firmware.mk | $(SETUP)
 	@mkdir -p $(@D)
-	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_DEFINES) -g -O1 -fPIC -shared -o $@ \
+	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O1 -fPIC -shared -o $@ \
 		$(FIRMWARE_SOURCES) $(FIRMWARE_HOST)

@@ -31,7 +31,7 @@ struct gateway {
     uint8_t exchange;             /* enum exchange_stage */
     bool uncommitted;             /* newest has not changed anything yet (FRAME-6) */
     bool wants_drive;             /* newest still has to be sent to the drive */
-    bool fits;                    /* the telegram coming in is a reply to at_drive */
+    uint8_t verdict;              /* enum outcome: what the telegram coming in is to at_drive */
     bool repeated;                /* the one repeat of FC-9 is used up */
     bool network_online;          /* LED-3 */
     bool drive_online;            /* LED-4 */

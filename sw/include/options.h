@@ -2,7 +2,9 @@
 /*
  * Build options of the firmware; override with -D.
  *
- * DIALECT         register and exception conventions (SPEC section 8); only the card's own exists.
+ * DIALECT         register and exception conventions (docs/dialects.md): DIALECT_CARD, the option card's own;
+ *                 DIALECT_BUILTIN, the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA;
+ *                 DIALECT_HVAC_BASIC, that of the VLT HVAC Basic Drive.
  * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  */
@@ -10,12 +12,14 @@
 #define OPTIONS_H
 
 #define DIALECT_CARD 0
+#define DIALECT_BUILTIN 1
+#define DIALECT_HVAC_BASIC 2
 
 #ifndef DIALECT
 #define DIALECT DIALECT_CARD
 #endif
-#if DIALECT != DIALECT_CARD
-#error "DIALECT: only DIALECT_CARD is there"
+#if DIALECT < DIALECT_CARD || DIALECT > DIALECT_HVAC_BASIC
+#error "DIALECT: there is no such dialect"
 #endif
 
 #ifndef STATUS_REFRESH

@@ -7,7 +7,8 @@
  *   translate_commit        the request holds: its effects come into force (a revoked one is just forgotten)
  *   translate_drive_reply   prepares the Modbus reply while the telegram's BCC is still to come
  *   translate_drive_commit  the BCC was good: the status image follows (FC-6)
- *   translate_drive_silent  no good reply: exception 255 (FC-9)
+ *   translate_drive_again   and the drive is to be asked once more: prepares the second telegram
+ *   translate_drive_silent  no good reply: exception 255, or silence (FC-9)
  * Two transactions may live at once: one at the drive, and a newer request (FRAME-7).
  *
  * PDU: function code and data, no address, no CRC. Telegram: ADR and data, no STX, LGE, BCC.
@@ -25,13 +26,13 @@ enum {
 };
 
 enum outcome {
-    OUTCOME_SILENT,      /* nothing to send (a broadcast) */
-    OUTCOME_REPLY,       /* the reply PDU is ready */
-    OUTCOME_EXCHANGE,    /* the telegram is ready, the drive answers first */
     OUTCOME_NOT_A_REPLY, /* this telegram does not fit what was asked (FC-8): go on waiting */
+    OUTCOME_SILENT,      /* nothing to send to the master */
+    OUTCOME_REPLY,       /* the reply PDU is ready */
+    OUTCOME_EXCHANGE,    /* the drive answers first: the telegram is ready, or translate_drive_again's */
 };
 
-/* Registers 40001-40003 (MAP-5). */
+/* The card's own registers (MAP-5): 40001-40003, but that IND may lie elsewhere (docs/dialects.md). */
 enum {
     LOCAL_IND,
     LOCAL_NETWORK_TIMEOUT, /* 10 ms, 0 = never */
@@ -81,6 +82,9 @@ enum outcome translate_drive_reply(const struct translator *t, struct transactio
                                    uint32_t lge);
 
 void translate_drive_commit(struct translator *t, const struct transaction *txn);
+
+/* After OUTCOME_EXCHANGE from translate_drive_reply: a number refused as text (MAP-8 of some dialects). */
+void translate_drive_again(struct transaction *txn);
 
 enum outcome translate_drive_silent(struct transaction *txn);
 

@@ -36,7 +36,7 @@ enum outcome coils_read(const struct translator *t, struct transaction *txn, fra
 
     (void)data;
     if (end > COILS)
-        return refuse(txn, EXCEPTION_ADDRESS);
+        return refuse(txn, TRAITS.bad_address);
 #if STATUS_REFRESH
     if (txn->address < STATUS_COILS_END && end > CONTROL_COILS)
         return telegram_process(txn, 0);
@@ -69,9 +69,9 @@ enum outcome coil_write(const struct translator *t, struct transaction *txn, fra
     (void)t;
     (void)data;
     if (!writable(txn, 1))
-        return refuse(txn, EXCEPTION_ADDRESS);
+        return refuse(txn, TRAITS.bad_address);
     if (txn->operand != 0 && txn->operand != 0xFF00)
-        return refuse(txn, EXCEPTION_VALUE);
+        return refuse(txn, TRAITS.bad_value);
     return write_run(txn, 1, txn->operand != 0);
 }
 
@@ -82,7 +82,7 @@ enum outcome coils_write(const struct translator *t, struct transaction *txn, fr
 
     (void)t;
     if (!writable(txn, txn->operand))
-        return refuse(txn, EXCEPTION_ADDRESS);
+        return refuse(txn, TRAITS.bad_address);
     for (shift = 0; shift < txn->operand; shift += 8)
         bits |= *data++ << shift;
     return write_run(txn, txn->operand, bits);

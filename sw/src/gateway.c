@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "gateway.h"
 
+#include "dialect.h"
 #include "mailbox_port.h"
 
 /* Registers 40002 and 40003 count in 10 ms; no multiplication on this CPU. */
@@ -45,7 +46,7 @@ static void cancel_reply(const struct gateway *g)
 static void queue_telegram(struct gateway *g, uint32_t how)
 {
     mailbox_write(TELEGRAM, how | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
-    g->fits = false;
+    g->verdict = OUTCOME_NOT_A_REPLY;
     g->exchange = EXCHANGE_LEAVING;
 }
 
@@ -75,8 +76,8 @@ static void repeat_or_give_up(struct gateway *g)
     }
     count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
     g->drive_online = false;
-    translate_drive_silent(g->at_drive);
-    queue_reply(g, g->at_drive, 0);
+    if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY)
+        queue_reply(g, g->at_drive, 0);
     g->exchange = EXCHANGE_IDLE;
 }
 
@@ -95,10 +96,22 @@ static void judge(struct gateway *g, uint32_t state)
 {
     const uint32_t lge = (state & MAILBOX__EXCHANGE__LGE_bm) >> MAILBOX__EXCHANGE__LGE_bp;
 
-    g->fits = translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME), lge) !=
-              OUTCOME_NOT_A_REPLY;
-    if (g->fits)
+    g->verdict =
+        (uint8_t)translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME), lge);
+    if (g->verdict == OUTCOME_REPLY)
         queue_reply(g, g->at_drive, MAILBOX__REPLY__AFTER_DRIVE_bm);
+}
+
+static void finish_exchange(struct gateway *g)
+{
+    translate_drive_commit(&g->translator, g->at_drive);
+    g->drive_online = true;
+    g->exchange = EXCHANGE_IDLE;
+    /* Its second telegram, but not before a newer request (FRAME-7): only the newest is licensed. */
+    if (TRAITS.text_by_size && g->verdict == OUTCOME_EXCHANGE && g->at_drive == g->newest) {
+        translate_drive_again(g->at_drive);
+        g->wants_drive = true;
+    }
 }
 
 static void poll_waiting(struct gateway *g, uint32_t state)
@@ -107,23 +120,21 @@ static void poll_waiting(struct gateway *g, uint32_t state)
     const bool good = (state & MAILBOX__EXCHANGE__GOOD_bm) != 0;
     const bool there = good || state & MAILBOX__EXCHANGE__CANDIDATE_bm;
 
-    if (there && !g->fits)
+    if (there && g->verdict == OUTCOME_NOT_A_REPLY)
         judge(g, state);
-    if (!there && g->fits) {
-        g->fits = false;
+    if (!there && g->verdict != OUTCOME_NOT_A_REPLY) {
+        g->verdict = OUTCOME_NOT_A_REPLY;
         cancel_reply(g);
     }
-    if (g->fits && good) {
-        translate_drive_commit(&g->translator, g->at_drive);
-        g->drive_online = true;
-        g->exchange = EXCHANGE_IDLE;
+    if (good && g->verdict != OUTCOME_NOT_A_REPLY) {
+        finish_exchange(g);
         return;
     }
     if (good)
         mailbox_write(LISTEN, MAILBOX__LISTEN__ON_bm);
     /* A BCC under way may come after the wait: two characters at most. The clock may tick right after
      * sent_at: only one more than wait is surely wait. */
-    if (!g->fits && g->now - g->sent_at > wait)
+    if (g->verdict == OUTCOME_NOT_A_REPLY && g->now - g->sent_at > wait)
         repeat_or_give_up(g);
 }
 

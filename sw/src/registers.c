@@ -1,24 +1,35 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Holding registers (MAP-5...MAP-8): 40001-40003 are the card's own, parameter PNU starts at register
- * 10 x PNU. Register numbers in the code are on-wire: 40001 is 0.
+ * Holding registers (MAP-5...MAP-8): a few are the card's own, parameter PNU starts at register 10 x PNU.
+ * Register numbers in the code are on-wire: 40001 is 0.
  */
 #include "transaction.h"
 
-enum { PNU_MAX = 2047, LIMIT_NUMBER = 2, LIMIT_TEXT = 10, PWE_BYTES = 4 };
-
-/* High byte of IND: text by text, not by number (MAP-8). */
-enum { IND_TEXT_READ = 0x0400, IND_TEXT_WRITE = 0x0500, IND_TEXT = 0xFF00, IND_INDEX = 0x00FF };
+enum { LIMIT_NUMBER = 2, LIMIT_TEXT = 10, PWE_BYTES = 4 };
 
 static bool is_local(const struct transaction *txn)
 {
-    return txn->address < LOCAL_REGISTERS;
+    return txn->address < LOCAL_REGISTERS || txn->address == TRAITS.index_register;
+}
+
+/* The place of a run in settings.local; LOCAL_REGISTERS: not all of the run is there. */
+static uint32_t find_local(const struct transaction *txn, uint32_t quantity)
+{
+    if (TRAITS.index_register != LOCAL_IND) {
+        if (txn->address == TRAITS.index_register && quantity == 1)
+            return LOCAL_IND;
+        if (txn->address == LOCAL_IND)
+            return LOCAL_REGISTERS;
+    }
+    return txn->address + quantity <= LOCAL_REGISTERS ? txn->address : LOCAL_REGISTERS;
 }
 
 static bool is_text(const struct translator *t, const struct transaction *txn)
 {
     const uint32_t mode = t->settings.local[LOCAL_IND] & IND_TEXT;
 
+    if (TRAITS.text_by_size)
+        return txn->function != WRITE_REGISTER && txn->operand > LIMIT_NUMBER;
     return (txn->function == READ_REGISTERS && mode == IND_TEXT_READ) ||
            (txn->function == WRITE_REGISTERS && mode == IND_TEXT_WRITE);
 }
@@ -46,7 +57,7 @@ static bool find_parameter(struct transaction *txn)
         rest = 0;
     }
     txn->pnu = (uint16_t)tenth;
-    return rest == 0 && tenth >= 1 && tenth <= PNU_MAX;
+    return rest == 0 && tenth >= 1 && tenth <= TRAITS.pnu_max;
 }
 
 static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t value)
@@ -72,7 +83,7 @@ enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uin
     if (txn->operand == 2)
         at = put_register(txn, at, high);
     else if (high != 0 && !(high == 0xFFFF && low >= 0x8000))
-        return refuse(txn, EXCEPTION_TYPE); /* never a cut value (MAP-7) */
+        return refuse_fault(txn, FAULT_TYPE); /* never a cut value (MAP-7) */
     put_register(txn, at, low);
     begin_answer(txn);
     return OUTCOME_REPLY;
@@ -88,24 +99,28 @@ enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, ui
     return OUTCOME_REPLY;
 }
 
+static enum outcome read_local(const struct translator *t, struct transaction *txn)
+{
+    uint32_t i = find_local(txn, txn->operand);
+    const uint32_t end = i + txn->operand;
+    uint32_t at = 2;
+
+    if (i == LOCAL_REGISTERS)
+        return refuse(txn, TRAITS.bad_address);
+    for (; i < end; i++)
+        at = put_register(txn, at, t->settings.local[i]);
+    begin_answer(txn);
+    return OUTCOME_REPLY;
+}
+
 enum outcome registers_read(const struct translator *t, struct transaction *txn, frame_byte *data)
 {
-    const uint32_t end = (uint32_t)txn->address + txn->operand;
     const uint32_t index = t->settings.local[LOCAL_IND] & IND_INDEX;
 
-    if (is_local(txn)) {
-        uint32_t at = 2;
-        uint32_t i;
-
-        if (end > LOCAL_REGISTERS)
-            return refuse(txn, EXCEPTION_ADDRESS);
-        for (i = txn->address; i < end; i++)
-            at = put_register(txn, at, t->settings.local[i]);
-        begin_answer(txn);
-        return OUTCOME_REPLY;
-    }
+    if (is_local(txn))
+        return read_local(t, txn);
     if (!find_parameter(txn))
-        return refuse(txn, EXCEPTION_ADDRESS);
+        return refuse(txn, TRAITS.bad_address);
     if (is_text(t, txn))
         return telegram_parameter(txn, AK_TEXT, IND_TEXT_READ | index, PWE_BYTES, data, 0);
     return telegram_parameter(txn, AK_READ, index, PWE_BYTES, data, 0);
@@ -113,15 +128,15 @@ enum outcome registers_read(const struct translator *t, struct transaction *txn,
 
 static enum outcome write_local(struct transaction *txn, frame_byte *data, uint32_t quantity)
 {
-    const uint32_t end = txn->address + quantity;
-    uint32_t i;
+    uint32_t i = find_local(txn, quantity);
+    const uint32_t end = i + quantity;
 
-    if (end > LOCAL_REGISTERS)
-        return refuse(txn, EXCEPTION_ADDRESS);
+    if (i == LOCAL_REGISTERS)
+        return refuse(txn, TRAITS.bad_address);
     /* The drive time-out is the last of them, so of the run too. */
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
-        return refuse(txn, EXCEPTION_VALUE);
-    for (i = txn->address; i < end; i++, data += 2)
+        return refuse(txn, TRAITS.bad_value);
+    for (; i < end; i++, data += 2)
         txn->settings.local[i] = word_at(data);
     return confirm(txn);
 }
@@ -137,7 +152,7 @@ static enum outcome write_run(const struct translator *t, struct transaction *tx
     if (is_local(txn))
         return write_local(txn, data, quantity);
     if (!find_parameter(txn))
-        return refuse(txn, EXCEPTION_ADDRESS);
+        return refuse(txn, TRAITS.bad_address);
     if (is_text(t, txn))
         return telegram_parameter(txn, AK_TEXT, IND_TEXT_WRITE | index, 0, data, bytes);
     if (quantity == 1)

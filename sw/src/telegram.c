@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The FC telegrams (FC-3), from ADR to the last data byte; words go out high byte first. */
-#include "options.h"
 #include "transaction.h"
 
 static uint8_t *put_word(uint8_t *at, uint32_t value)
@@ -25,6 +24,9 @@ static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uin
     return OUTCOME_EXCHANGE;
 }
 
+/* Bytes of the telegram of a number, and before its value. */
+enum { AT_PKE = 1, AT_IND = 3, AT_VALUE = 5, PWE_BYTES = 4 };
+
 enum outcome telegram_process(struct transaction *txn, uint32_t control)
 {
     return end(txn, begin(txn, EXPECT_PROCESS), control, control >> 16);
@@ -42,4 +44,20 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t i
         *at++ = (uint8_t)*data++;
     /* Control bit 10 = 0: the drive leaves its process data alone (FC-5). */
     return end(txn, at, 0, 0);
+}
+
+void telegram_as_text(struct transaction *txn)
+{
+    const bool read = txn->function == READ_REGISTERS;
+    const uint32_t bytes = read ? PWE_BYTES : (uint32_t)txn->operand << 1;
+    uint8_t *at = txn->telegram + AT_VALUE;
+    uint32_t i;
+
+    txn->expects = EXPECT_TEXT;
+    txn->telegram[AT_PKE] |= AK_TEXT << 4;
+    txn->telegram[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
+    /* A text has no zeros before it. */
+    for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++)
+        *at++ = txn->telegram[AT_VALUE + i];
+    end(txn, at, 0, 0);
 }

@@ -3,18 +3,11 @@
 #ifndef TRANSACTION_H
 #define TRANSACTION_H
 
+#include "dialect.h"
 #include "translate.h"
 
-/* Exception codes of the card's own (EXC); those of the drive pass unchanged. */
-enum exception {
-    EXCEPTION_VALUE = 2,
-    EXCEPTION_TYPE = 5,
-    EXCEPTION_ADDRESS = 64,
-    EXCEPTION_LENGTH = 65,
-    EXCEPTION_QUANTITY = 66,
-    EXCEPTION_FUNCTION = 67,
-    EXCEPTION_TIMEOUT = 255,
-};
+/* The one fault of the drive (AK 7) with a meaning for the card: the data type does not match. */
+enum { FAULT_TYPE = 5 };
 
 enum function_code {
     READ_COILS = 0x01,
@@ -41,6 +34,9 @@ enum {
     AK_REFUSED = 7,
 };
 
+/* IND: the high byte says text, the low byte is the index (MAP-8). */
+enum { IND_TEXT_READ = 0x0400, IND_TEXT_WRITE = 0x0500, IND_TEXT = 0xFF00, IND_INDEX = 0x00FF };
+
 /* LGE (FC-1). */
 enum { LGE_PROCESS = 0x06, LGE_PARAMETER = 0x0E, LGE_TEXT = 10 };
 
@@ -63,7 +59,9 @@ enum outcome coils_answer(const struct translator *t, struct transaction *txn, u
 enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low);
 enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters);
 
-enum outcome refuse(struct transaction *txn, enum exception code);
+enum outcome refuse(struct transaction *txn, uint32_t code);
+/* As the drive does, or in its name. */
+enum outcome refuse_fault(struct transaction *txn, uint32_t fault);
 /* 05 and 06 echo the request, 0F and 10 its address and quantity: the same five bytes. */
 enum outcome confirm(struct transaction *txn);
 
@@ -71,5 +69,7 @@ enum outcome telegram_process(struct transaction *txn, uint32_t control);
 /* Between IND and PCD: PWE or text, as so many zeros and then bytes of the request's data. */
 enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t ind, uint32_t zeros,
                                 frame_byte *data, uint32_t bytes);
+/* Turns the telegram of a number into that of a text with the same content. */
+void telegram_as_text(struct transaction *txn);
 
 #endif

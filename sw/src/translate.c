@@ -41,12 +41,17 @@ void translate_init(struct translator *t)
     t->status = 0;
 }
 
-enum outcome refuse(struct transaction *txn, enum exception code)
+enum outcome refuse(struct transaction *txn, uint32_t code)
 {
     txn->reply[0] = txn->function | 0x80u;
     txn->reply[1] = (uint8_t)code;
     txn->reply_length = 2;
     return OUTCOME_REPLY;
+}
+
+enum outcome refuse_fault(struct transaction *txn, uint32_t fault)
+{
+    return refuse(txn, TRAITS.drive_fault ? TRAITS.drive_fault : fault);
 }
 
 enum outcome confirm(struct transaction *txn)
@@ -92,18 +97,18 @@ static enum outcome decode(const struct translator *t, struct transaction *txn, 
     uint32_t expected = PDU_PLAIN;
 
     if (!function)
-        return refuse(txn, EXCEPTION_FUNCTION);
+        return refuse(txn, TRAITS.bad_function);
     if (txn->broadcast && function->form == FORM_READ)
         return OUTCOME_SILENT;
     /* A PDU too short to have a byte count is shorter than any byte count asks for. */
     if (function->form == FORM_COUNTED)
         expected = AT_DATA + pdu[AT_COUNT];
     if (pdu_length != expected)
-        return refuse(txn, EXCEPTION_LENGTH);
+        return refuse(txn, TRAITS.bad_length);
     txn->address = word_at(pdu + AT_ADDRESS);
     txn->operand = word_at(pdu + AT_OPERAND);
     if (!quantity_fits(t, txn, function, pdu))
-        return refuse(txn, EXCEPTION_QUANTITY);
+        return refuse(txn, TRAITS.bad_quantity);
     return function->handle(t, txn, pdu + (function->form == FORM_SINGLE ? AT_OPERAND : AT_DATA));
 }
 
@@ -146,12 +151,19 @@ static enum outcome answer_process(const struct translator *t, struct transactio
     return txn->function == READ_COILS ? coils_answer(t, txn, txn->status) : confirm(txn);
 }
 
+/* A text that was asked for as a number: 06 never writes text. */
+static bool may_be_text(const struct transaction *txn, uint32_t fault)
+{
+    return TRAITS.text_by_size && fault == FAULT_TYPE && txn->expects == EXPECT_NUMBER &&
+           txn->function != WRITE_REGISTER;
+}
+
 static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, uint32_t lge)
 {
     const uint32_t ak = data[0] >> 4;
     const bool read = txn->function == READ_REGISTERS;
 
-    /* FC-8. The 12 bits beside AK: bit 11 is not part of PNU and must be 0 (FC-3). */
+    /* FC-8. All 12 bits beside AK: where bit 11 is not part of PNU, it must be 0 (FC-3). */
     if (lge < LGE_TEXT || (word_at(data) & 0x0FFF) != txn->pnu)
         return OUTCOME_NOT_A_REPLY;
     if (txn->expects == EXPECT_TEXT && ak == AK_TEXT)
@@ -159,7 +171,7 @@ static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, 
     if (lge != LGE_PARAMETER)
         return OUTCOME_NOT_A_REPLY;
     if (ak == AK_REFUSED)
-        return refuse(txn, (enum exception)data[7]);
+        return may_be_text(txn, data[7]) ? OUTCOME_EXCHANGE : refuse_fault(txn, data[7]);
     if (txn->expects != EXPECT_NUMBER || (ak != AK_IS_WORD && ak != AK_IS_DOUBLE))
         return OUTCOME_NOT_A_REPLY;
     return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : confirm(txn);
@@ -179,7 +191,12 @@ void translate_drive_commit(struct translator *t, const struct transaction *txn)
     t->status = txn->status;
 }
 
+void translate_drive_again(struct transaction *txn)
+{
+    telegram_as_text(txn);
+}
+
 enum outcome translate_drive_silent(struct transaction *txn)
 {
-    return refuse(txn, EXCEPTION_TIMEOUT);
+    return TRAITS.drive_silent ? refuse(txn, TRAITS.drive_silent) : OUTCOME_SILENT;
 }

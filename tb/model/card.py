@@ -11,17 +11,55 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 CONTROL, STATUS, EEPROM, COILS = range(0, 32), range(32, 64), 64, 128
-IND, NETWORK_TIMEOUT, DRIVE_TIMEOUT = range(3)
+NETWORK_TIMEOUT, DRIVE_TIMEOUT = 1, 2
 FUNCTIONS = {0x01, 0x03, 0x05, 0x06, 0x0F, 0x10}
 READS = {0x01, 0x03}
 COUNTED = {0x0F, 0x10}
+TYPE_MISMATCH = 5  # fault of the drive
 
 
 class Refused(Exception):
-    """An exception of Modbus: its code."""
+    """Why a request gets an exception: a word of Dialect.codes, or a fault of the drive."""
 
-    def __init__(self, code: int) -> None:
-        self.code = code
+    def __init__(self, why: str | int) -> None:
+        self.why = why
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What one manual says otherwise than another."""
+
+    codes: dict[str, int]  # exception code for each mistake; "drive" where it is not the fault's number
+    index_register: int
+    highest_pnu: int
+    text_by_size: bool
+
+    def code(self, why: str | int) -> int:
+        if isinstance(why, str):
+            return self.codes[why]
+        return self.codes.get("drive", why)
+
+
+DIALECTS = {
+    "card": Dialect(
+        {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 2, "silent": 255},
+        index_register=0,
+        highest_pnu=2047,
+        text_by_size=False,
+    ),
+    "builtin": Dialect(
+        {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 66},
+        index_register=8,
+        highest_pnu=2047,
+        text_by_size=True,
+    ),
+    "hvac_basic": Dialect(
+        {"function": 1, "length": 3, "quantity": 3, "address": 2, "value": 3, "drive": 4},
+        index_register=8,
+        highest_pnu=4095,
+        text_by_size=True,
+    ),
+}
 
 
 @dataclass
@@ -41,6 +79,7 @@ class Question:
     operand: int
     kind: str  # process, number, text
     pnu: int = 0
+    by_text: bytes | None = None  # the telegram to try when the drive finds the number's type wrong
 
 
 def word(data: bytes, at: int = 0) -> int:
@@ -63,9 +102,14 @@ class Card:
     adr: int = 0x81
     adr_broadcast: int = 0x80
     status_refresh: bool = False
+    name: str = "card"  # of the dialect
     coils: list[int] = field(default_factory=lambda: [0] * COILS)
-    registers: list[int] = field(default_factory=lambda: [0, 1000, 15])
+    registers: dict[int, int] = field(init=False)  # the card's own
     question: Question | None = None
+
+    def __post_init__(self) -> None:
+        self.dialect = DIALECTS[self.name]
+        self.registers = {self.dialect.index_register: 0, NETWORK_TIMEOUT: 1000, DRIVE_TIMEOUT: 15}
 
     # ------------------------------------------------------------ requests
 
@@ -77,7 +121,7 @@ class Card:
         try:
             step = self._serve(pdu, broadcast)
         except Refused as refusal:
-            step = Step(reply=bytes([pdu[0] | 0x80, refusal.code]))
+            step = Step(reply=bytes([pdu[0] | 0x80, self.dialect.code(refusal.why)]))
         if broadcast:
             self.question = None
             step.reply = None
@@ -86,12 +130,12 @@ class Card:
     def _serve(self, pdu: bytes, broadcast: bool) -> Step:
         function = pdu[0]
         if function not in FUNCTIONS:
-            raise Refused(67)
+            raise Refused("function")
         if function in COUNTED:
             if len(pdu) < 6 or len(pdu) != 6 + pdu[5]:
-                raise Refused(65)
+                raise Refused("length")
         elif len(pdu) != 5:
-            raise Refused(65)
+            raise Refused("length")
         start, operand = word(pdu, 1), word(pdu, 3)
         adr = bytes([self.adr_broadcast if broadcast else self.adr])
         if function in (0x05, 0x06):
@@ -99,9 +143,9 @@ class Card:
         else:
             count = operand
             if not 1 <= count <= self._limit(function, start):
-                raise Refused(66)
+                raise Refused("quantity")
         if function in COUNTED and pdu[5] != (-(-count // 8) if function == 0x0F else 2 * count):
-            raise Refused(66)
+            raise Refused("quantity")
         self.question = Question(function, start, operand, "process")
         if function in (0x01, 0x05, 0x0F):
             return self._coils(function, start, count, operand, pdu[6:], adr)
@@ -113,26 +157,28 @@ class Card:
             return 128
         if function == 0x0F:
             return 32
-        if start < 3:
+        if start <= DRIVE_TIMEOUT or start in self.registers:
             return 3
-        return 10 if self._by_text(function) else 2
+        return 10 if self.dialect.text_by_size or self._by_text(function, 0) else 2
 
-    def _by_text(self, function: int) -> bool:
-        return self.registers[IND] >> 8 == {0x03: 4, 0x10: 5}.get(function, -1)
+    def _by_text(self, function: int, count: int) -> bool:
+        if self.dialect.text_by_size:
+            return count > 2
+        return self.registers[0] >> 8 == {0x03: 4, 0x10: 5}.get(function, -1)
 
     def _coils(self, function: int, start: int, count: int, operand: int, data: bytes, adr: bytes) -> Step:
         run = range(start, start + count)
         if function == 0x01:
             if run.stop > COILS:
-                raise Refused(64)
+                raise Refused("address")
             if self.status_refresh and set(run) & set(STATUS):
                 return Step(telegram=adr + bytes(4))
             return Step(reply=self._pack_coils(run))
         if not (run.stop <= CONTROL.stop or list(run) == [EEPROM]):
-            raise Refused(64)
+            raise Refused("address")
         if function == 0x05:
             if operand not in (0x0000, 0xFF00):
-                raise Refused(2)
+                raise Refused("value")
             values = [int(operand == 0xFF00)]
         else:
             values = [data[i // 8] >> i % 8 & 1 for i in range(count)]
@@ -148,35 +194,42 @@ class Card:
         return bytes([0x01, count]) + packed
 
     def _registers(self, function: int, start: int, count: int, data: bytes, adr: bytes) -> Step:
-        if start < 3:
-            if start + count > 3:
-                raise Refused(64)
+        if start in self.registers:
+            run = range(start, start + count)
+            if not set(run) <= set(self.registers):
+                raise Refused("address")
             if function == 0x03:
-                values = self.registers[start : start + count]
+                values = [self.registers[register] for register in run]
                 return Step(reply=bytes([3, 2 * count]) + b"".join(v.to_bytes(2, "big") for v in values))
             values = [word(data, 2 * i) for i in range(count)]
-            if start + count == 3 and values[-1] == 0:
-                raise Refused(2)
-            self.registers[start : start + count] = values
+            new = dict(zip(run, values, strict=True))
+            if new.get(DRIVE_TIMEOUT) == 0:
+                raise Refused("value")
+            self.registers.update(new)
             return Step(reply=self._echo())
         pnu, rest = divmod(start + 1, 10)
-        if rest or not 1 <= pnu <= 2047:
-            raise Refused(64)
-        index = self.registers[IND] & 0xFF
-        by_text = self._by_text(function)
-        self.question.kind = "text" if by_text else "number"
+        if rest or not 1 <= pnu <= self.dialect.highest_pnu:
+            raise Refused("address")
         self.question.pnu = pnu
-        if by_text:
-            ak, ind = 15, self.registers[IND]
-            value = data if function == 0x10 else bytes(4)
-        elif function == 0x03:
-            ak, ind, value = 1, index, bytes(4)
-        else:
-            stored = self.coils[EEPROM]
-            ak = {(1, 0): 2, (2, 0): 3, (1, 1): 14, (2, 1): 13}[count, stored]
-            ind, value = index, data.rjust(4, b"\0")
-        pke = (ak << 12 | pnu).to_bytes(2, "big")
-        return Step(telegram=adr + pke + ind.to_bytes(2, "big") + value + bytes(4))
+        index = self.registers[self.dialect.index_register] & 0xFF
+
+        def telegram(ak: int, ind: int, value: bytes) -> bytes:
+            pke = (ak << 12 | pnu).to_bytes(2, "big")
+            return adr + pke + ind.to_bytes(2, "big") + value + bytes(4)
+
+        reads = function == 0x03
+        by_text = telegram(15, (0x400 if reads else 0x500) | index, bytes(4) if reads else data)
+        if self._by_text(function, count):
+            self.question.kind = "text"
+            return Step(telegram=by_text)
+        self.question.kind = "number"
+        if self.dialect.text_by_size and function != 0x06:
+            self.question.by_text = by_text
+        if reads:
+            return Step(telegram=telegram(1, index, bytes(4)))
+        stored = self.coils[EEPROM]
+        ak = {(1, 0): 2, (2, 0): 3, (1, 1): 14, (2, 1): 13}[count, stored]
+        return Step(telegram=telegram(ak, index, data.rjust(4, b"\0")))
 
     def _echo(self) -> bytes:
         q = self.question
@@ -194,15 +247,19 @@ class Card:
         try:
             reply = self._answer(q, data)
         except Refused as refusal:
-            reply = bytes([q.function | 0x80, refusal.code])
+            if refusal.why == TYPE_MISMATCH and q.by_text and data[0] >> 4 == 7:
+                q.kind, telegram, q.by_text = "text", q.by_text, None
+                return Step(telegram=telegram)
+            reply = bytes([q.function | 0x80, self.dialect.code(refusal.why)])
         self.question = None
         return Step(reply=reply)
 
     def drive_silent(self) -> Step:
         """No good reply, not even to the repeat (FC-9)."""
-        reply = bytes([self.question.function | 0x80, 255])
-        self.question = None
-        return Step(reply=reply)
+        q, self.question = self.question, None
+        if "silent" not in self.dialect.codes:
+            return Step()
+        return Step(reply=bytes([q.function | 0x80, self.dialect.code("silent")]))
 
     @staticmethod
     def _fits(q: Question, data: bytes) -> bool:
@@ -231,7 +288,7 @@ class Card:
         if size == 2:
             unsigned, signed = int.from_bytes(value, "big"), int.from_bytes(value, "big", signed=True)
             if not (unsigned <= 0xFFFF or -0x8000 <= signed <= 0x7FFF):
-                raise Refused(5)
+                raise Refused(TYPE_MISMATCH)
             value = value[2:]
         return bytes([3, size]) + value
 

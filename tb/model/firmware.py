@@ -15,9 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tb.generated.mailbox import AREAS
+
 ROOT = Path(__file__).resolve().parents[2]
-SILENT, REPLY, EXCHANGE, NOT_A_REPLY = range(4)  # enum outcome
+NOT_A_REPLY, SILENT, REPLY, EXCHANGE = range(4)  # enum outcome
 KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
+MAILBOX_BYTES = max(area.offset + 4 * area.length for area in AREAS.values())
 JUNK = 0xA5  # in every frame byte that the hardware did not write
 
 ReadHook = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
@@ -34,11 +37,15 @@ def build(file: str, *variables: str) -> Path:
 
 
 @functools.cache
-def library(option: str = "") -> ctypes.CDLL:
-    """The host library; `option` is one of sw/include/options.h, set to 1."""
-    folder = f"build/host/{option}" if option else "build/host"
-    defines = f"FIRMWARE_DEFINES=-D{option}=1" if option else "FIRMWARE_DEFINES="
-    file = build(f"{folder}/libtranslate.so", f"FIRMWARE_HOST_DIR={folder}", defines)
+def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
+    """The host library of a dialect, or of the card's with `option` of sw/include/options.h set to 1."""
+    if dialect != "card":
+        assert not option
+        file = build(f"build/host/{dialect}/libtranslate.so")
+    else:
+        folder = f"build/host/{option}" if option else "build/host"
+        defines = f"FIRMWARE_DEFINES=-D{option}=1" if option else "FIRMWARE_DEFINES="
+        file = build(f"{folder}/libtranslate.so", f"FIRMWARE_HOST_DIR={folder}", defines)
     lib = ctypes.CDLL(str(file))
     pointer, u32 = ctypes.c_void_p, ctypes.c_uint32
     for name, result, *arguments in [
@@ -47,6 +54,7 @@ def library(option: str = "") -> ctypes.CDLL:
         ("translate_commit", None, pointer, pointer),
         ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
         ("translate_drive_commit", None, pointer, pointer),
+        ("translate_drive_again", None, pointer),
         ("translate_drive_silent", ctypes.c_int, pointer),
         ("gateway_init", None, pointer),
         ("gateway_poll", None, pointer),
@@ -112,7 +120,13 @@ class Transaction:
         self.translator.lib.translate_drive_commit(self.translator.memory, self.memory)
         return self
 
+    def drive_again(self) -> Transaction:
+        """Prepares the second telegram that drive_reply asked for."""
+        self.translator.lib.translate_drive_again(self.memory)
+        return self
+
     def drive_silent(self) -> bytes:
+        """The reply PDU, unless the outcome is to keep silent."""
         self.outcome = self.translator.lib.translate_drive_silent(self.memory)
         return self.reply
 
@@ -120,8 +134,8 @@ class Transaction:
 class Translator:
     """The card's images and what can be asked of them."""
 
-    def __init__(self, option: str = "") -> None:
-        self.lib = library(option)
+    def __init__(self, option: str = "", dialect: str = "card") -> None:
+        self.lib = library(option, dialect)
         size = self.lib.host_size_of_translator()
         self.memory = ctypes.create_string_buffer(bytes([JUNK] * size), size)
         self.lib.translate_init(self.memory)
@@ -142,20 +156,38 @@ class Translator:
         return self.memory.raw
 
 
+class Mailbox:
+    """Where the mailbox's memory (frames and counters) lies: in the library last connected."""
+
+    address = 0
+
+    @classmethod
+    def move_to(cls, lib: ctypes.CDLL) -> None:
+        address = ctypes.addressof(ctypes.c_uint32.in_dll(lib, "host_memory"))
+        if cls.address not in (0, address):
+            ctypes.memmove(address, cls.address, MAILBOX_BYTES)
+        cls.address = address
+
+
 class Gateway:
     """The poll loop; `read(offset)` and `write(offset, value)` play the registers."""
 
-    def __init__(self, read: Callable[[int], int], write: Callable[[int, int], None]) -> None:
+    def __init__(
+        self, read: Callable[[int], int], write: Callable[[int, int], None], dialect: str = "card"
+    ) -> None:
+        self.lib = library(dialect=dialect)
+        Mailbox.move_to(self.lib)
         self._hooks = ReadHook(read), WriteHook(write)  # must outlive the calls
-        self.memory = ctypes.create_string_buffer(library().host_size_of_gateway())
-        library().host_connect(*self._hooks)
-        library().gateway_init(self.memory)
+        self.memory = ctypes.create_string_buffer(self.lib.host_size_of_gateway())
+        self.lib.host_connect(*self._hooks)
+        self.lib.gateway_init(self.memory)
 
     def poll(self) -> None:
-        library().gateway_poll(self.memory)
+        self.lib.gateway_poll(self.memory)
 
 
 def mailbox_word(offset: int) -> ctypes.c_uint32:
-    """One word of the host's mailbox memory (frames and counters); offset in bytes from the base."""
-    base = ctypes.addressof(ctypes.c_uint32.in_dll(library(), "host_memory"))
-    return ctypes.c_uint32.from_address(base + offset)
+    """One word of the mailbox's memory; offset in bytes from the base."""
+    if not Mailbox.address:
+        Mailbox.move_to(library())
+    return ctypes.c_uint32.from_address(Mailbox.address + offset)

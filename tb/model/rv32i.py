@@ -23,9 +23,10 @@ class Hung(Exception):
 
 
 @functools.cache
-def image() -> bytes:
+def image(dialect: str = "card") -> bytes:
     """The firmware as it is loaded into the card."""
-    return build("build/firmware.bin").read_bytes()
+    folder = "build" if dialect == "card" else f"build/{dialect}"
+    return build(f"{folder}/firmware.bin").read_bytes()
 
 
 def signed(value: int, bits: int = 32) -> int:
@@ -68,9 +69,11 @@ class Machine:
         write: Callable[[int, int], None],
         memory: int = 6144,
         damaged_bit: int | None = None,
+        dialect: str = "card",
     ) -> None:
         self.on_read, self.on_write = read, write
-        self.memory = bytearray(image().ljust(memory, bytes([STACK_FILL])))
+        self.image_size = len(image(dialect))
+        self.memory = bytearray(image(dialect).ljust(memory, bytes([STACK_FILL])))
         if damaged_bit is not None:
             self.memory[damaged_bit // 8] ^= 1 << damaged_bit % 8
         self.decoded: dict[int, Callable[[], None]] = {}
@@ -130,7 +133,7 @@ class Machine:
             else:
                 self.on_write(offset, value)
             return
-        assert len(image()) <= address <= len(self.memory) - size, f"store into code at {self.pc - 4:#x}"
+        assert self.image_size <= address <= len(self.memory) - size, f"store into code at {self.pc - 4:#x}"
         self.memory[address : address + size] = (value & ((1 << 8 * size) - 1)).to_bytes(size, "little")
 
     # ------------------------------------------------------------ instructions
