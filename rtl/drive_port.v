@@ -66,7 +66,7 @@ module drive_port (
   wire [7:0] adr;
 
   assign write_data = rx_data;
-  assign quiet = long_silent && !rx_busy && synced && !de;
+  assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
 
   baud_divider divider_i (
       .clk(clk),

@@ -79,7 +79,7 @@ module network_port #(
   wire line_ready;
 
   assign write_data = rx_data;
-  assign quiet = long_silent && !rx_busy && synced && !de;
+  assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
 
   card_tables tables_i (
       .sw_baud(sw_baud),

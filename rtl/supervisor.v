@@ -46,7 +46,7 @@ module supervisor #(
   wire bite = (idle_ms == BITE_MS || core_trap) && restarting == 2'b00;
 
   assign loopback_open = !loopback_closed && sw_baud == LOOPBACK_SWITCHES;
-  assign fault = halted || bites == 2'd3 || (!address_valid && !loopback_open);
+  assign fault = !rst && (halted || bites == 2'd3 || (!address_valid && !loopback_open));
   assign core_rst = rst || fault || restarting != 2'b00;
 
   initial bites = 2'd0;

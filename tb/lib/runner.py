@@ -37,7 +37,17 @@ waves_written: list[list[Path]] = []
 # Warnings are the business of `make lint`.
 BUILD_ARGS = {
     "icarus": [],
-    "verilator": ["-Wno-fatal", "--no-timing", "-CFLAGS", "-O1", "--x-initial", "unique"],
+    # Models large enough to be split want precompiled headers, which the packaged Verilator cannot make.
+    "verilator": [
+        "-Wno-fatal",
+        "--no-timing",
+        "-CFLAGS",
+        "-O1",
+        "--x-initial",
+        "unique",
+        "--output-split",
+        "0",
+    ],
 }
 # Verilator's default, VCD, is large and slow.
 WAVES_ARGS = {
