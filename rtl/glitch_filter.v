@@ -22,8 +22,8 @@ module glitch_filter (
     output reg  clean
 );
 
-  reg [8:0] history = 9'h1FF;
-  reg [3:0] ones = 4'd9;  // in history
+  reg  [8:0] history = 9'h1FF;
+  reg  [3:0] ones = 4'd9;  // in history
 
   wire [3:0] ones_next = ones + {3'd0, raw} - {3'd0, history[8]};
 

@@ -58,9 +58,7 @@ class Card:
             sw_baud=switch_word(baud_switches(baud, form)),
             sw_addr=address,
         )
-        self.modbus = Rs485Line(
-            dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form), echo
-        )
+        self.modbus = Rs485Line(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form), echo)
         self.drive = Rs485Line(
             dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(DRIVE_BAUD, "8E1"), echo
         )

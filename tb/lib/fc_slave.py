@@ -139,9 +139,7 @@ class Script:
 class FcSlave:
     """Answers on `line` from now on; `heard` records every telegram."""
 
-    def __init__(
-        self, line: Rs485Line, model: Callable[[bytes], bytes | None], manner: Manner | None = None
-    ):
+    def __init__(self, line: Rs485Line, model: Callable[[bytes], bytes | None], manner: Manner | None = None):
         self.line = line
         self.model = model
         self.manner = manner or Manner()

@@ -345,8 +345,9 @@ class UartMonitor:
         return [Frame(tuple(group)) for group in groups]
 
     async def pin_idle(self, for_ps: float) -> None:
-        """Waits until nothing was sent for so long."""
-        while now_ps() - (self.edges[-1][0] if self.edges else 0) < for_ps:
+        """Waits until nothing was sent for so long, from now on."""
+        begin = now_ps()
+        while now_ps() - max(begin, self.edges[-1][0] if self.edges else 0) < for_ps:
             await Timer(round(for_ps / 4), unit="ps")
 
     def edges_of(self, frame: Frame) -> list[tuple[int, int]]:
@@ -385,4 +386,3 @@ class BitTiming:
 def with_gaps(count: int, gap: float) -> Flaws:
     """The same gap (in bits) before every character but the first."""
     return Flaws(gaps=dict.fromkeys(range(1, count), gap))
-
