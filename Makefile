@@ -5,6 +5,8 @@
 #   SIM=name      icarus or verilator (test, waves)              default: both; waves: icarus
 #   TEST=name     what `pytest -k` takes (test, waves)           default: all
 #   JOBS=n        processes of a test run                        default: 2
+#   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
+#   SEED=n        repeats a run (soak)                           default: a new one
 #   V=1           show the commands
 
 CONFIG ?= standard
@@ -30,6 +32,8 @@ export OBJCACHE := ccache
 export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
 
 MODBUS_LINK := $(BUILD)/modbus
+# Coils 1 to 32: control word 047Ch, reference 2000h.
+START_HALF := 0 0 1 1 1 1 1 0 0 0 1 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1 0 0
 PYTEST := $(PY) -m pytest tb $(if $(TEST),-k '$(TEST)')
 
 .PHONY: help
@@ -44,10 +48,16 @@ run: card ## the virtual card with its simulated drive, until Ctrl-C
 	@echo "Virtual card, unit address 1, 9600 bit/s, no parity, on $(MODBUS_LINK). In another terminal:"
 	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 4 -r 5140 -c 2 -1 $(MODBUS_LINK)    motor current"
 	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 1 -c 32 -1 $(MODBUS_LINK)      control image"
-	@exec $(BUILD)/card --modbus $(MODBUS_LINK)
+	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 1 $(MODBUS_LINK) $(START_HALF)  start, 50 %"
+	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 33 -c 32 -1 $(MODBUS_LINK)     status and frequency"
+	@exec $(BUILD)/card --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
 card: $(BUILD)/card ## build/card, the virtual card (build/card --help)
 firmware: $(BUILD)/firmware.hex ## build/firmware.hex and build/tiny/firmware.hex
+
+.PHONY: soak
+soak: card drive ## long mixed traffic over the virtual card, against the models (SEED=)
+	@$(PY) -m tools.soak $(if $(SEED),--seed $(SEED))
 
 .PHONY: test lint format
 test: firmware card drive $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)

@@ -168,8 +168,16 @@ def test_drive_line_constants():
 
 def test_cpp_tables_agree():
     text = (ROOT / "sim/generated/card_tables.h").read_text()
-    bauds = [int(item) for item in re.search(r"kBaud\[8\] = \{(.*?)\}", text)[1].split(",")]
-    assert bauds == [card_tables.RATES[f"{bits:03b}"[::-1]].baud for bits in range(8)]
+    rates = re.findall(r"^ +\{(\d+), (\d+), (\d+)\},", text, re.MULTILINE)
+    wanted = [card_tables.RATES[f"{bits:03b}"[::-1]] for bits in range(8)]
+    assert rates == [(str(rate.baud), str(rate.t15_ticks), str(rate.t35_ticks)) for rate in wanted]
+    constants = {name: int(value) for name, value in re.findall(r"constexpr int (\w+) = (\d+);", text)}
+    assert constants == {
+        "kTicksPerBit": card_tables.TICKS_PER_BIT,
+        "kCharacterBits": card_tables.CHARACTER_BITS,
+        "kDriveBaud": card_tables.DRIVE_BAUD,
+        "kDrivePauseTicks": card_tables.DRIVE_PAUSE_TICKS,
+    }
     formats = re.findall(r"^ +\{'([NOE])', (\d)\},", text, re.MULTILINE)
     wanted = [card_tables.FORMATS[f"{bits:02b}"[::-1]] for bits in range(4)]
     assert formats == [(entry.parity[0].upper(), str(entry.stop_bits)) for entry in wanted]

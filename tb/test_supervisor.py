@@ -12,17 +12,17 @@ from tb.lib.runner import run
 BITE_MS = 64
 LOOPBACK = 0b1_1110_0111  # switch 9 ... switch 1
 NORMAL = 0b0_0001_1111
-INPUTS = dict(
-    ms_tick=0,
-    kick=0,
-    halt=0,
-    loopback_close=0,
-    core_trap=0,
-    sw_baud=NORMAL,
-    address_valid=1,
-    reply_start=0,
-    drive_good=0,
-)
+INPUTS = {
+    "ms_tick": 0,
+    "kick": 0,
+    "halt": 0,
+    "loopback_close": 0,
+    "core_trap": 0,
+    "sw_baud": NORMAL,
+    "address_valid": 1,
+    "reply_start": 0,
+    "drive_good": 0,
+}
 
 
 class Watched:

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import select
+import shutil
 import signal
 import struct
 import subprocess
@@ -20,7 +21,9 @@ from pathlib import Path
 import pytest
 from pymodbus.client import ModbusSerialClient
 
+from tb.model.card import DIALECTS
 from tb.model.crc16 import with_crc
+from tb.model.vlt_drive import PROFILES
 from tools.run_card import CARD, ROOT, Frame, RunningCard
 
 EXAMPLES = {e["id"]: e for e in json.loads((Path(__file__).parent / "data/examples.json").read_text())}
@@ -35,7 +38,7 @@ MANUAL = [
 ]
 OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
-    *("--speed", "--for", "--wave", "--pcap", "--log", "--quiet"),
+    *("--dialect", "--profile", "--speed", "--for", "--wave", "--pcap", "--log", "--quiet"),
 ]
 READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
 CHARACTER_S = 11 / 9600
@@ -86,7 +89,10 @@ class RawPort:
         """`count` bytes, fewer when they do not come in time."""
         data, end = b"", time.monotonic() + seconds
         while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
-            data += os.read(self.fd, count - len(data))
+            part = os.read(self.fd, count - len(data))
+            if not part:  # nobody is at the other end any more
+                break
+            data += part
         return data
 
     def ask(self, request: bytes, reply_bytes: int) -> bytes:
@@ -146,10 +152,13 @@ def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProce
         (["--sw-baud", "11111000x"], "--sw-baud takes 9 digits"),
         (["--sw-addr", "100000001"], "--sw-addr takes 8 digits"),
         (["--speed", "fast"], "real or max"),
+        (["--dialect", "klingon"], "card, builtin or hvac_basic, not 'klingon'"),
+        (["--profile", "vlt7000"], "vlt5000, vlt2800, vlt8000 or hvac_basic, not 'vlt7000'"),
         (["--for", "-1"], "--for"),
         (["--for", "soon"], "--for"),
         (["--modbus", "a", "--modbus-device", "b"], "exclude"),
         (["--drive", "a", "--drive-device", "b"], "exclude"),
+        (["--drive", "example", "--drive-device", "b"], "exclude"),
         (["--modbus", "a", "--drive", "a"], "two different links"),
         (["--speed", "max", "--modbus-device", "/dev/null"], "max"),
         (["--modbus-device", "/dev/null"], "/dev/null is not a serial port"),
@@ -168,11 +177,13 @@ def test_wrong_options_are_one_line_and_exit_2(options, says):
     assert says in run.stderr
 
 
-def test_help_names_every_option():
+def test_help_names_every_option_and_drive():
     run = run_card("--help")
     assert run.returncode == 0
     for option in OPTIONS:
         assert f"{option} " in run.stdout
+    for name in (*PROFILES, *DIALECTS):
+        assert re.search(rf"\b{name}\b", run.stdout)
 
 
 def test_version():
@@ -201,6 +212,16 @@ def test_a_failed_second_line_leaves_no_link_of_the_first(tmp_path):
     run = run_card("--modbus", tmp_path / "modbus", "--drive", tmp_path / "no-folder/drive")
     assert run.returncode == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_image_is_told_by_its_path(tmp_path):
+    """The images lie beside the program: taken away from them it finds none."""
+    lonely = shutil.copy(CARD, tmp_path / "card")
+    for dialect, image in (("card", "firmware.hex"), ("builtin", "builtin/firmware.hex")):
+        run = subprocess.run([lonely, "--dialect", dialect], capture_output=True, text=True, check=False)
+        assert run.returncode == 2
+        assert run.stderr.count("\n") == 1
+        assert str(tmp_path / image) in run.stderr
 
 
 # ---------------------------------------------------------------- start and end
@@ -261,6 +282,7 @@ def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
             time.sleep(0.04)
             drive.write(drive_replies_of("ex5-read-514")[telegram])
             assert master.read(9) == reply_of("ex5-read-514")
+        assert card.stop() == 0
         assert len(of(card.frames(), "drive", "card")) == 1
 
 
@@ -296,13 +318,78 @@ def test_a_foreign_drive_may_refuse_or_stay_silent(tmp_path):
 @pytest.mark.rule("MAP-3", "MAP-7")
 def test_pymodbus_reads_and_writes(tmp_path):
     with RunningCard(tmp_path) as card:
-        client = ModbusSerialClient(str(card.link), baudrate=9600, timeout=5, retries=0)
-        assert client.connect()
+        client = pymodbus_client(card)
         assert client.read_holding_registers(5139, count=2, device_id=1).registers == [0, 300]
         assert not client.write_coils(0, [True, False] * 16, device_id=1).isError()
         assert client.read_coils(0, count=32, device_id=1).bits == [True, False] * 16
         assert client.read_coils(128, count=1, device_id=1).exception_code == 64
         client.close()
+
+
+# ---------------------------------------------------------------- the simulated drive
+def pymodbus_client(card: RunningCard) -> ModbusSerialClient:
+    client = ModbusSerialClient(str(card.link), baudrate=9600, timeout=5, retries=0)
+    assert client.connect()
+    return client
+
+
+def coils(*words: int) -> list[bool]:
+    """16-bit words as coils, bit 0 first."""
+    return [bool(word >> bit & 1) for word in words for bit in range(16)]
+
+
+def look(client: ModbusSerialClient) -> tuple[int, int, int]:
+    """Status word, output frequency word and motor current in 10 mA; the read brings the coils up to date."""
+    current = client.read_holding_registers(5139, count=2, device_id=1).registers
+    bits = client.read_coils(32, count=32, device_id=1).bits
+    both = sum(bit << i for i, bit in enumerate(bits))
+    return both & 0xFFFF, both >> 16, current[0] << 16 | current[1]
+
+
+@pytest.mark.rule("FC-6", "MAP-1", "MAP-3")
+def test_a_motor_started_by_coils_moves_as_a_drives_does(tmp_path):
+    """Start to 40 % and ramp stop; 60 s ramps, of which 40 % is some seconds."""
+    with RunningCard(tmp_path, "--speed", "max") as card:
+        client = pymodbus_client(card)
+        assert look(client) == (0x0607, 0, 300), "stopped, ready; the card's example current"
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        up = [look(client)]
+        while up[-1][1] < 0x1999 and len(up) < 5000:
+            up.append(look(client))
+        assert not client.write_coils(0, coils(0x043C, 0), device_id=1).isError()
+        down = [look(client)]
+        while down[-1][1] > 0 and len(down) < 5000:
+            down.append(look(client))
+        client.close()
+    for looks, falling in ((up, False), (down, True)):
+        frequencies = [frequency for _, frequency, _ in looks]
+        assert frequencies == sorted(frequencies, reverse=falling)
+        assert len(set(frequencies)) > 10, "it ramps"
+        assert all(status & 0x0800 for status, frequency, _ in looks if frequency), "running"
+    assert up[0][0] == 0x0E03, "running, not at its reference"
+    assert up[-1][:2] == (0x0F03, 0x1999), "at its reference"
+    assert up[-1][2] > up[0][2], "more speed, more current"
+    assert down[-1] == (0x0607, 0, 300)
+
+
+@pytest.mark.parametrize(
+    ("profile", "register", "value", "words"),
+    [
+        ("vlt6000", 5140, 300, "parameter 514 (Readout: Motor current) = 300 (3.00 A)"),
+        ("vlt5000", 5200, 0, "parameter 520 (Readout: Motor current) = 0 (0.00 A)"),
+        ("vlt2800", 5200, 0, "parameter 520 (Readout: Motor current) = 0 (0.00 A)"),
+        ("vlt8000", 5140, 0, "parameter 514 (Readout: Motor current) = 0 (0.00 A)"),
+    ],
+)
+def test_the_profile_is_the_drive(tmp_path, profile, register, value, words):
+    with RunningCard(tmp_path, "--profile", profile, "--speed", "max") as card:
+        client = pymodbus_client(card)
+        reply = client.read_holding_registers(register - 1, count=2, device_id=1)
+        assert reply.registers == [0, value]
+        client.close()
+        assert card.stop() == 0
+        (drives,) = of(card.frames(), "drive", "drive")
+    assert drives.what.startswith(words)
 
 
 def mbpoll(link: Path, *options: str) -> dict[int, int]:
@@ -332,12 +419,16 @@ def test_the_address_switches_choose_the_unit(tmp_path):
         assert master.ask(read_of_unit_5, 7) == with_crc(bytes.fromhex("05 01 02 00 00"))
 
 
-@pytest.mark.rule("LINE-7")
+@pytest.mark.rule("LINE-7", "LED-5")
 def test_an_invalid_address_is_told_and_the_card_stays_silent(tmp_path):
-    with RunningCard(tmp_path, "--sw-addr", "00000000") as card, RawPort(card.link) as master:
-        assert any("warning" in line and "silent" in line for line in card.output)
-        master.write(READ_CONTROL)
-        assert master.read(1, 0.3) == b""
+    with RunningCard(tmp_path, "--sw-addr", "00000000", "--for", "1.5") as card:
+        with RawPort(card.link) as master:
+            assert any("warning" in line and "silent" in line for line in card.output)
+            master.write(READ_CONTROL)
+            assert master.read(1, 0.3) == b""
+        assert card.wait() == 0
+        shown = [(e["led"], e["shows"]) for e in card.entries() if e.get("led") and e["shows"] != "off"]
+    assert sorted(shown) == [("drive", "red"), ("modbus", "red")], "solid red, and nothing else"
 
 
 # ---------------------------------------------------------------- the lines
@@ -430,9 +521,9 @@ def test_a_real_serial_port_is_set_up_and_put_back(tmp_path):
 
 # ---------------------------------------------------------------- log, pcap, wave
 def test_the_log_is_complete_and_in_words(tmp_path):
-    with RunningCard(tmp_path) as card, RawPort(card.link) as master:
+    with RunningCard(tmp_path, "--drive", "example") as card, RawPort(card.link) as master:
+        assert card.ready_line.endswith(" drive=example")
         master.example("ex5-read-514")
-        card.wait_for_frames(0, "modbus", "card")
         assert card.stop() == 0
         entries = [e for e in card.entries() if "line" in e]
     assert [(e["line"], e["from"]) for e in entries] == [
@@ -470,6 +561,24 @@ def test_the_log_shows_the_leds(tmp_path):
         assert [e["shows"] for e in changes] == [*power_up, "red-flash", "green-flash"]
         red, green, orange, off = (e["t"] for e in changes[1:5])
         assert [green - red, orange - green, off - orange] == pytest.approx([0.25] * 3, abs=0.01)
+
+
+def test_log_and_terminal_are_in_order_of_time(tmp_path):
+    """Traffic of both lines from the power-up show on, through a change of colour."""
+    with RunningCard(tmp_path, "--speed", "max") as card, RawPort(card.link) as master:
+        for wanted in ("red-flash", '"drive","shows":"green-flash"'):
+            for _ in range(500):
+                if wanted in card.log.read_text():
+                    break
+                master.ask(*((READ_CONTROL, 9) if wanted == "red-flash" else (request_of("ex1-start-40"), 8)))
+        assert card.stop() == 0
+    entries = card.entries()
+    assert {e.get("line", "led") for e in entries} == {"modbus", "drive", "led"}
+    assert [e["shows"] for e in entries if e.get("led") == "drive"][-2:] == ["red-flash", "green-flash"]
+    times = [e["t"] for e in entries]
+    assert times == sorted(times)
+    printed = [float(line.split()[0]) for line in card.output if re.match(r" *\d+\.\d{6}  ", line)]
+    assert printed == times
 
 
 def pcapng_blocks(data: bytes) -> list[tuple[int, bytes]]:

@@ -4,9 +4,10 @@
 
     tools/demo.py            exit 0: all passed, 1: something failed, 2: something is missing
 
-pymodbus runs every example; mbpoll then reads and writes one parameter. The bytes of both lines come from
-the card's own log and are compared with tb/data/examples.json. Turnaround: from the last stop bit of the
-request to the first start bit of the reply, in simulated ms.
+pymodbus runs every example; mbpoll then reads and writes one parameter. The simulated drive stands in the
+state of the manual's examples, so that every reply is the one printed there. The bytes of both lines come
+from the card's own log and are compared with tb/data/examples.json. Turnaround: from the last stop bit of
+the request to the first start bit of the reply, in simulated ms.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import importlib.util
 import json
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import textwrap
@@ -23,11 +23,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from masters import Asked, Pymodbus, ask_mbpoll
 from run_card import ROOT, CardError, Frame, RunningCard
 
 EXAMPLES = ROOT / "tb/data/examples.json"
 FROM_MANUAL = re.compile(r"(manual p\d+) example (\d+)")
-BAUD = 9600
 WIDTH = 100
 LABEL = 15
 END_TEXT_ACCESS = bytes.fromhex("01 06 00 00 00 00 89 CA")  # register 40001 (IND) = 0
@@ -42,15 +42,6 @@ class Example:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a master did and what it made of the reply."""
-
-    call: str
-    answer: str
-    accepted: bool
-
-
-@dataclass(frozen=True)
 class Result:
     title: str
     master: str
@@ -60,11 +51,6 @@ class Result:
 
 def spaced(data: bytes) -> str:
     return data.hex(" ").upper()
-
-
-def words(data: bytes) -> list[int]:
-    """16-bit registers, high byte first."""
-    return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
 
 
 def manual_examples() -> dict[str, Example]:
@@ -81,66 +67,6 @@ def manual_examples() -> dict[str, Example]:
             [(bytes.fromhex(d["telegram"]), bytes.fromhex(d["reply"])) for d in entry["drive"]],
         )
     return found
-
-
-# ---------------------------------------------------------------- the two masters
-def as_pymodbus_call(request: bytes) -> tuple[str, list, dict]:
-    """Method of pymodbus' client that makes this request, and its arguments."""
-    address, value = words(request[2:6])
-    data = request[7:-2]
-    match request[1]:
-        case 0x03:
-            return "read_holding_registers", [address], {"count": value}
-        case 0x06:
-            return "write_register", [address, value], {}
-        case 0x0F:
-            return "write_coils", [address, [bool(data[i // 8] >> (i % 8) & 1) for i in range(value)]], {}
-        case 0x10:
-            return "write_registers", [address, words(data)], {}
-    raise CardError(f"no pymodbus call for function {request[1]}")
-
-
-class Pymodbus:
-    def __init__(self, link: Path) -> None:
-        from pymodbus.client import ModbusSerialClient
-
-        self.client = ModbusSerialClient(
-            str(link), baudrate=BAUD, parity="N", stopbits=2, timeout=5, retries=0
-        )
-        if not self.client.connect():
-            raise CardError(f"pymodbus cannot open {link}")
-
-    def ask(self, request: bytes) -> Asked:
-        from pymodbus.exceptions import ModbusException
-
-        method, arguments, options = as_pymodbus_call(request)
-        shown = [str(a) for a in arguments]
-        if method == "write_coils":
-            shown[1] = f"[{len(arguments[1])} coils]"
-        shown += [f"{key}={value}" for key, value in options.items()]
-        call = f"pymodbus {method}({', '.join(shown)})"
-        try:
-            response = getattr(self.client, method)(*arguments, device_id=request[0], **options)
-        except ModbusException as error:
-            return Asked(call, str(error), False)
-        if response.isError():
-            return Asked(call, f"exception {response.exception_code}", False)
-        read = method.startswith("read")
-        return Asked(call, f"registers {response.registers}" if read else "accepted", True)
-
-
-def ask_mbpoll(link: Path, register: int, *, count: int = 1, values: tuple[int, ...] = ()) -> Asked:
-    """One read, or one write of `values`; `register` counts from 1."""
-    what = ["-t", "4", "-r", str(register), "-1"] + ([] if values else ["-c", str(count)])
-    line = ["mbpoll", "-m", "rtu", "-a", "1", "-b", str(BAUD), "-P", "none"]
-    values_text = [str(value) for value in values]
-    command = [*line, *what, str(link), *values_text]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
-    call = " ".join([*line, *what, "LINK", *values_text])
-    if run.returncode != 0:
-        return Asked(call, " ".join(run.stderr.split()) or f"exit code {run.returncode}", False)
-    read = re.findall(r"^\[\d+\]:\s+(\S+)", run.stdout, re.MULTILINE)
-    return Asked(call, f"registers [{', '.join(read)}]" if read else "accepted", True)
 
 
 # ---------------------------------------------------------------- what went over the wires
@@ -218,12 +144,12 @@ def demo(folder: Path) -> int:
     if not examples:
         raise CardError(f"no example of the manual in {EXAMPLES.relative_to(ROOT)}")
     results = []
-    with RunningCard(folder, "--quiet") as card:
+    with RunningCard(folder, "--drive", "example", "--quiet") as card:
         master = Pymodbus(card.link)
         for example in examples.values():
             results.append(run_example(card, example, lambda example=example: master.ask(example.request)))
         master.ask(END_TEXT_ACCESS)  # example 6 leaves the card in text access
-        master.client.close()
+        master.close()
         link = card.link
         by_mbpoll = {
             "ex5-read-514": lambda: ask_mbpoll(link, 5140, count=2),
@@ -250,6 +176,6 @@ def main() -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except CardError as error:
+    except (CardError, ConnectionError) as error:
         print(f"demo: {error}", file=sys.stderr)
         sys.exit(2)

@@ -371,28 +371,38 @@ def card_cpp(card: Card) -> str:
     lines = [
         banner("//", CARD).rstrip(),
         "//",
-        "// Rates and formats by switch bits (LINE-2, LINE-3); bit 0 of an index: the group's first switch.",
+        "// Rate, silences and format of the network line by switch bits, first switch = bit 0 (LINE-2,",
+        "// LINE-3, FRAME-1), and of the drive line (FC-1, FC-8).",
         "",
         "#ifndef CARD_TABLES_H",
         "#define CARD_TABLES_H",
         "",
         "namespace card_tables {",
         "",
+        "struct Rate {",
+        "  int baud;       // bit/s",
+        "  int t15_ticks;  // silences in ticks of 1/kTicksPerBit bit",
+        "  int t35_ticks;",
+        "};",
+        "",
         "struct Format {",
         "  char parity;    // 'N', 'O' or 'E'",
         "  int stop_bits;  // stop bits that are sent",
         "};",
         "",
+        f"constexpr int kTicksPerBit = {card.line['ticks_per_bit']};",
         f"constexpr int kCharacterBits = {card.line['character_bits']};",
         f"constexpr int kDriveBaud = {card.drive['baud']};  // bit/s",
+        f"constexpr int kDrivePauseTicks = {card.drive_pause_ticks};",
         f"constexpr Format kDriveFormat = {{'{letters[card.drive['parity']]}', {card.drive['stop_bits']}}};",
         "",
-        "// index: switches 1, 2, 3; bit/s",
-        f"constexpr int kBaud[8] = {{{', '.join(str(card.rates[bits]) for bits in range(8))}}};",
-        "",
-        "// index: switches 4, 5",
-        "constexpr Format kFormat[4] = {",
+        "// index: switches 1, 2, 3",
+        "constexpr Rate kRate[8] = {",
     ]
+    for _, rate in sorted(card.rates.items()):
+        t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
+        lines.append(f"    {{{rate}, {t15}, {t35}}},")
+    lines += ["};", "", "// index: switches 4, 5", "constexpr Format kFormat[4] = {"]
     for bits in range(4):
         entry = card.formats[bits]
         lines.append(f"    {{'{letters[entry['parity']]}', {entry['stop_bits']}}},")

@@ -17,8 +17,10 @@ CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_d
 # Changes whenever the clock does: everything that has it built in depends on this file.
 CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
 
-# The image is read at start-up, from the folder of the program: a new one needs no new build.
+# The image is read at start-up, from the folder of the program or its dialect's below: a new one needs no
+# new build.
 CARD_FIRMWARE := firmware.hex
+CARD_IMAGES := build/$(CARD_FIRMWARE) $(FIRMWARE_DIALECTS:%=build/%/$(CARD_FIRMWARE))
 
 CARD_VERILATOR_FLAGS := --cc --build --top-module rtu2fc --Mdir $(CARD_MODEL) --no-timing --no-assert \
 	-O3 --x-assign fast --x-initial fast --trace-fst --timescale-override 1ns/1ns -Wno-lint \
@@ -31,7 +33,8 @@ CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_
 CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
 	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
 
-build/card: $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | build/firmware.hex
+build/card: $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | $(CARD_IMAGES)
+	@echo "build/card: the program"
 	$(or $(HOST_CXX),g++) -o $@ $(CARD_OBJECTS) $(addprefix $(CARD_MODEL)/,libVrtu2fc.a libverilated.a) \
 		-llz4 -lz -lpthread
 
@@ -42,6 +45,7 @@ $(CARD_CLOCK):
 
 # The header stands for the whole model: the model's own make decides what is built anew.
 $(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
+	@echo "build/card: the card's Verilog as C++"
 	$(CARD_VERILATOR) $(CARD_VERILATOR_FLAGS) $(CARD_WAIVERS) $$($(CARD_PYTHON) tools/sources.py) \
 		> $(CARD_DIR)/model.log || { cat $(CARD_DIR)/model.log >&2; exit 1; }
 	@touch $@

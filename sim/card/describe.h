@@ -8,20 +8,23 @@
 #include <vector>
 
 #include "frame.h"
+#include "words.h"
 
 namespace card {
 
 class Describer {
  public:
+  explicit Describer(const Words& words) : words_(words) {}
   // Fills frame.ok and frame.what.
   void describe(Frame& frame);
 
  private:
-  std::string modbus_request(const std::vector<std::uint8_t>& adu);
+  std::string modbus_request(const std::vector<std::uint8_t>& adu) const;
   std::string modbus_reply(const std::vector<std::uint8_t>& adu) const;
   void modbus(Frame& frame);
-  void drive(Frame& frame);
+  void drive(Frame& frame) const;
 
+  const Words words_;
   // Last good request on the network line: a reply does not repeat which registers it brings.
   std::vector<std::uint8_t> request_;
 };

@@ -2,7 +2,6 @@
 // FC protocol telegrams in words (FC-1 to FC-7).
 
 #include "describe.h"
-#include "words.h"
 
 namespace card {
 
@@ -19,7 +18,6 @@ constexpr double kFullScale = 16384.0;   // 4000h = 100 %
 constexpr std::size_t kPke = kData;
 constexpr std::size_t kInd = kData + 2;
 constexpr std::size_t kPwe = kData + 4;
-constexpr unsigned kPnuMask = 0x7FF;
 
 enum Request {
   kNone,
@@ -42,16 +40,18 @@ std::string process(const Bytes& telegram, std::size_t at, bool reply) {
 
 std::string index_words(unsigned index) { return (index & 0xFF) == 0 ? "" : text(" index %u", index & 0xFF); }
 
-std::string request_words(const Bytes& telegram, unsigned ak, const std::string& name) {
+std::string request_words(const Words& words, const Bytes& telegram, const std::string& name) {
   const std::uint32_t value = word(telegram, kPwe) * 65536u + word(telegram, kPwe + 2);
-  const unsigned pnu = word(telegram, kPke) & kPnuMask;
+  const unsigned ak = word(telegram, kPke) >> 12;
+  const unsigned pnu = words.pnu(word(telegram, kPke));
   switch (ak) {
     case kNone: return "no parameter";
     case kRead: return "read " + name;
     case kWriteWord:
-    case kWriteDouble: return "write " + name + " = " + parameter_value(pnu, value);
+    case kWriteDouble: return "write " + name + " = " + words.parameter_value(pnu, value);
     case kWriteDoubleEeprom:
-    case kWriteWordEeprom: return "write " + name + " = " + parameter_value(pnu, value) + ", RAM and EEPROM";
+    case kWriteWordEeprom:
+      return "write " + name + " = " + words.parameter_value(pnu, value) + ", RAM and EEPROM";
     case kText:
       if (word(telegram, kInd) >> 8 == 4) return "read text of " + name;
       return "write text of " + name + " = " + quoted(telegram.data() + kPwe, telegram.size() - kAroundText);
@@ -59,15 +59,16 @@ std::string request_words(const Bytes& telegram, unsigned ak, const std::string&
   }
 }
 
-std::string reply_words(const Bytes& telegram, unsigned ak, const std::string& name) {
+std::string reply_words(const Words& words, const Bytes& telegram, const std::string& name) {
   const std::uint32_t value = word(telegram, kPwe) * 65536u + word(telegram, kPwe + 2);
-  const unsigned pnu = word(telegram, kPke) & kPnuMask;
+  const unsigned ak = word(telegram, kPke) >> 12;
+  const unsigned pnu = words.pnu(word(telegram, kPke));
   switch (ak) {
     case kNone: return "no parameter";
     case kWordValue:
-    case kDoubleValue: return name + " = " + parameter_value(pnu, value);
+    case kDoubleValue: return name + " = " + words.parameter_value(pnu, value);
     case kRefused:
-      return name + text(" refused, fault %u: ", value & 0xFFFF) + exception_name(value & 0xFFFF);
+      return name + text(" refused, fault %u: ", value & 0xFFFF) + fault_name(value & 0xFFFF);
     case kText: return name + " = " + quoted(telegram.data() + kPwe, telegram.size() - kAroundText);
     default: return text("answer %u for ", ak) + name;
   }
@@ -75,7 +76,7 @@ std::string reply_words(const Bytes& telegram, unsigned ak, const std::string& n
 
 }  // namespace
 
-void Describer::drive(Frame& frame) {
+void Describer::drive(Frame& frame) const {
   const Bytes& telegram = frame.bytes;
   std::uint8_t bcc = 0;
   for (std::uint8_t byte : telegram) bcc = static_cast<std::uint8_t>(bcc ^ byte);
@@ -100,13 +101,13 @@ void Describer::drive(Frame& frame) {
     frame.what += "unknown kind of telegram";
   } else {
     const unsigned pke = word(telegram, kPke);
-    const std::string name = parameter_name(pke & kPnuMask) + index_words(word(telegram, kInd));
+    const std::string name = words_.parameter_name(words_.pnu(pke)) + index_words(word(telegram, kInd));
     const bool is_text = pke >> 12 == kText;
     if (telegram.size() != kParameter && !is_text) {
       frame.what += "parameter telegram of a wrong length";
       return;
     }
-    frame.what += reply ? reply_words(telegram, pke >> 12, name) : request_words(telegram, pke >> 12, name);
+    frame.what += reply ? reply_words(words_, telegram, name) : request_words(words_, telegram, name);
     frame.what += "; " + process(telegram, telegram.size() - 5, reply);
   }
 }

@@ -4,7 +4,6 @@
 #include <cstdio>
 
 #include "describe.h"
-#include "words.h"
 
 namespace card {
 
@@ -14,8 +13,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::size_t kShortestAdu = 4;
 constexpr std::size_t kLongestAdu = 256;
-constexpr unsigned kLocalRegisters = 3;    // 40001-40003
-constexpr unsigned kLastReserved = 9;      // 40004-40009
+constexpr unsigned kLocalRegisters = 9;    // 40001-40009, in use or reserved
 constexpr unsigned kNumericRegisters = 2;  // more registers of a parameter are text
 
 enum Function : std::uint8_t {
@@ -44,9 +42,9 @@ std::string range(const char* what, unsigned first, unsigned count) {
 }
 
 // Registers by their place on the wire: 40001-40009 by number, anything else as parameter (PNU x 10 - 1).
-std::string registers(unsigned address, unsigned count) {
-  if (address < kLastReserved) return range("register", 40001 + address, count);
-  if ((address + 1) % 10 == 0) return parameter_name((address + 1) / 10);
+std::string registers(const Words& words, unsigned address, unsigned count) {
+  if (address < kLocalRegisters) return range("register", 40001 + address, count);
+  if ((address + 1) % 10 == 0) return words.parameter_name((address + 1) / 10);
   return range("register", 40001 + address, count) + " (no parameter starts there)";
 }
 
@@ -73,16 +71,18 @@ std::string coil_values(const Bytes& adu, std::size_t at, unsigned count) {
   return words;
 }
 
-std::string register_values(const Bytes& adu, std::size_t at, unsigned address, unsigned count) {
+std::string register_values(const Words& words, const Bytes& adu, std::size_t at, unsigned address,
+                            unsigned count) {
   if (at + 2 * count + 2 > adu.size()) return "?";
-  const bool parameter = address >= kLastReserved;
-  if (parameter && count > kNumericRegisters) return quoted(adu.data() + at, 2 * count);
-  if (parameter && count == 2)
-    return parameter_value((address + 1) / 10, word(adu, at) * 65536u + word(adu, at + 2));
-  if (parameter) return parameter_value((address + 1) / 10, word(adu, at));
-  std::string words;
-  for (unsigned i = 0; i < count; ++i) words += text(i == 0 ? "%04Xh" : " %04Xh", word(adu, at + 2 * i));
-  return words;
+  if (address < kLocalRegisters) {
+    std::string values;
+    for (unsigned i = 0; i < count; ++i) values += text(i == 0 ? "%04Xh" : " %04Xh", word(adu, at + 2 * i));
+    return values;
+  }
+  const unsigned pnu = (address + 1) / 10;
+  if (count > kNumericRegisters || words.is_text(pnu)) return quoted(adu.data() + at, 2 * count);
+  if (count == 2) return words.parameter_value(pnu, word(adu, at) * 65536u + word(adu, at + 2));
+  return words.parameter_value(pnu, word(adu, at));
 }
 
 std::string switch_value(unsigned data) {
@@ -94,34 +94,38 @@ std::string unit(std::uint8_t address) { return address == 0 ? "to all: " : text
 
 }  // namespace
 
-std::string Describer::modbus_request(const Bytes& adu) {
+std::string Describer::modbus_request(const Bytes& adu) const {
   const std::string to = unit(adu[0]);
   if (adu.size() < 8) return to + text("function %02Xh, %zu bytes", adu[1], adu.size());
   const unsigned address = word(adu, 2);
   const unsigned count = word(adu, 4);
   switch (adu[1]) {
     case kReadCoils: return to + "read " + coils(address, count);
-    case kReadRegisters: return to + "read " + registers(address, count);
+    case kReadRegisters: return to + "read " + registers(words_, address, count);
     case kWriteCoil: return to + "write " + coils(address, 1) + " = " + switch_value(count);
     case kWriteRegister:
-      return to + "write " + registers(address, 1) + " = " + register_values(adu, 4, address, 1);
+      return to + "write " + registers(words_, address, 1) + " = " +
+             register_values(words_, adu, 4, address, 1);
     case kWriteCoils: return to + "write " + coils(address, count) + " = " + coil_values(adu, 7, count);
     case kWriteRegisters:
-      return to + "write " + registers(address, count) + " = " + register_values(adu, 7, address, count);
+      return to + "write " + registers(words_, address, count) + " = " +
+             register_values(words_, adu, 7, address, count);
     default: return to + text("function %02Xh", adu[1]);
   }
 }
 
 std::string Describer::modbus_reply(const Bytes& adu) const {
   const std::string from = unit(adu[0]);
-  if ((adu[1] & kException) != 0) return from + text("exception %u: ", adu[2]) + exception_name(adu[2]);
+  if ((adu[1] & kException) != 0)
+    return from + text("exception %u: ", adu[2]) + words_.exception_name(adu[2]);
   const bool known = request_.size() >= 8 && request_[1] == adu[1];
   const unsigned address = known ? word(request_, 2) : 0;
   const unsigned count = known ? word(request_, 4) : 0;
   if (known && adu[1] == kReadCoils && adu.size() >= 6)
     return from + coils(address, count) + " = " + coil_values(adu, 3, count);
   if (known && adu[1] == kReadRegisters && adu.size() >= 7)
-    return from + registers(address, count) + " = " + register_values(adu, 3, address, count);
+    return from + registers(words_, address, count) + " = " +
+           register_values(words_, adu, 3, address, count);
   if (known && (adu[1] & kException) == 0) return from + "write done";
   return from + text("reply to function %02Xh", adu[1]);
 }

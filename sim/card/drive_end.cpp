@@ -9,10 +9,11 @@ constexpr std::size_t kLge = 1;       // place of LGE in a telegram
 constexpr std::size_t kNotInLge = 2;  // STX and LGE itself
 }  // namespace
 
-DriveEnd::DriveEnd(const LineSettings& settings, const SimClock& clock, Cycles response_time)
-    : clock_(clock), settings_(settings), response_time_(response_time) {
-  drive_init(&drive_, drive_profile("vlt6000"));
-  drive_example_state(&drive_);
+DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, const LineSettings& settings,
+                   const SimClock& clock, Cycles response_time)
+    : name_(example ? "example" : "sim"), clock_(clock), settings_(settings), response_time_(response_time) {
+  drive_init(&drive_, &profile);
+  if (example) drive_example_state(&drive_);
 }
 
 // A gap of more than 2 characters inside a telegram, a parity or a stop bit error spoils it (FC-8).
@@ -32,7 +33,16 @@ bool DriveEnd::complete() const {
   return telegram_.size() > kLge && telegram_.size() == telegram_[kLge] + kNotInLge;
 }
 
+// In whole microseconds that the log shows too: with its times a second drive can be led the same way.
+void DriveEnd::let_time_pass(Cycles until) {
+  const std::int64_t until_us = clock_.microseconds(until);
+  if (until_us <= stepped_us_) return;
+  drive_step(&drive_, static_cast<std::uint32_t>(until_us - stepped_us_));
+  stepped_us_ = until_us;
+}
+
 void DriveEnd::take_telegram() {
+  let_time_pass(last_byte_end_);
   std::uint8_t reply[DRIVE_REPLY_MAX];
   std::size_t length = 0;
   if (drive_telegram(&drive_, telegram_.data(), telegram_.size(), reply, &length) != DRIVE_REPLIED) return;
@@ -41,9 +51,7 @@ void DriveEnd::take_telegram() {
 }
 
 void DriveEnd::step(UartLine& line, Cycles now) {
-  const std::int64_t now_us = clock_.microseconds(now);
-  drive_step(&drive_, static_cast<std::uint32_t>(now_us - stepped_us_));
-  stepped_us_ = now_us;
+  let_time_pass(now);
   if (now < reply_due_) return;
   reply_due_ = kNever;
   line.send(reply_, now);

@@ -11,17 +11,20 @@ namespace card {
 
 class DriveEnd : public FarEnd {
  public:
-  // `response_time`: silence between the card's telegram and the reply. The drive stands in the state of the
-  // manual's examples.
-  DriveEnd(const LineSettings& settings, const SimClock& clock, Cycles response_time);
+  // `response_time`: silence between the card's telegram and the reply. `example`: the drive stands in the
+  // state of its document's examples, whatever it is told.
+  DriveEnd(const drive_profile_t& profile, bool example, const LineSettings& settings, const SimClock& clock,
+           Cycles response_time);
   void from_card(const LineByte& byte) override;
   void step(UartLine& line, Cycles now) override;
-  std::string name() const override { return "sim"; }
+  std::string name() const override { return name_; }
 
  private:
   bool complete() const;
   void take_telegram();
+  void let_time_pass(Cycles until);
 
+  const std::string name_;
   const SimClock clock_;
   const LineSettings settings_;
   const Cycles response_time_;

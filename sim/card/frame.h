@@ -38,6 +38,8 @@ class FrameGrouper {
   void add(const LineByte& byte);
   void tick(Cycles now);  // ends the frame when the line has been silent long enough
   void flush();           // ends it now
+  // Start of the frame that has not ended yet, kNever when there is none.
+  Cycles open_since() const { return frame_.bytes.empty() ? kNever : frame_.start; }
 
  private:
   const LineId line_;

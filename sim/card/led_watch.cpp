@@ -7,8 +7,10 @@
 namespace card {
 
 namespace {
+constexpr unsigned kDark = 0;
+constexpr unsigned kOrange = 3;  // never flashes
 const char* const kSolid[] = {"off", "red", "green", "orange"};
-const char* const kFlash[] = {"", "red-flash", "green-flash", "orange-flash"};
+const char* const kFlash[] = {"", "red-flash", "green-flash"};
 constexpr int kHalfPeriodLeastUs = 400'000;
 constexpr int kHalfPeriodMostUs = 600'000;
 }  // namespace
@@ -17,51 +19,65 @@ LedWatch::LedWatch(std::string led, const SimClock& clock, Listener listener)
     : led_(std::move(led)),
       half_period_least_(clock.from_microseconds(kHalfPeriodLeastUs)),
       half_period_most_(clock.from_microseconds(kHalfPeriodMostUs)),
-      listener_(std::move(listener)) {
-  previous_.told = true;
-}
+      listener_(std::move(listener)) {}
 
 void LedWatch::sample(bool red, bool green, Cycles now) {
   const unsigned colour = (red ? 1u : 0u) | (green ? 2u : 0u);
-  if (colour != now_.colour) {
-    phase_ended(now);
-    previous_ = now_;
-    now_ = Phase{colour, now, false};
-  } else if (!now_.told && now - now_.start > half_period_most_) {
-    solid(previous_);
-    solid(now_);
+  if (colour != colour_) {
+    changed(colour, now);
+    colour_ = colour;
+    since_ = now;
+  } else if (now - since_ > half_period_most_) {
+    lasting(now);
   }
 }
 
-// A phase of half a flash period, lit or the dark one after it, is a flash. What is shorter may still be the
-// first, cut-off half of one, so it is told only when the next phase shows that it is none.
-void LedWatch::phase_ended(Cycles end) {
-  const Cycles length = end - now_.start;
-  if (now_.told) return;
-  const bool half_period = length >= half_period_least_;
-  if (half_period && now_.colour != 0) {
-    solid(previous_);
-    flash(now_);
-  } else if (half_period && previous_.colour != 0) {
-    flash(previous_);
+void LedWatch::changed(unsigned colour, Cycles now) {
+  if (lit_ != 0) decide(colour, now);
+  if (lit_ != 0) return;
+  if (flashing_ != 0 && colour != kOrange) {
+    if (colour != kDark && colour != flashing_) flash(colour, now);
+  } else if (colour == kDark || colour == kOrange) {
+    solid(colour, now);
   } else {
-    solid(previous_);
-    now_.told = flashing_ != 0 && (now_.colour == 0 || now_.colour == flashing_);
-    return;
+    lit_ = colour;
+    lit_since_ = now;
   }
-  now_.told = true;
 }
 
-void LedWatch::solid(Phase& phase) {
-  if (phase.told) return;
-  phase.told = true;
+// The phase that ends now, lit or the dark one after it, is a flash if it lasted half a period. A lit phase
+// that was shorter may be the rest of one: the dark phase decides.
+void LedWatch::decide(unsigned next, Cycles now) {
+  const bool half_period = now - since_ >= half_period_least_;
+  const bool was_dark = colour_ == kDark;
+  if (half_period && (was_dark || next == kDark)) {
+    flash(lit_, lit_since_);
+  } else if (was_dark || next != kDark) {
+    solid(lit_, lit_since_);
+    if (was_dark) solid(kDark, since_);
+  }
+}
+
+// A phase has become too long for a flash.
+void LedWatch::lasting(Cycles now) {
+  if (lit_ != 0) {
+    solid(lit_, lit_since_);
+    solid(colour_, since_);
+  } else if (flashing_ != 0) {
+    solid(colour_, now);
+  }
+}
+
+void LedWatch::solid(unsigned colour, Cycles at) {
+  lit_ = 0;
   flashing_ = 0;
-  show(kSolid[phase.colour], phase.start);
+  show(kSolid[colour], at);
 }
 
-void LedWatch::flash(const Phase& lit) {
-  flashing_ = lit.colour;
-  show(kFlash[lit.colour], lit.start);
+void LedWatch::flash(unsigned colour, Cycles at) {
+  lit_ = 0;
+  flashing_ = colour;
+  show(kFlash[colour], at);
 }
 
 void LedWatch::show(const std::string& shows, Cycles at) {

@@ -8,17 +8,14 @@ namespace card {
 
 namespace {
 
-// FRAME-1 and FC-8 in half characters of 11 bits, so that 1.5 and 3.5 stay whole numbers.
-constexpr int kT15HalfCharacters = 3;
-constexpr int kT35HalfCharacters = 7;
-constexpr int kDrivePauseHalfCharacters = 4;
-// Above this rate (bit/s) the two network silences are fixed.
-constexpr int kFastAboveBaud = 19200;
-constexpr int kFastT15Us = 750;
-constexpr int kFastT35Us = 1750;
+// What a polite sender waits longer than it must, in characters: enough to be seen as a new frame for sure.
+constexpr double kPoliteCharacters = 0.5;
 
-Cycles half_characters(int count, int baud, const SimClock& clock) {
-  return clock.half_bits(static_cast<std::int64_t>(count) * card_tables::kCharacterBits, baud);
+constexpr int kPoliteTicks =
+    static_cast<int>(kPoliteCharacters * card_tables::kCharacterBits * card_tables::kTicksPerBit);
+
+Cycles ticks(int count, int baud, const SimClock& clock) {
+  return clock.bit_parts(count, card_tables::kTicksPerBit, baud);
 }
 
 }  // namespace
@@ -28,17 +25,15 @@ std::string LineSettings::name() const {
 }
 
 LineSettings network_settings(unsigned sw_baud, const SimClock& clock) {
-  LineSettings line{};
-  line.baud = card_tables::kBaud[sw_baud & 7];
+  const card_tables::Rate& rate = card_tables::kRate[sw_baud & 7];
   const card_tables::Format& format = card_tables::kFormat[sw_baud >> 3 & 3];
+  LineSettings line{};
+  line.baud = rate.baud;
   line.parity = format.parity;
   line.stop_bits = format.stop_bits;
-  const bool fast = line.baud > kFastAboveBaud;
-  line.frame_gap =
-      fast ? clock.from_microseconds(kFastT35Us) : half_characters(kT35HalfCharacters, line.baud, clock);
-  line.same_burst =
-      fast ? clock.from_microseconds(kFastT15Us) : half_characters(kT15HalfCharacters, line.baud, clock);
-  line.burst_gap = line.frame_gap + half_characters(1, line.baud, clock);
+  line.frame_gap = ticks(rate.t35_ticks, line.baud, clock);
+  line.burst_gap = ticks(rate.t35_ticks + kPoliteTicks, line.baud, clock);
+  line.same_burst = ticks(rate.t15_ticks, line.baud, clock);
   return line;
 }
 
@@ -47,10 +42,10 @@ LineSettings drive_settings(const SimClock& clock) {
   line.baud = card_tables::kDriveBaud;
   line.parity = card_tables::kDriveFormat.parity;
   line.stop_bits = card_tables::kDriveFormat.stop_bits;
-  line.frame_gap = half_characters(kDrivePauseHalfCharacters, line.baud, clock);
+  // The pause before a telegram is also the longest gap FC-8 allows inside one.
+  line.frame_gap = ticks(card_tables::kDrivePauseTicks, line.baud, clock);
+  line.burst_gap = ticks(card_tables::kDrivePauseTicks + kPoliteTicks, line.baud, clock);
   line.same_burst = line.frame_gap;
-  // The frame gap is also the longest gap FC-8 allows inside a telegram: a quarter more ends it for sure.
-  line.burst_gap = line.frame_gap + half_characters(1, line.baud, clock);
   return line;
 }
 

@@ -6,8 +6,11 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <functional>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "describe.h"
 #include "drive_end.h"
@@ -46,15 +49,34 @@ void catch_signals() {
   signal(SIGPIPE, SIG_IGN);
 }
 
-// Where everything that is seen on the lines and LEDs goes.
+// Where everything that is seen on the lines and LEDs goes, in the order in which it began: a frame comes
+// here when it has ended, an LED when it is clear what it shows.
 class Reporter {
  public:
-  explicit Reporter(const Options& options) : quiet_(options.quiet) {
+  explicit Reporter(const Options& options)
+      : quiet_(options.quiet), describer_(Words(*options.dialect, *options.profile)) {
     if (!options.log_file.empty()) log_ = std::make_unique<JsonLog>(options.log_file, kClock);
     if (!options.pcap_file.empty()) pcap_ = std::make_unique<PcapngFile>(options.pcap_file, kClock);
   }
 
-  void frame(Frame frame) {
+  void frame(const Frame& frame) {
+    waiting_.emplace(frame.start, [this, frame] { write_frame(frame); });
+  }
+
+  void led(const LedChange& change) {
+    waiting_.emplace(change.at, [this, change] { write_led(change); });
+  }
+
+  // Nothing older than `settled` will come any more.
+  void write_until(Cycles settled) {
+    while (!waiting_.empty() && waiting_.begin()->first <= settled) {
+      waiting_.begin()->second();
+      waiting_.erase(waiting_.begin());
+    }
+  }
+
+ private:
+  void write_frame(Frame frame) {
     describer_.describe(frame);
     if (log_) log_->frame(frame);
     if (pcap_) pcap_->frame(frame);
@@ -65,7 +87,7 @@ class Reporter {
     std::fflush(stdout);
   }
 
-  void led(const LedChange& change) {
+  void write_led(const LedChange& change) {
     if (log_) log_->led(change);
     if (quiet_) return;
     std::printf("%11.6f  %-6s LED     %s\n", kClock.seconds(change.at), change.led.c_str(),
@@ -73,9 +95,9 @@ class Reporter {
     std::fflush(stdout);
   }
 
- private:
   const bool quiet_;
   Describer describer_;
+  std::multimap<Cycles, std::function<void()>> waiting_;
   std::unique_ptr<JsonLog> log_;
   std::unique_ptr<PcapngFile> pcap_;
 };
@@ -99,14 +121,15 @@ std::unique_ptr<FarEnd> open_drive(const Options& options) {
   } else if (!options.drive_link.empty()) {
     port = std::make_unique<PtyPort>(options.drive_link);
   } else {
-    return std::make_unique<DriveEnd>(line, kClock, kClock.from_microseconds(kDriveResponseUs));
+    return std::make_unique<DriveEnd>(*options.profile, options.example, line, kClock,
+                                      kClock.from_microseconds(kDriveResponseUs));
   }
   return std::make_unique<PortFarEnd>(std::move(port), line, kClock,
                                       kClock.from_seconds(kForeignDriveSeconds));
 }
 
-// Directory of this program: the firmware image lies beside it.
-std::string own_directory() {
+// Folder of this program: the firmware images lie in it and below.
+std::string own_folder() {
   char path[4096];
   const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
   if (length <= 0 || length == static_cast<ssize_t>(sizeof path))
@@ -129,7 +152,8 @@ void run(const Options& options) {
   Reporter reporter(options);
   const std::unique_ptr<FarEnd> master = open_master(options);
   const std::unique_ptr<FarEnd> drive = open_drive(options);
-  CardSetup setup{kClock, options.sw_baud, options.sw_addr, own_directory(), options.wave_file};
+  const std::string firmware = own_folder() + options.dialect->image_folder;
+  CardSetup setup{kClock, options.sw_baud, options.sw_addr, firmware, options.wave_file};
   VirtualCard virtual_card(
       setup, [&](const Frame& frame) { reporter.frame(frame); },
       [&](const LedChange& change) { reporter.led(change); });
@@ -143,8 +167,8 @@ void run(const Options& options) {
   virtual_card.run(start);
   pacer.run_free(start);
   if (!options.quiet)
-    std::printf("card at %.1f MHz, unit %u, %s; one core can do %.1f x real time\n",
-                static_cast<double>(kClock.hz) / 1e6, options.sw_addr,
+    std::printf("card at %.1f MHz, dialect %s, unit %u, %s; one core can do %.1f x real time\n",
+                static_cast<double>(kClock.hz) / 1e6, options.dialect->name, options.sw_addr,
                 network_settings(options.sw_baud, kClock).name().c_str(), pacer.possible_ratio());
   std::printf("ready modbus=%s drive=%s\n", master->name().c_str(), drive->name().c_str());
   std::fflush(stdout);
@@ -155,6 +179,7 @@ void run(const Options& options) {
   while (stop_requested == 0 && virtual_card.now() < end) {
     const Cycles cycles = std::min(step, end - virtual_card.now());
     virtual_card.run(cycles);
+    reporter.write_until(virtual_card.settled());
     if (options.real_time || drive->answer_expected(virtual_card.now())) {
       pacer.keep_to_wall_time(cycles, wake_up);
     } else {
@@ -169,6 +194,7 @@ void run(const Options& options) {
     }
   }
   virtual_card.finish();
+  reporter.write_until(kNever);
   if (!options.quiet)
     std::printf("simulated %.1f s in %.1f s; one core can do %.1f x real time\n", pacer.simulated_seconds(),
                 pacer.wall_seconds(), pacer.possible_ratio());

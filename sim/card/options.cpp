@@ -15,6 +15,8 @@ namespace {
 
 constexpr const char* kDefaultBaudSwitches = "111110000";  // 9600 8N2
 constexpr const char* kDefaultAddrSwitches = "10000000";   // address 1
+constexpr const char* kDialects = "card, builtin or hvac_basic";
+constexpr const char* kProfiles = "vlt6000, vlt5000, vlt2800, vlt8000 or hvac_basic";
 constexpr std::size_t kBaudSwitches = 9;
 constexpr std::size_t kAddrSwitches = 8;
 
@@ -40,6 +42,18 @@ bool is_real(const std::string& option, const std::string& text) {
   return text == "real";
 }
 
+const Dialect* dialect(const std::string& option, const std::string& text) {
+  const Dialect* const found = find_dialect(text);
+  if (found == nullptr) throw UserError(option + " is " + kDialects + ", not '" + text + "'");
+  return found;
+}
+
+const drive_profile_t* profile(const std::string& option, const std::string& text) {
+  const drive_profile_t* const found = drive_profile(text.c_str());
+  if (found == nullptr) throw UserError(option + " is " + kProfiles + ", not '" + text + "'");
+  return found;
+}
+
 struct Option {
   std::string name;
   bool takes_value;
@@ -49,7 +63,7 @@ struct Option {
 void check_together(const Options& options) {
   if (!options.modbus_link.empty() && !options.modbus_device.empty())
     throw UserError("--modbus and --modbus-device exclude each other");
-  if (!options.drive_link.empty() && !options.drive_device.empty())
+  if ((!options.drive_link.empty() || options.example) && !options.drive_device.empty())
     throw UserError("--drive and --drive-device exclude each other");
   if (!options.real_time && (!options.modbus_device.empty() || !options.drive_device.empty()))
     throw UserError("--speed max does not go with a real serial port");
@@ -61,6 +75,7 @@ void check_together(const Options& options) {
 
 Options parse_options(int argc, char** argv) {
   Options options;
+  options.dialect = &default_dialect();
   options.sw_baud = switches("--sw-baud", kDefaultBaudSwitches, kBaudSwitches);
   options.sw_addr = switches("--sw-addr", kDefaultAddrSwitches, kAddrSwitches);
   const auto text = [](std::string& target) {
@@ -70,8 +85,14 @@ Options parse_options(int argc, char** argv) {
   const std::vector<Option> known = {
       {"--modbus", true, text(options.modbus_link)},
       {"--modbus-device", true, text(options.modbus_device)},
-      {"--drive", true, [&](const std::string& v) { options.drive_link = v == "sim" ? "" : v; }},
+      {"--drive", true,
+       [&](const std::string& v) {
+         options.example = v == "example";
+         options.drive_link = v == "sim" || options.example ? "" : v;
+       }},
       {"--drive-device", true, text(options.drive_device)},
+      {"--profile", true, [&](const std::string& v) { options.profile = profile("--profile", v); }},
+      {"--dialect", true, [&](const std::string& v) { options.dialect = dialect("--dialect", v); }},
       {"--sw-baud", true,
        [&](const std::string& v) { options.sw_baud = switches("--sw-baud", v, kBaudSwitches); }},
       {"--sw-addr", true,
@@ -105,6 +126,7 @@ Options parse_options(int argc, char** argv) {
     option->set(value);
   }
   check_together(options);
+  if (options.profile == nullptr) options.profile = drive_profile(options.dialect->profile);
   return options;
 }
 
@@ -117,9 +139,17 @@ const char* help_text() {
          "  --modbus-device DEV    use a real serial port, set to the switches' rate and parity\n"
          "                         (neither: a pty without link, named in the ready line)\n"
          "drive line (FC protocol, 9600 8E1)\n"
-         "  --drive sim|LINK       sim (default): a simulated VLT 6000; LINK: a pty for a foreign drive\n"
+         "  --drive sim            the simulated drive (default)\n"
+         "  --drive example        likewise, standing in the state of its document's examples\n"
+         "  --drive LINK           a pty for a foreign drive\n"
          "  --drive-device DEV     use a real serial port\n"
+         "  --profile NAME         the simulated drive, and the names of a drive's parameters in words:\n"
+         "                         vlt6000 (default), vlt5000, vlt2800, vlt8000, hvac_basic (default with\n"
+         "                         the dialect of that name)\n"
          "card\n"
+         "  --dialect NAME         firmware of the card: card (default, the option card's own), builtin\n"
+         "                         (as VLT 2800, 6000, 8000 with Modbus built in), hvac_basic (as the VLT\n"
+         "                         HVAC Basic Drive)\n"
          "  --sw-baud 111110000    rate and parity switches, switch 1 first, 1 = ON (default 9600 8N2)\n"
          "  --sw-addr 10000000     address switches, likewise (default address 1)\n"
          "time\n"

@@ -6,13 +6,19 @@
 
 #include <string>
 
+#include "dialect.h"
+#include "vlt_drive.h"
+
 namespace card {
 
 struct Options {
   std::string modbus_link;
   std::string modbus_device;
   std::string drive_link;  // empty: the simulated drive, unless drive_device is set
+  bool example = false;    // the simulated drive stands in the state of the examples
   std::string drive_device;
+  const Dialect* dialect = nullptr;
+  const drive_profile_t* profile = nullptr;
   unsigned sw_baud = 0;  // bit n-1 = switch n, 1 = ON
   unsigned sw_addr = 0;
   bool real_time = true;

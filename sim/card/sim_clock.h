@@ -17,18 +17,20 @@ struct SimClock {
   std::int64_t hz;  // cycles in a second
 
   double seconds(Cycles cycles) const { return static_cast<double>(cycles) / static_cast<double>(hz); }
+  // Rounded to the nearest, as seconds are printed: every output names the same microsecond.
   std::int64_t microseconds(Cycles cycles) const {
-    return cycles / hz * 1'000'000 + cycles % hz * 1'000'000 / hz;
+    return cycles / hz * 1'000'000 + (cycles % hz * 1'000'000 + hz / 2) / hz;
   }
   std::int64_t nanoseconds(Cycles cycles) const {
     return cycles / hz * 1'000'000'000 + cycles % hz * 1'000'000'000 / hz;
   }
   Cycles from_microseconds(std::int64_t us) const { return us * hz / 1'000'000; }
   Cycles from_seconds(double s) const { return static_cast<Cycles>(s * static_cast<double>(hz)); }
-  // Length of `half_bits` half bits at `baud` bit/s, rounded to the nearest cycle.
-  Cycles half_bits(std::int64_t half_bits, std::int64_t baud) const {
-    return (half_bits * hz + baud) / (2 * baud);
+  // Length of `count` parts of a bit at `baud` bit/s, `parts` to the bit, rounded to the nearest cycle.
+  Cycles bit_parts(std::int64_t count, std::int64_t parts, std::int64_t baud) const {
+    return (2 * count * hz + parts * baud) / (2 * parts * baud);
   }
+  Cycles half_bits(std::int64_t count, std::int64_t baud) const { return bit_parts(count, 2, baud); }
 };
 
 }  // namespace card

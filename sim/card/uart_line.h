@@ -5,6 +5,7 @@
 #ifndef UART_LINE_H
 #define UART_LINE_H
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -44,6 +45,10 @@ class UartLine {
   // Level of the pair at the card's receive pin: idle 1, and whoever pulls it to 0 wins.
   bool level() const { return far_level_ && card_level_; }
 
+  // Start of the oldest byte that is still on the line, kNever when there is none.
+  Cycles byte_since() const {
+    return std::min(far_end_sending() ? tx_start_ : kNever, rx_bit_ >= 0 ? rx_start_ : kNever);
+  }
   bool busy() const { return far_end_sending() || rx_bit_ >= 0 || card_enabled_; }
   // End of the last traffic; meaningful while not busy().
   Cycles silent_since() const { return silent_since_; }

@@ -53,7 +53,7 @@ VirtualCard::VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame
   if (!setup.wave_file.empty()) open_wave(setup.wave_file);
   top_->sw_baud = static_cast<SData>(setup.sw_baud);
   top_->sw_addr = static_cast<CData>(setup.sw_addr);
-  load_firmware(setup.firmware_dir);
+  load_firmware(setup.firmware_folder);
   reset();
 }
 
@@ -82,17 +82,16 @@ void VirtualCard::dump_wave(bool second_half) {
 }
 
 // The model reads FIRMWARE_HEX, a name without a path, from the working directory in its first evaluation.
-void VirtualCard::load_firmware(const std::string& dir) {
+void VirtualCard::load_firmware(const std::string& folder) {
+  const std::string image = folder + "/" + CARD_FIRMWARE_HEX;
+  if (access(image.c_str(), R_OK) != 0)
+    throw UserError("no firmware: " + image + " is missing (make card makes it)");
   const int here = open(".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (here < 0 || chdir(dir.c_str()) != 0) throw system_error("cannot enter " + dir);
-  const bool readable = access(CARD_FIRMWARE_HEX, R_OK) == 0;
-  if (readable) {
-    drive_inputs();
-    top_->eval();
-  }
+  if (here < 0 || chdir(folder.c_str()) != 0) throw system_error("cannot enter " + folder);
+  drive_inputs();
+  top_->eval();
   const bool back = fchdir(here) == 0;
   close(here);
-  if (!readable) throw UserError("no firmware: " + dir + "/" + CARD_FIRMWARE_HEX + " is missing");
   if (!back) throw system_error("cannot go back to the working directory");
 }
 
@@ -177,6 +176,13 @@ void VirtualCard::run(Cycles cycles) {
       clock_until<false>(slice_end);
     }
   }
+}
+
+Cycles VirtualCard::settled() const {
+  Cycles since = now_;
+  for (const Port* port : {&modbus_, &drive_})
+    since = std::min({since, port->frames.open_since(), port->line.byte_since()});
+  return std::min({since, modbus_led_.undecided_since(), drive_led_.undecided_since()});
 }
 
 void VirtualCard::finish() {

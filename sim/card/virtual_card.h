@@ -24,8 +24,8 @@ struct CardSetup {
   SimClock clock;
   unsigned sw_baud = 0;
   unsigned sw_addr = 0;
-  std::string firmware_dir;  // where FIRMWARE_HEX of the build lies
-  std::string wave_file;     // empty: none
+  std::string firmware_folder;  // where FIRMWARE_HEX of the build lies
+  std::string wave_file;        // empty: none
 };
 
 class VirtualCard {
@@ -39,6 +39,8 @@ class VirtualCard {
   // Time since the release of the reset.
   Cycles now() const { return now_; }
   void run(Cycles cycles);
+  // Everything that began before this has been handed to the listeners.
+  Cycles settled() const;
   // Ends frames still open and the waveform; nothing may run afterwards.
   void finish();
 
@@ -49,7 +51,7 @@ class VirtualCard {
     FarEnd* far_end;
   };
 
-  void load_firmware(const std::string& dir);
+  void load_firmware(const std::string& folder);
   void reset();
   template <bool kWave>
   void clock_until(Cycles end);

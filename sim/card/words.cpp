@@ -6,20 +6,7 @@
 #include <cstdarg>
 #include <cstdio>
 
-#include "vlt_drive.h"
-
 namespace card {
-
-namespace {
-
-const drive_parameter_t* find_parameter(unsigned pnu) {
-  static const drive_profile_t* const profile = drive_profile("vlt6000");
-  for (unsigned i = 0; i < profile->count; ++i)
-    if (profile->parameters[i].pnu == pnu) return &profile->parameters[i];
-  return nullptr;
-}
-
-}  // namespace
 
 std::string text(const char* format, ...) {
   char buffer[256];
@@ -30,15 +17,44 @@ std::string text(const char* format, ...) {
   return buffer;
 }
 
-std::string parameter_name(unsigned pnu) {
-  const drive_parameter_t* parameter = find_parameter(pnu);
+const char* fault_name(unsigned number) {
+  switch (number) {
+    case 0: return "parameter does not exist";
+    case 1: return "no write access";
+    case 2: return "value exceeds limits";
+    case 3: return "sub-index does not exist";
+    case 4: return "parameter is no array";
+    case 5: return "data type does not match";
+    case 6: return "can only be reset";
+    case 7: return "cannot be changed";
+    case 11: return "no right to write";
+    case 17: return "not possible in the present mode";
+    case 130: return "no bus access";
+    case 131: return "factory setup selected";
+    default: return "other fault of the drive";
+  }
+}
+
+const drive_parameter_t* Words::find(unsigned pnu) const {
+  for (unsigned i = 0; i < profile_.count; ++i)
+    if (profile_.parameters[i].pnu == pnu) return &profile_.parameters[i];
+  return nullptr;
+}
+
+std::string Words::parameter_name(unsigned pnu) const {
+  const drive_parameter_t* parameter = find(pnu);
   std::string words = "parameter " + std::to_string(pnu);
   if (parameter != nullptr) words += std::string(" (") + parameter->name + ")";
   return words;
 }
 
-std::string parameter_value(unsigned pnu, std::uint32_t value) {
-  const drive_parameter_t* parameter = find_parameter(pnu);
+bool Words::is_text(unsigned pnu) const {
+  const drive_parameter_t* parameter = find(pnu);
+  return parameter != nullptr && parameter->type == DRIVE_TEXT;
+}
+
+std::string Words::parameter_value(unsigned pnu, std::uint32_t value) const {
+  const drive_parameter_t* parameter = find(pnu);
   if (parameter == nullptr) return text("%u", value);
   std::int64_t number = value;
   if (parameter->type == DRIVE_INT16) number = static_cast<std::int16_t>(value);
@@ -52,23 +68,23 @@ std::string parameter_value(unsigned pnu, std::uint32_t value) {
                     parameter->unit[0] == '\0' ? "" : " ", parameter->unit);
 }
 
-const char* exception_name(unsigned code) {
+const char* Words::exception_name(unsigned code) const {
+  if (dialect_.standard_exceptions) {
+    switch (code) {
+      case 1: return "unknown function";
+      case 2: return "no such coil or register";
+      case 3: return "wrong quantity or value";
+      case 4: return "refused by the drive";
+      default: return "no code of this dialect";
+    }
+  }
   switch (code) {
-    case 0: return "parameter does not exist";
-    case 1: return "no write access";
-    case 2: return "value exceeds limits";
-    case 3: return "sub-index does not exist";
-    case 4: return "parameter is no array";
-    case 5: return "data type does not match";
-    case 17: return "not possible in the present mode";
     case 64: return "no such coil or register";
     case 65: return "wrong length of the message";
-    case 66: return "wrong quantity or length of the data";
+    case 66: return "wrong quantity, length or value of the data";
     case 67: return "unknown function";
-    case 130: return "no bus access";
-    case 131: return "factory setup selected";
     case 255: return "no answer from the drive";
-    default: return "other fault of the drive";
+    default: return fault_name(code);
   }
 }
 
