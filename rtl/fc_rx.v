@@ -44,10 +44,11 @@ module fc_rx (
 
   localparam [7:0] STX = 8'h02;
   localparam [7:0] LGE_MIN = 8'd6;  // ADR, PCD1, PCD2, BCC
-  // 1.5 x 11 bits, the share of a character in the time a telegram may take.
-  localparam [8:0] SLOT_TICKS = 9'd264;
-  // The telegram's clock starts when STX is in: one character of it is gone by.
-  localparam [8:0] CHARACTER_TICKS = 9'd176;
+  // The pause is two characters. A telegram may take 1.5 characters for each that it has;
+  // its clock starts when STX is in, with one of them gone by.
+  localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS;
+  localparam [8:0] CHARACTER_TICKS = PAUSE_TICKS[9:1];
+  localparam [8:0] SLOT_TICKS = CHARACTER_TICKS + CHARACTER_TICKS / 9'd2;
 
   localparam [2:0] S_OFF = 3'd0;
   localparam [2:0] S_HUNT = 3'd1;  // for STX

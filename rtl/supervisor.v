@@ -57,7 +57,7 @@ module supervisor #(
     if (ms_tick) idle_ms <= idle_ms + 7'd1;
     if (kick || bite) idle_ms <= 7'd0;
     drive_was_good <= drive_good;
-    if (reply_start || (drive_good && !drive_was_good)) bites <= 2'd0;
+    if (!fault && (reply_start || (drive_good && !drive_was_good))) bites <= 2'd0;
     if (bite && !fault) bites <= bites + 2'd1;
     if (halt) halted <= 1'b1;
     if (loopback_close) loopback_closed <= 1'b1;

@@ -110,11 +110,13 @@ async def each_request_gets_one_reply(dut):
 async def every_wrong_ticket_is_ignored(dut):
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
-    await gate.pulse("commit")
-    for wrong in range(16):
-        if wrong != ticket:
-            await gate.queue_reply(wrong)
-            await gate.queue_telegram(wrong)
+    for _ in ("candidate", "committed"):
+        for wrong in range(16):
+            if wrong != ticket:
+                await gate.queue_reply(wrong)
+                await gate.queue_telegram(wrong)
+                assert not int(dut.reply_queued.value) and not int(dut.telegram_queued.value)
+        await gate.pulse("commit")
     assert await gate.settle() == (0, 0)
 
 
@@ -306,7 +308,7 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     """Against the promise told from the inputs alone: who may leave in this clock, not who must."""
     rng = seeded("gate history")
     gate = await Gate(dut).start()
-    pending, committed, fresh, licence = False, False, False, False
+    pending, committed, fresh, licence, queued_mine = False, False, False, False, False
     current = dut.ticket.value.to_unsigned()  # a reset does not set it back
     left = {"reply": 0, "telegram": 0}
     for step in range(6000):
@@ -339,11 +341,12 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
             fresh = False
         # A new telegram is licensed if its request is committed; what changes is not licensed any more.
         if "queue_telegram" in names and not repeat:
-            licence = committed and ticket == current
+            queued_mine = ticket == current and (committed or pending)
+            licence = queued_mine and committed
         if "candidate" in names:
             current, pending, committed, fresh = (current + 1) % 16, True, False, False
         if "commit" in names:
-            pending, committed, fresh, licence = False, True, True, True
+            pending, committed, fresh, licence = False, True, True, licence or queued_mine
         if "revoke" in names:
             pending = False
         if "telegram_touched" in names:

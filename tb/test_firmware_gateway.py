@@ -803,3 +803,61 @@ def test_the_stack_stays_far_from_the_variables():
     used = len(bench.gateway.memory) - bench.gateway.lowest_sp
     print(f"stack: {used} bytes")
     assert 0 < used < 256
+
+
+# ---------------------------------------------------------------- a drive line that is never silent
+
+
+@pytest.mark.rule("FC-8", "FC-9", "LED-4")
+def test_a_telegram_that_cannot_leave_is_given_up_after_the_wait(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(READ_514)
+    bench.wait(150)
+    assert bench.replies == []
+    bench.wait(4)
+    assert bench.replies == [H("01 83 FF")]
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
+    bench.mailbox.pause_over()
+    bench.wait(500)
+    assert bench.telegrams == [], "not even when the line is free at last"
+    bench.request(READ_514)
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("FRAME-7", "SAFE-1")
+def test_a_start_that_could_not_leave_never_follows_its_stop(bench: Bench):
+    start, stop = H("0F 0000 0020 04 7C049919"), H("0F 0000 0020 04 3C040000")
+    bench.mailbox.quiet = False
+    bench.request(start)
+    bench.wait(60)
+    bench.request(stop)
+    bench.wait(10)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [H("81 043C 0000")]
+    bench.telegram_ends()
+    bench.drive(H("0607 0000"))
+    bench.wait(400)
+    assert bench.telegrams == [H("81 043C 0000")]
+    assert bench.replies == [H("01 0F 0000 0020")]
+
+
+@pytest.mark.rule("FRAME-6", "FC-9")
+def test_a_slow_commit_is_no_wait_for_the_drive_line(bench: Bench):
+    """At 300 bit/s a candidate stands 73 ms before it is committed; 40003 may be 10 ms."""
+    bench.local(H("06 0002 0001"))
+    bench.offer(READ_514)
+    bench.wait(73)
+    bench.commit()
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("FC-8", "MAP-9")
+def test_the_pause_does_not_cost_a_broadcast_its_telegram(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(H("0F 0000 0020 04 3C040000"), broadcast=True)
+    bench.wait(2)
+    bench.request(READ_IND)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [H("80 043C 0000")]

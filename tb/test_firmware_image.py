@@ -56,6 +56,19 @@ def test_a_whole_image_never_halts():
 
 
 @pytest.mark.rule("LED-5", "SAFE-4")
+@pytest.mark.parametrize("fate", ["revoked", "committed"])
+def test_the_image_is_checked_on_after_a_request_of_any_fate(fate: str):
+    card = Card()
+    card.mailbox.candidate(bytes.fromhex("03 0000 0001"))
+    card.wait(2)
+    card.mailbox.character() if fate == "revoked" else card.mailbox.commit()
+    card.wait(2)
+    card.machine.memory[checked_bits() // 8 - 1] ^= 1
+    card.wait(1000)
+    assert card.mailbox.halted
+
+
+@pytest.mark.rule("LED-5", "SAFE-4")
 def test_an_image_damaged_while_idle_halts_within_a_second():
     rng = seeded("damaged bits")
     for _ in range(8):

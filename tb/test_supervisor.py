@@ -101,6 +101,18 @@ async def an_old_exchange_that_still_stands_forgives_nothing(dut):
 
 
 @cocotb.test()
+async def a_reply_in_the_very_moment_of_the_halt_undoes_nothing(dut):
+    watched = await Watched(dut).start()
+    for _ in range(2):
+        await watched.bench.strobe(dut.core_trap)
+        await watched.bench.clocks(3)
+    await watched.bench.strobe(dut.core_trap)
+    assert watched.fault
+    await watched.bench.strobe(dut.reply_start)
+    assert watched.fault and int(dut.bites.value) == 3
+
+
+@cocotb.test()
 async def a_trap_bites_at_once(dut):
     watched = await Watched(dut).start()
     for bites in (1, 2, 3):

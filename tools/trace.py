@@ -3,9 +3,9 @@
 """Which test shows which rule, and what its last run said.
 
 Rules come from docs/requirements.md, tests from the `rule` marks that pytest collects, results from the last
-runs (build/results.json, written by tb/conftest.py). Fails on a rule that nothing shows, on a mark that names
-no rule, and on a test whose last run failed. Rules that the list calls open, or shown by something else than
-a test, are printed as such.
+runs (build/results.json, written by tb/conftest.py). Fails on a rule that nothing shows or of whose tests
+none has passed, on a mark that names no rule, and on a test whose last run failed. Rules that the list calls
+open, or shown by something else than a test, are printed as such.
 """
 
 from __future__ import annotations
@@ -90,9 +90,12 @@ def main() -> int:
         if shown_by == "test" and not own:
             problems.append(f"{rule}: no test names it")
         problems += [f"{rule}: {test} failed" for test in own if results.get(test) == "failed"]
+        if own and not any(results.get(test) == "passed" for test in own):
+            problems.append(f"{rule}: none of its tests has passed yet (make test)")
     for problem in problems:
         print(f"trace: {problem}", file=sys.stderr)
-    shown = sum(1 for rule, by in rules.items() if tests.get(rule) or by not in ("test", "open"))
+    green = {rule for rule in rules if any(results.get(test) == "passed" for test in tests.get(rule, []))}
+    shown = sum(rule in green or by not in ("test", "open") for rule, by in rules.items())
     print(f"{len(rules)} rules, {shown} shown, {sum(by == 'open' for by in rules.values())} open")
     return 1 if problems else 0
 

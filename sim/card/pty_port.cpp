@@ -3,7 +3,9 @@
 #include "pty_port.h"
 
 #include <fcntl.h>
+#include <limits.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/inotify.h>
 #include <termios.h>
 #include <unistd.h>
@@ -29,6 +31,11 @@ PtyPort::PtyPort(const std::string& link) {
     if (notify_ < 0 || inotify_add_watch(notify_, device, IN_OPEN | IN_CLOSE) < 0)
       throw system_error("cannot watch " + device_);
     if (!link.empty()) {
+      // A link to a pty that is gone was left by a card that could not clean up: nobody misses it.
+      char target[PATH_MAX] = {};
+      if (readlink(link.c_str(), target, sizeof target - 1) > 0 && strncmp(target, "/dev/pts/", 9) == 0 &&
+          (device_ == target || access(target, F_OK) != 0))
+        unlink(link.c_str());
       if (symlink(device, link.c_str()) != 0) {
         if (errno == EEXIST) throw UserError(link + " exists already: remove it or choose another name");
         throw system_error("cannot make " + link);

@@ -26,7 +26,7 @@ struct gateway {
     struct transaction *at_drive; /* the one last sent to the drive, maybe the same */
     uint32_t now;                 /* ms since power-up */
     uint32_t heard_at;            /* ms, last good frame for this card */
-    uint32_t sent_at;             /* ms, last stop bit of the telegram */
+    uint32_t since;               /* ms, when the wait for the line or, then, for the drive began */
     uint8_t ticket;               /* of newest */
     uint8_t exchange;             /* enum exchange_stage */
     bool uncommitted;             /* newest has not changed anything yet (FRAME-6) */

@@ -43,11 +43,15 @@ static void cancel_reply(const struct gateway *g)
 
 /* ---- towards the drive */
 
+/* The pause before a telegram (FC-8) is 2.3 ms. */
+enum { PAUSE_MS = 5 };
+
 static void queue_telegram(struct gateway *g, uint32_t how)
 {
     mailbox_write(TELEGRAM, how | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
     g->verdict = OUTCOME_NOT_A_REPLY;
     g->exchange = EXCHANGE_LEAVING;
+    g->since = g->now;
 }
 
 static void start_exchange(struct gateway *g)
@@ -65,15 +69,15 @@ static void start_exchange(struct gateway *g)
                           (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u));
 }
 
-static void repeat_or_give_up(struct gateway *g)
+/* FC-9: how long the drive, or a line that is never silent, is waited for. The clock may tick right after
+ * it was read: only one more than the wait is surely the wait. */
+static bool waited_enough(const struct gateway *g)
 {
-    mailbox_write(LISTEN, 0);
-    if (!g->repeated) {
-        g->repeated = true;
-        count(mailbox_counter(COUNT_DRIVE_REPEAT));
-        queue_telegram(g, MAILBOX__TELEGRAM__REPEAT_bm);
-        return;
-    }
+    return g->now - g->since > milliseconds(g->translator.settings.local[LOCAL_DRIVE_TIMEOUT]);
+}
+
+static void give_up(struct gateway *g)
+{
     count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
     g->drive_online = false;
     if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY)
@@ -81,11 +85,43 @@ static void repeat_or_give_up(struct gateway *g)
     g->exchange = EXCHANGE_IDLE;
 }
 
+static void repeat_or_give_up(struct gateway *g)
+{
+    mailbox_write(LISTEN, 0);
+    if (g->repeated) {
+        give_up(g);
+        return;
+    }
+    g->repeated = true;
+    count(mailbox_counter(COUNT_DRIVE_REPEAT));
+    queue_telegram(g, MAILBOX__TELEGRAM__REPEAT_bm);
+}
+
+/* Beyond the pause of FC-8 only a line that is not silent holds a telegram back. It must not leave when its
+ * time is over, nor after a newer request: a write to its memory takes it back, unless it starts first. */
+static void poll_queued(struct gateway *g)
+{
+    const bool newest = g->at_drive == g->newest;
+
+    if (newest && g->uncommitted)
+        g->since = g->now;
+    else if (waited_enough(g) || (!newest && !g->uncommitted && g->now - g->since > PAUSE_MS))
+        *mailbox_frame(TELEGRAM_FRAME) = 0;
+}
+
 static void poll_leaving(struct gateway *g, uint32_t state)
 {
-    if (state & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__SENDING_bm))
+    if (state & MAILBOX__EXCHANGE__QUEUED_bm) {
+        poll_queued(g);
         return;
-    g->sent_at = g->now;
+    }
+    if (state & MAILBOX__EXCHANGE__SENDING_bm)
+        return;
+    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && g->now - g->since > PAUSE_MS) {
+        give_up(g);
+        return;
+    }
+    g->since = g->now;
     /* Either dropped with its request, or sent; a broadcast is not answered. */
     g->exchange = state & MAILBOX__EXCHANGE__STARTED_bm && !g->at_drive->broadcast ? EXCHANGE_WAITING
                                                                                     : EXCHANGE_IDLE;
@@ -116,7 +152,6 @@ static void finish_exchange(struct gateway *g)
 
 static void poll_waiting(struct gateway *g, uint32_t state)
 {
-    const uint32_t wait = milliseconds(g->translator.settings.local[LOCAL_DRIVE_TIMEOUT]);
     const bool good = (state & MAILBOX__EXCHANGE__GOOD_bm) != 0;
     const bool there = good || state & MAILBOX__EXCHANGE__CANDIDATE_bm;
 
@@ -132,9 +167,8 @@ static void poll_waiting(struct gateway *g, uint32_t state)
     }
     if (good)
         mailbox_write(LISTEN, MAILBOX__LISTEN__ON_bm);
-    /* A BCC under way may come after the wait: two characters at most. The clock may tick right after
-     * sent_at: only one more than wait is surely wait. */
-    if (g->verdict == OUTCOME_NOT_A_REPLY && g->now - g->sent_at > wait)
+    /* A BCC under way may come after the wait: two characters at most. */
+    if (g->verdict == OUTCOME_NOT_A_REPLY && waited_enough(g))
         repeat_or_give_up(g);
 }
 
@@ -173,8 +207,11 @@ static void poll_request(struct gateway *g)
     const uint32_t request = mailbox_read(REQUEST);
 
     /* None yet, or revoked: its ticket never comes back, so what was prepared for it is forgotten. */
-    if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm)))
+    if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
+        g->uncommitted = false;
+        g->wants_drive = false;
         return;
+    }
     if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket)
         prepare(g, request);
     if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
