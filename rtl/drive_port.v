@@ -126,7 +126,8 @@ module drive_port (
       .rst(rst),
       .tick16(tick16),
       // line activity
-      .restart(rx_valid || de),
+      .restart(rx_valid),
+      .sending(de),
       .busy(rx_busy || !synced),
       // configuration
       .short_ticks(PAUSE_TICKS),

@@ -70,8 +70,6 @@ module mailbox_regs #(
 );
 
   localparam [7:0] TELEGRAM_AREA = `MBX_TELEGRAM_FRAME_INDEX;
-  // A firmware that writes at random does not keep itself alive.
-  localparam [7:0] WATCHDOG_KEY = 8'hA5;
   localparam [31:0] CLK_MHZ = CLK_HZ / 1_000_000;
 
   reg done = 1'b0;
@@ -98,8 +96,9 @@ module mailbox_regs #(
   assign listen_again = reg_write && bus_word == `MBX_LISTEN_WORD && bus_wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = reg_write && bus_word == `MBX_LISTEN_WORD && !bus_wdata[`MBX_LISTEN_ON_BITS];
 
+  // A key, so that a firmware that writes at random does not keep itself alive.
   assign watchdog_kick = reg_write && bus_word == `MBX_WATCHDOG_WORD &&
-      bus_wdata[`MBX_WATCHDOG_KEY_BITS] == WATCHDOG_KEY;
+      bus_wdata[`MBX_WATCHDOG_KEY_BITS] == `MBX_WATCHDOG_KEY_RESET;
   assign halt = reg_write && bus_word == `MBX_SUPERVISOR_WORD &&
       bus_wdata[`MBX_SUPERVISOR_HALT_BITS];
   assign loopback_close = reg_write && bus_word == `MBX_SUPERVISOR_WORD &&

@@ -149,7 +149,8 @@ module network_port #(
       .rst(rst),
       .tick16(tick16),
       // line activity
-      .restart(rx_valid || de),
+      .restart(rx_valid),
+      .sending(de),
       .busy(rx_busy || !synced),
       // configuration
       .short_ticks(t15_ticks),

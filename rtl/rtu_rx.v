@@ -108,7 +108,7 @@ module rtu_rx #(
   always @(posedge clk) begin
     candidate <= raise;
     commit <= state == S_HOLD && long_reached && mine;
-    revoke <= spoilt;
+    revoke <= spoilt && mine;
 
     if (stored) begin
       storing <= 1'b0;

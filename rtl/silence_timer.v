@@ -11,7 +11,7 @@
 // 4): at 300 bit/s a whole tick late would cost PERF-2. busy must rise with the pin,
 // not with the filtered line, for the filter's delay is taken off here. It stops the
 // count for as long as it lasts, so a glitch or a false start costs no more than
-// itself; restart clears it, at the end of each character and while the port sends.
+// itself; restart starts it anew, at the end of each character, and sending holds it.
 // *_reached: one clock. long_silent: level, until the next restart.
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8.
 `default_nettype none
@@ -24,6 +24,7 @@ module silence_timer #(
     input  wire        tick16,
     // line activity
     input  wire        restart,
+    input  wire        sending,
     input  wire        busy,
     // configuration
     input  wire [11:0] short_ticks,
@@ -54,8 +55,9 @@ module silence_timer #(
       count <= count + 12'd1;
       if (at_long) long_silent <= 1'b1;
     end
-    if (restart || rst) begin
-      count <= two_stop ? 12'd0 : 12'd16;
+    if (restart || sending || rst) begin
+      // The card's own last character is over when DE falls, whatever its format.
+      count <= sending ? TAIL_TICKS + 12'd1 : two_stop ? 12'd0 : 12'd16;
       short_reached <= 1'b0;
       long_reached <= 1'b0;
       long_silent <= 1'b0;

@@ -861,3 +861,19 @@ def test_the_pause_does_not_cost_a_broadcast_its_telegram(bench: Bench):
     bench.mailbox.pause_over()
     bench.poll()
     assert bench.telegrams == [H("80 043C 0000")]
+
+
+# ---------------------------------------------------------------- counters
+
+
+@pytest.mark.rule("FC-9")
+def test_the_firmware_s_counters_have_sixteen_bits():
+    bench = Bench()
+    bench.local(H("06 0002 0001"))
+    for _ in range(257):
+        bench.request(READ_514)
+        for _ in range(2):
+            bench.telegram_ends()
+            bench.wait(12)
+    assert bench.mailbox.counter("COUNT_DRIVE_REPEAT") == 257
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 257

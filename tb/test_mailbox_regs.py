@@ -39,7 +39,7 @@ BUILD = {"strict_t15": 0, "prepare_early": 1, "soft_core": 1, "clk_mhz": 24}
 COMMANDS = """
     queue_reply queue_telegram telegram_touched listen_again listen_stop watchdog_kick halt loopback_close
 """.split()  # noqa: SIM905
-KEY = 0xA5
+KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 TELEGRAM = AREAS["TELEGRAM_FRAME"]
 
 

@@ -20,7 +20,14 @@ class Timer:
     """The timer with tick16 held high: a clock is a tick."""
 
     def __init__(self, dut, two_stop: int = 0, **levels: int):
-        inputs = {"tick16": 1, "restart": 0, "busy": 0, "short_ticks": SHORT, "long_ticks": LONG}
+        inputs = {
+            "tick16": 1,
+            "restart": 0,
+            "sending": 0,
+            "busy": 0,
+            "short_ticks": SHORT,
+            "long_ticks": LONG,
+        }
         self.dut = dut
         self.bench = Bench(dut, two_stop=two_stop, **{**inputs, **levels})
         self.short = Strobes(dut, "short_reached")
@@ -95,6 +102,20 @@ async def held_restart_reaches_nothing(dut):
     dut.restart.value = 1
     await timer.bench.clocks(3 * LONG)
     assert len(timer.short) == 0 and len(timer.long) == 0 and dut.long_silent.value == 0
+
+
+@cocotb.test()
+@cocotb.parametrize(two_stop=(0, 1))
+async def after_the_card_s_own_sending_the_silence_counts_from_its_very_end(dut, two_stop):
+    """DE falls with the last stop bit, so nothing of a character is left, whatever the format."""
+    timer = await Timer(dut, two_stop).start()
+    dut.sending.value = 1
+    await timer.bench.clocks(2 * LONG)
+    assert len(timer.long) == 0 and dut.long_silent.value == 0
+    dut.sending.value = 0
+    timer.begun_ps = timer.bench.last_edge_ps()
+    await timer.bench.clocks(2 * LONG)
+    assert timer.ticks(timer.short) == [SHORT] and timer.ticks(timer.long) == [LONG]
 
 
 @cocotb.test()

@@ -225,7 +225,7 @@ def test_a_missing_image_is_told_by_its_path(tmp_path):
 
 
 # ---------------------------------------------------------------- start and end
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_cleanly(tmp_path, how):
     drive_link = tmp_path / "drive"
     with RunningCard(tmp_path, "--drive", str(drive_link)) as card:
@@ -243,6 +243,14 @@ def test_for_ends_it_and_names_the_pty_when_there_is_no_link():
     assert run.returncode == 0
     assert re.fullmatch(r"ready modbus=/dev/pts/\d+ drive=sim\n", run.stdout)
     assert time.monotonic() - began > 0.85
+
+
+def test_a_link_left_by_a_card_that_was_killed_is_taken_over(tmp_path):
+    with RunningCard(tmp_path) as card:
+        card.stop(signal.SIGKILL)
+        assert card.link.is_symlink()
+    with RunningCard(tmp_path) as card:
+        assert pymodbus_client(card).read_coils(0, count=16, device_id=1).bits == [False] * 16
 
 
 def test_it_removes_only_its_own_link(tmp_path):
@@ -344,6 +352,20 @@ def look(client: ModbusSerialClient) -> tuple[int, int, int]:
     bits = client.read_coils(32, count=32, device_id=1).bits
     both = sum(bit << i for i, bit in enumerate(bits))
     return both & 0xFFFF, both >> 16, current[0] << 16 | current[1]
+
+
+@pytest.mark.rule("FC-6")
+def test_the_drive_trips_on_demand(tmp_path):
+    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5") as card:
+        client = pymodbus_client(card)
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        assert look(client)[0] & 0x0808 == 0x0800, "running, no trip"
+        looks = [look(client)]
+        while not looks[-1][0] & 8 and len(looks) < 500:
+            looks.append(look(client))
+        client.close()
+    assert looks[-1][0] & 0x0808 == 8, "tripped, not running"
+    assert looks[-1][1] == 0
 
 
 @pytest.mark.rule("FC-6", "MAP-1", "MAP-3")

@@ -5,13 +5,21 @@
 namespace card {
 
 namespace {
+constexpr std::uint8_t kOvercurrent = 13;  // alarm number of VLT drives
+}
+
+namespace {
 constexpr std::size_t kLge = 1;       // place of LGE in a telegram
 constexpr std::size_t kNotInLge = 2;  // STX and LGE itself
 }  // namespace
 
-DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, const LineSettings& settings,
-                   const SimClock& clock, Cycles response_time)
-    : name_(example ? "example" : "sim"), clock_(clock), settings_(settings), response_time_(response_time) {
+DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us,
+                   const LineSettings& settings, const SimClock& clock, Cycles response_time)
+    : name_(example ? "example" : "sim"),
+      trip_us_(trip_us),
+      clock_(clock),
+      settings_(settings),
+      response_time_(response_time) {
   drive_init(&drive_, &profile);
   if (example) drive_example_state(&drive_);
 }
@@ -37,6 +45,12 @@ bool DriveEnd::complete() const {
 void DriveEnd::let_time_pass(Cycles until) {
   const std::int64_t until_us = clock_.microseconds(until);
   if (until_us <= stepped_us_) return;
+  if (trip_us_ > 0 && until_us >= trip_us_) {
+    drive_step(&drive_, static_cast<std::uint32_t>(trip_us_ - stepped_us_));
+    stepped_us_ = trip_us_;
+    trip_us_ = 0;
+    drive_trip(&drive_, kOvercurrent);
+  }
   drive_step(&drive_, static_cast<std::uint32_t>(until_us - stepped_us_));
   stepped_us_ = until_us;
 }

@@ -12,9 +12,10 @@ namespace card {
 class DriveEnd : public FarEnd {
  public:
   // `response_time`: silence between the card's telegram and the reply. `example`: the drive stands in the
-  // state of its document's examples, whatever it is told.
-  DriveEnd(const drive_profile_t& profile, bool example, const LineSettings& settings, const SimClock& clock,
-           Cycles response_time);
+  // state of its document's examples, whatever it is told. `trip_us`: when it trips, in simulated
+  // microseconds; 0: never.
+  DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us, const LineSettings& settings,
+           const SimClock& clock, Cycles response_time);
   void from_card(const LineByte& byte) override;
   void step(UartLine& line, Cycles now) override;
   std::string name() const override { return name_; }
@@ -25,6 +26,7 @@ class DriveEnd : public FarEnd {
   void let_time_pass(Cycles until);
 
   const std::string name_;
+  std::int64_t trip_us_;
   const SimClock clock_;
   const LineSettings settings_;
   const Cycles response_time_;

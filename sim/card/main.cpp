@@ -122,7 +122,8 @@ std::unique_ptr<FarEnd> open_drive(const Options& options) {
   } else if (!options.drive_link.empty()) {
     port = std::make_unique<PtyPort>(options.drive_link);
   } else {
-    return std::make_unique<DriveEnd>(*options.profile, options.example, line, kClock,
+    return std::make_unique<DriveEnd>(*options.profile, options.example,
+                                      static_cast<std::int64_t>(options.trip_seconds * 1e6), line, kClock,
                                       kClock.from_microseconds(kDriveResponseUs));
   }
   return std::make_unique<PortFarEnd>(std::move(port), line, kClock,

@@ -79,6 +79,7 @@ extern "C" {
 #define MAILBOX__WATCHDOG__KEY_bm 0xff
 #define MAILBOX__WATCHDOG__KEY_bp 0
 #define MAILBOX__WATCHDOG__KEY_bw 8
+#define MAILBOX__WATCHDOG__KEY_reset 0xa5
 
 // reg - MAILBOX.REQUEST
 #define MAILBOX__REQUEST__TICKET_bm 0xf

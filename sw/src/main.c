@@ -4,7 +4,7 @@
 #include "mailbox_port.h"
 
 /* Words of the image in one idle round of the loop: a candidate waits for no more than that. */
-enum { IDLE_WORDS = 4, WATCHDOG_KEY = 0xA5 };
+enum { IDLE_WORDS = 4 };
 
 /* From the linker: the image, and the sums behind it. */
 extern const uint32_t _start[], _image_end[];
@@ -25,7 +25,7 @@ int main(void)
     gateway_init(&gateway);
     for (;;) {
         gateway_poll(&gateway);
-        mailbox_write(WATCHDOG, WATCHDOG_KEY);
+        mailbox_write(WATCHDOG, MAILBOX__WATCHDOG__KEY_reset);
         if (gateway_is_idle(&gateway))
             check(&image, IDLE_WORDS);
     }

@@ -101,7 +101,7 @@ REGISTERS = {
     "WATCHDOG": Register(
         0x1C,
         {
-            "key": Field(0, 8, "wo", None),
+            "key": Field(0, 8, "wo", 0xA5),
         },
     ),
     "REQUEST": Register(

@@ -13,7 +13,7 @@ from tb.model.firmware import JUNK, drive_frame, mailbox_word
 
 BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
 CRC_BYTES = 2
-WATCHDOG_KEY = 0xA5
+WATCHDOG_KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
 
 class FakeMailbox:
