@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole card without cocotb, for tests that last seconds of the card's time.
+
+The same Verilog and the same firmware image as elsewhere, Verilated and run by tb/hdl/fast_card.cpp: about
+5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from power-up; at
+2 MHz a clock, and with it the resolution, is 0.5 us. A drive answers through any model (see fc_slave.py).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import functools
+import hashlib
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tb.generated.card_tables import DRIVE_BAUD
+from tb.lib.card import MS, baud_switches, switch_word
+from tb.lib.supervision import Shown, colour
+from tb.lib.uart_agent import Character, Flaws, Format, Frame, waveform
+from tb.model import rtu
+from tools.sources import ROOT, configurations, needed_files
+
+CLK_HZ = 2_000_000
+PERIOD_PS = 500_000
+BUILD = ROOT / "build/fast_card"
+WRAPPER = ROOT / "tb/hdl/wired_card.v"
+HARNESS = ROOT / "tb/hdl/fast_card.cpp"
+INPUTS = (
+    *("rst_n", "sw_baud", "sw_addr", "wired", "modbus_line", "drive_line"),
+    *("cut_to_modbus", "cut_to_drive", "flip_to_modbus", "flip_to_drive"),
+)
+OUTPUTS = (
+    *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
+    *("led_modbus_red", "led_modbus_green", "led_drive_red", "led_drive_green"),
+)
+RESET_CLOCKS = 8
+ROOM = 4096
+# From the telegram's last stop bit to the reply's start bit: the pause of two characters and a little more.
+REPLY_DELAY_BITS = 23
+
+
+class Change(ctypes.Structure):
+    _fields_ = (("clock", ctypes.c_uint64), ("pin", ctypes.c_uint32), ("value", ctypes.c_uint32))
+
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    """The harness, built unless this very content was built before."""
+    for tool in ("verilator", "g++", "make"):
+        if shutil.which(tool) is None:
+            pytest.fail(f"{tool} is missing; run `make setup`", pytrace=False)
+    firmware = ROOT / configurations()["standard"]["firmware_hex"]
+    if not firmware.exists():
+        pytest.fail(f"{firmware.relative_to(ROOT)} is missing; run `make firmware`", pytrace=False)
+    sources = [*needed_files("rtu2fc"), WRAPPER]
+    content = hashlib.sha256(f"{ROOT} {CLK_HZ} {Path(__file__).read_text()}".encode())
+    for path in (*sources, HARNESS):
+        content.update(path.read_bytes())
+    BUILD.mkdir(parents=True, exist_ok=True)
+    with open(BUILD / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        file = BUILD / f"{content.hexdigest()[:16]}.so"
+        if not file.exists():
+            _build(file, sources, firmware)
+    made = ctypes.CDLL(str(file))
+    made.fast_card_new.restype = ctypes.c_void_p
+    made.fast_card_free.argtypes = (ctypes.c_void_p,)
+    made.fast_card_plan.argtypes = (ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32)
+    made.fast_card_run.argtypes = (ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32)
+    made.fast_card_run.restype = ctypes.c_uint64
+    made.fast_card_changes.argtypes = (ctypes.c_void_p, ctypes.POINTER(Change), ctypes.c_size_t)
+    made.fast_card_changes.restype = ctypes.c_size_t
+    return made
+
+
+def _build(file: Path, sources: list[Path], firmware: Path) -> None:
+    for old in BUILD.iterdir():
+        if old.name != "lock":
+            shutil.rmtree(old) if old.is_dir() else old.unlink()
+    model = BUILD / "model"
+    root = _tool("verilator", "--getenv", "VERILATOR_ROOT").strip()
+    if shutil.which("ccache"):
+        os.environ.setdefault("OBJCACHE", "ccache")
+        os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
+    _tool(
+        *("verilator", "--cc", "--build", "--top-module", "wired_card", "--Mdir", model, "--no-timing"),
+        *("--no-assert", "-O3", "--x-assign", "fast", "-Wno-lint", "--timescale-override", "1ns/1ns"),
+        *("-CFLAGS", "-fPIC", "-MAKEFLAGS", "VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O2"),
+        *(f"-GCLK_HZ={CLK_HZ}", f'-GFIRMWARE_HEX="{firmware}"', *sources),
+    )
+    _tool(
+        *("g++", "-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared", "-o", file, HARNESS),
+        *("-isystem", model, "-isystem", f"{root}/include", "-isystem", f"{root}/include/vltstd"),
+        *(model / "libVwired_card.a", model / "libverilated.a", "-lpthread"),
+    )
+
+
+def _tool(*command: object) -> str:
+    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.fail(f"{command[0]}: {done.stdout[-2000:]}{done.stderr[-2000:]}", pytrace=False)
+    return done.stdout
+
+
+class Line:
+    """One port as its line sees it: what it sent, and everybody else's way to speak."""
+
+    def __init__(self, card: FastCard, name: str, fmt: Format):
+        self.card, self.name, self.fmt = card, name, fmt
+        self.tx: list[tuple[int, int]] = []  # (ps, new level)
+        self.de: list[tuple[int, int]] = []
+        self._free_ps = 0
+
+    @property
+    def driven(self) -> bool:
+        return bool(self.de) and self.de[-1][1] == 1
+
+    def send(self, data: bytes, delay_ps: float = 0) -> int:
+        """Plans a transmission `delay_ps` after the last one on the line; returns its last stop bit's end."""
+        edges, length = waveform(self.fmt, data, Flaws())
+        busy_until = max(self._free_ps, self.de[-1][0] if self.de else 0)
+        start = max(self.card.now_ps, busy_until + delay_ps)
+        for at, level in edges:
+            self.card.plan(start + at, f"{self.name}_line", level)
+        self._free_ps = round(start + length)
+        return self._free_ps
+
+    def frames(self) -> list[Frame]:
+        """What was sent, one frame for each time DE was up."""
+        found = []
+        for (rise, _), (fall, _) in zip(self.de[::2], self.de[1::2], strict=False):
+            found.append(Frame(tuple(self._characters(rise, fall))))
+        return found
+
+    def _level(self, when: float) -> int:
+        return next((level for at, level in reversed(self.tx) if at <= when), 1)
+
+    def _characters(self, rise: int, fall: int) -> list[Character]:
+        bit, at, found = self.fmt.bit_ps, rise, []
+        for start, level in self.tx:
+            if level or not at <= start < fall:
+                continue
+            bits = [self._level(start + (i + 0.5) * bit) for i in range(self.fmt.bits)]
+            byte = sum(bits[1 + i] << i for i in range(8))
+            end = round(start + self.fmt.character_ps)
+            parity_ok = not self.fmt.parity_bits or bits[9] == self.fmt.parity_bit(byte)
+            found.append(Character(byte, start, end, parity_ok, all(bits[9 + self.fmt.parity_bits :])))
+            at = end - bit / 2
+        return found
+
+
+class FastCard:
+    """A card that was just switched on. `drive`: telegram to reply, None for silence."""
+
+    def __init__(
+        self,
+        switches: str | None = None,
+        baud: int = 9600,
+        form: str = "8E1",
+        address: int = 1,
+        drive: Callable[[bytes], bytes | None] = lambda telegram: None,
+        **wires: int,
+    ):
+        self._library = library()
+        self._card = self._library.fast_card_new()
+        self._room = (Change * ROOM)()
+        self._clock = 0
+        self.drive_model = drive
+        self.modbus = Line(self, "modbus", Format.named(baud, form))
+        self.drive = Line(self, "drive", Format.named(DRIVE_BAUD, "8E1"))
+        # What each LED shows since when.
+        self.shown: dict[str, list[Shown]] = {led: [Shown(0, "off")] for led in ("modbus", "drive")}
+        self._lit = dict.fromkeys(OUTPUTS[4:], 0)
+        self.set(
+            sw_baud=switch_word(switches or baud_switches(baud, form)), sw_addr=address, rst_n=0, **wires
+        )
+        self.plan(RESET_CLOCKS * PERIOD_PS, "rst_n", 1)
+
+    def close(self) -> None:
+        self._library.fast_card_free(self._card)
+
+    def __enter__(self) -> FastCard:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------ pins
+
+    @property
+    def now_ps(self) -> int:
+        return self._clock * PERIOD_PS
+
+    def plan(self, when_ps: float, pin: str, value: int) -> None:
+        self._library.fast_card_plan(self._card, round(when_ps / PERIOD_PS), INPUTS.index(pin), value)
+
+    def set(self, **pins: int) -> None:
+        for pin, value in pins.items():
+            self.plan(self.now_ps, pin, value)
+
+    # ------------------------------------------------------------ time
+
+    def run_until(self, when_ps: float, *stop: str) -> bool:
+        """Lets time pass, and the drive answer; True if one of the outputs `stop` changed first."""
+        until = round(when_ps / PERIOD_PS)
+        mask = sum(1 << OUTPUTS.index(pin) for pin in {*stop, "drive_de"})
+        while self._clock < until:
+            self._clock = self._library.fast_card_run(self._card, until, mask)
+            changed = self._take_changes()
+            if ("drive_de", 0) in changed:
+                self._answer()
+            if any(pin in stop for pin, _ in changed):
+                return True
+        return False
+
+    def run(self, ms: float) -> None:
+        self.run_until(self.now_ps + ms * MS)
+
+    def _take_changes(self) -> list[tuple[str, int]]:
+        changes = []
+        while count := self._library.fast_card_changes(self._card, self._room, ROOM):
+            changes += [(c.clock, OUTPUTS[c.pin], c.value) for c in self._room[:count]]
+        for clock, pin, value in changes:
+            if pin.startswith("led"):
+                self._light(clock * PERIOD_PS, pin, value)
+            else:
+                port, wire = pin.split("_")
+                getattr(getattr(self, port), wire).append((clock * PERIOD_PS, value))
+        last = max((clock for clock, _, _ in changes), default=0)
+        return [(pin, value) for clock, pin, value in changes if clock == last]
+
+    def _light(self, when_ps: int, pin: str, value: int) -> None:
+        self._lit[pin] = value
+        led = pin.split("_")[1]
+        history = self.shown[led]
+        if history[-1].since_ps == when_ps:
+            history.pop()  # red and green changed at once
+        now = colour(self._lit[f"led_{led}_red"], self._lit[f"led_{led}_green"])
+        if not history or history[-1].colour != now:
+            history.append(Shown(when_ps, now))
+
+    def _answer(self) -> None:
+        reply = self.drive_model(self.drive.frames()[-1].data)
+        if reply is not None:
+            self.drive.send(reply, REPLY_DELAY_BITS * self.drive.fmt.bit_ps)
+
+    # ------------------------------------------------------------ what tests ask for
+
+    def led(self, which: str) -> str:
+        """What a LED shows now."""
+        return self.shown[which][-1].colour
+
+    def run_until_led(self, which: str, shows: str, limit_ms: float) -> int:
+        """Runs until a LED begins to show a colour; returns when."""
+        limit = self.now_ps + limit_ms * MS
+        pins = (f"led_{which}_red", f"led_{which}_green")
+        while self.run_until(limit, *pins):
+            last = self.shown[which][-1]
+            if last.colour == shows and last.since_ps >= self.now_ps - PERIOD_PS:
+                return last.since_ps
+        raise AssertionError(f"{which} LED never began to show {shows} in {limit_ms} ms")
+
+    def request(self, adu: bytes, timeout_ms: float = 100) -> Frame | None:
+        """Sends a request and returns the answer, None when there was none in time."""
+        end = self.modbus.send(adu, 1.05 * rtu.t35_ps(self.modbus.fmt.baud))
+        before = len(self.modbus.frames())
+        limit = end + timeout_ms * MS
+        while self.run_until(limit, "modbus_de"):
+            if not self.modbus.driven and len(self.modbus.frames()) > before:
+                return self.modbus.frames()[-1]
+        return None

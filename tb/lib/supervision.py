@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the tests of power-up, LEDs, watchdog and loop-back test share.
+
+`Leds` follows both LEDs of a simulated card, `Firmware` stops, damages and mends what runs in it,
+`WatchedCard` has both and judges every frame that left. Times are in ps, as in the simulators.
+Rules: LED-1 ... LED-5, WDG-1.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cocotb
+from cocotb.triggers import (
+    Event,
+    FallingEdge,
+    ReadOnly,
+    RisingEdge,
+    SimTimeoutError,
+    Timer,
+    ValueChange,
+    with_timeout,
+)
+
+from tb.lib.card import MS, Card
+from tb.lib.fc_slave import Script
+from tb.lib.rs485 import Rs485Line
+from tb.lib.uart_agent import Frame, now_ps
+from tb.model import fc_telegram, rtu
+from tools.seal import SUMS
+from tools.sources import ROOT, configurations
+
+COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
+LEDS = ("modbus", "drive")
+# BOOT-1 is said for the clock of the standard card; a slower clock needs as many clocks, not as much time.
+BOOT_CLOCKS = 240_000
+BITE_PS = 100 * MS  # WDG-1
+# Longer than any start, at any clock: a card that takes longer is dead.
+ROUND_LIMIT_PS = 400 * MS
+FETCH_LIMIT_CLOCKS = 1000
+STATUS, FREQUENCY = 0x0607, 0x0000
+JUMP_TO_ITSELF = 0x0000006F
+ILLEGAL = 0x00000000
+CLOCK_VARIABLE = "CARD_CLK_HZ"
+
+
+def colour(red: int, green: int) -> str:
+    """What a two-colour LED shows."""
+    return COLOURS[red, green]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A LED begins to show something."""
+
+    since_ps: int
+    colour: str
+
+
+def steps_ms(history: list[Shown]) -> list[tuple[str, float]]:
+    """Each colour with how long it was shown; the last one still lasts and is left out."""
+    return [(now.colour, (then.since_ps - now.since_ps) / MS) for now, then in pairwise(history)]
+
+
+async def within(limit_ps: float, trigger, what: str) -> None:
+    """Waits for something that must happen in this time."""
+    try:
+        await with_timeout(trigger, max(1, round(limit_ps)), "ps")
+    except SimTimeoutError:
+        raise AssertionError(f"{what}: not within {limit_ps / MS:.1f} ms") from None
+
+
+class Leds:
+    """What both LEDs show, and since when."""
+
+    def __init__(self, dut):
+        self.shown: dict[str, list[Shown]] = {led: [] for led in LEDS}
+        self._changed = Event()
+        self._pins = {led: (getattr(dut, f"led_{led}_red"), getattr(dut, f"led_{led}_green")) for led in LEDS}
+        for led, pins in self._pins.items():
+            for pin in pins:
+                cocotb.start_soon(self._watch(led, pin))
+
+    async def _watch(self, led: str, pin) -> None:
+        while True:
+            await ValueChange(pin)
+            await ReadOnly()
+            self._note(led)
+
+    def _note(self, led: str) -> None:
+        now = colour(*(1 if str(pin.value) == "1" else 0 for pin in self._pins[led]))
+        history = self.shown[led]
+        if not history or history[-1].colour != now:
+            history.append(Shown(now_ps(), now))
+            self._changed.set()
+
+    def show(self, led: str) -> str:
+        """What a LED shows now."""
+        return self.shown[led][-1].colour if self.shown[led] else "off"
+
+    @property
+    def fault(self) -> bool:
+        """Solid red on both (LED-5), which no other moment shows but a failed loop-back test."""
+        return all(self.show(led) == "red" for led in LEDS)
+
+    def forget(self) -> None:
+        """Only what is shown from now on counts."""
+        for history in self.shown.values():
+            del history[:-1]
+
+    async def until(self, condition, limit_ps: float, what: str) -> None:
+        """Waits for a change after which `condition` holds."""
+        end = now_ps() + limit_ps
+        while not condition():
+            self._changed.clear()
+            await within(end - now_ps(), self._changed.wait(), what)
+        await Timer(1, unit="ps")  # past the moment in which nothing may be driven
+
+
+def firmware_words() -> list[int]:
+    """The image that `make firmware` made, without the empty memory behind it."""
+    text = (ROOT / configurations()["standard"]["firmware_hex"]).read_text()
+    words = [int(line, 16) for line in text.split()]
+    while not words[-1]:
+        words.pop()
+    return words
+
+
+def constant_word() -> int:
+    """Place of the last word before the sums: a constant, never executed."""
+    return len(firmware_words()) - SUMS.size // struct.calcsize("<I") - 1
+
+
+class Firmware:
+    """The program in the card's memory: where it is in its loop, and how to break it."""
+
+    def __init__(self, dut):
+        self._dut = dut
+        self._memory = dut.ram_i.words
+        self._image = firmware_words()
+        self._broken: set[int] = set()
+        self.loop = -1  # a word of the poll loop that is executed in every round
+
+    async def round(self) -> None:
+        """Waits until the next round of the poll loop is over: the watchdog is kicked in each."""
+        await self._strobe(self._dut.watchdog_kick, ROUND_LIMIT_PS, "a round of the poll loop")
+
+    async def _strobe(self, signal, limit_ps: float, what: str) -> int:
+        """Waits for a clock in which `signal` is high, not for a moment between two; returns its begin."""
+        end = now_ps() + limit_ps
+        while True:
+            await within(end - now_ps(), RisingEdge(signal), what)
+            began = now_ps()
+            await FallingEdge(self._dut.clk)
+            if str(signal.value) == "1":
+                return began
+
+    async def find_loop(self) -> None:
+        """Looks at two rounds: the first instruction fetched after the kick must be the same in both."""
+        found = set()
+        for _ in range(2):
+            await self.round()
+            found.add(await self._next_fetch())
+        assert len(found) == 1, f"the loop goes on in different places: {found}"
+        self.loop = found.pop()
+
+    async def _next_fetch(self) -> int:
+        dut = self._dut
+        for _ in range(FETCH_LIMIT_CLOCKS):
+            await FallingEdge(dut.clk)
+            if str(dut.ram_valid.value) == "1" and dut.core_wstrb.value.to_unsigned() == 0:
+                word = dut.core_addr.value.to_unsigned() // 4
+                if word < len(self._image):
+                    return word
+        raise AssertionError("the processor fetches nothing")
+
+    def stop(self, instruction: int = JUMP_TO_ITSELF) -> None:
+        """The processor goes no further than the poll loop; with ILLEGAL it traps there."""
+        self.put(self.loop, instruction)
+
+    def damage(self, word: int, bit: int) -> None:
+        self.put(word, self._image[word] ^ 1 << bit)
+
+    def put(self, word: int, value: int) -> None:
+        self._memory[word].value = value
+        self._broken.add(word)
+
+    def mend(self) -> None:
+        """Puts back what was overwritten."""
+        for word in self._broken:
+            self._memory[word].value = self._image[word]
+        self._broken.clear()
+
+    def restore(self) -> None:
+        """Puts back all of it, after a damaged program may have written anywhere."""
+        self._broken.update(range(len(self._image)))
+        self.mend()
+
+    async def bite(self, limit_ps: float = BITE_PS) -> int:
+        """Waits for the watchdog; returns when it has bitten."""
+        return await self._strobe(self._dut.core_rst, limit_ps, "bite")
+
+
+def process(control: int, reference: int) -> tuple[bytes, bytes]:
+    """An exchange of process data."""
+    return fc_telegram.build_process(control, reference), fc_telegram.build_process(STATUS, FREQUENCY)
+
+
+def control_pdu(control: int, reference: int) -> bytes:
+    """Writes coils 1 to 32."""
+    return rtu.write_coils(0, [bool((control | reference << 16) >> i & 1) for i in range(32)])
+
+
+class WatchedCard(Card):
+    """A card with its LEDs and its firmware under observation, and a drive that goes by a script."""
+
+    def __init__(self, dut, **settings):
+        self.clk_hz = int(os.environ[CLOCK_VARIABLE])
+        self.script = Script()
+        super().__init__(dut, self.clk_hz, self.script, **settings)
+        self.address = settings.get("address", 1)
+        self.leds = Leds(dut)
+        self.firmware = Firmware(dut)
+        self.released_ps = 0
+
+    @property
+    def boot_limit_ps(self) -> float:
+        """BOOT-1 at this clock."""
+        return BOOT_CLOCKS * self.bench.period_ps
+
+    async def boot(self) -> WatchedCard:
+        """Power on, up to the first round of the poll loop."""
+        await self.switch_on()
+        await self.firmware.round()
+        return self
+
+    async def switch_on(self) -> None:
+        """Power on, up to the release of the reset."""
+        await self.bench.start(reset_clocks=8)
+        self.released_ps = now_ps()
+
+    async def ask(self, pdu: bytes, expected: bytes | None = None, exchanges=(), timeout_ms: float = 400):
+        """A PDU that is to cause just these exchanges, (telegram, reply) each; expected: default the echo."""
+        for telegram, reply in exchanges:
+            self.script.expect(telegram, reply)
+        done = await self.master.request(rtu.build(self.address, pdu), timeout_ms * MS)
+        self.script.check()
+        wanted = rtu.build(self.address, pdu if expected is None else expected)
+        assert done.data == wanted, f"{pdu.hex(' ')}: {done.reply} instead of {wanted.hex(' ')}"
+        return done
+
+    async def write_control(self, control: int, reference: int):
+        pdu = control_pdu(control, reference)
+        return await self.ask(pdu, pdu[:5], [process(control, reference)])
+
+    async def is_alive(self) -> None:
+        """Answers a request that needs no drive; all of its images are 0, as after a start (MAP-4)."""
+        await self.ask(rtu.read_coils(0, 128), bytes([1, 16]) + bytes(16))
+
+    def check_lines(self) -> None:
+        """Every rise of DE belongs to a whole, right frame, and tx has no edge beside them."""
+        super().check_lines()
+        for frame in frames_by_direction(self.modbus):
+            assert frame.ok, f"answer with bad characters: {frame}"
+            rtu.parse(frame.data)
+        for frame in frames_by_direction(self.drive):
+            assert frame.ok, f"telegram with bad characters: {frame}"
+            fc_telegram.parse(frame.data)
+
+
+def frames_by_direction(line: Rs485Line) -> list[Frame]:
+    """What was sent, one frame for each time DE was up."""
+    characters = line.monitor.characters
+    spans = [(pulse.rise_ps, pulse.fall_ps or now_ps()) for pulse in line.direction.pulses]
+    return [Frame(tuple(c for c in characters if rise <= c.start_ps < fall)) for rise, fall in spans]
