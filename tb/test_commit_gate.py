@@ -77,12 +77,38 @@ async def a_revoke_drops_both_and_a_late_queue_too(dut):
     await gate.queue_reply(ticket)
     await gate.queue_telegram(ticket)
     await gate.pulse("revoke")
+    assert not int(dut.reply_queued.value) and not int(dut.telegram_queued.value)
     await gate.queue_reply(ticket)
     await gate.queue_telegram(ticket)
     await gate.queue_telegram(ticket, repeat=1)
     assert await gate.settle() == (0, 0)
     await gate.pulse("commit")  # of a frame for somebody else: none is signalled, but it must not help
     assert int(dut.telegram_queued.value) == 0 and int(dut.reply_queued.value) == 0
+
+
+@cocotb.test()
+@cocotb.parametrize(end=["revoke", "a newer candidate"])
+async def the_next_commit_lets_nothing_of_an_uncommitted_request_out(dut, end):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_reply(ticket)
+    await gate.queue_telegram(ticket)
+    if end == "revoke":
+        await gate.pulse("revoke")
+    await gate.candidate()
+    assert not int(dut.reply_queued.value) and not int(dut.telegram_queued.value)
+    await gate.pulse("commit")
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def a_stale_telegram_queued_in_the_very_clock_of_the_commit_is_not_licensed(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit", "queue_telegram", queue_ticket=(ticket - 1) % 16, telegram_repeat=0)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 0)
 
 
 @cocotb.test()
@@ -343,6 +369,8 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
         if "queue_telegram" in names and not repeat:
             queued_mine = ticket == current and (committed or pending)
             licence = queued_mine and committed
+        if ("candidate" in names or ("revoke" in names and pending)) and not licence:
+            queued_mine = False
         if "candidate" in names:
             current, pending, committed, fresh = (current + 1) % 16, True, False, False
         if "commit" in names:

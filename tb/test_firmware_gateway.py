@@ -877,3 +877,33 @@ def test_the_firmware_s_counters_have_sixteen_bits():
             bench.wait(12)
     assert bench.mailbox.counter("COUNT_DRIVE_REPEAT") == 257
     assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 257
+
+
+# ---------------------------------------------------------------- what goes on beside
+
+
+@pytest.mark.rule("FC-6", "EXC")
+def test_a_refusal_is_a_good_reply_and_brings_the_status(bench: Bench):
+    bench.request(H("06 040F 003C"))
+    bench.telegram_ends()
+    bench.drive(H("7068 0000 0000 0011 0607 1234"))
+    assert bench.replies == [H("01 86 11")]
+    bench.local(H("01 0020 0020"))
+    assert bench.replies[-1] == H("01 01 04 07063412")
+
+
+@pytest.mark.rule("WDG-1")
+def test_the_watchdog_is_kicked_whatever_is_under_way():
+    bench = Bench(Machine)
+
+    def kicks(ms: int) -> int:
+        before = bench.mailbox.kicks
+        bench.wait(ms)
+        return bench.mailbox.kicks - before
+
+    bench.offer(READ_514)
+    assert kicks(50) == 50, "a candidate"
+    bench.commit()
+    assert kicks(15) == 15, "a telegram on the line"
+    bench.telegram_ends()
+    assert kicks(400) == 400, "a silent drive"

@@ -489,6 +489,24 @@ def test_drive(sim):
     run_card(sim, DRIVE)
 
 
+@pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
+@pytest.mark.parametrize("variant", ["STRICT_T15", "PREPARE_EARLY"])
+def test_variants(variant):
+    """Built without one of them. On Verilator alone: rtu_rx shows both variants on both simulators."""
+    run(
+        "rtu2fc",
+        "tb.test_rtu2fc",
+        sim="verilator",
+        parameters={"CLK_HZ": CLK_HZ, variant: 0},
+        testcase=[
+            "gap_of_1_4_characters_is_no_gap",
+            "reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked",
+            "newest_request_is_the_one_answered",
+            "silent_drive_is_asked_twice_and_then_reported",
+        ],
+    )
+
+
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2")
 def test_standard_clock():
     """On Verilator alone: six times the clocks would take Icarus minutes, and both agree at 2 MHz."""
