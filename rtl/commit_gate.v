@@ -59,6 +59,7 @@ module commit_gate (
   reg  licensed = 1'b0;
 
   wire current = queue_ticket == ticket;
+  wire new_telegram = queue_telegram && !telegram_repeat;
 
   assign reply_start = reply_queued && (answerable || loopback_open) && modbus_quiet &&
       (!wait_drive || drive_good);
@@ -106,25 +107,27 @@ module commit_gate (
     end
     if (drive_bad && wait_drive) reply_queued <= 1'b0;
 
-    // The request's own fate. Both at once: PREPARE_EARLY = 0.
+    // The request's own fate. Both at once: PREPARE_EARLY = 0. A telegram queued in the same
+    // clock was meant for the request as it was, and goes with it.
     if (candidate) begin
       ticket <= ticket + 4'd1;
       is_candidate <= 1'b1;
       is_committed <= 1'b0;
       answerable <= 1'b0;
       reply_queued <= 1'b0;
-      if (!licensed) telegram_queued <= 1'b0;
+      if (!licensed || new_telegram) telegram_queued <= 1'b0;
+      if (new_telegram) licensed <= 1'b0;
     end
     if (commit) begin
       is_candidate <= 1'b0;
       is_committed <= 1'b1;
       answerable   <= 1'b1;
-      if (telegram_queued || (queue_telegram && !telegram_repeat && current)) licensed <= 1'b1;
+      if (!candidate && (new_telegram ? current : telegram_queued)) licensed <= 1'b1;
     end
     if (revoke && is_candidate) begin
       is_candidate <= 1'b0;
       reply_queued <= 1'b0;
-      if (!licensed) telegram_queued <= 1'b0;
+      if (!licensed || new_telegram) telegram_queued <= 1'b0;
     end
 
     // Last, so that nothing above can license what is being changed.
