@@ -11,7 +11,7 @@ import os
 import pytest
 
 from sim.bench.card import Line
-from sim.bench.cases import Sample
+from sim.bench.cases import Sample, turnaround
 from sim.bench.conformance import boundary
 from sim.bench.work import Piece, fast
 
@@ -66,8 +66,23 @@ def test_limits_can_be_missed() -> None:
     floor = {"request": 1.0}
     at_limit = Sample("x", 9600, "8E1", local=1.0, telegram=1.0, answer=1.0, total=1.01, floor_parts=floor)
     assert at_limit.faults() == []
-    for beyond in ({"local": 1.01}, {"local": -0.01}, {"telegram": 1.01}, {"answer": 1.01}, {"total": 1.011}):
+    for beyond in (
+        {"local": 1.01},
+        {"after_t35": -0.01},
+        {"telegram": 1.01},
+        {"telegram_before_pause": 0.1},
+        {"answer": 1.01},
+        {"answer": -1.01},
+        {"total": 1.011},
+    ):
         assert len(Sample("x", 9600, "8E1", floor_parts=floor, **beyond).faults()) == 1
+
+
+def test_a_card_that_does_not_prepare_early_misses_them() -> None:
+    """The whole way from the pins to the judge: the late build is a real card beyond the limits."""
+    outcome = turnaround(19200, "8E1", False, 1, ("read 16 coils", "start motor"), SEED)
+    missed = " ".join(fault for sample in outcome.samples for fault in sample.faults())
+    assert "PERF-1" in missed and "PERF-2" in missed
 
 
 def test_boundary_is_found_from_both_sides() -> None:

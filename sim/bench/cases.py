@@ -36,6 +36,7 @@ LIMIT_BITS = 1.0
 LIMIT_RATIO = 1.01
 # A telegram may start as much before t3.5 as t3.5 itself may be early (FRAME-1), in network bits.
 T35_ACCURACY_BITS = 0.25
+PAUSE_ACCURACY_BITS = 1 / 16
 
 TEXT = "TWENTY CHARACTERS OK"
 TEXT_PNU = 533
@@ -87,7 +88,9 @@ class Sample:
     local: float | None = None
     telegram: float | None = None
     telegram_before_t35: float = 0.0  # network bits
+    telegram_before_pause: float = 0.0  # drive bits
     answer: float | None = None
+    after_t35: float | None = None  # any reply, network bits
     total: float | None = None
     floor_parts: dict[str, float] = field(default_factory=dict)  # the least each part takes
     decode_clocks: int | None = None  # candidate -> reply or telegram queued
@@ -107,14 +110,23 @@ class Sample:
         """Limits that this one misses."""
         found = []
         where = f"{self.case} at {self.baud} {self.form}"
-        if self.local is not None and not 0 <= self.local <= LIMIT_BITS:
-            found.append(f"{where}: reply {self.local:.3f} bits after t3.5 (FRAME-8, PERF-1)")
+        if self.local is not None and self.local > LIMIT_BITS:
+            found.append(f"{where}: reply {self.local:.3f} bits after t3.5 (PERF-1)")
         if self.telegram is not None and self.telegram > LIMIT_BITS:
             found.append(f"{where}: telegram {self.telegram:.3f} drive bits after t3.5 (PERF-2)")
         if self.telegram_before_t35 > T35_ACCURACY_BITS:
             found.append(f"{where}: telegram {self.telegram_before_t35:.3f} bits before t3.5 (FRAME-1)")
+        if self.telegram_before_pause > PAUSE_ACCURACY_BITS:
+            found.append(
+                f"{where}: telegram {self.telegram_before_pause:.3f} drive bits into the pause (FC-8)"
+            )
         if self.answer is not None and self.answer > LIMIT_BITS:
             found.append(f"{where}: reply {self.answer:.3f} bits after the drive's (PERF-3)")
+        # The drive's last stop bit is judged in its middle, so the reply may start inside it, never before.
+        if self.answer is not None and self.answer < -self.baud / DRIVE_LINE.baud:
+            found.append(f"{where}: reply {-self.answer:.3f} bits before the drive's was over (FC-8)")
+        if self.after_t35 is not None and self.after_t35 < 0:
+            found.append(f"{where}: reply {-self.after_t35:.3f} bits before t3.5 (FRAME-8)")
         if self.ratio is not None and self.ratio > LIMIT_RATIO:
             found.append(f"{where}: {self.ratio:.4f} x the floor")
         return found
@@ -167,8 +179,10 @@ def measure(bench: Bench, talk: Talk, case: str) -> Sample:
     if talk.telegrams:
         sample.telegram = (talk.telegram_start - max(committed, talk.pause_over)) / DRIVE_LINE.bit
         sample.telegram_before_t35 = (committed - talk.telegram_start) / line.bit
+        sample.telegram_before_pause = (talk.pause_over - talk.telegram_start) / DRIVE_LINE.bit
         sample.decode_clocks = talk.clocks("candidate", "queue_telegram")
     if talk.answers:
+        sample.after_t35 = (talk.reply_start - committed) / line.bit
         if talk.telegrams:
             sample.answer_clocks = talk.clocks("drive_candidate", "queue_reply")
         else:
@@ -202,7 +216,10 @@ def turnaround(baud: int, form: str, early: bool, repeats: int, names: tuple[str
 
     def ask(pdu: bytes, name: str) -> Talk:
         talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu), start=bench.next_start(POLITE_BITS + rng.random() * 3))
-        outcome.add(measure(bench, talk, name))
+        sample = measure(bench, talk, name)
+        outcome.add(sample)
+        figures = (sample.telegram, sample.answer) if talk.telegrams else (sample.local,)
+        outcome.check(None not in (*figures, sample.ratio), f"{name} at {baud} {form}: not measured")
         right = talk.reply is not None and crc_good(talk.reply) and all(c.good for c in talk.answers[0])
         wrong = right and talk.reply[1] != pdu[0] and name != "exception 67"
         outcome.check(
