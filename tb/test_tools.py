@@ -170,3 +170,26 @@ def test_an_empty_test_run_fails():
     done = command("make", "waves", "TEST=no_such_test_at_all")
     assert done.returncode != 0
     assert "deselected" in done.stdout
+
+
+def test_the_readme_s_figures_are_those_that_make_bench_wrote():
+    def last_cells(file: str, rows: tuple[str, ...], column: int) -> list[str]:
+        lines = (ROOT / file).read_text().splitlines()
+        return [
+            next(line for line in lines if line.startswith(f"| {row}")).split("|")[column].strip()
+            for row in rows
+        ]
+
+    readme = (
+        "a local reply",
+        "the drive's telegram",
+        "the reply, after the drive",
+        "transactions with the drive",
+    )
+    results = (
+        "local request",
+        "telegram's first bit",
+        "reply's first bit after the drive",
+        "full transactions",
+    )
+    assert last_cells("README.md", readme, 3) == last_cells("docs/results.md", results, 3)
