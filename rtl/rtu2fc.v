@@ -6,13 +6,15 @@
 // clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released in step with clk.
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 =
 // lit, red and green together are orange. Serial lines idle at 1, DE drives at 1.
-// Rules: TOP-1, TOP-2.
+// The defaults are the configuration's, from rtl/generated/config_<name>.v, which comes
+// first in its list of files. SOFT_CORE: see soft_core. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
-    parameter CLK_HZ = 12_000_000,
+    parameter CLK_HZ = `CONFIG_CLK_HZ,
     parameter FIRMWARE_HEX = "firmware.hex",
-    parameter MEMORY_BYTES = 8192,
+    parameter [1:0] SOFT_CORE = `CONFIG_SOFT_CORE,
+    parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1
 ) (
@@ -35,8 +37,6 @@ module rtu2fc #(
     output wire       led_drive_red,
     output wire       led_drive_green
 );
-
-  localparam [1:0] SOFT_CORE_ID = 2'd0;  // PicoRV32
 
   // Nothing runs before the switches are known.
   wire rst_pin;
@@ -251,7 +251,7 @@ module rtu2fc #(
   mailbox #(
       .STRICT_T15(STRICT_T15),
       .PREPARE_EARLY(PREPARE_EARLY),
-      .SOFT_CORE_ID(SOFT_CORE_ID),
+      .SOFT_CORE_ID(SOFT_CORE),
       .CLK_HZ(CLK_HZ)
   ) mailbox_i (
       .clk(clk),
@@ -348,7 +348,7 @@ module rtu2fc #(
   );
 
   soft_core #(
-      .STACK_TOP(MEMORY_BYTES)
+      .SOFT_CORE(SOFT_CORE)
   ) core_i (
       .clk(clk),
       .rst(core_rst),

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The soft core: the only file that knows which processor runs the firmware.
 //
-// PicoRV32, RV32I, no interrupts: starts at address 0, data after code, the stack
-// grows down from STACK_TOP. bus_valid holds address, data and strobes until
-// bus_ready; bus_wstrb = 0 is a read. trap: it met an instruction that it does not
-// know, or a misaligned access, and stopped. Clock domain: clk. Rule: TOP-2.
+// SOFT_CORE 0: PicoRV32, 5 to 6 clocks an instruction. 1: SERV, bit-serial, some 60.
+// Both RV32I without interrupts; they start at address 0 with undefined registers.
+// bus_valid holds address, data and strobes until bus_ready; bus_wstrb = 0 is a read.
+// trap: PicoRV32 met an instruction that it does not know, or a misaligned access, and
+// stopped. SERV has no trap: it goes on with something else, and what comes of it is
+// left to the watchdog and the check of the image. Clock domain: clk. Rule: TOP-2.
 `default_nettype none
 
 module soft_core #(
-    parameter [31:0] STACK_TOP = 32'd8192
+    parameter [1:0] SOFT_CORE = 2'd0
 ) (
     input  wire        clk,
     input  wire        rst,
@@ -23,34 +25,75 @@ module soft_core #(
     output wire        trap
 );
 
+  localparam [1:0] SERV = 2'd1;
+
   // verilator lint_off PINMISSING
-  picorv32 #(
-      .ENABLE_COUNTERS(0),
-      .ENABLE_COUNTERS64(0),
-      .TWO_STAGE_SHIFT(1),
-      .BARREL_SHIFTER(0),
-      .CATCH_MISALIGN(1),
-      .CATCH_ILLINSN(1),
-      .ENABLE_IRQ(0),
-      .REGS_INIT_ZERO(1),
-      .PROGADDR_RESET(32'd0),
-      .STACKADDR(STACK_TOP)
-  ) core_i (
-      .clk(clk),
-      .resetn(!rst),
-      .trap(trap),
-      .mem_valid(bus_valid),
-      .mem_ready(bus_ready),
-      .mem_addr(bus_addr),
-      .mem_wdata(bus_wdata),
-      .mem_wstrb(bus_wstrb),
-      .mem_rdata(bus_rdata),
-      .pcpi_wr(1'b0),
-      .pcpi_rd(32'd0),
-      .pcpi_wait(1'b0),
-      .pcpi_ready(1'b0),
-      .irq(32'd0)
-  );
+  generate
+    if (SOFT_CORE == SERV) begin : g_serv
+      wire [31:0] fetch_addr;
+      wire fetch_valid;
+      wire [31:0] data_addr;
+      wire [3:0] data_select;
+      wire data_write;
+      wire data_valid;
+
+      // Never both at once: it fetches when the instruction before is over.
+      assign bus_valid = fetch_valid || data_valid;
+      assign bus_addr = data_valid ? data_addr : fetch_addr;
+      assign bus_wstrb = data_select & {4{data_valid && data_write}};
+      assign trap = 1'b0;
+
+      serv_rf_top #(
+          .RESET_PC(32'd0),
+          .RESET_STRATEGY("MINI"),
+          .WITH_CSR(0)
+      ) core_i (
+          .clk(clk),
+          .i_rst(rst),
+          .i_timer_irq(1'b0),
+          .o_ibus_adr(fetch_addr),
+          .o_ibus_cyc(fetch_valid),
+          .i_ibus_rdt(bus_rdata),
+          .i_ibus_ack(bus_ready && fetch_valid),
+          .o_dbus_adr(data_addr),
+          .o_dbus_dat(bus_wdata),
+          .o_dbus_sel(data_select),
+          .o_dbus_we(data_write),
+          .o_dbus_cyc(data_valid),
+          .i_dbus_rdt(bus_rdata),
+          .i_dbus_ack(bus_ready && data_valid),
+          .i_ext_rd(32'd0),
+          .i_ext_ready(1'b0)
+      );
+    end else begin : g_picorv32
+      picorv32 #(
+          .ENABLE_COUNTERS(0),
+          .ENABLE_COUNTERS64(0),
+          .TWO_STAGE_SHIFT(1),
+          .BARREL_SHIFTER(0),
+          .CATCH_MISALIGN(1),
+          .CATCH_ILLINSN(1),
+          .ENABLE_IRQ(0),
+          .REGS_INIT_ZERO(1),
+          .PROGADDR_RESET(32'd0)
+      ) core_i (
+          .clk(clk),
+          .resetn(!rst),
+          .trap(trap),
+          .mem_valid(bus_valid),
+          .mem_ready(bus_ready),
+          .mem_addr(bus_addr),
+          .mem_wdata(bus_wdata),
+          .mem_wstrb(bus_wstrb),
+          .mem_rdata(bus_rdata),
+          .pcpi_wr(1'b0),
+          .pcpi_rd(32'd0),
+          .pcpi_wait(1'b0),
+          .pcpi_ready(1'b0),
+          .irq(32'd0)
+      );
+    end
+  endgenerate
   // verilator lint_on PINMISSING
 
 endmodule

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all benches share: the simulators a test runs on, and the seed of the run."""
+"""What all benches share: simulators and configurations that a test runs on, and the seed of the run."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tb.lib.runner import ROOT, SIMULATORS, waves_written
+from tools.sources import configurations
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -30,10 +31,12 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A test with an argument `sim` runs on every simulator."""
+    """A test with an argument `sim` runs on every simulator, one with `config` for every configuration."""
     if "sim" in metafunc.fixturenames:
         chosen = metafunc.config.getoption("--sim")
         metafunc.parametrize("sim", [chosen] if chosen else SIMULATORS)
+    if "config" in metafunc.fixturenames:
+        metafunc.parametrize("config", configurations())
 
 
 # Last result of every test, for `make trace`. Runs add to it, so a part run alone takes nothing away.

@@ -63,6 +63,7 @@ def test_drift_is_noticed(tmp_path):
     """The check itself can fail: a copy with one digit changed is refused and named."""
     for folder in ("regs", "tools", "sw/generated", "rtl/generated", "tb/generated", "sim/generated", "docs"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "configs.toml", tmp_path)
     target = tmp_path / "rtl/generated/card_defs.v"
     target.write_text(target.read_text().replace("9'd12", "9'd13"))
     done = subprocess.run(

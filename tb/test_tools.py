@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tb.lib.runner import ROOT
+from tools.sources import configurations, macros_file
 
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
@@ -61,9 +62,9 @@ def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
     return subprocess.CompletedProcess(words, done.returncode, stdout, stderr)
 
 
-@pytest.fixture(scope="module")
-def sources() -> list[str]:
-    done = command("make", "-s", "sources")
+@pytest.fixture
+def sources(config) -> list[str]:
+    done = command("make", "-s", "sources", *([] if config == "standard" else [f"CONFIG={config}"]))
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
 
@@ -104,17 +105,37 @@ def test_unknown_configuration():
     assert one_line(done.stderr) == "no configuration 'nosuch' in configs.toml; there are: standard, tiny"
 
 
-@pytest.mark.rule("TOP-1")
-def test_sources_are_the_whole_card(sources):
-    """One existing file a line: all of rtl/, and the soft core from its package."""
+@pytest.mark.rule("TOP-1", "TOP-2")
+def test_sources_are_the_whole_card(sources, config):
+    """One existing file a line: all of rtl/, the configuration's macros alone, its soft core's package."""
     assert all(Path(line).is_file() for line in sources)
+    others = {macros_file(name) for name in configurations() if name != config}
     assert {line for line in sources if line.startswith(f"{ROOT}/rtl/")} == {
-        str(path) for path in (ROOT / "rtl").rglob("*.v")
+        str(path) for path in (ROOT / "rtl").rglob("*.v") if path not in others
     }
-    assert [Path(line).name for line in sources if "pythondata_cpu_" in line] == ["picorv32.v"]
+    core = [line for line in sources if "pythondata_cpu_" in line]
+    assert all(f"/pythondata_cpu_{configurations()[config]['soft_core']}/" in line for line in core)
+    assert len(core) == {"standard": 1, "tiny": 16}[config]
 
 
-@pytest.mark.rule("TOP-1")
+@pytest.mark.rule("TOP-2")
+def test_the_list_of_files_sets_what_the_configuration_says(sources, config, tmp_path):
+    """The parameters of the elaborated top, nothing given on the command line."""
+    done = command("iverilog", "-g2005", "-s", TOP, "-o", "card", *sources, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    code = (tmp_path / "card").read_text()
+    top = code[code.index(f'"{TOP}"') :].split("S_0x", 1)[0]
+    found = dict(re.findall(r'\.param/l "(\w+)".*?(?:C4|\+C4)<(\w+)>', top))
+    entry = configurations()[config]
+    wanted = {
+        "CLK_HZ": entry["clk_hz"],
+        "SOFT_CORE": entry["soft_core_id"],
+        "MEMORY_BYTES": entry["memory_bytes"],
+    }
+    assert {name: int(found[name], 2) for name in wanted} == wanted
+
+
+@pytest.mark.rule("TOP-1", "TOP-2")
 @pytest.mark.parametrize(
     "elaborate",
     [

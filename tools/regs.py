@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates everything that is derived from regs/mailbox.rdl and regs/card.toml.
+"""Generates everything that is derived from regs/mailbox.rdl, regs/card.toml and configs.toml.
 
     tools/regs.py            writes the generated files
     tools/regs.py --check    exits 1 and names every file that differs from what would be written
 
 From the mailbox map: C header, Verilog constants, Python constants, Markdown page.
 From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+From the configurations: a file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 """
 
 import argparse
@@ -26,6 +27,7 @@ from systemrdl.node import AddrmapNode, FieldNode, RegNode
 ROOT = Path(__file__).resolve().parent.parent
 RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
+CONFIGS = "configs.toml"
 WORD_BYTES = 4
 
 
@@ -410,11 +412,28 @@ def card_cpp(card: Card) -> str:
     return "\n".join(lines) + "\n"
 
 
+# ---------------------------------------------------------------- configurations
+
+
+def config_macros(name: str, entry: dict) -> str:
+    lines = [
+        banner("//", CONFIGS).rstrip(),
+        "//",
+        f"// Configuration {name}: defaults of the top's parameters. Clock in Hz, memory in bytes.",
+        "",
+        f"`define CONFIG_CLK_HZ {entry['clk_hz']}",
+        f"`define CONFIG_SOFT_CORE 2'd{entry['soft_core_id']}  // {entry['soft_core']}",
+        f"`define CONFIG_MEMORY_BYTES {entry['memory_bytes']}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def generate() -> dict[str, str]:
     """Path (from the repository's root) -> text of every generated file."""
     top = compile_map()
     mailbox = top.get_child_by_name("MAILBOX")
     card = Card()
+    configs = tomllib.loads((ROOT / CONFIGS).read_text())
     return {
         "sw/generated/mailbox.h": c_header(top),
         "rtl/generated/mailbox_defs.v": verilog_constants(mailbox),
@@ -424,7 +443,7 @@ def generate() -> dict[str, str]:
         "rtl/generated/card_tables.v": card_verilog(card),
         "tb/generated/card_tables.py": card_python(card),
         "sim/generated/card_tables.h": card_cpp(card),
-    }
+    } | {f"rtl/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()}
 
 
 def main() -> int:

@@ -3,7 +3,8 @@
 
     tools/sources.py [CONFIG]     default: standard; exit 2 for a configuration that is not there
 
-The project's own files come from rtl/rtl.f, the core's from configs.toml. The order is a compile order.
+The project's own files come from rtl/rtl.f, the core's from configs.toml, and one file of macros carries
+what the configuration sets. The order is a compile order.
 """
 
 import importlib.util
@@ -35,19 +36,26 @@ def without_comments(path: Path) -> str:
     return re.sub(r"//.*?$|/\*.*?\*/", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
 
 
-def core_files(config: str = "standard") -> list[Path]:
-    """The soft core's Verilog files, which lie inside a Python package."""
+def configuration(config: str) -> dict:
     known = configurations()
     if config not in known:
         raise SourcesError(f"no configuration {config!r} in configs.toml; there are: {', '.join(known)}")
-    entry = known[config]
-    wrapper = next((path for path in rtl_files() if path.stem == CORE_WRAPPER), None)
-    if wrapper is None or not re.search(rf"\b{entry['core_module']}\b", without_comments(wrapper)):
-        raise SourcesError(f"configuration {config} is not built yet: its core is not in {CORE_WRAPPER}.v")
+    return known[config]
+
+
+def macros_file(config: str) -> Path:
+    """What the configuration sets, as macros for the parameters of the top; not in rtl/rtl.f."""
+    return ROOT / f"rtl/generated/config_{config}.v"
+
+
+def core_files(config: str = "standard") -> list[Path]:
+    """The soft core's Verilog files, which lie inside a Python package, and the configuration's macros."""
+    entry = configuration(config)
     spec = importlib.util.find_spec(entry["core_package"])
     if spec is None or spec.origin is None:
         raise SourcesError(f"Python package {entry['core_package']} is missing; run `make setup`")
-    return [Path(spec.origin).parent / name for name in entry["core_sources"]]
+    package = Path(spec.origin).parent
+    return [*(package / name for name in entry["core_sources"]), macros_file(config)]
 
 
 def card_files(config: str = "standard") -> list[Path]:

@@ -3,6 +3,7 @@
 `default_nettype none
 
 module core_and_memory #(
+    parameter [1:0] SOFT_CORE = 2'd0,
     parameter BYTES = 1024,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
@@ -29,7 +30,7 @@ module core_and_memory #(
   wire [31:0] ram_rdata;
 
   soft_core #(
-      .STACK_TOP(BYTES)
+      .SOFT_CORE(SOFT_CORE)
   ) core_i (
       .clk(clk),
       .rst(rst),

@@ -10,6 +10,7 @@ from cocotb.triggers import ReadOnly, RisingEdge, Timer, with_timeout
 from tb.generated.card_tables import DRIVE_BAUD, FORMATS, RATES
 from tb.generated.mailbox import REGISTERS
 from tb.lib.bench import Bench
+from tb.lib.config import boot_clocks
 from tb.lib.fc_slave import FcSlave, Manner
 from tb.lib.modbus_master import ModbusMaster
 from tb.lib.rs485 import Rs485Line
@@ -17,7 +18,6 @@ from tb.lib.uart_agent import Format
 
 PARITY_LETTER = {"none": "N", "even": "E", "odd": "O"}
 MS = 1_000_000_000
-BOOT_MS, BOOT_CLK_HZ = 20, 12_000_000  # BOOT-1: what the firmware may take, at the standard clock
 
 
 def line_formats() -> dict[str, str]:
@@ -89,8 +89,7 @@ class Card:
 
     async def _firmware_ready(self) -> None:
         """At a slow clock the firmware starts later; nobody needs to wait longer than it takes."""
-        limit_ms = BOOT_MS * BOOT_CLK_HZ / min(self.clk_hz, BOOT_CLK_HZ)
-        await with_timeout(self._first_look(), round(limit_ms * MS), "ps")
+        await with_timeout(self._first_look(), round(boot_clocks() * self.bench.period_ps), "ps")
 
     async def _first_look(self) -> None:
         word = None

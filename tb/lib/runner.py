@@ -22,7 +22,8 @@ from pathlib import Path
 import pytest
 from cocotb_tools.runner import as_sv_literal, get_runner
 
-from tools.sources import ROOT, configurations, needed_files, rtl_files
+from tb.lib.config import CONFIG_VARIABLE
+from tools.sources import ROOT, configuration, needed_files, rtl_files
 from tools.waves import save_file
 
 SIMULATORS = ("icarus", "verilator")
@@ -62,6 +63,7 @@ def run(
     test_module: str,
     *,
     sim: str,
+    config: str = "standard",
     parameters: Mapping[str, object] | None = None,
     sources: Sequence[Path] | None = None,
     extra_sources: Sequence[Path] = (),
@@ -70,9 +72,10 @@ def run(
 ) -> None:
     """Runs the cocotb tests of `test_module` on module `top`; fails like any pytest test.
 
-    The sources are found: `top` and all modules below it. A bench with a wrapper in Verilog gives it as
-    `extra_sources`, with `top` in it. `sources` replaces the finding. String parameters are quoted here.
-    `testcase` names the cocotb tests to run, parametrised ones by their function; default: all.
+    The sources are found: `top` and all modules below it, with the soft core and the firmware of `config`. A
+    bench with a wrapper in Verilog gives it as `extra_sources`, with `top` in it; `sources` replaces the
+    finding. String parameters are quoted here. `testcase` names the cocotb tests to run, parametrised ones by
+    their function; default: all.
     """
     for tool in TOOLS[sim]:
         if shutil.which(tool) is None:
@@ -80,10 +83,10 @@ def run(
     waves = os.environ.get("WAVES", "0") not in ("", "0")
     parameters = dict(parameters or {})
     if sources is None:
-        sources = bench_files(extra_sources) if extra_sources else needed_files(top)
+        sources = bench_files(extra_sources, config) if extra_sources else needed_files(top, config)
     sources = [*sources, *extra_sources]
     if top == "rtu2fc":
-        parameters.setdefault("FIRMWARE_HEX", str(_firmware()))
+        parameters.setdefault("FIRMWARE_HEX", str(firmware(config)))
     literals = {name: as_sv_literal(value) for name, value in parameters.items()}
     test_name = _test_name()
     run_folder = ROOT / "build/tests" / test_name
@@ -106,7 +109,11 @@ def run(
             plusargs=[f"+dumpfile_path={dump}"] if waves and sim == "icarus" else [],
             timescale=TIMESCALE,
             waves=waves,
-            extra_env={"PYTHONWARNINGS": "error::DeprecationWarning", **(extra_env or {})},
+            extra_env={
+                "PYTHONWARNINGS": "error::DeprecationWarning",
+                CONFIG_VARIABLE: config,
+                **(extra_env or {}),
+            },
         )
     except SystemExit:
         pass  # judged below, from the results file
@@ -123,16 +130,17 @@ def _filter(testcase: str | Sequence[str] | None) -> str | None:
     return rf"\.({'|'.join(names)})(/|$)"
 
 
-def bench_files(wrappers: Sequence[Path]) -> list[Path]:
+def bench_files(wrappers: Sequence[Path], config: str = "standard") -> list[Path]:
     """The project's files that the wrappers of a bench need."""
     words = set(re.findall(r"\w+", "".join(Path(path).read_text() for path in wrappers)))
     tops = [path.stem for path in rtl_files() if path.stem in words]
-    files = [path for top in tops for path in needed_files(top)]
+    files = [path for top in tops for path in needed_files(top, config)]
     return list(dict.fromkeys(files))
 
 
-def _firmware() -> Path:
-    path = ROOT / configurations()["standard"]["firmware_hex"]
+def firmware(config: str = "standard") -> Path:
+    """The image of the configuration."""
+    path = ROOT / configuration(config)["firmware_hex"]
     if not path.exists():
         pytest.fail(f"{path.relative_to(ROOT)} is missing; run `make firmware`", pytrace=False)
     return path
