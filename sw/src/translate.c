@@ -31,6 +31,17 @@ enum { AT_ADDRESS = 1, AT_OPERAND = 3, AT_COUNT = 5, AT_DATA = 6, PDU_PLAIN = 5 
 
 enum { DEFAULT_NETWORK_TIMEOUT = 1000, DEFAULT_DRIVE_TIMEOUT = 15 };
 
+/* Member by member: the call of memcpy that an assignment becomes would take as long as a decode. */
+static void copy_settings(struct settings *to, const struct settings *from)
+{
+    uint32_t i;
+
+    to->control = from->control;
+    for (i = 0; i < LOCAL_REGISTERS; i++)
+        to->local[i] = from->local[i];
+    to->eeprom = from->eeprom;
+}
+
 void translate_init(struct translator *t)
 {
     t->settings.control = 0;
@@ -117,7 +128,7 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
 {
     enum outcome outcome;
 
-    txn->settings = t->settings;
+    copy_settings(&txn->settings, &t->settings);
     txn->function = (uint8_t)pdu[0];
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);
@@ -127,7 +138,7 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
 
 void translate_commit(struct translator *t, const struct transaction *txn)
 {
-    t->settings = txn->settings;
+    copy_settings(&t->settings, &txn->settings);
 }
 
 /* Four PCD bytes at the end of the data: status word and output frequency. */
