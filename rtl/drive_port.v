@@ -38,8 +38,7 @@ module drive_port (
     output wire       listening,
     output wire       candidate,
     output wire       good,
-    output wire       bad,
-    output wire [7:0] lge
+    output wire       bad
 );
 
   // A gap of exactly 2 characters is still allowed, so the limit stands 1/4 bit later.
@@ -70,7 +69,7 @@ module drive_port (
 
   baud_divider divider_i (
       .clk(clk),
-      .rst(rst),
+      .rst(1'b0),  // the card's time hangs on it
       // stream in
       .tick_base(tick_base),
       // stream out
@@ -161,8 +160,7 @@ module drive_port (
       .listening(listening),
       .candidate(candidate),
       .good(good),
-      .bad(bad),
-      .lge(lge)
+      .bad(bad)
   );
 
   fc_tx fc_tx_i (

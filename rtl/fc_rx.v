@@ -13,7 +13,8 @@
 // frame memory until listen_start, listen_stop or the next own telegram.
 // Data byte i is stored at i, from 24 on at 24 + (i mod 4): a text longer than 20
 // characters is followed to its end, and the last four bytes, PCD1 and PCD2, are
-// always there (FC-7). Units: tick16 = 1/16 bit. Clock domain: clk.
+// always there (FC-7). LGE is stored at 28, before them. Units: tick16 = 1/16 bit.
+// Clock domain: clk.
 `default_nettype none
 
 module fc_rx (
@@ -38,11 +39,11 @@ module fc_rx (
     output wire       listening,
     output wire       candidate,
     output wire       good,
-    output reg        bad,
-    output reg  [7:0] lge
+    output reg        bad
 );
 
   localparam [7:0] STX = 8'h02;
+  localparam [5:0] LGE_SLOT = `MBX_DRIVE_LGE_SLOT;
   localparam [7:0] LGE_MIN = 8'd6;  // ADR, PCD1, PCD2, BCC
   // The pause is two characters. A telegram may take 1.5 characters for each that it has;
   // its clock starts when STX is in, with one of them gone by.
@@ -93,10 +94,7 @@ module fc_rx (
       .value(check)
   );
 
-  initial begin
-    bad = 1'b0;
-    lge = 8'd0;
-  end
+  initial bad = 1'b0;
 
   always @(posedge clk) begin
     bad <= fault;
@@ -112,15 +110,16 @@ module fc_rx (
       if (index[4:3] == 2'b11) index[1:0] <= index[1:0] + 2'd1;
       else index <= index + 5'd1;
     end
-    if (state == S_LGE) index <= 5'd0;
+    if (state == S_LGE) index <= LGE_SLOT[4:0];
+    if (state == S_ADR && !storing) index <= 5'd0;
 
     if (byte_valid) begin
       left <= left - 8'd1;
       case (state)
         S_HUNT:  if (!damaged && byte_data == STX) state <= S_LGE;
         S_LGE: begin
-          lge   <= byte_data;
-          left  <= byte_data;
+          storing <= 1'b1;
+          left <= byte_data;
           state <= S_ADR;
         end
         S_ADR:   state <= S_DATA;

@@ -4,8 +4,8 @@
 // A frame starts with a character after t3.5 of silence. At t1.5 after a good
 // frame (CRC, parity, framing, 4 to 256 bytes) for this card or for all it becomes
 // the candidate; at t3.5 it is committed; a character in between revokes it
-// (FRAME-6). The first 32 bytes go to the frame memory, the true length is told
-// (FRAME-5). Two banks take turns: the bank of the newest candidate is not
+// (FRAME-6). The first 32 bytes go to the frame memory, the true length is told,
+// modulo 256 (FRAME-5). Two banks take turns: the bank of the newest candidate is not
 // written again before a newer candidate exists, so the firmware never reads a
 // mixture.
 //
@@ -46,7 +46,7 @@ module rtu_rx #(
     output reg        candidate,
     output reg        commit,
     output reg        revoke,
-    output reg  [8:0] frame_length,
+    output reg  [7:0] frame_length,
     output reg        frame_broadcast,
     output reg        frame_bank,
     output wire       count_crc,
@@ -100,7 +100,7 @@ module rtu_rx #(
     candidate = 1'b0;
     commit = 1'b0;
     revoke = 1'b0;
-    frame_length = 9'd0;
+    frame_length = 8'd0;
     frame_broadcast = 1'b0;
     frame_bank = 1'b0;
   end
@@ -133,7 +133,7 @@ module rtu_rx #(
     // Latched, because the next frame may begin while the firmware still reads.
     // A revoked candidate gives its bank back and may go on growing in it.
     if (raise) begin
-      frame_length <= length;
+      frame_length <= length[7:0];
       frame_broadcast <= for_all;
     end
     if (raise || (spoilt && mine && PREPARE_EARLY)) frame_bank <= !frame_bank;

@@ -148,7 +148,7 @@ async def frames_of_every_length_show_their_length_and_first_32_bytes(dut):
         rx.clear()
         frame = rtu.build(OWN, rng.randbytes(length - 3))
         await rx.frame(frame)
-        assert rx.candidates.values == [(length, 0)], f"{length} bytes"
+        assert rx.candidates.values == [(length % 256, 0)], f"{length} bytes"
         assert rx.outcome() == (1, 1, 0)
         assert rx.stored(min(length, 32)) == frame[:32], f"{length} bytes"
 

@@ -33,8 +33,7 @@ module drive_line #(
     output wire       listening,
     output wire       candidate,
     output wire       good,
-    output wire       bad,
-    output wire [7:0] lge
+    output wire       bad
 );
 
   wire tick_base;
@@ -73,8 +72,7 @@ module drive_line #(
       .listening(listening),
       .candidate(candidate),
       .good(good),
-      .bad(bad),
-      .lge(lge)
+      .bad(bad)
   );
 
 endmodule

@@ -26,7 +26,7 @@ module rtu_rx_crc #(
     output wire       candidate,
     output wire       commit,
     output wire       revoke,
-    output wire [8:0] frame_length,
+    output wire [7:0] frame_length,
     output wire       frame_broadcast,
     output wire       frame_bank,
     output wire       count_crc,
