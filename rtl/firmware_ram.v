@@ -1,50 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Program and data memory of the soft core, loaded with the firmware image.
+// The card's one memory: program, data and frames, loaded with the firmware image.
 //
-// BYTES is a power of two times 4 or any multiple of 4; the address wraps at the next
-// power of two. One 32-bit port, byte writes, an access takes two clocks: valid, then
-// ready with the data. FIRMWARE_HEX: $readmemh image, one 32-bit word a line.
-// Clock domain: clk. Rules: TOP-1, TOP-2.
+// BYTES is any multiple of 4. One 32-bit port, byte writes. rdata shows the word that
+// was enabled a clock before and 0 after any other clock, so that it can be ORed with
+// what else is read. A word that is written is not read. FIRMWARE_HEX: $readmemh
+// image, one 32-bit word a line. Clock domain: clk. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module firmware_ram #(
     parameter BYTES = 8192,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
-    input  wire        clk,
-    input  wire        rst,
-    // soft core bus
-    input  wire        bus_valid,
-    output reg         bus_ready,
-    input  wire [31:0] bus_addr,
-    input  wire [31:0] bus_wdata,
-    input  wire [ 3:0] bus_wstrb,
-    output reg  [31:0] bus_rdata
+    input  wire                       clk,
+    // bus
+    input  wire                       enable,
+    input  wire [$clog2(BYTES/4)-1:0] word,
+    input  wire [               31:0] wdata,
+    input  wire [                3:0] wstrb,
+    output reg  [               31:0] rdata
 );
 
   localparam WORDS = BYTES / 4;
-  localparam ADDR_BITS = $clog2(WORDS);
 
   (* no_rw_check *) reg [31:0] words[0:WORDS-1];
 
-  wire [ADDR_BITS-1:0] word = bus_addr[ADDR_BITS+1:2];
-  wire [3:0] write = bus_wstrb & {4{bus_valid}};
-
   initial $readmemh(FIRMWARE_HEX, words);
-  initial bus_ready = 1'b0;
+  initial rdata = 32'd0;
 
   always @(posedge clk) begin
-    if (write[0]) words[word][7:0] <= bus_wdata[7:0];
-    if (write[1]) words[word][15:8] <= bus_wdata[15:8];
-    if (write[2]) words[word][23:16] <= bus_wdata[23:16];
-    if (write[3]) words[word][31:24] <= bus_wdata[31:24];
-    bus_rdata <= words[word];
+    if (wstrb[0]) words[word][7:0] <= wdata[7:0];
+    if (wstrb[1]) words[word][15:8] <= wdata[15:8];
+    if (wstrb[2]) words[word][23:16] <= wdata[23:16];
+    if (wstrb[3]) words[word][31:24] <= wdata[31:24];
+    if (enable) rdata <= words[word];
+    else rdata <= 32'd0;
   end
-
-  always @(posedge clk) bus_ready <= bus_valid && !bus_ready && !rst;
-
-  // The other address bits choose the memory, or wrap round.
-  wire unused = &{1'b0, bus_addr[31:ADDR_BITS+2], bus_addr[1:0]};
 
 endmodule
 

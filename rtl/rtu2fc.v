@@ -45,8 +45,7 @@ module rtu2fc #(
 
   wire tick_base;
   wire tick16_drive;
-  wire ms_tick;
-  wire [15:0] ms;
+  wire [7:0] ticks;
   wire [9:1] baud;
   wire [8:1] addr;
   wire addr_valid;
@@ -59,14 +58,11 @@ module rtu2fc #(
   wire [31:0] core_rdata;
   wire core_trap;
   wire core_rst;
-  wire ram_valid;
-  wire ram_ready;
+  wire ram_enable;
+  wire [$clog2(MEMORY_BYTES/4)-1:0] ram_word;
+  wire [31:0] ram_wdata;
+  wire [3:0] ram_wstrb;
   wire [31:0] ram_rdata;
-  wire mailbox_valid;
-  wire mailbox_ready;
-  wire mailbox_write;
-  wire [8:0] mailbox_word;
-  wire [15:0] mailbox_rdata;
 
   wire modbus_write_valid;
   wire modbus_write_ready;
@@ -83,7 +79,7 @@ module rtu2fc #(
   wire candidate;
   wire commit;
   wire revoke;
-  wire [8:0] frame_length;
+  wire [7:0] frame_length;
   wire frame_broadcast;
   wire frame_bank;
   wire count_crc;
@@ -110,7 +106,6 @@ module rtu2fc #(
   wire drive_candidate;
   wire drive_good;
   wire drive_bad;
-  wire [7:0] drive_lge;
 
   wire [7:0] frame_read_data;
 
@@ -118,7 +113,6 @@ module rtu2fc #(
   wire halt;
   wire loopback_close;
   wire loopback_open;
-  wire [1:0] watchdog_bites;
   wire fault;
   wire lit_modbus_red;
   wire lit_modbus_green;
@@ -150,7 +144,7 @@ module rtu2fc #(
   switch_sampler switches_i (
       .clk(clk),
       .rst(rst_pin),
-      .tick_base(tick_base),
+      .settled(ticks[0]),
       // pins
       .sw_baud(sw_baud),
       .sw_addr(sw_addr),
@@ -161,13 +155,12 @@ module rtu2fc #(
       .addr_valid(addr_valid)
   );
 
-  ms_timer ms_i (
+  card_time time_i (
       .clk(clk),
-      .rst(rst),
+      .rst(rst_pin),
       .tick16(tick16_drive),
       // status
-      .ms_tick(ms_tick),
-      .ms(ms)
+      .ticks(ticks)
   );
 
   network_port #(
@@ -244,26 +237,27 @@ module rtu2fc #(
       .listening(drive_listening),
       .candidate(drive_candidate),
       .good(drive_good),
-      .bad(drive_bad),
-      .lge(drive_lge)
+      .bad(drive_bad)
   );
 
   mailbox #(
-      .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY),
-      .SOFT_CORE_ID(SOFT_CORE),
-      .CLK_HZ(CLK_HZ)
+      .MEMORY_BYTES(MEMORY_BYTES)
   ) mailbox_i (
       .clk(clk),
-      .rst(rst),
       .core_rst(core_rst),
-      // firmware bus
-      .bus_valid(mailbox_valid),
-      .bus_ready(mailbox_ready),
-      .bus_write(mailbox_write),
-      .bus_word(mailbox_word),
-      .bus_wdata(core_wdata[15:0]),
-      .bus_rdata(mailbox_rdata),
+      // soft core
+      .core_valid(core_valid),
+      .core_ready(core_ready),
+      .core_addr(core_addr),
+      .core_wdata(core_wdata),
+      .core_wstrb(core_wstrb),
+      .core_rdata(core_rdata),
+      // memory
+      .ram_enable(ram_enable),
+      .ram_word(ram_word),
+      .ram_wdata(ram_wdata),
+      .ram_wstrb(ram_wstrb),
+      .ram_rdata(ram_rdata),
       // network port
       .modbus_write_valid(modbus_write_valid),
       .modbus_write_ready(modbus_write_ready),
@@ -274,7 +268,6 @@ module rtu2fc #(
       .modbus_read_addr(modbus_read_addr),
       .reply_start(reply_start),
       .reply_length(reply_length),
-      .modbus_sending(modbus_sending),
       .modbus_quiet(modbus_quiet),
       .modbus_start_seen(modbus_start_seen),
       .candidate(candidate),
@@ -298,11 +291,9 @@ module rtu2fc #(
       .listen_stop(listen_stop),
       .drive_sending(drive_sending),
       .drive_quiet(drive_quiet),
-      .drive_listening(drive_listening),
       .drive_candidate(drive_candidate),
       .drive_good(drive_good),
       .drive_bad(drive_bad),
-      .drive_lge(drive_lge),
       // both ports
       .read_data(frame_read_data),
       // supervisor
@@ -310,11 +301,8 @@ module rtu2fc #(
       .halt(halt),
       .loopback_close(loopback_close),
       .loopback_open(loopback_open),
-      .watchdog_bites(watchdog_bites),
       // status
-      .sw_baud(baud),
-      .sw_addr(addr),
-      .ms(ms),
+      .ticks(ticks),
       .count_crc(count_crc),
       .count_parity(count_parity),
       .count_framing(count_framing),
@@ -329,7 +317,7 @@ module rtu2fc #(
   supervisor supervisor_i (
       .clk(clk),
       .rst(rst),
-      .ms_tick(ms_tick),
+      .beat(ticks[5]),
       // firmware
       .kick(watchdog_kick),
       .halt(halt),
@@ -342,7 +330,6 @@ module rtu2fc #(
       .reply_start(reply_start),
       .drive_good(drive_good),
       .core_rst(core_rst),
-      .bites(watchdog_bites),
       .fault(fault),
       .loopback_open(loopback_open)
   );
@@ -363,39 +350,21 @@ module rtu2fc #(
       .trap(core_trap)
   );
 
-  bus_decode decode_i (
-      // soft core
-      .core_valid(core_valid),
-      .core_ready(core_ready),
-      .core_addr(core_addr),
-      .core_wstrb(core_wstrb),
-      .core_rdata(core_rdata),
-      // memory
-      .ram_valid(ram_valid),
-      .ram_ready(ram_ready),
-      .ram_rdata(ram_rdata),
-      // mailbox
-      .mailbox_valid(mailbox_valid),
-      .mailbox_ready(mailbox_ready),
-      .mailbox_write(mailbox_write),
-      .mailbox_word(mailbox_word),
-      .mailbox_rdata(mailbox_rdata)
-  );
-
   firmware_ram #(
       .BYTES(MEMORY_BYTES),
       .FIRMWARE_HEX(FIRMWARE_HEX)
   ) ram_i (
       .clk(clk),
-      .rst(core_rst),
-      // soft core bus
-      .bus_valid(ram_valid),
-      .bus_ready(ram_ready),
-      .bus_addr(core_addr),
-      .bus_wdata(core_wdata),
-      .bus_wstrb(core_wstrb),
-      .bus_rdata(ram_rdata)
+      // bus
+      .enable(ram_enable),
+      .word(ram_word),
+      .wdata(ram_wdata),
+      .wstrb(ram_wstrb),
+      .rdata(ram_rdata)
   );
+
+  // For waveforms only.
+  wire unused = &{1'b0, modbus_sending, drive_listening};
 
 endmodule
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Watches the firmware, restarts it when it stops, and halts the card on a fault.
 //
-// Watchdog (WDG-1): without a kick for BITE_MS, or on a trap, it bites: the soft core
+// Watchdog (WDG-1): at the third beat without a kick, or on a trap, it bites: the soft core
 // and what it had queued are reset, the lines and the switch settings are not, so a
 // telegram on the wire is finished. Three bites with neither a reply sent nor a
 // good telegram from the drive in between are a fault.
@@ -10,16 +10,16 @@
 // (both DE low), both LEDs red.
 // Loop-back test (LOOP-1): open while its switch pattern was set at power-up and the
 // firmware has not closed it; then never again.
-// Units: ms_tick = 1 ms. Clock domain: clk.
+// Units: beat changes every 32/1200 s, so it bites 53 to 80 ms after the last kick.
+// Clock domain: clk.
 `default_nettype none
 
 module supervisor #(
-    parameter [6:0] BITE_MS = 7'd64,
     parameter [9:1] LOOPBACK_SWITCHES = 9'b1111_00_111
 ) (
     input  wire       clk,
     input  wire       rst,
-    input  wire       ms_tick,
+    input  wire       beat,
     // firmware
     input  wire       kick,
     input  wire       halt,
@@ -32,30 +32,30 @@ module supervisor #(
     input  wire       reply_start,
     input  wire       drive_good,
     output wire       core_rst,
-    output reg  [1:0] bites,
     output wire       fault,
     output wire       loopback_open
 );
 
-  reg [6:0] idle_ms = 7'd0;
+  reg beat_before = 1'b0;
+  reg [1:0] idle_beats = 2'd0;
+  reg [1:0] bites = 2'd0;
   reg [1:0] restarting = 2'b00;
   reg halted = 1'b0;
   reg loopback_closed = 1'b0;
   reg drive_was_good = 1'b0;
 
-  wire bite = (idle_ms == BITE_MS || core_trap) && restarting == 2'b00;
+  wire bite = (idle_beats == 2'd3 || core_trap) && restarting == 2'b00;
 
   assign loopback_open = !loopback_closed && sw_baud == LOOPBACK_SWITCHES;
   assign fault = !rst && (halted || bites == 2'd3 || (!address_valid && !loopback_open));
   assign core_rst = rst || fault || restarting != 2'b00;
 
-  initial bites = 2'd0;
-
   always @(posedge clk) begin
     // Two clocks, so that an access under way has its answer before the next begins.
-    restarting <= {restarting[0], bite};
-    if (ms_tick) idle_ms <= idle_ms + 7'd1;
-    if (kick || bite) idle_ms <= 7'd0;
+    restarting  <= {restarting[0], bite};
+    beat_before <= beat;
+    if (beat != beat_before) idle_beats <= idle_beats + 2'd1;
+    if (kick || bite) idle_beats <= 2'd0;
     drive_was_good <= drive_good;
     if (!fault && (reply_start || (drive_good && !drive_was_good))) bites <= 2'd0;
     if (bite && !fault) bites <= bites + 2'd1;
@@ -63,7 +63,7 @@ module supervisor #(
     if (loopback_close) loopback_closed <= 1'b1;
     if (rst) begin
       restarting <= 2'b00;
-      idle_ms <= 7'd0;
+      idle_beats <= 2'd0;
       bites <= 2'd0;
       halted <= 1'b0;
       loopback_closed <= 1'b0;

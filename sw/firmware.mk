@@ -13,7 +13,7 @@ FIRMWARE_HOST_DIR ?= build/host
 # Bytes. Code, variables and stack fit the smallest memory of configs.toml: one firmware for all.
 FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
-FIRMWARE_STACK := 256
+FIRMWARE_STACK := 192
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
@@ -25,7 +25,7 @@ FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict
 # Loops stay loops: there is no C library to call instead.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns
-FIRMWARE_LDFLAGS := -nostdlib -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
+FIRMWARE_LDFLAGS := -nostdlib -Lsw/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
 .PHONY: firmware firmware-size
@@ -38,7 +38,7 @@ build/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_DEFINES)
 
 $(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
-		sw/firmware.mk configs.toml | $(SETUP)
+		sw/generated/frames.ld sw/firmware.mk configs.toml | $(SETUP)
 	@mkdir -p $(@D)
 	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_OPTIONS) $(FIRMWARE_LDFLAGS) \
 		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)

@@ -5,79 +5,76 @@ from __future__ import annotations
 
 import cocotb
 import pytest
+from cocotb.triggers import RisingEdge
 
-from tb.generated.mailbox import AREAS, FRAME_MEMORY, REGISTERS
+from tb.generated.mailbox import REGISTERS, Register
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
 # Field of the map to the input that feeds it.
 SOURCES = {
-    ("SW_BAUD", "switches"): "sw_baud",
-    ("SW_ADDR", "switches"): "sw_addr",
-    ("TIME", "ms"): "ms",
+    ("TIME", "ticks"): "ticks",
     ("REQUEST", "ticket"): "request_ticket",
     ("REQUEST", "candidate"): "request_candidate",
     ("REQUEST", "committed"): "request_committed",
     ("REQUEST", "broadcast"): "request_broadcast",
     ("REQUEST", "bank"): "request_bank",
-    ("REQUEST_LENGTH", "bytes"): "request_length",
-    ("REPLY", "queued"): "reply_queued",
-    ("REPLY", "sending"): "reply_sending",
+    ("LENGTH", "bytes"): "request_length",
     ("EXCHANGE", "queued"): "telegram_queued",
     ("EXCHANGE", "sending"): "telegram_sending",
     ("EXCHANGE", "started"): "telegram_started",
-    ("EXCHANGE", "listening"): "drive_listening",
     ("EXCHANGE", "candidate"): "drive_candidate",
     ("EXCHANGE", "good"): "drive_good",
-    ("EXCHANGE", "lge"): "drive_lge",
-    ("SUPERVISOR", "loopback"): "loopback_open",
-    ("SUPERVISOR", "bites"): "watchdog_bites",
+    ("EXCHANGE", "loopback"): "loopback_open",
 }
-PARAMETERS = {"CLK_HZ": 24_500_000, "STRICT_T15": 0, "PREPARE_EARLY": 1, "SOFT_CORE_ID": 1}
-BUILD = {"strict_t15": 0, "prepare_early": 1, "soft_core": 1, "clk_mhz": 24}
+READ = {name: register for name, register in REGISTERS.items() if register.size == 1}
+EVENTS = REGISTERS["EVENTS"].fields
 COMMANDS = """
-    queue_reply queue_telegram telegram_touched listen_again listen_stop watchdog_kick halt loopback_close
+    queue_reply queue_telegram listen_again listen_stop watchdog_kick halt loopback_close
 """.split()  # noqa: SIM905
 KEY = REGISTERS["WATCHDOG"].fields["key"].reset
-TELEGRAM = AREAS["TELEGRAM_FRAME"]
 
 
 class Firmware:
-    """The soft core's side of the bus; the frame memory answers at once unless told otherwise."""
+    """The soft core's side of the bus, as bus_arbiter leads it here."""
 
     def __init__(self, dut):
         self.dut = dut
-        inputs = dict.fromkeys((*SOURCES.values(), "bus_valid", "bus_write", "bus_word", "bus_wdata"), 0)
-        self.bench = Bench(dut, **inputs, write_ready=1, read_ready=1, read_data=0)
+        inputs = (*SOURCES.values(), "valid", "write", "word", "wdata", "events")
+        self.bench = Bench(dut, **dict.fromkeys(inputs, 0))
 
     async def start(self) -> Firmware:
         await self.bench.start()
         return self
 
-    async def access(self, offset: int, value: int | None = None) -> int:
-        """One bus access at a byte offset; returns what was read."""
-        self.dut.bus_word.value = offset // 4
-        self.dut.bus_write.value = int(value is not None)
-        self.dut.bus_wdata.value = value or 0
-        self.dut.bus_valid.value = 1
+    async def access(self, word: int, value: int | None = None) -> int:
+        """One access to a word; returns what was read."""
+        self.dut.word.value = word
+        self.dut.write.value = int(value is not None)
+        self.dut.wdata.value = (value or 0) & 0xFF
+        self.dut.valid.value = 1
+        await RisingEdge(self.dut.clk)
+        self.dut.valid.value = 0
         await self.bench.clocks()
-        for _ in range(20):
-            if int(self.dut.bus_ready.value):
-                break
-            await self.bench.clocks()
-        else:
-            raise AssertionError("no answer within 20 clocks")
-        data = self.dut.bus_rdata.value.to_unsigned()
-        self.dut.bus_valid.value = 0
+        data = self.dut.rdata.value.to_unsigned()
         await self.bench.clocks()
+        assert not int(self.dut.rdata.value), "what nobody asked for"
         return data
 
     async def read(self, name: str) -> int:
-        return await self.access(REGISTERS[name].offset)
+        """The byte of a register."""
+        register: Register = READ[name]
+        return await self.access(register.offset // 4) >> 8 * (register.offset % 4) & 0xFF
 
     async def write(self, name: str, **fields: int) -> None:
-        await self.access(REGISTERS[name].offset, REGISTERS[name].pack(**fields))
+        assert REGISTERS[name].offset % 4 == 0
+        await self.access(REGISTERS[name].offset // 4, REGISTERS[name].pack(**fields))
+
+    async def event(self, flags: int) -> None:
+        self.dut.events.value = flags
+        await self.bench.clocks()
+        self.dut.events.value = 0
 
 
 def feed(dut, rng) -> dict[tuple[str, str], int]:
@@ -93,12 +90,10 @@ def feed(dut, rng) -> dict[tuple[str, str], int]:
 @cocotb.test()
 async def after_reset_every_field_reads_its_reset_value(dut):
     firmware = await Firmware(dut).start()
-    for name, register in REGISTERS.items():
+    for name, register in READ.items():
         word = await firmware.read(name)
         for field, about in register.fields.items():
-            if about.access != "wo" and about.reset is not None:
-                assert about.get(word) == about.reset, f"{name}.{field}"
-    assert REGISTERS["BUILD"].unpack(await firmware.read("BUILD")) == BUILD
+            assert about.get(word) == about.reset, f"{name}.{field}"
 
 
 @cocotb.test()
@@ -107,39 +102,76 @@ async def every_field_shows_its_own_input_and_nothing_else_is_read(dut):
     firmware = await Firmware(dut).start()
     for _ in range(20):
         expected = feed(dut, rng)
-        for name, register in REGISTERS.items():
+        for name, register in READ.items():
             word = await firmware.read(name)
             used = 0
             for field, about in register.fields.items():
-                if (name, field) in SOURCES:
+                if name != "EVENTS":
                     assert about.get(word) == expected[name, field], f"{name}.{field}"
-                if about.access != "wo":
-                    used |= ((1 << about.width) - 1) << about.bit
-            assert word & ~used == 0, f"{name}: {word:04X}h in bits that do not exist"
+                used |= ((1 << about.width) - 1) << about.bit
+            assert word & ~used == 0, f"{name}: {word:02X}h in bits that do not exist"
 
 
 @cocotb.test()
-async def words_between_the_registers_read_0(dut):
+async def an_event_stays_until_it_is_cleared_and_clears_no_other(dut):
+    rng = seeded("events")
     firmware = await Firmware(dut).start()
-    feed(dut, seeded("levels"))
-    known = {register.offset for register in REGISTERS.values()}
-    for offset in range(0, FRAME_MEMORY, 4):
-        if offset not in known:
-            assert await firmware.access(offset) == 0, f"offset {offset:03X}h"
+    for about in EVENTS.values():
+        await firmware.event(1 << about.bit)
+        assert await firmware.read("EVENTS") == 1 << about.bit
+        assert await firmware.read("EVENTS") == 1 << about.bit, "reading has no side effect"
+        await firmware.write("EVENTS", **dict.fromkeys(EVENTS, 1))
+        assert await firmware.read("EVENTS") == 0
+    for _ in range(100):
+        flags, cleared = rng.randrange(128), rng.randrange(128)
+        await firmware.event(flags)
+        await firmware.access(REGISTERS["EVENTS"].offset // 4, cleared)
+        assert await firmware.read("EVENTS") == flags & ~cleared
+        await firmware.access(REGISTERS["EVENTS"].offset // 4, 0x7F)
+    assert await firmware.read("EVENTS") == 0
 
 
 @cocotb.test()
-async def only_the_led_register_keeps_what_is_written(dut):
+async def an_event_in_the_clock_of_its_clearing_is_kept(dut):
     firmware = await Firmware(dut).start()
-    before = {name: await firmware.read(name) for name in REGISTERS}
-    for register in REGISTERS.values():
-        await firmware.access(register.offset, 0xFFFF)
-    for name in REGISTERS:
-        assert await firmware.read(name) == (0xF if name == "LED" else before[name]), name
-    for field in REGISTERS["LED"].fields:
-        await firmware.write("LED", **{field: 1})
-        lit = {other: int(getattr(dut, f"led_{other}").value) for other in REGISTERS["LED"].fields}
-        assert lit == {other: int(other == field) for other in lit}
+    for about in EVENTS.values():
+        flag = 1 << about.bit
+        await firmware.event(0x7F)
+        dut.word.value, dut.write.value, dut.wdata.value = REGISTERS["EVENTS"].offset // 4, 1, 0x7F
+        dut.valid.value = 1
+        await firmware.event(flag)
+        dut.valid.value = 0
+        await firmware.bench.clocks()
+        assert await firmware.read("EVENTS") == flag
+
+
+@cocotb.test()
+async def events_outlive_a_restart_of_the_firmware(dut):
+    firmware = await Firmware(dut).start()
+    await firmware.event(0x55)
+    dut.rst.value = 1
+    await firmware.event(0x2A)
+    dut.rst.value = 0
+    await firmware.bench.clocks()
+    assert await firmware.read("EVENTS") == 0x7F
+
+
+@cocotb.test()
+async def only_its_own_register_lights_a_led(dut):
+    firmware = await Firmware(dut).start()
+
+    def lit() -> dict[str, int]:
+        return {led: int(getattr(dut, f"led_{led}").value) for led in REGISTERS["LED"].fields}
+
+    for name, register in REGISTERS.items():
+        if name != "LED":
+            await firmware.access(register.offset // 4, 0xFF)
+    assert not any(lit().values())
+    for led in REGISTERS["LED"].fields:
+        await firmware.write("LED", **{led: 1})
+        assert lit() == {other: int(other == led) for other in lit()}
+    await firmware.bench.strobe(dut.rst)
+    assert not any(lit().values())
 
 
 @cocotb.test()
@@ -160,7 +192,7 @@ async def each_command_comes_once_and_from_its_register_alone(dut):
     await firmware.write("LISTEN", on=1)
     await firmware.write("LISTEN", on=0)
     assert seen() == {"queue_reply": 1, "queue_telegram": 2, "listen_again": 1, "listen_stop": 1}
-    for name in REGISTERS:
+    for name in READ:
         await firmware.read(name)
     assert seen() == {"queue_reply": 1, "queue_telegram": 2, "listen_again": 1, "listen_stop": 1}
 
@@ -187,47 +219,6 @@ async def the_supervisor_is_told_one_thing_at_a_time(dut):
 
 
 @cocotb.test()
-async def every_byte_of_the_frame_memory_has_a_word_of_its_own(dut):
-    firmware = await Firmware(dut).start()
-    writes = Strobes(dut, "write_valid", "frame_addr", "write_data")
-    reads = Strobes(dut, "read_valid", "frame_addr")
-    for index in range(256):
-        await firmware.access(FRAME_MEMORY + 4 * index, 0xA500 | (index ^ 0x5A))
-        dut.read_data.value = index
-        assert await firmware.access(FRAME_MEMORY + 4 * index) == index
-    assert writes.values == [(index, index ^ 0x5A) for index in range(256)]
-    assert reads.values == [(index,) for index in range(256)]
-
-
-@cocotb.test()
-async def an_access_waits_until_the_memory_has_a_clock_to_spare(dut):
-    firmware = await Firmware(dut).start()
-    for value, ready in ((None, dut.read_ready), (0x12, dut.write_ready)):
-        dut.read_ready.value = dut.write_ready.value = 0
-        done = cocotb.start_soon(firmware.access(FRAME_MEMORY, value))
-        await firmware.bench.clocks(7)
-        assert not done.done()
-        ready.value = 1
-        await done
-
-
-@cocotb.test()
-async def a_telegram_on_the_wire_cannot_be_changed(dut):
-    firmware = await Firmware(dut).start()
-    touched = Strobes(dut, "telegram_touched")
-    written = Strobes(dut, "write_valid", "frame_addr")
-    first, last = TELEGRAM.index, TELEGRAM.index + TELEGRAM.length - 1
-    for index in (first - 1, first, last, last + 1):
-        await firmware.access(FRAME_MEMORY + 4 * index, 1)
-    assert len(touched) == 2 and len(written) == 4
-    dut.telegram_sending.value = 1
-    for index in (first - 1, first, last, last + 1):
-        await firmware.access(FRAME_MEMORY + 4 * index, 1)
-    assert len(touched) == 2
-    assert [addr for (addr,) in written.values[4:]] == [first - 1, last + 1]
-
-
-@cocotb.test()
 async def no_telegram_is_queued_over_the_one_on_the_wire(dut):
     firmware = await Firmware(dut).start()
     queued = Strobes(dut, "queue_telegram")
@@ -238,6 +229,6 @@ async def no_telegram_is_queued_over_the_one_on_the_wire(dut):
     assert int(dut.telegram_length.value) == 13 and not int(dut.telegram_no_reply.value)
 
 
-@pytest.mark.rule("SAFE-1", "LINE-8", "WDG-1", "LED-5", "LOOP-1")
+@pytest.mark.rule("SAFE-1", "FRAME-4", "WDG-1", "LED-5", "LOOP-1")
 def test_mailbox_regs(sim):
-    run("mailbox_regs", "tb.test_mailbox_regs", sim=sim, parameters=PARAMETERS)
+    run("mailbox_regs", "tb.test_mailbox_regs", sim=sim)

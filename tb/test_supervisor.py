@@ -9,11 +9,12 @@ import pytest
 from tb.lib.bench import Bench
 from tb.lib.runner import run
 
-BITE_MS = 64
+# Beats without a kick after which it bites, and beats that are not enough.
+BITES_AT = 3
 LOOPBACK = 0b1_1110_0111  # switch 9 ... switch 1
 NORMAL = 0b0_0001_1111
 INPUTS = {
-    "ms_tick": 0,
+    "beat": 0,
     "kick": 0,
     "halt": 0,
     "loopback_close": 0,
@@ -26,7 +27,7 @@ INPUTS = {
 
 
 class Watched:
-    """The supervisor, and the firmware it watches: time passes a millisecond in ten clocks."""
+    """The supervisor, and the firmware it watches: a beat comes every ten clocks."""
 
     def __init__(self, dut, **inputs: int):
         self.dut = dut
@@ -36,11 +37,12 @@ class Watched:
         await self.bench.start()
         return self
 
-    async def pass_ms(self, ms: int, kicking: bool = False) -> int:
-        """Lets time pass; returns in how many of the milliseconds the soft core was reset."""
+    async def beats(self, count: int, kicking: bool = False) -> int:
+        """Lets time pass; returns after how many of the beats the soft core was reset."""
         resets = 0
-        for _ in range(ms):
-            await self.bench.strobe(self.dut.ms_tick)
+        for _ in range(count):
+            self.dut.beat.value = 1 - int(self.dut.beat.value)
+            await self.bench.clocks()
             if kicking:
                 await self.bench.strobe(self.dut.kick)
             seen = int(self.dut.core_rst.value)
@@ -58,25 +60,27 @@ class Watched:
 @cocotb.test()
 async def a_firmware_that_kicks_is_left_alone(dut):
     watched = await Watched(dut).start()
-    assert await watched.pass_ms(500, kicking=True) == 0
+    assert await watched.beats(50, kicking=True) == 0
     assert not watched.fault
 
 
 @cocotb.test()
-async def a_silent_firmware_is_reset_for_a_moment_after_64_ms(dut):
+async def a_silent_firmware_is_reset_for_a_moment_at_the_third_beat(dut):
     watched = await Watched(dut).start()
-    assert await watched.pass_ms(BITE_MS - 1) == 0
-    assert await watched.pass_ms(1) == 1
+    assert await watched.beats(BITES_AT - 1) == 0
+    assert await watched.beats(1) == 1
     assert int(dut.bites.value) == 1 and not watched.fault
-    assert await watched.pass_ms(BITE_MS - 1, kicking=True) == 0, "and may run on"
+    assert await watched.beats(10, kicking=True) == 0, "and may run on"
+    assert await watched.beats(BITES_AT - 1) == 0, "counted from the last kick on"
+    assert await watched.beats(1) == 1
 
 
 @cocotb.test()
 async def the_third_bite_halts_for_good(dut):
     watched = await Watched(dut).start()
-    await watched.pass_ms(3 * BITE_MS)
+    await watched.beats(3 * BITES_AT)
     assert watched.fault and int(dut.core_rst.value)
-    await watched.pass_ms(200, kicking=True)
+    await watched.beats(20, kicking=True)
     assert watched.fault and int(dut.core_rst.value)
     await watched.bench.strobe(dut.rst)
     assert not watched.fault
@@ -87,7 +91,7 @@ async def the_third_bite_halts_for_good(dut):
 async def an_exchange_in_between_forgives(dut, evidence):
     watched = await Watched(dut).start()
     for _ in range(4):
-        await watched.pass_ms(BITE_MS)
+        await watched.beats(BITES_AT)
         assert not watched.fault
         await watched.bench.strobe(getattr(dut, evidence))
     assert int(dut.bites.value) == 0
@@ -96,7 +100,7 @@ async def an_exchange_in_between_forgives(dut, evidence):
 @cocotb.test()
 async def an_old_exchange_that_still_stands_forgives_nothing(dut):
     watched = await Watched(dut, drive_good=1).start()
-    await watched.pass_ms(3 * BITE_MS)
+    await watched.beats(3 * BITES_AT)
     assert watched.fault
 
 
@@ -151,7 +155,7 @@ async def the_loop_back_test_is_open_for_its_switches_alone_and_never_again(dut)
     await watched.bench.clocks()
     assert int(dut.loopback_open.value)
     await watched.bench.strobe(dut.loopback_close)
-    await watched.pass_ms(2 * BITE_MS)
+    await watched.beats(2 * BITES_AT)
     assert not int(dut.loopback_open.value)
     await watched.bench.strobe(dut.rst)
     assert int(dut.loopback_open.value)

@@ -7,20 +7,22 @@ import pytest
 from tb.lib.bench import Bench
 from tb.lib.runner import run
 
-SETTLE_TICKS = 20
+SETTLE_CLOCKS = 20
 
 
 async def sample(dut, bench: Bench, baud: int, addr: int) -> None:
     """Another reset with these switches, until the card has read them."""
     dut.sw_baud.value, dut.sw_addr.value = baud, addr
     await bench.strobe(dut.rst)
+    await bench.clocks(SETTLE_CLOCKS)
     assert not int(dut.ready.value)
-    await bench.clocks(SETTLE_TICKS + 2)
+    await bench.strobe(dut.settled)
     assert int(dut.ready.value)
+    await bench.clocks()
 
 
 async def running(dut) -> Bench:
-    return await Bench(dut, tick_base=1, sw_baud=0, sw_addr=0).start()
+    return await Bench(dut, settled=0, sw_baud=0, sw_addr=0).start()
 
 
 @cocotb.test()
@@ -43,11 +45,16 @@ async def switches_that_move_later_are_ignored_until_the_next_reset(dut):
 
 
 @cocotb.test()
-async def switches_may_settle_until_the_last_tick(dut):
+async def switches_may_settle_until_the_last_moment(dut):
     bench = await running(dut)
-    await bench.clocks(SETTLE_TICKS - 5)
+    await bench.clocks(1000)
+    assert not int(dut.ready.value)
     dut.sw_baud.value, dut.sw_addr.value = 0b101, 0x2A
-    await bench.clocks(10)
+    await bench.clocks(2)
+    dut.sw_baud.value, dut.sw_addr.value = 0b010, 0x15
+    await bench.strobe(dut.settled)
+    assert int(dut.ready.value) and int(dut.baud.value) == 0b101 and int(dut.addr.value) == 0x2A
+    await bench.clocks(100)
     assert int(dut.ready.value) and int(dut.baud.value) == 0b101 and int(dut.addr.value) == 0x2A
 
 
@@ -61,4 +68,4 @@ async def addresses_1_to_247_are_valid(dut):
 
 @pytest.mark.rule("LINE-7", "LINE-8")
 def test_switch_sampler(sim):
-    run("switch_sampler", "tb.test_switch_sampler", sim=sim, parameters={"SETTLE_TICKS": SETTLE_TICKS})
+    run("switch_sampler", "tb.test_switch_sampler", sim=sim)

@@ -4,7 +4,7 @@
     tools/regs.py            writes the generated files
     tools/regs.py --check    exits 1 and names every file that differs from what would be written
 
-From the mailbox map: C header, Verilog constants, Python constants, Markdown page.
+From the mailbox map: C header, linker symbols, Verilog constants, Python constants, Markdown page.
 From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
 From the configurations: a file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 """
@@ -22,7 +22,7 @@ from peakrdl_cheader.c_standards import CStandard
 from peakrdl_cheader.exporter import CHeaderExporter
 from peakrdl_markdown import MarkdownExporter
 from systemrdl import RDLCompiler
-from systemrdl.node import AddrmapNode, FieldNode, RegNode
+from systemrdl.node import FieldNode, RegNode
 
 ROOT = Path(__file__).resolve().parent.parent
 RDL = "regs/mailbox.rdl"
@@ -41,21 +41,32 @@ def banner(comment: str, source: str) -> str:
 # ---------------------------------------------------------------- mailbox map
 
 
-def compile_map() -> AddrmapNode:
-    """The elaborated `card` address space, whose only child is the mailbox."""
-    compiler = RDLCompiler()
-    compiler.compile_file(str(ROOT / RDL))
-    return compiler.elaborate("card").top
+class Map:
+    """The elaborated map: the registers, and what lies in the frame memory."""
+
+    def __init__(self) -> None:
+        compiler = RDLCompiler()
+        compiler.compile_file(str(ROOT / RDL))
+        self.card = compiler.elaborate("card").top
+        self.mailbox = self.card.get_child_by_name("MAILBOX")
+        memory = self.card.get_child_by_name("FRAMES")
+        self.frames_base = memory.absolute_address
+        self.frames_bytes = memory.size
+        self.frames = compiler.elaborate("frames").top
+
+    @property
+    def registers(self) -> list[RegNode]:
+        return list(self.mailbox.registers())
+
+    @property
+    def areas(self) -> list[RegNode]:
+        """Frames and counters, lane by lane."""
+        return [area for lane in self.frames.children() for area in lane.registers()]
 
 
-def registers(mailbox: AddrmapNode) -> list[RegNode]:
-    """Registers in front of the frame memory."""
-    return [child for child in mailbox.children() if isinstance(child, RegNode)]
-
-
-def frame_areas(mailbox: AddrmapNode) -> list:
-    """Everything that lives in the frame memory: frames and counters, in address order."""
-    return [child for child in mailbox.children() if not isinstance(child, RegNode)]
+def area_length(area: RegNode) -> int:
+    """Elements of a frame, or 1."""
+    return area.array_dimensions[0] if area.is_array else 1
 
 
 def field_access(field: FieldNode) -> str:
@@ -65,50 +76,90 @@ def field_access(field: FieldNode) -> str:
 
 
 def field_reset(field: FieldNode) -> int | None:
-    """The reset value, or None where the field shows switches or parameters."""
+    """The reset value, or None where there is none."""
     reset = field.get_property("reset")
     return reset if isinstance(reset, int) else None
 
 
-def c_header(card: AddrmapNode) -> str:
+def c_header(registers: Map) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mailbox.h"
         CHeaderExporter().export(
-            card, str(path), std=CStandard.gnu99, reuse_typedefs=False, explode_top=True, instantiate=True
+            registers.card,
+            str(path),
+            std=CStandard.gnu99,
+            reuse_typedefs=False,
+            explode_top=True,
+            instantiate=True,
         )
         text = path.read_text()
-    # All members are whole words, so the layout needs no packing; packed, the compiler must assume
-    # alignment 1 and would read every register byte by byte.
+    # Every member lies at a multiple of its size, so the layout needs no packing; packed, the compiler
+    # must assume alignment 1 and would write every word byte by byte.
     text = text.replace("struct __attribute__ ((__packed__))", "struct")
+    # The frame memory, which no struct can show: its lanes are interleaved.
+    lines = ["// Addresses in the frame memory; the bytes of a frame are FRAME_STRIDE apart."]
+    lines += [f"#define FRAMES_address 0x{registers.frames_base:08x}u"]
+    lines += [f"#define FRAMES_bytes {registers.frames_bytes}u", f"#define FRAME_STRIDE {WORD_BYTES}u"]
+    for area in registers.areas:
+        address = registers.frames_base + area.raw_absolute_address
+        lines.append(f"#define {area.inst_name}_address 0x{address:08x}u")
+    head, tail = text.split("#include <stdint.h>\n", 1)
+    text = f"{head}#include <stdint.h>\n\n" + "\n".join(lines) + "\n" + tail
     return banner("//", RDL) + text.rstrip() + "\n"
 
 
-def markdown_page(mailbox: AddrmapNode) -> str:
+def linker_script(registers: Map) -> str:
+    return (
+        f"/* SPDX-License-Identifier: Apache-2.0 */\n"
+        f"/* Generated from {RDL} by `make regs`; edit that file, not this one. */\n"
+        f"FRAMES_BYTES = {registers.frames_bytes};\n"
+    )
+
+
+def markdown_page(registers: Map) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "registers.md"
-        MarkdownExporter().export(mailbox, str(path), [RDL], "mailbox")
+        MarkdownExporter().export(registers.mailbox, str(path), [RDL], "mailbox")
         text = path.read_text()
     text = re.sub(r"\A\s*<!-.*?-->\n", "", text, flags=re.DOTALL)
     text = re.sub(r"</?p>", "", text)
     text = re.sub(r"\n{3,}", "\n\n", text)
+    # The exporter would give every byte of a frame a chapter.
+    lines = ["## Frame memory", "", squeeze(registers.frames.get_property("desc")), ""]
+    lines += [
+        f"From 0x{registers.frames_base:08X} on. The bytes of a frame are {WORD_BYTES} bytes apart.",
+        "",
+    ]
+    for lane in registers.frames.children():
+        lines += [f"### {lane.get_property('name')}", "", "| Address | Bytes | Identifier | Content |"]
+        lines += ["|---|---|---|---|"]
+        for area in lane.registers():
+            address = registers.frames_base + area.raw_absolute_address
+            count = area_length(area) * area.size
+            about = f"{area.get_property('name')}. {squeeze(area.get_property('desc'))}"
+            lines.append(f"| 0x{address:08X} | {count} | {area.inst_name} | {about} |")
+        lines.append("")
     comments = "".join(f"<!-- {line} -->\n" for line in banner("", RDL).strip().split("\n "))
-    return f"{comments}\n# Mailbox registers\n\n{text.strip()}\n"
+    return f"{comments}\n# Mailbox\n\n{text.strip()}\n\n" + "\n".join(lines).strip() + "\n"
 
 
-def verilog_constants(mailbox: AddrmapNode) -> str:
-    areas = frame_areas(mailbox)
-    memory = areas[0].address_offset
+def squeeze(text: str) -> str:
+    """A description without its line ends."""
+    return " ".join(text.split())
+
+
+def verilog_constants(registers: Map) -> str:
     lines = [
         banner("//", RDL).rstrip(),
         "//",
         "// Macros, not an `include: the list of files alone must elaborate, in any folder.",
-        "// MBX_x_WORD: word address of register x inside the mailbox, 9 bits.",
+        "// MBX_x_WORD: word address of register x inside the mailbox, 3 bits.",
         "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
-        "// MBX_x_INDEX: byte address of x inside the frame memory, 8 bits.",
+        "// MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.",
         "",
     ]
-    for reg in registers(mailbox):
-        lines.append(f"`define MBX_{reg.inst_name}_WORD 9'h{reg.address_offset // WORD_BYTES:03x}")
+    for reg in registers.registers:
+        lines.append(f"`define MBX_{reg.inst_name}_WORD 3'h{reg.address_offset // WORD_BYTES:x}")
         for field in reg.fields():
             name = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
             bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
@@ -117,26 +168,24 @@ def verilog_constants(mailbox: AddrmapNode) -> str:
             if (reset := field_reset(field)) is not None:
                 lines.append(f"`define {name}_RESET {field.width}'h{reset:x}")
         lines.append("")
-    lines.append(f"`define MBX_FRAME_MEMORY_WORD 9'h{memory // WORD_BYTES:03x}")
-    for area in areas:
-        index = (area.address_offset - memory) // WORD_BYTES
-        lines.append(f"`define MBX_{area.inst_name}_INDEX 8'h{index:02x}")
+    for area in registers.areas:
+        slot, lane = divmod(area.raw_absolute_address, WORD_BYTES)
+        lines.append(f"`define MBX_{area.inst_name}_SLOT 6'h{slot:02x}")
+        lines.append(f"`define MBX_{area.inst_name}_LANE {lane}")
     return "\n".join(lines) + "\n"
 
 
-def python_constants(mailbox: AddrmapNode) -> str:
-    areas = frame_areas(mailbox)
-    memory = areas[0].address_offset
+def python_constants(registers: Map) -> str:
     lines = [
         banner("#", RDL).rstrip(),
-        '"""The mailbox map: byte offsets from BASE, field positions, frame-memory indices."""',
+        '"""The mailbox map: registers from BASE on, frames and counters from FRAMES on, in bytes."""',
         "",
         "from dataclasses import dataclass",
         "",
         "",
         "@dataclass(frozen=True)",
         "class Field:",
-        '    """One field; reset is None where it shows switches or build parameters."""',
+        '    """One field; reset is None where there is none."""',
         "",
         "    bit: int",
         "    width: int",
@@ -155,7 +204,10 @@ def python_constants(mailbox: AddrmapNode) -> str:
         "",
         "@dataclass(frozen=True)",
         "class Register:",
+        '    """One register of `size` bytes."""',
+        "",
         "    offset: int",
+        "    size: int",
         "    fields: dict[str, Field]",
         "",
         "    def unpack(self, word: int) -> dict[str, int]:",
@@ -167,20 +219,36 @@ def python_constants(mailbox: AddrmapNode) -> str:
         "",
         "@dataclass(frozen=True)",
         "class Area:",
-        '    """A part of the frame memory: `index` in bytes of the memory, one byte a word."""',
+        '    """A frame or a counter: element i has `size` bytes at `offset` + i * STRIDE from FRAMES."""',
         "",
         "    offset: int",
-        "    index: int",
         "    length: int",
+        "    size: int",
+        "",
+        "    def at(self, i: int) -> int:",
+        '        """Offset of element i."""',
+        "        assert 0 <= i < self.length",
+        "        return self.offset + i * STRIDE",
+        "",
+        "    @property",
+        "    def slot(self) -> int:",
+        "        return self.offset // STRIDE",
+        "",
+        "    @property",
+        "    def lane(self) -> int:",
+        "        return self.offset % STRIDE",
         "",
         "",
-        f"BASE = 0x{mailbox.absolute_address:08X}",
-        f"FRAME_MEMORY = 0x{memory:03X}",
+        f"BASE = 0x{registers.mailbox.absolute_address:08X}",
+        f"FRAMES = 0x{registers.frames_base:08X}",
+        f"FRAMES_BYTES = {registers.frames_bytes}",
+        f"STRIDE = {WORD_BYTES}",
         "",
         "REGISTERS = {",
     ]
-    for reg in registers(mailbox):
-        lines += [f'    "{reg.inst_name}": Register(', f"        0x{reg.address_offset:02X},", "        {"]
+    for reg in registers.registers:
+        lines += [f'    "{reg.inst_name}": Register(', f"        0x{reg.address_offset:02X},"]
+        lines += [f"        {reg.size},", "        {"]
         for field in reg.fields():
             reset = field_reset(field)
             reset_text = "None" if reset is None else f"0x{reset:X}"
@@ -190,11 +258,10 @@ def python_constants(mailbox: AddrmapNode) -> str:
             )
         lines += ["        },", "    ),"]
     lines += ["}", "", "AREAS = {"]
-    for area in areas:
-        index = (area.address_offset - memory) // WORD_BYTES
+    for area in registers.areas:
+        size = area.get_property("regwidth") // 8
         lines.append(
-            f'    "{area.inst_name}": '
-            f"Area(0x{area.address_offset:03X}, 0x{index:02X}, {area.size // WORD_BYTES}),"
+            f'    "{area.inst_name}": Area(0x{area.raw_absolute_address:02X}, {area_length(area)}, {size}),'
         )
     lines.append("}")
     return "\n".join(lines) + "\n"
@@ -430,15 +497,15 @@ def config_macros(name: str, entry: dict) -> str:
 
 def generate() -> dict[str, str]:
     """Path (from the repository's root) -> text of every generated file."""
-    top = compile_map()
-    mailbox = top.get_child_by_name("MAILBOX")
+    registers = Map()
     card = Card()
     configs = tomllib.loads((ROOT / CONFIGS).read_text())
     return {
-        "sw/generated/mailbox.h": c_header(top),
-        "rtl/generated/mailbox_defs.v": verilog_constants(mailbox),
-        "tb/generated/mailbox.py": python_constants(mailbox),
-        "docs/registers.md": markdown_page(mailbox),
+        "sw/generated/mailbox.h": c_header(registers),
+        "sw/generated/frames.ld": linker_script(registers),
+        "rtl/generated/mailbox_defs.v": verilog_constants(registers),
+        "tb/generated/mailbox.py": python_constants(registers),
+        "docs/registers.md": markdown_page(registers),
         "rtl/generated/card_defs.v": card_constants(card),
         "rtl/generated/card_tables.v": card_verilog(card),
         "tb/generated/card_tables.py": card_python(card),

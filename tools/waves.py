@@ -21,7 +21,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tb.generated.mailbox import FRAME_MEMORY, REGISTERS
+from tb.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
 
 ROOT = Path(__file__).resolve().parents[1]
 ELF = ROOT / "build/firmware.elf"
@@ -31,7 +31,7 @@ BIT, HEX, DECIMAL, ASCII = 0x28, 0x22, 0x24, 0x820
 FILE_FILTER, GROUP_BEGIN, GROUP_END = 0x2000, 0x800200, 0x1000200
 
 CORE = "core_i.core_i.dbg_insn_addr[31:0]"
-WORD = "mailbox_word[8:0]"
+WORD = "core_addr[31:0]"
 WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
 
 # Flags, name below the top, and what to call it if that is not clear from the name.
@@ -84,20 +84,21 @@ CARD = {
         (BIT, "drive_candidate", "reply candidate"),
         (BIT, "drive_good", "reply good"),
         (BIT, "drive_bad", "reply bad"),
-        (HEX, "drive_lge[7:0]", "LGE"),
     ],
     "mailbox": [
-        (BIT, "mailbox_valid", "access"),
-        (BIT, "mailbox_write", "write"),
-        (HEX, WORD, "register"),
+        (BIT, "core_valid", "access"),
+        (HEX, "core_wstrb[3:0]", "bytes written"),
+        (HEX, WORD, "address"),
         (HEX, "core_wdata[31:0]", "written"),
-        (HEX, "mailbox_rdata[15:0]", "read"),
+        (BIT, "core_ready", "done"),
+        (HEX, "core_rdata[31:0]", "read"),
+        (BIT, "mailbox_i.telegram_touched", "telegram touched"),
     ],
     "firmware": [
         (HEX, CORE, "function"),
         (BIT, "core_rst", "reset"),
         (BIT, "fault"),
-        (DECIMAL, "ms[15:0]", "ms"),
+        (DECIMAL, "ticks[7:0]", "1/1200 s"),
         (BIT, "led_modbus_red"),
         (BIT, "led_modbus_green"),
         (BIT, "led_drive_red"),
@@ -121,9 +122,15 @@ def port_signals(top: str) -> dict[str, list[Signal]]:
 
 
 def register_names() -> dict[str, str]:
-    """Mailbox word, as GTKWave prints it, to register or byte of the frame memory."""
-    names = {f"{register.offset // 4:03X}": name for name, register in REGISTERS.items()}
-    return names | {f"{FRAME_MEMORY // 4 + i:03X}": f"FRAME {i:02X}" for i in range(256)}
+    """Word address, as GTKWave prints it, to what registers, or bytes of which frames, lie there."""
+    names: dict[int, list[str]] = {}
+    for name, register in REGISTERS.items():
+        names.setdefault(BASE + register.offset // STRIDE * STRIDE, []).append(name)
+    for name, area in AREAS.items():
+        for i in range(area.length):
+            index = f"[{i}]" if area.length > 1 else ""
+            names.setdefault(FRAMES + area.at(i) // STRIDE * STRIDE, []).append(name + index)
+    return {f"{address:08X}": " ".join(known) for address, known in names.items()}
 
 
 def function_names() -> dict[str, str]:

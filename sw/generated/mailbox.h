@@ -11,75 +11,25 @@ extern "C" {
 #endif
 #include <stdint.h>
 
-// reg - MAILBOX.ID
-#define MAILBOX__ID__ID_bm 0xffff
-#define MAILBOX__ID__ID_bp 0
-#define MAILBOX__ID__ID_bw 16
-#define MAILBOX__ID__ID_reset 0x2fc1
-
-// reg - MAILBOX.VERSION
-#define MAILBOX__VERSION__MINOR_bm 0xff
-#define MAILBOX__VERSION__MINOR_bp 0
-#define MAILBOX__VERSION__MINOR_bw 8
-#define MAILBOX__VERSION__MINOR_reset 0x0
-#define MAILBOX__VERSION__MAJOR_bm 0xff00
-#define MAILBOX__VERSION__MAJOR_bp 8
-#define MAILBOX__VERSION__MAJOR_bw 8
-#define MAILBOX__VERSION__MAJOR_reset 0x1
-
-// reg - MAILBOX.BUILD
-#define MAILBOX__BUILD__STRICT_T15_bm 0x1
-#define MAILBOX__BUILD__STRICT_T15_bp 0
-#define MAILBOX__BUILD__STRICT_T15_bw 1
-#define MAILBOX__BUILD__PREPARE_EARLY_bm 0x2
-#define MAILBOX__BUILD__PREPARE_EARLY_bp 1
-#define MAILBOX__BUILD__PREPARE_EARLY_bw 1
-#define MAILBOX__BUILD__SOFT_CORE_bm 0xc
-#define MAILBOX__BUILD__SOFT_CORE_bp 2
-#define MAILBOX__BUILD__SOFT_CORE_bw 2
-#define MAILBOX__BUILD__CLK_MHZ_bm 0xff00
-#define MAILBOX__BUILD__CLK_MHZ_bp 8
-#define MAILBOX__BUILD__CLK_MHZ_bw 8
-
-// reg - MAILBOX.SW_BAUD
-#define MAILBOX__SW_BAUD__SWITCHES_bm 0x1ff
-#define MAILBOX__SW_BAUD__SWITCHES_bp 0
-#define MAILBOX__SW_BAUD__SWITCHES_bw 9
-
-// reg - MAILBOX.SW_ADDR
-#define MAILBOX__SW_ADDR__SWITCHES_bm 0xff
-#define MAILBOX__SW_ADDR__SWITCHES_bp 0
-#define MAILBOX__SW_ADDR__SWITCHES_bw 8
-
-// reg - MAILBOX.TIME
-#define MAILBOX__TIME__MS_bm 0xffff
-#define MAILBOX__TIME__MS_bp 0
-#define MAILBOX__TIME__MS_bw 16
-#define MAILBOX__TIME__MS_reset 0x0
-
-// reg - MAILBOX.LED
-#define MAILBOX__LED__MODBUS_RED_bm 0x1
-#define MAILBOX__LED__MODBUS_RED_bp 0
-#define MAILBOX__LED__MODBUS_RED_bw 1
-#define MAILBOX__LED__MODBUS_RED_reset 0x0
-#define MAILBOX__LED__MODBUS_GREEN_bm 0x2
-#define MAILBOX__LED__MODBUS_GREEN_bp 1
-#define MAILBOX__LED__MODBUS_GREEN_bw 1
-#define MAILBOX__LED__MODBUS_GREEN_reset 0x0
-#define MAILBOX__LED__DRIVE_RED_bm 0x4
-#define MAILBOX__LED__DRIVE_RED_bp 2
-#define MAILBOX__LED__DRIVE_RED_bw 1
-#define MAILBOX__LED__DRIVE_RED_reset 0x0
-#define MAILBOX__LED__DRIVE_GREEN_bm 0x8
-#define MAILBOX__LED__DRIVE_GREEN_bp 3
-#define MAILBOX__LED__DRIVE_GREEN_bw 1
-#define MAILBOX__LED__DRIVE_GREEN_reset 0x0
-
-// reg - MAILBOX.WATCHDOG
-#define MAILBOX__WATCHDOG__KEY_bm 0xff
-#define MAILBOX__WATCHDOG__KEY_bp 0
-#define MAILBOX__WATCHDOG__KEY_bw 8
-#define MAILBOX__WATCHDOG__KEY_reset 0xa5
+// Addresses in the frame memory; the bytes of a frame are FRAME_STRIDE apart.
+#define FRAMES_address 0xffffff00u
+#define FRAMES_bytes 256u
+#define FRAME_STRIDE 4u
+#define REPLY_FRAME_address 0xffffff00u
+#define TELEGRAM_FRAME_address 0xffffff80u
+#define REQUEST_FRAME_0_address 0xffffff01u
+#define REQUEST_FRAME_1_address 0xffffff81u
+#define DRIVE_FRAME_address 0xffffff02u
+#define DRIVE_LGE_address 0xffffff72u
+#define COUNT_CRC_address 0xffffff82u
+#define COUNT_PARITY_address 0xffffff86u
+#define COUNT_FRAMING_address 0xffffff8au
+#define COUNT_T15_address 0xffffff8eu
+#define COUNT_OVERRUN_address 0xffffff92u
+#define COUNT_REVOKED_address 0xffffff96u
+#define COUNT_DRIVE_BAD_address 0xffffff9au
+#define COUNT_DRIVE_NO_REPLY_address 0xffffff9eu
+#define COUNT_DRIVE_REPEAT_address 0xffffffa2u
 
 // reg - MAILBOX.REQUEST
 #define MAILBOX__REQUEST__TICKET_bm 0xf
@@ -103,11 +53,73 @@ extern "C" {
 #define MAILBOX__REQUEST__BANK_bw 1
 #define MAILBOX__REQUEST__BANK_reset 0x0
 
-// reg - MAILBOX.REQUEST_LENGTH
-#define MAILBOX__REQUEST_LENGTH__BYTES_bm 0x1ff
-#define MAILBOX__REQUEST_LENGTH__BYTES_bp 0
-#define MAILBOX__REQUEST_LENGTH__BYTES_bw 9
-#define MAILBOX__REQUEST_LENGTH__BYTES_reset 0x0
+// reg - MAILBOX.EXCHANGE
+#define MAILBOX__EXCHANGE__QUEUED_bm 0x1
+#define MAILBOX__EXCHANGE__QUEUED_bp 0
+#define MAILBOX__EXCHANGE__QUEUED_bw 1
+#define MAILBOX__EXCHANGE__QUEUED_reset 0x0
+#define MAILBOX__EXCHANGE__SENDING_bm 0x2
+#define MAILBOX__EXCHANGE__SENDING_bp 1
+#define MAILBOX__EXCHANGE__SENDING_bw 1
+#define MAILBOX__EXCHANGE__SENDING_reset 0x0
+#define MAILBOX__EXCHANGE__STARTED_bm 0x4
+#define MAILBOX__EXCHANGE__STARTED_bp 2
+#define MAILBOX__EXCHANGE__STARTED_bw 1
+#define MAILBOX__EXCHANGE__STARTED_reset 0x0
+#define MAILBOX__EXCHANGE__CANDIDATE_bm 0x8
+#define MAILBOX__EXCHANGE__CANDIDATE_bp 3
+#define MAILBOX__EXCHANGE__CANDIDATE_bw 1
+#define MAILBOX__EXCHANGE__CANDIDATE_reset 0x0
+#define MAILBOX__EXCHANGE__GOOD_bm 0x10
+#define MAILBOX__EXCHANGE__GOOD_bp 4
+#define MAILBOX__EXCHANGE__GOOD_bw 1
+#define MAILBOX__EXCHANGE__GOOD_reset 0x0
+#define MAILBOX__EXCHANGE__LOOPBACK_bm 0x20
+#define MAILBOX__EXCHANGE__LOOPBACK_bp 5
+#define MAILBOX__EXCHANGE__LOOPBACK_bw 1
+#define MAILBOX__EXCHANGE__LOOPBACK_reset 0x0
+
+// reg - MAILBOX.LENGTH
+#define MAILBOX__LENGTH__BYTES_bm 0xff
+#define MAILBOX__LENGTH__BYTES_bp 0
+#define MAILBOX__LENGTH__BYTES_bw 8
+#define MAILBOX__LENGTH__BYTES_reset 0x0
+
+// reg - MAILBOX.TIME
+#define MAILBOX__TIME__TICKS_bm 0xff
+#define MAILBOX__TIME__TICKS_bp 0
+#define MAILBOX__TIME__TICKS_bw 8
+#define MAILBOX__TIME__TICKS_reset 0x0
+
+// reg - MAILBOX.EVENTS
+#define MAILBOX__EVENTS__CRC_bm 0x1
+#define MAILBOX__EVENTS__CRC_bp 0
+#define MAILBOX__EVENTS__CRC_bw 1
+#define MAILBOX__EVENTS__CRC_reset 0x0
+#define MAILBOX__EVENTS__PARITY_bm 0x2
+#define MAILBOX__EVENTS__PARITY_bp 1
+#define MAILBOX__EVENTS__PARITY_bw 1
+#define MAILBOX__EVENTS__PARITY_reset 0x0
+#define MAILBOX__EVENTS__FRAMING_bm 0x4
+#define MAILBOX__EVENTS__FRAMING_bp 2
+#define MAILBOX__EVENTS__FRAMING_bw 1
+#define MAILBOX__EVENTS__FRAMING_reset 0x0
+#define MAILBOX__EVENTS__T15_bm 0x8
+#define MAILBOX__EVENTS__T15_bp 3
+#define MAILBOX__EVENTS__T15_bw 1
+#define MAILBOX__EVENTS__T15_reset 0x0
+#define MAILBOX__EVENTS__OVERRUN_bm 0x10
+#define MAILBOX__EVENTS__OVERRUN_bp 4
+#define MAILBOX__EVENTS__OVERRUN_bw 1
+#define MAILBOX__EVENTS__OVERRUN_reset 0x0
+#define MAILBOX__EVENTS__REVOKED_bm 0x20
+#define MAILBOX__EVENTS__REVOKED_bp 5
+#define MAILBOX__EVENTS__REVOKED_bw 1
+#define MAILBOX__EVENTS__REVOKED_reset 0x0
+#define MAILBOX__EVENTS__DRIVE_BAD_bm 0x40
+#define MAILBOX__EVENTS__DRIVE_BAD_bp 6
+#define MAILBOX__EVENTS__DRIVE_BAD_bw 1
+#define MAILBOX__EVENTS__DRIVE_BAD_reset 0x0
 
 // reg - MAILBOX.REPLY
 #define MAILBOX__REPLY__LENGTH_bm 0x1f
@@ -119,14 +131,6 @@ extern "C" {
 #define MAILBOX__REPLY__TICKET_bm 0xf00
 #define MAILBOX__REPLY__TICKET_bp 8
 #define MAILBOX__REPLY__TICKET_bw 4
-#define MAILBOX__REPLY__QUEUED_bm 0x1000
-#define MAILBOX__REPLY__QUEUED_bp 12
-#define MAILBOX__REPLY__QUEUED_bw 1
-#define MAILBOX__REPLY__QUEUED_reset 0x0
-#define MAILBOX__REPLY__SENDING_bm 0x2000
-#define MAILBOX__REPLY__SENDING_bp 13
-#define MAILBOX__REPLY__SENDING_bw 1
-#define MAILBOX__REPLY__SENDING_reset 0x0
 
 // reg - MAILBOX.TELEGRAM
 #define MAILBOX__TELEGRAM__LENGTH_bm 0x1f
@@ -142,40 +146,34 @@ extern "C" {
 #define MAILBOX__TELEGRAM__TICKET_bp 8
 #define MAILBOX__TELEGRAM__TICKET_bw 4
 
-// reg - MAILBOX.EXCHANGE
-#define MAILBOX__EXCHANGE__QUEUED_bm 0x1
-#define MAILBOX__EXCHANGE__QUEUED_bp 0
-#define MAILBOX__EXCHANGE__QUEUED_bw 1
-#define MAILBOX__EXCHANGE__QUEUED_reset 0x0
-#define MAILBOX__EXCHANGE__SENDING_bm 0x2
-#define MAILBOX__EXCHANGE__SENDING_bp 1
-#define MAILBOX__EXCHANGE__SENDING_bw 1
-#define MAILBOX__EXCHANGE__SENDING_reset 0x0
-#define MAILBOX__EXCHANGE__STARTED_bm 0x4
-#define MAILBOX__EXCHANGE__STARTED_bp 2
-#define MAILBOX__EXCHANGE__STARTED_bw 1
-#define MAILBOX__EXCHANGE__STARTED_reset 0x0
-#define MAILBOX__EXCHANGE__LISTENING_bm 0x8
-#define MAILBOX__EXCHANGE__LISTENING_bp 3
-#define MAILBOX__EXCHANGE__LISTENING_bw 1
-#define MAILBOX__EXCHANGE__LISTENING_reset 0x0
-#define MAILBOX__EXCHANGE__CANDIDATE_bm 0x10
-#define MAILBOX__EXCHANGE__CANDIDATE_bp 4
-#define MAILBOX__EXCHANGE__CANDIDATE_bw 1
-#define MAILBOX__EXCHANGE__CANDIDATE_reset 0x0
-#define MAILBOX__EXCHANGE__GOOD_bm 0x20
-#define MAILBOX__EXCHANGE__GOOD_bp 5
-#define MAILBOX__EXCHANGE__GOOD_bw 1
-#define MAILBOX__EXCHANGE__GOOD_reset 0x0
-#define MAILBOX__EXCHANGE__LGE_bm 0xff00
-#define MAILBOX__EXCHANGE__LGE_bp 8
-#define MAILBOX__EXCHANGE__LGE_bw 8
-#define MAILBOX__EXCHANGE__LGE_reset 0x0
+// reg - MAILBOX.LED
+#define MAILBOX__LED__MODBUS_RED_bm 0x1
+#define MAILBOX__LED__MODBUS_RED_bp 0
+#define MAILBOX__LED__MODBUS_RED_bw 1
+#define MAILBOX__LED__MODBUS_RED_reset 0x0
+#define MAILBOX__LED__MODBUS_GREEN_bm 0x2
+#define MAILBOX__LED__MODBUS_GREEN_bp 1
+#define MAILBOX__LED__MODBUS_GREEN_bw 1
+#define MAILBOX__LED__MODBUS_GREEN_reset 0x0
+#define MAILBOX__LED__DRIVE_RED_bm 0x4
+#define MAILBOX__LED__DRIVE_RED_bp 2
+#define MAILBOX__LED__DRIVE_RED_bw 1
+#define MAILBOX__LED__DRIVE_RED_reset 0x0
+#define MAILBOX__LED__DRIVE_GREEN_bm 0x8
+#define MAILBOX__LED__DRIVE_GREEN_bp 3
+#define MAILBOX__LED__DRIVE_GREEN_bw 1
+#define MAILBOX__LED__DRIVE_GREEN_reset 0x0
 
 // reg - MAILBOX.LISTEN
 #define MAILBOX__LISTEN__ON_bm 0x1
 #define MAILBOX__LISTEN__ON_bp 0
 #define MAILBOX__LISTEN__ON_bw 1
+
+// reg - MAILBOX.WATCHDOG
+#define MAILBOX__WATCHDOG__KEY_bm 0xff
+#define MAILBOX__WATCHDOG__KEY_bp 0
+#define MAILBOX__WATCHDOG__KEY_bw 8
+#define MAILBOX__WATCHDOG__KEY_reset 0xa5
 
 // reg - MAILBOX.SUPERVISOR
 #define MAILBOX__SUPERVISOR__HALT_bm 0x1
@@ -184,258 +182,31 @@ extern "C" {
 #define MAILBOX__SUPERVISOR__LOOPBACK_bm 0x2
 #define MAILBOX__SUPERVISOR__LOOPBACK_bp 1
 #define MAILBOX__SUPERVISOR__LOOPBACK_bw 1
-#define MAILBOX__SUPERVISOR__BITES_bm 0x30
-#define MAILBOX__SUPERVISOR__BITES_bp 4
-#define MAILBOX__SUPERVISOR__BITES_bw 2
-
-// reg - MAILBOX.REQUEST_FRAME_0.BYTE[]
-#define MAILBOX__REQUEST_FRAME_0__BYTEX__DATA_bm 0xff
-#define MAILBOX__REQUEST_FRAME_0__BYTEX__DATA_bp 0
-#define MAILBOX__REQUEST_FRAME_0__BYTEX__DATA_bw 8
-
-// mem - MAILBOX.REQUEST_FRAME_0
-typedef struct {
-    uint32_t BYTE[32];
-} MAILBOX__REQUEST_FRAME_0_t;
-
-// reg - MAILBOX.REQUEST_FRAME_1.BYTE[]
-#define MAILBOX__REQUEST_FRAME_1__BYTEX__DATA_bm 0xff
-#define MAILBOX__REQUEST_FRAME_1__BYTEX__DATA_bp 0
-#define MAILBOX__REQUEST_FRAME_1__BYTEX__DATA_bw 8
-
-// mem - MAILBOX.REQUEST_FRAME_1
-typedef struct {
-    uint32_t BYTE[32];
-} MAILBOX__REQUEST_FRAME_1_t;
-
-// reg - MAILBOX.REPLY_FRAME.BYTE[]
-#define MAILBOX__REPLY_FRAME__BYTEX__DATA_bm 0xff
-#define MAILBOX__REPLY_FRAME__BYTEX__DATA_bp 0
-#define MAILBOX__REPLY_FRAME__BYTEX__DATA_bw 8
-
-// mem - MAILBOX.REPLY_FRAME
-typedef struct {
-    uint32_t BYTE[32];
-} MAILBOX__REPLY_FRAME_t;
-
-// reg - MAILBOX.TELEGRAM_FRAME.BYTE[]
-#define MAILBOX__TELEGRAM_FRAME__BYTEX__DATA_bm 0xff
-#define MAILBOX__TELEGRAM_FRAME__BYTEX__DATA_bp 0
-#define MAILBOX__TELEGRAM_FRAME__BYTEX__DATA_bw 8
-
-// mem - MAILBOX.TELEGRAM_FRAME
-typedef struct {
-    uint32_t BYTE[32];
-} MAILBOX__TELEGRAM_FRAME_t;
-
-// reg - MAILBOX.DRIVE_FRAME.BYTE[]
-#define MAILBOX__DRIVE_FRAME__BYTEX__DATA_bm 0xff
-#define MAILBOX__DRIVE_FRAME__BYTEX__DATA_bp 0
-#define MAILBOX__DRIVE_FRAME__BYTEX__DATA_bw 8
-
-// mem - MAILBOX.DRIVE_FRAME
-typedef struct {
-    uint32_t BYTE[32];
-} MAILBOX__DRIVE_FRAME_t;
-
-// reg - MAILBOX.COUNT_CRC.LO
-#define MAILBOX__COUNT_CRC__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_CRC__LO__DATA_bp 0
-#define MAILBOX__COUNT_CRC__LO__DATA_bw 8
-#define MAILBOX__COUNT_CRC__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_CRC.HI
-#define MAILBOX__COUNT_CRC__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_CRC__HI__DATA_bp 0
-#define MAILBOX__COUNT_CRC__HI__DATA_bw 8
-#define MAILBOX__COUNT_CRC__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_CRC
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_CRC_t;
-
-// reg - MAILBOX.COUNT_PARITY.LO
-#define MAILBOX__COUNT_PARITY__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_PARITY__LO__DATA_bp 0
-#define MAILBOX__COUNT_PARITY__LO__DATA_bw 8
-#define MAILBOX__COUNT_PARITY__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_PARITY.HI
-#define MAILBOX__COUNT_PARITY__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_PARITY__HI__DATA_bp 0
-#define MAILBOX__COUNT_PARITY__HI__DATA_bw 8
-#define MAILBOX__COUNT_PARITY__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_PARITY
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_PARITY_t;
-
-// reg - MAILBOX.COUNT_FRAMING.LO
-#define MAILBOX__COUNT_FRAMING__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_FRAMING__LO__DATA_bp 0
-#define MAILBOX__COUNT_FRAMING__LO__DATA_bw 8
-#define MAILBOX__COUNT_FRAMING__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_FRAMING.HI
-#define MAILBOX__COUNT_FRAMING__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_FRAMING__HI__DATA_bp 0
-#define MAILBOX__COUNT_FRAMING__HI__DATA_bw 8
-#define MAILBOX__COUNT_FRAMING__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_FRAMING
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_FRAMING_t;
-
-// reg - MAILBOX.COUNT_T15.LO
-#define MAILBOX__COUNT_T15__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_T15__LO__DATA_bp 0
-#define MAILBOX__COUNT_T15__LO__DATA_bw 8
-#define MAILBOX__COUNT_T15__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_T15.HI
-#define MAILBOX__COUNT_T15__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_T15__HI__DATA_bp 0
-#define MAILBOX__COUNT_T15__HI__DATA_bw 8
-#define MAILBOX__COUNT_T15__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_T15
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_T15_t;
-
-// reg - MAILBOX.COUNT_OVERRUN.LO
-#define MAILBOX__COUNT_OVERRUN__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_OVERRUN__LO__DATA_bp 0
-#define MAILBOX__COUNT_OVERRUN__LO__DATA_bw 8
-#define MAILBOX__COUNT_OVERRUN__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_OVERRUN.HI
-#define MAILBOX__COUNT_OVERRUN__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_OVERRUN__HI__DATA_bp 0
-#define MAILBOX__COUNT_OVERRUN__HI__DATA_bw 8
-#define MAILBOX__COUNT_OVERRUN__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_OVERRUN
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_OVERRUN_t;
-
-// reg - MAILBOX.COUNT_REVOKED.LO
-#define MAILBOX__COUNT_REVOKED__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_REVOKED__LO__DATA_bp 0
-#define MAILBOX__COUNT_REVOKED__LO__DATA_bw 8
-#define MAILBOX__COUNT_REVOKED__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_REVOKED.HI
-#define MAILBOX__COUNT_REVOKED__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_REVOKED__HI__DATA_bp 0
-#define MAILBOX__COUNT_REVOKED__HI__DATA_bw 8
-#define MAILBOX__COUNT_REVOKED__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_REVOKED
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_REVOKED_t;
-
-// reg - MAILBOX.COUNT_DRIVE_BAD.LO
-#define MAILBOX__COUNT_DRIVE_BAD__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_DRIVE_BAD__LO__DATA_bp 0
-#define MAILBOX__COUNT_DRIVE_BAD__LO__DATA_bw 8
-#define MAILBOX__COUNT_DRIVE_BAD__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_DRIVE_BAD.HI
-#define MAILBOX__COUNT_DRIVE_BAD__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_DRIVE_BAD__HI__DATA_bp 0
-#define MAILBOX__COUNT_DRIVE_BAD__HI__DATA_bw 8
-#define MAILBOX__COUNT_DRIVE_BAD__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_DRIVE_BAD
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_DRIVE_BAD_t;
-
-// reg - MAILBOX.COUNT_DRIVE_NO_REPLY.LO
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__LO__DATA_bp 0
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__LO__DATA_bw 8
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_DRIVE_NO_REPLY.HI
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__HI__DATA_bp 0
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__HI__DATA_bw 8
-#define MAILBOX__COUNT_DRIVE_NO_REPLY__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_DRIVE_NO_REPLY
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_DRIVE_NO_REPLY_t;
-
-// reg - MAILBOX.COUNT_DRIVE_REPEAT.LO
-#define MAILBOX__COUNT_DRIVE_REPEAT__LO__DATA_bm 0xff
-#define MAILBOX__COUNT_DRIVE_REPEAT__LO__DATA_bp 0
-#define MAILBOX__COUNT_DRIVE_REPEAT__LO__DATA_bw 8
-#define MAILBOX__COUNT_DRIVE_REPEAT__LO__DATA_reset 0x0
-
-// reg - MAILBOX.COUNT_DRIVE_REPEAT.HI
-#define MAILBOX__COUNT_DRIVE_REPEAT__HI__DATA_bm 0xff
-#define MAILBOX__COUNT_DRIVE_REPEAT__HI__DATA_bp 0
-#define MAILBOX__COUNT_DRIVE_REPEAT__HI__DATA_bw 8
-#define MAILBOX__COUNT_DRIVE_REPEAT__HI__DATA_reset 0x0
-
-// regfile - MAILBOX.COUNT_DRIVE_REPEAT
-typedef struct {
-    uint32_t LO;
-    uint32_t HI;
-} MAILBOX__COUNT_DRIVE_REPEAT_t;
 
 // addrmap - MAILBOX
 typedef struct {
-    uint32_t ID;
-    uint32_t VERSION;
-    uint32_t BUILD;
-    uint32_t SW_BAUD;
-    uint32_t SW_ADDR;
-    uint32_t TIME;
-    uint32_t LED;
-    uint32_t WATCHDOG;
-    uint32_t REQUEST;
-    uint32_t REQUEST_LENGTH;
+    uint8_t REQUEST;
+    uint8_t EXCHANGE;
+    uint8_t LENGTH;
+    uint8_t TIME;
+    uint8_t EVENTS;
+    uint8_t RESERVED_5_7[0x3];
     uint32_t REPLY;
     uint32_t TELEGRAM;
-    uint32_t EXCHANGE;
+    uint32_t LED;
     uint32_t LISTEN;
+    uint32_t WATCHDOG;
     uint32_t SUPERVISOR;
-    uint8_t RESERVED_3c_3ff[0x3c4];
-    MAILBOX__REQUEST_FRAME_0_t REQUEST_FRAME_0;
-    MAILBOX__REQUEST_FRAME_1_t REQUEST_FRAME_1;
-    MAILBOX__REPLY_FRAME_t REPLY_FRAME;
-    MAILBOX__TELEGRAM_FRAME_t TELEGRAM_FRAME;
-    MAILBOX__DRIVE_FRAME_t DRIVE_FRAME;
-    MAILBOX__COUNT_CRC_t COUNT_CRC;
-    MAILBOX__COUNT_PARITY_t COUNT_PARITY;
-    MAILBOX__COUNT_FRAMING_t COUNT_FRAMING;
-    MAILBOX__COUNT_T15_t COUNT_T15;
-    MAILBOX__COUNT_OVERRUN_t COUNT_OVERRUN;
-    MAILBOX__COUNT_REVOKED_t COUNT_REVOKED;
-    MAILBOX__COUNT_DRIVE_BAD_t COUNT_DRIVE_BAD;
-    MAILBOX__COUNT_DRIVE_NO_REPLY_t COUNT_DRIVE_NO_REPLY;
-    MAILBOX__COUNT_DRIVE_REPEAT_t COUNT_DRIVE_REPEAT;
 } MAILBOX_t;
+
+// mem - FRAMES
+typedef struct {
+    uint32_t mem[64];
+} FRAMES_t;
 
 // Instances
 #define MAILBOX (*(volatile MAILBOX_t *)0xfffff800UL)
+#define FRAMES (*(volatile FRAMES_t *)0xffffff00UL)
 
 
 

@@ -24,9 +24,9 @@ struct gateway {
     struct transaction transactions[2];
     struct transaction *newest;   /* the newest request */
     struct transaction *at_drive; /* the one last sent to the drive, maybe the same */
-    uint32_t now;                 /* ms since power-up */
-    uint32_t heard_at;            /* ms, last good frame for this card */
-    uint32_t since;               /* ms, when the wait for the line or, then, for the drive began */
+    uint32_t now;                 /* ticks (ticks.h), like the two below */
+    uint32_t heard_at;            /* last good frame for this card */
+    uint32_t since;               /* when the wait for the line or, then, for the drive began */
     uint8_t ticket;               /* of newest */
     uint8_t exchange;             /* enum exchange_stage */
     bool uncommitted;             /* newest has not changed anything yet (FRAME-6) */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the two LEDs show and when (LED-1...LED-4). Times in ms. */
+/* What the two LEDs show and when (LED-1...LED-4). Times in ticks (ticks.h). */
 #ifndef LEDS_H
 #define LEDS_H
 

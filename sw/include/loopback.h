@@ -4,7 +4,7 @@
  *
  * The drive port sends a telegram that the network port must hear byte for byte, then the network port
  * sends a frame that the drive port must find to be a good telegram. Both LEDs show the verdict for 12 s
- * after the power-up show: orange or red. Times in ms.
+ * after the power-up show: orange or red. Times in ticks (ticks.h).
  */
 #ifndef LOOPBACK_H
 #define LOOPBACK_H

@@ -12,13 +12,15 @@
  * Two transactions may live at once: one at the drive, and a newer request (FRAME-7).
  *
  * PDU: function code and data, no address, no CRC. Telegram: ADR and data, no STX, LGE, BCC.
- * Lengths are in bytes. Frames lie one byte a word, as in the frame memory.
+ * Lengths are in bytes. Frames lie as in the frame memory (frame.h).
  */
 #ifndef TRANSLATE_H
 #define TRANSLATE_H
 
 #include <stdbool.h>
 #include <stdint.h>
+
+#include "frame.h"
 
 enum {
     REPLY_PDU_MAX = 22, /* function, byte count, 10 registers of text */
@@ -39,8 +41,6 @@ enum {
     LOCAL_DRIVE_TIMEOUT,   /* 10 ms, never 0 */
     LOCAL_REGISTERS,
 };
-
-typedef const volatile uint32_t frame_byte;
 
 /* What a master can write. */
 struct settings {

@@ -84,6 +84,6 @@ enum outcome coils_write(const struct translator *t, struct transaction *txn, fr
     if (!writable(txn, txn->operand))
         return refuse(txn, TRAITS.bad_address);
     for (shift = 0; shift < txn->operand; shift += 8)
-        bits |= *data++ << shift;
+        bits |= (uint32_t)data++->byte << shift;
     return write_run(txn, txn->operand, bits);
 }

@@ -3,33 +3,20 @@
 
 #include "dialect.h"
 #include "mailbox_port.h"
-
-/* Registers 40002 and 40003 count in 10 ms; no multiplication on this CPU. */
-static uint32_t milliseconds(uint32_t tens)
-{
-    return (tens << 3) + (tens << 1);
-}
-
-static void count(volatile uint32_t *low, volatile uint32_t *high)
-{
-    *low = (*low + 1) & 0xFF;
-    if (*low == 0)
-        *high = (*high + 1) & 0xFF;
-}
+#include "ticks.h"
 
 /* ---- towards the network */
 
 /* Only the newest request is answered (FRAME-7), and no older reply may overwrite its own. */
 static void queue_reply(const struct gateway *g, const struct transaction *txn, uint32_t after_drive)
 {
-    volatile uint32_t *frame = mailbox_frame(REPLY_FRAME);
+    volatile struct frame_slot *frame = mailbox_frame(REPLY_FRAME);
     uint32_t i;
 
     if (txn != g->newest)
         return;
-    *frame++ = mailbox_read(SW_ADDR);
     for (i = 0; i < txn->reply_length; i++)
-        *frame++ = txn->reply[i];
+        (++frame)->byte = txn->reply[i];
     mailbox_write(REPLY, (txn->reply_length + 1u) << MAILBOX__REPLY__LENGTH_bp | after_drive |
                              (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
 }
@@ -44,7 +31,7 @@ static void cancel_reply(const struct gateway *g)
 /* ---- towards the drive */
 
 /* The pause before a telegram (FC-8) is 2.3 ms. */
-enum { PAUSE_MS = 5 };
+enum { PAUSE = TICKS(5) };
 
 static void queue_telegram(struct gateway *g, uint32_t how)
 {
@@ -57,11 +44,11 @@ static void queue_telegram(struct gateway *g, uint32_t how)
 static void start_exchange(struct gateway *g)
 {
     const struct transaction *txn = g->newest;
-    volatile uint32_t *frame = mailbox_frame(TELEGRAM_FRAME);
+    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME);
     uint32_t i;
 
     for (i = 0; i < txn->telegram_length; i++)
-        *frame++ = txn->telegram[i];
+        frame++->byte = txn->telegram[i];
     g->wants_drive = false;
     g->repeated = false;
     g->at_drive = g->newest;
@@ -73,12 +60,12 @@ static void start_exchange(struct gateway *g)
  * it was read: only one more than the wait is surely the wait. */
 static bool waited_enough(const struct gateway *g)
 {
-    return g->now - g->since > milliseconds(g->translator.settings.local[LOCAL_DRIVE_TIMEOUT]);
+    return g->now - g->since > ticks_of_tens(g->translator.settings.local[LOCAL_DRIVE_TIMEOUT]);
 }
 
 static void give_up(struct gateway *g)
 {
-    count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
+    (*mailbox_counter(COUNT_DRIVE_NO_REPLY))++;
     g->drive_online = false;
     if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY)
         queue_reply(g, g->at_drive, 0);
@@ -93,7 +80,7 @@ static void repeat_or_give_up(struct gateway *g)
         return;
     }
     g->repeated = true;
-    count(mailbox_counter(COUNT_DRIVE_REPEAT));
+    (*mailbox_counter(COUNT_DRIVE_REPEAT))++;
     queue_telegram(g, MAILBOX__TELEGRAM__REPEAT_bm);
 }
 
@@ -105,8 +92,8 @@ static void poll_queued(struct gateway *g)
 
     if (newest && g->uncommitted)
         g->since = g->now;
-    else if (waited_enough(g) || (!newest && !g->uncommitted && g->now - g->since > PAUSE_MS))
-        *mailbox_frame(TELEGRAM_FRAME) = 0;
+    else if (waited_enough(g) || (!newest && !g->uncommitted && g->now - g->since > PAUSE))
+        mailbox_frame(TELEGRAM_FRAME)->byte = 0;
 }
 
 static void poll_leaving(struct gateway *g, uint32_t state)
@@ -117,7 +104,7 @@ static void poll_leaving(struct gateway *g, uint32_t state)
     }
     if (state & MAILBOX__EXCHANGE__SENDING_bm)
         return;
-    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && g->now - g->since > PAUSE_MS) {
+    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && g->now - g->since > PAUSE) {
         give_up(g);
         return;
     }
@@ -128,12 +115,10 @@ static void poll_leaving(struct gateway *g, uint32_t state)
 }
 
 /* The telegram's data are in: prepare the reply while its BCC is still on the line (PERF-3). */
-static void judge(struct gateway *g, uint32_t state)
+static void judge(struct gateway *g)
 {
-    const uint32_t lge = (state & MAILBOX__EXCHANGE__LGE_bm) >> MAILBOX__EXCHANGE__LGE_bp;
-
-    g->verdict =
-        (uint8_t)translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME), lge);
+    g->verdict = (uint8_t)translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME),
+                                                mailbox_frame(DRIVE_LGE)->byte);
     if (g->verdict == OUTCOME_REPLY)
         queue_reply(g, g->at_drive, MAILBOX__REPLY__AFTER_DRIVE_bm);
 }
@@ -156,7 +141,7 @@ static void poll_waiting(struct gateway *g, uint32_t state)
     const bool there = good || state & MAILBOX__EXCHANGE__CANDIDATE_bm;
 
     if (there && g->verdict == OUTCOME_NOT_A_REPLY)
-        judge(g, state);
+        judge(g);
     if (!there && g->verdict != OUTCOME_NOT_A_REPLY) {
         g->verdict = OUTCOME_NOT_A_REPLY;
         cancel_reply(g);
@@ -194,9 +179,11 @@ static void prepare(struct gateway *g, uint32_t request)
     g->uncommitted = true;
     /* Not the one at the drive: that goes on, but is the newest no longer. */
     g->newest = &g->transactions[g->at_drive == &g->transactions[0]];
-    /* The ADU has address and CRC besides the PDU. */
-    outcome = translate_request(&g->translator, g->newest, adu + 1, mailbox_read(REQUEST_LENGTH) - 3,
+    /* The ADU has address and CRC besides the PDU; 256 shows as 0. */
+    outcome = translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - 3u) & 0xFF,
                                 (request & MAILBOX__REQUEST__BROADCAST_bm) != 0);
+    /* Now, for its bank is not kept until the drive has answered. */
+    mailbox_frame(REPLY_FRAME)->byte = adu->byte;
     g->wants_drive = outcome == OUTCOME_EXCHANGE;
     if (outcome == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
@@ -228,8 +215,8 @@ static void poll_request(struct gateway *g)
 
 static void poll_time(struct gateway *g)
 {
-    const uint32_t timeout = milliseconds(g->translator.settings.local[LOCAL_NETWORK_TIMEOUT]);
-    const uint32_t passed = (mailbox_read(TIME) - g->now) & MAILBOX__TIME__MS_bm;
+    const uint32_t timeout = ticks_of_tens(g->translator.settings.local[LOCAL_NETWORK_TIMEOUT]);
+    const uint32_t passed = (mailbox_read(TIME) - g->now) & MAILBOX__TIME__TICKS_bm;
     uint32_t leds;
 
     if (passed == 0)
@@ -241,6 +228,20 @@ static void poll_time(struct gateway *g)
     if (g->testing && leds_show_is_over(&g->leds))
         leds = loopback_leds(&g->loopback);
     mailbox_write(LED, leds);
+}
+
+/* The hardware's flags become counts. */
+static void poll_events(void)
+{
+    uint8_t events = (uint8_t)mailbox_read(EVENTS);
+    volatile uint16_t *counter = mailbox_counter(COUNT_CRC);
+
+    if (events == 0)
+        return;
+    mailbox_write(EVENTS, events);
+    for (; events != 0; events >>= 1, counter += FRAME_STRIDE / sizeof *counter)
+        if (events & 1u)
+            ++*counter;
 }
 
 /* A request from before a restart, or from the time of the loop-back test, is not served. */
@@ -261,6 +262,7 @@ void gateway_init(struct gateway *g)
 void gateway_poll(struct gateway *g)
 {
     poll_time(g);
+    poll_events();
     if (g->testing) {
         g->testing = loopback_poll(&g->loopback, g->now, leds_show_is_over(&g->leds));
         forget_request(g);

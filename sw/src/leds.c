@@ -2,8 +2,9 @@
 #include "leds.h"
 
 #include "mailbox.h"
+#include "ticks.h"
 
-enum { STEP_MS = 250 };
+enum { STEP = TICKS(250) };
 
 enum {
     NETWORK_RED = MAILBOX__LED__MODBUS_RED_bm,
@@ -37,8 +38,8 @@ uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool dr
 {
     uint32_t state = ALL;
 
-    if (now - leds->step_at >= STEP_MS) {
-        leds->step_at += STEP_MS;
+    if (now - leds->step_at >= STEP) {
+        leds->step_at += STEP;
         leds->step++;
         if (leds->step == STEPS)
             leds->step = SHOW_STEPS;

@@ -2,6 +2,7 @@
 #include "loopback.h"
 
 #include "mailbox_port.h"
+#include "ticks.h"
 
 enum stage {
     STAGE_SETTLE,    /* both lines must have been silent before anything may leave */
@@ -11,7 +12,7 @@ enum stage {
     STAGE_VERDICT,
 };
 
-enum { SETTLE_MS = 10, TRANSFER_MS = 40, VERDICT_MS = 12000 };
+enum { SETTLE = TICKS(10), TRANSFER = TICKS(40), VERDICT = TICKS(12000) };
 
 enum { ADR = 0x81, TELEGRAM_LENGTH = 13, HEARD_LENGTH = 16, FRAME_LENGTH = 14, GOOD_LGE = 0x0E };
 
@@ -25,7 +26,7 @@ static const uint8_t frame[FRAME_LENGTH] = {0x02, 0x0E, ADR,  0x55, 0xAA, 0x00, 
                                             0x01, 0x80, 0x7F, 0xFE, 0x33, 0x00, 0x38};
 enum { FRAME_CRC_LOW = 0xE2 };
 
-static volatile uint32_t *free_bank(void)
+static volatile struct frame_slot *free_bank(void)
 {
     return mailbox_read(REQUEST) & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_0)
                                                              : mailbox_frame(REQUEST_FRAME_1);
@@ -37,31 +38,31 @@ static void enter(struct loopback *l, enum stage stage, uint32_t now)
     l->since = now;
 }
 
-static void fill(volatile uint32_t *to, const uint8_t *from, uint32_t bytes)
+static void fill(volatile struct frame_slot *to, const uint8_t *from, uint32_t bytes)
 {
     uint32_t i;
 
     for (i = 0; i < bytes; i++)
-        to[i] = from[i];
+        to[i].byte = from[i];
 }
 
-static bool same(const volatile uint32_t *heard, const uint8_t *sent, uint32_t bytes)
+static bool same(frame_byte *heard, const uint8_t *sent, uint32_t bytes)
 {
     uint32_t i;
 
     for (i = 0; i < bytes; i++)
-        if (heard[i] != sent[i])
+        if (heard[i].byte != sent[i])
             return false;
     return true;
 }
 
 static void send_to_network(void)
 {
-    volatile uint32_t *bank = free_bank();
+    volatile struct frame_slot *bank = free_bank();
     uint32_t i;
 
     for (i = 0; i < HEARD_LENGTH; i++)
-        bank[i] = 0x5A; /* nothing of an earlier test may pass for this one's */
+        bank[i].byte = 0x5A; /* nothing of an earlier test may pass for this one's */
     fill(mailbox_frame(TELEGRAM_FRAME), telegram + 2, TELEGRAM_LENGTH);
     mailbox_write(TELEGRAM, TELEGRAM_LENGTH << MAILBOX__TELEGRAM__LENGTH_bp | MAILBOX__TELEGRAM__NO_REPLY_bm);
 }
@@ -75,19 +76,18 @@ static void send_to_drive(void)
 
 static bool drive_heard(void)
 {
-    const uint32_t exchange = mailbox_read(EXCHANGE);
-    volatile uint32_t *data = mailbox_frame(DRIVE_FRAME);
+    frame_byte *data = mailbox_frame(DRIVE_FRAME);
 
-    return exchange & MAILBOX__EXCHANGE__GOOD_bm &&
-           (exchange & MAILBOX__EXCHANGE__LGE_bm) >> MAILBOX__EXCHANGE__LGE_bp == GOOD_LGE &&
-           same(data, frame + 3, FRAME_LENGTH - 3) && data[FRAME_LENGTH - 3] == FRAME_CRC_LOW;
+    return mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__GOOD_bm &&
+           mailbox_frame(DRIVE_LGE)->byte == GOOD_LGE && same(data, frame + 3, FRAME_LENGTH - 3) &&
+           data[FRAME_LENGTH - 3].byte == FRAME_CRC_LOW;
 }
 
 bool loopback_init(struct loopback *l, uint32_t now)
 {
     l->passed = false;
     enter(l, STAGE_SETTLE, now);
-    return (mailbox_read(SUPERVISOR) & MAILBOX__SUPERVISOR__LOOPBACK_bm) != 0;
+    return (mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;
 }
 
 bool loopback_poll(struct loopback *l, uint32_t now, bool show_over)
@@ -96,20 +96,20 @@ bool loopback_poll(struct loopback *l, uint32_t now, bool show_over)
 
     switch (l->stage) {
     case STAGE_SETTLE:
-        if (passed > SETTLE_MS) {
+        if (passed > SETTLE) {
             send_to_network();
             enter(l, STAGE_TO_NETWORK, now);
         }
         break;
     case STAGE_TO_NETWORK:
-        if (passed > TRANSFER_MS) {
+        if (passed > TRANSFER) {
             l->passed = same(free_bank(), telegram, HEARD_LENGTH);
             send_to_drive();
             enter(l, STAGE_TO_DRIVE, now);
         }
         break;
     case STAGE_TO_DRIVE:
-        if (passed > TRANSFER_MS) {
+        if (passed > TRANSFER) {
             l->passed = l->passed && drive_heard();
             mailbox_write(LISTEN, 0);
             enter(l, STAGE_SHOW_WAIT, now);
@@ -120,7 +120,7 @@ bool loopback_poll(struct loopback *l, uint32_t now, bool show_over)
             enter(l, STAGE_VERDICT, now);
         break;
     default:
-        if (passed >= VERDICT_MS) {
+        if (passed >= VERDICT) {
             mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__LOOPBACK_bm);
             return false;
         }

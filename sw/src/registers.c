@@ -95,7 +95,7 @@ enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, ui
 
     begin_answer(txn);
     for (i = 0; i < txn->reply[1]; i++)
-        txn->reply[2 + i] = i < characters ? (uint8_t)text[i] : ' ';
+        txn->reply[2 + i] = i < characters ? text[i].byte : ' ';
     return OUTCOME_REPLY;
 }
 

@@ -41,7 +41,7 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t i
     while (zeros--)
         *at++ = 0;
     while (bytes--)
-        *at++ = (uint8_t)*data++;
+        *at++ = data++->byte;
     /* Control bit 10 = 0: the drive leaves its process data alone (FC-5). */
     return end(txn, at, 0, 0);
 }

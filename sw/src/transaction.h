@@ -42,7 +42,7 @@ enum { LGE_PROCESS = 0x06, LGE_PARAMETER = 0x0E, LGE_TEXT = 10 };
 
 static inline uint16_t word_at(frame_byte *bytes)
 {
-    return (uint16_t)(bytes[0] << 8 | bytes[1]);
+    return (uint16_t)(bytes[0].byte << 8 | bytes[1].byte);
 }
 
 /* A function's handler: data is what follows address and quantity in the PDU. */

@@ -98,7 +98,7 @@ static bool quantity_fits(const struct translator *t, const struct transaction *
         return true;
     if (txn->operand == 0 || txn->operand > limit)
         return false;
-    return function->form != FORM_COUNTED || pdu[AT_COUNT] == bytes;
+    return function->form != FORM_COUNTED || pdu[AT_COUNT].byte == bytes;
 }
 
 static enum outcome decode(const struct translator *t, struct transaction *txn, frame_byte *pdu,
@@ -113,7 +113,7 @@ static enum outcome decode(const struct translator *t, struct transaction *txn, 
         return OUTCOME_SILENT;
     /* A PDU too short to have a byte count is shorter than any byte count asks for. */
     if (function->form == FORM_COUNTED)
-        expected = AT_DATA + pdu[AT_COUNT];
+        expected = AT_DATA + pdu[AT_COUNT].byte;
     if (pdu_length != expected)
         return refuse(txn, TRAITS.bad_length);
     txn->address = word_at(pdu + AT_ADDRESS);
@@ -129,7 +129,7 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
     enum outcome outcome;
 
     copy_settings(&txn->settings, &t->settings);
-    txn->function = (uint8_t)pdu[0];
+    txn->function = pdu->byte;
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);
     /* MAP-9: a broadcast is done, or is not, but never answered. */
@@ -150,7 +150,7 @@ static uint32_t status_of(frame_byte *data, uint32_t length)
     for (i = 0; i < 4; i++) {
         const uint32_t at = length - 4 + i;
 
-        pcd[i] = (uint8_t)data[at < 24 ? at : 24 + (at & 3u)];
+        pcd[i] = data[at < 24 ? at : 24 + (at & 3u)].byte;
     }
     return (uint32_t)pcd[2] << 24 | (uint32_t)pcd[3] << 16 | (uint32_t)pcd[0] << 8 | pcd[1];
 }
@@ -171,7 +171,7 @@ static bool may_be_text(const struct transaction *txn, uint32_t fault)
 
 static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, uint32_t lge)
 {
-    const uint32_t ak = data[0] >> 4;
+    const uint32_t ak = (uint32_t)data->byte >> 4;
     const bool read = txn->function == READ_REGISTERS;
 
     /* FC-8. All 12 bits beside AK: where bit 11 is not part of PNU, it must be 0 (FC-3). */
@@ -182,7 +182,7 @@ static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, 
     if (lge != LGE_PARAMETER)
         return OUTCOME_NOT_A_REPLY;
     if (ak == AK_REFUSED)
-        return may_be_text(txn, data[7]) ? OUTCOME_EXCHANGE : refuse_fault(txn, data[7]);
+        return may_be_text(txn, data[7].byte) ? OUTCOME_EXCHANGE : refuse_fault(txn, data[7].byte);
     if (txn->expects != EXPECT_NUMBER || (ak != AK_IS_WORD && ak != AK_IS_DOUBLE))
         return OUTCOME_NOT_A_REPLY;
     return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : confirm(txn);

@@ -25,8 +25,6 @@ module core_and_memory #(
   wire core_ready;
   wire [3:0] core_wstrb;
   wire [31:0] core_rdata;
-  wire ram_valid;
-  wire ram_ready;
   wire [31:0] ram_rdata;
 
   soft_core #(
@@ -43,34 +41,29 @@ module core_and_memory #(
       .trap(trap)
   );
 
-  bus_decode decode_i (
-      .core_valid(core_valid),
-      .core_ready(core_ready),
-      .core_addr(core_addr),
-      .core_wstrb(core_wstrb),
-      .core_rdata(core_rdata),
-      .ram_valid(ram_valid),
-      .ram_ready(ram_ready),
-      .ram_rdata(ram_rdata),
-      .mailbox_valid(mailbox_valid),
-      .mailbox_ready(mailbox_ready),
-      .mailbox_write(mailbox_write),
-      .mailbox_word(mailbox_word),
-      .mailbox_rdata(mailbox_rdata)
-  );
+  // As bus_arbiter does it while no line asks, but with a mailbox that may take its time.
+  wire to_mailbox = core_addr[31];
+  reg  ram_ready = 1'b0;
+  wire ram_valid = core_valid && !to_mailbox && !ram_ready;
+
+  assign mailbox_valid = core_valid && to_mailbox;
+  assign mailbox_write = core_wstrb != 4'd0;
+  assign mailbox_word  = core_addr[10:2];
+  assign core_ready    = to_mailbox ? mailbox_ready : ram_ready;
+  assign core_rdata    = to_mailbox ? {16'd0, mailbox_rdata} : ram_rdata;
+
+  always @(posedge clk) ram_ready <= ram_valid && !rst;
 
   firmware_ram #(
       .BYTES(BYTES),
       .FIRMWARE_HEX(FIRMWARE_HEX)
   ) ram_i (
       .clk(clk),
-      .rst(rst),
-      .bus_valid(ram_valid),
-      .bus_ready(ram_ready),
-      .bus_addr(core_addr),
-      .bus_wdata(mailbox_wdata),
-      .bus_wstrb(core_wstrb),
-      .bus_rdata(ram_rdata)
+      .enable(ram_valid),
+      .word(core_addr[$clog2(BYTES/4)+1:2]),
+      .wdata(mailbox_wdata),
+      .wstrb(core_wstrb & {4{ram_valid}}),
+      .rdata(ram_rdata)
   );
 
 endmodule

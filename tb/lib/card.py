@@ -92,11 +92,12 @@ class Card:
         await with_timeout(self._first_look(), round(boot_clocks() * self.bench.period_ps), "ps")
 
     async def _first_look(self) -> None:
-        word = None
-        while word != REGISTERS["REQUEST"].offset // 4:
-            await RisingEdge(self.dut.mailbox_valid)
+        mailbox = self.dut.mailbox_i
+        while True:
+            await RisingEdge(mailbox.regs_valid)
             await ReadOnly()
-            word = self.dut.mailbox_word.value.to_unsigned()
+            if not mailbox.regs_write.value and mailbox.regs_word.value == REGISTERS["REQUEST"].offset // 4:
+                break
         # Both lines have been silent for long enough by then at any rate the benches use.
         await Timer(4 * MS, unit="ps")
 

@@ -171,7 +171,7 @@ class Firmware:
         dut = self._dut
         for _ in range(FETCH_LIMIT_CLOCKS):
             await FallingEdge(dut.clk)
-            if str(dut.ram_valid.value) == "1" and dut.core_wstrb.value.to_unsigned() == 0:
+            if str(dut.core_valid.value) == "1" and dut.core_wstrb.value.to_unsigned() == 0:
                 word = dut.core_addr.value.to_unsigned() // 4
                 if word < len(self._image):
                     return word

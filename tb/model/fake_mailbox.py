@@ -9,10 +9,11 @@ Frames on the network side are address and PDU (no CRC), on the drive side ADR a
 from __future__ import annotations
 
 from tb.generated.mailbox import AREAS, REGISTERS
-from tb.model.firmware import JUNK, drive_frame, mailbox_word
+from tb.model.firmware import JUNK, frame_memory
 
 BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
 CRC_BYTES = 2
+TICKS_IN_10_MS = 12
 WATCHDOG_KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
 
@@ -39,22 +40,24 @@ class FakeMailbox:
         self.telegram = b""
         self.telegrams: list[bytes] = []  # that left
         self.listening = self.drive_candidate = self.drive_good = False
-        self.lge = 0
-        for area in AREAS.values():
-            for i in range(area.length):
-                mailbox_word(area.offset + 4 * i).value = 0
+        self.events = 0
+        memory = frame_memory()
+        memory[:] = bytes(len(memory))
 
     # ------------------------------------------------------------ memory
 
     def memory(self, area: str, length: int) -> bytes:
-        return bytes(mailbox_word(AREAS[area].offset + 4 * i).value for i in range(length))
+        memory = frame_memory()
+        return bytes(memory[AREAS[area].at(i)] for i in range(length))
 
     def _store(self, area: str, data: bytes) -> None:
+        memory = frame_memory()
         for i, byte in enumerate(data):
-            mailbox_word(AREAS[area].offset + 4 * i).value = byte
+            memory[AREAS[area].at(i)] = byte
 
     def counter(self, name: str) -> int:
-        return int.from_bytes(self.memory(name, 2), "little")
+        at = AREAS[name].offset
+        return int.from_bytes(frame_memory()[at : at + AREAS[name].size], "little")
 
     # ------------------------------------------------------------ what the firmware does
 
@@ -66,11 +69,14 @@ class FakeMailbox:
         getattr(self, "_write_" + name.lower())(**REGISTERS[name].unpack(value))
         self._release()
 
-    def _read_sw_addr(self) -> int:
-        return self.address
-
     def _read_time(self) -> int:
-        return self.time & 0xFFFF
+        return self.time * TICKS_IN_10_MS // 10 & 0xFF
+
+    def _read_events(self) -> int:
+        return self.events
+
+    def _write_events(self, **flags: int) -> None:
+        self.events &= ~REGISTERS["EVENTS"].pack(**flags)
 
     def _read_request(self) -> int:
         return REGISTERS["REQUEST"].pack(
@@ -81,8 +87,8 @@ class FakeMailbox:
             bank=self.bank,
         )
 
-    def _read_request_length(self) -> int:
-        return self.length
+    def _read_length(self) -> int:
+        return self.length & 0xFF
 
     def _take_back_what_was_touched(self) -> None:
         """A write to the telegram's memory ends its licence; here it shows by what it left behind."""
@@ -95,10 +101,9 @@ class FakeMailbox:
             queued=self.telegram_queued,
             sending=self.sending,
             started=self.started,
-            listening=self.listening,
             candidate=self.drive_candidate,
             good=self.drive_good,
-            lge=self.lge,
+            loopback=self.loopback,
         )
 
     def _write_led(self, modbus_red: int, modbus_green: int, drive_red: int, drive_green: int) -> None:
@@ -108,14 +113,11 @@ class FakeMailbox:
         assert key == WATCHDOG_KEY
         self.kicks += 1
 
-    def _read_supervisor(self) -> int:
-        return REGISTERS["SUPERVISOR"].pack(loopback=self.loopback)
-
-    def _write_supervisor(self, halt: int, loopback: int, **_: int) -> None:
+    def _write_supervisor(self, halt: int, loopback: int) -> None:
         self.halted |= bool(halt)
         self.loopback &= not loopback
 
-    def _write_reply(self, length: int, after_drive: int, ticket: int, **_: int) -> None:
+    def _write_reply(self, length: int, after_drive: int, ticket: int) -> None:
         alive = self.is_candidate or (self.is_committed and self.answerable)
         mine = ticket == self.ticket and alive and not self.is_broadcast
         self.reply_queued = (mine or self.loopback) and length > 0
@@ -137,6 +139,10 @@ class FakeMailbox:
     def _write_listen(self, on: int) -> None:
         self.listening = bool(on)
         self.drive_candidate = self.drive_good = False
+
+    def event(self, name: str) -> None:
+        """Something that the hardware flags."""
+        self.events |= REGISTERS["EVENTS"].pack(**{name: 1})
 
     # ------------------------------------------------------------ what happens on the network line
 
@@ -194,9 +200,11 @@ class FakeMailbox:
     def drive_data(self, data: bytes, lge: int | None = None) -> None:
         """All of the drive's telegram but its BCC."""
         if self.listening and not self.drive_good:
-            for i, byte in enumerate(drive_frame(data)):
-                mailbox_word(AREAS["DRIVE_FRAME"].offset + 4 * i).value = byte
-            self.lge = len(data) + 2 if lge is None else lge
+            kept = bytearray(data[:24].ljust(AREAS["DRIVE_FRAME"].length, bytes([JUNK])))
+            for i in range(24, len(data)):
+                kept[24 + i % 4] = data[i]
+            self._store("DRIVE_FRAME", kept)
+            self._store("DRIVE_LGE", bytes([len(data) + 2 if lge is None else lge]))
             self.drive_candidate = True
 
     def bcc(self, good: bool = True) -> None:

@@ -15,12 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tb.generated.mailbox import AREAS
+from tb.generated.mailbox import FRAMES_BYTES, STRIDE
 
 ROOT = Path(__file__).resolve().parents[2]
 NOT_A_REPLY, SILENT, REPLY, EXCHANGE = range(4)  # enum outcome
 KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
-MAILBOX_BYTES = max(area.offset + 4 * area.length for area in AREAS.values())
 JUNK = 0xA5  # in every frame byte that the hardware did not write
 
 ReadHook = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
@@ -70,16 +69,18 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
     return lib
 
 
-def frame(data: bytes, words: int = 32) -> ctypes.Array:
-    """Bytes as they lie in the frame memory, one a word."""
-    return (ctypes.c_uint32 * words)(*data, *[JUNK] * (words - len(data)))
+def frame(data: bytes, slots: int = 32) -> ctypes.Array:
+    """Bytes as they lie in the frame memory: one every four, others in between."""
+    memory = (ctypes.c_uint8 * (STRIDE * slots))(*[JUNK] * (STRIDE * slots))
+    memory[: STRIDE * len(data) : STRIDE] = list(data)
+    return memory
 
 
 def drive_frame(data: bytes) -> ctypes.Array:
     """Telegram data as the receiver stores them: from byte 24 on, only the last four stay (FC-7)."""
     kept = frame(data[:24], 28)
     for i in range(24, len(data)):
-        kept[24 + i % 4] = data[i]
+        kept[STRIDE * (24 + i % 4)] = data[i]
     return kept
 
 
@@ -156,16 +157,16 @@ class Translator:
         return self.memory.raw
 
 
-class Mailbox:
-    """Where the mailbox's memory (frames and counters) lies: in the library last connected."""
+class FrameMemory:
+    """Where frames and counters lie: in the library last connected."""
 
     address = 0
 
     @classmethod
     def move_to(cls, lib: ctypes.CDLL) -> None:
-        address = ctypes.addressof(ctypes.c_uint32.in_dll(lib, "host_memory"))
+        address = ctypes.addressof(ctypes.c_uint32.in_dll(lib, "host_frames"))
         if cls.address not in (0, address):
-            ctypes.memmove(address, cls.address, MAILBOX_BYTES)
+            ctypes.memmove(address, cls.address, FRAMES_BYTES)
         cls.address = address
 
 
@@ -176,7 +177,7 @@ class Gateway:
         self, read: Callable[[int], int], write: Callable[[int, int], None], dialect: str = "card"
     ) -> None:
         self.lib = library(dialect=dialect)
-        Mailbox.move_to(self.lib)
+        FrameMemory.move_to(self.lib)
         self._hooks = ReadHook(read), WriteHook(write)  # must outlive the calls
         self.memory = ctypes.create_string_buffer(self.lib.host_size_of_gateway())
         self.lib.host_connect(*self._hooks)
@@ -186,8 +187,8 @@ class Gateway:
         self.lib.gateway_poll(self.memory)
 
 
-def mailbox_word(offset: int) -> ctypes.c_uint32:
-    """One word of the mailbox's memory; offset in bytes from the base."""
-    if not Mailbox.address:
-        Mailbox.move_to(library())
-    return ctypes.c_uint32.from_address(Mailbox.address + offset)
+def frame_memory() -> ctypes.Array:
+    """All of it, to read and to write."""
+    if not FrameMemory.address:
+        FrameMemory.move_to(library())
+    return (ctypes.c_uint8 * FRAMES_BYTES).from_address(FrameMemory.address)

@@ -2,7 +2,7 @@
 """A small RV32I machine that runs the card's own firmware image against a mailbox played by a test.
 
 It counts instructions, not clocks, and is strict where the card is: no multiplication, no unaligned
-access, only whole words in the mailbox, nothing outside the memory.
+access, registers and frame bytes in their own size, nothing outside the memory.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
-from tb.generated.mailbox import BASE, FRAME_MEMORY, REGISTERS
-from tb.model.firmware import build, mailbox_word
+from tb.generated.mailbox import AREAS, BASE, FRAMES, FRAMES_BYTES, REGISTERS
+from tb.model.firmware import build, frame_memory
 
 MASK = 0xFFFFFFFF
 SP, STACK_FILL = 2, 0x5A
+# Bytes that are read or written together, by offset in the frame memory.
+SIZES = {area.at(i): area.size for area in AREAS.values() for i in range(area.length)}
 LONGEST_ROUND = 100_000  # instructions; the check of the whole image at the start is the longest
 
 
@@ -73,14 +75,14 @@ class Machine:
     ) -> None:
         self.on_read, self.on_write = read, write
         self.image_size = len(image(dialect))
-        self.memory = bytearray(image(dialect).ljust(memory, bytes([STACK_FILL])))
+        self.memory = bytearray(image(dialect).ljust(memory - FRAMES_BYTES, bytes([STACK_FILL])))
         if damaged_bit is not None:
             self.memory[damaged_bit // 8] ^= 1 << damaged_bit % 8
         self.decoded: dict[int, Callable[[], None]] = {}
         self.x = [0] * 32
         self.pc = 0
         self.instructions = 0
-        self.lowest_sp = memory
+        self.lowest_sp = len(self.memory)
         # The first reading of TIME is that of the start.
         self._run_to_time()
         self.poll()
@@ -113,11 +115,11 @@ class Machine:
 
     def _load(self, address: int, size: int) -> int:
         assert address % size == 0, f"unaligned load at {self.pc - 4:#x}"
+        if address >= FRAMES:
+            at = self._frame_access(address, size)
+            return int.from_bytes(frame_memory()[at : at + size], "little")
         if address >= BASE:
-            assert size == 4, f"load of {size} bytes from the mailbox at {self.pc - 4:#x}"
-            offset = address - BASE
-            if offset >= FRAME_MEMORY:
-                return mailbox_word(offset).value
+            offset = self._register_access(address, size)
             self.reads_time |= offset == REGISTERS["TIME"].offset
             return self.on_read(offset)
         assert address + size <= len(self.memory), f"load outside the memory at {self.pc - 4:#x}"
@@ -125,16 +127,28 @@ class Machine:
 
     def _store(self, address: int, size: int, value: int) -> None:
         assert address % size == 0, f"unaligned store at {self.pc - 4:#x}"
+        data = (value & ((1 << 8 * size) - 1)).to_bytes(size, "little")
+        if address >= FRAMES:
+            at = self._frame_access(address, size)
+            frame_memory()[at : at + size] = data
+            return
         if address >= BASE:
-            assert size == 4, f"store of {size} bytes to the mailbox at {self.pc - 4:#x}"
-            offset = address - BASE
-            if offset >= FRAME_MEMORY:
-                mailbox_word(offset).value = value & 0xFF
-            else:
-                self.on_write(offset, value)
+            self.on_write(self._register_access(address, size), value)
             return
         assert self.image_size <= address <= len(self.memory) - size, f"store into code at {self.pc - 4:#x}"
-        self.memory[address : address + size] = (value & ((1 << 8 * size) - 1)).to_bytes(size, "little")
+        self.memory[address : address + size] = data
+
+    def _frame_access(self, address: int, size: int) -> int:
+        """The same 256 bytes end the memory, but the firmware knows them by this address alone."""
+        at = address - FRAMES
+        assert SIZES.get(at) == size, f"{size} bytes of the frame memory at {at:#x}, at {self.pc - 4:#x}"
+        return at
+
+    def _register_access(self, address: int, size: int) -> int:
+        offset = address - BASE
+        sizes = {register.size for register in REGISTERS.values() if register.offset == offset}
+        assert sizes == {size}, f"{size} bytes of the registers at {offset:#x}, at {self.pc - 4:#x}"
+        return offset
 
     # ------------------------------------------------------------ instructions
 
@@ -150,8 +164,6 @@ class Machine:
         def set_rd(value: int) -> None:
             if rd:
                 x[rd] = value & MASK
-                if rd == SP:
-                    self.lowest_sp = min(self.lowest_sp, x[SP]) if x[SP] else self.lowest_sp
 
         match opcode:
             case 0x37:
@@ -200,6 +212,13 @@ class Machine:
             case 0x23:
                 size = 1 << funct3
                 return lambda: self._store(x[rs1] + imm_s & MASK, size, x[rs2])
+            case 0x13 if rd == rs1 == SP:
+
+                def move_sp() -> None:
+                    x[SP] += imm_i
+                    self.lowest_sp = min(self.lowest_sp, x[SP])
+
+                return move_sp
             case 0x13:
                 alternate = funct3 == 5 and funct7 == 0x20
                 return lambda: set_rd(alu(funct3, alternate, x[rs1], imm_i & MASK))

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The mailbox on the card: memory-mapped, aligned 32-bit accesses only. */
+/* The mailbox on the card: memory-mapped. */
 #ifndef MAILBOX_PORT_H
 #define MAILBOX_PORT_H
 
+#include "frame.h"
 #include "mailbox.h"
 
 #define mailbox_read(reg) (MAILBOX.reg)
 #define mailbox_write(reg, value) (MAILBOX.reg = (value))
-#define mailbox_frame(area) (MAILBOX.area.BYTE)
-/* Both halves of a counter, as two arguments. */
-#define mailbox_counter(name) &MAILBOX.name.LO, &MAILBOX.name.HI
+#define mailbox_frame(area) ((volatile struct frame_slot *)area##_address)
+#define mailbox_counter(name) ((volatile uint16_t *)name##_address)
 
 #endif

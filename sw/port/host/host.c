@@ -4,7 +4,7 @@
 
 #include "mailbox_port.h"
 
-volatile MAILBOX_t host_memory;
+volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
 
 static host_read_hook *read_hook;
 static host_write_hook *write_hook;

@@ -1,20 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The mailbox on the host: registers are functions of the test, frame memory is plain memory. */
+/* The mailbox on the host: registers are functions of the test, the frame memory is plain memory. */
 #ifndef MAILBOX_PORT_H
 #define MAILBOX_PORT_H
 
 #include <stddef.h>
 
+#include "frame.h"
 #include "mailbox.h"
 
-extern volatile MAILBOX_t host_memory;
+extern volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
 
 uint32_t host_read(uint32_t offset);
 void host_write(uint32_t offset, uint32_t value);
 
 #define mailbox_read(reg) host_read((uint32_t)offsetof(MAILBOX_t, reg))
 #define mailbox_write(reg, value) host_write((uint32_t)offsetof(MAILBOX_t, reg), value)
-#define mailbox_frame(area) (host_memory.area.BYTE)
-#define mailbox_counter(name) &host_memory.name.LO, &host_memory.name.HI
+#define host_frame(area) (volatile void *)((volatile uint8_t *)host_frames + (area##_address - FRAMES_address))
+#define mailbox_frame(area) ((volatile struct frame_slot *)host_frame(area))
+#define mailbox_counter(name) ((volatile uint16_t *)host_frame(name))
 
 #endif

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shares the one memory between both lines and the soft core, and leads the soft core
+// to the registers.
+//
+// The lines come first: they ask once a character, hundreds of clocks apart, and take
+// one clock each. The network line never waits, the drive line for one clock, the soft
+// core for as long as both ask. Each line has a byte lane of its own in the 64 words of
+// the frame memory (regs/mailbox.rdl): the network line writes lane 1, the drive line
+// lane 2, both read lane 0. A soft core access takes two clocks and more: valid, then
+// ready with the data. Addresses from 80000000h on are registers, unless bit 10 is set; all
+// others are the memory, which repeats. MEMORY_BYTES is a power of two or three quarters of
+// one; then its last quarter comes twice, so that the last address is always the last byte.
+//
+// The frame memory is the last 256 bytes. What the soft core writes into the telegram while
+// that is on the wire is dropped; any other write to it is reported, for it ends the licence
+// (SAFE-1), whatever address it came by. Clock domain: clk. Rules: FRAME-5, SAFE-1.
+`default_nettype none
+
+module bus_arbiter #(
+    parameter MEMORY_BYTES = 8192
+) (
+    input  wire                              clk,
+    input  wire                              rst,
+    // soft core
+    input  wire                              core_valid,
+    output reg                               core_ready,
+    input  wire [                      31:0] core_addr,
+    input  wire [                      31:0] core_wdata,
+    input  wire [                       3:0] core_wstrb,
+    output wire [                      31:0] core_rdata,
+    // network line
+    input  wire                              modbus_write_valid,
+    output wire                              modbus_write_ready,
+    input  wire [                       5:0] modbus_write_addr,
+    input  wire [                       7:0] modbus_write_data,
+    input  wire                              modbus_read_valid,
+    output wire                              modbus_read_ready,
+    input  wire [                       4:0] modbus_read_addr,
+    // drive line
+    input  wire                              drive_write_valid,
+    output wire                              drive_write_ready,
+    input  wire [                       4:0] drive_write_addr,
+    input  wire [                       7:0] drive_write_data,
+    input  wire                              drive_read_valid,
+    output wire                              drive_read_ready,
+    input  wire [                       4:0] drive_read_addr,
+    // both lines
+    output wire [                       7:0] read_data,
+    // memory
+    output wire                              ram_enable,
+    output wire [$clog2(MEMORY_BYTES/4)-1:0] ram_word,
+    output wire [                      31:0] ram_wdata,
+    output wire [                       3:0] ram_wstrb,
+    input  wire [                      31:0] ram_rdata,
+    // registers
+    output wire                              regs_valid,
+    output wire                              regs_write,
+    output wire [                       2:0] regs_word,
+    input  wire [                      31:0] regs_rdata,
+    // status
+    input  wire                              telegram_sending,
+    output wire                              telegram_touched
+);
+
+  localparam WORD_BITS = $clog2(MEMORY_BYTES / 4);
+  localparam [31:0] LAST = MEMORY_BYTES / 4 - 1;
+  localparam [5:0] TELEGRAM = `MBX_TELEGRAM_FRAME_SLOT;
+  localparam [5:0] REPLY = `MBX_REPLY_FRAME_SLOT;
+  localparam [5:0] DRIVE = `MBX_DRIVE_FRAME_SLOT;
+
+  wire modbus_valid = modbus_write_valid || modbus_read_valid;
+  wire drive_valid = drive_write_valid || drive_read_valid;
+  wire line_valid = modbus_valid || drive_valid;
+
+  wire [5:0] modbus_slot = modbus_write_valid ? modbus_write_addr : {REPLY[5], modbus_read_addr};
+  wire [5:0] drive_slot =
+      drive_write_valid ? {DRIVE[5], drive_write_addr} : {TELEGRAM[5], drive_read_addr};
+  wire [5:0] line_slot = modbus_valid ? modbus_slot : drive_slot;
+
+  wire core_turn = core_valid && !core_ready && !line_valid;
+  wire to_regs = core_addr[31] && !core_addr[10];
+  wire to_ram = core_turn && !to_regs;
+  // Three quarters of a power of two: the last quarter is the third.
+  wire [WORD_BITS-1:0] core_word = {
+    core_addr[WORD_BITS+1],
+    core_addr[WORD_BITS] && (LAST[WORD_BITS-2] || !core_addr[WORD_BITS+1]),
+    core_addr[WORD_BITS-1:2]
+  };
+  wire is_telegram = core_word[WORD_BITS-1:5] == {LAST[WORD_BITS-1:6], TELEGRAM[5]};
+  wire telegram_write = to_ram && is_telegram && core_wstrb[0];
+  wire drive_turn = !modbus_valid;
+
+  assign modbus_write_ready = modbus_write_valid;
+  assign modbus_read_ready = modbus_read_valid;
+  assign drive_write_ready = drive_write_valid && drive_turn;
+  assign drive_read_ready = drive_read_valid && drive_turn;
+
+  assign ram_enable = line_valid || to_ram;
+  assign ram_word = line_valid ? {LAST[WORD_BITS-1:6], line_slot} : core_word;
+  assign ram_wdata = {
+    core_wdata[31:24],
+    drive_write_valid ? drive_write_data : core_wdata[23:16],
+    modbus_write_valid ? modbus_write_data : core_wdata[15:8],
+    core_wdata[7:0]
+  };
+  assign ram_wstrb = {
+    to_ram && core_wstrb[3],
+    drive_write_ready || (to_ram && core_wstrb[2]),
+    modbus_write_ready || (to_ram && core_wstrb[1]),
+    to_ram && core_wstrb[0] && !(is_telegram && telegram_sending)
+  };
+  assign telegram_touched = telegram_write && !telegram_sending;
+
+  assign regs_valid = core_turn && to_regs;
+  assign regs_write = core_wstrb != 4'd0;
+  assign regs_word = core_addr[4:2];
+
+  // Each of them is 0 unless it was read.
+  assign core_rdata = ram_rdata | regs_rdata;
+  assign read_data = core_rdata[7:0];
+
+  initial core_ready = 1'b0;
+
+  always @(posedge clk) core_ready <= core_turn && !rst;
+
+  wire unused = &{1'b0, core_addr[30:WORD_BITS+2], core_addr[1:0]};
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Free-running time in 1/1200 s, from the drive port's ticks.
+//
+// A tick of time is 128 of 1/(16 * 9600) s, and twelve of them are 10 ms exactly: the
+// unit of the time-outs, with no rounding anywhere. ticks wraps round after 213 ms.
+// Clock domain: clk. Rules: FC-9, LED-1.
+`default_nettype none
+
+module card_time (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick16,
+    // status
+    output wire [7:0] ticks
+);
+
+  reg [14:0] count = 15'd0;
+
+  assign ticks = count[14:7];
+
+  always @(posedge clk) begin
+    if (tick16) count <= count + 15'd1;
+    if (rst) count <= 15'd0;
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Frames as they lie in the frame memory: a byte every four bytes, for each line has a byte lane of its own. */
+#ifndef FRAME_H
+#define FRAME_H
+
+#include <stdint.h>
+
+struct frame_slot {
+    uint8_t byte;
+    uint8_t others[3];
+};
+
+/* Of a frame that the hardware writes. */
+typedef const volatile struct frame_slot frame_byte;
+
+#endif
