@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Generated from regs/mailbox.rdl by `make regs`; edit that file, not this one.
-"""The mailbox map: registers from BASE on, frames and counters from FRAMES on, addresses in bytes."""
+"""The mailbox map: registers from BASE on, frames and counters from FRAMES on, in bytes."""
 
 from dataclasses import dataclass
 
