@@ -43,6 +43,7 @@ module drive_port (
 
   // A gap of exactly 2 characters is still allowed, so the limit stands 1/4 bit later.
   localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
+  localparam [11:0] HALF_END = `CARD_SILENCE_START + PAUSE_TICKS / 12'd4 - 12'd1;
 
   wire synced;
   wire line;
@@ -120,7 +121,11 @@ module drive_port (
       .start_seen(rx_start_seen)
   );
 
-  silence_timer silence_i (
+  silence_timer #(
+      .WIDTH(7),
+      .SHORT_HALVES(3'd4),
+      .LONG_HALVES(3'd4)
+  ) silence_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
@@ -129,8 +134,8 @@ module drive_port (
       .sending(de),
       .busy(rx_busy || !synced),
       // configuration
-      .short_ticks(PAUSE_TICKS),
-      .long_ticks(PAUSE_TICKS),
+      .half_end(HALF_END[6:0]),
+      .half_uneven(1'b0),
       .two_stop(`CARD_DRIVE_TWO_STOP),
       // status
       .short_reached(short_reached),

@@ -51,8 +51,8 @@ module network_port #(
 );
 
   wire [8:0] baud_ratio;
-  wire [11:0] t15_ticks;
-  wire [11:0] t35_ticks;
+  wire [8:0] half_end;
+  wire half_uneven;
   wire parity_enable;
   wire parity_odd;
   wire two_stop;
@@ -84,8 +84,8 @@ module network_port #(
   card_tables tables_i (
       .sw_baud(sw_baud),
       .baud_ratio(baud_ratio),
-      .t15_ticks(t15_ticks),
-      .t35_ticks(t35_ticks),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
       .parity_enable(parity_enable),
       .parity_odd(parity_odd),
       .two_stop(two_stop)
@@ -153,8 +153,8 @@ module network_port #(
       .sending(de),
       .busy(rx_busy || !synced),
       // configuration
-      .short_ticks(t15_ticks),
-      .long_ticks(t35_ticks),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
       .two_stop(two_stop),
       // status
       .short_reached(short_reached),

@@ -1,46 +1,58 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the silence on one line against two limits.
+// Measures the silence on one line in half characters, against two limits.
 //
-// Network port: short = t1.5, long = t3.5 (FRAME-1). Drive port: short and long
-// are both the two characters of FC-8.
+// t1.5 and t3.5 are 3 and 7 halves of 88 ticks, above 19200 bit/s of 250 us, so one
+// count of ticks serves both (FRAME-1). Drive port: both limits are the 4 halves of
+// the pause (FC-8).
 //
-// The count starts when the receiver votes on the first stop bit. The filter shows
-// everything five to six ticks late, so of that bit two to three ticks are still to
-// come, and one bit more with two stop bits: with one, the count starts 16 ahead.
-// TAIL_TICKS is chosen so that a limit is reached 0 to 1 tick early (FRAME-1 allows
-// 4): at 300 bit/s a whole tick late would cost PERF-2. busy must rise with the pin,
-// not with the filtered line, for the filter's delay is taken off here. It stops the
-// count for as long as it lasts, so a glitch or a false start costs no more than
-// itself; restart starts it anew, at the end of each character, and sending holds it.
-// *_reached: one clock. long_silent: level, until the next restart.
-// Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8.
+// The filter shows everything five to six ticks late and the receiver votes on the
+// first stop bit eight to nine ticks after its beginning. So at restart two to three
+// ticks of that bit are still to come, and one bit more with two stop bits: the count
+// starts that much before SILENCE_START, the one of a half that is not the first. A
+// limit is then reached 0 to 1 tick early (FRAME-1 allows 4): at 300 bit/s a whole
+// tick late would cost PERF-2. The card's own last character is over when DE falls.
+// busy must rise with the pin, not with the filtered line, for the filter's delay is
+// taken off here. It stops the count for as long as it lasts, so a glitch or a false
+// start costs no more than itself; restart starts it anew, at the end of each
+// character, and sending holds it.
+// *_reached: one clock. long_silent: level, until the next restart. half_end: the
+// count in the last tick of a half; half_uneven takes a tick off the second, fourth and
+// sixth. Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8.
 `default_nettype none
 
 module silence_timer #(
-    parameter [11:0] TAIL_TICKS = 12'd17
+    parameter WIDTH = 9,
+    parameter [2:0] SHORT_HALVES = 3'd3,
+    parameter [2:0] LONG_HALVES = 3'd7
 ) (
-    input  wire        clk,
-    input  wire        rst,
-    input  wire        tick16,
+    input  wire             clk,
+    input  wire             rst,
+    input  wire             tick16,
     // line activity
-    input  wire        restart,
-    input  wire        sending,
-    input  wire        busy,
+    input  wire             restart,
+    input  wire             sending,
+    input  wire             busy,
     // configuration
-    input  wire [11:0] short_ticks,
-    input  wire [11:0] long_ticks,
-    input  wire        two_stop,
+    input  wire [WIDTH-1:0] half_end,
+    input  wire             half_uneven,
+    input  wire             two_stop,
     // status
-    output reg         short_reached,
-    output reg         long_reached,
-    output reg         long_silent
+    output reg              short_reached,
+    output reg              long_reached,
+    output reg              long_silent
 );
 
-  reg [11:0] count = 12'd0;
+  localparam [8:0] SILENCE_START = `CARD_SILENCE_START;
+  localparam [WIDTH-1:0] START = SILENCE_START[WIDTH-1:0];
+  localparam [WIDTH-1:0] STOP_LEFT = 2;
+  localparam [WIDTH-1:0] SECOND_STOP = 16;
+
+  reg [WIDTH-1:0] ticks = START;
+  reg [2:0] halves = 3'd0;  // that are over
 
   wire counting = tick16 && !busy && !long_silent;
-  wire at_short = count == short_ticks + TAIL_TICKS;
-  wire at_long = count == long_ticks + TAIL_TICKS;
+  wire half_over = counting && ticks == half_end;
+  wire shorter = half_uneven && !halves[0];  // the half to come
 
   initial begin
     short_reached = 1'b0;
@@ -49,15 +61,17 @@ module silence_timer #(
   end
 
   always @(posedge clk) begin
-    short_reached <= counting && at_short;
-    long_reached  <= counting && at_long;
-    if (counting) begin
-      count <= count + 12'd1;
-      if (at_long) long_silent <= 1'b1;
+    short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
+    long_reached  <= half_over && halves == LONG_HALVES - 3'd1;
+    if (counting) ticks <= ticks + 1'b1;
+    if (half_over) begin
+      ticks  <= START | shorter;
+      halves <= halves + 3'd1;
+      if (halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
     end
     if (restart || sending || rst) begin
-      // The card's own last character is over when DE falls, whatever its format.
-      count <= sending ? TAIL_TICKS + 12'd1 : two_stop ? 12'd0 : 12'd16;
+      ticks <= sending ? START : START - STOP_LEFT - (two_stop ? SECOND_STOP : 0);
+      halves <= 3'd0;
       short_reached <= 1'b0;
       long_reached <= 1'b0;
       long_silent <= 1'b0;

@@ -7,7 +7,7 @@ import cocotb
 import pytest
 from cocotb.triggers import Timer
 
-from tb.generated.card_tables import FORMATS, RATES
+from tb.generated.card_tables import FORMATS, RATES, SILENCE_START
 from tb.lib.runner import run
 
 
@@ -20,13 +20,13 @@ async def every_pattern(dut):
         rate, entry = RATES[switches[:3]], FORMATS[switches[3:]]
         shown = [
             dut.baud_ratio,
-            dut.t15_ticks,
-            dut.t35_ticks,
+            dut.half_end,
+            dut.half_uneven,
             dut.parity_enable,
             dut.parity_odd,
             dut.two_stop,
         ]
-        wanted = [rate.ratio, rate.t15_ticks, rate.t35_ticks]
+        wanted = [rate.ratio, SILENCE_START + rate.half_ticks - 1, rate.half_uneven]
         wanted += [entry.parity != "none", entry.parity == "odd", entry.stop_bits == 2]
         assert [int(signal.value) for signal in shown] == wanted, f"switches {switches}"
 

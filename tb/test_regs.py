@@ -194,6 +194,16 @@ def test_silences_within_a_quarter_bit():
             assert ticks < 1 << 12
 
 
+@pytest.mark.rule("FRAME-1")
+def test_three_and_seven_half_characters_are_the_silences():
+    """Within 2 ticks of 1/16 bit, half of what the rule allows."""
+    for rate in card_tables.RATES.values():
+        for halves, limit_us, bits in ((3, 750, 16.5), (7, 1750, 38.5)):
+            exact = limit_us * rate.baud * 16 / 1e6 if rate.baud > 19200 else 16 * bits
+            ticks = halves * rate.half_ticks - rate.half_uneven * (halves // 2)
+            assert abs(ticks - exact) <= 2, f"{rate.baud} bit/s"
+
+
 @pytest.mark.rule("FC-1", "FC-8")
 def test_drive_line_constants():
     macros = verilog_macros("card_defs.v")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""silence_timer: two limits counted in ticks, stopped by activity, cleared by a character.
+"""silence_timer: two limits counted in half characters, stopped by activity, cleared by a character.
 
 The limits as seen from the pin are measured in test_network_port.py and test_drive_port.py.
 """
@@ -7,13 +7,19 @@ The limits as seen from the pin are measured in test_network_port.py and test_dr
 import cocotb
 import pytest
 
+from tb.generated.card_tables import RATES, SILENCE_START
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 
-SHORT, LONG = 40, 100
+HALF = 14
+SHORT, LONG = 3 * HALF, 7 * HALF
 # From the vote on the stop bit to the line's end of character as the port sees it; see the module.
 ONE_STOP_TICKS = 2
 TWO_STOP_TICKS = ONE_STOP_TICKS + 16
+
+
+def half_end(ticks: int) -> int:
+    return SILENCE_START + ticks - 1
 
 
 class Timer:
@@ -25,8 +31,8 @@ class Timer:
             "restart": 0,
             "sending": 0,
             "busy": 0,
-            "short_ticks": SHORT,
-            "long_ticks": LONG,
+            "half_end": half_end(HALF),
+            "half_uneven": 0,
         }
         self.dut = dut
         self.bench = Bench(dut, two_stop=two_stop, **{**inputs, **levels})
@@ -119,12 +125,16 @@ async def after_the_card_s_own_sending_the_silence_counts_from_its_very_end(dut,
 
 
 @cocotb.test()
-async def limits_up_to_those_of_the_fastest_rate_fit(dut):
-    """t3.5 of 115200 bit/s is 1750 us: 3226 ticks."""
-    timer = await Timer(dut, 1, short_ticks=1383, long_ticks=3226).start()
-    await timer.bench.clocks(3300)
-    assert timer.ticks(timer.short) == [1383 + TWO_STOP_TICKS]
-    assert timer.ticks(timer.long) == [3226 + TWO_STOP_TICKS]
+@cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
+async def limits_of_every_rate_are_those_of_its_table(dut, baud):
+    """1.5 and 3.5 characters, above 19200 bit/s 750 and 1750 us, to two ticks."""
+    rate = next(rate for rate in RATES.values() if rate.baud == baud)
+    levels = {"half_end": half_end(rate.half_ticks), "half_uneven": rate.half_uneven}
+    timer = await Timer(dut, 1, **levels).start()
+    await timer.bench.clocks(rate.t35_ticks + 100)
+    for strobes, limit in ((timer.short, rate.t15_ticks), (timer.long, rate.t35_ticks)):
+        (ticks,) = timer.ticks(strobes)
+        assert abs(ticks - TWO_STOP_TICKS - limit) <= 2
 
 
 @pytest.mark.rule("FRAME-1", "FC-8")

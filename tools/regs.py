@@ -29,6 +29,8 @@ RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
 CONFIGS = "configs.toml"
 WORD_BYTES = 4
+# What silence_timer's count begins a half character with; the module says why.
+SILENCE_START = 18
 
 
 def banner(comment: str, source: str) -> str:
@@ -299,13 +301,25 @@ class Card:
             sys.exit(f"{CARD}: {rate} bit/s does not divide the base of {self.line['base_hz']} Hz")
         return ratio
 
-    def silence_ticks(self, rate: int, name: str) -> int:
-        """t15 or t35 in oversampling ticks, rounded up to a whole tick (FRAME-1)."""
+    def exact_silence_ticks(self, rate: int, name: str) -> float:
+        """t15 or t35 in oversampling ticks (FRAME-1)."""
         if rate > self.line["fast_above_baud"]:
-            ticks = self.line[f"fast_{name}_us"] * rate * self.line["ticks_per_bit"] / 1e6
-        else:
-            ticks = self.line[f"{name}_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
-        return math.ceil(ticks)
+            return self.line[f"fast_{name}_us"] * rate * self.line["ticks_per_bit"] / 1e6
+        return self.line[f"{name}_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
+
+    def silence_ticks(self, rate: int, name: str) -> int:
+        """The same, rounded up to a whole tick."""
+        return math.ceil(self.exact_silence_ticks(rate, name))
+
+    def half_ticks(self, rate: int) -> tuple[int, bool]:
+        """A third of t1.5, a seventh of t3.5 in oversampling ticks: half a character, 250 us above 19200.
+
+        With True it is no whole number: rounded up, and every second one is a tick shorter.
+        """
+        exact = self.exact_silence_ticks(rate, "t15") / 3
+        if not math.isclose(exact, self.exact_silence_ticks(rate, "t35") / 7):
+            sys.exit(f"{CARD}: t1.5 and t3.5 are not 3 and 7 halves of the same length at {rate} bit/s")
+        return math.ceil(exact), not exact.is_integer()
 
     @property
     def drive_pause_ticks(self) -> int:
@@ -321,12 +335,14 @@ def card_constants(card: Card) -> str:
         "CARD_DRIVE_PARITY_ENABLE": f"1'b{int(drive['parity'] != 'none')}",
         "CARD_DRIVE_PARITY_ODD": f"1'b{int(drive['parity'] == 'odd')}",
         "CARD_DRIVE_TWO_STOP": f"1'b{int(drive['stop_bits'] == 2)}",
+        "CARD_SILENCE_START": f"9'd{SILENCE_START}",
     }
     lines = [
         banner("//", CARD).rstrip(),
         "//",
         "// The fixed format of the drive line (FC-1, FC-8).",
-        "// Pause in ticks of 1/16 bit, ratio in ticks of the baud base.",
+        "// Pause in ticks of 1/16 bit, ratio in ticks of the baud base. SILENCE_START: what the count of",
+        "// silence_timer begins a half character with; the ends in card_tables.v count from it.",
         "",
     ]
     return "\n".join(lines + [f"`define {name} {value}" for name, value in constants.items()]) + "\n"
@@ -345,14 +361,14 @@ def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[in
 
 
 def card_verilog(card: Card) -> str:
-    rates = {
-        bits: {
+    rates = {}
+    for bits, rate in card.rates.items():
+        half, uneven = card.half_ticks(rate)
+        rates[bits] = {
             "baud_ratio": card.ratio(rate),
-            "t15_ticks": card.silence_ticks(rate, "t15"),
-            "t35_ticks": card.silence_ticks(rate, "t35"),
+            "half_end": SILENCE_START + half - 1,
+            "half_uneven": int(uneven),
         }
-        for bits, rate in card.rates.items()
-    }
     formats = {
         bits: {
             "parity_enable": int(entry["parity"] != "none"),
@@ -365,22 +381,22 @@ def card_verilog(card: Card) -> str:
         banner("//", CARD).rstrip(),
         "//",
         "// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.",
-        "// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3), silences in ticks of 1/16 bit",
-        "// (FRAME-1).",
+        "// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer",
+        "// counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.",
         "",
         "`default_nettype none",
         "",
         "module card_tables (",
         "    input  wire [ 5:1] sw_baud,",
         "    output reg  [ 8:0] baud_ratio,",
-        "    output reg  [11:0] t15_ticks,",
-        "    output reg  [11:0] t35_ticks,",
+        "    output reg  [ 8:0] half_end,",
+        "    output reg         half_uneven,",
         "    output reg         parity_enable,",
         "    output reg         parity_odd,",
         "    output reg         two_stop",
         ");",
         "",
-        *verilog_case("sw_baud[3:1]", 3, {"baud_ratio": 9, "t15_ticks": 12, "t35_ticks": 12}, rates),
+        *verilog_case("sw_baud[3:1]", 3, {"baud_ratio": 9, "half_end": 9, "half_uneven": 1}, rates),
         "",
         *verilog_case("sw_baud[5:4]", 2, {"parity_enable": 1, "parity_odd": 1, "two_stop": 1}, formats),
         "",
@@ -401,12 +417,18 @@ def card_python(card: Card) -> str:
         "",
         "@dataclass(frozen=True)",
         "class Rate:",
-        '    """baud in bit/s; ratio in base ticks per tick; t15, t35 in ticks of 1/16 bit."""',
+        '    """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.',
+        "",
+        "    half_ticks: half a character of FRAME-1.",
+        "    half_uneven: every second half, from the second on, is a tick shorter.",
+        '    """',
         "",
         "    baud: int",
         "    ratio: int",
         "    t15_ticks: int",
         "    t35_ticks: int",
+        "    half_ticks: int",
+        "    half_uneven: bool",
         "",
         "",
         "@dataclass(frozen=True)",
@@ -421,13 +443,15 @@ def card_python(card: Card) -> str:
         f"DRIVE_BAUD = {card.drive['baud']}",
         f'DRIVE_FORMAT = Format("{card.drive["parity"]}", {card.drive["stop_bits"]})',
         f"DRIVE_PAUSE_TICKS = {card.drive_pause_ticks}",
+        f"SILENCE_START = {SILENCE_START}",
         "",
         "# switches 1, 2, 3",
         "RATES = {",
     ]
     for bits, rate in sorted(card.rates.items(), key=lambda item: item[1]):
         t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
-        lines.append(f'    "{card.switch_text(bits, 3)}": Rate({rate}, {card.ratio(rate)}, {t15}, {t35}),')
+        row = rate, card.ratio(rate), t15, t35, *card.half_ticks(rate)
+        lines.append(f'    "{card.switch_text(bits, 3)}": Rate({", ".join(map(str, row))}),')
     lines += ["}", "", "# switches 4, 5", "FORMATS = {"]
     for bits, entry in sorted(card.formats.items()):
         lines.append(f'    "{card.switch_text(bits, 2)}": Format("{entry["parity"]}", {entry["stop_bits"]}),')

@@ -49,7 +49,7 @@ def line_signals(port: str, pins: str, frames_in: str, frames_out: str) -> list[
         (HEX, f"{port}.uart_rx_i.last_byte[7:0]", "rx byte"),
         (BIT, f"{port}.rx_parity_error", "parity error"),
         (BIT, f"{port}.rx_framing_error", "framing error"),
-        (DECIMAL, f"{port}.silence_i.count[11:0]", "silence, 1/16 bit"),
+        (DECIMAL, f"{port}.silence_i.halves[2:0]", "silence, half characters"),
         (BIT, f"{port}.short_reached", "short silence"),
         (BIT, f"{port}.long_reached", "long silence"),
         (ASCII, f"{port}.{frames_in}", "frame in"),

@@ -2,7 +2,8 @@
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
 // The fixed format of the drive line (FC-1, FC-8).
-// Pause in ticks of 1/16 bit, ratio in ticks of the baud base.
+// Pause in ticks of 1/16 bit, ratio in ticks of the baud base. SILENCE_START: what the count of
+// silence_timer begins a half character with; the ends in card_tables.v count from it.
 
 `define CARD_BASE_HZ 1843200
 `define CARD_DRIVE_RATIO 9'd12
@@ -10,3 +11,4 @@
 `define CARD_DRIVE_PARITY_ENABLE 1'b1
 `define CARD_DRIVE_PARITY_ODD 1'b0
 `define CARD_DRIVE_TWO_STOP 1'b0
+`define CARD_SILENCE_START 9'd18

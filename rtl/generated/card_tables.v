@@ -2,16 +2,16 @@
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
 // What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.
-// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3), silences in ticks of 1/16 bit
-// (FRAME-1).
+// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer
+// counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.
 
 `default_nettype none
 
 module card_tables (
     input  wire [ 5:1] sw_baud,
     output reg  [ 8:0] baud_ratio,
-    output reg  [11:0] t15_ticks,
-    output reg  [11:0] t35_ticks,
+    output reg  [ 8:0] half_end,
+    output reg         half_uneven,
     output reg         parity_enable,
     output reg         parity_odd,
     output reg         two_stop
@@ -21,43 +21,43 @@ module card_tables (
     case (sw_baud[3:1])
       3'b000: begin
         baud_ratio = 9'd384;
-        t15_ticks = 12'd264;
-        t35_ticks = 12'd616;
+        half_end = 9'd105;
+        half_uneven = 1'b0;
       end
       3'b001: begin
         baud_ratio = 9'd3;
-        t15_ticks = 12'd461;
-        t35_ticks = 12'd1076;
+        half_end = 9'd171;
+        half_uneven = 1'b1;
       end
       3'b010: begin
         baud_ratio = 9'd48;
-        t15_ticks = 12'd264;
-        t35_ticks = 12'd616;
+        half_end = 9'd105;
+        half_uneven = 1'b0;
       end
       3'b011: begin
         baud_ratio = 9'd1;
-        t15_ticks = 12'd1383;
-        t35_ticks = 12'd3226;
+        half_end = 9'd478;
+        half_uneven = 1'b1;
       end
       3'b100: begin
         baud_ratio = 9'd96;
-        t15_ticks = 12'd264;
-        t35_ticks = 12'd616;
+        half_end = 9'd105;
+        half_uneven = 1'b0;
       end
       3'b101: begin
         baud_ratio = 9'd6;
-        t15_ticks = 12'd264;
-        t35_ticks = 12'd616;
+        half_end = 9'd105;
+        half_uneven = 1'b0;
       end
       3'b110: begin
         baud_ratio = 9'd24;
-        t15_ticks = 12'd264;
-        t35_ticks = 12'd616;
+        half_end = 9'd105;
+        half_uneven = 1'b0;
       end
       default: begin
         baud_ratio = 9'd12;
-        t15_ticks = 12'd264;
-        t35_ticks = 12'd616;
+        half_end = 9'd105;
+        half_uneven = 1'b0;
       end
     endcase
   end
