@@ -1,27 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
-// The FC protocol's check byte: XOR of all bytes from STX on, one byte a clock.
+// The FC protocol's check byte, XOR of all bytes from STX on, over a stream of data
+// bits in the order of the line.
 //
-// value is what the BCC has to be after the bytes so far. clear sets 0; a byte in
-// the same clock wins, so the user may hold clear for as long as no telegram is
-// under way. Clock domain: clk. Rule: FC-1.
+// The value turns by a bit with each bit, so after a whole byte it stands as before,
+// bit 0 is the next one to send, and a BCC that is sent or received clears it: good
+// after an undamaged telegram. clear sets 0. Clock domain: clk. Rule: FC-1.
 `default_nettype none
 
 module bcc (
-    input  wire       clk,
+    input  wire clk,
     // stream in
-    input  wire       clear,
-    input  wire       byte_valid,
-    input  wire [7:0] byte_data,
+    input  wire clear,
+    input  wire bit_valid,
+    input  wire bit_data,
     // status
-    output reg  [7:0] value
+    output wire check_bit,
+    output wire good
 );
 
-  initial value = 8'h00;
+  reg [7:0] value = 8'h00;
 
   always @(posedge clk) begin
-    if (byte_valid) value <= value ^ byte_data;
-    else if (clear) value <= 8'h00;
+    if (clear) value <= 8'h00;
+    else if (bit_valid) value <= {value[0] ^ bit_data, value[7:1]};
   end
+
+  assign check_bit = value[0];
+  assign good = value == 8'h00;
 
 endmodule
 

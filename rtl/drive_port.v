@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The drive line from pin to telegram: everything that knows FC telegram framing.
 //
-// Receive: sync_2ff, glitch_filter, uart_rx, silence_timer, fc_rx (with its bcc).
-// Send: fc_tx (with its bcc), rs485_dir, uart_tx. After a telegram that wants a reply
-// the receiver listens. 9600 8E1, fixed (FC-1). Only wires in here; network_port has
-// the same shape. Clock domain: clk. Rules: FC-1, FC-8, FC-10.
+// Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, bcc,
+// rs485_dir, uart. After a telegram that wants a reply the receiver listens. 9600 8E1,
+// fixed (FC-1). Only wires in here; network_port has the same shape. Clock domain: clk. Rules: FC-1, FC-8, FC-10.
 `default_nettype none
 
 module drive_port (
@@ -52,13 +51,19 @@ module drive_port (
   wire rx_parity_error;
   wire rx_framing_error;
   wire rx_busy;
-  wire rx_start_seen;
+  wire start_seen;
   wire short_reached;
   wire long_reached;
   wire long_silent;
+  wire bcc_clear;
+  wire bcc_bit;
+  wire bcc_good;
+  wire bit_valid;
+  wire bit_data;
   wire tx_valid;
   wire tx_ready;
   wire [7:0] tx_data;
+  wire tx_check;
   wire tx_busy;
   wire line_request;
   wire line_ready;
@@ -102,23 +107,37 @@ module drive_port (
       .clean(line)
   );
 
-  uart_rx uart_rx_i (
+  uart uart_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      // pin, filtered
+      // pins, the input filtered
       .line(line),
+      .txd(tx),
+      // stream in
+      .send_valid(tx_valid),
+      .send_ready(tx_ready),
+      .send_data(tx_data),
+      .send_check(tx_check),
       // stream out
       .byte_valid(rx_valid),
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
+      // check
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(bcc_bit),
+      // direction
+      .line_ready(line_ready),
       // configuration
       .parity_enable(`CARD_DRIVE_PARITY_ENABLE),
       .parity_odd(`CARD_DRIVE_PARITY_ODD),
+      .two_stop(`CARD_DRIVE_TWO_STOP),
       // status
-      .busy(rx_busy),
-      .start_seen(rx_start_seen)
+      .receiving(rx_busy),
+      .sending(tx_busy),
+      .start_seen(start_seen)
   );
 
   silence_timer #(
@@ -143,6 +162,17 @@ module drive_port (
       .long_silent(long_silent)
   );
 
+  bcc bcc_i (
+      .clk(clk),
+      // stream in
+      .clear(bcc_clear || telegram_start),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      // status
+      .check_bit(bcc_bit),
+      .good(bcc_good)
+  );
+
   fc_rx fc_rx_i (
       .clk(clk),
       .rst(rst),
@@ -152,11 +182,15 @@ module drive_port (
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
+      .start_seen(start_seen),
       .long_reached(long_reached),
       // frame memory, 32 bytes
       .write_valid(write_valid),
       .write_ready(write_ready),
       .write_addr(write_addr),
+      // check
+      .check_clear(bcc_clear),
+      .check_good(bcc_good),
       // configuration
       .listen_start((sent && !telegram_no_reply) || listen_again),
       .listen_stop(telegram_start || listen_stop),
@@ -180,12 +214,12 @@ module drive_port (
       .read_addr(read_addr),
       .read_data(read_data),
       // stream out
-      .byte_valid(tx_valid),
-      .byte_ready(tx_ready),
-      .byte_data(tx_data),
+      .send_valid(tx_valid),
+      .send_ready(tx_ready),
+      .send_data(tx_data),
+      .send_check(tx_check),
       // direction
       .line_request(line_request),
-      .line_ready(line_ready),
       .line_busy(tx_busy),
       // status
       .sending(sending),
@@ -206,26 +240,8 @@ module drive_port (
       .tx_busy(tx_busy)
   );
 
-  uart_tx uart_tx_i (
-      .clk(clk),
-      .rst(rst),
-      .tick16(tick16),
-      // stream in
-      .byte_valid(tx_valid),
-      .byte_ready(tx_ready),
-      .byte_data(tx_data),
-      // pin
-      .txd(tx),
-      // configuration
-      .parity_enable(`CARD_DRIVE_PARITY_ENABLE),
-      .parity_odd(`CARD_DRIVE_PARITY_ODD),
-      .two_stop(`CARD_DRIVE_TWO_STOP),
-      // status
-      .busy(tx_busy)
-  );
-
-  // One limit serves as gap and pause; a start bit alone decides nothing here.
-  wire unused = &{1'b0, short_reached, rx_start_seen};
+  // One limit serves as gap and pause.
+  wire unused = &{1'b0, short_reached};
 
 endmodule
 

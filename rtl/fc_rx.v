@@ -13,8 +13,7 @@
 // frame memory until listen_start, listen_stop or the next own telegram.
 // Data byte i is stored at i, from 24 on at 24 + (i mod 4): a text longer than 20
 // characters is followed to its end, and the last four bytes, PCD1 and PCD2, are
-// always there (FC-7). LGE is stored at 28, before them. Units: tick16 = 1/16 bit.
-// Clock domain: clk.
+// always there (FC-7). LGE is stored at 28. Units: tick16 = 1/16 bit. Clock domain: clk.
 `default_nettype none
 
 module fc_rx (
@@ -26,11 +25,15 @@ module fc_rx (
     input  wire [7:0] byte_data,
     input  wire       byte_parity_error,
     input  wire       byte_framing_error,
+    input  wire       start_seen,
     input  wire       long_reached,
     // frame memory, 32 bytes
     output wire       write_valid,
     input  wire       write_ready,
     output wire [4:0] write_addr,
+    // check
+    output wire       check_clear,
+    input  wire       check_good,
     // configuration
     input  wire       listen_start,
     input  wire       listen_stop,
@@ -43,8 +46,8 @@ module fc_rx (
 );
 
   localparam [7:0] STX = 8'h02;
-  localparam [5:0] LGE_SLOT = `MBX_DRIVE_LGE_SLOT;
   localparam [7:0] LGE_MIN = 8'd6;  // ADR, PCD1, PCD2, BCC
+  localparam [4:0] LGE_ADDR = 5'd28;
   // The pause is two characters. A telegram may take 1.5 characters for each that it has;
   // its clock starts when STX is in, with one of them gone by.
   localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS;
@@ -67,7 +70,6 @@ module fc_rx (
   reg [8:0] slot = 9'd0;
   reg signed [9:0] ahead = 10'sd0;  // characters received - slots gone by
 
-  wire [7:0] check;
   wire in_telegram = state == S_LGE || state == S_ADR || state == S_DATA || state == S_BCC;
   wire damaged = byte_parity_error || byte_framing_error;
   wire slot_end = tick16 && slot == SLOT_TICKS - 9'd1;
@@ -75,7 +77,7 @@ module fc_rx (
 
   wire misfit = damaged || (state == S_LGE && byte_data < LGE_MIN) ||
       (state == S_ADR && byte_data != adr) ||
-      (state == S_BCC && (byte_data != check || ahead < 10'sd0));
+      (state == S_BCC && (!check_good || ahead < 10'sd0));
   wire fault = in_telegram && (long_reached || (byte_valid && misfit));
 
   assign write_valid = storing;
@@ -83,16 +85,7 @@ module fc_rx (
   assign listening = state != S_OFF;
   assign candidate = state == S_BCC;
   assign good = state == S_GOOD;
-
-  bcc bcc_i (
-      .clk(clk),
-      // stream in
-      .clear(!in_telegram),
-      .byte_valid(byte_valid),
-      .byte_data(byte_data),
-      // status
-      .value(check)
-  );
+  assign check_clear = state == S_HUNT && start_seen;
 
   initial bad = 1'b0;
 
@@ -110,19 +103,21 @@ module fc_rx (
       if (index[4:3] == 2'b11) index[1:0] <= index[1:0] + 2'd1;
       else index <= index + 5'd1;
     end
-    if (state == S_LGE) index <= LGE_SLOT[4:0];
-    if (state == S_ADR && !storing) index <= 5'd0;
 
     if (byte_valid) begin
       left <= left - 8'd1;
       case (state)
         S_HUNT:  if (!damaged && byte_data == STX) state <= S_LGE;
         S_LGE: begin
-          storing <= 1'b1;
           left <= byte_data;
+          index <= LGE_ADDR;
+          storing <= 1'b1;
           state <= S_ADR;
         end
-        S_ADR:   state <= S_DATA;
+        S_ADR: begin
+          index <= 5'd0;
+          state <= S_DATA;
+        end
         S_DATA: begin
           storing <= 1'b1;
           if (left == 8'd2) state <= S_BCC;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sends one FC telegram: STX, LGE, then ADR and data from the frame memory, BCC.
 //
-// start begins it; whether and when, the commit gate decides. DE is asked for and
-// the bytes follow each other without a gap (FC-8). LGE is the number of data
-// bytes + 2 = length + 1 (FC-1). sending: from start to the end of the last stop
-// bit; sent: one clock, its end. length counts ADR and data, 5 to 29. adr keeps the
-// ADR that was sent, for the reply must echo it (FC-2). Clock domain: clk. Rules: FC-1, FC-10, SAFE-2.
+// start begins it; whether and when, the commit gate decides. DE is asked for and the
+// bytes follow each other without a gap if the memory answers within a bit (FC-8).
+// LGE is the number of data bytes + 2 = length + 1 (FC-1). start clears the BCC unit;
+// send_check asks the UART for its bits. sending: from start to the end of the last
+// stop bit; sent: one clock, its end. length counts ADR and data, 5 to 29. adr keeps
+// the ADR that was sent, for the reply must echo it (FC-2). Clock domain: clk.
+// Rules: FC-1, FC-10, SAFE-2.
 `default_nettype none
 
 module fc_tx (
@@ -20,12 +22,12 @@ module fc_tx (
     output wire [4:0] read_addr,
     input  wire [7:0] read_data,
     // stream out
-    output wire       byte_valid,
-    input  wire       byte_ready,
-    output wire [7:0] byte_data,
+    output wire       send_valid,
+    input  wire       send_ready,
+    output wire [7:0] send_data,
+    output wire       send_check,
     // direction
     output wire       line_request,
-    input  wire       line_ready,
     input  wire       line_busy,
     // status
     output wire       sending,
@@ -39,60 +41,43 @@ module fc_tx (
   localparam [2:0] S_STX = 3'd1;
   localparam [2:0] S_LGE = 3'd2;
   localparam [2:0] S_FETCH = 3'd3;  // ask the frame memory for the next byte
-  localparam [2:0] S_LATCH = 3'd4;  // its answer is there
-  localparam [2:0] S_SEND = 3'd5;  // wait until the UART takes it
-  localparam [2:0] S_BCC = 3'd6;
-  localparam [2:0] S_DRAIN = 3'd7;  // until the last stop bit is over
+  localparam [2:0] S_SEND = 3'd4;  // its answer is there, and the UART is ready for it
+  localparam [2:0] S_BCC = 3'd5;
+  localparam [2:0] S_DRAIN = 3'd6;  // until the last stop bit is over
 
-  reg [2:0] state = S_IDLE;
-  reg [4:0] index = 5'd0;
-  reg [7:0] held = 8'd0;
+  reg  [2:0] state = S_IDLE;
+  reg  [4:0] index = 5'd0;
 
-  wire [7:0] check;
-  wire taken = byte_valid && byte_ready;
+  wire [7:0] lge = {3'd0, length} + 8'd1;
 
-  assign read_valid = state == S_FETCH;
+  assign read_valid = state == S_FETCH && send_ready;
   assign read_addr = index;
-  assign byte_valid = line_ready &&
-      (state == S_STX || state == S_LGE || state == S_SEND || state == S_BCC);
-  assign byte_data = state == S_BCC ? check : held;
+  assign send_valid = state == S_STX || state == S_LGE || state == S_SEND || state == S_BCC;
+  assign send_data = state == S_STX ? STX : state == S_LGE ? lge : read_data;
+  assign send_check = state == S_DRAIN;
   assign line_request = sending && state != S_DRAIN;
   assign sending = state != S_IDLE;
   assign sent = state == S_DRAIN && !line_busy;
-
-  bcc bcc_i (
-      .clk(clk),
-      // stream in
-      .clear(!sending),
-      .byte_valid(taken),
-      .byte_data(byte_data),
-      // status
-      .value(check)
-  );
 
   initial adr = 8'd0;
 
   always @(posedge clk) begin
     case (state)
-      S_STX:
-      if (taken) begin
-        held  <= {3'd0, length} + 8'd1;
-        state <= S_LGE;
-      end
-      S_LGE:   if (taken) state <= S_FETCH;
-      S_FETCH: if (read_ready) state <= S_LATCH;
-      S_LATCH: begin
-        held <= read_data;
-        if (index == 5'd0) adr <= read_data;
+      S_STX:   if (send_ready) state <= S_LGE;
+      S_LGE:   if (send_ready) state <= S_FETCH;
+      S_FETCH:
+      if (read_valid && read_ready) begin
         index <= index + 5'd1;
         state <= S_SEND;
       end
-      S_SEND:  if (taken) state <= index == length ? S_BCC : S_FETCH;
-      S_BCC:   if (taken) state <= S_DRAIN;
+      S_SEND: begin
+        if (index == 5'd1) adr <= read_data;
+        state <= index == length ? S_BCC : S_FETCH;
+      end
+      S_BCC:   if (send_ready) state <= S_DRAIN;
       S_DRAIN: if (sent) state <= S_IDLE;
       default: begin
         index <= 5'd0;
-        held  <= STX;
         if (start) state <= S_STX;
       end
     endcase
@@ -106,7 +91,6 @@ module fc_tx (
       S_STX:   state_name = "STX";
       S_LGE:   state_name = "LGE";
       S_FETCH: state_name = "FETCH";
-      S_LATCH: state_name = "LATCH";
       S_SEND:  state_name = "SEND";
       S_BCC:   state_name = "BCC";
       S_DRAIN: state_name = "DRAIN";

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The network line from pin to frame: everything that knows Modbus RTU framing.
 //
-// Receive: sync_2ff, glitch_filter, uart_rx, silence_timer, crc16_modbus, rtu_rx.
-// Send: rtu_tx, crc16_modbus, rs485_dir, uart_tx. One CRC serves both directions,
+// Receive: sync_2ff, glitch_filter, uart, silence_timer, crc16_modbus, rtu_rx. Send:
+// rtu_tx, crc16_modbus, rs485_dir, uart. One UART and one CRC serve both directions,
 // for the receiver is deaf while DE is high. Only wires in here; drive_port has the
 // same shape. Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
 `default_nettype none
@@ -68,12 +68,13 @@ module network_port #(
   wire long_reached;
   wire long_silent;
   wire crc_clear;
-  wire crc_valid;
-  wire [15:0] crc;
+  wire crc_bit;
   wire crc_good;
+  wire bit_valid;
+  wire bit_data;
   wire tx_valid;
   wire tx_ready;
-  wire [7:0] tx_data;
+  wire tx_check;
   wire tx_busy;
   wire line_request;
   wire line_ready;
@@ -125,22 +126,36 @@ module network_port #(
       .clean(line)
   );
 
-  uart_rx uart_rx_i (
+  uart uart_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      // pin, filtered
+      // pins, the input filtered
       .line(line),
+      .txd(tx),
+      // stream in
+      .send_valid(tx_valid),
+      .send_ready(tx_ready),
+      .send_data(read_data),
+      .send_check(tx_check),
       // stream out
       .byte_valid(rx_valid),
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
+      // check
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(crc_bit),
+      // direction
+      .line_ready(line_ready),
       // configuration
       .parity_enable(parity_enable),
       .parity_odd(parity_odd),
+      .two_stop(two_stop),
       // status
-      .busy(rx_busy),
+      .receiving(rx_busy),
+      .sending(tx_busy),
       .start_seen(start_seen)
   );
 
@@ -165,11 +180,11 @@ module network_port #(
   crc16_modbus crc_i (
       .clk(clk),
       // stream in
-      .clear(crc_clear && !sending),
-      .byte_valid(sending ? crc_valid : rx_valid),
-      .byte_data(sending ? tx_data : rx_data),
+      .clear(crc_clear || reply_start),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
       // status
-      .crc(crc),
+      .check_bit(crc_bit),
       .good(crc_good)
   );
 
@@ -184,6 +199,7 @@ module network_port #(
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
+      .start_seen(start_seen),
       .short_reached(short_reached),
       .long_reached(long_reached),
       // frame memory, 32 bytes a bank
@@ -220,17 +236,12 @@ module network_port #(
       .read_valid(read_valid),
       .read_ready(read_ready),
       .read_addr(read_addr),
-      .read_data(read_data),
-      // check
-      .crc_valid(crc_valid),
-      .crc(crc),
-      // stream out
-      .byte_valid(tx_valid),
-      .byte_ready(tx_ready),
-      .byte_data(tx_data),
+      // stream out, its data straight from the frame memory
+      .send_valid(tx_valid),
+      .send_ready(tx_ready),
+      .send_check(tx_check),
       // direction
       .line_request(line_request),
-      .line_ready(line_ready),
       .line_busy(tx_busy),
       // status
       .sending(sending)
@@ -247,24 +258,6 @@ module network_port #(
       .de(de),
       // status
       .tx_busy(tx_busy)
-  );
-
-  uart_tx uart_tx_i (
-      .clk(clk),
-      .rst(rst),
-      .tick16(tick16),
-      // stream in
-      .byte_valid(tx_valid),
-      .byte_ready(tx_ready),
-      .byte_data(tx_data),
-      // pin
-      .txd(tx),
-      // configuration
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop),
-      // status
-      .busy(tx_busy)
   );
 
 endmodule

@@ -26,5 +26,4 @@ rtl/soft_core.v
 rtl/supervisor.v
 rtl/switch_sampler.v
 rtl/sync_2ff.v
-rtl/uart_rx.v
-rtl/uart_tx.v
+rtl/uart.v

@@ -30,6 +30,7 @@ module rtu_rx #(
     input  wire [7:0] byte_data,
     input  wire       byte_parity_error,
     input  wire       byte_framing_error,
+    input  wire       start_seen,
     input  wire       short_reached,
     input  wire       long_reached,
     // frame memory, 32 bytes a bank
@@ -79,7 +80,7 @@ module rtu_rx #(
   wire kept = length[8:5] == 4'd0;
   wire stored = storing && (write_ready || !kept);
 
-  assign crc_clear   = first || state == S_WAIT;
+  assign crc_clear   = first && start_seen;
   assign write_valid = storing && kept;
   assign write_addr  = {!frame_bank, length[4:0]};
 

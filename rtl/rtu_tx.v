@@ -1,72 +1,61 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sends one Modbus RTU reply: address and PDU from the frame memory, then the CRC.
 //
-// start begins it; whether and when, the commit gate decides. DE is asked for,
-// the bytes follow each other without a gap, the CRC goes low byte first (FRAME-4).
-// The CRC unit must be clear at the start, as the receiver leaves it.
-// sending: from start to the end of the last stop bit. length counts address and
-// PDU, 2 to 31. Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2.
+// start begins it; whether and when, the commit gate decides. DE is asked for, the
+// bytes follow each other without a gap if the memory answers within a bit, the CRC
+// goes low byte first (FRAME-4). start clears the CRC unit; send_check asks the UART
+// for its bits. sending: from start to the end of the last stop bit. length counts
+// address and PDU, 2 to 31. Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2.
 `default_nettype none
 
 module rtu_tx (
-    input  wire        clk,
-    input  wire        rst,
+    input  wire       clk,
+    input  wire       rst,
     // stream in
-    input  wire        start,
-    input  wire [ 4:0] length,
+    input  wire       start,
+    input  wire [4:0] length,
     // frame memory
-    output wire        read_valid,
-    input  wire        read_ready,
-    output wire [ 4:0] read_addr,
-    input  wire [ 7:0] read_data,
-    // check
-    output wire        crc_valid,
-    input  wire [15:0] crc,
-    // stream out
-    output wire        byte_valid,
-    input  wire        byte_ready,
-    output wire [ 7:0] byte_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    // stream out, its data straight from the frame memory
+    output wire       send_valid,
+    input  wire       send_ready,
+    output wire       send_check,
     // direction
-    output wire        line_request,
-    input  wire        line_ready,
-    input  wire        line_busy,
+    output wire       line_request,
+    input  wire       line_busy,
     // status
-    output wire        sending
+    output wire       sending
 );
 
   localparam [2:0] S_IDLE = 3'd0;
   localparam [2:0] S_FETCH = 3'd1;  // ask the frame memory for the next byte
-  localparam [2:0] S_LATCH = 3'd2;  // its answer is there
-  localparam [2:0] S_SEND = 3'd3;  // wait until the UART takes it
-  localparam [2:0] S_CRC_LOW = 3'd4;
-  localparam [2:0] S_CRC_HIGH = 3'd5;
-  localparam [2:0] S_DRAIN = 3'd6;  // until the last stop bit is over
+  localparam [2:0] S_SEND = 3'd2;  // its answer is there, and the UART is ready for it
+  localparam [2:0] S_CRC_LOW = 3'd3;
+  localparam [2:0] S_CRC_HIGH = 3'd4;
+  localparam [2:0] S_DRAIN = 3'd5;  // until the last stop bit is over
 
   reg [2:0] state = S_IDLE;
   reg [4:0] index = 5'd0;
-  reg [7:0] held = 8'd0;
 
-  wire taken = byte_valid && byte_ready;
-
-  assign read_valid = state == S_FETCH;
+  assign read_valid = state == S_FETCH && send_ready;
   assign read_addr = index;
-  assign crc_valid = taken && state == S_SEND;
-  assign byte_valid = line_ready && (state == S_SEND || state == S_CRC_LOW || state == S_CRC_HIGH);
-  assign byte_data = state == S_CRC_LOW ? crc[7:0] : state == S_CRC_HIGH ? crc[15:8] : held;
+  assign send_valid = state == S_SEND || state == S_CRC_LOW || state == S_CRC_HIGH;
+  assign send_check = state == S_CRC_HIGH || state == S_DRAIN;
   assign line_request = sending && state != S_DRAIN;
   assign sending = state != S_IDLE;
 
   always @(posedge clk) begin
     case (state)
-      S_FETCH: if (read_ready) state <= S_LATCH;
-      S_LATCH: begin
-        held  <= read_data;
+      S_FETCH:
+      if (read_valid && read_ready) begin
         index <= index + 5'd1;
         state <= S_SEND;
       end
-      S_SEND: if (taken) state <= index == length ? S_CRC_LOW : S_FETCH;
-      S_CRC_LOW: if (taken) state <= S_CRC_HIGH;
-      S_CRC_HIGH: if (taken) state <= S_DRAIN;
+      S_SEND: state <= index == length ? S_CRC_LOW : S_FETCH;
+      S_CRC_LOW: if (send_ready) state <= S_CRC_HIGH;
+      S_CRC_HIGH: if (send_ready) state <= S_DRAIN;
       S_DRAIN: if (!line_busy) state <= S_IDLE;
       default: begin
         index <= 5'd0;
@@ -81,7 +70,6 @@ module rtu_tx (
   always @* begin
     case (state)
       S_FETCH: state_name = "FETCH";
-      S_LATCH: state_name = "LATCH";
       S_SEND: state_name = "SEND";
       S_CRC_LOW: state_name = "CRC_LOW";
       S_CRC_HIGH: state_name = "CRC_HIGH";

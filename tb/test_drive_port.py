@@ -12,7 +12,6 @@ import cocotb
 import pytest
 from cocotb.triggers import FallingEdge, RisingEdge
 
-from tb.generated.mailbox import AREAS
 from tb.lib.bench import Bench, Strobes
 from tb.lib.fc_slave import CHARACTER_BITS, FAULTS
 from tb.lib.memory_ports import ReadPort, WritePort, at_once
@@ -29,8 +28,8 @@ COMMAND = build_process(0x047C, 0x2000)
 STATUS = build_process(0x0F07, 0x1FFF)
 NUMBER = build_parameter(1, 518, 0, 0x0001_86A0, 0x0F07, 0x2000)
 TEXT = build_text(533, b"twenty-one characters", 0x0400, 0x0F07, 0x2000)
+LGE_PLACE = 28
 WRAPPER = ROOT / "tb/hdl/drive_line.v"
-LGE_AT = AREAS["DRIVE_LGE"].slot - AREAS["DRIVE_FRAME"].slot
 
 
 def contents(telegram: bytes) -> bytes:
@@ -39,8 +38,8 @@ def contents(telegram: bytes) -> bytes:
 
 
 def kept(reply: bytes) -> dict[int, int]:
-    """The drive frame after a reply of up to 28 data bytes."""
-    return dict(enumerate(reply[3:-1])) | {LGE_AT: reply[1]}
+    """The drive frame after a reply of up to 24 data bytes."""
+    return {LGE_PLACE: reply[1], **dict(enumerate(reply[3:-1]))}
 
 
 def evenly(count: int, total_bits: float) -> Flaws:

@@ -27,6 +27,9 @@ class Receiver:
         self.dut = dut
         self.bench = Bench(
             dut,
+            bit_valid=0,
+            bit_data=0,
+            start_seen=0,
             byte_valid=0,
             byte_data=0,
             byte_parity_error=0,
@@ -59,6 +62,7 @@ class Receiver:
         dut.byte_data.value = value
         dut.byte_parity_error.value, dut.byte_framing_error.value = parity, framing
         dut.write_ready.value = wait_clocks == 0
+        await self.bench.line_bits(value)
         await self.bench.strobe(dut.byte_valid)
         for _ in range(wait_clocks):
             await self.bench.clocks()

@@ -45,8 +45,8 @@ def line_signals(port: str, pins: str, frames_in: str, frames_out: str) -> list[
         (BIT, f"{pins}_tx"),
         (BIT, f"{pins}_de"),
         (BIT, f"{port}.line", "rx filtered"),
-        (ASCII, f"{port}.uart_rx_i.state_name[47:0]", "rx bit"),
-        (HEX, f"{port}.uart_rx_i.last_byte[7:0]", "rx byte"),
+        (ASCII, f"{port}.uart_i.state_name[47:0]", "bit"),
+        (HEX, f"{port}.uart_i.last_byte[7:0]", "last byte"),
         (BIT, f"{port}.rx_parity_error", "parity error"),
         (BIT, f"{port}.rx_framing_error", "framing error"),
         (DECIMAL, f"{port}.silence_i.halves[2:0]", "silence, half characters"),
@@ -54,7 +54,6 @@ def line_signals(port: str, pins: str, frames_in: str, frames_out: str) -> list[
         (BIT, f"{port}.long_reached", "long silence"),
         (ASCII, f"{port}.{frames_in}", "frame in"),
         (ASCII, f"{port}.{frames_out}", "frame out"),
-        (HEX, f"{port}.uart_tx_i.last_byte[7:0]", "tx byte"),
     ]
 
 

@@ -9,10 +9,13 @@ module rtu_rx_crc #(
     input  wire       clk,
     input  wire       rst,
     // stream in
+    input  wire       bit_valid,
+    input  wire       bit_data,
     input  wire       byte_valid,
     input  wire [7:0] byte_data,
     input  wire       byte_parity_error,
     input  wire       byte_framing_error,
+    input  wire       start_seen,
     input  wire       short_reached,
     input  wire       long_reached,
     // frame memory
@@ -38,14 +41,13 @@ module rtu_rx_crc #(
 
   wire crc_clear;
   wire crc_good;
-  wire [15:0] crc;
 
   crc16_modbus crc_i (
       .clk(clk),
       .clear(crc_clear),
-      .byte_valid(byte_valid),
-      .byte_data(byte_data),
-      .crc(crc),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(),
       .good(crc_good)
   );
 
@@ -59,6 +61,7 @@ module rtu_rx_crc #(
       .byte_data(byte_data),
       .byte_parity_error(byte_parity_error),
       .byte_framing_error(byte_framing_error),
+      .start_seen(start_seen),
       .short_reached(short_reached),
       .long_reached(long_reached),
       .write_valid(write_valid),

@@ -25,23 +25,23 @@ module rtu_tx_line (
     output wire       sending
 );
 
-  wire crc_valid;
-  wire [15:0] crc;
-  wire crc_good;
-  wire byte_valid;
-  wire byte_ready;
-  wire [7:0] byte_data;
+  wire bit_valid;
+  wire bit_data;
+  wire check_bit;
+  wire send_valid;
+  wire send_ready;
+  wire send_check;
   wire line_request;
   wire line_ready;
   wire tx_busy;
 
   crc16_modbus crc_i (
       .clk(clk),
-      .clear(!sending),
-      .byte_valid(crc_valid),
-      .byte_data(byte_data),
-      .crc(crc),
-      .good(crc_good)
+      .clear(start && !sending),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(check_bit),
+      .good()
   );
 
   rtu_tx rtu_tx_i (
@@ -52,14 +52,10 @@ module rtu_tx_line (
       .read_valid(read_valid),
       .read_ready(read_ready),
       .read_addr(read_addr),
-      .read_data(read_data),
-      .crc_valid(crc_valid),
-      .crc(crc),
-      .byte_valid(byte_valid),
-      .byte_ready(byte_ready),
-      .byte_data(byte_data),
+      .send_valid(send_valid),
+      .send_ready(send_ready),
+      .send_check(send_check),
       .line_request(line_request),
-      .line_ready(line_ready),
       .line_busy(tx_busy),
       .sending(sending)
   );
@@ -74,18 +70,30 @@ module rtu_tx_line (
       .tx_busy(tx_busy)
   );
 
-  uart_tx uart_i (
+  uart uart_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      .byte_valid(byte_valid),
-      .byte_ready(byte_ready),
-      .byte_data(byte_data),
+      .line(1'b1),
       .txd(tx),
+      .send_valid(send_valid),
+      .send_ready(send_ready),
+      .send_data(read_data),
+      .send_check(send_check),
+      .byte_valid(),
+      .byte_data(),
+      .byte_parity_error(),
+      .byte_framing_error(),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(check_bit),
+      .line_ready(line_ready),
       .parity_enable(parity_enable),
       .parity_odd(parity_odd),
       .two_stop(two_stop),
-      .busy(tx_busy)
+      .receiving(),
+      .sending(tx_busy),
+      .start_seen()
   );
 
 endmodule

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bench wrapper: one port's way of a character, from the clock and from the pin:
-// baud_base, baud_divider, uart_tx; sync_2ff, glitch_filter, uart_rx.
+// baud_base, baud_divider, sync_2ff, glitch_filter, uart.
 `default_nettype none
 
 module uart_chain #(
@@ -66,33 +66,30 @@ module uart_chain #(
       .clean(line)
   );
 
-  uart_rx rx_i (
+  uart uart_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
       .line(line),
+      .txd(tx),
+      .send_valid(tx_valid),
+      .send_ready(tx_ready),
+      .send_data(tx_data),
+      .send_check(1'b0),
       .byte_valid(rx_valid),
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .busy(),
-      .start_seen(start_seen)
-  );
-
-  uart_tx tx_i (
-      .clk(clk),
-      .rst(rst),
-      .tick16(tick16),
-      .byte_valid(tx_valid),
-      .byte_ready(tx_ready),
-      .byte_data(tx_data),
-      .txd(tx),
+      .bit_valid(),
+      .bit_data(),
+      .check_bit(1'b0),
+      .line_ready(1'b1),
       .parity_enable(parity_enable),
       .parity_odd(parity_odd),
       .two_stop(two_stop),
-      .busy()
+      .receiving(),
+      .sending(),
+      .start_seen(start_seen)
   );
 
 endmodule

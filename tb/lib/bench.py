@@ -82,6 +82,16 @@ class Bench:
         await self.edge()
         signal.value = 0
 
+    async def line_bits(self, value: int) -> None:
+        """A byte as a check unit gets it: start_seen if there is one, then 8 bits, LSB first, one a clock."""
+        if hasattr(self.dut, "start_seen"):
+            await self.strobe(self.dut.start_seen)
+        self.dut.bit_valid.value = 1
+        for n in range(8):
+            self.dut.bit_data.value = value >> n & 1
+            await self.clocks()
+        self.dut.bit_valid.value = 0
+
 
 class Strobes:
     """Counts the clocks in which a strobe is high, and keeps the values of other signals then."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import cocotb
-from cocotb.triggers import RisingEdge
+from cocotb.triggers import ReadOnly, RisingEdge
 
 from tb.lib.bench import Bench
 
@@ -41,6 +41,7 @@ class WritePort:
     async def _serve(self) -> None:
         while True:
             await RisingEdge(self._valid)
+            await ReadOnly()  # it may fall again in the same moment
             while str(self._valid.value) == "1":
                 await self._access()
 
@@ -71,6 +72,7 @@ class ReadPort:
     async def _serve(self) -> None:
         while True:
             await RisingEdge(self._valid)
+            await ReadOnly()  # it may fall again in the same moment
             while str(self._valid.value) == "1":
                 await self._access()
 

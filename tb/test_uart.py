@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""uart_rx: formats, errors that travel with their byte, and bad senders at the pin (LINE-5)."""
+"""uart: formats both ways, errors that travel with their byte, bad senders at the pin (LINE-5), gap-free
+sending, and the bit time measured on the pin at every rate (LINE-4)."""
 
+import math
 import os
 from pathlib import Path
 
@@ -11,25 +13,43 @@ from tb.generated.card_tables import RATES
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws, Format, UartSource
+from tb.lib.uart_agent import Flaws, Format, Frame, UartMonitor, UartSource
 
 HERE = Path(__file__).parent
 FORMATS = ("8N1", "8N2", "8E1", "8O1")
 BAUD = 9600
 TICKS_HZ = 16 * BAUD  # with tick16 held high a clock is a tick
+LINE_4 = 0.001
 TICK = 1 / 16
+# The fewest bytes that show every bit level and both parities, with one more to measure against.
+MEASURED = b"\x55\x01\xfe"
+# Edges stand on clocks: over this many one clock is a quarter of what LINE-4 allows.
+CLOCKS_MEASURED = 4000
+QUIET = {"send_valid": 0, "send_data": 0, "send_check": 0, "check_bit": 0, "line_ready": 1, "line": 1}
 
 
-def parity_levels(form: str) -> dict[str, int]:
-    return {"parity_enable": form[1] != "N", "parity_odd": form[1] == "O"}
+def levels_of(form: str) -> dict[str, int]:
+    return {
+        "parity_enable": form[1] != "N",
+        "parity_odd": form[1] == "O",
+        "two_stop": form[2] == "2",
+    }
+
+
+def set_format(dut, form: str) -> None:
+    for name, level in levels_of(form).items():
+        getattr(dut, name).value = level
+
+
+# ---------------------------------------------------------------- receiving
 
 
 class Receiver:
-    """uart_rx alone, its line driven by a source; `bytes` and `flags` are what came out."""
+    """The UART alone, its line driven by a source; `bytes` and `flags` are what came out."""
 
     def __init__(self, dut, form: str):
         self.dut = dut
-        self.bench = Bench(dut, TICKS_HZ, tick16=1, **parity_levels(form))
+        self.bench = Bench(dut, TICKS_HZ, tick16=1, **QUIET, **levels_of(form))
         self.source = UartSource(dut.line, Format.named(BAUD, form))
         self.out = Strobes(dut, "byte_valid", "byte_data", "byte_parity_error", "byte_framing_error")
         self.starts = Strobes(dut, "start_seen")
@@ -101,13 +121,13 @@ async def one_stop_bit_is_enough_where_two_are_usual(dut):
 
 
 @cocotb.test()
-async def break_is_one_zero_with_framing_error_and_busy_until_it_ends(dut):
+async def break_is_one_zero_with_framing_error_and_receiving_until_it_ends(dut):
     rx = await Receiver(dut, "8E1").start()
     await rx.source.send_break(40, idle_after=0)
     assert rx.bytes == b"\x00" and rx.flags[0][1] == 1
-    assert dut.busy.value == 1
+    assert dut.receiving.value == 1
     await rx.source.idle(1)
-    assert dut.busy.value == 0
+    assert dut.receiving.value == 0
     await rx.source.send(b"\x42")
     await rx.source.idle(2)
     assert rx.bytes == b"\x00\x42" and rx.flags[1] == (0, 0)
@@ -119,7 +139,7 @@ async def low_of_less_than_half_a_bit_is_no_start_bit(dut):
     for ticks in range(1, 8):
         await rx.source.low_pulse(ticks * TICK * rx.source.fmt.bit_ps)
         await rx.source.idle(1)
-        assert dut.busy.value == 0
+        assert dut.receiving.value == 0
     await rx.source.idle(12)
     assert len(rx.starts) == 0 and len(rx.out) == 0
     await rx.source.send(b"\x99")
@@ -140,7 +160,7 @@ async def single_bad_sample_in_the_middle_of_each_bit_is_outvoted(dut):
 
 
 @cocotb.test()
-async def busy_falls_with_the_byte_in_the_middle_of_the_stop_bit(dut):
+async def receiving_ends_with_the_byte_in_the_middle_of_the_stop_bit(dut):
     rx = await Receiver(dut, "8E1").start()
     sent = await rx.source.send(b"\x77")
     await rx.source.idle(2)
@@ -164,17 +184,14 @@ class Chain:
 
     def __init__(self, dut):
         self.dut = dut
-        self.bench = Bench(
-            dut, int(os.environ["CLK_HZ"]), ratio=1, two_stop=0, tx_valid=0, tx_data=0, **parity_levels("8E1")
-        )
+        self.bench = Bench(dut, int(os.environ["CLK_HZ"]), ratio=1, tx_valid=0, tx_data=0, **levels_of("8E1"))
         self.source = UartSource(dut.rx, Format())
         self.out = Strobes(dut, "rx_valid", "rx_data", "rx_parity_error", "rx_framing_error")
         self.starts = Strobes(dut, "start_seen")
 
     async def use(self, baud: int, form: str) -> None:
         self.dut.ratio.value = next(r.ratio for r in RATES.values() if r.baud == baud)
-        for name, level in parity_levels(form).items():
-            getattr(self.dut, name).value = level
+        set_format(self.dut, form)
         self.source.fmt = Format.named(baud, form)
         # The divider may still have most of a long tick before it.
         await self.bench.clocks(500)
@@ -257,17 +274,205 @@ async def line_low_from_power_up_is_never_taken_for_a_character(dut):
     await chain.expect(b"\x3c", Flaws(), "after the line came back")
 
 
+# ---------------------------------------------------------------- sending
+
+
+async def ready_bench(dut, form: str) -> tuple[Bench, UartMonitor]:
+    bench = Bench(dut, TICKS_HZ, tick16=1, **QUIET, **levels_of(form))
+    monitor = UartMonitor(dut.txd, Format.named(BAUD, form))
+    return await bench.start(), monitor
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def bytes_arrive_in_the_format_without_gaps(dut, form):
+    rng = seeded("bytes")
+    data = b"\x00\xff\x55\xaa" + rng.randbytes(12)
+    bench, monitor = await ready_bench(dut, form)
+    await bench.clocks(40)
+    assert dut.txd.value == 1, "idle"
+    await bench.give(data, "send")
+    frame = await monitor.frame(1e12)
+    assert frame.ok and frame.data == data
+    assert frame.largest_gap_ps < 0.01 * monitor.fmt.bit_ps
+    assert monitor.measure(frame).worst_edge_ps < 0.01 * monitor.fmt.bit_ps
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def sending_from_the_start_bit_to_the_end_of_the_last_stop_bit(dut, form):
+    bench, monitor = await ready_bench(dut, form)
+    await bench.clocks(20)
+    assert dut.sending.value == 0
+    await bench.give(b"\xff", "send")
+    assert dut.sending.value == 0 and dut.txd.value == 1, "it begins at a tick"
+    await bench.clocks()
+    assert dut.sending.value == 1 and dut.txd.value == 1, "the pin follows a clock later"
+    await bench.clocks()
+    assert dut.txd.value == 0
+    await bench.clocks(16 * monitor.fmt.bits - 2)
+    assert dut.sending.value == 1, "a tick before the end"
+    await bench.clocks()
+    assert dut.sending.value == 0, "at the end"
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap(dut, form):
+    bench, monitor = await ready_bench(dut, form)
+    await bench.clocks(5)
+    await bench.give(b"\x12", "send")
+    await bench.clocks(16 * monitor.fmt.bits - 1)
+    assert dut.send_ready.value == 1
+    await bench.give(b"\x34", "send")
+    frame = await monitor.frame(1e12)
+    assert frame.ok and frame.data == b"\x12\x34"
+    assert frame.largest_gap_ps < 0.01 * monitor.fmt.bit_ps
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def next_byte_is_taken_from_the_parity_or_first_stop_bit_on(dut, form):
+    """The shift register is free then, and whoever answers has a bit's time."""
+    bench, _ = await ready_bench(dut, form)
+    ready = Strobes(dut, "send_ready")
+    await bench.give(b"\x00", "send")
+    ready.clear()
+    begun = bench.last_edge_ps()
+    await bench.clocks(16 * 12)
+    first = (ready.times_ps[0] - begun) / bench.period_ps
+    assert abs(first - 16 * 9) <= 2
+
+
+@cocotb.test()
+async def nothing_is_sent_before_the_line_is_ready(dut):
+    bench, monitor = await ready_bench(dut, "8E1")
+    dut.line_ready.value = 0
+    await bench.give(b"\x5a", "send")
+    await bench.clocks(100)
+    assert dut.sending.value == 0 and dut.txd.value == 1 and not monitor.characters
+    dut.line_ready.value = 1
+    frame = await monitor.frame(1e12)
+    assert frame.ok and frame.data == b"\x5a"
+
+
+@cocotb.test()
+@cocotb.parametrize(form=("8N1", "8E1", "8O1"))
+async def check_bits_go_out_in_place_of_the_data_with_their_own_parity(dut, form):
+    """The check unit moves on with each bit that it is told of."""
+    value = 0xB4
+    bench, monitor = await ready_bench(dut, form)
+    dut.send_check.value = 1
+    told = Strobes(dut, "bit_valid", "bit_data")
+
+    async def check_unit() -> None:
+        for n in range(8):
+            dut.check_bit.value = value >> n & 1
+            while len(told) <= n:
+                await bench.clocks()
+            await bench.clocks()
+
+    cocotb.start_soon(check_unit())
+    await bench.give(b"\x00", "send")
+    frame = await monitor.frame(1e12)
+    assert frame.ok and frame.data == bytes([value])
+    assert [bit for (bit,) in told.values] == [value >> n & 1 for n in range(8)]
+
+
+@cocotb.test()
+async def every_data_bit_is_told_to_the_check_unit_both_ways(dut):
+    rng = seeded("bytes")
+    data = rng.randbytes(6)
+    bits = [byte >> n & 1 for byte in data for n in range(8)]
+    rx = await Receiver(dut, "8E1").start()
+    told = Strobes(dut, "bit_valid", "bit_data")
+    await rx.source.send(data)
+    await rx.source.idle(2)
+    assert [bit for (bit,) in told.values] == bits
+    told.clear()
+    await rx.bench.give(data, "send")
+    await rx.bench.clocks(16 * 12)
+    assert [bit for (bit,) in told.values] == bits
+    assert rx.bytes == data and len(rx.starts) == len(data), "its own characters are not heard"
+
+
+@cocotb.test()
+async def second_byte_late_by_a_tick_waits_for_no_border_but_starts_at_once(dut):
+    bench, monitor = await ready_bench(dut, "8E1")
+    await bench.clocks(5)
+    await bench.give(b"\x12", "send")
+    await bench.clocks(16 * 11 + 7)
+    await bench.give(b"\x34", "send")
+    frame = await monitor.frame(1e12)
+    assert frame.data == b"\x12\x34"
+    gap_ticks = frame.largest_gap_ps / (monitor.fmt.bit_ps * TICK)
+    assert 0 < gap_ticks < 12
+
+
+@cocotb.test()
+async def idle_level_through_reset_even_while_sending(dut):
+    bench, _ = await ready_bench(dut, "8N1")
+    await bench.give(b"\x00", "send")
+    await bench.clocks(30)
+    assert dut.txd.value == 0
+    dut.rst.value = 1
+    await bench.clocks(2)
+    assert dut.txd.value == 1 and dut.sending.value == 0
+
+
+def judge(monitor: UartMonitor, frame: Frame, what: str) -> None:
+    fmt = monitor.fmt
+    assert frame.ok, f"{what}: {frame}"
+    timing = monitor.measure(frame)
+    edge = timing.worst_edge_ps / fmt.bit_ps
+    print(f"{what}: average {timing.error(fmt):+.4%}, worst edge {edge:.4f} bit")
+    assert abs(timing.error(fmt)) <= LINE_4, what
+    assert edge <= TICK, what
+
+
+@cocotb.test()
+async def bit_time_on_the_pin(dut):
+    """Every rate from SLOWEST on, in every format of FORMS."""
+    bench = Bench(dut, int(os.environ["CLK_HZ"]), rx=1, ratio=1, tx_valid=0, tx_data=0, **levels_of("8N1"))
+    monitor = UartMonitor(dut.tx, Format())
+    await bench.start()
+    for rate in RATES.values():
+        if rate.baud < int(os.environ["SLOWEST"]):
+            continue
+        for form in os.environ["FORMS"].split():
+            dut.ratio.value = rate.ratio
+            set_format(dut, form)
+            monitor.fmt = Format.named(rate.baud, form)
+            monitor.forget()
+            await bench.clocks(3 * rate.ratio)
+            clocks = (len(MEASURED) - 1) * monitor.fmt.character_ps / bench.period_ps
+            data = MEASURED * math.ceil(CLOCKS_MEASURED / clocks)
+            await bench.give(data, "tx")
+            frame = await monitor.frame(1e12, gap_bits=2)
+            assert frame.data == data
+            judge(monitor, frame, f"{dut.CLK_HZ.value.to_unsigned()} Hz, {monitor.fmt}")
+
+
 UNIT_TESTS = [
     "bytes_of_every_format_come_out_back_to_back",
     "parity_error_is_reported_with_its_own_byte",
     "other_parity_of_the_sender_is_an_error_in_every_byte",
     "missing_stop_bit_is_reported_with_its_own_byte",
     "one_stop_bit_is_enough_where_two_are_usual",
-    "break_is_one_zero_with_framing_error_and_busy_until_it_ends",
+    "break_is_one_zero_with_framing_error_and_receiving_until_it_ends",
     "low_of_less_than_half_a_bit_is_no_start_bit",
     "single_bad_sample_in_the_middle_of_each_bit_is_outvoted",
-    "busy_falls_with_the_byte_in_the_middle_of_the_stop_bit",
+    "receiving_ends_with_the_byte_in_the_middle_of_the_stop_bit",
     "reset_in_the_middle_of_a_byte_forgets_it",
+    "bytes_arrive_in_the_format_without_gaps",
+    "sending_from_the_start_bit_to_the_end_of_the_last_stop_bit",
+    "byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap",
+    "next_byte_is_taken_from_the_parity_or_first_stop_bit_on",
+    "nothing_is_sent_before_the_line_is_ready",
+    "check_bits_go_out_in_place_of_the_data_with_their_own_parity",
+    "every_data_bit_is_told_to_the_check_unit_both_ways",
+    "second_byte_late_by_a_tick_waits_for_no_border_but_starts_at_once",
+    "idle_level_through_reset_even_while_sending",
 ]
 PIN_TESTS = [
     "jitter_and_unequal_slopes_are_understood",
@@ -280,7 +485,7 @@ PIN_TESTS = [
 def run_chain(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> None:
     run(
         "uart_chain",
-        "tb.test_uart_rx",
+        "tb.test_uart",
         sim=sim,
         extra_sources=[HERE / "hdl/uart_chain.v"],
         parameters={"CLK_HZ": clk_hz},
@@ -289,9 +494,9 @@ def run_chain(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> N
     )
 
 
-@pytest.mark.rule("LINE-1", "LINE-3", "LINE-5")
-def test_uart_rx(sim):
-    run("uart_rx", "tb.test_uart_rx", sim=sim, testcase=UNIT_TESTS)
+@pytest.mark.rule("LINE-1", "LINE-3", "LINE-5", "FC-1", "FC-8")
+def test_uart(sim):
+    run("uart", "tb.test_uart", sim=sim, testcase=UNIT_TESTS)
 
 
 @pytest.mark.rule("LINE-5")
@@ -313,3 +518,24 @@ def test_baud_error(sim, clk_hz, slowest, fastest):
 @pytest.mark.rule("LINE-5")
 def test_bad_lines(sim):
     run_chain(sim, 2_000_000, PIN_TESTS)
+
+
+@pytest.mark.rule("LINE-2", "LINE-4")
+@pytest.mark.parametrize(
+    ("clk_hz", "slowest", "forms"),
+    [
+        (2_000_000, 300, FORMATS),
+        (12_000_000, 300, ("8N2",)),
+        (100_000_000, 9600, ("8E1",)),
+    ],
+)
+def test_bit_time(sim, clk_hz, slowest, forms):
+    run(
+        "uart_chain",
+        "tb.test_uart",
+        sim=sim,
+        extra_sources=[HERE / "hdl/uart_chain.v"],
+        parameters={"CLK_HZ": clk_hz},
+        extra_env={"CLK_HZ": str(clk_hz), "SLOWEST": str(slowest), "FORMS": " ".join(forms)},
+        testcase="bit_time_on_the_pin",
+    )

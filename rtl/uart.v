@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+// Receives and sends characters on a half-duplex line: start, 8 data bits LSB first,
+// parity or none, stop. One direction at a time, so both share shift register, bit
+// counter and parity; a line that is being sent on is not listened to.
+//
+// Receiving. The line is sampled 16 times a bit. Three samples around the middle of
+// each bit are put to the vote; the start bit is voted on too and forgotten if it
+// fails. Only the first stop bit is looked at, so 8N2, 8N1 and a sender that leaves
+// out its second stop bit are all the same here. The samples stand at ticks 6, 7 and
+// 8 after the first low tick: the first low tick comes up to one tick late, so this
+// is the middle on average and leaves the same room on both sides at +-4 %.
+// byte_valid: one clock, at the vote on the first stop bit (half a bit before its
+// end), with data and errors of that same character. A missing stop bit is a framing
+// error; after it the receiver waits for the line to rise (break). receiving: from
+// the first low tick to byte_valid, or to the end of the break. start_seen: one
+// clock, when the start bit passed its vote.
+//
+// Sending. A byte is taken while the line is idle or from the first stop bit of the
+// one before, so whoever answers within a bit leaves no gap (FC-8, LINE-1). It begins
+// at the next tick with line_ready. Every bit lasts exactly 16 ticks. sending: from
+// the first start bit to the end of the last stop bit; txd follows a clock later.
+// With send_check the data bits come from check_bit in place of send_data.
+//
+// bit_valid, bit_data: each data bit of either direction, for the check unit. No
+// parity goes with two_stop. Units: tick16 = 1/16 bit. Clock domain: clk.
+// Rules: LINE-1, LINE-3, LINE-4, LINE-5, FC-1.
+`default_nettype none
+
+module uart (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick16,
+    // pins, the input filtered
+    input  wire       line,
+    output reg        txd,
+    // stream in
+    input  wire       send_valid,
+    output wire       send_ready,
+    input  wire [7:0] send_data,
+    input  wire       send_check,
+    // stream out
+    output reg        byte_valid,
+    output wire [7:0] byte_data,
+    output wire       byte_parity_error,
+    output wire       byte_framing_error,
+    // check
+    output wire       bit_valid,
+    output wire       bit_data,
+    input  wire       check_bit,
+    // direction
+    input  wire       line_ready,
+    // configuration
+    input  wire       parity_enable,
+    input  wire       parity_odd,
+    input  wire       two_stop,
+    // status
+    output wire       receiving,
+    output reg        sending,
+    output reg        start_seen
+);
+
+  // One bit a state: each is asked for in many places.
+  localparam S_IDLE = 0;  // line high, or low since less than a tick
+  localparam S_START = 1;  // the start bit, to be confirmed
+  localparam S_DATA = 2;  // eight data bits
+  localparam S_PARITY = 3;  // the parity bit, if there is one
+  localparam S_STOP = 4;  // the first stop bit
+  localparam S_REST = 5;  // the second one, or a break: wait for the line to rise
+  localparam [5:0] IDLE = 6'd1 << S_IDLE;
+
+  reg [5:0] state = IDLE;
+  reg [3:0] phase = 4'd0;  // ticks since the bit began
+  reg [2:0] bits_done = 3'd0;
+  reg [1:0] votes = 2'd0;  // the last two samples
+  reg [7:0] shift = 8'd0;
+  reg loaded = 1'b0;  // shift waits for its start bit
+  reg parity = 1'b0;  // of parity_odd and the bits so far, at byte_valid with the stop bit
+  reg stop_missing = 1'b0;
+
+  wire vote = (votes[0] & votes[1]) | (line & (votes[0] | votes[1]));
+  wire load = send_valid && send_ready;
+  wire go = loaded && line_ready;
+  // A bit is judged in its middle, sent to its end.
+  wire bit_over = phase == {sending, 3'd7};
+  wire step = state[S_IDLE] ? go || !line : state[S_REST] && !sending ? line : bit_over;
+  wire leave = tick16 && step;
+  wire last_bit = state[S_DATA] && bits_done == 3'd7;
+  wire no_start = vote && !sending;
+  wire stop_over = sending ? !two_stop : vote;
+  wire over = state[S_REST] || (state[S_STOP] && stop_over);
+
+  assign send_ready = !loaded && !(sending && (state[S_START] || state[S_DATA]));
+  assign byte_data = shift;
+  assign byte_parity_error = parity_enable && parity == stop_missing;
+  assign byte_framing_error = stop_missing;
+  assign bit_valid = leave && state[S_DATA];
+  assign bit_data = !sending ? vote : send_check ? check_bit : shift[0];
+  assign receiving = !state[S_IDLE] && !sending;
+
+  initial begin
+    txd = 1'b1;
+    byte_valid = 1'b0;
+    sending = 1'b0;
+    start_seen = 1'b0;
+  end
+
+  always @(posedge clk) begin
+    byte_valid <= leave && state[S_STOP] && !sending;
+    start_seen <= leave && state[S_START] && !sending && !vote;
+
+    if (tick16) votes <= {votes[0], line};
+    if (state[S_IDLE]) phase <= 4'd0;
+    else if (tick16) phase <= phase + 4'd1;
+    if (state[S_START]) bits_done <= 3'd0;
+    else if (bit_valid) bits_done <= bits_done + 3'd1;
+
+    if (leave) begin
+      state[S_IDLE]   <= (state[S_START] && no_start) || (over && !go);
+      state[S_START]  <= state[S_IDLE] || (over && go);
+      state[S_DATA]   <= (state[S_START] && !no_start) || (state[S_DATA] && !last_bit);
+      state[S_PARITY] <= last_bit && parity_enable;
+      state[S_STOP]   <= (last_bit && !parity_enable) || state[S_PARITY];
+      state[S_REST]   <= state[S_STOP] && !stop_over;
+      if (state[S_IDLE] || over) sending <= go;
+      parity <= state[S_START] ? parity_odd : parity ^ bit_data;
+      stop_missing <= !vote;
+    end
+
+    if (load) shift <= send_data;
+    else if (bit_valid) shift <= {vote, shift[7:1]};
+    if (load) loaded <= 1'b1;
+    else if (sending && state[S_START]) loaded <= 1'b0;
+
+    txd <= !sending || (state[S_DATA] ? bit_data : state[S_PARITY] ? parity : !state[S_START]);
+
+    if (rst) begin
+      state <= IDLE;
+      txd <= 1'b1;
+      byte_valid <= 1'b0;
+      loaded <= 1'b0;
+      sending <= 1'b0;
+      start_seen <= 1'b0;
+    end
+  end
+
+`ifndef SYNTHESIS
+  reg [7:0] bits_seen = 8'd0;
+  reg [7:0] last_byte = 8'd0;
+  always @(posedge clk) begin
+    if (bit_valid) bits_seen <= {bit_data, bits_seen[7:1]};
+    if (bit_valid && last_bit) last_byte <= {bit_data, bits_seen[7:1]};
+  end
+
+  reg [8*6-1:0] state_name;
+  always @* begin
+    case (1'b1)
+      state[S_IDLE]: state_name = "IDLE";
+      state[S_START]: state_name = "START";
+      state[S_DATA]: state_name = "DATA";
+      state[S_PARITY]: state_name = "PARITY";
+      state[S_STOP]: state_name = "STOP";
+      default: state_name = "REST";
+    endcase
+  end
+`endif
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bench wrapper: fc_tx with what it sends through, BCC unit and UART; the bench is the
+// driver of the line.
+`default_nettype none
+
+module fc_tx_line (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick16,
+    // stream in
+    input  wire       start,
+    input  wire [4:0] length,
+    // frame memory
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
+    // pin
+    output wire       tx,
+    // direction
+    output wire       line_request,
+    input  wire       line_ready,
+    // status
+    output wire       line_busy,
+    output wire       sending,
+    output wire       sent,
+    output wire [7:0] adr
+);
+
+  wire bit_valid;
+  wire bit_data;
+  wire check_bit;
+  wire send_valid;
+  wire send_ready;
+  wire [7:0] send_data;
+  wire send_check;
+
+  bcc bcc_i (
+      .clk(clk),
+      .clear(start && !sending),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(check_bit),
+      .good()
+  );
+
+  fc_tx fc_tx_i (
+      .clk(clk),
+      .rst(rst),
+      .start(start),
+      .length(length),
+      .read_valid(read_valid),
+      .read_ready(read_ready),
+      .read_addr(read_addr),
+      .read_data(read_data),
+      .send_valid(send_valid),
+      .send_ready(send_ready),
+      .send_data(send_data),
+      .send_check(send_check),
+      .line_request(line_request),
+      .line_busy(line_busy),
+      .sending(sending),
+      .sent(sent),
+      .adr(adr)
+  );
+
+  uart uart_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      .line(1'b1),
+      .txd(tx),
+      .send_valid(send_valid),
+      .send_ready(send_ready),
+      .send_data(send_data),
+      .send_check(send_check),
+      .byte_valid(),
+      .byte_data(),
+      .byte_parity_error(),
+      .byte_framing_error(),
+      .bit_valid(bit_valid),
+      .bit_data(bit_data),
+      .check_bit(check_bit),
+      .line_ready(line_ready),
+      .parity_enable(1'b1),
+      .parity_odd(1'b0),
+      .two_stop(1'b0),
+      .receiving(),
+      .sending(line_busy),
+      .start_seen()
+  );
+
+endmodule
+
+`default_nettype wire
