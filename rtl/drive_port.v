@@ -42,7 +42,7 @@ module drive_port (
 
   // A gap of exactly 2 characters is still allowed, so the limit stands 1/4 bit later.
   localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
-  localparam [11:0] HALF_END = `CARD_SILENCE_START + PAUSE_TICKS / 12'd4 - 12'd1;
+  localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + PAUSE_TICKS / 12'd4 - 12'd1;
 
   wire synced;
   wire line;

@@ -65,7 +65,7 @@ module silence_timer #(
     long_reached  <= half_over && halves == LONG_HALVES - 3'd1;
     if (counting) ticks <= ticks + 1'b1;
     if (half_over) begin
-      ticks  <= START | shorter;
+      ticks  <= START | {{(WIDTH - 1) {1'b0}}, shorter};
       halves <= halves + 3'd1;
       if (halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
     end
