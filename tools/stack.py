@@ -26,7 +26,8 @@ CODE = re.compile(r"^\s*([0-9a-f]+):\s+[0-9a-f]+\s+(\S+)(?:\s+(.*))?$")
 TARGET = re.compile(r"\b([0-9a-f]+) <([^>+]+)>$")
 FRAME = re.compile(r"^sp,sp,(-?\d+)$")  # taken down, and up again at the end
 ENTRY = "_start"  # sets sp, has no frame itself
-JUMPS = {"jal", "j", "call", "tail"}
+CALLS = {"jal", "call"}
+JUMPS = CALLS | {"j", "tail"}
 INDIRECT = {"jalr", "jr"}
 
 
@@ -54,9 +55,9 @@ def symbols(elf: Path = ELF) -> dict[str, int]:
 
 
 def sizes(elf: Path = ELF) -> tuple[int, int]:
-    """Bytes of code and constants, and of variables."""
-    text, _, bss = _tool("size", elf).splitlines()[1].split()[:3]
-    return int(text), int(bss)
+    """Bytes of code and constants, and of variables, those with a first value too."""
+    text, data, bss = map(int, _tool("size", elf).splitlines()[1].split()[:3])
+    return text, data + bss
 
 
 def functions(elf: Path = ELF) -> dict[str, Function]:
@@ -73,18 +74,22 @@ def functions(elf: Path = ELF) -> dict[str, Function]:
                 function.frame = max(function.frame, -int(step[1]))
             elif operands.startswith("sp,") and current != ENTRY:
                 raise StackError(f"{current}: a frame of variable size ({mnemonic} {operands})")
-            if mnemonic in JUMPS and (target := TARGET.search(operands)) and target[2] != current:
+            # A jump to its own start is a loop, a call of it is recursion.
+            target = TARGET.search(operands) if mnemonic in JUMPS else None
+            if target and (target[2] != current or mnemonic in CALLS):
                 function.callees.add(target[2])
             function.by_pointer |= mnemonic in INDIRECT and operands != "ra"
     return found
 
 
 def pointed_at(elf: Path, names: set[str]) -> set[str]:
-    """Functions whose address is a word of the constants."""
+    """Functions whose address is a word of the constants or of a variable's first value."""
     at = {address: name for name, address in symbols(elf).items() if name in names}
-    words = set()
-    for line in _tool("objdump", "-s", "-j", ".rodata", elf).splitlines():
-        if dump := re.match(r"^ [0-9a-f]+ ((?:[0-9a-f]{8} ?)+) ", line):
+    words, counts = set(), False
+    for line in _tool("objdump", "-s", elf).splitlines():
+        if section := re.match(r"^Contents of section (\S+):", line):
+            counts = section[1].startswith((".rodata", ".data", ".sdata"))
+        elif counts and (dump := re.match(r"^ [0-9a-f]+ ((?:[0-9a-f]{8} ?)+) ", line)):
             words |= {int.from_bytes(bytes.fromhex(word), "little") for word in dump[1].split()}
     return {at[word] for word in words & at.keys()}
 
