@@ -6,7 +6,8 @@
     python -m tools.bench --only KIND               measures one kind again; the rest: last whole run
     python -m tools.bench --report                  writes the report of the last whole run again
 
-Exit 1 when a limit is missed, 2 when something to measure is missing. What is measured: sim/bench/cases.py.
+Exit 1 when a limit is missed, 2 when something to measure is missing or the last whole run was of another
+card, firmware or bench than the tree has. What is measured: sim/bench/cases.py.
 """
 
 from __future__ import annotations
@@ -23,13 +24,15 @@ import time
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from sim.bench.card import CLK_HZ, BenchError
-from sim.bench.cases import Outcome
-from sim.bench.work import Piece, fast, whole
+from sim.bench import fingerprint
+from sim.bench.card import BenchError
+from sim.bench.judge import Outcome
+from sim.bench.wave import CLK_HZ
+from sim.bench.work import KINDS_OF_WORK, Piece, fast, whole
 from tb.lib import runner
 from tools import stack
-from tools.bench_report import Results, table, write
-from tools.sources import ROOT
+from tools.bench_report import RESULTS, Results, document, stated, table
+from tools.sources import ROOT, SourcesError
 
 KEPT = ROOT / "build/bench_card/results.pickle"
 DEFAULT_SEED = 1
@@ -69,8 +72,8 @@ def measure_firmware(results: Results) -> None:
     results.stack_bytes, results.stack_path = stack.deepest()
 
 
-def virtual_card_speed() -> float:
-    """What one core can do, as build/card says itself."""
+def virtual_card_speed() -> tuple[float, int]:
+    """What one core can do, as build/card says itself, and at which clock."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             VIRTUAL_CARD,
@@ -82,7 +85,13 @@ def virtual_card_speed() -> float:
             f"{folder}/modbus",
         ]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return float(re.search(r"one core can do ([\d.]+)", done.stdout)[1])
+    return float(re.search(r"one core can do ([\d.]+)", done.stdout)[1]), virtual_card_clk_hz()
+
+
+def virtual_card_clk_hz() -> int:
+    """Whatever it was built with, CARD_CLK_HZ leaves a file of its name (sim/card/card.mk)."""
+    clocks = sorted((ROOT / "build/card_objects").glob("clk_*"), key=lambda path: path.stat().st_mtime)
+    return int(clocks[-1].name.removeprefix("clk_")) if clocks else 0
 
 
 def cocotb_speed(sim: str) -> float:
@@ -99,35 +108,77 @@ def cocotb_speed(sim: str) -> float:
 
 
 def measure_simulations(results: Results) -> None:
-    results.speeds["virtual card"] = virtual_card_speed()
+    results.speeds["virtual card"], results.card_clk_hz = virtual_card_speed()
     for sim in ("verilator", "icarus"):
         results.speeds[f"cocotb on {sim}"] = cocotb_speed(sim)
 
 
-def main() -> int:
-    options = argparse.ArgumentParser(description="Measures the card on its pins.")
-    options.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
-    options.add_argument("--report", action="store_true", help="write the report of the last whole run again")
-    options.add_argument("--only", metavar="KIND", help="early, late, gate, overtaken, random or conformance")
-    options.add_argument("--seed", type=int, default=DEFAULT_SEED)
-    options.add_argument("--jobs", type=int, default=2, help="processes (2)")
-    given = options.parse_args()
+def write(results: Results) -> None:
+    from tools import bench_pictures  # matplotlib takes its time to load
+
+    bench_pictures.draw(results)
+    RESULTS.write_text(document(results))
+
+
+def last_run(of: dict[str, str]) -> Results:
+    """What the last whole run brought, if it was a run of this very tree."""
+    name = KEPT.relative_to(ROOT) if KEPT.is_relative_to(ROOT) else KEPT.name
+    if not KEPT.exists():
+        raise BenchError(f"{name} is missing: there was no whole run; run `make bench`")
     try:
-        again = given.report or given.only
-        results = pickle.loads(KEPT.read_bytes()) if again else Results(given.seed)
+        results = pickle.loads(KEPT.read_bytes())
+        other = fingerprint.difference(results.fingerprint, of)
+    except (pickle.UnpicklingError, AttributeError, ImportError, EOFError, TypeError):
+        raise BenchError(f"{name} is of another bench; run `make bench`") from None
+    if other:
+        raise BenchError(f"{name} is of another {' and another '.join(other)}; run `make bench`")
+    return results
+
+
+def of_this_tree(tree: dict[str, str]) -> str:
+    """Whether docs/results.md still speaks of what was measured now."""
+    other = fingerprint.difference(stated(), tree)
+    if other:
+        return f"note: docs/results.md is of another {' and another '.join(other)}; `make bench` renews it"
+    return "docs/results.md is of this card, firmware and bench"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = argparse.ArgumentParser(description="Measures the card on its pins.")
+    what = options.add_mutually_exclusive_group()
+    what.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
+    what.add_argument("--report", action="store_true", help="write the report of the last whole run again")
+    what.add_argument("--only", metavar="KIND", choices=KINDS_OF_WORK, help=", ".join(KINDS_OF_WORK))
+    options.add_argument("--seed", type=int, help=f"not with --only, --report ({DEFAULT_SEED})")
+    options.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    given = options.parse_args(arguments)
+    again = given.report or given.only
+    if again and given.seed is not None:
+        options.error("the last whole run has a seed already")
+    try:
+        tree = fingerprint.tree()
+        seed = DEFAULT_SEED if given.seed is None else given.seed
+        results = last_run(tree) if again else Results(seed, tree)
+        if not (given.fast or again or VIRTUAL_CARD.exists()):
+            raise BenchError(f"{VIRTUAL_CARD.relative_to(ROOT)} is missing; run `make card`")
         if not given.report:
             pieces = list((fast if given.fast else whole)(results.seed))
             measure([p for p in pieces if given.only in (None, p.kind)], given.jobs, results)
             measure_firmware(results)
-        if not (given.fast or again):
-            measure_simulations(results)
+            if other := fingerprint.difference(tree, fingerprint.tree()):
+                raise BenchError(f"the {' and the '.join(other)} changed meanwhile; run `make bench`")
         if not (given.fast or given.report):
             KEPT.write_bytes(pickle.dumps(results))
-    except (BenchError, stack.StackError, FileNotFoundError) as error:
+        if not (given.fast or again):
+            measure_simulations(results)
+            KEPT.write_bytes(pickle.dumps(results))
+    except (BenchError, SourcesError, stack.StackError, FileNotFoundError) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2
     print(table(results))
-    if not given.fast:
+    if given.fast:
+        print(of_this_tree(tree))
+    else:
         write(results)
     missed = results.faults()
     print(f"{len(missed)} missed" if missed else "all limits met")

@@ -1,24 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bench's table, docs/results.md and its pictures, from the results of tools/bench.py."""
+"""The bench's table and docs/results.md, from the results of tools/bench.py."""
 
 from __future__ import annotations
 
+import re
 import statistics
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from sim.bench.card import BAUDS, CLK_HZ, DRIVE_LINE, FORMAT_NAMES, Line
-from sim.bench.cases import CASES, LIMIT_BITS, LIMIT_RATIO, Outcome, Sample
+from sim.bench.card import TINY
+from sim.bench.cases import CASES
 from sim.bench.conformance import ROWS
+from sim.bench.judge import DE_LIMIT_BITS, LIMIT_BITS, LIMIT_RATIO, WAIT_LIMIT_MS, Outcome, Sample, de_grain
+from sim.bench.traffic import REFUSED, UNFIT
+from sim.bench.wave import BAUDS, CLK_HZ, FORMAT_NAMES, Line
 from sim.bench.work import FORM, Piece
 from tools.sources import ROOT
 
 RESULTS = ROOT / "docs/results.md"
-PICTURES = ROOT / "docs/pictures"
 TEMPLATE = ROOT / "sim/bench/results.md.in"
+MEASURED_ON = "Measured on"
 LOCAL = tuple(name for name, case in CASES.items() if case.local)
 EXCHANGES = tuple(name for name, case in CASES.items() if not case.local)
 SHOWN_BAUD = 19200
+DRIVE_LINE = Line.of_drive()
+JUDGED = ("early", "random", "manners", "gate", "overtaken", "conformance")
 
 # Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Written down
 # once; their code is not part of this project.
@@ -51,28 +58,37 @@ class Results:
     """Everything a report is made of."""
 
     seed: int
+    fingerprint: dict[str, str]  # of what was measured, sim/bench/fingerprint.py
     outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
-    clk_hz: int = CLK_HZ
     code_bytes: int = 0
     data_bytes: int = 0
     stack_bytes: int = 0
+    card_clk_hz: int = 0  # of the virtual card
     stack_path: list[str] = field(default_factory=list)
     # Simulated seconds in a second of wall time (of processor time for the bench itself).
     speeds: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def stack_seen(self) -> int:
+        return max((outcome.stack_bytes for _, outcome in self.outcomes.values()), default=0)
+
     def faults(self) -> list[str]:
-        return [fault for _, outcome in self.outcomes.values() for fault in outcome.faults]
+        found = [fault for _, outcome in self.outcomes.values() for fault in outcome.faults]
+        if self.stack_seen > self.stack_bytes:
+            found.append(f"{self.stack_seen} bytes of stack seen, {self.stack_bytes} by call graph")
+        return found
 
 
 # ---------------------------------------------------------------- what the numbers say
 
 
-def samples(results: Results, kind: str, **fits: object) -> list[Sample]:
-    """Of one kind of work; `fits` are attributes a sample must have, one value or several."""
+def samples(results: Results, kind: str | tuple[str, ...], **fits: object) -> list[Sample]:
+    """Of one kind of work or several; `fits` are attributes a sample must have, likewise."""
+    kinds = kind if isinstance(kind, tuple) else (kind,)
     found = [
         sample
         for piece, outcome in results.outcomes.values()
-        if piece.kind == kind
+        if piece.kind in kinds
         for sample in outcome.samples
     ]
     for attribute, wanted in fits.items():
@@ -107,8 +123,13 @@ def verdict(met: bool) -> str:
 
 def summary(results: Results) -> str:
     """The table of targets."""
-    cases, chance = samples(results, "early"), samples(results, "random")
-    rows = []
+    cases, chance, everything = (samples(results, kind) for kind in ("early", "random", JUDGED))
+    rows: list[list[object]] = []
+
+    def row(name: str, target: str, numbers: list[float], met: Callable[[float], bool], text: str) -> None:
+        if numbers:
+            rows.append([name, target, text, verdict(all(map(met, numbers))), len(numbers)])
+
     for name, attribute, target, found in (
         ("local request: reply's first bit after t3.5", "local", "≤ 1 bit of the line", cases),
         ("telegram's first bit after t3.5", "telegram", "≤ 1 drive bit (104 µs)", cases),
@@ -118,27 +139,36 @@ def summary(results: Results) -> str:
         ("random: after the drive's reply", "answer", "≤ 1 bit of the line", chance),
     ):
         numbers = values(found, attribute)
-        if numbers:
-            rows.append(
-                [name, target, f"{max(numbers):.2f}", verdict(max(numbers) <= LIMIT_BITS), len(numbers)]
-            )
-    ratios = values([s for s in cases if s.case in EXCHANGES], "ratio")
-    everything = values(cases + chance, "ratio")
+        row(name, target, numbers, lambda value: value <= LIMIT_BITS, f"{max(numbers, default=0):.2f}")
     for name, numbers in (
-        ("full transactions over their floor", ratios),
-        ("every answered request over its floor", everything),
+        ("full transactions over their floor", values([s for s in cases if s.case in EXCHANGES], "ratio")),
+        ("every answered request over its floor", values(cases + chance, "ratio")),
     ):
-        met = verdict(max(numbers) <= LIMIT_RATIO)
-        rows.append([name, f"≤ {LIMIT_RATIO}", f"{max(numbers):.4f}", met, len(numbers)])
-    earliest = min(values(cases + chance, "local"))
-    rows.append(
-        ["no reply before t3.5 of its request", "≥ 0 bits", f"{earliest:.2f}", verdict(earliest >= 0), "all"]
-    )
+        worst = f"{max(numbers, default=0):.4f}"
+        row(name, f"≤ {LIMIT_RATIO}", numbers, lambda value: value <= LIMIT_RATIO, worst)
+    numbers = [after for sample in everything for after in sample.after_t35]
+    earliest = f"{min(numbers, default=0):.2f}"
+    row("no reply before t3.5 of its request, every reply", "≥ 0 bits", numbers, lambda v: v >= 0, earliest)
+    for name, numbers in (
+        ("no good reply: repeat, after the wait", [ms for s in everything for ms in s.repeats]),
+        ("no good reply again: exception 255, after the wait", values(everything, "gave_up")),
+    ):
+        limits = f"0 … {WAIT_LIMIT_MS:g} ms"
+        row(name, limits, numbers, lambda value: 0 <= value <= WAIT_LIMIT_MS, span(numbers))
+    for name, attribute, least in (
+        ("DE before the first bit, both lines, every frame", "de_lead", 0.0),
+        ("DE after the last bit, both lines, every frame", "de_lag", -de_grain(max(BAUDS))),
+    ):
+        numbers = [bits for s in everything for line in getattr(s, attribute).values() for bits in line]
+        inside = [max(bits, 0.0) if bits >= least else bits for bits in numbers]
+        row(name, "0 … 1 bit", numbers, lambda v, least=least: least <= v <= DE_LIMIT_BITS, span(inside))
     for kind, name in (
+        ("early", "cases: right bytes and bits on both lines"),
+        ("random", "random: right bytes and bits on both lines, silence where due"),
+        ("manners", "a drive that answers wrong, late or not at all: one repeat, then 255"),
         ("gate", "a character between t1.5 and t3.5: nothing sent, nothing changed"),
         ("overtaken", "another frame while the drive answers: newest served, exchange finished"),
         ("conformance", "conformance rows"),
-        ("random", "random: right bytes on both lines, silence where due"),
     ):
         outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind == kind]
         checks, faults = sum(o.checks for o in outcomes), sum(len(o.faults) for o in outcomes)
@@ -146,10 +176,12 @@ def summary(results: Results) -> str:
     return rows_of("case | target | worst measured | verdict | of", rows)
 
 
-def by_rate(results: Results) -> str:
+def by_rate(results: Results, kind: str = "early") -> str:
     rows = []
     for baud in BAUDS:
-        found = samples(results, "early", baud=baud)
+        found = samples(results, kind, baud=baud)
+        if not found:
+            continue
         spans = [span(values(found, attribute)) for attribute in ("local", "telegram", "answer")]
         ratios = values(found, "ratio")
         rows.append([baud, *spans, f"{max(ratios):.4f}", len(found)])
@@ -244,6 +276,112 @@ def firmware(results: Results) -> str:
     )
 
 
+def budgets(clk_hz: int, baud: int) -> tuple[float, float]:
+    """Clocks from t1.5 to t3.5, and of the BCC's character."""
+    line = Line.of(baud, FORM, clk_hz)
+    drive_line = Line.of_drive(clk_hz)
+    return (line.t35_bits - line.t15_bits) * line.bit, drive_line.character_bits * drive_line.bit
+
+
+def shares(results: Results) -> dict[tuple[str, int], tuple[float, float]]:
+    """Budget and the worst use of it, for each rate."""
+    found = {}
+    for baud in BAUDS:
+        at_rate = samples(results, ("early", "random"), baud=baud)
+        request, reply = budgets(CLK_HZ, baud)
+        for what, attribute, allowed in (
+            ("request", "decode_clocks", request),
+            ("drive's reply", "answer_clocks", reply),
+        ):
+            if used := values(at_rate, attribute):
+                found[what, baud] = allowed, max(used)
+    return found
+
+
+def budget(results: Results) -> str:
+    rows = []
+    used = shares(results)
+    for baud in BAUDS:
+        row: list[object] = [baud]
+        for what in ("request", "drive's reply"):
+            if (what, baud) in used:
+                allowed, worst = used[what, baud]
+                row += [f"{allowed:,.0f}", f"{worst:,.0f}", f"{100 * worst / allowed:.0f} %"]
+            else:
+                row += 3 * ["-"]
+        rows.append(row)
+    return rows_of(
+        "bit/s | t1.5 to t3.5, clocks | worst request | of it | BCC's character, clocks | "
+        "worst reply of the drive | of it",
+        rows,
+    )
+
+
+def slowest_clock_hz(results: Results) -> float:
+    """At which the worst request seen would be ready just in time."""
+    return CLK_HZ * max((worst / allowed for allowed, worst in shares(results).values()), default=0)
+
+
+def counted(results: Results, attribute: str) -> Counter:
+    """A table of counts, all random pieces together."""
+    total: Counter = Counter()
+    for piece, outcome in results.outcomes.values():
+        if piece.kind == "random":
+            total += getattr(outcome, attribute)
+    return total
+
+
+def outcomes(results: Results) -> str:
+    """What came of the random requests: numbers of exceptions in their order, silences last."""
+
+    def order(what: str) -> tuple[int, list[object]]:
+        parts = [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", what)]
+        return ("answered", "exception", "silence:").index(what.split()[0]), parts
+
+    became = counted(results, "became")
+    rows = [[what, became[what]] for what in sorted(became, key=order)]
+    return rows_of("what came of it | requests", [*rows, ["**all**", became.total()]])
+
+
+def drive_table(results: Results) -> str:
+    """How the drive answered, and which of that the card had to take."""
+    did = counted(results, "drive_did")
+    refused = {manners.name for manners in (*REFUSED, UNFIT)}
+    names = sorted({name for name, _ in did}, key=lambda name: (name in refused, name != "at once", name))
+    rows = [
+        [name, "no" if name in refused else "yes", did[name, "first"] or "-", did[name, "repeat"] or "-"]
+        for name in names
+    ]
+    return rows_of("the drive's answer | is a reply | to a telegram | to its repeat", rows)
+
+
+def tiny(results: Results) -> str:
+    found = samples(results, "tiny")
+    if not found:
+        return "The configuration `tiny` was not measured: it cannot be built yet."
+    decode, answer = (values(found, attribute) for attribute in ("decode_clocks", "answer_clocks"))
+    slow, last = budgets(TINY.clk_hz, SHOWN_BAUD)
+    above, _ = budgets(TINY.clk_hz, max(BAUDS))
+    return f"""\
+Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz, {FORM}, the same cases. It has no limits to keep.
+
+{by_rate(results, "tiny")}
+
+Clocks of its firmware: request → queued {span(decode, 0)}, drive's reply → queued {span(answer, 0)}. The
+budgets at its clock are {slow:,.0f} at {SHOWN_BAUD} bit/s, {above:,.0f} above, and {last:,.0f}."""
+
+
+def measured_on(fingerprint: dict[str, str]) -> str:
+    return ", ".join(f"{name} `{digits}`" for name, digits in fingerprint.items())
+
+
+def stated() -> dict[str, str]:
+    """What docs/results.md says it was measured on."""
+    line = next(line for line in RESULTS.read_text().splitlines() if line.startswith(MEASURED_ON))
+    found = re.findall(r"([a-z ]+) `(\w+)`", line.removeprefix(MEASURED_ON))
+    return {name.strip(): digits for name, digits in found}
+
+
 def conformance(results: Results) -> str:
     ours = [(piece, outcome) for piece, outcome in results.outcomes.values() if piece.kind == "conformance"]
     ours.sort(key=lambda item: (item[0].baud != SHOWN_BAUD, item[0].baud, item[0].form))
@@ -294,204 +432,31 @@ def speeds(results: Results) -> str:
 def document(results: Results) -> str:
     """The text is in TEMPLATE, its numbers and tables come from here."""
     chance = samples(results, "random")
-    drive = [sample for sample in chance if sample.telegram is not None]
-    local = [sample for sample in chance if sample.local is not None]
+    missed = results.faults()
     return TEMPLATE.read_text().format(
         seed=results.seed,
-        mhz=f"{CLK_HZ / 1e6:.0f}",
+        measured_on=f"{MEASURED_ON} {measured_on(results.fingerprint)}.",
+        mhz=f"{CLK_HZ / 1e6:g}",
         formats=", ".join(FORMAT_NAMES),
         form=FORM,
         summary=summary(results),
+        missed="".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
         by_rate=by_rate(results),
         transactions=transactions(results),
         requests=len(chance),
-        local=len(local),
-        drive=len(drive),
-        silent=len(chance) - len(local) - len(drive),
+        outcomes=outcomes(results),
+        drive=drive_table(results),
         early_or_late=early_or_late(results),
+        tiny=tiny(results),
         conformance=conformance(results),
         firmware=firmware(results),
+        budget=budget(results),
+        slowest_mhz=f"{slowest_clock_hz(results) / 1e6:.1f}",
         code=results.code_bytes,
         data=results.data_bytes,
         stack=results.stack_bytes,
-        stack_seen=max(outcome.stack_bytes for _, outcome in results.outcomes.values()),
+        stack_seen=results.stack_seen,
         stack_path=" → ".join(results.stack_path),
+        card_mhz=f"{results.card_clk_hz / 1e6:g}",
         speeds=speeds(results),
     )
-
-
-# ---------------------------------------------------------------- pictures
-
-WIRE, SILENCE = "#7f9bb3", "#d5dbe1"
-DRIVE_WIRE, DELAY, DRIVE_REPLY = "#8fb08a", "#ece5cf", "#b9cfae"
-OURS, CARD, LATE = "#c62828", "#2e7d32", "#e39b33"
-
-
-def pictures(results: Results) -> None:
-    import matplotlib
-
-    matplotlib.use("svg")
-    # The same numbers make the same file.
-    matplotlib.rcParams.update(
-        {
-            "svg.hashsalt": "rtu2fc",
-            "svg.fonttype": "none",
-            "font.family": "sans-serif",
-            "font.size": 10,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-        }
-    )
-    PICTURES.mkdir(exist_ok=True)
-    for name, draw in PICTURE_OF.items():
-        figure = draw(results)
-        figure.savefig(PICTURES / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
-
-
-def _transactions(results: Results):
-    """A bar of the wire's floor for each case, ours on top."""
-    from matplotlib.patches import Patch
-    from matplotlib.pyplot import subplots
-
-    figure, panels = subplots(1, 2, figsize=(11, 4.2), width_ratios=(1, 2.4))
-    colours = {
-        "request": WIRE,
-        "t3.5": SILENCE,
-        "telegram": DRIVE_WIRE,
-        "drive's delay": DELAY,
-        "drive's reply": DRIVE_REPLY,
-        "reply": WIRE,
-    }
-    for panel, names, title in (
-        (panels[0], LOCAL, "answered by the card"),
-        (panels[1], EXCHANGES, "with the drive"),
-    ):
-        for at, name in enumerate(reversed(names)):
-            found = samples(results, "early", case=name, baud=SHOWN_BAUD, form=FORM)
-            worst = max(found, key=lambda sample: sample.total - sample.floor)
-            left = 0.0
-            for what, seconds in worst.floor_parts.items():
-                panel.barh(
-                    at,
-                    1e3 * seconds,
-                    left=left,
-                    height=0.55,
-                    color=colours[what],
-                    edgecolor="white",
-                    linewidth=0.6,
-                )
-                left += 1e3 * seconds
-            over = 1e3 * (worst.total - worst.floor)
-            panel.barh(at, over, left=left, height=0.75, color=OURS, edgecolor=OURS, linewidth=1.5)
-            label = f"  +{1e3 * over:.0f} µs ({100 * over / left:.2f} %)"
-            panel.text(left + over, at, label, va="center", color=OURS)
-        panel.set_yticks(range(len(names)), list(reversed(names)))
-        panel.set_xlabel("ms")
-        panel.set_title(title, loc="left")
-        panel.set_xlim(0, panel.get_xlim()[1] * (1.6 if panel is panels[0] else 1.16))
-        panel.tick_params(axis="y", length=0)
-    names = {"request": "request, reply"}
-    handles = [
-        Patch(color=colour, label=names.get(what, what))
-        for what, colour in colours.items()
-        if what != "reply"
-    ]
-    handles.append(Patch(color=OURS, label="ours on top (drawn thicker than it is)"))
-    figure.legend(handles=handles, loc="lower center", ncols=6, frameon=False, bbox_to_anchor=(0.5, -0.06))
-    figure.suptitle(f"Whole transactions at {SHOWN_BAUD} bit/s {FORM}: the wire's floor, and ours on top")
-    figure.tight_layout()
-    return figure
-
-
-def _overhead(results: Results):
-    """Histograms of the random requests' latencies, with the limit."""
-    from matplotlib.pyplot import subplots
-
-    figure, panels = subplots(1, 3, figsize=(11, 3.4), sharey=True)
-    for panel, attribute, title, unit in (
-        (panels[0], "local", "reply after t3.5", "bits of the line"),
-        (panels[1], "telegram", "telegram after t3.5", "drive bits"),
-        (panels[2], "answer", "reply after the drive's reply", "bits of the line"),
-    ):
-        numbers = values(samples(results, "random"), attribute)
-        low = min(-0.1, min(numbers))
-        width = (1.1 - low) / 60
-        bins = [low + i * width for i in range(61)]
-        panel.hist(numbers, bins=bins, color=WIRE, histtype="stepfilled")
-        panel.axvline(LIMIT_BITS, color=OURS)
-        panel.text(LIMIT_BITS, 0.93, "limit ", color=OURS, ha="right", transform=panel.get_xaxis_transform())
-        panel.axvline(0, color="black", linewidth=0.8)
-        panel.set_yscale("log")
-        panel.set_title(
-            f"{title}\n{len(numbers)} requests, worst {max(numbers):.2f}", loc="left", fontsize=10
-        )
-        panel.set_xlabel(unit)
-    panels[0].set_ylabel("requests")
-    figure.tight_layout()
-    return figure
-
-
-def _early(results: Results):
-    """Time lost after t3.5, rate by rate: ours, with prepare early off, and what the limit allows."""
-    from matplotlib.pyplot import subplots
-
-    figure, panel = subplots(figsize=(8, 4))
-    limit = [1e6 / baud for baud in BAUDS]
-    panel.plot(BAUDS, limit, color="black", linewidth=0.8, linestyle="--")
-    panel.text(BAUDS[1] * 1.05, limit[1] * 1.2, "the limit: one bit of the line")
-    for kind, colour, name in (("late", LATE, "prepare early off"), ("early", CARD, "ours")):
-        lost = [
-            [1e6 / baud * value for value in values(samples(results, kind, baud=baud, form=FORM), "local")]
-            for baud in BAUDS
-        ]
-        middle = [statistics.median(numbers) for numbers in lost]
-        worst = [max(numbers) for numbers in lost]
-        panel.fill_between(
-            BAUDS, [min(numbers) for numbers in lost], worst, color=colour, alpha=0.25, linewidth=0
-        )
-        panel.plot(BAUDS, middle, color=colour, marker="o")
-        panel.text(BAUDS[-1] * 1.12, middle[-1], f"{name}\n{middle[-1]:.1f} µs", color=colour, va="center")
-    panel.set_xscale("log")
-    panel.set_yscale("log")
-    panel.set_xticks(BAUDS, [str(baud) for baud in BAUDS], fontsize=9)
-    panel.set_yticks((1, 10, 100, 1000), ("1", "10", "100", "1000"))
-    panel.minorticks_off()
-    panel.set_xlabel("bit/s")
-    panel.set_ylabel("µs after t3.5")
-    panel.set_title(f"Local requests, {FORM}: time lost after t3.5", loc="left")
-    figure.tight_layout()
-    return figure
-
-
-def _latency(results: Results):
-    """From the request's end to the reply's first bit: this card and others."""
-    from matplotlib.pyplot import subplots
-
-    def ours(kind: str) -> float:
-        found = samples(results, kind, case=LOCAL[0], baud=SHOWN_BAUD, form=FORM)
-        return legal + statistics.median(values(found, "local"))
-
-    legal = Line.of(SHOWN_BAUD, FORM).t35_bits
-    bars = {"rtu2fc": ours("early"), "rtu2fc, prepare early off": ours("late")}
-    for name, latency in zip(RIVALS, RIVAL_ROWS["latency"], strict=True):
-        bars[name.split("/")[0]] = float(latency.strip("*"))
-    figure, panel = subplots(figsize=(8, 3))
-    for at, (name, bits) in enumerate(reversed(bars.items())):
-        colour = CARD if name == "rtu2fc" else LATE if name.startswith("rtu2fc") else WIRE
-        panel.barh(at, bits, height=0.6, color=colour if bits >= legal else SILENCE)
-        panel.text(bits + 0.6, at, f"{bits:.1f}" + (" too early" if bits < legal - 4 else ""), va="center")
-    panel.axvline(legal, color="black", linewidth=0.8, linestyle="--")
-    panel.text(legal, len(bars) - 0.45, f"t3.5 = {legal}", ha="center")
-    panel.set_yticks(range(len(bars)), list(reversed(bars)))
-    panel.tick_params(axis="y", length=0)
-    panel.set_xlabel(f"bits from the request's end to the reply's first bit, {SHOWN_BAUD} bit/s")
-    figure.tight_layout()
-    return figure
-
-
-PICTURE_OF = {"transactions": _transactions, "overhead": _overhead, "early": _early, "latency": _latency}
-
-
-def write(results: Results) -> None:
-    pictures(results)
-    RESULTS.write_text(document(results))

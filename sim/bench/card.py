@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measuring bench: the standard card at its own clock, its two lines, a master and a drive.
+"""The measuring bench: a card at its own clock, its two lines, a master and a drive.
 
 The Verilated card (card_bench.cpp) takes edges and gives edges; everything here is made of them, so what is
 measured is what an oscilloscope on the pins would show. Unit of time: cycles of the card's clock since the
@@ -17,25 +17,15 @@ import ctypes
 import functools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from tb.generated.card_tables import (
-    CHARACTER_BITS,
-    DRIVE_BAUD,
-    DRIVE_FORMAT,
-    DRIVE_PAUSE_TICKS,
-    FORMATS,
-    RATES,
-    TICKS_PER_BIT,
-)
+from sim.bench import fingerprint, wave
+from sim.bench.wave import Character, Line
+from tb.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 from tools.sources import ROOT, configurations
 
-CLK_HZ = configurations()["standard"]["clk_hz"]
-LIBRARIES = {
-    True: ROOT / "build/bench_card/early/libcard.so",
-    False: ROOT / "build/bench_card/late/libcard.so",
-}
 # Outputs and probes, in the order of card_bench.cpp.
 SIGNALS = (
     *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
@@ -43,25 +33,53 @@ SIGNALS = (
 )
 MODBUS, DRIVE = 0, 1
 UNIT_ADDRESS = 1
-BOOT_S = 0.02  # BOOT-1
+BOOT_MS = 20  # BOOT-1, unless the configuration says otherwise
 # The shortest response time a drive may have: two characters, as long as the pause (FC-8).
 SHORTEST_DELAY_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT
 # What a master leaves beyond t3.5: what that may be off by (FRAME-1); conformance.py finds the limit itself.
 POLITE_BITS = 0.25
 DRIVERS, PROBES = ("modbus_de", "drive_de"), SIGNALS[4:]
-# How long after the last moment it may the card is waited for, in bits of the network and in s: with
-# 'prepare early' off the firmware's time comes on top.
+# How long after the last moment it may the card is waited for, in bits of the network and in s: without
+# 'prepare early', and with a slower core, the firmware's time comes on top.
 MARGIN_BITS = 4
-MARGIN_S = {True: 0.0003, False: 0.003}
-DRIVE_WAIT_S = 0.16  # register 40003's default and more
+MARGIN_S, SLOW_MARGIN_S = 0.0003, 0.005
+# FC-9's wait is counted in whole milliseconds, and the repeat may have to wait for the pause.
+WAIT_MARGIN_S = 0.006
+DEFAULT_WAIT_S = 0.15  # register 40003
+LATE_S = 0.004  # how long before the end of the wait a late reply starts; the shortest one lasts twice that
+PUNCTUAL_S = 0.002  # how long before it the last moment is
 ROOM = 4096
-NAMES = {"none1": "8N1", "none2": "8N2", "even1": "8E1", "odd1": "8O1"}
-FORMAT_NAMES = tuple(NAMES[f"{form.parity}{form.stop_bits}"] for form in FORMATS.values())
-BAUDS = tuple(sorted(rate.baud for rate in RATES.values()))
 
 
 class BenchError(Exception):
     """One line that tells the user what is wrong."""
+
+
+@dataclass(frozen=True)
+class Build:
+    """Which card: a configuration of configs.toml, with 'prepare early' or without."""
+
+    config: str = "standard"
+    early: bool = True
+
+    @property
+    def clk_hz(self) -> int:
+        return configurations()[self.config]["clk_hz"]
+
+    @property
+    def library(self) -> Path:
+        return ROOT / f"build/bench_card/{self.config}{'' if self.early else '-late'}/libcard.so"
+
+    @property
+    def boot_s(self) -> float:
+        return configurations()[self.config].get("boot_ms", BOOT_MS) / 1000
+
+    @property
+    def margin_s(self) -> float:
+        return MARGIN_S if self == STANDARD else SLOW_MARGIN_S
+
+
+STANDARD, LATE, TINY = Build(), Build(early=False), Build("tiny")
 
 
 class Edge(ctypes.Structure):
@@ -69,15 +87,15 @@ class Edge(ctypes.Structure):
 
 
 @functools.cache
-def library(early: bool) -> ctypes.CDLL:
-    path = LIBRARIES[early]
-    if not path.exists():
-        raise BenchError(f"{path.relative_to(ROOT)} is missing; run `make bench-card`")
-    loaded = ctypes.CDLL(str(path))
+def library(build: Build) -> ctypes.CDLL:
+    name = build.library.relative_to(ROOT)
+    if not build.library.exists():
+        raise BenchError(f"{name} is missing; run `make bench-card`")
+    loaded = ctypes.CDLL(str(build.library))
     pointer, size, cycles = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int64
     edges, unsigned = ctypes.POINTER(Edge), ctypes.c_uint
-    for name, result, arguments in (
-        ("bench_clk_hz", cycles, []),
+    for function_name, result, arguments in (
+        ("bench_card", ctypes.c_char_p, []),
         ("bench_open", pointer, [unsigned, unsigned]),
         ("bench_close", None, [pointer]),
         ("bench_now", cycles, [pointer]),
@@ -86,76 +104,48 @@ def library(early: bool) -> ctypes.CDLL:
         ("bench_take_edges", size, [pointer, edges, size]),
         ("bench_memory_word", ctypes.c_uint32, [pointer, size]),
     ):
-        function = getattr(loaded, name)
+        function = getattr(loaded, function_name)
         function.restype, function.argtypes = result, arguments
-    if loaded.bench_clk_hz() != CLK_HZ:
-        raise BenchError(f"{path.relative_to(ROOT)} was built for another clock; run `make bench-card`")
+    if loaded.bench_card().decode() != fingerprint.card(build.config):
+        raise BenchError(f"{name} was built from other sources; run `make bench-card`")
     return loaded
 
 
 @dataclass(frozen=True)
-class Line:
-    """Rate and format of one line. `bit` in cycles, silences in bits."""
+class Manners:
+    """How the drive answers one telegram, and whether the card has to take that as the reply (FC-8)."""
 
-    baud: int
-    parity: str = "none"
-    stop_bits: int = 2
-
-    @classmethod
-    def of(cls, baud: int, form: str) -> Line:
-        parity = {"N": "none", "E": "even", "O": "odd"}[form[1]]
-        return cls(baud, parity, int(form[2]))
-
-    @property
-    def name(self) -> str:
-        return f"8{self.parity[0].upper()}{self.stop_bits}"
-
-    @property
-    def bit(self) -> float:
-        return CLK_HZ / self.baud
-
-    @property
-    def character_bits(self) -> int:
-        """Bits of a character as it is sent."""
-        return 1 + 8 + (self.parity != "none") + self.stop_bits
-
-    @property
-    def t15_bits(self) -> float:
-        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * CHARACTER_BITS
-
-    @property
-    def t35_bits(self) -> float:
-        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * CHARACTER_BITS
-
-    @property
-    def t35(self) -> float:
-        return self.t35_bits * self.bit
-
-    def switches(self) -> str:
-        rate = next(key for key, rate in RATES.items() if rate.baud == self.baud)
-        form = next(k for k, f in FORMATS.items() if (f.parity, f.stop_bits) == (self.parity, self.stop_bits))
-        return rate + form
-
-    def parity_bit(self, byte: int) -> int:
-        return byte.bit_count() & 1 ^ (self.parity == "odd")
-
-    def character(self, byte: int, bad_parity: bool = False, bad_stop: bool = False) -> list[int]:
-        """Levels, one a bit. A wrong stop bit is the first one at 0."""
-        bits = [0, *(byte >> i & 1 for i in range(8))]
-        if self.parity != "none":
-            bits.append(self.parity_bit(byte) ^ bad_parity)
-        return bits + [int(not bad_stop)] + [1] * (self.stop_bits - 1)
+    name: str = "at once"
+    is_reply: bool = True
+    # What it says instead of its reply, None for nothing at all.
+    says: Callable[[bytes], bytes | None] = lambda reply: reply
+    # How that gets onto the line: bytes, and what send() takes besides.
+    wire: Callable[[bytes], tuple[bytes, dict]] = lambda reply: (reply, {})
+    # When it ends: None after drive_delay_bits; else s before the end of the card's wait, or begins (late).
+    at_the_end: str | None = None
 
 
-DRIVE_LINE = Line(DRIVE_BAUD, DRIVE_FORMAT.parity, DRIVE_FORMAT.stop_bits)
+PROPER = Manners()
 
 
 @dataclass(frozen=True)
-class Character:
+class Exchange:
+    """A telegram and what the drive made of it. Times in cycles; `end` is that of the last traffic."""
+
+    telegram: list[Character]
+    broadcast: bool
+    manners: Manners
     start: float
-    end: float  # of the last stop bit, as the line's rate says
-    value: int
-    good: bool
+    end: float
+    reply: bytes | None = None
+
+    @property
+    def telegram_end(self) -> float:
+        return self.telegram[-1].end
+
+    @property
+    def answered(self) -> bool:
+        return self.reply is not None and self.manners.is_reply
 
 
 @dataclass
@@ -166,15 +156,25 @@ class Talk:
     request_start: float
     request_end: float
     telegrams: list[list[Character]] = field(default_factory=list)
-    drive_replies: list[tuple[float, float, bytes]] = field(default_factory=list)  # start, end, bytes
+    exchanges: list[Exchange] = field(default_factory=list)
     answers: list[list[Character]] = field(default_factory=list)
     marks: dict[str, list[int]] = field(default_factory=dict)  # rising edges of the probes
-    de: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # driver on, off
-    pause_over: float = float("-inf")  # when the drive line had been silent for two characters
+    de: dict[str, wave.Spans] = field(default_factory=dict)  # driver on, off
+    form: list[str] = field(default_factory=list)  # what is wrong with the shape of what the card sent
+    quiet_since: float = float("-inf")  # the drive line, when the request was sent
+    wait: float = 0.0  # FC-9, in cycles
+
+    @property
+    def replies(self) -> list[bytes]:
+        return [bytes(c.value for c in answer) for answer in self.answers]
+
+    @property
+    def sent(self) -> list[bytes]:
+        return [bytes(c.value for c in telegram) for telegram in self.telegrams]
 
     @property
     def reply(self) -> bytes | None:
-        return bytes(c.value for c in self.answers[0]) if self.answers else None
+        return self.replies[0] if self.answers else None
 
     @property
     def reply_start(self) -> float:
@@ -183,14 +183,6 @@ class Talk:
     @property
     def reply_end(self) -> float:
         return self.answers[0][-1].end
-
-    @property
-    def telegram(self) -> bytes | None:
-        return bytes(c.value for c in self.telegrams[0]) if self.telegrams else None
-
-    @property
-    def telegram_start(self) -> float:
-        return self.telegrams[0][0].start
 
     def clocks(self, after: str, until: str) -> int | None:
         """Clocks from the first strobe of one probe to the next one of another."""
@@ -203,15 +195,18 @@ class Talk:
 class Bench:
     """The card after its reset, a master on the network line and a simulated drive on the other."""
 
-    def __init__(self, line: Line, *, early: bool = True, drive: VltDrive | None = None) -> None:
+    def __init__(self, line: Line, *, build: Build = STANDARD, drive: VltDrive | None = None) -> None:
         self.line = line
-        self.early = early
+        self.drive_line = Line.of_drive(line.clk_hz)
+        self.clk_hz = line.clk_hz
         self.drive = drive
-        self.drive_wait_s = DRIVE_WAIT_S
+        self.drive_wait_s = DEFAULT_WAIT_S
         self.drive_delay_bits = SHORTEST_DELAY_BITS
-        # Changes what the drive sends: reply -> reply, or None for silence.
-        self.spoil: Callable[[bytes], bytes | None] = lambda reply: reply
-        self._library = library(early)
+        # How the drive answers the telegrams to come, in turn; from then on as it should.
+        self.manners: list[Manners] = []
+        self.unasked: list[str] = []  # what the card sent when nothing was to be sent
+        self._margin_s = build.margin_s
+        self._library = library(build)
         switches = sum(int(on) << i for i, on in enumerate(line.switches()))
         # The model reads the firmware image from the working directory.
         with contextlib.chdir(ROOT):
@@ -221,8 +216,7 @@ class Bench:
         self.edges: dict[str, list[tuple[int, int]]] = {name: [] for name in SIGNALS}
         self.silent_since = [0.0, 0.0]  # end of the last traffic, network and drive line
         self._stepped_us = 0
-        self._answered = 0  # telegrams that the drive has answered before follow()
-        self.run(round(BOOT_S * CLK_HZ))
+        self.idle_until(build.boot_s * self.clk_hz)
         # The card has listened since its own start, some time after the reset.
         self.silent_since[MODBUS] = float(self.now)
 
@@ -243,7 +237,7 @@ class Bench:
 
     @property
     def seconds(self) -> float:
-        return self.now / CLK_HZ
+        return self.now / self.clk_hz
 
     def memory(self, words: Iterable[int]) -> list[int]:
         return [self._library.bench_memory_word(self._card, word) for word in words]
@@ -271,7 +265,7 @@ class Bench:
         error: the sender's rate is (1 + error) times the nominal one. gaps: idle bits before a character, by
         its number. bad_parity, bad_stop: number of the character that is damaged.
         """
-        line = self.line if where == MODBUS else DRIVE_LINE
+        line = self.line if where == MODBUS else self.drive_line
         bit = line.bit / (1 + error)
         at, edges = start, []
         for number, byte in enumerate(data):
@@ -305,40 +299,22 @@ class Bench:
         for edges in self.edges.values():
             edges.clear()
 
-    def characters(self, where: int) -> list[Character]:
-        """What the card sent on a line since the last forget()."""
-        line, name = (self.line, "modbus_tx") if where == MODBUS else (DRIVE_LINE, "drive_tx")
-        edges, found, at = self.edges[name], [], 0
-        while at < len(edges):
-            start = edges[at][0]
-            if edges[at][1]:
-                at += 1
-                continue
-            levels, level, i = [], 0, at
-            for number in range(line.character_bits):
-                middle = start + (number + 0.5) * line.bit
-                while i < len(edges) and edges[i][0] <= middle:
-                    level = edges[i][1]
-                    i += 1
-                levels.append(level)
-            value = sum(bit << k for k, bit in enumerate(levels[1:9]))
-            good = levels == line.character(value)
-            found.append(Character(start, start + line.character_bits * line.bit, value, good))
-            at = i
-        return found
+    def idle_until(self, time: float) -> None:
+        """Nothing is due until then: what the card sends meanwhile is unasked for. The past is forgotten."""
+        self.forget()
+        self.run(time - 1)
+        for name in SIGNALS[:4]:
+            if edges := self.edges[name]:
+                self.unasked.append(f"{name} moves at {edges[0][0] / self.clk_hz:.6f} s, unasked")
+        self.forget()
 
     def bursts(self, where: int) -> list[list[Character]]:
         """The card's characters, split where its driver was off."""
-        name = "modbus_de" if where == MODBUS else "drive_de"
-        spans = self.spans(name)
-        split: list[list[Character]] = [[] for _ in spans]
-        for character in self.characters(where):
-            for burst, (on, off) in zip(split, spans, strict=True):
-                if on <= character.start <= off:
-                    burst.append(character)
-        return [burst for burst in split if burst]
+        if where == MODBUS:
+            return wave.bursts(self.line, self.edges["modbus_tx"], self.spans("modbus_de"))
+        return wave.bursts(self.drive_line, self.edges["drive_tx"], self.spans("drive_de"))
 
-    def spans(self, name: str) -> list[tuple[int, int]]:
+    def spans(self, name: str) -> wave.Spans:
         """Times of a signal's rise and fall; one that is still high ends now."""
         rises = [at for at, level in self.edges[name] if level]
         falls = [at for at, level in self.edges[name] if not level]
@@ -353,63 +329,88 @@ class Bench:
     def ask(self, request: bytes, *, start: float | None = None, **how: object) -> Talk:
         """Sends a request and waits until the card has answered, or surely does not."""
         start = self.next_start(POLITE_BITS) if start is None else start
-        self.forget()
+        self.idle_until(start)
         return self.follow(Talk(request, start, self.send(MODBUS, request, start, **how)))
 
     def ask_and_leave(self, request: bytes) -> Talk:
         """Sends a request and comes back when the drive's reply to it is about to start."""
         start = self.next_start(POLITE_BITS)
-        self.forget()
-        talk = Talk(request, start, self.send(MODBUS, request, start))
-        self.run(talk.request_end + self.line.t35 + 0.1 * CLK_HZ, ["drive_de"])
+        self.idle_until(start)
+        talk = Talk(request, start, self.send(MODBUS, request, start), quiet_since=self.silent_since[DRIVE])
+        self.run(talk.request_end + self.line.t35 + 0.1 * self.clk_hz, ["drive_de"])
         self._drive_answers(talk)
-        self._answered = len(self._ended("drive_de"))
+        self._take(talk)
+        self.forget()
         return talk
 
     def follow(self, talk: Talk, *, until: float = 0.0) -> Talk:
         """Waits for the answer to a request on its way, and at least to `until`."""
-        talk.pause_over = self.silent_since[DRIVE] + SHORTEST_DELAY_BITS * DRIVE_LINE.bit
-        deadline = max(talk.request_end + self.line.t35, talk.pause_over) + MARGIN_BITS * self.line.bit
-        deadline += MARGIN_S[self.early] * CLK_HZ
+        talk.quiet_since = self.silent_since[DRIVE]
+        pause_over = talk.quiet_since + SHORTEST_DELAY_BITS * self.drive_line.bit
+        deadline = max(talk.request_end + self.line.t35, pause_over) + self._margin()
         self._attend(talk, max(deadline, until), until)
+        self._take(talk)
+        return talk
+
+    def _take(self, talk: Talk) -> None:
+        """What was seen on the lines goes to the talk."""
         talk.answers, talk.telegrams = self.bursts(MODBUS), self.bursts(DRIVE)
         talk.de = {name: self.spans(name) for name in DRIVERS}
         talk.marks = {name: [at for at, level in self.edges[name] if level] for name in PROBES}
-        return talk
+        talk.wait = self.drive_wait_s * self.clk_hz
+        for name, line in (("modbus", self.line), ("drive", self.drive_line)):
+            wrong = wave.faults(line, self.edges[f"{name}_tx"], talk.de[f"{name}_de"])
+            talk.form += [f"{name} line: {fault}" for fault in wrong]
+
+    def _margin(self) -> float:
+        return MARGIN_BITS * self.line.bit + self._margin_s * self.clk_hz
 
     def _attend(self, talk: Talk, deadline: float, until: float) -> None:
         """Lets the drive answer each telegram; ends with the card's reply, or at the deadline."""
-        replies, telegrams, self._answered = 0, self._answered, 0
+        replies = telegrams = 0
         while self.now < deadline or any(self._level(name) for name in DRIVERS):
             self.run(max(deadline, self.now + self.line.bit), DRIVERS)
             if len(spans := self._ended("modbus_de")) > replies:
                 replies = len(spans)
-                self.silent_since[MODBUS] = self.bursts(MODBUS)[-1][-1].end
+                if bursts := self.bursts(MODBUS):
+                    self.silent_since[MODBUS] = bursts[-1][-1].end
                 if self.now >= until:
                     return
             if len(spans := self._ended("drive_de")) > telegrams:
                 telegrams = len(spans)
-                deadline = max(deadline, self._drive_answers(talk))
+                if self.bursts(DRIVE):
+                    deadline = max(deadline, self._drive_answers(talk))
 
     def _drive_answers(self, talk: Talk) -> float:
         """The drive has the telegram just ended; returns when the card must have reacted."""
         burst = self.bursts(DRIVE)[-1]
         end = self.silent_since[DRIVE] = burst[-1].end
-        margin = MARGIN_BITS * self.line.bit + MARGIN_S[self.early] * CLK_HZ
         request = bytes(c.value for c in burst)
-        if self.drive is None or fc_telegram.is_broadcast(request[2]):
-            return end + margin
-        now_us = int(end / CLK_HZ * 1e6)
+        broadcast = len(request) > 2 and fc_telegram.is_broadcast(request[2])
+        if self.drive is None or broadcast:
+            talk.exchanges.append(Exchange(burst, broadcast, PROPER, end, end))
+            return end + self._margin()
+        now_us = int(end / self.clk_hz * 1e6)
         self.drive.step(now_us - self._stepped_us)
         self._stepped_us = now_us
+        manners = self.manners.pop(0) if self.manners else PROPER
         reply = self.drive.telegram(request)
-        reply = reply and self.spoil(reply)
+        reply = reply and manners.says(reply)
+        wait_over = end + (self.drive_wait_s + WAIT_MARGIN_S) * self.clk_hz
         if not reply:
-            return end + margin + self.drive_wait_s * CLK_HZ
-        start = end + self.drive_delay_bits * DRIVE_LINE.bit
-        done = self.send(DRIVE, reply, start)
-        talk.drive_replies.append((start, done, reply))
-        return done + margin
+            talk.exchanges.append(Exchange(burst, False, manners, end, end))
+            return wait_over + self._margin()
+        data, how = manners.wire(reply)
+        start = end + self.drive_delay_bits * self.drive_line.bit
+        if manners.at_the_end == "starts":
+            start = end + (self.drive_wait_s - LATE_S) * self.clk_hz
+        elif manners.at_the_end == "ends":
+            length = len(data) * self.drive_line.character_bits * self.drive_line.bit
+            start = end + (self.drive_wait_s - PUNCTUAL_S) * self.clk_hz - length
+        done = self.send(DRIVE, data, start, **how)
+        talk.exchanges.append(Exchange(burst, False, manners, start, done, reply))
+        pause = SHORTEST_DELAY_BITS * self.drive_line.bit
+        return (done if manners.is_reply else max(wait_over, done + pause)) + self._margin()
 
     def _level(self, name: str) -> int:
         edges = self.edges[name]

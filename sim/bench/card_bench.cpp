@@ -166,7 +166,8 @@ class CardBench {
 
 extern "C" {
 
-std::int64_t bench_clk_hz() { return BENCH_CLK_HZ; }
+// Fingerprint of the sources it was built from.
+const char* bench_card() { return BENCH_CARD; }
 // The firmware image is looked for where the build says, from the working directory.
 void* bench_open(unsigned sw_baud, unsigned sw_addr) { return new CardBench(sw_baud, sw_addr); }
 void bench_close(void* bench) { delete static_cast<CardBench*>(bench); }

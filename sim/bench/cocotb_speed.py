@@ -5,7 +5,7 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import Timer
 
-from sim.bench.card import CLK_HZ
+from sim.bench.wave import CLK_HZ
 
 SIMULATED_MS = 5
 

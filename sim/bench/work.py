@@ -6,20 +6,31 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from sim.bench.card import BAUDS, FORMAT_NAMES
-from sim.bench.cases import CASES, Outcome, gate, overtaken, random_requests, turnaround
+from sim.bench.card import LATE, STANDARD, TINY, Build
+from sim.bench.cases import CASES, gate, manners, overtaken, random_requests, turnaround
 from sim.bench.conformance import conformance
+from sim.bench.judge import Outcome
+from sim.bench.wave import BAUDS, FORMAT_NAMES
 
 FORM = "8E1"  # where one format has to do
-CONFORMANCE = ((19200, "8N1"), (19200, "8E1"), (19200, "8N2"), (19200, "8O1"), (2400, FORM), (115200, FORM))
+CONFORMANCE = (
+    *((19200, form) for form in FORMAT_NAMES),
+    # Below, a column takes minutes; the gate and all cases have those rates.
+    *((baud, FORM) for baud in BAUDS if baud >= 2400 and baud != 19200),
+)
+# The drive line has one rate: the slow networks only cost time here.
+MANNERS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
-# Random requests a rate, 5,000 in all: more where more fit into a second.
-RANDOM = {300: 15, 1200: 50, 2400: 100, 4800: 250, 9600: 700, 19200: 1300, 38400: 1285, 115200: 1300}
+# Random requests a rate, 5,000 in all and as many in each format: more where more fit into a second.
+RANDOM = {300: 16, 1200: 48, 2400: 100, 4800: 252, 9600: 700, 19200: 1300, 38400: 1284, 115200: 1300}
 RANDOM_PIECE = 50
 
-FAST_RANDOM = ((38400, "8N2", 50), (115200, "8E1", 60))
+FAST_RANDOM = (
+    *((300, "8O1", 1), (1200, "8N1", 3), (9600, "8O1", 20)),
+    *((38400, "8N2", 40), (115200, "8E1", 60)),
+)
 FAST_FEW = ("read 16 coils", "start motor")
 
 
@@ -44,11 +55,26 @@ class Piece:
         return self.function(self.baud, self.form, **more)
 
 
-def _turnaround(baud: int, form: str, seed: int, early: bool, repeats: int, names: tuple[str, ...]) -> Piece:
-    more = {"early": early, "repeats": repeats, "names": names, "seed": seed}
-    return Piece(
-        "early" if early else "late", baud, form, turnaround, more, (repeats + 1) * len(names) / baud
-    )
+KINDS = {STANDARD: "early", LATE: "late", TINY: "tiny"}
+KINDS_OF_WORK = (*KINDS.values(), "random", "manners", "gate", "overtaken", "conformance")
+
+
+def _turnaround(
+    baud: int, form: str, seed: int, repeats: int, names: tuple[str, ...], build: Build = STANDARD
+) -> Piece:
+    more = {"repeats": repeats, "names": names, "seed": seed, "build": build}
+    return Piece(KINDS[build], baud, form, turnaround, more, (repeats + 1) * len(names) / baud)
+
+
+def _random(baud: int, seed: int) -> Iterator[Piece]:
+    """As many in each format."""
+    share, part = RANDOM[baud] // len(FORMAT_NAMES), 0
+    for form in FORMAT_NAMES:
+        for left in range(share, 0, -RANDOM_PIECE):
+            count = min(left, RANDOM_PIECE)
+            more = {"count": count, "seed": seed + part, "part": part}
+            yield Piece("random", baud, form, random_requests, more, count / baud)
+            part += 1
 
 
 def whole(seed: int) -> Iterator[Piece]:
@@ -56,14 +82,16 @@ def whole(seed: int) -> Iterator[Piece]:
     for baud in BAUDS:
         repeats = REPEATS.get(baud, REPEATS_ELSE)
         for form in FORMAT_NAMES:
-            yield _turnaround(baud, form, seed, True, repeats, names)
-        yield _turnaround(baud, FORM, seed, False, repeats, names)
-        yield Piece("gate", baud, FORM, gate, {"quick": False}, 10 / baud)
-        yield Piece("overtaken", baud, FORM, overtaken, {"quick": False}, 5 / baud)
-        for part, left in enumerate(range(RANDOM[baud], 0, -RANDOM_PIECE)):
-            more = {"count": min(left, RANDOM_PIECE), "seed": seed + part, "part": part}
-            form = FORMAT_NAMES[part % len(FORMAT_NAMES)]
-            yield Piece("random", baud, form, random_requests, more, more["count"] / baud)
+            quick = {"quick": form != FORM}
+            yield _turnaround(baud, form, seed, repeats, names)
+            yield Piece("gate", baud, form, gate, quick, (4 if form != FORM else 12) / baud)
+            yield Piece("overtaken", baud, form, overtaken, quick, 5 / baud)
+        yield _turnaround(baud, FORM, seed, repeats, names, LATE)
+        if TINY.library.exists():
+            yield _turnaround(baud, FORM, seed, repeats, names, TINY)
+        yield from _random(baud, seed)
+    for baud in MANNERS:
+        yield Piece("manners", baud, FORM, manners, {"quick": False}, 60 / baud)
     for baud, form in CONFORMANCE:
         yield Piece("conformance", baud, form, conformance, cost=80 / baud)
 
@@ -73,14 +101,15 @@ def fast(seed: int) -> Iterator[Piece]:
     for baud in BAUDS:
         yield Piece("gate", baud, FORM, gate, {"quick": True}, 3 / baud)
         if baud < 2400:
-            yield _turnaround(baud, "8N2", seed, True, 1, FAST_FEW)
+            yield _turnaround(baud, "8N2", seed, 1, FAST_FEW)
         elif baud < 9600:
-            yield _turnaround(baud, FORM, seed, True, 1, names)
+            yield _turnaround(baud, FORM, seed, 1, names)
         else:
             for form in FORMAT_NAMES:
-                yield _turnaround(baud, form, seed, True, 1, names)
+                yield _turnaround(baud, form, seed, 1, names)
     for baud in (19200, 115200):
         yield Piece("overtaken", baud, FORM, overtaken, {"quick": True})
+    yield Piece("manners", 115200, FORM, manners, {"quick": True})
     for baud, form, count in FAST_RANDOM:
         yield Piece("random", baud, form, random_requests, {"count": count, "seed": seed})
     for form in ("8N2", FORM):
