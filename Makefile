@@ -75,7 +75,7 @@ trace: | $(SETUP) ## which test shows which rule, and its last result
 	@$(PY) tools/trace.py
 
 .PHONY: bench bench-fast
-bench: bench-card card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/results.md
+bench: bench-card bench-tiny card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/results.md
 	@$(PY) -m tools.bench $(BENCH_ARGS)
 
 bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs too, in under a minute
@@ -111,4 +111,4 @@ include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/bench/bench.mk
 
 # Whatever a compiler makes waits for the compiler to be there.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)
-$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS) $(BENCH_EARLY) $(BENCH_LATE): | $(SETUP)
+$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS) $(BENCH_CARDS) $(BENCH_TINY): | $(SETUP)
