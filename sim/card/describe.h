@@ -12,13 +12,20 @@
 
 namespace card {
 
+// Whether bytes are a whole Modbus RTU frame: length and CRC.
+bool complete_adu(const std::vector<std::uint8_t>& bytes);
+
+// "parity wrong in byte 3"
+std::string bad_byte(const Frame& frame);
+
 class Describer {
  public:
   explicit Describer(const Words& words) : words_(words) {}
-  // Fills frame.ok and frame.what.
+  // Fills frame.flaw and frame.what.
   void describe(Frame& frame);
 
  private:
+  Flaw modbus_flaw(const Frame& frame) const;
   std::string modbus_request(const std::vector<std::uint8_t>& adu) const;
   std::string modbus_reply(const std::vector<std::uint8_t>& adu) const;
   void modbus(Frame& frame);

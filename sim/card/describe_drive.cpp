@@ -10,6 +10,8 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::uint8_t kStx = 0x02;
+constexpr std::size_t kLge = 1;       // place of LGE in a telegram
+constexpr std::size_t kNotInLge = 2;  // STX and LGE itself
 constexpr std::size_t kShortest = 8;  // process telegram
 constexpr std::size_t kParameter = 16;
 constexpr std::size_t kAroundText = 12;  // bytes of a text telegram without the text
@@ -78,20 +80,26 @@ std::string reply_words(const Words& words, const Bytes& telegram, const std::st
 
 void Describer::drive(Frame& frame) const {
   const Bytes& telegram = frame.bytes;
+  const std::size_t length = telegram.size() > kLge ? telegram[kLge] + kNotInLge : kShortest;
   std::uint8_t bcc = 0;
   for (std::uint8_t byte : telegram) bcc = static_cast<std::uint8_t>(bcc ^ byte);
-  if (frame.byte_error) {
-    frame.what = "parity or stop bit wrong";
+  if (frame.bad_byte != 0) {
+    frame.flaw = frame.bad_parity ? Flaw::kParity : Flaw::kStopBit;
+    frame.what = bad_byte(frame);
   } else if (telegram[0] != kStx) {
+    frame.flaw = Flaw::kStart;
     frame.what = "no STX";
-  } else if (telegram.size() < kShortest || telegram[1] + 2u != telegram.size()) {
+  } else if (telegram.size() < length) {
+    frame.flaw = Flaw::kGap;
+    frame.what = text("gap: silence after %zu of %zu bytes", telegram.size(), length);
+  } else if (telegram.size() > length || length < kShortest) {
+    frame.flaw = Flaw::kLength;
     frame.what = "LGE does not fit the length";
   } else if (bcc != 0) {
+    frame.flaw = Flaw::kCheck;
     frame.what = "BCC wrong";
-  } else {
-    frame.ok = true;
   }
-  if (!frame.ok) return;
+  if (!frame.ok()) return;
   const bool reply = frame.sender == Sender::kFarEnd;
   frame.what = is_broadcast(telegram[2]) ? "to all: " : "";
   if (telegram.size() == kShortest) {

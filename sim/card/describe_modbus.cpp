@@ -94,6 +94,16 @@ std::string unit(std::uint8_t address) { return address == 0 ? "to all: " : text
 
 }  // namespace
 
+bool complete_adu(const Bytes& bytes) {
+  const std::size_t size = bytes.size();
+  return size >= kShortestAdu && size <= kLongestAdu &&
+         crc16(bytes, size - 2) == (bytes[size - 2] | bytes[size - 1] << 8);
+}
+
+std::string bad_byte(const Frame& frame) {
+  return text("%s wrong in byte %zu", frame.bad_parity ? "parity" : "stop bit", frame.bad_byte);
+}
+
 std::string Describer::modbus_request(const Bytes& adu) const {
   const std::string to = unit(adu[0]);
   if (adu.size() < 8) return to + text("function %02Xh, %zu bytes", adu[1], adu.size());
@@ -130,24 +140,38 @@ std::string Describer::modbus_reply(const Bytes& adu) const {
   return from + text("reply to function %02Xh", adu[1]);
 }
 
+Flaw Describer::modbus_flaw(const Frame& frame) const {
+  if (frame.revoked()) return Flaw::kRevoked;
+  if (frame.bad_byte != 0) return frame.bad_parity ? Flaw::kParity : Flaw::kStopBit;
+  if (complete_adu(frame.bytes)) return Flaw::kNone;
+  if (frame.gap_characters > 0) return Flaw::kGap;
+  if (frame.bytes.size() < kShortestAdu) return Flaw::kShort;
+  return frame.bytes.size() > kLongestAdu ? Flaw::kLong : Flaw::kCheck;
+}
+
 void Describer::modbus(Frame& frame) {
   const Bytes& adu = frame.bytes;
-  if (frame.byte_error) {
-    frame.what = "parity or stop bit wrong";
-  } else if (adu.size() < kShortestAdu) {
-    frame.what = "too short for a frame";
-  } else if (adu.size() > kLongestAdu) {
-    frame.what = "too long for a frame";
-  } else if (crc16(adu, adu.size() - 2) != (adu[adu.size() - 2] | adu[adu.size() - 1] << 8)) {
-    frame.what = "CRC wrong";
+  frame.flaw = modbus_flaw(frame);
+  switch (frame.flaw) {
+    case Flaw::kRevoked:
+      frame.what = text("revoked: good after %zu bytes, but %.2f characters later the next one began",
+                        frame.gap_at, frame.gap_characters);
+      return;
+    case Flaw::kParity:
+    case Flaw::kStopBit: frame.what = bad_byte(frame); return;
+    case Flaw::kGap:
+      frame.what = text("gap: not complete after %zu bytes, then %.2f characters of silence", frame.gap_at, frame.gap_characters);
+      return;
+    case Flaw::kShort: frame.what = "too short for a frame"; return;
+    case Flaw::kLong: frame.what = "too long for a frame"; return;
+    case Flaw::kNone: break;
+    default: frame.what = "CRC wrong"; return;
+  }
+  if (frame.sender == Sender::kCard) {
+    frame.what = modbus_reply(adu);
   } else {
-    frame.ok = true;
-    if (frame.sender == Sender::kCard) {
-      frame.what = modbus_reply(adu);
-    } else {
-      frame.what = modbus_request(adu);
-      request_ = adu;
-    }
+    frame.what = modbus_request(adu);
+    request_ = adu;
   }
 }
 

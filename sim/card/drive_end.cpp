@@ -26,12 +26,12 @@ DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, std::int64_t tr
 
 // A gap of more than 2 characters inside a telegram, a parity or a stop bit error spoils it (FC-8).
 void DriveEnd::from_card(const LineByte& byte) {
-  if (byte.start - last_byte_end_ > settings_.frame_gap) {
+  if (byte.start - last_byte_end_ > settings_.silences.between) {
     telegram_.clear();
     damaged_ = false;
   }
   last_byte_end_ = byte.end;
-  damaged_ = damaged_ || byte.error;
+  damaged_ = damaged_ || byte.bad();
   if (telegram_.size() < DRIVE_REQUEST_MAX) telegram_.push_back(byte.value);
   reply_due_ = kNever;  // the card speaks: an answer to what came before would only disturb it
   if (complete() && !damaged_) take_telegram();

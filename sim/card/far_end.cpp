@@ -17,7 +17,7 @@ PortFarEnd::PortFarEnd(std::unique_ptr<BytePort> port, const LineSettings& setti
     : port_(std::move(port)),
       settings_(settings),
       collect_(clock.from_microseconds(port_->collect_us())),
-      pause_limit_(std::max(collect_, settings.same_burst + clock.from_microseconds(kJitterUs))),
+      pause_limit_(std::max(collect_, settings.silences.inside + clock.from_microseconds(kJitterUs))),
       answer_time_(answer_time) {}
 
 void PortFarEnd::from_card(const LineByte& byte) {
@@ -30,7 +30,7 @@ bool PortFarEnd::answer_expected(Cycles now) const { return answer_time_ > 0 && 
 
 bool PortFarEnd::goes_on(const UartLine& line, Cycles now) const {
   if (!bursts_.empty() || !last_word_ours_ || now - last_arrival_ > pause_limit_) return false;
-  return line.far_end_sending() || now - line.silent_since() < settings_.same_burst;
+  return line.far_end_sending() || now - line.silent_since() < settings_.silences.inside;
 }
 
 void PortFarEnd::arrived(const std::vector<std::uint8_t>& bytes, UartLine& line, Cycles now) {

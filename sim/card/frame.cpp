@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "describe.h"
+
 namespace card {
 
 const char* line_name(LineId line) { return line == LineId::kModbus ? "modbus" : "drive"; }
@@ -14,24 +16,37 @@ const char* sender_name(const Frame& frame) {
   return frame.line == LineId::kModbus ? "master" : "drive";
 }
 
-FrameGrouper::FrameGrouper(LineId line, Cycles frame_gap, Listener listener)
-    : line_(line), frame_gap_(frame_gap), listener_(std::move(listener)) {}
+FrameGrouper::FrameGrouper(LineId line, const Silences& silences, Listener listener)
+    : line_(line), silences_(silences), listener_(std::move(listener)) {}
+
+void FrameGrouper::silence(Cycles gap) {
+  if (gap > silences_.between) {
+    flush();
+  } else if (gap > silences_.inside && frame_.gap_characters == 0) {
+    frame_.gap_characters = static_cast<double>(gap) / static_cast<double>(silences_.character);
+    frame_.gap_at = frame_.bytes.size();
+    if (frame_.bad_byte != 0 || !complete_adu(frame_.bytes)) flush();
+  }
+}
 
 void FrameGrouper::add(const LineByte& byte) {
-  if (!frame_.bytes.empty() && (frame_.sender != byte.sender || byte.start - frame_.end > frame_gap_))
-    flush();
+  if (!frame_.bytes.empty() && frame_.sender != byte.sender) flush();
+  if (!frame_.bytes.empty()) silence(byte.start - frame_.end);
   if (frame_.bytes.empty()) {
     frame_.line = line_;
     frame_.sender = byte.sender;
     frame_.start = byte.start;
   }
   frame_.bytes.push_back(byte.value);
-  frame_.byte_error = frame_.byte_error || byte.error;
+  if (byte.bad() && frame_.bad_byte == 0) {
+    frame_.bad_byte = frame_.bytes.size();
+    frame_.bad_parity = byte.bad_parity;
+  }
   frame_.end = byte.end;
 }
 
 void FrameGrouper::tick(Cycles now) {
-  if (!frame_.bytes.empty() && now - frame_.end > frame_gap_) flush();
+  if (!frame_.bytes.empty() && now - frame_.end > silences_.between) flush();
 }
 
 void FrameGrouper::flush() {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A frame or telegram as seen on a line, and how bytes become one: by the silence that ends it (FRAME-1,
-// FC-8).
+// FC-8). A silence that is too long inside a frame and too short to end one is told: a frame that was not
+// complete there ends (FRAME-2), one that was goes on and is spoilt (FRAME-3).
 
 #ifndef FRAME_H
 #define FRAME_H
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "line_settings.h"
 #include "sim_clock.h"
 #include "uart_line.h"
 
@@ -17,15 +19,35 @@ namespace card {
 
 enum class LineId { kModbus, kDrive };
 
+// What is wrong with a frame; the first that holds.
+enum class Flaw {
+  kNone,
+  kRevoked,  // complete and good, but a character followed before the silence that ends a frame
+  kParity,
+  kStopBit,
+  kGap,    // cut short by a silence
+  kStart,  // no STX
+  kShort,
+  kLong,
+  kLength,  // LGE does not fit
+  kCheck,   // CRC or BCC
+};
+
 struct Frame {
   LineId line = LineId::kModbus;
   Sender sender = Sender::kFarEnd;
   Cycles start = 0;  // start bit of the first byte
   Cycles end = 0;    // end of the last stop bit
   std::vector<std::uint8_t> bytes;
-  bool byte_error = false;  // parity or stop bit wrong somewhere
-  bool ok = false;          // good as a whole: length, CRC or BCC, every byte
-  std::string what;         // in words
+  std::size_t bad_byte = 0;  // number of the first byte with a wrong parity or stop bit, from 1; 0: none
+  bool bad_parity = false;   // what is wrong with it
+  double gap_characters = 0;  // the silence that cut the frame short or revoked it, 0: none
+  std::size_t gap_at = 0;    // bytes before that silence
+  Flaw flaw = Flaw::kNone;   // of the frame as a whole: length, CRC or BCC, every byte
+  std::string what;          // in words
+
+  bool ok() const { return flaw == Flaw::kNone; }
+  bool revoked() const { return gap_characters > 0 && gap_at < bytes.size(); }
 };
 
 const char* line_name(LineId line);
@@ -34,7 +56,9 @@ const char* sender_name(const Frame& frame);
 class FrameGrouper {
  public:
   using Listener = std::function<void(const Frame&)>;
-  FrameGrouper(LineId line, Cycles frame_gap, Listener listener);
+  FrameGrouper(LineId line, const Silences& silences, Listener listener);
+  // Another rate from the next silence on.
+  void use(const Silences& silences) { silences_ = silences; }
   void add(const LineByte& byte);
   void tick(Cycles now);  // ends the frame when the line has been silent long enough
   void flush();           // ends it now
@@ -42,8 +66,10 @@ class FrameGrouper {
   Cycles open_since() const { return frame_.bytes.empty() ? kNever : frame_.start; }
 
  private:
+  void silence(Cycles gap);
+
   const LineId line_;
-  const Cycles frame_gap_;
+  Silences silences_;
   Listener listener_;
   Frame frame_;
 };

@@ -32,7 +32,7 @@ void JsonLog::frame(const Frame& frame) {
       file_,
       "{\"t\":%.6f,\"end\":%.6f,\"line\":\"%s\",\"from\":\"%s\",\"bytes\":\"%s\",\"ok\":%s,\"what\":%s}\n",
       clock_.seconds(frame.start), clock_.seconds(frame.end), line_name(frame.line), sender_name(frame),
-      hex_text(frame.bytes).c_str(), frame.ok ? "true" : "false", json_string(frame.what).c_str());
+      hex_text(frame.bytes).c_str(), frame.ok() ? "true" : "false", json_string(frame.what).c_str());
   std::fflush(file_);  // others read along
 }
 

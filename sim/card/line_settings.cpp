@@ -31,9 +31,9 @@ LineSettings network_settings(unsigned sw_baud, const SimClock& clock) {
   line.baud = rate.baud;
   line.parity = format.parity;
   line.stop_bits = format.stop_bits;
-  line.frame_gap = ticks(rate.t35_ticks, line.baud, clock);
+  const Cycles t35 = ticks(rate.t35_ticks, line.baud, clock);
+  line.silences = {ticks(rate.t15_ticks, line.baud, clock), t35, t35 * 2 / 7};
   line.burst_gap = ticks(rate.t35_ticks + kPoliteTicks, line.baud, clock);
-  line.same_burst = ticks(rate.t15_ticks, line.baud, clock);
   return line;
 }
 
@@ -43,9 +43,9 @@ LineSettings drive_settings(const SimClock& clock) {
   line.parity = card_tables::kDriveFormat.parity;
   line.stop_bits = card_tables::kDriveFormat.stop_bits;
   // The pause before a telegram is also the longest gap FC-8 allows inside one.
-  line.frame_gap = ticks(card_tables::kDrivePauseTicks, line.baud, clock);
+  const Cycles pause = ticks(card_tables::kDrivePauseTicks, line.baud, clock);
+  line.silences = {pause, pause, pause / 2};
   line.burst_gap = ticks(card_tables::kDrivePauseTicks + kPoliteTicks, line.baud, clock);
-  line.same_burst = line.frame_gap;
   return line;
 }
 

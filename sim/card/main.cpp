@@ -6,8 +6,6 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -15,11 +13,10 @@
 #include "describe.h"
 #include "drive_end.h"
 #include "far_end.h"
-#include "json_log.h"
 #include "options.h"
 #include "pacer.h"
-#include "pcapng.h"
 #include "pty_port.h"
+#include "recording.h"
 #include "serial_port.h"
 #include "user_error.h"
 #include "virtual_card.h"
@@ -50,58 +47,18 @@ void catch_signals() {
   signal(SIGPIPE, SIG_IGN);
 }
 
-// Where everything that is seen on the lines and LEDs goes, in the order in which it began: a frame comes
-// here when it has ended, an LED when it is clear what it shows.
-class Reporter {
- public:
-  explicit Reporter(const Options& options)
-      : quiet_(options.quiet), describer_(Words(*options.dialect, *options.profile)) {
-    if (!options.log_file.empty()) log_ = std::make_unique<JsonLog>(options.log_file, kClock);
-    if (!options.pcap_file.empty()) pcap_ = std::make_unique<PcapngFile>(options.pcap_file, kClock);
-  }
+void print_frame(const Frame& frame) {
+  std::printf("%11.6f  %-6s %-6s  %s\n%30s%s%s\n", kClock.seconds(frame.start), line_name(frame.line),
+              sender_name(frame), hex_text(frame.bytes).c_str(), "", frame.ok() ? "" : "BAD: ",
+              frame.what.c_str());
+  std::fflush(stdout);
+}
 
-  void frame(const Frame& frame) {
-    waiting_.emplace(frame.start, [this, frame] { write_frame(frame); });
-  }
-
-  void led(const LedChange& change) {
-    waiting_.emplace(change.at, [this, change] { write_led(change); });
-  }
-
-  // Nothing older than `settled` will come any more.
-  void write_until(Cycles settled) {
-    while (!waiting_.empty() && waiting_.begin()->first <= settled) {
-      waiting_.begin()->second();
-      waiting_.erase(waiting_.begin());
-    }
-  }
-
- private:
-  void write_frame(Frame frame) {
-    describer_.describe(frame);
-    if (log_) log_->frame(frame);
-    if (pcap_) pcap_->frame(frame);
-    if (quiet_) return;
-    std::printf("%11.6f  %-6s %-6s  %s\n%30s%s%s\n", kClock.seconds(frame.start), line_name(frame.line),
-                sender_name(frame), hex_text(frame.bytes).c_str(), "",
-                frame.ok ? "" : "BAD: ", frame.what.c_str());
-    std::fflush(stdout);
-  }
-
-  void write_led(const LedChange& change) {
-    if (log_) log_->led(change);
-    if (quiet_) return;
-    std::printf("%11.6f  %-6s LED     %s\n", kClock.seconds(change.at), change.led.c_str(),
-                change.shows.c_str());
-    std::fflush(stdout);
-  }
-
-  const bool quiet_;
-  Describer describer_;
-  std::multimap<Cycles, std::function<void()>> waiting_;
-  std::unique_ptr<JsonLog> log_;
-  std::unique_ptr<PcapngFile> pcap_;
-};
+void print_led(const LedChange& change) {
+  std::printf("%11.6f  %-6s LED     %s\n", kClock.seconds(change.at), change.led.c_str(),
+              change.shows.c_str());
+  std::fflush(stdout);
+}
 
 std::unique_ptr<FarEnd> open_master(const Options& options) {
   const LineSettings line = network_settings(options.sw_baud, kClock);
@@ -151,14 +108,17 @@ void warn_about_switches(const Options& options) {
 }
 
 void run(const Options& options) {
-  Reporter reporter(options);
+  const LineSettings network = network_settings(options.sw_baud, kClock);
+  Recording recording(kClock, Describer(Words(*options.dialect, *options.profile)), options.log_file,
+                      options.pcap_file);
+  if (!options.quiet) recording.listen(print_frame, print_led);
   const std::unique_ptr<FarEnd> master = open_master(options);
   const std::unique_ptr<FarEnd> drive = open_drive(options);
   const std::string firmware = own_folder() + options.dialect->image_folder;
   CardSetup setup{kClock, options.sw_baud, options.sw_addr, firmware, options.wave_file};
   VirtualCard virtual_card(
-      setup, [&](const Frame& frame) { reporter.frame(frame); },
-      [&](const LedChange& change) { reporter.led(change); });
+      setup, [&](const Frame& frame) { recording.frame(frame); },
+      [&](const LedChange& change) { recording.led(change); });
   virtual_card.connect(*master, *drive);
   warn_about_switches(options);
 
@@ -171,7 +131,7 @@ void run(const Options& options) {
   if (!options.quiet)
     std::printf("card at %.1f MHz, dialect %s, unit %u, %s; one core can do %.1f x real time\n",
                 static_cast<double>(kClock.hz) / 1e6, options.dialect->name, options.sw_addr,
-                network_settings(options.sw_baud, kClock).name().c_str(), pacer.possible_ratio());
+                network.name().c_str(), pacer.possible_ratio());
   std::printf("ready modbus=%s drive=%s\n", master->name().c_str(), drive->name().c_str());
   std::fflush(stdout);
 
@@ -181,7 +141,7 @@ void run(const Options& options) {
   while (stop_requested == 0 && virtual_card.now() < end) {
     const Cycles cycles = std::min(step, end - virtual_card.now());
     virtual_card.run(cycles);
-    reporter.write_until(virtual_card.settled());
+    recording.write_until(virtual_card.settled());
     if (options.real_time || drive->answer_expected(virtual_card.now())) {
       pacer.keep_to_wall_time(cycles, wake_up);
     } else {
@@ -196,7 +156,7 @@ void run(const Options& options) {
     }
   }
   virtual_card.finish();
-  reporter.write_until(kNever);
+  recording.write_until(kNever);
   if (!options.quiet)
     std::printf("simulated %.1f s in %.1f s; one core can do %.1f x real time\n", pacer.simulated_seconds(),
                 pacer.wall_seconds(), pacer.possible_ratio());

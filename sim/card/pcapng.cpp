@@ -21,7 +21,6 @@ constexpr std::uint16_t kOptionResolution = 9;
 constexpr std::uint8_t kMicroseconds = 6;
 constexpr std::uint32_t kInbound = 1;
 constexpr std::uint32_t kOutbound = 2;
-constexpr std::uint32_t kCrcError = 1u << 24;  // epb_flags: link-layer error, checksum
 constexpr std::uint16_t kUser0 = 147;
 constexpr std::uint16_t kUser1 = 148;
 
@@ -42,6 +41,24 @@ void put_option(Bytes& out, std::uint16_t code, const Bytes& value) {
   put16(out, static_cast<std::uint16_t>(value.size()));
   out.insert(out.end(), value.begin(), value.end());
   pad(out);
+}
+
+// Bits of epb_flags that say what is wrong on the link.
+std::uint32_t link_error(Flaw flaw) {
+  constexpr std::uint32_t kCrc = 1u << 24, kTooLong = 1u << 25, kTooShort = 1u << 26, kWrongGap = 1u << 27,
+                          kStartDelimiter = 1u << 29, kSymbol = 1u << 31;
+  switch (flaw) {
+    case Flaw::kNone: return 0;
+    case Flaw::kRevoked:
+    case Flaw::kGap: return kWrongGap;
+    case Flaw::kParity:
+    case Flaw::kStopBit: return kSymbol;
+    case Flaw::kStart: return kStartDelimiter;
+    case Flaw::kShort: return kTooShort;
+    case Flaw::kLong:
+    case Flaw::kLength: return kTooLong;
+    default: return kCrc;
+  }
 }
 
 Bytes bytes_of(const std::string& text) { return Bytes(text.begin(), text.end()); }
@@ -101,9 +118,9 @@ void PcapngFile::frame(const Frame& frame) {
   put32(body, length);
   body.insert(body.end(), frame.bytes.begin(), frame.bytes.end());
   pad(body);
-  put_option(body, kOptionComment, bytes_of((frame.ok ? "" : "bad frame: ") + frame.what));
+  put_option(body, kOptionComment, bytes_of((frame.ok() ? "" : "bad frame: ") + frame.what));
   Bytes flags;
-  put32(flags, (frame.sender == Sender::kCard ? kOutbound : kInbound) | (frame.ok ? 0 : kCrcError));
+  put32(flags, (frame.sender == Sender::kCard ? kOutbound : kInbound) | link_error(frame.flaw));
   put_option(body, kOptionFlags, flags);
   put32(body, 0);  // end of options
   block(kEnhancedPacket, body);

@@ -36,7 +36,7 @@ void UartLine::run(Cycles now) {
 
 void UartLine::next_tx_bit(Cycles now) {
   if (tx_bit_ == settings_.char_bits()) {
-    const LineByte done{Sender::kFarEnd, tx_queue_.front(), false, tx_start_, now};
+    const LineByte done{Sender::kFarEnd, tx_queue_.front(), false, false, tx_start_, now};
     tx_queue_.pop_front();
     traffic_until(now);
     tx_bit_ = tx_queue_.empty() ? -1 : 0;
@@ -66,7 +66,7 @@ void UartLine::card_pins(bool tx, bool de, Cycles now) {
     rx_start_ = now;
     rx_bit_ = 0;
     rx_value_ = 0;
-    rx_error_ = false;
+    rx_bad_parity_ = false;
     rx_due_ = now + clock_.half_bits(1, settings_.baud);
   }
 }
@@ -83,14 +83,13 @@ void UartLine::sample_rx_bit() {
   if (bit >= kFirstDataBit && bit < kAfterData) {
     rx_value_ = static_cast<std::uint8_t>(rx_value_ | level << (bit - kFirstDataBit));
   } else if (bit == kAfterData && has_parity) {
-    rx_error_ = level != parity_bit(rx_value_);
+    rx_bad_parity_ = level != parity_bit(rx_value_);
   } else if (bit >= kAfterData) {  // first stop bit
-    rx_error_ = rx_error_ || !level;
     rx_bit_ = -1;
     rx_due_ = kNever;
     const Cycles end = bit_edge(rx_start_, settings_.char_bits());
     traffic_until(end);
-    listener_(LineByte{Sender::kCard, rx_value_, rx_error_, rx_start_, end});
+    listener_(LineByte{Sender::kCard, rx_value_, rx_bad_parity_, !level, rx_start_, end});
     return;
   }
   ++rx_bit_;

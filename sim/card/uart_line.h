@@ -21,9 +21,12 @@ enum class Sender { kFarEnd, kCard };
 struct LineByte {
   Sender sender;
   std::uint8_t value;
-  bool error;    // parity or stop bit wrong
+  bool bad_parity;
+  bool bad_stop;
   Cycles start;  // first edge of the start bit
   Cycles end;    // end of the last stop bit
+
+  bool bad() const { return bad_parity || bad_stop; }
 };
 
 class UartLine {
@@ -77,7 +80,7 @@ class UartLine {
   Cycles rx_start_ = 0;
   Cycles rx_due_ = kNever;
   std::uint8_t rx_value_ = 0;
-  bool rx_error_ = false;
+  bool rx_bad_parity_ = false;
   bool card_level_ = true;
   bool card_enabled_ = false;
 };

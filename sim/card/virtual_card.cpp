@@ -37,14 +37,14 @@ VirtualCard::VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame
                          if (byte.sender == Sender::kCard && modbus_.far_end)
                            modbus_.far_end->from_card(byte);
                        }),
-              FrameGrouper(LineId::kModbus, network_settings(setup.sw_baud, clock_).frame_gap, on_frame),
+              FrameGrouper(LineId::kModbus, network_settings(setup.sw_baud, clock_).silences, on_frame),
               nullptr},
       drive_{UartLine(clock_, drive_settings(clock_),
                       [this](const LineByte& byte) {
                         drive_.frames.add(byte);
                         if (byte.sender == Sender::kCard && drive_.far_end) drive_.far_end->from_card(byte);
                       }),
-             FrameGrouper(LineId::kDrive, drive_settings(clock_).frame_gap, on_frame), nullptr},
+             FrameGrouper(LineId::kDrive, drive_settings(clock_).silences, on_frame), nullptr},
       modbus_led_("modbus", clock_, on_led),
       drive_led_("drive", clock_, on_led) {
   context_->randReset(0);
@@ -75,8 +75,7 @@ void VirtualCard::open_wave(const std::string& path) {
 }
 
 void VirtualCard::dump_wave(bool second_half) {
-  const Cycles since_power_up = now_ + kResetCycles;
-  const auto whole = static_cast<std::uint64_t>(clock_.nanoseconds(since_power_up));
+  const auto whole = static_cast<std::uint64_t>(clock_.nanoseconds(now_));
   const auto half = static_cast<std::uint64_t>(second_half ? clock_.nanoseconds(1) / 2 : 0);
   wave_->dump(whole + half);
 }
@@ -95,16 +94,13 @@ void VirtualCard::load_firmware(const std::string& folder) {
   if (!back) throw system_error("cannot go back to the working directory");
 }
 
-// Both lines idle high from the first moment: a simulator's inputs start at 0, which would be a break.
+// Both lines idle high from the first moment: a simulator's inputs start at 0, which would be a break. The
+// waveform begins at the release, so that its times are those of the log.
 void VirtualCard::reset() {
   top_->rst_n = 0;
   now_ = -kResetCycles;
   next_event_ = kNever;
-  if (wave_) {
-    clock_until<true>(0);
-  } else {
-    clock_until<false>(0);
-  }
+  clock_until<false>(0);
   top_->rst_n = 1;
   next_event_ = 0;
 }
