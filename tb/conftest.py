@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tb.lib.runner import ROOT, SIMULATORS, waves_written
+from tb.lib.runner import ROOT, SIMULATORS, recordings
 from tools.sources import configurations
 
 
@@ -60,7 +60,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    for files in waves_written:
-        terminalreporter.write_line(
-            "waves: gtkwave " + " ".join(str(file.relative_to(ROOT)) for file in files)
-        )
+    def shown(*files: Path) -> str:
+        return " ".join(str(file.relative_to(ROOT)) for file in files)
+
+    for recording in recordings:
+        terminalreporter.write_line(f"waves: gtkwave {shown(recording.wave, recording.view)}")
+        if recording.others:
+            terminalreporter.write_line(f"lines: {shown(*recording.others)}")

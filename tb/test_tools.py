@@ -37,6 +37,10 @@ BASE_COMMANDS = [
     "sha256sum",
     "tail",
 ]
+# Those of the Debian packages that it installs.
+PACKAGES_COMMANDS = [
+    *("gcc", "g++", "ccache", "mbpoll", "perl", "riscv64-unknown-elf-gcc", "tshark", "sigrok-cli"),
+]
 
 
 def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
@@ -154,7 +158,7 @@ def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
 @pytest.fixture
 def poor_machine(tmp_path) -> Path:
     """A folder for PATH with the system's commands and the compilers, but no iverilog and no apt-get."""
-    for name in [*BASE_COMMANDS, "gcc", "g++", "ccache", "mbpoll", "perl", "riscv64-unknown-elf-gcc"]:
+    for name in [*BASE_COMMANDS, *PACKAGES_COMMANDS]:
         (tmp_path / name).symlink_to(
             shutil.which(name, path="/usr/local/bin:/usr/bin:/bin:" + os.environ["PATH"])
         )

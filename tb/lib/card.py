@@ -12,6 +12,7 @@ from tb.generated.mailbox import REGISTERS
 from tb.lib.bench import Bench
 from tb.lib.config import boot_clocks
 from tb.lib.fc_slave import FcSlave, Manner
+from tb.lib.line_tap import tap_leds
 from tb.lib.modbus_master import ModbusMaster
 from tb.lib.rs485 import Rs485Line
 from tb.lib.uart_agent import Format
@@ -62,6 +63,7 @@ class Card:
         self.drive = Rs485Line(
             dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(DRIVE_BAUD, "8E1"), echo
         )
+        tap_leds(dut)
         self.master = ModbusMaster(self.modbus)
         self.slave = FcSlave(self.drive, model or (lambda telegram: None), manner)
 

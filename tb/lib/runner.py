@@ -3,7 +3,8 @@
 
 Every build lies in a folder of its own, named by everything it was made from (sources, parameters,
 tool options), so that nothing stale is reused and several pytest workers can share it.
-Environment: WAVES=1 writes build/waves/<test>.fst and names the file.
+Environment: WAVES=1 writes build/waves/<test>.fst, and beside it what was on the lines as .pcapng and
+.jsonl, and names the files.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from cocotb_tools.runner import as_sv_literal, get_runner
 
 from tb.lib.config import CONFIG_VARIABLE
+from tb.model.card import DIALECTS
 from tools.sources import ROOT, configuration, needed_files, rtl_files
 from tools.waves import save_file
 
@@ -32,8 +35,19 @@ WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
 BUILDS_KEPT = 3
 
-# Waveforms of this session, each with the GTKWave view of its top if there is one.
-waves_written: list[list[Path]] = []
+LINES = "lines"  # name of capture and log while a test runs
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Waveform of a test, the GTKWave view of its top, and capture and log if it has lines."""
+
+    wave: Path
+    view: Path
+    others: tuple[Path, ...]
+
+
+recordings: list[Recording] = []  # of this session
 
 # Warnings are the business of `make lint`.
 BUILD_ARGS = {
@@ -112,6 +126,7 @@ def run(
             extra_env={
                 "PYTHONWARNINGS": "error::DeprecationWarning",
                 CONFIG_VARIABLE: config,
+                **(_recording(run_folder, parameters) if waves else {}),
                 **(extra_env or {}),
             },
         )
@@ -119,7 +134,7 @@ def run(
         pass  # judged below, from the results file
     finally:
         if waves and dump.exists():
-            _keep_waves(dump, test_name, top)
+            _keep_recording(run_folder, dump, test_name, top)
     _judge(results)
 
 
@@ -209,11 +224,24 @@ def _forget_old_builds(base: Path, prefix: str) -> None:
         shutil.rmtree(built.parent, ignore_errors=True)
 
 
-def _keep_waves(dump: Path, test_name: str, top: str) -> None:
+def _recording(run_folder: Path, parameters: Mapping[str, object]) -> dict[str, str]:
+    """What tb/lib/recording.py wants to know: where to write, whose words, which silences."""
+    image_folder = Path(str(parameters.get("FIRMWARE_HEX", ""))).parent.name
+    return {
+        "RECORD": str(run_folder / LINES),
+        "RECORD_DIALECT": image_folder if image_folder in DIALECTS else "card",
+        "RECORD_STRICT": str(parameters.get("STRICT_T15", 1)),
+    }
+
+
+def _keep_recording(run_folder: Path, dump: Path, test_name: str, top: str) -> None:
+    """Waveform, capture and log of a test under its name; a module without lines has a waveform only."""
     WAVES_FOLDER.mkdir(parents=True, exist_ok=True)
     kept = WAVES_FOLDER / f"{test_name}.fst"
     shutil.move(dump, kept)
-    waves_written.append([kept, save_file(kept, top)])
+    recorded = [path for path in run_folder.glob(f"{LINES}.*") if path.stat().st_size]
+    others = [shutil.move(path, WAVES_FOLDER / f"{test_name}{path.suffix}") for path in sorted(recorded)]
+    recordings.append(Recording(kept, save_file(kept, top), tuple(others)))
 
 
 def _judge(results: Path) -> None:

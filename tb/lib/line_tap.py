@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hands what a bench's lines and LEDs show to the recorder, when one is wanted (see recording.py)."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import cocotb
+from cocotb.handle import LogicObject, SimHandleBase
+from cocotb.triggers import First, ReadOnly, Timer, ValueChange
+
+from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, PS_PER_MS, Recorder, wanted
+from tb.lib.uart_agent import Format, UartMonitor, now_ps
+
+if TYPE_CHECKING:
+    from tb.lib.rs485 import Rs485Line
+
+
+class LineTap:
+    """Two monitors of its own on one line, so that the bench's are left alone."""
+
+    def __init__(self, line: Rs485Line, rx: LogicObject, tx: LogicObject, recorder: Recorder):
+        self._line = line
+        self._recorder = recorder
+        self._id = DRIVE if "drive" in rx._path else MODBUS
+        self._last: bool | None = None  # who spoke last: the card, the far end, nobody
+        self._monitors = {True: UartMonitor(tx, line.fmt), False: UartMonitor(rx, line.fmt)}
+        self.use(line.fmt)
+        for from_card in self._monitors:
+            cocotb.start_soon(self._listen(from_card))
+
+    def use(self, fmt: Format) -> None:
+        self.end_frame()
+        for monitor in self._monitors.values():
+            monitor.fmt = fmt
+        strict = os.environ.get("RECORD_STRICT", "1") != "0"
+        self._frame_end_ps = self._recorder.use(self._id, fmt.baud, strict)
+
+    def end_frame(self) -> None:
+        self._last = None
+        self._recorder.end_frame(self._id)
+
+    def _is_echo(self, start_ps: int) -> bool:
+        """With echo the far end's pin shows the card's own characters too."""
+        pulses = self._line.direction.pulses
+        return self._line.echo and any(
+            p.rise_ps <= start_ps and (p.fall_ps is None or start_ps < p.fall_ps) for p in pulses
+        )
+
+    async def _listen(self, from_card: bool) -> None:
+        monitor = self._monitors[from_card]
+        try:
+            while True:
+                own = self._last is from_card
+                heard = await monitor.character(
+                    self._frame_end_ps + monitor.fmt.character_ps if own else None
+                )
+                if heard is None:
+                    if self._last is from_card:
+                        self.end_frame()
+                elif from_card or not self._is_echo(heard.start_ps):
+                    self._last = from_card
+                    self._recorder.character(self._id, from_card, heard)
+                self._recorder.write(now_ps())
+        finally:
+            self.end_frame()  # the end of a cocotb test
+
+
+def tap_line(line: Rs485Line, rx: LogicObject, tx: LogicObject) -> LineTap | None:
+    recorder = wanted()
+    return LineTap(line, rx, tx, recorder) if recorder else None
+
+
+async def _watch_led(recorder: Recorder, led: int, red: LogicObject, green: LogicObject) -> None:
+    while True:
+        await ReadOnly()  # both have changed that change together
+        recorder.led(led, str(red.value) == "1", str(green.value) == "1", now_ps())
+        recorder.write(now_ps())
+        await First(ValueChange(red), ValueChange(green), Timer(LED_LOOK_MS * PS_PER_MS, unit="ps"))
+
+
+def tap_leds(dut: SimHandleBase) -> None:
+    """Both LEDs of a whole card."""
+    recorder = wanted()
+    if recorder:
+        cocotb.start_soon(_watch_led(recorder, MODBUS, dut.led_modbus_red, dut.led_modbus_green))
+        cocotb.start_soon(_watch_led(recorder, DRIVE, dut.led_drive_red, dut.led_drive_green))

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records what the lines and LEDs of a bench show, as the virtual card records itself with --log and --pcap.
+
+The recorder is the virtual card's own (sim/record): the same words, the same marks on bad frames, the same
+files, so whatever reads one reads the other. Times are simulated time, those of the waveform.
+
+`RECORD=base` in the environment (`make waves` sets it) makes every Rs485Line and Card of a bench write
+base.jsonl and base.pcapng; without it nothing listens. RECORD_DIALECT: whose words. RECORD_STRICT=0: silences
+up to t3.5 may be inside a frame (STRICT_T15 = 0).
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import fcntl
+import functools
+import os
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tb.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from tb.model import rtu
+
+if TYPE_CHECKING:
+    from tb.lib.uart_agent import Character
+
+ROOT = Path(__file__).resolve().parents[2]
+LIBRARY = Path("build/host/librecord.so")
+MODBUS, DRIVE = 0, 1
+PS_PER_NS = 1000
+PS_PER_MS = 1_000_000_000
+LED_LOOK_MS = 5  # between two looks at the LEDs
+
+
+class RecordingError(Exception):
+    """One line that tells what is wrong."""
+
+
+@functools.cache
+def load_library() -> ctypes.CDLL:
+    """Build the library if it is missing or old, and load it. Safe under parallel test workers."""
+    directory = ROOT / LIBRARY.parent
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory / ".librecord.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        made = subprocess.run(
+            ["make", "--silent", "--no-print-directory", "-f", "sim/record/record.mk", str(LIBRARY)],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if made.returncode != 0:
+        raise RecordingError(f"cannot build {LIBRARY}:\n{made.stdout}{made.stderr}")
+    library = ctypes.CDLL(str(ROOT / LIBRARY))
+    pointer, text, time, number = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_longlong, ctypes.c_int
+    for name, result, arguments in (
+        ("record_open", pointer, [text, text, text, text, ctypes.c_uint]),
+        ("record_silences", None, [pointer, number, time, time, time]),
+        ("record_byte", None, [pointer, number, number, number, number, number, time, time]),
+        ("record_end_frame", None, [pointer, number]),
+        ("record_led", None, [pointer, number, number, number, time]),
+        ("record_write", None, [pointer, time]),
+        ("record_close", None, [pointer]),
+    ):
+        function = getattr(library, name)
+        function.restype = result
+        function.argtypes = arguments
+    return library
+
+
+class Recorder:
+    """Writes BASE.jsonl and BASE.pcapng; knows no simulator. Times in ps; use with `with`, or close() it."""
+
+    def __init__(self, base: Path, dialect: str = "card") -> None:
+        self._library = load_library()
+        self.log, self.pcap = Path(f"{base}.jsonl"), Path(f"{base}.pcapng")
+        why = ctypes.create_string_buffer(200)
+        self._recorder = self._library.record_open(
+            str(self.log).encode(), str(self.pcap).encode(), dialect.encode(), why, len(why)
+        )
+        if not self._recorder:
+            raise RecordingError(why.value.decode())
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if self._recorder:
+            self._library.record_close(self._recorder)
+            self._recorder = None
+
+    def use(self, line: int, baud: int, strict: bool = True) -> float:
+        """Silences of a line at this rate; returns the one that ends a frame."""
+        if line == MODBUS:
+            inside, between = rtu.t15_ps(baud), rtu.t35_ps(baud)
+        else:
+            inside = between = DRIVE_PAUSE_TICKS / TICKS_PER_BIT * rtu.bit_ps(baud)
+        character = between / (2 if line == DRIVE else 3.5)
+        times = (inside if strict else between, between, character)
+        self._library.record_silences(self._recorder, line, *(round(t / PS_PER_NS) for t in times))
+        return between
+
+    def character(self, line: int, from_card: bool, heard: Character) -> None:
+        self._library.record_byte(
+            self._recorder,
+            line,
+            from_card,
+            heard.byte,
+            not heard.parity_ok,
+            not heard.stop_ok,
+            heard.start_ps // PS_PER_NS,
+            heard.end_ps // PS_PER_NS,
+        )
+
+    def end_frame(self, line: int) -> None:
+        self._library.record_end_frame(self._recorder, line)
+
+    def led(self, led: int, red: bool, green: bool, now_ps: int) -> None:
+        self._library.record_led(self._recorder, led, red, green, now_ps // PS_PER_NS)
+
+    def write(self, now_ps: int) -> None:
+        """What nothing older can follow any more; close() writes the rest."""
+        self._library.record_write(self._recorder, now_ps // PS_PER_NS)
+
+
+@functools.cache
+def wanted() -> Recorder | None:
+    """The recorder of this simulation, if the environment asks for one."""
+    base = os.environ.get("RECORD")
+    if not base:
+        return None
+    recorder = Recorder(Path(base), os.environ.get("RECORD_DIALECT", "card"))
+    atexit.register(recorder.close)
+    return recorder

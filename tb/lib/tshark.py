@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures read by Wireshark's own tshark and capinfos, for tests."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+TIMEOUT_S = 60
+
+
+def _run(command: Sequence[str]) -> str:
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+    )
+    assert done.returncode == 0, f"{' '.join(map(str, command))}: {done.stderr}"
+    return done.stdout
+
+
+def fields(capture: Path, *names: str, options: Sequence[str] = (), only: str = "") -> list[dict[str, str]]:
+    """The fields of every packet, of those that the display filter `only` lets through.
+
+    A field that is there several times has its values joined by `;`; one that is not there is empty.
+    """
+    asked = [word for name in names for word in ("-e", name)]
+    chosen = ["-Y", only] if only else []
+    form = ["-T", "fields", "-E", "separator=/t", "-E", "aggregator=;", "-E", "occurrence=a"]
+    text = _run(["tshark", "-n", *options, "-r", capture, *chosen, *form, *asked])
+    return [dict(zip(names, line.split("\t"), strict=True)) for line in text.splitlines()]
+
+
+def capinfos(capture: Path) -> str:
+    return _run(["capinfos", "-M", capture])

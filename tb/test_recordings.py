@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One recording, all views: waveform, capture and log of one run say the same, whoever wrote them.
+
+The captures are read by tshark and capinfos, the waveforms by the library behind Surfer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import cocotb
+import pytest
+from cocotb.triggers import Timer
+
+from tb.lib import tshark
+from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
+from tb.lib.runner import WAVES_FOLDER, run
+from tb.model import fc_telegram, rtu
+from tb.model.crc16 import with_crc
+from tools.run_card import RunningCard
+from tools.wave_file import WaveFile
+
+BAUD = 9600
+PS_PER_S = 1_000_000_000_000
+CHARACTER_PS = rtu.character_ps(BAUD)
+READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
+CONTROL_IS_0 = with_crc(bytes.fromhex("01 01 04 00 00 00 00"))
+START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
+TSHARK_FIELDS = (
+    *("frame.time_epoch", "frame.interface_name", "frame.packet_flags_direction", "frame.comment"),
+    *("frame.len", "frame.packet_flags"),
+)
+OUTBOUND = "0x00000002"
+INBOUND = "0x00000001"
+# Bits of the capture's packet flags.
+CRC_ERROR, TOO_SHORT, TOO_LONG, WRONG_GAP, NO_START, SYMBOL_ERROR = 24, 26, 25, 27, 29, 31
+
+
+# ---------------------------------------------------------------- the recorder by itself
+@dataclass(frozen=True)
+class Heard:
+    """A character as the benches' monitors hand it over."""
+
+    byte: int
+    start_ps: int
+    end_ps: int
+    parity_ok: bool = True
+    stop_ok: bool = True
+
+
+class Talk:
+    """Characters one after the other into a recorder, on both lines at 9600 bit/s."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.recorder = recorder
+        self.now_ps = PS_PER_S / 100
+        for line in (MODBUS, DRIVE):
+            recorder.use(line, BAUD)
+
+    def silence(self, characters: float) -> None:
+        self.now_ps += characters * CHARACTER_PS
+
+    def say(self, line: int, from_card: bool, data: bytes, bad_parity: int = -1, bad_stop: int = -1) -> None:
+        for number, byte in enumerate(data):
+            start, self.now_ps = self.now_ps, self.now_ps + CHARACTER_PS
+            heard = Heard(byte, round(start), round(self.now_ps), number != bad_parity, number != bad_stop)
+            self.recorder.character(line, from_card, heard)
+
+
+def log_of(base: Path) -> list[dict]:
+    return [json.loads(line) for line in Path(f"{base}.jsonl").read_text().splitlines()]
+
+
+def told(tmp_path: Path, talk) -> list[tuple[dict, dict]]:
+    """What was said, as log entries and as tshark reads the capture; the two must agree."""
+    base = tmp_path / "lines"
+    with Recorder(base) as recorder:
+        talk(Talk(recorder))
+    entries = [e for e in log_of(base) if "line" in e]
+    packets = tshark.fields(Path(f"{base}.pcapng"), *TSHARK_FIELDS)
+    check_capture(entries, packets)
+    return list(zip(entries, packets, strict=True))
+
+
+def check_capture(entries: list[dict], packets: list[dict]) -> None:
+    """Line, direction, microsecond, length, words and mark of every frame of the log."""
+    assert len(packets) == len(entries)
+    for entry, packet in zip(entries, packets, strict=True):
+        assert packet["frame.interface_name"] == entry["line"]
+        sent = entry["from"] == "card"
+        assert int(packet["frame.packet_flags_direction"], 16) == (2 if sent else 1)
+        assert float(packet["frame.time_epoch"]) == pytest.approx(entry["t"], abs=1e-9)
+        assert int(packet["frame.len"]) == len(bytes.fromhex(entry["bytes"]))
+        assert packet["frame.comment"] == ("" if entry["ok"] else "bad frame: ") + entry["what"]
+        assert (int(packet["frame.packet_flags"], 16) >> 24 == 0) == entry["ok"]
+
+
+def test_good_frames_of_both_lines(tmp_path):
+    def talk(t: Talk) -> None:
+        t.say(MODBUS, False, READ_CONTROL)
+        t.silence(3.6)
+        t.say(MODBUS, True, CONTROL_IS_0)
+        t.say(DRIVE, True, START)
+        t.silence(2.2)
+        t.say(DRIVE, False, bytes.fromhex("02 06 81 0F 03 20 00 A9"))
+
+    entries = [entry for entry, _ in told(tmp_path, talk)]
+    assert [(e["line"], e["from"], e["ok"]) for e in entries] == [
+        ("modbus", "master", True),
+        ("modbus", "card", True),
+        ("drive", "card", True),
+        ("drive", "drive", True),
+    ]
+    assert entries[0]["t"] == pytest.approx(0.01)
+    assert entries[0]["end"] - entries[0]["t"] == pytest.approx(8 * CHARACTER_PS / PS_PER_S, abs=2e-6)
+
+
+@pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-4", "FC-8")
+@pytest.mark.parametrize(
+    ("line", "pieces", "flaws", "words", "bit"),
+    [
+        pytest.param(MODBUS, [READ_CONTROL[:-1] + b"\0"], {}, "CRC wrong", CRC_ERROR, id="CRC"),
+        pytest.param(
+            MODBUS, [READ_CONTROL], {"bad_parity": 2}, "parity wrong in byte 3", SYMBOL_ERROR, id="parity"
+        ),
+        pytest.param(
+            MODBUS, [READ_CONTROL], {"bad_stop": 7}, "stop bit wrong in byte 8", SYMBOL_ERROR, id="stop bit"
+        ),
+        pytest.param(MODBUS, [READ_CONTROL[:3]], {}, "too short for a frame", TOO_SHORT, id="short"),
+        pytest.param(MODBUS, [bytes(257)], {}, "too long for a frame", TOO_LONG, id="long"),
+        pytest.param(
+            MODBUS,
+            [READ_CONTROL[:5], READ_CONTROL],
+            {},
+            "gap: not complete after 5 bytes, then 2.00 characters of silence",
+            WRONG_GAP,
+            id="gap",
+        ),
+        pytest.param(
+            MODBUS,
+            [READ_CONTROL, b"\x01"],
+            {},
+            "revoked: good after 8 bytes, but 2.00 characters later the next one began",
+            WRONG_GAP,
+            id="revoked",
+        ),
+        pytest.param(DRIVE, [START[:-1] + b"\0"], {}, "BCC wrong", CRC_ERROR, id="BCC"),
+        pytest.param(DRIVE, [b"\3" + START[1:]], {}, "no STX", NO_START, id="STX"),
+        pytest.param(DRIVE, [START[:5]], {}, "gap: silence after 5 of 8 bytes", WRONG_GAP, id="cut short"),
+        pytest.param(DRIVE, [START + b"\0"], {}, "LGE does not fit the length", TOO_LONG, id="LGE"),
+        pytest.param(
+            DRIVE, [START], {"bad_parity": 0}, "parity wrong in byte 1", SYMBOL_ERROR, id="drive parity"
+        ),
+    ],
+)
+def test_a_bad_frame_says_what_is_wrong(tmp_path, line, pieces, flaws, words, bit):
+    def talk(t: Talk) -> None:
+        for piece in pieces:
+            t.say(line, False, piece, **flaws)
+            t.silence(2)
+
+    first, *rest = told(tmp_path, talk)
+    entry, packet = first
+    assert (entry["ok"], entry["what"]) == (False, words)
+    assert int(packet["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
+    # Only what follows a gap is a frame of its own (FRAME-2).
+    assert [entry["ok"] for entry, _ in rest] == ([True] if words.startswith("gap: not") else [])
+
+
+def test_a_silence_of_1_4_characters_is_none(tmp_path):
+    def talk(t: Talk) -> None:
+        t.say(MODBUS, False, READ_CONTROL[:4])
+        t.silence(1.4)
+        t.say(MODBUS, False, READ_CONTROL[4:])
+
+    ((entry, _),) = told(tmp_path, talk)
+    assert entry["ok"]
+
+
+def test_leds_and_frames_are_in_order_of_time(tmp_path):
+    base = tmp_path / "lines"
+    with Recorder(base) as recorder:
+        talk = Talk(recorder)
+        for ms in range(0, 3000, 5):
+            recorder.led(DRIVE, False, ms % 1000 < 500, ms * 10**9)
+            recorder.write(ms * 10**9)
+            if ms % 700 == 100:
+                talk.now_ps = ms * 10**9
+                talk.say(MODBUS, False, READ_CONTROL)
+                recorder.end_frame(MODBUS)
+    entries = log_of(base)
+    assert [e["shows"] for e in entries if "led" in e] == ["green-flash"]
+    assert [e["t"] for e in entries] == sorted(e["t"] for e in entries)
+    assert sum("line" in e for e in entries) == 5
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
+    with pytest.raises(RecordingError, match=r"cannot write .*nowhere.*jsonl"):
+        Recorder(tmp_path / "nowhere/lines")
+    with pytest.raises(RecordingError, match="no dialect klingon"):
+        Recorder(tmp_path / "lines", "klingon")
+
+
+# ---------------------------------------------------------------- the virtual card's three files
+def check_wave(wave: Path, entries: list[dict], baud: int) -> None:
+    """Every frame of the card begins and ends with DE in the waveform, at the log's time."""
+    pulses = WaveFile(wave).pulses
+    for line in ("modbus", "drive"):
+        own = [e for e in entries if e.get("line") == line and e["from"] == "card"]
+        high = pulses(f"{line}_de")
+        assert len(high) == len(own) > 0
+        bit = 1 / (baud if line == "modbus" else 9600)
+        for entry, (rise, fall) in zip(own, high, strict=True):
+            assert 0 <= entry["t"] - rise <= bit
+            assert -0.05 * bit <= fall - entry["end"] <= bit
+
+
+def test_the_virtual_card_s_files_say_the_same(tmp_path):
+    wave, pcap = tmp_path / "card.fst", tmp_path / "card.pcapng"
+    options = ("--drive", "example", "--speed", "max", "--wave", str(wave), "--pcap", str(pcap))
+    requests = [
+        bytes.fromhex("01 0F 00 00 00 20 04 7C 04 99 19 37 43"),
+        READ_CONTROL[:-1] + b"\0",
+        READ_CONTROL,
+    ]
+    with RunningCard(tmp_path, *options) as card:
+        fd = os.open(card.link, os.O_RDWR | os.O_NOCTTY)
+        for number, request in enumerate(requests):
+            before = len(card.frames())
+            os.write(fd, request)
+            card.wait_for_frames(before, "modbus", "master" if number == 1 else "card")
+        os.close(fd)
+        assert card.stop() == 0
+        entries = card.entries()
+    frames = [e for e in entries if "line" in e]
+    assert [e["ok"] for e in frames] == [True] * 4 + [False] + [True] * 2
+    check_capture(frames, tshark.fields(pcap, *TSHARK_FIELDS))
+    check_wave(wave, entries, BAUD)
+    report = tshark.capinfos(pcap)
+    assert "Number of interfaces in file: 2" in report
+    assert "microseconds (6)" in report
+    assert "Strict time order:   True" in report
+
+
+# ---------------------------------------------------------------- the benches' three files
+FAST = 38_400
+CLK_HZ = 2_000_000
+BENCH_WAVE = WAVES_FOLDER / "test_recordings.test_a_bench_writes_the_same_three_files.fst"
+
+
+@cocotb.test
+async def good_damaged_revoked_and_refused(dut):
+    """One of each, on a whole card."""
+    from tb.lib.card import MS, Card
+    from tb.lib.uart_agent import Flaws
+
+    start, status = fc_telegram.build_process(0x047C, 0x1999), fc_telegram.build_process(0x0F03, 0x2000)
+    card = await Card(dut, CLK_HZ, {start: status}.get, baud=FAST, form="8E1").boot()
+    done = await card.master.request(bytes.fromhex("01 0F 00 00 00 20 04 7C 04 99 19 37 43"), 100 * MS)
+    assert done.data == bytes.fromhex("01 0F 00 00 00 20 54 13")
+    await card.master.send(READ_CONTROL, Flaws(bad_parity=(3,)))
+    await Timer(3 * MS, unit="ps")
+    await card.master.send(
+        READ_CONTROL + b"\1", Flaws(gaps={len(READ_CONTROL): 2 * rtu.t15_ps(FAST) / 1.5 / rtu.bit_ps(FAST)})
+    )
+    await Timer(3 * MS, unit="ps")
+    done = await card.master.request(with_crc(bytes.fromhex("01 01 00 80 00 01")), 10 * MS)
+    assert done.data == with_crc(bytes.fromhex("01 81 40"))
+
+
+def test_a_bench_writes_the_same_three_files(monkeypatch):
+    monkeypatch.setenv("WAVES", "1")
+    run("rtu2fc", __name__, sim="icarus", parameters={"CLK_HZ": CLK_HZ})
+    entries = log_of(BENCH_WAVE.with_suffix(""))
+    frames = [e for e in entries if "line" in e]
+    check_capture(frames, tshark.fields(BENCH_WAVE.with_suffix(".pcapng"), *TSHARK_FIELDS))
+    check_wave(BENCH_WAVE, entries, FAST)
+    assert [(e["line"], e["from"], e["what"]) for e in frames] == [
+        ("modbus", "master", "unit 1: write coils 1-32 = 047Ch 1999h"),
+        ("drive", "card", "control 047Ch, reference 1999h (40.0 %)"),
+        ("drive", "drive", "status 0F03h, frequency 2000h (50.0 %)"),
+        ("modbus", "card", "unit 1: write done"),
+        ("modbus", "master", "parity wrong in byte 4"),
+        ("modbus", "master", "revoked: good after 8 bytes, but 2.00 characters later the next one began"),
+        ("modbus", "master", "unit 1: read coil 129"),
+        ("modbus", "card", "unit 1: exception 64: no such coil or register"),
+    ]
+    assert [e["shows"] for e in entries if e.get("led") == "drive"] == ["off"]
+
+
+def test_nothing_is_recorded_unasked(monkeypatch, tmp_path):
+    monkeypatch.delenv("RECORD", raising=False)
+    from tb.lib.recording import wanted
+
+    wanted.cache_clear()
+    assert wanted() is None
