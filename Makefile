@@ -8,6 +8,7 @@
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
 #   SEED=n        repeats a run (soak)                           default: a new one
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
+#   FILE=name     a recording (wireshark)
 #   V=1           show the commands
 
 CONFIG ?= standard
@@ -86,12 +87,18 @@ waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TE
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@WAVES=1 $(PYTEST) -q --sim=$(or $(SIM),icarus)
 
+.PHONY: wireshark
+wireshark: | $(SETUP) ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
+	@$(PY) tools/wireshark.py $(FILE)
+
 .PHONY: regs regs-check
 regs: | $(SETUP) ## everything derived from regs/
 	@$(PY) tools/regs.py
+	@$(PY) tools/fc_tables.py
 
 regs-check: | $(SETUP) ## fail when something derived from regs/ has drifted
 	@$(PY) tools/regs.py --check
+	@$(PY) tools/fc_tables.py --check
 
 .PHONY: sources
 sources: | $(SETUP) ## every Verilog file of the whole card (CONFIG=)

@@ -19,7 +19,22 @@ from sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, m
 
 TOP = "rtu2fc"
 FOLDERS = ("regs", "rtl", "sw", "sim", "tb", "tools")
-SUFFIXES = {".v", ".vh", ".vlt", ".rdl", ".py", ".sh", ".c", ".h", ".S", ".ld", ".cpp", ".mk", ".toml"}
+SUFFIXES = {
+    ".v",
+    ".vh",
+    ".vlt",
+    ".rdl",
+    ".py",
+    ".sh",
+    ".c",
+    ".h",
+    ".S",
+    ".ld",
+    ".cpp",
+    ".mk",
+    ".toml",
+    ".lua",
+}
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
 SOMEWHERE = re.compile(r"(?<![\w.-])/(home|root|tmp|work)/\w")
@@ -124,7 +139,8 @@ def finished() -> list[str]:
 
 
 def registers() -> list[str]:
-    return tool(sys.executable, ROOT / "tools/regs.py", "--check")
+    checks = [tool(sys.executable, ROOT / f"tools/{name}.py", "--check") for name in ("regs", "fc_tables")]
+    return [line for check in checks for line in check]
 
 
 def ruff_check() -> list[str]:

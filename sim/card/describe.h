@@ -21,6 +21,7 @@ std::string bad_byte(const Frame& frame);
 class Describer {
  public:
   explicit Describer(const Words& words) : words_(words) {}
+  const char* drive() const { return words_.drive(); }
   // Fills frame.flaw and frame.what.
   void describe(Frame& frame);
 

@@ -16,6 +16,7 @@ constexpr std::uint32_t kEnhancedPacket = 6;
 constexpr std::uint32_t kByteOrderMagic = 0x1A2B3C4D;
 constexpr std::uint16_t kOptionComment = 1;
 constexpr std::uint16_t kOptionName = 2;   // if_name of an interface
+constexpr std::uint16_t kOptionDescription = 3;
 constexpr std::uint16_t kOptionFlags = 2;  // epb_flags of a packet
 constexpr std::uint16_t kOptionResolution = 9;
 constexpr std::uint8_t kMicroseconds = 6;
@@ -65,12 +66,12 @@ Bytes bytes_of(const std::string& text) { return Bytes(text.begin(), text.end())
 
 }  // namespace
 
-PcapngFile::PcapngFile(const std::string& path, const SimClock& clock)
+PcapngFile::PcapngFile(const std::string& path, const SimClock& clock, const std::string& drive)
     : clock_(clock), file_(std::fopen(path.c_str(), "wbe")) {
   if (file_ == nullptr) throw system_error("cannot write " + path);
   section_header();
-  interface(kUser0, "modbus");
-  interface(kUser1, "drive");
+  interface(kUser0, "modbus", "network line, Modbus RTU");
+  interface(kUser1, "drive", "drive line, FC protocol, " + drive);
 }
 
 PcapngFile::~PcapngFile() { std::fclose(file_); }
@@ -96,12 +97,14 @@ void PcapngFile::section_header() {
   block(kSectionHeader, body);
 }
 
-void PcapngFile::interface(std::uint16_t link_type, const std::string& name) {
+void PcapngFile::interface(std::uint16_t link_type, const std::string& name,
+                           const std::string& description) {
   Bytes body;
   put16(body, link_type);
   put16(body, 0);
   put32(body, 0);  // no limit on the captured length
   put_option(body, kOptionName, bytes_of(name));
+  put_option(body, kOptionDescription, bytes_of(description));
   put_option(body, kOptionResolution, {kMicroseconds});
   put32(body, 0);  // end of options
   block(kInterface, body);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // --pcap: frames of both lines as a pcapng file with two interfaces, simulated time in microseconds.
 //
-// Interface 0 is the network line, link type 147 (USER0), 1 the drive line, link type 148 (USER1); Wireshark
-// is told once what USER0 means: uat:user_dlts:"User 0 (DLT=147)","mbrtu","0","","0","". Direction as the
-// card sees it: inbound from the master or the drive, outbound from the card. Each packet carries its
-// description as comment, bad frames are marked there.
+// Interface 0 is the network line, link type 147 (USER0), 1 the drive line, link type 148 (USER1);
+// tools/wireshark tells Wireshark what they are. Direction as the card sees it: inbound from the master or
+// the drive, outbound from the card. Each packet carries its description as comment, bad frames are marked
+// there.
 
 #ifndef PCAPNG_H
 #define PCAPNG_H
@@ -19,7 +19,8 @@ namespace card {
 
 class PcapngFile {
  public:
-  PcapngFile(const std::string& path, const SimClock& clock);  // throws UserError
+  // `drive`: whose parameters are on the drive line, for those who read the capture. Throws UserError.
+  PcapngFile(const std::string& path, const SimClock& clock, const std::string& drive);
   ~PcapngFile();
   PcapngFile(const PcapngFile&) = delete;
   PcapngFile& operator=(const PcapngFile&) = delete;
@@ -28,7 +29,7 @@ class PcapngFile {
  private:
   void block(std::uint32_t type, const std::vector<std::uint8_t>& body);
   void section_header();
-  void interface(std::uint16_t link_type, const std::string& name);
+  void interface(std::uint16_t link_type, const std::string& name, const std::string& description);
 
   const SimClock clock_;
   std::FILE* file_;

@@ -10,7 +10,7 @@ Recording::Recording(const SimClock& clock, const Describer& describer, const st
                      const std::string& pcap_file)
     : describer_(describer) {
   if (!log_file.empty()) log_ = std::make_unique<JsonLog>(log_file, clock);
-  if (!pcap_file.empty()) pcap_ = std::make_unique<PcapngFile>(pcap_file, clock);
+  if (!pcap_file.empty()) pcap_ = std::make_unique<PcapngFile>(pcap_file, clock, describer.drive());
 }
 
 void Recording::listen(std::function<void(const Frame&)> frames, std::function<void(const LedChange&)> leds) {

@@ -6,6 +6,8 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "fc_words.h"
+
 namespace card {
 
 std::string text(const char* format, ...) {
@@ -18,21 +20,9 @@ std::string text(const char* format, ...) {
 }
 
 const char* fault_name(unsigned number) {
-  switch (number) {
-    case 0: return "parameter does not exist";
-    case 1: return "no write access";
-    case 2: return "value exceeds limits";
-    case 3: return "sub-index does not exist";
-    case 4: return "parameter is no array";
-    case 5: return "data type does not match";
-    case 6: return "can only be reset";
-    case 7: return "cannot be changed";
-    case 11: return "no right to write";
-    case 17: return "not possible in the present mode";
-    case 130: return "no bus access";
-    case 131: return "factory setup selected";
-    default: return "other fault of the drive";
-  }
+  for (const fc_words::Fault& fault : fc_words::kFaults)
+    if (fault.number == number) return fault.name;
+  return "other fault of the drive";
 }
 
 const drive_parameter_t* Words::find(unsigned pnu) const {

@@ -40,6 +40,7 @@ class Words {
   // The parameter number in a PKE.
   unsigned pnu(unsigned pke) const { return pke & profile_.pnu_mask; }
   const char* exception_name(unsigned code) const;
+  const char* drive() const { return profile_.name; }
 
  private:
   const drive_parameter_t* find(unsigned pnu) const;

@@ -4,21 +4,26 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 TIMEOUT_S = 60
 
 
-def _run(command: Sequence[str]) -> str:
-    done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, timeout=TIMEOUT_S, check=False
-    )
+def _run(command: Sequence[object], env: Mapping[str, str] | None = None) -> str:
+    words = list(map(str, command))
+    done = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, env=env)
     assert done.returncode == 0, f"{' '.join(map(str, command))}: {done.stderr}"
     return done.stdout
 
 
-def fields(capture: Path, *names: str, options: Sequence[str] = (), only: str = "") -> list[dict[str, str]]:
+def fields(
+    capture: Path,
+    *names: str,
+    options: Sequence[str] = (),
+    only: str = "",
+    env: Mapping[str, str] | None = None,
+) -> list[dict[str, str]]:
     """The fields of every packet, of those that the display filter `only` lets through.
 
     A field that is there several times has its values joined by `;`; one that is not there is empty.
@@ -26,7 +31,7 @@ def fields(capture: Path, *names: str, options: Sequence[str] = (), only: str = 
     asked = [word for name in names for word in ("-e", name)]
     chosen = ["-Y", only] if only else []
     form = ["-T", "fields", "-E", "separator=/t", "-E", "aggregator=;", "-E", "occurrence=a"]
-    text = _run(["tshark", "-n", *options, "-r", capture, *chosen, *form, *asked])
+    text = _run(["tshark", "-n", *options, "-r", capture, *chosen, *form, *asked], env)
     return [dict(zip(names, line.split("\t"), strict=True)) for line in text.splitlines()]
 
 
