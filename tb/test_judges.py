@@ -8,6 +8,7 @@ libmodbus ask the virtual card themselves. What our monitors say is the card's l
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -155,6 +156,24 @@ def test_sigrok_s_modbus_agrees_with_our_log(network, lines_vcd):
         else:
             assert texts[1] == FUNCTIONS[code]
             assert not any("rror" in text or "too long" in text for text in texts), (frame, texts)
+
+
+def test_the_documented_commands_decode_both_lines(recorded, tmp_path):
+    """Word for word from docs/recordings.md, in a folder with a waveform of that name."""
+    shutil.copy(recorded.wave, tmp_path / "card.fst")
+    blocks = (ROOT / "docs/recordings.md").read_text().split("## sigrok")[1]
+    tool, *commands = re.search(r"```\n(.*?)```", blocks, re.DOTALL)[1].splitlines()
+    tool = tool.replace("tools/", f"{sys.executable} {ROOT}/tools/")
+    outputs = []
+    for command in (tool, *commands):
+        done = subprocess.run(command.split(), cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        outputs.append(done.stdout)
+    _, network, drive = outputs
+    assert "Function 15: Write Multiple Coils" in network
+    assert "Error for function 6: Write Single Register" in network
+    read_514 = EXAMPLES["ex5-read-514"]["drive"][0]["telegram"]
+    assert read_514 in " ".join(re.findall(r": ([0-9A-F]{2})$", drive, re.MULTILINE))
 
 
 def test_a_waveform_without_lines_is_one_line(tmp_path):

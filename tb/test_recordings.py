@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,8 +22,10 @@ from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
 from tb.lib.runner import WAVES_FOLDER, run
 from tb.model import fc_telegram, rtu
 from tb.model.crc16 import with_crc
-from tools.run_card import RunningCard
+from tools.run_card import ROOT, RunningCard
+from tools.sources import needed_files, rtl_files
 from tools.wave_file import WaveFile
+from tools.waves import missing, save_file
 
 BAUD = 9600
 PS_PER_S = 1_000_000_000_000
@@ -239,10 +243,84 @@ def test_the_virtual_card_s_files_say_the_same(tmp_path):
     assert [e["ok"] for e in frames] == [True] * 4 + [False] + [True] * 2
     check_capture(frames, tshark.fields(pcap, *TSHARK_FIELDS))
     check_wave(wave, entries, BAUD)
+    check_card_views(wave)
     report = tshark.capinfos(pcap)
     assert "Number of interfaces in file: 2" in report
     assert "microseconds (6)" in report
     assert "Strict time order:   True" in report
+
+
+# ---------------------------------------------------------------- the views of a waveform
+def named_in_gtkwave(view: Path) -> list[str]:
+    """Signals as GTKWave will look for them: name in the file, with its range."""
+    lines = [line for line in view.read_text().splitlines() if line and line[0] not in "@-^[*"]
+    return [line.split("} ", 1)[-1] for line in lines]
+
+
+def named_in_surfer(view: Path) -> list[str]:
+    return re.findall(r"^variable_add (\S+)$", view.read_text(), re.MULTILINE)
+
+
+def check_views(wave: Path, view: Path) -> list[str]:
+    """Every signal that a view names is in the waveform; returns them as GTKWave has them."""
+    there = {s.path: s.width for s in WaveFile(wave).signals.values()}
+    shown = named_in_gtkwave(view)
+    assert shown
+    for name in shown:
+        path, bits = re.fullmatch(r"(.*?)(?:\[(\d+:\d+)\])?", name).groups()
+        high, low = map(int, bits.split(":")) if bits else (0, 0)
+        assert there.get(path) == high - low + 1, name
+    assert named_in_surfer(view.with_suffix(".sucl")) == [name.split("[")[0] for name in shown]
+    return shown
+
+
+def check_card_views(wave: Path) -> None:
+    """Nothing of the list is behind the hierarchy, states and addresses have names."""
+    view = save_file(wave, "rtu2fc")
+    assert missing("rtu2fc", WaveFile(wave).signals) == []
+    shown = check_views(wave, view)
+    for wanted in (
+        "modbus_de",
+        "drive_de",
+        "candidate",
+        "commit",
+        "revoke",
+        "led_drive_green",
+        "core_addr[31:0]",
+    ):
+        assert any(name.endswith(f".{wanted}") for name in shown), wanted
+    states = [name for name in shown if "state_name[" in name]
+    assert len(states) >= 6, "three state machines on each line"
+    names = (wave.parent / "firmware.txt").read_text()
+    for name in ("main", "REQUEST", "gateway_poll"):
+        assert re.search(rf"^[0-9A-F]{{8}} {name}$", names, re.MULTILINE), name
+    mapping = (wave.parent / ".surfer/mappings/firmware.txt").read_text()
+    assert mapping.startswith("Name = firmware\nBits = 32\n0x00000000 ")
+    assert mapping.count("\n") == names.count("\n") + 2
+
+
+@pytest.mark.parametrize("top", sorted(path.stem for path in rtl_files() if not path.stem.endswith("_defs")))
+def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
+    """A waveform of each module, nothing running in it."""
+    dumper, wave = tmp_path / "dump.v", tmp_path / f"{top}.fst"
+    dumper.write_text(
+        f'module dump; initial begin $dumpfile("{wave}"); $dumpvars(0, {top}); #1 $finish; end\nendmodule\n'
+    )
+    program = tmp_path / "sim"
+    build = ["iverilog", "-g2005", "-s", top, "-s", "dump", "-o", program, *needed_files(top), dumper]
+    for command in (build, ["vvp", program, "-fst"]):
+        done = subprocess.run(
+            list(map(str, command)), cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    shown = check_views(wave, save_file(wave, top))
+    if top != "rtu2fc":
+        source = next((ROOT / "rtl").rglob(f"{top}.v")).read_text()
+        ports = re.findall(r"^ +(?:input|output)\b.*?(\w+),?$", source, re.MULTILINE)
+        assert ports
+        assert {re.sub(r"\[.*", "", name) for name in shown} >= {f"{top}.{port}" for port in ports}
+        states = {s.path for s in WaveFile(wave).signals.values() if s.leaf == "state_name"}
+        assert {re.sub(r"\[.*", "", name) for name in shown if "state_name" in name} == states
 
 
 # ---------------------------------------------------------------- the benches' three files
@@ -278,6 +356,7 @@ def test_a_bench_writes_the_same_three_files(monkeypatch):
     frames = [e for e in entries if "line" in e]
     check_capture(frames, tshark.fields(BENCH_WAVE.with_suffix(".pcapng"), *TSHARK_FIELDS))
     check_wave(BENCH_WAVE, entries, FAST)
+    check_card_views(BENCH_WAVE)
     assert [(e["line"], e["from"], e["what"]) for e in frames] == [
         ("modbus", "master", "unit 1: write coils 1-32 = 047Ch 1999h"),
         ("drive", "card", "control 047Ch, reference 1999h (40.0 %)"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import re
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,9 +54,19 @@ class WaveFile:
     """A waveform, read when it is asked for."""
 
     def __init__(self, path: Path) -> None:
+        self._path = path
         self._wave = Waveform(str(path))
         scale = re.fullmatch(r"(\d+)\s*(\w+)", str(self._wave.timescale))
         self._unit_s = int(scale[1]) * UNITS[scale[2]]
+
+    @functools.cached_property
+    def span(self) -> float:
+        """From beginning to end, in time units of the file. Both stand in the first block of an FST file."""
+        header = self._path.read_bytes()[:25]  # block type, length, start and end time
+        if header[:1] != b"\0" or len(header) < 25:
+            return 0.0
+        start, end = struct.unpack(">QQ", header[9:25])
+        return float(end - start)
 
     @functools.cached_property
     def _variables(self) -> dict[str, object]:

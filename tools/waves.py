@@ -1,127 +1,193 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a GTKWave save file for the waveform of a test, so that it opens readable.
+"""Writes view files for a waveform, so that it opens readable: GTKWave's .gtkw and Surfer's .sucl.
 
-The whole card is grouped by line: pins, decoded bytes, receiver and sender by state name, candidate, commit
-and revoke, then mailbox accesses by register name and the firmware by function name. A single module shows
-its ports and its state. `make waves TEST=name` calls this for every waveform that it keeps.
+    tools/waves.py WAVE.fst [TOP]     top: rtu2fc unless said otherwise
+
+The whole card is grouped by line: pins, decoded bytes, states by name, candidate, commit and revoke, then
+the mailbox and the firmware by function and register name. A single module shows its ports and its states.
+What is shown is a short list of patterns here; the names come from the waveform's own hierarchy, so that they
+are there. `make waves TEST=name` calls this for every waveform that it keeps.
 """
 
 from __future__ import annotations
 
 import argparse
+import fnmatch
 import math
 import os
 import re
 import shutil
-import struct
 import subprocess
 import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tb.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
+from tools.wave_file import Signal, WaveFile
 
 ROOT = Path(__file__).resolve().parents[1]
 ELF = ROOT / "build/firmware.elf"
+MAPPINGS = ".surfer/mappings"  # where Surfer looks, below the folder in which it is started
+ADDRESSES = "firmware"  # name of the translation from addresses to functions and registers
 
 # Trace flags of GTKWave (analyzer.h).
-BIT, HEX, DECIMAL, ASCII = 0x28, 0x22, 0x24, 0x820
+HEX, DECIMAL, BIT, ASCII = 0x22, 0x24, 0x28, 0x820
 FILE_FILTER, GROUP_BEGIN, GROUP_END = 0x2000, 0x800200, 0x1000200
+SURFER_FORMAT = {HEX: "Hexadecimal", DECIMAL: "Unsigned", BIT: "Bit", ASCII: "ASCII"}
 
-CORE = "core_i.core_i.dbg_insn_addr[31:0]"
-WORD = "core_addr[31:0]"
 WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
 
-# Flags, name below the top, and what to call it if that is not clear from the name.
-Signal = tuple[int, str] | tuple[int, str, str]
+
+@dataclass(frozen=True)
+class Entry:
+    """What to show: the first pattern that fits, and of the names that fit it the shortest.
+
+    A `*` stands for anything, levels of hierarchy included. `every`: all that fit, not only the shortest.
+    `names`: values that are addresses are shown as function or register.
+    """
+
+    patterns: tuple[str, ...]
+    flags: int = BIT
+    alias: str = ""
+    every: bool = False
+    names: bool = False
+
+    def find(self, signals: dict[str, Signal]) -> list[Signal]:
+        for pattern in self.patterns:
+            fitting = sorted(fnmatch.filter(signals, pattern), key=lambda name: (len(name), name))
+            if fitting:
+                return [signals[name] for name in (fitting if self.every else fitting[:1])]
+        return []
 
 
-def line_signals(port: str, pins: str, frames_in: str, frames_out: str) -> list[Signal]:
+@dataclass(frozen=True)
+class Row:
+    """One line of a view."""
+
+    signal: Signal
+    flags: int
+    alias: str
+    names: bool
+
+
+def bit(*patterns: str, alias: str = "") -> Entry:
+    return Entry(patterns, BIT, alias)
+
+
+def number(*patterns: str, alias: str = "") -> Entry:
+    return Entry(patterns, DECIMAL, alias)
+
+
+def states(pattern: str) -> Entry:
+    return Entry((pattern,), ASCII, every=True)
+
+
+def line(port: str, pins: str) -> list[Entry]:
     """One side of the card; both have the same shape."""
     return [
-        (BIT, f"{pins}_rx"),
-        (BIT, f"{pins}_tx"),
-        (BIT, f"{pins}_de"),
-        (BIT, f"{port}.line", "rx filtered"),
-        (ASCII, f"{port}.uart_i.state_name[47:0]", "bit"),
-        (HEX, f"{port}.uart_i.last_byte[7:0]", "last byte"),
-        (BIT, f"{port}.rx_parity_error", "parity error"),
-        (BIT, f"{port}.rx_framing_error", "framing error"),
-        (DECIMAL, f"{port}.silence_i.halves[2:0]", "silence, half characters"),
-        (BIT, f"{port}.short_reached", "short silence"),
-        (BIT, f"{port}.long_reached", "long silence"),
-        (ASCII, f"{port}.{frames_in}", "frame in"),
-        (ASCII, f"{port}.{frames_out}", "frame out"),
+        *(bit(f"{pins}_{pin}") for pin in ("rx", "tx", "de")),
+        bit(f"{port}.line", alias="rx filtered"),
+        Entry((f"{port}.*last_byte",), HEX, every=True),
+        states(f"{port}.*state_name"),
+        bit(f"{port}*rx_parity_error", alias="parity error"),
+        bit(f"{port}*rx_framing_error", alias="framing error"),
+        number(f"{port}*silence_i.count", f"{port}*silence_i.halves", alias="silence"),
+        bit(f"{port}*short_reached", alias="short silence"),
+        bit(f"{port}*long_reached", alias="long silence"),
     ]
 
 
-CARD = {
+CARD: dict[str, list[Entry]] = {
     "network line": [
-        *line_signals("network_i", "modbus", "rtu_rx_i.state_name[55:0]", "rtu_tx_i.state_name[63:0]"),
-        (DECIMAL, "network_i.rtu_rx_i.length[8:0]", "bytes received"),
-        (BIT, "network_i.crc_good", "CRC good"),
+        *line("network_i", "modbus"),
+        number("network_i*rtu_rx_i.length", alias="bytes received"),
+        bit("network_i*crc_good", alias="CRC good"),
     ],
     "commit gate": [
-        (BIT, "candidate"),
-        (BIT, "commit"),
-        (BIT, "revoke"),
-        (HEX, "mailbox_i.ticket[3:0]"),
-        (BIT, "mailbox_i.is_candidate", "is candidate"),
-        (BIT, "mailbox_i.is_committed", "is committed"),
-        (BIT, "mailbox_i.reply_queued", "reply queued"),
-        (BIT, "mailbox_i.gate_i.answerable"),
-        (BIT, "reply_start", "reply starts"),
-        (BIT, "mailbox_i.telegram_queued", "telegram queued"),
-        (BIT, "mailbox_i.gate_i.licensed"),
-        (BIT, "telegram_start", "telegram starts"),
+        *(bit(name) for name in ("candidate", "commit", "revoke")),
+        Entry(("mailbox_i*.ticket",), HEX, "ticket"),
+        *(
+            bit(f"mailbox_i*.{name}")
+            for name in ("is_candidate", "is_committed", "reply_queued", "answerable")
+        ),
+        bit("reply_start", alias="reply starts"),
+        *(bit(f"mailbox_i*.{name}") for name in ("telegram_queued", "licensed")),
+        bit("telegram_start", alias="telegram starts"),
     ],
     "drive line": [
-        *line_signals("drive_i", "drive", "fc_rx_i.state_name[31:0]", "fc_tx_i.state_name[39:0]"),
-        (BIT, "drive_listening", "listening"),
-        (BIT, "drive_candidate", "reply candidate"),
-        (BIT, "drive_good", "reply good"),
-        (BIT, "drive_bad", "reply bad"),
+        *line("drive_i", "drive"),
+        bit("drive_listening", "drive_i*listening", alias="listening"),
+        bit("drive_candidate", alias="reply candidate"),
+        bit("drive_good", alias="reply good"),
+        bit("drive_bad", alias="reply bad"),
+        Entry(("drive_lge", "drive_i*lge"), HEX, "LGE"),
     ],
-    "mailbox": [
-        (BIT, "core_valid", "access"),
-        (HEX, "core_wstrb[3:0]", "bytes written"),
-        (HEX, WORD, "address"),
-        (HEX, "core_wdata[31:0]", "written"),
-        (BIT, "core_ready", "done"),
-        (HEX, "core_rdata[31:0]", "read"),
-        (BIT, "mailbox_i.telegram_touched", "telegram touched"),
+    "mailbox and firmware": [
+        # Whatever the core is: the address on its bus is a function while it fetches, a register of the
+        # mailbox while it talks to that. A core that tells its program counter has a row of its own.
+        Entry(("core_i*.dbg_insn_addr", "core_i*.fetch_addr", "core_addr"), HEX, "function", names=True),
+        Entry(("core_addr",), HEX, "bus", names=True),
+        bit("core_valid", alias="access"),
+        bit("core_ready", alias="done"),
+        Entry(("core_wstrb",), HEX, "bytes written"),
+        Entry(("core_wdata",), HEX, "written"),
+        Entry(("core_rdata",), HEX, "read"),
+        states("mailbox_i*state_name"),
+        bit("mailbox_i*.telegram_touched"),
+        bit("core_rst", alias="core reset"),
+        bit("fault"),
     ],
-    "firmware": [
-        (HEX, CORE, "function"),
-        (BIT, "core_rst", "reset"),
-        (BIT, "fault"),
-        (DECIMAL, "ticks[7:0]", "1/1200 s"),
-        (BIT, "led_modbus_red"),
-        (BIT, "led_modbus_green"),
-        (BIT, "led_drive_red"),
-        (BIT, "led_drive_green"),
-    ],
+    "LEDs": [bit(f"led_{line}_{colour}") for line in ("modbus", "drive") for colour in ("red", "green")],
 }
+# Shown when they are there.
+OPTIONAL = ("mailbox_i*state_name", "drive_lge")
 
 
-def port_signals(top: str) -> dict[str, list[Signal]]:
-    """Ports and state of a single module, from its source."""
-    path = next((p for p in (ROOT / f"rtl/{top}.v", ROOT / f"tb/hdl/{top}.v") if p.exists()), None)
+def module_entries(top: str) -> dict[str, list[Entry]]:
+    """Ports of a single module, in the order of its source, and every state below it."""
+    path = next((p for folder in ("rtl", "tb/hdl") for p in (ROOT / folder).rglob(f"{top}.v")), None)
     if path is None:
         return {}
-    source = path.read_text()
-    ports = re.findall(r"(?:input|output)\s+(?:wire|reg)\s*(\[\s*(\d+)\s*:\s*(\d+)\s*\])?\s*(\w+)", source)
-    signals = [(HEX, f"{name}[{high}:{low}]") if bits else (BIT, name) for bits, high, low, name in ports]
-    state = re.search(r"reg \[8\*(\d+)-1:0\] state_name", source)
-    if state:
-        signals.append((ASCII, f"state_name[{8 * int(state[1]) - 1}:0]"))
-    return {top: signals}
+    ports = re.findall(r"^\s*(?:input|output)\s+(?:wire|reg)\s*(\[[^\]]*\])?\s*(\w+)", path.read_text(), re.M)
+    return {
+        "ports": [Entry((name,), HEX if bits else BIT) for bits, name in ports],
+        "states": [states("*state_name"), Entry(("*last_byte",), HEX, every=True)],
+    }
 
 
-def register_names() -> dict[str, str]:
-    """Word address, as GTKWave prints it, to what registers, or bytes of which frames, lie there."""
+def rows(entries: Iterable[Entry], signals: dict[str, Signal]) -> list[Row]:
+    found: list[Row] = []
+    for entry in entries:
+        for signal in entry.find(signals):
+            if any(row.signal == signal for row in found):
+                continue
+            alias = entry.alias
+            if entry.every and "." in signal.name:
+                what = signal.leaf.removesuffix("_name").removeprefix("last_")
+                alias = signal.name.split(".")[-2].removesuffix("_i") + " " + what
+            found.append(Row(signal, entry.flags, alias, entry.names))
+    return found
+
+
+def missing(top: str, signals: dict[str, Signal]) -> list[str]:
+    """Entries of the whole card's list that fit nothing: the list is behind the hierarchy."""
+    if top != "rtu2fc":
+        return []
+    entries = [entry for group in CARD.values() for entry in group]
+    return [
+        entry.patterns[0]
+        for entry in entries
+        if entry.patterns[0] not in OPTIONAL and not entry.find(signals)
+    ]
+
+
+# ---------------------------------------------------------------- addresses by name
+def register_names() -> dict[int, str]:
+    """Word address on the core's bus to what registers, or bytes of which frames, lie there."""
     names: dict[int, list[str]] = {}
     for name, register in REGISTERS.items():
         names.setdefault(BASE + register.offset // STRIDE * STRIDE, []).append(name)
@@ -129,43 +195,37 @@ def register_names() -> dict[str, str]:
         for i in range(area.length):
             index = f"[{i}]" if area.length > 1 else ""
             names.setdefault(FRAMES + area.at(i) // STRIDE * STRIDE, []).append(name + index)
-    return {f"{address:08X}": " ".join(known) for address, known in names.items()}
+    return {address: " ".join(known) for address, known in names.items()}
 
 
-def function_names() -> dict[str, str]:
+def function_names(elf: Path = ELF) -> dict[int, str]:
     """Address of each instruction to the function it belongs to in the source, inlined or not."""
-    if not ELF.exists():
+    if not elf.exists():
         return {}
     tool = "riscv64-unknown-elf-"
     end = next(
-        int(line.split()[0], 16)
-        for line in subprocess.check_output([f"{tool}nm", ELF], text=True).splitlines()
-        if line.endswith(" _image_end")
+        int(text.split()[0], 16)
+        for text in subprocess.check_output([f"{tool}nm", elf], text=True).splitlines()
+        if text.endswith(" _image_end")
     )
     addresses = [f"{address:08X}" for address in range(0, end, 4)]
-    lines = subprocess.check_output([f"{tool}addr2line", "-f", "-e", ELF, *addresses], text=True).splitlines()
-    return {address: lines[2 * n].split(".")[0] for n, address in enumerate(addresses)}
+    lines = subprocess.check_output([f"{tool}addr2line", "-f", "-e", elf, *addresses], text=True).splitlines()
+    return {int(address, 16): lines[2 * n].split(".")[0] for n, address in enumerate(addresses)}
 
 
-def write_filter(path: Path, names: dict[str, str]) -> Path:
-    path.write_text("".join(f"{value} {name}\n" for value, name in names.items()))
-    return path
+def write_names(folder: Path, names: dict[int, str]) -> Path:
+    """For both programs: GTKWave's filter file, and Surfer's mapping of the same name."""
+    filter_file = folder / f"{ADDRESSES}.txt"
+    filter_file.write_text("".join(f"{value:08X} {name}\n" for value, name in names.items()))
+    mapping = folder / MAPPINGS / f"{ADDRESSES}.txt"
+    mapping.parent.mkdir(parents=True, exist_ok=True)
+    lines = [f"Name = {ADDRESSES}", "Bits = 32", *(f"0x{value:08X} {name}" for value, name in names.items())]
+    mapping.write_text("\n".join(lines) + "\n")
+    return filter_file
 
 
-def whole_run(dump: Path) -> float:
-    """GTKWave's zoom that shows all of a dump: minus the binary logarithm of time units a frame."""
-    header = dump.read_bytes()[:25]  # FST: block type, length, start and end time
-    start, end = struct.unpack(">QQ", header[9:25])
-    return -math.log2(max(1, (end - start) / WINDOW_FRAMES))
-
-
-def save_file(dump: Path, top: str) -> Path:
-    """Writes the save file beside the dump."""
-    groups = CARD if top == "rtu2fc" else port_signals(top)
-    filters = {}
-    if top == "rtu2fc":
-        filters[WORD] = write_filter(dump.parent / "registers.txt", register_names())
-        filters[CORE] = write_filter(dump.parent / "functions.txt", function_names())
+# ---------------------------------------------------------------- the two views
+def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: Path | None) -> str:
     lines = [
         "[*] GTKWave save file",
         f'[dumpfile] "{dump}"',
@@ -173,31 +233,62 @@ def save_file(dump: Path, top: str) -> Path:
         "[size] 1800 1000",
         "[sst_expanded] 0",
         "[signals_width] 200",
-        f"*{whole_run(dump):.6f} -1" + " -1" * 26,
+        # The whole run: minus the binary logarithm of time units a frame.
+        f"*{-math.log2(max(1.0, span / WINDOW_FRAMES)):.6f} -1" + " -1" * 26,
     ]
-    for group, signals in groups.items():
+    for group, found in groups.items():
         lines += [f"@{GROUP_BEGIN:x}", f"-{group}"]
-        for flags, signal, *alias in signals:
-            if signal in filters:
-                lines += [
-                    f"@{flags | FILE_FILTER:x}",
-                    f"^{list(filters).index(signal) + 1} {filters[signal]}",
-                ]
-            else:
-                lines += [f"@{flags:x}"]
-            lines += [f"+{{{alias[0]}}} {top}.{signal}" if alias else f"{top}.{signal}"]
+        for row in found:
+            named = row.names and names is not None
+            lines.append(f"@{row.flags | FILE_FILTER:x}" if named else f"@{row.flags:x}")
+            lines += [f"^1 {names}"] if named else []
+            name = row.signal.path + row.signal.bits
+            lines.append(f"+{{{row.alias}}} {name}" if row.alias else name)
         lines += [f"@{GROUP_END:x}", f"-{group}"]
-    path = dump.with_suffix(".gtkw")
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    return "\n".join(lines) + "\n"
+
+
+def surfer_view(groups: dict[str, list[Row]], named: bool) -> str:
+    """Everything is added first; then each row is focused by its number, in letters a to p, and formatted."""
+    lines, formats, count = [], [], 0
+    for group, found in groups.items():
+        lines.append(f"divider_add {group.replace(' ', '_')}")
+        count += 1
+        for row in found:
+            lines.append(f"variable_add {row.signal.path}")
+            form = ADDRESSES if row.names and named else SURFER_FORMAT[row.flags]
+            if row.flags != BIT:
+                formats.append((count, form))
+            count += 1
+    for place, form in formats:
+        letters = "".join(chr(ord("a") + int(digit, 16)) for digit in f"{place:x}")
+        lines += [f"item_focus {letters}", f"item_set_format {form}"]
+    return "\n".join([*lines, "item_unfocus", "zoom_fit"]) + "\n"
+
+
+def save_file(dump: Path, top: str, elf: Path = ELF) -> Path:
+    """Writes both views beside the dump; returns GTKWave's. Surfer's has the same name, .sucl."""
+    wave = WaveFile(dump)
+    entries = CARD if top == "rtu2fc" else module_entries(top)
+    groups = {name: rows(group, wave.signals) for name, group in entries.items()}
+    groups = {name: found for name, found in groups.items() if found}
+    for pattern in missing(top, wave.signals):
+        print(f"waves: nothing in {dump.name} is called {pattern}", file=sys.stderr)
+    names = None
+    if top == "rtu2fc":
+        names = write_names(dump.parent, function_names(elf) | register_names())
+    view = dump.with_suffix(".gtkw")
+    view.write_text(gtkwave_view(dump, groups, wave.span, names))
+    dump.with_suffix(".sucl").write_text(surfer_view(groups, names is not None))
+    return view
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("dump", type=Path, help="waveform of a test, FST")
+    parser.add_argument("dump", type=Path, help="waveform: FST, or VCD")
     parser.add_argument("top", nargs="?", default="rtu2fc", help="its top module")
     args = parser.parse_args()
-    if not args.dump.exists():
+    if not args.dump.is_file():
         print(f"waves: {args.dump} is not there", file=sys.stderr)
         return 2
     view = save_file(args.dump.resolve(), args.top)
@@ -205,6 +296,8 @@ def main() -> int:
     if shutil.which("gtkwave") and os.environ.get("DISPLAY"):
         return subprocess.call(command)
     print(" ".join(command))
+    commands = view.with_suffix(".sucl")
+    print(f"cd {view.parent} && surfer --command-file {commands.name} {args.dump.name}")
     return 0
 
 

@@ -134,7 +134,7 @@ def run(
         pass  # judged below, from the results file
     finally:
         if waves and dump.exists():
-            _keep_recording(run_folder, dump, test_name, top)
+            _keep_recording(run_folder, dump, test_name, top, parameters)
     _judge(results)
 
 
@@ -234,14 +234,17 @@ def _recording(run_folder: Path, parameters: Mapping[str, object]) -> dict[str, 
     }
 
 
-def _keep_recording(run_folder: Path, dump: Path, test_name: str, top: str) -> None:
+def _keep_recording(
+    run_folder: Path, dump: Path, test_name: str, top: str, parameters: Mapping[str, object]
+) -> None:
     """Waveform, capture and log of a test under its name; a module without lines has a waveform only."""
     WAVES_FOLDER.mkdir(parents=True, exist_ok=True)
     kept = WAVES_FOLDER / f"{test_name}.fst"
     shutil.move(dump, kept)
     recorded = [path for path in run_folder.glob(f"{LINES}.*") if path.stat().st_size]
     others = [shutil.move(path, WAVES_FOLDER / f"{test_name}{path.suffix}") for path in sorted(recorded)]
-    recordings.append(Recording(kept, save_file(kept, top), tuple(others)))
+    elf = Path(str(parameters.get("FIRMWARE_HEX", "firmware"))).with_suffix(".elf")
+    recordings.append(Recording(kept, save_file(kept, top, elf), tuple(others)))
 
 
 def _judge(results: Path) -> None:
