@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names and values out of a waveform (FST or VCD), for tools and tests.
 
-Names are those below the top module, with dots, whatever the simulator puts above it: Verilator keeps the
-ports of the top beside it, Icarus inside. Times in seconds.
+Names are those below the top module, with dots, whatever the simulator puts above it: Icarus has the ports of
+the top inside it, Verilator beside it in TOP or, with cocotb, in $rootio. Times in seconds.
 """
 
 from __future__ import annotations
@@ -79,13 +79,12 @@ class WaveFile:
     def signals(self) -> dict[str, Signal]:
         """By the name below the top, in the file's order; parameters are left out."""
         found: dict[str, Signal] = {}
-        tops = {path.split(".")[0] for path in self._variables}
         for path, variable in self._variables.items():
             if "Parameter" in str(variable.var_type) or not variable.bitwidth:
                 continue
-            name = path.split(".", 1)[1] if len(tops) == 1 else path
-            if path.startswith("TOP.") and "." in name:
-                name = name.split(".", 1)[1]
+            above, _, name = path.partition(".")
+            if above == "TOP" and "." in name:
+                name = name.partition(".")[2]
             text = name.endswith(("_name", ".name"))
             found.setdefault(name, Signal(path, name, variable.bitwidth, text))
         return found
