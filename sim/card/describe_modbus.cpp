@@ -160,7 +160,8 @@ void Describer::modbus(Frame& frame) {
     case Flaw::kParity:
     case Flaw::kStopBit: frame.what = bad_byte(frame); return;
     case Flaw::kGap:
-      frame.what = text("gap: not complete after %zu bytes, then %.2f characters of silence", frame.gap_at, frame.gap_characters);
+      frame.what = text("gap: not complete after %zu bytes, then %.2f characters of silence", frame.gap_at,
+                        frame.gap_characters);
       return;
     case Flaw::kShort: frame.what = "too short for a frame"; return;
     case Flaw::kLong: frame.what = "too long for a frame"; return;

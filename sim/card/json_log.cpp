@@ -30,14 +30,14 @@ JsonLog::~JsonLog() { std::fclose(file_); }
 void JsonLog::frame(const Frame& frame) {
   std::fprintf(
       file_,
-      "{\"t\":%.6f,\"end\":%.6f,\"line\":\"%s\",\"from\":\"%s\",\"bytes\":\"%s\",\"ok\":%s,\"what\":%s}\n",
-      clock_.seconds(frame.start), clock_.seconds(frame.end), line_name(frame.line), sender_name(frame),
-      hex_text(frame.bytes).c_str(), frame.ok() ? "true" : "false", json_string(frame.what).c_str());
+      "{\"t\":%s,\"end\":%s,\"line\":\"%s\",\"from\":\"%s\",\"bytes\":\"%s\",\"ok\":%s,\"what\":%s}\n",
+      clock_.text(frame.start).c_str(), clock_.text(frame.end).c_str(), line_name(frame.line),
+      sender_name(frame), hex_text(frame.bytes).c_str(), frame.ok() ? "true" : "false", json_string(frame.what).c_str());
   std::fflush(file_);  // others read along
 }
 
 void JsonLog::led(const LedChange& change) {
-  std::fprintf(file_, "{\"t\":%.6f,\"led\":\"%s\",\"shows\":\"%s\"}\n", clock_.seconds(change.at),
+  std::fprintf(file_, "{\"t\":%s,\"led\":\"%s\",\"shows\":\"%s\"}\n", clock_.text(change.at).c_str(),
                change.led.c_str(), change.shows.c_str());
   std::fflush(file_);
 }

@@ -48,14 +48,14 @@ void catch_signals() {
 }
 
 void print_frame(const Frame& frame) {
-  std::printf("%11.6f  %-6s %-6s  %s\n%30s%s%s\n", kClock.seconds(frame.start), line_name(frame.line),
+  std::printf("%11s  %-6s %-6s  %s\n%30s%s%s\n", kClock.text(frame.start).c_str(), line_name(frame.line),
               sender_name(frame), hex_text(frame.bytes).c_str(), "", frame.ok() ? "" : "BAD: ",
               frame.what.c_str());
   std::fflush(stdout);
 }
 
 void print_led(const LedChange& change) {
-  std::printf("%11.6f  %-6s LED     %s\n", kClock.seconds(change.at), change.led.c_str(),
+  std::printf("%11s  %-6s LED     %s\n", kClock.text(change.at).c_str(), change.led.c_str(),
               change.shows.c_str());
   std::fflush(stdout);
 }

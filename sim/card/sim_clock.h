@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <string>
 
 namespace card {
 
@@ -17,9 +18,15 @@ struct SimClock {
   std::int64_t hz;  // cycles in a second
 
   double seconds(Cycles cycles) const { return static_cast<double>(cycles) / static_cast<double>(hz); }
-  // Rounded to the nearest, as seconds are printed: every output names the same microsecond.
+  // Rounded to the nearest: every output names the same microsecond.
   std::int64_t microseconds(Cycles cycles) const {
     return cycles / hz * 1'000'000 + (cycles % hz * 1'000'000 + hz / 2) / hz;
+  }
+  // Seconds with six decimals.
+  std::string text(Cycles cycles) const {
+    const std::int64_t us = microseconds(cycles);
+    const std::string decimals = std::to_string(1'000'000 + us % 1'000'000);
+    return std::to_string(us / 1'000'000) + "." + decimals.substr(1);
   }
   std::int64_t nanoseconds(Cycles cycles) const {
     return cycles / hz * 1'000'000'000 + cycles % hz * 1'000'000'000 / hz;
