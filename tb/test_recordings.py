@@ -293,7 +293,7 @@ def check_card_views(wave: Path) -> None:
     assert len(states) >= 6, "three state machines on each line"
     names = (wave.parent / "firmware.txt").read_text()
     for name in ("main", "REQUEST", "gateway_poll"):
-        assert re.search(rf"^[0-9A-F]{{8}} {name}$", names, re.MULTILINE), name
+        assert re.search(rf"^[0-9A-F]{{8}} .*\b{name}\b", names, re.MULTILINE), name
     mapping = (wave.parent / ".surfer/mappings/firmware.txt").read_text()
     assert mapping.startswith("Name = firmware\nBits = 32\n0x00000000 ")
     assert mapping.count("\n") == names.count("\n") + 2

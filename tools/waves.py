@@ -210,7 +210,8 @@ def function_names(elf: Path = ELF) -> dict[int, str]:
     )
     addresses = [f"{address:08X}" for address in range(0, end, 4)]
     lines = subprocess.check_output([f"{tool}addr2line", "-f", "-e", elf, *addresses], text=True).splitlines()
-    return {int(address, 16): lines[2 * n].split(".")[0] for n, address in enumerate(addresses)}
+    found = {int(address, 16): lines[2 * n].split(".")[0] for n, address in enumerate(addresses)}
+    return {address: name for address, name in found.items() if name != "??"}
 
 
 def write_names(folder: Path, names: dict[int, str]) -> Path:

@@ -290,7 +290,8 @@ local function add_links(tree, pinfo)
     tree:add_proto_expert_info(e.silent, "No reply before the next request")
   end
   if entry.after_silence then
-    tree:add_proto_expert_info(e.silent, string.format("No reply to the request in frame %d", entry.after_silence))
+    local before = string.format("No reply to the request in frame %d", entry.after_silence)
+    tree:add_proto_expert_info(e.silent, before)
   end
   if entry.other then
     tree:add_proto_expert_info(e.other)
