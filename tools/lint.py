@@ -18,7 +18,7 @@ from pathlib import Path
 from sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, macros_file, rtl_files
 
 TOP = "rtu2fc"
-FOLDERS = ("regs", "rtl", "sw", "sim", "tb", "tools")
+FOLDERS = ("constraints", "regs", "rtl", "sw", "sim", "tb", "tools")
 SUFFIXES = {
     ".v",
     ".vh",
@@ -34,6 +34,8 @@ SUFFIXES = {
     ".mk",
     ".toml",
     ".lua",
+    ".lpf",
+    ".pcf",
 }
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
@@ -49,8 +51,8 @@ def source_files() -> list[Path]:
 
 
 def hand_written_verilog() -> list[Path]:
-    benches = sorted((ROOT / "tb").rglob("*.v"))
-    return [path for path in rtl_files() if "generated" not in path.parts] + benches
+    others = [path for folder in ("constraints", "tb") for path in sorted((ROOT / folder).rglob("*.v"))]
+    return [path for path in rtl_files() if "generated" not in path.parts] + others
 
 
 def name(path: Path) -> str:

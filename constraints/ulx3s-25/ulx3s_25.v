@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// ULX3S with an ECP5-25: switches on its header J1, transceivers on J2, its own LEDs.
+//
+// Switches close to ground, with the FPGA's pull-ups; LEDs are lit by a high pin.
+// wifi_gpio0 high keeps the board's ESP32 quiet. clk: the board's 25 MHz.
+// No reset pin: the card holds its own reset for the first clocks after
+// configuration (reset_sync), and its switches settle before anything runs.
+// Rules: TOP-1, LINE-6, LED-2.
+`default_nettype none
+
+module ulx3s_25 #(
+    parameter CLK_HZ = 25_000_000,
+    parameter FIRMWARE_HEX = "firmware.hex"
+) (
+    input  wire       clk,
+    // switches, to ground
+    input  wire [9:1] sw_baud_n,
+    input  wire [8:1] sw_addr_n,
+    // network line
+    input  wire       modbus_rx,
+    output wire       modbus_tx,
+    output wire       modbus_de,
+    // drive line
+    input  wire       drive_rx,
+    output wire       drive_tx,
+    output wire       drive_de,
+    // LEDs
+    output wire       led_modbus_red,
+    output wire       led_modbus_green,
+    output wire       led_drive_red,
+    output wire       led_drive_green,
+    // ESP32
+    output wire       wifi_gpio0
+);
+
+  assign wifi_gpio0 = 1'b1;
+
+  rtu2fc #(
+      .CLK_HZ(CLK_HZ),
+      .FIRMWARE_HEX(FIRMWARE_HEX)
+  ) card_i (
+      .clk(clk),
+      .rst_n(1'b1),
+      // switches
+      .sw_baud(~sw_baud_n),
+      .sw_addr(~sw_addr_n),
+      // network line
+      .modbus_rx(modbus_rx),
+      .modbus_tx(modbus_tx),
+      .modbus_de(modbus_de),
+      // drive line
+      .drive_rx(drive_rx),
+      .drive_tx(drive_tx),
+      .drive_de(drive_de),
+      // LEDs
+      .led_modbus_red(led_modbus_red),
+      .led_modbus_green(led_modbus_green),
+      .led_drive_red(led_drive_red),
+      .led_drive_green(led_drive_green)
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The boards: every port of a wrapper has a pin, every port of the card is connected, each comes up alone."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import replace
+
+import pytest
+
+from tb.lib.runner import ROOT, WAIVERS
+from tools.boards import Board, boards, ports, problems
+from tools.sources import SourcesError, card_files
+
+BOARDS = boards()
+each_board = pytest.mark.parametrize("name", BOARDS)
+
+
+@each_board
+def test_pins_wrapper_and_table_fit_together(name):
+    assert problems(BOARDS[name]) == []
+
+
+def test_there_is_a_board_for_every_folder():
+    folders = {path.name for path in (ROOT / "constraints").iterdir() if path.is_dir()}
+    assert folders == set(BOARDS)
+
+
+def card(name: str) -> list[str]:
+    """Every Verilog file of a board; its pins do not depend on the soft core, so any built one will do."""
+    try:
+        files = card_files(BOARDS[name].config)
+    except SourcesError:
+        files = card_files()
+    return [str(path) for path in (*files, BOARDS[name].wrapper)]
+
+
+@each_board
+def test_wrapper_is_clean_verilog(name):
+    """All warnings on, in both simulators; a port left open is one of them."""
+    top = BOARDS[name].top
+    verilator = [
+        "verilator",
+        "--lint-only",
+        "-Wall",
+        "--no-timing",
+        "--quiet",
+        "--top-module",
+        top,
+        str(WAIVERS),
+    ]
+    icarus = ["iverilog", "-g2005", "-t", "null", "-s", top]
+    for command in (verilator, icarus):
+        done = subprocess.run([*command, *card(name)], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == 0 and not done.stderr, done.stderr
+
+
+# ---------------------------------------------------------------- that the check can fail
+
+
+@pytest.fixture
+def spoilt(tmp_path, monkeypatch):
+    """A board whose files are copies, to be spoilt."""
+
+    def copy(name: str, file: str, old: str, new: str) -> Board:
+        folder = tmp_path / name
+        folder.mkdir()
+        for path in (BOARDS[name].wrapper, BOARDS[name].pin_file):
+            text = path.read_text()
+            if path.suffix == file:
+                assert text.count(old) == 1, old
+                text = text.replace(old, new)
+            (folder / path.name).write_text(text)
+        monkeypatch.setattr("tools.boards.FOLDER", tmp_path)
+        return BOARDS[name]
+
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "old", "new", "message"),
+    [
+        ("icebreaker", ".pcf", "set_io modbus_tx 2\n", "", "port modbus_tx has no pin"),
+        ("icebreaker", ".pcf", "set_io modbus_tx 2\n", "set_io modbus_tx 47\n", "pin 47 is used twice"),
+        ("icebreaker", ".pcf", "set_io modbus_tx 2", "set_io modbus_out 2", "there is no port modbus_out"),
+        ("icebreaker", ".pcf", "-pullup yes modbus_rx", "modbus_rx", "input modbus_rx has no pull-up"),
+        ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
+        (
+            "icebreaker",
+            ".v",
+            ".drive_de(drive_de)",
+            ".drive_de()",
+            "the card's port drive_de is not connected",
+        ),
+        ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
+        ("ulx3s-25", ".lpf", 'SITE "C18"', 'SITE "B15"', "pin B15 is used twice"),
+        ("ulx3s-25", ".lpf", 'LOCATE COMP "drive_de"', 'LOCATE COMP "clk"', "port clk has two pins"),
+        (
+            "ulx3s-25",
+            ".lpf",
+            'IOBUF PORT "wifi_gpio0"',
+            'IOBUF PORT "x"',
+            "port wifi_gpio0 has no IOBUF line",
+        ),
+    ],
+)
+def test_a_mistake_is_found(spoilt, name, file, old, new, message):
+    assert any(message in line for line in problems(spoilt(name, file, old, new)))
+
+
+def test_a_clock_too_slow_for_its_configuration_is_found():
+    assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
+
+
+def test_ports_are_read_bit_by_bit():
+    assert ports(BOARDS["icebreaker"].wrapper)["sw_addr_n[8]"] == "input"
+    assert len(ports(BOARDS["card-xo2-1200"].wrapper)) == 1 + 17 + 6 + 4
