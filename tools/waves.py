@@ -95,7 +95,7 @@ def line(port: str, pins: str) -> list[Entry]:
         states(f"{port}.*state_name"),
         bit(f"{port}*rx_parity_error", alias="parity error"),
         bit(f"{port}*rx_framing_error", alias="framing error"),
-        number(f"{port}*silence_i.count", f"{port}*silence_i.halves", alias="silence"),
+        number(f"{port}*silence_i.halves", alias="silence, half characters"),
         bit(f"{port}*short_reached", alias="short silence"),
         bit(f"{port}*long_reached", alias="long silence"),
     ]
@@ -124,7 +124,6 @@ CARD: dict[str, list[Entry]] = {
         bit("drive_candidate", alias="reply candidate"),
         bit("drive_good", alias="reply good"),
         bit("drive_bad", alias="reply bad"),
-        Entry(("drive_lge", "drive_i*lge"), HEX, "LGE"),
     ],
     "mailbox and firmware": [
         # Whatever the core is: the address on its bus is a function while it fetches, a register of the
@@ -144,7 +143,7 @@ CARD: dict[str, list[Entry]] = {
     "LEDs": [bit(f"led_{line}_{colour}") for line in ("modbus", "drive") for colour in ("red", "green")],
 }
 # Shown when they are there.
-OPTIONAL = ("mailbox_i*state_name", "drive_lge")
+OPTIONAL = ("mailbox_i*state_name",)
 
 
 def module_entries(top: str) -> dict[str, list[Entry]]:
