@@ -11,12 +11,13 @@
 static void queue_reply(const struct gateway *g, const struct transaction *txn, uint32_t after_drive)
 {
     volatile struct frame_slot *frame = mailbox_frame(REPLY_FRAME);
-    uint32_t i;
+    const uint8_t *from = txn->reply;
+    const uint8_t *const end = from + txn->reply_length;
 
     if (txn != g->newest)
         return;
-    for (i = 0; i < txn->reply_length; i++)
-        (++frame)->byte = txn->reply[i];
+    while (from != end)
+        (++frame)->byte = *from++;
     mailbox_write(REPLY, (txn->reply_length + 1u) << MAILBOX__REPLY__LENGTH_bp | after_drive |
                              (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
 }
@@ -45,10 +46,11 @@ static void start_exchange(struct gateway *g)
 {
     const struct transaction *txn = g->newest;
     volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME);
-    uint32_t i;
+    const uint8_t *from = txn->telegram;
+    const uint8_t *const end = from + txn->telegram_length;
 
-    for (i = 0; i < txn->telegram_length; i++)
-        frame++->byte = txn->telegram[i];
+    while (from != end)
+        frame++->byte = *from++;
     g->wants_drive = false;
     g->repeated = false;
     g->at_drive = g->newest;

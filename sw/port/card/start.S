@@ -4,6 +4,10 @@
     .section .start, "ax"
     .globl _start
 _start:
+    .option push
+    .option norelax
+    la gp, __global_pointer$
+    .option pop
     la sp, _stack_top
     la a0, _bss_start
     la a1, _bss_end
