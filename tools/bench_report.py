@@ -376,8 +376,9 @@ def measured_on(fingerprint: dict[str, str]) -> str:
 
 
 def stated() -> dict[str, str]:
-    """What docs/results.md says it was measured on."""
-    line = next(line for line in RESULTS.read_text().splitlines() if line.startswith(MEASURED_ON))
+    """What docs/results.md says it was measured on; nothing if it does not say."""
+    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
+    line = next((line for line in lines if line.startswith(MEASURED_ON)), "")
     found = re.findall(r"([a-z ]+) `(\w+)`", line.removeprefix(MEASURED_ON))
     return {name.strip(): digits for name, digits in found}
 

@@ -121,7 +121,7 @@ class Manners:
     says: Callable[[bytes], bytes | None] = lambda reply: reply
     # How that gets onto the line: bytes, and what send() takes besides.
     wire: Callable[[bytes], tuple[bytes, dict]] = lambda reply: (reply, {})
-    # When it ends: None after drive_delay_bits; else s before the end of the card's wait, or begins (late).
+    # None: after drive_delay_bits. "ends" or "starts": it does so just before the card's wait is over.
     at_the_end: str | None = None
 
 
