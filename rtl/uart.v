@@ -59,16 +59,15 @@ module uart (
     output reg        start_seen
 );
 
-  // One bit a state: each is asked for in many places.
-  localparam S_IDLE = 0;  // line high, or low since less than a tick
-  localparam S_START = 1;  // the start bit, to be confirmed
-  localparam S_DATA = 2;  // eight data bits
-  localparam S_PARITY = 3;  // the parity bit, if there is one
-  localparam S_STOP = 4;  // the first stop bit
-  localparam S_REST = 5;  // the second one, or a break: wait for the line to rise
-  localparam [5:0] IDLE = 6'd1 << S_IDLE;
+  // One bit a state, for each is asked for in many places; none: line high, or low since
+  // less than a tick.
+  localparam S_START = 0;  // the start bit, to be confirmed
+  localparam S_DATA = 1;  // eight data bits
+  localparam S_PARITY = 2;  // the parity bit, if there is one
+  localparam S_STOP = 3;  // the first stop bit
+  localparam S_REST = 4;  // the second one, or a break: wait for the line to rise
 
-  reg [5:0] state = IDLE;
+  reg [4:0] state = 5'd0;
   reg [3:0] phase = 4'd0;  // ticks since the bit began
   reg [2:0] bits_done = 3'd0;
   reg [1:0] votes = 2'd0;  // the last two samples
@@ -77,12 +76,13 @@ module uart (
   reg parity = 1'b0;  // of parity_odd and the bits so far, at byte_valid with the stop bit
   reg stop_missing = 1'b0;
 
+  wire idle = state == 5'd0;
   wire vote = (votes[0] & votes[1]) | (line & (votes[0] | votes[1]));
   wire load = send_valid && send_ready;
   wire go = loaded && line_ready;
   // A bit is judged in its middle, sent to its end.
   wire bit_over = phase == {sending, 3'd7};
-  wire step = state[S_IDLE] ? go || !line : state[S_REST] && !sending ? line : bit_over;
+  wire step = idle ? go || !line : state[S_REST] && !sending ? line : bit_over;
   wire leave = tick16 && step;
   wire last_bit = state[S_DATA] && bits_done == 3'd7;
   wire no_start = vote && !sending;
@@ -95,7 +95,7 @@ module uart (
   assign byte_framing_error = stop_missing;
   assign bit_valid = leave && state[S_DATA];
   assign bit_data = !sending ? vote : send_check ? check_bit : shift[0];
-  assign receiving = !state[S_IDLE] && !sending;
+  assign receiving = !idle && !sending;
 
   initial begin
     txd = 1'b1;
@@ -109,19 +109,18 @@ module uart (
     start_seen <= leave && state[S_START] && !sending && !vote;
 
     if (tick16) votes <= {votes[0], line};
-    if (state[S_IDLE]) phase <= 4'd0;
+    if (idle) phase <= 4'd0;
     else if (tick16) phase <= phase + 4'd1;
     if (state[S_START]) bits_done <= 3'd0;
     else if (bit_valid) bits_done <= bits_done + 3'd1;
 
     if (leave) begin
-      state[S_IDLE]   <= (state[S_START] && no_start) || (over && !go);
-      state[S_START]  <= state[S_IDLE] || (over && go);
+      state[S_START]  <= idle || (over && go);
       state[S_DATA]   <= (state[S_START] && !no_start) || (state[S_DATA] && !last_bit);
       state[S_PARITY] <= last_bit && parity_enable;
       state[S_STOP]   <= (last_bit && !parity_enable) || state[S_PARITY];
       state[S_REST]   <= state[S_STOP] && !stop_over;
-      if (state[S_IDLE] || over) sending <= go;
+      if (idle || over) sending <= go;
       parity <= state[S_START] ? parity_odd : parity ^ bit_data;
       stop_missing <= !vote;
     end
@@ -134,7 +133,7 @@ module uart (
     txd <= !sending || (state[S_DATA] ? bit_data : state[S_PARITY] ? parity : !state[S_START]);
 
     if (rst) begin
-      state <= IDLE;
+      state <= 5'd0;
       txd <= 1'b1;
       byte_valid <= 1'b0;
       loaded <= 1'b0;
@@ -144,17 +143,17 @@ module uart (
   end
 
 `ifndef SYNTHESIS
-  reg [7:0] bits_seen = 8'd0;
+  reg [6:0] bits_seen = 7'd0;
   reg [7:0] last_byte = 8'd0;
   always @(posedge clk) begin
-    if (bit_valid) bits_seen <= {bit_data, bits_seen[7:1]};
-    if (bit_valid && last_bit) last_byte <= {bit_data, bits_seen[7:1]};
+    if (bit_valid) bits_seen <= {bit_data, bits_seen[6:1]};
+    if (bit_valid && last_bit) last_byte <= {bit_data, bits_seen};
   end
 
   reg [8*6-1:0] state_name;
   always @* begin
     case (1'b1)
-      state[S_IDLE]: state_name = "IDLE";
+      state == 5'd0: state_name = "IDLE";
       state[S_START]: state_name = "START";
       state[S_DATA]: state_name = "DATA";
       state[S_PARITY]: state_name = "PARITY";
