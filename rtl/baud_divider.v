@@ -1,33 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen ticks a bit for one port: every ratio-th base tick.
+// Sixteen ticks a bit for each port, out of one chain of dividers: a third of the base
+// tick, halved up to seven times.
 //
-// ratio = 1843200 / (16 * baud) = 1 (115200) to 384 (300). Clock domain: clk.
-// Rules: LINE-2, LINE-4, FC-1.
+// Every rate is the base itself (115200) or 3 x a power of 2 slower: 3 (38400) to 384
+// (300). A port's tick comes with a third in which all bits of the count under its mask
+// are 1, so mask = ratio / 3 - 1. Without reset, for the card's time hangs on it, too.
+// Clock domain: clk. Rules: LINE-2, LINE-4, FC-1.
 `default_nettype none
 
 module baud_divider (
     input  wire       clk,
-    input  wire       rst,
     // stream in
     input  wire       tick_base,
     // stream out
-    output reg        tick16,
+    output reg        tick16_modbus,
+    output reg        tick16_drive,
     // configuration
-    input  wire [8:0] ratio
+    input  wire       modbus_undivided,
+    input  wire [6:0] modbus_mask
 );
 
-  reg [8:0] left = 9'd0;
-  wire last = left == 9'd0;
+  localparam [6:0] DRIVE_MASK = `CARD_DRIVE_MASK;
 
-  initial tick16 = 1'b0;
+  reg [1:0] thirds = 2'd0;
+  reg [6:0] count = 7'd0;
+
+  wire third = tick_base && thirds[1];
+
+  initial begin
+    tick16_modbus = 1'b0;
+    tick16_drive  = 1'b0;
+  end
 
   always @(posedge clk) begin
-    tick16 <= tick_base && last;
-    if (tick_base) left <= last ? ratio - 9'd1 : left - 9'd1;
-    if (rst) begin
-      left   <= 9'd0;
-      tick16 <= 1'b0;
-    end
+    if (tick_base) thirds <= third ? 2'd0 : thirds + 2'd1;
+    if (third) count <= {count[6:4] + {2'd0, &count[3:0]}, count[3:0] + 4'd1};
+    tick16_modbus <= modbus_undivided ? tick_base : third && &(count | ~modbus_mask);
+    tick16_drive  <= third && &(count | ~DRIVE_MASK);
   end
 
 endmodule

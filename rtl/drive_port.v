@@ -9,7 +9,7 @@
 module drive_port (
     input  wire       clk,
     input  wire       rst,
-    input  wire       tick_base,
+    input  wire       tick16,
     // frame memory
     output wire       write_valid,
     input  wire       write_ready,
@@ -31,7 +31,6 @@ module drive_port (
     input  wire       listen_again,
     input  wire       listen_stop,
     // status
-    output wire       tick16,
     output wire       sending,
     output wire       quiet,
     output wire       listening,
@@ -72,17 +71,6 @@ module drive_port (
 
   assign write_data = rx_data;
   assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
-
-  baud_divider divider_i (
-      .clk(clk),
-      .rst(1'b0),  // the card's time hangs on it
-      // stream in
-      .tick_base(tick_base),
-      // stream out
-      .tick16(tick16),
-      // configuration
-      .ratio(`CARD_DRIVE_RATIO)
-  );
 
   sync_2ff #(
       .RESET_VALUE(1'b1)

@@ -13,7 +13,7 @@ module network_port #(
 ) (
     input  wire       clk,
     input  wire       rst,
-    input  wire       tick_base,
+    input  wire       tick16,
     // frame memory
     output wire       write_valid,
     input  wire       write_ready,
@@ -31,7 +31,11 @@ module network_port #(
     output wire       tx,
     output wire       de,
     // configuration
-    input  wire [5:1] sw_baud,
+    input  wire       parity_enable,
+    input  wire       parity_odd,
+    input  wire       two_stop,
+    input  wire [8:0] half_end,
+    input  wire       half_uneven,
     input  wire [7:0] own_address,
     // status
     output wire       sending,
@@ -50,13 +54,6 @@ module network_port #(
     output wire       count_overrun
 );
 
-  wire [8:0] baud_ratio;
-  wire [8:0] half_end;
-  wire half_uneven;
-  wire parity_enable;
-  wire parity_odd;
-  wire two_stop;
-  wire tick16;
   wire synced;
   wire line;
   wire rx_valid;
@@ -81,27 +78,6 @@ module network_port #(
 
   assign write_data = rx_data;
   assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
-
-  card_tables tables_i (
-      .sw_baud(sw_baud),
-      .baud_ratio(baud_ratio),
-      .half_end(half_end),
-      .half_uneven(half_uneven),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop)
-  );
-
-  baud_divider divider_i (
-      .clk(clk),
-      .rst(rst),
-      // stream in
-      .tick_base(tick_base),
-      // stream out
-      .tick16(tick16),
-      // configuration
-      .ratio(baud_ratio)
-  );
 
   sync_2ff #(
       .RESET_VALUE(1'b1)

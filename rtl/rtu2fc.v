@@ -44,8 +44,16 @@ module rtu2fc #(
   wire rst = rst_pin || !sw_ready;
 
   wire tick_base;
+  wire tick16_modbus;
   wire tick16_drive;
   wire [7:0] ticks;
+  wire baud_undivided;
+  wire [6:0] baud_mask;
+  wire [8:0] half_end;
+  wire half_uneven;
+  wire parity_enable;
+  wire parity_odd;
+  wire two_stop;
   wire [9:1] baud;
   wire [8:1] addr;
   wire addr_valid;
@@ -141,6 +149,29 @@ module rtu2fc #(
       .tick_base(tick_base)
   );
 
+  card_tables tables_i (
+      .sw_baud(baud[5:1]),
+      .baud_undivided(baud_undivided),
+      .baud_mask(baud_mask),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop)
+  );
+
+  baud_divider divider_i (
+      .clk(clk),
+      // stream in
+      .tick_base(tick_base),
+      // stream out
+      .tick16_modbus(tick16_modbus),
+      .tick16_drive(tick16_drive),
+      // configuration
+      .modbus_undivided(baud_undivided),
+      .modbus_mask(baud_mask)
+  );
+
   switch_sampler switches_i (
       .clk(clk),
       .rst(rst_pin),
@@ -169,7 +200,7 @@ module rtu2fc #(
   ) network_i (
       .clk(clk),
       .rst(rst || fault),
-      .tick_base(tick_base),
+      .tick16(tick16_modbus),
       // frame memory
       .write_valid(modbus_write_valid),
       .write_ready(modbus_write_ready),
@@ -187,7 +218,11 @@ module rtu2fc #(
       .tx(modbus_tx),
       .de(modbus_de),
       // configuration
-      .sw_baud(baud[5:1]),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
       .own_address(addr),
       // status
       .sending(modbus_sending),
@@ -209,7 +244,7 @@ module rtu2fc #(
   drive_port drive_i (
       .clk(clk),
       .rst(rst || fault),
-      .tick_base(tick_base),
+      .tick16(tick16_drive),
       // frame memory
       .write_valid(drive_write_valid),
       .write_ready(drive_write_ready),
@@ -231,7 +266,6 @@ module rtu2fc #(
       .listen_again(listen_again),
       .listen_stop(listen_stop),
       // status
-      .tick16(tick16_drive),
       .sending(drive_sending),
       .quiet(drive_quiet),
       .listening(drive_listening),

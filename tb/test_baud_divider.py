@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""baud_divider: one tick of 1/16 bit for every `ratio` base ticks."""
+"""baud_divider: one tick of 1/16 bit for every `ratio` base ticks, for each port its own."""
 
 import cocotb
 import pytest
 
-from tb.generated.card_tables import BASE_HZ, RATES, TICKS_PER_BIT
+from tb.generated.card_tables import BASE_HZ, DRIVE_BAUD, RATES, TICKS_PER_BIT, Rate
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
-RATIOS = sorted(rate.ratio for rate in RATES.values())
+DRIVE = 12
 
 
 @cocotb.test()
@@ -18,21 +18,38 @@ async def every_rate_divides_the_base_evenly(dut):
         assert rate.ratio * rate.baud * TICKS_PER_BIT == BASE_HZ
 
 
+def levels(rate: Rate, **more: int) -> dict[str, int]:
+    return {"modbus_undivided": rate.ratio == 1, "modbus_mask": rate.mask, **more}
+
+
 @cocotb.test()
-@cocotb.parametrize(ratio=RATIOS)
-async def ticks_come_every_ratio_base_ticks(dut, ratio):
-    bench = await Bench(dut, tick_base=1, ratio=ratio).start()
-    ticks = Strobes(dut, "tick16")
-    await bench.clocks(5 * ratio + 2)
+@cocotb.parametrize(rate=list(RATES.values()))
+async def ticks_come_every_ratio_base_ticks(dut, rate):
+    bench = await Bench(dut, **levels(rate, tick_base=1)).start()
+    for ticks, ratio in ((Strobes(dut, "tick16_modbus"), rate.ratio), (Strobes(dut, "tick16_drive"), DRIVE)):
+        await bench.clocks(5 * ratio + 2)
+        gaps = {b - a for a, b in zip(ticks.times_ps, ticks.times_ps[1:], strict=False)}
+        assert gaps == {ratio * bench.period_ps}
+
+
+@cocotb.test()
+async def drive_ticks_are_those_of_its_rate_whatever_the_switches_say(dut):
+    assert DRIVE * DRIVE_BAUD * TICKS_PER_BIT == BASE_HZ
+    bench = await Bench(dut, **levels(RATES["000"], tick_base=1)).start()
+    ticks = Strobes(dut, "tick16_drive")
+    for rate in RATES.values():
+        for name, level in levels(rate).items():
+            getattr(dut, name).value = level
+        await bench.clocks(50)
     gaps = {b - a for a, b in zip(ticks.times_ps, ticks.times_ps[1:], strict=False)}
-    assert gaps == {ratio * bench.period_ps}
+    assert gaps == {DRIVE * bench.period_ps}
 
 
 @cocotb.test()
 async def uneven_base_ticks_are_counted_not_timed(dut):
     rng = seeded("base ticks")
-    bench = await Bench(dut, tick_base=0, ratio=3).start()
-    ticks, given = Strobes(dut, "tick16"), 0
+    bench = await Bench(dut, **levels(RATES["100"], tick_base=0)).start()
+    ticks, given = Strobes(dut, "tick16_modbus"), 0
     for _ in range(300):
         level = rng.randint(0, 1)
         dut.tick_base.value = level

@@ -19,14 +19,15 @@ async def every_pattern(dut):
         await Timer(1, unit="ns")
         rate, entry = RATES[switches[:3]], FORMATS[switches[3:]]
         shown = [
-            dut.baud_ratio,
+            dut.baud_undivided,
+            dut.baud_mask,
             dut.half_end,
             dut.half_uneven,
             dut.parity_enable,
             dut.parity_odd,
             dut.two_stop,
         ]
-        wanted = [rate.ratio, SILENCE_START + rate.half_ticks - 1, rate.half_uneven]
+        wanted = [rate.ratio == 1, rate.mask, SILENCE_START + rate.half_ticks - 1, rate.half_uneven]
         wanted += [entry.parity != "none", entry.parity == "odd", entry.stop_bits == 2]
         assert [int(signal.value) for signal in shown] == wanted, f"switches {switches}"
 

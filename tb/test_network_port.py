@@ -14,11 +14,12 @@ from tb.lib.bench import Bench, Strobes
 from tb.lib.card import baud_switches, switch_word
 from tb.lib.memory_ports import ReadPort, WritePort
 from tb.lib.rs485 import Rs485Line
-from tb.lib.runner import run
+from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.lib.uart_agent import Flaws, Format, now_ps
 from tb.model import rtu
 
+WRAPPER = ROOT / "tb/hdl/network_line.v"
 OWN = 7
 SLOWEST_HZ = 2_000_000
 FORMATS = ("8N1", "8N2", "8E1", "8O1")
@@ -377,10 +378,17 @@ COMMON = [
     *("FRAME-6", "FRAME-8", "SAFE-2"),
 )
 def test_network_port(sim):
-    run("network_port", "tb.test_network_port", sim=sim, testcase=COMMON)
+    run("network_line", "tb.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=COMMON)
 
 
 @pytest.mark.rule("FRAME-3")
 def test_network_port_lenient(sim):
     parameters = {"STRICT_T15": 0}
-    run("network_port", "tb.test_network_port", sim=sim, parameters=parameters, testcase="lenient_.*")
+    run(
+        "network_line",
+        "tb.test_network_port",
+        sim=sim,
+        extra_sources=[WRAPPER],
+        parameters=parameters,
+        testcase="lenient_.*",
+    )

@@ -64,7 +64,7 @@ def test_drift_is_noticed(tmp_path):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "configs.toml", tmp_path)
     target = tmp_path / "rtl/generated/card_defs.v"
-    target.write_text(target.read_text().replace("9'd12", "9'd13"))
+    target.write_text(target.read_text().replace("12'd352", "12'd353"))
     done = subprocess.run(
         [sys.executable, tmp_path / "tools/regs.py", "--check"], capture_output=True, text=True, check=False
     )
@@ -174,7 +174,8 @@ def test_rates_of_the_manual_and_exact_division():
     assert rates == manual | {"100": 38400, "110": 115200}
     for rate in card_tables.RATES.values():
         assert rate.ratio * rate.baud * card_tables.TICKS_PER_BIT == card_tables.BASE_HZ
-        assert rate.ratio < 1 << 9
+        assert rate.ratio in (1, 3 * (rate.mask + 1))
+        assert rate.mask < 1 << 7
 
 
 @pytest.mark.rule("LINE-3")
@@ -208,7 +209,7 @@ def test_three_and_seven_half_characters_are_the_silences():
 def test_drive_line_constants():
     macros = verilog_macros("card_defs.v")
     values = {name: verilog_value(text) for name, text in macros.items()}
-    assert values["CARD_BASE_HZ"] == 16 * 9600 * values["CARD_DRIVE_RATIO"]
+    assert values["CARD_BASE_HZ"] == 16 * 9600 * 3 * (values["CARD_DRIVE_MASK"] + 1)
     assert values["CARD_DRIVE_PAUSE_TICKS"] == 22 * 16
     assert (values["CARD_DRIVE_PARITY_ENABLE"], values["CARD_DRIVE_PARITY_ODD"]) == (1, 0)
     assert values["CARD_DRIVE_TWO_STOP"] == 0

@@ -301,6 +301,14 @@ class Card:
             sys.exit(f"{CARD}: {rate} bit/s does not divide the base of {self.line['base_hz']} Hz")
         return ratio
 
+    def mask(self, rate: int) -> int:
+        """The bits of baud_divider's count that a ratio of 3 x a power of 2 needs; 0 for ratio 1 too."""
+        ratio = self.ratio(rate)
+        halvings, rest = divmod(ratio, 3)
+        if ratio != 1 and (rest or halvings.bit_count() != 1 or halvings > 128):
+            sys.exit(f"{CARD}: {rate} bit/s is neither the base nor 3 x a power of 2 up to 128 slower")
+        return max(halvings - 1, 0)
+
     def exact_silence_ticks(self, rate: int, name: str) -> float:
         """t15 or t35 in oversampling ticks (FRAME-1)."""
         if rate > self.line["fast_above_baud"]:
@@ -330,7 +338,7 @@ def card_constants(card: Card) -> str:
     drive = card.drive
     constants = {
         "CARD_BASE_HZ": card.line["base_hz"],
-        "CARD_DRIVE_RATIO": f"9'd{card.ratio(drive['baud'])}",
+        "CARD_DRIVE_MASK": f"7'd{card.mask(drive['baud'])}",
         "CARD_DRIVE_PAUSE_TICKS": f"12'd{card.drive_pause_ticks}",
         "CARD_DRIVE_PARITY_ENABLE": f"1'b{int(drive['parity'] != 'none')}",
         "CARD_DRIVE_PARITY_ODD": f"1'b{int(drive['parity'] == 'odd')}",
@@ -341,8 +349,8 @@ def card_constants(card: Card) -> str:
         banner("//", CARD).rstrip(),
         "//",
         "// The fixed format of the drive line (FC-1, FC-8).",
-        "// Pause in ticks of 1/16 bit, ratio in ticks of the baud base. SILENCE_START: what the count of",
-        "// silence_timer begins a half character with; the ends in card_tables.v count from it.",
+        "// Pause in ticks of 1/16 bit, mask of baud_divider. SILENCE_START: what the count of silence_timer",
+        "// begins a half character with; the ends in card_tables.v count from it.",
         "",
     ]
     return "\n".join(lines + [f"`define {name} {value}" for name, value in constants.items()]) + "\n"
@@ -365,7 +373,8 @@ def card_verilog(card: Card) -> str:
     for bits, rate in card.rates.items():
         half, uneven = card.half_ticks(rate)
         rates[bits] = {
-            "baud_ratio": card.ratio(rate),
+            "baud_undivided": int(card.ratio(rate) == 1),
+            "baud_mask": card.mask(rate),
             "half_end": SILENCE_START + half - 1,
             "half_uneven": int(uneven),
         }
@@ -381,14 +390,15 @@ def card_verilog(card: Card) -> str:
         banner("//", CARD).rstrip(),
         "//",
         "// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.",
-        "// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer",
+        "// How baud_divider makes the rate (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer",
         "// counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.",
         "",
         "`default_nettype none",
         "",
         "module card_tables (",
         "    input  wire [ 5:1] sw_baud,",
-        "    output reg  [ 8:0] baud_ratio,",
+        "    output reg         baud_undivided,",
+        "    output reg  [ 6:0] baud_mask,",
         "    output reg  [ 8:0] half_end,",
         "    output reg         half_uneven,",
         "    output reg         parity_enable,",
@@ -396,7 +406,9 @@ def card_verilog(card: Card) -> str:
         "    output reg         two_stop",
         ");",
         "",
-        *verilog_case("sw_baud[3:1]", 3, {"baud_ratio": 9, "half_end": 9, "half_uneven": 1}, rates),
+        *verilog_case(
+            "sw_baud[3:1]", 3, {"baud_undivided": 1, "baud_mask": 7, "half_end": 9, "half_uneven": 1}, rates
+        ),
         "",
         *verilog_case("sw_baud[5:4]", 2, {"parity_enable": 1, "parity_odd": 1, "two_stop": 1}, formats),
         "",
@@ -419,12 +431,14 @@ def card_python(card: Card) -> str:
         "class Rate:",
         '    """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.',
         "",
+        "    mask: how baud_divider makes the ratio, if it is not 1.",
         "    half_ticks: half a character of FRAME-1.",
         "    half_uneven: every second half, from the second on, is a tick shorter.",
         '    """',
         "",
         "    baud: int",
         "    ratio: int",
+        "    mask: int",
         "    t15_ticks: int",
         "    t35_ticks: int",
         "    half_ticks: int",
@@ -450,7 +464,7 @@ def card_python(card: Card) -> str:
     ]
     for bits, rate in sorted(card.rates.items(), key=lambda item: item[1]):
         t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
-        row = rate, card.ratio(rate), t15, t35, *card.half_ticks(rate)
+        row = rate, card.ratio(rate), card.mask(rate), t15, t35, *card.half_ticks(rate)
         lines.append(f'    "{card.switch_text(bits, 3)}": Rate({", ".join(map(str, row))}),')
     lines += ["}", "", "# switches 4, 5", "FORMATS = {"]
     for bits, entry in sorted(card.formats.items()):

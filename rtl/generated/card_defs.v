@@ -2,11 +2,11 @@
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
 // The fixed format of the drive line (FC-1, FC-8).
-// Pause in ticks of 1/16 bit, ratio in ticks of the baud base. SILENCE_START: what the count of
-// silence_timer begins a half character with; the ends in card_tables.v count from it.
+// Pause in ticks of 1/16 bit, mask of baud_divider. SILENCE_START: what the count of silence_timer
+// begins a half character with; the ends in card_tables.v count from it.
 
 `define CARD_BASE_HZ 1843200
-`define CARD_DRIVE_RATIO 9'd12
+`define CARD_DRIVE_MASK 7'd3
 `define CARD_DRIVE_PAUSE_TICKS 12'd352
 `define CARD_DRIVE_PARITY_ENABLE 1'b1
 `define CARD_DRIVE_PARITY_ODD 1'b0

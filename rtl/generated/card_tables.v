@@ -2,14 +2,15 @@
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
 // What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.
-// Ratio in ticks of the baud base (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer
+// How baud_divider makes the rate (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer
 // counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.
 
 `default_nettype none
 
 module card_tables (
     input  wire [ 5:1] sw_baud,
-    output reg  [ 8:0] baud_ratio,
+    output reg         baud_undivided,
+    output reg  [ 6:0] baud_mask,
     output reg  [ 8:0] half_end,
     output reg         half_uneven,
     output reg         parity_enable,
@@ -20,42 +21,50 @@ module card_tables (
   always @* begin
     case (sw_baud[3:1])
       3'b000: begin
-        baud_ratio = 9'd384;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd127;
         half_end = 9'd105;
         half_uneven = 1'b0;
       end
       3'b001: begin
-        baud_ratio = 9'd3;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd0;
         half_end = 9'd171;
         half_uneven = 1'b1;
       end
       3'b010: begin
-        baud_ratio = 9'd48;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd15;
         half_end = 9'd105;
         half_uneven = 1'b0;
       end
       3'b011: begin
-        baud_ratio = 9'd1;
+        baud_undivided = 1'b1;
+        baud_mask = 7'd0;
         half_end = 9'd478;
         half_uneven = 1'b1;
       end
       3'b100: begin
-        baud_ratio = 9'd96;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd31;
         half_end = 9'd105;
         half_uneven = 1'b0;
       end
       3'b101: begin
-        baud_ratio = 9'd6;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd1;
         half_end = 9'd105;
         half_uneven = 1'b0;
       end
       3'b110: begin
-        baud_ratio = 9'd24;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd7;
         half_end = 9'd105;
         half_uneven = 1'b0;
       end
       default: begin
-        baud_ratio = 9'd12;
+        baud_undivided = 1'b0;
+        baud_mask = 7'd3;
         half_end = 9'd105;
         half_uneven = 1'b0;
       end

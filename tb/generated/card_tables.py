@@ -9,12 +9,14 @@ from dataclasses import dataclass
 class Rate:
     """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.
 
+    mask: how baud_divider makes the ratio, if it is not 1.
     half_ticks: half a character of FRAME-1.
     half_uneven: every second half, from the second on, is a tick shorter.
     """
 
     baud: int
     ratio: int
+    mask: int
     t15_ticks: int
     t35_ticks: int
     half_ticks: int
@@ -37,14 +39,14 @@ SILENCE_START = 18
 
 # switches 1, 2, 3
 RATES = {
-    "000": Rate(300, 384, 264, 616, 88, False),
-    "001": Rate(1200, 96, 264, 616, 88, False),
-    "010": Rate(2400, 48, 264, 616, 88, False),
-    "011": Rate(4800, 24, 264, 616, 88, False),
-    "111": Rate(9600, 12, 264, 616, 88, False),
-    "101": Rate(19200, 6, 264, 616, 88, False),
-    "100": Rate(38400, 3, 461, 1076, 154, True),
-    "110": Rate(115200, 1, 1383, 3226, 461, True),
+    "000": Rate(300, 384, 127, 264, 616, 88, False),
+    "001": Rate(1200, 96, 31, 264, 616, 88, False),
+    "010": Rate(2400, 48, 15, 264, 616, 88, False),
+    "011": Rate(4800, 24, 7, 264, 616, 88, False),
+    "111": Rate(9600, 12, 3, 264, 616, 88, False),
+    "101": Rate(19200, 6, 1, 264, 616, 88, False),
+    "100": Rate(38400, 3, 0, 461, 1076, 154, True),
+    "110": Rate(115200, 1, 0, 1383, 3226, 461, True),
 }
 
 # switches 4, 5

@@ -37,6 +37,7 @@ module drive_line #(
 );
 
   wire tick_base;
+  wire tick16_drive;
 
   baud_base #(
       .CLK_HZ(CLK_HZ)
@@ -46,10 +47,19 @@ module drive_line #(
       .tick_base(tick_base)
   );
 
+  baud_divider divider_i (
+      .clk(clk),
+      .tick_base(tick_base),
+      .tick16_modbus(),
+      .tick16_drive(tick16_drive),
+      .modbus_undivided(1'b0),
+      .modbus_mask(7'd0)
+  );
+
   drive_port port_i (
       .clk(clk),
       .rst(rst),
-      .tick_base(tick_base),
+      .tick16(tick16_drive),
       .write_valid(write_valid),
       .write_ready(write_ready),
       .write_addr(write_addr),
@@ -66,7 +76,6 @@ module drive_line #(
       .de(de),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .tick16(),
       .sending(sending),
       .quiet(quiet),
       .listening(listening),

@@ -12,7 +12,8 @@ module uart_chain #(
     input  wire       rx,
     output wire       tx,
     // configuration
-    input  wire [8:0] ratio,
+    input  wire       undivided,
+    input  wire [6:0] mask,
     input  wire       parity_enable,
     input  wire       parity_odd,
     input  wire       two_stop,
@@ -44,10 +45,11 @@ module uart_chain #(
 
   baud_divider divider_i (
       .clk(clk),
-      .rst(rst),
       .tick_base(tick_base),
-      .tick16(tick16),
-      .ratio(ratio)
+      .tick16_modbus(tick16),
+      .tick16_drive(),
+      .modbus_undivided(undivided),
+      .modbus_mask(mask)
   );
 
   sync_2ff sync_i (

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bench wrapper: the network port with what the switches select, as on the card.
+`default_nettype none
+
+module network_line #(
+    parameter [0:0] STRICT_T15 = 1'b1
+) (
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick_base,
+    // frame memory
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [5:0] write_addr,
+    output wire [7:0] write_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
+    // stream in
+    input  wire       reply_start,
+    input  wire [4:0] reply_length,
+    // pins
+    input  wire       rx,
+    output wire       tx,
+    output wire       de,
+    // configuration
+    input  wire [5:1] sw_baud,
+    input  wire [7:0] own_address,
+    // status
+    output wire       sending,
+    output wire       quiet,
+    output wire       start_seen,
+    output wire       candidate,
+    output wire       commit,
+    output wire       revoke,
+    output wire [7:0] frame_length,
+    output wire       frame_broadcast,
+    output wire       frame_bank,
+    output wire       count_crc,
+    output wire       count_parity,
+    output wire       count_framing,
+    output wire       count_t15,
+    output wire       count_overrun
+);
+
+  wire tick16;
+  wire undivided;
+  wire [6:0] mask;
+  wire [8:0] half_end;
+  wire half_uneven;
+  wire parity_enable;
+  wire parity_odd;
+  wire two_stop;
+
+  card_tables tables_i (
+      .sw_baud(sw_baud),
+      .baud_undivided(undivided),
+      .baud_mask(mask),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop)
+  );
+
+  baud_divider divider_i (
+      .clk(clk),
+      .tick_base(tick_base),
+      .tick16_modbus(tick16),
+      .tick16_drive(),
+      .modbus_undivided(undivided),
+      .modbus_mask(mask)
+  );
+
+  network_port #(
+      .STRICT_T15(STRICT_T15)
+  ) port_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      .write_valid(write_valid),
+      .write_ready(write_ready),
+      .write_addr(write_addr),
+      .write_data(write_data),
+      .read_valid(read_valid),
+      .read_ready(read_ready),
+      .read_addr(read_addr),
+      .read_data(read_data),
+      .reply_start(reply_start),
+      .reply_length(reply_length),
+      .rx(rx),
+      .tx(tx),
+      .de(de),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
+      .own_address(own_address),
+      .sending(sending),
+      .quiet(quiet),
+      .start_seen(start_seen),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_bank(frame_bank),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun)
+  );
+
+endmodule
+
+`default_nettype wire
