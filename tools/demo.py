@@ -148,7 +148,9 @@ def demo(folder: Path) -> int:
         master = Pymodbus(card.link)
         for example in examples.values():
             results.append(run_example(card, example, lambda example=example: master.ask(example.request)))
+        before = len(card.frames())
         master.ask(END_TEXT_ACCESS)  # example 6 leaves the card in text access
+        card.wait_for_frames(before, "modbus", "card")  # so that it is not taken for the next one's
         master.close()
         link = card.link
         by_mbpoll = {
