@@ -59,6 +59,7 @@ static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32
         txn->settings.eeprom = (bits & 1u) != 0;
         return confirm(txn);
     }
+    /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): 1 to 32, or it were refused (EXC 3) */
     mask = UINT32_MAX >> (CONTROL_COILS - quantity) << txn->address;
     *control = (*control & ~mask) | (bits << txn->address & mask);
     return telegram_process(txn, *control);

@@ -57,7 +57,7 @@ static bool find_parameter(struct transaction *txn)
         rest = 0;
     }
     txn->pnu = (uint16_t)tenth;
-    return rest == 0 && tenth >= 1 && tenth <= TRAITS.pnu_max;
+    return rest == 0 && tenth <= TRAITS.pnu_max; /* and not 0, as n is not */
 }
 
 static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t value)

@@ -9,21 +9,18 @@ enum form {
     FORM_COUNTED, /* address, quantity, byte count, data */
 };
 
-enum map { MAP_COILS, MAP_REGISTERS };
-
 static const struct function {
     uint8_t code;
     uint8_t form;
-    uint8_t map;
-    uint8_t limit; /* largest quantity of coils; registers: registers_limit */
+    uint8_t coils; /* largest quantity of them; 0: registers, see registers_limit */
     handler *handle;
 } functions[] = {
-    {READ_COILS, FORM_READ, MAP_COILS, 128, coils_read},
-    {READ_REGISTERS, FORM_READ, MAP_REGISTERS, 0, registers_read},
-    {WRITE_COIL, FORM_SINGLE, MAP_COILS, 1, coil_write},
-    {WRITE_REGISTER, FORM_SINGLE, MAP_REGISTERS, 1, register_write},
-    {WRITE_COILS, FORM_COUNTED, MAP_COILS, 32, coils_write},
-    {WRITE_REGISTERS, FORM_COUNTED, MAP_REGISTERS, 0, registers_write},
+    {READ_COILS, FORM_READ, 128, coils_read},
+    {READ_REGISTERS, FORM_READ, 0, registers_read},
+    {WRITE_COIL, FORM_SINGLE, 1, coil_write},
+    {WRITE_REGISTER, FORM_SINGLE, 0, register_write},
+    {WRITE_COILS, FORM_COUNTED, 32, coils_write},
+    {WRITE_REGISTERS, FORM_COUNTED, 0, registers_write},
 };
 
 /* Bytes of a PDU before the data, and where in it things are. */
@@ -90,8 +87,8 @@ static const struct function *find_function(uint32_t code)
 static bool quantity_fits(const struct translator *t, const struct transaction *txn,
                           const struct function *function, frame_byte *pdu)
 {
-    const bool coils = function->map == MAP_COILS;
-    const uint32_t limit = coils ? function->limit : registers_limit(t, txn);
+    const bool coils = function->coils != 0;
+    const uint32_t limit = coils ? function->coils : registers_limit(t, txn);
     const uint32_t bytes = coils ? (txn->operand + 7u) >> 3 : (uint32_t)txn->operand << 1;
 
     if (function->form == FORM_SINGLE)
@@ -159,14 +156,13 @@ static enum outcome answer_process(const struct translator *t, struct transactio
 {
     if (lge != LGE_PROCESS)
         return OUTCOME_NOT_A_REPLY;
-    return txn->function == READ_COILS ? coils_answer(t, txn, txn->status) : confirm(txn);
+    return STATUS_REFRESH && txn->function == READ_COILS ? coils_answer(t, txn, txn->status) : confirm(txn);
 }
 
 /* A text that was asked for as a number: 06 never writes text. */
 static bool may_be_text(const struct transaction *txn, uint32_t fault)
 {
-    return TRAITS.text_by_size && fault == FAULT_TYPE && txn->expects == EXPECT_NUMBER &&
-           txn->function != WRITE_REGISTER;
+    return fault == FAULT_TYPE && txn->expects == EXPECT_NUMBER && txn->function != WRITE_REGISTER;
 }
 
 static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, uint32_t lge)
@@ -182,7 +178,8 @@ static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, 
     if (lge != LGE_PARAMETER)
         return OUTCOME_NOT_A_REPLY;
     if (ak == AK_REFUSED)
-        return may_be_text(txn, data[7].byte) ? OUTCOME_EXCHANGE : refuse_fault(txn, data[7].byte);
+        return TRAITS.text_by_size && may_be_text(txn, data[7].byte) ? OUTCOME_EXCHANGE
+                                                                     : refuse_fault(txn, data[7].byte);
     if (txn->expects != EXPECT_NUMBER || (ak != AK_IS_WORD && ak != AK_IS_DOUBLE))
         return OUTCOME_NOT_A_REPLY;
     return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : confirm(txn);
