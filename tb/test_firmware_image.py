@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import re
 import struct
+import subprocess
 
 import pytest
 
@@ -11,6 +13,7 @@ from tb.lib.seeds import seeded
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.rv32i import Hung, Machine, image
 from tools.seal import SUMS, seal
+from tools.sources import ROOT
 
 ORANGE, RED = 0xF, 0b0101
 SHOW_MS, VERDICT_MS = 2000, 12000
@@ -37,6 +40,14 @@ class Card:
 
 def checked_bits() -> int:
     return 8 * (len(image()) - SUMS.size)
+
+
+def the_check_itself() -> range:
+    """Bytes of the image that are its check, and what halts the card."""
+    command = ["riscv64-unknown-elf-nm", "-S", ROOT / "build/firmware.elf"]
+    symbols = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    start, size = re.search(r"^(\w+) (\w+) t check\b", symbols, re.MULTILINE).groups()
+    return range(int(start, 16), int(start, 16) + int(size, 16))
 
 
 # ---------------------------------------------------------------- the image
@@ -94,7 +105,7 @@ class HaltingMailbox(FakeMailbox):
 def test_an_image_damaged_before_the_start_ends_before_anything_is_served():
     """Halted by itself, or trapped or hung, which the watchdog turns into the same (WDG-1, LED-5)."""
     rng = seeded("damaged bits")
-    ends = {"halted": 0, "stopped": 0}
+    ends = {"halted": 0, "stopped": 0, "blind": 0}
     for _ in range(60):
         mailbox = HaltingMailbox()
         bit = rng.randrange(checked_bits())
@@ -107,7 +118,9 @@ def test_an_image_damaged_before_the_start_ends_before_anything_is_served():
         except (AssertionError, Hung):
             ends["stopped"] += 1
         else:
-            pytest.fail(f"bit {bit} of the image is wrong and the firmware runs on")
+            # A bit of the check can keep it from finding that very bit; it can do no more.
+            ends["blind"] += 1
+            assert bit // 8 in the_check_itself(), f"bit {bit} of the image is wrong and the firmware runs on"
         assert not mailbox.telegrams and not mailbox.replies
     print(ends)
     assert ends["halted"] > 40
