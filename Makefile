@@ -4,6 +4,7 @@
 #   CONFIG=name   configuration of configs.toml (sources)        default: standard
 #   SIM=name      icarus or verilator (test, waves)              default: both; waves: icarus
 #   TEST=name     what `pytest -k` takes (test, waves)           default: all
+#   MODULE=name   a module of rtl/ (formal, mutate)              default: all
 #   JOBS=n        processes of a test run                        default: 2
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
 #   SEED=n        repeats a run (soak)                           default: a new one
@@ -81,6 +82,13 @@ bench: bench-card bench-tiny card drive | $(SETUP) ## turnaround on the pins aga
 
 bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs too, in under a minute
 	@$(PY) -m tools.bench --fast $(BENCH_ARGS)
+
+.PHONY: formal mutate
+formal: | $(SETUP) ## prove what formal/ promises, and write docs/proofs.md (MODULE=)
+	@$(PY) tools/formal.py $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
+
+mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches notice (MODULE=, default all: hours)
+	@$(PY) tools/mutate.py $(or $(MODULE),--all) --jobs $(JOBS)
 
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name

