@@ -27,6 +27,8 @@ from tools.sources import ROOT, SourcesError, card_files, configurations, rtl_fi
 
 BUILD = ROOT / "build/synth"
 RESULTS = BUILD / "results.json"
+DOCS = ROOT / "docs/synthesis.md"
+TEMPLATE = ROOT / "constraints/synthesis.md.in"
 # Fmax over the board's clock.
 MARGIN = 1.5
 # Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
@@ -248,18 +250,24 @@ PORT |= {
 }
 MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter"}
 OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor"}
-PARTS = {
-    "UART of one port, with its bit clock": {"network_port", "uart", "baud_base", "baud_divider"},
-    "network port": PORT - {"drive_port"},
-    "drive port": PORT - {"network_port"},
-    "mailbox": MAILBOX,
-    "front end: both ports, framing, mailbox": PORT | MAILBOX,
-    "switches, reset, time, supervisor": OTHERS,
-    "soft core": {"soft_core"},
-    "firmware memory": {"firmware_ram"},
-    "whole card": PORT | MAILBOX | OTHERS | {"soft_core", "firmware_ram"},
-}
-# The parts whose cells are counted: package, as large as can be had, has nothing to do with it.
+CORE = {"soft_core"}
+WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}
+# Label, configuration, what stays.
+PARTS = [
+    ("UART of one port with its bit clock", "tiny", {"network_port", "uart", "baud_base", "baud_divider"}),
+    ("network port", "tiny", PORT - {"drive_port"}),
+    ("drive port", "tiny", PORT - {"network_port"}),
+    ("mailbox", "tiny", MAILBOX),
+    ("**front end**: both ports, framing and mailbox", "tiny", PORT | MAILBOX),
+    ("switches, reset, time, supervisor", "tiny", OTHERS),
+    ("soft core of `tiny` (SERV)", "tiny", CORE),
+    ("firmware memory of `tiny`, 6 KiB", "tiny", {"firmware_ram"}),
+    ("**whole card**, `tiny`", "tiny", WHOLE),
+    ("soft core of `standard` (PicoRV32)", "standard", CORE),
+    ("firmware memory of `standard`, 8 KiB", "standard", {"firmware_ram"}),
+    ("**whole card**, `standard`", "standard", WHOLE),
+]
+# Where parts are counted. The package is a large one, for the pins that a part alone has.
 COUNTED_ON = {
     "machxo2": ("xo2", ["--device", "LCMXO3LF-6900C-5BG400C"]),
     "ice40": ("hx", ["--hx8k", "--package", "ct256", "--pcf-allow-unconstrained"]),
@@ -346,6 +354,32 @@ def too_big(name: str, row: dict) -> list[str]:
     ]
 
 
+# ---------------------------------------------------------------- docs/synthesis.md
+
+
+def board_row(name: str, row: dict) -> str:
+    cells = f"{row['cells']} of {row['cells_of']} | {100 * row['cells'] / row['cells_of']:.0f} %"
+    ratio = row["fmax_mhz"] / row["clk_mhz"]
+    return (
+        f"| `{name}` | {row['part']} | `{row['config']}` | {row['lut4']} | {row['ff']} | {cells}"
+        f" | {row['brams']} of {row['brams_of']} | {row['fmax_mhz']:.1f} | {row['clk_mhz']:g} | {ratio:.1f}"
+        f" | {row['seed']} | {row['seconds']} |"
+    )
+
+
+def part_row(label: str, row: dict) -> str:
+    counts = [row[family][flow]["cells"] for family in COUNTED_ON for flow in FLOWS]
+    brams = [row[family]["ours"]["brams"] for family in COUNTED_ON]
+    return f"| {label} | " + " | ".join(map(str, counts + brams)) + " |"
+
+
+def write_docs(results: dict) -> None:
+    text = TEMPLATE.read_text()
+    text = text.replace("{boards}", "\n".join(board_row(*item) for item in results["boards"].items()))
+    text = text.replace("{parts}", "\n".join(part_row(*item) for item in results["parts"].items()))
+    DOCS.write_text(text)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("boards", nargs="*", metavar="BOARD")
@@ -355,19 +389,26 @@ def main() -> int:
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2
-    known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     wrong = []
+    results = {"boards": {}, "parts": {}}
     for entry in chosen:
         try:
             row = build(entry)
         except (SynthError, SourcesError, image.ImageError) as error:
             wrong.append(str(error))
-            print(error, file=sys.stderr, flush=True)
             continue
         print(line(entry.name, row), flush=True)
-        known.setdefault("boards", {})[entry.name] = row
-        RESULTS.write_text(json.dumps(known, indent=1) + "\n")
+        results["boards"][entry.name] = row
         wrong += too_big(entry.name, row)
+    if not args.boards and not wrong:
+        for label, config, stay in PARTS:
+            results["parts"][label] = {
+                family: {flow: count_part(config, family, flow, stay) for flow in FLOWS}
+                for family in COUNTED_ON
+            }
+            print(part_row(label, results["parts"][label]), flush=True)
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+        write_docs(results)
     for text in wrong:
         print(f"synth: {text}", file=sys.stderr)
     return 1 if wrong else 0
