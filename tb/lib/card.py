@@ -37,6 +37,16 @@ def switch_word(positions: str) -> int:
     return int(positions[::-1], 2)
 
 
+async def looks_for_requests(dut) -> None:
+    """Until the firmware reads the register of the requests; while the image is checked it does not."""
+    mailbox = dut.mailbox_i
+    while True:
+        await RisingEdge(mailbox.regs_valid)
+        await ReadOnly()
+        if not mailbox.regs_write.value and mailbox.regs_word.value == REGISTERS["REQUEST"].offset // 4:
+            return
+
+
 class Card:
     """Device under test with a master on one side and a drive on the other."""
 
@@ -92,19 +102,11 @@ class Card:
     async def _firmware_ready(self) -> None:
         """At a slow clock the firmware starts later; nobody needs to wait longer than it takes."""
         limit_ps = round(boot_clocks() * self.bench.period_ps)
-        await with_timeout(self._first_look(), limit_ps + 4 * MS, "ps")
-
-    async def _first_look(self) -> None:
-        if not hasattr(self.dut, "mailbox_i"):
+        if hasattr(self.dut, "mailbox_i"):
+            await with_timeout(looks_for_requests(self.dut), limit_ps, "ps")
+        else:
             # A netlist shows nothing of its inside: all the time that it may take.
-            await Timer(round(boot_clocks() * self.bench.period_ps), unit="ps")
-            return
-        mailbox = self.dut.mailbox_i
-        while True:
-            await RisingEdge(mailbox.regs_valid)
-            await ReadOnly()
-            if not mailbox.regs_write.value and mailbox.regs_word.value == REGISTERS["REQUEST"].offset // 4:
-                break
+            await Timer(limit_ps, unit="ps")
         # Both lines have been silent for long enough by then at any rate the benches use.
         await Timer(4 * MS, unit="ps")
 

@@ -25,7 +25,7 @@ from cocotb.triggers import (
     with_timeout,
 )
 
-from tb.lib.card import MS, Card
+from tb.lib.card import MS, Card, looks_for_requests
 from tb.lib.fc_slave import Script
 from tb.lib.rs485 import Rs485Line
 from tb.lib.uart_agent import Frame, now_ps
@@ -145,7 +145,11 @@ class Firmware:
         self.loop = -1  # a word of the poll loop that is executed in every round
 
     async def round(self) -> None:
-        """Waits until the next round of the poll loop is over: the watchdog is kicked in each."""
+        """Waits until the next round of the poll loop is over: the watchdog is kicked in each.
+
+        Kicks while the image is checked at the start are not the loop's, which looks for requests.
+        """
+        await within(ROUND_LIMIT_PS, looks_for_requests(self._dut), "a look for requests")
         await self._strobe(self._dut.watchdog_kick, ROUND_LIMIT_PS, "a round of the poll loop")
 
     async def _strobe(self, signal, limit_ps: float, what: str) -> int:
