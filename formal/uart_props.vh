@@ -103,7 +103,7 @@ always @(posedge clk) begin
     // None is lost: the next never begins, and this one never ends, before it was received.
     a_received : assert (!(g_due && g_first && !byte_valid));
     a_ended : assert (!(g_due && !g_active && !byte_valid));
-    a_silent : assert (txd && !sending);
+    a_silent : assert (txd && !sending && !driving);
   end
 end
 
@@ -187,10 +187,12 @@ always @* begin
   else if (g_bit == 4'd9 && parity_enable) g_level = ^{g_byte, parity_odd};
   else g_level = 1'b1;
 end
-reg g_was_level = 1'b1;
+reg g_was_level = 1'b1;  // the pin and what is told of it follow a clock later
+reg g_was_sending = 1'b0;
 
 always @(posedge clk) begin
   g_was_level <= g_level;
+  g_was_sending <= g_sending;
   if (tick16 && g_sending) begin
     g_tick <= g_tick + 8'd1;
     if (g_last) g_sending <= 1'b0;
@@ -209,13 +211,14 @@ always @(posedge clk) begin
     g_sending <= 1'b0;
     g_loaded <= 1'b0;
     g_was_level <= 1'b1;
+    g_was_sending <= 1'b0;
   end
 end
 
 always @(posedge clk) begin
   if (g_past) begin
     a_level : assert (txd == g_was_level);
-    a_sending : assert (sending == g_sending);
+    a_sending : assert (sending == g_was_sending);
     // No byte is taken over another, and none while the one before has data on the line.
     a_taken : assert (!g_load || !g_loaded);
     a_deaf : assert (!byte_valid && !start_seen);
@@ -225,6 +228,7 @@ end
 // ---- what induction needs to know: how the module's own state follows from the ghost's
 always @(posedge clk) begin
   if (g_past) begin
+    i_driving : assert (driving == g_sending);
     i_states : assert (g_state_count == (g_sending ? 3'd1 : 3'd0));
     i_loaded : assert (loaded == g_loaded || (g_sending && state[S_START] && loaded && !g_loaded));
     i_waiting : assert (!g_loaded || shift == g_waiting);

@@ -18,7 +18,7 @@
 // Sending. A byte is taken while the line is idle or from the first stop bit of the
 // one before, so whoever answers within a bit leaves no gap (FC-8, LINE-1). It begins
 // at the next tick with line_ready. Every bit lasts exactly 16 ticks. sending: from
-// the first start bit to the end of the last stop bit; txd follows a clock later.
+// the first start bit to the end of the last stop bit, as the pin shows them.
 // With send_check the data bits come from check_bit in place of send_data.
 //
 // bit_valid, bit_data: each data bit of either direction, for the check unit. No
@@ -72,6 +72,7 @@ module uart (
   reg [2:0] bits_done = 3'd0;
   reg [1:0] votes = 2'd0;  // the last two samples
   reg [7:0] shift = 8'd0;
+  reg driving = 1'b0;  // a character is being sent; the pin follows a clock later
   reg loaded = 1'b0;  // shift waits for its start bit
   reg parity = 1'b0;  // of parity_odd and the bits so far, at byte_valid with the stop bit
   reg stop_missing = 1'b0;
@@ -81,21 +82,21 @@ module uart (
   wire load = send_valid && send_ready;
   wire go = loaded && line_ready;
   // A bit is judged in its middle, sent to its end.
-  wire bit_over = phase == {sending, 3'd7};
-  wire step = idle ? go || !line : state[S_REST] && !sending ? line : bit_over;
+  wire bit_over = phase == {driving, 3'd7};
+  wire step = idle ? go || !line : state[S_REST] && !driving ? line : bit_over;
   wire leave = tick16 && step;
   wire last_bit = state[S_DATA] && bits_done == 3'd7;
-  wire no_start = vote && !sending;
-  wire stop_over = sending ? !two_stop : vote;
+  wire no_start = vote && !driving;
+  wire stop_over = driving ? !two_stop : vote;
   wire over = state[S_REST] || (state[S_STOP] && stop_over);
 
-  assign send_ready = !loaded && !(sending && (state[S_START] || state[S_DATA]));
+  assign send_ready = !loaded && !(driving && (state[S_START] || state[S_DATA]));
   assign byte_data = shift;
   assign byte_parity_error = parity_enable && parity == stop_missing;
   assign byte_framing_error = stop_missing;
   assign bit_valid = leave && state[S_DATA];
-  assign bit_data = !sending ? vote : send_check ? check_bit : shift[0];
-  assign receiving = !idle && !sending;
+  assign bit_data = !driving ? vote : send_check ? check_bit : shift[0];
+  assign receiving = !idle && !driving;
 
   initial begin
     txd = 1'b1;
@@ -105,8 +106,8 @@ module uart (
   end
 
   always @(posedge clk) begin
-    byte_valid <= leave && state[S_STOP] && !sending;
-    start_seen <= leave && state[S_START] && !sending && !vote;
+    byte_valid <= leave && state[S_STOP] && !driving;
+    start_seen <= leave && state[S_START] && !driving && !vote;
 
     if (tick16) votes <= {votes[0], line};
     if (idle) phase <= 4'd0;
@@ -120,7 +121,7 @@ module uart (
       state[S_PARITY] <= last_bit && parity_enable;
       state[S_STOP]   <= (last_bit && !parity_enable) || state[S_PARITY];
       state[S_REST]   <= state[S_STOP] && !stop_over;
-      if (idle || over) sending <= go;
+      if (idle || over) driving <= go;
       parity <= state[S_START] ? parity_odd : parity ^ bit_data;
       stop_missing <= !vote;
     end
@@ -128,15 +129,17 @@ module uart (
     if (load) shift <= send_data;
     else if (bit_valid) shift <= {vote, shift[7:1]};
     if (load) loaded <= 1'b1;
-    else if (sending && state[S_START]) loaded <= 1'b0;
+    else if (driving && state[S_START]) loaded <= 1'b0;
 
-    txd <= !sending || (state[S_DATA] ? bit_data : state[S_PARITY] ? parity : !state[S_START]);
+    sending <= driving;
+    txd <= !driving || (state[S_DATA] ? bit_data : state[S_PARITY] ? parity : !state[S_START]);
 
     if (rst) begin
       state <= 5'd0;
       txd <= 1'b1;
       byte_valid <= 1'b0;
       loaded <= 1'b0;
+      driving <= 1'b0;
       sending <= 1'b0;
       start_seen <= 1'b0;
     end
