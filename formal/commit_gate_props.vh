@@ -12,6 +12,7 @@ initial assume (rst);
 reg g_candidate = 1'b0;  // the newest request is neither committed nor revoked
 reg g_committed = 1'b0;  // the newest request is committed
 reg g_heard = 1'b0;  // since then a character began or a reply left
+reg g_spent = 1'b0;  // the newest request, committed, has its reply: it licenses nothing more
 reg g_content_here = 1'b0;  // the telegram memory was not written since a telegram was queued for ...
 reg g_content_ours = 1'b0;  // ... the newest request, as it then was
 reg g_licensed = 1'b0;  // and that request was committed
@@ -32,14 +33,17 @@ always @(posedge clk) begin
     if (revoke) g_candidate <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
+  if (commit) g_spent <= 1'b0;
+  else if (reply_start || (queue_reply && queue_ticket == ticket && broadcast)) g_spent <= 1'b1;
 
   // A telegram belongs to the request that was the newest when it was queued. One that is queued in the
   // clock in which the request changes belongs to the old one.
   if (g_queued) begin
     g_content_here <= 1'b1;
-    g_content_ours <= queue_ticket == ticket && !candidate && !revoke && (g_candidate || g_committed);
+    g_content_ours <= queue_ticket == ticket && !candidate && !revoke &&
+        (g_candidate || (g_committed && !g_spent));
     g_licensed <= queue_ticket == ticket && !candidate && !revoke &&
-        (g_committed || (g_candidate && commit));
+        ((g_committed && !g_spent) || (g_candidate && commit));
   end else begin
     if (candidate || (revoke && g_candidate)) g_content_ours <= 1'b0;
     if (commit && !candidate && g_content_here && g_content_ours) g_licensed <= 1'b1;
@@ -54,6 +58,7 @@ always @(posedge clk) begin
     g_candidate <= 1'b0;
     g_committed <= 1'b0;
     g_heard <= 1'b0;
+    g_spent <= 1'b0;
     g_content_here <= 1'b0;
     g_content_ours <= 1'b0;
     g_licensed <= 1'b0;
@@ -78,7 +83,8 @@ always @* if (g_past && !candidate) assume (broadcast == g_broadcast);
 // ---- safety
 always @(posedge clk) begin
   if (g_past && !rst && !loopback_open && !g_loop) begin
-    // SAFE-1: what leaves was queued for a request that was committed, and was not changed since.
+    // SAFE-1, SAFE-4: what leaves was queued for a request that was committed and had no reply yet, and was
+    // not changed since.
     a_licensed : assert (!telegram_start || (g_licensed && g_content_here));
     // FC-8: and it leaves on a silent line only.
     a_drive_quiet : assert (!telegram_start || drive_quiet);
@@ -103,6 +109,7 @@ always @(posedge clk) begin
     i_licensed : assert (!licensed || (g_licensed && g_content_here));
     i_queued : assert (!telegram_queued || licensed || (g_content_here && g_content_ours && g_candidate));
     i_reply : assert (!reply_queued || !broadcast || candidate);
+    i_spent : assert (spent == g_spent);
     i_state : assert (!(g_candidate && g_committed));
   end
 end

@@ -11,7 +11,10 @@
 // broadcast (MAP-9).
 // Telegram: committed means licensed. The licence outlives newer requests, so an
 // exchange under way is finished and the same telegram may be repeated (FC-9); any
-// write to its memory ends the licence. It starts after 2 characters of silence.
+// write to its memory ends the licence. A request that has its reply is spent and
+// licenses nothing more, whatever a flipped bit makes of the firmware (SAFE-4); a
+// broadcast is spent when the firmware answers it, which sends nothing.
+// It starts after 2 characters of silence.
 //
 // Without a committed request no telegram starts (SAFE-1). The one exception is the
 // loop-back test, while loopback_open: there is no master on the line then (LOOP-1).
@@ -57,6 +60,7 @@ module commit_gate (
   reg  answerable = 1'b0;  // committed, and nothing heard or answered since
   reg  wait_drive = 1'b0;
   reg  licensed = 1'b0;
+  reg  spent = 1'b0;  // the request has its reply and licenses nothing more
 
   wire current = queue_ticket == ticket;
   wire new_telegram = queue_telegram && !telegram_repeat;
@@ -80,6 +84,7 @@ module commit_gate (
     if (reply_start) begin
       reply_queued <= 1'b0;
       answerable   <= 1'b0;
+      spent        <= 1'b1;
     end
     if (telegram_start) begin
       telegram_queued  <= 1'b0;
@@ -91,13 +96,14 @@ module commit_gate (
       reply_queued <= !reply_empty && (loopback_open ||
           (current && !broadcast && (is_candidate || (is_committed && answerable))));
       wait_drive <= reply_after_drive;
+      if (current && broadcast) spent <= 1'b1;
     end
     if (queue_telegram) begin
       telegram_started <= 1'b0;
       if (telegram_repeat) telegram_queued <= licensed;
       else begin
-        telegram_queued <= loopback_open || (current && (is_candidate || is_committed));
-        licensed <= loopback_open || (current && is_committed);
+        telegram_queued <= loopback_open || (current && (is_candidate || (is_committed && !spent)));
+        licensed <= loopback_open || (current && is_committed && !spent);
       end
     end
     // What the two lines take back.
@@ -122,6 +128,7 @@ module commit_gate (
       is_candidate <= 1'b0;
       is_committed <= 1'b1;
       answerable   <= 1'b1;
+      spent        <= 1'b0;
       if (!candidate && (new_telegram ? current : telegram_queued)) licensed <= 1'b1;
     end
     if (revoke && is_candidate) begin
@@ -144,6 +151,7 @@ module commit_gate (
       telegram_queued <= 1'b0;
       telegram_started <= 1'b0;
       licensed <= 1'b0;
+      spent <= 1'b0;
     end
   end
 

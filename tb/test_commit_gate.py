@@ -269,6 +269,60 @@ async def touching_the_telegram_ends_its_licence(dut):
 
 
 @cocotb.test()
+async def a_request_that_has_its_reply_licenses_nothing_more(dut):
+    """Whatever a flipped bit makes the firmware queue (SAFE-4)."""
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (1, 0)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (1, 0)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (1, 0)
+    # Neither does it stain the next one, nor does the next one's candidate wash it clean.
+    newer = await gate.candidate()
+    await gate.pulse("revoke")
+    await gate.queue_telegram(newer)
+    assert await gate.settle() == (1, 0)
+    newest = await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_telegram(newest)
+    assert await gate.settle() == (1, 1)
+
+
+@cocotb.test()
+async def a_reply_does_not_end_the_exchange_of_an_older_request(dut):
+    """Its telegram may still be repeated (FC-9)."""
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+    newer = await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_reply(newer)
+    assert await gate.settle() == (1, 1)
+    await gate.queue_telegram(newer, repeat=1)
+    assert await gate.settle() == (1, 2)
+
+
+@cocotb.test()
+async def a_broadcast_is_spent_when_the_firmware_says_so(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(broadcast=1)
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+    await gate.queue_reply((ticket - 1) % 16, empty=1)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 2), "not by another's ticket"
+    await gate.queue_reply(ticket, empty=1)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 2)
+
+
+@cocotb.test()
 async def touching_in_the_very_clock_of_the_commit_licenses_nothing(dut):
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
@@ -334,7 +388,7 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     """Against the promise told from the inputs alone: who may leave in this clock, not who must."""
     rng = seeded("gate history")
     gate = await Gate(dut).start()
-    pending, committed, fresh, licence, queued_mine = False, False, False, False, False
+    pending, committed, fresh, licence, queued_mine, spent = False, False, False, False, False, False
     current = dut.ticket.value.to_unsigned()  # a reset does not set it back
     left = {"reply": 0, "telegram": 0}
     for step in range(6000):
@@ -365,9 +419,11 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
 
         if reply or "modbus_start_seen" in names:
             fresh = False
+        was_spent, spent = spent, spent or bool(reply)
         # A new telegram is licensed if its request is committed; what changes is not licensed any more.
         if "queue_telegram" in names and not repeat:
             queued_mine = ticket == current and (committed or pending)
+            queued_mine &= pending or not was_spent
             licence = queued_mine and committed
         new = "queue_telegram" in names and not repeat
         if "candidate" in names and new:
@@ -378,6 +434,7 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
             current, pending, committed, fresh = (current + 1) % 16, True, False, False
         if "commit" in names:
             pending, committed, fresh, licence = False, True, True, licence or queued_mine
+            spent = False
         if "revoke" in names:
             pending = False
         if "telegram_touched" in names:
@@ -386,6 +443,6 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     assert min(left.values()) > 100, "the history was too dull to show anything"
 
 
-@pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1")
+@pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1", "SAFE-4")
 def test_commit_gate(sim):
     run("commit_gate", "tb.test_commit_gate", sim=sim)

@@ -51,7 +51,7 @@ def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
     task = formal.tasks_of(ROOT / "formal/commit_gate.sby")[0]
     formal.run(task, script)
     assert not task.passed
-    assert "a_licensed" in task.said or "i_licensed" in task.said
+    assert any(name in task.said for name in ("a_licensed", "i_licensed", "i_queued"))
 
 
 def test_an_unknown_module_is_refused() -> None:

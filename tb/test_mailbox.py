@@ -279,8 +279,8 @@ async def a_stale_ticket_sends_nothing(dut):
     assert old != new and await mailbox.settle() == (0, 0)
     await mailbox.write("REPLY", length=0, ticket=new)
     assert await mailbox.settle() == (0, 0), "length 0 is no reply"
-    await mailbox.write("REPLY", length=6, ticket=new)
     await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=new)
+    await mailbox.write("REPLY", length=6, ticket=new)
     assert await mailbox.settle() == (1, 1)
     assert mailbox.telegrams.values == [(5, 1)]
 
@@ -291,8 +291,8 @@ async def a_broadcast_gets_a_telegram_but_no_reply(dut):
     dut.frame_broadcast.value = 1
     ticket = await mailbox.request()
     await mailbox.pulse("commit")
-    await mailbox.write("REPLY", length=6, ticket=ticket)
     await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=ticket)
+    await mailbox.write("REPLY", length=6, ticket=ticket)
     assert await mailbox.settle() == (0, 1)
 
 
