@@ -3,8 +3,7 @@
 // bits in the order of the line.
 //
 // The value turns by a bit with each bit, so after a whole byte it stands as before,
-// bit 0 is the next one to send, and a BCC that is sent or received clears it: good
-// after an undamaged telegram. clear sets 0. Clock domain: clk. Rule: FC-1.
+// and the BCC clears it: good after an undamaged telegram. clear sets 0. Clock domain: clk. Rule: FC-1.
 `default_nettype none
 
 module bcc (
@@ -14,7 +13,6 @@ module bcc (
     input  wire bit_valid,
     input  wire bit_data,
     // status
-    output wire check_bit,
     output wire good
 );
 
@@ -25,7 +23,6 @@ module bcc (
     else if (bit_valid) value <= {value[0] ^ bit_data, value[7:1]};
   end
 
-  assign check_bit = value[0];
   assign good = value == 8'h00;
 
 endmodule

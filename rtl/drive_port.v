@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The drive line from pin to telegram: everything that knows FC telegram framing.
 //
-// Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, bcc,
+// Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx,
 // rs485_dir, uart. After a telegram that wants a reply the receiver listens. 9600 8E1,
 // fixed (FC-1). Only wires in here; network_port has the same shape. Clock domain: clk. Rules: FC-1, FC-8, FC-10.
 `default_nettype none
@@ -55,14 +55,12 @@ module drive_port (
   wire long_reached;
   wire long_silent;
   wire bcc_clear;
-  wire bcc_bit;
   wire bcc_good;
   wire bit_valid;
   wire bit_data;
   wire tx_valid;
   wire tx_ready;
   wire [7:0] tx_data;
-  wire tx_check;
   wire tx_busy;
   wire line_request;
   wire line_ready;
@@ -106,7 +104,7 @@ module drive_port (
       .send_valid(tx_valid),
       .send_ready(tx_ready),
       .send_data(tx_data),
-      .send_check(tx_check),
+      .send_check(1'b0),
       // stream out
       .byte_valid(rx_valid),
       .byte_data(rx_data),
@@ -115,7 +113,7 @@ module drive_port (
       // check
       .bit_valid(bit_valid),
       .bit_data(bit_data),
-      .check_bit(bcc_bit),
+      .check_bit(1'b0),
       // direction
       .line_ready(line_ready),
       // configuration
@@ -153,11 +151,10 @@ module drive_port (
   bcc bcc_i (
       .clk(clk),
       // stream in
-      .clear(bcc_clear || telegram_start),
+      .clear(bcc_clear),
       .bit_valid(bit_valid),
       .bit_data(bit_data),
       // status
-      .check_bit(bcc_bit),
       .good(bcc_good)
   );
 
@@ -205,7 +202,6 @@ module drive_port (
       .send_valid(tx_valid),
       .send_ready(tx_ready),
       .send_data(tx_data),
-      .send_check(tx_check),
       // direction
       .line_request(line_request),
       .line_busy(tx_busy),

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sends one FC telegram: STX, LGE, then ADR and data from the frame memory, BCC.
+// Sends one FC telegram: STX, LGE, then ADR, data and BCC from the frame memory.
 //
+// The BCC is made where the telegram is made, in the firmware: whatever is damaged
+// between there and the pin makes a telegram that the drive refuses (SAFE-4).
 // start begins it; whether and when, the commit gate decides. DE is asked for and the
 // bytes follow each other without a gap if the memory answers within a bit (FC-8).
-// LGE is the number of data bytes + 2 = length + 1 (FC-1). start clears the BCC unit;
-// send_check asks the UART for its bits. sending: from start to the end of the last
-// stop bit; sent: one clock, its end. length counts ADR and data, 5 to 29. adr keeps
-// the ADR that was sent, for the reply must echo it (FC-2). Clock domain: clk.
-// Rules: FC-1, FC-10, SAFE-2.
+// sending: from start to the end of the last stop bit; sent: one clock, its end.
+// length counts ADR, data and BCC, 6 to 30, and so is the LGE (FC-1). adr keeps the ADR
+// that was sent, for the reply must echo it (FC-2). Clock domain: clk.
+// Rules: FC-1, FC-10, SAFE-2, SAFE-4.
 `default_nettype none
 
 module fc_tx (
@@ -25,7 +26,6 @@ module fc_tx (
     output wire       send_valid,
     input  wire       send_ready,
     output wire [7:0] send_data,
-    output wire       send_check,
     // direction
     output wire       line_request,
     input  wire       line_busy,
@@ -42,19 +42,15 @@ module fc_tx (
   localparam [2:0] S_LGE = 3'd2;
   localparam [2:0] S_FETCH = 3'd3;  // ask the frame memory for the next byte
   localparam [2:0] S_SEND = 3'd4;  // its answer is there, and the UART is ready for it
-  localparam [2:0] S_BCC = 3'd5;
-  localparam [2:0] S_DRAIN = 3'd6;  // until the last stop bit is over
+  localparam [2:0] S_DRAIN = 3'd5;  // until the last stop bit is over
 
-  reg  [2:0] state = S_IDLE;
-  reg  [4:0] index = 5'd0;
-
-  wire [7:0] lge = {3'd0, length} + 8'd1;
+  reg [2:0] state = S_IDLE;
+  reg [4:0] index = 5'd0;
 
   assign read_valid = state == S_FETCH && send_ready;
   assign read_addr = index;
-  assign send_valid = state == S_STX || state == S_LGE || state == S_SEND || state == S_BCC;
-  assign send_data = state == S_STX ? STX : state == S_LGE ? lge : read_data;
-  assign send_check = state == S_DRAIN;
+  assign send_valid = state == S_STX || state == S_LGE || state == S_SEND;
+  assign send_data = state == S_STX ? STX : state == S_LGE ? {3'd0, length} : read_data;
   assign line_request = sending && state != S_DRAIN;
   assign sending = state != S_IDLE;
   assign sent = state == S_DRAIN && !line_busy;
@@ -72,9 +68,8 @@ module fc_tx (
       end
       S_SEND: begin
         if (index == 5'd1) adr <= read_data;
-        state <= index == length ? S_BCC : S_FETCH;
+        state <= index == length ? S_DRAIN : S_FETCH;
       end
-      S_BCC:   if (send_ready) state <= S_DRAIN;
       S_DRAIN: if (sent) state <= S_IDLE;
       default: begin
         index <= 5'd0;
@@ -92,7 +87,6 @@ module fc_tx (
       S_LGE:   state_name = "LGE";
       S_FETCH: state_name = "FETCH";
       S_SEND:  state_name = "SEND";
-      S_BCC:   state_name = "BCC";
       S_DRAIN: state_name = "DRAIN";
       default: state_name = "IDLE";
     endcase

@@ -13,7 +13,7 @@ FIRMWARE_HOST_DIR ?= build/host
 # Bytes. Code, variables and stack fit the smallest memory of configs.toml: one firmware for all.
 FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
-FIRMWARE_STACK := 192
+FIRMWARE_STACK := 160
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c

@@ -33,8 +33,8 @@ WRAPPER = ROOT / "tb/hdl/drive_line.v"
 
 
 def contents(telegram: bytes) -> bytes:
-    """What the firmware puts into the telegram frame: ADR and data."""
-    return telegram[2:-1]
+    """What the firmware puts into the telegram frame: ADR, data and BCC."""
+    return telegram[2:]
 
 
 def kept(reply: bytes) -> dict[int, int]:

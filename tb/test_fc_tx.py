@@ -18,12 +18,12 @@ from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, build_process
 LINE = Format.named(9600, "8E1")
 TICKS_HZ = 16 * LINE.baud  # with tick16 held high a clock is a tick
 CHARACTER = 16 * 11  # clocks
-LENGTHS = (5, 13, 29)  # ADR and data: process, parameter, the longest
-COMMAND = bytes([ADR, 0x04, 0x7C, 0x20, 0x00])
+LENGTHS = (6, 14, 30)  # ADR, data and BCC: process, parameter, the longest
+COMMAND = build_process(0x047C, 0x2000)[2:]
 
 
 class Sender:
-    """fc_tx, BCC unit and UART on a line that becomes ready `lead` clocks after it is asked for."""
+    """fc_tx and UART on a line that becomes ready `lead` clocks after it is asked for."""
 
     def __init__(self, dut, delay: Callable[[], int] = at_once, lead: int = 4):
         self.dut = dut
@@ -70,11 +70,11 @@ class Sender:
 async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
     rng = seeded("contents")
     tx = await Sender(dut).start()
-    for length in range(5, 30):
-        contents = bytes([ADR]) + rng.randbytes(length - 1)
+    for length in range(6, 31):
+        telegram = build(rng.randbytes(length - 2))
         tx.memory.reads.clear()
-        await tx.begin(contents + rng.randbytes(32 - length), length)
-        assert await tx.end() == build(contents[1:])
+        await tx.begin(telegram[2:] + rng.randbytes(32 - length), length)
+        assert await tx.end() == telegram
         assert tx.memory.reads == list(range(length)), "each byte is read once"
 
 
@@ -82,7 +82,7 @@ async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
 async def the_adr_that_was_sent_is_kept(dut):
     tx = await Sender(dut).start()
     for adr in (ADR, ADR_BROADCAST, 0x21):
-        await tx.telegram(bytes([adr]) + bytes(4))
+        await tx.telegram(build(bytes(4), adr)[2:])
         assert dut.adr.value.to_unsigned() == adr
         await tx.bench.clocks(100)
         assert dut.adr.value.to_unsigned() == adr
@@ -94,8 +94,8 @@ async def a_memory_that_answers_late_makes_no_gap(dut):
     # A stop bit has 16 clocks here; the memory answers within two.
     tx = await Sender(dut, delay=lambda: rng.randint(0, 9)).start()
     for length in LENGTHS:
-        contents = bytes([ADR]) + rng.randbytes(length - 1)
-        assert await tx.telegram(contents) == build(contents[1:])
+        telegram = build(rng.randbytes(length - 2))
+        assert await tx.telegram(telegram[2:]) == telegram
 
 
 @cocotb.test()
@@ -133,12 +133,23 @@ async def sending_lasts_until_the_last_stop_bit_and_sent_marks_its_end(dut):
 @cocotb.test()
 async def a_start_during_a_telegram_does_not_disturb_it(dut):
     tx = await Sender(dut).start()
-    contents = bytes([ADR]) + bytes(range(1, 13))
-    await tx.begin(contents)
+    telegram = build(bytes(range(1, 13)))
+    await tx.begin(telegram[2:])
     for _ in range(20):
         await tx.bench.clocks(83)
         await tx.bench.strobe(dut.start)
-    assert await tx.end() == build(contents[1:])
+    assert await tx.end() == telegram
+
+
+@cocotb.test()
+async def a_damaged_byte_goes_out_with_the_bcc_it_had_before(dut):
+    """So the drive refuses the telegram (SAFE-4)."""
+    tx = await Sender(dut).start()
+    whole = build_process(0x047C, 0x2000)
+    for at in range(2, len(whole)):
+        damaged = bytearray(whole)
+        damaged[at] ^= 0x10
+        assert await tx.telegram(bytes(damaged[2:])) == damaged
 
 
 @cocotb.test()
@@ -154,6 +165,6 @@ async def reset_gives_the_line_back_and_the_next_telegram_is_whole(dut):
         assert await tx.telegram(COMMAND) == build_process(0x047C, 0x2000), f"after a reset in clock {at}"
 
 
-@pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-2")
+@pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-2", "SAFE-4")
 def test_fc_tx(sim):
     run("fc_tx_line", "tb.test_fc_tx", sim=sim, extra_sources=[ROOT / "tb/hdl/fc_tx_line.v"])

@@ -129,6 +129,20 @@ def test_an_image_damaged_before_the_start_ends_before_anything_is_served():
 # ---------------------------------------------------------------- the watchdog
 
 
+@pytest.mark.rule("WDG-1", "SAFE-4")
+def test_a_flipped_bit_of_what_was_written_leaves_the_firmware_to_the_watchdog():
+    command = ["riscv64-unknown-elf-nm", ROOT / "build/firmware.elf"]
+    symbols = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    settings = int(re.search(r"^(\w+) b gateway\.", symbols, re.MULTILINE).group(1), 16)
+    for at in range(24):
+        card = Card()
+        card.wait(3)
+        card.machine.memory[settings + at] ^= 0x10
+        with pytest.raises(Hung):
+            card.wait(3)
+        assert not card.mailbox.halted
+
+
 @pytest.mark.rule("WDG-1")
 def test_every_round_kicks_the_watchdog():
     card = Card()

@@ -54,6 +54,47 @@ def same(left: str, right: str) -> bool:
     return H(left) == H(right)
 
 
+# ---------------------------------------------------------------- flipped bits
+
+EVERYTHING_WRITTEN = (
+    "0F 0000 0020 04 7C04 0020",  # control word and reference
+    "05 0040 FF00",  # EEPROM
+    "10 0000 0003 06 0102 0304 0506",  # the card's own registers
+)
+
+
+@pytest.mark.rule("SAFE-4")
+def test_no_command_is_built_on_a_flipped_bit_of_what_was_written_before(card: Translator):
+    for pdu in EVERYTHING_WRITTEN:
+        assert card.sound
+        card.do(H(pdu))
+    assert card.sound
+    # The last word is the drive's status: nothing is built on that.
+    for bit in range(8 * (len(card.state()) - 4)):
+        at, mask = bit // 8, 1 << bit % 8
+        before = card.memory[at][0]
+        card.memory[at] = before ^ mask
+        assert not card.sound
+        for pdu in ("05 0000 FF00", "06 040F 003C", "03 0000 0001"):
+            assert card.do(H(pdu)).outcome == SILENT, f"bit {bit}"
+            assert not card.sound, "a request must not make it sound again"
+        card.memory[at] = before ^ mask ^ mask
+    assert card.sound
+    assert same(sent_for(card, "05 0000 FF00"), "81 047D 2000")
+
+
+@pytest.mark.rule("SAFE-4")
+def test_a_bit_that_flips_between_request_and_commit_is_seen_at_the_next_request(card: Translator):
+    txn = card.request(H("05 0000 FF00"))
+    for at in range(24):
+        txn.memory[at] = txn.memory[at][0] ^ 0x40
+        txn.commit()
+        assert not card.sound
+        txn.memory[at] = txn.memory[at][0] ^ 0x40
+        txn.commit()
+        assert card.sound
+
+
 # ---------------------------------------------------------------- the manuals' examples
 
 

@@ -11,7 +11,8 @@
  *   translate_drive_silent  no good reply: exception 255, or silence (FC-9)
  * Two transactions may live at once: one at the drive, and a newer request (FRAME-7).
  *
- * PDU: function code and data, no address, no CRC. Telegram: ADR and data, no STX, LGE, BCC.
+ * PDU: function code and data, no address, no CRC. Telegram: ADR, data and BCC, no STX and LGE;
+ * its length is its LGE.
  * Lengths are in bytes. Frames lie as in the frame memory (frame.h).
  */
 #ifndef TRANSLATE_H
@@ -24,7 +25,7 @@
 
 enum {
     REPLY_PDU_MAX = 22, /* function, byte count, 10 registers of text */
-    TELEGRAM_MAX = 29,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2 */
+    TELEGRAM_MAX = 30,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2, BCC */
 };
 
 enum outcome {
@@ -34,19 +35,21 @@ enum outcome {
     OUTCOME_EXCHANGE,    /* the drive answers first: the telegram is ready, or translate_drive_again's */
 };
 
-/* The card's own registers (MAP-5): 40001-40003, but that IND may lie elsewhere (docs/dialects.md). */
-enum {
+/* What a master can write, a word each: first the card's own registers (MAP-5), 40001-40003, but that IND may
+ * lie elsewhere (docs/dialects.md). */
+enum setting {
     LOCAL_IND,
     LOCAL_NETWORK_TIMEOUT, /* 10 ms, 0 = never */
     LOCAL_DRIVE_TIMEOUT,   /* 10 ms, never 0 */
     LOCAL_REGISTERS,
+    CONTROL = LOCAL_REGISTERS, /* coils 1-32: CTW, and REF in the high half */
+    EEPROM,                    /* coil 65 */
+    GUARD,                     /* makes the sum of all words 0 (translate_is_sound) */
+    SETTINGS,
 };
 
-/* What a master can write. */
 struct settings {
-    uint32_t control; /* coils 1-32: CTW, and REF in the high half */
-    uint16_t local[LOCAL_REGISTERS];
-    bool eeprom; /* coil 65 */
+    uint32_t word[SETTINGS];
 };
 
 struct translator {
@@ -69,7 +72,12 @@ struct transaction {
     uint8_t telegram[TELEGRAM_MAX];
 };
 
+/* t: all zero. */
 void translate_init(struct translator *t);
+
+/* False: a bit of what masters wrote has flipped. The next command would be built on it, so nothing is
+ * translated any more (SAFE-4); only translate_init makes it sound again. */
+bool translate_is_sound(struct translator *t);
 
 /* pdu_length: the true length, even if only the first 31 bytes were kept (FRAME-5). */
 enum outcome translate_request(const struct translator *t, struct transaction *txn, frame_byte *pdu,

@@ -8,7 +8,7 @@ enum { CONTROL_COILS = 32, STATUS_COILS_END = 64, COIL_EEPROM = 64, COILS = 128 
 enum outcome coils_answer(const struct translator *t, struct transaction *txn, uint32_t status)
 {
     /* One word beyond the 128 coils, for a byte that starts in the last word. */
-    const uint32_t image[] = {t->settings.control, status, t->settings.eeprom, 0, 0};
+    const uint32_t image[] = {t->settings.word[CONTROL], status, t->settings.word[EEPROM], 0, 0};
     const uint32_t bytes = (txn->operand + 7u) >> 3;
     uint32_t coil = txn->address;
     uint32_t i;
@@ -52,11 +52,11 @@ static bool writable(const struct transaction *txn, uint32_t quantity)
 
 static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32_t bits)
 {
-    uint32_t *control = &txn->settings.control;
+    uint32_t *control = &txn->settings.word[CONTROL];
     uint32_t mask;
 
     if (txn->address == COIL_EEPROM) {
-        txn->settings.eeprom = (bits & 1u) != 0;
+        txn->settings.word[EEPROM] = bits & 1u;
         return confirm(txn);
     }
     /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): 1 to 32, or it were refused (EXC 3) */

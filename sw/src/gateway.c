@@ -62,7 +62,14 @@ static void start_exchange(struct gateway *g)
  * it was read: only one more than the wait is surely the wait. */
 static bool waited_enough(const struct gateway *g)
 {
-    return g->now - g->since > ticks_of_tens(g->translator.settings.local[LOCAL_DRIVE_TIMEOUT]);
+    return g->now - g->since > ticks_of_tens(g->translator.settings.word[LOCAL_DRIVE_TIMEOUT]);
+}
+
+/* A write to its memory ends the telegram's licence: nothing sends it again (SAFE-4). */
+static void end_exchange(struct gateway *g)
+{
+    mailbox_frame(TELEGRAM_FRAME)->byte = 0;
+    g->exchange = EXCHANGE_IDLE;
 }
 
 static void give_up(struct gateway *g)
@@ -71,7 +78,7 @@ static void give_up(struct gateway *g)
     g->drive_online = false;
     if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY)
         queue_reply(g, g->at_drive, 0);
-    g->exchange = EXCHANGE_IDLE;
+    end_exchange(g);
 }
 
 static void repeat_or_give_up(struct gateway *g)
@@ -111,9 +118,13 @@ static void poll_leaving(struct gateway *g, uint32_t state)
         return;
     }
     g->since = g->now;
-    /* Either dropped with its request, or sent; a broadcast is not answered. */
-    g->exchange = state & MAILBOX__EXCHANGE__STARTED_bm && !g->at_drive->broadcast ? EXCHANGE_WAITING
-                                                                                    : EXCHANGE_IDLE;
+    /* Either dropped with its request, or sent; a broadcast is not answered, and has no other end than this. */
+    if (state & MAILBOX__EXCHANGE__STARTED_bm && !g->at_drive->broadcast) {
+        g->exchange = EXCHANGE_WAITING;
+        return;
+    }
+    cancel_reply(g);
+    end_exchange(g);
 }
 
 /* The telegram's data are in: prepare the reply while its BCC is still on the line (PERF-3). */
@@ -129,7 +140,7 @@ static void finish_exchange(struct gateway *g)
 {
     translate_drive_commit(&g->translator, g->at_drive);
     g->drive_online = true;
-    g->exchange = EXCHANGE_IDLE;
+    end_exchange(g);
     /* Its second telegram, but not before a newer request (FRAME-7): only the newest is licensed. */
     if (TRAITS.text_by_size && g->verdict == OUTCOME_EXCHANGE && g->at_drive == g->newest) {
         translate_drive_again(g->at_drive);
@@ -217,7 +228,7 @@ static void poll_request(struct gateway *g)
 
 static void poll_time(struct gateway *g)
 {
-    const uint32_t timeout = ticks_of_tens(g->translator.settings.local[LOCAL_NETWORK_TIMEOUT]);
+    const uint32_t timeout = ticks_of_tens(g->translator.settings.word[LOCAL_NETWORK_TIMEOUT]);
     const uint32_t passed = (mailbox_read(TIME) - g->now) & MAILBOX__TIME__TICKS_bm;
     uint32_t leds;
 

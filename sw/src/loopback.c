@@ -14,7 +14,7 @@ enum stage {
 
 enum { SETTLE = TICKS(10), TRANSFER = TICKS(40), VERDICT = TICKS(12000) };
 
-enum { ADR = 0x81, TELEGRAM_LENGTH = 13, HEARD_LENGTH = 16, FRAME_LENGTH = 14, GOOD_LGE = 0x0E };
+enum { ADR = 0x81, TELEGRAM_LENGTH = 14, HEARD_LENGTH = 16, FRAME_LENGTH = 14, GOOD_LGE = 0x0E };
 
 /* As heard by the network port: STX, LGE, ADR, twelve data bytes, BCC. Should a drive listen after all: no
  * command to a parameter (AK 0), and bit 10 of the control word is 0. */

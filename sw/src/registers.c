@@ -12,7 +12,7 @@ static bool is_local(const struct transaction *txn)
     return txn->address < LOCAL_REGISTERS || txn->address == TRAITS.index_register;
 }
 
-/* The place of a run in settings.local; LOCAL_REGISTERS: not all of the run is there. */
+/* The place of a run in settings.word; LOCAL_REGISTERS: not all of the run is there. */
 static uint32_t find_local(const struct transaction *txn, uint32_t quantity)
 {
     if (TRAITS.index_register != LOCAL_IND) {
@@ -26,7 +26,7 @@ static uint32_t find_local(const struct transaction *txn, uint32_t quantity)
 
 static bool is_text(const struct translator *t, const struct transaction *txn)
 {
-    const uint32_t mode = t->settings.local[LOCAL_IND] & IND_TEXT;
+    const uint32_t mode = t->settings.word[LOCAL_IND] & IND_TEXT;
 
     if (TRAITS.text_by_size)
         return txn->function != WRITE_REGISTER && txn->operand > LIMIT_NUMBER;
@@ -108,14 +108,14 @@ static enum outcome read_local(const struct translator *t, struct transaction *t
     if (i == LOCAL_REGISTERS)
         return refuse(txn, TRAITS.bad_address);
     for (; i < end; i++)
-        at = put_register(txn, at, t->settings.local[i]);
+        at = put_register(txn, at, t->settings.word[i]);
     begin_answer(txn);
     return OUTCOME_REPLY;
 }
 
 enum outcome registers_read(const struct translator *t, struct transaction *txn, frame_byte *data)
 {
-    const uint32_t index = t->settings.local[LOCAL_IND] & IND_INDEX;
+    const uint32_t index = t->settings.word[LOCAL_IND] & IND_INDEX;
 
     if (is_local(txn))
         return read_local(t, txn);
@@ -137,15 +137,15 @@ static enum outcome write_local(struct transaction *txn, frame_byte *data, uint3
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
         return refuse(txn, TRAITS.bad_value);
     for (; i < end; i++, data += 2)
-        txn->settings.local[i] = word_at(data);
+        txn->settings.word[i] = word_at(data);
     return confirm(txn);
 }
 
 static enum outcome write_run(const struct translator *t, struct transaction *txn, frame_byte *data,
                               uint32_t quantity)
 {
-    const uint32_t index = t->settings.local[LOCAL_IND] & IND_INDEX;
-    const bool store = t->settings.eeprom;
+    const uint32_t index = t->settings.word[LOCAL_IND] & IND_INDEX;
+    const bool store = t->settings.word[EEPROM] != 0;
     const uint32_t bytes = quantity << 1;
     uint32_t ak;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The FC telegrams (FC-3), from ADR to the last data byte; words go out high byte first. */
+/* The FC telegrams (FC-3), from ADR to BCC; words go out high byte first. */
 #include "transaction.h"
 
 static uint8_t *put_word(uint8_t *at, uint32_t value)
@@ -16,11 +16,19 @@ static uint8_t *begin(struct transaction *txn, enum expectation expects)
     return txn->telegram + 1;
 }
 
-/* PCD ends every telegram. */
+/* PCD and BCC end every telegram. The BCC is made here and not at the pin, so that it covers the telegram's
+ * whole way: what a flipped bit damages is refused by the drive (SAFE-4). */
 static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uint32_t pcd2)
 {
+    const uint8_t *from = txn->telegram;
+    uint32_t bcc;
+
     at = put_word(put_word(at, pcd1), pcd2);
-    txn->telegram_length = (uint8_t)(at - txn->telegram);
+    txn->telegram_length = (uint8_t)(at - from + 1);
+    bcc = (uint32_t)STX ^ txn->telegram_length;
+    while (from != at)
+        bcc ^= *from++;
+    *at = (uint8_t)bcc;
     return OUTCOME_EXCHANGE;
 }
 

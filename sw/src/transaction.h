@@ -37,7 +37,8 @@ enum {
 /* IND: the high byte says text, the low byte is the index (MAP-8). */
 enum { IND_TEXT_READ = 0x0400, IND_TEXT_WRITE = 0x0500, IND_TEXT = 0xFF00, IND_INDEX = 0x00FF };
 
-/* LGE (FC-1). */
+/* FC-1. */
+enum { STX = 0x02 };
 enum { LGE_PROCESS = 0x06, LGE_PARAMETER = 0x0E, LGE_TEXT = 10 };
 
 static inline uint16_t word_at(frame_byte *bytes)

@@ -28,25 +28,32 @@ enum { AT_ADDRESS = 1, AT_OPERAND = 3, AT_COUNT = 5, AT_DATA = 6, PDU_PLAIN = 5 
 
 enum { DEFAULT_NETWORK_TIMEOUT = 1000, DEFAULT_DRIVE_TIMEOUT = 15 };
 
-/* Member by member: the call of memcpy that an assignment becomes would take as long as a decode. */
-static void copy_settings(struct settings *to, const struct settings *from)
+/* Returns the sum of all words. The guard makes it 0, any one flipped bit something else. */
+static uint32_t copy_settings(struct settings *to, const struct settings *from)
 {
+    uint32_t sum = 0;
     uint32_t i;
 
-    to->control = from->control;
-    for (i = 0; i < LOCAL_REGISTERS; i++)
-        to->local[i] = from->local[i];
-    to->eeprom = from->eeprom;
+    for (i = 0; i < SETTINGS; i++)
+        sum += to->word[i] = from->word[i];
+    return sum;
+}
+
+static void seal(struct settings *settings)
+{
+    settings->word[GUARD] -= copy_settings(settings, settings);
 }
 
 void translate_init(struct translator *t)
 {
-    t->settings.control = 0;
-    t->settings.local[LOCAL_IND] = 0;
-    t->settings.local[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
-    t->settings.local[LOCAL_DRIVE_TIMEOUT] = DEFAULT_DRIVE_TIMEOUT;
-    t->settings.eeprom = false;
-    t->status = 0;
+    t->settings.word[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
+    t->settings.word[LOCAL_DRIVE_TIMEOUT] = DEFAULT_DRIVE_TIMEOUT;
+    seal(&t->settings);
+}
+
+bool translate_is_sound(struct translator *t)
+{
+    return copy_settings(&t->settings, &t->settings) == 0;
 }
 
 enum outcome refuse(struct transaction *txn, uint32_t code)
@@ -125,10 +132,12 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
 {
     enum outcome outcome;
 
-    copy_settings(&txn->settings, &t->settings);
+    if (copy_settings(&txn->settings, &t->settings) != 0)
+        return OUTCOME_SILENT;
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);
+    seal(&txn->settings);
     /* MAP-9: a broadcast is done, or is not, but never answered. */
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }

@@ -38,7 +38,6 @@ module fc_rx_bcc (
       .clear(check_clear),
       .bit_valid(bit_valid),
       .bit_data(bit_data),
-      .check_bit(),
       .good(check_good)
   );
 

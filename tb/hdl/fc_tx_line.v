@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: fc_tx with what it sends through, BCC unit and UART; the bench is the
+// Bench wrapper: fc_tx with what it sends through, the UART; the bench is the
 // driver of the line.
 `default_nettype none
 
@@ -27,22 +27,9 @@ module fc_tx_line (
     output wire [7:0] adr
 );
 
-  wire bit_valid;
-  wire bit_data;
-  wire check_bit;
   wire send_valid;
   wire send_ready;
   wire [7:0] send_data;
-  wire send_check;
-
-  bcc bcc_i (
-      .clk(clk),
-      .clear(start && !sending),
-      .bit_valid(bit_valid),
-      .bit_data(bit_data),
-      .check_bit(check_bit),
-      .good()
-  );
 
   fc_tx fc_tx_i (
       .clk(clk),
@@ -56,7 +43,6 @@ module fc_tx_line (
       .send_valid(send_valid),
       .send_ready(send_ready),
       .send_data(send_data),
-      .send_check(send_check),
       .line_request(line_request),
       .line_busy(line_busy),
       .sending(sending),
@@ -73,14 +59,14 @@ module fc_tx_line (
       .send_valid(send_valid),
       .send_ready(send_ready),
       .send_data(send_data),
-      .send_check(send_check),
+      .send_check(1'b0),
       .byte_valid(),
       .byte_data(),
       .byte_parity_error(),
       .byte_framing_error(),
-      .bit_valid(bit_valid),
-      .bit_data(bit_data),
-      .check_bit(check_bit),
+      .bit_valid(),
+      .bit_data(),
+      .check_bit(1'b0),
       .line_ready(line_ready),
       .parity_enable(1'b1),
       .parity_odd(1'b0),

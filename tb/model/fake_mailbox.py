@@ -2,13 +2,15 @@
 """The mailbox as the firmware sees it, played by a test: commit gate and both ports, one event at a time.
 
 Rules as in rtl/commit_gate.v: what is queued for a request leaves after its commit, never after a revoke;
-a committed telegram is licensed and may be repeated; during the loop-back test all may leave. Times in ms.
+a committed telegram is licensed and may be repeated, until its memory is written; a request that has its
+reply licenses nothing more; during the loop-back test all may leave. Times in ms.
 Frames on the network side are address and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
 """
 
 from __future__ import annotations
 
 from tb.generated.mailbox import AREAS, REGISTERS
+from tb.model.fc_telegram import without_bcc
 from tb.model.firmware import JUNK, frame_memory
 
 BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
@@ -30,7 +32,7 @@ class FakeMailbox:
         self.is_candidate = self.is_committed = self.is_broadcast = False
         self.bank = 0
         self.length = 0
-        self.answerable = False
+        self.answerable = self.spent = False
         self.reply_queued = self.wait_drive = False
         self.replies: list[bytes] = []  # that left
         # drive side
@@ -38,6 +40,7 @@ class FakeMailbox:
         self.no_reply = False
         self.quiet = True  # the pause before a telegram is over (FC-8)
         self.telegram = b""
+        self.contents = b""  # with its BCC, as it lies in the frame memory
         self.telegrams: list[bytes] = []  # that left
         self.listening = self.drive_candidate = self.drive_good = False
         self.events = 0
@@ -92,7 +95,7 @@ class FakeMailbox:
 
     def _take_back_what_was_touched(self) -> None:
         """A write to the telegram's memory ends its licence; here it shows by what it left behind."""
-        if self.telegram_queued and self.telegram != self.memory("TELEGRAM_FRAME", len(self.telegram)):
+        if self.contents != self.memory("TELEGRAM_FRAME", len(self.contents)):
             self.telegram_queued = self.licensed = False
 
     def _read_exchange(self) -> int:
@@ -123,18 +126,22 @@ class FakeMailbox:
         self.reply_queued = (mine or self.loopback) and length > 0
         self.wait_drive = bool(after_drive)
         self.reply = self.memory("REPLY_FRAME", length)
+        self.spent |= ticket == self.ticket and self.is_broadcast
 
     def _write_telegram(self, length: int, no_reply: int, repeat: int, ticket: int) -> None:
         self.started = False
+        self._take_back_what_was_touched()
         if repeat:
             self.telegram_queued = self.licensed
             return
         assert not self.sending, "the telegram on the line was overwritten"
         mine = ticket == self.ticket
-        self.telegram_queued = (mine and (self.is_candidate or self.is_committed)) or self.loopback
-        self.licensed = (mine and self.is_committed) or self.loopback
+        licensed = (mine and self.is_committed and not self.spent) or self.loopback
+        self.telegram_queued = licensed or (mine and self.is_candidate)
+        self.licensed = licensed
         self.no_reply = bool(no_reply)
-        self.telegram = self.memory("TELEGRAM_FRAME", length)
+        self.contents = self.memory("TELEGRAM_FRAME", length)
+        self.telegram = without_bcc(self.contents)
 
     def _write_listen(self, on: int) -> None:
         self.listening = bool(on)
@@ -159,7 +166,7 @@ class FakeMailbox:
 
     def commit(self) -> None:
         """t3.5 of silence."""
-        self.is_candidate, self.is_committed, self.answerable = False, True, True
+        self.is_candidate, self.is_committed, self.answerable, self.spent = False, True, True, False
         self.licensed |= self.telegram_queued
         self._release()
 
@@ -178,6 +185,7 @@ class FakeMailbox:
         answerable = self.answerable or self.loopback
         if self.reply_queued and answerable and (not self.wait_drive or self.drive_good):
             self.reply_queued = self.answerable = False
+            self.spent = True
             self.replies.append(self.reply)
         self._take_back_what_was_touched()
         if self.telegram_queued and self.licensed and self.quiet:
@@ -194,7 +202,7 @@ class FakeMailbox:
     def telegram_ends(self) -> None:
         """The last stop bit of the telegram is out."""
         if self.sending:
-            assert self.telegram == self.memory("TELEGRAM_FRAME", len(self.telegram)), "touched while sent"
+            assert self.contents == self.memory("TELEGRAM_FRAME", len(self.contents)), "touched while sent"
             self.sending, self.listening = False, not self.no_reply
 
     def drive_data(self, data: bytes, lge: int | None = None) -> None:

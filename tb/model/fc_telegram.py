@@ -102,6 +102,13 @@ def build(data: bytes, adr: int = ADR) -> bytes:
     return body + bytes([bcc(body)])
 
 
+def without_bcc(contents: bytes) -> bytes:
+    """ADR and data of what the firmware hands over: ADR, data and BCC. TelegramError if that is wrong."""
+    if bcc(bytes([STX, len(contents)]) + contents) != 0:
+        raise TelegramError(f"wrong BCC behind {contents[:-1].hex(' ')}: {contents[-1:].hex()}")
+    return contents[:-1]
+
+
 def pke(ak: int, pnu: int) -> int:
     return ak << 12 | pnu
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tb.generated.mailbox import FRAMES_BYTES, STRIDE
+from tb.model.fc_telegram import without_bcc
 
 ROOT = Path(__file__).resolve().parents[2]
 NOT_A_REPLY, SILENT, REPLY, EXCHANGE = range(4)  # enum outcome
@@ -49,6 +50,7 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
     pointer, u32 = ctypes.c_void_p, ctypes.c_uint32
     for name, result, *arguments in [
         ("translate_init", None, pointer),
+        ("translate_is_sound", ctypes.c_bool, pointer),
         ("translate_request", ctypes.c_int, pointer, pointer, pointer, u32, ctypes.c_bool),
         ("translate_commit", None, pointer, pointer),
         ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
@@ -103,8 +105,8 @@ class Transaction:
 
     @property
     def telegram(self) -> bytes:
-        """ADR and data of the telegram."""
-        return self._bytes(self.translator.lib.host_telegram)
+        """ADR and data of the telegram, whose BCC must be right."""
+        return without_bcc(self._bytes(self.translator.lib.host_telegram))
 
     def commit(self) -> Transaction:
         self.translator.lib.translate_commit(self.translator.memory, self.memory)
@@ -138,8 +140,12 @@ class Translator:
     def __init__(self, option: str = "", dialect: str = "card") -> None:
         self.lib = library(option, dialect)
         size = self.lib.host_size_of_translator()
-        self.memory = ctypes.create_string_buffer(bytes([JUNK] * size), size)
+        self.memory = ctypes.create_string_buffer(size)
         self.lib.translate_init(self.memory)
+
+    @property
+    def sound(self) -> bool:
+        return self.lib.translate_is_sound(self.memory)
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
         """Prepares a request; `length` is the true length where it is not that of `pdu`."""
