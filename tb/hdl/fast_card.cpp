@@ -28,7 +28,7 @@ enum Input {
   kFlipToDrive,
 };
 
-constexpr unsigned kOutputs = 8;
+constexpr unsigned kOutputs = 17;
 
 struct Change {
   uint64_t clock;
@@ -56,7 +56,10 @@ struct FastCard {
   uint32_t read() const {
     return static_cast<uint32_t>(top->modbus_tx | top->modbus_de << 1 | top->drive_tx << 2 |
                                  top->drive_de << 3 | top->led_modbus_red << 4 | top->led_modbus_green << 5 |
-                                 top->led_drive_red << 6 | top->led_drive_green << 7);
+                                 top->led_drive_red << 6 | top->led_drive_green << 7 | top->modbus_rx << 8 |
+                                 top->drive_rx << 9 | top->candidate << 10 | top->commit << 11 |
+                                 top->revoke << 12 | top->reply_queued << 13 | top->telegram_queued << 14 |
+                                 top->drive_candidate << 15 | top->drive_good << 16);
   }
 
   void set(uint32_t pin, uint32_t value) {

@@ -5,6 +5,7 @@
 // wired = 1: the two ports are wired to each other as a half-duplex pair: each hears
 // the other while the other's DE is up, 1 else. cut_to_*: that direction is dead;
 // flip_to_*: that port hears the opposite; a line held at 0 wins, as a short circuit.
+// Besides the pins, the strobes of docs/timing.md, looked up inside the card.
 // Clock domain: clk. Rule: LOOP-1.
 `default_nettype none
 
@@ -36,14 +37,30 @@ module wired_card #(
     output wire       led_modbus_red,
     output wire       led_modbus_green,
     output wire       led_drive_red,
-    output wire       led_drive_green
+    output wire       led_drive_green,
+    // strobes
+    output wire       candidate,
+    output wire       commit,
+    output wire       revoke,
+    output wire       reply_queued,
+    output wire       telegram_queued,
+    output wire       drive_candidate,
+    output wire       drive_good
 );
 
   wire to_modbus = drive_tx || !drive_de || cut_to_modbus || !wired;
   wire to_drive = modbus_tx || !modbus_de || cut_to_drive || !wired;
 
   assign modbus_rx = (to_modbus && modbus_line) ^ flip_to_modbus;
-  assign drive_rx  = (to_drive && drive_line) ^ flip_to_drive;
+  assign drive_rx = (to_drive && drive_line) ^ flip_to_drive;
+
+  assign candidate = card_i.candidate;
+  assign commit = card_i.commit;
+  assign revoke = card_i.revoke;
+  assign reply_queued = card_i.mailbox_i.reply_queued;
+  assign telegram_queued = card_i.mailbox_i.telegram_queued;
+  assign drive_candidate = card_i.drive_candidate;
+  assign drive_good = card_i.drive_good;
 
   rtu2fc #(
       .CLK_HZ(CLK_HZ),

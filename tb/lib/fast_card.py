@@ -39,7 +39,10 @@ INPUTS = (
 OUTPUTS = (
     *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
     *("led_modbus_red", "led_modbus_green", "led_drive_red", "led_drive_green"),
+    *("modbus_rx", "drive_rx", "candidate", "commit", "revoke"),
+    *("reply_queued", "telegram_queued", "drive_candidate", "drive_good"),
 )
+LEDS = OUTPUTS[4:8]
 RESET_CLOCKS = 8
 ROOM = 4096
 # From the telegram's last stop bit to the reply's start bit: the pause of two characters and a little more.
@@ -114,8 +117,8 @@ class Line:
 
     def __init__(self, card: FastCard, name: str, fmt: Format):
         self.card, self.name, self.fmt = card, name, fmt
-        self.tx: list[tuple[int, int]] = []  # (ps, new level)
-        self.de: list[tuple[int, int]] = []
+        self.tx = card.recorded[f"{name}_tx"]
+        self.de = card.recorded[f"{name}_de"]
         self._free_ps = 0
 
     @property
@@ -172,12 +175,14 @@ class FastCard:
         self._card = self._library.fast_card_new()
         self._room = (Change * ROOM)()
         self._clock = 0
+        # Every change of every output, as (ps, new level).
+        self.recorded: dict[str, list[tuple[int, int]]] = {name: [] for name in OUTPUTS}
         self.drive_model = drive
         self.modbus = Line(self, "modbus", Format.named(baud, form))
         self.drive = Line(self, "drive", Format.named(DRIVE_BAUD, "8E1"))
         # What each LED shows since when.
         self.shown: dict[str, list[Shown]] = {led: [Shown(0, "off")] for led in ("modbus", "drive")}
-        self._lit = dict.fromkeys(OUTPUTS[4:], 0)
+        self._lit = dict.fromkeys(LEDS, 0)
         self.set(
             sw_baud=switch_word(switches or baud_switches(baud, form)), sw_addr=address, rst_n=0, **wires
         )
@@ -228,11 +233,9 @@ class FastCard:
         while count := self._library.fast_card_changes(self._card, self._room, ROOM):
             changes += [(c.clock, OUTPUTS[c.pin], c.value) for c in self._room[:count]]
         for clock, pin, value in changes:
-            if pin.startswith("led"):
+            self.recorded[pin].append((clock * PERIOD_PS, value))
+            if pin in LEDS:
                 self._light(clock * PERIOD_PS, pin, value)
-            else:
-                port, wire = pin.split("_")
-                getattr(getattr(self, port), wire).append((clock * PERIOD_PS, value))
         last = max((clock for clock, _, _ in changes), default=0)
         return [(pin, value) for clock, pin, value in changes if clock == last]
 
@@ -252,6 +255,10 @@ class FastCard:
             self.drive.send(reply, REPLY_DELAY_BITS * self.drive.fmt.bit_ps)
 
     # ------------------------------------------------------------ what tests ask for
+
+    def recorded_so_far(self) -> dict[str, list[tuple[int, int]]]:
+        """Every change of every output until now, as (ps, new level)."""
+        return {name: list(changes) for name, changes in self.recorded.items()}
 
     def led(self, which: str) -> str:
         """What a LED shows now."""
