@@ -101,6 +101,10 @@ image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FI
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
 	@$(PY) -m tools.image $(BOARD) $(FIRMWARE)
 
+.PHONY: diagrams
+diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/diagrams
+	@$(PY) -m tools.diagrams
+
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }

@@ -1,0 +1,569 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Draws docs/diagrams/*.svg: timing diagrams of runs of the card, by WaveDrom.
+
+    python -m tools.diagrams [--check] [NAME ...]
+
+Each diagram is a run of the whole card with its firmware (tb/lib/fast_card.py), a recording of every edge on
+its pins and of a few strobes inside, and a window on it. Levels, frames, arrows and all figures are read from
+the recording; only the words are written here. The runs take the same clocks each time, so the same sources
+give the same pictures: --check says which ones no longer do. The WaveJSON, for WaveDrom's editor, and a line
+of figures go to build/diagrams.
+
+Times are in ps since power-up. Exit code: 1 when --check finds a difference, 2 for a name that is none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from wavedrom.waveform import WaveDrom
+
+from tb.generated.card_tables import CHARACTER_BITS
+from tb.lib.card import MS, baud_switches
+from tb.lib.fast_card import FastCard
+from tb.lib.uart_agent import Format
+from tb.model import fc_telegram, rtu
+from tb.model.vlt_drive import VltDrive
+from tools.sources import ROOT
+
+DIAGRAMS = ROOT / "docs/diagrams"
+JSON = ROOT / "build/diagrams"
+LINE = Format.named(9600, "8E1")
+BIT = LINE.bit_ps
+LOOPBACK = "111001111"
+BOOTED_MS = 25.0
+REGISTER = rtu.build(1, rtu.read_registers(2, 1))  # answered by the card itself
+START = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
+BROADCAST = rtu.build(0, START[1:-2])
+AFTER_DRIVE = "reply after the drive's"
+LEDS_MS, LED_STEP_MS = 3750, 62.5
+LEVELS = {0: "0", 1: "1"}
+# Fill of a block: a digit of WaveDrom's, and what it looks like here.
+FROM_OUTSIDE, FROM_CARD, PLAIN = "3", "4", "5"
+LED_FILL = {"off": "2", "red": "3", "green": "4", "orange": "5"}
+LINE_COLOURS = {"3": "#cfe5fb", "4": "#ffe3b0", "5": "#eeeeee"}
+LED_COLOURS = {"2": "#eeeeee", "3": "#f4786c", "4": "#7fce7a", "5": "#ffb347"}
+FILL_CLASS = {"2": "s7", "3": "s8", "4": "s9", "5": "s10"}  # in its skin
+GRID = 2  # bricks between two dotted lines, WaveDrom's
+BRICK = 10  # pixels, of its narrow skin
+LABEL_PX = 12
+STEP_MS = 0.625  # of the diagrams of both lines
+GRID_MS = f"{GRID * STEP_MS} ms"
+Edges = list[tuple[float, int]]
+
+
+def bits(ps: float) -> str:
+    return f"{ps / BIT:.2f} bits"
+
+
+def ms(ps: float) -> str:
+    return f"{ps / MS:.2f} ms"
+
+
+def hexadecimal(data: bytes) -> str:
+    return data.hex(" ").upper()
+
+
+@dataclass(frozen=True)
+class Block:
+    """A stretch of time with a text, such as a frame."""
+
+    start: float
+    end: float
+    text: str
+    fill: str = PLAIN
+    data: bytes = b""
+
+
+@dataclass
+class Drawing:
+    """A window on a recording, as WaveJSON: `step` of time is one brick of WaveDrom, ten or twenty pixels."""
+
+    title: str
+    start: float
+    end: float
+    step: float
+    grid: str
+    colours: dict[str, str] = field(default_factory=lambda: LINE_COLOURS)
+    foot: str = ""
+    lanes: list = field(default_factory=list)
+    edges: list[str] = field(default_factory=list)
+    figures: dict[str, str] = field(default_factory=dict)
+    nodes: int = 0
+
+    @property
+    def bricks(self) -> int:
+        return round((self.end - self.start) / self.step)
+
+    def brick(self, when: float) -> int:
+        return min(max(round((when - self.start) / self.step), 0), self.bricks)
+
+    def group(self, name: str) -> None:
+        self.lanes.append([name])
+
+    def _lane(self, name: str, wave: str, **more: object) -> None:
+        to = self.lanes[-1] if self.lanes and isinstance(self.lanes[-1], list) else self.lanes
+        to.append({"name": name, "wave": wave, "period": 0.5, **more})
+
+    def level(self, name: str, edges: Edges, idle: int = 0) -> None:
+        """A pin, drawn from its edges; a pulse shorter than a brick gets one."""
+        wave = [LEVELS[idle]] * self.bricks
+        for at, level in edges:
+            if at >= self.end:
+                break
+            first = self.brick(at)
+            wave[first:] = [LEVELS[level]] * (self.bricks - first)
+        for at, level in edges:
+            if self.start <= at < self.end and (first := self.brick(at)) < self.bricks:
+                wave[first] = LEVELS[level] if level != idle else wave[first]
+        self._lane(name, "".join(c if i == 0 or c != wave[i - 1] else "." for i, c in enumerate(wave)))
+
+    def blocks(self, name: str, blocks: list[Block], between: str = "1") -> None:
+        """Frames, characters or bits, with what they say."""
+        wave, data = [between] * self.bricks, []
+        for number, block in enumerate(blocks):
+            first, last = self.brick(block.start), self.brick(block.end)
+            if first == last:
+                continue
+            wave[first:last] = [f"{block.fill}{number}"] * (last - first)
+            data.append(block.text)
+        starts = [i == 0 or mark != wave[i - 1] for i, mark in enumerate(wave)]
+        packed = "".join(mark[0] if new else "." for mark, new in zip(wave, starts, strict=True))
+        self._lane(name, packed, data=data)
+
+    def arrows(self, *spans: tuple[float, float, str]) -> None:
+        """A lane of its own: no arrow crosses a signal. A text too long for its arrow stands beside."""
+        node = ["."] * (self.bricks + 1)
+
+        def mark(at: int) -> str:
+            if node[at] == ".":
+                node[at] = chr(ord("A") + self.nodes)
+                self.nodes += 1
+            return node[at]
+
+        for start, end, text in spans:
+            first, last = self.brick(start), self.brick(end)
+            room = text_px(text) + 4 * BRICK
+            if (last - first) * BRICK >= room:
+                self.edges.append(f"{mark(first)}<->{mark(last)} {text}")
+            else:
+                self.edges.append(f"{mark(first)}<->{mark(last)}")
+                beside = mark(last + round((text_px(text) / 2 + BRICK) / BRICK))
+                self.edges.append(f"{beside}-{beside} {text}")
+        self.lanes.append({"name": "", "wave": "", "node": "".join(node), "period": 0.5})
+
+    def say(self, name: str, value: str) -> str:
+        self.figures[name] = value
+        return value
+
+    @property
+    def json(self) -> dict:
+        return {
+            "head": {"text": f"{self.title}  (grid: {self.grid})"},
+            "signal": self.lanes,
+            "edge": self.edges,
+            "foot": {"text": self.foot},
+            "config": {"skin": "narrow"},
+        }
+
+
+# ---------------------------------------------------------------- WaveDrom
+
+STYLE = """
+text{{font-family:Helvetica,Arial,sans-serif;font-size:{label_px}px;fill:#111}}
+text[fill],.info{{font-size:14px}}
+.info,.label{{fill:#0b3d91}}
+.s1,.s2{{fill:none;stroke:#222;stroke-width:1.2;stroke-linecap:round}}
+{fills}
+"""
+XLINK = "http://www.w3.org/1999/xlink"
+SVG = "http://www.w3.org/2000/svg"
+
+
+def text_px(text: str) -> float:
+    return 0.52 * LABEL_PX * len(text)
+
+
+class Renderer(WaveDrom):
+    """WaveDrom with labels as large as a page needs them, and colours of our own."""
+
+    def text_width(self, string: str, size: int = 11) -> float:
+        return 1.3 * super().text_width(string, size)
+
+    def render_label(self, p: dict, text: str):
+        group = self.container.g(transform=f"translate({p.x},{p.y})")
+        width = text_px(text) + 6
+        group.add(self.element.rect(insert=(-width / 2, -7), size=(width, 14), style="fill:#fff"))
+        group.add(self.element.text(text, text_anchor="middle", y=[4], class_="label"))
+        return group
+
+
+def svg(drawing: Drawing) -> str:
+    """With a white ground, our style, and no more of the skin than is used."""
+    rendered = Renderer().render_waveform(0, drawing.json, []).tostring()
+    ElementTree.register_namespace("", SVG)
+    ElementTree.register_namespace("xlink", XLINK)
+    root = ElementTree.fromstring(rendered)
+    used = {use.get(f"{{{XLINK}}}href")[1:] for use in root.iter(f"{{{SVG}}}use")}
+    for defs in root.iter(f"{{{SVG}}}defs"):
+        for brick in defs.findall(f"{{{SVG}}}g"):
+            if brick.get("id") not in used:
+                defs.remove(brick)
+    fills = "\n".join(f".{FILL_CLASS[digit]}{{fill:{fill}}}" for digit, fill in drawing.colours.items())
+    next(root.iter(f"{{{SVG}}}style")).text = STYLE.format(label_px=LABEL_PX, fills=fills)
+    ground = ElementTree.Element(f"{{{SVG}}}rect", width="100%", height="100%", fill="#fff")
+    root.insert(0, ground)
+    ElementTree.indent(root, " ")
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+# ---------------------------------------------------------------- reading a recording
+
+
+class Recorded:
+    """What was on the pins in a run."""
+
+    def __init__(self, card: FastCard) -> None:
+        self.edges: dict[str, Edges] = card.recorded_so_far()
+
+    def pulses(self, name: str) -> list[tuple[float, float]]:
+        """Rise and fall of each time that a signal was 1."""
+        found, rise = [], None
+        for at, level in self.edges[name]:
+            if level:
+                rise = at
+            elif rise is not None:
+                found.append((rise, at))
+                rise = None
+        return found
+
+    def after(self, name: str, when: float) -> float:
+        """The next rise of a strobe."""
+        return next(rise for rise, _ in self.pulses(name) if rise >= when)
+
+    def none_between(self, name: str, start: float, end: float) -> bool:
+        return not any(start <= rise <= end for rise, _ in self.pulses(name))
+
+    def characters(self, pin: str) -> list[Block]:
+        """What a pin says, each bit read in its middle."""
+        edges, found, free = self.edges[pin], [], 0.0
+        for start, level in edges:
+            if level or start < free:
+                continue
+            read = [self._level(edges, start + (i + 0.5) * BIT) for i in range(LINE.bits)]
+            value = sum(bit << i for i, bit in enumerate(read[1:9]))
+            end = start + LINE.character_ps
+            found.append(Block(start, end, f"{value:02X}", data=bytes([value])))
+            free = end - BIT / 2
+        return found
+
+    @staticmethod
+    def _level(edges: Edges, when: float) -> int:
+        return next((level for at, level in reversed(edges) if at <= when), 1)
+
+    def frames(self, pin: str, fill: str) -> list[Block]:
+        """Characters without t1.5 of silence between them."""
+        found: list[Block] = []
+        for one in self.characters(pin):
+            if found and one.start - found[-1].end < 1.5 * LINE.character_ps:
+                before = found.pop()
+                one = Block(before.start, one.end, "", data=before.data + one.data)
+            found.append(Block(one.start, one.end, hexadecimal(one.data), fill, one.data))
+        return found
+
+
+class Run(FastCard):
+    """The card with a drive in the state of the manual's examples, past its start."""
+
+    def __init__(self) -> None:
+        drive = VltDrive(example=True)
+        super().__init__(baud_switches(LINE.baud, "8E1"), form="8E1", drive=drive.telegram)
+        self.run(BOOTED_MS)
+
+    def recorded_now(self, ms_more: float = 5.0) -> Recorded:
+        self.run(ms_more)
+        return Recorded(self)
+
+
+# ---------------------------------------------------------------- the diagrams
+
+BIT_NAMES = ("start", *(f"b{i}" for i in range(8)), "parity", "stop")
+
+
+def character() -> Drawing:
+    """The first character that the card sends, with its driver."""
+    with Run() as card:
+        card.request(REGISTER)
+        seen = card.recorded_now()
+    first, second = seen.characters("modbus_tx")[:2]
+    enabled = seen.pulses("modbus_de")[0][0]
+    drawing = Drawing(
+        f"A character: {first.text}h at {LINE.baud} bit/s, 8E1, as the card sends it",
+        first.start - 2 * BIT,
+        first.end + 2 * BIT,
+        BIT / 4,
+        "½ bit",
+    )
+    lead = drawing.say("driver before start bit", bits(first.start - enabled))
+    length = drawing.say("character", bits(second.start - first.start))
+    lasts = drawing.say("time", ms(second.start - first.start))
+    drawing.level("modbus_de", seen.edges["modbus_de"])
+    drawing.level("modbus_tx", seen.edges["modbus_tx"], idle=1)
+    names = [Block(first.start + i * BIT, first.start + (i + 1) * BIT, n) for i, n in enumerate(BIT_NAMES)]
+    drawing.blocks("bit", [*names, Block(second.start, second.start + BIT, "start")])
+    drawing.arrows((first.start, second.start, f"{length}, {lasts}"))
+    value = first.data[0]
+    sent = " ".join(str(value >> i & 1) for i in range(8))
+    drawing.foot = f"Least bit first: {sent}, then even parity. Driver on {lead} before the start bit."
+    return drawing
+
+
+def request_end(seen: Recorded, data: bytes, pin: str = "modbus_rx") -> float:
+    return next(frame.end for frame in seen.frames(pin, PLAIN) if frame.data.startswith(data))
+
+
+def gate_lanes(drawing: Drawing, seen: Recorded) -> None:
+    drawing.group("network line")
+    characters = [Block(c.start, c.end, c.text, FROM_OUTSIDE) for c in seen.characters("modbus_rx")]
+    drawing.level("modbus_rx", seen.edges["modbus_rx"], idle=1)
+    drawing.blocks("characters", characters)
+    drawing.level("modbus_de", seen.edges["modbus_de"])
+    drawing.level("modbus_tx", seen.edges["modbus_tx"], idle=1)
+    drawing.group("commit gate")
+    for name in ("candidate", "commit", "revoke", "reply_queued"):
+        drawing.level(name.replace("_", " "), seen.edges[name])
+
+
+def commit() -> Drawing:
+    """A request that the card answers by itself: t1.5, t3.5 and the reply's first characters."""
+    with Run() as card:
+        card.request(REGISTER)
+        seen = card.recorded_now()
+    end = request_end(seen, REGISTER)
+    candidate, committed = seen.after("candidate", end), seen.after("commit", end)
+    queued = seen.after("reply_queued", end)
+    reply = seen.characters("modbus_tx")[0].start
+    drawing = Drawing(
+        "Prepare early, commit late: the end of a request and its reply",
+        end - 14 * BIT,
+        reply + 13 * BIT,
+        BIT,
+        "2 bits",
+    )
+    t15 = drawing.say("candidate after the request", bits(candidate - end))
+    t35 = drawing.say("commit after the request", bits(committed - end))
+    out = drawing.say("reply after t3.5", bits(reply - end - 3.5 * CHARACTER_BITS * BIT))
+    ready = drawing.say("reply prepared after the candidate", ms(queued - candidate))
+    gate_lanes(drawing, seen)
+    drawing.arrows((end, candidate, f"t1.5: {t15}"))
+    drawing.arrows((end, committed, f"t3.5: {t35}"))
+    drawing.foot = (
+        f"The firmware has its reply ready {ready} after the candidate; it leaves {out} after t3.5."
+    )
+    return drawing
+
+
+def revoke() -> Drawing:
+    """The same request, and another character two characters after it."""
+    with Run() as card:
+        card.modbus.send(REGISTER, 1.05 * 3.5 * LINE.character_ps)
+        card.modbus.send(b"\x55", 2 * LINE.character_ps)
+        card.run(40)
+        seen = card.recorded_now()
+    stray = next(c for c in seen.characters("modbus_rx") if c.data == b"\x55")
+    end = request_end(seen, REGISTER)
+    candidate, revoked = seen.after("candidate", end), seen.after("revoke", end)
+    drawing = Drawing(
+        "Revoke: a character between t1.5 and t3.5 takes the request back",
+        end - 14 * BIT,
+        end + 52 * BIT,
+        BIT,
+        "2 bits",
+    )
+    t15 = drawing.say("candidate after the request", bits(candidate - end))
+    stray_after = drawing.say("character after the request", bits(stray.start - end))
+    seen_after = drawing.say("revoke after its start edge", bits(revoked - stray.start))
+    assert seen.none_between("commit", end, end + 100 * BIT) and not seen.pulses("modbus_de")
+    gate_lanes(drawing, seen)
+    drawing.arrows((end, candidate, f"t1.5: {t15}"))
+    drawing.arrows((end, stray.start, f"next character: {stray_after}"))
+    drawing.foot = f"Revoked {seen_after} after the start edge. Nothing was sent, nothing was changed."
+    return drawing
+
+
+def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Drawing, list[bytes]]:
+    """A request that goes to the drive: both lines, from the first start bit to the last stop bit."""
+    with Run() as card:
+        card.request(request, timeout_ms=60)
+        seen = card.recorded_now(8.0)
+    asked = seen.frames("modbus_rx", FROM_OUTSIDE)
+    replies = seen.frames("modbus_tx", FROM_CARD)
+    telegrams = seen.frames("drive_tx", FROM_CARD)
+    answers = seen.frames("drive_rx", FROM_OUTSIDE)
+    assert len(asked) == len(telegrams) == 1 and len(replies) == answered, title
+    last = max(frame.end for frame in (*asked, *replies, *telegrams, *answers))
+    drawing = Drawing(title, asked[0].start - MS, last + 1.5 * MS, STEP_MS * MS, GRID_MS)
+    drawing.group("network line")
+    drawing.blocks("master", asked)
+    drawing.blocks("card", replies)
+    drawing.level("modbus_de", seen.edges["modbus_de"])
+    drawing.group("drive line")
+    drawing.blocks("card", telegrams)
+    drawing.blocks("drive", answers)
+    drawing.level("drive_de", seen.edges["drive_de"])
+    drawing.group("commit gate")
+    for name in ("candidate", "commit", "drive_candidate", "drive_good"):
+        drawing.level(name.replace("_", " "), seen.edges[name])
+    after = drawing.say("telegram after the request", bits(telegrams[0].start - asked[0].end))
+    spans = [(asked[0].end, telegrams[0].start, after)]
+    if answers:
+        pause = drawing.say("drive's reply after the telegram", bits(answers[0].start - telegrams[0].end))
+        spans.append((telegrams[0].end, answers[0].start, pause))
+    drawing.arrows(*spans)
+    if replies:
+        turnaround = drawing.say("turnaround", ms(replies[0].start - asked[0].end))
+        drawing.say(AFTER_DRIVE, bits(replies[0].start - answers[0].end))
+        drawing.arrows((asked[0].end, replies[0].start, f"turnaround {turnaround}"))
+    return drawing, [frame.data for frame in (*asked, *telegrams, *answers, *replies)]
+
+
+def start_motor() -> Drawing:
+    drawing, (_, telegram, answer, _) = transaction("Start, 40 % speed: one request on both lines", START)
+    drawing.foot = (
+        f"To the drive: {fc_telegram.describe(telegram)}."
+        f" Its answer: {fc_telegram.describe(answer, reply=True)}."
+        f" The reply leaves {drawing.figures[AFTER_DRIVE]} after it."
+    )
+    return drawing
+
+
+def refusal() -> Drawing:
+    request = rtu.build(1, rtu.write_register(10 * 514 - 1, 1))
+    drawing, (_, _, answer, reply) = transaction("Exception: a write that the drive refuses", request)
+    said = fc_telegram.describe(answer, reply=True).split(";")[0]
+    drawing.foot = (
+        f"The drive: {said}. The card: exception {reply[2]},"
+        f" {drawing.figures[AFTER_DRIVE]} after the drive's answer."
+    )
+    return drawing
+
+
+def broadcast() -> Drawing:
+    drawing, (_, telegram) = transaction(
+        "Broadcast: a telegram to all, and no reply", BROADCAST, answered=False
+    )
+    drawing.foot = f"ADR {telegram[2]:02X}h: {fc_telegram.describe(telegram)}. Both lines stay silent then."
+    return drawing
+
+
+def loop_back() -> Drawing:
+    """Both ports wired to each other: what they send, and the verdict."""
+    with FastCard(LOOPBACK, wired=1) as card:
+        card.run(2100)
+        seen, shown = Recorded(card), card.shown
+    telegram, frame = seen.frames("drive_tx", FROM_CARD)[0], seen.frames("modbus_tx", FROM_CARD)[0]
+    drawing = Drawing(
+        "Loop-back test: each port sends, the other listens",
+        telegram.start - 2 * MS,
+        frame.end + 2 * MS,
+        STEP_MS * MS,
+        GRID_MS,
+    )
+    drawing.group("drive port")
+    drawing.blocks("sends", [telegram])
+    drawing.blocks("hears", seen.frames("drive_rx", FROM_OUTSIDE))
+    drawing.level("drive_de", seen.edges["drive_de"])
+    drawing.group("network port")
+    drawing.blocks("sends", [frame])
+    drawing.blocks("hears", seen.frames("modbus_rx", FROM_OUTSIDE))
+    drawing.level("modbus_de", seen.edges["modbus_de"])
+    drawing.arrows(
+        (telegram.end, frame.start, drawing.say("between the two", ms(frame.start - telegram.end)))
+    )
+    first = drawing.say("first bit after power-up", ms(telegram.start))
+    verdicts = {led: history[-1] for led, history in shown.items()}
+    (verdict,) = {one.colour for one in verdicts.values()}
+    when = drawing.say("verdict", f"{max(one.since_ps for one in verdicts.values()) / MS:.0f} ms")
+    drawing.foot = f"First bit {first} after power-up. Both LEDs {verdict} from {when} on."
+    return drawing
+
+
+def power_up() -> Drawing:
+    """What both LEDs show from power-up on, with no master and no drive."""
+    with FastCard() as card:
+        card.run(LEDS_MS)
+        shown = card.shown
+    drawing = Drawing(
+        "Power-up: what the LEDs show",
+        0,
+        LEDS_MS * MS,
+        LED_STEP_MS * MS,
+        f"{GRID * LED_STEP_MS:g} ms",
+        LED_COLOURS,
+    )
+    drawing.group("LED")
+    for led in ("drive", "modbus"):
+        history = shown[led]
+        ends = [*(one.since_ps for one in history[1:]), LEDS_MS * MS]
+        blocks = [
+            Block(one.since_ps, end, one.colour, LED_FILL[one.colour])
+            for one, end in zip(history, ends, strict=True)
+        ]
+        drawing.blocks(led, blocks)
+    lit = {led: history[1].since_ps for led, history in shown.items()}
+    step = shown["drive"][3].since_ps - shown["drive"][2].since_ps
+    over = shown["drive"][5].since_ps
+    drawing.arrows((lit["drive"], lit["modbus"], "drive LED"), (lit["modbus"], over, "network LED"))
+    light, each = drawing.say("first light", ms(lit["drive"])), drawing.say("step", f"{step / MS:.0f} ms")
+    end = drawing.say("end of the show", f"{over / MS:.0f} ms")
+    drawing.foot = f"First light after {light}, a colour every {each}, over after {end}."
+    return drawing
+
+
+DRAWINGS: dict[str, Callable[[], Drawing]] = {
+    "character": character,
+    "commit": commit,
+    "revoke": revoke,
+    "start-motor": start_motor,
+    "exception": refusal,
+    "broadcast": broadcast,
+    "loop-back": loop_back,
+    "power-up": power_up,
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing, say what has changed")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(DRAWINGS)} (default: all)")
+    args = parser.parse_args()
+    if unknown := [name for name in args.names if name not in DRAWINGS]:
+        print(f"diagrams: no diagram '{unknown[0]}'; there are {', '.join(DRAWINGS)}", file=sys.stderr)
+        return 2
+    changed = 0
+    for name in args.names or DRAWINGS:
+        drawing, path = DRAWINGS[name](), DIAGRAMS / f"{name}.svg"
+        text = svg(drawing)
+        old = path.read_text() if path.exists() else ""
+        if args.check and text != old:
+            print(
+                f"docs/diagrams/{name}.svg is not what the run gives: {drawing.figures}; run `make diagrams`"
+            )
+            changed += 1
+        elif not args.check:
+            DIAGRAMS.mkdir(parents=True, exist_ok=True)
+            JSON.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+            (JSON / f"{name}.json").write_text(json.dumps(drawing.json, indent=1, ensure_ascii=False) + "\n")
+            print(f"{name}: " + ", ".join(f"{what} {value}" for what, value in drawing.figures.items()))
+    return int(changed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
