@@ -7,6 +7,7 @@ Times in the log are simulated seconds (s) since the release of the card's reset
 from __future__ import annotations
 
 import json
+import queue
 import signal
 import subprocess
 import threading
@@ -17,6 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 CARD = ROOT / "build/card"
 START_S = 30.0  # wall time for build/card to say it is ready, on a busy machine
+ANSWERS = ("ok", "error: ", "{", "trip ")  # of --control; nothing else that it prints begins like one
 FRAME_S = 10.0  # wall time to wait for a frame
 
 
@@ -48,10 +50,12 @@ class RunningCard:
         self.output: list[str] = []
         self.process = subprocess.Popen(
             [CARD, "--modbus", self.link, "--log", self.log, *options],
+            stdin=subprocess.PIPE if "--control" in options else None,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
         )
+        self._answers: queue.Queue[str] = queue.Queue()
         self._is_ready = threading.Event()
         self._reader = threading.Thread(target=self._read_output, daemon=True)
         self._reader.start()
@@ -65,10 +69,25 @@ class RunningCard:
 
     def _read_output(self) -> None:
         for line in self.process.stdout:
+            if line.startswith(ANSWERS):
+                self._answers.put(line.rstrip("\n"))
+                continue
             self.output.append(line.rstrip("\n"))
             if line.startswith("ready "):
                 self._is_ready.set()
         self._is_ready.set()
+
+    def command(self, text: str) -> str:
+        """The card's answer to a command, of one line; it must have been started with --control."""
+        self.process.stdin.write(f"{text}\n")
+        self.process.stdin.flush()
+        try:
+            return self._answers.get(timeout=FRAME_S)
+        except queue.Empty:
+            raise CardError(f"no answer to '{text}'") from None
+
+    def state(self) -> dict:
+        return json.loads(self.command("state"))
 
     def __enter__(self) -> RunningCard:
         return self

@@ -37,6 +37,13 @@ void DriveEnd::from_card(const LineByte& byte) {
   if (complete() && !damaged_) take_telegram();
 }
 
+void DriveEnd::power_cycle() {
+  drive_power_cycle(&drive_);
+  telegram_.clear();
+  damaged_ = false;
+  reply_due_ = kNever;
+}
+
 bool DriveEnd::complete() const {
   return telegram_.size() > kLge && telegram_.size() == telegram_[kLge] + kNotInLge;
 }

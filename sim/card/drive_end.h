@@ -19,6 +19,10 @@ class DriveEnd : public FarEnd {
   void from_card(const LineByte& byte) override;
   void step(UartLine& line, Cycles now) override;
   std::string name() const override { return name_; }
+  // Alarm number 1 to 99; nothing happens while it is tripped already.
+  void trip(std::uint8_t alarm) { drive_trip(&drive_, alarm); }
+  void power_cycle();
+  const drive_t& drive() const { return drive_; }
 
  private:
   bool complete() const;

@@ -15,10 +15,17 @@ constexpr std::size_t kMostWaiting = 4096;  // bytes; a flood stays in the pty u
 PortFarEnd::PortFarEnd(std::unique_ptr<BytePort> port, const LineSettings& settings, const SimClock& clock,
                        Cycles answer_time)
     : port_(std::move(port)),
+      clock_(clock),
       settings_(settings),
       collect_(clock.from_microseconds(port_->collect_us())),
-      pause_limit_(std::max(collect_, settings.silences.inside + clock.from_microseconds(kJitterUs))),
-      answer_time_(answer_time) {}
+      answer_time_(answer_time) {
+  use(settings);
+}
+
+void PortFarEnd::use(const LineSettings& settings) {
+  settings_ = settings;
+  pause_limit_ = std::max(collect_, settings.silences.inside + clock_.from_microseconds(kJitterUs));
+}
 
 void PortFarEnd::from_card(const LineByte& byte) {
   port_->write(byte.value);

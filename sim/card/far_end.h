@@ -26,6 +26,8 @@ class FarEnd {
   virtual void step(UartLine& line, Cycles now) = 0;
   // True while another program is expected to answer the card: simulated time must not outrun it.
   virtual bool answer_expected(Cycles) const { return false; }
+  // Another rate and format of the line.
+  virtual void use(const LineSettings&) {}
   // Descriptor that becomes readable when something arrives, or -1.
   virtual int fd() const { return -1; }
   virtual std::string name() const = 0;
@@ -42,6 +44,7 @@ class PortFarEnd : public FarEnd {
   void from_card(const LineByte& byte) override;
   void step(UartLine& line, Cycles now) override;
   bool answer_expected(Cycles now) const override;
+  void use(const LineSettings& settings) override;
   int fd() const override { return port_->fd(); }
   std::string name() const override { return port_->name(); }
 
@@ -50,9 +53,10 @@ class PortFarEnd : public FarEnd {
   bool goes_on(const UartLine& line, Cycles now) const;
 
   std::unique_ptr<BytePort> port_;
-  const LineSettings settings_;
-  const Cycles collect_;      // a burst is complete when nothing has come for so long
-  const Cycles pause_limit_;  // a longer pause between two arrivals starts a new burst
+  const SimClock clock_;
+  LineSettings settings_;
+  const Cycles collect_;  // a burst is complete when nothing has come for so long
+  Cycles pause_limit_ = 0;  // a longer pause between two arrivals starts a new burst
   const Cycles answer_time_;
   std::deque<std::vector<std::uint8_t>> bursts_;  // not on the line yet
   std::size_t waiting_bytes_ = 0;

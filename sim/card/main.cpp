@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "control.h"
 #include "describe.h"
 #include "drive_end.h"
 #include "far_end.h"
@@ -135,13 +136,22 @@ void run(const Options& options) {
   std::printf("ready modbus=%s drive=%s\n", master->name().c_str(), drive->name().c_str());
   std::fflush(stdout);
 
-  const std::vector<int> wake_up = {master->fd(), drive->fd()};
+  Control control(kClock, {options.sw_baud, options.sw_addr}, virtual_card,
+                  dynamic_cast<DriveEnd*>(drive.get()), !options.modbus_device.empty());
+  CommandInput commands(STDIN_FILENO);
+  std::vector<int> wake_up = {master->fd(), drive->fd()};
+  if (options.control) wake_up.push_back(commands.fd());
   Cycles next_check = virtual_card.now() + kClock.hz;
   Cycles next_warning = 0;
   while (stop_requested == 0 && virtual_card.now() < end) {
     const Cycles cycles = std::min(step, end - virtual_card.now());
     virtual_card.run(cycles);
     recording.write_until(virtual_card.settled());
+    if (options.control) {
+      for (const std::string& command : commands.take()) std::puts(control.run(command).c_str());
+      std::fflush(stdout);
+      if (commands.ended()) break;
+    }
     if (options.real_time || drive->answer_expected(virtual_card.now())) {
       pacer.keep_to_wall_time(cycles, wake_up);
     } else {

@@ -75,6 +75,14 @@ void check_together(const Options& options) {
 
 }  // namespace
 
+unsigned baud_switches(const std::string& option, const std::string& text) {
+  return switches(option, text, kBaudSwitches);
+}
+
+unsigned addr_switches(const std::string& option, const std::string& text) {
+  return switches(option, text, kAddrSwitches);
+}
+
 Options parse_options(int argc, char** argv) {
   Options options;
   options.dialect = &default_dialect();
@@ -97,14 +105,15 @@ Options parse_options(int argc, char** argv) {
       {"--profile", true, [&](const std::string& v) { options.profile = profile("--profile", v); }},
       {"--dialect", true, [&](const std::string& v) { options.dialect = dialect("--dialect", v); }},
       {"--sw-baud", true,
-       [&](const std::string& v) { options.sw_baud = switches("--sw-baud", v, kBaudSwitches); }},
+       [&](const std::string& v) { options.sw_baud = baud_switches("--sw-baud", v); }},
       {"--sw-addr", true,
-       [&](const std::string& v) { options.sw_addr = switches("--sw-addr", v, kAddrSwitches); }},
+       [&](const std::string& v) { options.sw_addr = addr_switches("--sw-addr", v); }},
       {"--speed", true, [&](const std::string& v) { options.real_time = is_real("--speed", v); }},
       {"--for", true, [&](const std::string& v) { options.seconds = positive_seconds("--for", v); }},
       {"--wave", true, text(options.wave_file)},
       {"--pcap", true, text(options.pcap_file)},
       {"--log", true, text(options.log_file)},
+      {"--control", false, flag(options.control)},
       {"--quiet", false, flag(options.quiet)},
       {"--help", false, flag(options.help)},
       {"--version", false, flag(options.version)},
@@ -166,6 +175,11 @@ const char* help_text() {
          "  --pcap FILE.pcapng     frames of both lines for Wireshark\n"
          "  --log FILE.jsonl       frames and LED changes, one JSON object a line\n"
          "  --quiet                no frames on the terminal, only 'ready' and errors\n"
+         "control\n"
+         "  --control              take commands from standard input, one a line, and answer each with one "
+         "line;\n"
+         "                         'help' lists them; the end of the input ends the card\n"
+         "other\n"
          "  --help, --version\n"
          "\n"
          "Prints 'ready modbus=... drive=...' when both lines are open. SIGINT, SIGTERM and --for end it "

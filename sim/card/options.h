@@ -27,6 +27,7 @@ struct Options {
   std::string wave_file;
   std::string pcap_file;
   std::string log_file;
+  bool control = false;  // commands on standard input
   bool quiet = false;
   bool help = false;
   bool version = false;
@@ -34,6 +35,10 @@ struct Options {
 
 // Throws UserError for anything that is not in help_text().
 Options parse_options(int argc, char** argv);
+
+// Switch digits as in help_text(), bit n-1 = switch n. `option`: what the error names. Throws UserError.
+unsigned baud_switches(const std::string& option, const std::string& text);
+unsigned addr_switches(const std::string& option, const std::string& text);
 
 const char* help_text();
 

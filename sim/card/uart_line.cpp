@@ -2,12 +2,14 @@
 
 #include "uart_line.h"
 
+#include <cmath>
 #include <utility>
 
 namespace card {
 
 namespace {
 constexpr int kFirstDataBit = 1;
+constexpr unsigned kThousand = 1000;
 constexpr int kAfterData = 9;  // parity bit, or first stop bit without parity
 }  // namespace
 
@@ -17,6 +19,18 @@ UartLine::UartLine(const SimClock& clock, const LineSettings& settings, Listener
 bool UartLine::parity_bit(std::uint8_t value) const {
   const bool odd_ones = __builtin_parity(value) != 0;
   return settings_.parity == 'O' ? !odd_ones : odd_ones;
+}
+
+Cycles UartLine::far_bit_edge(Cycles start, int bit) const {
+  if (trouble_.baud_error == 0) return bit_edge(start, bit);
+  return start + static_cast<Cycles>(std::llround(bit * static_cast<double>(clock_.hz) / settings_.baud /
+                                                  (1 + trouble_.baud_error / 100)));
+}
+
+// A data or parity bit of the byte that begins, or -1.
+int UartLine::bit_to_turn_over() {
+  if (trouble_.noise == 0 || static_cast<int>(noise_() % kThousand) >= trouble_.noise) return -1;
+  return kFirstDataBit + static_cast<int>(noise_() % (settings_.parity == 'N' ? 8u : 9u));
 }
 
 void UartLine::send(const std::vector<std::uint8_t>& bytes, Cycles now) {
@@ -36,25 +50,34 @@ void UartLine::run(Cycles now) {
 
 void UartLine::next_tx_bit(Cycles now) {
   if (tx_bit_ == settings_.char_bits()) {
-    const LineByte done{Sender::kFarEnd, tx_queue_.front(), false, false, tx_start_, now};
+    const bool turned = tx_flip_ >= 0;
+    const unsigned mask = turned && tx_flip_ < kAfterData ? 1u << (tx_flip_ - kFirstDataBit) : 0u;
+    const LineByte done{Sender::kFarEnd,
+                        static_cast<std::uint8_t>(tx_queue_.front() ^ mask),
+                        turned && settings_.parity != 'N',
+                        false,
+                        tx_start_,
+                        now};
     tx_queue_.pop_front();
     traffic_until(now);
     tx_bit_ = tx_queue_.empty() ? -1 : 0;
     tx_start_ = now;
     tx_due_ = tx_queue_.empty() ? kNever : now;
-    listener_(done);
+    if (!trouble_.cut) listener_(done);
     if (tx_bit_ < 0) return;
   }
   const std::uint8_t value = tx_queue_.front();
   if (tx_bit_ == 0) {
+    tx_flip_ = bit_to_turn_over();
     far_level_ = false;
   } else if (tx_bit_ < kAfterData) {
     far_level_ = (value >> (tx_bit_ - kFirstDataBit) & 1) != 0;
   } else {
     far_level_ = tx_bit_ == kAfterData && settings_.parity != 'N' ? parity_bit(value) : true;
   }
+  if (tx_bit_ == tx_flip_) far_level_ = !far_level_;
   ++tx_bit_;
-  tx_due_ = bit_edge(tx_start_, tx_bit_);
+  tx_due_ = far_bit_edge(tx_start_, tx_bit_);
 }
 
 void UartLine::card_pins(bool tx, bool de, Cycles now) {
@@ -67,13 +90,14 @@ void UartLine::card_pins(bool tx, bool de, Cycles now) {
     rx_bit_ = 0;
     rx_value_ = 0;
     rx_bad_parity_ = false;
+    rx_flip_ = bit_to_turn_over();
     rx_due_ = now + clock_.half_bits(1, settings_.baud);
   }
 }
 
 void UartLine::sample_rx_bit() {
   const int bit = rx_bit_;
-  const bool level = card_level_;
+  const bool level = card_level_ != (bit >= kFirstDataBit && bit == rx_flip_);
   const bool has_parity = settings_.parity != 'N';
   if (bit == 0 && level) {  // too short for a start bit
     rx_bit_ = -1;

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <random>
 #include <vector>
 
 #include "line_settings.h"
@@ -43,10 +44,22 @@ class UartLine {
   Cycles next_event() const { return tx_due_ < rx_due_ ? tx_due_ : rx_due_; }
   void run(Cycles now);
 
+  // What may be wrong with the wire, until it is set back. Noise and a cut wire work on both directions; what
+  // the listener is told is what the receiver makes of it, and of a far end that is cut off, nothing.
+  struct Trouble {
+    bool cut = false;
+    int noise = 0;          // bytes in a thousand that have one bit turned over
+    double baud_error = 0;  // the far end sends so many percent too fast
+  };
+  const Trouble& trouble() const { return trouble_; }
+  void set_trouble(const Trouble& trouble) { trouble_ = trouble; }
+  // Another rate and format; the line must be idle.
+  void use(const LineSettings& settings) { settings_ = settings; }
+
   // The card's transmit and driver-enable pins changed at `now`.
   void card_pins(bool tx, bool de, Cycles now);
   // Level of the pair at the card's receive pin: idle 1, and whoever pulls it to 0 wins.
-  bool level() const { return far_level_ && card_level_; }
+  bool level() const { return (trouble_.cut || far_level_) && card_level_; }
 
   // Start of the oldest byte that is still on the line, kNever when there is none.
   Cycles byte_since() const {
@@ -60,12 +73,16 @@ class UartLine {
   void next_tx_bit(Cycles now);
   void sample_rx_bit();
   Cycles bit_edge(Cycles start, int bit) const { return start + clock_.half_bits(2 * bit, settings_.baud); }
+  Cycles far_bit_edge(Cycles start, int bit) const;
+  int bit_to_turn_over();
   bool parity_bit(std::uint8_t value) const;
   void traffic_until(Cycles end) { silent_since_ = end > silent_since_ ? end : silent_since_; }
 
   const SimClock clock_;
-  const LineSettings settings_;
+  LineSettings settings_;
   Listener listener_;
+  Trouble trouble_;
+  std::minstd_rand noise_{1};  // the same trouble each time
   Cycles silent_since_ = 0;
 
   // far end -> card: tx_bit_ is the bit on the line, 0 = start bit, -1 = idle
@@ -73,6 +90,7 @@ class UartLine {
   int tx_bit_ = -1;
   Cycles tx_start_ = 0;
   Cycles tx_due_ = kNever;
+  int tx_flip_ = -1;  // bit that noise turns over, -1: none
   bool far_level_ = true;
 
   // card -> far end: rx_bit_ is the bit to sample next, -1 = waiting for a start edge
@@ -80,6 +98,7 @@ class UartLine {
   Cycles rx_start_ = 0;
   Cycles rx_due_ = kNever;
   std::uint8_t rx_value_ = 0;
+  int rx_flip_ = -1;
   bool rx_bad_parity_ = false;
   bool card_level_ = true;
   bool card_enabled_ = false;

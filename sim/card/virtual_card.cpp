@@ -34,7 +34,7 @@ VirtualCard::VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame
       modbus_{UartLine(clock_, network_settings(setup.sw_baud, clock_),
                        [this](const LineByte& byte) {
                          modbus_.frames.add(byte);
-                         if (byte.sender == Sender::kCard && modbus_.far_end)
+                         if (byte.sender == Sender::kCard && modbus_.far_end && !modbus_.line.trouble().cut)
                            modbus_.far_end->from_card(byte);
                        }),
               FrameGrouper(LineId::kModbus, network_settings(setup.sw_baud, clock_).silences, on_frame),
@@ -42,7 +42,8 @@ VirtualCard::VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame
       drive_{UartLine(clock_, drive_settings(clock_),
                       [this](const LineByte& byte) {
                         drive_.frames.add(byte);
-                        if (byte.sender == Sender::kCard && drive_.far_end) drive_.far_end->from_card(byte);
+                        if (byte.sender == Sender::kCard && drive_.far_end && !drive_.line.trouble().cut)
+                          drive_.far_end->from_card(byte);
                       }),
              FrameGrouper(LineId::kDrive, drive_settings(clock_).silences, on_frame), nullptr},
       modbus_led_("modbus", clock_, on_led),
@@ -103,6 +104,29 @@ void VirtualCard::reset() {
   clock_until<false>(0);
   top_->rst_n = 1;
   next_event_ = 0;
+}
+
+// The firmware image stays: it begins anew at each reset.
+void VirtualCard::power_cycle(unsigned sw_baud, unsigned sw_addr) {
+  top_->rst_n = 0;
+  top_->sw_baud = static_cast<SData>(sw_baud);
+  top_->sw_addr = static_cast<CData>(sw_addr);
+  run(kResetCycles);
+  modbus_.frames.flush();
+  drive_.frames.flush();
+  const LineSettings settings = network_settings(sw_baud, clock_);
+  modbus_.line.use(settings);
+  modbus_.frames.use(settings.silences);
+  modbus_.far_end->use(settings);
+  top_->rst_n = 1;
+}
+
+const char* VirtualCard::led(LineId which) const {
+  const bool modbus = which == LineId::kModbus;
+  const unsigned red = modbus ? top_->led_modbus_red : top_->led_drive_red;
+  const unsigned green = modbus ? top_->led_modbus_green : top_->led_drive_green;
+  static constexpr const char* kShows[] = {"off", "red", "green", "orange"};
+  return kShows[red | green << 1];
 }
 
 unsigned VirtualCard::pins() const {

@@ -41,6 +41,11 @@ class VirtualCard {
   void run(Cycles cycles);
   // Everything that began before this has been handed to the listeners.
   Cycles settled() const;
+  // Power off and on: everything on the lines is lost, the switches are read anew. Time goes on.
+  void power_cycle(unsigned sw_baud, unsigned sw_addr);
+  UartLine& line(LineId which) { return which == LineId::kModbus ? modbus_.line : drive_.line; }
+  // What an LED shows at this moment.
+  const char* led(LineId which) const;
   // Ends frames still open and the waveform; nothing may run afterwards.
   void finish();
 

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// Commands to a running virtual card, one a line, each answered by one line: "ok", "error: ..." or, to
+// `state`, a JSON object. What goes wrong is said and changes nothing.
+
+#ifndef CONTROL_H
+#define CONTROL_H
+
+#include <string>
+#include <vector>
+
+#include "drive_end.h"
+#include "virtual_card.h"
+
+namespace card {
+
+class Control {
+ public:
+  struct Switches {
+    unsigned baud;
+    unsigned addr;
+  };
+
+  // `drive`: the simulated one, or nullptr. `fixed_rate`: the network line's port cannot change its rate.
+  Control(const SimClock& clock, const Switches& switches, VirtualCard& virtual_card, DriveEnd* drive,
+          bool fixed_rate);
+  std::string run(const std::string& command);
+
+ private:
+  using Words = std::vector<std::string>;
+  void trip(const Words& words);
+  void trouble(const Words& words);
+  void set_switches(const Words& words);
+  void power_cycle(const Words& words);
+  std::string state() const;
+  std::string line_state(LineId which) const;
+
+  const SimClock clock_;
+  VirtualCard& card_;
+  DriveEnd* const drive_;
+  const bool fixed_rate_;
+  Switches switches_;  // as they stand
+  Switches read_;      // as the card has read them
+};
+
+// Whole lines that have come on a descriptor; never blocks.
+class CommandInput {
+ public:
+  explicit CommandInput(int fd);
+  std::vector<std::string> take();
+  bool ended() const { return ended_; }
+  int fd() const { return ended_ ? -1 : fd_; }
+
+ private:
+  const int fd_;
+  std::string rest_;
+  bool ended_ = false;
+};
+
+}  // namespace card
+
+#endif
