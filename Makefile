@@ -37,8 +37,6 @@ export OBJCACHE := ccache
 export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
 
 MODBUS_LINK := $(BUILD)/modbus
-# Coils 1 to 32: control word 047Ch, reference 2000h.
-START_HALF := 0 0 1 1 1 1 1 0 0 0 1 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1 0 0
 PYTEST := $(PY) -m pytest tb $(if $(TEST),-k '$(TEST)')
 
 .PHONY: help
@@ -49,13 +47,8 @@ help: ## list the targets
 demo: card ## the manual's examples by real Modbus masters, with verdicts
 	@$(PY) tools/demo.py
 
-run: card ## the virtual card with its simulated drive, until Ctrl-C
-	@echo "Virtual card, unit address 1, 9600 bit/s, no parity, on $(MODBUS_LINK). In another terminal:"
-	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 4 -r 5140 -c 2 -1 $(MODBUS_LINK)    motor current"
-	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 1 -c 32 -1 $(MODBUS_LINK)      control image"
-	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 1 $(MODBUS_LINK) $(START_HALF)  start, 50 %"
-	@echo "  mbpoll -m rtu -a 1 -b 9600 -P none -t 0 -r 33 -c 32 -1 $(MODBUS_LINK)     status and frequency"
-	@exec $(BUILD)/card --modbus $(MODBUS_LINK) $(CARD_ARGS)
+run: card ## the virtual card with its simulated drive, on a terminal as a panel
+	@exec $(PY) -m tools.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
 card: $(BUILD)/card ## build/card, the virtual card (build/card --help)
 firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect

@@ -39,7 +39,7 @@ BASE_COMMANDS = [
 ]
 # Those of the Debian packages that it installs.
 PACKAGES_COMMANDS = [
-    *("gcc", "g++", "ccache", "mbpoll", "perl", "riscv64-unknown-elf-gcc", "tshark", "sigrok-cli"),
+    *("gcc", "g++", "ccache", "mbpoll", "perl", "riscv64-unknown-elf-gcc", "tshark", "sigrok-cli", "tmux"),
 ]
 
 

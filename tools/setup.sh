@@ -17,6 +17,7 @@ needs=(
   "command tshark                   tshark"
   "command sigrok-cli               sigrok-cli"
   "header  modbus/modbus.h          libmodbus-dev"
+  "command tmux                     tmux"
   "command gcc                      gcc"
   "command g++                      g++"
   "command ccache                   ccache"
