@@ -364,7 +364,7 @@ def commit() -> Drawing:
     drawing.arrows((end, candidate, f"t1.5: {t15}"))
     drawing.arrows((end, committed, f"t3.5: {t35}"))
     drawing.foot = (
-        f"The firmware has its reply ready {ready} after the candidate; it leaves {out} after t3.5."
+        f"At 2 MHz the firmware has its reply ready {ready} after the candidate; it leaves {out} after t3.5."
     )
     return drawing
 
