@@ -21,6 +21,7 @@ from textual.widgets import Static
 
 from tb.model.crc16 import with_crc
 from tb.test_virtual_card import RawPort, request_of
+from tools import panel
 from tools.panel import KEYS, LiveCard, Panel, View
 from tools.sources import ROOT
 
@@ -163,10 +164,15 @@ def test_help_names_every_key_and_goes_away_again():
     assert "exception 1" in parts["log"]
 
 
-def test_what_the_card_refuses_is_said_until_the_next_key():
+def test_what_the_card_refuses_is_said_for_a_while_or_until_the_next_key(monkeypatch):
     error = {"message": "only the simulated drive can be tripped"}
     _, _, parts = play([*until(7.2), error])
-    assert "only the simulated drive" in parts["title"]
+    assert error["message"] in parts["title"]
+    _, _, parts = play([*until(7.2), error], "t")
+    assert error["message"] not in parts["title"]
+    monkeypatch.setattr(panel, "MESSAGE_S", 0.2)
+    _, _, parts = play([*until(7.2), error])
+    assert error["message"] not in parts["title"]
 
 
 @pytest.mark.parametrize("code", [0, 2])

@@ -23,6 +23,7 @@ import sys
 import tempfile
 import textwrap
 import threading
+import time
 import tomllib
 from collections import deque
 from collections.abc import Iterator
@@ -55,6 +56,7 @@ LINES_KEPT = 200
 LED_STYLE = {"off": "grey50", "red": "bold red", "green": "bold green", "orange": "bold dark_orange"}
 BAUD_STEP, BAUD_MOST = 0.5, 10.0  # percent
 NOISE = (0, 10, 50, 200)  # bytes in a thousand
+MESSAGE_S = 5.0  # wall time that a message stands
 START_S = 30.0  # wall time for build/card to say that it is ready
 KEYS = " t trip  c/C cut  n/N noise  +/- baud  arrows, space  p power  h help  q quit"
 HELP = """\
@@ -434,6 +436,7 @@ class Panel(App[int]):
         super().__init__()
         self.source, self.view = source, view
         self._helping = False
+        self._message_until = 0.0
 
     def compose(self) -> ComposeResult:
         yield Static(id="title")
@@ -455,8 +458,11 @@ class Panel(App[int]):
                 self.exit(event["exit"])
             elif "message" in event:
                 self.view.message = event["message"]
+                self._message_until = time.monotonic() + MESSAGE_S
             else:
                 self.view.take(event)
+        if time.monotonic() > self._message_until:
+            self.view.message = ""
         self.show()
 
     def show(self) -> None:
