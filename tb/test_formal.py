@@ -14,10 +14,14 @@ from tools.sources import ROOT
 MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
 RULES = {
     "bcc": ["FC-1"],
+    "bus_arbiter": ["FRAME-5"],
     "commit_gate": ["FRAME-6", "FRAME-7", "MAP-9"],
     "crc16_modbus": ["FRAME-4"],
+    "fc_tx": ["FC-1"],
     "rs485_dir": ["LINE-6", "FC-10"],
+    "rtu_tx": ["FRAME-4"],
     "silence_timer": ["FRAME-1", "FC-8"],
+    "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "uart": ["LINE-1", "LINE-3", "LINE-5", "FC-1"],
 }
 

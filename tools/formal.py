@@ -169,7 +169,7 @@ def main() -> int:
         promises = sum(task.promises for task in tasks if task.proves)
         summary = (
             f"{promises} promises of {len(known)} modules, proved in {took:.0f} s of wall time, "
-            f"{options.jobs} tasks at a time."
+            f"{options.jobs} at a time."
         )
         text = TEMPLATE.read_text().replace("@TABLE@", table(tasks)).replace("@SUMMARY@", summary)
         DOCUMENT.write_text(text)

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every access gets its answer, each line reaches its own frames only, and no write to the telegram goes
+// unseen (FRAME-5, SAFE-1). The memory is the soft core's wherever an address leads that is no register.
+//
+// Assumed of the soft core: an access stands until ready. Of the lines: neither reads and writes at once.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+reg g_waiting = 1'b0;  // a soft core access had no answer in the clock before
+reg [31:0] g_addr = 32'd0;
+reg [31:0] g_wdata = 32'd0;
+reg [3:0] g_wstrb = 4'd0;
+reg g_served = 1'b0;  // memory or registers had the soft core's access in the clock before
+reg g_rst = 1'b1;
+
+wire g_modbus_asks = modbus_read_valid || modbus_write_valid;
+wire g_drive_asks = drive_read_valid || drive_write_valid;
+wire g_to_telegram = ram_enable && ram_wstrb[0] &&
+    ram_word[5:0] >= TELEGRAM && ram_word[WORD_BITS-1:6] == LAST[WORD_BITS-1:6];
+wire g_core_has_ram = ram_enable && !g_modbus_asks && !g_drive_asks;
+
+always @(posedge clk) begin
+  g_rst <= rst;
+  g_waiting <= core_valid && !core_ready && !rst;
+  g_addr <= core_addr;
+  g_wdata <= core_wdata;
+  g_wstrb <= core_wstrb;
+  g_served <= regs_valid || g_core_has_ram;
+end
+
+always @* begin
+  assume (!(modbus_read_valid && modbus_write_valid));
+  assume (!(drive_read_valid && drive_write_valid));
+  if (g_past && g_waiting) begin
+    assume (core_valid);
+    assume (core_addr == g_addr && core_wdata == g_wdata && core_wstrb == g_wstrb);
+  end
+end
+
+always @(posedge clk) begin
+  if (g_past) begin
+    // The soft core: an answer a clock after its access was served, once, and only then.
+    a_answer : assert (core_ready == (g_served && !g_rst));
+    a_once : assert (!core_ready || !(regs_valid || g_core_has_ram));
+    a_served : assert (!core_valid || core_ready || g_modbus_asks || g_drive_asks || regs_valid || ram_enable);
+    a_one_place : assert (!regs_valid || !ram_enable);
+    // It reads and writes what it asked for, where it asked for it; the last addresses are the frame memory.
+    a_core_word : assert (!g_core_has_ram || core_addr >= MEMORY_BYTES || ram_word == core_addr[WORD_BITS+1:2]);
+    a_core_frames : assert (!g_core_has_ram || core_addr < 32'hFFFFFF00 ||
+        ram_word == {LAST[WORD_BITS-1:6], core_addr[7:2]});
+    a_core_data : assert (!g_core_has_ram || (ram_wdata == core_wdata && ram_wstrb[3:1] == core_wstrb[3:1]));
+    a_core_lane_0 : assert (!g_core_has_ram || ram_wstrb[0] == core_wstrb[0] || telegram_sending);
+    a_regs : assert (!regs_valid || (regs_word == core_addr[4:2] && regs_write == (core_wstrb != 4'd0)));
+    // The network line never waits, the drive line for the network line alone (FRAME-5).
+    a_modbus : assert (!g_modbus_asks || (modbus_read_ready || modbus_write_ready));
+    a_drive : assert (!g_drive_asks || g_modbus_asks || drive_read_ready || drive_write_ready);
+    a_drive_waits : assert (!g_modbus_asks || !(drive_read_ready || drive_write_ready));
+    // Lines write into the frame memory, into their own lane, their own byte.
+    a_in_frames : assert (!(g_modbus_asks || g_drive_asks) ||
+        (ram_enable && ram_word[WORD_BITS-1:6] == LAST[WORD_BITS-1:6]));
+    a_modbus_lane : assert (!modbus_write_ready || (ram_wstrb == 4'b0010 && ram_wdata[15:8] == modbus_write_data &&
+        ram_word[5:0] == modbus_write_addr));
+    a_drive_lane : assert (!drive_write_ready || (ram_wstrb == 4'b0100 && ram_wdata[23:16] == drive_write_data &&
+        ram_word[4:0] == drive_write_addr));
+    a_reads_write_nothing : assert (!(modbus_read_ready || drive_read_ready) || ram_wstrb == 4'b0000);
+    a_reply : assert (!modbus_read_ready || ram_word[5:0] == {REPLY[5], modbus_read_addr});
+    a_telegram : assert (!drive_read_ready || ram_word[5:0] == {TELEGRAM[5], drive_read_addr});
+    // SAFE-1: by whatever address: a write to the telegram is reported, or does not happen.
+    a_touched : assert (!g_to_telegram || telegram_touched);
+    a_not_while_sending : assert (!telegram_sending || !g_to_telegram);
+    a_touched_only_then : assert (!telegram_touched || g_to_telegram);
+  end
+end
+
+// ---- it is not right by doing nothing
+always @(posedge clk) begin
+  c_touched : cover (g_past && telegram_touched && core_addr[31]);
+  c_dropped : cover (g_past && telegram_sending && core_ready && g_wstrb == 4'b0001 && g_addr == 32'hFFFFFF80);
+  c_waited : cover (g_past && core_ready && $past(g_waiting, 2));
+end

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// A reply is just the bytes of the frame memory, each once and in order, and two of the CRC (FRAME-4), begun
+// by a start and by nothing else.
+//
+// Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit,
+// length stays while a reply is sent and is not 0 (commit_gate), the memory answers a clock after it was ready.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+reg [5:0] g_bytes = 6'd0;  // that the UART took
+reg [5:0] g_reads = 6'd0;
+reg g_answers = 1'b0;
+reg g_started = 1'b0;
+reg g_sending = 1'b0;
+reg g_rst = 1'b1;
+reg g_offered = 1'b0;  // ready, and no byte was offered
+reg g_took = 1'b0;
+reg g_was_busy = 1'b0;
+reg [4:0] g_length = 5'd1;
+
+wire g_take = send_valid && send_ready;
+wire g_read = read_valid && read_ready;
+
+always @(posedge clk) begin
+  g_rst <= rst;
+  g_started <= start && !sending && !rst;
+  g_sending <= sending;
+  g_offered <= send_ready && !send_valid;
+  g_took <= g_take;
+  g_was_busy <= line_busy;
+  g_length <= length;
+  g_answers <= g_read;
+  if (!sending || rst) begin
+    g_bytes <= 6'd0;
+    g_reads <= 6'd0;
+  end else begin
+    if (g_take) g_bytes <= g_bytes + 6'd1;
+    if (g_read) g_reads <= g_reads + 6'd1;
+  end
+end
+
+always @* begin
+  assume (length != 5'd0);
+  if (g_past) begin
+    assume (!g_offered || send_ready || g_rst);
+    assume (!g_took || line_busy);
+    assume (!sending || !g_sending || length == g_length);
+  end
+end
+
+always @(posedge clk) begin
+  if (g_past && !rst) begin
+    a_started : assert (!sending || g_sending || g_started);
+    // What the UART takes is the memory's answer of the clock before, to the next address.
+    a_data : assert (!g_take || g_bytes >= {1'b0, length} || (g_answers && g_reads == g_bytes + 6'd1));
+    a_address : assert (!g_read || read_addr == g_reads[4:0]);
+    a_none_lost : assert (!g_answers || !sending || g_rst || g_take);
+    // Two of the CRC follow. The bits of a byte are asked for while it is on the line, after it was taken.
+    a_no_more : assert (!g_take || g_bytes < {1'b0, length} + 6'd2);
+    a_check : assert (send_check == (g_bytes > {1'b0, length} && sending));
+    a_all_of_it : assert (!g_sending || sending || g_rst || $past(g_bytes) == {1'b0, g_length} + 6'd2);
+    // The line is kept until its last stop bit is over (SAFE-2).
+    a_kept : assert (!g_sending || sending || g_rst || !g_was_busy);
+    a_asked : assert (!send_valid || line_request);
+  end
+end
+
+// ---- what induction needs to know
+always @(posedge clk) begin
+  if (g_past) begin
+    i_known : assert (state <= S_DRAIN);
+    i_idle : assert (state != S_IDLE || g_bytes == 6'd0 || g_sending);
+    i_fetch : assert (state != S_FETCH || (g_reads == {1'b0, index} && g_bytes == g_reads && index < length));
+    i_send : assert (state != S_SEND || (g_answers && send_ready && g_reads == {1'b0, index} &&
+        g_bytes == g_reads - 6'd1 && index <= length && index != 5'd0));
+    i_low : assert (state != S_CRC_LOW || g_bytes == {1'b0, length});
+    i_high : assert (state != S_CRC_HIGH || g_bytes == {1'b0, length} + 6'd1);
+    i_drain : assert (state != S_DRAIN || g_bytes == {1'b0, length} + 6'd2);
+    i_answers : assert (!g_answers || state == S_SEND || g_rst);
+  end
+end
+
+// ---- it is not right by doing nothing
+always @(posedge clk) c_sent : cover (g_past && g_sending && !sending && !g_rst && g_length == 5'd3);

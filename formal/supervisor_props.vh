@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// It bites in time and only then, a fault stays, and the door of the loop-back test never opens again
+// (WDG-1, LED-5, LOOP-1).
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+reg [1:0] g_beats = 2'd0;  // changes of the beat since the last kick or bite, as far as 3
+reg g_beat = 1'b0;
+reg g_trap = 1'b0;  // in the clock before
+reg g_rst = 1'b1;
+reg [1:0] g_restart = 2'd0;  // clocks that the restart still takes
+reg [1:0] g_bites = 2'd0;  // since the last exchange
+reg g_halted = 1'b0;
+reg g_closed = 1'b0;
+reg g_good = 1'b0;
+
+wire g_bite = (g_beats == 2'd3 || core_trap) && g_restart == 2'd0;
+
+always @(posedge clk) begin
+  g_rst <= rst;
+  g_beat <= beat;
+  g_trap <= core_trap;
+  g_good <= drive_good;
+  g_restart <= g_bite ? 2'd2 : g_restart == 2'd0 ? 2'd0 : g_restart - 2'd1;
+  if (kick || g_bite) g_beats <= 2'd0;
+  else if (beat != g_beat) g_beats <= g_beats + 2'd1;
+  if (g_bite && !fault) g_bites <= g_bites + 2'd1;
+  else if (!fault && (reply_start || (drive_good && !g_good))) g_bites <= 2'd0;
+  g_halted <= g_halted || halt;
+  g_closed <= g_closed || loopback_close;
+  if (rst) begin
+    g_restart <= 2'd0;
+    g_beats <= 2'd0;
+    g_bites <= 2'd0;
+    g_halted <= 1'b0;
+    g_closed <= 1'b0;
+  end
+end
+
+always @(posedge clk) begin
+  if (g_past) begin
+    // WDG-1: it restarts for two clocks, at the third beat or a trap, and for nothing else.
+    a_restarts : assert (rst || fault || core_rst == (g_restart != 2'd0));
+    // LED-5: the third bite, a halt and a wrong address are a fault, nothing else is.
+    a_fault : assert (fault == (!rst && (g_halted || g_bites == 2'd3 || (!address_valid && !loopback_open))));
+    // The soft core stands still in a fault.
+    a_stands_still : assert (!fault || core_rst);
+    // A fault that the card has come to stays until reset.
+    a_stays : assert (g_rst || rst || !$past(g_halted || g_bites == 2'd3) || fault);
+    // LOOP-1
+    a_door : assert (loopback_open == (!g_closed && sw_baud == LOOPBACK_SWITCHES));
+  end
+end
+
+// ---- what induction needs to know
+always @(posedge clk) begin
+  if (g_past) begin
+    i_beats : assert (idle_beats == g_beats && beat_before == g_beat);
+    i_bites : assert (bites == g_bites);
+    i_restarting : assert (restarting == (g_restart == 2'd2 ? 2'b01 : g_restart == 2'd1 ? 2'b10 : 2'b00));
+    i_halted : assert (halted == g_halted && loopback_closed == g_closed && drive_was_good == g_good);
+  end
+end
+
+// ---- it is not right by doing nothing
+always @(posedge clk) begin
+  c_third_bite : cover (g_past && fault && g_bites == 2'd3 && !g_halted && address_valid);
+  c_saved : cover (g_past && !rst && g_bites == 2'd0 && $past(g_bites) == 2'd2 && !$past(rst));
+  c_bites_without_trap : cover (g_past && g_restart == 2'd2 && !g_trap && !rst);
+end
