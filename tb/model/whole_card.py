@@ -1,0 +1,478 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole card as a black box with two lines: what it may send, when, and what it must send.
+
+`Judge` is given everything that was on both lines and says where the card did otherwise than the rules.
+Meaning comes from `card.Card`, framing from `wire`; here are the commit (FRAME-6), the one reply (FRAME-7,
+FRAME-8), the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served when
+several meet.
+
+Where the rules leave a choice, the judge follows what was seen if it is one of the choices: a telegram that a
+newer request overtakes before it started may be sent or not; a drive's reply within a few ms of the end of
+its wait may count or not. Unit of time: clocks.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from tb.model import fc_telegram
+from tb.model.card import DRIVE_TIMEOUT, STATUS, Card, Question, Step
+from tb.model.crc16 import with_crc
+from tb.model.wire import (
+    GARBLED_BITS,
+    PAUSE_BITS,
+    UNSURE_BITS,
+    Burst,
+    DriveReceiver,
+    Frame,
+    Heard,
+    Line,
+    NetworkEvent,
+    NetworkReceiver,
+    Unclear,
+    drive_line,
+    heard_around,
+)
+
+# A character that begins so few clocks before the card's own cannot have been seen yet.
+SYNC_CLOCKS = 4
+# A receiver has a byte when it has looked at the middle of its stop bit.
+STOP_BITS = 0.6
+# How much later than its time the firmware's millisecond clock may tick, and a reply's last character may
+# come.
+TICK_MS, LAST_CHARACTER_MS = 2.2, 4.5
+# A telegram overtaken by a newer request leaves at most so late after it was queued (the pause takes 2.3).
+OVERTAKEN_MS = 6.0
+NEVER = float("inf")
+
+
+@dataclass
+class Request:
+    """A committed request and what it may be answered."""
+
+    pdu: bytes
+    broadcast: bool
+    end: float  # of its last stop bit
+    question: Question | None
+    telegram: bytes = b""
+    answers: list[bytes] = field(default_factory=list)
+    how: str = ""  # it came to its answer
+    answer_from: float = NEVER
+    answer_by: float = NEVER
+    dropped: float | None = None  # when somebody else spoke (FRAME-7)
+    answered: bool = False
+    overtaken: bool = False  # by a candidate, so its telegram need not leave any more
+
+
+@dataclass
+class Exchange:
+    """A telegram on its way: `line` until it starts, then `wait` for the drive."""
+
+    request: Request
+    queued_from: float
+    queued_by: float
+    phase: str = "line"
+    sends: int = 0
+    end: float = 0.0
+    waits: tuple[int, int] = (0, 0)  # register 40003, smallest and largest since the telegram
+    overtaken: bool = False
+    settled: float = NEVER  # when what overtook it was committed or revoked
+    receiver: DriveReceiver | None = None
+
+
+@dataclass
+class Verdict:
+    differences: list[str] = field(default_factory=list)
+    counts: Counter = field(default_factory=Counter)
+    unclear: str = ""  # why it was judged no further
+    worst: dict[str, float] = field(default_factory=dict)  # clocks
+
+
+class Difference(Exception):
+    """The card did what it must not, or did not what it must."""
+
+
+@dataclass
+class Judge:
+    """`budget`: clocks that the firmware may take from a frame, or a drive's reply, to its answer."""
+
+    card: Card
+    line: Line
+    address: int
+    budget: float
+    strict_t15: bool = True
+
+    def __post_init__(self) -> None:
+        self.drive = drive_line(self.line.clk_hz)
+        self.ms = self.line.clk_hz / 1000
+        self.verdict = Verdict()
+        self.newest: Request | None = None
+        self.pending: Request | None = None
+        self.exchange: Exchange | None = None
+        self.candidate_at = 0.0
+        self.status_changed = -NEVER
+        self.status_before = [0] * len(STATUS)
+        # What the firmware does from t1.5 on is not seen unless it takes longer than until t3.5.
+        t15_to_t35 = (self.line.t35_bits - self.line.t15_bits) * self.line.bit
+        self.late = max(0.0, self.budget - t15_to_t35) + 1.3 * self.line.bit
+
+    # ------------------------------------------------------------ all that happened, in order
+
+    def judge(
+        self,
+        network: Sequence[Heard],
+        drive: Sequence[Heard],
+        replies: Sequence[Burst],
+        telegrams: Sequence[Burst],
+        until: float,
+    ) -> Verdict:
+        self.replies, self.telegrams = replies, telegrams
+        # Start, earliest and latest end of whatever is on the drive line.
+        self.busy = [(h.start, h.end, h.end + h.slack) for h in drive]
+        self.busy += [(float(b.rise), float(b.fall), float(b.fall)) for b in telegrams]
+        items = [*self._network(network), *self._drive(drive)]
+        items += [(burst.rise, 1, self._reply, burst) for burst in replies]
+        items += [(burst.rise, 1, self._telegram, burst) for burst in telegrams]
+        items.sort(key=lambda item: item[:2])
+        try:
+            for at, _, handle, item in items:
+                if at > until:
+                    break
+                self._advance(at)
+                handle(item)
+            self._advance(until)
+        except Unclear as unclear:
+            self.verdict.unclear = str(unclear)
+        except Difference as difference:
+            self.verdict.differences.append(str(difference))
+        return self.verdict
+
+    def _network(self, heard: Iterable[Heard]) -> list[tuple]:
+        unsure = UNSURE_BITS * self.line.bit
+        found: list[tuple] = []
+        try:
+            for event in NetworkReceiver(self.line, self.address, self.strict_t15).events(
+                heard, self.replies
+            ):
+                early = unsure + event.slack if event.what in ("candidate", "commit") else 0.0
+                found.append((event.at - early, 0, self._heard, event))
+        except Unclear as unclear:
+            found.append((unclear.at, 2, self._give_in, unclear))
+        return found
+
+    def _drive(self, heard: Iterable[Heard]) -> list[tuple]:
+        around = heard_around(heard, self.telegrams, self.drive.bit)
+        early = STOP_BITS * self.drive.bit
+        return [(h.end - early, 0, self._from_drive, h) for _, h in around if isinstance(h, Heard)]
+
+    def _give_in(self, unclear: Unclear) -> None:
+        raise unclear
+
+    def _count(self, what: str) -> None:
+        self.verdict.counts[what] += 1
+
+    def _measure(self, what: str, clocks: float) -> None:
+        self.verdict.worst[what] = max(clocks, self.verdict.worst.get(what, -NEVER))
+
+    def _fail(self, at: float, what: str) -> None:
+        raise Difference(f"at {at:.0f} clocks ({at / self.ms:.3f} ms): {what}")
+
+    # ------------------------------------------------------------ the network line
+
+    def _heard(self, event: NetworkEvent) -> None:
+        if event.what == "start":
+            if self.newest and not self.newest.answered and self.newest.dropped is None:
+                self.newest.dropped = event.at
+                if not self.newest.broadcast and (self.newest.answers or self.newest.telegram):
+                    self._count("reply dropped (FRAME-7)")
+            return
+        self._count(event.what)
+        if event.what == "candidate":
+            self.candidate_at = event.at
+            if self.pending:
+                self.pending.overtaken = True
+            if self.exchange:
+                self.exchange.overtaken, self.exchange.settled = True, NEVER
+        elif self.exchange and self.exchange.overtaken:
+            self.exchange.settled = event.at
+        if event.what == "commit":
+            self._commit(event.frame, event.at)
+
+    def _commit(self, frame: Frame, at: float) -> None:
+        pdu = frame.data[1:-2]
+        step = self.card.request(pdu, frame.broadcast)
+        if self.exchange:
+            low, high = self.exchange.waits
+            now = self.card.registers[DRIVE_TIMEOUT]
+            self.exchange.waits = min(low, now), max(high, now)
+        request = Request(pdu, frame.broadcast, frame.end, self.card.question)
+        self.newest, self.pending = request, None
+        if step.reply is not None:
+            self._answer(request, "local reply", step.reply, at, at + self.late)
+            if self.status_changed > self.candidate_at - self.budget:
+                self._also(request, self.status_before)
+        if step.telegram is not None:
+            request.telegram = self._built(step.telegram)
+            if self.exchange is None:
+                self._start(request, at, at + self.late)
+            else:
+                self.pending = request
+
+    def _answer(self, request: Request, how: str, pdu: bytes, at: float, by: float) -> None:
+        request.how = how
+        request.answers = [with_crc(bytes([self.address]) + pdu)]
+        request.answer_from, request.answer_by = at, by
+
+    def _also(self, request: Request, status: list[int]) -> None:
+        """A read of the status image that a drive's reply meets may show it as it was (FC-6)."""
+        if request.pdu[0] != 0x01 or not request.answers or request.answered:
+            return
+        now = self.card.coils[STATUS.start : STATUS.stop]
+        self.card.coils[STATUS.start : STATUS.stop] = status
+        reply = self.card.request(request.pdu).reply
+        self.card.coils[STATUS.start : STATUS.stop] = now
+        self.card.question = request.question
+        if reply is not None:
+            request.answers.append(with_crc(bytes([self.address]) + reply))
+
+    def _reply(self, burst: Burst) -> None:
+        request, exchange, data = self.newest, self.exchange, burst.data
+        waits = exchange and exchange.request is request and not request.answers
+        if waits and burst.rise >= self._given_up_from(exchange):
+            self._give_up(exchange, burst.rise)
+        if request is None or request.broadcast or request.answered or not request.answers:
+            self._fail(burst.rise, f"reply {data.hex(' ')} that nothing asked for")
+        self._shape(burst, self.line, "reply")
+        if request.dropped is not None and request.dropped < burst.rise - SYNC_CLOCKS:
+            self._fail(burst.rise, f"reply {data.hex(' ')} after a newer character (FRAME-7)")
+        if data not in request.answers:
+            wanted = " or ".join(answer.hex(" ") for answer in request.answers)
+            self._fail(burst.rise, f"reply {data.hex(' ')}, expected {wanted}, to {request.pdu.hex(' ')}")
+        earliest = request.end + (self.line.t35_bits - UNSURE_BITS) * self.line.bit
+        if burst.start < max(earliest, request.answer_from - self.line.bit):
+            self._fail(burst.start, f"reply {data.hex(' ')} too early (FRAME-8)")
+        if burst.start > request.answer_by:
+            late = burst.start - request.answer_by
+            self._fail(burst.start, f"reply {data.hex(' ')} {late:.0f} clocks after its latest time (PERF)")
+        request.answered = True
+        self._measure(request.how, burst.start - request.answer_from)
+        self._count(f"exception {data[2]}" if data[1] & 0x80 else f"function {data[1]:02X} answered")
+
+    def _shape(self, burst: Burst, line: Line, what: str) -> None:
+        """Characters, gaps and driver as they must be (LINE-6, FC-8, FC-10)."""
+        shown = burst.data.hex(" ")
+        if not burst.characters or not all(c.good for c in burst.characters):
+            self._fail(burst.rise, f"{what} {shown}: a damaged character")
+        if burst.start - burst.rise > line.bit:
+            self._fail(burst.rise, f"{what} {shown}: driver on too early")
+        if not -0.2 * line.bit <= burst.fall - burst.characters[-1].end <= line.bit:
+            self._fail(burst.fall, f"{what} {shown}: driver off at the wrong time")
+        for before, after in zip(burst.characters, burst.characters[1:], strict=False):
+            if after.start - before.end > 0.2 * line.bit:
+                self._fail(after.start, f"{what} {shown}: a gap")
+
+    # ------------------------------------------------------------ the drive line
+
+    def _built(self, telegram: bytes) -> bytes:
+        return fc_telegram.build(telegram[1:], adr=telegram[0])
+
+    def _start(self, request: Request, at: float, by: float) -> None:
+        wait = self.card.registers[DRIVE_TIMEOUT]
+        self.exchange = Exchange(request, at, by, waits=(wait, wait), overtaken=request.overtaken)
+        if request.overtaken:
+            self.exchange.settled = at
+        self.pending = None
+
+    def _ms(self, tens: int) -> float:
+        return 10 * tens * self.ms
+
+    def _wait_from(self, exchange: Exchange) -> float:
+        return exchange.end + self._ms(exchange.waits[0]) - 0.2 * self.ms
+
+    def _given_up_from(self, exchange: Exchange) -> float:
+        """The first moment at which the master may be told that the drive does not answer."""
+        if exchange.phase == "line":
+            return exchange.queued_from + self._ms(exchange.waits[0]) - 0.2 * self.ms
+        return self._wait_from(exchange) if exchange.sends == 2 else NEVER
+
+    def _wait_by(self, exchange: Exchange) -> float:
+        slowest = self._ms(exchange.waits[1]) + (TICK_MS + LAST_CHARACTER_MS) * self.ms
+        return exchange.end + slowest + self.budget
+
+    def _quiet_at(self, at: float) -> float:
+        """When the drive line, as it is at this time, will have been silent for two characters."""
+        last = max((end for start, _, end in self.busy if start <= at), default=0.0)
+        return last + (PAUSE_BITS + 0.25) * self.drive.bit
+
+    def _starts_by(self, queued: float) -> float:
+        """When a telegram that is queued by then has started; each character on the line holds it back."""
+        while (quiet := self._quiet_at(queued)) > queued:
+            queued = quiet
+        return queued + self.budget + 1.3 * self.drive.bit
+
+    def _line_until(self, exchange: Exchange) -> float:
+        """The last moment at which a telegram that waits for the line may start."""
+        if exchange.overtaken:
+            return max(exchange.settled, exchange.queued_by + OVERTAKEN_MS * self.ms) + self.budget
+        return exchange.queued_by + self._ms(exchange.waits[1]) + TICK_MS * self.ms + self.budget
+
+    def _telegram(self, burst: Burst) -> None:
+        data, exchange = burst.data, self.exchange
+        if exchange and exchange.phase == "wait" and burst.rise >= self._wait_from(exchange):
+            self._after_wait(exchange, burst.rise)
+            exchange = self.exchange
+        held = exchange and exchange.phase == "line" and exchange.overtaken
+        if held and self.pending and data != exchange.request.telegram:
+            # Taken back in favour of the newer one.
+            self._start(self.pending, exchange.queued_from, burst.rise)
+            exchange = self.exchange
+        if exchange is None or exchange.phase != "line":
+            self._fail(burst.rise, f"telegram {data.hex(' ')} that nothing asked for (SAFE-1)")
+        self._shape(burst, self.drive, "telegram")
+        if data != exchange.request.telegram:
+            wanted = exchange.request.telegram.hex(" ")
+            self._fail(burst.rise, f"telegram {data.hex(' ')}, expected {wanted}")
+        pause = (PAUSE_BITS - UNSURE_BITS) * self.drive.bit
+        early = burst.rise - SYNC_CLOCKS
+        before = max((end for start, end, _ in self.busy if start < early), default=0.0)
+        if burst.rise < before + pause:
+            self._fail(burst.rise, f"telegram {data.hex(' ')} after a pause too short (FC-8)")
+        exchange.phase, exchange.end = "wait", float(burst.fall)
+        exchange.sends += 1
+        wait = self.card.registers[DRIVE_TIMEOUT]
+        exchange.waits = (wait, wait)
+        if exchange.sends == 1:
+            self._measure("telegram", burst.start - max(exchange.queued_from, before + pause))
+        self._count("telegram" if exchange.sends == 1 else "telegram repeated")
+        if exchange.request.broadcast:
+            self._done(float(burst.fall))
+        else:
+            exchange.receiver = DriveReceiver(self.drive, data[2], last_end=float(burst.fall))
+
+    def _from_drive(self, heard: Heard) -> None:
+        exchange = self.exchange
+        if not exchange or exchange.phase != "wait" or not exchange.receiver:
+            self._count("character of the drive unasked")
+            return
+        if heard.slack >= GARBLED_BITS * self.drive.bit:
+            raise Unclear(heard.start, "a character of the drive across the end of a telegram")
+        telegram = exchange.receiver.hears(heard)
+        if telegram is None:
+            return
+        if heard.end >= self._wait_from(exchange) and not self._accepted(exchange, heard.end):
+            self._count("reply of the drive too late")
+            exchange.receiver.deaf_until = NEVER
+            return
+        status = self.card.coils[STATUS.start : STATUS.stop]
+        self.card.question = exchange.request.question
+        step = self.card.drive_reply(telegram)
+        if step == Step():
+            self._count("reply of the drive that does not fit")
+            exchange.receiver.deaf_until = heard.end + self.budget
+        else:
+            self._count("reply of the drive")
+            self.status_before, self.status_changed = status, heard.end
+            self._answered_by_drive(exchange, step, heard.end)
+        self.card.question = self.newest.question if self.newest else None
+
+    def _accepted(self, exchange: Exchange, at: float) -> bool:
+        """Near the end of the wait either is right: what the card did next tells."""
+        asker = exchange.request
+        if asker is self.newest and asker.dropped is None:
+            # Told at once, or once more asked; or told that the drive is silent, which looks different.
+            again = [b.data for b in self.telegrams if at < b.rise < self._starts_by(at + self.budget)]
+            if again and again[0] != asker.telegram:
+                return True  # as a text
+            by = at + self.budget + 1.3 * self.line.bit
+            told = [burst.data for burst in self.replies if at - self.drive.bit < burst.rise < by]
+            silent = Card(name=self.card.name, question=asker.question).drive_silent().reply
+            return bool(told) and (silent is None or told[0][1:-2] != silent)
+        if exchange.sends == 1:
+            by = self._starts_by(self._wait_by(exchange))
+            return not any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams)
+        raise Unclear(at, "a reply of the drive at the end of its wait, and nobody to tell")
+
+    def _answered_by_drive(self, exchange: Exchange, step: Step, at: float) -> None:
+        request = exchange.request
+        if step.telegram is not None and request is self.newest:
+            # Once more, as a text (MAP-8 of some dialects).
+            request.question, request.telegram = self.card.question, self._built(step.telegram)
+            self._start(request, at, at + self.budget)
+            self._overtake(exchange, at)
+            return
+        if request is self.newest and step.reply is not None:
+            early = STOP_BITS * self.drive.bit
+            self._answer(
+                request, "drive's reply", step.reply, at - early, at + self.budget + 1.3 * self.line.bit
+            )
+        elif self.newest:
+            self._also(self.newest, self.card.coils[STATUS.start : STATUS.stop])
+        self._done(at)
+
+    def _overtake(self, before: Exchange, at: float) -> None:
+        """A candidate that came during the first telegram holds for the second too."""
+        if before.overtaken:
+            self.exchange.overtaken, self.exchange.settled = True, min(before.settled, at)
+
+    def _done(self, at: float) -> None:
+        self.exchange = None
+        if self.pending:
+            self._start(self.pending, at, at + self.budget)
+
+    # ------------------------------------------------------------ time
+
+    def _advance(self, to: float) -> None:
+        """All that was due before this time."""
+        while True:
+            request, exchange = self.newest, self.exchange
+            awaited = request and request.answers and not request.answered and request.dropped is None
+            if awaited and request.answer_by < to:
+                wanted = " or ".join(answer.hex(" ") for answer in request.answers)
+                self._fail(request.answer_by, f"no reply; expected {wanted}")
+            if exchange and exchange.phase == "line" and self._line_is_over(exchange, to):
+                continue
+            if exchange and exchange.phase == "wait" and self._wait_by(exchange) < to:
+                self._after_wait(exchange, self._wait_by(exchange))
+                continue
+            return
+
+    def _line_is_over(self, exchange: Exchange, to: float) -> bool:
+        until = self._line_until(exchange)
+        surely = exchange.queued_from + OVERTAKEN_MS / 2 * self.ms if exchange.overtaken else NEVER
+        if not exchange.overtaken:
+            surely = self._given_up_from(exchange)
+        elif exchange.sends == 0:
+            surely = -NEVER
+        start_by = self._starts_by(exchange.queued_by)
+        if start_by < min(to, surely):
+            data = exchange.request.telegram
+            self._fail(start_by, f"no telegram; expected {data.hex(' ')}")
+        if until >= to:
+            return False
+        if exchange.overtaken:
+            self._count("telegram overtaken")
+            self._done(until)
+        else:
+            self._give_up(exchange, until)
+        return True
+
+    def _after_wait(self, exchange: Exchange, at: float) -> None:
+        """The drive has not answered in time: once more, or never (FC-9)."""
+        if exchange.sends == 1:
+            exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
+            exchange.phase, exchange.receiver = "line", None
+        else:
+            self._give_up(exchange, at)
+
+    def _give_up(self, exchange: Exchange, at: float) -> None:
+        self._count("exchange given up")
+        request = exchange.request
+        self.card.question = request.question
+        step = self.card.drive_silent()
+        self.card.question = self.newest.question if self.newest else None
+        if request is self.newest and step.reply is not None and not request.broadcast:
+            by = at + self.budget + 1.3 * self.line.bit
+            self._answer(request, "given up", step.reply, self._given_up_from(exchange), by)
+        self._done(at)

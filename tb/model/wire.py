@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two lines seen from outside, and what their rules make of the characters on them.
+
+`NetworkReceiver` finds frames by silence (FRAME-1 ... FRAME-5), `DriveReceiver` telegrams by their form
+(FC-8). Both are written from the rules. Where a rule leaves room (a silence within a quarter bit of its
+limit) they raise Unclear instead of guessing. Unit of time: clocks, as floats.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from tb.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from tb.model.crc16 import crc_good
+from tb.model.fc_telegram import STX, bcc
+
+FRAME_MIN, FRAME_MAX = 4, 256
+LGE_MIN = 6  # ADR, PCD1, PCD2, BCC
+# How near a limit a silence may come, in bits: a quarter (FRAME-1), and the clocks in which a pin is looked
+# at.
+UNSURE_BITS = 0.35
+PAUSE_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT
+# The last bits of a character that the card began to hear in its middle.
+GARBLED_BITS = 12.0
+
+
+class Unclear(Exception):
+    """The rules allow more than one outcome from this time on."""
+
+    def __init__(self, at: float, why: str) -> None:
+        super().__init__(why)
+        self.at = at
+
+
+@dataclass(frozen=True)
+class Line:
+    """Rate and format of one line; `bit` in clocks, silences in bits (FRAME-1)."""
+
+    baud: int
+    form: str
+    clk_hz: int
+
+    @functools.cached_property
+    def bit(self) -> float:
+        return self.clk_hz / self.baud
+
+    @functools.cached_property
+    def parity(self) -> bool:
+        return self.form[1] != "N"
+
+    @functools.cached_property
+    def character_bits(self) -> int:
+        """Bits of a character as it is sent."""
+        return 1 + 8 + self.parity + int(self.form[2])
+
+    @functools.cached_property
+    def t15_bits(self) -> float:
+        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * CHARACTER_BITS
+
+    @functools.cached_property
+    def t35_bits(self) -> float:
+        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * CHARACTER_BITS
+
+    def parity_bit(self, byte: int) -> int:
+        return byte.bit_count() & 1 ^ (self.form[1] == "O")
+
+    def levels(self, byte: int, flaw: str = "") -> list[int]:
+        """A character, one level a bit. Flaws: `parity`, `stop` (the first stop bit is 0)."""
+        bits = [0, *(byte >> i & 1 for i in range(8))]
+        if self.parity:
+            bits.append(self.parity_bit(byte) ^ (flaw == "parity"))
+        return bits + [int(flaw != "stop")] + [1] * (int(self.form[2]) - 1)
+
+
+def drive_line(clk_hz: int) -> Line:
+    return Line(DRIVE_BAUD, "8E1", clk_hz)
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A character of a far end. `slack`: clocks by which the card may see its end elsewhere."""
+
+    start: float
+    end: float
+    byte: int
+    good: bool = True  # parity and stop bit
+    slack: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A character of the card."""
+
+    start: int
+    end: float
+    byte: int
+    good: bool
+
+
+@dataclass
+class Burst:
+    """What the card sent in one go, from driver on to driver off."""
+
+    rise: int
+    fall: int
+    characters: list[Sent]
+
+    @property
+    def data(self) -> bytes:
+        return bytes(c.byte for c in self.characters)
+
+    @property
+    def start(self) -> int:
+        return self.characters[0].start if self.characters else self.rise
+
+
+@dataclass
+class Frame:
+    """`end`: of its last stop bit, at the earliest."""
+
+    data: bytes
+    end: float
+    broadcast: bool
+
+
+@dataclass(frozen=True)
+class NetworkEvent:
+    """`start`: of a character; `candidate`, `revoke`, `commit`: of a good frame for this card (FRAME-6)."""
+
+    at: float
+    what: str
+    frame: Frame | None = None
+    slack: float = 0.0
+
+
+def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iterator[tuple[float, object]]:
+    """Both ends of one line in order: what the card hears (LINE-6, FC-10), and its own bursts as they end.
+
+    What it hears in part, for its own driver goes off meanwhile, comes as a bad character with a long slack,
+    and so does what follows it closely: without a pause the receiver does not find back to the right start
+    bits.
+    """
+    garbled = GARBLED_BITS * bit
+    garbled_until = -garbled
+    items: list[tuple[float, object]] = [(burst.fall, burst) for burst in own]
+    spans = [(burst.rise, burst.fall) for burst in own]
+    for heard in far:
+        deaf = next((fall for rise, fall in spans if rise < heard.end and heard.start < fall), None)
+        if deaf is not None and heard.end <= deaf:
+            continue
+        if deaf is not None or heard.start < garbled_until + garbled:
+            heard = Heard(max(heard.start, deaf or 0.0), heard.end, 0, False, garbled)
+        if heard.slack >= garbled:
+            garbled_until = heard.end
+        items.append((heard.start, heard))
+    return iter(sorted(items, key=lambda item: item[0]))
+
+
+@dataclass
+class NetworkReceiver:
+    """What becomes of the characters on the network line."""
+
+    line: Line
+    address: int
+    strict_t15: bool = True
+    state: str = "wait"  # wait, idle, frame, hold, suspect
+    silent_from: float = 0.0
+    slack: float = 0.0
+    characters: list[Heard] = field(default_factory=list)
+
+    def events(self, far: Iterable[Heard], own: Iterable[Burst]) -> Iterator[NetworkEvent]:
+        """All that happens, in order; Unclear where the rules leave it open."""
+        for at, item in heard_around(far, own, self.line.bit):
+            yield from self._silence(at)
+            if isinstance(item, Burst):
+                self.state, self.slack = "wait", 0.0
+                self.silent_from = max(self.silent_from, item.fall)
+            else:
+                yield NetworkEvent(item.start, "start")
+                yield from self._character(item)
+                self.silent_from, self.slack = item.end, item.slack
+        yield from self._silence(float("inf"))
+
+    def _reached(self, until: float, bits: float) -> bool:
+        """Whether the silence that ends at `until` reached a limit."""
+        limit = self.silent_from + bits * self.line.bit
+        unsure = UNSURE_BITS * self.line.bit + self.slack
+        if limit - unsure < until < limit + unsure:
+            raise Unclear(
+                self.silent_from, f"a silence of {(until - self.silent_from) / self.line.bit:.2f} bits"
+            )
+        return until > limit
+
+    def _silence(self, until: float) -> Iterator[NetworkEvent]:
+        t15, t35 = self.line.t15_bits, self.line.t35_bits
+        if self.state == "frame" and self._reached(until, t15):
+            if self._good():
+                yield from self._event("candidate", self.silent_from + t15 * self.line.bit)
+                self.state = "hold"
+            elif self.strict_t15:
+                self.state = "suspect"
+        if self.state != "idle" and self._reached(until, t35):
+            if self.state == "hold":
+                yield from self._event("commit", self.silent_from + t35 * self.line.bit)
+            self.state = "idle"
+
+    def _character(self, heard: Heard) -> Iterator[NetworkEvent]:
+        if self.state == "hold":
+            yield from self._event("revoke", heard.end)
+            self.state = "wait" if self.strict_t15 else "frame"
+        elif self.state in ("idle", "suspect"):
+            self.characters.clear()
+            self.state = "frame"
+        if self.state == "frame":
+            self.characters.append(heard)
+
+    def _good(self) -> bool:
+        fits = FRAME_MIN <= len(self.characters) <= FRAME_MAX
+        return fits and all(c.good for c in self.characters) and crc_good(self._data())
+
+    def _data(self) -> bytes:
+        return bytes(c.byte for c in self.characters)
+
+    def _event(self, what: str, at: float) -> Iterator[NetworkEvent]:
+        data = self._data()
+        if data[0] in (0, self.address):
+            frame = Frame(data, self.characters[-1].end - self.slack, data[0] == 0)
+            yield NetworkEvent(at, what, frame, self.slack)
+
+
+@dataclass
+class DriveReceiver:
+    """Finds telegrams after the card's own one (FC-8)."""
+
+    line: Line
+    adr: int
+    state: str = "hunt"  # hunt, in, bad
+    last_end: float = 0.0
+    slack: float = 0.0
+    deaf_until: float = 0.0  # a telegram that did not fit keeps the firmware busy for a moment
+    characters: list[Heard] = field(default_factory=list)
+
+    def hears(self, heard: Heard) -> bytes | None:
+        """One more character; the telegram's ADR and data when it makes one good."""
+        if heard.start < self.deaf_until:
+            raise Unclear(heard.start, "a character while the firmware looks at a telegram")
+        gap, bit = heard.start - self.last_end, self.line.bit
+        if self.state != "hunt":
+            unsure = UNSURE_BITS * bit + self.slack
+            # The limit stands a quarter bit behind the two characters.
+            if abs(gap - (PAUSE_BITS + 0.25) * bit) < unsure:
+                raise Unclear(heard.start, f"a gap of {gap / bit:.2f} bits on the drive line")
+            if gap > PAUSE_BITS * bit:
+                self.state = "hunt"
+        self.last_end, self.slack = heard.end, heard.slack
+        if self.state == "hunt" and heard.good and heard.byte == STX:
+            self.state = "in"
+            self.characters.clear()
+        if self.state == "in":
+            return self._more(heard)
+        return None
+
+    def _more(self, heard: Heard) -> bytes | None:
+        self.characters.append(heard)
+        data = bytes(c.byte for c in self.characters)
+        count = len(data)
+        if not heard.good or (count == 2 and data[1] < LGE_MIN) or (count == 3 and data[2] != self.adr):
+            self.state = "bad"
+        elif count > 2 and count == data[1] + 2:
+            self.state = "bad"
+            if bcc(data) == 0 and self._in_time(count):
+                self.state = "hunt"
+                return data[2:-1]
+        return None
+
+    def _in_time(self, count: int) -> bool:
+        took = self.characters[-1].end - self.characters[0].start
+        limit = 1.5 * CHARACTER_BITS * count * self.line.bit
+        if abs(took - limit) < 1.5 * self.line.bit:
+            raise Unclear(self.characters[-1].end, "a telegram just at 1.5 times its nominal time")
+        return took < limit
