@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fuzzer's share of every run: random lines and drives, each difference to the models a failure.
+
+`make fuzz` is the long one. What makes its silence worth something is here too: planted bugs are found, are
+made small, and can be played again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+
+import pytest
+
+from sim.fuzz.case import run
+from sim.fuzz.library import Target
+from sim.fuzz.plants import named
+from sim.fuzz.traffic import make
+from tb.lib.seeds import seeded
+from tb.model import rtu
+from tb.model.card import Card
+from tb.model.fc_telegram import build_process
+from tb.model.whole_card import Judge
+from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+from tools import fuzz_report
+from tools.fuzz import CaseError, replay, shard, story
+
+# Frames of each shard and its rates: those that cost little, and one of all.
+SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()))
+EVERYWHERE = (
+    *("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
+    *("FC-1", "FC-8", "FC-9", "FC-10", "EXC", "MAP-3", "LINE-5", "LINE-6", "SAFE-1", "SAFE-2", "SAFE-3"),
+)
+
+
+@pytest.mark.rule(*EVERYWHERE)
+@pytest.mark.parametrize("number", range(len(SHARDS)))
+def test_no_line_and_no_drive_brings_the_card_from_its_rules(number, tmp_path):
+    frames, bauds = SHARDS[number]
+    result = shard(seeded(f"fuzz {number}").randrange(1 << 31), frames, bauds=bauds, folder=tmp_path)
+    print(result)
+    assert not result.differences
+    assert result.frames >= frames
+    # Most of it must have been judged, and have been worth judging.
+    assert sum(result.unclear.values()) * 3 < result.cases
+    assert result.outcomes["commit"] > frames / 4 and result.outcomes["reply of the drive"] > frames / 12
+
+
+@pytest.mark.rule("FRAME-3")
+def test_the_lenient_card_keeps_the_lenient_rule(tmp_path):
+    lenient = named("lenient-t15").target()
+    seed = seeded("lenient").randrange(1 << 31)
+    result = shard(seed, 400, bauds=(38400,), target=lenient, folder=tmp_path, strict_t15=False)
+    assert not result.differences
+
+
+# ---------------------------------------------------------------- what it is worth
+
+
+@pytest.mark.parametrize(
+    ("name", "frames"),
+    [("lenient-t15", 1500), ("newest-not-served", 2500), ("any-pnu", 2500), ("short-adr", 500)],
+)
+def test_a_planted_bug_is_found(name, frames, tmp_path):
+    result = shard(
+        1, frames, bauds=(38400,), target=named(name).target(), folder=tmp_path, small=False, stop_at=1
+    )
+    print(f"{name}: {result.differences}")
+    assert result.differences, f"{name} lived through {result.frames} frames"
+
+
+def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_path):
+    target = named("no-repeat").target()
+    result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)
+    (found,) = result.differences
+    assert found["events"] <= 3
+    kept = tmp_path / found["file"]
+    case = json.loads(kept.read_text())
+    again, played = run(case, target)
+    assert again.differences == found["what"]
+    assert story(case, played, again)[-1] == f"DIFFERENCE {found['what'][0]}"
+    assert kept.with_suffix(".fst").stat().st_size > 10_000
+    own, _ = run(case, Target())
+    assert not own.differences
+
+
+def test_what_is_no_case_is_not_played(tmp_path):
+    (tmp_path / "case.json").write_text('{"seed": 1}')
+    with pytest.raises(CaseError, match="no case of the fuzzer"):
+        replay(tmp_path / "case.json", None)
+
+
+def test_a_shard_is_the_same_anywhere():
+    assert make("7/3") == make("7/3")
+    assert make("7/3") != make("7/4")
+    first, second = (run(make("7/3", (115200,)), Target()) for _ in range(2))
+    assert (first[0].counts, first[1].end) == (second[0].counts, second[1].end)
+
+
+# ---------------------------------------------------------------- the judge itself
+
+LINE = Line(19200, "8E1", 2_000_000)
+READ = rtu.build(1, rtu.read_coils(0, 16))
+ANSWER = rtu.build(1, bytes.fromhex("01 02 00 00"))
+START = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
+STARTED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
+T35 = LINE.t35_bits * LINE.bit
+
+
+def heard(line: Line, data: bytes, at: float) -> list[Heard]:
+    character = line.character_bits * line.bit
+    return [Heard(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
+
+
+def burst(line: Line, data: bytes, at: float) -> Burst:
+    sent = [Sent(round(c.start), c.end, c.byte, True) for c in heard(line, data, at + line.bit / 4)]
+    return Burst(round(at), round(sent[-1].end), sent)
+
+
+def judged(network, replies=(), telegrams=(), drive=(), until=2e6):
+    judge = Judge(Card(), LINE, 1, budget=8000)
+    return judge.judge(network, list(drive), list(replies), list(telegrams), until)
+
+
+def test_the_judge_accepts_what_is_right():
+    asked = heard(LINE, READ, 1e5)
+    verdict = judged(asked, [burst(LINE, ANSWER, asked[-1].end + T35)])
+    assert not verdict.differences and verdict.counts["function 01 answered"] == 1
+
+
+@pytest.mark.parametrize(
+    ("late_bits", "answer", "complaint"),
+    [
+        (0.0, ANSWER[:-1] + b"\x00", "expected"),
+        (-2.0, ANSWER, "that nothing asked for"),
+        (90.0, ANSWER, "no reply"),
+        (None, b"", "no reply"),
+    ],
+)
+def test_the_judge_knows_a_wrong_reply(late_bits, answer, complaint):
+    asked = heard(LINE, READ, 1e5)
+    replies = [burst(LINE, answer, asked[-1].end + T35 + late_bits * LINE.bit)] if answer else []
+    assert complaint in judged(asked, replies).differences[0]
+
+
+def test_the_judge_knows_a_reply_into_traffic():
+    asked = heard(LINE, START, 1e5)
+    commit = asked[-1].end + T35
+    drive = drive_line(LINE.clk_hz)
+    telegram = burst(drive, build_process(0x047C, 0), commit)
+    answered = heard(drive, build_process(0x0F03, 0), telegram.fall + 24 * drive.bit)
+    reply = burst(LINE, STARTED, answered[-1].end)
+    assert not judged(asked, [reply], [telegram], answered).differences
+    newer = heard(LINE, b"\x55", answered[0].start)
+    assert not judged(asked + newer, [], [telegram], answered).differences
+    assert "FRAME-7" in judged(asked + newer, [reply], [telegram], answered).differences[0]
+
+
+def test_the_judge_knows_a_telegram_that_nobody_asked_for():
+    asked = heard(LINE, START, 1e5)
+    drive = drive_line(LINE.clk_hz)
+    revoked = asked + heard(LINE, b"\x01", asked[-1].end + 25 * LINE.bit)
+    telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
+    assert "SAFE-1" in judged(revoked, [], [telegram]).differences[0]
+    assert "no telegram" in judged(asked).differences[0]
+
+
+def test_the_judge_follows_either_outcome_where_the_rules_leave_it_open():
+    asked = heard(LINE, READ[:4], 1e5)
+    torn = asked + heard(LINE, READ[4:], asked[-1].end + LINE.t15_bits * LINE.bit)
+    assert judged(torn).unclear and not judged(torn).differences
+
+
+# ---------------------------------------------------------------- the report
+
+
+def result(seed: int, frames: int, differences: list[dict]) -> dict:
+    return {
+        "seed": seed,
+        "frames": frames,
+        "cases": 2,
+        "events": {"legal": frames},
+        "outcomes": {"commit": 1},
+        "rates": {"9600 8E1": frames},
+        "unclear": {},
+        "worst": {"reply": float(seed)},
+        "differences": differences,
+        "wall_s": 1.0,
+        "simulated_s": 2.0,
+    }
+
+
+def test_shards_are_merged(tmp_path, capsys, monkeypatch):
+    (tmp_path / "1.json").write_text(json.dumps(result(1, 10, [])))
+    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [{"case": "22/1", "what": ["no reply"]}])))
+    (tmp_path / "22-1.json").write_text("{}")
+    monkeypatch.setattr("sys.argv", ["fuzz_report", str(tmp_path)])
+    assert fuzz_report.main() == 1
+    shown = capsys.readouterr().out
+    assert "2 shards, 40 network frames in 4 cases: 1 differences" in shown and "no reply" in shown
+    merged = fuzz_report.merge([result(1, 10, []), result(1, 10, []), result(2, 5, [])])
+    assert merged["frames"] == 15 and merged["worst"] == {"reply": 2.0}
+    assert merged["events"] == Counter(legal=15)
+
+
+def test_the_report_names_what_is_no_result(tmp_path):
+    (tmp_path / "1.json").write_text("{}")
+    with pytest.raises(fuzz_report.ReportError, match="no result of a fuzz shard"):
+        fuzz_report.load(tmp_path / "1.json")
+    (tmp_path / "1.json").unlink()
+    with pytest.raises(fuzz_report.ReportError, match="make fuzz"):
+        fuzz_report.find([str(tmp_path)])
