@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Single flipped bits in the running card (SAFE-4): that they land, and that what they do is seen.
+
+`make flips` is the long one, with a table of what became of thousands.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sim.fuzz.case import Played, clk_hz
+from sim.fuzz.flips import BAUDS, DANGEROUS, FORM, OUTCOMES, Flip, FlipPlayer, Places, telegrams, trial
+from sim.fuzz.library import Target
+from sim.fuzz.registers import TOP
+from tb.model import rtu
+from tb.model.fc_telegram import build_process
+from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+from tools.flips import merge, report
+from tools.sources import ROOT
+
+RTL = ROOT / "rtl"
+BAUD = BAUDS[0]
+LINE = Line(BAUD, FORM, clk_hz(BAUD))
+COMMAND = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
+CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
+TELEGRAM = build_process(0x047C, 0)
+
+
+@pytest.fixture(scope="module")
+def places() -> Places:
+    return Places()
+
+
+def test_all_state_is_found_and_can_be_flipped(places):
+    assert places.bits("card") > 400 and places.bits("core") > 200
+    paths = {register.path for register in places.registers}
+    assert "mailbox_i.gate_i.licensed" in paths and "supervisor_i.bites" in paths
+    case = {"baud": BAUD, "form": FORM, "address": 1, "dialect": "card", "profile": "vlt6000", "events": []}
+    player = FlipPlayer(case, Target(), None)
+    there = {name: (words, bits) for name, words, bits in player.pins.variables()}
+    player.pins.close()
+    for register in places.registers:
+        _, bits = there[f"TOP.{TOP}.{register.path}"]
+        assert max(register.bits) < bits, register
+
+
+def test_no_register_of_the_verilog_falls_out(places):
+    """By the text of the modules, not by what Yosys made of it."""
+    can = {(register.module, register.name) for register in places.registers}
+    there = {(path.stem, name) for path in RTL.glob("*.v") for name in clocked(path)}
+    assert len(there) > 70
+    assert not there - can
+
+
+def clocked(path: Path) -> set[str]:
+    """What a module assigns at a clock edge; not what is there for waveforms only."""
+    text = re.sub(r"//.*", "", path.read_text())
+    text = re.sub(r"`ifndef SYNTHESIS.*?`endif", "", text, flags=re.DOTALL)
+    blocks = re.findall(
+        r"always @\(posedge.*?(?=\n  (?:always|assign|wire|reg|\w+ #?\()|\nendmodule)", text, re.DOTALL
+    )
+    assignment = r"(?:[;):]|\bbegin|\belse)\s*(\w+)\s*(?:\[[^;=]*?\]\s*)*<="
+    return {name for block in blocks for name in re.findall(assignment, block)}
+
+
+@pytest.mark.rule("SAFE-4", "LED-5")
+def test_a_flip_in_the_code_halts_the_card(places):
+    memory, words, _ = places.by_part["code"][0]
+    at = int(0.07 * clk_hz(BAUD))
+    for word in (words[len(words) // 2], words[-1]):
+        outcome, *_ = trial("test", places, Flip(at, memory.path, word, 3, "code"))
+        assert outcome.what == "halted, both LEDs red", outcome
+
+
+@pytest.mark.rule("SAFE-4", "WDG-1")
+def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
+    trap = next(register for register in places.registers if register.name == "trap")
+    at = int(0.11 * clk_hz(BAUD))
+    outcome, *_ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
+    assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+
+
+def test_a_number_is_the_same_flip_anywhere(places):
+    assert trial("3/1", places)[0] == trial("3/1", places)[0]
+    assert trial("3/1", places)[0].flip != trial("3/2", places)[0].flip
+
+
+# ---------------------------------------------------------------- what is told of it
+
+
+def heard(data: bytes, at: float) -> list[Heard]:
+    character = LINE.character_bits * LINE.bit
+    return [Heard(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
+
+
+def burst(line: Line, data: bytes, at: float) -> Burst:
+    character = line.character_bits * line.bit
+    sent = [Sent(round(at + i * character), at + (i + 1) * character, b, True) for i, b in enumerate(data)]
+    return Burst(round(at), round(sent[-1].end), sent)
+
+
+def seen(asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[bytes, float]]) -> str:
+    """What is told when these telegrams and replies follow a request, each at its time in ms."""
+    ms = LINE.clk_hz / 1000
+    drive = drive_line(LINE.clk_hz)
+    played = Played(
+        heard(asked, 40 * ms),
+        [],
+        [burst(LINE, data, at * ms) for data, at in replies],
+        [burst(drive, data, at * ms) for data, at in sent],
+        int(300 * ms),
+        1,
+    )
+    return telegrams(Flip(int(60 * ms), "somewhere", 0, 0, "card"), played, LINE)[0]
+
+
+@pytest.mark.parametrize(
+    ("asked", "sent", "replies", "told"),
+    [
+        (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED, 75)], ""),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [], ""),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [(CONFIRMED, 75)], DANGEROUS[0]),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90), (TELEGRAM, 130)], [], DANGEROUS[0]),
+        (COMMAND, [(TELEGRAM, 20)], [], DANGEROUS[0]),
+        (COMMAND, [(build_process(0x047D, 0), 50)], [], DANGEROUS[1]),
+        (COMMAND, [(build_process(0x007C, 0), 50)], [], "altered telegram, bit 10 = 0"),
+        (COMMAND, [(TELEGRAM[:-1] + b"\x00", 50)], [], "no telegram, but the drive line disturbed"),
+        (COMMAND[:-1] + b"\x00", [(TELEGRAM, 50)], [], DANGEROUS[0]),
+        (
+            rtu.build(1, rtu.read_coils(0, 8)),
+            [(build_process(0, 0), 50)],
+            [],
+            "unrequested telegram, bit 10 = 0",
+        ),
+    ],
+)
+def test_every_telegram_is_weighed(asked, sent, replies, told):
+    assert seen(asked, sent, replies) == told
+
+
+def test_shards_of_flips_are_merged():
+    def shard(seed: int) -> dict:
+        counts = {"card: no effect": 3, "data: silent": 1}
+        bits = dict.fromkeys(("card", "core", "core registers", "frame memory", "data", "code"), 8)
+        notable = [{"trial": f"{seed}/0", "flip": "x", "what": OUTCOMES[0], "why": "y"}]
+        return {"seed": seed, "flips": 4, "bits": bits, "counts": counts, "notable": notable, "wall_s": 1.0}
+
+    merged = merge([shard(1), shard(1), shard(2)])
+    assert merged["flips"] == 8 and len(merged["notable"]) == 2
+    assert "| no effect | 6 | 0 | 0 | 0 | 0 | 0 | 6 |" in report(merged)
