@@ -9,7 +9,8 @@
 #   BOARD=name    board of constraints/boards.toml (synth, image) default: all
 #   FIRMWARE=file image for $readmemh (image)
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
-#   SEED=n        repeats a run (soak)                           default: a new one
+#   SEED=n        repeats a run (soak, fuzz, flips)              default: a new one
+#   COUNT=n       network frames (fuzz) or flips of a run        default: 2000, 500
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
 #   FILE=name     a recording (wireshark)
 #   V=1           show the commands
@@ -56,6 +57,22 @@ firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect
 .PHONY: soak
 soak: card drive ## long mixed traffic over the virtual card, against the models (SEED=)
 	@$(PY) -m tools.soak $(if $(SEED),--seed $(SEED))
+
+.PHONY: fuzz fuzz-plants fuzz-report flips flips-report
+fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against the models (SEED=, COUNT=)
+	@$(PY) -m tools.fuzz $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+
+fuzz-plants: firmware drive | $(SETUP) ## how many frames each planted bug lives
+	@$(PY) -m tools.fuzz --plants --seed $(or $(SEED),1) $(if $(COUNT),--count $(COUNT))
+
+flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=)
+	@$(PY) -m tools.flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+
+flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
+	@$(PY) -m tools.flips --report
+
+fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
+	@$(PY) -m tools.fuzz_report
 
 .PHONY: test lint format
 test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
