@@ -7,6 +7,9 @@
  *                 DIALECT_HVAC_BASIC, that of the VLT HVAC Basic Drive.
  * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
+ *
+ * The image must fit the smallest memory of configs.toml: STATUS_REFRESH does so with DIALECT_CARD only,
+ * ADR_SHORT not with DIALECT_BUILTIN. The linker says it when it does not.
  */
 #ifndef OPTIONS_H
 #define OPTIONS_H
