@@ -74,9 +74,12 @@ flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
 fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
 	@$(PY) -m tools.fuzz_report
 
-.PHONY: test lint format
+.PHONY: test test-tiny lint format
 test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
 	@$(PYTEST) -n $(JOBS) $(if $(SIM),--sim=$(SIM))
+
+test-tiny: firmware | $(SETUP) ## the tests of the whole card as tiny, all on both simulators (SIM=, TEST=)
+	@$(PYTEST) -n $(JOBS) --card=tiny $(if $(SIM),--sim=$(SIM))
 
 lint: | $(SETUP) ## every static check
 	@$(PY) tools/lint.py

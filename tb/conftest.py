@@ -17,6 +17,9 @@ from tools.sources import configurations
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--sim", choices=SIMULATORS, help="run on this simulator only (default: on both)")
+    parser.addoption(
+        "--card", choices=list(configurations()), help="run the tests of the whole card only, all as this one"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -31,12 +34,31 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A test with an argument `sim` runs on every simulator, one with `config` for every configuration."""
-    if "sim" in metafunc.fixturenames:
-        chosen = metafunc.config.getoption("--sim")
-        metafunc.parametrize("sim", [chosen] if chosen else SIMULATORS)
-    if "config" in metafunc.fixturenames:
-        metafunc.parametrize("config", configurations())
+    """A test with an argument `sim` runs on every simulator, one with `config` as cards: tb/lib/config.py."""
+    sim, card = (metafunc.config.getoption(option) for option in ("--sim", "--card"))
+    sims = [sim] if sim else SIMULATORS
+    cards = [card] if card else configurations()
+    marks = {mark.name for mark in metafunc.definition.iter_markers()}
+
+    def wanted(config: str, sim: str = "verilator") -> bool:
+        if card or config == "standard" or "everywhere" in marks:
+            return True
+        return sim == "verilator" and "long" not in marks
+
+    if {"sim", "config"} <= set(metafunc.fixturenames):
+        pairs = [(sim, config) for sim in sims for config in cards if wanted(config, sim)]
+        metafunc.parametrize(("sim", "config"), pairs)
+    elif "sim" in metafunc.fixturenames:
+        metafunc.parametrize("sim", sims)
+    elif "config" in metafunc.fixturenames:
+        metafunc.parametrize("config", [config for config in cards if wanted(config)])
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--card"):
+        others = [item for item in items if "config" not in getattr(item, "fixturenames", ())]
+        items[:] = [item for item in items if item not in others]
+        config.hook.pytest_deselected(items=others)
 
 
 # Last result of every test, for `make trace`. Runs add to it, so a part run alone takes nothing away.

@@ -14,6 +14,7 @@ from cocotb.triggers import First, Timer, ValueChange
 
 from tb.lib.bench import Bench
 from tb.lib.card import MS, switch_word
+from tb.lib.config import CLK_HZ, SLOW_HZ, boot_clocks
 from tb.lib.fast_card import FastCard
 from tb.lib.rs485 import DirectionMonitor
 from tb.lib.runner import run
@@ -23,7 +24,6 @@ from tb.model import fc_telegram, rtu
 from tb.model.crc16 import crc_good
 
 SWITCHES = "111001111"
-CLK_HZ = 2_000_000
 LINE = Format.named(9600, "8E1")
 SHOW_MS, VERDICT_MS, FLASH_MS = 2000, 12_000, 500
 ACCURACY = 0.01
@@ -69,7 +69,8 @@ async def each_port_sends_a_pattern_that_the_other_hears(dut):
     network, drive = Port(dut, "modbus"), Port(dut, "drive")
     leds = Leds(dut)
     await bench.start(reset_clocks=8)
-    await Timer(130 * MS, unit="ps")
+    # A start takes less than half of BOOT-1, the transfers 70 ms, the first step of the show 250 ms.
+    await Timer(round(70 * MS + boot_clocks() / 2 * bench.period_ps), unit="ps")
     telegram, frame = drive.frame(), network.frame()
     for sent, other in ((telegram, network), (frame, drive)):
         assert [c.byte for c in other.heard.characters] == list(sent.data)
@@ -123,8 +124,8 @@ def check_verdict(card: FastCard, shows: str) -> None:
 
 
 @pytest.mark.rule("LOOP-1", "LED-2")
-def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works():
-    with FastCard(SWITCHES, wired=1) as card:
+def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works(config):
+    with FastCard(SWITCHES, config=config, wired=1) as card:
         check_verdict(card, "orange")
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
         later = card.now_ps
@@ -133,21 +134,23 @@ def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works():
         assert flashing == {"green", "off"}
 
 
+@pytest.mark.long
 @pytest.mark.rule("LOOP-1", "LED-2")
-def test_failure_is_red_for_twelve_seconds_and_then_the_card_works():
-    with FastCard(SWITCHES, wired=0) as card:
+def test_failure_is_red_for_twelve_seconds_and_then_the_card_works(config):
+    with FastCard(SWITCHES, config=config, wired=0) as card:
         check_verdict(card, "red")
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
+@pytest.mark.long
 @pytest.mark.rule("LOOP-1", "LINE-7", "LED-5")
-def test_the_test_needs_no_address_but_what_follows_does():
-    with FastCard(SWITCHES, wired=1, address=0) as card:
+def test_the_test_needs_no_address_but_what_follows_does(config):
+    with FastCard(SWITCHES, config=config, wired=1, address=0) as card:
         check_verdict(card, "orange")
         assert {card.led("modbus"), card.led("drive")} == {"red"}
         card.run(1000)
         for led in ("modbus", "drive"):
-            assert card.shown[led][-1].since_ps < (SHOW_MS + VERDICT_MS + 100) * MS, "solid"
+            assert card.shown[led][-1].since_ps < (SHOW_MS + VERDICT_MS + card.boot_ms) * MS, "solid"
         assert card.request(READ_DRIVE_TIMEOUT) is None
 
 
@@ -166,8 +169,8 @@ FAULTS = {
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.parametrize("fault", FAULTS)
-def test_fault_of_the_wiring_is_red(fault: str):
-    with FastCard(SWITCHES, wired=1, **FAULTS[fault]) as card:
+def test_fault_of_the_wiring_is_red(config, fault: str):
+    with FastCard(SWITCHES, config=config, wired=1, **FAULTS[fault]) as card:
         assert run_to_verdict(card) == ("red", "red")
 
 
@@ -175,13 +178,14 @@ def test_fault_of_the_wiring_is_red(fault: str):
 FLIPS = {"first data": (3, (0,)), "last data": (11, (7,)), "parity stays right": (8, (2, 5))}
 
 
+@pytest.mark.long
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.parametrize("flips", FLIPS)
 @pytest.mark.parametrize("sender", ["drive", "modbus"])
-def test_bit_turned_over_on_the_wire_is_red(sender: str, flips: str):
+def test_bit_turned_over_on_the_wire_is_red(config, sender: str, flips: str):
     character, bits = FLIPS[flips]
     other = {"drive": "modbus", "modbus": "drive"}[sender]
-    with FastCard(SWITCHES, wired=1) as card:
+    with FastCard(SWITCHES, config=config, wired=1) as card:
         assert card.run_until(200 * MS, f"{sender}_de") and card.run_until(200 * MS, f"{sender}_tx")
         start = card.now_ps + character * LINE.character_ps
         for bit in bits:
@@ -191,10 +195,10 @@ def test_bit_turned_over_on_the_wire_is_red(sender: str, flips: str):
 
 
 @pytest.mark.rule("LOOP-1")
-def test_other_switches_do_not_ask_for_the_test():
+def test_other_switches_do_not_ask_for_the_test(config):
     for switch in range(9):
         moved = SWITCHES[:switch] + "10"[int(SWITCHES[switch])] + SWITCHES[switch + 1 :]
-        with FastCard(moved, wired=1) as card:
+        with FastCard(moved, config=config, wired=1) as card:
             card.run(120)
             assert not card.modbus.de and not card.drive.de, moved
 
@@ -203,5 +207,6 @@ def test_other_switches_do_not_ask_for_the_test():
 
 
 @pytest.mark.rule("LOOP-1", "SAFE-1")
-def test_transfers(sim):
-    run("rtu2fc", "tb.test_card_loopback", sim=sim, parameters={"CLK_HZ": CLK_HZ})
+def test_transfers(sim, config):
+    parameters = {"CLK_HZ": SLOW_HZ[config]}
+    run("rtu2fc", "tb.test_card_loopback", sim=sim, config=config, parameters=parameters)

@@ -2,8 +2,8 @@
 """The card from power-up on: boot time, LEDs, switches, and when it must not start at all.
 
 Both simulators run the real firmware. Icarus does some 25000 clocks a second, so that it sees only the first
-step of the power-up show; all that lasts seconds runs at 2 MHz on the Verilated card without cocotb
-(`FastCard`). No timer is shortened anywhere.
+step of the power-up show; all that lasts seconds runs on the Verilated card without cocotb (`FastCard`), at
+a slow clock. No timer is shortened anywhere.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import pytest
 from cocotb.triggers import Timer
 
 from tb.lib.card import MS, baud_switches, switch_word
+from tb.lib.config import SLOW_HZ, own_hz
 from tb.lib.fast_card import FastCard
 from tb.lib.fc_slave import Script
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.lib.supervision import (
-    BOOT_CLOCKS,
-    CLOCK_VARIABLE,
+    BITE_PS,
     Shown,
     WatchedCard,
     constant_word,
@@ -30,10 +30,8 @@ from tb.lib.supervision import (
 )
 from tb.lib.uart_agent import Format, now_ps, sleep_until
 from tb.model import rtu
-from tools.sources import ROOT
+from tools.sources import ROOT, configuration
 
-CLK_HZ = 2_000_000
-STANDARD_HZ = 12_000_000
 BAUD = 38_400
 STEP_MS = 250
 SHOW = ("red", "green", "orange", "off")
@@ -58,7 +56,7 @@ def assert_never_sent(card: WatchedCard) -> None:
 
 
 @cocotb.test()
-async def first_request_may_end_20_ms_after_the_reset(dut):
+async def first_request_may_end_when_the_time_to_boot_is_over(dut):
     card = WatchedCard(dut, baud=115_200)
     await card.switch_on()
     adu = rtu.build(1, READ_DRIVE_TIMEOUT)
@@ -182,7 +180,7 @@ async def any_flipped_bit_of_the_image_ends_in_the_fault_and_never_in_a_telegram
         await card.bench.clocks(8)
         dut.rst_n.value = 1
         await Timer(1 * MS, unit="ps")
-        await dies_unheard(card, 400 * MS, f"word {word} bit {bit}")
+        await dies_unheard(card, 3 * (BITE_PS + card.boot_limit_ps), f"word {word} bit {bit}")
 
 
 @cocotb.test()
@@ -229,10 +227,10 @@ def after_power_up(history: list[Shown]) -> list[Shown]:
 
 
 @pytest.mark.rule("LED-1")
-def test_power_up_show_is_one_led_after_the_other_and_delays_nothing():
+def test_power_up_show_is_one_led_after_the_other_and_delays_nothing(config):
     script = Script()
-    with FastCard(baud=BAUD, form="8N2", drive=script) as card:
-        card.run(30)
+    with FastCard(config=config, baud=BAUD, form="8N2", drive=script) as card:
+        card.run(card.boot_ms)
         while card.now_ps < 2000 * MS:
             # Local requests and exchanges with the drive, ten a second or so.
             assert card.request(rtu.build(1, READ_DRIVE_TIMEOUT)).data == rtu.build(1, DRIVE_TIMEOUT)
@@ -254,8 +252,8 @@ def test_power_up_show_is_one_led_after_the_other_and_delays_nothing():
 
 
 @pytest.mark.rule("LED-2", "LED-3", "LED-4")
-def test_afterwards_both_leds_flash_once_a_second_in_one_colour():
-    with FastCard() as card:
+def test_afterwards_both_leds_flash_once_a_second_in_one_colour(config):
+    with FastCard(config=config) as card:
         card.run(7000)
         for led in ("drive", "modbus"):
             steps = steps_ms([s for s in card.shown[led] if s.since_ps > 2005 * MS])
@@ -281,8 +279,8 @@ def to_next_flash(card: FastCard, led: str = "modbus") -> None:
 
 
 @pytest.mark.rule("LED-3", "MAP-5")
-def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_card():
-    with FastCard(baud=BAUD, form="8N2") as card:
+def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_card(config):
+    with FastCard(config=config, baud=BAUD, form="8N2") as card:
         to_next_flash(card)
         assert card.led("modbus") == "red", "before the first frame"
         set_register(card, 1, 30)
@@ -303,9 +301,10 @@ def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_c
             assert card.led("modbus") == "green"
 
 
+@pytest.mark.long
 @pytest.mark.rule("LED-3", "MAP-5")
-def test_network_time_out_is_ten_seconds_by_default_and_never_with_40002_at_0():
-    with FastCard(baud=BAUD, form="8N2") as card:
+def test_network_time_out_is_ten_seconds_by_default_and_never_with_40002_at_0(config):
+    with FastCard(config=config, baud=BAUD, form="8N2") as card:
         to_next_flash(card)
         card.run(200)
         end = card.modbus.send(rtu.build(1, READ_DRIVE_TIMEOUT))
@@ -321,9 +320,9 @@ def test_network_time_out_is_ten_seconds_by_default_and_never_with_40002_at_0():
 
 
 @pytest.mark.rule("LED-4")
-def test_drive_led_shows_how_the_last_exchange_ended():
+def test_drive_led_shows_how_the_last_exchange_ended(config):
     script = Script()
-    with FastCard(baud=BAUD, form="8N2", drive=script) as card:
+    with FastCard(config=config, baud=BAUD, form="8N2", drive=script) as card:
         to_next_flash(card, "drive")
         assert card.led("drive") == "red", "before the first exchange"
         set_register(card, 2, 3)
@@ -347,53 +346,57 @@ def test_drive_led_shows_how_the_last_exchange_ended():
 # ---------------------------------------------------------------- pytest
 
 
-def run_card(sim: str, *testcase: str, clk_hz: int = CLK_HZ, **parameters: object) -> None:
+def run_card(sim: str, config: str, testcase: str | list[str], **parameters: object) -> None:
     run(
         "rtu2fc",
         "tb.test_card_power_up",
         sim=sim,
-        parameters={"CLK_HZ": clk_hz, **parameters},
+        config=config,
+        parameters={"CLK_HZ": SLOW_HZ[config], **parameters},
         testcase=testcase,
-        extra_env={CLOCK_VARIABLE: str(clk_hz)},
     )
 
 
 @pytest.mark.rule("BOOT-1")
-def test_boot(sim):
-    assert BOOT_CLOCKS == 0.020 * STANDARD_HZ
-    run_card(sim, "first_request_may_end_20_ms_after_the_reset", clk_hz=STANDARD_HZ)
+def test_boot(sim, config):
+    """At the card's own clock."""
+    assert configuration(config)["boot_ms"] == {"standard": 20, "tiny": 60}[config]
+    what = "first_request_may_end_when_the_time_to_boot_is_over"
+    run_card(sim, config, what, CLK_HZ=own_hz(config))
 
 
 @pytest.mark.rule("LINE-2", "LINE-3", "LINE-7", "LINE-8", "LED-5")
-def test_switches(sim):
-    run_card(
-        sim,
+def test_switches(sim, config):
+    what = [
         "switches_moved_after_power_up_have_no_effect_until_the_next_reset",
         "invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines",
-    )
+    ]
+    run_card(sim, config, what)
 
 
 @pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_in_the_file(sim):
-    words = firmware_words()
-    words[constant_word()] ^= 1 << seeded("damaged bit of the file").randrange(32)
-    file = ROOT / f"build/tests/damaged-{sim}.hex"
+def test_image_damaged_in_the_file(sim, config):
+    words = firmware_words(config)
+    words[constant_word(config)] ^= 1 << seeded("damaged bit of the file").randrange(32)
+    file = ROOT / f"build/tests/damaged-{sim}-{config}.hex"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("".join(f"{word:08x}\n" for word in words))
-    run_card(sim, "image_damaged_in_the_file_ends_in_the_fault", FIRMWARE_HEX=str(file))
+    run_card(sim, config, "image_damaged_in_the_file_ends_in_the_fault", FIRMWARE_HEX=str(file))
 
 
 @pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_while_running(sim):
-    run_card(sim, "image_damaged_while_running_ends_in_the_fault_within_a_second")
+def test_image_damaged_while_running(sim, config):
+    run_card(sim, config, "image_damaged_while_running_ends_in_the_fault_within_a_second")
 
 
+@pytest.mark.long
 @pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_anywhere():
+def test_image_damaged_anywhere(config):
     """On Verilator alone: some of these programs hang for three bites, which takes Icarus minutes."""
-    run_card("verilator", "any_flipped_bit_of_the_image_ends_in_the_fault_and_never_in_a_telegram")
+    what = "any_flipped_bit_of_the_image_ends_in_the_fault_and_never_in_a_telegram"
+    run_card("verilator", config, what)
 
 
 @pytest.mark.rule("LED-1")
-def test_first_step_of_the_show(sim):
-    run_card(sim, "drive_led_is_red_for_a_quarter_second_while_requests_are_served")
+def test_first_step_of_the_show(sim, config):
+    run_card(sim, config, "drive_led_is_red_for_a_quarter_second_while_requests_are_served")

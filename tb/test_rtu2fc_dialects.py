@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import cocotb
 import pytest
 
+from tb.lib.config import SLOW_HZ
 from tb.lib.runner import run
 from tb.model.firmware import build
-from tb.test_rtu2fc import CLK_HZ, WAIT_MS, Scenario
+from tb.test_rtu2fc import WAIT_MS, Scenario
 
 H = bytes.fromhex
 NO_NUMBER = "02 0E 81 72 6D 00 00 00 00 00 05 06 07 00 00 96"
@@ -178,10 +179,22 @@ async def newer_request_takes_the_place_of_the_second_exchange(dut):
     scene.finish()
 
 
-def run_card(sim: str, dialect: str, testcase: list[str]) -> None:
-    parameters = {"CLK_HZ": CLK_HZ, "FIRMWARE_HEX": str(build(f"build/{dialect}/firmware.hex"))}
-    module = "tb.test_rtu2fc_dialects"
-    run("rtu2fc", module, sim=sim, parameters=parameters, testcase=testcase, extra_env={"DIALECT": dialect})
+FOLDERS = {"standard": "build", "tiny": "build/tiny"}
+
+
+def run_card(sim: str, config: str, dialect: str, testcase: list[str]) -> None:
+    run(
+        "rtu2fc",
+        "tb.test_rtu2fc_dialects",
+        sim=sim,
+        config=config,
+        parameters={
+            "CLK_HZ": SLOW_HZ[config],
+            "FIRMWARE_HEX": str(build(f"{FOLDERS[config]}/{dialect}/firmware.hex")),
+        },
+        testcase=testcase,
+        extra_env={"DIALECT": dialect},
+    )
 
 
 spoken_in_each = pytest.mark.parametrize(
@@ -195,14 +208,15 @@ spoken_in_each = pytest.mark.parametrize(
 
 @pytest.mark.rule("FC-8", "FRAME-7")
 @pytest.mark.rule("DIALECT-BUILTIN")
-def test_second_exchange(sim: str):
+def test_second_exchange(sim: str, config: str):
     """In one dialect: both make it in the same way."""
     testcase = ["one_request_two_exchanges", "newer_request_takes_the_place_of_the_second_exchange"]
-    run_card(sim, "builtin", testcase)
+    run_card(sim, config, "builtin", testcase)
 
 
+@pytest.mark.long
 @pytest.mark.rule("FC-9")
 @spoken_in_each
-def test_documents(dialect: str):
+def test_documents(config: str, dialect: str):
     """On Verilator alone: more than a second on the lines would take Icarus minutes."""
-    run_card("verilator", dialect, ["examples_of_the_documents", "silent_drive_means_a_silent_card"])
+    run_card("verilator", config, dialect, ["examples_of_the_documents", "silent_drive_means_a_silent_card"])

@@ -308,6 +308,7 @@ def image_file(sim: str, config: str) -> Path:
     return path
 
 
+@pytest.mark.everywhere
 @pytest.mark.rule("TOP-2", "WDG-1")
 def test_soft_core(sim, config):
     core = configuration(config)

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The configuration of the card that this simulation runs; `run()` of runner.py says which (TOP-2)."""
+"""What a simulation of the whole card runs: its configuration, its clock; `run()` of runner.py says which.
+
+A test with an argument `config` runs for every configuration (TOP-2). `make test` is to stay short, and
+SERV needs ten times the clocks. So there the standard card runs on both simulators, the others on Verilator;
+what is marked `everywhere` runs as each card on each simulator, what is marked `long` as the standard card
+alone.
+`make test-tiny` (`--card`) runs everything as that card on both.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +14,23 @@ import os
 
 from tools.sources import configuration
 
-CONFIG_VARIABLE = "CARD_CONFIG"
+CONFIG_VARIABLE, CLOCK_VARIABLE = "CARD_CONFIG", "CARD_CLK_HZ"
 CONFIG = os.environ.get(CONFIG_VARIABLE, "standard")
+# For the sake of the simulators: here the firmware still keeps the times that the benches look at.
+SLOW_HZ = {"standard": 2_000_000, "tiny": 5_000_000}
+CLK_HZ = int(os.environ.get(CLOCK_VARIABLE, SLOW_HZ[CONFIG]))
+# A round of the poll loop at these clocks, in ms: so much later a time-out may be noticed.
+ROUND_MS = {"standard": 0.5, "tiny": 2.5}[CONFIG]
+
+# Whether the soft core stops at what it does not know; else the watchdog sees that nothing goes on.
+TRAPS = {"picorv32": True, "serv": False}[configuration(CONFIG)["soft_core"]]
+
+
+def own_hz(config: str) -> int:
+    """The card's own clock."""
+    return configuration(config)["clk_hz"]
 
 
 def boot_clocks(config: str = CONFIG) -> int:
     """BOOT-1 in clocks: a card with a slower clock needs as many, not as much time."""
-    entry = configuration(config)
-    return entry["boot_ms"] * entry["clk_hz"] // 1000
+    return configuration(config)["boot_ms"] * own_hz(config) // 1000

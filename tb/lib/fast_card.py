@@ -2,8 +2,8 @@
 """The whole card without cocotb, for tests that last seconds of the card's time.
 
 The same Verilog and the same firmware image as elsewhere, Verilated and run by tb/hdl/fast_card.cpp: about
-5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from power-up; at
-2 MHz a clock, and with it the resolution, is 0.5 us. A drive answers through any model (see fc_slave.py).
+5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from power-up; the
+resolution is a clock of the slow card of tb/lib/config.py. A drive answers through any model (fc_slave.py).
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ import pytest
 
 from tb.generated.card_tables import DRIVE_BAUD
 from tb.lib.card import MS, baud_switches, switch_word
+from tb.lib.config import SLOW_HZ, boot_clocks
+from tb.lib.runner import firmware
 from tb.lib.supervision import Shown, colour
 from tb.lib.uart_agent import Character, Flaws, Format, Frame, waveform
 from tb.model import rtu
-from tools.sources import ROOT, configurations, needed_files
+from tools.sources import ROOT, needed_files
 
-CLK_HZ = 2_000_000
-PERIOD_PS = 500_000
 BUILD = ROOT / "build/fast_card"
 WRAPPER = ROOT / "tb/hdl/wired_card.v"
 HARNESS = ROOT / "tb/hdl/fast_card.cpp"
@@ -54,24 +54,23 @@ class Change(ctypes.Structure):
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
+def library(config: str) -> ctypes.CDLL:
     """The harness, built unless this very content was built before."""
     for tool in ("verilator", "g++", "make"):
         if shutil.which(tool) is None:
             pytest.fail(f"{tool} is missing; run `make setup`", pytrace=False)
-    firmware = ROOT / configurations()["standard"]["firmware_hex"]
-    if not firmware.exists():
-        pytest.fail(f"{firmware.relative_to(ROOT)} is missing; run `make firmware`", pytrace=False)
-    sources = [*needed_files("rtu2fc"), WRAPPER]
-    content = hashlib.sha256(f"{ROOT} {CLK_HZ} {Path(__file__).read_text()}".encode())
+    options = (f"-GCLK_HZ={SLOW_HZ[config]}", f'-GFIRMWARE_HEX="{firmware(config)}"')
+    sources = [*needed_files("rtu2fc", config), WRAPPER]
+    content = hashlib.sha256(f"{ROOT} {options} {Path(__file__).read_text()}".encode())
     for path in (*sources, HARNESS):
         content.update(path.read_bytes())
-    BUILD.mkdir(parents=True, exist_ok=True)
-    with open(BUILD / "lock", "w") as lock:
+    folder = BUILD / config
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        file = BUILD / f"{content.hexdigest()[:16]}.so"
+        file = folder / f"{content.hexdigest()[:16]}.so"
         if not file.exists():
-            _build(file, sources, firmware)
+            _build(file, sources, options)
     made = ctypes.CDLL(str(file))
     made.fast_card_new.restype = ctypes.c_void_p
     made.fast_card_free.argtypes = (ctypes.c_void_p,)
@@ -83,11 +82,11 @@ def library() -> ctypes.CDLL:
     return made
 
 
-def _build(file: Path, sources: list[Path], firmware: Path) -> None:
-    for old in BUILD.iterdir():
+def _build(file: Path, sources: list[Path], options: tuple[str, ...]) -> None:
+    for old in file.parent.iterdir():
         if old.name != "lock":
             shutil.rmtree(old) if old.is_dir() else old.unlink()
-    model = BUILD / "model"
+    model = file.parent / "model"
     root = _tool("verilator", "--getenv", "VERILATOR_ROOT").strip()
     if shutil.which("ccache"):
         os.environ.setdefault("OBJCACHE", "ccache")
@@ -96,7 +95,7 @@ def _build(file: Path, sources: list[Path], firmware: Path) -> None:
         *("verilator", "--cc", "--build", "--top-module", "wired_card", "--Mdir", model, "--no-timing"),
         *("--no-assert", "-O3", "--x-assign", "fast", "-Wno-lint", "--timescale-override", "1ns/1ns"),
         *("-CFLAGS", "-fPIC", "-MAKEFLAGS", "VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O2"),
-        *(f"-GCLK_HZ={CLK_HZ}", f'-GFIRMWARE_HEX="{firmware}"', *sources),
+        *(*options, *sources),
     )
     _tool(
         *("g++", "-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared", "-o", file, HARNESS),
@@ -169,9 +168,12 @@ class FastCard:
         form: str = "8E1",
         address: int = 1,
         drive: Callable[[bytes], bytes | None] = lambda telegram: None,
+        config: str = "standard",
         **wires: int,
     ):
-        self._library = library()
+        self._library = library(config)
+        self.period_ps = round(1e12 / SLOW_HZ[config])
+        self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = self._library.fast_card_new()
         self._room = (Change * ROOM)()
         self._clock = 0
@@ -186,7 +188,7 @@ class FastCard:
         self.set(
             sw_baud=switch_word(switches or baud_switches(baud, form)), sw_addr=address, rst_n=0, **wires
         )
-        self.plan(RESET_CLOCKS * PERIOD_PS, "rst_n", 1)
+        self.plan(RESET_CLOCKS * self.period_ps, "rst_n", 1)
 
     def close(self) -> None:
         self._library.fast_card_free(self._card)
@@ -201,10 +203,10 @@ class FastCard:
 
     @property
     def now_ps(self) -> int:
-        return self._clock * PERIOD_PS
+        return self._clock * self.period_ps
 
     def plan(self, when_ps: float, pin: str, value: int) -> None:
-        self._library.fast_card_plan(self._card, round(when_ps / PERIOD_PS), INPUTS.index(pin), value)
+        self._library.fast_card_plan(self._card, round(when_ps / self.period_ps), INPUTS.index(pin), value)
 
     def set(self, **pins: int) -> None:
         for pin, value in pins.items():
@@ -214,7 +216,7 @@ class FastCard:
 
     def run_until(self, when_ps: float, *stop: str) -> bool:
         """Lets time pass, and the drive answer; True if one of the outputs `stop` changed first."""
-        until = round(when_ps / PERIOD_PS)
+        until = round(when_ps / self.period_ps)
         mask = sum(1 << OUTPUTS.index(pin) for pin in {*stop, "drive_de"})
         while self._clock < until:
             self._clock = self._library.fast_card_run(self._card, until, mask)
@@ -233,9 +235,9 @@ class FastCard:
         while count := self._library.fast_card_changes(self._card, self._room, ROOM):
             changes += [(c.clock, OUTPUTS[c.pin], c.value) for c in self._room[:count]]
         for clock, pin, value in changes:
-            self.recorded[pin].append((clock * PERIOD_PS, value))
+            self.recorded[pin].append((clock * self.period_ps, value))
             if pin in LEDS:
-                self._light(clock * PERIOD_PS, pin, value)
+                self._light(clock * self.period_ps, pin, value)
         last = max((clock for clock, _, _ in changes), default=0)
         return [(pin, value) for clock, pin, value in changes if clock == last]
 
@@ -270,7 +272,7 @@ class FastCard:
         pins = (f"led_{which}_red", f"led_{which}_green")
         while self.run_until(limit, *pins):
             last = self.shown[which][-1]
-            if last.colour == shows and last.since_ps >= self.now_ps - PERIOD_PS:
+            if last.colour == shows and last.since_ps >= self.now_ps - self.period_ps:
                 return last.since_ps
         raise AssertionError(f"{which} LED never began to show {shows} in {limit_ms} ms")
 

@@ -24,7 +24,7 @@ from pathlib import Path
 import pytest
 from cocotb_tools.runner import as_sv_literal, get_runner
 
-from tb.lib.config import CONFIG_VARIABLE
+from tb.lib.config import CLOCK_VARIABLE, CONFIG_VARIABLE
 from tb.model.card import DIALECTS
 from tools.sources import ROOT, configuration, needed_files, rtl_files
 from tools.waves import save_file
@@ -96,6 +96,7 @@ def run(
             pytest.fail(f"{tool} is missing; run `make setup`", pytrace=False)
     waves = os.environ.get("WAVES", "0") not in ("", "0")
     parameters = dict(parameters or {})
+    clock = {CLOCK_VARIABLE: str(parameters["CLK_HZ"])} if top == "rtu2fc" and "CLK_HZ" in parameters else {}
     if sources is None:
         sources = bench_files(extra_sources, config) if extra_sources else needed_files(top, config)
     sources = [*sources, *extra_sources]
@@ -126,6 +127,7 @@ def run(
             extra_env={
                 "PYTHONWARNINGS": "error::DeprecationWarning",
                 CONFIG_VARIABLE: config,
+                **clock,
                 **(_recording(run_folder, parameters) if waves else {}),
                 **(extra_env or {}),
             },

@@ -8,7 +8,6 @@ Rules: LED-1 ... LED-5, WDG-1.
 
 from __future__ import annotations
 
-import os
 import struct
 from dataclasses import dataclass
 from itertools import pairwise
@@ -26,17 +25,16 @@ from cocotb.triggers import (
 )
 
 from tb.lib.card import MS, Card, looks_for_requests
+from tb.lib.config import CLK_HZ, CONFIG, TRAPS, boot_clocks
 from tb.lib.fc_slave import Script
 from tb.lib.rs485 import Rs485Line
+from tb.lib.runner import firmware
 from tb.lib.uart_agent import Frame, now_ps
 from tb.model import fc_telegram, rtu
 from tools.seal import SUMS
-from tools.sources import ROOT, configurations
 
 COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
 LEDS = ("modbus", "drive")
-# BOOT-1 is said for the clock of the standard card; a slower clock needs as many clocks, not as much time.
-BOOT_CLOCKS = 240_000
 BITE_PS = 100 * MS  # WDG-1
 # Longer than any start, at any clock: a card that takes longer is dead.
 ROUND_LIMIT_PS = 400 * MS
@@ -44,7 +42,7 @@ FETCH_LIMIT_CLOCKS = 1000
 STATUS, FREQUENCY = 0x0607, 0x0000
 JUMP_TO_ITSELF = 0x0000006F
 ILLEGAL = 0x00000000
-CLOCK_VARIABLE = "CARD_CLK_HZ"
+IDLE_BEATS = 3  # at which the watchdog bites
 
 
 def colour(red: int, green: int) -> str:
@@ -120,18 +118,17 @@ class Leds:
         await Timer(1, unit="ps")  # past the moment in which nothing may be driven
 
 
-def firmware_words() -> list[int]:
+def firmware_words(config: str = CONFIG) -> list[int]:
     """The image that `make firmware` made, without the empty memory behind it."""
-    text = (ROOT / configurations()["standard"]["firmware_hex"]).read_text()
-    words = [int(line, 16) for line in text.split()]
+    words = [int(line, 16) for line in firmware(config).read_text().split()]
     while not words[-1]:
         words.pop()
     return words
 
 
-def constant_word() -> int:
+def constant_word(config: str = CONFIG) -> int:
     """Place of the last word before the sums: a constant, never executed."""
-    return len(firmware_words()) - SUMS.size // struct.calcsize("<I") - 1
+    return len(firmware_words(config)) - SUMS.size // struct.calcsize("<I") - 1
 
 
 class Firmware:
@@ -203,6 +200,16 @@ class Firmware:
         self._broken.update(range(len(self._image)))
         self.mend()
 
+    async def break_off(self) -> int:
+        """Makes the watchdog bite at once, and mends the firmware then; returns when that was."""
+        self.stop(ILLEGAL)
+        if not TRAPS:
+            # As if nothing had been heard of the firmware for so long.
+            self._dut.supervisor_i.idle_beats.value = IDLE_BEATS
+        at = await self.bite()
+        self.mend()
+        return at
+
     async def bite(self, limit_ps: float = BITE_PS) -> int:
         """Waits for the watchdog; returns when it has bitten."""
         return await self._strobe(self._dut.core_rst, limit_ps, "bite")
@@ -222,9 +229,8 @@ class WatchedCard(Card):
     """A card with its LEDs and its firmware under observation, and a drive that goes by a script."""
 
     def __init__(self, dut, **settings):
-        self.clk_hz = int(os.environ[CLOCK_VARIABLE])
         self.script = Script()
-        super().__init__(dut, self.clk_hz, self.script, **settings)
+        super().__init__(dut, CLK_HZ, self.script, **settings)
         self.address = settings.get("address", 1)
         self.leds = Leds(dut)
         self.firmware = Firmware(dut)
@@ -233,7 +239,7 @@ class WatchedCard(Card):
     @property
     def boot_limit_ps(self) -> float:
         """BOOT-1 at this clock."""
-        return BOOT_CLOCKS * self.bench.period_ps
+        return boot_clocks() * self.bench.period_ps
 
     async def boot(self) -> WatchedCard:
         """Power on, up to the first round of the poll loop."""
