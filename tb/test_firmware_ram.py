@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """firmware_ram: holds the image it was given, takes byte writes, answers a clock later and only then."""
 
+import os
 from pathlib import Path
 
 import cocotb
@@ -10,11 +11,15 @@ from tb.lib.bench import Bench
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
-WORDS = 48  # not a power of two
+WORDS = int(os.environ.get("WORDS", 48))  # not a power of two
 
 
-def image() -> list[int]:
-    return [(0x01000193 * (n + 1) ^ 0x811C9DC5) & 0xFFFFFFFF for n in range(WORDS)]
+def image(words: int = WORDS) -> list[int]:
+    return [(0x01000193 * (n + 1) ^ 0x811C9DC5) & 0xFFFFFFFF for n in range(words)]
+
+
+def write_image(path: Path, words: int = WORDS) -> None:
+    path.write_text("".join(f"{word:08x}\n" for word in image(words)))
 
 
 class Memory:
@@ -54,7 +59,7 @@ async def the_image_is_there_and_byte_writes_change_their_bytes_only(dut):
 @pytest.mark.rule("TOP-1", "TOP-2")
 def test_firmware_ram(sim, tmp_path):
     hex_file: Path = tmp_path / "image.hex"
-    hex_file.write_text("".join(f"{word:08x}\n" for word in image()))
+    write_image(hex_file)
     run(
         "firmware_ram",
         "tb.test_firmware_ram",

