@@ -3,17 +3,29 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import cocotb
 import pytest
+from cocotb.triggers import Timer
 
-from tb.lib.runner import ROOT, WAIVERS
+from tb.lib.bench import Bench
+from tb.lib.card import MS, baud_switches, switch_word
+from tb.lib.config import boot_clocks
+from tb.lib.modbus_master import ModbusMaster
+from tb.lib.rs485 import Rs485Line
+from tb.lib.runner import ROOT, WAIVERS, firmware, run
+from tb.lib.uart_agent import Format
+from tb.model import rtu
 from tools.boards import Board, boards, ports, problems
 from tools.sources import card_files, without_comments
 from tools.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
 
+CLK_HZ = 2_000_000
+BAUD = 38_400
 BOARDS = boards()
 each_board = pytest.mark.parametrize("name", BOARDS)
 
@@ -80,6 +92,61 @@ def route_ports_alone(entry: Board, folder: Path) -> dict:
 def test_every_pin_is_there_in_the_package(name):
     report = route_ports_alone(BOARDS[name], ROOT / "build/tests" / f"pins-{name}")
     assert fmax_mhz(report) > BOARDS[name].clk_hz / 1e6
+
+
+# ---------------------------------------------------------------- power-up
+
+
+def lit(dut) -> set[str]:
+    """The LEDs of the wrapper that show light, whatever their polarity."""
+    shining = set()
+    for line, colour in itertools.product(("modbus", "drive"), ("red", "green")):
+        name = f"led_{line}_{colour}"
+        dark = 0 if hasattr(dut, name) else 1
+        if getattr(dut, name if hasattr(dut, name) else f"{name}_n").value != dark:
+            shining.add(name)
+    return shining
+
+
+@cocotb.test()
+async def answers_without_ever_having_been_reset(dut):
+    """Clock and switches, nothing else: address 1, 8N2. The power-up show begins (LED-1)."""
+    baud = switch_word(baud_switches(BAUD, "8N2"))
+    inputs = {"sw_baud_n": ~baud & (1 << len(dut.sw_baud_n)) - 1, "sw_addr_n": 0xFE}
+    if hasattr(dut, "button_n"):
+        inputs["button_n"] = 1
+    bench = Bench(dut, CLK_HZ, **inputs)
+    assert not hasattr(dut, "rst_n")
+    modbus = Rs485Line(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(BAUD, "8N2"))
+    Rs485Line(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(9600, "8E1"))
+    await bench.start()
+    assert not lit(dut)
+    booting_ms = 0
+    while not lit(dut):
+        assert booting_ms <= boot_clocks() / CLK_HZ * 1000, "the LEDs stay dark"
+        await Timer(MS, unit="ps")
+        booting_ms += 1
+    assert lit(dut) == {"led_drive_red"}
+    await Timer(4 * MS, unit="ps")
+    assert await ModbusMaster(modbus).ask(1, rtu.read_registers(2, 1), 20 * MS) == bytes.fromhex(
+        "03 02 00 0F"
+    )
+    modbus.check_direction()
+
+
+@pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
+@each_board
+def test_power_up_without_a_reset(name):
+    """On Icarus, which knows x: what has no start value would show."""
+    entry = BOARDS[name]
+    run(
+        entry.top,
+        "tb.test_boards",
+        sim="icarus",
+        config=entry.config,
+        parameters={"CLK_HZ": CLK_HZ, "FIRMWARE_HEX": str(firmware(entry.config))},
+        extra_sources=[entry.wrapper],
+    )
 
 
 # ---------------------------------------------------------------- that the check can fail
