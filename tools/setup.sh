@@ -9,7 +9,8 @@ venv=$root/.venv
 # The interpreter that makes .venv must not be the one inside it.
 PATH=${PATH//"$venv/bin:"/}
 
-# What is looked for (a command, a header or a Python module), and the Debian package that brings it.
+# What is looked for (a command, a header, a library of clang, a Python module), and the Debian package that
+# brings it.
 needs=(
   "command iverilog                 iverilog"
   "command riscv64-unknown-elf-gcc  gcc-riscv64-unknown-elf"
@@ -21,6 +22,10 @@ needs=(
   "command gcc                      gcc"
   "command g++                      g++"
   "command ccache                   ccache"
+  "command clang-14                 clang-14"
+  "clangrt fuzzer                   libclang-rt-14-dev"
+  "command clang-tidy-14            clang-tidy-14"
+  "command cppcheck                 cppcheck"
   "header  stdio.h                  libc6-dev"
   "header  lz4.h                    liblz4-dev"
   "header  zlib.h                   zlib1g-dev"
@@ -39,6 +44,7 @@ is_there() {
   case $1 in
     command) command -v "$2" ;;
     header) [ -e "/usr/include/$2" ] || [ -e "/usr/local/include/$2" ] ;;
+    clangrt) compgen -G "$(clang-14 -print-resource-dir)/lib/linux/libclang_rt.$2-*.a" ;;
     perl) perl -M"$2" -e 1 ;;
     python) python3 -c "import $2, venv" ;;
     # cocotb loads the interpreter as a shared library; Debian's python3 has it in a package of its own.
