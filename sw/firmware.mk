@@ -28,7 +28,7 @@ FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ff
 FIRMWARE_LDFLAGS := -nostdlib -Lsw/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
-.PHONY: firmware firmware-size
+.PHONY: firmware firmware-size firmware-sources
 FIRMWARE_ELFS := build/firmware.elf $(FIRMWARE_DIALECTS:%=build/%/firmware.elf)
 FIRMWARE_TINY := $(FIRMWARE_ELFS:build/%.elf=build/tiny/%.hex)
 firmware: $(FIRMWARE_ELFS:.elf=.hex) $(FIRMWARE_TINY)
@@ -55,6 +55,10 @@ $(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin tools/bin2hex.py
 $(FIRMWARE_TINY): build/tiny/%.hex: build/%.bin tools/bin2hex.py
 	$(FIRMWARE_PYTHON) tools/bin2hex.py --config tiny $< $@
 	cp $(<:.bin=.elf) $(@D)
+
+# For the tools that build them otherwise.
+firmware-sources:
+	@echo $(FIRMWARE_SOURCES)
 
 # text: code and constants; bss: variables; the stack comes on top.
 firmware-size: $(FIRMWARE_ELFS)

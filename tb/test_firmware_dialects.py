@@ -137,6 +137,7 @@ def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
         ("01 0080 0001", (64, 64, 2), "coil 129"),
         ("05 0020 FF00", (64, 64, 2), "a status coil"),
         ("0F 003F 0002 01 03", (64, 64, 2), "a run into coil 65"),
+        ("0F 0040 0002 01 03", (64, 64, 2), "a run out of coil 65"),
         ("03 1414 0001", (64, 64, 2), "the second register of a parameter"),
         ("06 0003 0001", (64, 64, 2), "a reserved register"),
         ("03 FFFF 0001", (64, 64, 2), "the last address"),

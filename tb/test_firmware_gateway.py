@@ -454,6 +454,19 @@ def test_an_old_drive_reply_does_not_touch_a_newer_reply_that_waits(bench: Bench
     assert bench.replies == [REPLY_IND]
 
 
+@pytest.mark.rule("FRAME-7", "FC-8")
+def test_an_old_wrong_bcc_does_not_touch_a_newer_reply_that_waits(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(TELL_514)
+    bench.poll()
+    bench.offer(READ_IND)
+    bench.mailbox.bcc(good=False)
+    bench.poll()
+    bench.commit()
+    assert bench.replies == [REPLY_IND]
+
+
 @pytest.mark.rule("FRAME-7", "FC-9")
 def test_an_old_time_out_does_not_touch_a_newer_reply_that_waits(bench: Bench):
     bench.request(READ_514)
@@ -881,6 +894,29 @@ def test_the_pause_does_not_cost_a_broadcast_its_telegram(bench: Bench):
     bench.mailbox.pause_over()
     bench.poll()
     assert bench.telegrams == [H("80 043C 0000")]
+
+
+@pytest.mark.rule("LED-5")
+def test_the_poll_loop_is_idle_only_while_nothing_is_under_way():
+    bench = Bench()
+
+    def idle() -> bool:
+        return bool(bench.gateway.lib.gateway_is_idle(bench.gateway.memory) & 1)
+
+    assert idle()
+    bench.offer(READ_IND)
+    assert not idle(), "a candidate"
+    bench.commit()
+    assert idle()
+    bench.request(READ_514)
+    assert not idle(), "a telegram on the line"
+    bench.telegram_ends()
+    assert not idle(), "a drive that thinks"
+    bench.drive(TELL_514)
+    assert idle()
+    bench.mailbox.loopback = True
+    bench.restart()
+    assert not idle(), "the loop-back test"
 
 
 # ---------------------------------------------------------------- counters

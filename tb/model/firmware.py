@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import fcntl
 import functools
+import os
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -38,8 +39,13 @@ def build(file: str, *variables: str) -> Path:
 
 @functools.cache
 def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
-    """The host library of a dialect, or of the card's with `option` of sw/include/options.h set to 1."""
-    if dialect != "card":
+    """The host library of a dialect, or of the card's with `option` of sw/include/options.h set to 1.
+
+    FIRMWARE_LIBRARIES=folder: those made there already, measured or mutated, instead of today's sources.
+    """
+    if made := os.environ.get("FIRMWARE_LIBRARIES"):
+        file = Path(made) / (option or dialect) / "libtranslate.so"
+    elif dialect != "card":
         assert not option
         file = build(f"build/host/{dialect}/libtranslate.so")
     else:
