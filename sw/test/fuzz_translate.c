@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The translation core under any requests and drive replies, in any order, committed or not.
+ *
+ * What must hold: nothing changes but by a commit; a telegram says what the coils say or asks about a
+ * parameter, and only a write writes one; bit 10 of the control word comes from the coils alone; replies
+ * fit their request; a broadcast is never answered; coils read as they were written.
+ */
+#include <stdlib.h>
+#include <string.h>
+
+#include "fuzz.h"
+#include "transaction.h"
+
+enum { STEPS = 200, BANK = PDU_KEPT, DRIVE_BANK = 28 };
+
+struct slot {
+    struct transaction *txn;
+    uint8_t pdu[PDU_MAX];
+    bool at_drive;
+    bool again; /* the drive wants to be asked once more */
+};
+
+struct bench {
+    struct translator t;
+    struct model model;
+    struct slot slots[2];
+    struct frame_slot *bank;
+    struct frame_slot *drive_bank;
+};
+
+static bool same_settings(const struct settings *a, const struct settings *b)
+{
+    return !memcmp(a->word, b->word, sizeof a->word);
+}
+
+/* The settings are those of the model. */
+static void check_settings(const struct settings *s, const struct model *m)
+{
+    uint32_t sum = 0;
+    uint32_t i;
+
+    HOLDS((s->word[CONTROL] & 0xFFFF) == model_word(m, 0));
+    HOLDS(s->word[CONTROL] >> 16 == model_word(m, 16));
+    HOLDS(s->word[EEPROM] == (m->coils[64] ? 1u : 0u));
+    HOLDS(s->word[LOCAL_IND] == m->ind);
+    HOLDS(s->word[LOCAL_NETWORK_TIMEOUT] == m->network_timeout);
+    HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == m->drive_timeout);
+    HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] != 0);
+    for (i = 0; i < SETTINGS; i++)
+        sum += s->word[i];
+    HOLDS(sum == 0);
+}
+
+static void check_coils(const struct bench *b, const uint8_t *pdu, const struct transaction *txn)
+{
+    const uint32_t first = (uint32_t)pdu[1] << 8 | pdu[2];
+    const uint32_t quantity = (uint32_t)pdu[3] << 8 | pdu[4];
+    uint32_t i;
+
+    HOLDS(first + quantity <= 128);
+    HOLDS(txn->reply[1] == (quantity + 7) / 8);
+    for (i = 0; i < 8u * txn->reply[1]; i++) {
+        const bool status = first + i >= 32 && first + i < 64;
+        const bool is = i < quantity && (status ? b->t.status >> (first + i - 32) & 1
+                                                : b->model.coils[first + i]);
+
+        HOLDS((txn->reply[2 + i / 8] >> i % 8 & 1) == is);
+    }
+}
+
+static void check_reply(const struct bench *b, const struct slot *slot)
+{
+    const struct transaction *txn = slot->txn;
+
+    HOLDS(!txn->broadcast);
+    HOLDS(txn->reply_length >= 2 && txn->reply_length <= REPLY_PDU_MAX);
+    if (txn->reply[0] & 0x80) {
+        HOLDS(txn->reply[0] == (slot->pdu[0] | 0x80));
+        HOLDS(txn->reply_length == 2);
+        return;
+    }
+    HOLDS(txn->reply[0] == slot->pdu[0]);
+    if (txn->reply[0] == READ_COILS || txn->reply[0] == READ_REGISTERS) {
+        HOLDS(txn->reply_length == 2 + txn->reply[1]);
+        if (txn->reply[0] == READ_COILS)
+            check_coils(b, slot->pdu, txn);
+        else
+            HOLDS(txn->reply[1] == 2u * slot->pdu[4]);
+    } else {
+        HOLDS(txn->reply_length == 5);
+        HOLDS(!memcmp(txn->reply, slot->pdu, 5));
+    }
+}
+
+static void check_telegram(const struct bench *b, const struct slot *slot, const struct model *after,
+                           enum intent intent)
+{
+    const struct transaction *txn = slot->txn;
+    const uint8_t *data = txn->telegram + 1;
+    const uint32_t length = txn->telegram_length - 2u;
+    const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
+    const uint32_t pnu = ((uint32_t)data[0] << 8 | data[1]) & 0x0FFF;
+
+    (void)b;
+    HOLDS(txn->telegram_length <= TELEGRAM_MAX);
+    HOLDS(bcc_fits(txn->telegram, txn->telegram_length));
+    HOLDS(txn->telegram[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
+    if (length == 4) {
+        HOLDS(intent == INTENT_PROCESS);
+        HOLDS(pcd == model_word(after, 0));
+        HOLDS(((uint32_t)data[2] << 8 | data[3]) == model_word(after, 16));
+        return;
+    }
+    HOLDS(length >= 10 && !(length & 1));
+    HOLDS(intent == INTENT_READ || intent == INTENT_WRITE);
+    HOLDS(pcd == 0 && data[length - 2] == 0 && data[length - 1] == 0);
+    HOLDS(pnu >= 1 && pnu <= PNU_MAX);
+    HOLDS(10 * pnu - 1 == ((uint32_t)slot->pdu[1] << 8 | slot->pdu[2]));
+    HOLDS(data[3] == (after->ind & 0xFF));
+    switch (data[0] >> 4) {
+    case AK_READ:
+        HOLDS(intent == INTENT_READ && data[2] == 0);
+        break;
+    case AK_WRITE_WORD:
+    case AK_WRITE_DOUBLE:
+        HOLDS(intent == INTENT_WRITE && data[2] == 0 && !after->coils[64]);
+        break;
+    case AK_STORE_WORD:
+    case AK_STORE_DOUBLE:
+        HOLDS(intent == INTENT_WRITE && data[2] == 0 && after->coils[64]);
+        break;
+    case AK_TEXT:
+        HOLDS(data[2] == (intent == INTENT_READ ? 4 : 5));
+        HOLDS(intent == INTENT_WRITE || length == 12);
+        break;
+    default:
+        NEVER("an AK that the card sends");
+    }
+}
+
+static void request(struct bench *b, struct input *in, uint32_t how)
+{
+    struct slot *slot = &b->slots[how & 1];
+    const bool broadcast = (how & 6) == 6;
+    const struct translator before = b->t;
+    const uint32_t length = take_request(in, slot->pdu);
+    struct model after = b->model;
+    enum outcome outcome;
+    enum intent intent;
+    uint32_t i;
+
+    for (i = 0; i < BANK; i++)
+        b->bank[i].byte = i < length ? slot->pdu[i] : PATTERN;
+    memset(slot->txn, PATTERN, sizeof *slot->txn);
+    outcome = translate_request(&b->t, slot->txn, b->bank, length, broadcast);
+    HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
+    HOLDS(outcome == OUTCOME_REPLY || outcome == OUTCOME_SILENT || outcome == OUTCOME_EXCHANGE);
+    HOLDS(outcome != OUTCOME_SILENT || broadcast);
+    intent = model_request(&after, slot->pdu, length);
+    check_settings(&slot->txn->settings, &after);
+    HOLDS(outcome == OUTCOME_EXCHANGE || intent != INTENT_PROCESS);
+    if (outcome == OUTCOME_REPLY)
+        check_reply(b, slot);
+    if (outcome == OUTCOME_EXCHANGE)
+        check_telegram(b, slot, &after, intent);
+    slot->again = false;
+    slot->at_drive = false;
+    if (how & 0x10) /* revoked */
+        return;
+    translate_commit(&b->t, slot->txn);
+    b->model = after;
+    check_settings(&b->t.settings, &b->model);
+    slot->at_drive = outcome == OUTCOME_EXCHANGE && !broadcast;
+}
+
+static void drive_reply(struct bench *b, struct input *in, uint32_t how)
+{
+    struct slot *slot = &b->slots[how & 1];
+    const struct translator before = b->t;
+    uint8_t data[DATA_MAX];
+    uint8_t telegram[TELEGRAM_MAX];
+    uint32_t length;
+    uint32_t i;
+    enum outcome outcome;
+
+    if (!slot->at_drive)
+        return;
+    memcpy(telegram, slot->txn->telegram, sizeof telegram);
+    length = take_telegram(in, telegram, slot->txn->telegram_length, data);
+    for (i = 0; i < length; i++)
+        b->drive_bank[place_of(i)].byte = data[i];
+    outcome = translate_drive_reply(&b->t, slot->txn, b->drive_bank, length + 2);
+    HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
+    HOLDS(!memcmp(telegram, slot->txn->telegram, sizeof telegram));
+    HOLDS(outcome == OUTCOME_NOT_A_REPLY || outcome == OUTCOME_REPLY || outcome == OUTCOME_EXCHANGE);
+    if (outcome == OUTCOME_REPLY)
+        check_reply(b, slot);
+    if (outcome == OUTCOME_NOT_A_REPLY || how & 0x10) /* its BCC is wrong */
+        return;
+    HOLDS(length >= 4);
+    translate_drive_commit(&b->t, slot->txn);
+    HOLDS(b->t.status == ((uint32_t)data[length - 2] << 24 | (uint32_t)data[length - 1] << 16 |
+                          (uint32_t)data[length - 4] << 8 | data[length - 3]));
+    HOLDS(same_settings(&before.settings, &b->t.settings));
+    if (outcome == OUTCOME_EXCHANGE) {
+        struct model now = b->model;
+
+        HOLDS(BY_SIZE && !slot->again);
+        slot->again = true;
+        translate_drive_again(slot->txn);
+        /* The index is that of the first telegram, whatever was written since. */
+        now.ind = telegram[4];
+        check_telegram(b, slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
+        HOLDS(slot->txn->telegram[1] >> 4 == AK_TEXT);
+        return;
+    }
+    slot->at_drive = false;
+}
+
+/* A bit of what was written flips: nothing is built on it, and nothing repairs it by chance (SAFE-4). */
+static void flip(struct bench *b, struct input *in)
+{
+    const uint32_t which = take(in);
+    uint32_t *word = &b->t.settings.word[which % SETTINGS];
+    const uint32_t right = *word;
+    struct transaction *txn = b->slots[0].txn;
+    uint8_t pdu[PDU_MAX];
+    const uint32_t length = take_request(in, pdu);
+    uint32_t i;
+
+    if (b->slots[0].at_drive)
+        return;
+    for (i = 0; i < BANK; i++)
+        b->bank[i].byte = i < length ? pdu[i] : PATTERN;
+    *word ^= 1u << (which >> 3);
+    HOLDS(!translate_is_sound(&b->t));
+    HOLDS(translate_request(&b->t, txn, b->bank, length, false) == OUTCOME_SILENT);
+    translate_commit(&b->t, txn);
+    HOLDS(!translate_is_sound(&b->t));
+    *word = right;
+    HOLDS(translate_is_sound(&b->t));
+}
+
+static void drive_silent(struct bench *b, uint32_t how)
+{
+    struct slot *slot = &b->slots[how & 1];
+    enum outcome outcome;
+
+    if (!slot->at_drive)
+        return;
+    outcome = translate_drive_silent(slot->txn);
+    HOLDS(outcome == (BY_SIZE ? OUTCOME_SILENT : OUTCOME_REPLY));
+    if (outcome == OUTCOME_REPLY) {
+        check_reply(b, slot);
+        HOLDS(slot->txn->reply[1] == 255);
+    }
+    slot->at_drive = false;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    struct input in = {data, data + size};
+    struct bench b;
+    uint32_t step;
+
+    memset(&b, PATTERN, sizeof b);
+    memset(&b.t, 0, sizeof b.t);
+    /* Each in a block of its own, so that a byte too far is seen. */
+    b.bank = calloc(BANK, sizeof *b.bank);
+    b.drive_bank = calloc(DRIVE_BANK, sizeof *b.drive_bank);
+    for (step = 0; step < 2; step++) {
+        b.slots[step].txn = malloc(sizeof *b.slots[step].txn);
+        b.slots[step].at_drive = false;
+    }
+    translate_init(&b.t);
+    HOLDS(b.t.status == 0);
+    model_init(&b.model);
+    check_settings(&b.t.settings, &b.model);
+    for (step = 0; step < STEPS && in.at < in.end; step++) {
+        const uint32_t how = take(&in);
+
+        if (how & 0x80)
+            drive_reply(&b, &in, how);
+        else if ((how & 0x70) == 0x70)
+            flip(&b, &in);
+        else if ((how & 0x60) == 0x60)
+            drive_silent(&b, how);
+        else
+            request(&b, &in, how);
+    }
+    for (step = 0; step < 2; step++)
+        free(b.slots[step].txn);
+    free(b.bank);
+    free(b.drive_bank);
+    return 0;
+}

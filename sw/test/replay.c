@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The main of a fuzzer without libFuzzer: gives it the files of the command line, once each. */
+#include <stdint.h>
+#include <stdio.h>
+
+enum { INPUT_MAX = 4096 };
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+int main(int argc, char **argv)
+{
+    static uint8_t input[INPUT_MAX];
+    int i;
+
+    for (i = 1; i < argc; i++) {
+        FILE *file = fopen(argv[i], "rb");
+
+        if (!file)
+            return 2;
+        (void)LLVMFuzzerTestOneInput(input, fread(input, 1, sizeof input, file));
+        (void)fclose(file);
+    }
+    return 0;
+}
