@@ -4,7 +4,7 @@
     tools/lint.py            checks
     tools/lint.py --format   lays Verilog and Python files out the way the checks want them
 
-C and C++ have no line here: their warnings are errors in the builds.
+The warnings of C and C++ have no line here: they are errors in the builds.
 """
 
 import argparse
@@ -154,6 +154,10 @@ def ruff_format() -> list[str]:
     return [line.strip() for line in lines if "-->" in line] or lines
 
 
+def firmware() -> list[str]:
+    return tool(sys.executable, "-m", "tools.firmware_analysis")
+
+
 CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("rtl/rtl.f complete", file_list),
     ("generated files current", registers),
@@ -166,6 +170,7 @@ CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("nothing unfinished, skipped or absolute", finished),
     ("ruff check", ruff_check),
     ("ruff format", ruff_format),
+    ("firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops", firmware),
 ]
 
 
@@ -179,7 +184,7 @@ def main() -> int:
         print("\n".join(problems), end="\n" if problems else "")
         return 1 if problems else 0
 
-    for command in ("verilator", "iverilog", "verible-verilog-lint", "ruff"):
+    for command in ("verilator", "iverilog", "verible-verilog-lint", "ruff", "clang-tidy-14", "cppcheck"):
         if shutil.which(command) is None:
             print(f"{command} is missing; run `make setup`", file=sys.stderr)
             return 2
