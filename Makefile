@@ -9,8 +9,10 @@
 #   BOARD=name    board of constraints/boards.toml (synth, image) default: all
 #   FIRMWARE=file image for $readmemh (image)
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
-#   SEED=n        repeats a run (soak, fuzz, flips)              default: a new one
+#   SEED=n        repeats a run (soak, fuzz, fuzz-firmware, flips) default: a new one
 #   COUNT=n       network frames (fuzz) or flips of a run        default: 2000, 500
+#   RUNS=n        executions of all fuzzers (fuzz-firmware)      default: a million
+#   SHARD=I/N     a part of the work (mutate-firmware)           default: all
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
 #   FILE=name     a recording (wireshark)
 #   V=1           show the commands
@@ -42,7 +44,7 @@ PYTEST := $(PY) -m pytest tb $(if $(TEST),-k '$(TEST)')
 
 .PHONY: help
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
 
 .PHONY: demo run card firmware
 demo: card ## the manual's examples by real Modbus masters, with verdicts
@@ -117,6 +119,16 @@ image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FI
 .PHONY: diagrams
 diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/diagrams
 	@$(PY) -m tools.diagrams
+
+.PHONY: coverage-firmware fuzz-firmware mutate-firmware
+coverage-firmware: firmware | $(SETUP) ## branches of the firmware that its host tests take; 100 % of its core
+	@$(PY) -m tools.firmware_coverage --write
+
+fuzz-firmware: | $(SETUP) ## fuzzes the firmware against its oracles (RUNS=, SEED=, JOBS=)
+	@$(PY) -m tools.firmware_fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
+
+mutate-firmware: firmware | $(SETUP) ## mutants of the translation core that its tests catch (SHARD=I/N, JOBS=)
+	@$(PY) -m tools.firmware_mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name
