@@ -1,0 +1,302 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the recordings of the debugging guide, and the outputs that the guide shows of them.
+
+    python -m tools.symptoms [NAME ...]
+
+Each recording is a run of the whole card with its firmware (tb/lib/fast_card.py), the simulated drive behind
+it and a master that does one thing wrong. The pins are read bit by bit and handed to the recorder of the
+virtual card: docs/recordings/NAME.jsonl and NAME.pcapng. Then every block of docs/debugging.md that begins
+with `$ tools/frames.py docs/recordings/...` gets what that command prints. The same sources give the same
+files. Times are in ps since power-up. Exit code 2 for a name that is none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+import subprocess
+import sys
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from tb.lib.card import MS
+from tb.lib.fast_card import FastCard, Line
+from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, Recorder
+from tb.lib.uart_agent import Character, Flaws, Format, waveform
+from tb.model import rtu
+from tb.model.vlt_drive import VltDrive
+from tools.sources import ROOT
+
+RECORDINGS = ROOT / "docs/recordings"
+GUIDE = ROOT / "docs/debugging.md"
+COMMAND = re.compile(r"^```\n\$ (tools/frames\.py docs/recordings/.*)\n(?:.*\n)*?```$", re.MULTILINE)
+
+BOOTED_MS = 25.0
+POLITE_MS = 20.0  # what a well-behaved master leaves between two requests
+PS_PER_US = 1_000_000
+# On the wire; the reference numbers are one more.
+ENERGY = 10 * 514 - 1
+RUN_TIME_OUT = 1
+START, SPEED = 0x047C, 0x1999
+START_40 = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
+READ_STATUS = rtu.build(1, rtu.read_coils(32, 16))
+READ_CONTROL = rtu.build(1, rtu.read_coils(0, 32))
+READ_ENERGY = rtu.build(1, rtu.read_registers(ENERGY, 2))
+
+
+def word_coils(word: int) -> list[bool]:
+    return [bool(word >> i & 1) for i in range(16)]
+
+
+class Bus(FastCard):
+    """The card past its start, a drive that lives in the card's time, and a master without manners."""
+
+    def __init__(self, baud: int = 9600, form: str = "8E1", address: int = 1, example: bool = True) -> None:
+        self.vlt = VltDrive(example=example)
+        self.drive_spoils: Callable[[bytes], bytes | None] = lambda reply: reply
+        self._lived_us = 0
+        self._said_ps = 0.0
+        super().__init__(baud=baud, form=form, address=address, drive=self._drive)
+        self.run(BOOTED_MS)
+
+    def _drive(self, telegram: bytes) -> bytes | None:
+        now_us = self.now_ps // PS_PER_US
+        self.vlt.step(now_us - self._lived_us)
+        self._lived_us = now_us
+        reply = self.vlt.telegram(telegram)
+        return reply and self.drive_spoils(reply)
+
+    def say(
+        self, data: bytes, pause_ms: float = POLITE_MS, fmt: Format | None = None, flaws: Flaws | None = None
+    ) -> float:
+        """Somebody on the network line sends, `pause_ms` after the last one there; returns the end."""
+        edges, length = waveform(fmt or self.modbus.fmt, data, flaws or Flaws())
+        quiet = max(self._said_ps, self.modbus.de[-1][0] if self.modbus.de else 0)
+        start = max(self.now_ps, quiet + pause_ms * MS)
+        for at, level in edges:
+            self.plan(start + at, "modbus_line", level)
+        self._said_ps = start + length
+        return self._said_ps
+
+    def ask(self, adu: bytes, pause_ms: float = POLITE_MS, wait_ms: float = 60.0, **how) -> bool:
+        """A request; waits for the reply's last bit, or `wait_ms`. True: there was one."""
+        limit = self.say(adu, pause_ms, **how) + wait_ms * MS
+        before = len(self.modbus.de)
+        while self.run_until(limit, "modbus_de"):
+            if len(self.modbus.de) == before + 2:
+                return True
+        return False
+
+    def characters(self, ms: float) -> float:
+        """Characters of the network line in ms."""
+        return ms * rtu.character_ps(self.modbus.fmt.baud) / MS
+
+
+# ---------------------------------------------------------------- from the pins to the files
+
+
+def heard(edges: list[tuple[int, int]], fmt: Format) -> Iterator[Character]:
+    """The characters of a pin, each bit read in its middle, at the card's rate and format."""
+    times = [at for at, _ in edges]
+
+    def level(when: float) -> int:
+        place = bisect_right(times, when)
+        return edges[place - 1][1] if place else 1
+
+    free = 0.0
+    for start, to in edges:
+        if to or start < free:
+            continue
+        bits = [level(start + (i + 0.5) * fmt.bit_ps) for i in range(fmt.bits)]
+        byte = sum(bits[1 + i] << i for i in range(8))
+        parity_ok = not fmt.parity_bits or bits[9] == fmt.parity_bit(byte)
+        end = round(start + fmt.character_ps)
+        yield Character(byte, start, end, parity_ok, bool(bits[9 + fmt.parity_bits]))
+        free = end - fmt.bit_ps / 2
+
+
+def record(card: FastCard, base: Path) -> None:
+    """Everything that was on the pins until now, as log and capture."""
+    events: list[tuple[int, Callable[[], None]]] = []
+    with Recorder(base) as recorder:
+        lines: list[tuple[int, Line]] = [(MODBUS, card.modbus), (DRIVE, card.drive)]
+        for line, port in lines:
+            recorder.use(line, port.fmt.baud)
+            for from_card, pin in ((False, "rx"), (True, "tx")):
+                for c in heard(card.recorded[f"{port.name}_{pin}"], port.fmt):
+                    events.append(
+                        (c.end_ps, lambda c=c, line=line, f=from_card: recorder.character(line, f, c))
+                    )
+        for led, name in ((MODBUS, "modbus"), (DRIVE, "drive")):
+            since = [one.since_ps for one in card.shown[name]]
+            looks = {*since, *range(0, card.now_ps, LED_LOOK_MS * MS)}
+            for at in looks:
+                shows = card.shown[name][bisect_right(since, at) - 1].colour
+                red, green = shows in ("red", "orange"), shows in ("green", "orange")
+                events.append((at, lambda x=(led, red, green, at): recorder.led(*x)))
+        for _, tell in sorted(events, key=lambda event: event[0]):
+            tell()
+
+
+# ---------------------------------------------------------------- the symptoms
+
+
+def no_answer() -> Bus:
+    """Another unit's request, a wrong rate, a wrong parity, a request to all; then all as it should be."""
+    card = Bus()
+    card.ask(rtu.build(2, READ_ENERGY[1:-2]))
+    card.ask(READ_ENERGY, fmt=Format.named(19200, "8E1"))
+    card.ask(READ_ENERGY, fmt=Format.named(9600, "8N1"))
+    card.ask(rtu.build(0, READ_ENERGY[1:-2]))
+    card.ask(READ_ENERGY)
+    return card
+
+
+def crc_errors() -> Bus:
+    """CRC bytes in the wrong order, two bits turned over, one bit turned over; then all as it should be."""
+    card = Bus()
+    card.ask(READ_ENERGY[:-2] + READ_ENERGY[:-3:-1])
+    turned = bytearray(READ_ENERGY)
+    turned[3] ^= 0x24
+    card.ask(bytes(turned))
+    third_byte_bit_4 = 2 * card.modbus.fmt.bits + 1 + 4
+    card.ask(READ_ENERGY, flaws=Flaws(glitches=[(third_byte_bit_4, 1.0)]))
+    card.ask(READ_ENERGY)
+    return card
+
+
+def answers_sometimes() -> Bus:
+    """Polls that come too early, behind another unit's traffic, or with a stray character behind them."""
+    card = Bus()
+    card.ask(READ_CONTROL)
+    card.ask(READ_CONTROL, pause_ms=card.characters(2.0))
+    card.ask(READ_CONTROL)
+    card.say(rtu.build(2, bytes.fromhex("03 00 00 00 01")))
+    card.say(rtu.build(2, bytes.fromhex("03 02 00 2A")), pause_ms=5.0)
+    card.ask(READ_CONTROL, pause_ms=card.characters(2.0))
+    card.say(READ_CONTROL)
+    card.ask(b"\x00", pause_ms=card.characters(2.0))
+    card.ask(READ_CONTROL)
+    return card
+
+
+def exception_255() -> Bus:
+    """A drive that is silent, one whose replies are damaged, and one that answers."""
+    card = Bus()
+    card.run_until(2300 * MS)  # the LEDs' power-up show is over
+    card.drive_spoils = lambda reply: None
+    card.ask(READ_ENERGY, wait_ms=500)
+    card.drive_spoils = lambda reply: reply[:-1] + bytes([reply[-1] ^ 0x10])
+    card.ask(READ_ENERGY, wait_ms=500)
+    card.drive_spoils = lambda reply: reply
+    card.ask(READ_ENERGY)
+    card.run(1200)
+    return card
+
+
+def no_start() -> Bus:
+    """Start by coil 7 alone, which leaves bit 10 at 0; then by the whole control word."""
+    card = Bus(example=False)
+    card.ask(rtu.build(1, rtu.write_coil(6, True)))
+    card.ask(READ_STATUS)
+    card.ask(START_40)
+    card.run(1500)
+    card.ask(START_40)
+    card.ask(READ_STATUS)
+    return card
+
+
+def off_by_one() -> Bus:
+    """The reference number on the wire instead of one less: a register, then coils."""
+    card = Bus()
+    card.ask(rtu.build(1, rtu.read_registers(ENERGY + 1, 2)))
+    card.ask(READ_ENERGY)
+    card.ask(rtu.build(1, rtu.write_coils(1, word_coils(START))))
+    card.ask(rtu.build(1, rtu.write_coils(0, word_coils(START))))
+    return card
+
+
+def usb_adapter() -> Bus:
+    """Requests that come in two pieces: with a short silence, a long one, and at a higher rate."""
+    card = Bus(baud=19200)
+    for gap_ms in (0.5, 1.0, 16.0):
+        bits = gap_ms * MS / card.modbus.fmt.bit_ps
+        card.ask(START_40, flaws=Flaws(gaps={8: bits}))
+    card.ask(START_40)
+    return card
+
+
+def led_states() -> Bus:
+    """Power-up, a master, a drive, the drive lost, the drive back, the master lost."""
+    card = Bus()
+    card.ask(rtu.build(1, rtu.write_register(RUN_TIME_OUT, 100)))  # network LED: 1 s
+    card.run_until(3300 * MS)
+    card.ask(READ_CONTROL)
+    card.run_until(4800 * MS)
+    card.ask(READ_ENERGY)
+    card.run_until(6500 * MS)
+    card.drive_spoils = lambda reply: None
+    card.ask(READ_ENERGY, wait_ms=500)
+    card.run_until(8300 * MS)
+    return card
+
+
+def led_fault() -> Bus:
+    """All address switches off: address 0 is none."""
+    card = Bus(address=0)
+    card.ask(READ_CONTROL)
+    card.run(1500)
+    return card
+
+
+SYMPTOMS: dict[str, Callable[[], Bus]] = {
+    "no-answer": no_answer,
+    "crc-errors": crc_errors,
+    "answers-sometimes": answers_sometimes,
+    "exception-255": exception_255,
+    "no-start": no_start,
+    "off-by-one": off_by_one,
+    "usb-adapter": usb_adapter,
+    "led-states": led_states,
+    "led-fault": led_fault,
+}
+
+
+def make(name: str, folder: Path = RECORDINGS) -> Path:
+    """Runs a symptom and records it; returns the log."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with SYMPTOMS[name]() as card:
+        record(card, folder / name)
+    return folder / f"{name}.jsonl"
+
+
+def with_outputs(guide: str) -> str:
+    """The guide with what its commands print now."""
+
+    def printed(match: re.Match[str]) -> str:
+        words = shlex.split(match[1])
+        done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=True)
+        return f"```\n$ {match[1]}\n{done.stdout}```"
+
+    return COMMAND.sub(printed, guide)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SYMPTOMS)} (default: all)")
+    args = parser.parse_args()
+    if unknown := [name for name in args.names if name not in SYMPTOMS]:
+        print(f"symptoms: no symptom '{unknown[0]}'; there are {', '.join(SYMPTOMS)}", file=sys.stderr)
+        return 2
+    for name in args.names or SYMPTOMS:
+        print(make(name).relative_to(ROOT))
+    if GUIDE.exists():
+        GUIDE.write_text(with_outputs(GUIDE.read_text()))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
