@@ -130,6 +130,10 @@ fuzz-firmware: | $(SETUP) ## fuzzes the firmware against its oracles (RUNS=, SEE
 mutate-firmware: firmware | $(SETUP) ## mutants of the translation core that its tests catch (SHARD=I/N, JOBS=)
 	@$(PY) -m tools.firmware_mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
+.PHONY: symptoms
+symptoms: firmware | $(SETUP) ## the recordings of docs/debugging.md, from runs of the card
+	@$(PY) -m tools.symptoms
+
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }

@@ -4,7 +4,8 @@
     python -m tools.firmware_fuzz [--runs N] [--seed N] [--jobs N] [--folder DIR] [--refresh] [--write]
 
 Starts from the corpus in sw/test/corpus. Writes DIR/results.json (default: build/fuzz-firmware); what a
-fuzzer found lies in DIR/findings, and the line that repeats it is printed. Exit 1 with a finding, 2 when it cannot run.
+fuzzer found lies in DIR/findings, and the line that repeats it is printed. Exit 1 with a finding, 2 when it
+cannot run.
 """
 
 from __future__ import annotations
