@@ -3,7 +3,7 @@
 //
 // DE rises with request; LEAD_TICKS later ready says that the first start bit may
 // begin. DE falls when the request is gone and the last stop bit is over (tx_busy
-// low). So it leads by 1/4 bit and lags by nothing (LINE-6, FC-10, SAFE-2).
+// low). So it leads by LEAD_TICKS, at most 15, and lags by nothing (LINE-6, FC-10, SAFE-2).
 // Units: tick16 = 1/16 bit. Clock domain: clk.
 `default_nettype none
 
@@ -22,9 +22,9 @@ module rs485_dir #(
     input  wire tx_busy
 );
 
-  localparam [2:0] LEAD = LEAD_TICKS;
+  localparam [3:0] LEAD = LEAD_TICKS;
 
-  reg [2:0] lead = 3'd0;
+  reg [3:0] lead = 4'd0;
 
   assign ready = lead == LEAD;
 
@@ -33,11 +33,11 @@ module rs485_dir #(
   always @(posedge clk) begin
     if (request) de <= 1'b1;
     else if (!tx_busy) de <= 1'b0;
-    if (!de) lead <= 3'd0;
-    else if (tick16 && !ready) lead <= lead + 3'd1;
+    if (!de) lead <= 4'd0;
+    else if (tick16 && !ready) lead <= lead + 4'd1;
     if (rst) begin
       de   <= 1'b0;
-      lead <= 3'd0;
+      lead <= 4'd0;
     end
   end
 
