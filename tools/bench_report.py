@@ -12,7 +12,16 @@ from dataclasses import dataclass, field
 from sim.bench.card import TINY
 from sim.bench.cases import CASES
 from sim.bench.conformance import ROWS
-from sim.bench.judge import DE_LIMIT_BITS, LIMIT_BITS, LIMIT_RATIO, WAIT_LIMIT_MS, Outcome, Sample, de_grain
+from sim.bench.judge import (
+    DE_LIMIT_BITS,
+    LIMIT_BITS,
+    LIMIT_RATIO,
+    TELEGRAM_EARLY_BITS,
+    WAIT_LIMIT_MS,
+    Outcome,
+    Sample,
+    de_grain,
+)
 from sim.bench.traffic import REFUSED, UNFIT
 from sim.bench.wave import BAUDS, CLK_HZ, FORMAT_NAMES, Line
 from sim.bench.work import FORM, Piece
@@ -146,6 +155,14 @@ def summary(results: Results) -> str:
     ):
         worst = f"{max(numbers, default=0):.4f}"
         row(name, f"≤ {LIMIT_RATIO}", numbers, lambda value: value <= LIMIT_RATIO, worst)
+    numbers = [s.telegram_before_t35 for s in cases + chance if s.telegram is not None]
+    row(
+        "no telegram before t3.5 of its request",
+        "≤ 1/16 bit of the line before it, and the grain of the rate",
+        numbers,
+        lambda value: value <= TELEGRAM_EARLY_BITS + de_grain(min(BAUDS)),
+        f"{max(numbers, default=0):.2f} before",
+    )
     numbers = [after for sample in everything for after in sample.after_t35]
     earliest = f"{min(numbers, default=0):.2f}"
     row("no reply before t3.5 of its request, every reply", "≥ 0 bits", numbers, lambda v: v >= 0, earliest)
@@ -357,8 +374,6 @@ def drive_table(results: Results) -> str:
 
 def tiny(results: Results) -> str:
     found = samples(results, "tiny")
-    if not found:
-        return "The configuration `tiny` was not measured: it cannot be built yet."
     decode, answer = (values(found, attribute) for attribute in ("decode_clocks", "answer_clocks"))
     slow, last = budgets(TINY.clk_hz, SHOWN_BAUD)
     above, _ = budgets(TINY.clk_hz, max(BAUDS))

@@ -387,6 +387,8 @@ class Bench:
         end = self.silent_since[DRIVE] = burst[-1].end
         request = bytes(c.value for c in burst)
         broadcast = len(request) > 2 and fc_telegram.is_broadcast(request[2])
+        if self.drive and broadcast:
+            self.drive.telegram(request)
         if self.drive is None or broadcast:
             talk.exchanges.append(Exchange(burst, broadcast, PROPER, end, end))
             return end + self._margin()

@@ -31,6 +31,8 @@ from tb.model import card as card_model
 from tb.model import fc_telegram, rtu
 from tools.stack import symbols
 
+# The power-up show (LED-1), and what the card needs before it.
+SHOW_OVER_S = 2.1
 START_MOTOR = [bool(0x1999_047C >> i & 1) for i in range(32)]
 NOISE_BITS = 6.5  # after t3.5 of a noise character: 45 bits up to 19200 bit/s
 
@@ -109,11 +111,22 @@ class Model:
 
 
 def turnaround(
-    baud: int, form: str, repeats: int, names: tuple[str, ...], seed: int, build: Build = STANDARD
+    baud: int,
+    form: str,
+    repeats: int,
+    names: tuple[str, ...],
+    seed: int,
+    build: Build = STANDARD,
+    settled: bool = False,
 ) -> Outcome:
-    """Every case a few times; what the card says is checked as well as when."""
+    """Every case a few times; what the card says is checked as well as when.
+
+    settled: the power-up show is over.
+    """
     rng = random.Random(f"{seed}/{baud}/{form}")
     bench = Bench(Line.of(baud, form, build.clk_hz), build=build, drive=example_drive())
+    if settled:
+        bench.idle_until(SHOW_OVER_S * bench.clk_hz)
     model = Model()
     outcome = Outcome()
 
@@ -185,11 +198,13 @@ def _became(request: Request, due: Due, talk: Talk) -> str:
     return f"answered {by}"
 
 
-def random_requests(baud: int, form: str, count: int, seed: int) -> Outcome:
+def random_requests(baud: int, form: str, count: int, seed: int, settled: bool = False) -> Outcome:
     """Legal and illegal requests against the model of the card: right bytes, right times, due silence."""
     rng = random.Random(f"random/{seed}/{baud}/{form}")
     line = Line.of(baud, form)
     bench = Bench(line, drive=example_drive())
+    if settled:
+        bench.idle_until(SHOW_OVER_S * bench.clk_hz)
     model = Model()
     outcome = Outcome()
     for number in range(count):
@@ -322,6 +337,8 @@ def overtaken(baud: int, form: str, quick: bool) -> Outcome:
         "a local request": (UNIT_ADDRESS, rtu.read_registers(0, 3)),
         "a request for the drive": (UNIT_ADDRESS, rtu.read_registers(parameter(514), 2)),
     }
+    if quick and baud < 2400:
+        newer = {"a foreign frame": newer["a foreign frame"]}
     for what, (address, pdu) in newer.items():
         bench = Bench(line, drive=example_drive())
         model = Model()

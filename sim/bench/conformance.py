@@ -69,17 +69,14 @@ def conformance(baud: int, form: str) -> Outcome:
         return bench.now + 1.0
 
     def send(data: bytes, start: float, error: float = 0.0, **how: object) -> Talk:
-        end = bench.send(MODBUS, data, start, error=error, **how)
-        # The card times the last character by its own rate, not by the sender's.
-        own = line.character_bits * line.bit
-        return Talk(data, start, end - own / (1 + error) + own)
+        return Talk(data, start, bench.send(MODBUS, data, start, error=error, **how))
 
-    def answered(talk: Talk) -> bool:
+    def answered(talk: Talk, error: float = 0.0) -> bool:
         """The one right reply, or none; what else comes is a fault. All these requests are local."""
         bench.follow(talk)
         if talk.request != FOREIGN_READ:
             where = f"{talk.request.hex(' ')} {here}"
-            outcome.add(measure(bench, talk, "conformance"), where)
+            outcome.add(measure(bench, talk, "conformance", error), where)
             due = rtu.build(UNIT_ADDRESS, card_model.Card().request(talk.request[1:-2]).reply)
             outcome.compare(talk, [], due if talk.answers else None, where)
         return bool(talk.answers)
@@ -138,7 +135,7 @@ def conformance(baud: int, form: str) -> Outcome:
 
     # The sender's rate.
     def understands(error: float) -> bool:
-        return all(answered(send(pattern, ready(), error=error)) for pattern in PATTERNS)
+        return all(answered(send(pattern, ready(), error=error), error) for pattern in PATTERNS)
 
     slow = boundary(lambda error: understands(-error), 0, 0.15, RESOLUTION_RATE)
     fast = boundary(understands, 0, 0.15, RESOLUTION_RATE)

@@ -13,6 +13,9 @@ from sim.bench.judge import Outcome
 from sim.bench.wave import BAUDS, FORMAT_NAMES
 
 FORM = "8E1"  # where one format has to do
+# After the power-up show, when the LEDs flash or shine, and every second part of the random requests with it.
+SETTLED_FORM = "8O1"
+SETTLED_COST = 0.002
 CONFORMANCE = (
     *((19200, form) for form in FORMAT_NAMES),
     # Below, a column takes minutes; the gate and all cases have those rates.
@@ -62,8 +65,9 @@ KINDS_OF_WORK = (*KINDS.values(), "random", "manners", "gate", "overtaken", "con
 def _turnaround(
     baud: int, form: str, seed: int, repeats: int, names: tuple[str, ...], build: Build = STANDARD
 ) -> Piece:
-    more = {"repeats": repeats, "names": names, "seed": seed, "build": build}
-    return Piece(KINDS[build], baud, form, turnaround, more, (repeats + 1) * len(names) / baud)
+    more = {"repeats": repeats, "names": names, "seed": seed, "build": build, "settled": form == SETTLED_FORM}
+    cost = (repeats + 1) * len(names) / baud + more["settled"] * SETTLED_COST
+    return Piece(KINDS[build], baud, form, turnaround, more, cost)
 
 
 def _random(baud: int, seed: int) -> Iterator[Piece]:
@@ -72,8 +76,9 @@ def _random(baud: int, seed: int) -> Iterator[Piece]:
     for form in FORMAT_NAMES:
         for left in range(share, 0, -RANDOM_PIECE):
             count = min(left, RANDOM_PIECE)
-            more = {"count": count, "seed": seed + part, "part": part}
-            yield Piece("random", baud, form, random_requests, more, count / baud)
+            more = {"count": count, "seed": seed + part, "part": part, "settled": part % 2 == 1}
+            cost = count / baud + more["settled"] * SETTLED_COST
+            yield Piece("random", baud, form, random_requests, more, cost)
             part += 1
 
 
@@ -87,8 +92,7 @@ def whole(seed: int) -> Iterator[Piece]:
             yield Piece("gate", baud, form, gate, quick, (4 if form != FORM else 12) / baud)
             yield Piece("overtaken", baud, form, overtaken, quick, 5 / baud)
         yield _turnaround(baud, FORM, seed, repeats, names, LATE)
-        if TINY.library.exists():
-            yield _turnaround(baud, FORM, seed, repeats, names, TINY)
+        yield _turnaround(baud, FORM, seed, repeats, names, TINY)
         yield from _random(baud, seed)
     for baud in MANNERS:
         yield Piece("manners", baud, FORM, manners, {"quick": False}, 60 / baud)
@@ -107,10 +111,11 @@ def fast(seed: int) -> Iterator[Piece]:
         else:
             for form in FORMAT_NAMES:
                 yield _turnaround(baud, form, seed, 1, names)
-    for baud in (19200, 115200):
-        yield Piece("overtaken", baud, FORM, overtaken, {"quick": True})
+        yield Piece("overtaken", baud, FORM, overtaken, {"quick": True}, 3 / baud)
     yield Piece("manners", 115200, FORM, manners, {"quick": True})
     for baud, form, count in FAST_RANDOM:
-        yield Piece("random", baud, form, random_requests, {"count": count, "seed": seed})
+        yield Piece(
+            "random", baud, form, random_requests, {"count": count, "seed": seed, "settled": baud > 19200}
+        )
     for form in ("8N2", FORM):
         yield Piece("conformance", 19200, form, conformance)
