@@ -76,12 +76,15 @@ flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
 fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
 	@$(PY) -m tools.fuzz_report
 
-.PHONY: test test-tiny lint format
+.PHONY: test test-tiny test-gates lint format
 test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
 	@$(PYTEST) -n $(JOBS) $(if $(SIM),--sim=$(SIM))
 
 test-tiny: firmware | $(SETUP) ## the tests of the whole card as tiny, all on both simulators (SIM=, TEST=)
 	@$(PYTEST) -n $(JOBS) --card=tiny $(if $(SIM),--sim=$(SIM))
+
+test-gates: firmware | $(SETUP) ## the manual's example 1 on the card's netlists (TEST=every_example: all, an hour each)
+	@$(PY) -m pytest tb/gates/all.py -n $(JOBS) -k '$(or $(TEST),first_example)'
 
 lint: | $(SETUP) ## every static check
 	@$(PY) tools/lint.py

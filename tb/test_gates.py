@@ -54,10 +54,15 @@ def test_firmware_memory_in_block_rams(family, tmp_path):
 
 @each_family
 def test_a_wrong_look_up_table_is_noticed(family, tmp_path):
-    """The first one of the netlist upside down."""
+    """The first content in the netlist upside down."""
     cells, gates = netlist(family, "commit_gate", "standard", {})
+    upside_down = {": 0;": ": 1;", ": 1;": ": 0;"}
     wrong = re.sub(
-        r"(?<=INIT\(16'h)[0-9a-f]{4}", lambda m: f"{int(m[0], 16) ^ 0xFFFF:04x}", gates.read_text(), count=1
+        r"^table .*",
+        lambda row: re.sub(r": [01];", lambda m: upside_down[m[0]], row[0]),
+        gates.read_text(),
+        count=1,
+        flags=re.MULTILINE,
     )
     spoilt = tmp_path / gates.name
     spoilt.write_text(wrong)

@@ -18,10 +18,12 @@ from tools import image, synth
 from tools.boards import Board, boards
 
 BOARDS = boards()
-# Of each way to find the memory the board that is routed soonest; the small configuration is routed sooner.
+# A board of each family; the small configuration is routed sooner.
 FULL = {
-    "icebram": replace(BOARDS["hx8k-breakout"], config="tiny", clk_hz=24_000_000),
-    "configuration": BOARDS["card-xo2-1200"],
+    "ice40": replace(BOARDS["hx8k-breakout"], config="tiny", clk_hz=24_000_000),
+    "machxo2": BOARDS["card-xo2-1200"],
+    "ecp5": replace(BOARDS["ulx3s-25"], config="tiny"),
+    "machxo3": replace(BOARDS["card-xo3-4300"], config="tiny", clk_hz=24_000_000),
 }
 
 
@@ -42,9 +44,9 @@ def random_image(seed: int, words: int) -> list[int]:
     return [rng.getrandbits(32) for _ in range(words)]
 
 
-@pytest.mark.parametrize("way", FULL)
-def test_bitstream_is_that_of_a_full_build(way, other_folder):
-    entry = FULL[way]
+@pytest.mark.parametrize("family", FULL)
+def test_bitstream_is_that_of_a_full_build(family, other_folder):
+    entry = FULL[family]
     folder = other_folder / entry.name
     built = synth.build(entry)
     # Zeros where the program ends, as in a real image, and no word like another before.
@@ -56,7 +58,8 @@ def test_bitstream_is_that_of_a_full_build(way, other_folder):
     synth.synthesise(entry, folder, firmware, "rebuilt")
     synth.place_and_route(entry, folder, "rebuilt", built["seed"])
     rebuilt = folder / f"rebuilt{image.result_suffix(entry)}"
-    image.tool(image.PACK[entry.family], folder / f"rebuilt{image.suffix(entry)}", rebuilt)
+    if entry.packs:
+        image.tool(image.PACK[entry.family], folder / f"rebuilt{image.suffix(entry)}", rebuilt)
     assert patched.read_bytes() == rebuilt.read_bytes()
     assert patched.read_bytes() != (ROOT / built["bitstream"]).read_bytes()
 

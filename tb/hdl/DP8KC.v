@@ -138,11 +138,48 @@ module DP8KC #(
   reg [8:0] out_a = 9'd0;
   reg [8:0] out_b = 9'd0;
 
-  wire [12:0] addr_a = {ADA12, ADA11, ADA10, ADA9, ADA8, ADA7, ADA6, ADA5, ADA4, ADA3, ADA2, ADA1, ADA0};
-  wire [12:0] addr_b = {ADB12, ADB11, ADB10, ADB9, ADB8, ADB7, ADB6, ADB5, ADB4, ADB3, ADB2, ADB1, ADB0};
+  wire [12:0] addr_a = {
+    ADA12, ADA11, ADA10, ADA9, ADA8, ADA7, ADA6, ADA5, ADA4, ADA3, ADA2, ADA1, ADA0
+  };
+  wire [12:0] addr_b = {
+    ADB12, ADB11, ADB10, ADB9, ADB8, ADB7, ADB6, ADB5, ADB4, ADB3, ADB2, ADB1, ADB0
+  };
   wire [8:0] in_a = {DIA8, DIA7, DIA6, DIA5, DIA4, DIA3, DIA2, DIA1, DIA0};
   wire [8:0] in_b = {DIB8, DIB7, DIB6, DIB5, DIB4, DIB3, DIB2, DIB1, DIB0};
-  wire [10239:0] content = {INITVAL_1F, INITVAL_1E, INITVAL_1D, INITVAL_1C, INITVAL_1B, INITVAL_1A, INITVAL_19, INITVAL_18, INITVAL_17, INITVAL_16, INITVAL_15, INITVAL_14, INITVAL_13, INITVAL_12, INITVAL_11, INITVAL_10, INITVAL_0F, INITVAL_0E, INITVAL_0D, INITVAL_0C, INITVAL_0B, INITVAL_0A, INITVAL_09, INITVAL_08, INITVAL_07, INITVAL_06, INITVAL_05, INITVAL_04, INITVAL_03, INITVAL_02, INITVAL_01, INITVAL_00};
+  wire [10239:0] content = {
+    INITVAL_1F,
+    INITVAL_1E,
+    INITVAL_1D,
+    INITVAL_1C,
+    INITVAL_1B,
+    INITVAL_1A,
+    INITVAL_19,
+    INITVAL_18,
+    INITVAL_17,
+    INITVAL_16,
+    INITVAL_15,
+    INITVAL_14,
+    INITVAL_13,
+    INITVAL_12,
+    INITVAL_11,
+    INITVAL_10,
+    INITVAL_0F,
+    INITVAL_0E,
+    INITVAL_0D,
+    INITVAL_0C,
+    INITVAL_0B,
+    INITVAL_0A,
+    INITVAL_09,
+    INITVAL_08,
+    INITVAL_07,
+    INITVAL_06,
+    INITVAL_05,
+    INITVAL_04,
+    INITVAL_03,
+    INITVAL_02,
+    INITVAL_01,
+    INITVAL_00
+  };
 
   // Two words stand in 20 bits.
   integer i;
@@ -185,7 +222,8 @@ module DP8KC #(
       end else if (DATA_WIDTH_A != 9 || ADA0) words[word_a] <= new_a;
     end
     if (CEA && !wide_read) begin
-      if (!WEA || WRITEMODE_A == "READBEFOREWRITE") out_a <= seen(DATA_WIDTH_A, addr_a[2:0], words[word_a]);
+      if (!WEA || WRITEMODE_A == "READBEFOREWRITE")
+        out_a <= seen(DATA_WIDTH_A, addr_a[2:0], words[word_a]);
       else if (WRITEMODE_A == "WRITETHROUGH") out_a <= seen(DATA_WIDTH_A, addr_a[2:0], new_a);
     end
     if (RSTA && !wide_read) out_a <= 9'd0;
@@ -212,7 +250,8 @@ module DP8KC #(
 
   // What would need more than is modelled.
   initial
-    if (REGMODE_A != "NOREG" || REGMODE_B != "NOREG" || CSDECODE_A != "0b000" || CSDECODE_B != "0b000") begin
+    if (REGMODE_A != "NOREG" || REGMODE_B != "NOREG" ||
+        CSDECODE_A != "0b000" || CSDECODE_B != "0b000") begin
       $display("DP8KC: used in a way that is not modelled");
       $finish;
     end

