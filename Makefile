@@ -133,7 +133,10 @@ fuzz-firmware: | $(SETUP) ## fuzzes the firmware against its oracles (RUNS=, SEE
 mutate-firmware: firmware | $(SETUP) ## mutants of the translation core that its tests catch (SHARD=I/N, JOBS=)
 	@$(PY) -m tools.firmware_mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
-.PHONY: symptoms
+.PHONY: report symptoms
+report: | $(SETUP) ## tests, rules, figures and pictures in one page, build/report.html
+	@$(PY) -m tools.report
+
 symptoms: firmware | $(SETUP) ## the recordings of docs/debugging.md, from runs of the card
 	@$(PY) -m tools.symptoms
 
