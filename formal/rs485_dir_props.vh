@@ -30,7 +30,7 @@ always @(posedge clk) begin
     // It stays while a character is on the line, and falls in the next clock.
     a_stays : assert (g_was_reset || !g_was_de || !g_was_busy || de);
     a_falls : assert (g_was_requested || g_was_busy || !de);
-    // The first start bit may begin LEAD_TICKS after it: a quarter of a bit or half a one (LINE-6).
+    // The first start bit may begin LEAD_TICKS after it: a quarter of a bit, or 9/16 (LINE-6).
     a_lead : assert (ready == (g_ticks >= LEAD_TICKS));
   end
 end

@@ -224,9 +224,9 @@ module network_port #(
   );
 
   // A sender may be 4 % slow (LINE-5): its last stop bit then ends 0.44 bits later than this card's clock says.
-  // Half a bit of lead in place of a quarter keeps the reply behind 3.5 characters for it, too (FRAME-8).
+  // 9/16 of a bit of lead in place of a quarter keep the reply behind 3.5 characters for it, too (FRAME-8).
   rs485_dir #(
-      .LEAD_TICKS(8)
+      .LEAD_TICKS(9)
   ) dir_i (
       .clk(clk),
       .rst(rst),
