@@ -226,7 +226,9 @@ def measure(bench: Bench, talk: Talk, case: str, error: float = 0.0) -> Sample:
         sample.answer_clocks = talk.clocks("drive_candidate", "queue_reply") if not sample.repeats else None
     elif talk.answers:
         sample.gave_up = (talk.reply_start - due) * milliseconds
-    sample.decode_clocks = talk.clocks("candidate", "queue_reply" if last is None else "queue_telegram")
+    # What never left was not queued in time or late: it was taken back.
+    if last is not None or talk.answers:
+        sample.decode_clocks = talk.clocks("candidate", "queue_reply" if last is None else "queue_telegram")
     held_up = last is not None and talk.quiet_since + pause > committed
     if talk.answers and not sample.repeats and not held_up and (last is None or last.answered):
         sample.total = (talk.reply_end - talk.request_start) / bench.clk_hz
