@@ -11,7 +11,7 @@ import pytest
 
 from tb.lib.runner import ROOT
 from tools.sources import card_files
-from tools.synth import SynthError, sandboxed, tool
+from tools.synth import SynthError, frozen, sandboxed, tool, without_loose_inputs
 
 # Data, reset and enable inputs of the flip-flops that Yosys knows before it maps them.
 FLIP_FLOPS = ("$dff", "$dffe", "$sdff", "$sdffe", "$sdffce", "$adff", "$adffe", "$aldff", "$dffsr")
@@ -139,3 +139,29 @@ def test_a_second_clock_is_found(tmp_path):
     body = "reg r, s; always @(posedge clk) r <= a; always @(posedge a) s <= r; assign q = s;"
     module = elaborated("bad-clock", one_module(tmp_path, "input clk, a, output q", body), "bad")
     assert len(clocks(module)) == 2
+
+
+# ---------------------------------------------------------------- what abc9 leaves behind
+
+
+def test_a_flip_flop_without_a_clock_enable_gets_none(tmp_path: Path):
+    """nextpnr makes of a constant one a flip-flop that never moves."""
+    wires = {"CLK": [2], "CE": ["0"], "LSR": ["0"], "M": ["0"], "DI": [3], "Q": [4]}
+    cells = {
+        "always": {"type": "TRELLIS_FF", "parameters": {"CEMUX": "1 "}, "connections": dict(wires)},
+        "enabled": {"type": "TRELLIS_FF", "parameters": {"CEMUX": "CE"}, "connections": wires | {"CE": [5]}},
+        "other": {"type": "LUT4", "parameters": {}, "connections": {"A": ["0"]}},
+    }
+    netlist = tmp_path / "x.json"
+    netlist.write_text(json.dumps({"modules": {"x": {"cells": cells}}}))
+    without_loose_inputs(netlist)
+    left = json.loads(netlist.read_text())["modules"]["x"]["cells"]
+    assert set(left["always"]["connections"]) == {"CLK", "LSR", "DI", "Q"}
+    assert left["enabled"]["connections"]["CE"] == [5] and "M" not in left["enabled"]["connections"]
+    assert left["other"]["connections"] == {"A": ["0"]}
+
+
+def test_a_design_with_a_frozen_flip_flop_is_refused():
+    good = "enum: SLICEA.CEMUX 1\nenum: SLICEB.CEMUX CE\nenum: SLICEC.CEMUX INV\n"
+    assert frozen(good) == 0
+    assert frozen(good + "enum: SLICED.CEMUX 0\n") == 1

@@ -149,12 +149,17 @@ tee -q -o {relative}/{name}.stat stat -json
 
 
 def without_loose_inputs(netlist: Path) -> None:
-    """abc9 gives every flip-flop its second data input, driven by nothing; nextpnr takes it for a wire."""
+    """abc9 gives every flip-flop all its inputs, those that it does not have driven by a constant.
+
+    nextpnr takes the second data input for a wire, and a constant clock enable for one that never enables.
+    """
     design = json.loads(netlist.read_text())
     for module in design["modules"].values():
         for cell in module.get("cells", {}).values():
             if cell["type"] == "TRELLIS_FF":
                 cell["connections"].pop("M", None)
+                if cell["parameters"]["CEMUX"].strip() == "1":
+                    cell["connections"].pop("CE", None)
     netlist.write_text(json.dumps(design, separators=(",", ":")))
 
 
@@ -177,6 +182,11 @@ def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
     return json.loads((folder / f"{name}.report").read_text())
 
 
+def frozen(design: str) -> int:
+    """Slices of a text configuration whose flip-flops no clock edge ever reaches."""
+    return len(re.findall(r"\.CEMUX 0$", design, re.MULTILINE))
+
+
 def fmax_mhz(report: dict) -> float:
     """Of the one clock there is."""
     clocks = report["fmax"]
@@ -194,8 +204,13 @@ def route(entry: Board, folder: Path) -> tuple[int, dict]:
         except SynthError as error:
             print(f"{entry.name}: seed {seed}: {error}", flush=True)
             continue
+        design = folder / f"{entry.top}{image.suffix(entry)}"
+        if stuck := frozen(design.read_text()):
+            design.unlink()
+            raise SynthError(f"{entry.name}: the flip-flops of {stuck} slices are never clocked")
         if fmax_mhz(report) >= needed:
             return seed, report
+        design.unlink()
         print(f"{entry.name}: seed {seed}: {fmax_mhz(report):.1f} MHz are less than {needed:g}", flush=True)
     raise SynthError(f"{entry.name}: no seed of {', '.join(map(str, entry.seeds))} gave a design in time")
 
@@ -205,6 +220,9 @@ def build(entry: Board) -> dict:
     folder = BUILD / entry.name
     folder.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
+    # Nothing of an earlier build may pass for this one's, should it fail.
+    for old in (*folder.glob(f"{entry.top}.*"), *folder.glob("image.*"), *folder.glob("firmware.*")):
+        old.unlink()
     image.pattern_file(entry).write_text(pattern(entry.memory_words))
     counted = synthesise(entry, folder, image.pattern_file(entry), entry.top)
     seed, report = route(entry, folder)
