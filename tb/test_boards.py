@@ -15,11 +15,14 @@ from cocotb.triggers import Timer
 from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import boot_clocks
+from tb.lib.fc_slave import FcSlave
 from tb.lib.modbus_master import ModbusMaster
 from tb.lib.rs485 import Rs485Line
 from tb.lib.runner import ROOT, WAIVERS, firmware, run
 from tb.lib.uart_agent import Format
 from tb.model import rtu
+from tb.model.fc_telegram import build_process
+from tb.model.vlt_drive import VltDrive
 from tools.boards import Board, boards, ports, problems
 from tools.sources import card_files, without_comments
 from tools.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
@@ -118,9 +121,11 @@ async def answers_without_ever_having_been_reset(dut):
     bench = Bench(dut, CLK_HZ, **inputs)
     assert not hasattr(dut, "rst_n")
     modbus = Rs485Line(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(BAUD, "8N2"))
-    Rs485Line(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(9600, "8E1"))
+    drive = Rs485Line(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(9600, "8E1"))
+    slave = FcSlave(drive, VltDrive().telegram)
     await bench.start()
     assert not lit(dut)
+    assert (dut.modbus_de.value, dut.drive_de.value, dut.modbus_tx.value, dut.drive_tx.value) == (0, 0, 1, 1)
     booting_ms = 0
     while not lit(dut):
         assert booting_ms <= boot_clocks() / CLK_HZ * 1000, "the LEDs stay dark"
@@ -128,10 +133,14 @@ async def answers_without_ever_having_been_reset(dut):
         booting_ms += 1
     assert lit(dut) == {"led_drive_red"}
     await Timer(4 * MS, unit="ps")
-    assert await ModbusMaster(modbus).ask(1, rtu.read_registers(2, 1), 20 * MS) == bytes.fromhex(
-        "03 02 00 0F"
-    )
+    master = ModbusMaster(modbus)
+    assert await master.ask(1, rtu.read_registers(2, 1), 20 * MS) == bytes.fromhex("03 02 00 0F")
+    # And the drive line is where it should be.
+    pdu = rtu.write_coil(0, True)
+    assert await master.ask(1, pdu, 60 * MS) == pdu
+    assert [heard.telegram for heard in slave.heard] == [build_process(0x0001, 0)]
     modbus.check_direction()
+    drive.check_direction()
 
 
 @pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
