@@ -3,8 +3,11 @@
 //
 // BYTES is any multiple of 4. One 32-bit port, byte writes. rdata shows the word that
 // was enabled a clock before and 0 after any other clock, so that it can be ORed with
-// what else is read. A word that is written is not read. FIRMWARE_HEX: $readmemh
-// image, one 32-bit word a line. Clock domain: clk. Rules: TOP-1, TOP-2.
+// what else is read. A word that is written is not read. Each byte has a ninth bit above
+// it, its parity, even: the lanes of a block RAM. damaged goes with rdata and says that a
+// bit of that word, in whichever byte, is not what was written or loaded (SAFE-4).
+// FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
+// Rules: TOP-1, TOP-2, SAFE-4.
 `default_nettype none
 
 module firmware_ram #(
@@ -17,23 +20,28 @@ module firmware_ram #(
     input  wire [$clog2(BYTES/4)-1:0] word,
     input  wire [               31:0] wdata,
     input  wire [                3:0] wstrb,
-    output reg  [               31:0] rdata
+    output wire [               31:0] rdata,
+    // status
+    output wire                       damaged
 );
 
   localparam WORDS = BYTES / 4;
 
-  (* no_rw_check *) reg [31:0] words[0:WORDS-1];
+  (* no_rw_check *) reg [35:0] words[0:WORDS-1];
+  reg [35:0] read = 36'd0;
+
+  assign rdata   = {read[34:27], read[25:18], read[16:9], read[7:0]};
+  assign damaged = ^read;
 
   initial $readmemh(FIRMWARE_HEX, words);
-  initial rdata = 32'd0;
 
   always @(posedge clk) begin
-    if (wstrb[0]) words[word][7:0] <= wdata[7:0];
-    if (wstrb[1]) words[word][15:8] <= wdata[15:8];
-    if (wstrb[2]) words[word][23:16] <= wdata[23:16];
-    if (wstrb[3]) words[word][31:24] <= wdata[31:24];
-    if (enable) rdata <= words[word];
-    else rdata <= 32'd0;
+    if (wstrb[0]) words[word][8:0] <= {^wdata[7:0], wdata[7:0]};
+    if (wstrb[1]) words[word][17:9] <= {^wdata[15:8], wdata[15:8]};
+    if (wstrb[2]) words[word][26:18] <= {^wdata[23:16], wdata[23:16]};
+    if (wstrb[3]) words[word][35:27] <= {^wdata[31:24], wdata[31:24]};
+    if (enable && wstrb == 4'd0) read <= words[word];
+    else read <= 36'd0;
   end
 
 endmodule

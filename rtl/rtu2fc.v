@@ -71,6 +71,7 @@ module rtu2fc #(
   wire [31:0] ram_wdata;
   wire [3:0] ram_wstrb;
   wire [31:0] ram_rdata;
+  wire ram_damaged;
 
   wire modbus_write_valid;
   wire modbus_write_ready;
@@ -356,7 +357,7 @@ module rtu2fc #(
       .kick(watchdog_kick),
       .halt(halt),
       .loopback_close(loopback_close),
-      .core_trap(core_trap),
+      .core_trap(core_trap || ram_damaged),
       // configuration
       .sw_baud(baud),
       .address_valid(addr_valid),
@@ -394,7 +395,9 @@ module rtu2fc #(
       .word(ram_word),
       .wdata(ram_wdata),
       .wstrb(ram_wstrb),
-      .rdata(ram_rdata)
+      .rdata(ram_rdata),
+      // status
+      .damaged(ram_damaged)
   );
 
   // For waveforms only.

@@ -15,6 +15,7 @@ import pytest
 from tb.lib.runner import ROOT
 from tb.test_tools import command, one_line
 from tools import image, synth
+from tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
 from tools.boards import Board, boards
 
 BOARDS = boards()
@@ -41,7 +42,7 @@ def other_folder(monkeypatch, request) -> Path:
 
 def random_image(seed: int, words: int) -> list[int]:
     rng = random.Random(seed)
-    return [rng.getrandbits(32) for _ in range(words)]
+    return [rng.getrandbits(WORD_BITS) for _ in range(words)]
 
 
 @pytest.mark.parametrize("family", FULL)
@@ -50,9 +51,10 @@ def test_bitstream_is_that_of_a_full_build(family, other_folder):
     folder = other_folder / entry.name
     built = synth.build(entry)
     # Zeros where the program ends, as in a real image, and no word like another before.
-    words = random_image(2, entry.memory_words - 100) + [0] * 100
+    program = [with_parity(without_parity(word)) for word in random_image(2, entry.memory_words - 100)]
+    words = program + [0] * 100
     firmware = folder / "other.hex"
-    firmware.write_text("".join(f"{word:08X}\n" for word in words))
+    firmware.write_text("".join(hex_line(word).upper() for word in words))
     patched = image.make(entry, firmware, folder / "patched")
 
     synth.synthesise(entry, folder, firmware, "rebuilt")
@@ -76,7 +78,7 @@ def test_lanes_and_raw_words_are_inverse(width):
 
 
 def configuration(memory: list[int]) -> str:
-    """512 words by 32 bits in two block RAMs of 18 bits each, the last four lanes unused, and another."""
+    """512 words by 36 bits in two block RAMs of 18 bits each, and another."""
     halves = [[word & 0x3FFFF for word in memory], [word >> 18 for word in memory]]
     text = ".device x\n\n"
     for number, half in enumerate([*halves, [7] * 512]):
@@ -127,12 +129,13 @@ def test_unknown_board(hex_file):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("00000000\n" * 1535, "{path}: 1535 words, but the memory of card-xo2-1200 has 1536"),
-        ("00000000\n" * 2048, "{path}: 2048 words, but the memory of card-xo2-1200 has 1536"),
+        ("000000000\n" * 1535, "{path}: 1535 words, but the memory of card-xo2-1200 has 1536"),
+        ("000000000\n" * 2048, "{path}: 2048 words, but the memory of card-xo2-1200 has 1536"),
         ("", "{path}: 0 words, but the memory of card-xo2-1200 has 1536"),
-        ("00000000\n0000000g\n", "{path}:2: '0000000g' is no 32-bit word in hex"),
-        ("00000000\n\n00000000\n", "{path}:2: '' is no 32-bit word in hex"),
-        ("0000000000000000\n", "{path}:1: '0000000000000000' is no 32-bit word in hex"),
+        ("000000000\n00000000g\n", "{path}:2: '00000000g' is no 36-bit word in hex"),
+        ("000000000\n\n000000000\n", "{path}:2: '' is no 36-bit word in hex"),
+        ("00000013\n", "{path}:1: '00000013' is no 36-bit word in hex"),
+        ("000000000\n100000000\n" * 768, "{path}:2: 100000000 has not the parity that the card asks for"),
         (b"\x7fELF\xff\xfe", "{path}: no text"),
     ],
 )
@@ -152,7 +155,7 @@ def test_unfinished_design(hex_file, other_folder):
     entry: Board = BOARDS["icebreaker"]
     output = other_folder / "out.bin"
     with pytest.raises(image.ImageError, match="no finished design yet; run `make synth BOARD=icebreaker`"):
-        image.make(entry, hex_file("00000000\n" * entry.memory_words), output)
+        image.make(entry, hex_file(hex_line(0) * entry.memory_words), output)
     assert not output.exists()
 
 

@@ -14,6 +14,7 @@ from tb.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, Area
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
+from tools.bin2hex import hex_line
 
 INPUTS = """
     core_valid core_addr core_wdata core_wstrb
@@ -531,7 +532,7 @@ async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
 @pytest.mark.rule("FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "LOOP-1", "WDG-1")
 def test_mailbox(sim, tmp_path):
     image = tmp_path / "image.hex"
-    image.write_text("00000000\n" * (MEMORY_BYTES // 4))
+    image.write_text(hex_line(0) * (MEMORY_BYTES // 4))
     run(
         "mailbox_memory",
         "tb.test_mailbox",

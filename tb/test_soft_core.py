@@ -20,6 +20,7 @@ from tb.generated.mailbox import BASE
 from tb.lib.bench import Bench
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
+from tools.bin2hex import hex_line, with_parity
 from tools.sources import configuration
 
 MEMORY = 1024
@@ -303,7 +304,7 @@ def image_file(sim: str, config: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_suffix(f".{os.getpid()}")
     words = program() + [0] * (MEMORY // 4 - len(program()))
-    fresh.write_text("".join(f"{word:08x}\n" for word in words))
+    fresh.write_text("".join(hex_line(with_parity(word)) for word in words))
     fresh.replace(path)
     return path
 

@@ -20,6 +20,7 @@ import time
 from functools import cache
 from pathlib import Path
 
+from tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
 from tools.boards import Board, board
 from tools.sources import ROOT, SourcesError
 
@@ -27,8 +28,7 @@ BUILD = ROOT / "build/synth"
 SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config"}
 PACKED = {"ice40": ".bin", "machxo2": ".bit", "ecp5": ".bit"}
 PACK = {"ice40": "yowasp-icepack", "machxo2": "yowasp-xo2pack", "ecp5": "yowasp-ecppack"}
-WORD = re.compile(r"[0-9a-fA-F]{8}")
-WORD_BITS = 32
+WORD = re.compile(rf"[0-9a-fA-F]{{{WORD_BITS // 4}}}")
 # A memory in nextpnr's text configuration: rows of 9-bit words.
 MEMORY = re.compile(r"^(\.bram_init \d+\n)((?:[0-9a-f]{3}[ \n])+)", re.MULTILINE)
 RAW_BITS = 9
@@ -55,7 +55,7 @@ def pattern_file(entry: Board) -> Path:
 
 
 def read_words(path: Path, entry: Board) -> list[int]:
-    """A $readmemh image: one 32-bit word a line, as many as the board's memory has."""
+    """A $readmemh image: one word with its parity a line, as many as the board's memory has."""
     try:
         lines = path.read_text().split("\n")
     except (OSError, UnicodeDecodeError) as error:
@@ -64,7 +64,7 @@ def read_words(path: Path, entry: Board) -> list[int]:
         lines.pop()
     for number, text in enumerate(lines, 1):
         if not WORD.fullmatch(text):
-            raise ImageError(f"{path}:{number}: {text[:20]!r} is no 32-bit word in hex")
+            raise ImageError(f"{path}:{number}: {text[:20]!r} is no {WORD_BITS}-bit word in hex")
     if len(lines) != entry.memory_words:
         wanted = f"the memory of {entry.name} has {entry.memory_words}"
         raise ImageError(f"{path}: {len(lines)} words, but {wanted}")
@@ -175,6 +175,9 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
     folder = BUILD / entry.name
     design = folder / f"{entry.top}{suffix(entry)}"
     new = read_words(firmware, entry)
+    for number, word in enumerate(new, 1):
+        if word != with_parity(without_parity(word)):
+            raise ImageError(f"{firmware}:{number}: {word:09x} has not the parity that the card asks for")
     if not design.exists():
         raise ImageError(f"{entry.name} has no finished design yet; run `make synth BOARD={entry.name}`")
     pattern = pattern_file(entry)
@@ -182,7 +185,7 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
     if entry.family == "ice40":
         # Beside the design, where the tool can see it.
         beside = folder / "image.hex"
-        beside.write_text("".join(f"{word:08x}\n" for word in new))
+        beside.write_text("".join(map(hex_line, new)))
         icebram(design, pattern, beside, patched)
     else:
         patched.write_text(replace(design.read_text(), read_words(pattern, entry), new))

@@ -22,6 +22,7 @@ import time
 from pathlib import Path
 
 from tools import image
+from tools.bin2hex import WORD_BITS, hex_line
 from tools.boards import Board, board, boards
 from tools.sources import ROOT, SourcesError, card_files, configurations, rtl_files
 
@@ -116,9 +117,9 @@ def tool(command: list[str], log: Path, own_log: bool = False) -> None:
 
 
 def pattern(words: int) -> str:
-    """What stands for the firmware during place and route: the same random words each time."""
+    """What stands for the firmware during place and route: the same random bits each time."""
     rng = random.Random(1)
-    return "".join(f"{rng.getrandbits(32):08x}\n" for _ in range(words))
+    return "".join(hex_line(rng.getrandbits(WORD_BITS)) for _ in range(words))
 
 
 def mapping(family: str, device: str, top: str, carry: str = "") -> str:

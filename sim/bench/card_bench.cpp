@@ -99,9 +99,13 @@ class CardBench {
     return count;
   }
 
+  // Without the parity above each byte.
   std::uint32_t memory_word(std::size_t word) const {
     const auto& words = top_.rootp->rtu2fc__DOT__ram_i__DOT__words;
-    return word < words.size() ? words[word] : 0;
+    std::uint32_t data = 0;
+    for (unsigned byte = 0; byte < 4 && word < words.size(); ++byte)
+      data |= static_cast<std::uint32_t>(words[word] >> (9 * byte) & 0xFF) << (8 * byte);
+    return data;
   }
 
  private:

@@ -63,7 +63,9 @@ module core_and_memory #(
       .word(core_addr[$clog2(BYTES/4)+1:2]),
       .wdata(mailbox_wdata),
       .wstrb(core_wstrb & {4{ram_valid}}),
-      .rdata(ram_rdata)
+      .rdata(ram_rdata),
+      // status
+      .damaged()
   );
 
 endmodule

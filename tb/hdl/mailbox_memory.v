@@ -153,7 +153,9 @@ module mailbox_memory #(
       .word(ram_word),
       .wdata(ram_wdata),
       .wstrb(ram_wstrb),
-      .rdata(ram_rdata)
+      .rdata(ram_rdata),
+      // status
+      .damaged()
   );
 
 endmodule

@@ -31,6 +31,7 @@ from tb.lib.rs485 import Rs485Line
 from tb.lib.runner import firmware
 from tb.lib.uart_agent import Frame, now_ps
 from tb.model import fc_telegram, rtu
+from tools.bin2hex import with_parity
 from tools.seal import SUMS
 
 COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
@@ -119,7 +120,7 @@ class Leds:
 
 
 def firmware_words(config: str = CONFIG) -> list[int]:
-    """The image that `make firmware` made, without the empty memory behind it."""
+    """The image that `make firmware` made, with its parity, without the empty memory behind it."""
     words = [int(line, 16) for line in firmware(config).read_text().split()]
     while not words[-1]:
         words.pop()
@@ -180,12 +181,13 @@ class Firmware:
 
     def stop(self, instruction: int = JUMP_TO_ITSELF) -> None:
         """The processor goes no further than the poll loop; with ILLEGAL it traps there."""
-        self.put(self.loop, instruction)
+        self._put(self.loop, with_parity(instruction))
 
-    def damage(self, word: int, bit: int) -> None:
-        self.put(word, self._image[word] ^ 1 << bit)
+    def damage(self, word: int, *bits: int) -> None:
+        """Turns bits over. One is against the parity; two of one byte are for the sums to find."""
+        self._put(word, self._image[word] ^ sum(1 << bit for bit in bits))
 
-    def put(self, word: int, value: int) -> None:
+    def _put(self, word: int, value: int) -> None:
         self._memory[word].value = value
         self._broken.add(word)
 
