@@ -22,23 +22,24 @@ module glitch_filter (
     output reg  clean
 );
 
-  reg  [8:0] history = 9'h1FF;
-  reg  [3:0] ones = 4'd9;  // in history
+  reg [7:0] history = 8'hFF;
 
-  wire [3:0] ones_next = ones + {3'd0, raw} - {3'd0, history[8]};
+  // Counted anew at each tick: a running count would stay wrong for ever after a flipped
+  // bit (SAFE-4).
+  wire [3:0] ones = {3'd0, raw} + {3'd0, history[0]} + {3'd0, history[1]} + {3'd0, history[2]} +
+      {3'd0, history[3]} + {3'd0, history[4]} + {3'd0, history[5]} + {3'd0, history[6]} +
+      {3'd0, history[7]};
 
   initial clean = 1'b1;
 
   always @(posedge clk) begin
     if (tick16) begin
-      history <= {history[7:0], raw};
-      ones <= ones_next;
-      clean <= ones_next >= 4'd5;
+      history <= {history[6:0], raw};
+      clean   <= ones >= 4'd5;
     end
     if (rst || mute) begin
-      history <= 9'h1FF;
-      ones <= 4'd9;
-      clean <= 1'b1;
+      history <= 8'hFF;
+      clean   <= 1'b1;
     end
   end
 
