@@ -73,6 +73,9 @@ module fc_rx (
   wire in_telegram = state == S_LGE || state == S_ADR || state == S_DATA || state == S_BCC;
   wire damaged = byte_parity_error || byte_framing_error;
   wire slot_end = tick16 && slot == SLOT_TICKS - 9'd1;
+  // No telegram that ends in time ever gets near it: noise without characters must not
+  // count on until what is far behind looks ahead.
+  wire far_behind = ahead[9:8] == 2'b10;
   wire stored = storing && write_ready;
 
   wire misfit = damaged || (state == S_LGE && byte_data < LGE_MIN) ||
@@ -85,7 +88,8 @@ module fc_rx (
   assign listening = state != S_OFF;
   assign candidate = state == S_BCC;
   assign good = state == S_GOOD;
-  assign check_clear = state == S_HUNT && start_seen;
+  // Always, for listen_again may come while the STX of the next telegram is on the line.
+  assign check_clear = !in_telegram && start_seen;
 
   initial bad = 1'b0;
 
@@ -96,7 +100,7 @@ module fc_rx (
     else if (tick16) slot <= slot_end ? 9'd0 : slot + 9'd1;
     if (!in_telegram) ahead <= 10'sd1;
     else if (byte_valid && !slot_end) ahead <= ahead + 10'sd1;
-    else if (!byte_valid && slot_end) ahead <= ahead - 10'sd1;
+    else if (!byte_valid && slot_end && !far_behind) ahead <= ahead - 10'sd1;
 
     if (stored) begin
       storing <= 1'b0;

@@ -82,10 +82,17 @@ class Receiver:
         await self.bench.clocks(2)
 
     async def byte(
-        self, value: int, ticks: int = BRISK, parity_error: int = 0, framing_error: int = 0
+        self,
+        value: int,
+        ticks: int = BRISK,
+        parity_error: int = 0,
+        framing_error: int = 0,
+        listen: bool = False,
     ) -> None:
-        """One byte; `ticks` from it to the next one, if that follows at once."""
+        """One byte, `ticks` from it to the next one if that follows at once; `listen` begins inside it."""
         await self.bench.line_bits(value)
+        if listen:
+            await self.listen()
         self.dut.byte_data.value = value
         self.dut.byte_parity_error.value, self.dut.byte_framing_error.value = parity_error, framing_error
         self.dut.byte_valid.value = 1
@@ -283,6 +290,31 @@ async def the_longest_telegram_may_come_at_once_or_just_in_time(dut):
     assert await rx.telegram(telegram, steps(telegram, limit, "first"))
     await rx.listen()
     assert not await rx.telegram(telegram, steps(telegram, limit + 1, "last"))
+
+
+@cocotb.test()
+async def time_runs_on_however_long_noise_keeps_the_line_busy(dut):
+    """Noise may keep up the line without a character: no silence, and no end to what is too late."""
+    rx = await Receiver(dut).start()
+    for slots in (100, 600, 1000, 1100):
+        for value in STATUS[:-1]:
+            await rx.byte(value)
+        await rx.bench.clocks(slots * CHARACTER * 3 // 2)
+        await rx.byte(STATUS[-1])
+        assert not rx.good, f"{slots} characters late"
+        await rx.listen()
+
+
+@cocotb.test()
+async def a_hunt_that_begins_inside_stx_still_checks_the_whole_telegram(dut):
+    """The firmware may listen again while the next telegram's first byte is on the line."""
+    rx = await Receiver(dut).start()
+    assert await rx.telegram(NUMBER)
+    await rx.byte(0x5A)
+    await rx.byte(STATUS[0], listen=True)
+    for value in STATUS[1:]:
+        await rx.byte(value)
+    assert rx.good and not len(rx.bad)
 
 
 @cocotb.test()
