@@ -16,7 +16,9 @@
 // broadcast is spent when the firmware answers it, which sends nothing.
 // It starts after 2 characters of silence.
 //
-// Without a committed request no telegram starts (SAFE-1). The one exception is the
+// Without a committed request no telegram starts, and without a committed write of coils
+// none may have bit 10 of its control word set: telegram_control stays as long as the
+// licence, fc_tx does the rest (SAFE-1). The one exception is the
 // loop-back test, while loopback_open: there is no master on the line then (LOOP-1).
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
@@ -29,6 +31,7 @@ module commit_gate (
     input  wire       commit,
     input  wire       revoke,
     input  wire       broadcast,
+    input  wire       writes_coils,
     input  wire       modbus_start_seen,
     input  wire       modbus_quiet,
     // drive line
@@ -48,6 +51,7 @@ module commit_gate (
     // stream out
     output wire       reply_start,
     output wire       telegram_start,
+    output reg        telegram_control,
     // status
     output reg  [3:0] ticket,
     output reg        is_candidate,
@@ -78,6 +82,7 @@ module commit_gate (
     reply_queued = 1'b0;
     telegram_queued = 1'b0;
     telegram_started = 1'b0;
+    telegram_control = 1'b0;
   end
 
   always @(posedge clk) begin
@@ -104,6 +109,7 @@ module commit_gate (
       else begin
         telegram_queued <= loopback_open || (current && (is_candidate || (is_committed && !spent)));
         licensed <= loopback_open || (current && is_committed && !spent);
+        telegram_control <= writes_coils && current && is_committed && !spent;
       end
     end
     // What the two lines take back.
@@ -129,7 +135,10 @@ module commit_gate (
       is_committed <= 1'b1;
       answerable   <= 1'b1;
       spent        <= 1'b0;
-      if (!candidate && (new_telegram ? current : telegram_queued)) licensed <= 1'b1;
+      if (!candidate && (new_telegram ? current : telegram_queued)) begin
+        licensed <= 1'b1;
+        if (!licensed || new_telegram) telegram_control <= writes_coils;
+      end
     end
     if (revoke && is_candidate) begin
       is_candidate <= 1'b0;

@@ -23,6 +23,7 @@ module drive_port (
     input  wire       telegram_start,
     input  wire [4:0] telegram_length,
     input  wire       telegram_no_reply,
+    input  wire       telegram_control,
     // pins
     input  wire       rx,
     output wire       tx,
@@ -193,6 +194,7 @@ module drive_port (
       // stream in
       .start(telegram_start),
       .length(telegram_length),
+      .control(telegram_control),
       // frame memory
       .read_valid(read_valid),
       .read_ready(read_ready),

@@ -5,6 +5,9 @@
 // between there and the pin makes a telegram that the drive refuses (SAFE-4).
 // start begins it; whether and when, the commit gate decides. DE is asked for and the
 // bytes follow each other without a gap if the memory answers within a bit (FC-8).
+// control, steady while sending: bit 10 of the control word may be 1. Else it leaves as 0
+// whatever the memory has, and the drive takes no command from this telegram, for it
+// looks at bit 10 and its BCC is wrong as well (SAFE-1).
 // sending: from start to the end of the last stop bit; sent: one clock, its end.
 // length counts ADR, data and BCC, 6 to 30, and so is the LGE (FC-1). adr keeps the ADR
 // that was sent, for the reply must echo it (FC-2). Clock domain: clk.
@@ -17,6 +20,7 @@ module fc_tx (
     // stream in
     input  wire       start,
     input  wire [4:0] length,
+    input  wire       control,
     // frame memory
     output wire       read_valid,
     input  wire       read_ready,
@@ -36,6 +40,7 @@ module fc_tx (
 );
 
   localparam [7:0] STX = 8'h02;
+  localparam [7:0] VALID = 8'h04;  // bit 10 in the upper byte
 
   localparam [2:0] S_IDLE = 3'd0;
   localparam [2:0] S_STX = 3'd1;
@@ -47,10 +52,14 @@ module fc_tx (
   reg [2:0] state = S_IDLE;
   reg [4:0] index = 5'd0;
 
+  // The control word's upper byte has three more data bytes and the BCC behind it.
+  wire control_byte = index + 5'd4 == length;
+  wire [7:0] kept = control_byte && !control ? read_data & ~VALID : read_data;
+
   assign read_valid = state == S_FETCH && send_ready;
   assign read_addr = index;
   assign send_valid = state == S_STX || state == S_LGE || state == S_SEND;
-  assign send_data = state == S_STX ? STX : state == S_LGE ? {3'd0, length} : read_data;
+  assign send_data = state == S_STX ? STX : state == S_LGE ? {3'd0, length} : kept;
   assign line_request = sending && state != S_DRAIN;
   assign sending = state != S_IDLE;
   assign sent = state == S_DRAIN && !line_busy;

@@ -42,6 +42,7 @@ module mailbox #(
     input  wire                              revoke,
     input  wire [                       7:0] frame_length,
     input  wire                              frame_broadcast,
+    input  wire                              frame_writes_coils,
     input  wire                              frame_bank,
     // drive port
     input  wire                              drive_write_valid,
@@ -54,6 +55,7 @@ module mailbox #(
     output wire                              telegram_start,
     output wire [                       4:0] telegram_length,
     output wire                              telegram_no_reply,
+    output wire                              telegram_control,
     output wire                              listen_again,
     output wire                              listen_stop,
     input  wire                              drive_sending,
@@ -203,6 +205,7 @@ module mailbox #(
       .commit(commit),
       .revoke(revoke),
       .broadcast(frame_broadcast),
+      .writes_coils(frame_writes_coils),
       .modbus_start_seen(modbus_start_seen),
       .modbus_quiet(modbus_quiet),
       // drive line
@@ -222,6 +225,7 @@ module mailbox #(
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),
+      .telegram_control(telegram_control),
       // status
       .ticket(ticket),
       .is_candidate(is_candidate),

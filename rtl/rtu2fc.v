@@ -90,6 +90,7 @@ module rtu2fc #(
   wire revoke;
   wire [7:0] frame_length;
   wire frame_broadcast;
+  wire frame_writes_coils;
   wire frame_bank;
   wire count_crc;
   wire count_parity;
@@ -107,6 +108,7 @@ module rtu2fc #(
   wire telegram_start;
   wire [4:0] telegram_length;
   wire telegram_no_reply;
+  wire telegram_control;
   wire listen_again;
   wire listen_stop;
   wire drive_sending;
@@ -234,6 +236,7 @@ module rtu2fc #(
       .revoke(revoke),
       .frame_length(frame_length),
       .frame_broadcast(frame_broadcast),
+      .frame_writes_coils(frame_writes_coils),
       .frame_bank(frame_bank),
       .count_crc(count_crc),
       .count_parity(count_parity),
@@ -259,6 +262,7 @@ module rtu2fc #(
       .telegram_start(telegram_start),
       .telegram_length(telegram_length),
       .telegram_no_reply(telegram_no_reply),
+      .telegram_control(telegram_control),
       // pins
       .rx(drive_rx),
       .tx(drive_tx),
@@ -310,6 +314,7 @@ module rtu2fc #(
       .revoke(revoke),
       .frame_length(frame_length),
       .frame_broadcast(frame_broadcast),
+      .frame_writes_coils(frame_writes_coils),
       .frame_bank(frame_bank),
       // drive port
       .drive_write_valid(drive_write_valid),
@@ -322,6 +327,7 @@ module rtu2fc #(
       .telegram_start(telegram_start),
       .telegram_length(telegram_length),
       .telegram_no_reply(telegram_no_reply),
+      .telegram_control(telegram_control),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
       .drive_sending(drive_sending),

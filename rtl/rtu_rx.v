@@ -16,7 +16,8 @@
 //
 // One event is counted for each frame that was thrown away: its framing error,
 // parity error, over-length or CRC (in this order), or the gap if a character
-// followed between t1.5 and t3.5. Clock domain: clk. Rules: FRAME-1 ... FRAME-6.
+// followed between t1.5 and t3.5. frame_writes_coils: functions 05 and 15, which alone
+// may command the drive. Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1.
 `default_nettype none
 
 module rtu_rx #(
@@ -49,6 +50,7 @@ module rtu_rx #(
     output reg        revoke,
     output reg  [7:0] frame_length,
     output reg        frame_broadcast,
+    output reg        frame_writes_coils,
     output reg        frame_bank,
     output wire       count_crc,
     output wire       count_parity,
@@ -63,11 +65,16 @@ module rtu_rx #(
   localparam [2:0] S_HOLD = 3'd3;  // good at t1.5, over at t3.5
   localparam [2:0] S_SUSPECT = 3'd4;  // not good at t1.5 and forgotten
 
+  localparam [7:0] WRITE_COIL = 8'd5;
+  localparam [7:0] WRITE_COILS = 8'd15;
+
   reg [2:0] state = S_WAIT;
   reg [8:0] length = 9'd0;
   reg storing = 1'b0;
   reg for_us = 1'b0;
   reg for_all = 1'b0;
+  reg function_next = 1'b0;
+  reg writes_coils = 1'b0;
   reg parity_bad = 1'b0;
   reg framing_bad = 1'b0;
   reg overrun = 1'b0;
@@ -103,6 +110,7 @@ module rtu_rx #(
     revoke = 1'b0;
     frame_length = 8'd0;
     frame_broadcast = 1'b0;
+    frame_writes_coils = 1'b0;
     frame_bank = 1'b0;
   end
 
@@ -118,6 +126,8 @@ module rtu_rx #(
     end
     if (accept) begin
       storing <= 1'b1;
+      function_next <= first;
+      if (function_next) writes_coils <= byte_data == WRITE_COIL || byte_data == WRITE_COILS;
       if (first) begin
         length <= 9'd0;
         overrun <= 1'b0;
@@ -136,6 +146,7 @@ module rtu_rx #(
     if (raise) begin
       frame_length <= length[7:0];
       frame_broadcast <= for_all;
+      frame_writes_coils <= writes_coils;
     end
     if (raise || (spoilt && mine && PREPARE_EARLY)) frame_bank <= !frame_bank;
 

@@ -12,8 +12,8 @@ from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
 INPUTS = """
-    candidate commit revoke broadcast modbus_start_seen modbus_quiet drive_good drive_bad drive_quiet
-    queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
+    candidate commit revoke broadcast writes_coils modbus_start_seen modbus_quiet
+    drive_good drive_bad drive_quiet queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
     loopback_open
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
@@ -25,7 +25,7 @@ class Gate:
         self.dut = dut
         self.bench = Bench(dut, **dict.fromkeys(INPUTS, 0))
         self.replies = Strobes(dut, "reply_start")
-        self.telegrams = Strobes(dut, "telegram_start")
+        self.telegrams = Strobes(dut, "telegram_start", "telegram_control")
 
     async def start(self) -> Gate:
         await self.bench.start()
@@ -43,8 +43,8 @@ class Gate:
         for name in names:
             getattr(self.dut, name).value = 0
 
-    async def candidate(self, broadcast: int = 0) -> int:
-        await self.pulse("candidate", broadcast=broadcast)
+    async def candidate(self, broadcast: int = 0, writes_coils: int = 0) -> int:
+        await self.pulse("candidate", broadcast=broadcast, writes_coils=writes_coils)
         return self.dut.ticket.value.to_unsigned()
 
     async def queue_reply(self, ticket: int, after_drive: int = 0, empty: int = 0) -> None:
@@ -255,6 +255,44 @@ async def a_licensed_telegram_is_repeated_even_after_newer_requests(dut):
 
 
 @cocotb.test()
+@cocotb.parametrize(committed=[False, True], writes_coils=[0, 1])
+async def only_a_write_of_coils_licenses_a_command(dut, committed, writes_coils):
+    """Queued before or after its commit; the repeat is as the telegram was, whoever came since."""
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=writes_coils)
+    if committed:
+        await gate.pulse("commit")
+        await gate.queue_telegram(ticket)
+    else:
+        await gate.queue_telegram(ticket)
+        await gate.pulse("commit")
+    await gate.settle()
+    await gate.candidate(writes_coils=1 - writes_coils)
+    await gate.pulse("commit")
+    await gate.queue_telegram(ticket, repeat=1)
+    await gate.settle()
+    assert gate.telegrams.values == [(writes_coils,)] * 2
+
+
+@cocotb.test()
+@cocotb.parametrize(writes_coils=[0, 1])
+async def a_telegram_that_waits_keeps_what_it_may_while_the_next_request_commits(dut, writes_coils):
+    gate = await Gate(dut).start()
+    dut.drive_quiet.value = 0
+    ticket = await gate.candidate(writes_coils=writes_coils)
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    newer = await gate.candidate(writes_coils=1 - writes_coils)
+    await gate.pulse("commit")
+    dut.drive_quiet.value = 1
+    await gate.settle()
+    assert gate.telegrams.values == [(writes_coils,)]
+    await gate.queue_telegram(newer)
+    await gate.settle()
+    assert gate.telegrams.values == [(writes_coils,), (1 - writes_coils,)]
+
+
+@cocotb.test()
 async def touching_the_telegram_ends_its_licence(dut):
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
@@ -365,10 +403,14 @@ async def the_open_loop_back_test_needs_no_request_the_closed_one_does(dut):
     assert await gate.settle() == (0, 1)
     await gate.queue_reply(5)
     assert await gate.settle() == (1, 1)
+    dut.writes_coils.value = 1
+    await gate.queue_telegram(0)
+    assert await gate.settle() == (1, 2)
+    assert gate.telegrams.values == [(0,), (0,)], "and commands nothing"
     dut.loopback_open.value = 0
     await gate.queue_telegram(5)
     await gate.queue_reply(5)
-    assert await gate.settle() == (1, 1)
+    assert await gate.settle() == (1, 2)
 
 
 ODDS = {
@@ -390,6 +432,8 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     gate = await Gate(dut).start()
     pending, committed, fresh, licence, queued_mine, spent = False, False, False, False, False, False
     current = dut.ticket.value.to_unsigned()  # a reset does not set it back
+    may_command = False  # of the telegram that is queued
+    commands = 0
     left = {"reply": 0, "telegram": 0}
     for step in range(6000):
         names = {name for name, odds in ODDS.items() if rng.random() < odds}
@@ -405,6 +449,8 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
             getattr(dut, name).value = value
         dut.queue_ticket.value = ticket
         dut.telegram_repeat.value = repeat
+        if "candidate" in names:
+            dut.writes_coils.value = rng.randint(0, 1)
         dut.reply_after_drive.value = rng.randint(0, 1)
         dut.reply_empty.value = int(rng.random() < 0.1)
         for name in ODDS:
@@ -415,6 +461,8 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
         assert not telegram or (licence and levels["drive_quiet"]), f"telegram in step {step}"
         left["reply"] += reply
         left["telegram"] += telegram
+        assert not telegram or int(dut.telegram_control.value) == may_command, f"command in step {step}"
+        commands += telegram and may_command
         await gate.bench.clocks()
 
         if reply or "modbus_start_seen" in names:
@@ -425,6 +473,7 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
             queued_mine = ticket == current and (committed or pending)
             queued_mine &= pending or not was_spent
             licence = queued_mine and committed
+            may_command = bool(int(dut.writes_coils.value))
         new = "queue_telegram" in names and not repeat
         if "candidate" in names and new:
             licence = False
@@ -439,8 +488,10 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
             pending = False
         if "telegram_touched" in names:
             licence = queued_mine = False
-    dut._log.info("%s", left)
-    assert min(left.values()) > 100, "the history was too dull to show anything"
+    dut._log.info("%s, %d commands", left, commands)
+    assert min(left.values()) > 100 and 20 < commands < left["telegram"] - 20, (
+        "the history was too dull to show anything"
+    )
 
 
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1", "SAFE-4")

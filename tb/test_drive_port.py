@@ -53,7 +53,7 @@ class Port:
     def __init__(self, dut, delay: Callable[[], int] = at_once):
         self.dut = dut
         commands = ("telegram_start", "telegram_length", "telegram_no_reply", "listen_again", "listen_stop")
-        self.bench = Bench(dut, CLK_HZ, **dict.fromkeys(commands, 0))
+        self.bench = Bench(dut, CLK_HZ, telegram_control=1, **dict.fromkeys(commands, 0))
         self.line = Rs485Line(dut.rx, dut.tx, dut.de, LINE, echo=True)
         self.telegram = ReadPort(self.bench, delay=delay)
         self.drive_frame = WritePort(self.bench, "write_data", delay)

@@ -27,7 +27,7 @@ class Sender:
 
     def __init__(self, dut, delay: Callable[[], int] = at_once, lead: int = 4):
         self.dut = dut
-        self.bench = Bench(dut, TICKS_HZ, tick16=1, start=0, length=0, line_ready=0)
+        self.bench = Bench(dut, TICKS_HZ, tick16=1, start=0, length=0, control=1, line_ready=0)
         self.memory = ReadPort(self.bench, delay=delay)
         self.monitor = UartMonitor(dut.tx, LINE)
         self.ended = Strobes(dut, "sent", "line_busy", "line_request")
@@ -76,6 +76,23 @@ async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
         await tx.begin(telegram[2:] + rng.randbytes(32 - length), length)
         assert await tx.end() == telegram
         assert tx.memory.reads == list(range(length)), "each byte is read once"
+
+
+@cocotb.test()
+async def without_leave_no_command_is_sent(dut):
+    """Bit 10 of the control word leaves as 0, nothing else changes, and the BCC is not mended (SAFE-1)."""
+    rng = seeded("contents")
+    tx = await Sender(dut).start()
+    dut.control.value = 0
+    for length in range(6, 31):
+        data = bytearray(rng.randbytes(length - 2))
+        for valid in (0, 1):
+            at = len(data) - 4
+            data[at] = data[at] & ~0x04 | valid << 2
+            telegram = bytearray(build(bytes(data)))
+            contents = bytes(telegram[2:])
+            telegram[-5] &= ~0x04
+            assert await tx.telegram(contents) == telegram
 
 
 @cocotb.test()
@@ -165,6 +182,6 @@ async def reset_gives_the_line_back_and_the_next_telegram_is_whole(dut):
         assert await tx.telegram(COMMAND) == build_process(0x047C, 0x2000), f"after a reset in clock {at}"
 
 
-@pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-2", "SAFE-4")
+@pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-1", "SAFE-2", "SAFE-4")
 def test_fc_tx(sim):
     run("fc_tx_line", "tb.test_fc_tx", sim=sim, extra_sources=[ROOT / "tb/hdl/fc_tx_line.v"])

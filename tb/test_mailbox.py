@@ -20,7 +20,7 @@ INPUTS = """
     core_valid core_addr core_wdata core_wstrb
     modbus_write_valid modbus_write_addr modbus_write_data modbus_read_valid modbus_read_addr
     modbus_quiet modbus_start_seen candidate commit revoke
-    frame_length frame_broadcast frame_bank
+    frame_length frame_broadcast frame_writes_coils frame_bank
     drive_write_valid drive_write_addr drive_write_data drive_read_valid drive_read_addr
     drive_sending drive_quiet drive_candidate drive_good drive_bad
     loopback_open ticks
@@ -63,7 +63,9 @@ class Mailbox:
         self.dut = dut
         self.bench = Bench(dut, core_rst=1, **dict.fromkeys(INPUTS, 0))
         self.replies = Strobes(dut, "reply_start", "reply_length")
-        self.telegrams = Strobes(dut, "telegram_start", "telegram_length", "telegram_no_reply")
+        self.telegrams = Strobes(
+            dut, "telegram_start", "telegram_length", "telegram_no_reply", "telegram_control"
+        )
 
     async def start(self) -> Mailbox:
         await self.bench.start()
@@ -244,7 +246,7 @@ async def what_was_prepared_for_a_candidate_leaves_at_its_commit(dut):
     assert await mailbox.settle() == (0, 0)
     await mailbox.pulse("commit")
     assert await mailbox.settle() == (1, 1)
-    assert mailbox.replies.values == [(17,)] and mailbox.telegrams.values == [(13, 0)]
+    assert mailbox.replies.values == [(17,)] and mailbox.telegrams.values == [(13, 0, 0)]
     exchange = await mailbox.read("EXCHANGE")
     assert exchange["started"] and not exchange["queued"]
     assert not int(dut.mailbox_i.reply_queued.value)
@@ -283,7 +285,13 @@ async def a_stale_ticket_sends_nothing(dut):
     await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=new)
     await mailbox.write("REPLY", length=6, ticket=new)
     assert await mailbox.settle() == (1, 1)
-    assert mailbox.telegrams.values == [(5, 1)]
+    assert mailbox.telegrams.values == [(5, 1, 0)]
+    dut.frame_writes_coils.value = 1
+    newest = await mailbox.request()
+    await mailbox.pulse("commit")
+    await mailbox.write("TELEGRAM", length=6, no_reply=0, ticket=newest)
+    await mailbox.settle()
+    assert mailbox.telegrams.values[1:] == [(6, 0, 1)]
 
 
 @cocotb.test()
@@ -380,7 +388,7 @@ async def a_changed_telegram_needs_a_new_licence(dut):
     assert await mailbox.settle() == (0, 1)
     await mailbox.write("TELEGRAM", repeat=1)
     assert await mailbox.settle() == (0, 2)
-    assert mailbox.telegrams.values[1] == (13, 0), "a repeat is the same telegram"
+    assert mailbox.telegrams.values[1] == (13, 0, 0), "a repeat is the same telegram"
     dut.drive_sending.value = 1
     await mailbox.poke(TELEGRAM, 12, 4)
     dut.drive_sending.value = 0

@@ -14,6 +14,7 @@ from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.model import rtu
+from tb.model.crc16 import with_crc
 
 HERE = Path(__file__).parent
 OWN = 0x11
@@ -142,6 +143,23 @@ async def foreign_address_is_ignored_and_broadcast_is_marked(dut):
     await rx.frame(rtu.build(0, rtu.write_register(2, 7)))
     assert rx.outcome() == (1, 1, 0)
     assert rx.candidates.values == [(8, 1)]
+
+
+@cocotb.test()
+async def only_functions_05_and_15_write_coils(dut):
+    """Told with the candidate and kept until the next one, whoever else is heard meanwhile (SAFE-1)."""
+    rng = seeded("rest of the frame")
+    rx = await Receiver(dut).start()
+    for address in (OWN, 0):
+        for function in range(256):
+            await rx.frame(with_crc(bytes([address, function]) + rng.randbytes(4)))
+            told = int(dut.frame_writes_coils.value)
+            assert told == (function in (5, 15)), f"function {function}"
+            await rx.frame(with_crc(bytes([OWN ^ 1, 20 - function % 21]) + rng.randbytes(4)))
+            await rx.bytes(bytes([OWN, 15 if not told else 3]))
+            assert int(dut.frame_writes_coils.value) == told, f"function {function}, later"
+            await rx.silence()
+    assert rx.outcome() == (512, 512, 0)
 
 
 @cocotb.test()
@@ -375,7 +393,7 @@ def run_receiver(sim: str, testcase: list[str], **parameters: int) -> None:
     )
 
 
-@pytest.mark.rule("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6")
+@pytest.mark.rule("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "SAFE-1")
 def test_rtu_rx(sim):
     run_receiver(sim, [*COMMON, "strict_.*"])
 

@@ -24,6 +24,7 @@ module drive_line #(
     input  wire       telegram_start,
     input  wire [4:0] telegram_length,
     input  wire       telegram_no_reply,
+    input  wire       telegram_control,
     // configuration
     input  wire       listen_again,
     input  wire       listen_stop,
@@ -71,6 +72,7 @@ module drive_line #(
       .telegram_start(telegram_start),
       .telegram_length(telegram_length),
       .telegram_no_reply(telegram_no_reply),
+      .telegram_control(telegram_control),
       .rx(rx),
       .tx(tx),
       .de(de),

@@ -10,6 +10,7 @@ module fc_tx_line (
     // stream in
     input  wire       start,
     input  wire [4:0] length,
+    input  wire       control,
     // frame memory
     output wire       read_valid,
     input  wire       read_ready,
@@ -36,6 +37,7 @@ module fc_tx_line (
       .rst(rst),
       .start(start),
       .length(length),
+      .control(control),
       .read_valid(read_valid),
       .read_ready(read_ready),
       .read_addr(read_addr),
