@@ -2,8 +2,9 @@
 // What commit_gate promises, whatever both lines and the firmware do (SAFE-1, FRAME-6, FRAME-7, MAP-9).
 //
 // The ghosts (g_*) are a second account of the request and of the telegram's content, kept from the strobes
-// alone. Assumed of rtu_rx, and proved there: commit and revoke only while there is a candidate, never
-// both; with PREPARE_EARLY = 0 candidate and commit come in one clock.
+// alone. Assumed of rtu_rx, and proved there: never revoke with candidate or commit, and a newer candidate has
+// begun with a start bit. Not assumed, for a restart of the firmware resets the gate alone, and with
+// PREPARE_EARLY = 0 there is no candidate to revoke: that commit and revoke come while there is a candidate.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -40,10 +41,10 @@ always @(posedge clk) begin
   // clock in which the request changes belongs to the old one.
   if (g_queued) begin
     g_content_here <= 1'b1;
-    g_content_ours <= queue_ticket == ticket && !candidate && !revoke &&
+    g_content_ours <= queue_ticket == ticket && !candidate && !(revoke && g_candidate) &&
         (g_candidate || (g_committed && !g_spent));
-    g_licensed <= queue_ticket == ticket && !candidate && !revoke &&
-        ((g_committed && !g_spent) || (g_candidate && commit));
+    g_licensed <= queue_ticket == ticket && !candidate && !(revoke && g_candidate) &&
+        ((g_committed && !g_spent) || commit);
   end else begin
     if (candidate || (revoke && g_candidate)) g_content_ours <= 1'b0;
     if (commit && !candidate && g_content_here && g_content_ours) g_licensed <= 1'b1;
@@ -69,8 +70,6 @@ always @* begin
   if (g_past) begin
     assume (!(commit && revoke));
     assume (!(candidate && revoke));
-    assume (!commit || g_candidate || candidate);
-    assume (!revoke || g_candidate);
     // A newer frame has begun with a start bit.
     assume (!candidate || !g_committed || g_heard);
   end

@@ -19,6 +19,7 @@ RULES = {
     "crc16_modbus": ["FRAME-4"],
     "fc_tx": ["FC-1"],
     "rs485_dir": ["LINE-6", "FC-10"],
+    "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],
     "rtu_tx": ["FRAME-4"],
     "silence_timer": ["FRAME-1", "FC-8"],
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],

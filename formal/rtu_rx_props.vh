@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+// A request is handed over only if every one of its characters was good, at its time, once, with its true
+// length, and nothing that the firmware may be reading is written over (FRAME-1 ... FRAME-6, SAFE-1).
+//
+// The ghosts are a second account of the line, kept as the rules tell it: how many characters the frame has,
+// what was wrong with any of them, and what silence has made of it. EARLY: PREPARE_EARLY = 1.
+//
+// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid, and no silence is
+// reached in between nor just before, for a start bit takes time to be voted on; the two limits are never
+// reached at once; the memory has a character before anything more happens on the line (bus_arbiter: it never
+// waits). Address switches do not move.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+reg g_character = 1'b0;  // one is on the line
+reg g_pending = 1'b0;  // one was accepted and is not dealt with yet
+reg g_reached = 1'b0;  // a limit, in the clock before
+always @(posedge clk) g_reached <= short_reached || long_reached;
+always @* begin
+  assume (!(short_reached && long_reached));
+  assume (!(start_seen && (byte_valid || g_character || g_reached)));
+  assume (!byte_valid || g_character);
+  assume (!((g_character || start_seen) && (short_reached || long_reached)));
+  assume (!(g_pending && (start_seen || byte_valid || short_reached || long_reached)));
+end
+always @(posedge clk) if (g_past) assume ($stable(own_address));
+
+// ---- the frame as the rules tell it
+reg g_lost = 1'b1;  // nothing counts until the next t3.5
+reg [8:0] g_count = 9'd0;  // characters of the frame, 257: more than 256; 0: none
+reg g_good = 1'b0;  // it was good at t1.5, and nothing came since
+reg g_forgotten = 1'b0;  // it was not good at t1.5 (STRICT_T15)
+reg g_parity = 1'b0;  // any of its characters had the error
+reg g_framing = 1'b0;
+reg [7:0] g_address = 8'd0;
+reg g_bank = 1'b0;  // its characters are written there
+reg [8:0] g_summed = 9'd0;  // characters in the CRC unit, as far as 257
+
+wire g_whole = g_count >= 9'd4 && g_count <= 9'd256 && !g_parity && !g_framing && crc_good;
+wire g_ours = g_address == own_address || g_address == 8'd0;
+wire g_first = !g_lost && (g_count == 9'd0 || g_forgotten);
+wire g_continued = g_good && byte_valid;
+wire g_take = byte_valid && !g_lost && !(g_good && STRICT_T15);
+wire g_now_good = short_reached && g_count != 9'd0 && !g_good && !g_forgotten && g_whole;
+
+always @(posedge clk) begin
+  if (start_seen) g_character <= 1'b1;
+  if (byte_valid) g_character <= 1'b0;
+
+  if (crc_clear) g_summed <= 9'd0;
+  else if (byte_valid && g_summed != 9'd257) g_summed <= g_summed + 9'd1;
+
+  if (byte_valid) begin
+    g_good <= 1'b0;
+    g_forgotten <= 1'b0;
+    if (g_good && STRICT_T15) begin
+      g_lost  <= 1'b1;
+      g_count <= 9'd0;
+    end
+  end
+  if (g_take) begin
+    g_count   <= g_first ? 9'd1 : g_count == 9'd257 ? 9'd257 : g_count + 9'd1;
+    g_parity  <= byte_parity_error || (g_parity && !g_first);
+    g_framing <= byte_framing_error || (g_framing && !g_first);
+    if (g_first) g_address <= byte_data;
+  end
+  if (short_reached && g_count != 9'd0 && !g_good && !g_forgotten) begin
+    g_good <= g_whole;
+    g_forgotten <= !g_whole && STRICT_T15;
+  end
+  if (long_reached || deaf || rst) begin
+    g_count <= 9'd0;
+    g_good <= 1'b0;
+    g_forgotten <= 1'b0;
+    g_lost <= deaf || rst;
+  end
+  if (rst) g_character <= 1'b0;
+end
+
+// ---- the memory
+reg [8:0] g_index = 9'd0;  // place of the pending character in its frame
+reg g_held = 1'b0;  // there is a request that was not revoked ...
+reg g_held_bank = 1'b0;  // ... and lies there
+
+always @(posedge clk) begin
+  if (write_ready || g_index >= 9'd32) g_pending <= 1'b0;
+  if (g_take) begin
+    g_pending <= 1'b1;
+    g_index   <= g_first ? 9'd0 : g_count;
+  end
+  if (write_valid && write_ready) g_bank <= write_addr[5];
+  if (rst) g_pending <= 1'b0;
+end
+
+// ---- what has to come out, a clock after its cause
+reg g_candidate = 1'b0;
+reg g_commit = 1'b0;
+reg g_revoke = 1'b0;
+reg g_rst = 1'b1;
+reg [7:0] g_length = 8'd0;
+reg g_broadcast = 1'b0;
+`ifdef EARLY
+wire g_raise = g_now_good && g_ours;
+`else
+wire g_raise = long_reached && g_good && g_ours;
+`endif
+always @(posedge clk) begin
+  g_rst <= rst;
+  g_candidate <= g_raise && !rst;
+  g_commit <= long_reached && g_good && g_ours && !rst;
+  g_revoke <= g_continued && g_ours && !rst;
+  if (g_raise) begin
+    g_length <= g_count[7:0];
+    g_broadcast <= g_address == 8'd0;
+    g_held_bank <= g_bank;
+    g_held <= 1'b1;
+  end
+`ifdef EARLY
+  if (g_continued && g_ours) g_held <= 1'b0;
+`endif
+  if (rst) g_held <= 1'b0;
+end
+
+reg g_open = 1'b0;  // as the commit gate sees it: a candidate, neither committed nor revoked
+reg g_over = 1'b0;  // a request was committed and no character began since
+always @(posedge clk) begin
+  g_open <= candidate ? !commit : g_open && !commit && !revoke;
+  if (commit) g_over <= 1'b1;
+  else if (start_seen) g_over <= 1'b0;
+  if (rst) g_open <= 1'b0;
+  if (rst) g_over <= 1'b0;
+end
+
+wire g_ended = long_reached && g_count != 9'd0 && !g_good;
+wire [2:0] g_counted = {2'd0, count_crc} + {2'd0, count_parity} + {2'd0, count_framing} + {2'd0, count_t15} +
+    {2'd0, count_overrun};
+
+always @(posedge clk) begin
+  if (g_past) begin
+    // FRAME-4, FRAME-5: handed over at t1.5 (PREPARE_EARLY = 0: t3.5) if all of it was good and it is for this
+    // card, never otherwise.
+    a_candidate : assert (candidate == g_candidate);
+    // FRAME-6: committed at t3.5 if nothing came in between, never otherwise.
+    a_commit : assert (commit == g_commit);
+    a_revoke : assert (revoke == g_revoke);
+    a_not_both : assert (!revoke || !(commit || candidate));
+    // SAFE-1: never without its candidate, never after it was revoked, never twice.
+    a_no_commit_alone : assert (!commit || g_open || candidate);
+`ifdef EARLY
+    a_no_revoke_alone : assert (!revoke || g_open);
+    a_commit_later : assert (!commit || !candidate);
+`else
+    a_commit_at_once : assert (commit == candidate);
+`endif
+    // The gate takes that for granted: a newer request has begun with a start bit.
+    a_begun : assert (!candidate || !g_over);
+    // FRAME-5: true length, address and bank, told with the candidate and until the next.
+    a_length : assert (frame_length == g_length);
+    a_broadcast : assert (frame_broadcast == g_broadcast);
+    a_bank : assert (!g_held || frame_bank == g_held_bank);
+    // The CRC was made of this frame's characters, all of them and no others.
+    a_summed : assert (!g_now_good || g_summed == g_count);
+    // Each of the first 32 characters is written once, in its place; no other is.
+    a_write : assert (write_valid == (g_pending && g_index < 9'd32));
+    a_place : assert (!write_valid || write_addr[4:0] == g_index[4:0]);
+    // All of a frame goes to one bank, and never to that of the request which the firmware has.
+    a_one_bank : assert (!write_valid || g_index == 9'd0 || write_addr[5] == g_bank);
+    a_not_held : assert (!write_valid || !g_held || write_addr[5] != g_held_bank);
+    // A frame that was thrown away is counted once, under the first of its faults.
+    a_framing : assert (count_framing == (g_ended && g_framing));
+    a_parity : assert (count_parity == (g_ended && !g_framing && g_parity));
+    a_overrun : assert (count_overrun == (g_ended && !g_framing && !g_parity && g_count == 9'd257));
+    a_crc : assert (count_crc == (g_ended && !g_framing && !g_parity && g_count != 9'd257));
+    a_t15 : assert (count_t15 == (byte_valid && g_forgotten));
+    a_one_cause : assert (g_counted <= 3'd1);
+    a_good_not_counted : assert (!(candidate || commit) || g_counted == 3'd0);
+  end
+end
+
+// ---- what induction needs to know
+always @(posedge clk) begin
+  if (g_past) begin
+    i_known : assert (state <= S_SUSPECT);
+    i_wait : assert ((state == S_WAIT) == g_lost);
+    i_idle : assert ((state == S_IDLE) == (!g_lost && g_count == 9'd0));
+    i_hold : assert ((state == S_HOLD) == g_good);
+    i_suspect : assert ((state == S_SUSPECT) == g_forgotten);
+    i_frame : assert (!(g_good || g_forgotten) || g_count != 9'd0);
+    i_either : assert (!(g_good && g_forgotten) && !(g_lost && g_count != 9'd0));
+    i_strict : assert (STRICT_T15 || !g_forgotten);
+    i_count : assert (g_count == 9'd0 || g_count == (overrun ? 9'd257 : length + {8'd0, storing}));
+    i_length : assert (g_count == 9'd0 || length <= 9'd256);
+    i_overrun : assert (g_count == 9'd0 || !overrun || length == 9'd256);
+    i_faults : assert (g_count == 9'd0 || (parity_bad == g_parity && framing_bad == g_framing));
+    i_ours : assert (g_count == 9'd0 || (for_us == (g_address == own_address) && for_all == (g_address == 8'd0)));
+    i_storing : assert (storing == g_pending && (!storing || kept == (g_index < 9'd32)));
+    i_pending : assert (!storing || g_index >= 9'd32 || g_index == length);
+    i_place : assert (g_count == 9'd0 || !storing || g_index == (overrun ? 9'd257 : length));
+    i_was_good : assert (!g_good || (g_count >= 9'd4 && g_count <= 9'd256 && !g_pending && !g_parity && !g_framing));
+    // Of a frame that is not the held one, all that is written lies in the other bank.
+`ifdef EARLY
+    i_bank : assert (g_count == 9'd0 || (g_good && g_ours) || (g_count == 9'd1 && g_pending) || g_bank == !frame_bank);
+    i_good_held : assert (!(g_good && g_ours) || (g_held && g_bank == frame_bank));
+    i_open : assert (!(g_good && g_ours) || g_open || candidate);
+`else
+    i_bank : assert (g_count == 9'd0 || (g_count == 9'd1 && g_pending) || g_bank == !frame_bank);
+`endif
+    i_held : assert (!g_held || frame_bank == g_held_bank);
+    i_summed : assert (g_count == 9'd0 || g_first || g_summed == g_count);
+    i_new : assert (!g_character || !g_first || g_summed == 9'd0);
+    i_over : assert (!g_over || (g_count == 9'd0 && !g_character));
+  end
+end
+
+// ---- it is not right by doing nothing
+`ifdef COVER_STRICT
+always @(posedge clk) begin
+  if (g_past && !rst) begin
+    c_broadcast : cover (commit && frame_broadcast);
+    c_revoked : cover (revoke);
+    c_thrown_away : cover (count_t15);
+    c_other_bank : cover (write_valid && g_held && write_addr[5] != g_held_bank && $past(commit, 3));
+  end
+end
+`endif
+`ifdef COVER_LENIENT
+always @(posedge clk) c_grown : cover (g_past && !rst && commit && frame_length == 8'd5 && $past(revoke, 3));
+`endif
+`ifdef COVER_LATE
+always @(posedge clk) c_at_once : cover (g_past && !rst && candidate && commit);
+`endif
