@@ -17,6 +17,7 @@ RULES = {
     "bus_arbiter": ["FRAME-5"],
     "commit_gate": ["FRAME-6", "FRAME-7", "MAP-9"],
     "crc16_modbus": ["FRAME-4"],
+    "fc_rx": ["FC-1", "FC-2", "FC-7", "FC-8"],
     "fc_tx": ["FC-1"],
     "rs485_dir": ["LINE-6", "FC-10"],
     "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+// A reply is good only if STX, LGE, ADR, every character, every gap, the whole time and the BCC are right; one
+// that began and is not is bad, once; what was good stays until the card asks again (FC-1, FC-2, FC-7, FC-8).
+//
+// The ghosts count characters and ticks of the telegram as FC-8 tells it; slots are not in them.
+//
+// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid, and the pause is not
+// over in between; the memory has a character before the next one or the pause; the card does not begin to
+// listen anew inside a character that began inside a telegram (it does after a good one, or after sending).
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+reg g_character = 1'b0;  // one is on the line
+reg g_inside = 1'b0;  // it began inside a telegram
+reg g_pending = 1'b0;  // one is to be stored
+reg [8:0] g_pos = 9'd0;  // characters of the telegram so far; 0: there is none
+always @* begin
+  assume (!(start_seen && (byte_valid || g_character)));
+  assume (!byte_valid || g_character);
+  assume (!((g_character || start_seen) && long_reached));
+  assume (!(g_pending && (byte_valid || long_reached)));
+  assume (!(listen_start && ((g_character && g_inside) || (start_seen && g_pos != 9'd0))));
+end
+
+// ---- the telegram as the rules tell it
+localparam [16:0] G_CHARACTER = 17'd176;  // ticks: 11 bits of 16
+localparam [16:0] G_ENDLESS = 17'd258 * 17'd264;  // longer than the longest may be
+
+reg g_on = 1'b0;
+reg g_done = 1'b0;
+reg g_waiting = 1'b0;  // for the pause, after a telegram that was refused
+reg [7:0] g_lge = 8'd0;
+reg [16:0] g_elapsed = G_CHARACTER;  // ticks since the telegram began, as far as G_ENDLESS
+reg [8:0] g_summed = 9'd0;  // characters in the BCC unit, as far as 257
+
+wire g_damaged = byte_parity_error || byte_framing_error;
+wire g_last = g_pos >= 9'd2 && g_pos == {1'b0, g_lge} + 9'd1;
+wire g_late = g_elapsed >= ({9'd0, g_lge} + 17'd2) * 17'd264;  // 1.5 characters for each
+wire g_wrong = g_damaged || (g_pos == 9'd1 && byte_data < 8'd6) || (g_pos == 9'd2 && byte_data != adr) ||
+    (g_last && (!check_good || g_late));
+wire g_refused = g_pos != 9'd0 && (long_reached || (byte_valid && g_wrong));
+wire g_stored = byte_valid && (g_pos == 9'd1 || (g_pos >= 9'd3 && !g_last));
+wire [8:0] g_data = g_pos - 9'd3;
+
+reg g_bad = 1'b0;
+reg [4:0] g_place = 5'd0;
+reg [16:0] g_slots = 17'd0;  // of 264 ticks, for induction only
+
+always @(posedge clk) begin
+  g_bad <= g_refused;
+
+  if (start_seen) begin
+    g_character <= 1'b1;
+    g_inside <= g_pos != 9'd0;
+  end
+  if (byte_valid) g_character <= 1'b0;
+  if (check_clear) g_summed <= 9'd0;
+  else if (byte_valid && g_summed != 9'd257) g_summed <= g_summed + 9'd1;
+
+  if (g_pos == 9'd0) begin
+    g_elapsed <= G_CHARACTER;
+    g_slots <= 17'd0;
+  end else if (tick16 && g_elapsed != G_ENDLESS) begin
+    g_elapsed <= g_elapsed + 17'd1;
+    if (slot_end) g_slots <= g_slots + 17'd1;
+  end
+
+  if (write_ready) g_pending <= 1'b0;
+  if (g_stored) begin
+    g_pending <= 1'b1;
+    g_place <= g_pos == 9'd1 ? 5'd28 : g_data < 9'd24 ? g_data[4:0] : {3'b110, g_data[1:0]};
+  end
+
+  if (byte_valid && g_on && !g_done && !g_waiting) begin
+    if (g_pos == 9'd0) begin
+      if (!g_damaged && byte_data == 8'h02) g_pos <= 9'd1;
+    end else begin
+      g_pos <= g_pos + 9'd1;
+      if (g_pos == 9'd1) g_lge <= byte_data;
+      if (g_last) begin
+        g_done <= 1'b1;
+        g_pos  <= 9'd0;
+      end
+    end
+  end
+  if (g_refused) begin
+    g_waiting <= 1'b1;
+    g_done <= 1'b0;
+    g_pos <= 9'd0;
+  end
+  if (long_reached) g_waiting <= 1'b0;
+  if (listen_start || listen_stop || rst) begin
+    g_on <= !(listen_stop || rst);
+    g_done <= 1'b0;
+    g_waiting <= 1'b0;
+    g_pos <= 9'd0;
+  end
+  if (rst) begin
+    g_pending   <= 1'b0;
+    g_character <= 1'b0;
+  end
+end
+
+reg g_candidate = 1'b0;  // in the clock before
+reg g_good = 1'b0;
+reg g_asked = 1'b1;  // listen_start, listen_stop or rst
+always @(posedge clk) begin
+  g_candidate <= candidate;
+  g_good <= good;
+  g_asked <= listen_start || listen_stop || rst;
+end
+
+always @(posedge clk) begin
+  if (g_past) begin
+    // FC-8: good if all of it was right, never otherwise, and bad if it began and was not, never otherwise.
+    a_good : assert (good == g_done);
+    a_bad : assert (bad == g_bad);
+    a_candidate : assert (candidate == g_last);
+    a_listening : assert (listening == g_on);
+    // Prepared before it is good, good or bad and never both, and neither while nobody listens.
+    a_before : assert (!good || g_good || g_candidate);
+    a_either : assert (!(good && bad) && !(good && candidate));
+    a_once : assert (!bad || !$past(bad));
+    a_off : assert (g_on || !(good || candidate));
+    // A good one stays, and its bytes, until the card asks for another or for none.
+    a_stays : assert (!g_good || g_asked || good);
+    a_kept : assert (!good || !write_valid);
+    // The BCC was made of this telegram's characters, all of them and no others (FC-1).
+    a_summed : assert (g_pos == 9'd0 || g_summed == g_pos);
+    // LGE and each data byte are written once, in their place, and nothing else is (FC-7).
+    a_write : assert (write_valid == g_pending);
+    a_place : assert (!write_valid || write_addr == g_place);
+  end
+end
+
+// ---- what induction needs to know
+always @(posedge clk) begin
+  if (g_past) begin
+    i_off : assert ((state == S_OFF) == !g_on);
+    i_hunt : assert ((state == S_HUNT) == (g_on && g_pos == 9'd0 && !g_done && !g_waiting));
+    i_lge : assert ((state == S_LGE) == (g_pos == 9'd1));
+    i_address : assert ((state == S_ADR) == (g_pos == 9'd2));
+    i_data : assert ((state == S_DATA) == (g_pos >= 9'd3 && !g_last));
+    i_bcc : assert ((state == S_BCC) == g_last);
+    i_bad : assert ((state == S_BAD) == g_waiting);
+    i_one : assert ({1'b0, g_pos != 9'd0} + {1'b0, g_done} + {1'b0, g_waiting} <= {1'b0, g_on});
+    i_range : assert (g_pos < 9'd2 || (g_lge >= 8'd6 && g_pos <= {1'b0, g_lge} + 9'd1));
+    i_left : assert (g_pos < 9'd2 || {1'b0, left} == {1'b0, g_lge} + 9'd2 - g_pos);
+    i_pending : assert (!storing || index == g_place);
+    i_next : assert (g_pos < 9'd3 || index == (g_pending ? g_last_place : g_next_place));
+    i_adr : assert (g_pos != 9'd3 || !g_pending);
+    i_summed : assert (g_pos != 9'd0 || !g_character || g_inside || g_summed == 9'd0);
+    i_inside : assert (!(g_character && g_pos != 9'd0 && !g_inside));
+    i_stale : assert (!(g_character && g_inside && g_pos == 9'd0 && g_on));
+  end
+end
+wire [8:0] g_before = g_data - 9'd1;
+wire [4:0] g_next_place = g_data < 9'd24 ? g_data[4:0] : {3'b110, g_data[1:0]};
+wire [4:0] g_last_place = g_before < 9'd24 ? g_before[4:0] : {3'b110, g_before[1:0]};
+// The module's slots and the ghost's ticks.
+wire signed [9:0] g_ahead = {1'b0, g_pos} - g_slots[9:0];
+always @(posedge clk) begin
+  if (g_past) begin
+    i_slot : assert (slot < SLOT_TICKS);
+    if (g_pos != 9'd0 && g_elapsed != G_ENDLESS) begin
+      i_slots : assert (g_elapsed == g_slots * 17'd264 + {8'd0, slot} && g_slots < 17'd258);
+      i_ahead : assert (ahead == g_ahead);
+    end
+    if (g_pos != 9'd0 && g_elapsed == G_ENDLESS) begin
+      i_endless : assert (ahead <= $signed({1'b0, g_pos}) - 10'sd258 && ahead >= -10'sd257);
+    end
+  end
+end
+
+// ---- it is not right by doing nothing
+always @(posedge clk) begin
+  if (g_past && !rst) begin
+    c_good : cover (good && g_lge == 8'd6);
+    c_slow : cover (bad && g_lge == 8'd6 && !$past(long_reached));
+    c_gap : cover (bad && $past(long_reached));
+  end
+end
