@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// Between the two sides nothing is lost, doubled, torn or made up: an event stands until it was cleared, a
+// command is given once for each write that asks for it, and what is read is all of one clock (FRAME-4, FC-8).
+//
+// Nothing is assumed. The addresses are those of regs/mailbox.rdl, as bytes.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+wire [4:0] g_address = {word, 2'b00};
+wire g_write = valid && write;
+
+// One event, whichever: how it stands follows from what happened to it last.
+(* anyconst *) reg [2:0] g_kind;
+always @* assume (g_kind < 3'd7);
+reg g_due = 1'b0;  // it happened, and was not cleared since
+wire g_happens = events[g_kind];
+wire g_cleared = g_write && g_address == 5'h04 && wdata[g_kind];
+
+reg g_read = 1'b0;  // in the clock before
+reg g_read_events = 1'b0;
+reg g_was_due = 1'b0;
+reg [31:0] g_seen = 32'd0;  // the status side then; byte 0 as address 0 shows it
+reg [4:0] g_reply_length = 5'd0;  // by the last write that gave one
+reg [5:0] g_telegram = 6'd0;
+reg [3:0] g_lamps = 4'd0;
+reg g_telegram_kept = 1'b0;
+reg [5:0] g_telegram_was = 6'd0;
+
+always @(posedge clk) begin
+  if (g_happens) g_due <= 1'b1;
+  else if (g_cleared) g_due <= 1'b0;
+
+  g_read <= valid;
+  g_read_events <= word[0];
+  g_was_due <= g_due;
+  g_seen <= {
+    ticks,
+    request_length,
+    2'b00, loopback_open, drive_good, drive_candidate, telegram_started, telegram_sending, telegram_queued,
+    request_bank, request_broadcast, request_committed, request_candidate, request_ticket
+  };
+  if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];
+  if (g_write && g_address == 5'h0C && !telegram_sending && !wdata[6]) g_telegram <= wdata[5:0];
+  if (g_write && g_address == 5'h10) g_lamps <= wdata[3:0];
+  if (rst) g_lamps <= 4'd0;
+  g_telegram_kept <= telegram_sending || !g_write;
+  g_telegram_was <= {telegram_no_reply, telegram_length};
+end
+
+always @(posedge clk) begin
+  if (g_past) begin
+    // An event is shown from the clock after it until a write clears it, whatever else is read or written, also
+    // when it comes with that write; one that did not happen is not.
+    a_event : assert (!(g_read && g_read_events) || rdata[g_kind] == g_was_due);
+    a_events_end : assert (!(g_read && g_read_events) || !rdata[7]);
+    // Status: every field in its place, all of them as they were in the clock of the reading.
+    a_request : assert (!g_read || g_read_events || rdata[7:0] == g_seen[7:0]);
+    a_status : assert (!g_read || rdata[31:8] == g_seen[31:8]);
+    a_quiet : assert (g_read || rdata == 32'd0);
+    // Commands: in the clock of the write and for nothing else. A bus access is one clock (bus_arbiter).
+    a_reply : assert (queue_reply == (g_write && g_address == 5'h08));
+    a_telegram : assert (queue_telegram == (g_write && g_address == 5'h0C && !telegram_sending));
+    a_listen : assert (listen_again == (g_write && g_address == 5'h14 && wdata[0]));
+    a_stop : assert (listen_stop == (g_write && g_address == 5'h14 && !wdata[0]));
+    a_kick : assert (watchdog_kick == (g_write && g_address == 5'h18 && wdata == 8'hA5));
+    a_halt : assert (halt == (g_write && g_address == 5'h1C && wdata[0]));
+    a_close : assert (loopback_close == (g_write && g_address == 5'h1C && wdata[1]));
+    a_one_command : assert ({2'd0, queue_reply} + {2'd0, queue_telegram} + {2'd0, listen_again} +
+        {2'd0, listen_stop} + {2'd0, watchdog_kick} + {2'd0, halt || loopback_close} <= 3'd1);
+    // What is written is kept until the next such write; a telegram's length while it is on the wire (FC-1).
+    a_reply_length : assert (reply_length == g_reply_length);
+    a_telegram_length : assert ({telegram_no_reply, telegram_length} == g_telegram);
+    a_while_sending : assert (!g_telegram_kept || {telegram_no_reply, telegram_length} == g_telegram_was);
+    a_lamps : assert ({led_drive_green, led_drive_red, led_modbus_green, led_modbus_red} == g_lamps);
+  end
+end
+
+// ---- what induction needs to know
+always @(posedge clk) if (g_past) i_due : assert (flags[g_kind] == g_due);
+
+// ---- it is not right by doing nothing
+always @(posedge clk) begin
+  if (g_past && !rst) begin
+    c_with_clear : cover (g_read && g_read_events && rdata[g_kind] && $past(g_cleared && g_happens, 2));
+    c_cleared : cover (g_read && g_read_events && !rdata[g_kind] && $past(g_due, 3));
+    c_kick : cover (watchdog_kick);
+  end
+end
