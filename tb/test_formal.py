@@ -19,6 +19,7 @@ RULES = {
     "crc16_modbus": ["FRAME-4"],
     "fc_rx": ["FC-1", "FC-2", "FC-7", "FC-8"],
     "fc_tx": ["FC-1"],
+    "mailbox": ["SAFE-1", "SAFE-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-8"],
     "mailbox_regs": ["FRAME-4", "FC-8"],
     "rs485_dir": ["LINE-6", "FC-10"],
     "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],

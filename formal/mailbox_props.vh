@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// Arbiter, registers and gate, wired: no telegram starts unless a committed request caused just that telegram,
+// every byte of it and its length, and none of it changes while it is on the wire; no reply leaves but to the
+// newest request (SAFE-1, SAFE-4, FRAME-6, FRAME-7). Seen from the pins of the memory, so by whatever way it was
+// written.
+//
+// Assumed of rtu_rx, and proved there: never revoke with candidate or commit; a newer candidate has begun with a
+// start bit; what is told of a request stays until the next candidate. Of the ports: neither line reads and
+// writes at once, and a drive line on which a telegram is sent does not fall silent. Of the firmware: nothing.
+
+localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
+localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (core_rst);
+
+// Registers inside the instances, by their hierarchical names.
+(* hierconn *) wire \gate_i.licensed ;
+(* hierconn *) wire \gate_i.answerable ;
+(* hierconn *) wire \gate_i.spent ;
+(* hierconn *) wire \gate_i.wait_drive ;
+(* hierconn *) wire [6:0] \regs_i.flags ;
+// Such a name loses its power-up value; the others are reset.
+initial assume (\regs_i.flags == 7'd0);
+wire g_gate_waits = \gate_i.wait_drive ;
+wire [6:0] g_flags = \regs_i.flags ;
+wire g_gate_licensed = \gate_i.licensed ;
+wire g_gate_answerable = \gate_i.answerable ;
+wire g_gate_spent = \gate_i.spent ;
+
+// ---- what the firmware does, from the bus and the memory's pins
+wire g_order = regs_valid && core_wstrb != 4'd0;  // a write to a register
+wire g_order_telegram = g_order && core_addr[4:2] == 3'd3 && !drive_sending;
+wire g_queued = g_order_telegram && !core_wdata[6];
+wire g_order_reply = g_order && core_addr[4:2] == 3'd2;
+wire g_current = core_wdata[11:8] == ticket;
+// The telegram: 32 words of the last 64, their lowest bytes.
+wire g_touched = ram_enable && ram_wstrb[0] && ram_word[G_WORD_BITS-1:5] == {G_LAST[G_WORD_BITS-1:6], 1'b1};
+
+// ---- the request
+reg g_candidate = 1'b0;
+reg g_committed = 1'b0;
+reg g_heard = 1'b0;
+reg g_spent = 1'b0;
+reg g_here = 1'b0;  // the telegram is as it was when it was queued for ...
+reg g_ours = 1'b0;  // ... the newest request, as it then was
+reg g_licensed = 1'b0;  // and that one was committed
+reg g_loop = 1'b0;  // the loop-back test sends without a request (LOOP-1)
+reg [5:0] g_ordered = 6'd0;  // length and kind, as that order gave them
+reg [4:0] g_answer = 5'd0;
+reg g_was_sending = 1'b0;
+reg g_read = 1'b0;  // a line read the memory in the clock before
+reg g_broadcast = 1'b0;
+reg g_started = 1'b0;
+reg g_waits = 1'b0;  // the reply was queued to wait for the drive's
+reg g_asked_regs = 1'b0;
+reg g_core_rst = 1'b1;
+reg [31:0] g_status = 32'd0;  // what the firmware asked for, as it was then
+reg [6:0] g_events = 7'd0;  // that happened and were not cleared
+
+always @(posedge clk) begin
+  g_loop <= (g_loop || loopback_open) && !core_rst;
+  g_was_sending <= drive_sending;
+  g_read <= modbus_read_ready || drive_read_ready;
+  g_broadcast <= frame_broadcast;
+  if (g_queued) g_ordered <= core_wdata[5:0];
+  if (g_order_reply) {g_waits, g_answer} <= core_wdata[5:0];
+  g_asked_regs <= regs_valid;
+  g_core_rst <= core_rst;
+  g_status <= {
+    ticks,
+    frame_length,
+    2'b00, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
+    core_addr[2] ? {1'b0, g_events} : {frame_bank, frame_broadcast, is_committed, is_candidate, ticket}
+  };
+  g_events <= (g_order && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[6:0] : g_events) |
+      {drive_bad, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc};
+  if (g_order_telegram) g_started <= 1'b0;
+  else if (telegram_start) g_started <= 1'b1;
+  if (core_rst) g_started <= 1'b0;
+
+  if (candidate) begin
+    g_candidate <= !commit;
+    g_committed <= commit;
+    g_heard <= 1'b0;
+  end else if (commit) begin
+    g_candidate <= 1'b0;
+    g_committed <= 1'b1;
+    g_heard <= 1'b0;
+  end else begin
+    if (revoke) g_candidate <= 1'b0;
+    if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
+  end
+  if (commit) g_spent <= 1'b0;
+  else if (reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
+
+  if (g_queued) begin
+    g_here <= 1'b1;
+    g_ours <= g_current && !candidate && !(revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
+    g_licensed <= g_current && !candidate && !(revoke && g_candidate) && ((g_committed && !g_spent) || commit);
+  end else begin
+    if (candidate || (revoke && g_candidate)) g_ours <= 1'b0;
+    if (commit && !candidate && g_here && g_ours) g_licensed <= 1'b1;
+  end
+  if (g_touched) begin
+    g_here <= 1'b0;
+    g_ours <= 1'b0;
+    g_licensed <= 1'b0;
+  end
+  if (core_rst) begin
+    g_candidate <= 1'b0;
+    g_committed <= 1'b0;
+    g_heard <= 1'b0;
+    g_spent <= 1'b0;
+    g_here <= 1'b0;
+    g_ours <= 1'b0;
+    g_licensed <= 1'b0;
+  end
+end
+
+always @* begin
+  assume (!(revoke && (candidate || commit)));
+  assume (!candidate || !g_committed || g_heard);
+  assume (!(modbus_read_valid && modbus_write_valid));
+  assume (!(drive_read_valid && drive_write_valid));
+  if (g_past && !candidate) assume (frame_broadcast == g_broadcast);
+end
+
+wire g_sound = g_past && !core_rst && !loopback_open && !g_loop;
+always @(posedge clk) begin
+  if (g_sound) begin
+    // SAFE-1, SAFE-4: what starts is what was ordered for a request that was committed and had no reply yet: not
+    // a byte of it was written since, and its length and kind are those of that order.
+    a_licensed : assert (!telegram_start || (g_licensed && g_here));
+    // FRAME-6, FRAME-7, MAP-9
+    a_reply : assert (!reply_start || (g_committed && !g_heard && !frame_broadcast));
+  end
+  if (g_past) begin
+    a_ordered : assert ({telegram_no_reply, telegram_length} == g_ordered);
+    // Nothing of it changes on the wire, whatever the firmware writes, and to whatever address.
+    a_frozen : assert (!drive_sending || !g_touched);
+    a_length_frozen : assert (!g_was_sending || {telegram_no_reply, telegram_length} == $past({telegram_no_reply, telegram_length}));
+    // FC-8, SAFE-2: both ports rely on it.
+    a_drive_quiet : assert (!telegram_start || (drive_quiet && !drive_sending));
+    a_modbus_quiet : assert (!reply_start || modbus_quiet);
+    // FRAME-4: a reply has a length, the one that it was queued with.
+    a_reply_length : assert (!reply_start || (reply_length != 5'd0 && reply_length == g_answer));
+    a_after_drive : assert (!reply_start || !g_waits || drive_good);
+    // FRAME-5: each line has its own lane and its own half of the frames, and is served at once, the drive line
+    // after the network line.
+    a_request : assert (!modbus_write_valid || (modbus_write_ready && ram_wstrb == 4'b0010 &&
+        ram_word == {G_LAST[G_WORD_BITS-1:6], modbus_write_addr} && ram_wdata[15:8] == modbus_write_data));
+    a_drive : assert (!drive_write_valid || modbus_write_valid || modbus_read_valid || (drive_write_ready &&
+        ram_wstrb == 4'b0100 && ram_word == {G_LAST[G_WORD_BITS-1:6], 1'b0, drive_write_addr} &&
+        ram_wdata[23:16] == drive_write_data));
+    a_fetch : assert (!modbus_read_valid || (modbus_read_ready && ram_enable && ram_wstrb == 4'b0000 &&
+        ram_word == {G_LAST[G_WORD_BITS-1:6], 1'b0, modbus_read_addr}));
+    a_drive_fetch : assert (!drive_read_valid || modbus_write_valid || modbus_read_valid || (drive_read_ready &&
+        ram_enable && ram_wstrb == 4'b0000 && ram_word == {G_LAST[G_WORD_BITS-1:6], 1'b1, drive_read_addr}));
+    a_not_asked : assert (modbus_write_ready <= modbus_write_valid && modbus_read_ready <= modbus_read_valid &&
+        drive_write_ready <= drive_write_valid && drive_read_ready <= drive_read_valid);
+    // What a line gets is the memory's answer, with nothing of the registers in it.
+    a_read : assert (!g_read || read_data == ram_rdata[7:0]);
+    // What the firmware gets is that or the registers, never a mixture, and those as they were in one clock.
+    a_core_read : assert (!core_ready || g_asked_regs || core_rdata == ram_rdata);
+    a_status : assert (!(core_ready && g_asked_regs) || core_rdata == (ram_rdata | g_status));
+    a_served : assert (!core_valid || core_ready || modbus_write_valid || modbus_read_valid || drive_write_valid ||
+        drive_read_valid || regs_valid || (ram_enable && ram_wdata == core_wdata));
+    a_which : assert (!regs_valid || (core_addr[31] && !core_addr[10]));
+    // A restart of the firmware takes back what it had queued, and its lamps.
+    a_restart : assert (!g_core_rst || !(reply_start || telegram_start || telegram_queued || reply_queued || core_ready));
+    a_dark : assert (!g_core_rst || !(led_modbus_red || led_modbus_green || led_drive_red || led_drive_green));
+  end
+end
+
+// ---- what induction needs to know
+always @(posedge clk) begin
+  if (g_past) begin
+    i_answer : assert (reply_length == g_answer);
+    i_reply_length : assert (!reply_queued || reply_length != 5'd0);
+    i_regs : assert (g_asked_regs || regs_rdata == 32'd0);
+    i_waits : assert (!reply_queued || g_gate_waits == g_waits);
+    i_flags : assert (g_flags == g_events);
+    i_started : assert (telegram_started == g_started);
+    i_turn : assert (!(g_read && g_asked_regs));
+  end
+  if (g_past && !g_loop) begin
+    i_candidate : assert (is_candidate == g_candidate);
+    i_committed : assert (is_committed == g_committed);
+    i_answerable : assert (g_gate_answerable == (g_committed && !g_heard));
+    i_licensed : assert (!g_gate_licensed || (g_licensed && g_here));
+    i_queued : assert (!telegram_queued || g_gate_licensed || (g_here && g_ours && g_candidate));
+    i_reply : assert (!reply_queued || !frame_broadcast || candidate);
+    i_spent : assert (g_gate_spent == g_spent);
+    i_either : assert (!(g_candidate && g_committed));
+  end
+end
+
+// ---- it is not right by doing nothing
+always @(posedge clk) begin
+  if (g_sound) begin
+    c_telegram : cover (telegram_start && telegram_length == 5'd14);
+    c_repeat : cover (telegram_start && $past(g_order_telegram && core_wdata[6]) && $past(g_was_sending, 2));
+    c_reply : cover (reply_start && $past(core_ready, 2));
+    c_dropped : cover (drive_sending && ram_enable && core_wstrb[0] && core_addr == 32'hFFFFFF80);
+  end
+end
