@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// DE of the drive line rises for a telegram only, on a line that was silent for two characters, and falls when
+// that telegram has had its time (SAFE-2, FC-8, FC-10). Filter, UART, silence timer, sender and direction, wired.
+//
+// Silent: the pin high and no character being received, counted in ticks since the end of the last character,
+// whoever sent it. A low that is too short for a start bit stops the count and does not start it anew.
+//
+// Assumed: a telegram starts on a quiet line only and its length stays while it is sent (mailbox: proved there),
+// the memory answers within two clocks (bus_arbiter: within one). The length may be any. There is no cover: such a
+// silence is 356 ticks deep, and the bench has it.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+// Registers inside the instances, by their hierarchical names. Such a name loses its power-up value, so the
+// first clock is a reset.
+(* hierconn *) wire [4:0] \uart_i.state ;
+(* hierconn *) wire [3:0] \uart_i.phase ;
+(* hierconn *) wire [2:0] \uart_i.bits_done ;
+(* hierconn *) wire [1:0] \uart_i.votes ;
+(* hierconn *) wire \uart_i.driving ;
+(* hierconn *) wire \uart_i.loaded ;
+(* hierconn *) wire [6:0] \silence_i.ticks ;
+(* hierconn *) wire [2:0] \silence_i.halves ;
+(* hierconn *) wire [2:0] \fc_tx_i.state ;
+(* hierconn *) wire [4:0] \fc_tx_i.index ;
+(* hierconn *) wire [3:0] \dir_i.lead ;
+wire [4:0] g_uart = \uart_i.state ;
+wire [3:0] g_phase = \uart_i.phase ;
+wire [2:0] g_bits = \uart_i.bits_done ;
+wire [1:0] g_votes = \uart_i.votes ;
+wire g_driving = \uart_i.driving ;
+wire g_loaded = \uart_i.loaded ;
+wire [6:0] g_ticks = \silence_i.ticks ;
+wire [2:0] g_halves = \silence_i.halves ;
+wire [2:0] g_sender = \fc_tx_i.state ;
+wire [4:0] g_index = \fc_tx_i.index ;
+wire [3:0] g_lead = \dir_i.lead ;
+localparam [2:0] G_IDLE = 3'd0, G_STX = 3'd1, G_LGE = 3'd2, G_FETCH = 3'd3, G_SEND = 3'd4, G_DRAIN = 3'd5;
+localparam [15:0] G_CHARACTER = 16'd176;  // ticks: 11 bits of 16
+
+// ---- what is assumed
+reg g_sending = 1'b0;
+reg [4:0] g_length = 5'd0;
+reg [1:0] g_unanswered = 2'd0;
+always @(posedge clk) begin
+  g_sending <= sending;
+  g_length <= telegram_length;
+  g_unanswered <= read_valid && !read_ready && !rst ? g_unanswered + 2'd1 : 2'd0;
+end
+always @* begin
+  assume (!telegram_start || (quiet && !sending));
+  assume (!(g_past && sending) || telegram_length == g_length);
+  assume (!read_valid || read_ready || g_unanswered < 2'd2);
+end
+
+// ---- silence on the pin
+reg [9:0] g_silent = 10'd0;
+reg g_own = 1'b0;  // the last character was the card's own
+always @(posedge clk) begin
+  if (tick16 && synced && !rx_busy && g_silent != 10'h3FF) g_silent <= g_silent + 10'd1;
+  if (rx_valid || de || rst) begin
+    g_silent <= 10'd0;
+    g_own <= de;
+  end
+end
+
+// ---- time of DE
+reg [15:0] g_high = 16'd0;  // ticks since DE rose
+reg g_de = 1'b0;
+reg g_rst = 1'b1;
+reg g_start = 1'b0;
+reg g_start_before = 1'b0;
+reg [9:0] g_silent_start = 10'd0;  // as the telegram started
+always @(posedge clk) begin
+  g_de <= de;
+  g_rst <= rst;
+  g_start <= telegram_start && !rst;
+  g_start_before <= g_start && !rst;
+  if (telegram_start) g_silent_start <= g_silent;
+  if (!de || rst) g_high <= 16'd0;
+  else if (tick16) g_high <= g_high + 16'd1;
+end
+
+wire [5:0] g_bytes = telegram_length == 5'd0 ? 6'd34 : {1'b0, telegram_length} + 6'd2;  // STX, LGE and these
+
+always @(posedge clk) begin
+  if (g_past) begin
+    // SAFE-2, FC-8: a quiet line has been silent for two characters: 22 bits after DE fell, and after the vote on
+    // a stop bit two ticks more, which are the rest of that bit.
+    a_silent : assert (!quiet || g_silent >= (g_own ? 10'd352 : 10'd354));
+    // It rises two clocks after a start, for nothing else, and that start fell into such a silence.
+    a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= 10'd352));
+    // SAFE-2: at most one bit longer than the telegram's own characters, and those are never more than 34.
+    a_bounded : assert (!de || g_high <= {10'd0, g_bytes} * G_CHARACTER + 16'd16);
+    a_longest : assert (!de || g_high <= 16'd6000);
+    // It is there for the whole of what is sent, and the pin is at rest without it.
+    a_covers : assert (!tx_busy || de);
+    a_at_rest : assert (de || tx);
+    a_falls : assert (!g_de || de || !sending);
+    // FC-10: nothing is heard of it.
+    a_deaf : assert (!de || !rx_valid);
+    a_not_quiet : assert (!sending || g_start || !quiet);
+    a_reset : assert (!g_rst || !(de || sending || quiet || listening || good || candidate));
+  end
+end
+
+// ---- what induction needs to know: silence
+wire [12:0] g_head = g_own ? 13'd0 : 13'd2;
+always @(posedge clk) begin
+  if (g_past) begin
+    i_limit : assert (!long_silent || g_silent >= 13'd356 + g_head);
+    i_halves : assert (long_silent || g_halves < 3'd4);
+    i_first : assert (long_silent || g_halves != 3'd0 || g_ticks + g_head == 13'd18 + g_silent);
+    i_later : assert (long_silent || g_halves == 3'd0 || g_ticks + g_head + 13'd89 * g_halves == 13'd18 + g_silent);
+    i_range : assert (long_silent || (g_ticks <= 7'd106 && g_ticks >= 7'd16));
+  end
+end
+
+// ---- sending
+wire g_waits = g_loaded && !(g_driving && g_uart[0]);  // a byte is taken and not begun
+reg [5:0] g_taken;  // bytes that the UART took
+always @* begin
+  case (g_sender)
+    G_STX: g_taken = 6'd0;
+    G_LGE: g_taken = 6'd1;
+    G_FETCH: g_taken = {1'b0, g_index} + 6'd2;
+    G_SEND: g_taken = {1'b0, g_index - 5'd1} + 6'd2;
+    default: g_taken = g_bytes;
+  endcase
+end
+wire [5:0] g_begun = g_taken - {5'd0, g_waits};
+reg [15:0] g_place;  // ticks into the character
+always @* begin
+  g_place = 16'd160 + g_phase;
+  if (g_uart[0]) g_place = g_phase;
+  if (g_uart[1]) g_place = 16'd16 + {9'd0, g_bits, 4'd0} + g_phase;
+  if (g_uart[2]) g_place = 16'd144 + g_phase;
+end
+wire [2:0] g_states = {2'd0, g_uart[0]} + {2'd0, g_uart[1]} + {2'd0, g_uart[2]} + {2'd0, g_uart[3]} + {2'd0, g_uart[4]};
+always @(posedge clk) begin
+  if (g_past) begin
+    i_sender : assert (g_sender <= G_DRAIN);
+    i_states : assert (g_states <= 3'd1);
+    i_idle : assert (g_sender != G_IDLE || (!de && !g_driving && !g_loaded && !tx_busy));
+    i_stx : assert (g_sender != G_STX || (g_start && !de && !g_de && g_high == 16'd0 && g_lead == 4'd0 && !g_driving && !g_loaded && !tx_busy));
+    i_de : assert (g_sender == G_IDLE || g_sender == G_STX || de);
+    i_lead : assert (g_lead <= 4'd4 && (!de || g_lead == 4'd4 || g_high == {12'd0, g_lead}));
+    i_lge : assert (g_sender != G_LGE || g_driving || g_loaded);
+    i_fetch : assert (g_sender != G_FETCH || telegram_length == 5'd0 || g_index < telegram_length);
+    i_index : assert (g_sender != G_LGE || g_index == 5'd0);
+    i_send : assert (g_sender != G_SEND || (tx_ready && (telegram_length == 5'd0 || (g_index != 5'd0 && g_index <= telegram_length))));
+    i_before : assert (!(de && !g_driving) || g_sender == G_LGE || g_sender == G_DRAIN);
+    i_busy : assert (!(g_sender > G_LGE && g_sender != G_DRAIN) || (g_driving && tx_busy));
+    i_drain : assert (!(g_sender == G_DRAIN && g_driving) || tx_busy);
+    i_begins : assert (!(g_driving && !tx_busy) || (g_sender == G_LGE && g_uart[0] && g_phase == 4'd0));
+    i_rest : assert (g_driving || tx || tx_busy);
+    i_last : assert (g_sender != G_DRAIN || g_driving || (!g_loaded && g_uart == 5'd0));
+    if (g_driving) begin
+      i_driving : assert (g_sender >= G_LGE && g_begun != 6'd0 && g_states == 3'd1 && !g_uart[4] && g_lead == 4'd4);
+      i_time : assert (g_high <= ({10'd0, g_begun} - 16'd1) * G_CHARACTER + g_place + 16'd12);
+      i_loaded : assert (!(g_uart[1] && g_loaded) && !(g_uart[0] && g_loaded && g_phase > 4'd1));
+      // The next byte is there before it is needed.
+      i_in_time : assert (g_loaded || g_sender == G_DRAIN || g_place < 16'd160);
+      i_ready : assert (!tx_ready || g_sender == G_DRAIN ||
+          g_place <= 16'd144 + (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
+    end
+    i_over : assert (!(g_sender == G_DRAIN && !g_driving) || g_high <= {10'd0, g_bytes} * G_CHARACTER + (tx_busy ? 16'd13 : 16'd14));
+    // Before the first start bit: a false start may be on its way, which the filter ends.
+    i_waiting : assert (!(g_sender == G_LGE && !g_driving) || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd10)));
+    i_line : assert (!(de && g_high > 16'd1) || line);
+    i_votes : assert (!(g_sender == G_LGE && !g_driving) || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
+    i_started : assert (!g_start || (g_uart[4:1] == 4'd0 && g_phase <= 4'd1));
+    i_phase : assert (!(g_sender == G_LGE && !g_driving && g_uart[0]) || (g_phase <= 4'd7 && g_phase <= g_high + 16'd2));
+  end
+end
