@@ -19,6 +19,7 @@ needs=(
   "command sigrok-cli               sigrok-cli"
   "header  modbus/modbus.h          libmodbus-dev"
   "command tmux                     tmux"
+  "command chromium                 chromium"
   "command gcc                      gcc"
   "command g++                      g++"
   "command ccache                   ccache"
