@@ -23,8 +23,13 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import zip_longest
+from functools import cache
+from itertools import pairwise, zip_longest
+from pathlib import Path
 
+import matplotlib
+from fontTools.afmLib import AFM
+from fontTools.agl import UV2AGL
 from wavedrom.waveform import WaveDrom
 
 from tb.generated.card_tables import CHARACTER_BITS
@@ -45,7 +50,7 @@ REGISTER = rtu.build(1, rtu.read_registers(2, 1))  # answered by the card itself
 START = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
 BROADCAST = rtu.build(0, START[1:-2])
 AFTER_DRIVE = "reply after the drive's"
-LEDS_MS, LED_STEP_MS = 3750, 62.5
+LEDS_MS, LED_STEP_MS = 3750, 50
 LEVELS = {0: "0", 1: "1"}
 # Fill of a block: a digit of WaveDrom's, and what it looks like here.
 FROM_OUTSIDE, FROM_CARD, PLAIN = "3", "4", "5"
@@ -55,7 +60,7 @@ LED_COLOURS = {"2": "#eeeeee", "3": "#f4786c", "4": "#7fce7a", "5": "#ffb347"}
 FILL_CLASS = {"2": "s7", "3": "s8", "4": "s9", "5": "s10"}  # in its skin
 GRID = 2  # bricks between two dotted lines, WaveDrom's
 BRICK = 10  # pixels, of its narrow skin
-LABEL_PX = 12
+LABEL_PX, NAME_PX = 12, 14
 STEP_MS = 0.625  # of the diagrams of both lines
 GRID_MS = f"{GRID * STEP_MS} ms"
 Edges = list[tuple[float, int]]
@@ -179,38 +184,68 @@ class Drawing:
 # ---------------------------------------------------------------- WaveDrom
 
 STYLE = """
-text{{font-family:Helvetica,Arial,sans-serif;font-size:{label_px}px;fill:#111}}
-text[fill],.info{{font-size:14px}}
+text{{font-family:Helvetica,Arial,"Liberation Sans","Nimbus Sans",sans-serif}}
+text{{font-size:{label_px}px;fill:#111}}
+text[fill],.info{{font-size:{name_px}px}}
 .info,.label{{fill:#0b3d91}}
 .s1,.s2{{fill:none;stroke:#222;stroke-width:1.2;stroke-linecap:round}}
 {fills}
 """
 XLINK = "http://www.w3.org/1999/xlink"
 SVG = "http://www.w3.org/2000/svg"
-TEXTS = (f"{{{SVG}}}text", f"{{{SVG}}}tspan")
+TEXT, TSPAN = f"{{{SVG}}}text", f"{{{SVG}}}tspan"
+PRESERVE = "{http://www.w3.org/XML/1998/namespace}space"
 
 
-def text_px(text: str) -> float:
-    return 0.52 * LABEL_PX * len(text)
+@cache
+def helvetica() -> AFM:
+    return AFM(str(Path(matplotlib.get_data_path()) / "fonts/pdfcorefonts/Helvetica.afm"))
+
+
+def text_px(text: str, size: float = LABEL_PX) -> float:
+    return sum(helvetica()[UV2AGL[ord(letter)]][1] for letter in text) * size / 1000
+
+
+def as_wide_as(px: float) -> dict[str, str]:
+    """A viewer without Helvetica takes another font: it must not take another width as well."""
+    return {"textLength": f"{px:.1f}", "lengthAdjust": "spacingAndGlyphs"}
 
 
 class Renderer(WaveDrom):
-    """WaveDrom with labels as large as a page needs them, and colours of our own."""
+    """WaveDrom with labels as large as a page needs them, and in their place whatever the viewer's font."""
 
     def text_width(self, string: str, size: int = 11) -> float:
-        return 1.3 * super().text_width(string, size)
+        return text_px(string, NAME_PX) + BRICK
 
     def render_label(self, p: dict, text: str):
         group = self.container.g(transform=f"translate({p.x},{p.y})")
-        width = text_px(text) + 6
+        width = text_px(text) + 8
         group.add(self.element.rect(insert=(-width / 2, -7), size=(width, 14), style="fill:#fff"))
         group.add(self.element.text(text, text_anchor="middle", y=[4], class_="label"))
         return group
 
+    def render_lane_uses(self, val: list, g) -> None:
+        """Each text in the middle of its block, and no wider; none in a block far too small."""
+        name, bricks, texts = val
+        super().render_lane_uses([name, bricks, None], g)
+        changes = [0, *(i for i, brick in enumerate(bricks or []) if i and "m" in brick), len(bricks or [])]
+        blocks = [(at, to) for at, to in pairwise(changes) if at < to and re.search(r"v(-\d)+$", bricks[at])]
+        for (at, to), text in zip(blocks, texts or [], strict=True):
+            inside = at + ("m" in bricks[at])
+            room = (to - inside) * BRICK
+            if text_px(text) > 1.1 * room:
+                continue
+            said = self.element.text(
+                text, x=[inside * BRICK + room / 2], y=[self.lane.ym], text_anchor="middle"
+            )
+            said.update(as_wide_as(min(text_px(text), room)))
+            g.add(said)
+
 
 def svg(drawing: Drawing) -> str:
     """With a white ground, our style, and no more of the skin than is used."""
-    rendered = Renderer().render_waveform(0, drawing.json, []).tostring()
+    renderer = Renderer()
+    rendered = renderer.render_waveform(0, drawing.json, []).tostring()
     ElementTree.register_namespace("", SVG)
     ElementTree.register_namespace("xlink", XLINK)
     root = ElementTree.fromstring(rendered)
@@ -219,8 +254,21 @@ def svg(drawing: Drawing) -> str:
         for brick in defs.findall(f"{{{SVG}}}g"):
             if brick.get("id") not in used:
                 defs.remove(brick)
+    for text in root.iter(TEXT):
+        # Preserved space would count the indentation below as part of the words.
+        text.attrib.pop(PRESERVE, None)
+        for span in text.findall(TSPAN):
+            text.text = span.text
+            text.remove(span)
+        caption = "fill" in text.attrib
+        if caption:  # in the middle of the picture, not of its plot
+            text.set("x", f"{float(root.get('width')) / 2 - renderer.lane.xg:.1f}")
+        if text.text and "textLength" not in text.attrib:
+            size = NAME_PX if caption or text.get("class") == "info" else LABEL_PX
+            text.attrib.update(as_wide_as(text_px(text.text, size)))
     fills = "\n".join(f".{FILL_CLASS[digit]}{{fill:{fill}}}" for digit, fill in drawing.colours.items())
-    next(root.iter(f"{{{SVG}}}style")).text = STYLE.format(label_px=LABEL_PX, fills=fills)
+    style = STYLE.format(label_px=LABEL_PX, name_px=NAME_PX, fills=fills)
+    next(root.iter(f"{{{SVG}}}style")).text = style
     ground = ElementTree.Element(f"{{{SVG}}}rect", width="100%", height="100%", fill="#fff")
     root.insert(0, ground)
     ElementTree.indent(root, " ")
@@ -235,7 +283,7 @@ FIGURE = re.compile(r"(\d+\.\d+|\d+) (bits|ms)\b")
 def said(picture: str) -> list[str]:
     """All words of a picture, in its order."""
     return [
-        words.text for words in ElementTree.fromstring(picture).iter() if words.tag in TEXTS and words.text
+        words.text for words in ElementTree.fromstring(picture).iter() if words.tag == TEXT and words.text
     ]
 
 
@@ -379,20 +427,22 @@ def commit() -> Drawing:
     reply = seen.characters("modbus_tx")[0].start
     drawing = Drawing(
         "Prepare early, commit late: the end of a request and its reply",
-        end - 14 * BIT,
-        reply + 13 * BIT,
-        BIT,
-        "2 bits",
+        end - 6 * BIT,
+        reply + 5 * BIT,
+        BIT / 2,
+        "1 bit",
     )
     t15 = drawing.say("candidate after the request", bits(candidate - end))
     t35 = drawing.say("commit after the request", bits(committed - end))
+    lead = drawing.say("driver before start bit", bits(reply - seen.pulses("modbus_de")[0][0]))
     out = drawing.say("reply after t3.5", bits(reply - end - 3.5 * CHARACTER_BITS * BIT))
     ready = drawing.say("reply prepared after the candidate", ms(queued - candidate))
     gate_lanes(drawing, seen)
     drawing.arrows((end, candidate, f"t1.5: {t15}"))
     drawing.arrows((end, committed, f"t3.5: {t35}"))
     drawing.foot = (
-        f"The reply is ready {ready} after the candidate (firmware at 2 MHz) and leaves {out} after t3.5."
+        f"The reply is ready {ready} after the candidate (firmware at 2 MHz)."
+        f" It leaves {out} after t3.5, its driver {lead} earlier."
     )
     return drawing
 
@@ -449,10 +499,10 @@ def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Draw
     for name in ("candidate", "commit", "drive_candidate", "drive_good"):
         drawing.level(name.replace("_", " "), seen.edges[name])
     after = drawing.say("telegram after the request", bits(telegrams[0].start - asked[0].end))
-    spans = [(asked[0].end, telegrams[0].start, after)]
+    spans = [(asked[0].end, telegrams[0].start, f"t3.5, driver: {after}")]
     if answers:
         pause = drawing.say("drive's reply after the telegram", bits(answers[0].start - telegrams[0].end))
-        spans.append((telegrams[0].end, answers[0].start, pause))
+        spans.append((telegrams[0].end, answers[0].start, f"drive's delay: {pause}"))
     drawing.arrows(*spans)
     if replies:
         turnaround = drawing.say("turnaround", ms(replies[0].start - asked[0].end))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pages in headless Chromium: what their scripts found, and what Chromium had to say about them."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FOUND = re.compile(r'<pre id="found">(.*?)</pre>', re.DOTALL)
+CONSOLE = re.compile(r"CONSOLE[:(]\d+\)?\] (.*)")
+# No network, no profile of the user's, and no sandbox, which root cannot have.
+OPTIONS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--enable-logging=stderr",
+)
+
+
+@dataclass(frozen=True)
+class Seen:
+    found: Any
+    console: list[str]
+
+
+def look(page: str, script: str, folder: Path, width: int = 1200) -> Seen:
+    """Opens a page and runs a script in it; `found` is what the script's last expression gives."""
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.fail("chromium is missing; run `make setup` (Debian package chromium)", pytrace=False)
+    file = folder / "page.html"
+    file.write_text(
+        f"{page}\n<script>addEventListener('load', () => {{\n"
+        f"const found = (() => {{ {script} }})();\n"
+        "const pre = document.createElement('pre');\n"
+        "pre.id = 'found'; pre.textContent = JSON.stringify(found); document.body.append(pre);\n"
+        "}});</script>\n".replace("}}", "}")
+    )
+    command = [browser, *OPTIONS, f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900"]
+    run = subprocess.run(
+        [*command, "--dump-dom", file.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
+    found = FOUND.search(run.stdout)
+    console = CONSOLE.findall(run.stderr)
+    assert found, f"the page's script did not end: {console}"
+    return Seen(json.loads(html.unescape(found[1])), console)
