@@ -158,22 +158,58 @@ def test_sigrok_s_modbus_agrees_with_our_log(network, lines_vcd):
             assert not any("rror" in text or "too long" in text for text in texts), (frame, texts)
 
 
-def test_the_documented_commands_decode_both_lines(recorded, tmp_path):
-    """Word for word from docs/recordings.md, in a folder with a waveform of that name."""
+@pytest.fixture
+def shell(recorded, tmp_path) -> Callable[[str], str]:
+    """What a documented command prints in a plain shell: nothing of ours on the path, a waveform at hand."""
     shutil.copy(recorded.wave, tmp_path / "card.fst")
-    blocks = (ROOT / "docs/recordings.md").read_text().split("## sigrok")[1]
-    tool, *commands = re.search(r"```\n(.*?)```", blocks, re.DOTALL)[1].splitlines()
-    tool = tool.replace("tools/", f"{sys.executable} {ROOT}/tools/")
-    outputs = []
-    for command in (tool, *commands):
-        done = subprocess.run(command.split(), cwd=tmp_path, capture_output=True, text=True, check=False)
+    (tmp_path / "tools").symlink_to(ROOT / "tools")
+
+    def run(command: str) -> str:
+        done = subprocess.run(
+            ["sh", "-c", command],
+            cwd=tmp_path,
+            env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert done.returncode == 0, done.stderr
-        outputs.append(done.stdout)
-    _, network, drive = outputs
+        return done.stdout
+
+    return run
+
+
+def documented(section: str) -> list[str]:
+    """The lines of the first block of a section of docs/recordings.md."""
+    text = (ROOT / "docs/recordings.md").read_text().split(f"## {section}\n")[1]
+    return re.search(r"```\n(.*?)```", text, re.DOTALL)[1].splitlines()
+
+
+def test_the_documented_commands_decode_both_lines(shell):
+    to_vcd, on_network, on_drive = documented("sigrok")
+    assert shell(to_vcd) == ""
+    network, drive = shell(on_network), shell(on_drive)
     assert "Function 15: Write Multiple Coils" in network
     assert "Error for function 6: Write Single Register" in network
     read_514 = EXAMPLES["ex5-read-514"]["drive"][0]["telegram"]
     assert read_514 in " ".join(re.findall(r": ([0-9A-F]{2})$", drive, re.MULTILINE))
+
+
+def test_the_documented_command_writes_the_views(shell, tmp_path):
+    command, *viewers = documented("Waveforms")
+    printed = shell(command)
+    written = [re.findall(r"card\.(?:gtkw|sucl)", viewer)[0] for viewer in viewers]
+    assert written == ["card.gtkw", "card.sucl"]
+    assert all((tmp_path / name).stat().st_size > 1000 and name in printed for name in written)
+
+
+@pytest.mark.parametrize("tool", ["waves.py", "lines_vcd.py"])
+def test_without_the_packages_a_tool_names_what_is_missing(tool, tmp_path):
+    shutil.copytree(ROOT / "tools", tmp_path / "tools", ignore=shutil.ignore_patterns("__pycache__"))
+    command = ["/usr/bin/python3", tmp_path / "tools" / tool, "card.fst"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr == f"{tool[:-3]}: {tmp_path}/.venv is not there; run `make setup`\n"
 
 
 def test_a_waveform_without_lines_is_one_line(tmp_path):

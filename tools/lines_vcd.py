@@ -19,6 +19,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import tools.in_venv  # noqa: F401
+
+# isort: split
 from tools.wave_file import WaveFile
 
 LINES = {"modbus": "master", "drive": "drive_unit"}  # and who is at the other end

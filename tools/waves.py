@@ -26,6 +26,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import tools.in_venv  # noqa: F401
+
+# isort: split
 from tb.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
 from tools.wave_file import Signal, WaveFile
 
