@@ -20,6 +20,7 @@ from cocotb.triggers import Timer
 from tb.lib import tshark
 from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
 from tb.lib.runner import WAVES_FOLDER, run
+from tb.lib.uart_agent import Format
 from tb.model import fc_telegram, rtu
 from tb.model.crc16 import with_crc
 from tools.run_card import ROOT, RunningCard
@@ -62,7 +63,7 @@ class Talk:
         self.recorder = recorder
         self.now_ps = PS_PER_S / 100
         for line in (MODBUS, DRIVE):
-            recorder.use(line, BAUD)
+            recorder.use(line, Format.named(BAUD, "8E1" if line == DRIVE else "8N2"))
 
     def silence(self, characters: float) -> None:
         self.now_ps += characters * CHARACTER_PS
@@ -172,6 +173,30 @@ def test_a_bad_frame_says_what_is_wrong(tmp_path, line, pieces, flaws, words, bi
     assert int(packet["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
     # Only what follows a gap is a frame of its own (FRAME-2).
     assert [entry["ok"] for entry, _ in rest] == ([True] if words.startswith("gap: not") else [])
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ("01 01 00 00 00 10 00", " (9 bytes, 8 would be right)"),
+        ("01 06 00 01 00 02", ""),
+        ("01 06 00 01 00 02 00 00", " (10 bytes, 8 would be right)"),
+        ("01 10 00 00 00 03 06 00 01 00 02 00 03", ""),
+        ("01 10 00 00 00 03 06" + 240 * " 00", " (249 bytes, 15 would be right)"),
+        ("01 0F 00 00 00 20 04 7C 04 99 19", ""),
+        ("01 0F 00 00 00 20 04 7C 04 99", " (12 bytes, 13 would be right)"),
+        ("01 10 00 01 00 02 02 00 0A", " (byte count 2, 4 would be right)"),
+        ("01 0F 00 00 00 09 01 7C", " (byte count 1, 2 would be right)"),
+        ("01 07 00 00 00 00 00", ""),
+    ],
+)
+def test_a_request_of_a_wrong_length_says_so(tmp_path, request_, words):
+    """Its CRC is right, so it is a good frame; that the card refuses it has a reason."""
+    frame = with_crc(bytes.fromhex(request_))
+    ((entry, _),) = told(tmp_path, lambda t: t.say(MODBUS, False, frame))
+    assert entry["ok"] and entry["what"].startswith("unit 1: ")
+    said = entry["what"]
+    assert said.endswith(words) if words else "would be right" not in said
 
 
 def test_a_silence_of_1_4_characters_is_none(tmp_path):

@@ -17,6 +17,7 @@ import threading
 import time
 import tty
 from pathlib import Path
+from resource import RLIMIT_FSIZE, setrlimit
 
 import pytest
 from pymodbus.client import ModbusSerialClient
@@ -167,6 +168,9 @@ def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProce
         (["--log", "/no/such/folder/log"], "/no/such/folder/log"),
         (["--pcap", "/no/such/folder/pcap"], "/no/such/folder/pcap"),
         (["--wave", "/no/such/folder/wave"], "/no/such/folder/wave"),
+        (["--wave", "--for", "0.2"], "--wave needs a value, and '--for' is an option"),
+        (["--log", "both", "--pcap", "./both"], "need different files, not twice './both'"),
+        (["--wave", "both", "--log", "both"], "need different files, not twice 'both'"),
     ],
 )
 def test_wrong_options_are_one_line_and_exit_2(options, says):
@@ -175,6 +179,26 @@ def test_wrong_options_are_one_line_and_exit_2(options, says):
     assert run.stdout == ""
     assert run.stderr.count("\n") == 1
     assert says in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("option", "room"), [("--log", 0), ("--pcap", 0), ("--wave", 0), ("--log", 400), ("--wave", 50_000)]
+)
+def test_a_full_disk_is_told(tmp_path, option, room):
+    """At the first byte, or where the disk has room for some of it only."""
+    file = Path("/dev/full") if room == 0 else tmp_path / "recording"
+    command = [CARD, option, file, "--for", "2.5", "--speed", "max", "--quiet"]
+    run = subprocess.run(
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        restore_signals=False,  # SIGXFSZ stays ignored
+        preexec_fn=(lambda: setrlimit(RLIMIT_FSIZE, (room, room))) if room else None,
+    )
+    assert run.returncode == 2
+    assert run.stderr.startswith(f"card: cannot write {file}: ") and run.stderr.count("\n") == 1
 
 
 def test_help_names_every_option_and_drive():

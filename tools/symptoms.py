@@ -124,7 +124,7 @@ def record(card: FastCard, base: Path) -> None:
     with Recorder(base) as recorder:
         lines: list[tuple[int, Line]] = [(MODBUS, card.modbus), (DRIVE, card.drive)]
         for line, port in lines:
-            recorder.use(line, port.fmt.baud)
+            recorder.use(line, port.fmt)
             for from_card, pin in ((False, "rx"), (True, "tx")):
                 for c in heard(card.recorded[f"{port.name}_{pin}"], port.fmt):
                     events.append(

@@ -24,6 +24,7 @@ class Control {
   Control(const SimClock& clock, const Switches& switches, VirtualCard& virtual_card, DriveEnd* drive,
           bool fixed_rate);
   std::string run(const std::string& command);
+  Switches read() const { return read_; }
 
  private:
   using Words = std::vector<std::string>;

@@ -28,6 +28,7 @@ class Describer {
  private:
   Flaw modbus_flaw(const Frame& frame) const;
   std::string modbus_request(const std::vector<std::uint8_t>& adu) const;
+  std::string modbus_asked(const std::vector<std::uint8_t>& adu) const;
   std::string modbus_reply(const std::vector<std::uint8_t>& adu) const;
   void modbus(Frame& frame);
   void drive(Frame& frame) const;

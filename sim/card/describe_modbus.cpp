@@ -90,6 +90,17 @@ std::string switch_value(unsigned data) {
   return data == 0 ? "off" : text("%04Xh", data);
 }
 
+// What a request of its function should have; nobody sees from its words that it has more or less.
+std::string length_flaw(const Bytes& adu) {
+  const bool has_data = adu[1] == kWriteCoils || adu[1] == kWriteRegisters;
+  const bool known = has_data || (adu[1] >= kReadCoils && adu[1] <= kWriteRegister);
+  const std::size_t right = has_data ? 9u + adu[6] : 8u;
+  if (known && adu.size() != right) return text(" (%zu bytes, %zu would be right)", adu.size(), right);
+  const unsigned count = word(adu, 4);
+  const unsigned data = adu[1] == kWriteCoils ? (count + 7) / 8 : 2 * count;
+  return has_data && adu[6] != data ? text(" (byte count %u, %u would be right)", adu[6], data) : "";
+}
+
 std::string unit(std::uint8_t address) { return address == 0 ? "to all: " : text("unit %u: ", address); }
 
 }  // namespace
@@ -105,22 +116,25 @@ std::string bad_byte(const Frame& frame) {
 }
 
 std::string Describer::modbus_request(const Bytes& adu) const {
-  const std::string to = unit(adu[0]);
-  if (adu.size() < 8) return to + text("function %02Xh, %zu bytes", adu[1], adu.size());
+  if (adu.size() < 8) return unit(adu[0]) + text("function %02Xh, %zu bytes", adu[1], adu.size());
+  return unit(adu[0]) + modbus_asked(adu) + length_flaw(adu);
+}
+
+std::string Describer::modbus_asked(const Bytes& adu) const {
   const unsigned address = word(adu, 2);
   const unsigned count = word(adu, 4);
   switch (adu[1]) {
-    case kReadCoils: return to + "read " + coils(address, count);
-    case kReadRegisters: return to + "read " + registers(words_, address, count);
-    case kWriteCoil: return to + "write " + coils(address, 1) + " = " + switch_value(count);
+    case kReadCoils: return "read " + coils(address, count);
+    case kReadRegisters: return "read " + registers(words_, address, count);
+    case kWriteCoil: return "write " + coils(address, 1) + " = " + switch_value(count);
     case kWriteRegister:
-      return to + "write " + registers(words_, address, 1) + " = " +
+      return "write " + registers(words_, address, 1) + " = " +
              register_values(words_, adu, 4, address, 1);
-    case kWriteCoils: return to + "write " + coils(address, count) + " = " + coil_values(adu, 7, count);
+    case kWriteCoils: return "write " + coils(address, count) + " = " + coil_values(adu, 7, count);
     case kWriteRegisters:
-      return to + "write " + registers(words_, address, count) + " = " +
+      return "write " + registers(words_, address, count) + " = " +
              register_values(words_, adu, 7, address, count);
-    default: return to + text("function %02Xh", adu[1]);
+    default: return text("function %02Xh", adu[1]);
   }
 }
 

@@ -2,8 +2,6 @@
 
 #include "json_log.h"
 
-#include "user_error.h"
-
 namespace card {
 
 namespace {
@@ -20,26 +18,23 @@ std::string json_string(const std::string& plain) {
 
 }  // namespace
 
-JsonLog::JsonLog(const std::string& path, const SimClock& clock)
-    : clock_(clock), file_(std::fopen(path.c_str(), "we")) {
-  if (file_ == nullptr) throw system_error("cannot write " + path);
+JsonLog::JsonLog(const std::string& path, const SimClock& clock) : clock_(clock), file_(path) {}
+
+void JsonLog::line(const std::string& object) {
+  const std::string whole = object + "\n";
+  file_.write(whole.data(), whole.size());
 }
 
-JsonLog::~JsonLog() { std::fclose(file_); }
-
 void JsonLog::frame(const Frame& frame) {
-  std::fprintf(
-      file_,
-      "{\"t\":%s,\"end\":%s,\"line\":\"%s\",\"from\":\"%s\",\"bytes\":\"%s\",\"ok\":%s,\"what\":%s}\n",
-      clock_.text(frame.start).c_str(), clock_.text(frame.end).c_str(), line_name(frame.line),
-      sender_name(frame), hex_text(frame.bytes).c_str(), frame.ok() ? "true" : "false", json_string(frame.what).c_str());
-  std::fflush(file_);  // others read along
+  line("{\"t\":" + clock_.text(frame.start) + ",\"end\":" + clock_.text(frame.end) + ",\"line\":\"" +
+       line_name(frame.line) + "\",\"from\":\"" + sender_name(frame) + "\",\"bytes\":\"" +
+       hex_text(frame.bytes) + "\",\"ok\":" + (frame.ok() ? "true" : "false") +
+       ",\"what\":" + json_string(frame.what) + "}");
 }
 
 void JsonLog::led(const LedChange& change) {
-  std::fprintf(file_, "{\"t\":%s,\"led\":\"%s\",\"shows\":\"%s\"}\n", clock_.text(change.at).c_str(),
-               change.led.c_str(), change.shows.c_str());
-  std::fflush(file_);
+  line("{\"t\":" + clock_.text(change.at) + ",\"led\":\"" + change.led + "\",\"shows\":\"" + change.shows +
+       "\"}");
 }
 
 }  // namespace card

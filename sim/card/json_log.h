@@ -5,26 +5,26 @@
 #ifndef JSON_LOG_H
 #define JSON_LOG_H
 
-#include <cstdio>
 #include <string>
 
 #include "frame.h"
 #include "led_watch.h"
+#include "output_file.h"
 
 namespace card {
 
 class JsonLog {
  public:
   JsonLog(const std::string& path, const SimClock& clock);  // throws UserError
-  ~JsonLog();
-  JsonLog(const JsonLog&) = delete;
-  JsonLog& operator=(const JsonLog&) = delete;
   void frame(const Frame& frame);
   void led(const LedChange& change);
+  OutputFile& file() { return file_; }
 
  private:
+  void line(const std::string& object);
+
   const SimClock clock_;
-  std::FILE* file_;
+  OutputFile file_;
 };
 
 }  // namespace card

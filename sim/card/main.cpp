@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The virtual card: puts lines, far ends, logs and pace together around VirtualCard.
-// Exit codes: 0 ended by --for or a signal, 2 wrong option or busy path.
+// Exit codes: 0 ended by --for or a signal, 2 wrong option, busy path or full disk.
 
 #include <signal.h>
 #include <unistd.h>
@@ -108,11 +108,16 @@ void warn_about_switches(const Options& options) {
                  options.sw_addr);
 }
 
+void check_files(const Recording& recording) {
+  if (!recording.trouble().empty()) throw UserError(recording.trouble());
+}
+
 void run(const Options& options) {
   const LineSettings network = network_settings(options.sw_baud, kClock);
   Recording recording(kClock, Describer(Words(*options.dialect, *options.profile)), options.log_file,
                       options.pcap_file);
   if (!options.quiet) recording.listen(print_frame, print_led);
+  recording.network_line(network.name());
   const std::unique_ptr<FarEnd> master = open_master(options);
   const std::unique_ptr<FarEnd> drive = open_drive(options);
   const std::string firmware = own_folder() + options.dialect->image_folder;
@@ -147,8 +152,10 @@ void run(const Options& options) {
     const Cycles cycles = std::min(step, end - virtual_card.now());
     virtual_card.run(cycles);
     recording.write_until(virtual_card.settled());
+    check_files(recording);
     if (options.control) {
       for (const std::string& command : commands.take()) std::puts(control.run(command).c_str());
+      recording.network_line(network_settings(control.read().baud, kClock).name());
       std::fflush(stdout);
       if (commands.ended()) break;
     }
@@ -166,7 +173,8 @@ void run(const Options& options) {
     }
   }
   virtual_card.finish();
-  recording.write_until(kNever);
+  recording.close();
+  check_files(recording);
   if (!options.quiet)
     std::printf("simulated %.1f s in %.1f s; one core can do %.1f x real time\n", pacer.simulated_seconds(),
                 pacer.wall_seconds(), pacer.possible_ratio());

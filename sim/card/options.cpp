@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <functional>
+#include <system_error>
 #include <vector>
 
 #include "user_error.h"
@@ -60,6 +62,13 @@ struct Option {
   std::function<void(const std::string&)> set;
 };
 
+bool same_file(const std::string& one, const std::string& other) {
+  if (other.empty()) return false;
+  std::error_code unknown;
+  return std::filesystem::weakly_canonical(std::filesystem::absolute(one), unknown) ==
+         std::filesystem::weakly_canonical(std::filesystem::absolute(other), unknown);
+}
+
 void check_together(const Options& options) {
   if (!options.modbus_link.empty() && !options.modbus_device.empty())
     throw UserError("--modbus and --modbus-device exclude each other");
@@ -71,6 +80,11 @@ void check_together(const Options& options) {
     throw UserError("--speed max does not go with a real serial port");
   if (!options.modbus_link.empty() && options.modbus_link == options.drive_link)
     throw UserError("--modbus and --drive need two different links");
+  const std::string* const files[] = {&options.wave_file, &options.pcap_file, &options.log_file};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = i + 1; j < 3; ++j)
+      if (!files[i]->empty() && same_file(*files[i], *files[j]))
+        throw UserError("--wave, --pcap and --log need different files, not twice '" + *files[i] + "'");
 }
 
 }  // namespace
@@ -135,6 +149,9 @@ Options parse_options(int argc, char** argv) {
     if (follows && i + 1 >= argc) throw UserError(name + " needs a value");
     const std::string value = follows ? argv[++i] : argument.substr(equals + 1);
     if (value.empty()) throw UserError(name + " needs a value");
+    // Forgotten, and an option taken for it; a file of such a name is './--name'.
+    if (follows && value.rfind("--", 0) == 0)
+      throw UserError(name + " needs a value, and '" + value + "' is an option");
     option->set(value);
   }
   check_together(options);
@@ -184,7 +201,7 @@ const char* help_text() {
          "\n"
          "Prints 'ready modbus=... drive=...' when both lines are open. SIGINT, SIGTERM and --for end it "
          "with\n"
-         "exit code 0; a wrong option or a busy path is one line and exit code 2.\n";
+         "exit code 0; a wrong option, a busy path or a full disk is one line and exit code 2.\n";
 }
 
 }  // namespace card

@@ -2,8 +2,6 @@
 
 #include "pcapng.h"
 
-#include "user_error.h"
-
 namespace card {
 
 namespace {
@@ -67,14 +65,27 @@ Bytes bytes_of(const std::string& text) { return Bytes(text.begin(), text.end())
 }  // namespace
 
 PcapngFile::PcapngFile(const std::string& path, const SimClock& clock, const std::string& drive)
-    : clock_(clock), file_(std::fopen(path.c_str(), "wbe")) {
-  if (file_ == nullptr) throw system_error("cannot write " + path);
+    : clock_(clock), file_(path), drive_(drive) {
   section_header();
-  interface(kUser0, "modbus", "network line, Modbus RTU");
-  interface(kUser1, "drive", "drive line, FC protocol, " + drive);
 }
 
-PcapngFile::~PcapngFile() { std::fclose(file_); }
+void PcapngFile::network_interface(const std::string& settings) {
+  network_ = interfaces_;
+  settings_ = settings;
+  interface(kUser0, "modbus", "network line, Modbus RTU" + (settings.empty() ? "" : ", " + settings));
+}
+
+// Not before the first frame: the network line's rate may be told after the file was opened.
+void PcapngFile::begin(const std::string& settings) {
+  if (interfaces_ > 0) return;
+  network_interface(settings);
+  interface(kUser1, "drive", "drive line, FC protocol, " + drive_);
+}
+
+void PcapngFile::close(const std::string& settings) {
+  begin(settings);
+  file_.close();
+}
 
 void PcapngFile::block(std::uint32_t type, const Bytes& body) {
   const auto length = static_cast<std::uint32_t>(body.size() + 12);
@@ -83,8 +94,7 @@ void PcapngFile::block(std::uint32_t type, const Bytes& body) {
   put32(out, length);
   out.insert(out.end(), body.begin(), body.end());
   put32(out, length);
-  std::fwrite(out.data(), 1, out.size(), file_);
-  std::fflush(file_);
+  file_.write(out.data(), out.size());
 }
 
 void PcapngFile::section_header() {
@@ -108,13 +118,16 @@ void PcapngFile::interface(std::uint16_t link_type, const std::string& name,
   put_option(body, kOptionResolution, {kMicroseconds});
   put32(body, 0);  // end of options
   block(kInterface, body);
+  ++interfaces_;
 }
 
-void PcapngFile::frame(const Frame& frame) {
+void PcapngFile::frame(const Frame& frame, const std::string& settings) {
+  begin(settings);
+  if (settings != settings_) network_interface(settings);
   const auto us = static_cast<std::uint64_t>(clock_.microseconds(frame.start));
   const auto length = static_cast<std::uint32_t>(frame.bytes.size());
   Bytes body;
-  put32(body, frame.line == LineId::kModbus ? 0 : 1);
+  put32(body, frame.line == LineId::kModbus ? network_ : 1);
   put32(body, static_cast<std::uint32_t>(us >> 32));
   put32(body, static_cast<std::uint32_t>(us));
   put32(body, length);

@@ -18,8 +18,10 @@ void Recording::listen(std::function<void(const Frame&)> frames, std::function<v
   on_led_ = std::move(leds);
 }
 
+void Recording::network_line(const std::string& settings) { settings_ = settings; }
+
 void Recording::frame(const Frame& frame) {
-  waiting_.emplace(frame.start, [this, frame] { write_frame(frame); });
+  waiting_.emplace(frame.start, [this, frame, settings = settings_] { write_frame(frame, settings); });
 }
 
 void Recording::led(const LedChange& change) {
@@ -33,10 +35,21 @@ void Recording::write_until(Cycles settled) {
   }
 }
 
-void Recording::write_frame(Frame frame) {
+void Recording::close() {
+  write_until(kNever);
+  if (log_) log_->file().close();
+  if (pcap_) pcap_->close(settings_);
+}
+
+std::string Recording::trouble() const {
+  if (log_ && !log_->file().trouble().empty()) return log_->file().trouble();
+  return pcap_ ? pcap_->file().trouble() : "";
+}
+
+void Recording::write_frame(Frame frame, const std::string& settings) {
   describer_.describe(frame);
   if (log_) log_->frame(frame);
-  if (pcap_) pcap_->frame(frame);
+  if (pcap_) pcap_->frame(frame, settings);
   if (on_frame_) on_frame_(frame);
 }
 

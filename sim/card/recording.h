@@ -25,16 +25,23 @@ class Recording {
             const std::string& pcap_file);
   void listen(std::function<void(const Frame&)> frames, std::function<void(const LedChange&)> leds);
 
+  // Rate and format of the network line from now on.
+  void network_line(const std::string& settings);
   void frame(const Frame& frame);
   void led(const LedChange& change);
   // Nothing older than `settled` will come any more.
   void write_until(Cycles settled);
+  // All of it, and the end of the files.
+  void close();
+  // Empty, or why a file could not be written.
+  std::string trouble() const;
 
  private:
-  void write_frame(Frame frame);
+  void write_frame(Frame frame, const std::string& settings);
   void write_led(const LedChange& change);
 
   Describer describer_;
+  std::string settings_;  // of the network line
   std::multimap<Cycles, std::function<void()>> waiting_;
   std::unique_ptr<JsonLog> log_;
   std::unique_ptr<PcapngFile> pcap_;

@@ -3,11 +3,13 @@
 #include "virtual_card.h"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <unistd.h>
 #include <verilated.h>
 #include <verilated_fst_c.h>
 
 #include <algorithm>
+#include <iostream>
 #include <utility>
 
 #include "Vrtu2fc.h"
@@ -17,6 +19,8 @@
 namespace card {
 
 namespace {
+
+std::string wave_trouble;  // what is said then
 
 constexpr int kSliceUs = 250;  // how often far ends, silences and LEDs are looked at
 constexpr int kResetCycles = 16;
@@ -65,11 +69,18 @@ void VirtualCard::connect(FarEnd& master, FarEnd& drive) {
   drive_.far_end = &drive;
 }
 
+// The writer of waveforms ends the program with abort() and words of its own when the disk is full.
 void VirtualCard::open_wave(const std::string& path) {
   // The waveform writer does not tell when it cannot create its file.
   const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) throw system_error("cannot write " + path);
   close(file);
+  wave_trouble = "card: cannot write " + path + ": the disk is full\n";
+  signal(SIGABRT, [](int) {
+    const ssize_t told = write(STDERR_FILENO, wave_trouble.data(), wave_trouble.size());
+    _exit(told < 0 ? 3 : 2);
+  });
+  std::cerr.rdbuf(nullptr);
   wave_ = std::make_unique<VerilatedFstC>();
   top_->trace(wave_.get(), kWaveDepth);
   wave_->open(path.c_str());

@@ -65,6 +65,11 @@ void record_silences(void* recorder, int line, long long inside, long long betwe
       .use(Silences{inside, between, character});
 }
 
+// Rate and format of the network line, such as "9600 8N2".
+void record_network_line(void* recorder, const char* settings) {
+  static_cast<Recorder*>(recorder)->recording.network_line(settings);
+}
+
 void record_byte(void* recorder, int line, int from_card, int value, int bad_parity, int bad_stop,
                  long long start, long long end) {
   auto& self = *static_cast<Recorder*>(recorder);
@@ -86,10 +91,14 @@ void record_led(void* recorder, int led, int red, int green, long long now) {
 // Writes what can no longer be preceded by anything.
 void record_write(void* recorder, long long now) { static_cast<Recorder*>(recorder)->write(now); }
 
-void record_close(void* recorder) {
+// Whether all of it could be written; if not, the reason is in `error`.
+int record_close(void* recorder, char* error, unsigned error_size) {
   const std::unique_ptr<Recorder> self(static_cast<Recorder*>(recorder));
   for (FrameGrouper& line : self->lines) line.flush();
-  self->recording.write_until(kNever);
+  self->recording.close();
+  const std::string trouble = self->recording.trouble();
+  std::snprintf(error, error_size, "%s", trouble.c_str());
+  return trouble.empty();
 }
 
 }  // extern "C"

@@ -35,7 +35,7 @@ class LineTap:
         for monitor in self._monitors.values():
             monitor.fmt = fmt
         strict = os.environ.get("RECORD_STRICT", "1") != "0"
-        self._frame_end_ps = self._recorder.use(self._id, fmt.baud, strict)
+        self._frame_end_ps = self._recorder.use(self._id, fmt, strict)
 
     def end_frame(self) -> None:
         self._last = None

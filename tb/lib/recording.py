@@ -24,7 +24,7 @@ from tb.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.model import rtu
 
 if TYPE_CHECKING:
-    from tb.lib.uart_agent import Character
+    from tb.lib.uart_agent import Character, Format
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = Path("build/host/librecord.so")
@@ -63,7 +63,8 @@ def load_library() -> ctypes.CDLL:
         ("record_end_frame", None, [pointer, number]),
         ("record_led", None, [pointer, number, number, number, time]),
         ("record_write", None, [pointer, time]),
-        ("record_close", None, [pointer]),
+        ("record_network_line", None, [pointer, text]),
+        ("record_close", number, [pointer, text, ctypes.c_uint]),
     ):
         function = getattr(library, name)
         function.restype = result
@@ -92,15 +93,19 @@ class Recorder:
 
     def close(self) -> None:
         if self._recorder:
-            self._library.record_close(self._recorder)
+            why = ctypes.create_string_buffer(200)
+            good = self._library.record_close(self._recorder, why, len(why))
             self._recorder = None
+            if not good:
+                raise RecordingError(why.value.decode())
 
-    def use(self, line: int, baud: int, strict: bool = True) -> float:
+    def use(self, line: int, fmt: Format, strict: bool = True) -> float:
         """Silences of a line at this rate; returns the one that ends a frame."""
         if line == MODBUS:
-            inside, between = rtu.t15_ps(baud), rtu.t35_ps(baud)
+            self._library.record_network_line(self._recorder, str(fmt).encode())
+            inside, between = rtu.t15_ps(fmt.baud), rtu.t35_ps(fmt.baud)
         else:
-            inside = between = DRIVE_PAUSE_TICKS / TICKS_PER_BIT * rtu.bit_ps(baud)
+            inside = between = DRIVE_PAUSE_TICKS / TICKS_PER_BIT * rtu.bit_ps(fmt.baud)
         character = between / (2 if line == DRIVE else 3.5)
         times = (inside if strict else between, between, character)
         self._library.record_silences(self._recorder, line, *(round(t / PS_PER_NS) for t in times))
