@@ -7,6 +7,7 @@ dissector's own.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -17,10 +18,12 @@ import pytest
 from tb.lib import tshark
 from tb.lib.example_run import EXAMPLES, Played, Recorded, record
 from tb.lib.recording import DRIVE, MODBUS, Recorder
+from tb.lib.uart_agent import Format
 from tb.model import fc_telegram, rtu
-from tb.test_recordings import Talk
+from tb.model.crc16 import with_crc
+from tb.test_recordings import Heard, Talk
 from tools.drive_table import read_capacity, read_profile
-from tools.run_card import ROOT
+from tools.run_card import ROOT, Frame
 from tools.wireshark import SCRIPT, environment
 
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
@@ -37,14 +40,16 @@ FIELDS = [
     *(f"vltfc.{name}" for name in ("ak.words", "pnu.name", "ind", "index", "pwe", "pwe.signed", "value")),
     *(f"vltfc.{name}" for name in ("text", "fault", "fault.words", "ctw", "ref.percent", "stw")),
     *(f"vltfc.{name}" for name in ("freq.percent", "bcc", "bcc.good", "request_frame", "reply_frame")),
-    *("vltfc.repeat_of", "vltfc.pause"),
+    *("vltfc.repeat_of", "vltfc.pause", "vltfc.time"),
     *("mbrtu.unit_id", "mbrtu.crc16.status", "modbus.func_code", "modbus.reference_num"),
     *("modbus.bit_cnt", "modbus.word_cnt", "modbus.regval_uint16", "modbus.data", "modbus.exception_code"),
     *("modbus.request_frame", "modbus.response_time"),
     *("rtu2fc_modbus.func_code", "rtu2fc_modbus.reference_num", "rtu2fc_modbus.crc.good"),
     *("rtu2fc_modbus.pnu", "rtu2fc_modbus.name", "rtu2fc_modbus.ctw", "rtu2fc_modbus.ref"),
+    *("rtu2fc_modbus.pause", "frame.interface_description"),
     *BITS,
 ]
+READ_COILS = with_crc(bytes.fromhex("01 01 00 20 00 10"))
 WITH_DRIVE = [name for name, example in EXAMPLES.items() if example["drive"]]
 
 
@@ -168,6 +173,8 @@ def test_request_and_reply_know_each_other(recorded, packets):
         assert number(packets[asked]["vltfc.reply_frame"]) == at
         silence = frame.start - recorded.frames[asked - 1].end
         assert float(packets[at]["vltfc.pause"]) == pytest.approx(silence, abs=3e-6)
+        taken = frame.start - recorded.frames[asked - 1].start
+        assert float(packets[at]["vltfc.time"]) == pytest.approx(taken, abs=3e-6)
         pairs += 1
     assert pairs > 20
     first = next(
@@ -253,6 +260,46 @@ def test_the_network_line_is_decoded_as_the_examples_say(recorded, packets, name
     assert float(got["modbus.response_time"]) == pytest.approx(taken, abs=2e-6)
 
 
+def test_the_network_line_s_pause_is_the_log_s(recorded, packets):
+    """From the request's last stop bit on, as on the drive line, on the panel and in the demo."""
+    pauses, asked = 0, None
+    for at, frame in enumerate(recorded.frames, 1):
+        if frame.line != "modbus":
+            continue
+        shown = packets[at]["rtu2fc_modbus.pause"]
+        if frame.sender == "master":
+            asked = frame
+            assert shown == ""
+        else:
+            assert float(shown) == pytest.approx(frame.start - asked.end, abs=3e-6)
+            pauses += 1
+    assert pauses > 30
+
+
+@pytest.mark.parametrize(("baud", "form"), [(9600, "8N2"), (19200, "8E1"), (300, "8N1"), (115200, "8O1")])
+def test_the_pause_knows_the_line_s_rate_also_when_it_changes(tmp_path, baud, form):
+    fmt = Format.named(baud, form)
+    with Recorder(tmp_path / "lines") as recorder:
+        at = 10**10
+        for now in (Format.named(4800, "8E1"), fmt):
+            recorder.end_frame(MODBUS)
+            recorder.use(MODBUS, now)
+            for from_card, data in ((False, READ_COILS), (True, READ_COILS)):
+                for byte in data:
+                    end = at + round(now.character_ps)
+                    recorder.character(MODBUS, from_card, Heard(byte, at, end))
+                    at = end
+                recorder.end_frame(MODBUS)
+                at += 30 * 10**9
+    got = read(recorder.pcap, tmp_path / "settings")
+    assert [packet["frame.interface_description"] for packet in got.values()] == [
+        *2 * ["network line, Modbus RTU, 4800 8E1"],
+        *2 * [f"network line, Modbus RTU, {baud} {form}"],
+    ]
+    for reply in (2, 4):
+        assert float(got[reply]["rtu2fc_modbus.pause"]) == pytest.approx(0.030, abs=3e-6)
+
+
 def test_requests_are_told_in_the_drive_s_words(recorded, packets):
     read_current = packets[example(recorded, "ex5-read-514").first_packet]
     assert read_current["rtu2fc_modbus.pnu"] == "514"
@@ -264,6 +311,152 @@ def test_requests_are_told_in_the_drive_s_words(recorded, packets):
     assert not truth(start["vltfc.ctw.reverse"])
     local = packets[example(recorded, "appA-fc06").first_packet]
     assert local["rtu2fc_modbus.pnu"] == "", "40002 is no parameter"
+
+
+@pytest.mark.parametrize(
+    ("request_", "bits", "reference"),
+    [
+        ("01 0F 00 00 00 20 04 7C 04 99 19", {"start": 1, "valid": 1, "reverse": 0}, 40.0),
+        ("01 0F 00 00 00 10 02 7C 04", {"start": 1, "valid": 1, "reverse": 0}, None),
+        ("01 05 00 06 FF 00", {"start": 1, "valid": None}, None),
+        ("01 05 00 06 00 00", {"start": 0, "valid": None}, None),
+        ("00 05 00 0A FF 00", {"start": None, "valid": 1}, None),
+        ("01 0F 00 06 00 05 01 11", {"start": 1, "valid": 1, "reset": 0, "reverse": None}, None),
+        ("01 0F 00 01 00 10 02 20 02", {"start": 1, "valid": 1, "reverse": 0}, None),
+        ("01 0F 00 10 00 10 02 00 E0", {"start": None, "valid": None}, -50.0),
+        ("01 0F 00 0F 00 11 03 01 40 00", {"reverse": 1, "start": None}, 50.0),
+        ("01 05 00 20 FF 00", {"start": None, "valid": None}, None),
+        ("01 0F 00 00 00 20 04 7C 04", {"start": None}, None),
+    ],
+)
+def test_any_write_of_the_control_word_s_coils_is_told(tmp_path, request_, bits, reference):
+    frame = with_crc(bytes.fromhex(request_))
+    (got,) = read(capture_of(tmp_path, (MODBUS, False, frame)), tmp_path / "settings").values()
+    for name, value in bits.items():
+        shown = got[f"vltfc.ctw.{name}"]
+        assert shown == "" if value is None else truth(shown) == bool(value), name
+    share = got["rtu2fc_modbus.ref"]
+    assert share == "" if reference is None else float(share) == pytest.approx(reference, abs=0.01)
+
+
+def test_a_function_code_alone_is_decoded_too(tmp_path):
+    frame = with_crc(bytes.fromhex("01 07"))
+    (got,) = read(capture_of(tmp_path, (MODBUS, False, frame)), tmp_path / "settings").values()
+    assert number(got["rtu2fc_modbus.func_code"]) == 7 and truth(got["rtu2fc_modbus.crc.good"])
+
+
+# ---------------------------------------------------------------- what one sees: columns, colours
+@pytest.fixture(scope="module")
+def rows(recorded, tmp_path_factory) -> list[dict[str, str]]:
+    """The packet list, column by column, as the profile has it."""
+    settings = tmp_path_factory.mktemp("columns")
+    preferences = (ROOT / "tools/wireshark/profile/preferences").read_text().split("gui.column.format:")[1]
+    names = re.findall(r'^\s*"([^"]*)", "', preferences, re.MULTILINE)
+    text = tshark.rows(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(settings))
+    return [dict(zip(names, map(str.strip, line.split("\t")), strict=True)) for line in text]
+
+
+def test_the_columns_are_what_the_log_says(recorded, rows):
+    assert len(rows) == len(recorded.frames)
+    ends: dict[str, float] = {}
+    for at, (row, frame) in enumerate(zip(rows, recorded.frames, strict=True), 1):
+        assert int(row["No."]) == at
+        assert float(row["Time"]) == pytest.approx(frame.start, abs=1e-9), "the log's time, from power-up"
+        assert row["Line"] == frame.line
+        assert row["Direction"] == ("Outbound" if frame.sender == "card" else "Inbound")
+        assert row["Protocol"] == ("FC" if frame.line == "drive" else "Modbus RTU")
+        assert int(row["Bytes"]) == len(frame.data)
+        assert row["Comment"] == ("" if frame.ok else "bad frame: ") + frame.what
+        replies = frame.sender == ("card" if frame.line == "modbus" else "drive")
+        if replies:
+            assert float(row["Reply after"]) == pytest.approx(frame.start - ends[frame.line], abs=3e-6)
+        else:
+            assert row["Reply after"] == ""
+            ends[frame.line] = frame.end
+
+
+def test_the_info_column_tells_each_telegram_and_request(recorded, rows):
+    for row, frame in zip(rows, recorded.frames, strict=True):
+        info = row["Info"]
+        if frame.line == "modbus":
+            if "would be right" in frame.what:  # it contradicts itself: Wireshark's own affair
+                continue
+            assert re.search(rf"Func: +{frame.data[1] & 0x7F}\b", info), info
+            continue
+        reply = frame.sender == "drive"
+        parts = fc_telegram.parse(frame.data, reply)
+        assert info.startswith("Reply: " if reply else "To all: " if parts.broadcast else "Request: ")
+        word, share = ("status", "frequency") if reply else ("control", "reference")
+        signed = parts.pcd2 - 0x10000 if parts.pcd2 & 0x8000 else parts.pcd2
+        assert info.endswith(f"{word} {parts.pcd1:04X}h, {share} {100 * signed / 0x4000:.1f} %")
+        if parts.kind != "process":
+            words = WORDS["reply" if reply else "request"][str(parts.ak)]
+            assert f": {words} {parts.pnu} {VLT6000[parts.pnu].name}" in info
+        if parts.text is not None:
+            assert f"= '{parts.text.decode()}';" in info
+
+
+def test_a_control_word_that_is_not_valid_is_said_to_be_ignored(recorded, tmp_path):
+    told = tshark.verbose(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(tmp_path))
+    shown = [line.strip() for line in told.splitlines() if line.strip().startswith("Control word: ")]
+    sent = [
+        fc_telegram.parse(frame.data).pcd1
+        for frame in recorded.frames
+        if (frame.line, frame.sender) == ("drive", "card")
+    ]
+    written = [line for line in shown if re.search(r"0x[0-9a-f]{4}( \(ignored: data not valid\))?$", line)]
+    on_drive_line = [
+        f"Control word: 0x{word:04x}" + ("" if word & 1 << 10 else " (ignored: data not valid)")
+        for word in sent
+    ]
+    assert written == shown
+    assert {word & 1 << 10 for word in sent} == {0, 1 << 10}
+    # Requests on the network line have the word too, and whether it is valid is the drive line's business.
+    for line in on_drive_line:
+        shown.remove(line)
+    assert not any("ignored" in line for line in shown)
+
+
+def colour_filters() -> dict[str, str]:
+    lines = (ROOT / "tools/wireshark/profile/colorfilters").read_text().splitlines()
+    return dict(re.fullmatch(r"@([^@]+)@([^@]+)@\[[\d,]+\]\[[\d,]+\]", line).groups() for line in lines[1:])
+
+
+def test_each_colour_is_for_the_frames_it_is_named_for(recorded, tmp_path):
+    def is_exception(frame: Frame) -> bool:
+        if frame.line == "modbus":
+            return frame.sender == "card" and bool(frame.data[1] & rtu.EXCEPTION_BIT)
+        return frame.sender == "drive" and fc_telegram.parse(frame.data, True).fault is not None
+
+    frames = dict(enumerate(recorded.frames, 1))
+    expected = {
+        "Bad frame": [at for at, frame in frames.items() if not frame.ok],
+        "Exception or refused": [at for at, frame in frames.items() if is_exception(frame)],
+        "Drive line": [at for at, frame in frames.items() if frame.line == "drive"],
+        # Wireshark's own dissector knows no unit 0.
+        "Network line": [at for at, frame in frames.items() if frame.line == "modbus"],
+    }
+    assert expected["Exception or refused"]
+    found = {}
+    for name, chosen in colour_filters().items():
+        options = [*SCRIPT, "-2"]
+        seen = tshark.fields(
+            recorded.pcap, "frame.number", options=options, only=chosen, env=environment(tmp_path)
+        )
+        found[name] = [int(packet["frame.number"]) for packet in seen]
+    assert len(found.pop("No reply")) >= 2
+    assert found == expected
+
+
+def test_a_bad_frame_has_its_colour(tmp_path):
+    capture = capture_of(
+        tmp_path, (DRIVE, True, START[:-1] + b"\x7c"), (MODBUS, False, READ_COILS[:-1] + b"\0")
+    )
+    chosen = colour_filters()["Bad frame"]
+    seen = tshark.fields(
+        capture, "frame.number", options=SCRIPT, only=chosen, env=environment(tmp_path / "settings")
+    )
+    assert [packet["frame.number"] for packet in seen] == ["1", "2"]
 
 
 # ---------------------------------------------------------------- what is wrong, and other drives
@@ -311,6 +504,31 @@ def test_a_negative_frequency_and_a_signed_value(tmp_path):
     got = read(capture_of(tmp_path, (DRIVE, False, reply)), tmp_path / "settings")[1]
     assert float(got["vltfc.freq.percent"]) == -50
     assert got["vltfc.pwe.signed"] == "65535"
+
+
+def test_a_text_is_latin_1_with_dots_for_what_does_not_print(tmp_path):
+    write = fc_telegram.build_text(533, b"HELLO\xe9\x00\x7f\x8012")
+    read_ = fc_telegram.build_text_read(533, 1)
+    reply = fc_telegram.build_text(533, b"\x01~\xff", fc_telegram.IND_TEXT_READ)
+    lines = ((DRIVE, True, write), (DRIVE, False, reply), (DRIVE, True, read_))
+    capture = capture_of(tmp_path, *lines)
+    got = read(capture, tmp_path / "settings")
+    assert [got[at]["vltfc.text"] for at in got] == ["HELLOé...12", ".~ÿ", ""]
+    assert "Trailing" not in got[1]["_ws.expert.message"]
+    told = tshark.verbose(capture, options=SCRIPT, env=environment(tmp_path / "settings"))
+    assert re.findall(r"IND: (.*)", told) == [
+        "0x0500 (write text)",
+        "0x0400 (read text)",
+        "0x0401 (read text)",
+    ]
+
+
+def test_the_last_telegram_may_have_no_reply_too(tmp_path):
+    ask = fc_telegram.build_parameter(1, 514)
+    alone = read(capture_of(tmp_path, (DRIVE, True, ask)), tmp_path / "settings")
+    assert "No reply up to the end of the recording" in alone[1]["_ws.expert.message"]
+    answered = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, ask)), tmp_path / "settings")
+    assert not any("No reply" in packet["_ws.expert.message"] for packet in answered.values())
 
 
 @pytest.mark.parametrize(

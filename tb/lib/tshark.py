@@ -35,5 +35,15 @@ def fields(
     return [dict(zip(names, line.split("\t"), strict=True)) for line in text.splitlines()]
 
 
+def rows(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | None = None) -> list[str]:
+    """The packet list, its columns separated by tabs."""
+    return _run(["tshark", "-n", *options, "-r", capture, "-T", "tabs"], env).splitlines()
+
+
+def verbose(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | None = None) -> str:
+    """Each packet as a tree."""
+    return _run(["tshark", "-n", *options, "-r", capture, "-V"], env)
+
+
 def capinfos(capture: Path) -> str:
     return _run(["capinfos", "-M", capture])

@@ -22,7 +22,8 @@ local FULL_SCALE = 0x4000 -- 100 %
 local AROUND_DATA = 4 -- STX, LGE, ADR, BCC
 local PROCESS, PARAMETER, AROUND_TEXT = 4, 12, 8 -- bytes of data; of a text telegram without the text
 local BIT_15, DATA_VALID = 15, 10 -- bit fields count from the highest bit
-local AK_REFUSED, AK_TEXT, IND_TEXT_READ = 7, 15, 0x04
+local AK_REFUSED, AK_TEXT, IND_TEXT_READ, IND_TEXT_WRITE = 7, 15, 0x04, 0x05
+local TEXT_WORDS = { [IND_TEXT_READ] = " (read text)", [IND_TEXT_WRITE] = " (write text)" }
 local MODBUS_PORT, MASTER_PORT = 8502, 8503 -- how the Modbus dissector tells card and master apart
 
 -- ---------------------------------------------------------------- words
@@ -65,6 +66,27 @@ end
 local function percent(word)
   local signed = word >= 0x8000 and word - 0x10000 or word
   return 100.0 * signed / FULL_SCALE
+end
+
+-- Texts are Latin-1; what does not print is a dot.
+local function latin1(range)
+  local text = {}
+  for at = 0, range:len() - 1 do
+    local code = range(at, 1):uint()
+    if code >= 0x20 and code < 0x7F then
+      text[#text + 1] = string.char(code)
+    elseif code >= 0xA0 then
+      text[#text + 1] = string.char(0xC0 + math.floor(code / 64), 0x80 + code % 64)
+    else
+      text[#text + 1] = "."
+    end
+  end
+  return table.concat(text)
+end
+
+-- For a field of its own kind: seconds, to the nanosecond.
+local function seconds(value)
+  return NSTime.new(math.floor(value), math.floor(value % 1 * 1e9 + 0.5))
 end
 
 -- ---------------------------------------------------------------- fields
@@ -114,7 +136,7 @@ for prefix, kind in pairs({ ctw = "control", stw = "status" }) do
       { entry.one, entry.zero },
       2 ^ entry.bit
     )
-    fields[#fields + 1] = { field = field, only = entry.only }
+    fields[#fields + 1] = { field = field, only = entry.only, bit = entry.bit }
     f[prefix .. entry.id] = field
   end
 end
@@ -185,14 +207,19 @@ local function add_parameter(tree, data, reply, drive)
   branch:add(f.pnu, pke, pnu)
   branch:add(f.name, pke, name):set_generated()
   local index = data(3, 1):uint()
-  tree:add(f.ind, ind):add(f.index, data(3, 1), index)
+  local ind_item = tree:add(f.ind, ind)
+  ind_item:add(f.index, data(3, 1), index)
+  if ak == AK_TEXT then
+    ind_item:append_text(TEXT_WORDS[data(2, 1):uint()] or " (neither read nor write of a text)")
+  end
 
   local is_text = ak == AK_TEXT and (reply or data(2, 1):uint() ~= IND_TEXT_READ)
   local value = data(4, data:len() - AROUND_TEXT)
   local what = string.format("%s %d %s", words, pnu, name) .. (index > 0 and " [" .. index .. "]" or "")
   if is_text then
-    tree:add(f.text, value)
-    return string.format("%s = '%s'", what, value:string())
+    local text = latin1(value)
+    tree:add(f.text, value, text)
+    return string.format("%s = '%s'", what, text)
   end
   if value:len() ~= 4 then
     return what
@@ -277,17 +304,17 @@ local function add_links(tree, pinfo)
       tree:add(field, value):set_generated()
     end
   end
-  local function seconds(value)
-    return value and NSTime.new(math.floor(value), math.floor(value % 1 * 1e9 + 0.5))
-  end
   add(entry.reply and f.request_frame or f.reply_frame, entry.partner)
   add(f.repeat_of, entry.repeat_of)
-  add(f.time, seconds(entry.time))
+  add(f.time, entry.time and seconds(entry.time))
   if entry.pause and entry.pause >= 0 then
     add(f.pause, seconds(entry.pause))
   end
   if entry.silent then
     tree:add_proto_expert_info(e.silent, "No reply before the next request")
+  end
+  if pinfo.visited and pending and pending.number == pinfo.number then
+    tree:add_proto_expert_info(e.silent, "No reply up to the end of the recording")
   end
   if entry.after_silence then
     local before = string.format("No reply to the request in frame %d", entry.after_silence)
@@ -380,12 +407,46 @@ local n = {
   first = ProtoField.uint16("rtu2fc_modbus.reference_num", "Reference number", base.DEC),
   crc = ProtoField.uint16("rtu2fc_modbus.crc", "CRC", base.HEX),
   crc_good = ProtoField.bool("rtu2fc_modbus.crc.good", "CRC good"),
+  pause = ProtoField.relative_time("rtu2fc_modbus.pause", "From the request's last stop bit to the first start bit"),
 }
 network.fields = n
 local bad_crc = ProtoExpert.new("rtu2fc_modbus.bad_crc", "Incorrect CRC", expert.group.CHECKSUM, expert.severity.ERROR)
 network.experts = { bad_crc }
-local READ_REGISTERS, WRITE_REGISTER, WRITE_COILS, WRITE_REGISTERS = 0x03, 0x06, 0x0F, 0x10
-local PROCESS_COILS = 32
+local READ_REGISTERS, WRITE_COIL, WRITE_REGISTER, WRITE_COILS, WRITE_REGISTERS = 0x03, 0x05, 0x06, 0x0F, 0x10
+local WORD_COILS = 16 -- the control word; the reference has the 16 after it
+local SHORTEST, SHORTEST_KNOWN = 4, 5 -- bytes; Wireshark's dissector leaves the shortest alone
+
+-- Control word and reference, as far as a request writes their coils: its first coil, how many, their values.
+local function add_coils(tvb, root, first, count, value)
+  local last = math.min(first + count, 2 * WORD_COILS) - 1
+  if last < first or value:len() * 8 < last - first + 1 then
+    return
+  end
+  local function bit_of(coil)
+    local at = coil - first
+    return bits.band(value(math.floor(at / 8), 1):uint(), 2 ^ (at % 8)) ~= 0
+  end
+  local tree = root:add(network, value)
+  if first == 0 and last >= WORD_COILS - 1 then
+    local word = value(0, 2)
+    add_bits(tree:add_le(n.control, word), word, control_bits, drive_of(), true)
+  elseif first < WORD_COILS then
+    tree:append_text(string.format(first == last and ", coil %d" or ", coils %d-%d", first + 1, last + 1))
+    for _, entry in ipairs(control_bits) do
+      local known = not entry.only or drive_of().kinds[entry.only]
+      if known and entry.bit >= first and entry.bit <= last then
+        tree:add(entry.field, value, bit_of(entry.bit) and 2 ^ entry.bit or 0)
+      end
+    end
+  end
+  if first <= WORD_COILS and last == 2 * WORD_COILS - 1 then
+    local reference = 0
+    for coil = WORD_COILS, last do
+      reference = reference + (bit_of(coil) and 2 ^ (coil - WORD_COILS) or 0)
+    end
+    tree:add(n.reference, value, percent(reference))
+  end
+end
 
 -- What a request means to a VLT: its parameter, or control word and reference.
 local function add_meaning(tvb, root)
@@ -396,11 +457,36 @@ local function add_meaning(tvb, root)
     local pnu = (address + 1) / 10
     tree:add(n.parameter, tvb(2, 2), pnu)
     tree:add(n.name, tvb(2, 2), parameter_name(drive_of(), pnu)):set_generated()
-  elseif code == WRITE_COILS and address == 0 and tvb(4, 2):uint() == PROCESS_COILS and tvb:len() >= 13 then
-    local tree = root:add(network, tvb(7, 4))
-    local word = tvb(7, 2)
-    add_bits(tree:add_le(n.control, word), word, control_bits, drive_of(), true)
-    tree:add(n.reference, tvb(9, 2), percent(tvb(9, 2):le_uint()))
+  elseif code == WRITE_COIL then
+    add_coils(tvb, root, address, 1, tvb(4, 1))
+  elseif code == WRITE_COILS and tvb:len() > 9 then
+    add_coils(tvb, root, address, tvb(4, 2):uint(), tvb(7, tvb:len() - 9))
+  end
+end
+
+-- ---------------------------------------------------------------- its requests and replies
+local asked -- the last request, while the file is read for the first time
+local answers = {} -- frame number of a reply -> seconds since its request began, bytes of that
+
+function network.init()
+  asked, answers = nil, {}
+end
+
+-- Seconds that so many bytes take, at the rate that the capture's interface description tells.
+local function seconds_of(bytes)
+  local said = interface_description()
+  local baud, parity, stop_bits = (said and said.value or ""):match("(%d+) 8([NEO])([12])$")
+  if baud then
+    return bytes * (9 + (parity == "N" and 0 or 1) + tonumber(stop_bits)) / tonumber(baud)
+  end
+end
+
+local function follow_network(tvb, pinfo, request)
+  if request then
+    asked = { at = pinfo.abs_ts, bytes = tvb:len() }
+  elseif asked then
+    answers[pinfo.number] = { after = pinfo.abs_ts - asked.at, bytes = asked.bytes }
+    asked = nil
   end
 end
 
@@ -417,11 +503,14 @@ local function crc_of(tvb)
   return crc
 end
 
--- Wireshark's dissector takes unit 0 for no Modbus at all, but it is a request to all.
-local function broadcast(tvb, pinfo, root)
-  local tree = root:add(network, tvb(), "Modbus RTU, request to all")
+-- Wireshark's dissector takes unit 0 for no Modbus at all, but it is a request to all; and leaves a frame alone
+-- that is a function code only.
+local function by_ourselves(tvb, pinfo, root, who)
+  local tree = root:add(network, tvb(), "Modbus RTU, " .. who)
   tree:add(n.code, tvb(1, 1))
-  tree:add(n.first, tvb(2, 2))
+  if tvb:len() >= 8 then
+    tree:add(n.first, tvb(2, 2))
+  end
   local crc = tvb(tvb:len() - 2, 2)
   local item = tree:add_le(n.crc, crc)
   local good = crc:le_uint() == crc_of(tvb)
@@ -430,7 +519,7 @@ local function broadcast(tvb, pinfo, root)
     item:add_proto_expert_info(bad_crc)
   end
   pinfo.cols.protocol = "Modbus RTU"
-  pinfo.cols.info = string.format("To all: Func: %3d", tvb(1, 1):uint())
+  pinfo.cols.info = string.format("%s: Func: %3d", who, tvb(1, 1):uint())
 end
 
 function network.dissector(tvb, pinfo, root)
@@ -440,13 +529,25 @@ function network.dissector(tvb, pinfo, root)
   elseif pinfo.p2p_dir == P2P_DIR_SENT then
     pinfo.src_port, pinfo.dst_port = MODBUS_PORT, MASTER_PORT
   end
-  if tvb:len() >= 8 and tvb(0, 1):uint() == 0 then
-    broadcast(tvb, pinfo, root)
+  -- First: what the built-in dissector cannot read ends this function too.
+  if not pinfo.visited then
+    follow_network(tvb, pinfo, request)
+  end
+  local answer = answers[pinfo.number]
+  local long = answer and seconds_of(answer.bytes)
+  if long and answer.after >= long then
+    root:add(network, tvb(), "Reply"):add(n.pause, seconds(answer.after - long)):set_generated()
+  end
+  local length = tvb:len()
+  if length >= SHORTEST and tvb(0, 1):uint() == 0 then
+    by_ourselves(tvb, pinfo, root, "To all")
+  elseif length >= SHORTEST and length < SHORTEST_KNOWN then
+    by_ourselves(tvb, pinfo, root, string.format("Unit %d", tvb(0, 1):uint()))
   else
     modbus:call(tvb, pinfo, root)
   end
-  if request and tvb:len() >= 8 then
+  if request and length >= 8 then
     add_meaning(tvb, root)
   end
-  return tvb:len()
+  return length
 end
