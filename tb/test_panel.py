@@ -17,12 +17,14 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from rich.style import Style
+from rich.text import Text
 from textual.widgets import Static
 
 from tb.model.crc16 import with_crc
 from tb.test_virtual_card import RawPort, request_of
 from tools import panel
-from tools.panel import KEYS, LiveCard, Panel, View
+from tools.panel import KEYS, LINES_KEPT, LiveCard, Panel, View
 from tools.sources import ROOT
 
 RECORDED = [json.loads(line) for line in (ROOT / "tb/data/panel.jsonl").read_text().splitlines()]
@@ -99,6 +101,62 @@ def test_troubles_a_trip_and_moved_switches():
     assert "CUT" not in drive and "asked 5 replied 3" in drive
     assert "power off and on" in parts["card"]
     assert "BAD CRC wrong" in parts["log"] and "no answer from the drive" in parts["log"]
+
+
+def styles(text: Text, words: str) -> list[str]:
+    """The styles that lie on these words, wherever they stand."""
+    plain = text.plain
+    found = [at for at in range(len(plain)) if plain.startswith(words, at)]
+    assert found, f"'{words}' is not in '{plain}'"
+    return [
+        str(span.style)
+        for at in found
+        for span in text.spans
+        if span.start <= at and at + len(words) <= span.end
+    ]
+
+
+def view_of(*entries: dict) -> View:
+    view = View()
+    for entry in entries:
+        view.take(entry)
+    return view
+
+
+@pytest.mark.parametrize("line", ["modbus", "drive"])
+@pytest.mark.parametrize(
+    ("led", "colour"), [("red", "red"), ("green", "green"), ("orange", "dark_orange"), ("off", "grey50")]
+)
+def test_a_lamp_and_its_word_have_the_led_s_colour(line, led, colour):
+    other = {"modbus": "drive", "drive": "modbus"}[line]
+    dark = {**RECORDED[-1][other], "led": "off"}
+    state = {**RECORDED[-1], line: {**RECORDED[-1][line], "led": led}, other: dark}
+    rows = view_of(state).card().split("\n")
+    row = rows[0 if line == "modbus" else 1]
+    for part in ("○" if led == "off" else "●", led):
+        assert [style.split()[-1] for style in styles(row, part)] == [colour], part
+    assert (Style.parse(styles(row, led)[0]).bold is True) == (led != "off")
+
+
+def test_a_trip_is_red_and_a_running_motor_is_not():
+    states = [entry for entry in RECORDED if entry.get("motor")]
+    tripped = next(entry for entry in states if entry["motor"]["status"] & 8)
+    view = view_of(*until(7.2))
+    assert styles(view.drive(), f"{view.word['status']:04X}h  running") == ["bold"]
+    view = view_of(tripped)
+    assert styles(view.drive(), f"{view.word['status']:04X}h  tripped") == ["bold red"]
+    assert styles(view.drive(), f"{view.word['control']:04X}h  ") == ["bold"], (
+        "the control word trips nothing"
+    )
+
+
+def test_what_went_wrong_stands_out():
+    view = view_of(*RECORDED)
+    troubles = view.lines()
+    assert styles(troubles, " CUT") == ["bold red"]
+    assert styles(troubles, " noise 1%") == styles(troubles, " baud +1.5%") == ["bold yellow"]
+    log = view.log(LINES_KEPT)
+    assert "red" in styles(log, "BAD CRC wrong") and "red" not in styles(log, "unit 1: exception 1")
 
 
 @pytest.mark.parametrize("led", ["red", "green", "orange", "off"])
