@@ -13,7 +13,8 @@ from tb.lib.seeds import seeded
 
 INPUTS = """
     candidate commit revoke broadcast writes_coils modbus_start_seen modbus_quiet
-    drive_good drive_bad drive_quiet queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
+    drive_good drive_bad drive_quiet
+    queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
     loopback_open
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
