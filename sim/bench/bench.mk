@@ -33,11 +33,11 @@ $(BENCH_DIR)/standard-late/libcard.so: BENCH_PREPARE := 0
 $(BENCH_TINY): BENCH_CONFIG := tiny
 # Linked beside and moved: a test running meanwhile never loads half a library. It carries the fingerprint of its
 # sources, so that nothing is measured on a card that is no longer that of this tree.
-$(BENCH_CARDS) $(BENCH_TINY): sim/bench/card_bench.cpp sim/bench/bench.mk sim/bench/fingerprint.py $(BENCH_RTL) \
-		| firmware
+$(BENCH_CARDS) $(BENCH_TINY): sim/bench/card_bench.cpp sim/lines/line_player.h sim/bench/bench.mk \
+		sim/bench/fingerprint.py $(BENCH_RTL) | firmware
 	@mkdir -p $(@D)
 	$(CARD_VERILATOR) $(BENCH_VERILATOR_FLAGS) $(BENCH_WAIVERS) \
 		$$($(CARD_PYTHON) tools/sources.py $(BENCH_CONFIG)) > $(@D)/model.log || { cat $(@D)/model.log >&2; exit 1; }
 	$(or $(HOST_CXX),g++) $(BENCH_CXXFLAGS) -DBENCH_CARD='"'$$($(BENCH_PYTHON) -m sim.bench.fingerprint $(BENCH_CONFIG))'"' \
-		-isystem $(@D) $(BENCH_INCLUDES) -o $@.partial $< $(addprefix $(@D)/,libVrtu2fc.a libverilated.a) -lpthread
+		-Isim/lines -isystem $(@D) $(BENCH_INCLUDES) -o $@.partial $< $(addprefix $(@D)/,libVrtu2fc.a libverilated.a) -lpthread
 	@mv $@.partial $@

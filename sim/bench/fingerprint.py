@@ -54,7 +54,8 @@ def bench() -> str:
     python = [ROOT / f"sim/bench/{name}.py" for name in BENCH]
     python += [ROOT / f"tb/model/{name}.py" for name in MODELS]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
-    code = [ROOT / "sim/bench/card_bench.cpp", *(path for path in drive if path.suffix != ".csv")]
+    code = [ROOT / "sim/bench/card_bench.cpp", ROOT / "sim/lines/line_player.h"]
+    code += [path for path in drive if path.suffix != ".csv"]
     tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]
     return _digest([*map(_python, python), *map(_code, code), *tables])
 

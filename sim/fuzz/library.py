@@ -25,6 +25,7 @@ from tools.sources import ROOT, card_files
 
 BUILD = ROOT / "build/fuzz/cards"
 HARNESS = ROOT / "sim/fuzz/fuzz_card.cpp"
+LINES = ROOT / "sim/lines/line_player.h"
 WAIVERS = ROOT / "tools/verilator.vlt"
 IMAGE = "firmware.hex"  # looked for in the working directory when a card is switched on
 KEPT, KEPT_S = 6, 3600  # builds; more only while they are young
@@ -102,7 +103,7 @@ def build(
         found = registers.registers(tuple(sources), clk_hz)
         waivers.append(registers.public(found, registers.FOLDER / f"{clk_hz}.vlt"))
     content = hashlib.sha256(f"{ROOT} {sorted(settings.items())} {extra} {FLAGS} {LINK}".encode())
-    for path in (*sources, HARNESS, *waivers):
+    for path in (*sources, HARNESS, LINES, *waivers):
         content.update(path.name.encode() + b"\0" + path.read_bytes())
     folder = BUILD / content.hexdigest()[:16]
     made = folder / "libcard.so"
@@ -134,7 +135,7 @@ def _make(made: Path, sources: Sequence[Path], settings: Mapping[str, int], extr
     _tool("verilator", *FLAGS, *EXTRA[extra], *generics, "--Mdir", folder, *sources)
     root = _tool("verilator", "--getenv", "VERILATOR_ROOT").strip()
     _tool(
-        *("g++", *LINK, define, "-o", folder / "partial.so", HARNESS),
+        *("g++", *LINK, define, "-o", folder / "partial.so", HARNESS, "-I", LINES.parent),
         *("-isystem", folder, "-isystem", f"{root}/include", "-isystem", f"{root}/include/vltstd"),
         *(folder / "libVrtu2fc.a", folder / "libverilated.a", "-llz4", "-lz", "-lpthread"),
     )
