@@ -96,6 +96,10 @@ format: | $(SETUP) ## lay out Verilog and Python as lint wants them
 trace: | $(SETUP) ## which test shows which rule, and its last result
 	@$(PY) tools/trace.py
 
+.PHONY: line-quality
+line-quality: firmware drive | $(SETUP) ## how bad a line the card bears, at all rates and formats (SEED=, JOBS=)
+	@$(PY) -m tools.line_quality $(if $(SEED),--seed $(SEED)) --jobs $(JOBS)
+
 .PHONY: bench bench-fast
 bench: bench-card bench-tiny card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/results.md
 	@$(PY) -m tools.bench $(BENCH_ARGS)
@@ -122,6 +126,10 @@ image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FI
 .PHONY: diagrams
 diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/diagrams
 	@$(PY) -m tools.diagrams
+
+.PHONY: coverage-rtl
+coverage-rtl: firmware | $(SETUP) ## lines, branches and toggles of rtl/ that the benches run; each hole explained
+	@$(PY) -m tools.coverage_rtl --jobs $(JOBS)
 
 .PHONY: coverage-firmware fuzz-firmware mutate-firmware
 coverage-firmware: firmware | $(SETUP) ## branches of the firmware that its host tests take; 100 % of its core
