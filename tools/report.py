@@ -33,7 +33,9 @@ PAGES = {
     "results": "make bench",
     "synthesis": "make synth",
     "timing": "make diagrams",
+    "line-quality": "make line-quality",
     "proofs": "make formal",
+    "coverage": "make coverage-rtl",
     "firmware-quality": "make coverage-firmware, fuzz-firmware, mutate-firmware",
     "fuzz": "make fuzz, make flips",
 }

@@ -4,7 +4,8 @@
 Every build lies in a folder of its own, named by everything it was made from (sources, parameters,
 tool options), so that nothing stale is reused and several pytest workers can share it.
 Environment: WAVES=1 writes build/waves/<test>.fst, and beside it what was on the lines as .pcapng and
-.jsonl, and names the files.
+.jsonl, and names the files. RTL_COVERAGE=folder counts, on Verilator, what of rtl/ was run, and leaves a
+file a simulation there (tools/coverage_rtl.py).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import os
 import re
 import shutil
 import sys
+import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
@@ -31,6 +33,7 @@ from tools.waves import save_file
 
 SIMULATORS = ("icarus", "verilator")
 WAIVERS = ROOT / "tools/verilator.vlt"
+COVERAGE_OFF = ROOT / "tools/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
 BUILDS_KEPT = 3
@@ -69,6 +72,7 @@ WAVES_ARGS = {
     "icarus": [],
     "verilator": ["--trace-fst"],
 }
+COVERAGE_ARGS = ["--coverage-line", "--coverage-toggle"]
 TOOLS = {"icarus": ("iverilog", "vvp"), "verilator": ("verilator", "g++", "make")}
 
 
@@ -137,6 +141,7 @@ def run(
     finally:
         if waves and dump.exists():
             _keep_recording(run_folder, dump, test_name, top, parameters)
+        _keep_coverage(run_folder / "coverage.dat", test_name)
     _judge(results)
 
 
@@ -184,6 +189,9 @@ def _build(
     """Compiles unless this very content was compiled before; returns the folder of the build."""
     args = BUILD_ARGS[sim] + (WAVES_ARGS[sim] if waves else [])
     inputs = list(sources) + ([WAIVERS] if sim == "verilator" else [])
+    if sim == "verilator" and os.environ.get("RTL_COVERAGE"):
+        args += COVERAGE_ARGS
+        inputs.append(COVERAGE_OFF)
     setup = f"{top} {sorted(parameters.items())} {args} {waves} {sys.version} {ROOT}".encode()
     content = hashlib.sha256(setup)
     for path in inputs:
@@ -247,6 +255,16 @@ def _keep_recording(
     others = [shutil.move(path, WAVES_FOLDER / f"{test_name}{path.suffix}") for path in sorted(recorded)]
     elf = Path(str(parameters.get("FIRMWARE_HEX", "firmware"))).with_suffix(".elf")
     recordings.append(Recording(kept, save_file(kept, top, elf), tuple(others)))
+
+
+def _keep_coverage(counts: Path, test_name: str) -> None:
+    if (folder := os.environ.get("RTL_COVERAGE")) and counts.exists():
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        # A test may run more than one simulation.
+        with tempfile.NamedTemporaryFile(
+            dir=folder, prefix=f"{test_name}.", suffix=".dat", delete=False
+        ) as kept:
+            shutil.copyfile(counts, kept.name)
 
 
 def _judge(results: Path) -> None:
