@@ -123,6 +123,10 @@ image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FI
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
 	@$(PY) -m tools.image $(BOARD) $(FIRMWARE)
 
+.PHONY: pins
+pins: | $(SETUP) ## the boards' pin tables, docs/pins.md
+	@$(PY) -m tools.boards
+
 .PHONY: diagrams
 diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/diagrams
 	@$(PY) -m tools.diagrams

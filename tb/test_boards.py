@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import itertools
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -23,10 +23,12 @@ from tb.lib.uart_agent import Format
 from tb.model import rtu
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
-from tools.boards import Board, boards, ports, problems
+from tools.boards import CARD, DOCS, WIRED, Board, boards, main, pin_tables, ports, problems
 from tools.sources import card_files, without_comments
 from tools.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
 
+# Outputs of a board that are not the card's.
+CONSTANT = {"wifi_gpio0": 1}
 CLK_HZ = 2_000_000
 BAUD = 38_400
 BOARDS = boards()
@@ -97,18 +99,87 @@ def test_every_pin_is_there_in_the_package(name):
     assert fmax_mhz(report) > BOARDS[name].clk_hz / 1e6
 
 
+# ---------------------------------------------------------------- every pin, in place of the card a stand-in
+
+
+def stand_in(folder: Path) -> Path:
+    """A card of the right ports whose outputs a bench sets."""
+    header = without_comments(CARD).split(");", 1)[0].partition("module rtu2fc")
+    text = re.sub(r"`\w+", "0", "".join(header[1:])).replace("output wire", "output reg")
+    path = folder / "rtu2fc.v"
+    path.write_text(f"{text});\nendmodule\n")
+    return path
+
+
+def output_pins(dut) -> dict:
+    """By the card's names. A wrapper may have a wire of that name too, so the pins are looked up."""
+    entry = next(entry for entry in BOARDS.values() if entry.top == dut._name)
+    pins = [name for name, way in ports(entry.wrapper).items() if way == "output"]
+    return {name.removesuffix("_n"): getattr(dut, name) for name in pins}
+
+
+@cocotb.test()
+async def every_pin_is_the_one_of_its_name(dut):
+    """Each alone, both levels: what ends in _n is the other way round."""
+    card = dut.card_i
+    pins = output_pins(dut)
+    await Timer(1, unit="ns")
+    for name in pins.keys() & CONSTANT.keys():
+        assert pins.pop(name).value == CONSTANT[name], name
+    assert len(pins) == 8
+    for high in pins:
+        for name in pins:
+            getattr(card, name).value = int(name == high)
+        await Timer(1, unit="ns")
+        assert {name for name, pin in pins.items() if pin.value != pin._name.endswith("_n")} == {high}
+
+    lines = {name: getattr(dut, name) for name in ("modbus_rx", "drive_rx", "clk")}
+    switches = {"sw_addr_n": 8, "sw_baud_n": len(dut.sw_baud_n)} | (
+        {"button_n": 1} if hasattr(dut, "button_n") else {}
+    )
+    assert sum(switches.values()) == 17
+    for low in (*lines, *((name, bit) for name, width in switches.items() for bit in range(width))):
+        for name, line in lines.items():
+            line.value = int(name != low)
+        for name, width in switches.items():
+            getattr(dut, name).value = (1 << width) - 1 - (1 << low[1] if low[0] == name else 0)
+        await Timer(1, unit="ns")
+        for name in lines:
+            assert getattr(card, name).value == int(name != low)
+        # The button is switch 9 of the baud switch.
+        on = {"sw_baud": 0, "sw_addr": 0, "rst_n": 1}
+        if low not in lines:
+            name, bit = ("sw_baud_n", 8) if low[0] == "button_n" else low
+            on[name.removesuffix("_n")] = 1 << bit
+        assert {name: int(getattr(card, name).value) for name in on} == on
+
+
+def run_pins(entry: Board, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    run(
+        entry.top,
+        "tb.test_boards",
+        sim="icarus",
+        config=entry.config,
+        sources=[stand_in(folder), entry.wrapper],
+        testcase="every_pin_is_the_one_of_its_name",
+    )
+
+
+@pytest.mark.rule("LED-2", "LINE-6", "LINE-8")
+@each_board
+def test_pins_and_polarities(name, tmp_path):
+    run_pins(BOARDS[name], tmp_path)
+
+
 # ---------------------------------------------------------------- power-up
 
 
 def lit(dut) -> set[str]:
     """The LEDs of the wrapper that show light, whatever their polarity."""
-    shining = set()
-    for line, colour in itertools.product(("modbus", "drive"), ("red", "green")):
-        name = f"led_{line}_{colour}"
-        dark = 0 if hasattr(dut, name) else 1
-        if getattr(dut, name if hasattr(dut, name) else f"{name}_n").value != dark:
-            shining.add(name)
-    return shining
+    leds = {name: pin for name, pin in output_pins(dut).items() if name.startswith("led_")}
+    assert len(leds) == 4
+    return {name for name, pin in leds.items() if pin.value != pin._name.endswith("_n")}
 
 
 @cocotb.test()
@@ -152,6 +223,7 @@ def test_power_up_without_a_reset(name):
         entry.top,
         "tb.test_boards",
         sim="icarus",
+        testcase="answers_without_ever_having_been_reset",
         config=entry.config,
         parameters={"CLK_HZ": CLK_HZ, "FIRMWARE_HEX": str(firmware(entry.config))},
         extra_sources=[entry.wrapper],
@@ -180,11 +252,38 @@ def spoilt(tmp_path, monkeypatch):
     return copy
 
 
+def buffer_fault(port: str, old: str, new: str, message: str) -> tuple[str, str, str]:
+    """One change in the IOBUF line of a port."""
+    ways = {"tx": "NONE DRIVE=8 SLEWRATE=SLOW", "de": "NONE DRIVE=8 SLEWRATE=SLOW", "clk": "NONE"}
+    line = f'IOBUF PORT "{port}" IO_TYPE=LVCMOS33 PULLMODE={ways.get(port.split("_")[-1], "UP")};'
+    assert old in line
+    return line, line.replace(old, new), message
+
+
+BUFFER_FAULTS = [
+    buffer_fault("clk", "NONE", "DOWN", "input clk is pulled (PULLMODE DOWN)"),
+    buffer_fault(
+        "modbus_rx", "PULLMODE=UP", "PULLMODE=NONE", "input modbus_rx has no pull-up (PULLMODE NONE)"
+    ),
+    buffer_fault("sw_addr_n[8]", " PULLMODE=UP", "", "input sw_addr_n[8] has no pull-up (PULLMODE not set)"),
+    buffer_fault("drive_rx", "LVCMOS33", "LVCMOS25", "input drive_rx is not LVCMOS33 (IO_TYPE LVCMOS25)"),
+    buffer_fault("drive_tx", "IO_TYPE=LVCMOS33 ", "", "output drive_tx is not LVCMOS33 (IO_TYPE not set)"),
+    buffer_fault("drive_de", "NONE", "UP", "output drive_de is pulled (PULLMODE UP)"),
+    buffer_fault("modbus_tx", "DRIVE=8 ", "", "output modbus_tx has no strength of its part (DRIVE not set)"),
+    buffer_fault("modbus_tx", "DRIVE=8", "DRIVE=9", "output modbus_tx has no strength of its part (DRIVE 9)"),
+    buffer_fault("modbus_de", "SLOW", "FAST", "output modbus_de has not the slow edges (SLEWRATE FAST)"),
+    buffer_fault("modbus_de", " SLEWRATE=SLOW", "", "output modbus_de has not the slow edges"),
+    buffer_fault("drive_rx", "UP;", "UP DRIVE=8;", "input drive_rx has DRIVE, which it cannot use"),
+    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "drive_rx" X=1;', "port drive_rx has two IOBUF lines"),
+    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "x" X=1;', "IOBUF line of x, which is no port"),
+]
+
+
 @pytest.mark.parametrize(
     ("name", "file", "old", "new", "message"),
     [
-        ("icebreaker", ".pcf", "set_io modbus_tx 2\n", "", "port modbus_tx has no pin"),
-        ("icebreaker", ".pcf", "set_io modbus_tx 2\n", "set_io modbus_tx 47\n", "pin 47 is used twice"),
+        ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "#", "port modbus_tx has no pin"),
+        ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 47 #", "pin 47 is used twice"),
         ("icebreaker", ".pcf", "set_io modbus_tx 2", "set_io modbus_out 2", "there is no port modbus_out"),
         ("icebreaker", ".pcf", "-pullup yes modbus_rx", "modbus_rx", "input modbus_rx has no pull-up"),
         ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
@@ -205,20 +304,81 @@ def spoilt(tmp_path, monkeypatch):
             'IOBUF PORT "x"',
             "port wifi_gpio0 has no IOBUF line",
         ),
+        ("icebreaker", ".pcf", "set_io drive_de", "set_io -pullup yes drive_de", "output drive_de is pulled"),
+        ("icebreaker", ".pcf", "set_io clk", "set_io -pullup yes clk", "input clk is pulled"),
+        (
+            "icebreaker",
+            ".pcf",
+            "yes modbus_rx",
+            "maybe modbus_rx",
+            "input modbus_rx has no pull-up (PULLMODE ?)",
+        ),
+        (
+            "icebreaker",
+            ".pcf",
+            "-pullup yes modbus_rx",
+            "-pullup yes -pullup_resistor 3P3K modbus_rx",
+            "input modbus_rx has -pullup_resistor, which it cannot use",
+        ),
+        *(("card-xo2-1200", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        *(("card-xo3-4300", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        *(("ulx3s-25", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        (
+            "ulx3s-25",
+            ".lpf",
+            *buffer_fault("modbus_tx", "DRIVE=8", "DRIVE=24", "output modbus_tx has no strength of its part"),
+        ),
     ],
 )
 def test_a_mistake_is_found(spoilt, name, file, old, new, message):
     assert any(message in line for line in problems(spoilt(name, file, old, new)))
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        # Red and green of an LED, both LEDs, a polarity, both lines, two switches, a polarity.
+        ("icebreaker", ".led_modbus_red(led_modbus_red)", ".led_modbus_red(led_modbus_green)"),
+        ("card-xo2-1200", "led_drive_red_n = !led_drive_red", "led_drive_red_n = !led_modbus_red"),
+        ("card-xo3-4300", "led_modbus_green_n = !", "led_modbus_green_n = "),
+        ("ulx3s-25", ".modbus_rx(modbus_rx)", ".modbus_rx(drive_rx)"),
+        ("ulx3s-25", "wifi_gpio0 = 1'b1", "wifi_gpio0 = 1'b0"),
+        ("icebreaker", "{~button_n, ~sw_baud_n}", "{~sw_baud_n, ~button_n}"),
+        ("hx8k-breakout", "~sw_addr_n", "sw_addr_n"),
+    ],
+)
+def test_a_wrongly_wired_wrapper_is_found(spoilt, tmp_path, name, old, new):
+    with pytest.raises(pytest.fail.Exception, match="1 of 1 cocotb tests failed"):
+        run_pins(spoilt(name, ".v", old, new), tmp_path)
+
+
 def test_a_pin_that_the_package_does_not_have_is_found(spoilt):
-    entry = spoilt("icebreaker", ".pcf", "set_io modbus_tx 2\n", "set_io modbus_tx 49\n")
+    entry = spoilt("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 49 #")
     with pytest.raises(SynthError, match="pin named '49'"):
         route_ports_alone(entry, ROOT / "build/tests/pins-spoilt")
 
 
 def test_a_clock_too_slow_for_its_configuration_is_found():
     assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
+
+
+def test_a_port_that_is_wired_to_nothing_known_is_found(monkeypatch):
+    monkeypatch.delitem(WIRED, "drive_de")
+    assert problems(BOARDS["hx8k-breakout"]) == ["hx8k-breakout: nobody says what drive_de is wired to"]
+
+
+def test_the_pin_tables_are_those_of_the_pin_files():
+    assert DOCS.read_text() == pin_tables(), "run `make pins`"
+
+
+def test_a_pin_table_out_of_date_is_found(monkeypatch, capsys):
+    stale = ROOT / "build/tests/pins.md"
+    stale.parent.mkdir(parents=True, exist_ok=True)
+    stale.write_text(DOCS.read_text().replace("| 75 |", "| 76 |"))
+    monkeypatch.setattr("tools.boards.DOCS", stale)
+    monkeypatch.setattr("sys.argv", ["boards", "--check"])
+    assert main() == 1
+    assert capsys.readouterr().err == "build/tests/pins.md is not what the pin files say; run `make pins`\n"
 
 
 def test_ports_are_read_bit_by_bit():

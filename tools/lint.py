@@ -142,6 +142,7 @@ def finished() -> list[str]:
 
 def registers() -> list[str]:
     checks = [tool(sys.executable, ROOT / f"tools/{name}.py", "--check") for name in ("regs", "fc_tables")]
+    checks.append(tool(sys.executable, "-m", "tools.boards", "--check"))
     return [line for check in checks for line in check]
 
 
