@@ -19,11 +19,11 @@ from tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
 from tools.boards import Board, boards
 
 BOARDS = boards()
-# A board of each family; the small configuration is routed sooner.
+# A board of each family; the small configuration is routed sooner, the standard one is quick on ECP5 alone.
 FULL = {
     "ice40": replace(BOARDS["hx8k-breakout"], config="tiny", clk_hz=24_000_000),
     "machxo2": BOARDS["card-xo2-1200"],
-    "ecp5": replace(BOARDS["ulx3s-25"], config="tiny"),
+    "ecp5": BOARDS["ulx3s-25"],
     "machxo3": replace(BOARDS["card-xo3-4300"], config="tiny", clk_hz=24_000_000),
 }
 
