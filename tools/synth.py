@@ -2,15 +2,18 @@
 """Turns a board into a bitstream: synthesis, place and route, timing, packing; one line of figures a board.
 
     python -m tools.synth [BOARD...]     default: all of them, and docs/synthesis.md
+    python -m tools.synth --check
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
 tools/image.py puts an image there without another place and route. Exit 1 when a board does not fit its part
-or is slower than MARGIN times its clock, 2 when there is no such board.
+or is slower than MARGIN times its clock, when the front end has more cells than TARGETS, or by `--check` if
+docs/synthesis.md is of another design than this one; 2 when there is no such board.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -23,8 +26,8 @@ from pathlib import Path
 
 from tools import image
 from tools.bin2hex import WORD_BITS, hex_line
-from tools.boards import Board, board, boards
-from tools.sources import ROOT, SourcesError, card_files, configurations, rtl_files
+from tools.boards import TABLE, Board, board, boards
+from tools.sources import ROOT, SourcesError, card_files, configurations, rtl_files, without_comments
 
 BUILD = ROOT / "build/synth"
 RESULTS = BUILD / "results.json"
@@ -271,13 +274,16 @@ MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter"}
 OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor"}
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}
+FRONT_END = "**front end**: both ports, framing and mailbox"
+# Its cells, by either flow: fewer than the smallest slave with one port, no parity and no t1.5 has.
+TARGETS = {"machxo2": 850, "ice40": 900}
 # Label, configuration, what stays.
 PARTS = [
     ("UART of one port with its bit clock", "tiny", {"network_port", "uart", "baud_base", "baud_divider"}),
     ("network port", "tiny", PORT - {"drive_port"}),
     ("drive port", "tiny", PORT - {"network_port"}),
     ("mailbox", "tiny", MAILBOX),
-    ("**front end**: both ports, framing and mailbox", "tiny", PORT | MAILBOX),
+    (FRONT_END, "tiny", PORT | MAILBOX),
     ("switches, reset, time, supervisor", "tiny", OTHERS),
     ("soft core of `tiny` (SERV)", "tiny", CORE),
     ("firmware memory of `tiny`, 6 KiB", "tiny", {"firmware_ram"}),
@@ -373,7 +379,48 @@ def too_big(name: str, row: dict) -> list[str]:
     ]
 
 
+def over_target(front_end: dict) -> list[str]:
+    return [
+        f"front end: {flow['cells']} cells on {family}, {name} flow, but {TARGETS[family]} are its target"
+        for family, flows in front_end.items()
+        for name, flow in flows.items()
+        if flow["cells"] > TARGETS[family]
+    ]
+
+
 # ---------------------------------------------------------------- docs/synthesis.md
+
+
+def measured_files() -> list[Path]:
+    """All that the figures depend on, but for the tools; not the firmware, for which a pattern stands."""
+    files = {path: None for config in configurations() for path in card_files(config)}
+    for entry in boards().values():
+        files |= {entry.wrapper: None, entry.pin_file: None}
+    return [*files, TABLE]
+
+
+def tool_versions() -> list[str]:
+    return re.findall(r"^yowasp-\S+", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
+
+
+def measured_from() -> str:
+    """A name for the design that the figures are of: a change of a comment leaves it alone."""
+    content = hashlib.sha256()
+    for path in measured_files():
+        code = without_comments(path) if path.suffix == ".v" else re.sub(r"#.*", "", path.read_text())
+        content.update(f"{path.name} {' '.join(code.split())}\n".encode())
+    content.update(
+        repr([SYNTHESIS, PLAIN, [(*part, sorted(stay)) for *part, stay in PARTS], tool_versions()]).encode()
+    )
+    return content.hexdigest()[:16]
+
+
+def stale() -> list[str]:
+    """Whether the table has to be made anew."""
+    if DOCS.exists() and measured_from() in DOCS.read_text():
+        return []
+    shown = DOCS.relative_to(ROOT) if DOCS.is_relative_to(ROOT) else DOCS
+    return [f"{shown} is of another design; run `make synth`"]
 
 
 def board_row(name: str, row: dict) -> str:
@@ -395,6 +442,7 @@ def part_row(label: str, row: dict) -> str:
 def write_docs(results: dict) -> None:
     text = TEMPLATE.read_text()
     text = text.replace("{boards}", "\n".join(board_row(*item) for item in results["boards"].items()))
+    text = text.replace("{design}", measured_from())
     text = text.replace("{parts}", "\n".join(part_row(*item) for item in results["parts"].items()))
     DOCS.write_text(text)
 
@@ -402,7 +450,11 @@ def write_docs(results: dict) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("boards", nargs="*", metavar="BOARD")
+    parser.add_argument("--check", action="store_true", help="whether the table is of this design")
     args = parser.parse_args()
+    if args.check:
+        print("\n".join(stale()), end="\n" if stale() else "", file=sys.stderr)
+        return 1 if stale() else 0
     try:
         chosen = [board(name) for name in args.boards] or list(boards().values())
     except SourcesError as error:
@@ -426,6 +478,8 @@ def main() -> int:
                 for family in COUNTED_ON
             }
             print(part_row(label, results["parts"][label]), flush=True)
+        wrong += over_target(results["parts"][FRONT_END])
+    if not args.boards and not wrong:
         RESULTS.write_text(json.dumps(results, indent=1) + "\n")
         write_docs(results)
     for text in wrong:

