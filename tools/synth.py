@@ -35,6 +35,8 @@ DOCS = ROOT / "docs/synthesis.md"
 TEMPLATE = ROOT / "constraints/synthesis.md.in"
 # Fmax over the board's clock.
 MARGIN = 1.5
+# The board whose part has the least room: its seeds are all tried.
+FULLEST = "card-xo2-1200"
 # Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
 AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
 ABC9 = f"abc9 -lut 4 -dff -script +&scorr;&sweep;&dc2;&st;{AREA};&st;{AREA}"
@@ -254,6 +256,19 @@ def build(entry: Board) -> dict:
     }
 
 
+def each_seed(entry: Board) -> dict[int, float | None]:
+    """Fmax by seed, of a board that has been built; None where nextpnr found no place or no route."""
+    folder = BUILD / entry.name
+    shutil.copyfile(folder / f"{entry.top}.json", folder / "seeds.json")
+    found: dict[int, float | None] = {}
+    for seed in sorted(entry.seeds):
+        try:
+            found[seed] = round(fmax_mhz(place_and_route(entry, folder, "seeds", seed)), 2)
+        except SynthError:
+            found[seed] = None
+    return found
+
+
 # ---------------------------------------------------------------- parts of the card, each alone
 
 
@@ -439,9 +454,16 @@ def part_row(label: str, row: dict) -> str:
     return f"| {label} | " + " | ".join(map(str, counts + brams)) + " |"
 
 
+def seeds_line(name: str, seeds: dict[int, float | None]) -> str:
+    routed = [fmax for fmax in seeds.values() if fmax]
+    text = f"`{name}` fits with {len(routed)} of {len(seeds)} seeds"
+    return text + (f", Fmax from {min(routed):.1f} to {max(routed):.1f} MHz." if routed else ".")
+
+
 def write_docs(results: dict) -> None:
     text = TEMPLATE.read_text()
     text = text.replace("{boards}", "\n".join(board_row(*item) for item in results["boards"].items()))
+    text = text.replace("{seeds}", seeds_line(FULLEST, results["seeds"]))
     text = text.replace("{design}", measured_from())
     text = text.replace("{parts}", "\n".join(part_row(*item) for item in results["parts"].items()))
     DOCS.write_text(text)
@@ -480,6 +502,8 @@ def main() -> int:
             print(part_row(label, results["parts"][label]), flush=True)
         wrong += over_target(results["parts"][FRONT_END])
     if not args.boards and not wrong:
+        results["seeds"] = each_seed(board(FULLEST))
+        print(seeds_line(FULLEST, results["seeds"]), flush=True)
         RESULTS.write_text(json.dumps(results, indent=1) + "\n")
         write_docs(results)
     for text in wrong:
