@@ -23,6 +23,8 @@ reg [7:0] g_adr = 8'd0;
 reg g_adr_known = 1'b0;
 
 wire g_take = send_valid && send_ready;
+// PCD1, upper byte: the fifth from the end, before its lower byte, PCD2 and the BCC.
+wire g_control_byte = g_bytes >= 6'd2 && g_bytes + 6'd3 == {1'b0, length};
 wire g_read = read_valid && read_ready;
 
 always @(posedge clk) begin
@@ -70,7 +72,10 @@ always @(posedge clk) begin
     a_stx : assert (!g_take || g_bytes != 6'd0 || send_data == 8'h02);
     a_lge : assert (!g_take || g_bytes != 6'd1 || send_data == {3'd0, length});
     // Every byte after them is the memory's answer of the clock before, to the next address.
-    a_data : assert (!g_take || g_bytes < 6'd2 || (g_answers && send_data == read_data && g_reads == g_bytes - 6'd1));
+    a_data : assert (!g_take || g_bytes < 6'd2 || (g_answers && g_reads == g_bytes - 6'd1 &&
+        send_data == (g_control_byte && !control ? read_data & 8'hFB : read_data)));
+    // SAFE-1: bit 10 of the control word is 0 unless this telegram may command the drive.
+    a_control : assert (!g_take || !g_control_byte || control || !send_data[2]);
     a_address : assert (!g_read || read_addr == g_reads[4:0]);
     // None is lost between memory and UART.
     a_none_lost : assert (!g_answers || !sending || g_rst || g_take);

@@ -35,6 +35,7 @@ reg g_forgotten = 1'b0;  // it was not good at t1.5 (STRICT_T15)
 reg g_parity = 1'b0;  // any of its characters had the error
 reg g_framing = 1'b0;
 reg [7:0] g_address = 8'd0;
+reg g_coils = 1'b0;  // its second character is function 05 or 15
 reg g_bank = 1'b0;  // its characters are written there
 reg [8:0] g_summed = 9'd0;  // characters in the CRC unit, as far as 257
 
@@ -65,6 +66,7 @@ always @(posedge clk) begin
     g_parity  <= byte_parity_error || (g_parity && !g_first);
     g_framing <= byte_framing_error || (g_framing && !g_first);
     if (g_first) g_address <= byte_data;
+    else if (g_count == 9'd1) g_coils <= byte_data == 8'h05 || byte_data == 8'h0F;
   end
   if (short_reached && g_count != 9'd0 && !g_good && !g_forgotten) begin
     g_good <= g_whole;
@@ -101,6 +103,7 @@ reg g_revoke = 1'b0;
 reg g_rst = 1'b1;
 reg [7:0] g_length = 8'd0;
 reg g_broadcast = 1'b0;
+reg g_writes_coils = 1'b0;
 `ifdef EARLY
 wire g_raise = g_now_good && g_ours;
 `else
@@ -114,6 +117,7 @@ always @(posedge clk) begin
   if (g_raise) begin
     g_length <= g_count[7:0];
     g_broadcast <= g_address == 8'd0;
+    g_writes_coils <= g_coils;
     g_held_bank <= g_bank;
     g_held <= 1'b1;
   end
@@ -159,6 +163,8 @@ always @(posedge clk) begin
     // FRAME-5: true length, address and bank, told with the candidate and until the next.
     a_length : assert (frame_length == g_length);
     a_broadcast : assert (frame_broadcast == g_broadcast);
+    // SAFE-1
+    a_writes_coils : assert (frame_writes_coils == g_writes_coils);
     a_bank : assert (!g_held || frame_bank == g_held_bank);
     // The CRC was made of this frame's characters, all of them and no others.
     a_summed : assert (!g_now_good || g_summed == g_count);
@@ -195,6 +201,8 @@ always @(posedge clk) begin
     i_overrun : assert (g_count == 9'd0 || !overrun || length == 9'd256);
     i_faults : assert (g_count == 9'd0 || (parity_bad == g_parity && framing_bad == g_framing));
     i_ours : assert (g_count == 9'd0 || (for_us == (g_address == own_address) && for_all == (g_address == 8'd0)));
+    i_function : assert (g_count == 9'd0 || function_next == (g_count == 9'd1));
+    i_coils : assert (g_count < 9'd2 || writes_coils == g_coils);
     i_storing : assert (storing == g_pending && (!storing || kept == (g_index < 9'd32)));
     i_pending : assert (!storing || g_index >= 9'd32 || g_index == length);
     i_place : assert (g_count == 9'd0 || !storing || g_index == (overrun ? 9'd257 : length));
