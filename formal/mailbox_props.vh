@@ -6,7 +6,7 @@
 //
 // Assumed of rtu_rx, and proved there: never revoke with candidate or commit; a newer candidate has begun with a
 // start bit; what is told of a request stays until the next candidate. Of the ports: neither line reads and
-// writes at once, and a drive line on which a telegram is sent does not fall silent. Of the firmware: nothing.
+// writes at once, and the drive port sends after a start only. Of the firmware: nothing.
 
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
@@ -46,6 +46,7 @@ reg g_spent = 1'b0;
 reg g_here = 1'b0;  // the telegram is as it was when it was queued for ...
 reg g_ours = 1'b0;  // ... the newest request, as it then was
 reg g_licensed = 1'b0;  // and that one was committed
+reg g_control = 1'b0;  // and writes coils
 reg g_loop = 1'b0;  // the loop-back test sends without a request (LOOP-1)
 reg [5:0] g_ordered = 6'd0;  // length and kind, as that order gave them
 reg [4:0] g_answer = 5'd0;
@@ -53,6 +54,9 @@ reg g_was_sending = 1'b0;
 reg g_read = 1'b0;  // a line read the memory in the clock before
 reg g_broadcast = 1'b0;
 reg g_started = 1'b0;
+reg g_coils = 1'b0;
+reg g_start = 1'b0;
+reg g_was_control = 1'b0;
 reg g_waits = 1'b0;  // the reply was queued to wait for the drive's
 reg g_asked_regs = 1'b0;
 reg g_core_rst = 1'b1;
@@ -64,6 +68,9 @@ always @(posedge clk) begin
   g_was_sending <= drive_sending;
   g_read <= modbus_read_ready || drive_read_ready;
   g_broadcast <= frame_broadcast;
+  g_coils <= frame_writes_coils;
+  g_start <= telegram_start;
+  g_was_control <= telegram_control;
   if (g_queued) g_ordered <= core_wdata[5:0];
   if (g_order_reply) {g_waits, g_answer} <= core_wdata[5:0];
   g_asked_regs <= regs_valid;
@@ -99,9 +106,13 @@ always @(posedge clk) begin
     g_here <= 1'b1;
     g_ours <= g_current && !candidate && !(revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
     g_licensed <= g_current && !candidate && !(revoke && g_candidate) && ((g_committed && !g_spent) || commit);
+    g_control <= frame_writes_coils && g_current && !candidate && ((g_committed && !g_spent) || commit);
   end else begin
     if (candidate || (revoke && g_candidate)) g_ours <= 1'b0;
-    if (commit && !candidate && g_here && g_ours) g_licensed <= 1'b1;
+    if (commit && !candidate && g_here && g_ours) begin
+      g_licensed <= 1'b1;
+      if (!g_licensed) g_control <= frame_writes_coils;
+    end
   end
   if (g_touched) begin
     g_here <= 1'b0;
@@ -124,7 +135,8 @@ always @* begin
   assume (!candidate || !g_committed || g_heard);
   assume (!(modbus_read_valid && modbus_write_valid));
   assume (!(drive_read_valid && drive_write_valid));
-  if (g_past && !candidate) assume (frame_broadcast == g_broadcast);
+  if (g_past && !candidate) assume (frame_broadcast == g_broadcast && frame_writes_coils == g_coils);
+  assume (!drive_sending || g_was_sending || g_start);
 end
 
 wire g_sound = g_past && !core_rst && !loopback_open && !g_loop;
@@ -133,6 +145,8 @@ always @(posedge clk) begin
     // SAFE-1, SAFE-4: what starts is what was ordered for a request that was committed and had no reply yet: not
     // a byte of it was written since, and its length and kind are those of that order.
     a_licensed : assert (!telegram_start || (g_licensed && g_here));
+    // SAFE-1: and only a write of coils may command the drive.
+    a_control : assert (!(telegram_start && telegram_control) || g_control);
     // FRAME-6, FRAME-7, MAP-9
     a_reply : assert (!reply_start || (g_committed && !g_heard && !frame_broadcast));
   end
@@ -141,6 +155,7 @@ always @(posedge clk) begin
     // Nothing of it changes on the wire, whatever the firmware writes, and to whatever address.
     a_frozen : assert (!drive_sending || !g_touched);
     a_length_frozen : assert (!g_was_sending || {telegram_no_reply, telegram_length} == $past({telegram_no_reply, telegram_length}));
+    a_control_frozen : assert (!drive_sending || telegram_control == g_was_control);
     // FC-8, SAFE-2: both ports rely on it.
     a_drive_quiet : assert (!telegram_start || (drive_quiet && !drive_sending));
     a_modbus_quiet : assert (!reply_start || modbus_quiet);
@@ -179,6 +194,7 @@ always @(posedge clk) begin
   if (g_past) begin
     i_answer : assert (reply_length == g_answer);
     i_reply_length : assert (!reply_queued || reply_length != 5'd0);
+    i_not_queued : assert (!(drive_sending && telegram_queued));
     i_regs : assert (g_asked_regs || regs_rdata == 32'd0);
     i_waits : assert (!reply_queued || g_gate_waits == g_waits);
     i_flags : assert (g_flags == g_events);
@@ -192,6 +208,8 @@ always @(posedge clk) begin
     i_licensed : assert (!g_gate_licensed || (g_licensed && g_here));
     i_queued : assert (!telegram_queued || g_gate_licensed || (g_here && g_ours && g_candidate));
     i_reply : assert (!reply_queued || !frame_broadcast || candidate);
+    i_not_yet : assert (!(g_candidate && g_ours && g_licensed));
+    i_control : assert (!(g_gate_licensed && telegram_control) || g_control);
     i_spent : assert (g_gate_spent == g_spent);
     i_either : assert (!(g_candidate && g_committed));
   end
