@@ -43,8 +43,8 @@ ABC9 = f"abc9 -lut 4 -dff -script +&scorr;&sweep;&dc2;&st;{AREA};&st;{AREA}"
 # What stands around it is synth_lattice's and synth_ice40's own, by their help texts. On MachXO2/3 there are
 # no carry chains: a chain costs two cells a bit and some at its ends. abc9 leaves the second data input of
 # the flip-flops open, hence setundef; all else that is undriven is found before. A clock enable or a reset of
-# its own for two or three flip-flops costs nothing in cells, but the slices cannot be filled with them: then
-# nextpnr finds no place for the whole card in a LCMXO2-1200. Without them it takes 2 % more cells, and fits.
+# its own for four flip-flops or fewer costs nothing in cells, but the slices cannot be filled with them: then
+# nextpnr finds no place for the whole card in a LCMXO2-1200. Without them it takes as many cells, and fits.
 FLIP_FLOPS = (
     "-cell $_DFF_?_ 01 -cell $_DFF_?P?_ r -cell $_SDFF_?P?_ r"
     " -cell $_DFFE_??_ 01 -cell $_DFFE_?P??_ r -cell $_SDFFE_?P??_ r"
@@ -53,7 +53,7 @@ SYNTHESIS = {
     "machxo2": f"""
 synth_lattice -family {{device}} -noccu2 -top {{top}} -run begin:map_ffs
 opt_clean
-dfflegalize {FLIP_FLOPS} -mince 3 -minsrst 4
+dfflegalize {FLIP_FLOPS} -mince 5 -minsrst 6
 synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_ffs:map_luts
 check -noinit -assert
 check -latchonly -assert
