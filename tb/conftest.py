@@ -7,12 +7,14 @@ import json
 import os
 import random
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from tb.lib.runner import ROOT, SIMULATORS, recordings
 from tools.sources import configurations
+from tools.trace import commit
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -61,7 +63,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=others)
 
 
-# Last result of every test, for `make trace`. Runs add to it, so a part run alone takes nothing away.
+# Last result of every test, for `make trace` and `make report`: outcome, commit and time. Runs add to it: a
+# part run alone takes nothing away.
 RESULTS = ROOT / "build/results.json"
 results: dict[str, str] = {}
 
@@ -77,8 +80,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     # Workers report to the one process that started them.
     if results and not hasattr(session.config, "workerinput"):
         known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+        where = {"commit": commit(), "at": f"{datetime.now(UTC):%Y-%m-%d %H:%M}"}
+        now = {test: {"outcome": outcome, **where} for test, outcome in results.items()}
         RESULTS.parent.mkdir(exist_ok=True)
-        RESULTS.write_text(json.dumps(known | results, indent=0, sort_keys=True))
+        RESULTS.write_text(json.dumps(known | now, indent=0, sort_keys=True))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

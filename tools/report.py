@@ -6,6 +6,8 @@
 
 Takes the pages of docs/ as their commands wrote them (make bench, synth, formal, diagrams, ...), the results
 of the last tests (build/results.json) and the rule table, and writes build/report.html with all of it inside.
+A result says of which commit it is; what no longer exists is left out, what is of another commit than the
+newest results is marked.
 A page that is not there is named as missing. Exit 2 when there is nothing to report or no place for it.
 """
 
@@ -14,9 +16,7 @@ from __future__ import annotations
 import argparse
 import base64
 import html
-import json
 import re
-import subprocess
 import sys
 from collections import Counter
 from dataclasses import dataclass
@@ -26,6 +26,7 @@ from markdown_it import MarkdownIt
 
 from tools import trace
 from tools.sources import ROOT
+from tools.trace import Result, commit
 
 OUT = ROOT / "build/report.html"
 # Page of docs/, and the command that writes it.
@@ -72,6 +73,16 @@ def inline(page: Path, text: str) -> str:
     return LINK.sub(link, IMAGE.sub(picture, text))
 
 
+WIDE = 9  # columns
+LONG = re.compile(r"(?<=\w)([/_])(?=\w)")
+
+
+def fitted(found: re.Match) -> str:
+    """A table that fits a narrow window: names may be broken at slashes, many columns are set smaller."""
+    text = re.sub(r">([^<]+)<", lambda cell: ">" + LONG.sub(r"\1<wbr>", cell[1]) + "<", found[0])
+    return text.replace("<table>", '<table class="wide">') if text.count("<th>") >= WIDE else text
+
+
 def page(name: str, command: str) -> Section:
     """A page of docs/, its headings a step lower than they stand there."""
     file = ROOT / f"docs/{name}.md"
@@ -82,7 +93,8 @@ def page(name: str, command: str) -> Section:
     text = MarkdownIt("commonmark", {"html": True}).enable("table").render(file.read_text())
     title = re.search(r"<h1>(.*?)</h1>", text)
     text = HEADING.sub(lambda found: f"<{found[1]}h{int(found[2]) + 1}>", inline(file, text))
-    text = text.replace("<table>", '<div class="tables"><table>').replace("</table>", "</table></div>")
+    text = re.sub(r"<table>.*?</table>", fitted, text, flags=re.DOTALL)
+    text = text.replace("<table", '<div class="tables"><table').replace("</table>", "</table></div>")
     source = f'<p class="source">docs/{name}.md, from <code>{command}</code></p>'
     return Section(name, title[1] if title else name, text.replace("</h2>", f"</h2>{source}", 1))
 
@@ -95,28 +107,79 @@ def table(header: list[str], rows: list[list[str]]) -> str:
     return '<div class="tables"><table>' + "".join(lines) + "</table></div>"
 
 
-def tests(results: dict[str, str]) -> Section:
+@dataclass
+class Run:
+    """The results that count, and the tests that there are."""
+
+    results: dict[str, Result]
+    collected: set[str]
+    shown: dict[str, list[str]]  # rule to its tests
+
+    def __post_init__(self) -> None:
+        now = self.newest()
+        # Other cards and netlists are run by commands of their own (make test-tiny, test-gates).
+        self.results = {
+            test: result
+            for test, result in self.results.items()
+            if test in self.collected or (now and result.commit == now)
+        }
+
+    def newest(self) -> str:
+        """The commit of the latest results."""
+        return max(self.results.values(), key=lambda result: result.at, default=Result("")).commit
+
+    def is_older(self, result: Result) -> bool:
+        return not result.commit or result.commit != self.newest()
+
+    @property
+    def outcomes(self) -> dict[str, str]:
+        return {test: result.outcome for test, result in self.results.items()}
+
+    def provenance(self) -> str:
+        """In words: how many, from when."""
+        run = sum(test in self.results for test in self.collected)
+        older = Counter(r.commit or "unknown" for r in self.results.values() if self.is_older(r))
+        newest = [result.at for result in self.results.values() if not self.is_older(result)]
+        when = f" on {min(newest)} to {max(newest)} UTC" if newest else ""
+        words = f"{run} of {len(self.collected)} tests have been run"
+        words += f", the newest of commit <code>{html.escape(self.newest())}</code>{when}" if newest else ""
+        more = len(self.results) - run
+        words += f"; {more} more on other cards or netlists." if more else "."
+        for which, count in sorted(older.items()):
+            words += f' <span class="bad">{count} older, of commit <code>{html.escape(which)}</code>.</span>'
+        return words
+
+
+def tests(run: Run) -> Section:
     files: dict[str, Counter] = {}
-    for test, outcome in results.items():
-        files.setdefault(test.split("::")[0].removeprefix("tb/"), Counter())[outcome] += 1
+    for test, result in run.results.items():
+        counter = files.setdefault(test.split("::")[0].removeprefix("tb/"), Counter())
+        counter[result.outcome] += 1
+        counter["older"] += run.is_older(result)
+    for test in run.collected - set(run.results):
+        files.setdefault(test.split("::")[0].removeprefix("tb/"), Counter())["not run"] += 1
+    columns = ("passed", "failed", "not run", "older")
     rows = [
-        [f"<code>{name}</code>", str(count.total()), str(count["passed"]), str(count["failed"] or "")]
+        [f"<code>{name}</code>", *(str(count[column] or "") for column in columns)]
         for name, count in sorted(files.items())
     ]
-    failed = [name for name, outcome in sorted(results.items()) if outcome == "failed"]
-    body = "<h2>Tests</h2>" + table(["bench", "tests", "passed", "failed"], rows)
+    failed = [name for name, outcome in sorted(run.outcomes.items()) if outcome == "failed"]
+    body = f"<h2>Tests</h2><p>{run.provenance()}</p>" + table(["bench", *columns], rows)
     body += "".join(f'<p class="bad">failed: <code>{html.escape(name)}</code></p>' for name in failed)
     return Section("tests", "Tests", body)
 
 
-def rules(results: dict[str, str], shown: dict[str, list[str]]) -> Section:
+def rules(run: Run) -> Section:
     texts = (trace.ROW.match(line) for line in trace.REQUIREMENTS.read_text().splitlines())
     render = MarkdownIt("commonmark").renderInline
     rows = []
     for found in texts:
         if found and found[1] != "ID":
-            benches = sorted({test.split("::")[0].removeprefix("tb/") for test in shown.get(found[1], [])})
-            said = trace.verdict(shown[found[1]], results) if found[1] in shown else "-"
+            own = run.shown.get(found[1], [])
+            benches = sorted({test.split("::")[0].removeprefix("tb/") for test in own})
+            said = trace.verdict(own, run.outcomes) if own else "-"
+            older = sum(test in run.results and run.is_older(run.results[test]) for test in own)
+            said += f' <span class="bad">({older} older)</span>' if older else ""
             rows.append(
                 [found[1], inline(trace.REQUIREMENTS, render(found[2])), found[3], said, ", ".join(benches)]
             )
@@ -124,38 +187,38 @@ def rules(results: dict[str, str], shown: dict[str, list[str]]) -> Section:
     return Section("rules", "Rules", "<h2>Rules</h2>" + table(header, rows))
 
 
-def summary(results: dict[str, str]) -> Section:
-    count = Counter(results.values())
-    commit = subprocess.run(
-        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
-    ).stdout.strip()
+def summary(run: Run) -> Section:
+    count = Counter(run.outcomes.values())
     known = trace.read_rules()
-    still = [rule for rule, by in known.items() if by == "open"]
+    green = trace.shown_rules(known, run.shown, run.outcomes)
+    still = [rule for rule in known if rule not in green]
+    ran = sum(test in run.results for test in run.collected)
     tiles = [
+        (f"{ran} of {len(run.collected)}", "tests run", "good" if ran == len(run.collected) else "bad"),
         (str(count["passed"]), "tests passed", "good"),
         (str(count["failed"]), "tests failed", "bad" if count["failed"] else "good"),
-        (f"{len(known) - len(still)} of {len(known)}", "rules shown", "" if still else "good"),
+        (f"{len(green)} of {len(known)}", "rules shown", "bad" if still else "good"),
     ]
     shown = "".join(
         f'<div class="tile"><b class="{kind}">{n}</b><span>{what}</span></div>' for n, what, kind in tiles
     )
-    rest = f"<p>Still open: {', '.join(still)}.</p>" if still else ""
+    rest = f"<p>Not shown: {', '.join(still)}.</p>" if still else ""
     body = (
         "<h1>rtu2fc</h1><p>The Modbus RTU option card of Danfoss VLT 6000 drives, rebuilt as open hardware. "
-        f"This page was made from commit <code>{html.escape(commit or 'unknown')}</code>; what stands in it "
+        f"This page was made from commit <code>{html.escape(commit())}</code>; what stands in it "
         "was printed by the commands named with each part.</p>"
-        f'<div class="tiles">{shown}</div>{rest}'
+        f'<div class="tiles">{shown}</div><p>{run.provenance()}</p>{rest}'
         "<p>Not affiliated with Danfoss; VLT is their trademark.</p>"
     )
     return Section("summary", "Summary", body)
 
 
-def build(results: dict[str, str], shown: dict[str, list[str]]) -> str:
+def build(run: Run) -> str:
     sections = [
-        summary(results),
+        summary(run),
         *(page(name, command) for name, command in PAGES.items()),
-        rules(results, shown),
-        tests(results),
+        rules(run),
+        tests(run),
     ]
     menu = "".join(f'<a href="#{s.name}">{s.title}</a>' for s in sections)
     parts = "".join(f'<section id="{s.name}">{s.body}</section>\n' for s in sections)
@@ -173,10 +236,10 @@ def main() -> int:
     try:
         if not trace.RESULTS.exists():
             raise ReportError("no test has run yet; run `make test` first")
-        results = json.loads(trace.RESULTS.read_text())
+        results, found = trace.read_results(), trace.collect()
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(build(results, trace.collect()))
-    except (ReportError, OSError, json.JSONDecodeError) as error:
+        options.out.write_text(build(Run(results, found.all, found.tests)))
+    except (ReportError, OSError, ValueError, TypeError) as error:
         print(f"report: {error}", file=sys.stderr)
         return 2
     print(f"wrote {options.out} ({options.out.stat().st_size / 1e6:.1f} MB, nothing in it needs a network)")

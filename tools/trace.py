@@ -15,8 +15,10 @@ import contextlib
 import io
 import json
 import re
+import subprocess
 import sys
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -32,9 +34,11 @@ class Collector:
 
     def __init__(self) -> None:
         self.tests: dict[str, list[str]] = defaultdict(list)
+        self.all: set[str] = set()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         for item in items:
+            self.all.add(item.nodeid)
             for mark in item.iter_markers("rule"):
                 for rule in mark.args:
                     self.tests[rule].append(item.nodeid)
@@ -46,20 +50,62 @@ def read_rules() -> dict[str, str]:
     return {row[1]: row[3].strip() for row in rows if row and row[1] != "ID"}
 
 
-def collect() -> dict[str, list[str]]:
+@dataclass(frozen=True)
+class Result:
+    """What the last run of a test said, of which commit, and when (UTC)."""
+
+    outcome: str
+    commit: str = ""
+    at: str = ""
+
+
+def commit() -> str:
+    """Of the files as they are now; empty where there is no git."""
+    command = ["git", "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+    except OSError:
+        return ""
+
+
+def read_results() -> dict[str, Result]:
+    """Whatever has run; ValueError for a file that is none of ours."""
+    if not RESULTS.exists():
+        return {}
+    found = {}
+    for test, entry in json.loads(RESULTS.read_text()).items():
+        # A plain outcome is from before runs said what they ran on.
+        found[test] = Result(entry) if isinstance(entry, str) else Result(**entry)
+    return found
+
+
+def collect() -> Collector:
     collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()) as said:
         code = pytest.main(["--collect-only", "-q", f"--rootdir={ROOT}", str(ROOT / "tb")], [collector])
     if code != pytest.ExitCode.OK:
         print(said.getvalue(), file=sys.stderr)
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
-    return collector.tests
+    return collector
 
 
 def verdict(tests: list[str], results: dict[str, str]) -> str:
     """In words, the worst first."""
     counts = {state: sum(results.get(test, "not run") == state for test in tests) for state in STATES}
     return ", ".join(f"{number} {state}" for state, number in counts.items() if number)
+
+
+def shown_rules(rules: dict[str, str], tests: dict[str, list[str]], results: dict[str, str]) -> set[str]:
+    """Rules of which a test has passed and none failed, and those that something else shows."""
+
+    def outcomes(rule: str) -> set[str | None]:
+        return {results.get(test) for test in tests.get(rule, [])}
+
+    return {
+        rule
+        for rule, by in rules.items()
+        if "failed" not in outcomes(rule) and ("passed" in outcomes(rule) or by not in ("test", "open"))
+    }
 
 
 STATES = ("failed", "not run", "passed")
@@ -71,8 +117,8 @@ def main() -> int:
     args = parser.parse_args()
 
     rules = read_rules()
-    tests = collect()
-    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    tests = collect().tests
+    results = {test: result.outcome for test, result in read_results().items()}
     problems = [
         f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules
     ]
@@ -94,9 +140,8 @@ def main() -> int:
             problems.append(f"{rule}: none of its tests has passed yet (make test)")
     for problem in problems:
         print(f"trace: {problem}", file=sys.stderr)
-    green = {rule for rule in rules if any(results.get(test) == "passed" for test in tests.get(rule, []))}
-    shown = sum(rule in green or by not in ("test", "open") for rule, by in rules.items())
-    print(f"{len(rules)} rules, {shown} shown, {sum(by == 'open' for by in rules.values())} open")
+    shown, still = len(shown_rules(rules, tests, results)), sum(by == "open" for by in rules.values())
+    print(f"{len(rules)} rules, {shown} shown, {still} open")
     return 1 if problems else 0
 
 
