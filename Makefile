@@ -155,7 +155,8 @@ symptoms: firmware | $(SETUP) ## the recordings of docs/debugging.md, from runs 
 .PHONY: waves
 waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
-	@WAVES=1 $(PYTEST) -q --sim=$(or $(SIM),icarus)
+	@WAVES=1 $(PYTEST) -q --sim=$(or $(SIM),icarus) || { code=$$?; \
+		[ $$code != 5 ] || echo "waves: no test of that name runs on $(or $(SIM),icarus): $(TEST)" >&2; exit $$code; }
 
 .PHONY: wireshark
 wireshark: | $(SETUP) ## open a recording, both lines decoded: make wireshark FILE=name.pcapng

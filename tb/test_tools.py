@@ -192,6 +192,7 @@ def test_an_empty_test_run_fails():
     done = command("make", "waves", "TEST=no_such_test_at_all")
     assert done.returncode != 0
     assert "deselected" in done.stdout
+    assert one_line(done.stderr) == "waves: no test of that name runs on icarus: no_such_test_at_all"
 
 
 def test_the_readme_s_figures_are_those_that_make_bench_wrote():
