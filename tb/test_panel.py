@@ -233,6 +233,15 @@ def test_what_the_card_refuses_is_said_for_a_while_or_until_the_next_key(monkeyp
     assert error["message"] not in parts["title"]
 
 
+def test_a_message_fits_the_screen():
+    """The longest ones: what the card warns of, and what it refuses."""
+    for message in ("too slow, running at 0.25 x real time", "only the simulated drive can be tripped"):
+        state = {**RECORDED[-1], "read": ["111110000", "11111101"], "line": "115200 8N2"}
+        view = view_of(state)
+        view.message = message
+        assert message in view.title().plain and len(view.title().plain) <= COLUMNS
+
+
 @pytest.mark.parametrize("code", [0, 2])
 def test_the_end_of_the_card_is_the_end_of_the_panel(code):
     app = Panel(Recording([{"exit": code}]), View())

@@ -239,10 +239,13 @@ class View:
         text = Text(no_wrap=True)
         text.append(" rtu2fc ", style="reverse bold")
         unit = sum(int(digit) << i for i, digit in enumerate(self.state.get("read", ["", "0"])[1]))
-        text.append(f" unit {unit}  {self.state.get('line', '')}  {self.link}", style="bold")
-        text.append(f"  {self.state.get('state', 0):.1f} s", style="grey62")
+        text.append(f" unit {unit}  {self.state.get('line', '')}", style="bold")
+        # A message takes the place of what can wait: both do not fit 80 columns.
         if self.message:
             text.append(f"  {self.message}", style="bold yellow")
+        else:
+            text.append(f"  {self.link}", style="bold")
+            text.append(f"  {self.state.get('state', 0):.1f} s", style="grey62")
         return text
 
     def card(self) -> Text:
