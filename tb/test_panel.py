@@ -278,10 +278,10 @@ def test_a_card_that_does_not_start_is_one_line_and_exit_2(tmp_path):
 class Terminal:
     """The panel in a tmux of its own, 80 x 24."""
 
-    def __init__(self, folder) -> None:
+    def __init__(self, folder, options: str = "", then: str = "") -> None:
         self.socket = str(folder / "tmux")
         self.link = folder / "modbus"
-        command = f"exec {sys.executable} -m tools.panel --modbus {self.link}"
+        command = f"{sys.executable} -m tools.panel --modbus {self.link} {options}{then}"
         self.tmux("-f", "/dev/null", "new-session", "-d", "-x", str(COLUMNS), "-y", str(ROWS), command)
 
     def tmux(self, *words: str) -> str:
@@ -312,6 +312,12 @@ class Terminal:
                 return screen.split("\n")
             time.sleep(0.1)
         raise AssertionError(f"{[p for p in patterns if not re.search(p, screen)]} not in\n{screen}")
+
+
+def test_why_the_card_ended_stays_on_the_terminal(tmp_path):
+    with Terminal(tmp_path, "--pcap /dev/full", "; echo code $?; sleep 60") as terminal:
+        screen = terminal.wait_for(r"code 2")
+        assert "card: cannot write /dev/full: No space left on device" in screen
 
 
 def test_a_real_screen_of_80_by_24(tmp_path):

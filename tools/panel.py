@@ -546,8 +546,11 @@ def main() -> int:
             print("\n".join(card.said), file=sys.stderr)
             return card.stop()
         dialect_drive = {"hvac_basic": "hvac_basic"}.get(option(options, "--dialect") or "", "vlt6000")
-        ended = Panel(card, View(link, option(options, "--profile") or dialect_drive)).run()
+        view = View(link, option(options, "--profile") or dialect_drive)
+        ended = Panel(card, view).run()
         code = card.stop()
+        if ended not in (0, None) and view.message:
+            print(view.message, file=sys.stderr)  # the screen that showed it is gone
         return code if ended in (0, None) else ended
 
 
