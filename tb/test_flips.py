@@ -125,6 +125,7 @@ def seen(asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[byte
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [(CONFIRMED, 75)], DANGEROUS[0]),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90), (TELEGRAM, 130)], [], DANGEROUS[0]),
         (COMMAND, [(TELEGRAM, 20)], [], DANGEROUS[0]),
+        (COMMAND, [(TELEGRAM, 44.2)], [], DANGEROUS[0]),  # over, and not committed
         (COMMAND, [(build_process(0x047D, 0), 50)], [], DANGEROUS[1]),
         (COMMAND, [(build_process(0x007C, 0), 50)], [], "altered telegram, bit 10 = 0"),
         (COMMAND, [(TELEGRAM[:-1] + b"\x00", 50)], [], "no telegram, but the drive line disturbed"),

@@ -283,8 +283,10 @@ def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
     causes = expected(frames, played)
     found: dict[str, str] = {}
     sent: Counter = Counter()
+    # Until a newer request is committed, the older one's telegram may still leave.
+    commit = 0.9 * line.t35_bits * line.bit
     for burst in played.telegrams:
-        before = [number for number, (_, end, _) in enumerate(frames) if end < burst.rise]
+        before = [number for number, (_, end, _) in enumerate(frames) if end + commit < burst.rise]
         number = before[-1] if before else -1
         try:
             telegram = fc_telegram.parse(burst.data)
