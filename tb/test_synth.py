@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from tb.lib import gates
 from tb.lib.gates import netlist
 from tb.lib.runner import ROOT, firmware
 from tb.test_rtu2fc import LOWEST_HZ
-from tools import synth
+from tools import image, synth
+from tools.boards import boards
 from tools.sources import card_files
 from tools.synth import (
     COUNTED_ON,
@@ -29,8 +31,10 @@ from tools.synth import (
     mapping,
     measured_from,
     over_target,
+    route,
     sandboxed,
     stale,
+    too_big,
     tool,
     without_loose_inputs,
 )
@@ -245,6 +249,143 @@ def test_a_design_with_a_frozen_flip_flop_is_refused():
 
 # ---------------------------------------------------------------- what make synth refuses
 
+# 12 MHz, so 18 MHz are asked for; seeds in an order of their own.
+ENTRY = replace(boards()["card-xo3-4300"], seeds=(4, 2, 7))
+FROZEN = "enum: SLICED.CEMUX 0\n"
+
+
+class Seeds:
+    """Stands for nextpnr, with what comes of each seed planted: Fmax, a design, or None, no place found."""
+
+    def __init__(self, planted: dict[int, float | str | None]):
+        self.planted = planted
+        self.tried: list[int] = []
+
+    def __call__(self, entry, folder: Path, name: str, seed: int) -> dict:
+        self.tried.append(seed)
+        result = self.planted[seed]
+        if result is None:
+            raise SynthError("Unable to find a placement location")
+        text, fmax = (result, 100.0) if isinstance(result, str) else (f"routed with {seed}\n", result)
+        (folder / f"{name}{image.suffix(entry)}").write_text(text)
+        return {"fmax": {"clk": {"achieved": fmax}}}
+
+
+@pytest.fixture
+def seeds(monkeypatch):
+    def plant(planted: dict[int, float | str | None]) -> Seeds:
+        stand_in = Seeds(planted)
+        monkeypatch.setattr(synth, "place_and_route", stand_in)
+        return stand_in
+
+    return plant
+
+
+@pytest.mark.parametrize(
+    ("planted", "tried"),
+    [
+        ({4: 18.0, 2: 90.0, 7: 90.0}, [4]),
+        ({4: None, 2: 18.0, 7: 90.0}, [4, 2]),
+        ({4: None, 2: 17.99, 7: 30.0}, [4, 2, 7]),
+        ({4: 17.99, 2: None, 7: 18.01}, [4, 2, 7]),
+    ],
+)
+def test_the_first_seed_in_time_is_taken(seeds, tmp_path, planted, tried):
+    """In the order of the table, and no other after it. The one in time is what is left."""
+    stand_in = seeds(planted)
+    seed, report = route(ENTRY, tmp_path)
+    assert (stand_in.tried, seed) == (tried, tried[-1])
+    assert synth.fmax_mhz(report) == planted[seed]
+    assert (tmp_path / f"{ENTRY.top}.config").read_text() == f"routed with {seed}\n"
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [{4: None, 2: None, 7: None}, {4: None, 2: None, 7: 17.99}, {4: 12.0, 2: 17.99, 7: None}],
+)
+def test_a_board_that_no_seed_routes_in_time_is_refused(seeds, tmp_path, capsys, planted):
+    stand_in = seeds(planted)
+    with pytest.raises(SynthError, match=r"^card-xo3-4300: no seed of 4, 2, 7 gave a design in time$"):
+        route(ENTRY, tmp_path)
+    assert stand_in.tried == [4, 2, 7]
+    assert not list(tmp_path.iterdir())
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 3
+    for line, (seed, fmax) in zip(said, planted.items(), strict=True):
+        why = "Unable to find" if fmax is None else f"{fmax:.1f} MHz are less than 18"
+        assert line.startswith(f"card-xo3-4300: seed {seed}: {why}")
+
+
+def test_a_frozen_design_is_refused_at_once(seeds, tmp_path):
+    stand_in = seeds({4: FROZEN * 3, 2: 90.0, 7: 90.0})
+    with pytest.raises(SynthError, match="the flip-flops of 3 slices are never clocked"):
+        route(ENTRY, tmp_path)
+    assert stand_in.tried == [4]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_design_with_two_clocks_is_refused(monkeypatch, tmp_path):
+    report = {"fmax": {name: {"achieved": 90.0} for name in ("clk", "drive_rx")}}
+
+    def two_clocks(entry, folder, name, seed):
+        (folder / f"{name}.config").write_text("")
+        return report
+
+    monkeypatch.setattr(synth, "place_and_route", two_clocks)
+    with pytest.raises(SynthError, match="2 clocks instead of one: clk, drive_rx"):
+        route(ENTRY, tmp_path)
+
+
+@pytest.mark.parametrize(("why", "planted"), [("frozen", FROZEN), ("slow", 17.99), ("unplaced", None)])
+def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch, why, planted):
+    """Also none of an earlier build, which could be taken for this one's."""
+    folder = ROOT / f"build/tests/synth-{why}" / ENTRY.name
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in (f"{ENTRY.top}.config", "firmware.config", "image.config"):
+        (folder / old).write_text("old\n")
+    monkeypatch.setattr(synth, "BUILD", folder.parent)
+    monkeypatch.setattr(image, "BUILD", folder.parent)
+    monkeypatch.setattr(synth, "synthesise", lambda *what: {"LUT4": 1})
+    seeds(dict.fromkeys(ENTRY.seeds, planted))
+    with pytest.raises(SynthError):
+        synth.build(ENTRY)
+    assert not list(folder.glob("*.config"))
+
+
+ROW = {"cells": 10, "cells_of": 10, "brams": 3, "brams_of": 3, "lut4": 1, "ff": 1, "fmax_mhz": 2.0}
+ROW |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny", "bitstream": "x.bit"}
+
+
+@pytest.mark.parametrize(
+    ("over", "said"),
+    [
+        ({}, []),
+        ({"cells": 11}, ["b: 11 cells, but a x has 10"]),
+        ({"brams": 4}, ["b: 4 brams, but a x has 3"]),
+        ({"cells": 12, "brams": 5}, ["b: 12 cells, but a x has 10", "b: 5 brams, but a x has 3"]),
+    ],
+)
+def test_a_design_too_big_for_its_part_is_found(over, said):
+    assert too_big("b", ROW | over) == said
+
+
+@pytest.mark.parametrize(("cells", "status"), [(10, 0), (11, 1)])
+def test_make_synth_fails_with_a_design_too_big_for_its_part(monkeypatch, capsys, cells, status):
+    monkeypatch.setattr(synth, "build", lambda entry: ROW | {"cells": cells})
+    monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
+    assert synth.main() == status
+    assert ("synth: card-xo2-1200: 11 cells, but a x has 10" in capsys.readouterr().err) == (status == 1)
+
+
+def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys):
+    def refuse(entry):
+        raise SynthError(f"{entry.name}: no seed of 1 gave a design in time")
+
+    monkeypatch.setattr(synth, "build", refuse)
+    monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
+    assert synth.main() == 1
+    assert capsys.readouterr().err == "synth: card-xo2-1200: no seed of 1 gave a design in time\n"
+
 
 def counts(cells: dict[str, int]) -> dict:
     """Of the front end, as `make synth` has them."""
@@ -266,9 +407,7 @@ def test_a_front_end_over_its_target_is_refused(family, flow):
 
 def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path):
     """And leaves the table as it was."""
-    row = {"cells": 1, "cells_of": 2, "brams": 1, "brams_of": 2, "lut4": 1, "ff": 1, "fmax_mhz": 2.0}
-    row |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny"}
-    monkeypatch.setattr(synth, "build", lambda entry: row)
+    monkeypatch.setattr(synth, "build", lambda entry: ROW)
     monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 851, "brams": 0})
     monkeypatch.setattr(synth, "each_seed", lambda entry: {1: 30.0, 2: None, 3: 40.0})
     monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
