@@ -121,7 +121,7 @@ synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all
 image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FIRMWARE=)
 	@[ -n "$(BOARD)" ] && [ -n "$(FIRMWARE)" ] || \
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
-	@$(PY) -m tools.image $(BOARD) $(FIRMWARE)
+	@$(PY) -m tools.image "$(BOARD)" "$(FIRMWARE)"
 
 .PHONY: pins
 pins: | $(SETUP) ## the boards' pin tables, docs/pins.md

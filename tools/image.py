@@ -6,7 +6,8 @@
 The design was placed and routed with random words in the firmware memory (tools/synth.py), by which its bits
 are found again: on iCE40 by icebram, on MachXO2/3 and ECP5 here, in nextpnr's text configuration. Nothing
 else changes, so the bitstream is the one that a full build with that firmware gives. Exit 2, with one line,
-when something is wrong with what was asked for.
+when something is wrong with what was asked for: an image that the card would refuse or whose check sums are
+wrong, or a design of other Verilog, pins or tools than there are now.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pathlib import Path
 
 from tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
 from tools.boards import Board, board
+from tools.seal import adds_up
 from tools.sources import ROOT, SourcesError
 
 BUILD = ROOT / "build/synth"
@@ -52,6 +54,20 @@ def result_suffix(entry: Board) -> str:
 
 def pattern_file(entry: Board) -> Path:
     return BUILD / entry.name / "pattern.hex"
+
+
+def made_from_file(entry: Board) -> Path:
+    """What the finished design came from; cleared away with it."""
+    return BUILD / entry.name / f"{entry.top}.made_from"
+
+
+def up_to_date(entry: Board) -> bool:
+    """New firmware in old hardware is worse than none."""
+    # Not at the top: it is synth.py that imports this module.
+    from tools.synth import made_from
+
+    said = made_from_file(entry)
+    return said.exists() and said.read_text().strip() == made_from(entry)
 
 
 def read_words(path: Path, entry: Board) -> list[int]:
@@ -178,8 +194,13 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
     for number, word in enumerate(new, 1):
         if word != with_parity(without_parity(word)):
             raise ImageError(f"{firmware}:{number}: {word:09x} has not the parity that the card asks for")
+    if not adds_up([without_parity(word) for word in new]):
+        raise ImageError(f"{firmware}: the check sums at its end do not add up (tools/seal.py)")
     if not design.exists():
         raise ImageError(f"{entry.name} has no finished design yet; run `make synth BOARD={entry.name}`")
+    if not up_to_date(entry):
+        shown = design.relative_to(ROOT)
+        raise ImageError(f"{shown} is of other sources; run `make synth BOARD={entry.name}`")
     pattern = pattern_file(entry)
     patched = folder / f"image{suffix(entry)}"
     if entry.family == "ice40":

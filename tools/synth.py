@@ -229,6 +229,7 @@ def build(entry: Board) -> dict:
     # Nothing of an earlier build may pass for this one's, should it fail.
     for old in (*folder.glob(f"{entry.top}.*"), *folder.glob("image.*"), *folder.glob("firmware.*")):
         old.unlink()
+    sources = made_from(entry)
     image.pattern_file(entry).write_text(pattern(entry.memory_words))
     counted = synthesise(entry, folder, image.pattern_file(entry), entry.top)
     seed, report = route(entry, folder)
@@ -237,6 +238,7 @@ def build(entry: Board) -> dict:
         what: report["utilization"][name[entry.family]]["used"]
         for what, name in (("cells", CELLS), ("brams", BRAMS))
     }
+    image.made_from_file(entry).write_text(f"{sources}\n")
     firmware = ROOT / configurations()[entry.config]["firmware_hex"]
     bitstream = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
     return {
@@ -418,12 +420,27 @@ def tool_versions() -> list[str]:
     return re.findall(r"^yowasp-\S+", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
 
 
+def bare(path: Path) -> bytes:
+    """A file's name and content; a change of a comment leaves it alone."""
+    code = without_comments(path) if path.suffix == ".v" else re.sub(r"#.*", "", path.read_text())
+    return f"{path.name} {' '.join(code.split())}\n".encode()
+
+
+def made_from(entry: Board) -> str:
+    """A name for all that one board's design comes from; the firmware is none of it."""
+    content = hashlib.sha256()
+    for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
+        content.update(bare(path))
+    row = [entry.part, entry.family, entry.device, entry.clk_hz, entry.memory_words]
+    content.update(repr([*row, SYNTHESIS[entry.family], tool_versions()]).encode())
+    return content.hexdigest()
+
+
 def measured_from() -> str:
-    """A name for the design that the figures are of: a change of a comment leaves it alone."""
+    """A name for the design that the figures are of."""
     content = hashlib.sha256()
     for path in measured_files():
-        code = without_comments(path) if path.suffix == ".v" else re.sub(r"#.*", "", path.read_text())
-        content.update(f"{path.name} {' '.join(code.split())}\n".encode())
+        content.update(bare(path))
     content.update(
         repr([SYNTHESIS, PLAIN, [(*part, sorted(stay)) for *part, stay in PARTS], tool_versions()]).encode()
     )
@@ -490,7 +507,7 @@ def main() -> int:
         except (SynthError, SourcesError, image.ImageError) as error:
             wrong.append(str(error))
             continue
-        print(line(entry.name, row), flush=True)
+        print(f"{line(entry.name, row)}\n{'':<14} {row['bitstream']}", flush=True)
         results["boards"][entry.name] = row
         wrong += too_big(entry.name, row)
     if not args.boards and not wrong:
