@@ -23,7 +23,19 @@ from tb.lib.uart_agent import Format
 from tb.model import rtu
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
-from tools.boards import CARD, DOCS, WIRED, Board, boards, main, pin_tables, ports, problems
+from tools.boards import (
+    CARD,
+    CONFIGURATION,
+    DOCS,
+    WIRED,
+    Board,
+    boards,
+    functions,
+    main,
+    pin_tables,
+    ports,
+    problems,
+)
 from tools.sources import card_files, without_comments
 from tools.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
 
@@ -97,6 +109,110 @@ def route_ports_alone(entry: Board, folder: Path) -> dict:
 def test_every_pin_is_there_in_the_package(name):
     report = route_ports_alone(BOARDS[name], ROOT / "build/tests" / f"pins-{name}")
     assert fmax_mhz(report) > BOARDS[name].clk_hz / 1e6
+
+
+# ---------------------------------------------------------------- the development boards' connectors
+
+# By the boards' own documents, not by the pin files: what a connector's pin is on the FPGA.
+PMODS = {
+    "PMOD 1A": {1: "4", 2: "2", 3: "47", 4: "45", 7: "3", 8: "48", 9: "46", 10: "44"},
+    "PMOD 1B": {1: "43", 2: "38", 3: "34", 4: "31", 7: "42", 8: "36", 9: "32", 10: "28"},
+    "PMOD 2": {1: "27", 2: "25", 3: "21", 4: "19", 7: "26", 8: "23", 9: "20", 10: "18"},
+}
+# J2 of the HX8K breakout board, its two rows from one end to the other, without ground and supply.
+HX8K_J2 = (
+    "C16 D16 E16 F16 G16 H16 J15 G14 K14 K15 M16 N16 P16",
+    "B16 D14 D15 E14 F15 G15 H14 F14 J14 K16 L16 M15 P15 R15",
+)
+ULX3S = {
+    "GP": {0: "B11", 1: "A10", 2: "A9", 3: "B9", 4: "A7", 5: "C8", 6: "C6", 7: "A6", 8: "A4"}
+    | {21: "C18", 22: "B15", 23: "B17"},
+    "GN": {0: "C11", 1: "A11", 2: "B10", 3: "C10", 4: "A8", 5: "B8", 6: "C7", 7: "B6"}
+    | {21: "D17", 22: "C15", 23: "C17"},
+    "LED": {0: "B2", 2: "C1", 4: "D1", 6: "E1"},
+}
+PMOD_ORDER = (1, 2, 3, 4, 7, 8, 9, 10)
+LINES = tuple(f"{line}_{wire}" for line in ("modbus", "drive") for wire in ("rx", "tx", "de"))
+LED_ORDER = tuple(f"led_{line}_{colour}" for line in ("modbus", "drive") for colour in ("red", "green"))
+
+
+def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
+    """Board, port: FPGA pin and what the pin file should remark, by the table of docs/hardware.md."""
+    ice = {"clk": ("35", "on the board"), "button_n": ("10", "on the board")}
+    ice |= {"led_modbus_red_n": ("11", "on the board"), "led_modbus_green_n": ("37", "on the board")}
+    places = dict(zip(LINES, (1, 2, 3, 7, 8, 9), strict=True)) | {"led_drive_red": 4, "led_drive_green": 10}
+    placed = {port: ("PMOD 1A", number) for port, number in places.items()}
+    for bit, number in enumerate(PMOD_ORDER, 1):
+        placed |= {f"sw_baud_n[{bit}]": ("PMOD 1B", number), f"sw_addr_n[{bit}]": ("PMOD 2", number)}
+    ice |= {port: (PMODS[pmod][pin], f"{pmod}, pin {pin}") for port, (pmod, pin) in placed.items()}
+
+    ulx3s = {"clk": ("G2", "on the board"), "wifi_gpio0": ("L2", "on the board")}
+    ulx3s |= {f"sw_baud_n[{bit}]": (ULX3S["GP"][bit - 1], f"J1, GP{bit - 1}") for bit in range(1, 10)}
+    ulx3s |= {f"sw_addr_n[{bit}]": (ULX3S["GN"][bit - 1], f"J1, GN{bit - 1}") for bit in range(1, 9)}
+    for row, names in (("GP", LINES[:3]), ("GN", LINES[3:])):
+        for number, port in enumerate(names, 21):
+            ulx3s[port] = (ULX3S[row][number], f"J2, {row}{number}")
+    ulx3s |= {
+        port: (ULX3S["LED"][number], f"LED {number}")
+        for port, number in zip(LED_ORDER, (0, 2, 4, 6), strict=True)
+    }
+    return {"icebreaker": ice, "ulx3s-25": ulx3s}
+
+
+def off_the_documents(entry: Board) -> list[str]:
+    """Ports that are not where the board's documents and docs/hardware.md have them."""
+    found = {pin.port: (pin.site, pin.remark) for pin in entry.pins()}
+    if entry.name == "hx8k-breakout":
+        own = dict(zip(LED_ORDER, ("B5", "B4", "A2", "A1"), strict=True)) | {"clk": "J3"}
+        own |= dict(zip(LINES, ("K14", "K16", "K15", "L16", "M16", "M15"), strict=True))
+        header = " ".join(HX8K_J2).split()
+        return [
+            port
+            for port, (site, remark) in found.items()
+            if own.get(port, site) != site or (site in header) != (remark == "J2")
+        ]
+    wanted = as_documented()[entry.name]
+    return sorted(port for port in wanted.keys() | found.keys() if wanted.get(port) != found.get(port))
+
+
+DEVELOPMENT = ("icebreaker", "hx8k-breakout", "ulx3s-25")
+
+
+@pytest.mark.parametrize("name", DEVELOPMENT)
+def test_ports_are_on_the_connector_pins_that_the_documents_say(name):
+    assert off_the_documents(BOARDS[name]) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "other"),
+    [
+        ("icebreaker", "modbus_tx", "modbus_de"),
+        ("icebreaker", "modbus_rx", "drive_rx"),
+        ("icebreaker", "sw_addr_n[1]", "sw_addr_n[5]"),
+        ("hx8k-breakout", "modbus_tx", "modbus_de"),
+        ("hx8k-breakout", "clk", "drive_de"),
+        ("ulx3s-25", "modbus_tx", "drive_tx"),
+        ("ulx3s-25", "led_drive_red", "led_drive_green"),
+    ],
+)
+def test_two_ports_exchanged_are_found(monkeypatch, name, one, other):
+    pins = {pin.port: pin for pin in BOARDS[name].pins()}
+    pins[one], pins[other] = (
+        replace(pins[one], site=pins[other].site),
+        replace(pins[other], site=pins[one].site),
+    )
+    monkeypatch.setattr(Board, "pins", lambda self: list(pins.values()))
+    assert {one, other} <= set(off_the_documents(BOARDS[name]))
+
+
+@pytest.mark.parametrize(("name", "count"), [("card-xo2-1200", 15), ("card-xo3-4300", 15)])
+def test_the_configuration_pins_of_a_card_are_known(name, count):
+    """An empty list would let everything through."""
+    known = functions(BOARDS[name])
+    assert sorted(function for function in known.values() if function in CONFIGURATION) == sorted(
+        CONFIGURATION
+    )
+    assert len(CONFIGURATION) == count
 
 
 # ---------------------------------------------------------------- every pin, in place of the card a stand-in
@@ -279,6 +395,42 @@ BUFFER_FAULTS = [
 ]
 
 
+def misplaced(name: str, port: str, old: str, new: str, message: str) -> tuple[str, str, str, str, str]:
+    """A port of a card on another pin."""
+    line = f'LOCATE COMP "{port}" SITE "{old}";'
+    return name, ".lpf", line, line.replace(f'"{old}"', f'"{new}"'), message
+
+
+NO_CLOCK = "clk is on {}, which is no clock pin (PCLKT)"
+CONFIGURES = "{} is on {}, which is {} of the part's configuration"
+MISPLACED = [
+    misplaced("card-xo2-1200", "clk", "27", "24", NO_CLOCK.format(24)),
+    # The other half of a clock pin's pair.
+    misplaced("card-xo2-1200", "clk", "27", "28", NO_CLOCK.format(28)),
+    misplaced("card-xo3-4300", "clk", "L1", "L2", NO_CLOCK.format("L2")),
+    *(
+        misplaced("card-xo2-1200", port, old, new, CONFIGURES.format(port, new, function))
+        for port, old, new, function in (
+            ("sw_addr_n[8]", "23", "131", "TCK"),
+            ("sw_addr_n[7]", "22", "137", "TDO"),
+            ("modbus_de", "75", "119", "PROGRAMN"),
+            ("drive_de", "83", "110", "INITN"),
+            ("drive_tx", "82", "109", "DONE"),
+            ("modbus_tx", "74", "70", "SN"),
+            ("modbus_rx", "73", "120", "JTAGENB"),
+            ("clk", "27", "126", "SCL/PCLKT0_0"),
+        )
+    ),
+    *(
+        misplaced("card-xo3-4300", port, old, new, CONFIGURES.format(port, new, function))
+        for port, old, new, function in (
+            ("modbus_de", "E20", "D13", "PROGRAMN"),
+            ("sw_addr_n[8]", "N1", "C9", "TCK"),
+        )
+    ),
+]
+
+
 @pytest.mark.parametrize(
     ("name", "file", "old", "new", "message"),
     [
@@ -320,6 +472,7 @@ BUFFER_FAULTS = [
             "-pullup yes -pullup_resistor 3P3K modbus_rx",
             "input modbus_rx has -pullup_resistor, which it cannot use",
         ),
+        *MISPLACED,
         *(("card-xo2-1200", ".lpf", *fault) for fault in BUFFER_FAULTS),
         *(("card-xo3-4300", ".lpf", *fault) for fault in BUFFER_FAULTS),
         *(("ulx3s-25", ".lpf", *fault) for fault in BUFFER_FAULTS),

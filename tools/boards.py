@@ -8,6 +8,8 @@ python -m tools.boards --check    exit 1 when they are not what the pin files sa
 from __future__ import annotations
 
 import argparse
+import importlib.util
+import json
 import re
 import sys
 import tomllib
@@ -56,6 +58,20 @@ WIRED |= {
 STANDARD = "LVCMOS33"
 STRENGTHS = {"machxo2": ("4", "8", "12", "16", "24"), "ecp5": ("4", "8", "12", "16")}
 OPEN = ("NONE", "KEEPER")
+# What a MachXO pin may be besides an input or output, in the database's words. A card that holds one of
+# these low, or drives it, may not configure itself or not be programmed again.
+CONFIGURATION = ("TCK", "TMS", "TDI", "TDO", "JTAGENB", "PROGRAMN", "INITN", "DONE", "SN", "CSSPIN")
+CONFIGURATION += ("MCLK/CCLK", "SO/SPISO", "SI/SISPI", "SCL/PCLKT0_0", "SDA/PCLKC0_0")
+CLOCK_PIN = re.compile(r"\bPCLKT\d_\d$")
+# How Project Trellis calls a package.
+PACKAGES = {"TG144": "TQFP144"}
+# The wheel has no such database for the XO3. These are from the chip database of nextpnr 0.11.1 for the
+# LCMXO3LF-6900, package of 400 balls.
+XO3_BG400 = {"C9": "TCK", "D9": "TMS", "C7": "TDI", "E8": "TDO", "C13": "JTAGENB", "D13": "PROGRAMN"}
+XO3_BG400 |= {"C17": "INITN", "A19": "DONE", "Y20": "SN", "W2": "CSSPIN", "W6": "MCLK/CCLK", "Y6": "SO/SPISO"}
+XO3_BG400 |= {"W20": "SI/SISPI", "C11": "SCL/PCLKT0_0", "D11": "SDA/PCLKC0_0", "B10": "PCLKT0_1"}
+XO3_BG400 |= {"K19": "PCLKT1_0", "W9": "PCLKT2_0", "Y12": "PCLKT2_1", "U1": "PCLKT3_0", "L1": "PCLKT4_0"}
+XO3_BG400 |= {"E2": "PCLKT5_0"}
 
 
 @dataclass(frozen=True)
@@ -174,6 +190,45 @@ def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
     return wrong + [f"has {name}, which it cannot use" for name in has]
 
 
+def functions(entry: Board) -> dict[str, str]:
+    """What the pins of a MachXO can be besides inputs and outputs; empty for the other families."""
+    if entry.family != "machxo2":
+        return {}
+    device, package = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+\d+)[A-Z]", entry.part).groups()
+    if device.startswith("LCMXO3"):
+        return XO3_BG400
+    spec = importlib.util.find_spec("yowasp_nextpnr_machxo2")
+    if spec is None or spec.origin is None:
+        raise SourcesError("Python package yowasp_nextpnr_machxo2 is missing; run `make setup`")
+    folder = Path(spec.origin).parent / "share/trellis/database/MachXO2" / device
+    database = json.loads((folder / "iodb.json").read_text())
+    known = {
+        (cell["row"], cell["col"], cell["pio"]): cell["function"]
+        for cell in database["pio_metadata"]
+        if "function" in cell
+    }
+    sites = database["packages"][PACKAGES[package]]
+    return {
+        site: known[place]
+        for site, cell in sites.items()
+        if (place := (cell["row"], cell["col"], cell["pio"])) in known
+    }
+
+
+def misplaced(pins: list[Pin], known: dict[str, str]) -> list[str]:
+    """A clock that no clock network begins at, and ports on pins that the part is programmed by."""
+    wrong = [
+        f"clk is on {pin.site}, which is no clock pin (PCLKT)"
+        for pin in pins
+        if known and pin.port == "clk" and not CLOCK_PIN.search(known.get(pin.site, ""))
+    ]
+    return wrong + [
+        f"{pin.port} is on {pin.site}, which is {known[pin.site]} of the part's configuration"
+        for pin in pins
+        if known.get(pin.site) in CONFIGURATION
+    ]
+
+
 def wired(pin: Pin) -> str | None:
     """What is at the other end, and where on the board if the pin file says so."""
     name, _, number = pin.port.partition("[")
@@ -193,6 +248,7 @@ def problems(entry: Board) -> list[str]:
     wrong += [f"there is no port {port}" for port in sorted(set(placed) - set(wanted))]
     wrong += [f"port {port} has two pins" for port in _twice(placed)]
     wrong += [f"pin {site} is used twice" for site in _twice([pin.site for pin in pins])]
+    wrong += misplaced(pins, functions(entry))
     wrong += [f"nobody says what {pin.port} is wired to" for pin in pins if wired(pin) is None]
     if lpf:
         buffers = [port for port, _ in LPF_BUFFER.findall(text)]
