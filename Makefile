@@ -77,11 +77,11 @@ fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
 	@$(PY) -m tools.fuzz_report
 
 .PHONY: test test-tiny test-gates lint format
-test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators (SIM=, TEST=)
-	@$(PYTEST) -n $(JOBS) $(if $(SIM),--sim=$(SIM))
+test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators, but for some slow ones (SIM=, TEST=, ALL=1)
+	@$(PYTEST) -n $(JOBS) --dist=worksteal $(if $(ALL),--all) $(if $(SIM),--sim=$(SIM))
 
 test-tiny: firmware | $(SETUP) ## the tests of the whole card as tiny, all on both simulators (SIM=, TEST=)
-	@$(PYTEST) -n $(JOBS) --card=tiny $(if $(SIM),--sim=$(SIM))
+	@$(PYTEST) -n $(JOBS) --dist=worksteal --card=tiny $(if $(SIM),--sim=$(SIM))
 
 test-gates: firmware | $(SETUP) ## the manual's examples on the card's netlists, some 4 minutes each (TEST=)
 	@$(PY) -m pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')

@@ -19,6 +19,7 @@ from tools.trace import commit
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--sim", choices=SIMULATORS, help="run on this simulator only (default: on both)")
+    parser.addoption("--all", action="store_true", help="run the tests marked `patient` too")
     parser.addoption(
         "--card", choices=list(configurations()), help="run the tests of the whole card only, all as this one"
     )
@@ -57,10 +58,22 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--card"):
-        others = [item for item in items if "config" not in getattr(item, "fixturenames", ())]
-        items[:] = [item for item in items if item not in others]
+    def wanted(item: pytest.Item) -> bool:
+        if config.getoption("--card"):
+            return "config" in getattr(item, "fixturenames", ())
+        return config.getoption("--all") or not patient(item)
+
+    others = [item for item in items if not wanted(item)]
+    if others:
+        items[:] = [item for item in items if wanted(item)]
         config.hook.pytest_deselected(items=others)
+
+
+def patient(item: pytest.Item) -> bool:
+    """A minute for little that others do not show: on Icarus, or at all where no simulator is chosen."""
+    if item.get_closest_marker("patient") is None:
+        return False
+    return not hasattr(item, "callspec") or item.callspec.params.get("sim") != "verilator"
 
 
 # Last result of every test, for `make trace` and `make report`: outcome, commit and time. Runs add to it: a

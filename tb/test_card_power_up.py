@@ -404,6 +404,8 @@ def test_image_damaged_in_the_file(sim, config, bits):
     run_card(sim, config, "image_damaged_in_the_file_ends_in_the_fault", FIRMWARE_HEX=str(file))
 
 
+@pytest.mark.long
+@pytest.mark.patient
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_image_damaged_while_running(sim, config):
     run_card(sim, config, "image_damaged_while_running_ends_in_the_fault_within_a_second")

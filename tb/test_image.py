@@ -54,7 +54,11 @@ def sealed_image(entry: Board, seed: int) -> str:
     return "".join(map(hex_line, memory(packed, 4 * entry.memory_words)))
 
 
-@pytest.mark.parametrize("family", FULL)
+# Two tools, two ways to patch: icebram, and the text configuration. The other families with ALL=1.
+SLOW = [pytest.param(family, marks=pytest.mark.patient) for family in ("machxo3", "ecp5")]
+
+
+@pytest.mark.parametrize("family", ["ice40", "machxo2", *SLOW])
 def test_bitstream_is_that_of_a_full_build(family, other_folder):
     entry = FULL[family]
     folder = other_folder / entry.name

@@ -511,7 +511,6 @@ def run_card(
     )
 
 
-@pytest.mark.everywhere
 @pytest.mark.rule(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )
@@ -520,6 +519,7 @@ def test_examples(sim, config):
     run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
 
 
+@pytest.mark.patient
 @pytest.mark.rule(
     *("FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
     *("LINE-3", "LINE-6", "LINE-7", "LINE-8", "SAFE-2"),
@@ -528,6 +528,7 @@ def test_network(sim, config):
     run_card(sim, config, NETWORK)
 
 
+@pytest.mark.patient
 @pytest.mark.rule("FC-6", "FC-7", "FC-8", "FC-9", "FC-10", "MAP-3")
 def test_drive(sim, config):
     run_card(sim, config, DRIVE)
