@@ -469,6 +469,9 @@ class Panel(App[int]):
         self.show()
 
     def show(self) -> None:
+        # A tick of the clock may come before all parts are there, and while they are taken down.
+        if len(self.query("#title, #card, #drive, #lines, #log")) < 5:
+            return
         for name in ("title", "card", "drive", "lines"):
             self.query_one(f"#{name}", Static).update(getattr(self.view, name)())
         log = self.query_one("#log", Static)
