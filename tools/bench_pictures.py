@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import statistics
 
-import matplotlib
 from matplotlib.patches import Patch
 from matplotlib.pyplot import subplots
 
@@ -23,32 +22,17 @@ from tools.bench_report import (
     samples,
     values,
 )
-from tools.sources import ROOT
+from tools.plots import save, use_style
 
-PICTURES = ROOT / "docs/pictures"
 WIRE, SILENCE = "#7f9bb3", "#d5dbe1"
 DRIVE_WIRE, DELAY, DRIVE_REPLY = "#8fb08a", "#ece5cf", "#b9cfae"
 OURS, CARD, LATE = "#c62828", "#2e7d32", "#e39b33"
 
 
 def draw(results: Results) -> None:
-    matplotlib.use("svg")
-    # The same numbers make the same file.
-    matplotlib.rcParams.update(
-        {
-            "svg.hashsalt": "rtu2fc",
-            "svg.fonttype": "none",
-            "font.family": "sans-serif",
-            "font.size": 10,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-        }
-    )
-    PICTURES.mkdir(exist_ok=True)
+    use_style()
     for name, picture in PICTURE_OF.items():
-        figure = picture(results)
-        about = {"Date": None, "Description": measured_on(results.fingerprint)}
-        figure.savefig(PICTURES / f"{name}.svg", metadata=about, bbox_inches="tight")
+        save(name, picture(results), measured_on(results.fingerprint))
 
 
 def _transactions(results: Results):

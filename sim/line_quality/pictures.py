@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.pyplot import subplots
@@ -12,30 +11,17 @@ from sim.fuzz.pins import BAUDS
 from sim.line_quality.limits import QUANTITIES, jitter_left
 from sim.line_quality.measure import Limit
 from sim.line_quality.work import CARD_HZ
-from tools.sources import ROOT
+from tools.plots import save, use_style
 
-PICTURES = ROOT / "docs/pictures"
 COLOURS = {"8E1": "#2e7d32", "8O1": "#e39b33", "8N2": "#7f9bb3", "8N1": "#5b3f8c"}
 PROMISE = "#c62828"
 SPREAD = 0.13  # of the formats beside each other
 
 
 def draw(limits: list[Limit], eyes: list) -> None:
-    matplotlib.use("svg")
-    # The same numbers make the same file.
-    matplotlib.rcParams.update(
-        {
-            "svg.hashsalt": "rtu2fc",
-            "svg.fonttype": "none",
-            "font.family": "sans-serif",
-            "font.size": 10,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-        }
-    )
-    PICTURES.mkdir(exist_ok=True)
-    for name, figure in (("line-quality", _limits(limits)), ("line-quality-eye", _eye(eyes))):
-        figure.savefig(PICTURES / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
+    use_style()
+    save("line-quality", _limits(limits))
+    save("line-quality-eye", _eye(eyes))
 
 
 def _limits(limits: list[Limit]) -> Figure:
