@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // DE of the network line rises for a reply only, on a line that was silent for 3.5 characters, at every rate and
-// in every format, and falls with the reply (SAFE-2, FRAME-1, FRAME-8, LINE-6). Filter, UART, silence timer, sender
-// and direction, wired.
+// in every format, falls with the reply, and stays for no more than 34 characters and one bit (SAFE-2, FRAME-1,
+// FRAME-8, LINE-6). Filter, UART, silence timer, sender and direction, wired.
 //
 // Silent: the pin high and no character being received, counted in ticks since the end of the last character,
 // whoever sent it. A low that is too short for a start bit stops the count and does not start it anew.
 //
-// Assumed: a reply starts on a quiet line only (mailbox: proved there). Switches do not move.
+// Assumed: a reply starts on a quiet line only (mailbox: proved there), the memory answers within two clocks
+// (bus_arbiter: within one). Switches do not move. The reply's length may be any and may change at any time.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -17,9 +18,31 @@ initial assume (rst);
 (* hierconn *) wire [8:0] \silence_i.ticks ;
 (* hierconn *) wire [2:0] \silence_i.halves ;
 (* hierconn *) wire [2:0] \rtu_tx_i.state ;
+(* hierconn *) wire [4:0] \rtu_tx_i.index ;
+(* hierconn *) wire [4:0] \uart_i.state ;
+(* hierconn *) wire [3:0] \uart_i.phase ;
+(* hierconn *) wire [2:0] \uart_i.bits_done ;
+(* hierconn *) wire [1:0] \uart_i.votes ;
+(* hierconn *) wire \uart_i.driving ;
+(* hierconn *) wire \uart_i.loaded ;
+(* hierconn *) wire [3:0] \dir_i.lead ;
 wire [8:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
 wire [2:0] g_sender = \rtu_tx_i.state ;
+wire [4:0] g_index = \rtu_tx_i.index ;
+wire [4:0] g_uart = \uart_i.state ;
+wire [3:0] g_phase = \uart_i.phase ;
+wire [2:0] g_bits = \uart_i.bits_done ;
+wire [1:0] g_votes = \uart_i.votes ;
+wire g_driving = \uart_i.driving ;
+wire g_loaded = \uart_i.loaded ;
+wire [3:0] g_lead = \dir_i.lead ;
+localparam [2:0] G_IDLE = 3'd0, G_FETCH = 3'd1, G_SEND = 3'd2, G_CRC_LOW = 3'd3, G_CRC_HIGH = 3'd4, G_DRAIN = 3'd5;
+// Ticks: 11 bits of 16, or 10 bits.
+wire [15:0] g_character = parity_enable || two_stop ? 16'd176 : 16'd160;
+
+reg [1:0] g_unanswered = 2'd0;
+always @(posedge clk) g_unanswered <= read_valid && !read_ready && !rst ? g_unanswered + 2'd1 : 2'd0;
 
 // The rates and formats of card_tables.
 always @* begin
@@ -27,6 +50,7 @@ always @* begin
           (half_end == 9'd478 && half_uneven));
   assume (!(parity_enable && two_stop));
   assume (!reply_start || (quiet && !sending));
+  assume (!read_valid || read_ready || g_unanswered < 2'd2);
 end
 always @(posedge clk) begin
   if (g_past) begin
@@ -60,6 +84,16 @@ always @(posedge clk) begin
   if (reply_start) g_silent_start <= g_silent;
 end
 
+// ---- time of DE
+reg [15:0] g_high = 16'd0;  // ticks since it rose
+reg [5:0] g_taken = 6'd0;  // bytes that the UART took
+always @(posedge clk) begin
+  if (!de || rst) g_high <= 16'd0;
+  else if (tick16) g_high <= g_high + 16'd1;
+  if (!sending || rst) g_taken <= 6'd0;
+  else if (tx_valid && tx_ready) g_taken <= g_taken + 6'd1;
+end
+
 // Ticks of 3.5 characters: of 11 bits, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit the rest of it
 // comes on top, two ticks, and the second stop bit.
 wire [12:0] g_limit = half_end == 9'd105 ? 13'd616 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
@@ -74,6 +108,11 @@ always @(posedge clk) begin
     a_falls : assert (!g_de || de || !sending);
     a_held : assert (!g_sending || !sending || g_start || de || g_rst);
     a_ends : assert (!de || sending);
+    // SAFE-2: at most one bit longer than the reply's own characters, and those are never more than 34.
+    a_bounded : assert (!de || g_high <= {10'd0, g_taken} * g_character + 16'd16);
+    a_longest : assert (!de || g_high <= 16'd6000);
+    a_covers : assert (!tx_busy || de);
+    a_at_rest : assert (de || tx);
     a_not_quiet : assert (!(de || rx_busy || rx_valid) || !quiet);
     a_reset : assert (!g_rst || !(de || sending || quiet || candidate || commit || revoke));
   end
@@ -92,9 +131,61 @@ always @(posedge clk) begin
       i_later : assert (g_halves == 3'd0 || (g_ticks + g_head + g_over == g_first + g_silent && g_ticks >= g_first));
       i_low : assert (g_halves != 3'd0 || g_ticks + g_head >= 13'd18);
     end
-    i_sender : assert (g_sender <= 3'd5);
-    i_idle : assert (g_sender != 3'd0 || !de);
-    i_fetch : assert (g_sender == 3'd0 || de || (g_start && g_sender == 3'd1));
-    i_start : assert (!g_start || (g_sender == 3'd1 && !de && !g_de && g_silent_start >= g_limit));
+  end
+end
+
+// ---- sending
+wire g_before = g_sender != G_IDLE && g_sender != G_DRAIN && !g_driving;  // the first start bit
+wire g_waits = g_loaded && !(g_driving && g_uart[0]);  // a byte is taken and not begun
+wire [5:0] g_begun = g_taken - {5'd0, g_waits};
+reg [15:0] g_place;  // ticks into the character
+always @* begin
+  g_place = (parity_enable ? 16'd160 : 16'd144) + g_phase;
+  if (g_uart[0]) g_place = g_phase;
+  if (g_uart[1]) g_place = 16'd16 + {9'd0, g_bits, 4'd0} + g_phase;
+  if (g_uart[2]) g_place = 16'd144 + g_phase;
+  if (g_uart[4]) g_place = 16'd160 + g_phase;
+end
+wire [2:0] g_states = {2'd0, g_uart[0]} + {2'd0, g_uart[1]} + {2'd0, g_uart[2]} + {2'd0, g_uart[3]} + {2'd0, g_uart[4]};
+always @(posedge clk) begin
+  if (g_past) begin
+    i_states : assert (g_states <= 3'd1);
+    i_sender : assert (g_sender <= G_DRAIN);
+    i_idle : assert (g_sender != G_IDLE || (!de && !g_driving && !g_loaded && !tx_busy));
+    i_fetch : assert (g_sender == G_IDLE || de || (g_start && g_sender == G_FETCH));
+    i_start : assert (!g_start || (g_sender == G_FETCH && !de && !g_de && g_silent_start >= g_limit && g_taken == 6'd0 &&
+        g_high == 16'd0 && g_lead == 4'd0 && !g_driving && !g_loaded && !tx_busy && g_index == 5'd0 &&
+        g_uart[4:1] == 4'd0 && g_phase <= 4'd1 && g_unanswered == 2'd0));
+    i_lead : assert (g_lead <= 4'd9 && (!de || g_lead == 4'd9 || g_high == {12'd0, g_lead}));
+    // What was taken.
+    i_fetched : assert (g_sender != G_FETCH || g_taken == {1'b0, g_index});
+    i_send : assert (g_sender != G_SEND || (g_taken == {g_index == 5'd0, g_index} - 6'd1 && tx_ready));
+    i_crc : assert ((g_sender != G_CRC_LOW || (g_taken <= 6'd32 && g_taken != 6'd0)) &&
+        (g_sender != G_CRC_HIGH || (g_taken <= 6'd33 && g_taken > 6'd1)) &&
+        (g_sender != G_DRAIN || (g_taken <= 6'd34 && g_taken > 6'd2)));
+    // Before the first start bit: a false start may be on its way, which the filter ends.
+    i_first_byte : assert (!g_before || (g_taken <= 6'd1 && g_loaded == (g_taken == 6'd1)));
+    i_none : assert (!(g_before && !g_loaded && de) || g_high <= (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
+    i_waiting : assert (!g_before || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd12)));
+    i_line : assert (!(de && g_high > 16'd1) || line);
+    i_votes : assert (!g_before || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
+    i_phase : assert (!(g_before && g_uart[0]) || (g_phase <= 4'd7 && g_phase <= g_high + 16'd2));
+    // While characters leave.
+    i_busy : assert (!(g_sender == G_CRC_HIGH) || g_driving);
+    i_drain : assert (!(g_sender == G_DRAIN && g_driving) || tx_busy);
+    i_begins : assert (!(g_driving && !tx_busy) || (g_taken == 6'd1 && g_uart[0] && g_phase == 4'd0));
+    i_rest : assert (g_driving || tx || tx_busy);
+    i_last : assert (g_sender != G_DRAIN || g_driving || (!g_loaded && g_uart == 5'd0));
+    if (g_driving) begin
+      i_driving : assert (g_sender != G_IDLE && g_begun != 6'd0 && g_begun <= g_taken && g_states == 3'd1 && g_lead == 4'd9 && (!g_uart[4] || two_stop) && (!g_uart[2] || parity_enable));
+      i_time : assert (g_high <= ({10'd0, g_begun} - 16'd1) * g_character + g_place + 16'd14);
+      i_loaded : assert (!(g_uart[1] && g_loaded) && !(g_uart[0] && g_loaded && g_phase > 4'd1));
+      // The next byte is there before it is needed.
+      i_in_time : assert (g_loaded || g_sender == G_DRAIN || g_place < 16'd160);
+      i_ready : assert (!tx_ready || g_sender == G_DRAIN ||
+          g_place <= 16'd144 + (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
+    end
+    i_over : assert (!(g_sender == G_DRAIN && !g_driving) ||
+        g_high <= {10'd0, g_taken} * g_character + (tx_busy ? 16'd15 : 16'd16));
   end
 end

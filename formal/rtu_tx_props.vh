@@ -3,7 +3,8 @@
 // by a start and by nothing else.
 //
 // Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit,
-// length stays while a reply is sent and is not 0 (commit_gate), the memory answers a clock after it was ready.
+// the memory answers a clock after it was ready. Only for the task `prove`: length stays while a reply is sent and is
+// not 0 (commit_gate). Whatever it is, `prove_any_length`, no reply is longer than the memory's 32 bytes (SAFE-2).
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -42,17 +43,25 @@ always @(posedge clk) begin
 end
 
 always @* begin
-  assume (length != 5'd0);
   if (g_past) begin
     assume (!g_offered || send_ready || g_rst);
     assume (!g_took || line_busy);
-    assume (!sending || !g_sending || length == g_length);
   end
+`ifdef STABLE_LENGTH
+  assume (length != 5'd0);
+  assume (!(g_past && sending && g_sending) || length == g_length);
+`endif
 end
 
 always @(posedge clk) begin
   if (g_past && !rst) begin
     a_started : assert (!sending || g_sending || g_started);
+    // SAFE-2: never more than the whole memory, and two of the CRC.
+    a_longest : assert (g_bytes <= 6'd34 && (!g_take || g_bytes < 6'd34));
+    // The line is kept until its last stop bit is over (SAFE-2).
+    a_kept : assert (!g_sending || sending || g_rst || !g_was_busy);
+    a_asked : assert (!send_valid || line_request);
+`ifdef STABLE_LENGTH
     // What the UART takes is the memory's answer of the clock before, to the next address.
     a_data : assert (!g_take || g_bytes >= {1'b0, length} || (g_answers && g_reads == g_bytes + 6'd1));
     a_address : assert (!g_read || read_addr == g_reads[4:0]);
@@ -61,9 +70,7 @@ always @(posedge clk) begin
     a_no_more : assert (!g_take || g_bytes < {1'b0, length} + 6'd2);
     a_check : assert (send_check == (g_bytes > {1'b0, length} && sending));
     a_all_of_it : assert (!g_sending || sending || g_rst || $past(g_bytes) == {1'b0, g_length} + 6'd2);
-    // The line is kept until its last stop bit is over (SAFE-2).
-    a_kept : assert (!g_sending || sending || g_rst || !g_was_busy);
-    a_asked : assert (!send_valid || line_request);
+`endif
   end
 end
 
@@ -72,12 +79,17 @@ always @(posedge clk) begin
   if (g_past) begin
     i_known : assert (state <= S_DRAIN);
     i_idle : assert (state != S_IDLE || g_bytes == 6'd0 || g_sending);
-    i_fetch : assert (state != S_FETCH || (g_reads == {1'b0, index} && g_bytes == g_reads && index < length));
-    i_send : assert (state != S_SEND || (g_answers && send_ready && g_reads == {1'b0, index} &&
-        g_bytes == g_reads - 6'd1 && index <= length && index != 5'd0));
+    i_fetch : assert (state != S_FETCH || (g_reads == {1'b0, index} && g_bytes == g_reads));
+    // After the 32nd byte the index is 0 again.
+    i_send : assert (state != S_SEND || (g_answers && send_ready && g_bytes == g_reads - 6'd1 &&
+        g_reads == {index == 5'd0, index}));
+    i_sent : assert (state == S_IDLE || g_bytes <= 6'd32 + (state == S_CRC_HIGH) + {state == S_DRAIN, 1'b0});
+`ifdef STABLE_LENGTH
+    i_length : assert ((state != S_FETCH || index < length) && (state != S_SEND || (index <= length && index != 5'd0)));
     i_low : assert (state != S_CRC_LOW || g_bytes == {1'b0, length});
     i_high : assert (state != S_CRC_HIGH || g_bytes == {1'b0, length} + 6'd1);
     i_drain : assert (state != S_DRAIN || g_bytes == {1'b0, length} + 6'd2);
+`endif
     i_answers : assert (!g_answers || state == S_SEND || g_rst);
   end
 end

@@ -5,7 +5,8 @@
 // bytes follow each other without a gap if the memory answers within a bit, the CRC
 // goes low byte first (FRAME-4). start clears the CRC unit; send_check asks the UART
 // for its bits. sending: from start to the end of the last stop bit. length counts
-// address and PDU, 2 to 31. Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2.
+// address and PDU, 2 to 31; whatever it is, the memory's 32 bytes are the longest
+// reply. Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2.
 `default_nettype none
 
 module rtu_tx (
@@ -53,7 +54,8 @@ module rtu_tx (
         index <= index + 5'd1;
         state <= S_SEND;
       end
-      S_SEND: state <= index == length ? S_CRC_LOW : S_FETCH;
+      // After all the memory holds it ends even if the length is none it meets (SAFE-2).
+      S_SEND: state <= index == length || index == 5'd0 ? S_CRC_LOW : S_FETCH;
       S_CRC_LOW: if (send_ready) state <= S_CRC_HIGH;
       S_CRC_HIGH: if (send_ready) state <= S_DRAIN;
       S_DRAIN: if (!line_busy) state <= S_IDLE;

