@@ -82,7 +82,7 @@ module fc_tx (
       S_DRAIN: if (sent) state <= S_IDLE;
       default: begin
         index <= 5'd0;
-        if (start) state <= S_STX;
+        state <= start ? S_STX : S_IDLE;  // a flipped bit leads here, too (SAFE-4)
       end
     endcase
     if (rst) state <= S_IDLE;

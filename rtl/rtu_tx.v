@@ -61,7 +61,7 @@ module rtu_tx (
       S_DRAIN: if (!line_busy) state <= S_IDLE;
       default: begin
         index <= 5'd0;
-        if (start) state <= S_FETCH;
+        state <= start ? S_FETCH : S_IDLE;  // a flipped bit leads here, too (SAFE-4)
       end
     endcase
     if (rst) state <= S_IDLE;

@@ -83,7 +83,8 @@ module uart (
   wire go = loaded && line_ready;
   // A bit is judged in its middle, sent to its end.
   wire bit_over = phase == {driving, 3'd7};
-  wire step = idle ? go || !line : state[S_REST] && !driving ? line : bit_over;
+  // Driving without a state is what a flipped bit makes of a character: it ends (SAFE-4).
+  wire step = idle ? go || !line || driving : state[S_REST] && !driving ? line : bit_over;
   wire leave = tick16 && step;
   wire last_bit = state[S_DATA] && bits_done == 3'd7;
   wire no_start = vote && !driving;

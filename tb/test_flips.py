@@ -18,7 +18,7 @@ from sim.fuzz.registers import TOP
 from tb.model import rtu
 from tb.model.fc_telegram import build_process
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
-from tools.flips import merge, report
+from tools.flips import FlipsError, merge, report
 from tools.sources import ROOT
 
 RTL = ROOT / "rtl"
@@ -83,6 +83,23 @@ def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
     assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
 
 
+@pytest.mark.rule("SAFE-2", "SAFE-4")
+def test_no_flip_of_a_sender_keeps_its_driver_on(places):
+    """Each state bit of both senders and UARTs, turned over in the first character and in the last."""
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"))
+    sent = {"network_i.rtu_tx_i": played.replies[0], "drive_i.fc_tx_i": played.telegrams[0]}
+    for sender, burst in sent.items():
+        uart = sender.split(".")[0] + ".uart_i"
+        character = 11 * (LINE.bit if "network" in sender else drive_line(LINE.clk_hz).bit)
+        for path in (f"{sender}.state", f"{uart}.state", f"{uart}.driving"):
+            register = next(register for register in places.registers if register.path == path)
+            for bit in register.bits:
+                for at in (burst.rise + 0.6 * character, burst.fall - 0.4 * character):
+                    outcome, *_ = trial("test", places, Flip(round(at), path, 0, bit, "card"))
+                    assert outcome.what != "driver stuck", outcome
+                    assert outcome.recovered, outcome
+
+
 def test_a_number_is_the_same_flip_anywhere(places):
     assert trial("3/1", places)[0] == trial("3/1", places)[0]
     assert trial("3/1", places)[0].flip != trial("3/2", places)[0].flip
@@ -143,12 +160,24 @@ def test_every_telegram_is_weighed(asked, sent, replies, told):
 
 
 def test_shards_of_flips_are_merged():
-    def shard(seed: int) -> dict:
+    def shard(seed: int, card: str = "one", baud: int = 9600) -> dict:
         counts = {"card: no effect": 3, "data: silent": 1}
         bits = dict.fromkeys(("card", "core", "core registers", "frame memory", "data", "code"), 8)
         notable = [{"trial": f"{seed}/0", "flip": "x", "what": OUTCOMES[0], "why": "y"}]
-        return {"seed": seed, "flips": 4, "bits": bits, "counts": counts, "notable": notable, "wall_s": 1.0}
+        return {
+            "seed": seed,
+            "card": card,
+            "baud": baud,
+            "flips": 4,
+            "bits": bits,
+            "counts": counts,
+            "notable": notable,
+            "wall_s": 1.0,
+        }
 
-    merged = merge([shard(1), shard(1), shard(2)])
+    merged = merge([shard(1), shard(1), shard(2, baud=19200)])
     assert merged["flips"] == 8 and len(merged["notable"]) == 2
+    assert "card one: 8 flips in 2 s: 4 at 9600 bit/s, 4 at 19200 bit/s" in report(merged)
+    with pytest.raises(FlipsError, match="different cards"):
+        merge([shard(1), shard(2, card="another")])
     assert "| no effect | 6 | 0 | 0 | 0 | 0 | 0 | 6 |" in report(merged)

@@ -25,8 +25,10 @@ from sim.fuzz.library import BuildError
 from sim.fuzz.registers import RegistersError
 from tools.fuzz import FOLDER, story
 
+KEPT_EACH = 50
 # Those that the report lists one by one.
-NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], "wrong reply", "silent for good")
+WRONG = ("telegram again or late", "wrong reply", "silent for good")
+NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
 
 
 class FlipsError(Exception):
@@ -34,13 +36,23 @@ class FlipsError(Exception):
 
 
 def shard(seed: int, count: int, places: Places) -> dict:
-    """What became of `count` flips: how many of each part ended how, and those to look at."""
-    began, counts, notable = time.monotonic(), Counter(), []
+    """What became of `count` flips: how many of each part ended how, and those to look at; kept on the way, too."""
+    began = time.monotonic()
+    result = {
+        "seed": seed,
+        "card": places.card,
+        "baud": places.baud,
+        "bits": {part: places.bits(part) for part in PARTS},
+        "counts": Counter(),
+        "notable": [],
+        "flips": 0,
+        "wall_s": 0.0,
+    }
     for number in range(count):
         outcome, *_ = trial(f"{seed}/{number}", places)
-        counts[f"{outcome.flip.part}: {outcome.what}"] += 1
+        result["counts"][f"{outcome.flip.part}: {outcome.what}"] += 1
         if outcome.what in NOTABLE:
-            notable.append(
+            result["notable"].append(
                 {
                     "trial": f"{seed}/{number}",
                     "flip": str(outcome.flip),
@@ -50,24 +62,32 @@ def shard(seed: int, count: int, places: Places) -> dict:
             )
             if outcome.what in DANGEROUS:
                 print(f"flips: {seed}/{number} {outcome.flip}: {outcome.what}: {outcome.why}", flush=True)
-    bits = {part: places.bits(part) for part in PARTS}
-    wall = time.monotonic() - began
-    return {
-        "seed": seed,
-        "baud": places.baud,
-        "flips": count,
-        "bits": bits,
-        "counts": dict(counts),
-        "notable": notable,
-        "wall_s": wall,
-    }
+        result |= {"flips": number + 1, "wall_s": time.monotonic() - began}
+        if (number + 1) % KEPT_EACH == 0 or number + 1 == count:
+            keep(result)
+    return result
+
+
+def keep(result: dict) -> None:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = FOLDER / f"flips-{result['seed']}.json"
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(result, indent=1) + "\n")
+    partial.rename(path)
 
 
 def merge(results: list[dict]) -> dict:
     results = list({result["seed"]: result for result in results}.values())
+    if len({(result["card"], *result["bits"].values()) for result in results}) > 1:
+        raise FlipsError("the results in build/fuzz are of different cards; remove those of the older one")
+    flips_at: Counter = Counter()
+    for result in results:
+        flips_at[result["baud"]] += result["flips"]
     return {
         "shards": len(results),
-        "flips": sum(result["flips"] for result in results),
+        "card": results[0]["card"],
+        "flips": sum(flips_at.values()),
+        "flips_at": dict(sorted(flips_at.items())),
         "bits": results[0]["bits"],
         "counts": sum((Counter(result["counts"]) for result in results), Counter()),
         "notable": [entry for result in results for entry in result["notable"]],
@@ -78,7 +98,8 @@ def merge(results: list[dict]) -> dict:
 def report(merged: dict) -> str:
     """A table: what became of the flips, by part."""
     parts = [part for part in PARTS if merged["bits"][part]]
-    lines = [f"{merged['flips']} flips in {merged['wall_s']:.0f} s", ""]
+    rates = ", ".join(f"{count} at {baud} bit/s" for baud, count in merged["flips_at"].items())
+    lines = [f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates}", ""]
     lines.append("| became | " + " | ".join(parts) + " | all |")
     lines.append("|---|" + "---|" * (len(parts) + 1))
     for what in OUTCOMES:
@@ -124,8 +145,6 @@ def main() -> int:
     else:
         print(f"flips: seed {options.seed}, {options.count} flips at {options.baud} bit/s", flush=True)
         result = shard(options.seed, options.count, Places(baud=options.baud))
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        (FOLDER / f"flips-{options.seed}.json").write_text(json.dumps(result, indent=1) + "\n")
         merged = merge([result])
         print(report(merged))
     return int(any(entry["what"] in DANGEROUS for entry in merged["notable"]))

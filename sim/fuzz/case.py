@@ -37,6 +37,8 @@ BUDGET_CLOCKS = 8000
 # How much of it a far end leaves, after t3.5 or the drive's reply, before it takes the card to be done:
 # plenty for nearly all, and what comes later just meets the next frame.
 SETTLE_CLOCKS = 3000
+# A driver that is on for longer is on for good; the longest frame is 34 characters (SAFE-2).
+STUCK_BITS = 400
 BOOT_S = 0.05  # of a clock six times slower than BOOT-1's
 # The shortest pause before a drive answers (FC-8), a bit longer than the card must hear.
 DRIVE_DELAY_BITS = 24.0
@@ -249,12 +251,14 @@ class Player:
     def _settle(self) -> None:
         """Until the card has nothing more to say to what it heard."""
         budget = SETTLE_CLOCKS + 3 * self.line.bit
+        longer_bit = max(self.line.bit, self.drive_line.bit)
         while True:
             heard = max(self.network_end, self._last_fall()) + self.line.t35_bits * self.line.bit
             by = max(
                 self.settle_by, heard + budget, self.drive_end + 25 * self.drive_line.bit + SETTLE_CLOCKS
             )
-            if self.pins.now >= round(by) and not self.pins.sending(NETWORK) and not self.pins.sending(DRIVE):
+            sending = self.pins.sending(NETWORK) or self.pins.sending(DRIVE)
+            if self.pins.now >= round(by + (STUCK_BITS * longer_bit if sending else 0)):
                 return
             # Beyond that time only for the end of what the card is sending.
             by = by if self.pins.now < round(by) else self.pins.now + self.line.clk_hz / 100

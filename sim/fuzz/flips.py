@@ -8,6 +8,7 @@ the watchdog takes, and asks once more.
 
 from __future__ import annotations
 
+import hashlib
 import random
 from collections import Counter
 from dataclasses import dataclass, field
@@ -48,6 +49,7 @@ OUTCOMES = (
     "halted, both LEDs red",
     "reset by the watchdog",
     "exception to the master",
+    "telegram again or late",
     "wrong reply",
     "silent for good",
     "silent",
@@ -87,7 +89,10 @@ class Places:
         sources = tuple(self.target.sources or card_files())
         self.line = Line(self.baud, FORM, clk_hz(self.baud))
         self.registers = registers.registers(sources, self.line.clk_hz)
-        image = (self.target.image_folder("card") / "firmware.bin").stat().st_size // BYTES_PER_WORD
+        program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
+        texts = [path.read_bytes() for path in sources]
+        self.card = hashlib.sha256(b"".join([*texts, program])).hexdigest()[:12]
+        image = len(program) // BYTES_PER_WORD
         known = configurations()
         # The firmware uses the smallest memory of all; frames and counters lie at the end of what there is.
         end = min(entry["memory_bytes"] for entry in known.values()) // BYTES_PER_WORD
@@ -265,16 +270,19 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
         return Outcome(flip, "silent", why)
     if "PERF" in why or "FRAME-8" in why:
         return Outcome(flip, "timing", why)
-    return Outcome(flip, replied(played), why)
+    return Outcome(flip, told(played, why), why)
 
 
-def replied(played: Played) -> str:
-    """An exception that is new to this traffic tells the master; anything else does not."""
+def told(played: Played, why: str) -> str:
+    """An exception that is new to this traffic tells the master; anything else does not.
+
+    A telegram that differs here is one that telegrams() found to be rightful.
+    """
     for burst in played.replies:
         data = burst.data
         if len(data) == 5 and crc_good(data) and data[1] & 0x80 and data[1] != 0xAB:
             return "exception to the master"
-    return "wrong reply"
+    return "telegram again or late" if ": telegram " in why else "wrong reply"
 
 
 def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
