@@ -200,7 +200,9 @@ always @(posedge clk) begin
     i_length : assert (g_count == 9'd0 || length <= 9'd256);
     i_overrun : assert (g_count == 9'd0 || !overrun || length == 9'd256);
     i_faults : assert (g_count == 9'd0 || (parity_bad == g_parity && framing_bad == g_framing));
-    i_ours : assert (g_count == 9'd0 || (for_us == (g_address == own_address) && for_all == (g_address == 8'd0)));
+    i_ours : assert (g_count == 9'd0 ||
+        unit == (g_address == 8'd0 ? TO_ALL : g_address == own_address ? TO_US : TO_OTHERS));
+    i_begun : assert (g_count == 9'd0 || begun_bank == (frame_bank ^ (PREPARE_EARLY && g_good && g_ours)));
     i_function : assert (g_count == 9'd0 || function_next == (g_count == 9'd1));
     i_coils : assert (g_count < 9'd2 || writes_coils == g_coils);
     i_storing : assert (storing == g_pending && (!storing || kept == (g_index < 9'd32)));

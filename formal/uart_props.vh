@@ -135,8 +135,7 @@ always @(posedge clk) begin
     i_done : assert (!(g_active && g_count != 8'd0 && !g_due && g_count < g_decided));
     i_parity_data : assert (!state[S_DATA] || parity == ^{g_expect & ~(8'hFF << bits_done), parity_odd});
     i_parity : assert (!state[S_PARITY] || parity == ^{g_expect, parity_odd});
-    i_parity_stop : assert (!state[S_STOP] || !parity_enable || !parity);
-    i_parity_end : assert (!byte_valid || !parity_enable || parity);
+    i_parity_end : assert (!(state[S_STOP] || byte_valid) || (parity == ^{g_expect, parity_odd} && !parity_wrong));
     i_vote_7 : assert (!g_receiving || phase != 4'd7 || votes[0] == g_frame[g_now]);
     i_vote_6 : assert (!g_receiving || phase != 4'd7 || g_now == 4'd10 || votes[1] == g_frame[g_now]);
     i_vote_6_now : assert (!g_receiving || phase != 4'd6 || g_now == 4'd10 || votes[0] == g_frame[g_now]);

@@ -68,11 +68,16 @@ module rtu_rx #(
   localparam [7:0] WRITE_COIL = 8'd5;
   localparam [7:0] WRITE_COILS = 8'd15;
 
+  // A flipped bit makes none of them of another, and a frame for nobody (SAFE-4).
+  localparam [2:0] TO_US = 3'b011;
+  localparam [2:0] TO_ALL = 3'b101;
+  localparam [2:0] TO_OTHERS = 3'b110;
+
   reg [2:0] state = S_WAIT;
   reg [8:0] length = 9'd0;
   reg storing = 1'b0;
-  reg for_us = 1'b0;
-  reg for_all = 1'b0;
+  reg [2:0] unit = TO_OTHERS;
+  reg begun_bank = 1'b0;
   reg function_next = 1'b0;
   reg writes_coils = 1'b0;
   reg parity_bad = 1'b0;
@@ -81,7 +86,9 @@ module rtu_rx #(
 
   wire clean = !parity_bad && !framing_bad && !overrun;
   wire good = crc_good && clean && length[8:2] != 7'd0;
-  wire mine = for_us || for_all;
+  wire mine = unit == TO_US || unit == TO_ALL;
+  // Where the frame began is the bank it is in, unless a bit of either flipped meanwhile (SAFE-4).
+  wire in_place = frame_bank == begun_bank;
   wire first = state == S_IDLE || state == S_SUSPECT;
   wire accept = byte_valid && (first || state == S_RECEIVE || (state == S_HOLD && !STRICT_T15));
   wire kept = length[8:5] == 4'd0;
@@ -92,7 +99,7 @@ module rtu_rx #(
   assign write_addr  = {!frame_bank, length[4:0]};
 
   // The clock in which a good frame becomes the candidate.
-  wire raise = mine && (PREPARE_EARLY ? state == S_RECEIVE && short_reached && good
+  wire raise = mine && in_place && (PREPARE_EARLY ? state == S_RECEIVE && short_reached && good
                                       : state == S_HOLD && long_reached);
   wire spoilt = state == S_HOLD && byte_valid;
 
@@ -116,7 +123,7 @@ module rtu_rx #(
 
   always @(posedge clk) begin
     candidate <= raise;
-    commit <= state == S_HOLD && long_reached && mine;
+    commit <= state == S_HOLD && long_reached && mine && in_place != PREPARE_EARLY;
     revoke <= spoilt && mine;
 
     if (stored) begin
@@ -131,8 +138,8 @@ module rtu_rx #(
       if (first) begin
         length <= 9'd0;
         overrun <= 1'b0;
-        for_us <= byte_data == own_address;
-        for_all <= byte_data == 8'd0;
+        unit <= byte_data == 8'd0 ? TO_ALL : byte_data == own_address ? TO_US : TO_OTHERS;
+        begun_bank <= frame_bank;
         parity_bad <= byte_parity_error;
         framing_bad <= byte_framing_error;
       end else begin
@@ -145,7 +152,7 @@ module rtu_rx #(
     // A revoked candidate gives its bank back and may go on growing in it.
     if (raise) begin
       frame_length <= length[7:0];
-      frame_broadcast <= for_all;
+      frame_broadcast <= unit == TO_ALL;
       frame_writes_coils <= writes_coils;
     end
     if (raise || (spoilt && mine && PREPARE_EARLY)) frame_bank <= !frame_bank;

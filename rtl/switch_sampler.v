@@ -3,8 +3,9 @@
 //
 // The switches pass two flip-flops, of which the second stops with settled, when the
 // pull-ups have charged the lines; ready tells that from then on the values hold until
-// the next reset. settled: high from some time after reset on, at least once.
-// Clock domain: clk. Rules: LINE-2, LINE-3, LINE-7, LINE-8.
+// the next reset. settled: high from some time after reset on, at least once. The parity
+// of all is kept with them: a flipped bit is no valid address any more (SAFE-4, LED-5).
+// Clock domain: clk. Rules: LINE-2, LINE-3, LINE-7, LINE-8, SAFE-4.
 `default_nettype none
 
 module switch_sampler (
@@ -22,9 +23,10 @@ module switch_sampler (
 );
 
   reg [16:0] stage = 17'd0;
+  reg odd = 1'b0;
 
   // 0 is the broadcast address, 248 to 255 are reserved.
-  assign addr_valid = addr != 8'd0 && addr[8:4] != 5'b11111;
+  assign addr_valid = addr != 8'd0 && addr[8:4] != 5'b11111 && ^{baud, addr} == odd;
 
   initial begin
     ready = 1'b0;
@@ -34,7 +36,7 @@ module switch_sampler (
 
   always @(posedge clk) begin
     stage <= {sw_baud, sw_addr};
-    if (!ready) {baud, addr} <= stage;
+    if (!ready) {odd, baud, addr} <= {^stage, stage};
     if (settled) ready <= 1'b1;
     if (rst) ready <= 1'b0;
   end

@@ -10,8 +10,9 @@
 // 8 after the first low tick: the first low tick comes up to one tick late, so this
 // is the middle on average and leaves the same room on both sides at +-4 %.
 // byte_valid: one clock, at the vote on the first stop bit (half a bit before its
-// end), with data and errors of that same character. A missing stop bit is a framing
-// error; after it the receiver waits for the line to rise (break). receiving: from
+// end), with data and errors of that same character; data that are not the bits that
+// were heard are a parity error, in any format. A missing stop bit is a framing error;
+// after it the receiver waits for the line to rise (break). receiving: from
 // the first low tick to byte_valid, or to the end of the break. start_seen: one
 // clock, when the start bit passed its vote.
 //
@@ -74,7 +75,8 @@ module uart (
   reg [7:0] shift = 8'd0;
   reg driving = 1'b0;  // a character is being sent; the pin follows a clock later
   reg loaded = 1'b0;  // shift waits for its start bit
-  reg parity = 1'b0;  // of parity_odd and the bits so far, at byte_valid with the stop bit
+  reg parity = 1'b0;  // of parity_odd and the data bits so far
+  reg parity_wrong = 1'b0;
   reg stop_missing = 1'b0;
 
   wire idle = state == 5'd0;
@@ -93,7 +95,8 @@ module uart (
 
   assign send_ready = !loaded && !(driving && (state[S_START] || state[S_DATA]));
   assign byte_data = shift;
-  assign byte_parity_error = parity_enable && parity == stop_missing;
+  // The check units hear the bits: without this a bit flipped in shift would have a good CRC or BCC (SAFE-4).
+  assign byte_parity_error = parity_wrong || ^{shift, parity_odd} != parity;
   assign byte_framing_error = stop_missing;
   assign bit_valid = leave && state[S_DATA];
   assign bit_data = !driving ? vote : send_check ? check_bit : shift[0];
@@ -123,7 +126,9 @@ module uart (
       state[S_STOP]   <= (last_bit && !parity_enable) || state[S_PARITY];
       state[S_REST]   <= state[S_STOP] && !stop_over;
       if (idle || over) driving <= go;
-      parity <= state[S_START] ? parity_odd : parity ^ bit_data;
+      if (state[S_START]) parity <= parity_odd;
+      else if (state[S_DATA]) parity <= parity ^ bit_data;
+      parity_wrong <= state[S_PARITY] ? parity != vote : parity_wrong && state[S_STOP];
       stop_missing <= !vote;
     end
 

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
+from tb.generated.mailbox import AREAS
 from tb.lib.seeds import seeded
 from tb.model.fake_mailbox import FakeMailbox
-from tb.model.firmware import Gateway
-from tb.model.rv32i import Machine
+from tb.model.fc_telegram import TelegramError
+from tb.model.firmware import Gateway, frame_memory
+from tb.model.rv32i import Hung, Machine
 
 H = bytes.fromhex
 STATUS = "0F03 2000"
@@ -129,6 +133,63 @@ def test_the_end_of_an_exchange_ends_its_licence(bench: Bench, end: str):
     mailbox._write_telegram(length=0, no_reply=0, repeat=1, ticket=mailbox.ticket)
     assert not mailbox.licensed and not mailbox.telegram_queued
     assert mailbox.spent
+
+
+COMMAND = H("0F 0000 0020 04 7C04 9919")
+
+
+@pytest.mark.rule("SAFE-4")
+def test_a_telegram_that_came_out_differently_the_second_time_never_leaves(bench: Bench):
+    """A bit of the request flips between the two times that the firmware makes the telegram."""
+    mailbox = bench.mailbox
+    looks = []
+
+    def flip() -> int:
+        looks.append(mailbox.length)
+        if len(looks) == 2:
+            frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(8)] ^= 4
+        return mailbox.length
+
+    mailbox._read_length = flip
+    if isinstance(bench.gateway, Machine):
+        with pytest.raises(Hung):  # the watchdog makes an end of it
+            bench.request(COMMAND)
+    else:
+        bench.request(COMMAND)
+        bench.wait(400)
+        bench.request(READ_IND)
+    assert len(looks) == 2 + isinstance(bench.gateway, Gateway)
+    assert bench.telegrams == [] and bench.replies == []
+
+
+@pytest.mark.rule("SAFE-4")
+def test_a_bit_that_flips_in_the_core_alters_no_command():
+    """A register's bit, at any instruction from the candidate to the commit. Before it was made twice: 12 of 1000."""
+    rng = random.Random(20261122)
+    expected = H("81 047C 1999")
+    sent = 0
+    for _ in range(600):
+        bench = Bench(Machine)
+        machine = bench.gateway
+        at = machine.instructions + rng.randrange(740)
+        register, bit = rng.randrange(1, 32), rng.randrange(32)
+        step = machine._step
+
+        def flipping(machine=machine, step=step, at=at, register=register, bit=bit) -> None:
+            if machine.instructions == at:
+                machine.x[register] ^= 1 << bit
+            step()
+
+        machine._step = flipping
+        try:
+            bench.request(COMMAND)
+        except TelegramError:
+            continue  # no drive takes it
+        except (Hung, AssertionError, AttributeError, KeyError):
+            pass  # the trap's or the watchdog's business
+        assert bench.telegrams in ([], [expected]), (at, register, bit)
+        sent += bench.telegrams == [expected]
+    assert 300 < sent < 600
 
 
 @pytest.mark.rule("FRAME-6")

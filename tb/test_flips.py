@@ -100,6 +100,41 @@ def test_no_flip_of_a_sender_keeps_its_driver_on(places):
                     assert outcome.recovered, outcome
 
 
+def commands(*asked: tuple[int, int]) -> list[dict]:
+    """Control word 047Ch to each of these units, with its reference."""
+    block = [rtu.build(unit, bytes.fromhex(f"0f0000002004 7c04 {at:04x}")) for unit, at in asked]
+    return [{"what": "command", "gap": ["idle", 20.0], "bytes": data.hex()} for data in block]
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-1")
+def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
+    """Another unit's command becomes nobody's, the card's own neither everybody's nor half of an older one."""
+    events = commands((1, 0x1111), (1, 0x2222), (9, 0x3333), (1, 0x4444))
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    assert len(played.telegrams) == 4, "the last one is that of the probe"
+    starts = [h.start for n, h in enumerate(played.network) if n % 13 == 0]
+    character = LINE.character_bits * LINE.bit
+    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.frame_bank"):
+        register = next(register for register in places.registers if register.path == f"network_i.{path}")
+        moments = (0.5, 0.8) if path == "uart_i.shift" else (3.2, 9.3, 13.0 + 2.5 * 11 / LINE.character_bits)
+        for bit in register.bits:
+            for start in starts[2:4]:
+                for moment in moments:
+                    flip = Flip(round(start + moment * character), register.path, 0, bit, "card")
+                    outcome, *_ = trial("test", places, flip, events)
+                    assert "telegram, bit 10" not in outcome.what and outcome.recovered, outcome
+
+
+@pytest.mark.rule("SAFE-4", "LED-5")
+def test_a_flipped_switch_halts_the_card(places):
+    at = int(0.07 * clk_hz(BAUD))
+    for name in ("addr", "baud", "odd"):
+        register = next(register for register in places.registers if register.path == f"switches_i.{name}")
+        for bit in register.bits:
+            outcome, *_ = trial("test", places, Flip(at, register.path, 0, bit, "card"))
+            assert outcome.what == "halted, both LEDs red", outcome
+
+
 def test_a_number_is_the_same_flip_anywhere(places):
     assert trial("3/1", places)[0] == trial("3/1", places)[0]
     assert trial("3/1", places)[0].flip != trial("3/2", places)[0].flip

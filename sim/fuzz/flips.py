@@ -136,9 +136,12 @@ def traffic(rng: random.Random, line: Line) -> list[dict]:
         gap = ["idle", round(rng.uniform(1, 20), 1)]
         return {"what": what, "gap": gap, "bytes": with_crc(bytes([unit]) + pdu).hex()}
 
-    def command(word: int, unit: int = ADDRESS) -> dict:
+    def command(word: int, unit: int = ADDRESS, spoilt: bool = False) -> dict:
         block = word.to_bytes(2, "little") + rng.randrange(0x4000).to_bytes(2, "little")
-        return frame("command", b"\x0f" + wire(0, 32) + b"\x04" + block, unit)
+        event = frame("command", b"\x0f" + wire(0, 32) + b"\x04" + block, unit)
+        if spoilt:
+            event["bytes"] = event["bytes"][:-1] + f"{int(event['bytes'][-1], 16) ^ 1:x}"
+        return event
 
     def reference() -> dict:
         return frame("reference", b"\x0f" + wire(16, 16) + b"\x02" + rng.randbytes(2))
@@ -163,6 +166,8 @@ def traffic(rng: random.Random, line: Line) -> list[dict]:
         lambda: frame("local", rtu.write_register(1, rng.randrange(0x10000))),
         lambda: frame("unknown", b"\x2b\x0e"),
         lambda: frame("another's", rtu.read_coils(0, 8), 9),
+        lambda: command(0x047C, 9),
+        lambda: command(0x047C, spoilt=True),
         revoked,
     )
     first = command(rng.choice((0x047C, 0x007C)))
@@ -218,8 +223,10 @@ class FlipPlayer(Player):
         self._settle()
 
 
-def trial(number: str, places: Places, flip: Flip | None = None) -> tuple[Outcome, dict, Played, Verdict]:
-    """One flip; the same number makes the same traffic and, unless one is given, the same flip."""
+def trial(
+    number: str, places: Places, flip: Flip | None = None, events: list[dict] | None = None
+) -> tuple[Outcome, dict, Played, Verdict]:
+    """One flip; the same number makes the same traffic and the same flip, unless they are given."""
     rng = random.Random(f"flips/{number}")
     case = {
         "baud": places.baud,
@@ -227,7 +234,7 @@ def trial(number: str, places: Places, flip: Flip | None = None) -> tuple[Outcom
         "address": ADDRESS,
         "dialect": "card",
         "profile": "vlt6000",
-        "events": traffic(rng, places.line),
+        "events": events or traffic(rng, places.line),
     }
     boot_clocks = int(BOOT_S * places.line.clk_hz)
     at = rng.randrange(boot_clocks // 4, boot_clocks + int(0.2 * places.line.clk_hz))

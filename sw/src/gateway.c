@@ -182,22 +182,37 @@ static void poll_exchange(struct gateway *g)
 
 /* ---- from the network */
 
-static void prepare(struct gateway *g, uint32_t request)
+static void prepare(struct gateway *g, uint8_t ticket)
 {
-    frame_byte *adu = request & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
-                                                          : mailbox_frame(REQUEST_FRAME_0);
+    uint32_t passes = 2;
+    uint32_t once = 0;
+    uint32_t bcc = 0;
+    frame_byte *adu;
     enum outcome outcome;
 
-    g->ticket = request & MAILBOX__REQUEST__TICKET_bm;
+    g->ticket = ticket;
     g->uncommitted = true;
     /* Not the one at the drive: that goes on, but is the newest no longer. */
     g->newest = &g->transactions[g->at_drive == &g->transactions[0]];
-    /* The ADU has address and CRC besides the PDU; 256 shows as 0. */
-    outcome = translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - 3u) & 0xFF,
-                                (request & MAILBOX__REQUEST__BROADCAST_bm) != 0);
+    /* What goes to the drive is made twice, from the registers on: a bit that flips in the core on the way makes
+     * two telegrams of it. Then none leaves, and the commit leaves no settings to go on with (SAFE-4). */
+    do {
+        const uint32_t request = mailbox_read(REQUEST);
+
+        adu = request & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
+                                                  : mailbox_frame(REQUEST_FRAME_0);
+        once = bcc;
+        /* The ADU has address and CRC besides the PDU; 256 shows as 0. */
+        outcome = translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - 3u) & 0xFF,
+                                    (request & MAILBOX__REQUEST__BROADCAST_bm) != 0);
+        if (outcome == OUTCOME_EXCHANGE)
+            bcc = g->newest->telegram[g->newest->telegram_length - 1];
+    } while (outcome == OUTCOME_EXCHANGE && --passes != 0);
     /* Now, for its bank is not kept until the drive has answered. */
     mailbox_frame(REPLY_FRAME)->byte = adu->byte;
-    g->wants_drive = outcome == OUTCOME_EXCHANGE;
+    g->wants_drive = outcome == OUTCOME_EXCHANGE && once == bcc;
+    if (outcome == OUTCOME_EXCHANGE)
+        g->newest->settings.word[GUARD] += once ^ bcc;
     if (outcome == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
 }
@@ -213,7 +228,7 @@ static void poll_request(struct gateway *g)
         return;
     }
     if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket)
-        prepare(g, request);
+        prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
     if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
         start_exchange(g);
     if (request & MAILBOX__REQUEST__COMMITTED_bm && g->uncommitted) {
