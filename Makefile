@@ -9,8 +9,8 @@
 #   BOARD=name    board of constraints/boards.toml (synth, image) default: all
 #   FIRMWARE=file image for $readmemh (image)
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
-#   SEED=n        repeats a run (soak, fuzz, fuzz-firmware, flips) default: a new one
-#   COUNT=n       network frames (fuzz) or flips of a run        default: 2000, 500
+#   SEED=n        repeats a run (soak, fuzz, fuzz-firmware, flips, core-flips) default: a new one
+#   COUNT=n       network frames (fuzz), flips (flips, core-flips) default: 2000, 500, 6000
 #   RUNS=n        executions of all fuzzers (fuzz-firmware)      default: a million
 #   SHARD=I/N     a part of the work (mutate-firmware)           default: all
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
@@ -60,7 +60,7 @@ firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect
 soak: card drive ## long mixed traffic over the virtual card, against the models (SEED=)
 	@$(PY) -m tools.soak $(if $(SEED),--seed $(SEED))
 
-.PHONY: fuzz fuzz-plants fuzz-report flips flips-report
+.PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
 fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against the models (SEED=, COUNT=)
 	@$(PY) -m tools.fuzz $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
 
@@ -69,6 +69,9 @@ fuzz-plants: firmware drive | $(SETUP) ## how many frames each planted bug lives
 
 flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=)
 	@$(PY) -m tools.flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+
+core-flips: firmware | $(SETUP) ## flipped registers of the core alone, while it makes a telegram (SEED=, COUNT=)
+	@$(PY) -m tools.core_flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
 
 flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
 	@$(PY) -m tools.flips --report

@@ -72,10 +72,12 @@ class Machine:
         memory: int = 6144,
         damaged_bit: int | None = None,
         dialect: str = "card",
+        program: bytes | None = None,
     ) -> None:
         self.on_read, self.on_write = read, write
-        self.image_size = len(image(dialect))
-        self.memory = bytearray(image(dialect).ljust(memory - FRAMES_BYTES, bytes([STACK_FILL])))
+        program = program or image(dialect)
+        self.image_size = len(program)
+        self.memory = bytearray(program.ljust(memory - FRAMES_BYTES, bytes([STACK_FILL])))
         if damaged_bit is not None:
             self.memory[damaged_bit // 8] ^= 1 << damaged_bit % 8
         self.decoded: dict[int, Callable[[], None]] = {}
