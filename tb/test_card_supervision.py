@@ -359,9 +359,10 @@ def test_late_replies(sim, config):
 @pytest.mark.rule("FC-9", "MAP-5")
 def test_silent_drive(config):
     """On Verilator alone, for the default wait of 150 ms too; Icarus sees a repeat in `test_late_replies`."""
-    run_card(
-        "verilator",
-        config,
-        "silent_drive_is_asked_again_and_then_reported_after_its_time",
-        "broadcast_waits_for_nothing_but_the_pause",
-    )
+    run_card("verilator", config, "silent_drive_is_asked_again_and_then_reported_after_its_time")
+
+
+@pytest.mark.rule("MAP-9", "FC-8")
+def test_broadcast_and_next_request(config):
+    """The small card at its own clock: a slow one has the broadcast ready after the next request only."""
+    run_card("verilator", config, "broadcast_waits_for_nothing_but_the_pause", slow=config == "standard")

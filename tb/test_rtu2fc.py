@@ -15,7 +15,7 @@ from cocotb.triggers import RisingEdge, Timer, with_timeout
 
 from tb.lib.bench import Strobes
 from tb.lib.card import MS, Card
-from tb.lib.config import CLK_HZ, ROUND_MS, SLOW_HZ, boot_clocks, own_hz
+from tb.lib.config import BROADCAST_MS, CLK_HZ, ROUND_MS, SLOW_HZ, boot_clocks, own_hz
 from tb.lib.fc_slave import FAULTS, Manner, Script
 from tb.lib.modbus_master import Transaction
 from tb.lib.runner import run
@@ -112,7 +112,7 @@ async def play(scene: Scenario, example: dict) -> None:
     """One transaction of the examples, byte for byte on both lines."""
     wants_reply = example["reply"] is not None
     request = bytes.fromhex(example["request"])
-    done = await scene.request(request, exchanges_of(example), 400 if wants_reply else 30)
+    done = await scene.request(request, exchanges_of(example), 400 if wants_reply else BROADCAST_MS)
     expected = bytes.fromhex(example["reply"]) if wants_reply else None
     assert done.data == expected, f"{example['id']}: {done.reply}"
 
