@@ -108,7 +108,7 @@ def commands(*asked: tuple[int, int]) -> list[dict]:
 
 @pytest.mark.rule("SAFE-4", "SAFE-1")
 def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
-    """Another unit's command becomes nobody's, the card's own neither everybody's nor half of an older one."""
+    """Another unit's command is nobody's, the card's own neither everybody's nor half of an older one."""
     events = commands((1, 0x1111), (1, 0x2222), (9, 0x3333), (1, 0x4444))
     _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
     assert len(played.telegrams) == 4, "the last one is that of the probe"

@@ -117,7 +117,7 @@ async def start_while_sending_changes_nothing(dut):
 
 @cocotb.test()
 async def reply_whose_length_shrinks_ends_after_the_whole_memory(dut):
-    """A length that the bytes sent are past already: 32 bytes and their CRC, not the memory round and round (SAFE-2)."""
+    """Past the length already: 32 bytes and their CRC, not the memory round and round (SAFE-2)."""
     rng = seeded("shrinks")
     tx = await Sender(dut).start()
     contents = rng.randbytes(32)

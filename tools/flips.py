@@ -36,7 +36,7 @@ class FlipsError(Exception):
 
 
 def shard(seed: int, count: int, places: Places) -> dict:
-    """What became of `count` flips: how many of each part ended how, and those to look at; kept on the way, too."""
+    """What became of `count` flips: how many of each part ended how, and those to look at."""
     began = time.monotonic()
     result = {
         "seed": seed,

@@ -63,8 +63,8 @@ def _netlist(sources: Sequence[Path], clk_hz: int) -> Path:
     if made.exists():
         return made
     FOLDER.mkdir(parents=True, exist_ok=True)
-    # Yosys in WebAssembly sees nothing outside the working directory; the image's content does not matter. A folder
-    # of its own, for other shards may be at the same.
+    # Yosys in WebAssembly sees nothing outside the working directory; the image's content does not matter.
+    # A folder of its own, for other shards may be at the same.
     with tempfile.TemporaryDirectory(dir=FOLDER) as own:
         folder = Path(own).relative_to(ROOT)
         (ROOT / folder / "empty.hex").write_text("00000000\n")
