@@ -22,9 +22,9 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h sw/genera
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Isw/generated
-# Loops stay loops: there is no C library to call instead. Without if-conversion it is shorter here.
+# Loops stay loops: there is no C library to call instead. These optimisations make it longer here.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
-	-fno-tree-loop-distribute-patterns -fno-if-conversion
+	-fno-tree-loop-distribute-patterns -fno-if-conversion -fno-thread-jumps -fno-forward-propagate
 FIRMWARE_LDFLAGS := -nostdlib -Lsw/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 

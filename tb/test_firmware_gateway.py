@@ -160,6 +160,40 @@ def test_a_telegram_that_came_out_differently_the_second_time_never_leaves(bench
     assert bench.telegrams == [] and bench.replies == []
 
 
+@pytest.mark.rule("FRAME-6", "SAFE-1")
+@pytest.mark.parametrize("looks", [1, 2, 3])
+def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench, looks: int):
+    """It comes while the older one, committed already, is prepared, and is revoked."""
+    mailbox = bench.mailbox
+    mailbox.candidate(COMMAND)
+    mailbox.commit()
+    plain, left = mailbox._read_request, [looks]
+
+    def newer() -> int:
+        word = plain()
+        left[0] -= 1
+        if left[0] == 0:
+            mailbox.candidate(H("0F 0000 0020 04 3F04 6655"))
+        return word
+
+    mailbox._read_request = newer
+    bench.poll()
+    mailbox._read_request = plain
+    bench.character()
+    bench.telegram_ends()
+    bench.wait(400)
+    bench.request(H("05 0009 0000"))
+    assert bench.telegrams[-1] in (H("81 0000 0000"), H("81 047C 1999")), "of the revoked one"
+
+
+@pytest.mark.rule("SAFE-4", "LOOP-1")
+def test_the_loop_back_test_s_door_is_closed_at_every_other_start(bench: Bench):
+    written = []
+    bench.mailbox._write_supervisor = lambda **fields: written.append(fields)
+    bench.restart()
+    assert written == [{"halt": 0, "loopback": 1}], "nor does a flipped switch open it later"
+
+
 @pytest.mark.rule("SAFE-4")
 def test_a_bit_that_flips_in_the_core_alters_no_command():
     """A register's bit, at any instruction from the candidate to the commit."""

@@ -27,11 +27,11 @@ H = bytes.fromhex
 WRITES = (
     H("0F 0000 0020 04 7C04 9919"),
     H("05 000A FF00"),
-    H("0F 0000 0010 02 7C04"),
+    H("0F 0000 0010 02 3C04"),
     rtu.write_register(2049, 0x1234),
     rtu.write_registers(2049, [0x1234]),
 )
-EARLIER = H("0F 0000 0020 04 7C00 1122")
+EARLIER = H("0F 0000 0020 04 7D04 1122")
 DRIVE_SAYS = H("0F03 2000")
 VALID = 0x04  # bit 10, in the control word's upper byte
 RESULTS = ("as asked", "altered, bit 10 = 1", "altered, bit 10 = 0", "refused by its BCC", "none")

@@ -45,12 +45,12 @@ static void queue_telegram(struct gateway *g, uint32_t how)
 static void start_exchange(struct gateway *g)
 {
     const struct transaction *txn = g->newest;
-    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME);
-    const uint8_t *from = txn->telegram;
-    const uint8_t *const end = from + txn->telegram_length;
+    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + txn->telegram_length;
+    const uint8_t *from = txn->telegram + txn->telegram_length;
 
-    while (from != end)
-        frame++->byte = *from++;
+    /* ADR last: until then the older one's is 0, and what is there no drive takes (SAFE-4). */
+    while (from != txn->telegram)
+        (--frame)->byte = *--from;
     g->wants_drive = false;
     g->repeated = false;
     g->at_drive = g->newest;
@@ -182,11 +182,17 @@ static void poll_exchange(struct gateway *g)
 
 /* ---- from the network */
 
+/* What stands for the telegram, and for the settings that the commit brings. */
+static uint32_t check_of(const struct transaction *txn)
+{
+    return txn->settings.word[GUARD] ^ txn->telegram[txn->telegram_length - 1];
+}
+
 static void prepare(struct gateway *g, uint8_t ticket)
 {
     uint32_t passes = 2;
     uint32_t once = 0;
-    uint32_t bcc = 0;
+    uint32_t check = 0;
     frame_byte *adu;
     enum outcome outcome;
 
@@ -197,22 +203,20 @@ static void prepare(struct gateway *g, uint8_t ticket)
     /* What goes to the drive is made twice, from the registers on: a bit that flips in the core on the way makes
      * two telegrams of it. Then none leaves, and the commit leaves no settings to go on with (SAFE-4). */
     do {
-        const uint32_t request = mailbox_read(REQUEST);
-
-        adu = request & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
-                                                  : mailbox_frame(REQUEST_FRAME_0);
-        once = bcc;
+        adu = mailbox_read(REQUEST) & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
+                                                                : mailbox_frame(REQUEST_FRAME_0);
+        once = check;
         /* The ADU has address and CRC besides the PDU; 256 shows as 0. */
         outcome = translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - 3u) & 0xFF,
-                                    (request & MAILBOX__REQUEST__BROADCAST_bm) != 0);
+                                    adu->byte == 0);
         if (outcome == OUTCOME_EXCHANGE)
-            bcc = g->newest->telegram[g->newest->telegram_length - 1];
+            check = check_of(g->newest);
     } while (outcome == OUTCOME_EXCHANGE && --passes != 0);
     /* Now, for its bank is not kept until the drive has answered. */
     mailbox_frame(REPLY_FRAME)->byte = adu->byte;
-    g->wants_drive = outcome == OUTCOME_EXCHANGE && once == bcc;
+    g->wants_drive = outcome == OUTCOME_EXCHANGE && once == check;
     if (outcome == OUTCOME_EXCHANGE)
-        g->newest->settings.word[GUARD] += once ^ bcc;
+        g->newest->settings.word[GUARD] += once ^ check;
     if (outcome == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
 }
@@ -227,8 +231,11 @@ static void poll_request(struct gateway *g)
         g->wants_drive = false;
         return;
     }
-    if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket)
+    /* A newer one may have come meanwhile: whether this is the one that is committed, the next round sees. */
+    if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket) {
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
+        return;
+    }
     if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
         start_exchange(g);
     if (request & MAILBOX__REQUEST__COMMITTED_bm && g->uncommitted) {
@@ -285,6 +292,9 @@ void gateway_init(struct gateway *g)
     forget_request(g);
     leds_init(&g->leds, g->now);
     g->testing = loopback_init(&g->loopback, g->now);
+    /* Without the test nothing may open it later, no flipped switch either (SAFE-4). */
+    if (!g->testing)
+        mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__LOOPBACK_bm);
 }
 
 void gateway_poll(struct gateway *g)

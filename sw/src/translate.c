@@ -137,7 +137,9 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);
-    seal(&txn->settings);
+    /* What a reading left alone still fits, or shows that a bit of it flipped. */
+    if (txn->function > READ_REGISTERS)
+        seal(&txn->settings);
     /* MAP-9: a broadcast is done, or is not, but never answered. */
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }

@@ -445,7 +445,7 @@ static void on_write(uint32_t offset, uint32_t value)
         m.drive_candidate = m.drive_good = false;
         break;
     case offsetof(MAILBOX_t, SUPERVISOR):
-        HOLDS(value == MAILBOX__SUPERVISOR__LOOPBACK_bm && m.loopback);
+        HOLDS(value == MAILBOX__SUPERVISOR__LOOPBACK_bm);
         m.loopback = false;
         m.reply_queued = m.queued = m.licensed = false;
         break;
