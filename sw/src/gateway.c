@@ -182,10 +182,13 @@ static void poll_exchange(struct gateway *g)
 
 /* ---- from the network */
 
-/* What stands for the telegram, and for the settings that the commit brings. */
+/* What stands for the telegram, and for the settings that the commit brings. A bit of the control image changes both,
+ * the BCC in one place and the guard in a run of bits: twice, the one never undoes the other. */
 static uint32_t check_of(const struct transaction *txn)
 {
-    return txn->settings.word[GUARD] ^ txn->telegram[txn->telegram_length - 1];
+    const uint32_t bcc = txn->telegram[txn->telegram_length - 1];
+
+    return txn->settings.word[GUARD] ^ bcc ^ bcc << 8;
 }
 
 static void prepare(struct gateway *g, uint8_t ticket)
