@@ -14,7 +14,7 @@ import pytest
 
 from sim.fuzz.case import run
 from sim.fuzz.library import Target
-from sim.fuzz.plants import named
+from sim.fuzz.plants import PLANTS, named
 from sim.fuzz.traffic import make
 from tb.lib.seeds import seeded
 from tb.model import rtu
@@ -67,6 +67,11 @@ def test_a_planted_bug_is_found(name, frames, tmp_path):
     )
     print(f"{name}: {result.differences}")
     assert result.differences, f"{name} lived through {result.frames} frames"
+
+
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)
+def test_every_plant_still_finds_its_place(plant):
+    assert not plant.old or plant._changed()
 
 
 def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_path):

@@ -122,7 +122,7 @@ PLANTS = (
         "wire half_over = counting && ticks == half_end;",
         "wire half_over = counting && ticks == half_end - 2'd2;",
     ),
-    Plant("half-a-glitch", ("LINE-5",), "rtl/glitch_filter.v", "ones_next >= 4'd5", "ones_next >= 4'd8"),
+    Plant("half-a-glitch", ("LINE-5",), "rtl/glitch_filter.v", "ones >= 4'd5", "ones >= 4'd8"),
     Plant(
         "drive-gap-forgiven",
         ("FC-8",),
