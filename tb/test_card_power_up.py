@@ -262,7 +262,9 @@ def test_power_up_show_is_one_led_after_the_other_and_delays_nothing(config):
         assert [s.colour for s in drive][:4] == list(SHOW)
         assert [s.colour for s in modbus][:4] == list(SHOW)
         for colour, ms in [*steps_ms(drive)[:3], *steps_ms(modbus)[:4]]:
-            assert near(ms, STEP_MS), f"{colour} for {ms:.2f} ms"
+            # A round that prepares a telegram may come before the change or after it.
+            late = {"standard": 0, "tiny": 5}[config]
+            assert abs(ms - STEP_MS) <= ACCURACY * STEP_MS + late, f"{colour} for {ms:.2f} ms"
         # The network LED's turn comes after the drive LED's, its dark quarter included.
         assert near((modbus[0].since_ps - drive[3].since_ps) / MS, STEP_MS)
         assert near((modbus[3].since_ps - drive[0].since_ps) / MS, 7 * STEP_MS)

@@ -20,7 +20,7 @@ CONFIG = os.environ.get(CONFIG_VARIABLE, "standard")
 SLOW_HZ = {"standard": 2_000_000, "tiny": 5_000_000}
 CLK_HZ = int(os.environ.get(CLOCK_VARIABLE, SLOW_HZ[CONFIG]))
 # A round of the poll loop at these clocks, in ms: so much later a time-out may be noticed.
-ROUND_MS = {"standard": 0.5, "tiny": 10.0}[CONFIG]
+ROUND_MS = {"standard": 0.5, "tiny": 5.0}[CONFIG]
 # Until the telegram of a broadcast is over, in ms, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]
 
