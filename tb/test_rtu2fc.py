@@ -537,7 +537,7 @@ def test_drive(sim, config):
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9")
 def test_quick(sim):
     """The tiny card at its own clock only: `test_own_clock`."""
-    run_card(sim, "standard", QUICK)
+    run_card(sim, "standard", QUICK, 2 * SLOW_HZ["standard"])
 
 
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
