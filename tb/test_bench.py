@@ -394,6 +394,11 @@ def test_a_new_report_is_of_its_results(tmp_path, monkeypatch) -> None:
     )
 
 
+def test_the_report_is_of_this_card() -> None:
+    """Verilog, firmware or bench changed: `make bench` renews docs/results.md and its pictures."""
+    assert not fingerprint.difference(bench_report.stated(), fingerprint.tree())
+
+
 # ---------------------------------------------------------------- tools/stack.py
 
 STACK_C = """

@@ -23,6 +23,8 @@ CLK_HZ = int(os.environ.get(CLOCK_VARIABLE, SLOW_HZ[CONFIG]))
 ROUND_MS = {"standard": 0.5, "tiny": 5.0}[CONFIG]
 # Until the telegram of a broadcast is over, in ms, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]
+# A parameter's telegram after t3.5 at 9600 bit/s and the own clock, in drive bits: SERV is not done by then.
+LATEST_PARAMETER_BITS = {"standard": 1, "tiny": 6}[CONFIG]
 
 # Whether the soft core stops at what it does not know; else the watchdog sees that nothing goes on.
 TRAPS = {"picorv32": True, "serv": False}[configuration(CONFIG)["soft_core"]]
