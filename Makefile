@@ -121,7 +121,7 @@ mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches 
 synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all boards also write docs/synthesis.md (BOARD=)
 	@$(PY) -m tools.synth $(BOARD)
 
-image: | $(SETUP) ## another firmware into a board's finished design (BOARD=, FIRMWARE=)
+image: firmware | $(SETUP) ## another firmware into a board's finished design (BOARD=, FIRMWARE=)
 	@[ -n "$(BOARD)" ] && [ -n "$(FIRMWARE)" ] || \
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
 	@$(PY) -m tools.image "$(BOARD)" "$(FIRMWARE)"

@@ -175,7 +175,14 @@ def off_the_documents(entry: Board) -> list[str]:
     return sorted(port for port in wanted.keys() | found.keys() if wanted.get(port) != found.get(port))
 
 
-DEVELOPMENT = ("icebreaker", "hx8k-breakout", "ulx3s-25")
+# The oscillators that are on the boards, by their own documents.
+OSCILLATORS_HZ = {"icebreaker": 12_000_000, "hx8k-breakout": 12_000_000, "ulx3s-25": 25_000_000}
+DEVELOPMENT = tuple(OSCILLATORS_HZ)
+
+
+@pytest.mark.parametrize("name", DEVELOPMENT)
+def test_a_development_board_has_the_clock_of_its_oscillator(name):
+    assert BOARDS[name].clk_hz == OSCILLATORS_HZ[name]
 
 
 @pytest.mark.parametrize("name", DEVELOPMENT)

@@ -21,12 +21,13 @@ from tools.boards import Board, boards
 from tools.seal import adds_up, seal
 
 BOARDS = boards()
-# A board of each family; the small configuration is routed sooner, the standard one is quick on ECP5 alone.
+# A board of each family. The small configuration is routed sooner on the HX8K; the UP5K has the standard one.
 FULL = {
     "ice40": replace(BOARDS["hx8k-breakout"], config="tiny", clk_hz=24_000_000),
     "machxo2": BOARDS["card-xo2-1200"],
     "ecp5": BOARDS["ulx3s-25"],
-    "machxo3": replace(BOARDS["card-xo3-4300"], config="tiny", clk_hz=24_000_000),
+    "machxo3": BOARDS["card-xo3-4300"],
+    "up5k": BOARDS["icebreaker"],
 }
 
 
@@ -55,7 +56,7 @@ def sealed_image(entry: Board, seed: int) -> str:
 
 
 # Two tools, two ways to patch: icebram, and the text configuration. The other families with ALL=1.
-SLOW = [pytest.param(family, marks=pytest.mark.patient) for family in ("machxo3", "ecp5")]
+SLOW = [pytest.param(family, marks=pytest.mark.patient) for family in ("machxo3", "ecp5", "up5k")]
 
 
 @pytest.mark.parametrize("family", ["ice40", "machxo2", *SLOW])
