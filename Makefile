@@ -115,7 +115,7 @@ formal: | $(SETUP) ## prove what formal/ promises, and write docs/proofs.md (MOD
 	@$(PY) tools/formal.py $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches notice (MODULE=, default all: hours)
-	@$(PY) tools/mutate.py $(or $(MODULE),--all) --jobs $(JOBS)
+	@$(PY) -m tools.mutate $(or $(MODULE),--all) --jobs $(JOBS) --write
 
 .PHONY: synth image
 synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all boards also write docs/synthesis.md (BOARD=)

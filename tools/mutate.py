@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Breaks a Verilog module in one place at a time and looks whether its proofs or its tests see it.
 
-    tools/mutate.py MODULE ... [--count N] [--seed N] [--jobs N] [--shard K/N]
-    tools/mutate.py --all [...]          every module of rtl/ that has a bench
-    tools/mutate.py --report             one table of everything in build/mutate/
+    python -m tools.mutate MODULE ... [--count N] [--seed N] [--jobs N] [--shard K/N]
+    python -m tools.mutate --all [...]          every module of rtl/ that has a bench
+    python -m tools.mutate --report             one table of everything in build/mutate/
+    ... --write                          and into docs/mutants.md
 
 A mutant is one change of the source: an operator, a constant, a condition that always or never holds, an
 assignment or a connection that is gone. What does not compile is no mutant. It is caught when
 formal/MODULE.sby no longer holds or tb/test_MODULE.py fails (on Icarus, or Verilator where a test runs only
-there). Each module leaves build/mutate/MODULE.json. Survivors are listed; formal/survivors.toml says of each
-why nothing can see it, or what would be lost. Exit 1: fewer than 95 % caught, or a survivor without a word.
+there), or when either takes far longer than on the unchanged module. Each module leaves
+build/mutate/MODULE.json, from which an interrupted run goes on. Survivors are listed; formal/survivors.toml
+says of each why nothing can see it, or what would be lost. Exit 1: fewer than 95 % caught, or a survivor
+without a word.
 """
 
 import argparse
 import concurrent.futures
+import hashlib
 import json
 import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -26,12 +31,20 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from sources import ROOT, SourcesError, needed_files, rtl_files
+from tools.sources import ROOT, SourcesError, needed_files, rtl_files
 
 WORK = ROOT / "build/mutate"
 SURVIVORS = ROOT / "formal/survivors.toml"
+TEMPLATE = ROOT / "formal/mutants.md.in"
+DOCUMENT = ROOT / "docs/mutants.md"
+HEADER = (
+    "| module | possible | tried | by proof | by test | survived | caught | of |\n"
+    "|---|---:|---:|---:|---:|---:|---:|---|"
+)
 ENOUGH = 0.95
-LONGEST_S = 400
+LONGEST_S = 900  # a proof or a bench of the unchanged module; of a mutant TIMES_LONGER what that took
+TIMES_LONGER = 5
+LEAST_S = 60
 # The bench of a module that only wires is slow; these run a part of it.
 BENCH_ARGS = {"rtu2fc": ["--sim=verilator"]}
 COPIED = (
@@ -76,9 +89,13 @@ class Mutant:
     start: int  # of the change in the file
     end: int
     text: str  # what stands there instead
-    verdict: str = ""
-    by: str = ""
+    verdict: str = ""  # caught, survived; invalid: does not compile
+    by: str = ""  # proof, test
     seconds: float = 0.0
+
+    @property
+    def key(self) -> tuple:
+        return self.start, self.end, self.text
 
 
 def code_only(text: str) -> str:
@@ -134,6 +151,15 @@ def changes(text: str):
         r"(?:^|(?<=begin)|(?<=: )|(?<=\) )|(?<=else ))[ \t]*[\w{][\w\[\]:, {}+-]*<= [^;]+;", code, re.M
     ):
         yield found.start(), found.end(), ";"
+        value = code.index("<= ", found.start()) + 3
+        yield value, found.end() - 1, f"~({text[value : found.end() - 1]})"
+    for found in re.finditer(r"^  assign [^=]+ = ([^;]+);", code, re.M):
+        yield found.start(1), found.end(1), f"~({text[found.start(1) : found.end(1)]})"
+        yield found.start(1), found.end(1), "0"
+    for found in re.finditer(r"(?<=\w\[)(\d+)(?=\])", code):
+        yield found.start(), found.end(), str(int(found[1]) + 1)
+        if int(found[1]):
+            yield found.start(), found.end(), str(int(found[1]) - 1)
     for instance in re.finditer(
         r"^  (\w+)(?: #\([^;]*?\n  \))? \w+ \(\n(.*?)\n  \);", code, re.M | re.DOTALL
     ):
@@ -172,11 +198,14 @@ class Tree:
                 shutil.copytree(source, self.root / name, ignore=shutil.ignore_patterns("__pycache__"))
             elif source.exists():
                 shutil.copy(source, self.root / name)
+        (self.root / ".venv").symlink_to(ROOT / ".venv")
         for image in ("firmware.hex", "tiny/firmware.hex"):
             made = ROOT / "build" / image
             if made.exists():
                 (self.root / "build" / image).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(made, self.root / "build" / image)
+        self.judges: list[str] = []
+        self.longest_s: float = LONGEST_S
         self.module = module
         self.path = next(path for path in rtl_files() if path.stem == module)
         self.original = self.path.read_text()
@@ -185,20 +214,23 @@ class Tree:
 
     def run(self, *command: str) -> tuple[bool, str]:
         """Whether the command ended well within its time, and what it printed."""
+        child = subprocess.Popen(
+            command,
+            cwd=self.root,
+            env=self.env,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
         try:
-            done = subprocess.run(
-                command,
-                cwd=self.root,
-                env=self.env,
-                capture_output=True,
-                text=True,
-                check=False,
-                timeout=LONGEST_S,
-                stdin=subprocess.DEVNULL,
-            )
+            said, _ = child.communicate(timeout=self.longest_s)
         except subprocess.TimeoutExpired:
-            return False, f"no end within {LONGEST_S} s"
-        return done.returncode == 0, done.stdout + done.stderr
+            os.killpg(child.pid, signal.SIGKILL)  # the simulator too
+            child.communicate()
+            return False, f"no end within {self.longest_s:.0f} s"
+        return child.returncode == 0, said
 
     def compiles(self) -> bool:
         files = [
@@ -223,6 +255,26 @@ class Tree:
             *(f"tb/test_{self.module}.py", *arguments),
         )
 
+    def look(self) -> None:
+        """Which judges the unchanged module has, the quicker one first; both must be content with it."""
+        judges = {"test": self.tested}
+        if (ROOT / f"formal/{self.module}.sby").exists():
+            judges["proof"] = self.proved
+        times = {}
+        for name, judge in judges.items():
+            began = time.monotonic()
+            sound, said = judge()
+            if not sound:
+                raise SystemExit(
+                    f"mutate: {name} of {self.module} fails on the unchanged module:\n{said[-800:]}"
+                )
+            times[name] = time.monotonic() - began
+        self.judges = sorted(times, key=times.get)
+        self.longest_s = max(LEAST_S, TIMES_LONGER * max(times.values()))
+        print(
+            f"{self.module}: " + ", ".join(f"{name} {times[name]:.0f} s" for name in self.judges), flush=True
+        )
+
     def judge(self, mutant: Mutant) -> Mutant:
         began = time.monotonic()
         text = self.original
@@ -230,12 +282,14 @@ class Tree:
         try:
             if not self.compiles():
                 mutant.verdict = "invalid"
-            elif (ROOT / f"formal/{self.module}.sby").exists() and not self.proved()[0]:
-                mutant.verdict, mutant.by = "caught", "proof"
-            elif not self.tested()[0]:
-                mutant.verdict, mutant.by = "caught", "test"
             else:
                 mutant.verdict = "survived"
+                for name in self.judges:
+                    sound, said = {"test": self.tested, "proof": self.proved}[name]()
+                    # What Yosys cannot read is not disproved.
+                    if not sound and not (name == "proof" and "ERROR" in said):
+                        mutant.verdict, mutant.by = "caught", name
+                        break
         finally:
             self.file.write_text(self.original)
         mutant.seconds = time.monotonic() - began
@@ -245,19 +299,73 @@ class Tree:
         shutil.rmtree(self.root, ignore_errors=True)
 
 
-def attack(module: str, count: int, seed: int, jobs: int, shard: tuple[int, int]) -> None:
-    """Judges `count` valid mutants of a module and writes its result file."""
-    path = next(path for path in rtl_files() if path.stem == module)
-    candidates = mutants(module, path)
-    random.Random(f"{seed} {module}").shuffle(candidates)
-    candidates = candidates[shard[0] :: shard[1]]
-    trees = [Tree(number, module) for number in range(jobs)]
-    sound = trees[0].tested()
-    if not sound[0]:
-        raise SystemExit(f"mutate: tb/test_{module}.py fails on the unchanged module:\n{sound[1][-800:]}")
-    results: list[Mutant] = []
-    wanted = -(-count // shard[1])
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+def fingerprint(path: Path) -> str:
+    """Of what can be mutated in a module: a comment more or less leaves it as it is."""
+    words = " ".join(code_only(path.read_text()).split())
+    return hashlib.sha256(words.encode()).hexdigest()[:12]
+
+
+class Attack:
+    """The mutants of one module, and what became of them; kept in its result file after each."""
+
+    def __init__(self, module: str, count: int, seed: int, shard: tuple[int, int]) -> None:
+        self.module, self.seed = module, seed
+        self.wanted = -(-count // shard[1])
+        path = next(path for path in rtl_files() if path.stem == module)
+        self.of = fingerprint(path)
+        found = mutants(module, path)
+        self.possible = len(found)
+        random.Random(f"{seed} {module}").shuffle(found)
+        suffix = "" if shard[1] == 1 else f".{shard[0]}of{shard[1]}"
+        self.file = WORK / f"{module}{suffix}.json"
+        known = self.read()
+        self.judged = [known[mutant.key] for mutant in found if mutant.key in known]
+        self.left = [mutant for mutant in found[shard[0] :: shard[1]] if mutant.key not in known]
+
+    def read(self) -> dict[tuple, Mutant]:
+        """What an earlier run of the same module and seed has judged."""
+        if not self.file.exists():
+            return {}
+        document = json.loads(self.file.read_text())
+        if (document.get("of"), document.get("seed")) != (self.of, self.seed):
+            return {}
+        return {mutant.key: mutant for mutant in (Mutant(**row) for row in document["mutants"])}
+
+    @property
+    def valid(self) -> list[Mutant]:
+        return [mutant for mutant in self.judged if mutant.verdict != "invalid"]
+
+    def keep(self, mutant: Mutant) -> None:
+        self.judged.append(mutant)
+        rows = [asdict(mutant) for mutant in self.judged]
+        document = {"module": self.module, "of": self.of, "seed": self.seed, "possible": self.possible}
+        text = json.dumps(document | {"mutants": rows}, indent=1)
+        partly = self.file.with_suffix(".part")
+        partly.write_text(text)
+        partly.replace(self.file)
+        if mutant.verdict == "survived":
+            print(
+                f"{self.module}:{mutant.line}: survived: {mutant.before}  ->  {mutant.after}",
+                flush=True,
+            )
+
+    def run(self, jobs: int) -> None:
+        WORK.mkdir(parents=True, exist_ok=True)
+        if len(self.valid) < self.wanted:
+            trees = [Tree(number, self.module) for number in range(jobs)]
+            try:
+                trees[0].look()
+                for tree in trees[1:]:
+                    tree.judges, tree.longest_s = trees[0].judges, trees[0].longest_s
+                self.share_out(trees)
+            finally:
+                for tree in trees:
+                    tree.remove()
+        caught = sum(mutant.verdict == "caught" for mutant in self.valid)
+        seconds = sum(mutant.seconds for mutant in self.judged)
+        print(f"{self.module}: {caught} of {len(self.valid)} caught, {seconds:.0f} s", flush=True)
+
+    def share_out(self, trees: list[Tree]) -> None:
         free = list(trees)
 
         def work(mutant: Mutant) -> Mutant:
@@ -267,63 +375,100 @@ def attack(module: str, count: int, seed: int, jobs: int, shard: tuple[int, int]
             finally:
                 free.append(tree)
 
-        while candidates and sum(mutant.verdict != "invalid" for mutant in results) < wanted:
-            missing = wanted - sum(mutant.verdict != "invalid" for mutant in results)
-            batch, candidates = candidates[:missing], candidates[missing:]
-            for mutant in pool.map(work, batch):
-                results.append(mutant)
-                if mutant.verdict == "survived":
-                    print(
-                        f"{module}:{mutant.line}: survived: {mutant.before}  ->  {mutant.after}", flush=True
-                    )
-    for tree in trees:
-        tree.remove()
-    suffix = "" if shard[1] == 1 else f".{shard[0]}of{shard[1]}"
-    valid = [asdict(mutant) for mutant in results if mutant.verdict != "invalid"]
-    WORK.mkdir(parents=True, exist_ok=True)
-    document = {"module": module, "seed": seed, "possible": len(candidates) + len(results), "mutants": valid}
-    (WORK / f"{module}{suffix}.json").write_text(json.dumps(document, indent=1))
-    caught = sum(mutant["verdict"] == "caught" for mutant in valid)
-    print(f"{module}: {caught} of {len(valid)} caught, {sum(m['seconds'] for m in valid):.0f} s", flush=True)
+        with concurrent.futures.ThreadPoolExecutor(len(trees)) as pool:
+            while self.left and (missing := self.wanted - len(self.valid)) > 0:
+                batch, self.left = self.left[:missing], self.left[missing:]
+                for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
+                    self.keep(done.result())
 
 
-def explained(mutant: dict) -> str | None:
+def explained(mutant: Mutant) -> str | None:
     """What formal/survivors.toml says of it; the line is known by its text, not its number."""
     known = tomllib.loads(SURVIVORS.read_text()) if SURVIVORS.exists() else {}
-    for entry in known.get(mutant["module"], []):
-        if entry["before"] == mutant["before"] and entry["after"] == mutant["after"]:
+    for entry in known.get(mutant.module, []):
+        if entry["before"] == mutant.before and entry["after"] == mutant.after:
             return entry["why"]
     return None
 
 
-def report() -> int:
-    files = sorted(WORK.glob("*.json"))
-    if not files:
+def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
+    by = [sum(mutant.by == kind for mutant in group) for kind in ("proof", "test")]
+    left = len(group) - sum(by)
+    return (
+        f"| `{module}` | {possible} | {len(group)} | {by[0]} | {by[1]} | {left} | "
+        f"{100 * sum(by) / len(group):.1f} % | `{of}` |"
+    )
+
+
+def survivor_of(mutant: Mutant, why: str | None) -> str:
+    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {why or 'NOT EXPLAINED'}"
+
+
+def report(write: bool) -> int:
+    """The table of all result files; with `write` into the document, beside the rows of modules not run."""
+    groups: dict[str, tuple[str, int, list[Mutant]]] = {}
+    for file in sorted(WORK.glob("*.json")):
+        document = json.loads(file.read_text())
+        module, of = document["module"], document["of"]
+        path = next((path for path in rtl_files() if path.stem == module), None)
+        if path is None or fingerprint(path) != of:
+            print(f"mutate: {file.relative_to(ROOT)} is of another {module}.v: left out", file=sys.stderr)
+            continue
+        group = groups.setdefault(module, (of, document["possible"], []))[2]
+        valid = (Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid")
+        group += [mutant for mutant in valid if mutant.key not in {other.key for other in group}]
+    groups = {module: found for module, found in groups.items() if found[2]}
+    if not groups:
         print("mutate: nothing in build/mutate; run `make mutate`", file=sys.stderr)
         return 2
-    by_module: dict[str, list[dict]] = {}
-    for file in files:
-        document = json.loads(file.read_text())
-        by_module.setdefault(document["module"], []).extend(document["mutants"])
-    print("| module | mutants | by proof | by test | survived | caught |\n|---|---:|---:|---:|---:|---:|")
-    wrong = 0
-    for module, group in by_module.items():
-        by = [sum(m["by"] == kind for m in group) for kind in ("proof", "test")]
-        share = sum(by) / len(group)
-        wrong += share < ENOUGH
-        left = len(group) - sum(by)
-        print(f"| `{module}` | {len(group)} | {by[0]} | {by[1]} | {left} | {100 * share:.0f} % |")
-    total = [mutant for group in by_module.values() for mutant in group]
-    caught = sum(mutant["verdict"] == "caught" for mutant in total)
-    print(f"\n{caught} of {len(total)} mutants caught, {100 * caught / len(total):.1f} %")
-    for mutant in total:
-        if mutant["verdict"] == "survived":
-            why = explained(mutant)
-            wrong += why is None
-            print(
-                f"- {mutant['module']}: `{mutant['before']}` -> `{mutant['after']}`: {why or 'NOT EXPLAINED'}"
-            )
-    return 1 if wrong else 0
+    rows = {module: row_of(module, *found) for module, found in groups.items()}
+    print("\n".join([HEADER, *rows.values()]))
+    everything = [mutant for _, _, group in groups.values() for mutant in group]
+    survivors = [(mutant, explained(mutant)) for mutant in everything if mutant.verdict == "survived"]
+    caught = len(everything) - len(survivors)
+    print(f"\n{caught} of {len(everything)} mutants caught, {100 * caught / len(everything):.1f} %")
+    for mutant, why in survivors:
+        print(survivor_of(mutant, why))
+    few = [
+        module
+        for module, (_, _, group) in groups.items()
+        if sum(mutant.verdict == "caught" for mutant in group) < ENOUGH * len(group)
+    ]
+    for module in few:
+        print(f"mutate: {module}: less than {100 * ENOUGH:.0f} % caught", file=sys.stderr)
+    if few or any(why is None for _, why in survivors):
+        return 1
+    if write:
+        write_document(rows, [survivor_of(mutant, why) for mutant, why in survivors])
+    return 0
+
+
+def write_document(rows: dict[str, str], survivors: list[str]) -> None:
+    """Rows and survivors of the modules that were run; those of the others stay as they are."""
+    old = DOCUMENT.read_text() if DOCUMENT.exists() else ""
+    kept = {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\|$", old, re.M)} | rows
+    known = {path.stem for path in rtl_files()}
+    table = [row for module, row in sorted(kept.items()) if module in known]
+    numbers = [re.findall(r"\| (\d+) ", row) for row in table]
+    total, survived = (sum(int(cells[at]) for cells in numbers) for at in (1, 4))
+    missing = [module for module in benches() if module not in kept]
+    summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
+    if missing:
+        summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
+    others = [
+        line
+        for line in re.findall(r"^- `\w+`: .*$", old, re.M)
+        if re.match(r"- `(\w+)`", line)[1] not in rows
+    ]
+    listed = sorted(others + survivors)
+    text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))
+    text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(listed) or "None.")
+    DOCUMENT.write_text(text)
+    print(f"wrote docs/{DOCUMENT.name}")
+
+
+def benches() -> list[str]:
+    return [path.stem for path in rtl_files() if (ROOT / f"tb/test_{path.stem}.py").exists()]
 
 
 def main() -> int:
@@ -331,33 +476,32 @@ def main() -> int:
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--report", action="store_true")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/mutants.md")
     parser.add_argument("--count", type=int, default=40, help="mutants a module (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--shard", default="0/1", metavar="K/N", help="of the mutants of each module")
     options = parser.parse_args()
     if options.report:
-        return report()
-    benches = [path.stem for path in rtl_files() if (ROOT / f"tb/test_{path.stem}.py").exists()]
-    modules = benches if options.all else options.modules
+        return report(options.write)
+    known = benches()
+    modules = known if options.all else options.modules
     if not modules:
         parser.error("say which module, or --all")
     for module in modules:
-        if module not in benches:
-            print(
-                f"mutate: no module {module} with a bench; there are: {', '.join(benches)}", file=sys.stderr
-            )
+        if module not in known:
+            print(f"mutate: no module {module} with a bench; there are: {', '.join(known)}", file=sys.stderr)
             return 2
     shard = re.fullmatch(r"(\d+)/(\d+)", options.shard)
     if shard is None or not int(shard[1]) < int(shard[2]):
         parser.error(f"--shard {options.shard}: K/N with K from 0 to N - 1")
     try:
         for module in modules:
-            attack(module, options.count, options.seed, options.jobs, (int(shard[1]), int(shard[2])))
+            Attack(module, options.count, options.seed, (int(shard[1]), int(shard[2]))).run(options.jobs)
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2
-    return report()
+    return report(options.write)
 
 
 if __name__ == "__main__":
