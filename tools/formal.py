@@ -166,10 +166,6 @@ def main() -> int:
         if module not in known:
             print(f"formal: no formal/{module}.sby; there are: {', '.join(known)}", file=sys.stderr)
             return 2
-    for tool in TOOLS:
-        if shutil.which(tool) is None:
-            print(f"formal: {tool} is missing; run `make setup`", file=sys.stderr)
-            return 2
     tasks = [task for module in options.modules or known for task in tasks_of(known[module])]
     tasks = [task for task in tasks if task.name.startswith(options.task or "")]
     if options.check:
@@ -177,6 +173,10 @@ def main() -> int:
             print("docs/proofs.md is of other promises: make formal", file=sys.stderr)
             return 1
         return 0
+    for tool in TOOLS:
+        if shutil.which(tool) is None:
+            print(f"formal: {tool} is missing; run `make setup`", file=sys.stderr)
+            return 2
     for module in {task.module for task in tasks}:
         join(module)
     began = time.monotonic()
