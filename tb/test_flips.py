@@ -195,9 +195,9 @@ def test_every_telegram_is_weighed(asked, sent, replies, told):
 
 
 def test_shards_of_flips_are_merged():
-    def shard(seed: int, card: str = "one", baud: int = 9600) -> dict:
+    def shard(seed: int, card: str = "one", baud: int = 9600, there: int = 8) -> dict:
         counts = {"card: no effect": 3, "data: silent": 1}
-        bits = dict.fromkeys(("card", "core", "core registers", "frame memory", "data", "code"), 8)
+        bits = dict.fromkeys(("card", "core", "core registers", "frame memory", "data", "code"), there)
         notable = [{"trial": f"{seed}/0", "flip": "x", "what": OUTCOMES[0], "why": "y"}]
         return {
             "seed": seed,
@@ -210,9 +210,12 @@ def test_shards_of_flips_are_merged():
             "wall_s": 1.0,
         }
 
-    merged = merge([shard(1), shard(1), shard(2, baud=19200)])
+    merged = merge([shard(1), shard(1), shard(2, baud=19200, there=9)])
     assert merged["flips"] == 8 and len(merged["notable"]) == 2
+    assert "| bits there | 8 or 9 |" in report(merged)
     assert "card one: 8 flips in 2 s: 4 at 9600 bit/s, 4 at 19200 bit/s" in report(merged)
     with pytest.raises(FlipsError, match="different cards"):
         merge([shard(1), shard(2, card="another")])
+    with pytest.raises(FlipsError, match="different cards"):
+        merge([shard(1), shard(2, there=9)])
     assert "| no effect | 6 | 0 | 0 | 0 | 0 | 0 | 6 |" in report(merged)
