@@ -46,6 +46,9 @@ always @(posedge clk) begin
     a_once : assert (!core_ready || !(regs_valid || g_core_has_ram));
     a_served : assert (!core_valid || core_ready || g_modbus_asks || g_drive_asks || regs_valid || ram_enable);
     a_one_place : assert (!regs_valid || !ram_enable);
+    // Registers lie from 80000000h on, unless bit 10 is set; everything else is memory.
+    a_place : assert (!g_modbus_asks && !g_drive_asks && core_valid && !core_ready ?
+        regs_valid == (core_addr[31] && !core_addr[10]) : !regs_valid);
     // It reads and writes what it asked for, where it asked for it; the last addresses are the frame memory.
     a_core_word : assert (!g_core_has_ram || core_addr >= MEMORY_BYTES || ram_word == core_addr[WORD_BITS+1:2]);
     a_core_frames : assert (!g_core_has_ram || core_addr < 32'hFFFFFF00 ||

@@ -17,6 +17,7 @@ CLOCKS = (2_000_000, 2_097_152, 3_686_400, 7_372_800, 12_000_000, 13_560_000, 25
 CLOCKS += (33_333_333, 48_000_000, 66_666_667, 99_999_999, 100_000_000)
 # A 16-bit accumulator repeats after this many clocks, whatever its step.
 CYCLE = 1 << 16
+UNEVEN_HZ = 48_000_000
 
 
 @cocotb.test()
@@ -33,6 +34,8 @@ async def rate_is_right_within_a_tenth_of_a_percent_at_every_clock(dut):
         error = ticks / CYCLE * clock_hz / BASE_HZ - 1
         print(f"{clock_hz} Hz: {error:+.5%}")
         assert abs(error) <= 0.001, f"{clock_hz} Hz: {error:+.4%}"
+        # The step as near as 16 bits can be: after a whole cycle the phase is where it was.
+        assert ticks == round(CYCLE * BASE_HZ / clock_hz), f"{clock_hz} Hz"
 
 
 @cocotb.test()
@@ -45,6 +48,38 @@ async def no_tick_is_more_than_a_clock_from_its_place(dut):
     assert len(offsets) > 3000
     drift = 0.001 * ideal * len(offsets)
     assert max(map(abs, offsets)) <= bench.period_ps + drift
+
+
+@cocotb.test()
+async def a_reset_begins_the_phase_anew_and_gives_no_tick(dut):
+    """The step is odd at this clock, so the phase takes every value there is."""
+    step = round(CYCLE * BASE_HZ / UNEVEN_HZ)
+    assert step % 2
+    bench = Bench(dut)
+    ticks = Strobes(dut, "tick_base")
+    await bench.start(reset_clocks=2 * CYCLE // step, release=False)
+    assert len(ticks) == 0
+    for clocks in (CYCLE // 3, CYCLE + 100):
+        dut.rst.value = 0
+        begin = bench.last_edge_ps()
+        await bench.clocks(clocks)
+        expected = [n for n in range(1, clocks + 1) if n * step % CYCLE < step]
+        assert [(t - begin) // bench.period_ps for t in ticks.times_ps] == expected
+        dut.rst.value = 1
+        await bench.clocks(2 * CYCLE // step)
+        assert len(ticks) == len(expected), "a tick while in reset"
+        ticks.clear()
+
+
+@pytest.mark.rule("LINE-4")
+def test_baud_base_from_reset(sim):
+    run(
+        "baud_base",
+        "tb.test_baud_base",
+        sim=sim,
+        parameters={"CLK_HZ": UNEVEN_HZ},
+        testcase="a_reset_begins_the_phase_anew_and_gives_no_tick",
+    )
 
 
 @pytest.mark.rule("LINE-4")

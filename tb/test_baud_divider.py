@@ -13,6 +13,27 @@ DRIVE = 12
 
 
 @cocotb.test()
+async def every_tick_since_power_up_is_where_the_count_says(dut):
+    """First of all, for there is no reset: the count begins at 0. Base ticks come at random."""
+    rng = seeded("since power-up")
+    rates = list(RATES.values())
+    bench = await Bench(dut, **levels(rates[0], tick_base=0)).start()
+    await bench.clocks(3)
+    base = 0
+    for _ in range(40):
+        rate = rng.choice(rates)
+        for name, level in levels(rate).items():
+            getattr(dut, name).value = level
+        for _ in range(rng.randrange(100, 300)):
+            level = rng.randint(0, 1)
+            dut.tick_base.value = level
+            base += level
+            await bench.clocks()
+            for name, ratio in (("tick16_modbus", rate.ratio), ("tick16_drive", DRIVE)):
+                assert int(getattr(dut, name).value) == (level and base % ratio == 0), f"{name}, {base}"
+
+
+@cocotb.test()
 async def every_rate_divides_the_base_evenly(dut):
     for rate in RATES.values():
         assert rate.ratio * rate.baud * TICKS_PER_BIT == BASE_HZ

@@ -38,8 +38,8 @@ SURVIVORS = ROOT / "formal/survivors.toml"
 TEMPLATE = ROOT / "formal/mutants.md.in"
 DOCUMENT = ROOT / "docs/mutants.md"
 HEADER = (
-    "| module | possible | tried | by proof | by test | survived | caught | of |\n"
-    "|---|---:|---:|---:|---:|---:|---:|---|"
+    "| module | possible | tried | by proof | by test | the same | survived | caught | of |\n"
+    "|---|---:|---:|---:|---:|---:|---:|---:|---|"
 )
 ENOUGH = 0.95
 LONGEST_S = 900  # a proof or a bench of the unchanged module; of a mutant TIMES_LONGER what that took
@@ -104,9 +104,9 @@ def code_only(text: str) -> str:
     text = re.sub(r"//[^\n]*", blank, text)
     text = re.sub(r"`if(?:n?def) (?:SYNTHESIS|FORMAL).*?`endif", blank, text, flags=re.DOTALL)
     # Power-up values: reset sets those that matter.
+    text = re.sub(r"(?<=^  reg) [^;]*= [^;]*;", blank, text, flags=re.M)
     text = re.sub(r"\binitial begin.*?\n  end\b", blank, text, flags=re.DOTALL)
     text = re.sub(r"\binitial [^;]*;", blank, text)
-    text = re.sub(r"(?<=\w)\s*=\s*[^;=]*;(?=\s*(?:\n|$))", lambda f: f[0], text)
     start = text.index("module ")
     return re.sub(r"[^\n]", " ", text[:start]) + text[start:]
 
@@ -382,26 +382,40 @@ class Attack:
                     self.keep(done.result())
 
 
-def explained(mutant: Mutant) -> str | None:
-    """What formal/survivors.toml says of it; the line is known by its text, not its number."""
+def explained(mutant: Mutant) -> dict | None:
+    """What formal/survivors.toml says of it, `why` and perhaps `same`; the line is known by its text."""
     known = tomllib.loads(SURVIVORS.read_text()) if SURVIVORS.exists() else {}
     for entry in known.get(mutant.module, []):
         if entry["before"] == mutant.before and entry["after"] == mutant.after:
-            return entry["why"]
+            return entry
     return None
+
+
+def same(mutant: Mutant) -> bool:
+    """It survived, and the module does with it what it did: nothing could see it."""
+    return mutant.verdict == "survived" and bool((explained(mutant) or {}).get("same"))
+
+
+def enough(group: list[Mutant]) -> bool:
+    counted = [mutant for mutant in group if not same(mutant)]
+    return sum(mutant.verdict == "caught" for mutant in counted) >= ENOUGH * len(counted)
 
 
 def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
     by = [sum(mutant.by == kind for mutant in group) for kind in ("proof", "test")]
-    left = len(group) - sum(by)
+    alike = sum(map(same, group))
+    left = len(group) - sum(by) - alike
+    share = 100 * sum(by) / (len(group) - alike)
     return (
-        f"| `{module}` | {possible} | {len(group)} | {by[0]} | {by[1]} | {left} | "
-        f"{100 * sum(by) / len(group):.1f} % | `{of}` |"
+        f"| `{module}` | {possible} | {len(group)} | {by[0]} | {by[1]} | {alike} | {left} | "
+        f"{share:.1f} % | `{of}` |"
     )
 
 
-def survivor_of(mutant: Mutant, why: str | None) -> str:
-    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {why or 'NOT EXPLAINED'}"
+def survivor_of(mutant: Mutant) -> str:
+    said = explained(mutant) or {"why": "NOT EXPLAINED"}
+    alike = "the same: " if said.get("same") else ""
+    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {alike}{said['why']}"
 
 
 def report(write: bool) -> int:
@@ -424,22 +438,19 @@ def report(write: bool) -> int:
     rows = {module: row_of(module, *found) for module, found in groups.items()}
     print("\n".join([HEADER, *rows.values()]))
     everything = [mutant for _, _, group in groups.values() for mutant in group]
-    survivors = [(mutant, explained(mutant)) for mutant in everything if mutant.verdict == "survived"]
-    caught = len(everything) - len(survivors)
-    print(f"\n{caught} of {len(everything)} mutants caught, {100 * caught / len(everything):.1f} %")
-    for mutant, why in survivors:
-        print(survivor_of(mutant, why))
-    few = [
-        module
-        for module, (_, _, group) in groups.items()
-        if sum(mutant.verdict == "caught" for mutant in group) < ENOUGH * len(group)
-    ]
+    survivors = [mutant for mutant in everything if mutant.verdict == "survived"]
+    caught, alike = len(everything) - len(survivors), sum(map(same, everything))
+    share = 100 * caught / (len(everything) - alike)
+    print(f"\n{caught} of {len(everything) - alike} mutants caught, {share:.1f} %")
+    for mutant in survivors:
+        print(survivor_of(mutant))
+    few = [module for module, (_, _, group) in groups.items() if not enough(group)]
     for module in few:
         print(f"mutate: {module}: less than {100 * ENOUGH:.0f} % caught", file=sys.stderr)
-    if few or any(why is None for _, why in survivors):
+    if few or any(explained(mutant) is None for mutant in survivors):
         return 1
     if write:
-        write_document(rows, [survivor_of(mutant, why) for mutant, why in survivors])
+        write_document(rows, list(map(survivor_of, survivors)))
     return 0
 
 
@@ -450,7 +461,8 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     known = {path.stem for path in rtl_files()}
     table = [row for module, row in sorted(kept.items()) if module in known]
     numbers = [re.findall(r"\| (\d+) ", row) for row in table]
-    total, survived = (sum(int(cells[at]) for cells in numbers) for at in (1, 4))
+    tried, alike, survived = (sum(int(cells[at]) for cells in numbers) for at in (1, 4, 5))
+    total = tried - alike
     missing = [module for module in benches() if module not in kept]
     summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
     if missing:
