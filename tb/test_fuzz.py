@@ -22,7 +22,7 @@ from tb.model.card import Card
 from tb.model.fc_telegram import build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
-from tools import fuzz_report
+from tools import fuzz, fuzz_report
 from tools.fuzz import CaseError, replay, shard, story
 
 # Frames of each shard and its rates: those that cost little, and one of all.
@@ -179,9 +179,10 @@ def test_the_judge_follows_either_outcome_where_the_rules_leave_it_open():
 # ---------------------------------------------------------------- the report
 
 
-def result(seed: int, frames: int, differences: list[dict]) -> dict:
+def result(seed: int, frames: int, differences: list[dict], card: str = "one") -> dict:
     return {
         "seed": seed,
+        "card": card,
         "frames": frames,
         "cases": 2,
         "events": {"legal": frames},
@@ -202,10 +203,25 @@ def test_shards_are_merged(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["fuzz_report", str(tmp_path)])
     assert fuzz_report.main() == 1
     shown = capsys.readouterr().out
-    assert "2 shards, 40 network frames in 4 cases: 1 differences" in shown and "no reply" in shown
+    assert "card one: 2 shards, 40 network frames in 4 cases: 1 differences" in shown and "no reply" in shown
     merged = fuzz_report.merge([result(1, 10, []), result(1, 10, []), result(2, 5, [])])
     assert merged["frames"] == 15 and merged["worst"] == {"reply": 2.0}
     assert merged["events"] == Counter(legal=15)
+    with pytest.raises(fuzz_report.ReportError, match="different cards"):
+        fuzz_report.merge([result(1, 10, []), result(2, 5, [], card="another")])
+
+
+def test_a_shard_keeps_what_it_has_so_far(tmp_path, monkeypatch):
+    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
+    monkeypatch.setattr(fuzz, "KEPT_EACH_S", 0)
+    frames = []
+
+    def so_far(found: fuzz.Result) -> None:
+        fuzz.keep(found)
+        frames.append(fuzz_report.load(tmp_path / "8.json")["frames"])
+
+    done = shard(8, 150, bauds=(115200,), folder=tmp_path, so_far=so_far)
+    assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
 
 
 def test_the_report_names_what_is_no_result(tmp_path):

@@ -7,9 +7,9 @@
     python -m tools.fuzz --plants [NAME ...]     # how many frames each planted bug lives
 
 A run is a stateless shard: the same seed and count make the same cases anywhere. It writes
-build/fuzz/SEED.json, and for each difference the smallest case found (JSON, for --replay) with its waveform
-(FST). `make fuzz-report` merges the results of any number of shards. Exit 0: no difference; 1: differences;
-2: a bad call or a missing tool.
+build/fuzz/SEED.json, also while it goes on, and for each difference the smallest case found (JSON, for
+--replay) with its waveform (FST). `make fuzz-report` merges the results of any number of shards. Exit 0: no
+difference; 1: differences; 2: a bad call or a missing tool.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sim.bench import fingerprint
 from sim.fuzz.case import Played, clk_hz, run
 from sim.fuzz.library import BuildError, Target
 from sim.fuzz.pins import BAUDS
@@ -41,6 +42,7 @@ from tools.sources import ROOT
 FOLDER = ROOT / "build/fuzz"
 OWN = Target()
 Play = Callable[..., tuple[Verdict, Played]]
+KEPT_EACH_S = 20
 DIFFERENCES_MAX = 10  # a shard with more stops: something is broken
 
 
@@ -49,6 +51,7 @@ class Result:
     """What a shard found. Counts: events made, what the card did, rates; `unclear`: cases judged in part."""
 
     seed: int
+    card: str = ""  # Verilog and image, sim/bench/fingerprint.py
     frames: int = 0
     cases: int = 0
     events: Counter = field(default_factory=Counter)
@@ -80,9 +83,11 @@ def shard(
     small: bool = True,
     stop_at: int = DIFFERENCES_MAX,
     strict_t15: bool = True,
+    so_far: Callable[[Result], None] = lambda result: None,
 ) -> Result:
     """Cases until `count` network frames were sent, or the time or the patience is over."""
-    result, began = Result(seed), time.monotonic()
+    result, began = Result(seed, f"{fingerprint.card()} {fingerprint.firmware()}"), time.monotonic()
+    told = began
     play = functools.partial(run, target=target, strict_t15=strict_t15)
     while result.frames < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
         name = f"{seed}/{result.cases}"
@@ -100,8 +105,22 @@ def shard(
             result.worst[what] = max(clocks, result.worst.get(what, 0.0))
         if verdict.differences:
             result.differences.append(_difference(name, case, verdict, play, folder, small))
+        result.wall_s = time.monotonic() - began
+        if result.wall_s > told - began + KEPT_EACH_S:
+            told = time.monotonic()
+            so_far(result)
     result.wall_s = time.monotonic() - began
     return result
+
+
+def keep(result: Result) -> None:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = FOLDER / f"{result.seed}.json"
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(vars(result), indent=1) + "\n")
+    partial.rename(path)
+    if sys.stderr.isatty():
+        print(f"\rfuzz: {result.frames} frames ", end="", file=sys.stderr, flush=True)
 
 
 def shown(path: Path) -> Path:
@@ -207,9 +226,8 @@ def main() -> int:
     if options.plants is not None:
         return plants(options.plants, options.seed, options.count, bauds)
     print(f"fuzz: seed {options.seed}, {options.count} frames", flush=True)
-    result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds)
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    (FOLDER / f"{options.seed}.json").write_text(json.dumps(vars(result), indent=1) + "\n")
+    result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds, so_far=keep)
+    keep(result)
     print(f"fuzz: {result}")
     return 1 if result.differences else 0
 

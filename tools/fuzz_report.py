@@ -4,7 +4,7 @@
 
     python -m tools.fuzz_report [FOLDER | FILE.json ...]     default: build/fuzz
 
-Exit 0: no shard found anything; 1: one did; 2: no results, or a file that is none.
+Exit 0: no shard found anything; 1: one did; 2: no results, a file that is none, or shards of different cards.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ReportError(Exception):
 def load(path: Path) -> dict:
     try:
         result = json.loads(path.read_text())
-        if not all(key in result for key in ("seed", "differences", "worst", *SUMS, *COUNTS)):
+        if not all(key in result for key in ("seed", "card", "differences", "worst", *SUMS, *COUNTS)):
             raise ValueError
     except (OSError, ValueError, TypeError) as error:
         raise ReportError(f"{path} is no result of a fuzz shard") from error
@@ -51,6 +51,8 @@ def find(arguments: list[str]) -> list[Path]:
 def merge(results: list[dict]) -> dict:
     """One result out of many; a seed that is there twice counts once."""
     results = list({result["seed"]: result for result in results}.values())
+    if len({result["card"] for result in results}) > 1:
+        raise ReportError("the results are of different cards; remove those of the older one")
     merged: dict = {key: sum(result[key] for result in results) for key in SUMS}
     for key in COUNTS:
         merged[key] = sum((Counter(result[key]) for result in results), Counter())
@@ -59,7 +61,7 @@ def merge(results: list[dict]) -> dict:
         for what in sorted({what for result in results for what in result["worst"]})
     }
     merged["differences"] = [{"seed": r["seed"], **d} for r in results for d in r["differences"]]
-    merged["shards"] = len(results)
+    merged["shards"], merged["card"] = len(results), results[0]["card"]
     return merged
 
 
@@ -71,8 +73,9 @@ def table(title: str, counts: Counter) -> list[str]:
 def report(merged: dict) -> str:
     per_s = merged["frames"] / merged["wall_s"] if merged["wall_s"] else 0.0
     lines = [
-        f"{merged['shards']} shards, {merged['frames']} network frames in {merged['cases']} cases: "
-        f"{len(merged['differences'])} differences, {merged['unclear'].total()} cases judged in part",
+        f"card {merged['card']}: {merged['shards']} shards, {merged['frames']} network frames in "
+        f"{merged['cases']} cases: {len(merged['differences'])} differences, "
+        f"{merged['unclear'].total()} cases judged in part",
         f"{merged['simulated_s']:.0f} s simulated in {merged['wall_s']:.0f} s of the shards' time, "
         f"{per_s:.0f} frames/s",
     ]

@@ -32,7 +32,7 @@ from tb.model.wire import GARBLED_BITS, Burst, Heard, Line
 # what is simulated are clocks.
 CLK_HZ = {115200: 7_372_800, 38400: 2_457_600}
 SLOW_CLK_HZ = 2_000_000
-# What the firmware may take from t1.5, or from the drive's reply, to its answer. It took up to 8500 (docs/results.md).
+# What the firmware may take from t1.5, or from the drive's reply, to its answer; docs/results.md: up to 8500.
 BUDGET_CLOCKS = 10000
 # How much of it a far end leaves, after t3.5 or the drive's reply, before it takes the card to be done:
 # plenty for nearly all, and what comes later just meets the next frame.
