@@ -95,6 +95,15 @@ always @(posedge clk) begin
   end
 end
 
+// What the firmware reads: whether the telegram that it queued last has left.
+reg g_started = 1'b0;
+always @(posedge clk) begin
+  if (telegram_start) g_started <= 1'b1;
+  if (queue_telegram) g_started <= 1'b0;
+  if (rst) g_started <= 1'b0;
+  if (g_past) a_started : assert (telegram_started == g_started);
+end
+
 // The loop-back test sends without a request; its traces are not looked at further.
 reg g_loop = 1'b0;
 always @(posedge clk) g_loop <= (g_loop || loopback_open) && !rst;
