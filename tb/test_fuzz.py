@@ -24,6 +24,7 @@ from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 from tools import fuzz, fuzz_report
 from tools.fuzz import CaseError, replay, shard, story
+from tools.sources import ROOT
 
 # Frames of each shard and its rates: those that cost little, and one of all.
 SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()))
@@ -44,6 +45,17 @@ def test_no_line_and_no_drive_brings_the_card_from_its_rules(number, tmp_path):
     # Most of it must have been judged, and have been worth judging.
     assert sum(result.unclear.values()) * 3 < result.cases
     assert result.outcomes["commit"] > frames / 4 and result.outcomes["reply of the drive"] > frames / 12
+
+
+# Cases in which the card was right and the judge was not.
+CASES = sorted((ROOT / "tb/data/fuzz").glob("*.json"))
+
+
+@pytest.mark.rule("FC-9", "FRAME-7")
+@pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
+def test_either_of_two_right_outcomes_is_right(path):
+    verdict, _ = run(json.loads(path.read_text()), Target())
+    assert not verdict.differences
 
 
 @pytest.mark.rule("FRAME-3")

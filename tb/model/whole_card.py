@@ -324,6 +324,8 @@ class Judge:
             self._after_wait(exchange, burst.rise)
             exchange = self.exchange
         held = exchange and exchange.phase == "line" and exchange.overtaken
+        if held and self.pending and data == exchange.request.telegram == self.pending.telegram:
+            raise Unclear(burst.rise, "a telegram that would be right for either of two requests")
         if held and self.pending and data != exchange.request.telegram:
             # Taken back in favour of the newer one.
             self._start(self.pending, exchange.queued_from, burst.rise)
@@ -391,7 +393,11 @@ class Judge:
             return bool(told) and (silent is None or told[0][1:-2] != silent)
         if exchange.sends == 1:
             by = self._starts_by(self._wait_by(exchange))
-            return not any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams)
+            if any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams):
+                return False
+            # Overtaken, its repeat need not leave.
+            if not exchange.overtaken:
+                return True
         raise Unclear(at, "a reply of the drive at the end of its wait, and nobody to tell")
 
     def _answered_by_drive(self, exchange: Exchange, step: Step, at: float) -> None:
@@ -416,10 +422,11 @@ class Judge:
         if before.overtaken:
             self.exchange.overtaken, self.exchange.settled = True, min(before.settled, at)
 
-    def _done(self, at: float) -> None:
+    def _done(self, at: float, since: float | None = None) -> None:
+        """The drive line is free for the next: from `at` on, or perhaps `since` some earlier moment."""
         self.exchange = None
         if self.pending:
-            self._start(self.pending, at, at + self.budget)
+            self._start(self.pending, at if since is None else since, at + self.budget)
 
     # ------------------------------------------------------------ time
 
@@ -453,7 +460,7 @@ class Judge:
             return False
         if exchange.overtaken:
             self._count("telegram overtaken")
-            self._done(until)
+            self._done(until, exchange.queued_from)
         else:
             self._give_up(exchange, until)
         return True
