@@ -58,8 +58,8 @@ static struct model model;
 static struct request requests[2];
 static struct request *newest, *at_drive;
 static uint32_t held;        /* ticks for which the queued telegram was held though a newer request was committed */
-static bool polled;          /* a whole round since the last candidate, commit or restart */
-static bool commit_to_see;   /* and no whole round since */
+static bool polled;          /* the firmware has had its rounds since the last candidate, commit or restart */
+static uint32_t commit_to_see; /* whole rounds until it must have seen the commit: one prepares, the next commits */
 static uint32_t race_in;     /* register accesses until race_event */
 static uint32_t race_event;
 static struct input *input;
@@ -199,7 +199,7 @@ static void event_commit(void)
     newest->committed = true;
     if (!newest->ignored) {
         model = newest->after;
-        commit_to_see = true;
+        commit_to_see = polled ? 1 : 2;
     }
     polled = false;
     release();
@@ -481,7 +481,8 @@ static void restart(void)
     }
     model_init(&model);
     memset(&g, 0, sizeof g);
-    polled = commit_to_see = false;
+    polled = false;
+    commit_to_see = 0;
     race_in = 0;
     image_init(&image, image_words, image_words + IMAGE_WORDS);
     gateway_init(&g);
@@ -489,19 +490,18 @@ static void restart(void)
 
 static void poll(void)
 {
-    const bool to_see = commit_to_see;
+    const uint32_t to_see = commit_to_see;
     const struct settings *s = &g.translator.settings;
 
     gateway_poll(&g);
     if (gateway_is_idle(&g))
         HOLDS(image_step(&image, IDLE_WORDS));
     take_back_what_was_touched();
-    polled = true;
-    if (commit_to_see && !to_see) { /* came in between */
-        polled = false;
+    if (commit_to_see != 0 && to_see != 0)
+        commit_to_see--;
+    polled = commit_to_see == 0;
+    if (!polled)
         return;
-    }
-    commit_to_see = false;
     check_counters();
     HOLDS((s->word[CONTROL] & 0xFFFF) == model_word(&model, 0));
     HOLDS(s->word[CONTROL] >> 16 == model_word(&model, 16));
