@@ -114,6 +114,8 @@ class Judge:
         self.candidate_at = 0.0
         self.status_changed = -NEVER
         self.status_before = [0] * len(STATUS)
+        self.doubtful = False
+        self.status_doubt: list[int] | None = None  # what it is if the last reply of the drive did not count
         # What the firmware does from t1.5 on is not seen unless it takes longer than until t3.5.
         t15_to_t35 = (self.line.t35_bits - self.line.t15_bits) * self.line.bit
         self.late = max(0.0, self.budget - t15_to_t35) + 1.3 * self.line.bit
@@ -213,6 +215,8 @@ class Judge:
             self._answer(request, "local reply", step.reply, at, at + self.late)
             if self.status_changed > self.candidate_at - self.budget:
                 self._also(request, self.status_before)
+            if self.status_doubt is not None:
+                self._also(request, self.status_doubt)
         if step.telegram is not None:
             request.telegram = self._built(step.telegram)
             if self.exchange is None:
@@ -256,6 +260,10 @@ class Judge:
         if burst.start > request.answer_by:
             late = burst.start - request.answer_by
             self._fail(burst.start, f"reply {data.hex(' ')} {late:.0f} clocks after its latest time (PERF)")
+        if self.status_doubt is not None and request.pdu[0] == 0x01 and len(set(request.answers)) > 1:
+            if data != request.answers[0]:
+                self.card.coils[STATUS.start : STATUS.stop] = self.status_doubt
+            self.status_doubt = None
         request.answered = True
         self._measure(request.how, burst.start - request.answer_from)
         self._count(f"exception {data[2]}" if data[1] & 0x80 else f"function {data[1]:02X} answered")
@@ -368,6 +376,7 @@ class Judge:
             exchange.receiver.deaf_until = NEVER
             return
         status = self.card.coils[STATUS.start : STATUS.stop]
+        doubtful, self.doubtful = self.doubtful, False
         self.card.question = exchange.request.question
         step = self.card.drive_reply(telegram)
         if step == Step():
@@ -376,6 +385,7 @@ class Judge:
         else:
             self._count("reply of the drive")
             self.status_before, self.status_changed = status, heard.end
+            self.status_doubt = status if doubtful else None
             self._answered_by_drive(exchange, step, heard.end)
         self.card.question = self.newest.question if self.newest else None
 
@@ -395,9 +405,9 @@ class Judge:
             by = self._starts_by(self._wait_by(exchange))
             if any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams):
                 return False
-            # Overtaken, its repeat need not leave.
-            if not exchange.overtaken:
-                return True
+            # Overtaken, its repeat need not leave: then only the status image can tell, when it is read.
+            self.doubtful = exchange.overtaken
+            return True
         raise Unclear(at, "a reply of the drive at the end of its wait, and nobody to tell")
 
     def _answered_by_drive(self, exchange: Exchange, step: Step, at: float) -> None:
