@@ -68,3 +68,19 @@ def test_an_unknown_module_is_refused() -> None:
     done = run("commit_gates")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "commit_gate," in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("| `bcc` | prove | 3 |", "| `bcc` | prove | 4 |"), ("(FC-1)", "(FC-2)")]
+)
+def test_a_page_of_other_promises_is_found(monkeypatch, tmp_path, before, after) -> None:
+    """Another depth, another word; not another time."""
+    tasks = [task for module in MODULES for task in formal.tasks_of(ROOT / f"formal/{module}.sby")]
+    assert not formal.drifted(tasks)
+    page = formal.DOCUMENT.read_text()
+    monkeypatch.setattr(formal, "DOCUMENT", tmp_path / "proofs.md")
+    formal.DOCUMENT.write_text(page.replace(" 2 s |", " 97 s |"))
+    assert not formal.drifted(tasks)
+    assert before in page
+    formal.DOCUMENT.write_text(page.replace(before, after))
+    assert formal.drifted(tasks)

@@ -116,7 +116,8 @@ def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
 @pytest.mark.parametrize("module", mutate.benches())
 def test_document_is_of_this_module(module):
     row = rows().get(module)
-    if row is None and f"`{module}`" in re.search(r"Not run yet: (.*)\.", mutate.DOCUMENT.read_text())[1]:
+    not_yet = re.search(r"Not run yet: (.*)\.", mutate.DOCUMENT.read_text())
+    if row is None and not_yet and f"`{module}`" in not_yet[1]:
         return
     assert row is not None, f"make mutate MODULE={module}"
     possible, total, proof, test, alike, survived = (int(row[at]) for at in range(2, 8))

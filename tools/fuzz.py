@@ -120,7 +120,7 @@ def keep(result: Result) -> None:
     partial.write_text(json.dumps(vars(result), indent=1) + "\n")
     partial.rename(path)
     if sys.stderr.isatty():
-        print(f"\rfuzz: {result.frames} frames ", end="", file=sys.stderr, flush=True)
+        print(f"fuzz: {result.frames} frames", end="\r", file=sys.stderr, flush=True)
 
 
 def shown(path: Path) -> Path:

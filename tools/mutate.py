@@ -206,6 +206,7 @@ class Tree:
                 shutil.copy(made, self.root / "build" / image)
         self.judges: list[str] = []
         self.longest_s: float = LONGEST_S
+        self.child: subprocess.Popen | None = None
         self.module = module
         self.path = next(path for path in rtl_files() if path.stem == module)
         self.original = self.path.read_text()
@@ -214,7 +215,7 @@ class Tree:
 
     def run(self, *command: str) -> tuple[bool, str]:
         """Whether the command ended well within its time, and what it printed."""
-        child = subprocess.Popen(
+        child = self.child = subprocess.Popen(
             command,
             cwd=self.root,
             env=self.env,
@@ -227,10 +228,15 @@ class Tree:
         try:
             said, _ = child.communicate(timeout=self.longest_s)
         except subprocess.TimeoutExpired:
-            os.killpg(child.pid, signal.SIGKILL)  # the simulator too
+            self.stop()
             child.communicate()
             return False, f"no end within {self.longest_s:.0f} s"
         return child.returncode == 0, said
+
+    def stop(self) -> None:
+        """Whatever runs here, the simulator too."""
+        if self.child and self.child.poll() is None:
+            os.killpg(self.child.pid, signal.SIGKILL)
 
     def compiles(self) -> bool:
         files = [
@@ -378,8 +384,14 @@ class Attack:
         with concurrent.futures.ThreadPoolExecutor(len(trees)) as pool:
             while self.left and (missing := self.wanted - len(self.valid)) > 0:
                 batch, self.left = self.left[:missing], self.left[missing:]
-                for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
-                    self.keep(done.result())
+                try:
+                    for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
+                        self.keep(done.result())
+                except BaseException:  # such as Ctrl-C: what was cut off is no result
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    for tree in trees:
+                        tree.stop()
+                    raise
 
 
 def explained(mutant: Mutant) -> dict | None:
@@ -513,6 +525,9 @@ def main() -> int:
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("mutate: stopped; the next run goes on from here", file=sys.stderr)
+        return 130
     return report(options.write)
 
 
