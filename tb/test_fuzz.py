@@ -18,7 +18,7 @@ from sim.fuzz.plants import PLANTS, named
 from sim.fuzz.traffic import make
 from tb.lib.seeds import seeded
 from tb.model import rtu
-from tb.model.card import Card
+from tb.model.card import DRIVE_TIMEOUT, Card
 from tb.model.fc_telegram import build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
@@ -134,8 +134,10 @@ def burst(line: Line, data: bytes, at: float) -> Burst:
     return Burst(round(at), round(sent[-1].end), sent)
 
 
-def judged(network, replies=(), telegrams=(), drive=(), until=2e6):
-    judge = Judge(Card(), LINE, 1, budget=8000)
+def judged(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
+    card = Card()
+    card.registers[DRIVE_TIMEOUT] = wait
+    judge = Judge(card, LINE, 1, budget=8000)
     return judge.judge(network, list(drive), list(replies), list(telegrams), until)
 
 
@@ -180,6 +182,23 @@ def test_the_judge_knows_a_telegram_that_nobody_asked_for():
     telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
     assert "SAFE-1" in judged(revoked, [], [telegram]).differences[0]
     assert "no telegram" in judged(asked).differences[0]
+
+
+@pytest.mark.rule("FC-9")
+def test_the_judge_lets_a_repeat_stay_away_only_while_the_drive_talks():
+    asked = heard(LINE, START, 1e5)
+    drive = drive_line(LINE.clk_hz)
+    telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
+    wait = 10 * LINE.clk_hz / 1000
+    silent = rtu.build(1, bytes.fromhex("8F FF"))
+    talk = heard(drive, b"\x55" * 30, telegram.fall + 24 * drive.bit)
+    reply = burst(LINE, silent, telegram.fall + 2.1 * wait)
+    assert reply.start < talk[-1].end
+    assert not judged(asked, [reply], [telegram], talk, until=reply.fall, wait=1).differences
+    early = burst(LINE, silent, telegram.fall + 1.5 * wait)
+    assert "nothing asked for" in judged(asked, [early], [telegram], talk, wait=1).differences[0]
+    assert "the line was free" in judged(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
+    assert "the line was free" in judged(asked, [reply], [telegram], wait=1).differences[0]
 
 
 def test_the_judge_follows_either_outcome_where_the_rules_leave_it_open():

@@ -245,6 +245,7 @@ class Judge:
         request, exchange, data = self.newest, self.exchange, burst.data
         waits = exchange and exchange.request is request and not request.answers
         if waits and burst.rise >= self._given_up_from(exchange):
+            self._must_have_been_held_back(exchange, burst.rise)
             self._give_up(exchange, burst.rise)
         if request is None or request.broadcast or request.answered or not request.answers:
             self._fail(burst.rise, f"reply {data.hex(' ')} that nothing asked for")
@@ -303,7 +304,18 @@ class Judge:
         """The first moment at which the master may be told that the drive does not answer."""
         if exchange.phase == "line":
             return exchange.queued_from + self._ms(exchange.waits[0]) - 0.2 * self.ms
-        return self._wait_from(exchange) if exchange.sends == 2 else NEVER
+        if exchange.sends == 2:
+            return self._wait_from(exchange)
+        # A drive that still talks at the end of its wait keeps the repeat from the line, for as long again.
+        return self._wait_from(exchange) + self._ms(exchange.waits[0])
+
+    def _must_have_been_held_back(self, exchange: Exchange, at: float) -> None:
+        """A telegram given up before it left: it waited for the line all that time and never had it."""
+        if exchange.phase == "line" or exchange.sends == 1:
+            start_by = self._starts_by(at - self._ms(exchange.waits[0]) + 0.2 * self.ms)
+            if start_by < at:
+                wanted = exchange.request.telegram.hex(" ")
+                self._fail(start_by, f"no telegram, and the line was free; expected {wanted}")
 
     def _wait_by(self, exchange: Exchange) -> float:
         slowest = self._ms(exchange.waits[1]) + (TICK_MS + LAST_CHARACTER_MS) * self.ms
