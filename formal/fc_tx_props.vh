@@ -94,6 +94,7 @@ end
 always @(posedge clk) begin
   if (g_past) begin
     i_known : assert (state <= S_DRAIN);
+    i_begun : assert (state == S_IDLE || begun);
     i_idle : assert (state != S_IDLE || (g_bytes == 6'd0 || g_sending));
     i_stx : assert (state != S_STX || (g_bytes == 6'd0 && g_reads == 6'd0 && index == 5'd0));
     i_lge : assert (state != S_LGE || (g_bytes == 6'd1 && g_reads == 6'd0 && index == 5'd0));

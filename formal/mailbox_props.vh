@@ -17,6 +17,9 @@ initial assume (core_rst);
 
 // Registers inside the instances, by their hierarchical names.
 (* hierconn *) wire \gate_i.licensed ;
+(* hierconn *) wire \gate_i.unlicensed ;
+(* hierconn *) wire \gate_i.begun ;
+(* hierconn *) wire \gate_i.was_open ;
 (* hierconn *) wire \gate_i.answerable ;
 (* hierconn *) wire \gate_i.spent ;
 (* hierconn *) wire \gate_i.wait_drive ;
@@ -26,6 +29,9 @@ initial assume (\regs_i.flags == 7'd0);
 wire g_gate_waits = \gate_i.wait_drive ;
 wire [6:0] g_flags = \regs_i.flags ;
 wire g_gate_licensed = \gate_i.licensed ;
+wire g_gate_unlicensed = \gate_i.unlicensed ;
+wire g_gate_begun = \gate_i.begun ;
+wire g_gate_open = \gate_i.was_open ;
 wire g_gate_answerable = \gate_i.answerable ;
 wire g_gate_spent = \gate_i.spent ;
 
@@ -47,7 +53,9 @@ reg g_here = 1'b0;  // the telegram is as it was when it was queued for ...
 reg g_ours = 1'b0;  // ... the newest request, as it then was
 reg g_licensed = 1'b0;  // and that one was committed
 reg g_control = 1'b0;  // and writes coils
-reg g_loop = 1'b0;  // the loop-back test sends without a request (LOOP-1)
+reg g_open = 1'b0;  // the loop-back test sends without a request (LOOP-1)
+// A commit counts for the candidate that is there, on a silent line.
+wire g_commit = commit && modbus_quiet && (candidate || g_candidate);
 reg [5:0] g_ordered = 6'd0;  // length and kind, as that order gave them
 reg [4:0] g_answer = 5'd0;
 reg g_was_sending = 1'b0;
@@ -64,7 +72,7 @@ reg [31:0] g_status = 32'd0;  // what the firmware asked for, as it was then
 reg [6:0] g_events = 7'd0;  // that happened and were not cleared
 
 always @(posedge clk) begin
-  g_loop <= (g_loop || loopback_open) && !core_rst;
+  g_open <= loopback_open;
   g_was_sending <= drive_sending;
   g_read <= modbus_read_ready || drive_read_ready;
   g_broadcast <= frame_broadcast;
@@ -88,10 +96,10 @@ always @(posedge clk) begin
   if (core_rst) g_started <= 1'b0;
 
   if (candidate) begin
-    g_candidate <= !commit;
-    g_committed <= commit;
+    g_candidate <= !g_commit;
+    g_committed <= g_commit;
     g_heard <= 1'b0;
-  end else if (commit) begin
+  end else if (g_commit) begin
     g_candidate <= 1'b0;
     g_committed <= 1'b1;
     g_heard <= 1'b0;
@@ -99,22 +107,22 @@ always @(posedge clk) begin
     if (revoke) g_candidate <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
-  if (commit) g_spent <= 1'b0;
+  if (g_commit) g_spent <= 1'b0;
   else if (reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
 
   if (g_queued) begin
     g_here <= 1'b1;
     g_ours <= g_current && !candidate && !(revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
-    g_licensed <= g_current && !candidate && !(revoke && g_candidate) && ((g_committed && !g_spent) || commit);
-    g_control <= frame_writes_coils && g_current && !candidate && ((g_committed && !g_spent) || commit);
+    g_licensed <= g_current && !candidate && !(revoke && g_candidate) && ((g_committed && !g_spent) || g_commit);
+    g_control <= frame_writes_coils && g_current && !candidate && ((g_committed && !g_spent) || g_commit);
   end else begin
     if (candidate || (revoke && g_candidate)) g_ours <= 1'b0;
-    if (commit && !candidate && g_here && g_ours) begin
+    if (g_commit && !candidate && g_here && g_ours && !g_licensed) begin
       g_licensed <= 1'b1;
-      if (!g_licensed) g_control <= frame_writes_coils;
+      g_control <= frame_writes_coils;
     end
   end
-  if (g_touched) begin
+  if (g_touched || (g_open && !loopback_open)) begin
     g_here <= 1'b0;
     g_ours <= 1'b0;
     g_licensed <= 1'b0;
@@ -139,7 +147,7 @@ always @* begin
   assume (!drive_sending || g_was_sending || g_start);
 end
 
-wire g_sound = g_past && !core_rst && !loopback_open && !g_loop;
+wire g_sound = g_past && !core_rst && !loopback_open;
 always @(posedge clk) begin
   if (g_sound) begin
     // SAFE-1, SAFE-4: what starts is what was ordered for a request that was committed and had no reply yet: not
@@ -201,16 +209,19 @@ always @(posedge clk) begin
     i_started : assert (telegram_started == g_started);
     i_turn : assert (!(g_read && g_asked_regs));
   end
-  if (g_past && !g_loop) begin
+  if (g_past) begin
+    i_open : assert (g_gate_open == g_open);
+    i_opposite : assert (g_gate_unlicensed == !g_gate_licensed);
+    i_fresh : assert (!telegram_queued || g_gate_licensed || (!g_gate_begun && !g_licensed));
     i_candidate : assert (is_candidate == g_candidate);
     i_committed : assert (is_committed == g_committed);
     i_answerable : assert (g_gate_answerable == (g_committed && !g_heard));
-    i_licensed : assert (!g_gate_licensed || (g_licensed && g_here));
+    i_licensed : assert (!g_gate_licensed || g_open || (g_licensed && g_here));
     i_queued : assert (!telegram_queued || g_gate_licensed || (g_here && g_ours && g_candidate));
-    i_reply : assert (!reply_queued || !frame_broadcast || candidate);
+    i_reply : assert (!reply_queued || !frame_broadcast || candidate || g_open);
     i_not_yet : assert (!(g_candidate && g_ours && g_licensed));
-    i_control : assert (!(g_gate_licensed && telegram_control) || g_control);
-    i_spent : assert (g_gate_spent == g_spent);
+    i_control : assert (!(g_gate_licensed && telegram_control) || g_open || g_control);
+    i_spent : assert (g_gate_spent || !g_spent);
     i_either : assert (!(g_candidate && g_committed));
   end
 end

@@ -9,17 +9,22 @@
 // character after the commit (FRAME-7); with after_drive it also waits until the
 // drive's reply is good, and is dropped if that turns out bad. Never for a
 // broadcast (MAP-9).
-// Telegram: committed means licensed. The licence outlives newer requests, so an
-// exchange under way is finished and the same telegram may be repeated (FC-9); any
-// write to its memory ends the licence. A request that has its reply is spent and
-// licenses nothing more, whatever a flipped bit makes of the firmware (SAFE-4); a
-// broadcast is spent when the firmware answers it, which sends nothing.
-// It starts after 2 characters of silence.
+// Telegram: committed means licensed. The licence outlives newer requests until the
+// telegram has left; then it is good for one repeat (FC-9), which ends with the reply,
+// with a newer committed request, with any write to the telegram's memory, and at once
+// for a broadcast. A request that has its reply, or has sent its write of coils, is
+// spent and licenses nothing more; a broadcast is spent, too, when the firmware answers
+// it, which sends nothing. It starts after 2 characters of silence.
 //
 // Without a committed request no telegram starts, and without a committed write of coils
 // none may have bit 10 of its control word set: telegram_control stays as long as the
 // licence, fc_tx does the rest (SAFE-1). The one exception is the
-// loop-back test, while loopback_open: there is no master on the line then (LOOP-1).
+// loop-back test, while loopback_open: there is no master on the line then (LOOP-1);
+// its end takes back what is queued.
+//
+// No bit alone can license, commit or start (SAFE-4): a licence is two opposite bits, a
+// commit needs its candidate and a line that is silent, a committed request is no
+// candidate any more.
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
 
@@ -64,16 +69,25 @@ module commit_gate (
   reg  answerable = 1'b0;  // committed, and nothing heard or answered since
   reg  wait_drive = 1'b0;
   reg  licensed = 1'b0;
-  reg  spent = 1'b0;  // the request has its reply and licenses nothing more
+  reg  unlicensed = 1'b1;  // the opposite
+  reg  newest = 1'b0;  // no other request was committed since the telegram was queued
+  reg  repeatable = 1'b0;  // that, and it is no broadcast
+  reg  begun = 1'b0;  // it has left once
+  reg  spent = 1'b0;  // the request licenses nothing more
+  reg  was_open = 1'b0;
 
   wire current = queue_ticket == ticket;
   wire new_telegram = queue_telegram && !telegram_repeat;
+  wire commits = commit && modbus_quiet && (is_candidate || candidate);
+  wire owed = is_committed && !is_candidate && !spent;
+  wire told = reply_start && newest && !loopback_open;  // the telegram's request has its reply
+  wire closing = was_open && !loopback_open;
 
   assign reply_start = reply_queued && (answerable || loopback_open) && modbus_quiet &&
-      (!wait_drive || drive_good);
+      (!wait_drive || drive_good) && !closing;
   // What the firmware does to the telegram in this very clock comes first.
-  assign telegram_start = telegram_queued && licensed && drive_quiet && !telegram_touched &&
-      !queue_telegram;
+  assign telegram_start = telegram_queued && licensed && !unlicensed && drive_quiet &&
+      !telegram_touched && !queue_telegram && !closing;
 
   initial begin
     ticket = 4'd0;
@@ -86,15 +100,25 @@ module commit_gate (
   end
 
   always @(posedge clk) begin
+    was_open <= loopback_open;
+
+    if (telegram_start) begin
+      telegram_queued <= 1'b0;
+      telegram_started <= 1'b1;
+      begun <= 1'b1;
+      if (newest && telegram_control) spent <= 1'b1;
+    end
     if (reply_start) begin
       reply_queued <= 1'b0;
-      answerable   <= 1'b0;
-      spent        <= 1'b1;
+      answerable <= 1'b0;
+      spent <= 1'b1;
     end
-    if (telegram_start) begin
-      telegram_queued  <= 1'b0;
-      telegram_started <= 1'b1;
+    // It has left for the last time.
+    if ((telegram_start && (begun || !repeatable)) || told) begin
+      licensed   <= 1'b0;
+      unlicensed <= 1'b1;
     end
+    if (told) telegram_queued <= 1'b0;
 
     // What the firmware queues.
     if (queue_reply) begin
@@ -105,11 +129,15 @@ module commit_gate (
     end
     if (queue_telegram) begin
       telegram_started <= 1'b0;
-      if (telegram_repeat) telegram_queued <= licensed;
+      if (telegram_repeat) telegram_queued <= licensed && begun && repeatable && !told;
       else begin
-        telegram_queued <= loopback_open || (current && (is_candidate || (is_committed && !spent)));
-        licensed <= loopback_open || (current && is_committed && !spent);
-        telegram_control <= writes_coils && current && is_committed && !spent;
+        telegram_queued <= loopback_open || (current && (is_candidate || owed));
+        licensed <= loopback_open || (current && owed);
+        unlicensed <= !(loopback_open || (current && owed));
+        telegram_control <= writes_coils && current && owed;
+        newest <= 1'b1;
+        repeatable <= !broadcast;
+        begun <= 1'b0;
       end
     end
     // What the two lines take back.
@@ -128,16 +156,28 @@ module commit_gate (
       answerable <= 1'b0;
       reply_queued <= 1'b0;
       if (!licensed || new_telegram) telegram_queued <= 1'b0;
-      if (new_telegram) licensed <= 1'b0;
+      if (new_telegram) begin
+        licensed   <= 1'b0;
+        unlicensed <= 1'b1;
+      end
     end
-    if (commit) begin
+    if (commits) begin
       is_candidate <= 1'b0;
       is_committed <= 1'b1;
       answerable   <= 1'b1;
       spent        <= 1'b0;
-      if (!candidate && (new_telegram ? current : telegram_queued)) begin
+      if (licensed && !new_telegram) begin
+        newest <= 1'b0;
+        repeatable <= 1'b0;
+        if (begun) begin
+          telegram_queued <= 1'b0;
+          licensed <= 1'b0;
+          unlicensed <= 1'b1;
+        end
+      end else if (!candidate && (new_telegram ? current : telegram_queued)) begin
         licensed <= 1'b1;
-        if (!licensed || new_telegram) telegram_control <= writes_coils;
+        unlicensed <= 1'b0;
+        telegram_control <= writes_coils;
       end
     end
     if (revoke && is_candidate) begin
@@ -147,10 +187,12 @@ module commit_gate (
     end
 
     // Last, so that nothing above can license what is being changed.
-    if (telegram_touched) begin
+    if (telegram_touched || closing) begin
       telegram_queued <= 1'b0;
       licensed <= 1'b0;
+      unlicensed <= 1'b1;
     end
+    if (closing) reply_queued <= 1'b0;
 
     if (rst) begin
       is_candidate <= 1'b0;
@@ -160,6 +202,7 @@ module commit_gate (
       telegram_queued <= 1'b0;
       telegram_started <= 1'b0;
       licensed <= 1'b0;
+      unlicensed <= 1'b1;
       spent <= 1'b0;
     end
   end

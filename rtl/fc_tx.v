@@ -51,18 +51,19 @@ module fc_tx (
 
   reg [2:0] state = S_IDLE;
   reg [4:0] index = 5'd0;
+  reg begun = 1'b0;  // by a start: a state that a flipped bit made sends nothing (SAFE-4)
 
   // The control word's upper byte has three more data bytes and the BCC behind it.
   wire control_byte = index + 5'd4 == length;
   wire [7:0] kept = control_byte && !control ? read_data & ~VALID : read_data;
 
-  assign read_valid = state == S_FETCH && send_ready;
+  assign read_valid = begun && state == S_FETCH && send_ready;
   assign read_addr = index;
-  assign send_valid = state == S_STX || state == S_LGE || state == S_SEND;
+  assign send_valid = begun && (state == S_STX || state == S_LGE || state == S_SEND);
   assign send_data = state == S_STX ? STX : state == S_LGE ? {3'd0, length} : kept;
   assign line_request = sending && state != S_DRAIN;
-  assign sending = state != S_IDLE;
-  assign sent = state == S_DRAIN && !line_busy;
+  assign sending = begun && state != S_IDLE;
+  assign sent = begun && state == S_DRAIN && !line_busy;
 
   initial adr = 8'd0;
 
@@ -82,10 +83,11 @@ module fc_tx (
       S_DRAIN: if (sent) state <= S_IDLE;
       default: begin
         index <= 5'd0;
+        begun <= start;
         state <= start ? S_STX : S_IDLE;  // a flipped bit leads here, too (SAFE-4)
       end
     endcase
-    if (rst) state <= S_IDLE;
+    if (rst || (!begun && state != S_IDLE)) state <= S_IDLE;
   end
 
 `ifndef SYNTHESIS

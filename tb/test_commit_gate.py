@@ -185,7 +185,8 @@ async def a_character_after_the_commit_drops_the_reply_but_not_the_telegram(dut)
 async def a_reply_waits_for_a_quiet_line(dut):
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
-    await gate.pulse("commit", modbus_quiet=0)
+    await gate.pulse("commit")
+    dut.modbus_quiet.value = 0
     await gate.queue_reply(ticket)
     assert await gate.settle() == (0, 0)
     dut.modbus_quiet.value = 1
@@ -240,25 +241,141 @@ async def length_0_takes_a_reply_back(dut):
 
 
 @cocotb.test()
-async def a_licensed_telegram_is_repeated_even_after_newer_requests(dut):
+@cocotb.parametrize(first=["before", "after"])
+async def a_telegram_has_one_repeat(dut, first):
+    """Queued before or after its commit; a newer candidate, revoked or not, does not end it (FC-9)."""
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    if first == "after":
+        await gate.pulse("commit")
+    await gate.queue_telegram(ticket)
+    await gate.queue_telegram(ticket, repeat=1)  # of what has not left yet
+    await gate.queue_telegram(ticket)
+    if first == "before":
+        await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+    await gate.candidate()
+    assert await gate.settle() == (0, 1)
+    await gate.pulse("revoke")
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 2)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 2)
+
+
+@cocotb.test()
+@cocotb.parametrize(waits=[False, True])
+async def a_newer_commit_ends_the_right_to_a_repeat(dut, waits):
+    """No older command goes out once more behind a newer one (FRAME-7, SAFE-4)."""
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
     await gate.queue_telegram(ticket)
     await gate.pulse("commit")
     assert await gate.settle() == (0, 1)
+    if waits:
+        dut.drive_quiet.value = 0
+        await gate.queue_telegram(ticket, repeat=1)
+        assert int(dut.telegram_queued.value)
     newer = await gate.candidate()
-    assert newer != ticket
-    await gate.queue_telegram(ticket, repeat=1)
+    await gate.pulse("commit")
+    dut.drive_quiet.value = 1
+    if not waits:
+        await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 1)
+    await gate.queue_telegram(newer)
     assert await gate.settle() == (0, 2)
-    await gate.pulse("revoke")
+
+
+@cocotb.test()
+async def what_left_behind_a_newer_commit_is_not_repeated(dut):
+    gate = await Gate(dut).start()
+    dut.drive_quiet.value = 0
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    await gate.candidate()
+    await gate.pulse("commit")
+    dut.drive_quiet.value = 1
+    assert await gate.settle() == (0, 1)
     await gate.queue_telegram(ticket, repeat=1)
-    assert await gate.settle() == (0, 3)
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+async def a_broadcast_is_not_repeated(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(broadcast=1, writes_coils=1)
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+@cocotb.parametrize(writes_coils=[0, 1], broadcast=[0, 1])
+async def a_write_of_coils_makes_one_telegram_other_requests_may_make_two(dut, writes_coils, broadcast):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=writes_coils, broadcast=broadcast)
+    await gate.pulse("commit")
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 1)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 2 - writes_coils)
+
+
+@cocotb.test()
+async def a_commit_counts_on_a_silent_line_and_for_a_candidate_only(dut):
+    """One flipped bit must not make one (SAFE-4)."""
+    gate = await Gate(dut).start()
+    await gate.pulse("commit")
+    await gate.queue_telegram(dut.ticket.value.to_unsigned())
+    assert await gate.settle() == (0, 0)
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    dut.modbus_quiet.value = 0
+    await gate.pulse("commit")
+    dut.modbus_quiet.value = 1
+    assert await gate.settle() == (0, 0)
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+@cocotb.parametrize(name=["licensed", "unlicensed", "is_committed", "telegram_queued"])
+async def no_single_bit_sends_what_is_not_committed(dut, name):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=1)
+    await gate.queue_telegram(ticket)
+    bit = getattr(dut, name)
+    bit.value = 1 - int(bit.value)
+    assert await gate.settle() == (0, 0)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def the_end_of_the_loop_back_test_takes_back_what_is_queued(dut):
+    gate = await Gate(dut).start()
+    dut.loopback_open.value = 1
+    dut.drive_quiet.value = 0
+    dut.modbus_quiet.value = 0
+    await gate.queue_telegram(5)
+    await gate.queue_reply(5)
+    dut.loopback_open.value = 0
+    dut.drive_quiet.value = 1
+    dut.modbus_quiet.value = 1
+    assert await gate.settle() == (0, 0)
+    await gate.candidate()
+    await gate.pulse("commit")
+    await gate.queue_telegram(5, repeat=1)
+    assert await gate.settle() == (0, 0)
 
 
 @cocotb.test()
 @cocotb.parametrize(committed=[False, True], writes_coils=[0, 1])
 async def only_a_write_of_coils_licenses_a_command(dut, committed, writes_coils):
-    """Queued before or after its commit; the repeat is as the telegram was, whoever came since."""
+    """Queued before or after its commit; the repeat is as the telegram was, whoever has come since."""
     gate = await Gate(dut).start()
     ticket = await gate.candidate(writes_coils=writes_coils)
     if committed:
@@ -269,7 +386,6 @@ async def only_a_write_of_coils_licenses_a_command(dut, committed, writes_coils)
         await gate.pulse("commit")
     await gate.settle()
     await gate.candidate(writes_coils=1 - writes_coils)
-    await gate.pulse("commit")
     await gate.queue_telegram(ticket, repeat=1)
     await gate.settle()
     assert gate.telegrams.values == [(writes_coils,)] * 2
@@ -331,19 +447,35 @@ async def a_request_that_has_its_reply_licenses_nothing_more(dut):
 
 
 @cocotb.test()
-async def a_reply_does_not_end_the_exchange_of_an_older_request(dut):
-    """Its telegram may still be repeated (FC-9)."""
+async def a_reply_ends_the_right_to_a_repeat(dut):
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
     await gate.queue_telegram(ticket)
     await gate.pulse("commit")
     assert await gate.settle() == (0, 1)
+    dut.drive_quiet.value = 0
+    await gate.queue_telegram(ticket, repeat=1)
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (1, 1)
+    dut.drive_quiet.value = 1
+    assert await gate.settle() == (1, 1)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (1, 1)
+
+
+@cocotb.test()
+async def a_reply_does_not_take_back_an_older_telegram_that_waits_for_the_line(dut):
+    gate = await Gate(dut).start()
+    dut.drive_quiet.value = 0
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.pulse("commit")
     newer = await gate.candidate()
     await gate.pulse("commit")
     await gate.queue_reply(newer)
+    assert await gate.settle() == (1, 0)
+    dut.drive_quiet.value = 1
     assert await gate.settle() == (1, 1)
-    await gate.queue_telegram(newer, repeat=1)
-    assert await gate.settle() == (1, 2)
 
 
 @cocotb.test()
@@ -435,8 +567,9 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     current = dut.ticket.value.to_unsigned()  # a reset does not set it back
     may_command = False  # of the telegram that is queued
     commands = 0
+    sends, newest_telegram = 0, False
     left = {"reply": 0, "telegram": 0}
-    for step in range(6000):
+    for step in range(9000):
         names = {name for name, odds in ODDS.items() if rng.random() < odds}
         # The receiver never gives two of these at once, and commits only what is pending.
         fate = [n for n in ("candidate", "commit", "revoke", "modbus_start_seen") if n in names]
@@ -444,6 +577,9 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
         if not pending:
             names.discard("commit")
         levels = {name: rng.randint(0, 1) for name in ("modbus_quiet", "drive_quiet", "drive_good")}
+        levels["modbus_quiet"] |= "commit" in names and rng.random() < 0.8
+        if not levels["modbus_quiet"]:
+            names.discard("commit")
         repeat = int(rng.random() < 0.3)
         ticket = current if rng.random() < 0.8 else rng.randrange(16)
         for name, value in levels.items():
@@ -469,12 +605,18 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
         if reply or "modbus_start_seen" in names:
             fresh = False
         was_spent, spent = spent, spent or bool(reply)
+        if telegram:
+            sends += 1
+            spent |= bool(may_command) and newest_telegram
+            licence &= sends == 1 and newest_telegram
+        licence &= not (reply and newest_telegram)
         # A new telegram is licensed if its request is committed; what changes is not licensed any more.
         if "queue_telegram" in names and not repeat:
             queued_mine = ticket == current and (committed or pending)
             queued_mine &= pending or not was_spent
             licence = queued_mine and committed
             may_command = bool(int(dut.writes_coils.value))
+            sends, newest_telegram = 0, True
         new = "queue_telegram" in names and not repeat
         if "candidate" in names and new:
             licence = False
@@ -483,8 +625,12 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
         if "candidate" in names:
             current, pending, committed, fresh = (current + 1) % 16, True, False, False
         if "commit" in names:
-            pending, committed, fresh, licence = False, True, True, licence or queued_mine
-            spent = False
+            pending, committed, fresh, spent = False, True, True, False
+            if licence and not new:
+                newest_telegram = False
+                licence = not sends
+            else:
+                licence = licence or queued_mine
         if "revoke" in names:
             pending = False
         if "telegram_touched" in names:

@@ -173,7 +173,7 @@ def seen(asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[byte
     ("asked", "sent", "replies", "told"),
     [
         (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED, 75)], ""),
-        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [], ""),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [], "telegram again or late"),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [(CONFIRMED, 75)], DANGEROUS[0]),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90), (TELEGRAM, 130)], [], DANGEROUS[0]),
         (COMMAND, [(TELEGRAM, 20)], [], DANGEROUS[0]),

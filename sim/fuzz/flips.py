@@ -45,11 +45,11 @@ OUTCOMES = (
     "unrequested telegram, bit 10 = 0",
     "altered telegram, bit 10 = 0",
     "no telegram, but the drive line disturbed",
+    "telegram again or late",
     "driver stuck",
     "halted, both LEDs red",
     "reset by the watchdog",
     "exception to the master",
-    "telegram again or late",
     "wrong reply",
     "silent for good",
     "silent",
@@ -271,25 +271,24 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     if not verdict.differences:
         return Outcome(flip, "no effect", verdict.unclear, answered)
     why = verdict.differences[0]
+    if ": telegram " in why:  # that telegrams() found to be rightful
+        return Outcome(flip, "telegram again or late", why, answered)
     if not answered:
         return Outcome(flip, "silent for good", why, False)
     if "no reply" in why or "no telegram" in why:
         return Outcome(flip, "silent", why)
     if "PERF" in why or "FRAME-8" in why:
         return Outcome(flip, "timing", why)
-    return Outcome(flip, told(played, why), why)
+    return Outcome(flip, told(played), why)
 
 
-def told(played: Played, why: str) -> str:
-    """An exception that is new to this traffic tells the master; anything else does not.
-
-    A telegram that differs here is one that telegrams() found to be rightful.
-    """
+def told(played: Played) -> str:
+    """An exception that is new to this traffic tells the master; anything else does not."""
     for burst in played.replies:
         data = burst.data
         if len(data) == 5 and crc_good(data) and data[1] & 0x80 and data[1] != 0xAB:
             return "exception to the master"
-    return "telegram again or late" if ": telegram " in why else "wrong reply"
+    return "wrong reply"
 
 
 def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
@@ -313,6 +312,8 @@ def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
             continue
         wanted = causes[: number + 1]
         if _rightful(played, frames, wanted, sent, burst):
+            if sent[number] == 2:  # the drive of this traffic answers always
+                found.setdefault("telegram again or late", f"{burst.data.hex(' ')} once more")
             continue
         early = "flip before the request" if number >= 0 and flip.at < frames[number][0] else "flip during it"
         instead = " or ".join(w.hex(" ") for w in wanted[-1]) if number >= 0 else ""
@@ -324,15 +325,16 @@ def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
 
 
 def _rightful(played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, burst: Burst) -> bool:
-    """The newest request's telegram, or the one repeat of a request that has no answer yet (FC-9)."""
-    for number in reversed(range(len(wanted))):
-        newest = number == len(wanted) - 1
-        until = burst.rise if newest else frames[number + 1][0]
-        told = any(frames[number][1] < reply.rise < until for reply in played.replies)
-        if burst.data in wanted[number] and not told and sent[number] < 2 and (newest or sent[number] == 1):
-            sent[number] += 1
-            return True
-    return False
+    """The newest request's telegram, or its one repeat: without an answer yet, and no broadcast (FC-9)."""
+    number = len(wanted) - 1
+    if number < 0 or burst.data not in wanted[number]:
+        return False
+    _, end, adu = frames[number]
+    told = any(end < reply.rise < burst.rise for reply in played.replies)
+    if told or sent[number] > (adu[0] != 0):
+        return False
+    sent[number] += 1
+    return True
 
 
 def asked(played: Played, line: Line) -> list[tuple[float, float, bytes]]:

@@ -84,7 +84,9 @@ static void give_up(struct gateway *g)
 static void repeat_or_give_up(struct gateway *g)
 {
     mailbox_write(LISTEN, 0);
-    if (g->repeated) {
+    /* Once, and not behind a newer request: what that one asks for must not wait for an older command, and the gate
+     * lets none leave once it is committed (FRAME-7, SAFE-4). */
+    if (g->repeated || g->at_drive != g->newest) {
         give_up(g);
         return;
     }

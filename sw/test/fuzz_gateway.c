@@ -48,7 +48,8 @@ static struct {
     uint8_t reply[FRAME_MAX];
     uint32_t reply_length, replies;
     /* drive side */
-    bool queued, licensed, started, sending, no_reply, quiet, listening, drive_candidate, drive_good;
+    bool queued, licensed, begun, newest, repeatable, control;
+    bool started, sending, no_reply, quiet, listening, drive_candidate, drive_good;
     uint8_t telegram[FRAME_MAX];
     uint32_t telegram_length, telegrams, sent_at;
 } m;
@@ -76,11 +77,16 @@ static bool telegram_untouched(void)
     return true;
 }
 
+static void end_licence(void)
+{
+    m.queued = m.licensed = false;
+}
+
 /* A write to its memory ends a telegram's licence. */
 static void take_back_what_was_touched(void)
 {
     if (!telegram_untouched())
-        m.queued = m.licensed = false;
+        end_licence();
 }
 
 static void drop_unlicensed(void)
@@ -108,6 +114,8 @@ static void check_telegram(void)
     HOLDS(m.no_reply == at_drive->broadcast);
     HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
     HOLDS(held <= HELD);
+    /* A repeat is of the newest, which is not answered and no broadcast. */
+    HOLDS(m.loopback || at_drive->sent == 1 || BY_SIZE || (at_drive == newest && !at_drive->broadcast));
     if (m.telegram_length == 6) {
         HOLDS(at_drive->intent == INTENT_PROCESS);
         HOLDS(control == model_word(&at_drive->after, 0) && reference == model_word(&at_drive->after, 16));
@@ -146,12 +154,17 @@ static void release(void)
     if (m.reply_queued && (m.answerable || m.loopback) && (!m.wait_drive || m.drive_good)) {
         m.reply_queued = m.answerable = false;
         m.spent = true;
+        if (m.newest && !m.loopback)
+            end_licence();
         check_reply();
     }
     take_back_what_was_touched();
     if (m.queued && m.licensed && m.quiet) {
         m.queued = m.listening = m.drive_candidate = m.drive_good = false;
         m.started = m.sending = true;
+        m.licensed = m.repeatable && !m.begun;
+        m.spent |= m.newest && m.control;
+        m.begun = true;
         m.sent_at = m.time;
         m.telegrams++;
         check_telegram();
@@ -195,7 +208,14 @@ static void event_commit(void)
 {
     m.candidate = m.spent = false;
     m.committed = m.answerable = true;
-    m.licensed |= m.queued;
+    if (m.licensed) {
+        m.newest = m.repeatable = false;
+        if (m.begun)
+            end_licence();
+    } else if (m.queued) {
+        m.licensed = true;
+        m.control = newest->intent == INTENT_PROCESS;
+    }
     newest->committed = true;
     if (!newest->ignored) {
         model = newest->after;
@@ -388,11 +408,15 @@ static void queue_telegram(uint32_t value)
     take_back_what_was_touched();
     if (value & MAILBOX__TELEGRAM__REPEAT_bm) {
         m.repeats++;
-        m.queued = m.licensed;
+        m.queued = m.licensed && m.begun && m.repeatable;
         return;
     }
     m.licensed = (mine && m.committed && !m.spent) || m.loopback;
     m.queued = m.licensed || (mine && m.candidate);
+    m.control = m.licensed && !m.loopback && newest->intent == INTENT_PROCESS;
+    m.newest = true;
+    m.repeatable = !m.broadcast;
+    m.begun = false;
     m.no_reply = (value & MAILBOX__TELEGRAM__NO_REPLY_bm) != 0;
     m.telegram_length = (value & MAILBOX__TELEGRAM__LENGTH_bm) >> MAILBOX__TELEGRAM__LENGTH_bp;
     HOLDS(m.telegram_length == 6 || (m.telegram_length >= 12 && m.telegram_length <= TELEGRAM_MAX));
@@ -447,7 +471,8 @@ static void on_write(uint32_t offset, uint32_t value)
     case offsetof(MAILBOX_t, SUPERVISOR):
         HOLDS(value == MAILBOX__SUPERVISOR__LOOPBACK_bm);
         m.loopback = false;
-        m.reply_queued = m.queued = m.licensed = false;
+        m.reply_queued = false;
+        end_licence();
         break;
     default:
         NEVER("a register that the firmware writes");

@@ -2,8 +2,9 @@
 """The mailbox as the firmware sees it, played by a test: commit gate and both ports, one event at a time.
 
 Rules as in rtl/commit_gate.v: what is queued for a request leaves after its commit, never after a revoke;
-a committed telegram is licensed and may be repeated, until its memory is written; a request that has its
-reply licenses nothing more; during the loop-back test all may leave. Times in ms.
+a committed telegram is licensed, and may be repeated once while no newer request is committed, its own has
+no reply, it is no broadcast and its memory is not written; a request that has its reply, or has sent its
+write of coils, licenses nothing more; during the loop-back test all may leave. Times in ms.
 Frames on the network side are address and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
 """
 
@@ -37,7 +38,8 @@ class FakeMailbox:
         self.replies: list[bytes] = []  # that left
         # drive side
         self.telegram_queued = self.licensed = self.started = self.sending = False
-        self.no_reply = False
+        self.no_reply = self.begun = self.newest = self.repeatable = False
+        self.writes_coils = self.control = False
         self.quiet = True  # the pause before a telegram is over (FC-8)
         self.telegram = b""
         self.contents = b""  # with its BCC, as it lies in the frame memory
@@ -96,7 +98,10 @@ class FakeMailbox:
     def _take_back_what_was_touched(self) -> None:
         """A write to the telegram's memory ends its licence; here it shows by what it left behind."""
         if self.contents != self.memory("TELEGRAM_FRAME", len(self.contents)):
-            self.telegram_queued = self.licensed = False
+            self._end_licence()
+
+    def _end_licence(self) -> None:
+        self.telegram_queued = self.licensed = False
 
     def _read_exchange(self) -> int:
         self._take_back_what_was_touched()
@@ -118,7 +123,9 @@ class FakeMailbox:
 
     def _write_supervisor(self, halt: int, loopback: int) -> None:
         self.halted |= bool(halt)
-        self.loopback &= not loopback
+        if self.loopback and loopback:
+            self.loopback = self.reply_queued = False
+            self._end_licence()
 
     def _write_reply(self, length: int, after_drive: int, ticket: int) -> None:
         alive = self.is_candidate or (self.is_committed and self.answerable)
@@ -132,13 +139,15 @@ class FakeMailbox:
         self.started = False
         self._take_back_what_was_touched()
         if repeat:
-            self.telegram_queued = self.licensed
+            self.telegram_queued = self.licensed and self.begun and self.repeatable
             return
         assert not self.sending, "the telegram on the line was overwritten"
         mine = ticket == self.ticket
         licensed = (mine and self.is_committed and not self.spent) or self.loopback
         self.telegram_queued = licensed or (mine and self.is_candidate)
         self.licensed = licensed
+        self.control = self.writes_coils and licensed and not self.loopback
+        self.newest, self.repeatable, self.begun = True, not self.is_broadcast, False
         self.no_reply = bool(no_reply)
         self.contents = self.memory("TELEGRAM_FRAME", length)
         self.telegram = without_bcc(self.contents)
@@ -161,13 +170,19 @@ class FakeMailbox:
         self.length = len(adu)
         self.ticket = (self.ticket + 1) & 15
         self.is_candidate, self.is_committed, self.is_broadcast = True, False, broadcast
+        self.writes_coils = pdu[:1] in (b"\x05", b"\x0f")
         self.answerable = self.reply_queued = False
         self._drop_unlicensed()
 
     def commit(self) -> None:
         """t3.5 of silence."""
         self.is_candidate, self.is_committed, self.answerable, self.spent = False, True, True, False
-        self.licensed |= self.telegram_queued
+        if self.licensed:
+            self.newest = self.repeatable = False
+            if self.begun:
+                self._end_licence()
+        elif self.telegram_queued:
+            self.licensed, self.control = True, self.writes_coils
         self._release()
 
     def character(self) -> None:
@@ -186,10 +201,15 @@ class FakeMailbox:
         if self.reply_queued and answerable and (not self.wait_drive or self.drive_good):
             self.reply_queued = self.answerable = False
             self.spent = True
+            if self.newest and not self.loopback:
+                self._end_licence()
             self.replies.append(self.reply)
         self._take_back_what_was_touched()
         if self.telegram_queued and self.licensed and self.quiet:
             self.telegram_queued, self.started, self.sending = False, True, True
+            self.licensed = self.repeatable and not self.begun
+            self.spent |= self.newest and self.control
+            self.begun = True
             self.listening = self.drive_candidate = self.drive_good = False
             self.telegrams.append(self.telegram)
 

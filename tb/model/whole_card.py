@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from tb.model import fc_telegram
 from tb.model.card import DRIVE_TIMEOUT, STATUS, Card, Question, Step
@@ -79,6 +79,7 @@ class Exchange:
     waits: tuple[int, int] = (0, 0)  # register 40003, smallest and largest since the telegram
     overtaken: bool = False
     settled: float = NEVER  # when what overtook it was committed or revoked
+    superseded: float = NEVER  # when a newer request was committed: no repeat from then on (FC-9)
     receiver: DriveReceiver | None = None
 
 
@@ -115,7 +116,7 @@ class Judge:
         self.status_changed = -NEVER
         self.status_before = [0] * len(STATUS)
         self.doubtful = False
-        self.status_doubt: list[int] | None = None  # what it is if the last reply of the drive did not count
+        self.status_doubts: list[list[int]] = []  # what it may be if late replies of the drive did not count
         # What the firmware does from t1.5 on is not seen unless it takes longer than until t3.5.
         t15_to_t35 = (self.line.t35_bits - self.line.t15_bits) * self.line.bit
         self.late = max(0.0, self.budget - t15_to_t35) + 1.3 * self.line.bit
@@ -200,6 +201,10 @@ class Judge:
         elif self.exchange and self.exchange.overtaken:
             self.exchange.settled = event.at
         if event.what == "commit":
+            if self.exchange:
+                self.exchange.superseded = min(
+                    self.exchange.superseded, event.at + event.slack + UNSURE_BITS * self.line.bit
+                )
             self._commit(event.frame, event.at)
 
     def _commit(self, frame: Frame, at: float) -> None:
@@ -215,8 +220,8 @@ class Judge:
             self._answer(request, "local reply", step.reply, at, at + self.late)
             if self.status_changed > self.candidate_at - self.budget:
                 self._also(request, self.status_before)
-            if self.status_doubt is not None:
-                self._also(request, self.status_doubt)
+            for status in self.status_doubts:
+                self._also(request, status)
         if step.telegram is not None:
             request.telegram = self._built(step.telegram)
             if self.exchange is None:
@@ -242,7 +247,10 @@ class Judge:
             request.answers.append(with_crc(bytes([self.address]) + reply))
 
     def _reply(self, burst: Burst) -> None:
-        request, exchange, data = self.newest, self.exchange, burst.data
+        request, data = self.newest, burst.data
+        if request and self.pending is request and not request.answers:
+            self._take_back(burst.rise)
+        exchange = self.exchange
         waits = exchange and exchange.request is request and not request.answers
         if waits and burst.rise >= self._given_up_from(exchange):
             self._must_have_been_held_back(exchange, burst.rise)
@@ -261,10 +269,11 @@ class Judge:
         if burst.start > request.answer_by:
             late = burst.start - request.answer_by
             self._fail(burst.start, f"reply {data.hex(' ')} {late:.0f} clocks after its latest time (PERF)")
-        if self.status_doubt is not None and request.pdu[0] == 0x01 and len(set(request.answers)) > 1:
-            if data != request.answers[0]:
-                self.card.coils[STATUS.start : STATUS.stop] = self.status_doubt
-            self.status_doubt = None
+        if self.status_doubts and request.pdu[0] == 0x01 and len(set(request.answers)) > 1:
+            doubts = request.answers[-len(self.status_doubts) :]
+            if data != request.answers[0] and data in doubts:
+                self.card.coils[STATUS.start : STATUS.stop] = self.status_doubts[doubts.index(data)]
+            self.status_doubts = []
         request.answered = True
         self._measure(request.how, burst.start - request.answer_from)
         self._count(f"exception {data[2]}" if data[1] & 0x80 else f"function {data[1]:02X} answered")
@@ -304,10 +313,18 @@ class Judge:
         """The first moment at which the master may be told that the drive does not answer."""
         if exchange.phase == "line":
             return exchange.queued_from + self._ms(exchange.waits[0]) - 0.2 * self.ms
-        if exchange.sends == 2:
+        if exchange.sends == 2 or exchange.superseded < NEVER:
             return self._wait_from(exchange)
         # A drive that still talks at the end of its wait keeps the repeat from the line, for as long again.
         return self._wait_from(exchange) + self._ms(exchange.waits[0])
+
+    def _take_back(self, at: float) -> None:
+        """The newest request has its answer, so the exchange before it is over by now."""
+        exchange = self.exchange
+        if exchange.phase == "wait" and at >= self._wait_from(exchange):
+            self._after_wait(exchange, at)
+        if self.pending and exchange.phase == "line" and exchange.overtaken:
+            self._start(self.pending, exchange.queued_from, at)
 
     def _must_have_been_held_back(self, exchange: Exchange, at: float) -> None:
         """A telegram given up before it left: it waited for the line all that time and never had it."""
@@ -344,6 +361,9 @@ class Judge:
             self._after_wait(exchange, burst.rise)
             exchange = self.exchange
         held = exchange and exchange.phase == "line" and exchange.overtaken
+        repeats = exchange and exchange.sends == 1 and data == exchange.request.telegram
+        if held and repeats and burst.rise > exchange.superseded and self.pending is None:
+            self._fail(burst.rise, f"telegram {data.hex(' ')} repeated behind a newer request (FC-9)")
         if held and self.pending and data == exchange.request.telegram == self.pending.telegram:
             raise Unclear(burst.rise, "a telegram that would be right for either of two requests")
         if held and self.pending and data != exchange.request.telegram:
@@ -397,34 +417,40 @@ class Judge:
         else:
             self._count("reply of the drive")
             self.status_before, self.status_changed = status, heard.end
-            self.status_doubt = status if doubtful else None
-            self._answered_by_drive(exchange, step, heard.end)
+            self.status_doubts = [*self.status_doubts, status] if doubtful else []
+            self._answered_by_drive(exchange, step, heard.end, doubtful)
         self.card.question = self.newest.question if self.newest else None
 
     def _accepted(self, exchange: Exchange, at: float) -> bool:
         """Near the end of the wait either is right: what the card did next tells."""
         asker = exchange.request
         if asker is self.newest and asker.dropped is None:
-            # Told at once, or once more asked; or told that the drive is silent, which looks different.
+            # Told at once, or once more asked; or told that the drive is silent, which looks different but
+            # for fault 255, and there it is too early for silence.
             again = [b.data for b in self.telegrams if at < b.rise < self._starts_by(at + self.budget)]
             if again and again[0] != asker.telegram:
                 return True  # as a text
             by = at + self.budget + 1.3 * self.line.bit
-            told = [burst.data for burst in self.replies if at - self.drive.bit < burst.rise < by]
+            told = [burst for burst in self.replies if at - self.drive.bit < burst.rise < by]
+            if not told:
+                return False
             silent = Card(name=self.card.name, question=asker.question).drive_silent().reply
-            return bool(told) and (silent is None or told[0][1:-2] != silent)
+            return told[0].data[1:-2] != silent or told[0].rise < self._given_up_from(exchange)
         if exchange.sends == 1:
             by = self._starts_by(self._wait_by(exchange))
             if any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams):
                 return False
-            # Overtaken, its repeat need not leave: then only the status image can tell, when it is read.
-            self.doubtful = exchange.overtaken
+            # Overtaken, or kept from the line by this very reply, its repeat need not leave: then only the
+            # status image can tell, when it is read.
+            self.doubtful = exchange.overtaken or self._starts_by(at) > self._given_up_from(exchange)
             return True
         raise Unclear(at, "a reply of the drive at the end of its wait, and nobody to tell")
 
-    def _answered_by_drive(self, exchange: Exchange, step: Step, at: float) -> None:
+    def _answered_by_drive(self, exchange: Exchange, step: Step, at: float, doubtful: bool) -> None:
         request = exchange.request
         if step.telegram is not None and request is self.newest:
+            if doubtful:
+                raise Unclear(at, "a late reply of the drive that leads to a second telegram if it counts")
             # Once more, as a text (MAP-8 of some dialects).
             request.question, request.telegram = self.card.question, self._built(step.telegram)
             self._start(request, at, at + self.budget)
@@ -437,7 +463,12 @@ class Judge:
             )
         elif self.newest:
             self._also(self.newest, self.card.coils[STATUS.start : STATUS.stop])
-        self._done(at)
+        if doubtful:
+            # Or the wait was over before, and its repeat was given up later.
+            held = replace(exchange, queued_by=self._wait_by(exchange))
+            self._done(max(at, self._line_until(held)), self._wait_from(exchange))
+        else:
+            self._done(at)
 
     def _overtake(self, before: Exchange, at: float) -> None:
         """A candidate that came during the first telegram holds for the second too."""
@@ -488,8 +519,8 @@ class Judge:
         return True
 
     def _after_wait(self, exchange: Exchange, at: float) -> None:
-        """The drive has not answered in time: once more, or never (FC-9)."""
-        if exchange.sends == 1:
+        """The drive has not answered in time: once more, but not behind a newer request, or never (FC-9)."""
+        if exchange.sends == 1 and at <= exchange.superseded:
             exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
             exchange.phase, exchange.receiver = "line", None
         else:
@@ -504,4 +535,4 @@ class Judge:
         if request is self.newest and step.reply is not None and not request.broadcast:
             by = at + self.budget + 1.3 * self.line.bit
             self._answer(request, "given up", step.reply, self._given_up_from(exchange), by)
-        self._done(at)
+        self._done(at, self._given_up_from(exchange))
