@@ -24,6 +24,7 @@ initial assume (rst);
 (* hierconn *) wire [2:0] \silence_i.halves ;
 (* hierconn *) wire [2:0] \fc_tx_i.state ;
 (* hierconn *) wire [4:0] \fc_tx_i.index ;
+(* hierconn *) wire \fc_tx_i.begun ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
 wire [4:0] g_uart = \uart_i.state ;
 wire [3:0] g_phase = \uart_i.phase ;
@@ -35,6 +36,7 @@ wire [6:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
 wire [2:0] g_sender = \fc_tx_i.state ;
 wire [4:0] g_index = \fc_tx_i.index ;
+wire g_sender_begun = \fc_tx_i.begun ;
 wire [3:0] g_lead = \dir_i.lead ;
 localparam [2:0] G_IDLE = 3'd0, G_STX = 3'd1, G_LGE = 3'd2, G_FETCH = 3'd3, G_SEND = 3'd4, G_DRAIN = 3'd5;
 localparam [15:0] G_CHARACTER = 16'd176;  // ticks: 11 bits of 16
@@ -66,6 +68,13 @@ always @(posedge clk) begin
     g_silent <= 10'd0;
     g_own <= de;
   end
+end
+
+// ---- bytes given to the UART
+reg [5:0] g_given = 6'd0;
+always @(posedge clk) begin
+  if (tx_valid && tx_ready) g_given <= g_given + 6'd1;
+  if (rst || !sending) g_given <= 6'd0;
 end
 
 // ---- time of DE
@@ -104,6 +113,10 @@ always @(posedge clk) begin
     // FC-10: nothing is heard of it.
     a_deaf : assert (!de || !rx_valid);
     a_not_quiet : assert (!sending || g_start || !quiet);
+    // SAFE-1: the control word's upper byte, the third before LGE bytes are complete, gives the UART its bit 10
+    // only when this telegram may command.
+    a_control : assert (!(tx_valid && tx_ready && g_given + 6'd3 == {1'b0, telegram_length} && g_given > 6'd1) ||
+        telegram_control || !tx_data[2]);
     a_reset : assert (!g_rst || !(de || sending || quiet || listening || good || candidate));
   end
 end
@@ -131,6 +144,12 @@ always @* begin
     G_SEND: g_taken = {1'b0, g_index - 5'd1} + 6'd2;
     default: g_taken = g_bytes;
   endcase
+end
+always @(posedge clk) begin
+  if (g_past) begin
+    i_begun : assert (g_sender == G_IDLE || g_sender_begun);
+    i_given : assert (g_sender == G_IDLE || g_sender == G_DRAIN || g_given == g_taken);
+  end
 end
 wire [5:0] g_begun = g_taken - {5'd0, g_waits};
 reg [15:0] g_place;  // ticks into the character

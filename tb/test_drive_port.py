@@ -145,6 +145,18 @@ async def telegrams_go_out_byte_for_byte_without_gaps_inside_de(dut):
 
 
 @cocotb.test()
+@cocotb.parametrize(control=[0, 1])
+async def bit_10_leaves_only_with_the_leave_to_command(dut, control):
+    """Whatever the frame memory has (SAFE-1)."""
+    port = await Port(dut).start()
+    dut.telegram_control.value = control
+    for telegram in (COMMAND, build(bytes.fromhex("1202 0000 0000 0000 FFFF FFFF"))):
+        wanted = bytearray(telegram)
+        wanted[-5] &= 0xFF if control else 0xFB
+        assert (await port.send(telegram)).data == wanted
+
+
+@cocotb.test()
 async def two_characters_of_silence_lie_before_each_telegram(dut):
     port = await Port(dut).start()
     ends = []
@@ -407,7 +419,9 @@ async def a_reset_takes_the_driver_off_the_line_at_any_moment(dut):
     assert port.on("good")
 
 
-@pytest.mark.rule("LINE-4", "LINE-5", "FC-1", "FC-2", "FC-7", "FC-8", "FC-9", "FC-10", "SAFE-2", "SAFE-3")
+@pytest.mark.rule(
+    "LINE-4", "LINE-5", "FC-1", "FC-2", "FC-7", "FC-8", "FC-9", "FC-10", "SAFE-1", "SAFE-2", "SAFE-3"
+)
 def test_drive_port(sim):
     run(
         "drive_line",

@@ -19,6 +19,7 @@ from sim.fuzz.traffic import make
 from tb.lib.seeds import seeded
 from tb.model import rtu
 from tb.model.card import DRIVE_TIMEOUT, Card
+from tb.model.crc16 import with_crc
 from tb.model.fc_telegram import build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
@@ -79,6 +80,20 @@ def test_a_planted_bug_is_found(name, frames, tmp_path):
     )
     print(f"{name}: {result.differences}")
     assert result.differences, f"{name} lived through {result.frames} frames"
+
+
+@pytest.mark.rule("SAFE-1", "FC-5")
+def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
+    """From the function code on the one pin to bit 10 on the other, on the card as it is wired."""
+    read = {"what": "legal", "gap": ["idle", 20.0], "bytes": with_crc(bytes.fromhex("01 03 1413 0002")).hex()}
+    start = {"what": "legal", "gap": ["idle", 400.0], "bytes": START.hex()}
+    case = {**make("1/1", (38400,)), "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
+    _, played = run({**case, "events": [read, start]}, named("command-in-a-parameter").target())
+    words = [(len(burst.data), int.from_bytes(burst.data[-5:-3], "big")) for burst in played.telegrams]
+    # The parameter's two attempts have all of the planted word but bit 10; the drive refuses them.
+    assert words[:2] == [(16, 0x007C)] * 2
+    assert (8, 0x047C) in words
+    assert not [word for length, word in words if length == 16 and word & 0x0400]
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)

@@ -169,6 +169,7 @@ def changes(text: str):
                 opening = instance.start(2) + found.end() - 1
                 end = closing(code, opening)
                 yield opening + 1, end, "1'b0"
+                yield opening + 1, end, "1'b1"
                 yield opening + 1, end, f"~({text[opening + 1 : end]})"
 
 
