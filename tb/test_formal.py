@@ -15,9 +15,9 @@ MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
 RULES = {
     "bcc": ["FC-1"],
     "bus_arbiter": ["FRAME-5"],
-    "commit_gate": ["FRAME-6", "FRAME-7", "MAP-9"],
+    "commit_gate": ["FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "SAFE-4"],
     "crc16_modbus": ["FRAME-4"],
-    "drive_port": ["SAFE-2", "FC-8", "FC-10"],
+    "drive_port": ["SAFE-1", "SAFE-2", "FC-8", "FC-10"],
     "fc_rx": ["FC-1", "FC-2", "FC-7", "FC-8"],
     "fc_tx": ["FC-1"],
     "mailbox": ["SAFE-1", "SAFE-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-8"],
@@ -48,7 +48,7 @@ def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
     broken = tmp_path / "rtl/commit_gate.v"
     broken.parent.mkdir()
     text = (ROOT / "rtl/commit_gate.v").read_text()
-    licence = "    if (telegram_touched) begin\n"
+    licence = "    if (telegram_touched || closing) begin\n"
     assert licence in text
     broken.write_text(text.replace(licence, "    if (1'b0) begin\n"))
     # In the tree's own build folder, for the tools see nothing outside of it.
@@ -62,6 +62,29 @@ def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
     formal.run(task, script)
     assert not task.passed
     assert any(name in task.said for name in ("a_licensed", "i_licensed", "i_queued"))
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_one_failure_fails_the_run_and_leaves_the_page_alone(monkeypatch, tmp_path, sound) -> None:
+    def run_of(task: formal.Task) -> formal.Task:
+        task.passed = sound or (task.module, task.name) != ("uart", "cover_receive")
+        return task
+
+    page = tmp_path / "proofs.md"
+    page.write_text("as it was")
+    monkeypatch.setattr(formal, "DOCUMENT", page)
+    monkeypatch.setattr(formal, "run", run_of)
+    monkeypatch.setattr(formal, "join", lambda module: None)
+    assert formal.main(["--write"]) == (0 if sound else 1)
+    assert ("`uart` | cover_receive" in page.read_text()) == sound
+
+
+def test_a_proof_that_only_looks_some_steps_far_is_refused(tmp_path, monkeypatch) -> None:
+    sby = tmp_path / "bcc.sby"
+    sby.write_text((ROOT / "formal/bcc.sby").read_text().replace("prove: mode prove", "prove: mode bmc"))
+    monkeypatch.setattr(formal, "ROOT", tmp_path)
+    with pytest.raises(SystemExit, match="not in mode prove"):
+        formal.tasks_of(sby)
 
 
 def test_an_unknown_module_is_refused() -> None:

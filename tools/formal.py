@@ -83,6 +83,10 @@ def tasks_of(sby: Path) -> list[Task]:
         read = re.search(rf"^(?:{name}: )?read_verilog .*$", text, re.M)
         defines = set(re.findall(r"-D(\w+)", read[0] if read else ""))
         counts = properties(active(promises, defines))
+        mode = re.search(rf"^{name}: mode (\w+)$", text, re.M)
+        kind = name.split("_")[0]
+        if mode is None or mode[1] != kind:
+            raise SystemExit(f"formal: {sby.relative_to(ROOT)}: task {name} is not in mode {kind}")
         found.append(Task(sby.stem, name, int(depth[1]) if depth else 0, *counts))
     return found
 
@@ -154,14 +158,14 @@ def drifted(tasks: list[Task]) -> bool:
     return without_times(document(tasks, 0, 0)) != without_times(page)
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts so")
     parser.add_argument("--write", action="store_true", help="put the table into docs/proofs.md")
     parser.add_argument("--check", action="store_true", help="is docs/proofs.md of today's promises?")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
     for module in options.modules:
         if module not in known:
@@ -196,7 +200,7 @@ def main() -> int:
     print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
     if options.write and not (options.modules or options.task or failed):
         DOCUMENT.write_text(document(tasks, took, options.jobs))
-        print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+        print(f"wrote docs/{DOCUMENT.name}")
     return 1 if failed else 0
 
 
