@@ -61,14 +61,16 @@ soak: card drive ## long mixed traffic over the virtual card, against the models
 	@$(PY) -m tools.soak $(if $(SEED),--seed $(SEED))
 
 .PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
-fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against the models (SEED=, COUNT=)
-	@$(PY) -m tools.fuzz $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against the models (SEED=, COUNT=), or one case (REPLAY=, WAVE=)
+	@$(PY) -m tools.fuzz $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
+	  $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 
 fuzz-plants: firmware drive | $(SETUP) ## how many frames each planted bug lives
 	@$(PY) -m tools.fuzz --plants --seed $(or $(SEED),1) $(if $(COUNT),--count $(COUNT))
 
-flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=)
-	@$(PY) -m tools.flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=, BAUD=), or one flip (TRIAL=)
+	@$(PY) -m tools.flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
+	  $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
 
 core-flips: firmware | $(SETUP) ## flipped registers of the core alone, while it makes a telegram (SEED=, COUNT=)
 	@$(PY) -m tools.core_flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))

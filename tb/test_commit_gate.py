@@ -174,7 +174,12 @@ async def a_character_after_the_commit_drops_the_reply_but_not_the_telegram(dut)
     dut.drive_quiet.value = 0
     await gate.pulse("commit")
     await gate.queue_telegram(ticket)
+    dut.modbus_quiet.value = 0
+    await gate.queue_reply(ticket)
+    assert int(dut.reply_queued.value)
     await gate.pulse("modbus_start_seen")
+    assert not int(dut.reply_queued.value)
+    dut.modbus_quiet.value = 1
     await gate.queue_reply(ticket)
     assert await gate.settle() == (0, 0)
     dut.drive_quiet.value = 1
@@ -519,8 +524,13 @@ async def a_reset_forgets_what_was_queued_and_licensed(dut):
     ticket = await gate.candidate()
     dut.drive_quiet.value = 0
     await gate.queue_telegram(ticket)
-    await gate.pulse("commit", "modbus_start_seen")
+    await gate.pulse("commit")
+    dut.modbus_quiet.value = 0
+    await gate.queue_reply(ticket)
+    assert int(dut.reply_queued.value) and int(dut.telegram_queued.value)
     await gate.pulse("rst")
+    assert not int(dut.reply_queued.value) and not int(dut.telegram_queued.value)
+    dut.modbus_quiet.value = 1
     dut.drive_quiet.value = 1
     await gate.queue_telegram(ticket, repeat=1)
     await gate.queue_telegram(ticket)

@@ -8,10 +8,13 @@ made small, and can be played again.
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 
 import pytest
 
+from sim.bench import fingerprint
+from sim.fuzz import case_file
 from sim.fuzz.case import run
 from sim.fuzz.library import Target
 from sim.fuzz.plants import PLANTS, named
@@ -116,10 +119,68 @@ def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_p
     assert not own.differences
 
 
-def test_what_is_no_case_is_not_played(tmp_path):
-    (tmp_path / "case.json").write_text('{"seed": 1}')
-    with pytest.raises(CaseError, match="no case of the fuzzer"):
-        replay(tmp_path / "case.json", None)
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("{", "no case of the fuzzer"),
+        ("[]", "the case is no object"),
+        ('{"seed": 1}', "the case has no 'baud'"),
+        ("baud: 19201", "'baud' cannot be 19201"),
+        ("form: 8X1", "'form' cannot be"),
+        ("address: 300", "'address' cannot be 300"),
+        ("dialect: none", "'dialect' cannot be"),
+        ("profile: vlt", "'profile' cannot be"),
+        ("events: 3", "'events' cannot be 3"),
+        ("event: gap None", "event 0 has no 'gap'"),
+        ('event: gap ["at", 1]', "event 0: 'gap' cannot be"),
+        ("event: bytes 012", "'bytes' cannot be"),
+        ('event: bytes ""', "'bytes' cannot be"),
+        ("event: byts 01", "'byts' is not known"),
+        ('event: flaws {"0": "pairity"}', "'flaws' cannot be"),
+        ("event: pulses [1]", "one of 'bytes', 'pdu', 'pulses'"),
+        ('event: drive [{"gpa": 3}]', "event 0, drive: 'gpa' is not known"),
+        ("event: babble {}", "event 0: 'babble' cannot be"),
+    ],
+)
+def test_what_is_no_case_is_not_played(tmp_path, text, complaint):
+    """Of a good case with one thing in it changed, or of a file that is none at all."""
+    case = {"baud": 19200, "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
+    case["events"] = [{"what": "legal", "gap": ["idle", 10.0], "bytes": "0101000000087dcc"}]
+    assert case_file.check(case) == case
+    if match := re.fullmatch(r"(?:(event): )?(\w+):? (.+)", text):
+        try:
+            value = json.loads(match[3])
+        except ValueError:
+            value = match[3]
+        place = case["events"][0] if match[1] else case
+        place[match[2]] = value
+        if value == "None":
+            del place[match[2]]
+        text = json.dumps(case)
+    path = tmp_path / "case.json"
+    path.write_text(text)
+    with pytest.raises(CaseError, match=re.escape(complaint)):
+        replay(path, None)
+
+
+def test_every_case_that_is_made_can_be_read_again():
+    for number in range(300):
+        case = make(f"9/{number}")
+        assert case_file.check(json.loads(json.dumps(case))) == case
+    for path in CASES:
+        assert case_file.read(path)
+
+
+def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, monkeypatch):
+    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
+    card = f"{fingerprint.card()} {fingerprint.firmware()}"
+    (tmp_path / "7.json").write_text(json.dumps({"card": card, "frames": 500}))
+    fuzz.no_longer_one_is_lost(7, 500)
+    fuzz.no_longer_one_is_lost(8, 100)
+    with pytest.raises(fuzz.FuzzError, match="has 500 frames"):
+        fuzz.no_longer_one_is_lost(7, 499)
+    (tmp_path / "7.json").write_text(json.dumps({"card": "another", "frames": 500}))
+    fuzz.no_longer_one_is_lost(7, 499)
 
 
 def test_a_shard_is_the_same_anywhere():

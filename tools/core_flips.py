@@ -21,6 +21,7 @@ from tb.model import rtu
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.fc_telegram import TelegramError
 from tb.model.rv32i import Hung, Machine
+from tools.options import at_least
 
 H = bytes.fromhex
 # Coils 1-32, coil 11, coils 1-16, register 40081 by 06 and by 10.
@@ -110,8 +111,8 @@ def attack(seed: int, count: int, image: bytes | None = None) -> tuple[Counter, 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=int, default=6000, help="flips (default: %(default)s)")
+    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
+    parser.add_argument("--count", type=at_least(1), default=6000, help="flips (default: %(default)s)")
     parser.add_argument("--image", type=Path, help="another firmware.bin")
     options = parser.parse_args()
     try:

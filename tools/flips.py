@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flips single bits of the running card and tells what became of each; `make flips`.
 
-    python -m tools.flips [--seed N] [--count FLIPS] [--baud RATE]  # a shard: build/fuzz/flips-SEED.json
+    make flips [SEED=N] [COUNT=FLIPS] [BAUD=RATE] [TRIAL=SEED/NUMBER], or
+    python -m tools.flips [--seed N] [--count FLIPS] [--baud RATE]  # a shard: build/fuzz/flips-SEED-RATE.json
     python -m tools.flips --report                                  # all shards as one table
     python -m tools.flips --trial SEED/NUMBER [--baud RATE]         # one flip, and what was on the lines
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import re
 import sys
 import time
 from collections import Counter
@@ -24,8 +26,10 @@ from sim.fuzz.flips import BAUDS, DANGEROUS, OUTCOMES, PARTS, Places, trial
 from sim.fuzz.library import BuildError
 from sim.fuzz.registers import RegistersError
 from tools.fuzz import FOLDER, story
+from tools.options import at_least
 
 KEPT_EACH = 50
+KEYS = {"seed", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # of a result
 # Those that the report lists one by one.
 WRONG = ("telegram again or late", "wrong reply", "silent for good")
 NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
@@ -70,14 +74,14 @@ def shard(seed: int, count: int, places: Places) -> dict:
 
 def keep(result: dict) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    path = FOLDER / f"flips-{result['seed']}.json"
+    path = FOLDER / f"flips-{result['seed']}-{result['baud']}.json"
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(result, indent=1) + "\n")
     partial.rename(path)
 
 
 def merge(results: list[dict]) -> dict:
-    results = list({result["seed"]: result for result in results}.values())
+    results = list({(result["seed"], result["baud"]): result for result in results}.values())
     # At another clock the dividers have other widths, so the card has a few bits more or less.
     rates = {(result["baud"], *result["bits"].values()) for result in results}
     if len({result["card"] for result in results}) > 1 or len(rates) > len({rate for rate, *_ in rates}):
@@ -120,9 +124,12 @@ def load(folder: Path) -> list[dict]:
     if not files:
         raise FlipsError("no results of flips; run `make flips` first")
     try:
-        return [json.loads(path.read_text()) for path in files]
-    except ValueError as error:
+        results = [json.loads(path.read_text()) for path in files]
+        if not all(result.keys() >= KEYS for result in results):
+            raise ValueError
+    except (ValueError, AttributeError) as error:
         raise FlipsError(f"a file flips-*.json in {folder} is no result") from error
+    return results
 
 
 def tell(name: str, baud: int) -> int:
@@ -134,13 +141,15 @@ def tell(name: str, baud: int) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=int, default=500, help="flips")
+    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
+    parser.add_argument("--count", type=at_least(1), default=500, help="flips")
     parser.add_argument("--baud", type=int, default=BAUDS[0], choices=BAUDS, help="network line")
     parser.add_argument("--report", action="store_true", help="merge the results of all shards")
     parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, told")
     options = parser.parse_args()
     if options.trial:
+        if not re.fullmatch(r"\d+/\d+", options.trial):
+            parser.error(f"--trial {options.trial}: SEED/NUMBER")
         return tell(options.trial, options.baud)
     if options.report:
         merged = merge(load(FOLDER))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Differential fuzz of the whole card: random lines, random drive, judged by the models; `make fuzz`.
 
+    make fuzz [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
     python -m tools.fuzz [--seed N] [--count FRAMES] [--bauds 9600,115200] [--seconds S]
     python -m tools.fuzz --replay build/fuzz/SEED-CASE.json [--wave FILE.fst]
     python -m tools.fuzz --plants [NAME ...]     # how many frames each planted bug lives
@@ -29,7 +30,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from sim.bench import fingerprint
+from sim.fuzz import case_file
 from sim.fuzz.case import Played, clk_hz, run
+from sim.fuzz.case_file import CaseError
 from sim.fuzz.library import BuildError, Target
 from sim.fuzz.pins import BAUDS
 from sim.fuzz.plants import PLANTS, PlantError, named
@@ -37,6 +40,7 @@ from sim.fuzz.shrink import shrink
 from sim.fuzz.traffic import make
 from tb.model import fc_telegram
 from tb.model.whole_card import Verdict
+from tools.options import at_least
 from tools.sources import ROOT
 
 FOLDER = ROOT / "build/fuzz"
@@ -123,6 +127,17 @@ def keep(result: Result) -> None:
         print(f"fuzz: {result.frames} frames", end="\r", file=sys.stderr, flush=True)
 
 
+def no_longer_one_is_lost(seed: int, count: int) -> None:
+    """A shard would write over the result of the same seed, which holds all that this one could bring."""
+    path = FOLDER / f"{seed}.json"
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        before = json.loads(path.read_text())
+        same = before["card"] == f"{fingerprint.card()} {fingerprint.firmware()}"
+        if same and before["frames"] > count:
+            said = f"{shown(path)} has {before['frames']} frames of this seed and card already"
+            raise FuzzError(f"{said}; take another seed or remove it")
+
+
 def shown(path: Path) -> Path:
     return path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
 
@@ -139,7 +154,7 @@ def _difference(name: str, case: dict, verdict: Verdict, play: Play, folder: Pat
     print(f"fuzz: DIFFERENCE in case {name}: {'; '.join(verdict.differences)}", flush=True)
     if small:
         found["file"] = path.name
-        print(f"fuzz:   {shown(path)} and .fst; python -m tools.fuzz --replay {shown(path)}")
+        print(f"fuzz:   {shown(path)} and .fst; make fuzz REPLAY={shown(path)}")
     return found
 
 
@@ -165,17 +180,12 @@ def story(case: dict, played: Played, verdict: Verdict) -> list[str]:
     return [*told, *(f"DIFFERENCE {what}" for what in verdict.differences or ["none"])]
 
 
-class CaseError(Exception):
+class FuzzError(Exception):
     """One line that tells the user what is wrong."""
 
 
 def replay(path: Path, wave: Path | None) -> int:
-    try:
-        case = json.loads(path.read_text())
-        if not {"baud", "form", "address", "dialect", "profile", "events"} <= case.keys():
-            raise ValueError
-    except (OSError, ValueError, AttributeError) as error:
-        raise CaseError(f"{path} is no case of the fuzzer") from error
+    case = case_file.read(path)
     verdict, played = run(case, OWN, wave)
     print(f"{case['baud']} bit/s {case['form']}, address {case['address']}, dialect {case['dialect']}; ms")
     print("\n".join(story(case, played, verdict)))
@@ -207,14 +217,16 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=int, default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=int, default=2000, help="network frames")
+    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
+    parser.add_argument("--count", type=at_least(1), default=2000, help="network frames")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
     parser.add_argument("--bauds", default="", help="these rates only, with commas")
     parser.add_argument("--replay", type=Path, metavar="FILE.json", help="play one case again and tell it")
     parser.add_argument("--wave", type=Path, metavar="FILE.fst", help="with --replay: its waveform")
     parser.add_argument("--plants", nargs="*", metavar="NAME", help="look for planted bugs: these, or all")
     options = parser.parse_args()
+    if options.wave and not options.replay:
+        parser.error("--wave is of a case: --replay FILE.json")
     if options.replay:
         return replay(options.replay, options.wave)
     try:
@@ -225,6 +237,7 @@ def main() -> int:
         parser.error(f"--bauds: the rates are {', '.join(map(str, sorted(BAUDS)))}")
     if options.plants is not None:
         return plants(options.plants, options.seed, options.count, bauds)
+    no_longer_one_is_lost(options.seed, options.count)
     print(f"fuzz: seed {options.seed}, {options.count} frames", flush=True)
     result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds, so_far=keep)
     keep(result)
@@ -235,6 +248,6 @@ def main() -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except (BuildError, CaseError, PlantError) as error:
+    except (BuildError, CaseError, FuzzError, PlantError) as error:
         print(f"fuzz: {error}", file=sys.stderr)
         sys.exit(2)

@@ -41,6 +41,8 @@ def load(path: Path) -> dict:
 def find(arguments: list[str]) -> list[Path]:
     found = []
     for path in map(Path, arguments or [FOLDER]):
+        if not path.exists():
+            raise ReportError(f"{path} is not there; run `make fuzz` first")
         inside = sorted(p for p in path.iterdir() if RESULT.fullmatch(p.name)) if path.is_dir() else [path]
         found += inside
     if not found:

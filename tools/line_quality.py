@@ -32,6 +32,7 @@ from sim.line_quality.work import (
     Piece,
     whole,
 )
+from tools.options import at_least
 from tools.sources import ROOT, SourcesError
 
 KEPT = ROOT / "build/line_quality/results.json"
@@ -149,8 +150,10 @@ def main(arguments: list[str] | None = None) -> int:
     what = options.add_mutually_exclusive_group()
     what.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
     what.add_argument("--report", action="store_true", help="write the page of the last whole run again")
-    options.add_argument("--seed", type=int, default=DEFAULT_SEED, help=f"of what is random ({DEFAULT_SEED})")
-    options.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    options.add_argument(
+        "--seed", type=at_least(0), default=DEFAULT_SEED, help=f"of what is random ({DEFAULT_SEED})"
+    )
+    options.add_argument("--jobs", type=at_least(1), default=2, help="processes (2)")
     given = options.parse_args(arguments)
     try:
         if given.report:
