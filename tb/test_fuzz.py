@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -23,7 +24,7 @@ from tb.lib.seeds import seeded
 from tb.model import rtu
 from tb.model.card import DRIVE_TIMEOUT, Card
 from tb.model.crc16 import with_crc
-from tb.model.fc_telegram import build_process
+from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 from tools import fuzz, fuzz_report
@@ -258,6 +259,97 @@ def test_the_judge_knows_a_telegram_that_nobody_asked_for():
     telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
     assert "SAFE-1" in judged(revoked, [], [telegram]).differences[0]
     assert "no telegram" in judged(asked).differences[0]
+
+
+DRIVE = drive_line(LINE.clk_hz)
+
+
+def sent_so(whole: Burst, **changed) -> Burst:
+    """The same with `rise`, `fall` or `characters` moved, or given."""
+    moved = {key: getattr(whole, key) + by for key, by in changed.items() if key != "characters"}
+    return replace(whole, **(changed | moved))
+
+
+def damaged(whole: Burst) -> list[Sent]:
+    return [replace(c, good=i != 2) for i, c in enumerate(whole.characters)]
+
+
+def with_a_gap(whole: Burst, late: float) -> Burst:
+    characters = [
+        replace(c, start=c.start + late, end=c.end + late) if i > 2 else c
+        for i, c in enumerate(whole.characters)
+    ]
+    return sent_so(whole, characters=characters, fall=late)
+
+
+@pytest.mark.parametrize(
+    ("whose", "change", "complaint"),
+    [
+        ("reply", lambda b, line: sent_so(b, characters=damaged(b)), "a damaged character"),
+        ("reply", lambda b, line: with_a_gap(b, 0.5 * line.bit), "a gap"),
+        ("reply", lambda b, line: sent_so(b, rise=-2 * line.bit), "driver on too early"),
+        ("reply", lambda b, line: sent_so(b, fall=2 * line.bit), "driver off at the wrong time"),
+        ("reply", lambda b, line: sent_so(b, fall=-line.bit), "driver off at the wrong time"),
+        ("reply", lambda b, line: sent_so(b, characters=[]), "a damaged character"),
+        ("telegram", lambda b, line: sent_so(b, characters=damaged(b)), "a damaged character"),
+        ("telegram", lambda b, line: with_a_gap(b, 0.5 * line.bit), "a gap"),
+        ("telegram", lambda b, line: sent_so(b, rise=-2 * line.bit), "driver on too early"),
+        ("telegram", lambda b, line: sent_so(b, fall=2 * line.bit), "driver off at the wrong time"),
+        ("telegram", lambda b, line: burst(line, build_process(0x047D, 0), b.rise), "expected 02 06 81 04"),
+    ],
+)
+def test_the_judge_looks_at_the_shape_of_all_that_is_sent(whose, change, complaint):
+    asked = heard(LINE, START, 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35 + 1000)
+    answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
+    reply = burst(LINE, STARTED, answered[-1].end + 1000)
+    assert not judged(asked, [reply], [telegram], answered).differences
+    sent = {"reply": (reply, LINE), "telegram": (telegram, DRIVE)}
+    changed = {kind: one for kind, (one, _) in sent.items()} | {whose: change(*sent[whose])}
+    (told,) = judged(asked, [changed["reply"]], [changed["telegram"]], answered).differences
+    assert complaint in told and told.split(": ")[1].startswith(whose)
+
+
+def test_the_judge_knows_a_pause_too_short():
+    asked = heard(LINE, START, 1e5)
+    commit = asked[-1].end + T35
+    for bits, short in ((22.5, False), (20.0, True)):
+        noise = heard(DRIVE, b"\x55", commit - (11 + bits - 1) * DRIVE.bit)
+        telegram = burst(DRIVE, build_process(0x047C, 0), noise[-1].end + bits * DRIVE.bit)
+        told = judged(asked, [], [telegram], noise, until=telegram.fall).differences
+        assert bool(told) == short and all("pause too short" in what for what in told)
+
+
+def test_the_judge_knows_a_late_reply_of_the_drive_and_one_too_early():
+    asked = heard(LINE, START, 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
+    answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
+    for late, complaint in ((30000.0, "no reply"), (-3 * LINE.bit, "nothing asked for")):
+        reply = burst(LINE, STARTED, answered[-1].end + late)
+        assert complaint in judged(asked, [reply], [telegram], answered).differences[0]
+
+
+@pytest.mark.rule("FC-9")
+def test_the_judge_wants_one_repeat_of_the_newest_request_and_none_of_an_older():
+    asked = heard(LINE, START, 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
+    again = burst(DRIVE, telegram.data, telegram.fall + 150 * LINE.clk_hz / 1000 + 1000)
+    wait = 170 * LINE.clk_hz / 1000
+    assert not judged(asked, [], [telegram, again], until=again.fall).differences
+    assert "no telegram" in judged(asked, [], [telegram], until=again.fall + wait).differences[0]
+    third = burst(DRIVE, telegram.data, again.fall + 150 * LINE.clk_hz / 1000 + 1000)
+    told = judged(asked, [], [telegram, again, third], until=third.fall).differences[0]
+    assert "nothing asked for (SAFE-1)" in told
+    newer = heard(LINE, READ, telegram.fall + 1000)
+    answer = burst(LINE, rtu.build(1, bytes.fromhex("01 02 7C 04")), newer[-1].end + T35)
+    told = judged(asked + newer, [answer], [telegram, again], until=again.fall).differences[0]
+    assert "nothing asked for (SAFE-1)" in told
+    assert not judged(asked + newer, [answer], [telegram], until=again.fall + wait).differences
+    to_all = heard(LINE, rtu.build(0, START[1:-2]), 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0, ADR_BROADCAST), to_all[-1].end + T35)
+    again = burst(DRIVE, telegram.data, telegram.fall + 24 * DRIVE.bit)
+    assert not judged(to_all, [], [telegram], until=again.fall).differences
+    assert "nothing asked for (SAFE-1)" in judged(to_all, [], [telegram, again]).differences[0]
 
 
 @pytest.mark.rule("FC-9")

@@ -82,14 +82,13 @@ def play(write: bytes, flip: Flip | None = None, image: bytes | None = None) -> 
 
 
 def judge(sent: list[bytes], how: str, wanted: list[bytes]) -> str:
+    """`altered`: any telegram that is another, or one too many."""
+    beyond = list((Counter(sent) - Counter(wanted)).elements())
+    if beyond:
+        return f"altered, bit 10 = {int(any(telegram[-4] & VALID for telegram in beyond))}"
     if how == "refused by its BCC":
         return how
-    if not sent:
-        return "none"
-    if sent == wanted:
-        return "as asked"
-    commands = any(telegram[-4] & VALID for telegram in sent if telegram not in wanted)
-    return f"altered, bit 10 = {int(commands)}"
+    return "as asked" if sent else "none"
 
 
 def attack(seed: int, count: int, image: bytes | None = None) -> tuple[Counter, list[str]]:
