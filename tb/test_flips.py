@@ -6,18 +6,37 @@
 
 from __future__ import annotations
 
+import random
 import re
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from sim.fuzz.case import Played, clk_hz
-from sim.fuzz.flips import BAUDS, DANGEROUS, FORM, OUTCOMES, Flip, FlipPlayer, Places, telegrams, trial
+from sim.fuzz.flips import (
+    ADDRESS,
+    BAUDS,
+    DANGEROUS,
+    FORM,
+    OUTCOMES,
+    PARTS,
+    Flip,
+    FlipPlayer,
+    Places,
+    telegrams,
+    too_early,
+    traffic,
+    trial,
+)
 from sim.fuzz.library import Target
 from sim.fuzz.registers import TOP
 from tb.model import rtu
-from tb.model.fc_telegram import build_process
+from tb.model.crc16 import crc_good
+from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+from tools import flips
 from tools.flips import FlipsError, merge, report
 from tools.sources import ROOT
 
@@ -125,6 +144,34 @@ def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
                     assert "telegram, bit 10" not in outcome.what and outcome.recovered, outcome
 
 
+@pytest.mark.rule("SAFE-4", "SAFE-1", "FC-9")
+def test_no_flip_of_the_gate_or_the_sender_commands_unasked(places):
+    """Each of their bits: between candidate and commit, on the wire, while the drive answers, afterwards."""
+    events = commands((1, 0x1111), (0, 0x2222), (1, 0x3333))
+    events[1:1] = [{**events[0], "bytes": events[0]["bytes"] + "55", "gaps": {"13": too_early(LINE)}}]
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    assert len(played.telegrams) == 4, "the last one is that of the probe"
+    first, to_all, _, _ = played.telegrams
+    revoked = played.network[13 + 12].end
+    t15 = LINE.t15_bits * LINE.bit
+    moments = [
+        revoked + t15 + 300,
+        first.fall - 300,
+        first.fall + 30000,
+        to_all.fall - 300,
+        to_all.fall + 20000,
+    ]
+    paths = ("mailbox_i.gate_i.", "mailbox_i.regs_i.telegram_no_reply", "drive_i.fc_tx_i.state")
+    aimed = [register for register in places.registers if register.path.startswith(paths)]
+    assert len(aimed) > 12
+    for register in aimed:
+        for bit in register.bits:
+            for at in moments:
+                flip = Flip(round(at), register.path, 0, bit, "card")
+                outcome, *_ = trial("test", places, flip, events)
+                assert outcome.what not in DANGEROUS, outcome
+
+
 @pytest.mark.rule("SAFE-4", "LED-5")
 def test_a_flipped_switch_halts_the_card(places):
     at = int(0.07 * clk_hz(BAUD))
@@ -154,12 +201,14 @@ def burst(line: Line, data: bytes, at: float) -> Burst:
     return Burst(round(at), round(sent[-1].end), sent)
 
 
-def seen(asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[bytes, float]]) -> str:
+def seen(
+    asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[bytes, float]], newer: Iterable = ()
+) -> str:
     """What is told when these telegrams and replies follow a request, each at its time in ms."""
     ms = LINE.clk_hz / 1000
     drive = drive_line(LINE.clk_hz)
     played = Played(
-        heard(asked, 40 * ms),
+        [*heard(asked, 40 * ms), *newer],
         [],
         [burst(LINE, data, at * ms) for data, at in replies],
         [burst(drive, data, at * ms) for data, at in sent],
@@ -192,6 +241,54 @@ def seen(asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[byte
 )
 def test_every_telegram_is_weighed(asked, sent, replies, told):
     assert seen(asked, sent, replies) == told
+
+
+def test_a_broadcast_has_no_repeat_and_an_older_request_none():
+    to_all = rtu.build(0, COMMAND[1:-2])
+    telegram = build_process(0x047C, 0, ADR_BROADCAST)
+    assert seen(to_all, [(telegram, 50)], []) == ""
+    assert seen(to_all, [(telegram, 50), (telegram, 90)], []) == DANGEROUS[0]
+    newer = heard(rtu.build(1, rtu.read_coils(0, 8)), 70 * LINE.clk_hz / 1000)
+    assert seen(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 120)], [], newer) == DANGEROUS[0]
+
+
+def test_every_part_and_every_bit_can_be_chosen(places):
+    rng = random.Random(1)
+    flips = [places.choose(rng, 0) for _ in range(4000)]
+    found = Counter(flip.part for flip in flips)
+    for part, weight in PARTS.items():
+        assert abs(found[part] / 4000 - weight / sum(PARTS.values())) < 0.03, part
+    assert {flip.bit for flip in flips if flip.part == "core registers"} == set(range(32))
+    assert len({flip.word for flip in flips if flip.part == "data"}) > 80
+
+
+def test_the_traffic_has_commands_for_the_card_for_all_and_for_nobody():
+    frames = [event for seed in range(200) for event in traffic(random.Random(seed), LINE)]
+    starts = Counter()
+    for event in frames:
+        data = bytes.fromhex(event["bytes"])
+        if data[1:2] == b"\x0f" and data[7:9] == b"\x7c\x04":
+            kind = "revoked" if "gaps" in event else "spoilt" if not crc_good(data) else data[0]
+            starts[kind] += 1
+    assert set(starts) == {ADDRESS, 0, 9, "revoked", "spoilt"} and min(starts.values()) > 20
+
+
+@pytest.mark.parametrize("what", [DANGEROUS[0], DANGEROUS[1], OUTCOMES[2], "no effect"])
+def test_the_exit_code_tells_of_a_command_unasked(monkeypatch, what):
+    bits = dict.fromkeys(PARTS, 8)
+    result = {
+        "seed": 1,
+        "card": "one",
+        "baud": BAUD,
+        "bits": bits,
+        "counts": {f"card: {what}": 1},
+        "flips": 1,
+    }
+    result |= {"wall_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
+    monkeypatch.setattr(flips, "shard", lambda *about: result)
+    monkeypatch.setattr(flips, "Places", lambda **about: None)
+    monkeypatch.setattr("sys.argv", ["flips"])
+    assert flips.main() == int(what in DANGEROUS)
 
 
 def test_shards_of_flips_are_merged():
