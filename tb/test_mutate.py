@@ -46,11 +46,29 @@ endmodule
     }
 
 
-def test_an_input_of_an_instance_is_cut_and_turned():
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        *[("x == y", "x != y"), ("x != y", "x == y"), ("x && y", "x || y"), ("x || y", "x && y")],
+        *[("x & y", "x | y"), ("x | y", "x & y"), ("x ^ y", "x | y"), ("x + y", "x - y"), ("x - y", "x + y")],
+        *[("x >= y", "x > y"), ("x > y", "x >= y"), ("!x", "x"), ("~x", "x")],
+        *[("1'b0", "1'b1"), ("1'b1", "1'b0")],
+        *[("x[2]", "x[1]"), ("x[2]", "x[3]"), ("4'd3", "4'd4"), ("4'd3", "4'd2"), ("8'hFF", "8'h0")],
+        *[("x", "~(x)"), ("x", "0")],
+    ],
+)
+def test_every_kind_of_change_is_made(before, after):
+    text = f"module m;\n  assign z = {before};\nendmodule\n"
+    made = {text[:start] + new + text[end:] for start, end, new in mutate.changes(text)}
+    assert f"module m;\n  assign z = {after};\nendmodule\n" in made
+
+
+def test_an_input_of_an_instance_is_tied_both_ways_and_turned():
     path = next(path for path in rtl_files() if path.stem == "network_port")
-    cut = [mutant for mutant in mutate.mutants("network_port", path) if mutant.text == "1'b0"]
-    assert any(".rst" in mutant.before for mutant in cut)
-    assert not any(re.match(r"\.clk\b", mutant.before) for mutant in cut)
+    found = mutate.mutants("network_port", path)
+    for tied in ("1'b0", "1'b1", "~(rst)"):
+        assert any(".rst" in mutant.before for mutant in found if mutant.text == tied)
+    assert not any(re.match(r"\.clk\b", mutant.before) for mutant in found)
 
 
 def test_a_comment_is_no_other_module(tmp_path):

@@ -438,7 +438,9 @@ def report(write: bool) -> int:
         if path is None or fingerprint(path) != of:
             print(f"mutate: {file.relative_to(ROOT)} is of another {module}.v: left out", file=sys.stderr)
             continue
-        group = groups.setdefault(module, (of, document["possible"], []))[2]
+        # What did not compile is none.
+        invalid = sum(row["verdict"] == "invalid" for row in document["mutants"])
+        group = groups.setdefault(module, (of, document["possible"] - invalid, []))[2]
         valid = (Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid")
         group += [mutant for mutant in valid if mutant.key not in {other.key for other in group}]
     groups = {module: found for module, found in groups.items() if found[2]}
