@@ -16,7 +16,7 @@ import pytest
 
 from sim.bench import fingerprint
 from sim.fuzz import case_file
-from sim.fuzz.case import run
+from sim.fuzz.case import aftermath, run
 from sim.fuzz.library import Target
 from sim.fuzz.plants import PLANTS, named
 from sim.fuzz.traffic import make
@@ -61,6 +61,19 @@ CASES = sorted((ROOT / "tb/data/fuzz").glob("*.json"))
 def test_either_of_two_right_outcomes_is_right(path):
     verdict, _ = run(json.loads(path.read_text()), Target())
     assert not verdict.differences
+
+
+@pytest.mark.rule("SAFE-1", "SAFE-3")
+def test_where_the_judge_has_to_stop_commands_and_the_last_answers_are_still_looked_at():
+    case = json.loads((ROOT / "tb/data/fuzz/same-telegram-for-two.json").read_text())
+    verdict, played = run(case, Target())
+    assert verdict.unclear and not verdict.differences and not aftermath(case, played)
+    mute = replace(played, replies=played.replies[:-1])
+    assert "nothing to the good request 03" in aftermath(case, mute)[0]
+    twice = replace(played, replies=[*played.replies, played.replies[-1]])
+    assert " and " in aftermath(case, twice)[0]
+    innocent = case | {"events": [case["events"][0] | {"bytes": with_crc(b"\1\3\0\0\0\1").hex()}]}
+    assert all("SAFE-1" in what for what in aftermath(innocent, played)) and aftermath(innocent, played)
 
 
 @pytest.mark.rule("FRAME-3")

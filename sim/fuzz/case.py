@@ -43,6 +43,8 @@ BOOT_S = 0.05  # of a clock six times slower than BOOT-1's
 # The shortest pause before a drive answers (FC-8), a bit longer than the card must hear.
 DRIVE_DELAY_BITS = 24.0
 SHORTEST_TELEGRAM_BITS = 80
+LOCAL = 3  # of the last requests need no drive
+LONG_WAIT = 100  # of register 40003, in 10 ms
 PARAMETER = 514  # a drive that does not have it says so, which is an answer too
 
 
@@ -292,7 +294,7 @@ class Player:
         if len(burst.data) > 2 and fc_telegram.is_broadcast(burst.data[2]):
             return
         manner = self.manners.pop(0) if self.manners else {}
-        waited = burst.fall + (10 * min(self.wait, 100) + 8) * self.line.clk_hz / 1000
+        waited = burst.fall + (10 * min(self.wait, LONG_WAIT) + 8) * self.line.clk_hz / 1000
         self.settle_by = max(self.settle_by, waited + SETTLE_CLOCKS)
         self.drive_awaited = True
         end = self._answer(burst, reply, manner)
@@ -345,4 +347,39 @@ def run(
     played = player.play()
     judge = Judge(Card(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15)
     verdict = judge.judge(played.network, played.drive, played.replies, played.telegrams, played.end)
+    if verdict.unclear:
+        # An exchange that may wait for longer than the case lasts has no end to be looked at.
+        verdict.differences += aftermath(case, played, LOCAL if player.wait > LONG_WAIT else None)
     return verdict, played
+
+
+def aftermath(case: dict, played: Played, count: int | None = None) -> list[str]:
+    """What must hold even where the judge had to stop: no command when nobody wrote coils (SAFE-1), an answer
+    to each of the last requests, or of the first `count` of them (SAFE-3)."""
+    found = []
+    frames = [bytes.fromhex(event["bytes"]) for event in case["events"] if "bytes" in event]
+    ours = [
+        data
+        for data in frames
+        if len(data) > 3 and data[:1] in (b"\0", bytes([case["address"]])) and crc_good(data)
+    ]
+    wrote = any(data[1] in (0x05, 0x0F) for data in ours)
+    last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
+    heard = list(played.network)
+    asked = []
+    for pdu in reversed(last):
+        heard, frame = heard[: -len(pdu) - 3], heard[-len(pdu) - 3 :]
+        asked.append((frame[0].start, frame[-1].end, pdu))
+    asked.reverse()
+    for burst in played.telegrams:
+        data = burst.data
+        command = len(data) > 7 and bool(data[-5] & 0x04) and data[-1] == fc_telegram.bcc(data[:-1])
+        if command and not wrote and burst.rise < asked[3][1]:
+            found.append(f"telegram {data.hex(' ')}, a command, and nobody wrote coils (SAFE-1)")
+    for number, (_, end, pdu) in list(enumerate(asked))[:count]:
+        until = asked[number + 1][0] if number + 1 < len(asked) else played.end
+        replies = [reply.data for reply in played.replies if end < reply.rise < until]
+        if [data[1] & 0x7F for data in replies if crc_good(data)] != [pdu[0]]:
+            said = " and ".join(data.hex(" ") for data in replies) or "nothing"
+            found.append(f"{said} to the good request {pdu.hex(' ')} (SAFE-3)")
+    return found
