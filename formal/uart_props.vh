@@ -4,8 +4,8 @@
 // RECEIVE: a sender of its own clock, up to 4 % slow or fast and free to wander in between (LINE-5). A bit is
 // 1600 units long, and at each tick of the receiver the sender moves on by any number from 96 to 104 of them;
 // a character begins at any moment between two ticks, at once after the last stop bit or later. Any byte,
-// every format. Each character arrives once, unchanged and without an error, and nothing else does. Not in
-// here: noise (the glitch filter's part), and what follows a missing stop bit.
+// every format, its parity bit right or wrong. Each character arrives once, unchanged, with a parity error if and only if
+// it had one, and nothing else does. Not in here: noise (the glitch filter's part), and a missing stop bit.
 //
 // SEND: every character is well-formed in every format (LINE-1, LINE-3, FC-1). The ghost keeps the byte that
 // was taken and counts ticks since its start bit; which level the line shows follows from those two alone.
@@ -40,11 +40,13 @@ localparam [6:0] G_FASTEST = 7'd104;
 (* anyseq *) reg [6:0] g_offset;
 (* anyseq *) reg g_begin;
 (* anyseq *) reg [7:0] g_new_byte;
+(* anyseq *) reg g_new_flaw;  // its parity bit is wrong
 always @* assume (g_pace >= G_SLOWEST && g_pace <= G_FASTEST);
 
 reg g_active = 1'b0;
 reg [14:0] g_unit = 15'd0;  // units since the start edge
 reg [7:0] g_byte = 8'd0;
+reg g_flaw = 1'b0;
 wire [14:0] g_end = (parity_enable || two_stop) ? 15'd11 * G_BIT : 15'd10 * G_BIT;
 wire [14:0] g_next = g_unit + {8'd0, g_pace};
 wire g_over = g_active && g_next >= g_end;
@@ -61,8 +63,9 @@ always @(posedge clk) begin
     g_active <= 1'b1;
     g_unit   <= {8'd0, g_offset};
     g_byte   <= g_new_byte;
+    g_flaw   <= g_new_flaw && parity_enable;
   end
-  if (rst) g_active <= 1'b0;
+  if (rst) {g_active, g_flaw} <= 2'b00;
 end
 
 // Which bit is on the line, by comparing: no division.
@@ -71,13 +74,14 @@ always @* begin
   g_bit = 4'd0;
   for (g_i = 1; g_i < 11; g_i = g_i + 1) if (g_unit >= g_i * G_BIT) g_bit = g_i[3:0];
 end
-wire [10:0] g_frame = {1'b1, parity_enable ? ^{g_byte, parity_odd} : 1'b1, g_byte, 1'b0};
+wire [10:0] g_frame = {1'b1, parity_enable ? ^{g_byte, parity_odd, g_flaw} : 1'b1, g_byte, 1'b0};
 always @* assume (line == (!g_active || g_frame[g_bit]));
 
 // ---- what has to come out
 reg g_due = 1'b0;  // a character is on its way and was not received yet
 reg [7:0] g_count = 8'd0;  // ticks since it was first seen, that one included
 reg [7:0] g_expect = 8'd0;
+reg g_expect_flaw = 1'b0;
 wire g_first = tick16 && g_active && g_count == 8'd0;
 always @(posedge clk) begin
   if (tick16 && g_active) g_count <= g_count + 8'd1;
@@ -86,10 +90,12 @@ always @(posedge clk) begin
   if (g_first) begin
     g_due <= 1'b1;
     g_expect <= g_byte;
+    g_expect_flaw <= g_flaw;
   end
   if (rst) begin
-    g_due   <= 1'b0;
+    g_due <= 1'b0;
     g_count <= 8'd0;
+    g_expect_flaw <= 1'b0;
   end
 end
 
@@ -98,7 +104,7 @@ always @(posedge clk) begin
   if (g_past) begin
     a_due : assert (!byte_valid || g_due);
     a_data : assert (!byte_valid || byte_data == g_expect);
-    a_parity : assert (!byte_valid || !byte_parity_error);
+    a_parity : assert (!byte_valid || byte_parity_error == g_expect_flaw);
     a_framing : assert (!byte_valid || !byte_framing_error);
     // None is lost: the next never begins, and this one never ends, before it was received.
     a_received : assert (!(g_due && g_first && !byte_valid));
@@ -121,13 +127,14 @@ always @(posedge clk) begin
   if (g_past) begin
     i_states : assert (g_state_count <= 3'd1 && !state[S_REST] && !loaded);
     i_states_2 : assert (!state[S_PARITY] || parity_enable);
+    i_flaw : assert (parity_enable || !(g_flaw || g_expect_flaw));
     i_unit_low : assert (!g_active || g_unit >= g_count * 15'd96);
     i_unit_high : assert (!g_active || g_count == 8'd0 || g_unit < (g_count + 15'd1) * 15'd104);
     i_unit_start : assert (!g_active || g_count != 8'd0 || g_unit < 15'd104);
     i_end : assert (!g_active || g_unit < g_end);
     i_active : assert (!g_receiving || (g_active && g_due && g_count == g_rx_count));
     i_start : assert (!state[S_START] || phase <= 4'd7);
-    i_due : assert (!g_due || byte_valid || (g_active && g_count != 8'd0 && g_expect == g_byte));
+    i_due : assert (!g_due || byte_valid || (g_active && g_count != 8'd0 && g_expect == g_byte && g_expect_flaw == g_flaw));
     i_range : assert (g_count <= 8'd190 && (g_active || g_count == 8'd0));
     i_waiting : assert (!(g_active && g_count == 8'd0 && g_receiving));
     i_late : assert (!(g_due && !g_receiving && !byte_valid));
@@ -135,7 +142,7 @@ always @(posedge clk) begin
     i_done : assert (!(g_active && g_count != 8'd0 && !g_due && g_count < g_decided));
     i_parity_data : assert (!state[S_DATA] || parity == ^{g_expect & ~(8'hFF << bits_done), parity_odd});
     i_parity : assert (!state[S_PARITY] || parity == ^{g_expect, parity_odd});
-    i_parity_end : assert (!(state[S_STOP] || byte_valid) || (parity == ^{g_expect, parity_odd} && !parity_wrong));
+    i_parity_end : assert (!(state[S_STOP] || byte_valid) || (parity == ^{g_expect, parity_odd} && parity_wrong == g_expect_flaw));
     i_vote_7 : assert (!g_receiving || phase != 4'd7 || votes[0] == g_frame[g_now]);
     i_vote_6 : assert (!g_receiving || phase != 4'd7 || g_now == 4'd10 || votes[1] == g_frame[g_now]);
     i_vote_6_now : assert (!g_receiving || phase != 4'd6 || g_now == 4'd10 || votes[0] == g_frame[g_now]);

@@ -28,7 +28,7 @@ RULES = {
     "rtu_tx": ["FRAME-4", "SAFE-2"],
     "silence_timer": ["FRAME-1", "FC-8"],
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
-    "uart": ["LINE-1", "LINE-3", "LINE-5", "FC-1"],
+    "uart": ["LINE-1", "LINE-3", "LINE-5", "FRAME-4", "FC-1"],
 }
 
 
