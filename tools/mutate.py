@@ -304,8 +304,10 @@ class Tree:
 
 
 def fingerprint(path: Path) -> str:
-    """Of what can be mutated in a module: a comment more or less leaves it as it is."""
-    words = " ".join(code_only(path.read_text()).split())
+    """Of what can be mutated in a module and what is promised of it; comments do not count."""
+    proof = [ROOT / f"formal/{path.stem}{end}" for end in ("_props.vh", ".sby")]
+    promises = [re.sub(r"(//|#).*", "", file.read_text()) for file in proof if file.exists()]
+    words = " ".join(" ".join([code_only(path.read_text()), *promises]).split())
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 

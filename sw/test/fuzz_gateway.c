@@ -114,8 +114,9 @@ static void check_telegram(void)
     HOLDS(m.no_reply == at_drive->broadcast);
     HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
     HOLDS(held <= HELD);
-    /* A repeat is of the newest, which is not answered and no broadcast. */
-    HOLDS(m.loopback || at_drive->sent == 1 || BY_SIZE || (at_drive == newest && !at_drive->broadcast));
+    /* No newer one is committed when it is repeated, and it is no broadcast. */
+    HOLDS(at_drive->sent == 1 || BY_SIZE ||
+          ((at_drive == newest || !newest->committed) && !at_drive->broadcast));
     if (m.telegram_length == 6) {
         HOLDS(at_drive->intent == INTENT_PROCESS);
         HOLDS(control == model_word(&at_drive->after, 0) && reference == model_word(&at_drive->after, 16));
