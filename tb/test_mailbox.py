@@ -382,6 +382,17 @@ async def a_telegram_on_the_wire_can_neither_be_changed_nor_misread(dut):
 
 
 @cocotb.test()
+async def lamps_show_what_the_firmware_wrote_until_it_restarts(dut):
+    mailbox = await Mailbox(dut).start()
+    lamps = ("modbus_red", "modbus_green", "drive_red", "drive_green")
+    for lit in lamps:
+        await mailbox.write("LED", **{lit: 1})
+        assert [name for name in lamps if int(getattr(dut, f"led_{name}").value)] == [lit]
+    await mailbox.pulse("core_rst")
+    assert not any(int(getattr(dut, f"led_{name}").value) for name in lamps)
+
+
+@cocotb.test()
 async def a_changed_telegram_needs_a_new_licence(dut):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
