@@ -22,9 +22,9 @@
 // loop-back test, while loopback_open: there is no master on the line then (LOOP-1);
 // its end takes back what is queued.
 //
-// No bit alone can license, commit or start (SAFE-4): a licence is two opposite bits, a
-// commit needs its candidate and a line that is silent, a committed request is no
-// candidate any more.
+// Against one flipped bit (SAFE-4): a licence is two opposite bits, a commit needs its
+// candidate and a line that is silent, a committed request is no candidate any more.
+// telegram_queued alone can only bring forward the one repeat that is still licensed.
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
 
