@@ -187,7 +187,7 @@ def test_every_case_that_is_made_can_be_read_again():
 
 def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, monkeypatch):
     monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
-    card = f"{fingerprint.card()} {fingerprint.firmware()}"
+    card = fingerprint.card_and_firmware()
     (tmp_path / "7.json").write_text(json.dumps({"card": card, "frames": 500}))
     fuzz.no_longer_one_is_lost(7, 500)
     fuzz.no_longer_one_is_lost(8, 100)

@@ -22,6 +22,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from sim.bench import fingerprint
 from sim.fuzz.flips import BAUDS, DANGEROUS, OUTCOMES, PARTS, Places, trial
 from sim.fuzz.library import BuildError
 from sim.fuzz.registers import RegistersError
@@ -44,7 +45,7 @@ def shard(seed: int, count: int, places: Places) -> dict:
     began = time.monotonic()
     result = {
         "seed": seed,
-        "card": places.card,
+        "card": fingerprint.card_and_firmware(),
         "baud": places.baud,
         "bits": {part: places.bits(part) for part in PARTS},
         "counts": Counter(),

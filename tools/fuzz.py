@@ -90,7 +90,7 @@ def shard(
     so_far: Callable[[Result], None] = lambda result: None,
 ) -> Result:
     """Cases until `count` network frames were sent, or the time or the patience is over."""
-    result, began = Result(seed, f"{fingerprint.card()} {fingerprint.firmware()}"), time.monotonic()
+    result, began = Result(seed, fingerprint.card_and_firmware()), time.monotonic()
     told = began
     play = functools.partial(run, target=target, strict_t15=strict_t15)
     while result.frames < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
@@ -132,7 +132,7 @@ def no_longer_one_is_lost(seed: int, count: int) -> None:
     path = FOLDER / f"{seed}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         before = json.loads(path.read_text())
-        same = before["card"] == f"{fingerprint.card()} {fingerprint.firmware()}"
+        same = before["card"] == fingerprint.card_and_firmware()
         if same and before["frames"] > count:
             said = f"{shown(path)} has {before['frames']} frames of this seed and card already"
             raise FuzzError(f"{said}; take another seed or remove it")

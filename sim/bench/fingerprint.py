@@ -49,6 +49,11 @@ def firmware(config: str = "standard") -> str:
     return _digest([(config, image.read_text() if image.exists() else "")])
 
 
+def card_and_firmware() -> str:
+    """The standard card as the fuzzer's and the flips' shards name it."""
+    return f"{card()} {firmware()}"
+
+
 def bench() -> str:
     """What decides what is measured and how it is judged; not what the report looks like."""
     python = [ROOT / f"sim/bench/{name}.py" for name in BENCH]

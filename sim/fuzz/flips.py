@@ -8,7 +8,6 @@ the watchdog takes, and asks once more.
 
 from __future__ import annotations
 
-import hashlib
 import random
 from collections import Counter
 from dataclasses import dataclass, field
@@ -90,8 +89,6 @@ class Places:
         self.line = Line(self.baud, FORM, clk_hz(self.baud))
         self.registers = registers.registers(sources, self.line.clk_hz)
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
-        texts = [path.read_bytes() for path in sources]
-        self.card = hashlib.sha256(b"".join([*texts, program])).hexdigest()[:12]
         image = len(program) // BYTES_PER_WORD
         known = configurations()
         # The firmware uses the smallest memory of all; frames and counters lie at the end of what there is.
