@@ -60,6 +60,11 @@ always @* begin
 end
 
 // ---- silence on the pin
+`ifdef SHORT_PAUSE
+localparam [9:0] G_PAUSE = 10'd12;
+`else
+localparam [9:0] G_PAUSE = 10'd352;  // two characters of 11 bits (FC-8)
+`endif
 reg [9:0] g_silent = 10'd0;
 reg g_own = 1'b0;  // the last character was the card's own
 always @(posedge clk) begin
@@ -100,9 +105,9 @@ always @(posedge clk) begin
   if (g_past) begin
     // SAFE-2, FC-8: a quiet line has been silent for two characters: 22 bits after DE fell, and after the vote on
     // a stop bit two ticks more, which are the rest of that bit.
-    a_silent : assert (!quiet || g_silent >= (g_own ? 10'd352 : 10'd354));
+    a_silent : assert (!quiet || g_silent >= G_PAUSE + (g_own ? 10'd0 : 10'd2));
     // It rises two clocks after a start, for nothing else, and that start fell into such a silence.
-    a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= 10'd352));
+    a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= G_PAUSE));
     // SAFE-2: at most one bit longer than the telegram's own characters, and those are never more than 34.
     a_bounded : assert (!de || g_high <= {10'd0, g_bytes} * G_CHARACTER + 16'd16);
     a_longest : assert (!de || g_high <= 16'd6000);
@@ -123,13 +128,14 @@ end
 
 // ---- what induction needs to know: silence
 wire [12:0] g_head = g_own ? 13'd0 : 13'd2;
+localparam [12:0] G_HALF = G_PAUSE / 4 + 1;
 always @(posedge clk) begin
   if (g_past) begin
-    i_limit : assert (!long_silent || g_silent >= 13'd356 + g_head);
+    i_limit : assert (!long_silent || g_silent >= 13'd4 * G_HALF + g_head);
     i_halves : assert (long_silent || g_halves < 3'd4);
     i_first : assert (long_silent || g_halves != 3'd0 || g_ticks + g_head == 13'd18 + g_silent);
-    i_later : assert (long_silent || g_halves == 3'd0 || g_ticks + g_head + 13'd89 * g_halves == 13'd18 + g_silent);
-    i_range : assert (long_silent || (g_ticks <= 7'd106 && g_ticks >= 7'd16));
+    i_later : assert (long_silent || g_halves == 3'd0 || g_ticks + g_head + G_HALF * g_halves == 13'd18 + g_silent);
+    i_range : assert (long_silent || (g_ticks <= 13'd17 + G_HALF && g_ticks >= 7'd16));
   end
 end
 

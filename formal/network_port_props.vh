@@ -44,13 +44,13 @@ wire [15:0] g_character = parity_enable || two_stop ? 16'd176 : 16'd160;
 reg [1:0] g_unanswered = 2'd0;
 always @(posedge clk) g_unanswered <= read_valid && !read_ready && !rst ? g_unanswered + 2'd1 : 2'd0;
 
-// The rates and formats of card_tables; to see a reply leave a silence is enough that a cover can reach.
+// The rates and formats of card_tables, and a silence so short that the cover sees a reply leave behind it.
 always @* begin
 `ifdef SHORT_SILENCE
   assume (half_end == 9'd18 && !half_uneven && tick16 && rx);
 `else
   assume ((half_end == 9'd105 && !half_uneven) || (half_end == 9'd171 && half_uneven) ||
-          (half_end == 9'd478 && half_uneven));
+          (half_end == 9'd478 && half_uneven) || (half_end == 9'd18 && !half_uneven));
 `endif
   assume (!(parity_enable && two_stop));
   assume (!reply_start || (quiet && !sending));
@@ -100,7 +100,7 @@ end
 
 // Ticks of 3.5 characters: of 11 bits, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit the rest of it
 // comes on top, two ticks, and the second stop bit.
-wire [12:0] g_limit = half_end == 9'd105 ? 13'd616 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
+wire [12:0] g_limit = half_end == 9'd18 ? 13'd7 : half_end == 9'd105 ? 13'd616 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
 wire [12:0] g_head = g_own ? 13'd0 : two_stop ? 13'd18 : 13'd2;
 always @(posedge clk) begin
   if (g_past) begin

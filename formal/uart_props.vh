@@ -4,8 +4,9 @@
 // RECEIVE: a sender of its own clock, up to 4 % slow or fast and free to wander in between (LINE-5). A bit is
 // 1600 units long, and at each tick of the receiver the sender moves on by any number from 96 to 104 of them;
 // a character begins at any moment between two ticks, at once after the last stop bit or later. Any byte,
-// every format, its parity bit right or wrong. Each character arrives once, unchanged, with a parity error if and only if
-// it had one, and nothing else does. Not in here: noise (the glitch filter's part), and a missing stop bit.
+// every format, its parity bit right or wrong, its first stop bit there or missing (then the line is high for a bit before
+// the next one). Each character arrives once, unchanged, with a parity error and a framing error if and only if it had
+// them, and nothing else does. Not in here: noise (the glitch filter's part).
 //
 // SEND: every character is well-formed in every format (LINE-1, LINE-3, FC-1). The ghost keeps the byte that
 // was taken and counts ticks since its start bit; which level the line shows follows from those two alone.
@@ -41,13 +42,17 @@ localparam [6:0] G_FASTEST = 7'd104;
 (* anyseq *) reg g_begin;
 (* anyseq *) reg [7:0] g_new_byte;
 (* anyseq *) reg g_new_flaw;  // its parity bit is wrong
+(* anyseq *) reg g_new_gone;  // its first stop bit is missing
 always @* assume (g_pace >= G_SLOWEST && g_pace <= G_FASTEST);
 
 reg g_active = 1'b0;
 reg [14:0] g_unit = 15'd0;  // units since the start edge
 reg [7:0] g_byte = 8'd0;
 reg g_flaw = 1'b0;
-wire [14:0] g_end = (parity_enable || two_stop) ? 15'd11 * G_BIT : 15'd10 * G_BIT;
+reg g_gone = 1'b0;
+// Where the first stop bit ends, and the character.
+wire [14:0] g_stop_end = parity_enable ? 15'd11 * G_BIT : 15'd10 * G_BIT;
+wire [14:0] g_end = g_stop_end + (two_stop || g_gone ? G_BIT : 15'd0);
 wire [14:0] g_next = g_unit + {8'd0, g_pace};
 wire g_over = g_active && g_next >= g_end;
 // A new start edge lies somewhere since the last tick, but not before the last stop bit's end.
@@ -64,17 +69,18 @@ always @(posedge clk) begin
     g_unit   <= {8'd0, g_offset};
     g_byte   <= g_new_byte;
     g_flaw   <= g_new_flaw && parity_enable;
+    g_gone   <= g_new_gone;
   end
-  if (rst) {g_active, g_flaw} <= 2'b00;
+  if (rst) {g_active, g_flaw, g_gone} <= 3'b000;
 end
 
 // Which bit is on the line, by comparing: no division.
 reg [3:0] g_bit;
 always @* begin
   g_bit = 4'd0;
-  for (g_i = 1; g_i < 11; g_i = g_i + 1) if (g_unit >= g_i * G_BIT) g_bit = g_i[3:0];
+  for (g_i = 1; g_i < 12; g_i = g_i + 1) if (g_unit >= g_i * G_BIT) g_bit = g_i[3:0];
 end
-wire [10:0] g_frame = {1'b1, parity_enable ? ^{g_byte, parity_odd, g_flaw} : 1'b1, g_byte, 1'b0};
+wire [11:0] g_frame = {1'b1, !(parity_enable && g_gone), parity_enable ? ^{g_byte, parity_odd, g_flaw} : !g_gone, g_byte, 1'b0};
 always @* assume (line == (!g_active || g_frame[g_bit]));
 
 // ---- what has to come out
@@ -82,6 +88,7 @@ reg g_due = 1'b0;  // a character is on its way and was not received yet
 reg [7:0] g_count = 8'd0;  // ticks since it was first seen, that one included
 reg [7:0] g_expect = 8'd0;
 reg g_expect_flaw = 1'b0;
+reg g_expect_gone = 1'b0;
 wire g_first = tick16 && g_active && g_count == 8'd0;
 always @(posedge clk) begin
   if (tick16 && g_active) g_count <= g_count + 8'd1;
@@ -91,11 +98,13 @@ always @(posedge clk) begin
     g_due <= 1'b1;
     g_expect <= g_byte;
     g_expect_flaw <= g_flaw;
+    g_expect_gone <= g_gone;
   end
   if (rst) begin
     g_due <= 1'b0;
     g_count <= 8'd0;
     g_expect_flaw <= 1'b0;
+    g_expect_gone <= 1'b0;
   end
 end
 
@@ -105,7 +114,7 @@ always @(posedge clk) begin
     a_due : assert (!byte_valid || g_due);
     a_data : assert (!byte_valid || byte_data == g_expect);
     a_parity : assert (!byte_valid || byte_parity_error == g_expect_flaw);
-    a_framing : assert (!byte_valid || !byte_framing_error);
+    a_framing : assert (!byte_valid || byte_framing_error == g_expect_gone);
     // None is lost: the next never begins, and this one never ends, before it was received.
     a_received : assert (!(g_due && g_first && !byte_valid));
     a_ended : assert (!(g_due && !g_active && !byte_valid));
@@ -122,20 +131,24 @@ always @* begin
   if (state[S_PARITY]) g_now = 4'd9;
 end
 wire [7:0] g_rx_count = {g_now, 4'd0} + {4'd0, phase} + (phase <= 4'd7 ? 8'd1 : -8'd15);
-wire g_receiving = state != 5'd0;
+wire g_receiving = state != 5'd0 && !state[S_REST];
 always @(posedge clk) begin
   if (g_past) begin
-    i_states : assert (g_state_count <= 3'd1 && !state[S_REST] && !loaded);
+    i_states : assert (g_state_count <= 3'd1 && !loaded);
     i_states_2 : assert (!state[S_PARITY] || parity_enable);
     i_flaw : assert (parity_enable || !(g_flaw || g_expect_flaw));
     i_unit_low : assert (!g_active || g_unit >= g_count * 15'd96);
     i_unit_high : assert (!g_active || g_count == 8'd0 || g_unit < (g_count + 15'd1) * 15'd104);
     i_unit_start : assert (!g_active || g_count != 8'd0 || g_unit < 15'd104);
     i_end : assert (!g_active || g_unit < g_end);
+    // A break: the receiver waits for the line, which is low or rose since the last tick.
+    i_rest : assert (!state[S_REST] || (g_active && g_gone && g_count >= g_decided && g_unit < g_stop_end + 15'd104 && (!g_due || byte_valid)));
+    i_gone : assert (!byte_valid || g_expect_gone == state[S_REST]);
+    i_low : assert (!(g_active && g_gone && g_count >= g_decided && g_unit < g_stop_end && !state[S_REST] && !g_receiving));
     i_active : assert (!g_receiving || (g_active && g_due && g_count == g_rx_count));
     i_start : assert (!state[S_START] || phase <= 4'd7);
-    i_due : assert (!g_due || byte_valid || (g_active && g_count != 8'd0 && g_expect == g_byte && g_expect_flaw == g_flaw));
-    i_range : assert (g_count <= 8'd190 && (g_active || g_count == 8'd0));
+    i_due : assert (!g_due || byte_valid || (g_active && g_count != 8'd0 && g_expect == g_byte && g_expect_flaw == g_flaw && g_expect_gone == g_gone));
+    i_range : assert (g_count <= 8'd205 && (g_active || g_count == 8'd0));
     i_waiting : assert (!(g_active && g_count == 8'd0 && g_receiving));
     i_late : assert (!(g_due && !g_receiving && !byte_valid));
     i_valid : assert (!byte_valid || (!g_receiving && (g_count == 8'd0 || g_count == g_decided)));
@@ -155,14 +168,16 @@ always @(posedge clk) begin
 end
 
 `ifdef COVER
-// Two characters follow each other without a gap, from a fast sender.
+// Two characters follow each other without a gap, from a fast sender; one without its stop bit is received.
 always @* begin
   assume (tick16);
   assume (parity_enable && parity_odd);
   assume (g_begin && g_pace == G_FASTEST && g_offset == 7'd0);
 end
-always @(posedge clk)
+always @(posedge clk) begin
   c_received : cover (byte_valid && g_expect == 8'hA5 && g_starts && g_new_byte == 8'h3C);
+  c_broken : cover (byte_valid && byte_framing_error && g_expect == 8'hA5);
+end
 `endif
 
 `else

@@ -71,6 +71,14 @@ def test_an_input_of_an_instance_is_tied_both_ways_and_turned():
     assert not any(re.match(r"\.clk\b", mutant.before) for mutant in found)
 
 
+@pytest.mark.parametrize("module", mutate.benches())
+def test_no_mutant_leaves_the_text_as_it_was(module):
+    path = next(path for path in rtl_files() if path.stem == module)
+    text = path.read_text()
+    for mutant in mutate.mutants(module, path):
+        assert text[: mutant.start] + mutant.text + text[mutant.end :] != text, mutant.before
+
+
 def test_a_comment_is_no_other_module(tmp_path):
     path = tmp_path / "m.v"
     path.write_text("module m;\n  wire a = b; // why\nendmodule\n")

@@ -177,6 +177,8 @@ def mutants(module: str, path: Path) -> list[Mutant]:
     text = path.read_text()
     found = []
     for start, end, new in dict.fromkeys(changes(text)):
+        if text[start:end] == new:
+            continue
         line = text.count("\n", 0, start) + 1
         begin = text.rfind("\n", 0, start) + 1
         stop = text.find("\n", end)
