@@ -26,6 +26,13 @@ initial assume (rst);
 (* hierconn *) wire \uart_i.driving ;
 (* hierconn *) wire \uart_i.loaded ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
+(* hierconn *) wire \rtu_rx_i.candidate ;
+(* hierconn *) wire \rtu_rx_i.commit ;
+(* hierconn *) wire \rtu_rx_i.revoke ;
+(* hierconn *) wire [7:0] \rtu_rx_i.frame_length ;
+(* hierconn *) wire \rtu_rx_i.frame_broadcast ;
+(* hierconn *) wire \rtu_rx_i.frame_writes_coils ;
+(* hierconn *) wire \rtu_rx_i.frame_bank ;
 wire [8:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
 wire [2:0] g_sender = \rtu_tx_i.state ;
@@ -37,6 +44,9 @@ wire [1:0] g_votes = \uart_i.votes ;
 wire g_driving = \uart_i.driving ;
 wire g_loaded = \uart_i.loaded ;
 wire [3:0] g_lead = \dir_i.lead ;
+// What rtu_rx tells of a frame, and does about it.
+wire [13:0] g_told = {\rtu_rx_i.candidate , \rtu_rx_i.commit , \rtu_rx_i.revoke , \rtu_rx_i.frame_length ,
+    \rtu_rx_i.frame_broadcast , \rtu_rx_i.frame_writes_coils , \rtu_rx_i.frame_bank };
 localparam [2:0] G_IDLE = 3'd0, G_FETCH = 3'd1, G_SEND = 3'd2, G_CRC_LOW = 3'd3, G_CRC_HIGH = 3'd4, G_DRAIN = 3'd5;
 // Ticks: 11 bits of 16, or 10 bits.
 wire [15:0] g_character = parity_enable || two_stop ? 16'd176 : 16'd160;
@@ -118,6 +128,8 @@ always @(posedge clk) begin
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_not_quiet : assert (!(de || rx_busy || rx_valid) || !quiet);
+    // SAFE-1: the mailbox hears of a frame what its receiver says (proved there), that it writes coils above all.
+    a_told : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_told);
     a_reset : assert (!g_rst || !(de || sending || quiet || candidate || commit || revoke));
   end
 end

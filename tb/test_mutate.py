@@ -71,6 +71,13 @@ def test_an_input_of_an_instance_is_tied_both_ways_and_turned():
     assert not any(re.match(r"\.clk\b", mutant.before) for mutant in found)
 
 
+def test_an_output_of_an_instance_is_left_open():
+    path = next(path for path in rtl_files() if path.stem == "network_port")
+    found = mutate.mutants("network_port", path)
+    opened = {mutant.after for mutant in found if mutant.text == "" and mutant.before.startswith(".")}
+    assert {".frame_writes_coils(),", ".long_silent()", ".crc_clear(),"} <= opened
+
+
 @pytest.mark.parametrize("module", mutate.benches())
 def test_no_mutant_leaves_the_text_as_it_was(module):
     path = next(path for path in rtl_files() if path.stem == module)

@@ -31,6 +31,7 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from tools.options import at_least
 from tools.sources import ROOT, SourcesError, needed_files, rtl_files
 
 WORK = ROOT / "build/mutate"
@@ -120,14 +121,14 @@ def closing(text: str, opening: int) -> int:
     raise ValueError("unbalanced")
 
 
-def inputs_of(module: str) -> set[str]:
+def ports_of(module: str) -> dict[str, str]:
+    """The ports of a module of the project, and the direction of each."""
     path = ROOT / f"rtl/{module}.v"
     path = path if path.exists() else ROOT / f"rtl/generated/{module}.v"
-    return (
-        set(re.findall(r"\binput\s+wire\s+(?:\[[^\]]*\]\s*)?(\w+)", path.read_text()))
-        if path.exists()
-        else set()
-    )
+    if not path.exists():
+        return {}
+    ports = re.findall(r"\b(input|output)\s+(?:wire|reg)\s+(?:\[[^\]]*\]\s*)?(\w+)", path.read_text())
+    return {name: direction for direction, name in ports}
 
 
 def changes(text: str):
@@ -163,11 +164,13 @@ def changes(text: str):
     for instance in re.finditer(
         r"^  (\w+)(?: #\([^;]*?\n  \))? \w+ \(\n(.*?)\n  \);", code, re.M | re.DOTALL
     ):
-        inputs = inputs_of(instance[1])
+        ports = ports_of(instance[1])
         for found in re.finditer(r"\.(\w+)\s*\(", code[instance.start(2) : instance.end(2)]):
-            if found[1] in inputs and found[1] != "clk":
-                opening = instance.start(2) + found.end() - 1
-                end = closing(code, opening)
+            opening = instance.start(2) + found.end() - 1
+            end = closing(code, opening)
+            if ports.get(found[1]) == "output":
+                yield opening + 1, end, ""
+            elif found[1] in ports and found[1] != "clk":
                 yield opening + 1, end, "1'b0"
                 yield opening + 1, end, "1'b1"
                 yield opening + 1, end, f"~({text[opening + 1 : end]})"
@@ -505,9 +508,11 @@ def main() -> int:
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--write", action="store_true", help="put the table into docs/mutants.md")
-    parser.add_argument("--count", type=int, default=40, help="mutants a module (default: %(default)s)")
+    parser.add_argument(
+        "--count", type=at_least(1), default=40, help="mutants a module (default: %(default)s)"
+    )
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=at_least(1), default=2)
     parser.add_argument("--shard", default="0/1", metavar="K/N", help="of the mutants of each module")
     options = parser.parse_args()
     if options.report:
