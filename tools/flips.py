@@ -7,8 +7,9 @@
     python -m tools.flips --report                                  # all shards as one table
     python -m tools.flips --trial SEED/NUMBER [--baud RATE]         # one flip, and what was on the lines
 
-A shard is stateless: the same seed, count and rate flip the same bits anywhere. Exit 0: no telegram with
-control word bit 10 = 1 that was not asked for (SAFE-4); 1: there was one; 2: a bad call or a missing tool.
+A shard is stateless: the same seed, count and rate flip the same bits anywhere. Exit 0: no telegram that
+was not asked for, none altered, no driver that stays on (SAFE-4, SAFE-2); 1: there was one; 2: a bad call or
+a missing tool.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from collections import Counter
 from pathlib import Path
 
 from sim.bench import fingerprint
-from sim.fuzz.flips import BAUDS, DANGEROUS, OUTCOMES, PARTS, Places, trial
+from sim.fuzz.flips import BAUDS, FORBIDDEN, FORMS, OUTCOMES, PARTS, Places, trial
 from sim.fuzz.library import BuildError
 from sim.fuzz.registers import RegistersError
 from tools.fuzz import FOLDER, story
@@ -45,7 +46,7 @@ def shard(seed: int, count: int, places: Places) -> dict:
     began = time.monotonic()
     result = {
         "seed": seed,
-        "card": fingerprint.card_and_firmware(),
+        "card": fingerprint.shard(),
         "baud": places.baud,
         "bits": {part: places.bits(part) for part in PARTS},
         "counts": Counter(),
@@ -65,7 +66,7 @@ def shard(seed: int, count: int, places: Places) -> dict:
                     "why": outcome.why,
                 }
             )
-            if outcome.what in DANGEROUS:
+            if outcome.what in FORBIDDEN:
                 print(f"flips: {seed}/{number} {outcome.flip}: {outcome.what}: {outcome.why}", flush=True)
         result |= {"flips": number + 1, "wall_s": time.monotonic() - began}
         if (number + 1) % KEPT_EACH == 0 or number + 1 == count:
@@ -105,7 +106,7 @@ def merge(results: list[dict]) -> dict:
 def report(merged: dict) -> str:
     """A table: what became of the flips, by part."""
     parts = [part for part in PARTS if any(merged["bits"][part])]
-    rates = ", ".join(f"{count} at {baud} bit/s" for baud, count in merged["flips_at"].items())
+    rates = ", ".join(f"{count} at {baud} bit/s {FORMS[baud]}" for baud, count in merged["flips_at"].items())
     lines = [f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates}", ""]
     lines.append("| became | " + " | ".join(parts) + " | all |")
     lines.append("|---|" + "---|" * (len(parts) + 1))
@@ -137,7 +138,7 @@ def tell(name: str, baud: int) -> int:
     outcome, case, played, verdict = trial(name, Places(baud=baud))
     print(f"{outcome.flip} ({outcome.flip.part}): {outcome.what}: {outcome.why}")
     print("\n".join(story(case, played, verdict)))
-    return int(outcome.what in DANGEROUS)
+    return int(outcome.what in FORBIDDEN)
 
 
 def main() -> int:
@@ -160,7 +161,7 @@ def main() -> int:
         result = shard(options.seed, options.count, Places(baud=options.baud))
         merged = merge([result])
         print(report(merged))
-    return int(any(entry["what"] in DANGEROUS for entry in merged["notable"]))
+    return int(any(entry["what"] in FORBIDDEN for entry in merged["notable"]))
 
 
 if __name__ == "__main__":

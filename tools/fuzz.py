@@ -52,11 +52,15 @@ DIFFERENCES_MAX = 10  # a shard with more stops: something is broken
 
 @dataclass
 class Result:
-    """What a shard found. Counts: events made, what the card did, rates; `unclear`: cases judged in part."""
+    """What a shard found. Counts: events made, what the card did, rates; `unclear`: cases judged in part.
+
+    `judged`: of the frames, those that the judge came to the end of; of others only unasked telegrams count.
+    """
 
     seed: int
-    card: str = ""  # Verilog and image, sim/bench/fingerprint.py
+    card: str = ""  # Verilog, image and judge, sim/bench/fingerprint.py
     frames: int = 0
+    judged: int = 0
     cases: int = 0
     events: Counter = field(default_factory=Counter)
     outcomes: Counter = field(default_factory=Counter)
@@ -70,8 +74,8 @@ class Result:
     def __str__(self) -> str:
         per_s = self.frames / self.wall_s if self.wall_s else 0
         return (
-            f"{self.frames} network frames in {self.cases} cases, {len(self.differences)} differences, "
-            f"{sum(self.unclear.values())} cases judged in part; {self.simulated_s:.0f} s simulated in "
+            f"{self.frames} network frames in {self.cases} cases, {self.judged} of them judged to their end, "
+            f"{len(self.differences)} differences; {self.simulated_s:.0f} s simulated in "
             f"{self.wall_s:.0f} s, {per_s:.0f} frames/s"
         )
 
@@ -89,19 +93,20 @@ def shard(
     strict_t15: bool = True,
     so_far: Callable[[Result], None] = lambda result: None,
 ) -> Result:
-    """Cases until `count` network frames were sent, or the time or the patience is over."""
-    result, began = Result(seed, fingerprint.card_and_firmware()), time.monotonic()
+    """Cases until `count` network frames were judged, or the time or the patience is over."""
+    result, began = Result(seed, fingerprint.shard()), time.monotonic()
     told = began
     play = functools.partial(run, target=target, strict_t15=strict_t15)
-    while result.frames < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
+    while result.judged < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
         name = f"{seed}/{result.cases}"
         case = make(name, bauds)
         verdict, played = play(case)
         result.cases += 1
-        result.frames += played.frames
+        result.frames += len(played.frames)
+        result.judged += played.judged(verdict.until)
         result.simulated_s += played.end / clk_hz(case["baud"])
         result.events.update(event["what"] for event in case["events"])
-        result.rates[f"{case['baud']} {case['form']}"] += played.frames
+        result.rates[f"{case['baud']} {case['form']}"] += len(played.frames)
         result.outcomes.update(verdict.counts)
         if verdict.unclear:
             result.unclear[verdict.unclear.split(" of ")[0]] += 1
@@ -124,7 +129,7 @@ def keep(result: Result) -> None:
     partial.write_text(json.dumps(vars(result), indent=1) + "\n")
     partial.rename(path)
     if sys.stderr.isatty():
-        print(f"fuzz: {result.frames} frames", end="\r", file=sys.stderr, flush=True)
+        print(f"fuzz: {result.judged} frames", end="\r", file=sys.stderr, flush=True)
 
 
 def no_longer_one_is_lost(seed: int, count: int) -> None:
@@ -132,9 +137,9 @@ def no_longer_one_is_lost(seed: int, count: int) -> None:
     path = FOLDER / f"{seed}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         before = json.loads(path.read_text())
-        same = before["card"] == fingerprint.card_and_firmware()
-        if same and before["frames"] > count:
-            said = f"{shown(path)} has {before['frames']} frames of this seed and card already"
+        same = before["card"] == fingerprint.shard()
+        if same and before["judged"] > count:
+            said = f"{shown(path)} has {before['judged']} frames of this seed and card already"
             raise FuzzError(f"{said}; take another seed or remove it")
 
 
@@ -218,7 +223,7 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=at_least(1), default=2000, help="network frames")
+    parser.add_argument("--count", type=at_least(1), default=2000, help="network frames, judged")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
     parser.add_argument("--bauds", default="", help="these rates only, with commas")
     parser.add_argument("--replay", type=Path, metavar="FILE.json", help="play one case again and tell it")

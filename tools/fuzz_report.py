@@ -20,7 +20,7 @@ from tools.sources import ROOT
 FOLDER = ROOT / "build/fuzz"
 # The name of a shard's result is its seed; cases lie beside it.
 RESULT = re.compile(r"\d+\.json")
-SUMS = ("frames", "cases", "wall_s", "simulated_s")
+SUMS = ("frames", "judged", "cases", "wall_s", "simulated_s")
 COUNTS = ("events", "outcomes", "rates", "unclear")
 
 
@@ -76,8 +76,8 @@ def report(merged: dict) -> str:
     per_s = merged["frames"] / merged["wall_s"] if merged["wall_s"] else 0.0
     lines = [
         f"card {merged['card']}: {merged['shards']} shards, {merged['frames']} network frames in "
-        f"{merged['cases']} cases: {len(merged['differences'])} differences, "
-        f"{merged['unclear'].total()} cases judged in part",
+        f"{merged['cases']} cases, {merged['judged']} of them judged to their end: "
+        f"{len(merged['differences'])} differences",
         f"{merged['simulated_s']:.0f} s simulated in {merged['wall_s']:.0f} s of the shards' time, "
         f"{per_s:.0f} frames/s",
     ]

@@ -19,6 +19,8 @@ from tools.sources import ROOT, SourcesError, card_files, configurations, withou
 
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
 MODELS = ("card", "crc16", "fc_telegram", "rtu", "vlt_drive")
+LINE_PLAYER = ROOT / "sim/lines/line_player.h"
+NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
 DIGITS = 12
 
 
@@ -49,9 +51,19 @@ def firmware(config: str = "standard") -> str:
     return _digest([(config, image.read_text() if image.exists() else "")])
 
 
-def card_and_firmware() -> str:
-    """The standard card as the fuzzer's and the flips' shards name it."""
-    return f"{card()} {firmware()}"
+def judge() -> str:
+    """What the fuzzer and the flips do to the card, and how they judge what it does."""
+    folders = [ROOT / "sim/fuzz", ROOT / "tb/model"]
+    python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in NO_JUDGES)
+    drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
+    return _digest(
+        [*map(_python, python), *map(_code, [ROOT / "sim/fuzz/fuzz_card.cpp", LINE_PLAYER, *drive])]
+    )
+
+
+def shard() -> str:
+    """Card, firmware and judge, as the fuzzer's and the flips' results name them: others are not added up."""
+    return f"{card()} {firmware()} {judge()}"
 
 
 def bench() -> str:
@@ -59,7 +71,7 @@ def bench() -> str:
     python = [ROOT / f"sim/bench/{name}.py" for name in BENCH]
     python += [ROOT / f"tb/model/{name}.py" for name in MODELS]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
-    code = [ROOT / "sim/bench/card_bench.cpp", ROOT / "sim/lines/line_player.h"]
+    code = [ROOT / "sim/bench/card_bench.cpp", LINE_PLAYER]
     code += [path for path in drive if path.suffix != ".csv"]
     tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]
     return _digest([*map(_python, python), *map(_code, code), *tables])

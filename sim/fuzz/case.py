@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sim.fuzz.aftermath import asked, possible_frames, unanswered, unasked
 from sim.fuzz.library import Target
 from sim.fuzz.pins import DRIVE, NETWORK, Pins
 from tb.model import fc_telegram, rtu
@@ -74,7 +75,11 @@ class Played:
     replies: list[Burst]
     telegrams: list[Burst]
     end: int
-    frames: int
+    frames: list[float]  # when each began on the network line
+
+    def judged(self, until: float) -> int:
+        """Frames whose time, up to the next one, was over by then."""
+        return sum(over <= until for over in [*self.frames[1:], self.end])
 
 
 class Player:
@@ -96,7 +101,7 @@ class Player:
         self.interrupt: dict | None = None
         self.rude = False  # babbles on while the card speaks
         self.wait = 15  # register 40003
-        self.frames = 0
+        self.frames: list[float] = []
         self.settle_by = 0.0
         self.drive_awaited = False
 
@@ -117,8 +122,8 @@ class Player:
         return Played(
             self.network,
             self.drive,
-            self.pins.bursts[NETWORK],
-            self.pins.bursts[DRIVE],
+            self.pins.sent(NETWORK),
+            self.pins.sent(DRIVE),
             self.pins.now,
             self.frames,
         )
@@ -177,7 +182,7 @@ class Player:
         if data is None:
             data = rtu.build(self.case["address"], bytes.fromhex(event["pdu"]))
         self.network_end = self._characters(NETWORK, self.line, data, start, event, self.network)
-        self.frames += 1
+        self.frames.append(start)
         if data[0] in (0, self.case["address"]) and crc_good(data):
             self._notice_wait(data)
 
@@ -348,38 +353,17 @@ def run(
     judge = Judge(Card(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15)
     verdict = judge.judge(played.network, played.drive, played.replies, played.telegrams, played.end)
     if verdict.unclear:
-        # An exchange that may wait for longer than the case lasts has no end to be looked at.
-        verdict.differences += aftermath(case, played, LOCAL if player.wait > LONG_WAIT else None)
+        verdict.differences += aftermath(case, played, player.line, verdict.until, player.wait)
     return verdict, played
 
 
-def aftermath(case: dict, played: Played, count: int | None = None) -> list[str]:
-    """What must hold even where the judge had to stop: no command when nobody wrote coils (SAFE-1), an answer
-    to each of the last requests, or of the first `count` of them (SAFE-3)."""
+def aftermath(case: dict, played: Played, line: Line, since: float, wait: int) -> list[str]:
+    """What is wrong behind the end of the judge; `wait`: of register 40003, the last one that may count."""
     found = []
-    frames = [bytes.fromhex(event["bytes"]) for event in case["events"] if "bytes" in event]
-    ours = [
-        data
-        for data in frames
-        if len(data) > 3 and data[:1] in (b"\0", bytes([case["address"]])) and crc_good(data)
-    ]
-    wrote = any(data[1] in (0x05, 0x0F) for data in ours)
+    frames = possible_frames(played.network, line, case["address"])
+    if asked(frames, played.replies, case["dialect"]):
+        found += unasked(frames, played.telegrams, line.clk_hz, since)
+    # An exchange that may wait for longer than the case lasts has no end to be looked at.
+    count = LOCAL if wait > LONG_WAIT else None
     last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
-    heard = list(played.network)
-    asked = []
-    for pdu in reversed(last):
-        heard, frame = heard[: -len(pdu) - 3], heard[-len(pdu) - 3 :]
-        asked.append((frame[0].start, frame[-1].end, pdu))
-    asked.reverse()
-    for burst in played.telegrams:
-        data = burst.data
-        command = len(data) > 7 and bool(data[-5] & 0x04) and data[-1] == fc_telegram.bcc(data[:-1])
-        if command and not wrote and burst.rise < asked[3][1]:
-            found.append(f"telegram {data.hex(' ')}, a command, and nobody wrote coils (SAFE-1)")
-    for number, (_, end, pdu) in list(enumerate(asked))[:count]:
-        until = asked[number + 1][0] if number + 1 < len(asked) else played.end
-        replies = [reply.data for reply in played.replies if end < reply.rise < until]
-        if [data[1] & 0x7F for data in replies if crc_good(data)] != [pdu[0]]:
-            said = " and ".join(data.hex(" ") for data in replies) or "nothing"
-            found.append(f"{said} to the good request {pdu.hex(' ')} (SAFE-3)")
-    return found
+    return found + unanswered(last, played.network, played.replies, played.end, count)

@@ -21,31 +21,36 @@ from tb.model import fc_telegram, rtu
 from tb.model.card import Card
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.whole_card import Judge, Verdict
-from tb.model.wire import Burst, Line
+from tb.model.wire import Line, drive_line, taken_by_a_drive
 from tools.soak import wire
 from tools.sources import card_files, configurations
 
-FORM, ADDRESS = "8E1", 1
-BAUDS = (38400, 19200, 9600)  # the first one unless another is asked for
+ADDRESS = 1
+FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1"}  # of each rate; the first one unless another is asked for
+BAUDS = tuple(FORMS)
 BYTES_PER_WORD = 4
 START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
 SILENCE_S = 0.12  # the watchdog bites after 64 ms, and the firmware starts in 25
 BITES = 3  # until the card halts (LED-5)
-# Nothing that the card sends takes longer (SAFE-2): 32 characters at 9600 bit/s.
-LONGEST_S = 0.040
+# A sender that a flip sends back to its beginning may add a frame to the one that it was at, no more: two of
+# the longest, 34 characters at 9600 bit/s.
+LONGEST_S = 0.080
 # Where bits flip, and how often: by area they would nearly all hit code that is never run again.
 PARTS = {"card": 45, "core": 15, "core registers": 6, "frame memory": 8, "data": 20, "code": 6}
 
 # What became of a flip, worst first.
-DANGEROUS = ("unrequested telegram, bit 10 = 1", "altered telegram, bit 10 = 1")
-OUTCOMES = (
-    *DANGEROUS,
+FORBIDDEN = (
+    "unrequested telegram, bit 10 = 1",
+    "altered telegram, bit 10 = 1",
     "unrequested telegram, bit 10 = 0",
     "altered telegram, bit 10 = 0",
+    "driver stuck",
+)
+OUTCOMES = (
+    *FORBIDDEN,
     "no telegram, but the drive line disturbed",
     "telegram again or late",
-    "driver stuck",
     "halted, both LEDs red",
     "reset by the watchdog",
     "exception to the master",
@@ -86,7 +91,7 @@ class Places:
 
     def __post_init__(self) -> None:
         sources = tuple(self.target.sources or card_files())
-        self.line = Line(self.baud, FORM, clk_hz(self.baud))
+        self.line = Line(self.baud, FORMS[self.baud], clk_hz(self.baud))
         self.registers = registers.registers(sources, self.line.clk_hz)
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
@@ -227,7 +232,7 @@ def trial(
     rng = random.Random(f"flips/{number}")
     case = {
         "baud": places.baud,
-        "form": FORM,
+        "form": places.line.form,
         "address": ADDRESS,
         "dialect": "card",
         "profile": "vlt6000",
@@ -256,11 +261,11 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     clk = player.line.clk_hz
     answered = bool(played.replies) and played.replies[-1].rise > played.network[-1].end
     what, why = telegrams(flip, played, player.line)
+    stuck = [b for b in (*played.replies, *played.telegrams) if b.fall - b.rise > LONGEST_S * clk]
+    if stuck and what not in FORBIDDEN:
+        what, why = "driver stuck", f"for {(stuck[0].fall - stuck[0].rise) / clk:.3f} s"
     if what:
         return Outcome(flip, what, why, answered)
-    stuck = [b for b in (*played.replies, *played.telegrams) if b.fall - b.rise > LONGEST_S * clk]
-    if stuck or player.pins.sending(0) or player.pins.sending(1):
-        return Outcome(flip, "driver stuck", "", answered)
     if lit == {"led_modbus_red", "led_drive_red"} and not answered:
         return Outcome(flip, "halted, both LEDs red", "", False)
     if player.resets:
@@ -296,38 +301,36 @@ def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
     sent: Counter = Counter()
     # Until a newer request is committed, the older one's telegram may still leave.
     commit = 0.9 * line.t35_bits * line.bit
-    for burst in played.telegrams:
-        before = [number for number, (_, end, _) in enumerate(frames) if end + commit < burst.rise]
+    taken, rest = taken_by_a_drive(played.telegrams, drive_line(line.clk_hz))
+    for data in rest:
+        found.setdefault("no telegram, but the drive line disturbed", data.hex(" "))
+    for at, data in taken:
+        before = [number for number, (_, end, _) in enumerate(frames) if end + commit < at]
         number = before[-1] if before else -1
-        try:
-            telegram = fc_telegram.parse(burst.data)
-        except fc_telegram.TelegramError:
-            found.setdefault("no telegram, but the drive line disturbed", burst.data.hex(" "))
-            continue
-        if telegram.adr not in (fc_telegram.ADR, fc_telegram.ADR_BROADCAST):
-            found.setdefault("no telegram, but the drive line disturbed", burst.data.hex(" "))
-            continue
         wanted = causes[: number + 1]
-        if _rightful(played, frames, wanted, sent, burst):
+        if _rightful(played, frames, wanted, sent, at, data):
             if sent[number] == 2:  # the drive of this traffic answers always
-                found.setdefault("telegram again or late", f"{burst.data.hex(' ')} once more")
+                found.setdefault("telegram again or late", f"{data.hex(' ')} once more")
             continue
         early = "flip before the request" if number >= 0 and flip.at < frames[number][0] else "flip during it"
         instead = " or ".join(w.hex(" ") for w in wanted[-1]) if number >= 0 else ""
-        why = f"{burst.data.hex(' ')} instead of {instead or 'none'}; {early}"
+        why = f"{data.hex(' ')} instead of {instead or 'none'}; {early}"
         kind = "altered" if instead and not sent[number] else "unrequested"
-        found.setdefault(f"{kind} telegram, bit 10 = {int(bool(telegram.pcd1 & VALID))}", why)
+        valid = bool(fc_telegram.parse(data).pcd1 & VALID)
+        found.setdefault(f"{kind} telegram, bit 10 = {int(valid)}", why)
     what = min(found, key=OUTCOMES.index, default="")
     return what, found.get(what, "")
 
 
-def _rightful(played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, burst: Burst) -> bool:
+def _rightful(
+    played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, at: float, data: bytes
+) -> bool:
     """The newest request's telegram, or its one repeat: without an answer yet, and no broadcast (FC-9)."""
     number = len(wanted) - 1
-    if number < 0 or burst.data not in wanted[number]:
+    if number < 0 or data not in wanted[number]:
         return False
     _, end, adu = frames[number]
-    told = any(end < reply.rise < burst.rise for reply in played.replies)
+    told = any(end < reply.rise < at for reply in played.replies)
     if told or sent[number] > (adu[0] != 0):
         return False
     sent[number] += 1

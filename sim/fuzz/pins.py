@@ -125,6 +125,16 @@ class Pins:
                         self._switch(line, edge.at, edge.level)
         return switched
 
+    def sent(self, line: int) -> list[Burst]:
+        """All bursts, one that is not over yet as far as it came."""
+        rise = self._rise[line]
+        if rise is None:
+            return self.bursts[line]
+        return [
+            *self.bursts[line],
+            Burst(rise, self.now, decode(self.lines[line], self.edges[TX[line]], rise)),
+        ]
+
     def _switch(self, line: int, at: int, level: int) -> None:
         if level:
             self._rise[line] = at

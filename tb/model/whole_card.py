@@ -88,6 +88,7 @@ class Verdict:
     differences: list[str] = field(default_factory=list)
     counts: Counter = field(default_factory=Counter)
     unclear: str = ""  # why it was judged no further
+    until: float = NEVER  # than this clock
     worst: dict[str, float] = field(default_factory=dict)  # clocks
 
 
@@ -143,9 +144,11 @@ class Judge:
             for at, _, handle, item in items:
                 if at > until:
                     break
+                self.verdict.until = at
                 self._advance(at)
                 handle(item)
             self._advance(until)
+            self.verdict.until = until
         except Unclear as unclear:
             self.verdict.unclear = str(unclear)
         except Difference as difference:

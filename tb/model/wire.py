@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from tb.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.model.crc16 import crc_good
-from tb.model.fc_telegram import STX, bcc
+from tb.model.fc_telegram import STX, bcc, embedded
 
 FRAME_MIN, FRAME_MAX = 4, 256
 LGE_MIN = 6  # ADR, PCD1, PCD2, BCC
@@ -114,6 +114,29 @@ class Burst:
     @property
     def start(self) -> int:
         return self.characters[0].start if self.characters else self.rise
+
+
+def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[float, bytes]], list[bytes]]:
+    """The telegrams that a drive could have taken, with their times, and whatever else was sent.
+
+    A drive knows nothing of the card's driver: bursts without a pause between them are one for it.
+    """
+    streams: list[list[Burst]] = []
+    for burst in bursts:
+        if streams and burst.rise - streams[-1][-1].fall < (PAUSE_BITS - 1) * line.bit:
+            streams[-1].append(burst)
+        else:
+            streams.append([burst])
+    telegrams, rest = [], []
+    for stream in streams:
+        characters = [character for burst in stream for character in burst.characters]
+        data = bytes(character.byte for character in characters)
+        good = embedded(data)
+        for at, telegram in good:
+            telegrams.append((float(characters[at].start if at else stream[0].rise), telegram))
+        if not characters or sum(len(telegram) for _, telegram in good) < len(data):
+            rest.append(data)
+    return telegrams, rest
 
 
 @dataclass

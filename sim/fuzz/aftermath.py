@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must hold where the judge had to stop, because the rules leave open what the card heard.
+
+Whatever it made of it: each telegram that commands the drive or writes a parameter is one that a request
+before it asked for, at most twice, a broadcast's once, and none comes behind an answer to that request or to
+a newer one (SAFE-1, FC-9). And the last requests, which are plain, have their answers (SAFE-3). Unit of
+time: clocks.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import Counter
+from dataclasses import dataclass, field
+
+from tb.model import fc_telegram
+from tb.model.card import Card
+from tb.model.crc16 import crc_good
+from tb.model.wire import FRAME_MAX, FRAME_MIN, UNSURE_BITS, Burst, Heard, Line, drive_line, taken_by_a_drive
+
+VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
+WRITES = (
+    fc_telegram.AK_WRITE_WORD,
+    fc_telegram.AK_WRITE_DOUBLE,
+    fc_telegram.AK_EEPROM_DOUBLE,
+    fc_telegram.AK_EEPROM_WORD,
+)
+STATES_MAX = 64  # what the card may hold by then; beyond, nothing can be said
+
+
+@dataclass
+class Possible:
+    """A frame that may have been committed. `answered`: when a reply to it began."""
+
+    start: float
+    end: float
+    data: bytes
+    answered: float = float("inf")
+    telegrams: frozenset[bytes] = frozenset()
+    sent: Counter = field(default_factory=Counter)  # of each telegram
+
+    @property
+    def most(self) -> int:
+        return 1 if self.data[0] == 0 else 2
+
+
+def possible_frames(network: list[Heard], line: Line, address: int) -> list[Possible]:
+    """Every run of good characters between silences that may have counted that is a frame for the card."""
+    starts, ends = [], []
+    for number, heard in enumerate(network):
+        before, after = network[number - 1 : number], network[number + 1 : number + 2]
+        unsure = heard.slack + UNSURE_BITS * line.bit
+        if not before or heard.start - before[0].end > line.t15_bits * line.bit - unsure - before[0].slack:
+            starts.append(number)
+        if not after or after[0].start - heard.end > line.t35_bits * line.bit - unsure - after[0].slack:
+            ends.append(number)
+    found = []
+    for end in ends:
+        for start in starts:
+            run = network[start : end + 1]
+            if not FRAME_MIN <= len(run) <= FRAME_MAX or not all(heard.good for heard in run):
+                continue
+            data = bytes(heard.byte for heard in run)
+            if data[0] in (0, address) and crc_good(data):
+                found.append(Possible(run[0].start, run[-1].end, data))
+    return found
+
+
+def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
+    """Gives each frame its answer and the telegrams that it may cause; False if too much is possible."""
+    states = [Card(name=dialect)]
+    for number, frame in enumerate(frames):
+        until = frames[number + 1].start if number + 1 < len(frames) else float("inf")
+        here = [reply for reply in replies if frame.end < reply.rise < until]
+        if here:
+            frame.answered = here[0].rise
+        confirmed = bool(here) and here[0].data[1:2] == frame.data[1:2]
+        changed, telegrams = [], set()
+        for state in states:
+            after = copy.deepcopy(state)
+            step = after.request(frame.data[1:-2], frame.data[0] == 0)
+            changed.append(after)
+            again = after.question and after.question.by_text
+            telegrams |= {fc_telegram.build(t[1:], adr=t[0]) for t in (step.telegram, again) if t}
+        frame.telegrams = frozenset(telegrams)
+        kept = changed if confirmed else [*states, *changed]
+        states = list({(tuple(c.coils), tuple(c.registers.items())): c for c in kept}.values())
+        if len(states) > STATES_MAX:
+            return False
+    return True
+
+
+def acts(data: bytes) -> bool:
+    """Whether a telegram does something to a motor or to a setting."""
+    telegram = fc_telegram.parse(data)
+    text = telegram.ak == fc_telegram.AK_TEXT and telegram.text is not None
+    return bool(telegram.pcd1 & VALID) or text or telegram.ak in WRITES
+
+
+def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: float) -> list[str]:
+    """Those from `since` on that no frame accounts for."""
+    found = []
+    seen, _ = taken_by_a_drive(telegrams, drive_line(clk_hz))
+    for at, data in seen:
+        if not acts(data):
+            continue
+        before = [frame for frame in frames if frame.end < at]
+        newest_answered = max((frame.end for frame in before if frame.answered < at), default=0.0)
+        rightful = [
+            frame
+            for frame in before
+            if data in frame.telegrams and frame.sent[data] < frame.most and frame.end > newest_answered
+        ]
+        if rightful:
+            rightful[-1].sent[data] += 1
+        elif at >= since:
+            found.append(f"telegram {data.hex(' ')} that nobody asked for (SAFE-1)")
+    return found
+
+
+def unanswered(
+    last: list[bytes], network: list[Heard], replies: list[Burst], until: float, count: int | None
+) -> list[str]:
+    """Of the requests that came last, the first `count`: each has one reply that fits."""
+    heard, found = list(network), []
+    ends: list[tuple[float, float]] = []
+    for pdu in reversed(last):
+        heard, frame = heard[: -len(pdu) - 3], heard[-len(pdu) - 3 :]
+        ends.insert(0, (frame[0].start, frame[-1].end))
+    for number, pdu in list(enumerate(last))[:count]:
+        over = ends[number + 1][0] if number + 1 < len(last) else until
+        said = [reply.data for reply in replies if ends[number][1] < reply.rise < over]
+        if [data[1] & 0x7F for data in said if crc_good(data)] != [pdu[0]]:
+            shown = " and ".join(data.hex(" ") for data in said) or "nothing"
+            found.append(f"{shown} to the good request {pdu.hex(' ')} (SAFE-3)")
+    return found
