@@ -116,6 +116,13 @@ def test_a_tree_judges_what_it_should(tmp_path, monkeypatch):
     assert tree.judge(mutate.Mutant("bcc", 1, "", "", at, at, "((")).verdict == "invalid"
 
 
+def test_a_survivor_of_one_instance_is_none_of_another():
+    path = next(path for path in rtl_files() if path.stem == "network_port")
+    tied = [mutant for mutant in mutate.mutants("network_port", path) if mutant.after == ".rst(1'b0),"]
+    known = {mutate.instance_of(mutant): mutate.explained(mutant) is not None for mutant in tied}
+    assert known["filter_i"] and not known["uart_i"] and not known["rtu_rx_i"]
+
+
 def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
     monkeypatch.setattr(mutate, "DOCUMENT", tmp_path / "mutants.md")
     monkeypatch.setattr(mutate, "SURVIVORS", tmp_path / "survivors.toml")

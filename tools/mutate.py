@@ -399,11 +399,21 @@ class Attack:
                     raise
 
 
+def instance_of(mutant: Mutant) -> str:
+    """The instance whose connection it changed."""
+    path = next(path for path in rtl_files() if path.stem == mutant.module)
+    return re.findall(r"^  (?:\w+|\)) (\w+) \($", path.read_text()[: mutant.start], re.M)[-1]
+
+
 def explained(mutant: Mutant) -> dict | None:
-    """What formal/survivors.toml says of it, `why` and perhaps `same`; the line is known by its text."""
+    """What formal/survivors.toml says of it, `why` and perhaps `same`; the line is known by its text.
+
+    `instances` are those that are meant, where several have such a line.
+    """
     known = tomllib.loads(SURVIVORS.read_text()) if SURVIVORS.exists() else {}
     for entry in known.get(mutant.module, []):
-        if entry["before"] == mutant.before and entry["after"] == mutant.after:
+        alike = entry["before"] == mutant.before and entry["after"] == mutant.after
+        if alike and ("instances" not in entry or instance_of(mutant) in entry["instances"]):
             return entry
     return None
 
