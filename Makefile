@@ -114,7 +114,7 @@ bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs to
 
 .PHONY: formal mutate
 formal: | $(SETUP) ## prove what formal/ promises, and write docs/proofs.md (MODULE=)
-	@$(PY) tools/formal.py $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
+	@$(PY) -m tools.formal $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches notice (MODULE=, default all: hours)
 	@$(PY) -m tools.mutate $(or $(MODULE),--all) --jobs $(JOBS) --write

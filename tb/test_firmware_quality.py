@@ -15,7 +15,7 @@ import pytest
 
 from tb.model.firmware import build
 from tools import firmware_analysis, firmware_fuzz, firmware_loops, firmware_mutate
-from tools.firmware_host import CORE, DIALECTS, DOCUMENT, ROOT
+from tools.firmware_host import DIALECTS, DOCUMENT, ROOT
 from tools.stack import deepest
 
 FUZZERS = [(dialect, target) for dialect in DIALECTS for target in firmware_fuzz.TARGETS]
@@ -176,7 +176,7 @@ def test_a_planted_mistake_is_told(analyser: str, tmp_path: Path):
 
 def test_every_file_of_the_core_has_enough_mutants_and_every_reason_its_mutant():
     mutants = firmware_mutate.all_mutants()
-    for name in CORE:
+    for name in firmware_mutate.FILES:
         assert sum(mutant.file == name for mutant in mutants) >= firmware_mutate.MUTANTS_PER_FILE
     there = {firmware_mutate.key(mutant) for mutant in mutants}
     assert firmware_mutate.reasons().keys() <= there

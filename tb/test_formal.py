@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
 import pytest
 
-from tools import formal
+from tools import formal, formal_pins
 from tools.sources import ROOT
 
 MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
@@ -33,7 +34,7 @@ RULES = {
 
 
 def run(*arguments: str, **options) -> subprocess.CompletedProcess:
-    command = [sys.executable, "tools/formal.py", "--jobs", "1", *arguments]
+    command = [sys.executable, "-m", "tools.formal", "--jobs", "1", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, **options)
 
 
@@ -62,6 +63,58 @@ def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
     formal.run(task, script)
     assert not task.passed
     assert any(name in task.said for name in ("a_licensed", "i_licensed", "i_queued"))
+
+
+def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
+    """What is said of a proof's assumptions with something more in its properties."""
+    monkeypatch.setattr(formal, "WORK", formal.WORK / "stuck")
+    formal.join(module)
+    joined = ROOT / formal.WORK / f"joined/{module}.v"
+    joined.write_text(joined.read_text().replace("\nendmodule\n", f"\n{more}\nendmodule\n"))
+    tasks = {task.name: task for task in formal.tasks_of(ROOT / f"formal/{module}.sby")}
+    return formal.look_at_pins(tasks[name])
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("", ""),
+        ("always @* assume (!tick16);", "what is assumed never lets tick16 = 1"),
+        ("always @* assume (two_stop == parity_enable);", "never lets parity_enable = 1\n"),
+        ("always @* assume (rx && !rx);", "never lets commit = 0\n"),
+        ("always @(posedge clk) if (g_past) assume (!rx_valid && !sending);", "never lets de = 1"),
+    ],
+)
+def test_an_assumption_that_says_too_much_is_found(more, said, monkeypatch) -> None:
+    """The proof would hold all the same."""
+    found = pins_of("network_port", "prove", more, monkeypatch)
+    assert said in found and bool(said) == bool(found)
+
+
+def test_what_a_proof_leaves_out_is_stated_and_true(monkeypatch, tmp_path) -> None:
+    assert not pins_of("silence_timer", "prove_drive", "", monkeypatch)
+    monkeypatch.setattr(formal_pins, "UNSEEN", tmp_path / "unseen.toml")
+    formal_pins.UNSEEN.write_text('[silence_timer]\nprove_drive = ["two_stop = 1", "busy = 1"]\n')
+    found = pins_of("silence_timer", "prove_drive", "", monkeypatch)
+    assert found.splitlines() == [
+        "what is assumed never lets half_uneven = 1",
+        "unseen.toml: but it can be: busy = 1",
+    ]
+
+
+def test_every_pin_is_looked_at() -> None:
+    for path in sorted((ROOT / "rtl").glob("*.v")):
+        text = path.read_text()
+        header = text[text.index("\nmodule ") : text.index(");\n", text.index("\nmodule "))]
+        ports = re.findall(r"^\s*(?:input|output)\b", header, re.M)
+        clocked = bool(re.search(r"\binput\s+wire\s+clk\b", header))
+        assert len(formal_pins.values(text)) == 2 * (len(ports) - clocked), path.name
+
+
+def test_a_condition_that_is_not_followed_is_refused() -> None:
+    for text in ("`ifndef X\n`endif", "`endif", "`else"):
+        with pytest.raises(SystemExit, match="in a property file"):
+            formal.active(text, set())
 
 
 @pytest.mark.parametrize("sound", [True, False])

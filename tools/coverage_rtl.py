@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from sim.bench import fingerprint
+from tools.options import at_least
 from tools.sources import ROOT, rtl_files
 
 COUNTS = ROOT / "build/coverage_rtl"
@@ -213,7 +214,7 @@ def page(found: dict[str, Module], gaps: list[Hole], reasons: dict[Hole, str], r
 def main(arguments: list[str] | None = None) -> int:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--report", action="store_true", help="from the counts of the last run")
-    options.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    options.add_argument("--jobs", type=at_least(1), default=2, help="processes (2)")
     given = options.parse_args(arguments)
     passed = given.report or run(given.jobs)
     try:

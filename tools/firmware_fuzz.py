@@ -25,6 +25,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from tools.firmware_host import DIALECTS, ROOT, put_figures
+from tools.options import at_least
 
 FOLDER = ROOT / "build/fuzz-firmware"
 CORPUS = ROOT / "sw/test/corpus"
@@ -132,9 +133,9 @@ def refresh(folder: Path) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=1_000_000, help="of all fuzzers together")
-    parser.add_argument("--seed", type=int, default=random.randrange(1, 1 << 31))
-    parser.add_argument("--jobs", type=int, default=1, help="fuzzers at a time")
+    parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="of all fuzzers together")
+    parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
+    parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")
     parser.add_argument("--folder", type=Path, default=FOLDER)
     parser.add_argument("--write", action="store_true", help=f"{LONG} runs or more: into the document")
     parser.add_argument("--refresh", action="store_true", help="add new branches to sw/test/corpus")

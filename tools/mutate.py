@@ -253,7 +253,7 @@ class Tree:
         return self.run("iverilog", "-g2005", "-t", "null", "-s", self.module, *files)[0]
 
     def proved(self) -> tuple[bool, str]:
-        return self.run(sys.executable, "tools/formal.py", self.module, "--task", "prove", "--jobs", "1")
+        return self.run(sys.executable, "-m", "tools.formal", self.module, "--task", "prove", "--jobs", "1")
 
     def tested(self) -> tuple[bool, str]:
         arguments = BENCH_ARGS.get(self.module, ["--sim=icarus"])
