@@ -550,7 +550,7 @@ static void wait(uint32_t polls, uint32_t step)
 {
     for (; polls != 0; polls--) {
         m.time += step;
-        if (m.queued && newest != at_drive && m.committed && !commit_to_see)
+        if (step != 0 && m.queued && newest != at_drive && m.committed && !commit_to_see)
             held++;
         if (m.sending && m.time - m.sent_at > SENDING)
             event_telegram_ends();
