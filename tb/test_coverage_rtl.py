@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from sim.bench import fingerprint
 from tools import coverage_rtl
 from tools.coverage_rtl import Hole, benches, compare, count, explanations, holes, table
 from tools.sources import ROOT, rtl_files
@@ -50,6 +51,10 @@ def root(tmp_path):
     (tmp_path / "rtl").mkdir()
     (tmp_path / "rtl/part.v").write_text(SOURCE)
     return tmp_path
+
+
+def test_the_page_is_of_this_card():
+    assert f"Card `{fingerprint.card()}`" in coverage_rtl.PAGE.read_text(), "run `make coverage-rtl`"
 
 
 def test_runs_add_up_and_other_peoples_files_do_not_count(root):

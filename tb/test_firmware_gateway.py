@@ -228,6 +228,7 @@ def test_a_revoked_request_changes_nothing_and_sends_nothing(bench: Bench):
     bench.local(H("01 0000 0041"))
     assert bench.replies == [REPLY_IND, H("01 01 09") + bytes(9)]
     assert bench.telegrams == []
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "nor was the drive silent"
     bench.request(READ_514)
     assert bench.telegrams == [ASK_514], "and the drive line is free again"
 

@@ -11,6 +11,7 @@ import random
 
 import pytest
 
+from sim.bench import fingerprint
 from sim.fuzz.case import clk_hz
 from sim.line_quality.limits import ALL_FORMS, QUANTITIES
 from sim.line_quality.measure import Asker, Limit, halve, holds
@@ -99,3 +100,8 @@ def test_every_rate_and_format_is_measured():
         (baud, form) for baud in (300, 1200, 2400, 4800, 9600, 19200, 38400, 115200) for form in ALL_FORMS
     }
     assert min(piece.line.bit for piece in pieces) == 64
+
+
+def test_the_page_is_of_this_card():
+    said = " ".join(line_quality.PAGE.read_text().split())
+    assert f"standard card `{fingerprint.card()}`" in said, "run `make line-quality`"
