@@ -18,6 +18,7 @@ import pytest
 
 from sim.bench import fingerprint
 from sim.fuzz import case_file
+from sim.fuzz.aftermath import asked, possible_frames
 from sim.fuzz.case import Played, aftermath, clk_hz, run
 from sim.fuzz.library import Target
 from sim.fuzz.plants import PLANTS, named
@@ -69,7 +70,7 @@ def behind_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]
     """A case in which the judge has to stop, as played; and what is found in it, or in a changed one."""
     verdict, played = run(case, Target())
     line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
-    look = functools.partial(aftermath, case, line=line, since=verdict.until, wait=15)
+    look = functools.partial(aftermath, case, line=line, verdict=verdict, wait=15)
     assert verdict.unclear and not verdict.differences and not look(played)
     assert played.judged(verdict.until) < len(played.frames)
     return played, look
@@ -112,6 +113,22 @@ def test_where_the_judge_has_to_stop_no_command_leaves_unasked(name):
         assert "SAFE-1" in look(with_more(data, before))[0], data.hex(" ")
     # The last command again, behind its answer.
     assert "SAFE-1" in look(with_more(command.data, parameter.fall + pause))[0]
+
+
+def test_what_could_have_been_asked_has_an_end():
+    """Commands of single coils, none confirmed: each may have changed the control image or not."""
+    line = Line(38400, "8E1", clk_hz(38400))
+    character = line.character_bits * line.bit
+    data = [rtu.build(1, bytes([5, 0, coil, 0xFF, 0])) for coil in range(12)]
+    heard = [
+        Heard(at := (30 * n + k) * character, at + character, byte)
+        for n, frame in enumerate(data)
+        for k, byte in enumerate(frame)
+    ]
+    frames = possible_frames(heard, line, 1)
+    assert [frame.data for frame in frames] == data
+    assert not asked(frames, [], "card") and asked(frames[:6], [], "card")
+    assert len(frames[5].telegrams) == 32
 
 
 @pytest.mark.rule("FRAME-3")

@@ -353,16 +353,18 @@ def run(
     judge = Judge(Card(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15)
     verdict = judge.judge(played.network, played.drive, played.replies, played.telegrams, played.end)
     if verdict.unclear:
-        verdict.differences += aftermath(case, played, player.line, verdict.until, player.wait)
+        verdict.differences += aftermath(case, played, player.line, verdict, player.wait)
     return verdict, played
 
 
-def aftermath(case: dict, played: Played, line: Line, since: float, wait: int) -> list[str]:
+def aftermath(case: dict, played: Played, line: Line, verdict: Verdict, wait: int) -> list[str]:
     """What is wrong behind the end of the judge; `wait`: of register 40003, the last one that may count."""
     found = []
     frames = possible_frames(played.network, line, case["address"])
     if asked(frames, played.replies, case["dialect"]):
-        found += unasked(frames, played.telegrams, line.clk_hz, since)
+        found += unasked(frames, played.telegrams, line.clk_hz, verdict.until)
+    else:
+        verdict.counts["too much possible behind the judge"] += 1
     # An exchange that may wait for longer than the case lasts has no end to be looked at.
     count = LOCAL if wait > LONG_WAIT else None
     last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
