@@ -36,7 +36,7 @@ from sim.fuzz.library import Target
 from sim.fuzz.pins import DRIVE, TX, Pins
 from sim.fuzz.registers import TOP
 from tb.model import rtu
-from tb.model.crc16 import crc_good
+from tb.model.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.whole_card import Verdict
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
@@ -272,6 +272,16 @@ def seen(
 )
 def test_every_telegram_is_weighed(asked, sent, replies, told):
     assert seen(asked, sent, replies) == told
+
+
+def test_a_reply_that_a_flip_made_confirms_nothing():
+    """It came while the broadcast was not committed yet, so the broadcast is lost, and its reference with it."""
+    ms = LINE.clk_hz / 1000
+    to_all = rtu.build(0, bytes.fromhex("0f0000002004 7c04 ff3f"))
+    made_up = with_crc(bytes.fromhex("000f 0000 0020"))
+    for reference, told in ((0x0000, ""), (0x3FFF, ""), (0x1234, FORBIDDEN[1])):
+        telegram = [(build_process(0x047C, reference), 110)]
+        assert seen(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == told
 
 
 def test_a_broadcast_has_no_repeat_and_an_older_request_none():

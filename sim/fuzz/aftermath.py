@@ -74,7 +74,7 @@ def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
         here = [reply for reply in replies if frame.end < reply.rise < until]
         if here:
             frame.answered = here[0].rise
-        confirmed = bool(here) and here[0].data[1:2] == frame.data[1:2]
+        confirmed = frame.data[0] != 0 and bool(here) and here[0].data[:2] == frame.data[:2]
         changed, telegrams = [], set()
         for state in states:
             after = copy.deepcopy(state)

@@ -365,7 +365,8 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[s
     for n, (_, end, data) in enumerate(frames):
         until = frames[n + 1][0] if n + 1 < len(frames) else float("inf")
         replies = [reply.data for reply in played.replies if end < reply.rise < until]
-        confirmed = bool(replies) and replies[0][1:2] == data[1:2]
+        # A flip may send a reply of its own, also to a broadcast.
+        confirmed = data[0] == ADDRESS and any(r[:2] == data[:2] and crc_good(r) for r in replies[:1])
         changed, found = [], set()
         for image in images:
             card = Card()
