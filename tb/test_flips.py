@@ -275,7 +275,7 @@ def test_every_telegram_is_weighed(asked, sent, replies, told):
 
 
 def test_a_reply_that_a_flip_made_confirms_nothing():
-    """It came while the broadcast was not committed yet, so the broadcast is lost, and its reference with it."""
+    """It came while the broadcast was not committed yet: the broadcast is lost, and its reference with it."""
     ms = LINE.clk_hz / 1000
     to_all = rtu.build(0, bytes.fromhex("0f0000002004 7c04 ff3f"))
     made_up = with_crc(bytes.fromhex("000f 0000 0020"))
