@@ -96,29 +96,6 @@ def is_broadcast(adr: int) -> bool:
     return adr == ADR_BROADCAST or 0x20 <= adr <= 0x3F
 
 
-def is_taken(adr: int) -> bool:
-    """By a drive with the address of FC-2, in either format."""
-    return adr in (ADR, ADR & 0x1F) or is_broadcast(adr)
-
-
-def embedded(data: bytes) -> list[tuple[int, bytes]]:
-    """Every telegram for the drive in whatever was sent, and where it begins; around it may be anything.
-
-    No receiver finds more: it need not keep its place, and gaps and parity do not count.
-    """
-    found, at = [], 0
-    while at < len(data):
-        telegram = data[at : at + data[at + 1] + 2] if data[at] == STX and at + 1 < len(data) else b""
-        try:
-            good = is_taken(parse(telegram).adr)
-        except TelegramError:
-            good = False
-        if good:
-            found.append((at, telegram))
-        at += len(telegram) if good else 1
-    return found
-
-
 def build(data: bytes, adr: int = ADR) -> bytes:
     """A whole telegram around `data`."""
     body = bytes([STX, len(data) + 2, adr]) + data

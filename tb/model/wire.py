@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from tb.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.model.crc16 import crc_good
-from tb.model.fc_telegram import STX, bcc, embedded
+from tb.model.fc_telegram import ADR, STX, TelegramError, bcc, is_broadcast, parse
 
 FRAME_MIN, FRAME_MAX = 4, 256
 LGE_MIN = 6  # ADR, PCD1, PCD2, BCC
@@ -114,6 +114,29 @@ class Burst:
     @property
     def start(self) -> int:
         return self.characters[0].start if self.characters else self.rise
+
+
+def is_taken(adr: int) -> bool:
+    """By a drive with the address of FC-2, in either format."""
+    return adr in (ADR, ADR & 0x1F) or is_broadcast(adr)
+
+
+def embedded(data: bytes) -> list[tuple[int, bytes]]:
+    """Every telegram for the drive in whatever was sent, and where it begins; around it may be anything.
+
+    No receiver finds more: it need not keep its place, and gaps and parity do not count.
+    """
+    found, at = [], 0
+    while at < len(data):
+        telegram = data[at : at + data[at + 1] + 2] if data[at] == STX and at + 1 < len(data) else b""
+        try:
+            good = is_taken(parse(telegram).adr)
+        except TelegramError:
+            good = False
+        if good:
+            found.append((at, telegram))
+        at += len(telegram) if good else 1
+    return found
 
 
 def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[float, bytes]], list[bytes]]:
