@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import random
 import re
@@ -92,7 +93,7 @@ def fuzz_all(folder: Path, runs: int, seed: int, jobs: int) -> list[Result]:
     fuzzers = [(dialect, target) for target in TARGETS for dialect in DIALECTS]
     with ThreadPoolExecutor(jobs) as pool:
         started = [
-            pool.submit(fuzz, folder, d, t, round(runs * TARGETS[t] / len(DIALECTS)), seed)
+            pool.submit(fuzz, folder, d, t, math.ceil(runs * TARGETS[t] / len(DIALECTS)), seed)
             for d, t in fuzzers
         ]
         return [one.result() for one in started]
@@ -141,8 +142,6 @@ def main() -> int:
     parser.add_argument("--refresh", action="store_true", help="add new branches to sw/test/corpus")
     given = parser.parse_args()
     folder = given.folder.absolute()
-    if given.runs < 1 or given.jobs < 1:
-        parser.error("--runs and --jobs: at least 1")
     made = build(folder)
     if made.returncode:
         print(made.stderr, file=sys.stderr)
