@@ -141,10 +141,10 @@ def finished() -> list[str]:
 
 
 def registers() -> list[str]:
-    checks = [
-        tool(sys.executable, ROOT / f"tools/{name}.py", "--check") for name in ("regs", "fc_tables", "formal")
+    checks = [tool(sys.executable, ROOT / f"tools/{name}.py", "--check") for name in ("regs", "fc_tables")]
+    checks += [
+        tool(sys.executable, "-m", f"tools.{name}", "--check") for name in ("formal", "boards", "synth")
     ]
-    checks += [tool(sys.executable, "-m", f"tools.{name}", "--check") for name in ("boards", "synth")]
     return [line for check in checks for line in check]
 
 
