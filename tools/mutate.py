@@ -8,8 +8,8 @@
 
 A mutant is one change of the source: an operator, a constant, a condition that always or never holds, an
 assignment or a connection that is gone. What does not compile is no mutant. It is caught when
-formal/MODULE.sby no longer holds or tb/test_MODULE.py fails (on Icarus, or Verilator where a test runs only
-there), or when either takes far longer than on the unchanged module. Each module leaves
+formal/MODULE.sby no longer holds or tb/test_MODULE.py fails (MORE_BENCHES, too; on Icarus, or Verilator where
+a test runs only there), or when either takes far longer than on the unchanged module. Each module leaves
 build/mutate/MODULE.json, from which an interrupted run goes on. Survivors are listed; formal/survivors.toml
 says of each why nothing can see it, or what would be lost. Exit 1: fewer than 95 % caught, or a survivor
 without a word.
@@ -48,6 +48,8 @@ TIMES_LONGER = 5
 LEAST_S = 60
 # The bench of a module that only wires is slow; these run a part of it.
 BENCH_ARGS = {"rtu2fc": ["--sim=verilator"]}
+# What the whole card does together is tested by subject.
+MORE_BENCHES = {"rtu2fc": ["card_supervision", "card_power_up", "card_loopback"]}
 COPIED = (
     "rtl",
     "tb",
@@ -259,7 +261,8 @@ class Tree:
         arguments = BENCH_ARGS.get(self.module, ["--sim=icarus"])
         return self.run(
             *(sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"),
-            *(f"tb/test_{self.module}.py", *arguments),
+            *(f"tb/test_{name}.py" for name in (self.module, *MORE_BENCHES.get(self.module, ()))),
+            *arguments,
         )
 
     def look(self) -> None:
