@@ -15,6 +15,7 @@
 #   SHARD=I/N     a part of the work (mutate-firmware)           default: all
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
 #   FILE=name     a recording (wireshark)
+#   CHECK=1       fails for a page with other figures instead of writing them (coverage-firmware)
 #   V=1           show the commands
 
 CONFIG ?= standard
@@ -81,9 +82,12 @@ flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
 fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
 	@$(PY) -m tools.fuzz_report
 
-.PHONY: test test-tiny test-gates lint format
-test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators, but for some slow ones (SIM=, TEST=, ALL=1)
-	@$(PYTEST) -n $(JOBS) --dist=worksteal $(if $(ALL),--all) $(if $(SIM),--sim=$(SIM))
+.PHONY: test test-slow test-tiny test-gates lint format
+test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators, but for the slow ones (SIM=, TEST=)
+	@$(PYTEST) -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM))
+
+test-slow: firmware drive | $(SETUP) ## the tests that `make test` leaves out, nearly all on Icarus (TEST=)
+	@$(PYTEST) -n $(JOBS) --dist=worksteal --slow
 
 test-tiny: firmware | $(SETUP) ## the tests of the whole card as tiny, all on both simulators (SIM=, TEST=)
 	@$(PYTEST) -n $(JOBS) --dist=worksteal --card=tiny $(if $(SIM),--sim=$(SIM))
@@ -141,8 +145,8 @@ coverage-rtl: firmware | $(SETUP) ## lines, branches and toggles of rtl/ that th
 	@$(PY) -m tools.coverage_rtl --jobs $(JOBS)
 
 .PHONY: coverage-firmware fuzz-firmware mutate-firmware
-coverage-firmware: firmware | $(SETUP) ## branches of the firmware that its host tests take; 100 % of its core
-	@$(PY) -m tools.firmware_coverage --write
+coverage-firmware: firmware | $(SETUP) ## branches of the firmware that its host tests take; 100 % of its core (CHECK=1)
+	@$(PY) -m tools.firmware_coverage $(if $(CHECK),--check,--write)
 
 fuzz-firmware: | $(SETUP) ## fuzzes the firmware against its oracles (RUNS=, SEED=, JOBS=)
 	@$(PY) -m tools.firmware_fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write

@@ -19,7 +19,7 @@ from tools.trace import commit
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--sim", choices=SIMULATORS, help="run on this simulator only (default: on both)")
-    parser.addoption("--all", action="store_true", help="run the tests marked `patient` too")
+    parser.addoption("--slow", action="store_true", help="run the tests marked `patient`, and only those")
     parser.addoption(
         "--card", choices=list(configurations()), help="run the tests of the whole card only, all as this one"
     )
@@ -61,7 +61,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     def wanted(item: pytest.Item) -> bool:
         if config.getoption("--card"):
             return "config" in getattr(item, "fixturenames", ())
-        return config.getoption("--all") or not patient(item)
+        return config.getoption("--slow") == patient(item)
 
     others = [item for item in items if not wanted(item)]
     if others:

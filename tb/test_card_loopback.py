@@ -123,6 +123,7 @@ def check_verdict(card: FastCard, shows: str) -> None:
         assert verdict.colour == shows and abs(lasted - expected) <= ACCURACY * VERDICT_MS
 
 
+@pytest.mark.long
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=1) as card:

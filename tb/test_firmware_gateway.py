@@ -205,9 +205,9 @@ def test_the_loop_back_test_s_door_is_closed_at_every_other_start(bench: Bench):
 @pytest.mark.rule("SAFE-4")
 def test_a_bit_that_flips_in_the_core_alters_no_command():
     """A register's bit, at any instruction from the candidate to the commit."""
-    results, altered = core_flips.attack(seed=1, count=1000)
+    results, altered = core_flips.attack(seed=1, count=500)
     assert not altered, altered
-    assert results["as asked"] > 500 and results["none"] > 100, results
+    assert results["as asked"] > 250 and results["none"] > 50, results
 
 
 @pytest.mark.rule("FRAME-6")

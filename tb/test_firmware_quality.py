@@ -14,7 +14,14 @@ from pathlib import Path
 import pytest
 
 from tb.model.firmware import build
-from tools import firmware_analysis, firmware_fuzz, firmware_loops, firmware_mutate
+from tools import (
+    firmware_analysis,
+    firmware_coverage,
+    firmware_fuzz,
+    firmware_host,
+    firmware_loops,
+    firmware_mutate,
+)
 from tools.firmware_host import DIALECTS, DOCUMENT, ROOT
 from tools.stack import deepest
 
@@ -151,6 +158,44 @@ def test_the_deepest_stack_fits_what_the_linker_keeps_for_it(dialect: str):
     kept = int(re.search(r"^FIRMWARE_STACK := (\d+)$", makefile, re.MULTILINE)[1])
     assert 0 < size <= kept
     assert f"| {dialect} | {size} of {kept} |" in DOCUMENT.read_text(), f"{DOCUMENT.name}: stack of {dialect}"
+
+
+# ---------------------------------------------------------------- coverage
+
+
+@pytest.fixture
+def coverage(monkeypatch, tmp_path):
+    """`make coverage-firmware` with so many branches taken of ten, beside a page that says all ten."""
+    page = tmp_path / "page.md"
+    for module in (firmware_host, firmware_coverage):
+        monkeypatch.setattr(module, "DOCUMENT", page)
+        monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(firmware_coverage, "measure", lambda: None)
+
+    def main(file: str, taken: int, *options: str) -> int:
+        def counted(folder, uncalled):
+            numbers = {"coils.c": (10, 10), "leds.c": (10, 10)} | {file: (taken, 10)}
+            return numbers, dict.fromkeys(numbers, (5, 5)), {file: [7] if taken < 10 else []}
+
+        monkeypatch.setattr(firmware_coverage, "counted", counted)
+        return firmware_coverage.main(list(options))
+
+    page.write_text("```coverage\n```\n")
+    assert main("leds.c", 10, "--write") == 0
+    assert page.read_text().count("10 of 10") == 2 * (len(DIALECTS) + 1)
+    return main
+
+
+def test_a_branch_of_the_core_that_no_test_takes_fails(coverage, capsys):
+    assert coverage("coils.c", 9) == 1
+    assert "hole  all: coils.c: line 7" in capsys.readouterr().out
+
+
+def test_a_page_with_other_figures_fails_and_stays(coverage, tmp_path, capsys):
+    assert coverage("leds.c", 10, "--check") == 0
+    assert coverage("leds.c", 9, "--check") == 1
+    assert "page.md has other figures: make coverage-firmware\n" in capsys.readouterr().err
+    assert "9 of 10" not in (tmp_path / "page.md").read_text()
 
 
 # ---------------------------------------------------------------- static analysis

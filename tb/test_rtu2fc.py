@@ -526,6 +526,7 @@ def run_card(
     )
 
 
+@pytest.mark.patient
 @pytest.mark.rule(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )
@@ -534,6 +535,7 @@ def test_examples(sim, config):
     run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
 
 
+@pytest.mark.long
 @pytest.mark.patient
 @pytest.mark.rule(
     *("FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
@@ -543,6 +545,7 @@ def test_network(sim, config):
     run_card(sim, config, NETWORK)
 
 
+@pytest.mark.long
 @pytest.mark.patient
 @pytest.mark.rule("FC-6", "FC-7", "FC-8", "FC-9", "FC-10", "MAP-3")
 def test_drive(sim, config):
@@ -568,7 +571,13 @@ def test_variants(variant):
     run_card("verilator", "standard", what, **{variant: 0})
 
 
-@pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "FC-8", "FRAME-6", "MAP-9", "TOP-2")
+@pytest.mark.rule("FC-8", "FRAME-6", "MAP-9", "TOP-2")
 def test_own_clock(config):
     """On Verilator alone: so many clocks would take Icarus minutes, and both agree at a slow clock."""
-    run_card("verilator", config, ["manual_at_9600_and_all_turnarounds", *QUICK], own_hz(config))
+    run_card("verilator", config, QUICK, own_hz(config))
+
+
+@pytest.mark.long
+@pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
+def test_manual_at_own_clock(config):
+    run_card("verilator", config, ["manual_at_9600_and_all_turnarounds"], own_hz(config))

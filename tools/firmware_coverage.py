@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Branch coverage of the firmware by its host tests, build by build; exit 1 for a hole in the core.
+"""Branch coverage of the firmware by its host tests, build by build.
+
+Exit 1 for a hole in the core, and with --check for a table in docs/firmware-quality.md that says otherwise.
 
 Every dialect is measured alone, with its constants folded: what its row of dialect.h rules out is no branch
 of it. `all` is the sum, with the build options. The tests at random are left out, so that a branch counts
@@ -17,7 +19,18 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from tools.firmware_host import BUILDS, CORE, DIALECTS, RANDOM, ROOT, TESTS, compile_library, put_figures
+from tools.firmware_host import (
+    BUILDS,
+    CORE,
+    DIALECTS,
+    DOCUMENT,
+    RANDOM,
+    ROOT,
+    TESTS,
+    compile_library,
+    put_figures,
+    with_figures,
+)
 
 FOLDER = ROOT / "build/coverage"
 # Constants folded and what they rule out gone, but every && and || still a branch of its own.
@@ -99,10 +112,12 @@ def share(counts: Counts, core: bool) -> tuple[int, int]:
     return sum(taken for taken, _ in chosen), sum(total for _, total in chosen)
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="put the table into docs/firmware-quality.md")
-    write = parser.parse_args().write
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--write", action="store_true", help="put the table into docs/firmware-quality.md")
+    what.add_argument("--check", action="store_true", help="fail if the table there is another")
+    options = parser.parse_args(arguments)
     measure()
     columns = {name: counted(FOLDER / name, UNCALLED.get(name, [])) for name in DIALECTS}
     columns["all"] = counted(FOLDER, [])
@@ -117,8 +132,11 @@ def main() -> int:
     if failed:
         print("the host tests leave holes in the translation core", file=sys.stderr)
         return 1
-    if write:
+    if options.write:
         put_figures("coverage", table(columns))
+    if options.check and with_figures("coverage", table(columns)) != DOCUMENT.read_text():
+        print(f"{DOCUMENT.relative_to(ROOT)} has other figures: make coverage-firmware", file=sys.stderr)
+        return 1
     return 0
 
 

@@ -43,10 +43,14 @@ def compile_library(build: str, folder: Path, *flags: str, tree: Path = ROOT) ->
     return subprocess.run([*command, *sources(), HOST], cwd=tree, capture_output=True, text=True, check=False)
 
 
-def put_figures(what: str, text: str) -> None:
-    """Into the block of the document that has this name."""
+def with_figures(what: str, text: str) -> str:
+    """The document with this in the block of this name."""
     block = re.compile(rf"(?<=^```{what}\n).*?(?=^```$)", re.DOTALL | re.MULTILINE)
-    written, count = block.subn(lambda _: text.rstrip("\n") + "\n", DOCUMENT.read_text())
+    document, count = block.subn(lambda _: text.rstrip("\n") + "\n", DOCUMENT.read_text())
     assert count == 1, what
-    DOCUMENT.write_text(written)
+    return document
+
+
+def put_figures(what: str, text: str) -> None:
+    DOCUMENT.write_text(with_figures(what, text))
     print(f"wrote {DOCUMENT.relative_to(ROOT)}")

@@ -4,7 +4,7 @@
 A test with an argument `config` runs for every configuration (TOP-2). `make test` is to stay short, and
 SERV needs ten times the clocks. So there the standard card runs on both simulators, the others on Verilator;
 what is marked `everywhere` runs as each card on each simulator, what is marked `long` as the standard card
-alone, what is marked `patient` on Verilator alone unless ALL=1.
+alone, what is marked `patient` on Verilator alone; `make test-slow` (`--slow`) runs those on Icarus.
 `make test-tiny` (`--card`) runs everything as that card on both.
 """
 
