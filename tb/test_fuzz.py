@@ -10,9 +10,11 @@ from __future__ import annotations
 import functools
 import json
 import re
+import subprocess
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -31,8 +33,9 @@ from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 from tools import fuzz, fuzz_report
+from tools.firmware_host import INCLUDES
 from tools.fuzz import CaseError, replay, shard, story
-from tools.sources import ROOT
+from tools.sources import ROOT, card_files
 
 # Frames of each shard and its rates: those that cost little, and one of all.
 SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()))
@@ -169,8 +172,20 @@ def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)
-def test_every_plant_still_finds_its_place(plant):
-    assert not plant.old or plant._changed()
+def test_every_plant_still_finds_its_place_and_fits_there(plant, tmp_path):
+    if not plant.old:
+        return
+    changed = tmp_path / Path(plant.file).name
+    changed.write_text(plant._changed())
+    if plant.file.startswith("rtl/"):
+        sources = [changed if path == ROOT / plant.file else path for path in card_files()]
+        check = ["iverilog", "-g2005", "-t", "null", "-s", "rtu2fc", *sources]
+    else:
+        # A header is found in its folder first.
+        source = changed if changed.suffix == ".c" else ROOT / "sw/src/gateway.c"
+        check = ["gcc", "-std=c99", "-fsyntax-only", f"-I{tmp_path}", *INCLUDES, source]
+    done = subprocess.run(check, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_path):

@@ -216,19 +216,28 @@ async def frames_of_every_length_are_answered_and_longer_than_256_dropped(dut):
 
 @cocotb.test()
 async def damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is_answered(dut):
-    scene = await Scenario(dut).start()
+    """And each counts under its own name."""
+    scene = await Scenario(dut, form="8E1").start()
     start = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
     spoilt = start[:8] + bytes([start[8] ^ 1]) + start[9:]
     damaged = {
-        "CRC": (spoilt, Flaws()),
-        "stop bit": (start, Flaws(bad_stop=(4,), gaps={5: 1.0})),
-        "foreign": (rtu.build(2, start[1:-2]), Flaws()),
-        "cut off": (start[:7], Flaws()),
-        "gap of 1.6 characters": (start, Flaws(gaps={6: 1.6 * SILENCE})),
+        "CRC": (spoilt, Flaws(), ["crc"]),
+        "parity": (start, Flaws(bad_parity=(4,)), ["parity"]),
+        "stop bit": (start, Flaws(bad_stop=(4,), gaps={5: 1.0}), ["framing"]),
+        "foreign": (rtu.build(2, start[1:-2]), Flaws(), []),
+        "cut off": (start[:7], Flaws(), ["crc"]),
+        "gap of 1.6 characters": (start, Flaws(gaps={6: 1.6 * SILENCE}), ["crc", "t15"]),
+        "longer than 256": (rtu.build(1, bytes(254)), Flaws(), ["overrun"]),
     }
-    for what, (adu, flaws) in damaged.items():
+    errors = ("crc", "parity", "framing", "t15", "overrun")
+    counts = {error: Strobes(dut.mailbox_i, f"count_{error}") for error in errors}
+    for what, (adu, flaws, kinds) in damaged.items():
         await scene.master.send(adu, flaws)
         await scene.card.quiet(6, what)
+        counted = [name for name, strobes in counts.items() for _ in strobes.times_ps]
+        assert counted == kinds, what
+        for strobes in counts.values():
+            strobes.clear()
     assert await scene.read_control() == bytes(4), "control image"
     await play(scene, EXAMPLES["ex1-start-40"])
     scene.finish()

@@ -191,7 +191,8 @@ PLANTS = (
         ("FRAME-6",),
         "sw/src/gateway.c",
         "    g->uncommitted = true;\n",
-        "    g->uncommitted = true;\n    g->translator.settings.local[LOCAL_IND] = 0;\n",
+        "    g->uncommitted = true;\n    uint32_t *word = g->translator.settings.word;\n"
+        "    word[GUARD] += word[LOCAL_IND];\n    word[LOCAL_IND] = 0;\n",
     ),
     Plant("cut-value", ("MAP-7",), "sw/src/registers.c", "high == 0xFFFF && low >= 0x8000", "high == 0xFFFF"),
     Plant("short-adr", ("FC-2",), defines="-DADR_SHORT=1"),
