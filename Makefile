@@ -10,7 +10,7 @@
 #   FIRMWARE=file image for $readmemh (image)
 #   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
 #   SEED=n        repeats a run (soak, fuzz, fuzz-firmware, flips, core-flips) default: a new one
-#   COUNT=n       network frames (fuzz), flips (flips, core-flips) default: 2000, 500, 6000
+#   COUNT=n       network frames (fuzz, fuzz-plants), flips (flips, core-flips) default: 2000, 20000, 500, 6000
 #   RUNS=n        executions of all fuzzers (fuzz-firmware)      default: a million
 #   SHARD=I/N     a part of the work (mutate-firmware)           default: all
 #   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
@@ -67,7 +67,7 @@ fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against th
 	  $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 
 fuzz-plants: firmware drive | $(SETUP) ## how many frames each planted bug lives
-	@$(PY) -m tools.fuzz --plants --seed $(or $(SEED),1) $(if $(COUNT),--count $(COUNT))
+	@$(PY) -m tools.fuzz --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
 
 flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=, BAUD=), or one flip (TRIAL=)
 	@$(PY) -m tools.flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
