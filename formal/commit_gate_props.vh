@@ -52,6 +52,9 @@ always @(posedge clk) begin
     if (telegram_start && telegram_control && g_newest && !g_open) {g_spent, g_coils_left} <= 2'b11;
   end
 
+  if (candidate) g_reply_ours <= 1'b0;
+  else if (queue_reply) g_reply_ours <= queue_ticket == ticket;
+
   // A telegram belongs to the request that was the newest when it was queued. One that is queued in the
   // clock in which the request changes belongs to the old one.
   if (g_queued) begin
@@ -84,6 +87,7 @@ always @(posedge clk) begin
     g_candidate <= 1'b0;
     g_committed <= 1'b0;
     g_heard <= 1'b0;
+    g_reply_ours <= 1'b0;
     {g_spent, g_coils_left} <= 2'b00;
     g_content_here <= 1'b0;
     g_content_ours <= 1'b0;
@@ -108,8 +112,8 @@ always @* if (g_past && !candidate) assume (broadcast == g_broadcast);
 always @(posedge clk) begin
   if (g_past && !rst && !loopback_open) begin
     // SAFE-1, SAFE-4: what leaves was queued for a request that was committed and had no reply yet, and was
-    // not changed since.
-    a_licensed : assert (!telegram_start || (g_licensed && g_content_here));
+    // not changed since, nor in this clock.
+    a_licensed : assert (!telegram_start || (g_licensed && g_content_here && !telegram_touched));
     // SAFE-1: and only a write of coils may command the drive.
     a_control : assert (!(telegram_start && telegram_control) || g_control);
     // FC-9, SAFE-4: at most twice; the second time only while its request is the newest that was committed, has
@@ -121,7 +125,7 @@ always @(posedge clk) begin
     // FC-8: and it leaves on a silent line only.
     a_drive_quiet : assert (!telegram_start || drive_quiet);
     // FRAME-6, FRAME-7: a reply answers the newest request, committed, with nothing heard since.
-    a_reply_committed : assert (!reply_start || (g_committed && !g_heard));
+    a_reply_committed : assert (!reply_start || (g_committed && !g_heard && g_reply_ours));
     a_reply_quiet : assert (!reply_start || modbus_quiet);
     // MAP-9
     a_no_reply_to_all : assert (!reply_start || !broadcast);
@@ -150,6 +154,7 @@ always @(posedge clk) begin
         g_sends == 2'd0 && !g_told));
     i_not_yet : assert (!(telegram_queued && !licensed && g_licensed));
     i_reply : assert (!reply_queued || !broadcast || candidate || g_open);
+    i_reply_ours : assert (!reply_queued || g_reply_ours || g_open);
     i_spent : assert (spent || !g_spent);
     i_left : assert (!g_coils_left || spent);
     i_state : assert (!(g_candidate && g_committed));

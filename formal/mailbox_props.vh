@@ -49,6 +49,7 @@ reg g_candidate = 1'b0;
 reg g_committed = 1'b0;
 reg g_heard = 1'b0;
 reg g_spent = 1'b0;
+reg g_reply_ours = 1'b0;  // the reply was queued for the newest request
 reg g_here = 1'b0;  // the telegram is as it was when it was queued for ...
 reg g_ours = 1'b0;  // ... the newest request, as it then was
 reg g_licensed = 1'b0;  // and that one was committed
@@ -110,6 +111,9 @@ always @(posedge clk) begin
   if (g_commit) g_spent <= 1'b0;
   else if (reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
 
+  if (candidate) g_reply_ours <= 1'b0;
+  else if (g_order_reply) g_reply_ours <= g_current;
+
   if (g_queued) begin
     g_here <= 1'b1;
     g_ours <= g_current && !candidate && !(revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
@@ -131,6 +135,7 @@ always @(posedge clk) begin
     g_candidate <= 1'b0;
     g_committed <= 1'b0;
     g_heard <= 1'b0;
+    g_reply_ours <= 1'b0;
     g_spent <= 1'b0;
     g_here <= 1'b0;
     g_ours <= 1'b0;
@@ -151,12 +156,12 @@ wire g_sound = g_past && !core_rst && !loopback_open;
 always @(posedge clk) begin
   if (g_sound) begin
     // SAFE-1, SAFE-4: what starts is what was ordered for a request that was committed and had no reply yet: not
-    // a byte of it was written since, and its length and kind are those of that order.
-    a_licensed : assert (!telegram_start || (g_licensed && g_here));
+    // a byte of it was written since or is now, and its length and kind are those of that order.
+    a_licensed : assert (!telegram_start || (g_licensed && g_here && !g_touched));
     // SAFE-1: and only a write of coils may command the drive.
     a_control : assert (!(telegram_start && telegram_control) || g_control);
     // FRAME-6, FRAME-7, MAP-9
-    a_reply : assert (!reply_start || (g_committed && !g_heard && !frame_broadcast));
+    a_reply : assert (!reply_start || (g_committed && !g_heard && !frame_broadcast && g_reply_ours));
   end
   if (g_past) begin
     a_ordered : assert ({telegram_no_reply, telegram_length} == g_ordered);
@@ -218,6 +223,7 @@ always @(posedge clk) begin
     i_answerable : assert (g_gate_answerable == (g_committed && !g_heard));
     i_licensed : assert (!g_gate_licensed || g_open || (g_licensed && g_here));
     i_queued : assert (!telegram_queued || g_gate_licensed || (g_here && g_ours && g_candidate));
+    i_reply_ours : assert (!reply_queued || g_reply_ours || g_open);
     i_reply : assert (!reply_queued || !frame_broadcast || candidate || g_open);
     i_not_yet : assert (!(g_candidate && g_ours && g_licensed));
     i_control : assert (!(g_gate_licensed && telegram_control) || g_open || g_control);

@@ -293,6 +293,15 @@ def test_a_reply_that_a_flip_made_confirms_nothing():
         assert seen(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == told
 
 
+@pytest.mark.parametrize("when", [0.0, 0.5, 0.97, 1.0])
+def test_a_revoked_command_asks_for_nothing_however_late_it_is_revoked(when):
+    end = heard(COMMAND, 40 * LINE.clk_hz / 1000)[-1].end
+    revoking = heard(b"\x55", end + too_early(LINE, when) * LINE.bit)
+    assert seen(COMMAND, [(TELEGRAM, 50)], [], revoking) == FORBIDDEN[0]
+    behind = heard(b"\x55", end + (LINE.t35_bits + 0.3) * LINE.bit)
+    assert seen(COMMAND, [(TELEGRAM, 50)], [], behind) == ""
+
+
 def test_a_broadcast_has_no_repeat_and_an_older_request_none():
     to_all = rtu.build(0, COMMAND[1:-2])
     telegram = build_process(0x047C, 0, ADR_BROADCAST)
@@ -360,6 +369,7 @@ def test_the_exit_code_tells_of_a_command_unasked(monkeypatch, what):
     result |= {"wall_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
     monkeypatch.setattr(flips, "shard", lambda *about: result)
     monkeypatch.setattr(flips, "Places", lambda **about: None)
+    monkeypatch.setattr(flips, "no_longer_one_is_lost", lambda *about: None)
     monkeypatch.setattr("sys.argv", ["flips"])
     assert flips.main() == int(what in FORBIDDEN)
 

@@ -255,16 +255,33 @@ def test_every_case_that_is_made_can_be_read_again():
         assert case_file.read(path)
 
 
-def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, monkeypatch):
-    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
-    card = fingerprint.shard()
-    (tmp_path / "7.json").write_text(json.dumps({"card": card, "judged": 500}))
-    fuzz.no_longer_one_is_lost(7, 500)
-    fuzz.no_longer_one_is_lost(8, 100)
-    with pytest.raises(fuzz.FuzzError, match="has 500 frames"):
-        fuzz.no_longer_one_is_lost(7, 499)
-    (tmp_path / "7.json").write_text(json.dumps({"card": "another", "judged": 500}))
-    fuzz.no_longer_one_is_lost(7, 499)
+@pytest.mark.parametrize("what", ["judged", "flips"])
+def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, what):
+    path = tmp_path / "7.json"
+    fuzz.no_longer_one_is_lost(path, 100, what)
+    path.write_text(json.dumps({"card": fingerprint.shard(), what: 500}))
+    fuzz.no_longer_one_is_lost(path, 500, what)
+    with pytest.raises(fuzz.FuzzError, match="has 500 of this seed"):
+        fuzz.no_longer_one_is_lost(path, 499, what)
+    path.write_text(json.dumps({"card": "another", what: 500}))
+    fuzz.no_longer_one_is_lost(path, 499, what)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--replay", "x.json", "--seed", "4"], "--replay plays the one case"),
+        (["--replay", "x.json", "--count", "4"], "--replay plays the one case"),
+        (["--replay", "x.json", "--wave", "nowhere/x.fst"], "no file can be written there"),
+        (["--replay", "x.json", "--wave", "."], "no file can be written there"),
+        (["--wave", "x.fst"], "--wave is of a case"),
+    ],
+)
+def test_what_cannot_go_together_is_refused(monkeypatch, capsys, words, said):
+    monkeypatch.setattr("sys.argv", ["fuzz", *words])
+    with pytest.raises(SystemExit) as stopped:
+        fuzz.main()
+    assert stopped.value.code == 2 and said in capsys.readouterr().err
 
 
 def test_a_shard_is_the_same_anywhere():

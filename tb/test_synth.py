@@ -21,8 +21,8 @@ from tb.lib.runner import ROOT, firmware
 from tb.test_rtu2fc import LOWEST_HZ
 from tools import image, synth
 from tools.boards import boards
-from tools.netlist import MAPPED, clocks, crossings, loose_inputs
-from tools.sources import card_files
+from tools.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
+from tools.sources import card_files, needed_files
 from tools.synth import (
     COUNTED_ON,
     FLOWS,
@@ -84,6 +84,25 @@ def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
     folder = netlist(family, "rtu2fc", card_config, parameters)[0].parent
     module = json.loads((folder / "raw.json").read_text())["modules"]["rtu2fc"]
     assert loose_inputs(module, MAPPED[family]) == []
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("family", COUNTED_ON)
+@pytest.mark.parametrize("module", ["commit_gate", "network_port", "drive_port", "switch_sampler"])
+def test_no_flip_flop_is_taken_for_another(family, module):
+    """Some say the same twice, or the opposite, on purpose; a synthesiser that sees it keeps one of them."""
+    sources = needed_files(module)
+    registers = [
+        cell["parameters"]["WIDTH"]
+        for cell in elaborated(f"registers-{module}", sources, module)["cells"].values()
+        if cell["type"] in FLIP_FLOPS
+    ]
+    folder = ROOT / "build/tests" / f"synth-registers-{module}-{family}"
+    folder.mkdir(parents=True, exist_ok=True)
+    gates.synthesise(folder, module, mapping(family, COUNTED_ON[family][0], module), sources, {})
+    cells = json.loads((folder / "raw.json").read_text())["modules"][module]["cells"].values()
+    there = sum(cell["type"] in MAPPED[family] for cell in cells)
+    assert there == sum(int(width, 2) for width in registers)
 
 
 @pytest.mark.rule("TOP-1")

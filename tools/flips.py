@@ -27,7 +27,7 @@ from sim.bench import fingerprint
 from sim.fuzz.flips import BAUDS, FORBIDDEN, FORMS, OUTCOMES, PARTS, Places, trial
 from sim.fuzz.library import BuildError
 from sim.fuzz.registers import RegistersError
-from tools.fuzz import FOLDER, story
+from tools.fuzz import FOLDER, FuzzError, no_longer_one_is_lost, story
 from tools.options import at_least
 
 KEPT_EACH = 50
@@ -74,9 +74,13 @@ def shard(seed: int, count: int, places: Places) -> dict:
     return result
 
 
+def file_of(seed: int, baud: int) -> Path:
+    return FOLDER / f"flips-{seed}-{baud}.json"
+
+
 def keep(result: dict) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    path = FOLDER / f"flips-{result['seed']}-{result['baud']}.json"
+    path = file_of(result["seed"], result["baud"])
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(result, indent=1) + "\n")
     partial.rename(path)
@@ -157,6 +161,7 @@ def main() -> int:
         merged = merge(load(FOLDER))
         print(report(merged))
     else:
+        no_longer_one_is_lost(file_of(options.seed, options.baud), options.count, "flips")
         print(f"flips: seed {options.seed}, {options.count} flips at {options.baud} bit/s", flush=True)
         result = shard(options.seed, options.count, Places(baud=options.baud))
         merged = merge([result])
@@ -167,6 +172,6 @@ def main() -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except (BuildError, RegistersError, FlipsError) as error:
+    except (BuildError, RegistersError, FlipsError, FuzzError) as error:
         print(f"flips: {error}", file=sys.stderr)
         sys.exit(2)

@@ -122,9 +122,13 @@ def shard(
     return result
 
 
+def file_of(seed: int) -> Path:
+    return FOLDER / f"{seed}.json"
+
+
 def keep(result: Result) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    path = FOLDER / f"{result.seed}.json"
+    path = file_of(result.seed)
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(vars(result), indent=1) + "\n")
     partial.rename(path)
@@ -132,14 +136,13 @@ def keep(result: Result) -> None:
         print(f"fuzz: {result.judged} frames", end="\r", file=sys.stderr, flush=True)
 
 
-def no_longer_one_is_lost(seed: int, count: int) -> None:
+def no_longer_one_is_lost(path: Path, count: int, what: str = "judged") -> None:
     """A shard would write over the result of the same seed, which holds all that this one could bring."""
-    path = FOLDER / f"{seed}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         before = json.loads(path.read_text())
         same = before["card"] == fingerprint.shard()
-        if same and before["judged"] > count:
-            said = f"{shown(path)} has {before['judged']} frames of this seed and card already"
+        if same and before[what] > count:
+            said = f"{shown(path)} has {before[what]} of this seed and card already"
             raise FuzzError(f"{said}; take another seed or remove it")
 
 
@@ -222,8 +225,8 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=at_least(1), default=2000, help="network frames, judged")
+    parser.add_argument("--seed", type=at_least(0))
+    parser.add_argument("--count", type=at_least(1), help="network frames, judged; default 2000")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
     parser.add_argument("--bauds", default="", help="these rates only, with commas")
     parser.add_argument("--replay", type=Path, metavar="FILE.json", help="play one case again and tell it")
@@ -232,8 +235,14 @@ def main() -> int:
     options = parser.parse_args()
     if options.wave and not options.replay:
         parser.error("--wave is of a case: --replay FILE.json")
+    if options.replay and (options.seed is not None or options.count is not None):
+        parser.error("--replay plays the one case: no --seed, no --count")
+    if options.wave and (options.wave.is_dir() or not options.wave.resolve().parent.is_dir()):
+        parser.error(f"--wave {options.wave}: no file can be written there")
     if options.replay:
         return replay(options.replay, options.wave)
+    options.seed = random.randrange(1 << 31) if options.seed is None else options.seed
+    options.count = options.count or 2000
     try:
         bauds = tuple(int(word) for word in options.bauds.split(",") if word)
     except ValueError:
@@ -242,7 +251,7 @@ def main() -> int:
         parser.error(f"--bauds: the rates are {', '.join(map(str, sorted(BAUDS)))}")
     if options.plants is not None:
         return plants(options.plants, options.seed, options.count, bauds)
-    no_longer_one_is_lost(options.seed, options.count)
+    no_longer_one_is_lost(file_of(options.seed), options.count)
     print(f"fuzz: seed {options.seed}, {options.count} frames", flush=True)
     result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds, so_far=keep)
     keep(result)

@@ -40,11 +40,11 @@ MARGIN = 1.5
 FULLEST = "card-xo2-1200"
 # Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
 AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
-ABC9 = f"abc9 -lut 4 -dff -script +&scorr;&sweep;&dc2;&st;{AREA};&st;{AREA}"
+ABC9 = f"abc9 -lut 4 -dff -script +&sweep;&dc2;&st;{AREA};&st;{AREA}"
 # What stands around it is synth_lattice's and synth_ice40's own, by their help texts. On MachXO2/3 there are
 # no carry chains: a chain costs two cells a bit and some at its ends. abc9 leaves the second data input of
 # the flip-flops open, hence setundef; all else that is undriven is found before. A clock enable or a reset of
-# its own for four flip-flops or fewer costs nothing in cells, but the slices cannot be filled with them: then
+# its own for five flip-flops or fewer costs nothing in cells, but the slices cannot be filled with them: then
 # nextpnr finds no place for the whole card in a LCMXO2-1200. Without them it takes as many cells, and fits.
 FLIP_FLOPS = (
     "-cell $_DFF_?_ 01 -cell $_DFF_?P?_ r -cell $_SDFF_?P?_ r"
@@ -54,7 +54,7 @@ SYNTHESIS = {
     "machxo2": f"""
 synth_lattice -family {{device}} -noccu2 -top {{top}} -run begin:map_ffs
 opt_clean
-dfflegalize {FLIP_FLOPS} -mince 5 -minsrst 6
+dfflegalize {FLIP_FLOPS} -mince 6 -minsrst 6
 synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_ffs:map_luts
 check -noinit -assert
 check -latchonly -assert

@@ -26,16 +26,19 @@ from tools.soak import wire
 from tools.sources import card_files, configurations
 
 ADDRESS = 1
-FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1"}  # of each rate; the first one unless another is asked for
+# Of each rate; the first one unless another is asked for. At the slowest the firmware has queued its telegram
+# long before the commit, at the fastest it seldom has.
+FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1", 4800: "8N1"}
 BAUDS = tuple(FORMS)
 BYTES_PER_WORD = 4
 START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
+CLEAR_BITS = 0.5  # FRAME-1 leaves a quarter of a bit either way
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
 SILENCE_S = 0.12  # the watchdog bites after 64 ms, and the firmware starts in 25
 BITES = 3  # until the card halts (LED-5)
 # A sender that a flip sends back to its beginning may add a frame to the one that it was at, no more: two of
-# the longest, 34 characters at 9600 bit/s.
-LONGEST_S = 0.080
+# the longest, 34 characters, and a little.
+LONGEST_CHARACTERS = 2 * 35
 # Where bits flip, and how often: by area they would nearly all hit code that is never run again.
 PARTS = {"card": 45, "core": 15, "core registers": 6, "frame memory": 8, "data": 20, "code": 6}
 
@@ -126,9 +129,9 @@ class Places:
         return Flip(at, register.path, rng.choice(words), rng.choice(register.bits), part)
 
 
-def too_early(line: Line) -> float:
-    """Bits after a frame with which another character revokes it."""
-    return (line.t15_bits + line.t35_bits) / 2
+def too_early(line: Line, when: float = 0.5) -> float:
+    """Bits after a frame with which another character revokes it: from t1.5 (0) to t3.5 (1), off both."""
+    return line.t15_bits + CLEAR_BITS + when * (line.t35_bits - line.t15_bits - 2 * CLEAR_BITS)
 
 
 def traffic(rng: random.Random, line: Line) -> list[dict]:
@@ -151,7 +154,7 @@ def traffic(rng: random.Random, line: Line) -> list[dict]:
     def revoked() -> dict:
         event = command(0x047C)
         event["bytes"] += "55"
-        event["gaps"] = {str(len(event["bytes"]) // 2 - 1): too_early(line)}
+        event["gaps"] = {str(len(event["bytes"]) // 2 - 1): too_early(line, rng.random())}
         return event
 
     kinds = (
@@ -239,7 +242,8 @@ def trial(
         "events": events or traffic(rng, places.line),
     }
     boot_clocks = int(BOOT_S * places.line.clk_hz)
-    at = rng.randrange(boot_clocks // 4, boot_clocks + int(0.2 * places.line.clk_hz))
+    traffic_s = 0.2 * max(1, 9600 / places.baud)
+    at = rng.randrange(boot_clocks // 4, boot_clocks + int(traffic_s * places.line.clk_hz))
     flip = flip or places.choose(rng, at)
     player = FlipPlayer(case, places.target, flip)
     try:
@@ -261,7 +265,8 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     clk = player.line.clk_hz
     answered = bool(played.replies) and played.replies[-1].rise > played.network[-1].end
     what, why = telegrams(flip, played, player.line)
-    stuck = [b for b in (*played.replies, *played.telegrams) if b.fall - b.rise > LONGEST_S * clk]
+    lines = ((played.replies, player.line), (played.telegrams, drive_line(clk)))
+    stuck = [b for bursts, line in lines for b in bursts if b.fall - b.rise > longest(line)]
     if stuck and what not in FORBIDDEN:
         what, why = "driver stuck", f"for {(stuck[0].fall - stuck[0].rise) / clk:.3f} s"
     if what:
@@ -282,6 +287,11 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     if "PERF" in why or "FRAME-8" in why:
         return Outcome(flip, "timing", why)
     return Outcome(flip, told(played), why)
+
+
+def longest(line: Line) -> float:
+    """Clocks that a driver may be on, a flipped bit allowed for."""
+    return LONGEST_CHARACTERS * line.character_bits * line.bit
 
 
 def told(played: Played) -> str:
@@ -341,12 +351,12 @@ def asked(played: Played, line: Line) -> list[tuple[float, float, bytes]]:
     """The committed frames for the card: start, end, ADU."""
     found: list[tuple[float, float, bytes]] = []
     characters: list = []
-    apart = 0.9 * too_early(line) * line.bit
-    spoilt = False
+    apart = (line.t15_bits + CLEAR_BITS / 2) * line.bit
+    over = (line.t35_bits - CLEAR_BITS / 2) * line.bit
     for heard in [*played.network, None]:
         if characters and (heard is None or heard.start - characters[-1].end > apart):
             data = bytes(c.byte for c in characters)
-            spoilt = heard is not None and heard.start - characters[-1].end < 1.3 * apart
+            spoilt = heard is not None and heard.start - characters[-1].end < over
             if crc_good(data) and data[0] in (0, ADDRESS) and not spoilt:
                 found.append((characters[0].start, characters[-1].end, data))
             characters = []
