@@ -80,6 +80,21 @@ async def first_request_may_end_when_the_time_to_boot_is_over(dut):
 
 
 @cocotb.test()
+async def nothing_runs_until_the_switches_are_read(dut):
+    """An address or a rate that is not read yet is nobody's."""
+    card = WatchedCard(dut, baud=BAUD)
+    await card.switch_on()
+    clocks = 0
+    while not int(dut.sw_ready.value):
+        assert int(dut.rst.value) and (clocks == 0 or int(dut.core_rst.value))
+        clocks += 1
+        await card.bench.clocks()
+    assert clocks > 100
+    await card.firmware.round()
+    await card.is_alive()
+
+
+@cocotb.test()
 async def switches_moved_after_power_up_have_no_effect_until_the_next_reset(dut):
     address, baud, form = 0b0101_0101, BAUD, "8E1"
     card = await WatchedCard(dut, baud=baud, form=form, address=address).boot()
@@ -388,6 +403,7 @@ def test_boot(sim, config):
 @pytest.mark.rule("LINE-2", "LINE-3", "LINE-7", "LINE-8", "LED-5")
 def test_switches(sim, config):
     what = [
+        "nothing_runs_until_the_switches_are_read",
         "switches_moved_after_power_up_have_no_effect_until_the_next_reset",
         "invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines",
     ]
