@@ -86,7 +86,7 @@ fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
 test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators, but for the slow ones (SIM=, TEST=)
 	@$(PYTEST) -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM))
 
-test-slow: firmware drive | $(SETUP) ## the tests that `make test` leaves out, nearly all on Icarus (TEST=)
+test-slow: firmware drive | $(SETUP) ## what `make test` leaves out: long tests on Icarus, covers of the proofs, builds of boards (TEST=)
 	@$(PYTEST) -n $(JOBS) --dist=worksteal --slow
 
 test-tiny: firmware | $(SETUP) ## the tests of the whole card as tiny, all on both simulators (SIM=, TEST=)

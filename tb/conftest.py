@@ -26,6 +26,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--card") and config.getoption("--slow"):
+        raise pytest.UsageError("--card runs the slow ones, too: no --slow with it")
     # The simulators lie beside the interpreter; a plain `.venv/bin/pytest` must find them too.
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     # Set once, before xdist starts its workers, so that the whole run is repeated by one number.

@@ -55,7 +55,7 @@ def sealed_image(entry: Board, seed: int) -> str:
     return "".join(map(hex_line, memory(packed, 4 * entry.memory_words)))
 
 
-# The part that the card asks for always, the other families in `make test-slow`.
+# The card's own part always, the other families in `make test-slow`.
 SLOW = [pytest.param(family, marks=pytest.mark.patient) for family in FULL if family != "machxo2"]
 
 

@@ -40,6 +40,8 @@ MARGIN = 1.5
 FULLEST = "card-xo2-1200"
 # Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
 AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
+# No &scorr, though it saves cells: it makes one flip-flop of two that are always equal or opposite, and some
+# are so on purpose, against a flipped bit (SAFE-4).
 ABC9 = f"abc9 -lut 4 -dff -script +&sweep;&dc2;&st;{AREA};&st;{AREA}"
 # What stands around it is synth_lattice's and synth_ice40's own, by their help texts. On MachXO2/3 there are
 # no carry chains: a chain costs two cells a bit and some at its ends. abc9 leaves the second data input of
