@@ -145,7 +145,7 @@ end
 always @(posedge clk) begin
   if (g_past) begin
     i_candidate : assert (is_candidate == g_candidate);
-    i_committed : assert (is_committed == g_committed);
+    i_committed : assert (is_committed == g_committed && committed == g_committed && uncommitted == !committed);
     i_answerable : assert (answerable == (g_committed && !g_heard));
     i_opposite : assert (unlicensed == !licensed);
     i_licensed : assert (!licensed || g_open || (g_licensed && g_content_here));

@@ -18,6 +18,8 @@ initial assume (core_rst);
 // Registers inside the instances, by their hierarchical names.
 (* hierconn *) wire \gate_i.licensed ;
 (* hierconn *) wire \gate_i.unlicensed ;
+(* hierconn *) wire \gate_i.committed ;
+(* hierconn *) wire \gate_i.uncommitted ;
 (* hierconn *) wire \gate_i.begun ;
 (* hierconn *) wire \gate_i.was_open ;
 (* hierconn *) wire \gate_i.answerable ;
@@ -30,6 +32,8 @@ wire g_gate_waits = \gate_i.wait_drive ;
 wire [6:0] g_flags = \regs_i.flags ;
 wire g_gate_licensed = \gate_i.licensed ;
 wire g_gate_unlicensed = \gate_i.unlicensed ;
+wire g_gate_committed = \gate_i.committed ;
+wire g_gate_uncommitted = \gate_i.uncommitted ;
 wire g_gate_begun = \gate_i.begun ;
 wire g_gate_open = \gate_i.was_open ;
 wire g_gate_answerable = \gate_i.answerable ;
@@ -219,7 +223,7 @@ always @(posedge clk) begin
     i_opposite : assert (g_gate_unlicensed == !g_gate_licensed);
     i_fresh : assert (!telegram_queued || g_gate_licensed || (!g_gate_begun && !g_licensed));
     i_candidate : assert (is_candidate == g_candidate);
-    i_committed : assert (is_committed == g_committed);
+    i_committed : assert (g_gate_committed == g_committed && g_gate_uncommitted == !g_committed);
     i_answerable : assert (g_gate_answerable == (g_committed && !g_heard));
     i_licensed : assert (!g_gate_licensed || g_open || (g_licensed && g_here));
     i_queued : assert (!telegram_queued || g_gate_licensed || (g_here && g_ours && g_candidate));

@@ -69,7 +69,10 @@ always @(posedge clk) begin
       i_begun : assert (ticks >= g_first);
     end
   end
-  if (g_past) i_own : assert (ticks >= START - 18);
+  if (g_past) begin
+    i_own : assert (ticks >= START - 18);
+    i_parity : assert (odd == ^{ticks, halves});
+  end
 end
 
 // ---- it is not right by doing nothing

@@ -22,8 +22,9 @@
 // loop-back test, while loopback_open: there is no master on the line then (LOOP-1);
 // its end takes back what is queued.
 //
-// Against one flipped bit (SAFE-4): a licence is two opposite bits, a commit needs its
-// candidate and a line that is silent, a committed request is no candidate any more.
+// Against one flipped bit (SAFE-4): a licence is two opposite bits, and so is what tells
+// a committed request, from the firmware, too; such a request is no candidate any more,
+// a revoked one never committed. A commit needs its candidate and a line that is silent.
 // telegram_queued alone can only bring forward the one repeat that is still licensed.
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
@@ -60,12 +61,14 @@ module commit_gate (
     // status
     output reg  [3:0] ticket,
     output reg        is_candidate,
-    output reg        is_committed,
+    output wire       is_committed,
     output reg        reply_queued,
     output reg        telegram_queued,
     output reg        telegram_started
 );
 
+  reg  committed = 1'b0;
+  reg  uncommitted = 1'b1;  // the opposite
   reg  answerable = 1'b0;  // committed, and nothing heard or answered since
   reg  wait_drive = 1'b0;
   reg  licensed = 1'b0;
@@ -79,10 +82,11 @@ module commit_gate (
   wire current = queue_ticket == ticket;
   wire new_telegram = queue_telegram && !telegram_repeat;
   wire commits = commit && modbus_quiet && (is_candidate || candidate);
-  wire owed = is_committed && !is_candidate && !spent;
+  wire owed = is_committed && !spent;
   wire told = reply_start && newest && !loopback_open;  // the telegram's request has its reply
   wire closing = was_open && !loopback_open;
 
+  assign is_committed = committed && !uncommitted && !is_candidate;
   assign reply_start = reply_queued && (answerable || loopback_open) && modbus_quiet &&
       (!wait_drive || drive_good) && !closing;
   // What the firmware does to the telegram in this very clock comes first.
@@ -92,7 +96,6 @@ module commit_gate (
   initial begin
     ticket = 4'd0;
     is_candidate = 1'b0;
-    is_committed = 1'b0;
     reply_queued = 1'b0;
     telegram_queued = 1'b0;
     telegram_started = 1'b0;
@@ -152,7 +155,8 @@ module commit_gate (
     if (candidate) begin
       ticket <= ticket + 4'd1;
       is_candidate <= 1'b1;
-      is_committed <= 1'b0;
+      committed <= 1'b0;
+      uncommitted <= 1'b1;
       answerable <= 1'b0;
       reply_queued <= 1'b0;
       if (!licensed || new_telegram) telegram_queued <= 1'b0;
@@ -163,9 +167,10 @@ module commit_gate (
     end
     if (commits) begin
       is_candidate <= 1'b0;
-      is_committed <= 1'b1;
-      answerable   <= 1'b1;
-      spent        <= 1'b0;
+      committed <= 1'b1;
+      uncommitted <= 1'b0;
+      answerable <= 1'b1;
+      spent <= 1'b0;
       if (licensed && !new_telegram) begin
         newest <= 1'b0;
         repeatable <= 1'b0;
@@ -182,6 +187,8 @@ module commit_gate (
     end
     if (revoke && is_candidate) begin
       is_candidate <= 1'b0;
+      committed <= 1'b0;
+      uncommitted <= 1'b1;
       reply_queued <= 1'b0;
       if (!licensed || new_telegram) telegram_queued <= 1'b0;
     end
@@ -196,7 +203,8 @@ module commit_gate (
 
     if (rst) begin
       is_candidate <= 1'b0;
-      is_committed <= 1'b0;
+      committed <= 1'b0;
+      uncommitted <= 1'b1;
       answerable <= 1'b0;
       reply_queued <= 1'b0;
       telegram_queued <= 1'b0;

@@ -136,7 +136,9 @@ module network_port #(
       .start_seen(start_seen)
   );
 
-  silence_timer silence_i (
+  silence_timer #(
+      .GUARDED(1'b1)
+  ) silence_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),

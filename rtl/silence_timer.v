@@ -17,11 +17,14 @@
 // character, and sending holds it.
 // *_reached: one clock. long_silent: level, until the next restart. half_end: the
 // count in the last tick of a half; half_uneven takes a tick off the second, fourth and
-// sixth. Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8.
+// sixth. GUARDED: a count of which a bit has flipped, so that its parity is not odd's,
+// starts anew; a frame might be over before t3.5 (SAFE-4). Units: tick16 = 1/16 bit.
+// Clock domain: clk. Rules: FRAME-1, FC-8.
 `default_nettype none
 
 module silence_timer #(
     parameter WIDTH = 9,
+    parameter [0:0] GUARDED = 1'b0,
     parameter [2:0] SHORT_HALVES = 3'd3,
     parameter [2:0] LONG_HALVES = 3'd7
 ) (
@@ -49,10 +52,14 @@ module silence_timer #(
 
   reg [WIDTH-1:0] ticks = START;
   reg [2:0] halves = 3'd0;  // that are over
+  reg odd = ^START;
+  reg [WIDTH-1:0] ticks_next;
+  reg [2:0] halves_next;
 
   wire counting = tick16 && !busy && !long_silent;
   wire half_over = counting && ticks == half_end;
   wire shorter = half_uneven && !halves[0];  // the half to come
+  wire again = restart || sending || rst || (GUARDED && odd != ^{ticks, halves});
 
   initial begin
     short_reached = 1'b0;
@@ -60,21 +67,31 @@ module silence_timer #(
     long_silent   = 1'b0;
   end
 
-  always @(posedge clk) begin
-    short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
-    long_reached  <= half_over && halves == LONG_HALVES - 3'd1;
-    if (counting) ticks <= ticks + 1'b1;
+  always @* begin
+    ticks_next  = ticks;
+    halves_next = halves;
+    if (counting) ticks_next = ticks + 1'b1;
     if (half_over) begin
-      ticks  <= START | {{(WIDTH - 1) {1'b0}}, shorter};
-      halves <= halves + 3'd1;
-      if (halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
+      ticks_next  = START | {{(WIDTH - 1) {1'b0}}, shorter};
+      halves_next = halves + 3'd1;
     end
-    if (restart || sending || rst) begin
-      ticks <= sending ? START : START - STOP_LEFT - (two_stop ? SECOND_STOP : 0);
-      halves <= 3'd0;
+    if (again) begin
+      ticks_next  = sending ? START : START - STOP_LEFT - (two_stop ? SECOND_STOP : 0);
+      halves_next = 3'd0;
+    end
+  end
+
+  always @(posedge clk) begin
+    ticks <= ticks_next;
+    halves <= halves_next;
+    odd <= ^{ticks_next, halves_next};
+    short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
+    long_reached <= half_over && halves == LONG_HALVES - 3'd1;
+    if (half_over && halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
+    if (again) begin
       short_reached <= 1'b0;
-      long_reached <= 1'b0;
-      long_silent <= 1'b0;
+      long_reached  <= 1'b0;
+      long_silent   <= 1'b0;
     end
   end
 

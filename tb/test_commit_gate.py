@@ -19,6 +19,15 @@ INPUTS = """
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
 
+# What tells a candidate, a commit and a licence.
+BITS = ["is_candidate", "committed", "uncommitted", "licensed", "unlicensed", "telegram_queued"]
+
+
+def flip(dut, name: str) -> None:
+    bit = getattr(dut, name)
+    bit.value = 1 - int(bit.value)
+
+
 class Gate:
     """The gate with both lines silent, and verbs for what may happen to it."""
 
@@ -347,16 +356,49 @@ async def a_commit_counts_on_a_silent_line_and_for_a_candidate_only(dut):
 
 
 @cocotb.test()
-@cocotb.parametrize(name=["licensed", "unlicensed", "is_committed", "telegram_queued"])
+@cocotb.parametrize(name=BITS)
 async def no_single_bit_sends_what_is_not_committed(dut, name):
     gate = await Gate(dut).start()
     ticket = await gate.candidate(writes_coils=1)
     await gate.queue_telegram(ticket)
-    bit = getattr(dut, name)
-    bit.value = 1 - int(bit.value)
+    flip(dut, name)
     assert await gate.settle() == (0, 0)
     await gate.queue_telegram(ticket)
     assert await gate.settle() == (0, 0)
+    assert dut.is_committed.value == 0
+
+
+@cocotb.test()
+@cocotb.parametrize(name=BITS, revoked_first=[False, True], queued_first=[False, True])
+async def no_single_bit_sends_what_was_revoked(dut, name, revoked_first, queued_first):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=1)
+    if queued_first:
+        await gate.queue_telegram(ticket)
+    if revoked_first:
+        await gate.pulse("revoke")
+    flip(dut, name)
+    await gate.bench.clocks()
+    if not revoked_first:
+        await gate.pulse("revoke")
+    for _ in range(2):
+        assert await gate.settle() == (0, 0)
+        assert dut.is_committed.value == 0, "nor is the firmware told so"
+        await gate.queue_telegram(ticket)
+
+
+@cocotb.test()
+@cocotb.parametrize(name=["committed", "uncommitted"])
+async def no_single_bit_outlives_the_next_request(dut, name):
+    gate = await Gate(dut).start()
+    for writes_coils in (0, 1):
+        flip(dut, name)
+        ticket = await gate.candidate(writes_coils=writes_coils)
+        assert dut.is_committed.value == 0
+        await gate.queue_telegram(ticket)
+        await gate.pulse("commit")
+        assert dut.is_committed.value == 1
+        assert await gate.settle() == (0, 1 + writes_coils)
 
 
 @cocotb.test()

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from tb.generated.mailbox import AREAS
+from tb.generated.mailbox import AREAS, FRAMES
 from tb.lib.seeds import seeded
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.firmware import Gateway, frame_memory
@@ -200,6 +200,32 @@ def test_the_loop_back_test_s_door_is_closed_at_every_other_start(bench: Bench):
     bench.mailbox._write_supervisor = lambda **fields: written.append(fields)
     bench.restart()
     assert written == [{"halt": 0, "loopback": 1}], "nor does a flipped switch open it later"
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("write", core_flips.WRITES)
+def test_adr_is_the_last_of_a_telegram_to_be_written(write):
+    """Until then no drive takes what lies there, whole or not."""
+    slots = AREAS["TELEGRAM_FRAME"]
+    places = [FRAMES + slots.at(i) for i in range(slots.length)]
+    stored = []
+
+    class Watched(Machine):
+        def _store(self, address: int, size: int, value: int) -> None:
+            if address in places:
+                stored.append((places.index(address), frame_memory()[slots.at(0)]))
+            super()._store(address, size, value)
+
+    bench = Bench(Watched)
+    bench.request(core_flips.EARLIER)
+    bench.telegram_ends()
+    bench.drive(core_flips.DRIVE_SAYS)
+    assert stored[-1][0] == 0, "the end of the exchange"
+    stored.clear()
+    bench.offer(write)
+    order = [place for place, _ in stored]
+    assert order == list(range(len(order) - 1, -1, -1)) and len(order) in (6, 14)
+    assert not any(adr for _, adr in stored), "it was 0 all the time"
 
 
 @pytest.mark.rule("SAFE-4")

@@ -196,6 +196,34 @@ async def strict_all_up_to_the_next_silence_of_t35_is_dropped_after_a_revoke(dut
 
 
 @cocotb.test()
+async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut):
+    """Each bit of its counts and levels, in the middle between t1.5 and t3.5 (SAFE-4).
+
+    A commit counts on a quiet line only (commit_gate).
+    """
+    port = await Port(dut, 115_200).start()
+    commits = Strobes(dut, "commit", "quiet")
+    timer = dut.port_i.silence_i
+    flipped = 0
+    for name in ("ticks", "halves", "odd", "long_reached", "long_silent"):
+        register = getattr(timer, name)
+        for bit in range(len(register)):
+            await port.send(GOOD)
+            await port.line.source.idle(port.bits(2.5))
+            for strobes in (port.candidates, commits):
+                strobes.clear()
+            register.value = int(register.value) ^ 1 << bit
+            await port.line.source.idle(port.bits(0.9))
+            await port.send(b"\x55")
+            assert (1,) not in commits.values, f"{name} bit {bit}"
+            await port.silence()
+            await port.frame(GOOD)
+            assert commits.values[-1:] == [(1,)] and len(port.candidates) == 1, "the next one is taken"
+            flipped += 1
+    assert flipped == 15
+
+
+@cocotb.test()
 async def strict_cut_off_frame_and_a_good_one_behind_it(dut):
     port = await Port(dut).start()
     for gap, outcome, counted in (

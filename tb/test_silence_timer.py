@@ -137,6 +137,33 @@ async def limits_of_every_rate_are_those_of_its_table(dut, baud):
         assert abs(ticks - TWO_STOP_TICKS - limit) <= 2
 
 
-@pytest.mark.rule("FRAME-1", "FC-8")
-def test_silence_timer(sim):
-    run("silence_timer", "tb.test_silence_timer", sim=sim)
+@cocotb.test()
+async def guarded_a_flipped_bit_begins_the_count_anew(dut):
+    """Each bit, early and late in a count, and once it is over (SAFE-4)."""
+    timer = await Timer(dut).start()
+    for name in ("ticks", "halves", "odd"):
+        register = getattr(dut, name)
+        for bit in range(len(register)):
+            for after in (1, SHORT + 5, LONG - 1, LONG + 30):
+                await timer.restart()
+                await timer.bench.clocks(after)
+                timer.long.clear()
+                register.value = int(register.value) ^ 1 << bit
+                await timer.bench.clocks()
+                timer.begun_ps = timer.bench.last_edge_ps()
+                await timer.bench.clocks(2 * LONG)
+                assert timer.ticks(timer.long) == [LONG + ONE_STOP_TICKS], f"{name} bit {bit} after {after}"
+                assert dut.long_silent.value == 1
+
+
+@pytest.mark.rule("FRAME-1", "FC-8", "SAFE-4")
+@pytest.mark.parametrize("guarded", [0, 1])
+def test_silence_timer(sim, guarded):
+    testcase = None if guarded else r"(?!guarded_)\w+"
+    run(
+        "silence_timer",
+        "tb.test_silence_timer",
+        sim=sim,
+        parameters={"GUARDED": guarded},
+        testcase=testcase,
+    )
