@@ -3,8 +3,9 @@
 //
 // The ghosts (g_*) are a second account of the request and of the telegram's content, kept from the strobes
 // alone. Assumed of rtu_rx, and proved there: never revoke with candidate or commit, and a newer candidate has
-// begun with a start bit. Not assumed, for a restart of the firmware resets the gate alone, and with
-// PREPARE_EARLY = 0 there is no candidate to revoke: that commit and revoke come while there is a candidate.
+// begun with a start bit; of network_port: a line on which a character begins is not quiet. Not assumed, for a
+// restart of the firmware resets the gate alone, and with PREPARE_EARLY = 0 there is no candidate to revoke: that
+// commit and revoke come while there is a candidate.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -30,6 +31,8 @@ reg g_control = 1'b0;  // the telegram's request, committed, writes coils
 wire g_queued = queue_telegram && !telegram_repeat;
 // A commit counts for the candidate that is there, on a silent line.
 wire g_commit = commit && modbus_quiet && (candidate || g_candidate);
+// A start bit is enough to revoke (FRAME-6).
+wire g_revoke = revoke || modbus_start_seen;
 wire g_ends = telegram_touched || (g_open && !loopback_open);
 
 always @(posedge clk) begin
@@ -42,7 +45,7 @@ always @(posedge clk) begin
     g_committed <= 1'b1;
     g_heard <= 1'b0;
   end else begin
-    if (revoke) g_candidate <= 1'b0;
+    if (g_revoke) g_candidate <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
   g_open <= loopback_open;
@@ -59,9 +62,9 @@ always @(posedge clk) begin
   // clock in which the request changes belongs to the old one.
   if (g_queued) begin
     g_content_here <= 1'b1;
-    g_content_ours <= queue_ticket == ticket && !candidate && !(revoke && g_candidate) &&
+    g_content_ours <= queue_ticket == ticket && !candidate && !(g_revoke && g_candidate) &&
         (g_candidate || (g_committed && !g_spent));
-    g_licensed <= queue_ticket == ticket && !candidate && !(revoke && g_candidate) &&
+    g_licensed <= queue_ticket == ticket && !candidate && !(g_revoke && g_candidate) &&
         ((g_committed && !g_spent) || g_commit);
     g_control <= writes_coils && queue_ticket == ticket && !candidate && ((g_committed && !g_spent) || g_commit);
     g_newest <= 1'b1;
@@ -69,7 +72,7 @@ always @(posedge clk) begin
     g_sends <= 2'd0;
     g_told <= 1'b0;
   end else begin
-    if (candidate || (revoke && g_candidate)) g_content_ours <= 1'b0;
+    if (candidate || (g_revoke && g_candidate)) g_content_ours <= 1'b0;
     if (g_commit && !candidate && g_content_here && g_content_ours && !g_licensed) begin
       g_licensed <= 1'b1;
       g_control <= writes_coils;
@@ -99,6 +102,7 @@ always @* begin
   if (g_past) begin
     assume (!(commit && revoke));
     assume (!(candidate && revoke));
+    assume (!(modbus_start_seen && modbus_quiet));
     // A newer frame has begun with a start bit.
     assume (!candidate || !g_committed || g_heard);
   end

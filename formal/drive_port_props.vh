@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // DE of the drive line rises for a telegram only, on a line that was silent for two characters, and falls when
-// that telegram has had its time (SAFE-2, FC-8, FC-10). Filter, UART, silence timer, sender and direction, wired.
+// that telegram has had its time (SAFE-2, FC-8, FC-10); after a broadcast nobody is listened to. Filter, UART, silence timer, sender and direction, wired.
 //
 // Silent: the pin high and no character being received, counted in ticks since the end of the last character,
 // whoever sent it. A low that is too short for a start bit stops the count and does not start it anew.
@@ -99,13 +99,21 @@ always @(posedge clk) begin
   else if (tick16) g_high <= g_high + 16'd1;
 end
 
+// ---- who may be heard: a reply is due, or the firmware asked
+reg g_asked = 1'b0;
+always @(posedge clk) begin
+  if (sending && !telegram_no_reply) g_asked <= 1'b1;
+  if (telegram_start) g_asked <= 1'b0;
+  if (listen_again) g_asked <= 1'b1;
+end
+
 wire [5:0] g_bytes = telegram_length == 5'd0 ? 6'd34 : {1'b0, telegram_length} + 6'd2;  // STX, LGE and these
 
 always @(posedge clk) begin
   if (g_past) begin
-    // SAFE-2, FC-8: a quiet line has been silent for two characters: 22 bits after DE fell, and after the vote on
-    // a stop bit two ticks more, which are the rest of that bit.
-    a_silent : assert (!quiet || g_silent >= G_PAUSE + (g_own ? 10'd0 : 10'd2));
+    // SAFE-2, FC-8: a quiet line has been silent for two characters, and is: 22 bits after DE fell, and after the
+    // vote on a stop bit two ticks more, which are the rest of that bit.
+    a_silent : assert (!quiet || (synced && g_silent >= G_PAUSE + (g_own ? 10'd0 : 10'd2)));
     // It rises two clocks after a start, for nothing else, and that start fell into such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= G_PAUSE));
     // SAFE-2: at most one bit longer than the telegram's own characters, and those are never more than 34.
@@ -115,8 +123,9 @@ always @(posedge clk) begin
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_falls : assert (!g_de || de || !sending);
-    // FC-10: nothing is heard of it.
-    a_deaf : assert (!de || !rx_valid);
+    // FC-10: nothing is heard of it, and nothing at all after one that has no reply, unless the firmware asks.
+    a_deaf : assert (!de || !(rx_valid || start_seen));
+    a_after_all : assert (!listening || g_asked);
     a_not_quiet : assert (!sending || g_start || !quiet);
     // SAFE-1: the control word's upper byte, the third before LGE bytes are complete, gives the UART its bit 10
     // only when this telegram may command.
@@ -173,7 +182,7 @@ always @(posedge clk) begin
     i_idle : assert (g_sender != G_IDLE || (!de && !g_driving && !g_loaded && !tx_busy));
     i_stx : assert (g_sender != G_STX || (g_start && !de && !g_de && g_high == 16'd0 && g_lead == 4'd0 && !g_driving && !g_loaded && !tx_busy));
     i_de : assert (g_sender == G_IDLE || g_sender == G_STX || de);
-    i_lead : assert (g_lead <= 4'd4 && (!de || g_lead == 4'd4 || g_high == {12'd0, g_lead}));
+    i_lead : assert (g_lead <= 4'd4 && (!de || (g_lead == 4'd4 && g_high >= 16'd4) || g_high == {12'd0, g_lead}));
     i_lge : assert (g_sender != G_LGE || g_driving || g_loaded);
     i_fetch : assert (g_sender != G_FETCH || telegram_length == 5'd0 || g_index < telegram_length);
     i_index : assert (g_sender != G_LGE || g_index == 5'd0);
@@ -197,7 +206,8 @@ always @(posedge clk) begin
     // Before the first start bit: a false start may be on its way, which the filter ends.
     i_waiting : assert (!(g_sender == G_LGE && !g_driving) || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd10)));
     i_line : assert (!(de && g_high > 16'd1) || line);
-    i_votes : assert (!(g_sender == G_LGE && !g_driving) || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
+    i_votes : assert (!de || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
+    i_start : assert (!(g_start || g_start_before) || g_silent_start >= G_PAUSE);
     i_started : assert (!g_start || (g_uart[4:1] == 4'd0 && g_phase <= 4'd1));
     i_phase : assert (!(g_sender == G_LGE && !g_driving && g_uart[0]) || (g_phase <= 4'd7 && g_phase <= g_high + 16'd2));
   end

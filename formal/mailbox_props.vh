@@ -6,7 +6,8 @@
 //
 // Assumed of rtu_rx, and proved there: never revoke with candidate or commit; a newer candidate has begun with a
 // start bit; what is told of a request stays until the next candidate. Of the ports: neither line reads and
-// writes at once, and the drive port sends after a start only. Of the firmware: nothing.
+// writes at once, the drive port sends after a start only, and a line on which a character begins is not quiet. Of
+// the firmware: nothing.
 
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
@@ -61,6 +62,8 @@ reg g_control = 1'b0;  // and writes coils
 reg g_open = 1'b0;  // the loop-back test sends without a request (LOOP-1)
 // A commit counts for the candidate that is there, on a silent line.
 wire g_commit = commit && modbus_quiet && (candidate || g_candidate);
+// A start bit is enough to revoke (FRAME-6).
+wire g_revoke = revoke || modbus_start_seen;
 reg [5:0] g_ordered = 6'd0;  // length and kind, as that order gave them
 reg [4:0] g_answer = 5'd0;
 reg g_was_sending = 1'b0;
@@ -109,7 +112,7 @@ always @(posedge clk) begin
     g_committed <= 1'b1;
     g_heard <= 1'b0;
   end else begin
-    if (revoke) g_candidate <= 1'b0;
+    if (g_revoke) g_candidate <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
   if (g_commit) g_spent <= 1'b0;
@@ -120,11 +123,11 @@ always @(posedge clk) begin
 
   if (g_queued) begin
     g_here <= 1'b1;
-    g_ours <= g_current && !candidate && !(revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
-    g_licensed <= g_current && !candidate && !(revoke && g_candidate) && ((g_committed && !g_spent) || g_commit);
+    g_ours <= g_current && !candidate && !(g_revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
+    g_licensed <= g_current && !candidate && !(g_revoke && g_candidate) && ((g_committed && !g_spent) || g_commit);
     g_control <= frame_writes_coils && g_current && !candidate && ((g_committed && !g_spent) || g_commit);
   end else begin
-    if (candidate || (revoke && g_candidate)) g_ours <= 1'b0;
+    if (candidate || (g_revoke && g_candidate)) g_ours <= 1'b0;
     if (g_commit && !candidate && g_here && g_ours && !g_licensed) begin
       g_licensed <= 1'b1;
       g_control <= frame_writes_coils;
@@ -149,6 +152,7 @@ end
 
 always @* begin
   assume (!(revoke && (candidate || commit)));
+  assume (!(modbus_start_seen && modbus_quiet));
   assume (!candidate || !g_committed || g_heard);
   assume (!(modbus_read_valid && modbus_write_valid));
   assume (!(drive_read_valid && drive_write_valid));

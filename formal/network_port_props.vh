@@ -118,6 +118,8 @@ always @(posedge clk) begin
   if (g_past) begin
     // SAFE-2: a quiet line has been silent for 3.5 characters, and is.
     a_silent : assert (!quiet || (synced && g_silent >= g_limit + g_head));
+    // The gate takes that for granted.
+    a_begun : assert (!(start_seen && quiet));
     // DE rises two clocks after a start, for nothing else, and that start fell into such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= g_limit));
     // It falls with the reply, and the receiver is deaf to it (LINE-6).
@@ -129,6 +131,7 @@ always @(posedge clk) begin
     a_longest : assert (!de || g_high <= 16'd6000);
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
+    a_deaf : assert (!de || !(rx_valid || start_seen));
     a_not_quiet : assert (!(de || rx_busy || rx_valid) || !quiet);
     // SAFE-1: the mailbox hears of a frame what its receiver says (proved there), that it writes coils above all.
     a_told : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_told);
@@ -175,7 +178,7 @@ always @(posedge clk) begin
     i_start : assert (!g_start || (g_sender == G_FETCH && !de && !g_de && g_silent_start >= g_limit && g_taken == 6'd0 &&
         g_high == 16'd0 && g_lead == 4'd0 && !g_driving && !g_loaded && !tx_busy && g_index == 5'd0 &&
         g_uart[4:1] == 4'd0 && g_phase <= 4'd1 && g_unanswered == 2'd0));
-    i_lead : assert (g_lead <= 4'd9 && (!de || g_lead == 4'd9 || g_high == {12'd0, g_lead}));
+    i_lead : assert (g_lead <= 4'd9 && (!de || (g_lead == 4'd9 && g_high >= 16'd9) || g_high == {12'd0, g_lead}));
     // What was taken.
     i_fetched : assert (g_sender != G_FETCH || g_taken == {1'b0, g_index});
     i_send : assert (g_sender != G_SEND || (g_taken == {g_index == 5'd0, g_index} - 6'd1 && tx_ready));
@@ -187,7 +190,7 @@ always @(posedge clk) begin
     i_none : assert (!(g_before && !g_loaded && de) || g_high <= (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
     i_waiting : assert (!g_before || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd12)));
     i_line : assert (!(de && g_high > 16'd1) || line);
-    i_votes : assert (!g_before || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
+    i_votes : assert (!de || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
     i_phase : assert (!(g_before && g_uart[0]) || (g_phase <= 4'd7 && g_phase <= g_high + 16'd2));
     // While characters leave.
     i_busy : assert (!(g_sender == G_CRC_HIGH) || g_driving);

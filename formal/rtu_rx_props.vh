@@ -42,8 +42,8 @@ reg [8:0] g_summed = 9'd0;  // characters in the CRC unit, as far as 257
 wire g_whole = g_count >= 9'd4 && g_count <= 9'd256 && !g_parity && !g_framing && crc_good;
 wire g_ours = g_address == own_address || g_address == 8'd0;
 wire g_first = !g_lost && (g_count == 9'd0 || g_forgotten);
-wire g_continued = g_good && byte_valid;
-wire g_take = byte_valid && !g_lost && !(g_good && STRICT_T15);
+wire g_continued = g_good && start_seen;
+wire g_take = byte_valid && !g_lost;
 wire g_now_good = short_reached && g_count != 9'd0 && !g_good && !g_forgotten && g_whole;
 
 always @(posedge clk) begin
@@ -53,10 +53,10 @@ always @(posedge clk) begin
   if (crc_clear) g_summed <= 9'd0;
   else if (byte_valid && g_summed != 9'd257) g_summed <= g_summed + 9'd1;
 
-  if (byte_valid) begin
+  if (byte_valid) g_forgotten <= 1'b0;
+  if (g_continued) begin
     g_good <= 1'b0;
-    g_forgotten <= 1'b0;
-    if (g_good && STRICT_T15) begin
+    if (STRICT_T15) begin
       g_lost  <= 1'b1;
       g_count <= 9'd0;
     end
@@ -192,6 +192,7 @@ always @(posedge clk) begin
     i_wait : assert ((state == S_WAIT) == g_lost);
     i_idle : assert ((state == S_IDLE) == (!g_lost && g_count == 9'd0));
     i_hold : assert ((state == S_HOLD) == g_good);
+    i_no_character : assert (!g_good || !g_character);
     i_suspect : assert ((state == S_SUSPECT) == g_forgotten);
     i_frame : assert (!(g_good || g_forgotten) || g_count != 9'd0);
     i_either : assert (!(g_good && g_forgotten) && !(g_lost && g_count != 9'd0));
@@ -236,7 +237,7 @@ always @(posedge clk) begin
 end
 `endif
 `ifdef COVER_LENIENT
-always @(posedge clk) c_grown : cover (g_past && !rst && commit && frame_length == 8'd5 && $past(revoke, 3));
+always @(posedge clk) c_grown : cover (g_past && !rst && commit && frame_length == 8'd5 && $past(revoke, 4));
 `endif
 `ifdef COVER_LATE
 always @(posedge clk) c_at_once : cover (g_past && !rst && candidate && commit);

@@ -250,6 +250,7 @@ end
 always @(posedge clk) begin
   if (g_past) begin
     i_driving : assert (driving == g_sending);
+    i_votes : assert (!(driving && state[S_START]) || ((phase < 4'd1 || votes[0]) && (phase < 4'd2 || votes[1])));
     i_states : assert (g_state_count == (g_sending ? 3'd1 : 3'd0));
     i_loaded : assert (loaded == g_loaded || (g_sending && state[S_START] && loaded && !g_loaded));
     i_waiting : assert (!g_loaded || shift == g_waiting);

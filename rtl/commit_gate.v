@@ -3,7 +3,8 @@
 //
 // The firmware queues a reply and a telegram for a ticket, the number of the
 // request they answer. A stale ticket is ignored. What is queued leaves only after
-// the request was committed, and is dropped when it is revoked (FRAME-6).
+// the request was committed, and is dropped when it is revoked, or any character begins
+// before (FRAME-6).
 //
 // Reply: once for each request, on a line silent for t3.5; dropped by any
 // character after the commit (FRAME-7); with after_drive it also waits until the
@@ -23,9 +24,10 @@
 // its end takes back what is queued.
 //
 // Against one flipped bit (SAFE-4): a licence is two opposite bits, and so is what tells
-// a committed request, from the firmware, too; such a request is no candidate any more,
-// a revoked one never committed. A commit needs its candidate and a line that is silent.
-// telegram_queued alone can only bring forward the one repeat that is still licensed.
+// a committed request, from the firmware, too. A commit needs its candidate and a line
+// that is silent; a candidate ends with a start bit, whatever rtu_rx makes of it.
+// What a commit licenses is queued and has never left (begun). telegram_queued alone
+// can only bring forward the one repeat that is still licensed.
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
 
@@ -75,7 +77,7 @@ module commit_gate (
   reg  unlicensed = 1'b1;  // the opposite
   reg  newest = 1'b0;  // no other request was committed since the telegram was queued
   reg  repeatable = 1'b0;  // that, and it is no broadcast
-  reg  begun = 1'b0;  // it has left once
+  reg  begun = 1'b0;  // it has left once, or there is none
   reg  spent = 1'b0;  // the request licenses nothing more
   reg  was_open = 1'b0;
 
@@ -86,7 +88,7 @@ module commit_gate (
   wire told = reply_start && newest && !loopback_open;  // the telegram's request has its reply
   wire closing = was_open && !loopback_open;
 
-  assign is_committed = committed && !uncommitted && !is_candidate;
+  assign is_committed = committed && !uncommitted;
   assign reply_start = reply_queued && (answerable || loopback_open) && modbus_quiet &&
       (!wait_drive || drive_good) && !closing;
   // What the firmware does to the telegram in this very clock comes first.
@@ -123,6 +125,9 @@ module commit_gate (
     end
     if (told) telegram_queued <= 1'b0;
 
+    // Nothing waits, nothing may leave again: no telegram is fresh any more.
+    if (!telegram_queued && !licensed) begun <= 1'b1;
+
     // What the firmware queues.
     if (queue_reply) begin
       reply_queued <= !reply_empty && (loopback_open ||
@@ -147,6 +152,11 @@ module commit_gate (
     if (modbus_start_seen && is_committed) begin
       reply_queued <= 1'b0;
       answerable   <= 1'b0;
+    end
+    if (is_candidate && (revoke || modbus_start_seen)) begin
+      is_candidate <= 1'b0;
+      reply_queued <= 1'b0;
+      if (!licensed || new_telegram) telegram_queued <= 1'b0;
     end
     if (drive_bad && wait_drive) reply_queued <= 1'b0;
 
@@ -179,18 +189,11 @@ module commit_gate (
           licensed <= 1'b0;
           unlicensed <= 1'b1;
         end
-      end else if (!candidate && (new_telegram ? current : telegram_queued)) begin
+      end else if (!candidate && (new_telegram ? current : telegram_queued && !begun)) begin
         licensed <= 1'b1;
         unlicensed <= 1'b0;
         telegram_control <= writes_coils;
       end
-    end
-    if (revoke && is_candidate) begin
-      is_candidate <= 1'b0;
-      committed <= 1'b0;
-      uncommitted <= 1'b1;
-      reply_queued <= 1'b0;
-      if (!licensed || new_telegram) telegram_queued <= 1'b0;
     end
 
     // Last, so that nothing above can license what is being changed.

@@ -3,8 +3,8 @@
 //
 // A frame starts with a character after t3.5 of silence. At t1.5 after a good
 // frame (CRC, parity, framing, 4 to 256 bytes) for this card or for all it becomes
-// the candidate; at t3.5 it is committed; a character in between revokes it
-// (FRAME-6). The first 32 bytes go to the frame memory, the true length is told,
+// the candidate; at t3.5 it is committed; the start bit of a character in between
+// revokes it (FRAME-6). The first 32 bytes go to the frame memory, the true length is told,
 // modulo 256 (FRAME-5). Two banks take turns: the bank of the newest candidate is not
 // written again before a newer candidate exists, so the firmware never reads a
 // mixture.
@@ -101,7 +101,8 @@ module rtu_rx #(
   // The clock in which a good frame becomes the candidate.
   wire raise = mine && in_place && (PREPARE_EARLY ? state == S_RECEIVE && short_reached && good
                                       : state == S_HOLD && long_reached);
-  wire spoilt = state == S_HOLD && byte_valid;
+  // Its start bit or its end: a bit that flips in the UART between them, or makes it miss the one, loses no revoke (SAFE-4).
+  wire spoilt = state == S_HOLD && (start_seen || byte_valid);
 
   // A frame that ended badly is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
@@ -147,6 +148,8 @@ module rtu_rx #(
         if (byte_framing_error) framing_bad <= 1'b1;
       end
     end
+    // Behind a 00 its CRC is still good: were the state to flip, it would be taken again (SAFE-4).
+    if (spoilt && STRICT_T15) unit <= TO_OTHERS;
 
     // Latched, because the next frame may begin while the firmware still reads.
     // A revoked candidate gives its bank back and may go on growing in it.
@@ -164,7 +167,7 @@ module rtu_rx #(
       else if (short_reached && STRICT_T15) state <= S_SUSPECT;
       else if (long_reached) state <= S_IDLE;
       S_HOLD:
-      if (byte_valid) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;
+      if (spoilt) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;
       else if (long_reached) state <= S_IDLE;
       S_SUSPECT:
       if (byte_valid) state <= S_RECEIVE;

@@ -14,7 +14,8 @@
 // were heard are a parity error, in any format. A missing stop bit is a framing error;
 // after it the receiver waits for the line to rise (break). receiving: from
 // the first low tick to byte_valid, or to the end of the break. start_seen: one
-// clock, when the start bit passed its vote.
+// clock, when the start bit passed its vote; never of what is sent, for the line is
+// high then.
 //
 // Sending. A byte is taken while the line is idle or from the first stop bit of the
 // one before, so whoever answers within a bit leaves no gap (FC-8, LINE-1). It begins
@@ -111,7 +112,9 @@ module uart (
 
   always @(posedge clk) begin
     byte_valid <= leave && state[S_STOP] && !driving;
-    start_seen <= leave && state[S_START] && !driving && !vote;
+    // Driving or not, for the port hears nothing of its own, and whatever phase[3] says: a bit that flips there must
+    // hide no start (SAFE-4).
+    start_seen <= tick16 && state[S_START] && phase[2:0] == 3'd7 && !vote;
 
     if (tick16) votes <= {votes[0], line};
     if (idle) phase <= 4'd0;

@@ -356,6 +356,20 @@ async def a_commit_counts_on_a_silent_line_and_for_a_candidate_only(dut):
 
 
 @cocotb.test()
+async def a_start_bit_is_enough_to_revoke(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.queue_reply(ticket)
+    dut.modbus_quiet.value = 0
+    await gate.pulse("modbus_start_seen")
+    dut.modbus_quiet.value = 1
+    assert dut.is_candidate.value == 0 and dut.is_committed.value == 0
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
 @cocotb.parametrize(name=BITS)
 async def no_single_bit_sends_what_is_not_committed(dut, name):
     gate = await Gate(dut).start()
@@ -399,6 +413,29 @@ async def no_single_bit_outlives_the_next_request(dut, name):
         await gate.pulse("commit")
         assert dut.is_committed.value == 1
         assert await gate.settle() == (0, 1 + writes_coils)
+
+
+@cocotb.test()
+@cocotb.parametrize(older=["revoked", "of no request", "repeated", "answered"])
+async def no_single_bit_licenses_an_older_telegram(dut, older):
+    """Its bytes still lie in the memory; the newer request's commit is not for them."""
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=1)
+    await gate.queue_telegram(ticket + (older == "of no request"))
+    await gate.pulse("revoke" if older == "revoked" else "commit")
+    await gate.settle()
+    if older == "repeated":
+        await gate.queue_telegram(ticket, repeat=1)
+    elif older == "answered":
+        await gate.queue_reply(ticket)
+    sent = await gate.settle()
+    assert sent == {"repeated": (0, 2), "answered": (1, 1)}.get(older, (0, 0))
+    ticket = await gate.candidate(writes_coils=1)
+    flip(dut, "telegram_queued")
+    await gate.pulse("commit")
+    assert await gate.settle() == sent
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (sent[0], sent[1] + 1), "its own leaves"
 
 
 @cocotb.test()

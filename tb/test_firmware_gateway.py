@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from tb.generated.mailbox import AREAS, FRAMES
+from tb.generated.mailbox import AREAS, FRAMES, REGISTERS
 from tb.lib.seeds import seeded
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.firmware import Gateway, frame_memory
@@ -192,6 +192,22 @@ def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench,
     bench.wait(400)
     bench.request(H("05 0009 0000"))
     assert bench.telegrams[-1] in (H("81 0000 0000"), H("81 047C 1999")), "of the revoked one"
+
+
+@pytest.mark.rule("FRAME-6", "SAFE-4")
+def test_a_request_that_reads_as_both_is_a_candidate_yet(bench: Bench):
+    """A bit of the word has flipped on its way, and the request is revoked then."""
+    mailbox = bench.mailbox
+    plain = mailbox._read_request
+    mailbox.candidate(COMMAND)
+    mailbox._read_request = lambda: plain() | REGISTERS["REQUEST"].pack(committed=1)
+    for _ in range(3):
+        bench.poll()
+    mailbox._read_request = plain
+    bench.character()
+    bench.wait(400)
+    bench.request(H("05 0009 0000"))
+    assert bench.telegrams == [H("81 0000 0000")], "nothing of it was kept"
 
 
 @pytest.mark.rule("SAFE-4", "LOOP-1")

@@ -72,8 +72,8 @@ BUGS = {
     "a byte beyond the drive's frame": ("translate.c", "at < 24 ?", "at < 48 ?", "translate"),
     "settings that change without a commit": (
         "gateway.c",
-        "if (request & MAILBOX__REQUEST__COMMITTED_bm && g->uncommitted)",
-        "if (g->uncommitted)",
+        "== MAILBOX__REQUEST__COMMITTED_bm",
+        "!= 0u",
         "gateway",
     ),
     "a held telegram that is not taken back": (

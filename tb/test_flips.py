@@ -196,35 +196,40 @@ def test_no_flip_of_the_gate_or_the_sender_commands_unasked(places, moment):
 
 
 # Whatever tells that a frame is over, and what is done then.
-ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.state")
+ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-1", "FRAME-6")
 @pytest.mark.parametrize(
-    ("baud", "revoked_at"),
+    ("baud", "revoked_at", "by"),
     [
-        (19200, 0.9),
-        pytest.param(4800, 0.9, marks=pytest.mark.patient),
-        pytest.param(9600, 0.5, marks=pytest.mark.patient),
-        pytest.param(38400, 0.9, marks=pytest.mark.patient),
+        (19200, 0.9, 0x00),
+        pytest.param(19200, 0.5, 0xFF, marks=pytest.mark.patient),
+        pytest.param(4800, 0.9, 0x55, marks=pytest.mark.patient),
+        pytest.param(9600, 0.5, 0x00, marks=pytest.mark.patient),
+        pytest.param(38400, 0.9, 0x55, marks=pytest.mark.patient),
     ],
 )
-def test_no_flip_commits_what_is_revoked(baud, revoked_at):
-    """Between t1.5 and the character that revokes, and behind it; with the telegram queued or not."""
+def test_no_flip_commits_what_is_revoked(baud, revoked_at, by):
+    """Between t1.5 and the character that revokes, in it, and behind it; with the telegram queued or not.
+
+    Behind a 00 the frame's CRC is still good.
+    """
     places = Places(baud=baud)
     line = places.line
     (command,) = commands((1, 0x2222))
     gap = too_early(line, revoked_at)
-    revoked = {**command, "bytes": command["bytes"] + "55", "gaps": {"13": gap}}
+    revoked = {**command, "bytes": command["bytes"] + f"{by:02x}", "gaps": {"13": gap}}
     # Settings that it left would go out with this one: a start at the reference as it is.
     events = [revoked, {**command, "bytes": with_crc(START).hex()}]
     _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
     assert [burst.data for burst in played.telegrams] == [TELEGRAM] * 2, "one is that of the probe"
-    t15, end, over = line.t15_bits * line.bit, played.network[12].end, played.network[13].end
-    moments = [end + t15 + part * (gap * line.bit - t15) for part in (0.3, 0.95)] + [over + 1000]
+    t15, end, more = line.t15_bits * line.bit, played.network[12].end, played.network[13]
+    moments = [end + t15 + part * (gap * line.bit - t15) for part in (0.3, 0.95)]
+    inside, behind = [more.start + bits * line.bit for bits in (0.5, 1.5, 9.6)], [more.end + 1000]
     for register in (register for register in places.registers if register.path.startswith(ENDS)):
         for bit in register.bits:
-            for at in moments if "gate_i" in register.path else moments[:2]:
+            for at in moments + inside + behind:
                 flip = Flip(round(at), register.path, 0, bit, "card")
                 outcome, *_ = trial("test", places, flip, events)
                 assert outcome.what not in FORBIDDEN, outcome

@@ -30,6 +30,7 @@ FOREIGN = rtu.build(OWN + 1, rtu.read_coils(0, 16))
 # FRAME-1 leaves a quarter bit either way. At 115200 bit/s the clocks that a level takes to get in are
 # most of that, and this bench's clock is slower than the slowest allowed.
 ACCURACY = 0.25 * SLOWEST_HZ / BASE_HZ
+START = 1  # of the UART's states
 
 
 class Port:
@@ -197,7 +198,7 @@ async def strict_all_up_to_the_next_silence_of_t35_is_dropped_after_a_revoke(dut
 
 @cocotb.test()
 async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut):
-    """Each bit of its counts and levels, in the middle between t1.5 and t3.5 (SAFE-4).
+    """Each bit of its counts and levels, between t1.5 and t3.5 (SAFE-4).
 
     A commit counts on a quiet line only (commit_gate).
     """
@@ -209,11 +210,11 @@ async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut
         register = getattr(timer, name)
         for bit in range(len(register)):
             await port.send(GOOD)
-            await port.line.source.idle(port.bits(2.5))
+            await port.line.source.idle(port.bits(2.2))
             for strobes in (port.candidates, commits):
                 strobes.clear()
             register.value = int(register.value) ^ 1 << bit
-            await port.line.source.idle(port.bits(0.9))
+            await port.line.source.idle(port.bits(1.2))
             await port.send(b"\x55")
             assert (1,) not in commits.values, f"{name} bit {bit}"
             await port.silence()
@@ -221,6 +222,26 @@ async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut
             assert commits.values[-1:] == [(1,)] and len(port.candidates) == 1, "the next one is taken"
             flipped += 1
     assert flipped == 15
+
+
+@cocotb.test()
+async def strict_a_bit_that_flips_in_the_uart_hides_no_start_bit(dut):
+    """Of the character that revokes, a FFh of the fastest sender, at each tick up to the vote (SAFE-4)."""
+    port = await Port(dut, 115_200).start()
+    uart = dut.port_i.uart_i
+    for register, mask in ((uart.driving, 1), (uart.phase, 8)):
+        for tick in range(8):
+            await port.send(GOOD)
+            await port.line.source.idle(port.bits(2.5))
+            port.clear()
+            sent = cocotb.start_soon(port.send(b"\xff", Flaws(ppm=40_000)))
+            while uart.state.value != START or uart.phase.value.to_unsigned() != tick:
+                await port.bench.clocks()
+            register.value = int(register.value) ^ mask
+            await sent
+            await port.silence()
+            assert port.outcome() == (0, 0, 1), f"{register._name}, tick {tick}"
+            await port.silence()
 
 
 @cocotb.test()

@@ -271,6 +271,47 @@ async def strict_character_after_a_good_frame_revokes_it_and_all_up_to_t35_is_dr
 
 
 @cocotb.test()
+async def strict_the_start_bit_of_a_character_revokes_even_if_that_is_lost(dut):
+    """So a bit that flips in the UART later in it cannot commit the frame (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD)
+    await rx.short()
+    await rx.bench.strobe(dut.start_seen)
+    await rx.bench.clocks(2)
+    assert rx.outcome() == (1, 0, 1)
+    await rx.silence()
+    assert rx.outcome() == (1, 0, 1), "nothing is committed"
+
+
+@cocotb.test()
+async def strict_a_character_whose_start_bit_was_lost_revokes(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD)
+    await rx.short()
+    await rx.bench.strobe(dut.byte_valid)
+    await rx.bench.clocks(2)
+    assert rx.outcome() == (1, 0, 1)
+    await rx.silence()
+    assert rx.outcome() == (1, 0, 1), "nothing is committed"
+
+
+@cocotb.test()
+async def strict_no_flip_of_the_state_takes_a_revoked_frame_again(dut):
+    """Behind a 00 its CRC is good, too (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for bit in range(3):
+        rx.clear()
+        await rx.bytes(GOOD)
+        await rx.short()
+        await rx.byte(0)
+        assert rx.outcome() == (1, 0, 1)
+        dut.rx_i.state.value = int(dut.rx_i.state.value) ^ 1 << bit
+        await rx.silence()
+        await rx.silence()
+        assert rx.outcome() == (1, 0, 1), f"bit {bit}"
+
+
+@cocotb.test()
 async def strict_cut_off_frame_is_forgotten_at_t15_and_the_next_byte_is_an_address(dut):
     rx = await Receiver(dut).start()
     await rx.bytes(GOOD[:5])

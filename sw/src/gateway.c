@@ -243,7 +243,9 @@ static void poll_request(struct gateway *g)
     }
     if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
         start_exchange(g);
-    if (request & MAILBOX__REQUEST__COMMITTED_bm && g->uncommitted) {
+    /* Never both: a bit that flips on the way here commits no candidate, which may still be revoked (SAFE-4). */
+    if ((request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm)) == MAILBOX__REQUEST__COMMITTED_bm &&
+        g->uncommitted) {
         g->uncommitted = false;
         translate_commit(&g->translator, g->newest);
         g->heard_at = g->now;
