@@ -209,7 +209,8 @@ async def quiet_ends_with_a_start_edge_and_while_the_port_itself_sends(dut):
 
 @cocotb.test()
 async def replies_of_every_kind_are_good_however_soon_or_late_they_come(dut):
-    port = await Port(dut).start()
+    rng = seeded("replies")
+    port = await Port(dut, delay=lambda: rng.randint(0, 9)).start()
     text = build_text(533, b"twenty characters ok", 0x0400, 0x0F07, 0x2000)
     for reply, delay in ((STATUS, 1.0), (NUMBER, PAUSE), (STATUS, 20 * CHARACTER_BITS), (text, 3.0)):
         await port.send(COMMAND)

@@ -133,6 +133,7 @@ async def use(port: Port, baud: int, form: str) -> None:
 async def frame_goes_to_the_memory_and_its_reply_comes_back(dut, form):
     rng = seeded("frames")
     port = await Port(dut, 115_200, form).start()
+    port.written.delay = port.memory.delay = lambda: rng.randint(0, 9)
     for length in (4, 8, 29, 32, 33):
         port.clear()
         frame = rtu.build(OWN, rng.randbytes(length - 3))

@@ -94,7 +94,11 @@ PLANTS = (
         "if (1'b0) begin",
     ),
     Plant(
-        "address-of-a-revoked", ("FRAME-3",), "rtl/rtu_rx.v", "STRICT_T15 ? S_WAIT : S_RECEIVE", "S_SUSPECT"
+        "address-of-a-revoked",
+        ("FRAME-3",),
+        "rtl/rtu_rx.v",
+        "if (spoilt) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;",
+        "if (byte_valid) state <= S_SUSPECT;",
     ),
     Plant(
         "no-new-address",

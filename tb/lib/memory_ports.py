@@ -2,7 +2,8 @@
 """The frame memory as a module under test sees it: one side writes, one reads, each held until ready.
 
 Both act on the module's own valid only, so a quiet module costs nothing. `delay` gives the clocks that an
-access has to wait, anew for each. Read data is there one clock after ready, and only then.
+access has to wait, anew for each. A valid that falls before ready has asked for nothing. Read data is there
+one clock after ready, and only then.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ class WritePort:
 
     async def _access(self) -> None:
         await self._bench.clocks(1 + self.delay())
+        if str(self._valid.value) != "1":
+            return
         self._ready.value = 1
         access = self._addr.value.to_unsigned(), self._data.value.to_unsigned()
         await self._bench.clocks()
@@ -78,6 +81,8 @@ class ReadPort:
 
     async def _access(self) -> None:
         await self._bench.clocks(1 + self.delay())
+        if str(self._valid.value) != "1":
+            return
         self._ready.value = 1
         addr = self._addr.value.to_unsigned()
         self.reads.append(addr)
