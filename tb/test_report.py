@@ -219,3 +219,17 @@ def test_bad_input_ends_in_a_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(trace, "collect", lambda: collector)
     monkeypatch.setattr(sys, "argv", ["report", "--out", str(tmp_path)])
     assert report.main() == 2, "the place is a folder"
+
+
+def test_a_cocotb_test_that_no_run_has_chosen_is_named(tmp_path):
+    written = "@cocotb.test()\nasync def one(dut): pass\n@cocotb.test()\n@cocotb.parametrize(a=[1])\n"
+    (tmp_path / "test_x.py").write_text(f"{written}async def two(dut, a): pass\n")
+    run = tmp_path / "runs/test_x.test_x-icarus"
+    run.mkdir(parents=True)
+    for names, left in ((["one"], ["two"]), (["one", "two/a=1"], [])):
+        cases = "".join(f'<testcase classname="tb.test_x" name="{name}"/>' for name in names)
+        (run / "results.xml").write_text(f"<testsuites><testsuite>{cases}</testsuite></testsuites>")
+        tests = {"tb/test_x.py::test_x"}
+        found = trace.never_chosen(tests, dict.fromkeys(tests, "passed"), tmp_path, tmp_path / "runs")
+        assert found == [f"tb/test_x.py: no run has chosen {name}" for name in left]
+        assert trace.never_chosen(tests, {}, tmp_path, tmp_path / "runs") == []

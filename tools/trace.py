@@ -4,13 +4,15 @@
 
 Rules come from docs/requirements.md, tests from the `rule` marks that pytest collects, results from the last
 runs (build/results.json, written by tb/conftest.py). Fails on a rule that nothing shows or of whose tests
-none has passed, on a mark that names no rule, and on a test whose last run failed. Rules that the list calls
-open, or shown by something else than a test, are printed as such.
+none has passed, on a mark that names no rule, on a test whose last run failed, and on a cocotb test that is
+written and that no run has chosen. Rules that the list calls open, or shown by something else than a test,
+are printed as such.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import contextlib
 import io
 import json
@@ -20,12 +22,14 @@ import sys
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / "docs/requirements.md"
 RESULTS = ROOT / "build/results.json"
+RUNS = ROOT / "build/tests"
 ROW = re.compile(r"^\| ([A-Z0-9]+(?:-[A-Z0-9]+)*) \| (.+) \| (.+) \|$")
 
 
@@ -108,6 +112,31 @@ def shown_rules(rules: dict[str, str], tests: dict[str, list[str]], results: dic
     }
 
 
+def cocotb_tests(path: Path) -> set[str]:
+    """What a file has for the simulator."""
+    return {
+        node.name
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.AsyncFunctionDef)
+        and any("cocotb.test" in ast.unparse(decorator) for decorator in node.decorator_list)
+    }
+
+
+def never_chosen(tests: set[str], results: dict[str, str], folder: Path, runs: Path) -> list[str]:
+    """Cocotb tests that no run's choice of names had; in files of which every pytest test has run."""
+    ran: dict[str, set[str]] = defaultdict(set)
+    for path in runs.glob("*/results.xml"):
+        for case in ElementTree.parse(path).iter("testcase"):
+            ran[case.get("classname", "")].add(re.match(r"\w*", case.get("name", ""))[0])
+    found = []
+    for path in sorted(folder.glob("test_*.py")):
+        own = {test for test in tests if test.split("::")[0].endswith(path.name)}
+        if own and own <= set(results):
+            left = cocotb_tests(path) - ran[f"tb.{path.stem}"]
+            found += [f"tb/{path.name}: no run has chosen {name}" for name in sorted(left)]
+    return found
+
+
 STATES = ("failed", "not run", "passed")
 
 
@@ -117,7 +146,8 @@ def main() -> int:
     args = parser.parse_args()
 
     rules = read_rules()
-    tests = collect().tests
+    collected = collect()
+    tests = collected.tests
     results = {test: result.outcome for test, result in read_results().items()}
     problems = [
         f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules
@@ -138,6 +168,7 @@ def main() -> int:
         problems += [f"{rule}: {test} failed" for test in own if results.get(test) == "failed"]
         if own and not any(results.get(test) == "passed" for test in own):
             problems.append(f"{rule}: none of its tests has passed yet (make test)")
+    problems += never_chosen(collected.all, results, ROOT / "tb", RUNS)
     for problem in problems:
         print(f"trace: {problem}", file=sys.stderr)
     shown, still = len(shown_rules(rules, tests, results)), sum(by == "open" for by in rules.values())
