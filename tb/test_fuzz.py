@@ -28,7 +28,7 @@ from sim.fuzz.traffic import make
 from tb.lib.seeds import seeded
 from tb.model import rtu
 from tb.model.card import DRIVE_TIMEOUT, Card
-from tb.model.crc16 import with_crc
+from tb.model.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
@@ -291,6 +291,45 @@ def test_a_shard_is_the_same_anywhere():
     assert (first[0].counts, first[1].end) == (second[0].counts, second[1].end)
 
 
+# ---------------------------------------------------------------- what it sends
+
+
+HARM = (
+    *("flaw parity", "flaw stop", "wrong CRC", "fast sender", "slow sender", "glitches", "noise", "break"),
+    *("short gap", "middle gap", "long gap", "soon", "later", "babble", "rude babble", "interrupted"),
+    *("drive silent", "drive bcc", "drive edit", "drive raw", "drive fault", "drive pwe", "drive flaws"),
+    *("drive gaps", "drive cut", "drive before", "drive after", "drive bytes"),
+)
+
+
+def test_the_traffic_has_every_kind_of_harm():
+    """Each flaw, pulses, glitches, drifting senders, each length of a gap, each kind of drive."""
+    cases = [make(f"9/{number}") for number in range(400)]
+    met: Counter = Counter()
+    for case in cases:
+        line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
+        for event in case["events"]:
+            drives = [part for manner in event.get("drive", []) for part in manner.get("parts", [manner])]
+            met.update(f"flaw {flaw}" for flaw in event.get("flaws", {}).values())
+            met.update(f"drive {key}" for manner in drives for key in manner)
+            met.update(
+                "short gap" if gap < line.t15_bits else "middle gap" if gap < line.t35_bits else "long gap"
+                for gap in event.get("gaps", {}).values()
+            )
+            if event["gap"][0] == "own":
+                met["soon" if event["gap"][1] < line.t35_bits else "later"] += 1
+            met["break"] += any(bits > 10 for bits in event.get("pulses", []))
+            met["noise"] += len(event.get("pulses", [])) > 2
+            met["glitches"] += len(event.get("glitches", []))
+            met["fast sender"] += event.get("error", 0) > 0.02
+            met["slow sender"] += event.get("error", 0) < -0.02
+            met["babble"] += len(event.get("babble", {}).get("bytes", "")) > 2
+            met["rude babble"] += event.get("babble", {}).get("rude", False)
+            met["interrupted"] += "interrupt" in event
+            met["wrong CRC"] += "bytes" in event and not crc_good(bytes.fromhex(event["bytes"]))
+    assert not {kind: met[kind] for kind in HARM if met[kind] < 20}
+
+
 # ---------------------------------------------------------------- the judge itself
 
 LINE = Line(19200, "8E1", 2_000_000)
@@ -530,6 +569,20 @@ def test_a_shard_keeps_what_it_has_so_far(tmp_path, monkeypatch):
 
     done = shard(8, 150, bauds=(115200,), folder=tmp_path, so_far=so_far)
     assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
+
+
+def test_a_shard_that_is_stopped_while_it_shrinks_has_kept_the_difference(tmp_path, monkeypatch):
+    def stopped(case: dict, fails: Callable[[dict], bool]) -> dict:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
+    monkeypatch.setattr(fuzz, "shrink", stopped)
+    target = named("no-repeat").target()
+    with pytest.raises(KeyboardInterrupt):
+        shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, so_far=fuzz.keep)
+    (found,) = fuzz_report.load(tmp_path / "1.json")["differences"]
+    case = json.loads((tmp_path / f"{found['case'].replace('/', '-')}.json").read_text())
+    assert run(case, target)[0].differences == found["what"]
 
 
 def test_the_report_names_what_is_no_result(tmp_path):

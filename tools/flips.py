@@ -147,8 +147,8 @@ def tell(name: str, baud: int) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=at_least(1), default=500, help="flips")
+    parser.add_argument("--seed", type=at_least(0))
+    parser.add_argument("--count", type=at_least(1), help="flips; default 500")
     parser.add_argument("--baud", type=int, default=BAUDS[0], choices=BAUDS, help="network line")
     parser.add_argument("--report", action="store_true", help="merge the results of all shards")
     parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, told")
@@ -156,14 +156,18 @@ def main() -> int:
     if options.trial:
         if not re.fullmatch(r"\d+/\d+", options.trial):
             parser.error(f"--trial {options.trial}: SEED/NUMBER")
+        if options.seed is not None or options.count is not None:
+            parser.error("--trial is one flip: no --seed, no --count")
         return tell(options.trial, options.baud)
     if options.report:
         merged = merge(load(FOLDER))
         print(report(merged))
     else:
-        no_longer_one_is_lost(file_of(options.seed, options.baud), options.count, "flips")
-        print(f"flips: seed {options.seed}, {options.count} flips at {options.baud} bit/s", flush=True)
-        result = shard(options.seed, options.count, Places(baud=options.baud))
+        seed = random.randrange(1 << 31) if options.seed is None else options.seed
+        count = options.count or 500
+        no_longer_one_is_lost(file_of(seed, options.baud), count, "flips")
+        print(f"flips: seed {seed}, {count} flips at {options.baud} bit/s", flush=True)
+        result = shard(seed, count, Places(baud=options.baud))
         merged = merge([result])
         print(report(merged))
     return int(any(entry["what"] in FORBIDDEN for entry in merged["notable"]))
@@ -175,3 +179,6 @@ if __name__ == "__main__":
     except (BuildError, RegistersError, FlipsError, FuzzError) as error:
         print(f"flips: {error}", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:
+        print("flips: stopped", file=sys.stderr)
+        sys.exit(130)

@@ -41,7 +41,7 @@ from sim.fuzz.traffic import make
 from tb.model import fc_telegram
 from tb.model.whole_card import Verdict
 from tools.options import at_least
-from tools.sources import ROOT
+from tools.sources import ROOT, SourcesError
 
 FOLDER = ROOT / "build/fuzz"
 OWN = Target()
@@ -113,7 +113,14 @@ def shard(
         for what, clocks in verdict.worst.items():
             result.worst[what] = max(clocks, result.worst.get(what, 0.0))
         if verdict.differences:
-            result.differences.append(_difference(name, case, verdict, play, folder, small))
+            # At once: shrinking takes its time, in which a shard may be stopped.
+            found = {"case": name, "what": verdict.differences, "events": len(case["events"])}
+            result.differences.append(found)
+            so_far(result)
+            print(f"fuzz: DIFFERENCE in case {name}: {'; '.join(verdict.differences)}", flush=True)
+            if small:
+                found |= _shrunk(name, case, play, folder)
+                so_far(result)
         result.wall_s = time.monotonic() - began
         if result.wall_s > told - began + KEPT_EACH_S:
             told = time.monotonic()
@@ -150,20 +157,16 @@ def shown(path: Path) -> Path:
     return path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
 
 
-def _difference(name: str, case: dict, verdict: Verdict, play: Play, folder: Path, small: bool) -> dict:
-    """Shrinks a case and keeps it with its waveform."""
+def _shrunk(name: str, case: dict, play: Play, folder: Path) -> dict:
+    """A smaller case of a difference, kept with its waveform."""
     path = folder / f"{name.replace('/', '-')}.json"
-    if small:
-        case = shrink(case, lambda tried: bool(play(tried)[0].differences))
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(case, indent=1) + "\n")
-        verdict, _ = play(case, wave=path.with_suffix(".fst"))
-    found = {"case": name, "what": verdict.differences, "events": len(case["events"])}
-    print(f"fuzz: DIFFERENCE in case {name}: {'; '.join(verdict.differences)}", flush=True)
-    if small:
-        found["file"] = path.name
-        print(f"fuzz:   {shown(path)} and .fst; make fuzz REPLAY={shown(path)}")
-    return found
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(case, indent=1) + "\n")
+    case = shrink(case, lambda tried: bool(play(tried)[0].differences))
+    path.write_text(json.dumps(case, indent=1) + "\n")
+    verdict, _ = play(case, wave=path.with_suffix(".fst"))
+    print(f"fuzz:   {shown(path)} and .fst; make fuzz REPLAY={shown(path)}")
+    return {"what": verdict.differences, "events": len(case["events"]), "file": path.name}
 
 
 def story(case: dict, played: Played, verdict: Verdict) -> list[str]:
@@ -262,6 +265,9 @@ def main() -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except (BuildError, CaseError, FuzzError, PlantError) as error:
+    except (BuildError, CaseError, FuzzError, PlantError, SourcesError) as error:
         print(f"fuzz: {error}", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:
+        print("fuzz: stopped", file=sys.stderr)
+        sys.exit(130)
