@@ -181,6 +181,8 @@ always @(posedge clk) begin
     c_control : cover (telegram_start && telegram_control);
     c_repeat : cover (telegram_start && $past(queue_telegram && telegram_repeat));
     c_newer : cover (telegram_start && g_candidate);
+    // Prepared early: it was queued for the candidate, and leaves with the commit.
+    c_early : cover (telegram_start && g_newest && $past(g_commit && !g_queued));
     c_reply : cover (reply_start && wait_drive);
   end
 end

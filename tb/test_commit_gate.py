@@ -19,13 +19,18 @@ INPUTS = """
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
 
-# What tells a candidate, a commit and a licence.
-BITS = ["is_candidate", "committed", "uncommitted", "licensed", "unlicensed", "telegram_queued"]
+# What tells a candidate, a commit and a licence. Verilator hands out a copy of a register that is a port, and
+# what is written to it is lost: these two flip on Icarus.
+PORTS = [] if getattr(cocotb, "SIM_NAME", "") == "Verilator" else ["is_candidate", "telegram_queued"]
+BITS = ["committed", "uncommitted", "licensed", "unlicensed", *PORTS]
 
 
-def flip(dut, name: str) -> None:
+async def flip(dut, name: str) -> None:
     bit = getattr(dut, name)
-    bit.value = 1 - int(bit.value)
+    flipped = 1 - int(bit.value)
+    bit.value = flipped
+    await Timer(1, unit="ps")
+    assert int(bit.value) == flipped
 
 
 class Gate:
@@ -375,7 +380,7 @@ async def no_single_bit_sends_what_is_not_committed(dut, name):
     gate = await Gate(dut).start()
     ticket = await gate.candidate(writes_coils=1)
     await gate.queue_telegram(ticket)
-    flip(dut, name)
+    await flip(dut, name)
     assert await gate.settle() == (0, 0)
     await gate.queue_telegram(ticket)
     assert await gate.settle() == (0, 0)
@@ -391,7 +396,7 @@ async def no_single_bit_sends_what_was_revoked(dut, name, revoked_first, queued_
         await gate.queue_telegram(ticket)
     if revoked_first:
         await gate.pulse("revoke")
-    flip(dut, name)
+    await flip(dut, name)
     await gate.bench.clocks()
     if not revoked_first:
         await gate.pulse("revoke")
@@ -406,7 +411,7 @@ async def no_single_bit_sends_what_was_revoked(dut, name, revoked_first, queued_
 async def no_single_bit_outlives_the_next_request(dut, name):
     gate = await Gate(dut).start()
     for writes_coils in (0, 1):
-        flip(dut, name)
+        await flip(dut, name)
         ticket = await gate.candidate(writes_coils=writes_coils)
         assert dut.is_committed.value == 0
         await gate.queue_telegram(ticket)
@@ -416,8 +421,8 @@ async def no_single_bit_outlives_the_next_request(dut, name):
 
 
 @cocotb.test()
-@cocotb.parametrize(older=["revoked", "of no request", "repeated", "answered"])
-async def no_single_bit_licenses_an_older_telegram(dut, older):
+@cocotb.parametrize(name=PORTS[1:], older=["revoked", "of no request", "repeated", "answered"])
+async def no_single_bit_licenses_an_older_telegram(dut, name, older):
     """Its bytes still lie in the memory; the newer request's commit is not for them."""
     gate = await Gate(dut).start()
     ticket = await gate.candidate(writes_coils=1)
@@ -431,7 +436,7 @@ async def no_single_bit_licenses_an_older_telegram(dut, older):
     sent = await gate.settle()
     assert sent == {"repeated": (0, 2), "answered": (1, 1)}.get(older, (0, 0))
     ticket = await gate.candidate(writes_coils=1)
-    flip(dut, "telegram_queued")
+    await flip(dut, name)
     await gate.pulse("commit")
     assert await gate.settle() == sent
     await gate.queue_telegram(ticket)

@@ -994,6 +994,21 @@ def test_a_start_that_could_not_leave_never_follows_its_stop(bench: Bench):
     assert bench.replies == [H("01 0F 0000 0020")]
 
 
+@pytest.mark.rule("FRAME-7", "SAFE-1")
+def test_a_start_that_could_not_leave_is_withdrawn_behind_a_newer_one_that_is_revoked(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(COMMAND)
+    bench.wait(60)
+    bench.offer(READ_IND)
+    assert bench.mailbox.telegram_queued
+    bench.character()
+    bench.wait(6)
+    assert not bench.mailbox.telegram_queued
+    bench.mailbox.pause_over()
+    bench.wait(400)
+    assert bench.telegrams == []
+
+
 @pytest.mark.rule("FRAME-6", "FC-9")
 def test_a_slow_commit_is_no_wait_for_the_drive_line(bench: Bench):
     """At 300 bit/s a candidate stands 73 ms before it is committed; 40003 may be 10 ms."""

@@ -98,6 +98,16 @@ def test_an_assumption_that_says_too_much_is_found(more, said, monkeypatch) -> N
     assert said in found and bool(said) == bool(found)
 
 
+@pytest.mark.parametrize("said", ["", "what is assumed never lets rx = 1"])
+def test_a_proof_holds_only_with_its_twin(said, monkeypatch) -> None:
+    monkeypatch.setattr(formal, "sby", lambda *about: (True, ""))
+    monkeypatch.setattr(formal, "look_at_pins", lambda task: said)
+    proof, cover = formal.tasks_of(ROOT / "formal/commit_gate.sby")
+    formal.run(proof)
+    assert proof.passed == (not said) and proof.said == said
+    assert formal.run(cover).passed, "a cover assumes what its proof does"
+
+
 def test_what_a_proof_leaves_out_is_stated_and_true(monkeypatch, tmp_path) -> None:
     assert not pins_of("silence_timer", "prove_drive", "", monkeypatch)
     monkeypatch.setattr(formal_pins, "UNSEEN", tmp_path / "unseen.toml")

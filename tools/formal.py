@@ -177,10 +177,13 @@ def table(tasks: list[Task]) -> str:
 
 
 def document(tasks: list[Task], took: float, jobs: int) -> str:
-    promises = sum(task.promises for task in tasks if task.proves)
-    modules = len({task.module for task in tasks})
+    modules = {task.module for task in tasks}
+    texts = [(FOLDER / f"{module}_props.vh").read_text() for module in modules]
+    promises = sum(len(set(re.findall(r"\b(a_\w+) : assert \(", text))) for text in texts)
+    each = sum(task.promises for task in tasks if task.proves)
     summary = (
-        f"{promises} promises of {modules} modules, proved in {took:.0f} s of wall time, {jobs} at a time."
+        f"{promises} promises of {len(modules)} modules, {each} with all the settings they are proved for, "
+        f"proved in {took:.0f} s of wall time, {jobs} at a time."
     )
     return TEMPLATE.read_text().replace("@TABLE@", table(tasks)).replace("@SUMMARY@", summary)
 
