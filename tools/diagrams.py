@@ -448,10 +448,10 @@ def commit() -> Drawing:
 
 
 def revoke() -> Drawing:
-    """The same request, and another character two characters after it."""
+    """The same request, and another character three characters after it: its reply is prepared by then."""
     with Run() as card:
         card.modbus.send(REGISTER, 1.05 * 3.5 * LINE.character_ps)
-        card.modbus.send(b"\x55", 2 * LINE.character_ps)
+        card.modbus.send(b"\x55", 3 * LINE.character_ps)
         card.run(40)
         seen = card.recorded_now()
     stray = next(c for c in seen.characters("modbus_rx") if c.data == b"\x55")
@@ -467,6 +467,7 @@ def revoke() -> Drawing:
     t15 = drawing.say("candidate after the request", bits(candidate - end))
     stray_after = drawing.say("character after the request", bits(stray.start - end))
     seen_after = drawing.say("revoke after its start edge", bits(revoked - stray.start))
+    assert candidate < seen.after("reply_queued", end) < revoked
     assert seen.none_between("commit", end, end + 100 * BIT) and not seen.pulses("modbus_de")
     gate_lanes(drawing, seen)
     drawing.arrows((end, candidate, f"t1.5: {t15}"))
