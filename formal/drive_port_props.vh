@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // DE of the drive line rises for a telegram only, on a line that was silent for two characters, and falls when
-// that telegram has had its time (SAFE-2, FC-8, FC-10); after a broadcast nobody is listened to. Filter, UART, silence timer, sender and direction, wired.
+// that telegram has had its time (SAFE-2, FC-8, FC-10); after a broadcast nobody is listened to. Filter, UART,
+// silence timer, sender and direction, wired.
 //
 // Silent: the pin high and no character being received, counted in ticks since the end of the last character,
 // whoever sent it. A low that is too short for a start bit stops the count and does not start it anew.
