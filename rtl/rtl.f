@@ -1,6 +1,6 @@
-rtl/generated/mailbox_defs.v
-rtl/generated/card_defs.v
-rtl/generated/card_tables.v
+regs/generated/mailbox_defs.v
+regs/generated/card_defs.v
+regs/generated/card_tables.v
 rtl/baud_base.v
 rtl/baud_divider.v
 rtl/bcc.v

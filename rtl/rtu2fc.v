@@ -2,11 +2,11 @@
 // The card: a Modbus RTU slave on one EIA-485 line, master of a VLT drive's FC
 // protocol on the other, a soft core with firmware in between.
 //
-// Only wires in here; docs/architecture.md follows a frame through the modules.
+// Only wires in here; docs/guide/architecture.md follows a frame through the modules.
 // clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released in step with clk.
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 =
 // lit, red and green together are orange. Serial lines idle at 1, DE drives at 1.
-// The defaults are the configuration's, from rtl/generated/config_<name>.v, which comes
+// The defaults are the configuration's, from regs/generated/config_<name>.v, which comes
 // first in its list of files. SOFT_CORE: see soft_core. Rules: TOP-1, TOP-2.
 `default_nettype none
 

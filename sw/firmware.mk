@@ -18,14 +18,14 @@ FIRMWARE_STACK := 160
 FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
 FIRMWARE_HOST := sw/port/host/host.c
-FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h sw/generated/*.h)
+FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/generated/*.h)
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
-	-Wmissing-prototypes -Isw/include -Isw/src -Isw/generated
+	-Wmissing-prototypes -Isw/include -Isw/src -Iregs/generated
 # Loops stay loops: there is no C library to call instead. These optimisations make it longer here.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns -fno-if-conversion -fno-thread-jumps -fno-forward-propagate
-FIRMWARE_LDFLAGS := -nostdlib -Lsw/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
+FIRMWARE_LDFLAGS := -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
 .PHONY: firmware firmware-size firmware-sources
@@ -39,21 +39,21 @@ build/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_DEFINES)
 
 $(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
-		sw/generated/frames.ld sw/firmware.mk configs.toml | $(SETUP)
+		regs/generated/frames.ld sw/firmware.mk configs.toml | $(SETUP)
 	@mkdir -p $(@D)
 	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_OPTIONS) $(FIRMWARE_LDFLAGS) \
 		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)
 
-$(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf tools/seal.py
+$(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf sw/tools/seal.py
 	$(FIRMWARE_CROSS)objcopy -O binary $< $@.unsealed
-	$(FIRMWARE_PYTHON) tools/seal.py $@.unsealed $@
+	$(FIRMWARE_PYTHON) sw/tools/seal.py $@.unsealed $@
 
-$(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin tools/bin2hex.py
-	$(FIRMWARE_PYTHON) tools/bin2hex.py --config standard $< $@
+$(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin sw/tools/bin2hex.py
+	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config standard $< $@
 
 # The same programs; only the memory that the file fills is another.
-$(FIRMWARE_TINY): build/tiny/%.hex: build/%.bin tools/bin2hex.py
-	$(FIRMWARE_PYTHON) tools/bin2hex.py --config tiny $< $@
+$(FIRMWARE_TINY): build/tiny/%.hex: build/%.bin sw/tools/bin2hex.py
+	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config tiny $< $@
 	cp $(<:.bin=.elf) $(@D)
 
 # For the tools that build them otherwise.

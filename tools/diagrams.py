@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Draws docs/diagrams/*.svg: timing diagrams of runs of the card, by WaveDrom.
 
@@ -32,13 +31,13 @@ from fontTools.afmLib import AFM
 from fontTools.agl import UV2AGL
 from wavedrom.waveform import WaveDrom
 
-from tb.generated.card_tables import CHARACTER_BITS
+from regs.generated.card_tables import CHARACTER_BITS
+from rtl.sources import ROOT
 from tb.lib.card import MS, baud_switches
 from tb.lib.fast_card import FastCard
 from tb.lib.uart_agent import Format
 from tb.model import fc_telegram, rtu
 from tb.model.vlt_drive import VltDrive
-from tools.sources import ROOT
 
 DIAGRAMS = ROOT / "docs/diagrams"
 JSON = ROOT / "build/diagrams"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every static check of the project, one line each; exit 1 when one fails.
 
-    tools/lint.py            checks
-    tools/lint.py --format   lays Verilog and Python files out the way the checks want them
+    python -m tools.lint            checks
+    python -m tools.lint --format   lays Verilog and Python files out the way the checks want them
 
 The warnings of C and C++ have no line here: they are errors in the builds.
 """
@@ -15,10 +15,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, macros_file, rtl_files
+from rtl.sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, macros_file, rtl_files
 
 TOP = "rtu2fc"
-FOLDERS = ("constraints", "regs", "rtl", "sw", "sim", "tb", "tools")
+FOLDERS = ("campaigns", "constraints", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
+GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards", "constraints.synth")
 SUFFIXES = {
     ".v",
     ".vh",
@@ -51,7 +52,9 @@ def source_files() -> list[Path]:
 
 
 def hand_written_verilog() -> list[Path]:
-    others = [path for folder in ("constraints", "tb") for path in sorted((ROOT / folder).rglob("*.v"))]
+    others = [
+        path for folder in ("constraints", "sim", "tb") for path in sorted((ROOT / folder).rglob("*.v"))
+    ]
     return [path for path in rtl_files() if "generated" not in path.parts] + others
 
 
@@ -73,7 +76,8 @@ def file_list() -> list[str]:
     """rtl/rtl.f names every Verilog file of rtl/, once; but for the configurations' macros."""
     listed = rtl_files()
     macros = [macros_file(config) for config in configurations()]
-    there = sorted(path for path in (ROOT / "rtl").rglob("*.v") if path not in macros)
+    folders = (ROOT / "rtl", ROOT / "regs/generated")
+    there = sorted(path for folder in folders for path in folder.rglob("*.v") if path not in macros)
     wrong = [f"{name(path)} is not in {name(FILE_LIST)}" for path in there if path not in listed]
     wrong += [f"{name(path)} is in {name(FILE_LIST)} but not there" for path in listed if path not in there]
     return wrong + [f"{name(path)} is listed twice" for path in set(listed) if listed.count(path) > 1]
@@ -141,10 +145,7 @@ def finished() -> list[str]:
 
 
 def registers() -> list[str]:
-    checks = [tool(sys.executable, ROOT / f"tools/{name}.py", "--check") for name in ("regs", "fc_tables")]
-    checks += [
-        tool(sys.executable, "-m", f"tools.{name}", "--check") for name in ("formal", "boards", "synth")
-    ]
+    checks = [tool(sys.executable, "-m", name, "--check") for name in GENERATORS]
     return [line for check in checks for line in check]
 
 
@@ -158,7 +159,7 @@ def ruff_format() -> list[str]:
 
 
 def firmware() -> list[str]:
-    return tool(sys.executable, "-m", "tools.firmware_analysis")
+    return tool(sys.executable, "-m", "sw.test.analysis")
 
 
 CHECKS: list[tuple[str, Callable[[], list[str]]]] = [

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """One page about the card: tests, rules, figures, pictures, in a file that needs no network.
 
@@ -24,9 +23,9 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
+from rtl.sources import ROOT, commit
 from tools import trace
-from tools.sources import ROOT
-from tools.trace import Result, commit
+from tools.trace import Result
 
 OUT = ROOT / "build/report.html"
 # Page of docs/, and the command that writes it.
@@ -85,7 +84,7 @@ def fitted(found: re.Match) -> str:
 
 def page(name: str, command: str) -> Section:
     """A page of docs/, its headings a step lower than they stand there."""
-    file = ROOT / f"docs/{name}.md"
+    file = ROOT / f"docs/reports/{name}.md"
     if not file.exists():
         return Section(
             name, name, f"<h2>{name}</h2><p class=bad>Not there yet: <code>{command}</code> writes it.</p>"

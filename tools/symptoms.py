@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Makes the recordings of the debugging guide, and the outputs that the guide shows of them.
 
@@ -6,9 +5,9 @@
 
 Each recording is a run of the whole card with its firmware (tb/lib/fast_card.py), the simulated drive behind
 it and a master that does one thing wrong. The pins are read bit by bit and handed to the recorder of the
-virtual card: docs/recordings/NAME.jsonl and NAME.pcapng. Then every block of docs/debugging.md that begins
-with `$ tools/frames.py docs/recordings/...` gets what that command prints. The same sources give the same
-files. Times are in ps since power-up. Exit code 2 for a name that is none.
+virtual card: docs/recordings/NAME.jsonl and NAME.pcapng. Then every block of docs/guide/debugging.md that
+begins with `$ sim/view/frames.py docs/recordings/...` gets what that command prints. The same sources give
+the same files. Times are in ps since power-up. Exit code 2 for a name that is none.
 """
 
 from __future__ import annotations
@@ -22,17 +21,19 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from rtl.sources import ROOT
 from tb.lib.card import MS
 from tb.lib.fast_card import FastCard, Line
 from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, Recorder
 from tb.lib.uart_agent import Character, Flaws, Format, waveform
 from tb.model import rtu
 from tb.model.vlt_drive import VltDrive
-from tools.sources import ROOT
 
 RECORDINGS = ROOT / "docs/recordings"
-GUIDE = ROOT / "docs/debugging.md"
-COMMAND = re.compile(r"^```\n\$ (tools/frames\.py docs/recordings/.*)\n(?:.*\n)*?```$", re.MULTILINE)
+GUIDE = ROOT / "docs/guide/debugging.md"
+COMMAND = re.compile(
+    r"^```\n\$ \.venv/bin/python (-m sim\.view\.frames docs/recordings/.*)\n(?:.*\n)*?```$", re.MULTILINE
+)
 
 BOOTED_MS = 25.0
 POLITE_MS = 20.0  # what a well-behaved master leaves between two requests
@@ -279,7 +280,7 @@ def with_outputs(guide: str) -> str:
     def printed(match: re.Match[str]) -> str:
         words = shlex.split(match[1])
         done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=True)
-        return f"```\n$ {match[1]}\n{done.stdout}```"
+        return f"```\n$ .venv/bin/python {match[1]}\n{done.stdout}```"
 
     return COMMAND.sub(printed, guide)
 

@@ -1,12 +1,11 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Which test shows which rule, and what its last run said.
 
-Rules come from docs/requirements.md, tests from the `rule` marks that pytest collects, results from the last
-runs (build/results.json, written by tb/conftest.py). Fails on a rule that nothing shows or of whose tests
-none has passed, on a mark that names no rule, on a test whose last run failed, and on a cocotb test that is
-written and that no run has chosen. Rules that the list calls open, or shown by something else than a test,
-are printed as such.
+Rules come from docs/reference/requirements.md, tests from the `rule` marks that pytest collects, results
+from the last runs (build/results.json, written by tb/lib/pytest_plugin.py). Fails on a rule that nothing
+shows or of whose tests none has passed, on a mark that names no rule, on a test whose last run failed, and
+on a cocotb test that is written and that no run has chosen. Rules that the list calls open, or shown by
+something else than a test, are printed as such.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import contextlib
 import io
 import json
 import re
-import subprocess
 import sys
 from collections import defaultdict
 from dataclasses import dataclass
@@ -27,7 +25,7 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-REQUIREMENTS = ROOT / "docs/requirements.md"
+REQUIREMENTS = ROOT / "docs/reference/requirements.md"
 RESULTS = ROOT / "build/results.json"
 RUNS = ROOT / "build/tests"
 ROW = re.compile(r"^\| ([A-Z0-9]+(?:-[A-Z0-9]+)*) \| (.+) \| (.+) \|$")
@@ -63,15 +61,6 @@ class Result:
     at: str = ""
 
 
-def commit() -> str:
-    """Of the files as they are now; empty where there is no git."""
-    command = ["git", "describe", "--always", "--dirty"]
-    try:
-        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
-    except OSError:
-        return ""
-
-
 def read_results() -> dict[str, Result]:
     """Whatever has run; ValueError for a file that is none of ours."""
     if not RESULTS.exists():
@@ -86,7 +75,7 @@ def read_results() -> dict[str, Result]:
 def collect() -> Collector:
     collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        code = pytest.main(["--collect-only", "-q", f"--rootdir={ROOT}", str(ROOT / "tb")], [collector])
+        code = pytest.main(["--collect-only", "-q", f"--rootdir={ROOT}"], [collector])
     if code != pytest.ExitCode.OK:
         print(said.getvalue(), file=sys.stderr)
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
@@ -122,18 +111,19 @@ def cocotb_tests(path: Path) -> set[str]:
     }
 
 
-def never_chosen(tests: set[str], results: dict[str, str], folder: Path, runs: Path) -> list[str]:
+def never_chosen(tests: set[str], results: dict[str, str], root: Path, runs: Path) -> list[str]:
     """Cocotb tests that no run's choice of names had; in files of which every pytest test has run."""
     ran: dict[str, set[str]] = defaultdict(set)
     for path in runs.glob("*/results.xml"):
         for case in ElementTree.parse(path).iter("testcase"):
             ran[case.get("classname", "")].add(re.match(r"\w*", case.get("name", ""))[0])
     found = []
-    for path in sorted(folder.glob("test_*.py")):
-        own = {test for test in tests if test.split("::")[0].endswith(path.name)}
+    for file in sorted({test.split("::")[0] for test in tests}):
+        own = {test for test in tests if test.startswith(f"{file}::")}
+        path = root / file
         if own and own <= set(results):
-            left = cocotb_tests(path) - ran[f"tb.{path.stem}"]
-            found += [f"tb/{path.name}: no run has chosen {name}" for name in sorted(left)]
+            left = cocotb_tests(path) - ran[file.removesuffix(".py").replace("/", ".")]
+            found += [f"{file}: no run has chosen {name}" for name in sorted(left)]
     return found
 
 
@@ -168,7 +158,7 @@ def main() -> int:
         problems += [f"{rule}: {test} failed" for test in own if results.get(test) == "failed"]
         if own and not any(results.get(test) == "passed" for test in own):
             problems.append(f"{rule}: none of its tests has passed yet (make test)")
-    problems += never_chosen(collected.all, results, ROOT / "tb", RUNS)
+    problems += never_chosen(collected.all, results, ROOT, RUNS)
     for problem in problems:
         print(f"trace: {problem}", file=sys.stderr)
     shown, still = len(shown_rules(rules, tests, results)), sum(by == "open" for by in rules.values())

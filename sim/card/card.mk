@@ -16,7 +16,7 @@ CARD_DIR := $(CARD_FOLDER)/card_objects
 export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
 CARD_WAIVERS := tools/verilator.vlt sim/card/wave.vlt
-CARD_RTL := $(wildcard rtl/*.v rtl/generated/*) rtl/rtl.f configs.toml tools/sources.py $(CARD_WAIVERS)
+CARD_RTL := $(shell find rtl regs/generated -name "*.v") rtl/rtl.f configs.toml rtl/sources.py $(CARD_WAIVERS)
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
 # Changes whenever the clock does: everything that has it built in depends on this file.
@@ -33,7 +33,7 @@ CARD_VERILATOR_FLAGS := --cc --build --top-module rtu2fc --Mdir $(CARD_MODEL) --
 	-GCLK_HZ=$(CARD_CLK_HZ) '-GFIRMWARE_HEX="$(CARD_FIRMWARE)"'
 
 CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
-	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/generated $(DRIVE_CPPFLAGS)
+	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Iregs/generated $(DRIVE_CPPFLAGS)
 # Verilator's own headers, as system headers: our warnings do not apply to them.
 CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
 	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
@@ -46,7 +46,7 @@ $(VIRTUAL_CARD): $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | $(CARD_IMAGES)
 		-llz4 -lz -lpthread
 
 $(CARD_CLOCK):
-	@[ -f rtl/generated/config_$(CONFIG).v ] || { echo "configs.toml names no $(CONFIG)" >&2; exit 2; }
+	@[ -f regs/generated/config_$(CONFIG).v ] || { echo "configs.toml names no $(CONFIG)" >&2; exit 2; }
 	@mkdir -p $(@D)
 	@rm -f $(CARD_DIR)/clk_*
 	@touch $@
@@ -54,7 +54,7 @@ $(CARD_CLOCK):
 # The header stands for the whole model: the model's own make decides what is built anew.
 $(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
 	@echo "$(VIRTUAL_CARD): the card's Verilog as C++"
-	files=$$($(CARD_PYTHON) tools/sources.py $(CONFIG)); \
+	files=$$($(CARD_PYTHON) -m rtl.sources $(CONFIG)); \
 	$(CARD_VERILATOR) $(CARD_VERILATOR_FLAGS) $(CARD_WAIVERS) $$files \
 		> $(CARD_DIR)/model.log || { cat $(CARD_DIR)/model.log >&2; exit 1; }
 	@touch $@

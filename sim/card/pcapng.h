@@ -2,7 +2,7 @@
 // --pcap: frames of both lines as a pcapng file with two interfaces, simulated time in microseconds.
 //
 // Interface 0 is the network line, link type 147 (USER0), 1 the drive line, link type 148 (USER1);
-// tools/wireshark tells Wireshark what they are. Their descriptions end with the line's rate and format and
+// sim/view/fc.lua tells Wireshark what they are. Their descriptions end with the line's rate and format and
 // with the drive's name; a network line that changes its rate is another interface from then on. Direction as the card sees it: inbound from the master or
 // the drive, outbound from the card. Each packet carries its description as comment, bad frames are marked
 // there.

@@ -14,8 +14,8 @@ DRIVE_CFLAGS := -std=c99 -O2 -Wall -Wextra -Werror -Wconversion
 .PHONY: drive
 drive: build/host/libvltdrive.so
 
-$(DRIVE_TABLES): $(DRIVE_PROFILES) tools/drive_table.py sim/drive/vlt_drive.h sim/drive/drive.mk
-	python3 tools/drive_table.py $(DRIVE_PROFILES) $@
+$(DRIVE_TABLES): $(DRIVE_PROFILES) sim/drive/drive_table.py sim/drive/vlt_drive.h sim/drive/drive.mk
+	python3 sim/drive/drive_table.py $(DRIVE_PROFILES) $@
 
 # Written beside and moved: a test running meanwhile never loads half a library.
 build/host/libvltdrive.so: $(DRIVE_SOURCES) sim/drive/vlt_drive.h sim/drive/drive.mk $(DRIVE_TABLES)

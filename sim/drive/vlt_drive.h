@@ -30,7 +30,7 @@ extern "C" {
 #define DRIVE_REQUEST_MAX 257
 #define DRIVE_REPLY_MAX (12 + DRIVE_TEXT_MAX)
 
-/* Capacity of one drive; tools/drive_table.py refuses a profile that needs more. */
+/* Capacity of one drive; sim/drive/drive_table.py refuses a profile that needs more. */
 #define DRIVE_PARAMETERS_MAX 512
 #define DRIVE_SLOTS_MAX 1024
 #define DRIVE_TEXTS_MAX 24
@@ -80,7 +80,7 @@ typedef enum {
 } drive_access_t;
 
 /* What a parameter means to the simulation, so that profiles with other numbers share this code.
- * tools/drive_table.py reads the names from here: column "role" of a profile, in lower case. */
+ * sim/drive/drive_table.py reads the names from here: column "role" of a profile, in lower case. */
 typedef enum {
   DRIVE_ROLE_NONE,
   /* settings the simulation obeys */
@@ -165,7 +165,7 @@ typedef struct {
   int64_t value;
 } drive_example_t;
 
-/* A model of drive. All of it comes from sim/drive/NAME.csv, see tools/drive_table.py. */
+/* A model of drive. All of it comes from sim/drive/NAME.csv, see sim/drive/drive_table.py. */
 typedef struct {
   const char *name;
   uint16_t pnu_mask;                  /* 07FFh: bit 11 of PKE is not looked at; 0FFFh: it is used */

@@ -3,7 +3,7 @@
  * The firmware's own image, checked at start and over and over while there is nothing else to do (LED-5).
  *
  * Two words behind the image hold the sum of its words and the sum of all intermediate sums, both modulo
- * 2^32 (tools/seal.py writes them). Any single damaged word changes the first, two that swapped places
+ * 2^32 (sw/tools/seal.py writes them). Any single damaged word changes the first, two that swapped places
  * or cancel each other out change the second.
  */
 #ifndef IMAGE_H

@@ -2,7 +2,7 @@
 /*
  * Build options of the firmware; override with -D.
  *
- * DIALECT         register and exception conventions (docs/dialects.md): DIALECT_CARD, the option card's own;
+ * DIALECT         register and exception conventions (docs/guide/dialects.md): DIALECT_CARD, the option card's own;
  *                 DIALECT_BUILTIN, the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA;
  *                 DIALECT_HVAC_BASIC, that of the VLT HVAC Basic Drive.
  * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).

@@ -36,7 +36,7 @@ enum outcome {
 };
 
 /* What a master can write, a word each: first the card's own registers (MAP-5), 40001-40003, but that IND may
- * lie elsewhere (docs/dialects.md). */
+ * lie elsewhere (docs/guide/dialects.md). */
 enum setting {
     LOCAL_IND,
     LOCAL_NETWORK_TIMEOUT, /* 10 ms, 0 = never */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the dialects do differently (docs/dialects.md). DIALECT chooses a row when the image is built:
+ * What the dialects do differently (docs/guide/dialects.md). DIALECT chooses a row when the image is built:
  * every use is a constant, and what the row does not need is left out of the image.
  */
 #ifndef DIALECT_H

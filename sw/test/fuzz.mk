@@ -11,21 +11,21 @@ FUZZ_TREE ?= .
 FUZZ_FLAGS ?= -O1
 FUZZ_SANITIZERS := -fsanitize=fuzzer,address,undefined,implicit-conversion -fno-sanitize-recover=all
 FUZZ_CFLAGS := -std=c99 -g -Wall -Wextra -Werror -Wconversion -Wstrict-prototypes -Wmissing-prototypes \
-	-I$(FUZZ_TREE)/sw/include -I$(FUZZ_TREE)/sw/src -I$(FUZZ_TREE)/sw/generated -I$(FUZZ_TREE)/sw/port/host -Isw/test
+	-I$(FUZZ_TREE)/sw/include -I$(FUZZ_TREE)/sw/src -I$(FUZZ_TREE)/regs/generated -I$(FUZZ_TREE)/sw/port/host -Isw/test
 FUZZ_DIALECTS := card builtin hvac_basic
 FUZZ_TARGETS := translate gateway
 FUZZERS := $(foreach dialect,$(FUZZ_DIALECTS),$(FUZZ_TARGETS:%=$(FUZZ_DIR)/$(dialect)/fuzz_%))
 FUZZ_CORE := translate coils registers telegram
 FUZZ_ALL := $(FUZZ_CORE) gateway leds loopback image
 FUZZ_SOURCES := $(wildcard $(FUZZ_TREE)/sw/src/*) $(wildcard $(FUZZ_TREE)/sw/*/*.h) $(wildcard $(FUZZ_TREE)/sw/port/host/*) \
-	$(wildcard sw/test/*.[ch]) sw/test/loops.toml sw/test/fuzz.mk tools/firmware_loops.py
+	$(wildcard sw/test/*.[ch]) sw/test/loops.toml sw/test/fuzz.mk sw/test/loops.py
 
 .PHONY: fuzzers
 fuzzers: $(FUZZERS)
 
 $(FUZZ_DIR)/src/counting: $(FUZZ_SOURCES) | $(SETUP)
 	@mkdir -p $(@D)
-	$(FUZZ_PYTHON) tools/firmware_loops.py --tree $(FUZZ_TREE) --instrument $(@D)
+	$(FUZZ_PYTHON) -m sw.test.loops --tree $(FUZZ_TREE) --instrument $(@D)
 	@touch $@
 
 fuzz_dialect = $(shell echo $(notdir $(patsubst %/,%,$(dir $@))) | tr a-z A-Z)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the counting copies of the sources call in every round of every loop (tools/firmware_loops.py). */
+/* What the counting copies of the sources call in every round of every loop (sw/test/loops.py). */
 #ifndef LOOPS_H
 #define LOOPS_H
 

@@ -7,9 +7,9 @@ A netlist runs some 10 000 clocks a second, which is 3 to 4 minutes on an idle m
 
 import pytest
 
+from tb.card.test_rtu2fc import LOWEST_HZ
+from tb.gates.test_gates import run_gates
 from tb.lib.runner import firmware
-from tb.test_gates import run_gates
-from tb.test_rtu2fc import LOWEST_HZ
 
 NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), ("machxo2", "tiny")]
 
@@ -17,7 +17,7 @@ NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), (
 @pytest.mark.rule("TOP-1", "TOP-2", "PERF-4")
 @pytest.mark.parametrize(("family", "card"), NETLISTS)
 def test_every_example(family, card):
-    """At the slowest clock there is, as in tb/test_rtu2fc.py."""
+    """At the slowest clock there is, as in tb/card/test_rtu2fc.py."""
     parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card))}
     run_gates(
         family,

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from cocotb.triggers import ReadOnly, RisingEdge, Timer, with_timeout
 
-from tb.generated.card_tables import DRIVE_BAUD, FORMATS, RATES
-from tb.generated.mailbox import REGISTERS
+from regs.generated.card_tables import DRIVE_BAUD, FORMATS, RATES
+from regs.generated.mailbox import REGISTERS
 from tb.lib.bench import Bench
 from tb.lib.config import boot_clocks
 from tb.lib.fc_slave import FcSlave, Manner

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 
-from tools.sources import configuration
+from rtl.sources import configuration
 
 CONFIG_VARIABLE, CLOCK_VARIABLE = "CARD_CONFIG", "CARD_CLK_HZ"
 CONFIG = os.environ.get(CONFIG_VARIABLE, "standard")

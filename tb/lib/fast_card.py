@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole card without cocotb, for tests that last seconds of the card's time.
 
-The same Verilog and the same firmware image as elsewhere, Verilated and run by tb/hdl/fast_card.cpp: about
-5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from power-up; the
-resolution is a clock of the slow card of tb/lib/config.py. A drive answers through any model (fc_slave.py).
+The same Verilog and the same firmware image as elsewhere, Verilated and run by sim/harness/fast_card.cpp:
+about 5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from
+power-up; the resolution is a clock of the slow card of tb/lib/config.py. A drive answers through any model
+(fc_slave.py).
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ from pathlib import Path
 
 import pytest
 
-from tb.generated.card_tables import DRIVE_BAUD
+from regs.generated.card_tables import DRIVE_BAUD
+from rtl.sources import ROOT, needed_files
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import SLOW_HZ, boot_clocks
 from tb.lib.runner import firmware
 from tb.lib.supervision import Shown, colour
 from tb.lib.uart_agent import Character, Flaws, Format, Frame, waveform
 from tb.model import rtu
-from tools.sources import ROOT, needed_files
 
 BUILD = ROOT / "build/fast_card"
-WRAPPER = ROOT / "tb/hdl/wired_card.v"
-HARNESS = ROOT / "tb/hdl/fast_card.cpp"
+WRAPPER = ROOT / "sim/harness/wired_card.v"
+HARNESS = ROOT / "sim/harness/fast_card.cpp"
 INPUTS = (
     *("rst_n", "sw_baud", "sw_addr", "wired", "modbus_line", "drive_line"),
     *("cut_to_modbus", "cut_to_drive", "flip_to_modbus", "flip_to_drive"),

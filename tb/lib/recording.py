@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records what the lines and LEDs of a bench show, as the virtual card records itself with --log and --pcap.
 
-The recorder is the virtual card's own (sim/record): the same words, the same marks on bad frames, the same
+The recorder is the virtual card's own (sim/view): the same words, the same marks on bad frames, the same
 files, so whatever reads one reads the other. Times are simulated time, those of the waveform.
 
 `RECORD=base` in the environment (`make waves` sets it) makes every Rs485Line and Card of a bench write
@@ -20,7 +20,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tb.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from regs.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.model import rtu
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def load_library() -> ctypes.CDLL:
     with (directory / ".librecord.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         made = subprocess.run(
-            ["make", "--silent", "--no-print-directory", "-f", "sim/record/record.mk", str(LIBRARY)],
+            ["make", "--silent", "--no-print-directory", "-f", "sim/view/record.mk", str(LIBRARY)],
             cwd=ROOT,
             capture_output=True,
             text=True,

@@ -5,7 +5,7 @@ Every build lies in a folder of its own, named by everything it was made from (s
 tool options), so that nothing stale is reused and several pytest workers can share it.
 Environment: WAVES=1 writes build/waves/<test>.fst, and beside it what was on the lines as .pcapng and
 .jsonl, and names the files. RTL_COVERAGE=folder counts, on Verilator, what of rtl/ was run, and leaves a
-file a simulation there (tools/coverage_rtl.py).
+file a simulation there (campaigns/coverage/run.py).
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from pathlib import Path
 import pytest
 from cocotb_tools.runner import as_sv_literal, get_runner
 
+from rtl.sources import ROOT, configuration, needed_files, rtl_files
+from sim.view.waves import save_file
 from tb.lib.config import CLOCK_VARIABLE, CONFIG_VARIABLE
 from tb.model.card import DIALECTS
-from tools.sources import ROOT, configuration, needed_files, rtl_files
-from tools.waves import save_file
 
 SIMULATORS = ("icarus", "verilator")
 WAIVERS = ROOT / "tools/verilator.vlt"
-COVERAGE_OFF = ROOT / "tools/coverage.vlt"
+COVERAGE_OFF = ROOT / "tb/lib/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
 BUILDS_KEPT = 3

@@ -24,6 +24,8 @@ from cocotb.triggers import (
     with_timeout,
 )
 
+from sw.tools.bin2hex import with_parity
+from sw.tools.seal import SUMS
 from tb.lib.card import MS, Card, looks_for_requests
 from tb.lib.config import CLK_HZ, CONFIG, TRAPS, boot_clocks
 from tb.lib.fc_slave import Script
@@ -31,8 +33,6 @@ from tb.lib.rs485 import Rs485Line
 from tb.lib.runner import firmware
 from tb.lib.uart_agent import Frame, now_ps
 from tb.model import fc_telegram, rtu
-from tools.bin2hex import with_parity
-from tools.seal import SUMS
 
 COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
 LEDS = ("modbus", "drive")

@@ -10,7 +10,7 @@ Frames on the network side are address and PDU (no CRC), on the drive side ADR a
 
 from __future__ import annotations
 
-from tb.generated.mailbox import AREAS, REGISTERS
+from regs.generated.mailbox import AREAS, REGISTERS
 from tb.model.fc_telegram import without_bcc
 from tb.model.firmware import JUNK, frame_memory
 

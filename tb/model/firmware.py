@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tb.generated.mailbox import FRAMES_BYTES, STRIDE
+from regs.generated.mailbox import FRAMES_BYTES, STRIDE
 from tb.model.fc_telegram import without_bcc
 
 ROOT = Path(__file__).resolve().parents[2]

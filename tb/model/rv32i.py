@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
-from tb.generated.mailbox import AREAS, BASE, FRAMES, FRAMES_BYTES, REGISTERS
+from regs.generated.mailbox import AREAS, BASE, FRAMES, FRAMES_BYTES, REGISTERS
 from tb.model.firmware import build, frame_memory
 
 MASK = 0xFFFFFFFF

@@ -12,7 +12,7 @@ import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from tb.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from regs.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.model.crc16 import crc_good
 from tb.model.fc_telegram import ADR, STX, TelegramError, bcc, is_broadcast, parse
 

@@ -1,0 +1,422 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The measuring bench: a card at its own clock, its two lines, a master and a drive.
+
+The Verilated card (card_bench.cpp) takes edges and gives edges; everything here is made of them, so what is
+measured is what an oscilloscope on the pins would show. Unit of time: cycles of the card's clock since the
+release of the reset, as floats where a bit is no whole number of them.
+
+    bench = Bench(Line.of(19200, "8E1"))
+    talk = bench.ask(rtu.build(1, rtu.read_coils(0, 16)))
+    talk.reply, talk.reply_start - talk.request_end
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from campaigns.bench import fingerprint, wave
+from campaigns.bench.wave import Character, Line
+from regs.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from rtl.sources import ROOT, configurations
+from tb.model import fc_telegram
+from tb.model.vlt_drive import VltDrive
+
+# Outputs and probes, in the order of card_bench.cpp.
+SIGNALS = (
+    *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
+    *("candidate", "commit", "queue_reply", "queue_telegram", "drive_candidate"),
+)
+MODBUS, DRIVE = 0, 1
+UNIT_ADDRESS = 1
+BOOT_MS = 20  # BOOT-1, unless the configuration says otherwise
+# The shortest response time a drive may have: two characters, as long as the pause (FC-8).
+SHORTEST_DELAY_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT
+# What a master leaves beyond t3.5: what that may be off by (FRAME-1); conformance.py finds the limit itself.
+POLITE_BITS = 0.25
+DRIVERS, PROBES = ("modbus_de", "drive_de"), SIGNALS[4:]
+# How long after the last moment it may the card is waited for, in bits of the network and in s: without
+# 'prepare early', and with a slower core, the firmware's time comes on top.
+MARGIN_BITS = 4
+MARGIN_S, SLOW_MARGIN_S = 0.0003, 0.005
+# FC-9's wait is counted in whole milliseconds, and the repeat may have to wait for the pause.
+WAIT_MARGIN_S = 0.006
+DEFAULT_WAIT_S = 0.15  # register 40003
+LATE_S = 0.004  # how long before the end of the wait a late reply starts; the shortest one lasts twice that
+PUNCTUAL_S = 0.002  # how long before it the last moment is
+ROOM = 4096
+
+
+class BenchError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+@dataclass(frozen=True)
+class Build:
+    """Which card: a configuration of configs.toml, with 'prepare early' or without."""
+
+    config: str = "standard"
+    early: bool = True
+
+    @property
+    def clk_hz(self) -> int:
+        return configurations()[self.config]["clk_hz"]
+
+    @property
+    def library(self) -> Path:
+        return ROOT / f"build/bench_card/{self.config}{'' if self.early else '-late'}/libcard.so"
+
+    @property
+    def boot_s(self) -> float:
+        return configurations()[self.config].get("boot_ms", BOOT_MS) / 1000
+
+    @property
+    def margin_s(self) -> float:
+        return MARGIN_S if self == STANDARD else SLOW_MARGIN_S
+
+
+STANDARD, LATE, TINY = Build(), Build(early=False), Build("tiny")
+
+
+class Edge(ctypes.Structure):
+    _fields_ = (("at", ctypes.c_int64), ("signal", ctypes.c_int32), ("level", ctypes.c_int32))
+
+
+@functools.cache
+def library(build: Build) -> ctypes.CDLL:
+    name = build.library.relative_to(ROOT)
+    if not build.library.exists():
+        raise BenchError(f"{name} is missing; run `make bench-card`")
+    loaded = ctypes.CDLL(str(build.library))
+    pointer, size, cycles = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int64
+    edges, unsigned = ctypes.POINTER(Edge), ctypes.c_uint
+    for function_name, result, arguments in (
+        ("bench_card", ctypes.c_char_p, []),
+        ("bench_open", pointer, [unsigned, unsigned]),
+        ("bench_close", None, [pointer]),
+        ("bench_now", cycles, [pointer]),
+        ("bench_play", None, [pointer, ctypes.c_int, edges, size]),
+        ("bench_run", cycles, [pointer, cycles, unsigned]),
+        ("bench_take_edges", size, [pointer, edges, size]),
+        ("bench_memory_word", ctypes.c_uint32, [pointer, size]),
+    ):
+        function = getattr(loaded, function_name)
+        function.restype, function.argtypes = result, arguments
+    if loaded.bench_card().decode() != fingerprint.card(build.config):
+        raise BenchError(f"{name} was built from other sources; run `make bench-card`")
+    return loaded
+
+
+@dataclass(frozen=True)
+class Manners:
+    """How the drive answers one telegram, and whether the card has to take that as the reply (FC-8)."""
+
+    name: str = "at once"
+    is_reply: bool = True
+    # What it says instead of its reply, None for nothing at all.
+    says: Callable[[bytes], bytes | None] = lambda reply: reply
+    # How that gets onto the line: bytes, and what send() takes besides.
+    wire: Callable[[bytes], tuple[bytes, dict]] = lambda reply: (reply, {})
+    # None: after drive_delay_bits. "ends" or "starts": it does so just before the card's wait is over.
+    at_the_end: str | None = None
+
+
+PROPER = Manners()
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A telegram and what the drive made of it. Times in cycles; `end` is that of the last traffic."""
+
+    telegram: list[Character]
+    broadcast: bool
+    manners: Manners
+    start: float
+    end: float
+    reply: bytes | None = None
+
+    @property
+    def telegram_end(self) -> float:
+        return self.telegram[-1].end
+
+    @property
+    def answered(self) -> bool:
+        return self.reply is not None and self.manners.is_reply
+
+
+@dataclass
+class Talk:
+    """A request and what came of it. Times in cycles, None where nothing happened."""
+
+    request: bytes
+    request_start: float
+    request_end: float
+    telegrams: list[list[Character]] = field(default_factory=list)
+    exchanges: list[Exchange] = field(default_factory=list)
+    answers: list[list[Character]] = field(default_factory=list)
+    marks: dict[str, list[int]] = field(default_factory=dict)  # rising edges of the probes
+    de: dict[str, wave.Spans] = field(default_factory=dict)  # driver on, off
+    form: list[str] = field(default_factory=list)  # what is wrong with the shape of what the card sent
+    quiet_since: float = float("-inf")  # the drive line, when the request was sent
+    wait: float = 0.0  # FC-9, in cycles
+
+    @property
+    def replies(self) -> list[bytes]:
+        return [bytes(c.value for c in answer) for answer in self.answers]
+
+    @property
+    def sent(self) -> list[bytes]:
+        return [bytes(c.value for c in telegram) for telegram in self.telegrams]
+
+    @property
+    def reply(self) -> bytes | None:
+        return self.replies[0] if self.answers else None
+
+    @property
+    def reply_start(self) -> float:
+        return self.answers[0][0].start
+
+    @property
+    def reply_end(self) -> float:
+        return self.answers[0][-1].end
+
+    def clocks(self, after: str, until: str) -> int | None:
+        """Clocks from the first strobe of one probe to the next one of another."""
+        first = next(iter(self.marks.get(after, [])), None)
+        if first is None:
+            return None
+        return next((at - first for at in self.marks.get(until, []) if at >= first), None)
+
+
+class Bench:
+    """The card after its reset, a master on the network line and a simulated drive on the other."""
+
+    def __init__(self, line: Line, *, build: Build = STANDARD, drive: VltDrive | None = None) -> None:
+        self.line = line
+        self.drive_line = Line.of_drive(line.clk_hz)
+        self.clk_hz = line.clk_hz
+        self.drive = drive
+        self.drive_wait_s = DEFAULT_WAIT_S
+        self.drive_delay_bits = SHORTEST_DELAY_BITS
+        # How the drive answers the telegrams to come, in turn; from then on as it should.
+        self.manners: list[Manners] = []
+        self.unasked: list[str] = []  # what the card sent when nothing was to be sent
+        self._margin_s = build.margin_s
+        self._library = library(build)
+        switches = sum(int(on) << i for i, on in enumerate(line.switches()))
+        # The model reads the firmware image from the working directory.
+        with contextlib.chdir(ROOT):
+            self._card = self._library.bench_open(switches, UNIT_ADDRESS)
+            self._library.bench_run(self._card, 1, 0)
+        self._buffer = (Edge * ROOM)()
+        self.edges: dict[str, list[tuple[int, int]]] = {name: [] for name in SIGNALS}
+        self.silent_since = [0.0, 0.0]  # end of the last traffic, network and drive line
+        self._stepped_us = 0
+        self.idle_until(build.boot_s * self.clk_hz)
+        # The card has listened since its own start, some time after the reset.
+        self.silent_since[MODBUS] = float(self.now)
+
+    def close(self) -> None:
+        if self._card:
+            self._library.bench_close(self._card)
+            self._card = None
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def now(self) -> int:
+        return self._library.bench_now(self._card)
+
+    @property
+    def seconds(self) -> float:
+        return self.now / self.clk_hz
+
+    def memory(self, words: Iterable[int]) -> list[int]:
+        return [self._library.bench_memory_word(self._card, word) for word in words]
+
+    # ------------------------------------------------------------ waveforms
+
+    def play(self, where: int, edges: Iterable[tuple[float, int]]) -> None:
+        """Puts levels onto a line, each from its time on."""
+        items = [Edge(round(at), where, level) for at, level in edges]
+        self._library.bench_play(self._card, where, (Edge * len(items))(*items), len(items))
+
+    def send(
+        self,
+        where: int,
+        data: bytes,
+        start: float,
+        *,
+        error: float = 0.0,
+        gaps: dict[int, float] | None = None,
+        bad_parity: int | None = None,
+        bad_stop: int | None = None,
+    ) -> float:
+        """Puts a frame onto a line; returns the end of its last stop bit.
+
+        error: the sender's rate is (1 + error) times the nominal one. gaps: idle bits before a character, by
+        its number. bad_parity, bad_stop: number of the character that is damaged.
+        """
+        line = self.line if where == MODBUS else self.drive_line
+        bit = line.bit / (1 + error)
+        at, edges = start, []
+        for number, byte in enumerate(data):
+            at += (gaps or {}).get(number, 0.0) * bit
+            levels = line.character(byte, number == bad_parity, number == bad_stop)
+            edges += [(at + i * bit, level) for i, level in enumerate(levels)]
+            at += len(levels) * bit
+            edges.append((at, 1))
+        self.play(
+            where, [edge for i, edge in enumerate(edges) if i + 1 == len(edges) or self._differs(edges, i)]
+        )
+        self.silent_since[where] = at
+        return at
+
+    @staticmethod
+    def _differs(edges: list[tuple[float, int]], i: int) -> bool:
+        """An edge at the same time as its successor is none."""
+        return round(edges[i][0]) != round(edges[i + 1][0])
+
+    def run(self, until: float, stops: Iterable[str] = ()) -> int:
+        """Runs to a time, or until one of the signals falls."""
+        mask = sum(1 << SIGNALS.index(name) for name in stops)
+        now = self._library.bench_run(self._card, round(until), mask)
+        while (count := self._library.bench_take_edges(self._card, self._buffer, ROOM)) > 0:
+            for edge in self._buffer[:count]:
+                self.edges[SIGNALS[edge.signal]].append((edge.at, edge.level))
+        return now
+
+    def forget(self) -> None:
+        """Drops the edges seen so far; the lines are silent."""
+        for edges in self.edges.values():
+            edges.clear()
+
+    def idle_until(self, time: float) -> None:
+        """Nothing is due until then: what the card sends meanwhile is unasked for. The past is forgotten."""
+        self.forget()
+        self.run(time - 1)
+        for name in SIGNALS[:4]:
+            if edges := self.edges[name]:
+                self.unasked.append(f"{name} moves at {edges[0][0] / self.clk_hz:.6f} s, unasked")
+        self.forget()
+
+    def bursts(self, where: int) -> list[list[Character]]:
+        """The card's characters, split where its driver was off."""
+        if where == MODBUS:
+            return wave.bursts(self.line, self.edges["modbus_tx"], self.spans("modbus_de"))
+        return wave.bursts(self.drive_line, self.edges["drive_tx"], self.spans("drive_de"))
+
+    def spans(self, name: str) -> wave.Spans:
+        """Times of a signal's rise and fall; one that is still high ends now."""
+        rises = [at for at, level in self.edges[name] if level]
+        falls = [at for at, level in self.edges[name] if not level]
+        return list(zip(rises, [*falls, self.now][: len(rises)], strict=True))
+
+    # ------------------------------------------------------------ talking
+
+    def next_start(self, idle_bits: float = 0.0) -> float:
+        """The earliest time for a new frame: t3.5 after the last traffic, and `idle_bits` more."""
+        return max(self.now + 1, self.silent_since[MODBUS] + self.line.t35 + idle_bits * self.line.bit)
+
+    def ask(self, request: bytes, *, start: float | None = None, **how: object) -> Talk:
+        """Sends a request and waits until the card has answered, or surely does not."""
+        start = self.next_start(POLITE_BITS) if start is None else start
+        self.idle_until(start)
+        return self.follow(Talk(request, start, self.send(MODBUS, request, start, **how)))
+
+    def ask_and_leave(self, request: bytes) -> Talk:
+        """Sends a request and comes back when the drive's reply to it is about to start."""
+        start = self.next_start(POLITE_BITS)
+        self.idle_until(start)
+        talk = Talk(request, start, self.send(MODBUS, request, start), quiet_since=self.silent_since[DRIVE])
+        self.run(talk.request_end + self.line.t35 + 0.1 * self.clk_hz, ["drive_de"])
+        self._drive_answers(talk)
+        self._take(talk)
+        self.forget()
+        return talk
+
+    def follow(self, talk: Talk, *, until: float = 0.0) -> Talk:
+        """Waits for the answer to a request on its way, and at least to `until`."""
+        talk.quiet_since = self.silent_since[DRIVE]
+        pause_over = talk.quiet_since + SHORTEST_DELAY_BITS * self.drive_line.bit
+        deadline = max(talk.request_end + self.line.t35, pause_over) + self._margin()
+        self._attend(talk, max(deadline, until), until)
+        self._take(talk)
+        return talk
+
+    def _take(self, talk: Talk) -> None:
+        """What was seen on the lines goes to the talk."""
+        talk.answers, talk.telegrams = self.bursts(MODBUS), self.bursts(DRIVE)
+        talk.de = {name: self.spans(name) for name in DRIVERS}
+        talk.marks = {name: [at for at, level in self.edges[name] if level] for name in PROBES}
+        talk.wait = self.drive_wait_s * self.clk_hz
+        for name, line in (("modbus", self.line), ("drive", self.drive_line)):
+            wrong = wave.faults(line, self.edges[f"{name}_tx"], talk.de[f"{name}_de"])
+            talk.form += [f"{name} line: {fault}" for fault in wrong]
+
+    def _margin(self) -> float:
+        return MARGIN_BITS * self.line.bit + self._margin_s * self.clk_hz
+
+    def _attend(self, talk: Talk, deadline: float, until: float) -> None:
+        """Lets the drive answer each telegram; ends with the card's reply, or at the deadline."""
+        replies = telegrams = 0
+        while self.now < deadline or any(self._level(name) for name in DRIVERS):
+            self.run(max(deadline, self.now + self.line.bit), DRIVERS)
+            if len(spans := self._ended("modbus_de")) > replies:
+                replies = len(spans)
+                if bursts := self.bursts(MODBUS):
+                    self.silent_since[MODBUS] = bursts[-1][-1].end
+                if self.now >= until:
+                    return
+            if len(spans := self._ended("drive_de")) > telegrams:
+                telegrams = len(spans)
+                if self.bursts(DRIVE):
+                    deadline = max(deadline, self._drive_answers(talk))
+
+    def _drive_answers(self, talk: Talk) -> float:
+        """The drive has the telegram just ended; returns when the card must have reacted."""
+        burst = self.bursts(DRIVE)[-1]
+        end = self.silent_since[DRIVE] = burst[-1].end
+        request = bytes(c.value for c in burst)
+        broadcast = len(request) > 2 and fc_telegram.is_broadcast(request[2])
+        if self.drive and broadcast:
+            self.drive.telegram(request)
+        if self.drive is None or broadcast:
+            talk.exchanges.append(Exchange(burst, broadcast, PROPER, end, end))
+            return end + self._margin()
+        now_us = int(end / self.clk_hz * 1e6)
+        self.drive.step(now_us - self._stepped_us)
+        self._stepped_us = now_us
+        manners = self.manners.pop(0) if self.manners else PROPER
+        reply = self.drive.telegram(request)
+        reply = reply and manners.says(reply)
+        wait_over = end + (self.drive_wait_s + WAIT_MARGIN_S) * self.clk_hz
+        if not reply:
+            talk.exchanges.append(Exchange(burst, False, manners, end, end))
+            return wait_over + self._margin()
+        data, how = manners.wire(reply)
+        start = end + self.drive_delay_bits * self.drive_line.bit
+        if manners.at_the_end == "starts":
+            start = end + (self.drive_wait_s - LATE_S) * self.clk_hz
+        elif manners.at_the_end == "ends":
+            length = len(data) * self.drive_line.character_bits * self.drive_line.bit
+            start = end + (self.drive_wait_s - PUNCTUAL_S) * self.clk_hz - length
+        done = self.send(DRIVE, data, start, **how)
+        talk.exchanges.append(Exchange(burst, False, manners, start, done, reply))
+        pause = SHORTEST_DELAY_BITS * self.drive_line.bit
+        return (done if manners.is_reply else max(wait_over, done + pause)) + self._margin()
+
+    def _level(self, name: str) -> int:
+        edges = self.edges[name]
+        return edges[-1][1] if edges else 0
+
+    def _ended(self, name: str) -> list[int]:
+        return [at for at, level in self.edges[name] if not level]

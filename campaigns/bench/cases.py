@@ -1,0 +1,380 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the bench measures: turnaround case by case, random requests, the drive's manners, and the honesty of
+the gate. What each must be like: campaigns/bench/judge.py.
+
+Functions here are top level and take and return plain data, so that processes can share the work.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+
+from campaigns.bench.card import (
+    MODBUS,
+    POLITE_BITS,
+    PROPER,
+    STANDARD,
+    UNIT_ADDRESS,
+    Bench,
+    Build,
+    Manners,
+    Talk,
+)
+from campaigns.bench.judge import Outcome, measure
+from campaigns.bench.traffic import (
+    FOREIGN,
+    REFUSALS,
+    REFUSED,
+    TAKEN,
+    TEXT_PNU,
+    UNFIT,
+    Request,
+    example_drive,
+    parameter,
+    refusal,
+    some_manners,
+    some_request,
+)
+from campaigns.bench.wave import Line
+from sw.tools.stack import symbols
+from tb.model import card as card_model
+from tb.model import fc_telegram, rtu
+
+# The power-up show (LED-1), and what the card needs before it.
+SHOW_OVER_S = 2.1
+START_MOTOR = [bool(0x1999_047C >> i & 1) for i in range(32)]
+NOISE_BITS = 6.5  # after t3.5 of a noise character: 45 bits up to 19200 bit/s
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    local: bool
+    pdu: bytes
+    before: bytes | None = None  # requests that set it up and put it right
+    after: bytes | None = None
+
+
+CASES = {
+    case.name: case
+    for case in (
+        Case("read 16 coils", True, rtu.read_coils(32, 16)),
+        Case("read 40001-40003", True, rtu.read_registers(0, 3)),
+        Case("exception 67", True, bytes([0x2B])),
+        Case("start motor", False, rtu.write_coils(0, START_MOTOR)),
+        Case("write parameter", False, rtu.write_register(parameter(104), 60)),
+        Case("read parameter", False, rtu.read_registers(parameter(514), 2)),
+        Case(
+            "read 20 characters",
+            False,
+            rtu.read_registers(parameter(TEXT_PNU), 10),
+            before=rtu.write_register(0, 0x0400),
+            after=rtu.write_register(0, 0),
+        ),
+    )
+}
+
+
+# ---------------------------------------------------------------- one request, byte for byte
+
+
+@dataclass
+class Due:
+    """What must come of a request: the telegrams in turn and the reply."""
+
+    telegrams: list[bytes]
+    reply: bytes | None
+
+
+class Model:
+    """The model of the card beside the bench: what is due, from what the drive really said."""
+
+    def __init__(self) -> None:
+        self.card = card_model.Card()
+
+    @property
+    def wait_s(self) -> float:
+        return self.card.registers[card_model.DRIVE_TIMEOUT] / 100
+
+    def ask(self, pdu: bytes, broadcast: bool = False) -> card_model.Step:
+        return self.card.request(pdu, broadcast)
+
+    def due(self, step: card_model.Step, talk: Talk) -> Due:
+        """The same telegram once more after each answer that was none, twice in all (FC-9)."""
+        if step.telegram is None:
+            return Due([], self._reply(step))
+        telegram = fc_telegram.build(step.telegram[1:], step.telegram[0])
+        if fc_telegram.is_broadcast(step.telegram[0]):
+            return Due([telegram], None)
+        for number, exchange in enumerate(talk.exchanges[:2], 1):
+            if exchange.answered:
+                return Due(number * [telegram], self._reply(self.card.drive_reply(exchange.reply[2:-1])))
+        return Due(2 * [telegram], self._reply(self.card.drive_silent()))
+
+    @staticmethod
+    def _reply(step: card_model.Step) -> bytes | None:
+        return step.reply and rtu.build(UNIT_ADDRESS, step.reply)
+
+
+# ---------------------------------------------------------------- turnaround, case by case
+
+
+def turnaround(
+    baud: int,
+    form: str,
+    repeats: int,
+    names: tuple[str, ...],
+    seed: int,
+    build: Build = STANDARD,
+    settled: bool = False,
+) -> Outcome:
+    """Every case a few times; what the card says is checked as well as when.
+
+    settled: the power-up show is over.
+    """
+    rng = random.Random(f"{seed}/{baud}/{form}")
+    bench = Bench(Line.of(baud, form, build.clk_hz), build=build, drive=example_drive())
+    if settled:
+        bench.idle_until(SHOW_OVER_S * bench.clk_hz)
+    model = Model()
+    outcome = Outcome()
+
+    def ask(pdu: bytes, name: str, local: bool) -> None:
+        step = model.ask(pdu)
+        talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu), start=bench.next_start(POLITE_BITS + rng.random() * 3))
+        sample = measure(bench, talk, name)
+        where = f"{name} at {baud} {form}"
+        outcome.add(sample, where)
+        due = model.due(step, talk)
+        outcome.compare(talk, due.telegrams, due.reply, where)
+        outcome.check(len(due.telegrams) == (not local), f"{where}: {len(due.telegrams)} telegrams due")
+        figures = (sample.local,) if local else (sample.telegram, sample.answer)
+        outcome.check(None not in (*figures, sample.ratio), f"{where}: not measured")
+
+    for name in names:
+        case = CASES[name]
+        if case.before:
+            ask(case.before, "write 40001", True)
+        for _ in range(repeats):
+            ask(case.pdu, name, case.local)
+        if case.after:
+            ask(case.after, "write 40001", True)
+    if build != STANDARD:
+        # Nothing to meet there: it is what the card is compared with.
+        outcome.faults = [fault for fault in outcome.faults if "PERF" not in fault and "floor" not in fault]
+    return outcome.finish(bench)
+
+
+# ---------------------------------------------------------------- random requests
+
+
+def _say(bench: Bench, request: Request, start: float) -> Talk:
+    """Everything that belongs to a request, and what came of it. `start` is the earliest."""
+    line = bench.line
+    if request.noise is not None:
+        bench.idle_until(start)
+        noise_over = bench.send(MODBUS, bytes([request.noise]), start)
+        start = noise_over + line.t35 + NOISE_BITS * line.bit
+    if request.glitch is not None:
+        bench.idle_until(start)
+        bench.play(MODBUS, [(start, 0), (start + 0.2 * line.bit, 1)])
+        start += (0.2 + request.glitch) * line.bit
+    adu = request.adu()
+    bench.idle_until(start)
+    gaps = dict([request.gap]) if request.gap else None
+    end = bench.send(MODBUS, adu, start, gaps=gaps, bad_parity=request.bad_parity, bad_stop=request.bad_stop)
+    until = 0.0
+    if request.then:
+        character, bits = request.then
+        until = bench.send(MODBUS, bytes([character]), end + bits * line.bit) + line.t35 + 3 * line.bit
+    return bench.follow(Talk(adu, start, end), until=until)
+
+
+def _became(request: Request, due: Due, talk: Talk) -> str:
+    """What came of a request, in words for the table."""
+    if request.harm:
+        return f"silence: {request.harm}"
+    if request.address == FOREIGN:
+        return "silence: another unit's"
+    if request.address == 0:
+        return "silence: broadcast, sent on to the drive" if due.telegrams else "silence: broadcast"
+    by = "by the card"
+    if due.telegrams:
+        answered = bool(talk.exchanges) and talk.exchanges[-1].answered
+        by = "by the drive" if answered else "without the drive"
+    if due.reply[1] & rtu.EXCEPTION_BIT:
+        return f"exception {due.reply[2]} {by}"
+    return f"answered {by}"
+
+
+def random_requests(baud: int, form: str, count: int, seed: int, settled: bool = False) -> Outcome:
+    """Legal and illegal requests against the model of the card: right bytes, right times, due silence."""
+    rng = random.Random(f"random/{seed}/{baud}/{form}")
+    line = Line.of(baud, form)
+    bench = Bench(line, drive=example_drive())
+    if settled:
+        bench.idle_until(SHOW_OVER_S * bench.clk_hz)
+    model = Model()
+    outcome = Outcome()
+    for number in range(count):
+        request = some_request(rng, line)
+        bench.drive_delay_bits = rng.choice((22, 22, 24, 30, 60, 190))
+        bench.drive_wait_s = model.wait_s
+        step = card_model.Step()
+        if not request.harm and request.address != FOREIGN:
+            step = model.ask(request.pdu, broadcast=request.address == 0)
+        bench.manners = []
+        # A drive that fails is waited for: not for minutes.
+        if step.telegram and model.wait_s <= 0.2 and rng.random() < 0.25:
+            bench.manners = some_manners(rng, process=len(step.telegram) == 5)
+        talk = _say(bench, request, bench.next_start(POLITE_BITS + rng.random() * rng.choice((1, 40))))
+        where = f"random request {number} at {baud} {form} (seed {seed}), {talk.request.hex(' ')}"
+        outcome.add(measure(bench, talk, "random"), where)
+        due = model.due(step, talk)
+        outcome.compare(talk, due.telegrams, due.reply, where)
+        outcome.became[_became(request, due, talk)] += 1
+        for turn, exchange in zip(("first", "repeat"), talk.exchanges, strict=False):
+            if not exchange.broadcast:
+                outcome.drive_did[exchange.manners.name, turn] += 1
+    outcome.stack_bytes = stack_used(bench)
+    return outcome.finish(bench)
+
+
+def stack_used(bench: Bench) -> int:
+    """Bytes of the firmware's stack that are no longer as they were loaded, its high-water mark."""
+    bottom, top = (symbols()[name] // 4 for name in ("_bss_end", "_stack_top"))
+    words = bench.memory(range(bottom, top))
+    return 4 * (len(words) - next((i for i, word in enumerate(words) if word), len(words)))
+
+
+# ---------------------------------------------------------------- the drive's manners, one by one
+
+ASKED = {"process": rtu.write_coils(0, START_MOTOR), "parameter": rtu.read_registers(parameter(514), 2)}
+SHORT_WAIT = 4  # register 40003: what the exchanges here need, and no more
+
+
+def manners(baud: int, form: str, quick: bool) -> Outcome:
+    """FC-8, FC-9: each way to answer wrong is met with one repeat, each way to be slow within the rules is a
+    reply; 255 after the second failure, and the drive's own fault numbers go through."""
+    bench = Bench(Line.of(baud, form), drive=example_drive())
+    model = Model()
+    outcome = Outcome()
+
+    def ask(pdu: bytes, how: list[Manners], what: str) -> None:
+        bench.drive_wait_s = model.wait_s
+        bench.manners = list(how)
+        step = model.ask(pdu)
+        talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu))
+        due = model.due(step, talk)
+        where = f"{what}: {', '.join(m.name for m in how)} at {baud} {form}"
+        outcome.add(measure(bench, talk, "manners"), where)
+        outcome.compare(talk, due.telegrams, due.reply, where)
+        outcome.check(not bench.manners, f"{where}: nothing came of it")
+
+    ask(rtu.write_register(card_model.DRIVE_TIMEOUT, SHORT_WAIT), [], "wait")
+    for what, pdu in ASKED.items():
+        for one in TAKEN:
+            ask(pdu, [one], what)
+        unfit = (UNFIT,) if what == "parameter" else ()
+        for one in (*REFUSED, *unfit):
+            if not quick or (one.name in ("no answer", "too late", "wrong BCC")) or what == "parameter":
+                ask(pdu, [one, PROPER], what)
+        for one, two in ((REFUSED[0], REFUSED[2]), (REFUSED[2], TAKEN[2]), (REFUSED[1], REFUSED[0])):
+            if not quick or what == "process":
+                ask(pdu, [one, two], what)
+    for fault in REFUSALS[: 3 if quick else None]:
+        ask(ASKED["parameter"], [refusal(fault)], "parameter")
+    # Afterwards it serves the next one as ever.
+    ask(rtu.read_coils(32, 32), [], "the image")
+    return outcome.finish(bench)
+
+
+# ---------------------------------------------------------------- the gate
+
+
+def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) -> None:
+    """A good frame, then one more character so many bits after it: nothing may come of it."""
+    line = bench.line
+    request = Request(UNIT_ADDRESS, pdu, "another character", then=(0, extra_bits))
+    talk = _say(bench, request, bench.next_start(POLITE_BITS))
+    where = f"{pdu.hex(' ')} at {line.baud} {line.name}, another character after {extra_bits:.1f} bits"
+    outcome.add(measure(bench, talk, "gate"), where)
+    outcome.compare(talk, [], None, where)
+    outcome.check(bool(talk.marks["candidate"]), f"{where}: was no candidate, so this shows nothing")
+    outcome.check(not talk.marks["commit"], f"{where}: was committed")
+
+
+def gate(baud: int, form: str, quick: bool) -> Outcome:
+    """FRAME-6: a character between t1.5 and t3.5 takes everything back."""
+    line = Line.of(baud, form)
+    bench = Bench(line, drive=example_drive())
+    outcome = Outcome()
+    early, late = line.t15_bits + 0.5, line.t35_bits - 0.5
+    start = rtu.write_coils(0, START_MOTOR)
+    settings = rtu.write_registers(0, [0x0400, 7, 77])
+    harmless = rtu.read_coils(0, 8)
+    places = (
+        [(start, late), (settings, early)]
+        if quick
+        else [
+            (pdu, place) for pdu in (start, settings, harmless) for place in (early, (early + late) / 2, late)
+        ]
+    )
+    if quick and baud < 1200:
+        places = places[:1]
+    for pdu, place in places:
+        _held_back(bench, outcome, pdu, place)
+    unchanged = {"coils": rtu.read_coils(0, 32)}
+    if not quick or baud >= 1200:
+        unchanged["registers"] = rtu.read_registers(0, 3)
+    for what, pdu in unchanged.items():
+        talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu))
+        outcome.add(measure(bench, talk, "gate"), f"{what} at {baud} {form}")
+        reply = rtu.build(UNIT_ADDRESS, card_model.Card().request(pdu).reply)
+        outcome.compare(talk, [], reply, f"{what} at {baud} {form}")
+    outcome.check(bench.drive.control_word == 0, f"the drive heard something at {baud} {form}")
+    return outcome.finish(bench)
+
+
+def overtaken(baud: int, form: str, quick: bool) -> Outcome:
+    """FRAME-7: another frame while the drive is still answering. The old reply is dropped, the exchange is
+    finished, the newest request is served, as fast as any."""
+    line = Line.of(baud, form)
+    outcome = Outcome()
+    newer = {
+        "a foreign frame": (FOREIGN, rtu.read_coils(0, 8)),
+        "a local request": (UNIT_ADDRESS, rtu.read_registers(0, 3)),
+        "a request for the drive": (UNIT_ADDRESS, rtu.read_registers(parameter(514), 2)),
+    }
+    if quick and baud < 2400:
+        newer = {"a foreign frame": newer["a foreign frame"]}
+    for what, (address, pdu) in newer.items():
+        bench = Bench(line, drive=example_drive())
+        model = Model()
+        start_motor = model.ask(rtu.write_coils(0, START_MOTOR))
+        first = bench.ask_and_leave(rtu.build(UNIT_ADDRESS, rtu.write_coils(0, START_MOTOR)))
+        where = f"{what} at {baud} {form}"
+        due = model.due(start_motor, first)
+        # Its telegram is out and its reply is dropped.
+        outcome.compare(first, due.telegrams, None, where)
+        outcome.check(first.exchanges[0].answered, f"{where}: no exchange under way")
+        # In the middle of the drive's reply.
+        start = (first.exchanges[0].start + first.exchanges[0].end) / 2
+        frame = rtu.build(address, pdu)
+        talk = Talk(frame, start, bench.send(MODBUS, frame, start))
+        # The old reply would come right after the drive's.
+        bench.follow(talk, until=first.exchanges[0].end + 3 * line.bit)
+        outcome.add(measure(bench, talk, what), where)
+        due = model.due(model.ask(pdu) if address == UNIT_ADDRESS else card_model.Step(), talk)
+        outcome.compare(talk, due.telegrams, due.reply, where)
+        outcome.check(bench.drive.control_word == 0x047C, f"{where}: the exchange was not carried out")
+        if not quick or baud >= 9600:
+            # The exchange was finished: its status and frequency words are in the image (FC-6).
+            pdu = rtu.read_coils(32, 32)
+            talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu))
+            outcome.add(measure(bench, talk, what), where)
+            due = model.due(model.ask(pdu), talk)
+            outcome.compare(talk, due.telegrams, due.reply, f"{where}: image")
+        outcome.finish(bench)
+    return outcome

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a measurement belongs to: short hashes of the card, its firmware image and the bench.
+
+    python -m campaigns.bench.fingerprint [CONFIG]     prints the card's, for the bench to be built with
+
+Comments and layout do not count: a result stays that of the same card when one is reworded.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
+
+BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
+MODELS = ("card", "crc16", "fc_telegram", "rtu", "vlt_drive")
+LINE_PLAYER = ROOT / "sim/harness/line_player.h"
+NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
+DIGITS = 12
+
+
+def _digest(parts: list[tuple[str, str]]) -> str:
+    content = hashlib.sha256()
+    for name, text in parts:
+        content.update(f"{name}\0{text}\0".encode())
+    return content.hexdigest()[:DIGITS]
+
+
+def _code(path: Path) -> tuple[str, str]:
+    """Verilog, C and C++."""
+    return path.name, " ".join(without_comments(path).split())
+
+
+def _python(path: Path) -> tuple[str, str]:
+    return path.name, ast.dump(ast.parse(path.read_text()))
+
+
+def card(config: str = "standard") -> str:
+    """Every Verilog file, soft core included, and what configs.toml sets."""
+    entry = json.dumps(configurations()[config], sort_keys=True)
+    return _digest([(config, entry), *map(_code, card_files(config))])
+
+
+def firmware(config: str = "standard") -> str:
+    image = ROOT / configurations()[config]["firmware_hex"]
+    return _digest([(config, image.read_text() if image.exists() else "")])
+
+
+def judge() -> str:
+    """What the fuzzer and the flips do to the card, and how they judge what it does."""
+    folders = [ROOT / "campaigns/fuzz", ROOT / "tb/model"]
+    python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in NO_JUDGES)
+    drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
+    return _digest(
+        [*map(_python, python), *map(_code, [ROOT / "sim/harness/fuzz_card.cpp", LINE_PLAYER, *drive])]
+    )
+
+
+def shard() -> str:
+    """Card, firmware and judge, as the fuzzer's and the flips' results name them: others are not added up."""
+    return f"{card()} {firmware()} {judge()}"
+
+
+def bench() -> str:
+    """What decides what is measured and how it is judged; not what the report looks like."""
+    python = [ROOT / f"campaigns/bench/{name}.py" for name in BENCH]
+    python += [ROOT / f"tb/model/{name}.py" for name in MODELS]
+    drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
+    code = [ROOT / "sim/harness/card_bench.cpp", LINE_PLAYER]
+    code += [path for path in drive if path.suffix != ".csv"]
+    tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]
+    return _digest([*map(_python, python), *map(_code, code), *tables])
+
+
+def tree() -> dict[str, str]:
+    """Of everything that `make bench` measures here."""
+    found = {"card": card(), "firmware": firmware(), "bench": bench()}
+    with contextlib.suppress(SourcesError):
+        found["tiny card"] = card("tiny")
+    return found
+
+
+def difference(one: dict[str, str], other: dict[str, str]) -> list[str]:
+    """Names of what is not the same."""
+    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+
+
+if __name__ == "__main__":
+    print(card(*sys.argv[1:2]))

@@ -1,0 +1,478 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bench's table and docs/reports/results.md, from the results of campaigns/bench/run.py."""
+
+from __future__ import annotations
+
+import re
+import statistics
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from campaigns.bench.card import TINY
+from campaigns.bench.cases import CASES
+from campaigns.bench.conformance import ROWS
+from campaigns.bench.judge import (
+    DE_LIMIT_BITS,
+    LIMIT_BITS,
+    LIMIT_RATIO,
+    TELEGRAM_EARLY_BITS,
+    WAIT_LIMIT_MS,
+    Outcome,
+    Sample,
+    de_grain,
+)
+from campaigns.bench.traffic import REFUSED, UNFIT
+from campaigns.bench.wave import BAUDS, CLK_HZ, FORMAT_NAMES, Line
+from campaigns.bench.work import FORM, Piece
+from rtl.sources import ROOT
+
+RESULTS = ROOT / "docs/reports/results.md"
+TEMPLATE = ROOT / "campaigns/bench/results.md.in"
+MEASURED_ON = "Measured on"
+LOCAL = tuple(name for name, case in CASES.items() if case.local)
+EXCHANGES = tuple(name for name, case in CASES.items() if not case.local)
+SHOWN_BAUD = 19200
+DRIVE_LINE = Line.of_drive()
+JUDGED = ("early", "random", "manners", "gate", "overtaken", "conformance")
+
+# Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Written down
+# once; their code is not part of this project.
+RIVALS = (
+    "yxgi5/modbus_rtu_slave 8N1",
+    "Shroubovak/FPGA_Modbus_RTU 8N1",
+    "imihajlow/etester 8N1 / 8E1",
+    "vasilydenisenko/modbus_rtu_slave 8E1",
+)
+RIVAL_ROWS = {
+    "inside": ("14.8", "**49.5**", "**32.7**", "**7.0**"),
+    "foreign": ("34.9", "**0.1**", "32.7", "41.0"),
+    "own": ("-", "-", "-", "-"),
+    "latency": ("**10.0**", "68.7", "**0.5**", "41.7"),
+    "de": ("10.0 / 10.0", "19.2 / 0.02", "none", "0.16 / 0.00"),
+    "rate": ("6.5 / **0.8** %", "6.4 / 4.8 %", "5.0 / 5.0 (E: 4.6 / 4.5) %", "5.0 / 4.5 %"),
+    "damage": ("n.a. / **answered**", "n.a. / **answered**", "silent / **answered**", "silent / silent"),
+    "crc": ("silent", "silent", "silent", "silent"),
+    "function": ("exc 1", "exc 1", "**silent**", "not its own"),
+    "arguments": ("2 / **silent** / 3", "**answered** / 3 / 3", "**reply without address**", "not its own"),
+    "noise": ("answered", "**lost**", "answered", "answered"),
+    "truncated": ("answered", "**lost**", "answered", "answered"),
+    "glitch": ("answered", "answered", "answered", "**lost**"),
+    "break": ("answered", "answered", "answered", "answered"),
+}
+
+
+@dataclass
+class Results:
+    """Everything a report is made of."""
+
+    seed: int
+    fingerprint: dict[str, str]  # of what was measured, campaigns/bench/fingerprint.py
+    outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
+    code_bytes: int = 0
+    data_bytes: int = 0
+    stack_bytes: int = 0
+    card_clk_hz: int = 0  # of the virtual card
+    stack_path: list[str] = field(default_factory=list)
+    # Simulated seconds in a second of wall time (of processor time for the bench itself).
+    speeds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def stack_seen(self) -> int:
+        return max((outcome.stack_bytes for _, outcome in self.outcomes.values()), default=0)
+
+    def faults(self) -> list[str]:
+        found = [fault for _, outcome in self.outcomes.values() for fault in outcome.faults]
+        if self.stack_seen > self.stack_bytes:
+            found.append(f"{self.stack_seen} bytes of stack seen, {self.stack_bytes} by call graph")
+        return found
+
+
+# ---------------------------------------------------------------- what the numbers say
+
+
+def samples(results: Results, kind: str | tuple[str, ...], **fits: object) -> list[Sample]:
+    """Of one kind of work or several; `fits` are attributes a sample must have, likewise."""
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    found = [
+        sample
+        for piece, outcome in results.outcomes.values()
+        if piece.kind in kinds
+        for sample in outcome.samples
+    ]
+    for attribute, wanted in fits.items():
+        allowed = wanted if isinstance(wanted, tuple) else (wanted,)
+        found = [sample for sample in found if getattr(sample, attribute) in allowed]
+    return found
+
+
+def values(found: Iterable[Sample], attribute: str) -> list[float]:
+    return [value for sample in found if (value := getattr(sample, attribute)) is not None]
+
+
+def span(numbers: list[float], digits: int = 2) -> str:
+    """Least to greatest."""
+    return f"{min(numbers):.{digits}f} … {max(numbers):.{digits}f}" if numbers else "-"
+
+
+def middle_and_worst(numbers: list[float]) -> str:
+    return f"{statistics.median(numbers):.0f} | {max(numbers):.0f}" if numbers else "- | -"
+
+
+def rows_of(header: str, rows: Iterable[Iterable[object]]) -> str:
+    """A Markdown table; `header` with | between its columns."""
+    columns = header.count("|") + 1
+    lines = [f"| {header} |", "|" + "---|" * columns]
+    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
+
+
+def verdict(met: bool) -> str:
+    return "met" if met else "**missed**"
+
+
+def summary(results: Results) -> str:
+    """The table of targets."""
+    cases, chance, everything = (samples(results, kind) for kind in ("early", "random", JUDGED))
+    rows: list[list[object]] = []
+
+    def row(name: str, target: str, numbers: list[float], met: Callable[[float], bool], text: str) -> None:
+        if numbers:
+            rows.append([name, target, text, verdict(all(map(met, numbers))), len(numbers)])
+
+    for name, attribute, target, found in (
+        ("local request: reply's first bit after t3.5", "local", "≤ 1 bit of the line", cases),
+        ("telegram's first bit after t3.5", "telegram", "≤ 1 drive bit (104 µs)", cases),
+        ("reply's first bit after the drive's last stop bit", "answer", "≤ 1 bit of the line", cases),
+        (f"random, {len(chance)} requests: local", "local", "≤ 1 bit of the line", chance),
+        ("random: telegram", "telegram", "≤ 1 drive bit", chance),
+        ("random: after the drive's reply", "answer", "≤ 1 bit of the line", chance),
+    ):
+        numbers = values(found, attribute)
+        row(name, target, numbers, lambda value: value <= LIMIT_BITS, f"{max(numbers, default=0):.2f}")
+    for name, numbers in (
+        ("full transactions over their floor", values([s for s in cases if s.case in EXCHANGES], "ratio")),
+        ("every answered request over its floor", values(cases + chance, "ratio")),
+    ):
+        worst = f"{max(numbers, default=0):.4f}"
+        row(name, f"≤ {LIMIT_RATIO}", numbers, lambda value: value <= LIMIT_RATIO, worst)
+    numbers = [s.telegram_before_t35 for s in cases + chance if s.telegram is not None]
+    row(
+        "no telegram before t3.5 of its request",
+        "≤ 1/16 bit of the line before it, and the grain of the rate",
+        numbers,
+        lambda value: value <= TELEGRAM_EARLY_BITS + de_grain(min(BAUDS)),
+        f"{max(numbers, default=0):.2f} before",
+    )
+    numbers = [after for sample in everything for after in sample.after_t35]
+    earliest = f"{min(numbers, default=0):.2f}"
+    row("no reply before t3.5 of its request, every reply", "≥ 0 bits", numbers, lambda v: v >= 0, earliest)
+    for name, numbers in (
+        ("no good reply: repeat, after the wait", [ms for s in everything for ms in s.repeats]),
+        ("no good reply again: exception 255, after the wait", values(everything, "gave_up")),
+    ):
+        limits = f"0 … {WAIT_LIMIT_MS:g} ms"
+        row(name, limits, numbers, lambda value: 0 <= value <= WAIT_LIMIT_MS, span(numbers))
+    for name, attribute, least in (
+        ("DE before the first bit, both lines, every frame", "de_lead", 0.0),
+        ("DE after the last bit, both lines, every frame", "de_lag", -de_grain(max(BAUDS))),
+    ):
+        numbers = [bits for s in everything for line in getattr(s, attribute).values() for bits in line]
+        inside = [max(bits, 0.0) if bits >= least else bits for bits in numbers]
+        row(name, "0 … 1 bit", numbers, lambda v, least=least: least <= v <= DE_LIMIT_BITS, span(inside))
+    for kind, name in (
+        ("early", "cases: right bytes and bits on both lines"),
+        ("random", "random: right bytes and bits on both lines, silence where due"),
+        ("manners", "a drive that answers wrong, late or not at all: one repeat, then 255"),
+        ("gate", "a character between t1.5 and t3.5: nothing sent, nothing changed"),
+        ("overtaken", "another frame while the drive answers: newest served, exchange finished"),
+        ("conformance", "conformance rows"),
+    ):
+        outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind == kind]
+        checks, faults = sum(o.checks for o in outcomes), sum(len(o.faults) for o in outcomes)
+        rows.append([name, "no fault", f"{faults} faults", verdict(faults == 0), f"{checks} checks"])
+    return rows_of("case | target | worst measured | verdict | of", rows)
+
+
+def by_rate(results: Results, kind: str = "early") -> str:
+    rows = []
+    for baud in BAUDS:
+        found = samples(results, kind, baud=baud)
+        if not found:
+            continue
+        spans = [span(values(found, attribute)) for attribute in ("local", "telegram", "answer")]
+        ratios = values(found, "ratio")
+        rows.append([baud, *spans, f"{max(ratios):.4f}", len(found)])
+    return rows_of(
+        "bit/s | local, bits after t3.5 | telegram, drive bits after t3.5 | "
+        "reply, bits after the drive's | worst total / floor | transactions",
+        rows,
+    )
+
+
+def transactions(results: Results) -> str:
+    rows = []
+    for name in CASES:
+        row: list[object] = [name]
+        for baud in (9600, SHOWN_BAUD, 115200):
+            found = samples(results, "early", case=name, baud=baud, form=FORM)
+            if found:
+                worst = max(found, key=lambda sample: sample.total - sample.floor)
+                row += [f"{1e3 * worst.floor:.3f}", f"{1e3 * worst.total:.3f}"]
+            else:
+                row += ["-", "-"]
+        row.append(f"{max(values(samples(results, 'early', case=name), 'ratio')):.4f}")
+        rows.append(row)
+    return rows_of(
+        "transaction | floor 9600 | ours | floor 19200 | ours | floor 115200 | ours | "
+        "worst ratio, all rates and formats",
+        rows,
+    )
+
+
+def table(results: Results) -> str:
+    """What the command prints."""
+    parts = ["", summary(results), "", by_rate(results), "", transactions(results), "", firmware(results), ""]
+    return "\n".join(parts)
+
+
+def early_or_late(results: Results) -> str:
+    rows = []
+    for baud in BAUDS:
+        bit_us = 1e6 / baud
+        early = samples(results, "early", baud=baud, form=FORM)
+        late = samples(results, "late", baud=baud)
+        for what, attribute, unit_us in (
+            ("reply", "local", bit_us),
+            ("telegram", "telegram", 1e6 / DRIVE_LINE.baud),
+        ):
+            ours, theirs = (
+                [unit_us * value for value in values(found, attribute)] for found in (early, late)
+            )
+            software = [1e6 * clocks / CLK_HZ for clocks in values(with_kind(late, what), "decode_clocks")]
+            if not ours or not theirs:
+                continue
+            a, b = statistics.median(ours), statistics.median(theirs)
+            t35_us = 1e6 * Line.of(baud, FORM).t35_bits / baud
+            rows.append(
+                [
+                    baud if what == "reply" else "",
+                    what,
+                    f"{a:.0f} ({max(ours):.0f})",
+                    f"{b:.0f} ({max(theirs):.0f})",
+                    f"{statistics.median(software):.0f}",
+                    f"{b - a:.0f}",
+                    f"{b / a:.0f} x" if a > 0 else "-",
+                    f"{(t35_us + b) / (t35_us + a):.3f}",
+                ]
+            )
+    return rows_of(
+        "bit/s | first bit of | ours, µs after t3.5: median (worst) | prepare early off | "
+        "wait, then think: the firmware's clocks alone | gain, µs | lost, off / ours | "
+        "turnaround, off / ours",
+        rows,
+    )
+
+
+def with_kind(found: list[Sample], what: str) -> list[Sample]:
+    return [s for s in found if (s.telegram is not None) == (what == "telegram")]
+
+
+def firmware(results: Results) -> str:
+    """Clocks from being handed something to having queued the answer to it."""
+    early, chance = samples(results, "early"), samples(results, "random")
+    rows = []
+    for name in (*CASES, "write 40001"):
+        found = [sample for sample in early if sample.case == name]
+        decode, answer = (values(found, attribute) for attribute in ("decode_clocks", "answer_clocks"))
+        rows.append([name, middle_and_worst(decode), middle_and_worst(answer)])
+    decode, answer = (values(chance, attribute) for attribute in ("decode_clocks", "answer_clocks"))
+    rows.append([f"random, {len(chance)}", middle_and_worst(decode), middle_and_worst(answer)])
+    return rows_of(
+        "clocks of the firmware | request → queued, median | worst | drive's reply → queued, median | worst",
+        rows,
+    )
+
+
+def budgets(clk_hz: int, baud: int) -> tuple[float, float]:
+    """Clocks from t1.5 to t3.5, and of the BCC's character."""
+    line = Line.of(baud, FORM, clk_hz)
+    drive_line = Line.of_drive(clk_hz)
+    return (line.t35_bits - line.t15_bits) * line.bit, drive_line.character_bits * drive_line.bit
+
+
+def shares(results: Results) -> dict[tuple[str, int], tuple[float, float]]:
+    """Budget and the worst use of it, for each rate."""
+    found = {}
+    for baud in BAUDS:
+        at_rate = samples(results, ("early", "random"), baud=baud)
+        request, reply = budgets(CLK_HZ, baud)
+        for what, attribute, allowed in (
+            ("request", "decode_clocks", request),
+            ("drive's reply", "answer_clocks", reply),
+        ):
+            if used := values(at_rate, attribute):
+                found[what, baud] = allowed, max(used)
+    return found
+
+
+def budget(results: Results) -> str:
+    rows = []
+    used = shares(results)
+    for baud in BAUDS:
+        row: list[object] = [baud]
+        for what in ("request", "drive's reply"):
+            if (what, baud) in used:
+                allowed, worst = used[what, baud]
+                row += [f"{allowed:,.0f}", f"{worst:,.0f}", f"{100 * worst / allowed:.0f} %"]
+            else:
+                row += 3 * ["-"]
+        rows.append(row)
+    return rows_of(
+        "bit/s | t1.5 to t3.5, clocks | worst request | of it | BCC's character, clocks | "
+        "worst reply of the drive | of it",
+        rows,
+    )
+
+
+def slowest_clock_hz(results: Results) -> float:
+    """At which the worst request seen would be ready just in time."""
+    return CLK_HZ * max((worst / allowed for allowed, worst in shares(results).values()), default=0)
+
+
+def counted(results: Results, attribute: str) -> Counter:
+    """A table of counts, all random pieces together."""
+    total: Counter = Counter()
+    for piece, outcome in results.outcomes.values():
+        if piece.kind == "random":
+            total += getattr(outcome, attribute)
+    return total
+
+
+def outcomes(results: Results) -> str:
+    """What came of the random requests: numbers of exceptions in their order, silences last."""
+
+    def order(what: str) -> tuple[int, list[object]]:
+        parts = [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", what)]
+        return ("answered", "exception", "silence:").index(what.split()[0]), parts
+
+    became = counted(results, "became")
+    rows = [[what, became[what]] for what in sorted(became, key=order)]
+    return rows_of("what came of it | requests", [*rows, ["**all**", became.total()]])
+
+
+def drive_table(results: Results) -> str:
+    """How the drive answered, and which of that the card had to take."""
+    did = counted(results, "drive_did")
+    refused = {manners.name for manners in (*REFUSED, UNFIT)}
+    names = sorted({name for name, _ in did}, key=lambda name: (name in refused, name != "at once", name))
+    rows = [
+        [name, "no" if name in refused else "yes", did[name, "first"] or "-", did[name, "repeat"] or "-"]
+        for name in names
+    ]
+    return rows_of("the drive's answer | is a reply | to a telegram | to its repeat", rows)
+
+
+def tiny(results: Results) -> str:
+    found = samples(results, "tiny")
+    decode, answer = (values(found, attribute) for attribute in ("decode_clocks", "answer_clocks"))
+    slow, last = budgets(TINY.clk_hz, SHOWN_BAUD)
+    above, _ = budgets(TINY.clk_hz, max(BAUDS))
+    return f"""\
+Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz, {FORM}, the same cases. It has no limits to keep.
+
+{by_rate(results, "tiny")}
+
+Clocks of its firmware: request → queued {span(decode, 0)}, drive's reply → queued {span(answer, 0)}. The
+budgets at its clock are {slow:,.0f} at {SHOWN_BAUD} bit/s, {above:,.0f} above, and {last:,.0f}."""
+
+
+def measured_on(fingerprint: dict[str, str]) -> str:
+    return ", ".join(f"{name} `{digits}`" for name, digits in fingerprint.items())
+
+
+def stated() -> dict[str, str]:
+    """What docs/reports/results.md says it was measured on; nothing if it does not say."""
+    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
+    line = next((line for line in lines if line.startswith(MEASURED_ON)), "")
+    found = re.findall(r"([a-z ]+) `(\w+)`", line.removeprefix(MEASURED_ON))
+    return {name.strip(): digits for name, digits in found}
+
+
+def conformance(results: Results) -> str:
+    ours = [(piece, outcome) for piece, outcome in results.outcomes.values() if piece.kind == "conformance"]
+    ours.sort(key=lambda item: (item[0].baud != SHOWN_BAUD, item[0].baud, item[0].form))
+    at_rate = [(piece, outcome) for piece, outcome in ours if piece.baud == SHOWN_BAUD]
+    others = [(piece, outcome) for piece, outcome in ours if piece.baud != SHOWN_BAUD]
+    header = " | ".join(
+        ["at 19200"]
+        + [f"**rtu2fc {piece.form}**" for piece, _ in at_rate]
+        + list(RIVALS)
+        + ["as the specification has it"]
+    )
+    rows = [
+        [text, *(outcome.rows[key] for _, outcome in at_rate), *RIVAL_ROWS[key], SPECIFICATION[key]]
+        for key, text in ROWS.items()
+    ]
+    first = rows_of(header, rows)
+    header = " | ".join(["elsewhere", *(f"{piece.baud} {piece.form}" for piece, _ in others)])
+    rows = [[text, *(outcome.rows[key] for _, outcome in others)] for key, text in ROWS.items()]
+    return first + "\n\n" + rows_of(header, rows)
+
+
+SPECIFICATION = {
+    "inside": "16.5; 15.0 by 10-bit characters",
+    "foreign": "38.5; 35.0 by 10-bit characters",
+    "own": "38.5",
+    "latency": "≥ 38.5; ≥ 35.0 by 10-bit characters",
+    "de": "-",
+    "rate": "2 / 2 %",
+    "damage": "silent",
+    "crc": "silent",
+    "function": "exception (this card's manual: 67)",
+    "arguments": "exceptions (this card's manual: 64 / 66 / 66)",
+    "noise": "answered",
+    "truncated": "answered",
+    "glitch": "answered",
+    "break": "answered",
+}
+
+
+def speeds(results: Results) -> str:
+    rows = [[name, f"{speed:.3g}", f"{1 / speed:.3g}"] for name, speed in results.speeds.items()]
+    return rows_of("simulation | simulated s in a wall s | wall s for a simulated s", rows)
+
+
+# ---------------------------------------------------------------- the document
+
+
+def document(results: Results) -> str:
+    """The text is in TEMPLATE, its numbers and tables come from here."""
+    chance = samples(results, "random")
+    missed = results.faults()
+    return TEMPLATE.read_text().format(
+        seed=results.seed,
+        measured_on=f"{MEASURED_ON} {measured_on(results.fingerprint)}.",
+        mhz=f"{CLK_HZ / 1e6:g}",
+        formats=", ".join(FORMAT_NAMES),
+        form=FORM,
+        summary=summary(results),
+        missed="".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
+        by_rate=by_rate(results),
+        transactions=transactions(results),
+        requests=len(chance),
+        outcomes=outcomes(results),
+        drive=drive_table(results),
+        early_or_late=early_or_late(results),
+        tiny=tiny(results),
+        conformance=conformance(results),
+        firmware=firmware(results),
+        budget=budget(results),
+        slowest_mhz=f"{slowest_clock_hz(results) / 1e6:.1f}",
+        code=results.code_bytes,
+        data=results.data_bytes,
+        stack=results.stack_bytes,
+        stack_seen=results.stack_seen,
+        stack_path=" → ".join(results.stack_path),
+        card_mhz=f"{results.card_clk_hz / 1e6:g}",
+        speeds=speeds(results),
+    )

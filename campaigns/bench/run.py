@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures the card on its pins and prints the table.
+
+    python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes docs/reports/results.md and
+    docs/pictures/*.svg
+    python -m campaigns.bench.run --fast                    what `make test` runs too: prints, writes nothing
+    python -m campaigns.bench.run --only KIND               measures one kind again; the rest: last whole run
+    python -m campaigns.bench.run --report                  writes the report of the last whole run again
+
+Exit 1 when a limit is missed, 2 when something to measure is missing or the last whole run was of another
+card, firmware or bench than the tree has. What is measured: campaigns/bench/cases.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import pickle
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from campaigns.bench.card import BenchError
+from campaigns.bench.judge import Outcome
+from campaigns.bench.report import RESULTS, Results, document, stated, table
+from campaigns.bench.wave import CLK_HZ
+from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
+from rtl.sources import ROOT, SourcesError
+from sw.tools import stack
+from tb.lib import runner
+
+KEPT = ROOT / "build/bench_card/results.pickle"
+DEFAULT_SEED = 1
+VIRTUAL_CARD = ROOT / "build/card"
+VIRTUAL_CARD_S = 5
+
+
+def _work(piece: Piece) -> tuple[Piece, Outcome, float]:
+    began = time.process_time()
+    return piece, piece.run(), time.process_time() - began
+
+
+def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
+    """The long pieces first; each tells when it is done."""
+    pieces = sorted(pieces, key=lambda piece: -piece.cost)
+    simulated = used = 0.0
+    began = time.monotonic()
+    with multiprocessing.Pool(jobs) as pool:
+        for done, (piece, outcome, seconds) in enumerate(pool.imap_unordered(_work, pieces), 1):
+            results.outcomes[piece.name] = (piece, outcome)
+            simulated += outcome.simulated_s
+            used += seconds
+            if sys.stderr.isatty():
+                print(f"\r{done}/{len(pieces)} {piece.name:30}", end="", file=sys.stderr)
+            for fault in outcome.faults:
+                print(f"missed: {fault}")
+    if sys.stderr.isatty():
+        print("\r" + 40 * " ", end="\r", file=sys.stderr)
+    print(f"seed {results.seed}, {time.monotonic() - began:.0f} s")
+    # In an order of its own, however the processes took turns.
+    results.outcomes = dict(sorted(results.outcomes.items()))
+    results.speeds["measuring bench"] = simulated / used
+
+
+def measure_firmware(results: Results) -> None:
+    results.code_bytes, results.data_bytes = stack.sizes()
+    results.stack_bytes, results.stack_path = stack.deepest()
+
+
+def virtual_card_speed() -> tuple[float, int]:
+    """What one core can do, as build/card says itself, and at which clock."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            VIRTUAL_CARD,
+            "--speed",
+            "max",
+            "--for",
+            str(VIRTUAL_CARD_S),
+            "--modbus",
+            f"{folder}/modbus",
+        ]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(re.search(r"one core can do ([\d.]+)", done.stdout)[1]), virtual_card_clk_hz()
+
+
+def virtual_card_clk_hz() -> int:
+    """Whatever it was built with, CARD_CLK_HZ leaves a file of its name (sim/card/card.mk)."""
+    clocks = sorted((ROOT / "build/card_objects").glob("clk_*"), key=lambda path: path.stat().st_mtime)
+    return int(clocks[-1].name.removeprefix("clk_")) if clocks else 0
+
+
+def cocotb_speed(sim: str) -> float:
+    """The whole card under cocotb, idle, at its own clock."""
+    name = f"bench.cocotb_speed-{sim}"
+    os.environ["PYTEST_CURRENT_TEST"] = f"bench.py::cocotb_speed-{sim} (call)"
+    os.environ.update(COCOTB_LOG_LEVEL="ERROR", GPI_LOG_LEVEL="ERROR")
+    os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    runner.run("rtu2fc", "campaigns.bench.cocotb_speed", sim=sim, parameters={"CLK_HZ": CLK_HZ})
+    results = ElementTree.parse(ROOT / "build/tests" / name / "results.xml")
+    case = next(results.iter("testcase"))
+    values = {item.get("name"): item.get("value") for item in case.iter("property")}
+    return float(values["sim_time_ratio"]) * 1e-9
+
+
+def measure_simulations(results: Results) -> None:
+    results.speeds["virtual card"], results.card_clk_hz = virtual_card_speed()
+    for sim in ("verilator", "icarus"):
+        results.speeds[f"cocotb on {sim}"] = cocotb_speed(sim)
+
+
+def write(results: Results) -> None:
+    from campaigns.bench import pictures as bench_pictures  # matplotlib takes its time to load
+
+    bench_pictures.draw(results)
+    RESULTS.write_text(document(results))
+
+
+def last_run(of: dict[str, str]) -> Results:
+    """What the last whole run brought, if it was a run of this very tree."""
+    name = KEPT.relative_to(ROOT) if KEPT.is_relative_to(ROOT) else KEPT.name
+    if not KEPT.exists():
+        raise BenchError(f"{name} is missing: there was no whole run; run `make bench`")
+    try:
+        results = pickle.loads(KEPT.read_bytes())
+        other = fingerprint.difference(results.fingerprint, of)
+    except (pickle.UnpicklingError, AttributeError, ImportError, EOFError, TypeError):
+        raise BenchError(f"{name} is of another bench; run `make bench`") from None
+    if other:
+        raise BenchError(f"{name} is of another {' and another '.join(other)}; run `make bench`")
+    return results
+
+
+def of_this_tree(tree: dict[str, str]) -> str:
+    """Whether docs/reports/results.md still speaks of what was measured now."""
+    other = fingerprint.difference(stated(), tree)
+    if other:
+        names = " and another ".join(other)
+        return f"note: docs/reports/results.md is of another {names}; `make bench` renews it"
+    return "docs/reports/results.md is of this card, firmware and bench"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = argparse.ArgumentParser(description="Measures the card on its pins.")
+    what = options.add_mutually_exclusive_group()
+    what.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
+    what.add_argument("--report", action="store_true", help="write the report of the last whole run again")
+    what.add_argument("--only", metavar="KIND", choices=KINDS_OF_WORK, help=", ".join(KINDS_OF_WORK))
+    options.add_argument("--seed", type=int, help=f"not with --only, --report ({DEFAULT_SEED})")
+    options.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    given = options.parse_args(arguments)
+    again = given.report or given.only
+    if again and given.seed is not None:
+        options.error("the last whole run has a seed already")
+    try:
+        tree = fingerprint.tree()
+        seed = DEFAULT_SEED if given.seed is None else given.seed
+        results = last_run(tree) if again else Results(seed, tree)
+        if not (given.fast or again or VIRTUAL_CARD.exists()):
+            raise BenchError(f"{VIRTUAL_CARD.relative_to(ROOT)} is missing; run `make card`")
+        if not given.report:
+            pieces = list((fast if given.fast else whole)(results.seed))
+            measure([p for p in pieces if given.only in (None, p.kind)], given.jobs, results)
+            measure_firmware(results)
+            if other := fingerprint.difference(tree, fingerprint.tree()):
+                raise BenchError(f"the {' and the '.join(other)} changed meanwhile; run `make bench`")
+        if not (given.fast or given.report):
+            KEPT.write_bytes(pickle.dumps(results))
+        if not (given.fast or again):
+            measure_simulations(results)
+            KEPT.write_bytes(pickle.dumps(results))
+    except (BenchError, SourcesError, stack.StackError, FileNotFoundError) as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 2
+    print(table(results))
+    if given.fast:
+        print(of_this_tree(tree))
+    else:
+        write(results)
+    missed = results.faults()
+    print(f"{len(missed)} missed" if missed else "all limits met")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,436 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fast part of the measuring bench as a guard: a case over its limit fails.
+
+The card at its own clock, measured on the pins (campaigns/bench). Simulated time: a busy machine changes
+nothing. The second half breaks what the judge looks at, in each way that it must see.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from campaigns.bench import card, fingerprint
+from campaigns.bench import report as bench_report
+from campaigns.bench import run as bench
+from campaigns.bench.card import LATE, POLITE_BITS, STANDARD, UNIT_ADDRESS, Bench, BenchError
+from campaigns.bench.cases import CASES, Model, turnaround
+from campaigns.bench.conformance import boundary
+from campaigns.bench.judge import Outcome, Sample, measure
+from campaigns.bench.traffic import example_drive
+from campaigns.bench.wave import Line, characters, edges_of, faults
+from campaigns.bench.work import RANDOM, Piece, fast, whole
+from sw.tools import stack
+from tb.model import rtu
+
+SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
+PIECES = list(fast(SEED))
+FORMS = ("8N1", "8N2", "8E1", "8O1")
+
+
+def pieces(*kinds: str) -> pytest.MarkDecorator:
+    chosen = [piece for piece in PIECES if piece.kind in kinds]
+    return pytest.mark.parametrize("piece", chosen, ids=[piece.name for piece in chosen])
+
+
+def run(piece: Piece) -> None:
+    print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
+    outcome = piece.run()
+    assert not outcome.faults, "\n".join(outcome.faults)
+    assert outcome.checks, "nothing was checked"
+
+
+@pytest.mark.rule("PERF-1", "PERF-2", "PERF-3", "FRAME-8")
+@pieces("early")
+def test_turnaround_is_the_wires(piece: Piece) -> None:
+    run(piece)
+
+
+@pytest.mark.rule("FRAME-6", "FRAME-3")
+@pieces("gate")
+def test_character_between_t15_and_t35_takes_all_back(piece: Piece) -> None:
+    run(piece)
+
+
+@pytest.mark.rule("FRAME-7")
+@pieces("overtaken")
+def test_newer_frame_while_the_drive_answers(piece: Piece) -> None:
+    run(piece)
+
+
+@pytest.mark.rule("PERF-1", "PERF-2", "PERF-3", "EXC", "FRAME-4")
+@pieces("random")
+def test_random_requests_have_no_outlier(piece: Piece) -> None:
+    run(piece)
+
+
+@pytest.mark.rule("FRAME-1", "LINE-5", "LINE-6")
+@pieces("conformance")
+def test_conformance_rows(piece: Piece) -> None:
+    run(piece)
+
+
+@pytest.mark.rule("FC-8", "FC-9", "EXC")
+@pieces("manners")
+def test_drive_that_answers_wrong_late_or_not_at_all(piece: Piece) -> None:
+    run(piece)
+
+
+# ---------------------------------------------------------------- the judge
+
+
+def test_limits_can_be_missed() -> None:
+    """Each figure beyond its limit is a fault, each at it is none."""
+    floor = {"request": 1.0}
+    at_limit = Sample(
+        *("x", 9600, "8E1"),
+        **{"local": 1.0, "telegram": 1.0, "answer": 1.0, "gave_up": 3.0, "repeats": [0.0, 3.0]},
+        **{"telegrams": 2, "replies": 1, "after_t35": [0.0], "total": 1.01, "floor_parts": floor},
+        **{
+            "de_lead": {"modbus": [0.0, 1.0], "drive": [0.0, 1.0]},
+            "de_lag": {"modbus": [0.0], "drive": [1.0]},
+        },
+    )
+    assert at_limit.faults() == []
+    for beyond in (
+        {"local": 1.01},
+        {"after_t35": [0.3, -0.01]},
+        {"telegram": 1.01},
+        {"telegram_before_t35": 0.08},
+        {"telegram_before_pause": 0.1},
+        {"de_before_t35": 0.26},
+        {"de_before_t35": 0.66, "drift_bits": 0.4},
+        {"after_t35": [-0.01], "drift_bits": 0.4},
+        {"local": 1.41, "drift_bits": -0.4},
+        {"local": 1.01, "drift_bits": 0.4},
+        {"de_before_pause": 0.1},
+        {"answer": 1.01},
+        {"answer": -1.01},
+        {"repeats": [1.0, 3.1]},
+        {"repeats": [-0.1]},
+        {"gave_up": 3.1},
+        {"gave_up": -0.1},
+        {"replies": 2},
+        {"telegrams": 3},
+        {"de_lead": {"modbus": [0.3, -0.01]}},
+        {"de_lead": {"drive": [1.01]}},
+        {"de_lag": {"modbus": [1.01]}},
+        {"de_lag": {"drive": [0.0, -0.05]}},
+        {"form_faults": ["anything"]},
+        {"total": 1.011},
+    ):
+        assert len(Sample("x", 9600, "8E1", floor_parts=floor, **beyond).faults()) == 1, beyond
+
+
+def test_a_card_that_does_not_prepare_early_misses_them() -> None:
+    """The whole way from the pins to the judge: the late build is a real card beyond the limits."""
+    outcome = turnaround(19200, "8E1", 1, ("read 16 coils", "start motor"), SEED, LATE)
+    missed = " ".join(fault for sample in outcome.samples for fault in sample.faults())
+    assert "PERF-1" in missed and "PERF-2" in missed
+
+
+# What a broken card would put on its pins, made of what the real one does: its edges in, other edges out.
+Edges = dict[str, list[tuple[float, int]]]
+RATE = 115200
+LINE, DRIVE_LINE = Line.of(RATE, "8E1"), Line.of_drive()
+LINES = {"modbus": LINE, "drive": DRIVE_LINE}
+
+
+def later(name: str, bits: float, level: int | None = None) -> Callable[[Edges], None]:
+    """Edges of one signal moved, those to one level or all."""
+    by = bits * LINES[name.split("_")[0]].bit
+
+    def change(edges: Edges) -> None:
+        edges[name] = [(at + by * (level in (None, to)), to) for at, to in edges[name]]
+
+    return change
+
+
+def both(one: Callable[[Edges], None], other: Callable[[Edges], None]) -> Callable[[Edges], None]:
+    def change(edges: Edges) -> None:
+        one(edges)
+        other(edges)
+
+    return change
+
+
+def doubled(line: str) -> Callable[[Edges], None]:
+    """The same frame once more, ten characters after it."""
+
+    def change(edges: Edges) -> None:
+        driven = edges[f"{line}_de"]
+        by = driven[-1][0] - driven[0][0] + 10 * LINES[line].character_bits * LINES[line].bit
+        for name in (f"{line}_tx", f"{line}_de"):
+            edges[name] = edges[name] + [(at + by, to) for at, to in edges[name]]
+
+    return change
+
+
+def rewritten(line: str, like: Line) -> Callable[[Edges], None]:
+    """The same bytes by another rate or format."""
+
+    def change(edges: Edges) -> None:
+        sent = characters(LINES[line], edges[f"{line}_tx"])
+        edges[f"{line}_tx"] = edges_of(like, bytes(c.value for c in sent), sent[0].start)
+
+    return change
+
+
+def gap(line: str, after: int, bits: float) -> Callable[[Edges], None]:
+    """Idle between two characters; the driver stays on for it."""
+
+    def change(edges: Edges) -> None:
+        place = characters(LINES[line], edges[f"{line}_tx"])[after].end - 1
+        for name in (f"{line}_tx", f"{line}_de"):
+            edges[name] = [(at + bits * LINES[line].bit * (at > place), to) for at, to in edges[name]]
+
+    return change
+
+
+def other_byte(line: str) -> Callable[[Edges], None]:
+    def change(edges: Edges) -> None:
+        sent = characters(LINES[line], edges[f"{line}_tx"])
+        data = bytes(c.value for c in sent)
+        edges[f"{line}_tx"] = edges_of(LINES[line], data[:-1] + bytes([data[-1] ^ 1]), sent[0].start)
+
+    return change
+
+
+def nothing(line: str) -> Callable[[Edges], None]:
+    def change(edges: Edges) -> None:
+        edges[f"{line}_tx"], edges[f"{line}_de"] = [], []
+
+    return change
+
+
+def extra(name: str, at: float, bits: float) -> Callable[[Edges], None]:
+    """A pulse at a time in s, before everything else."""
+
+    def change(edges: Edges) -> None:
+        level = int(name.endswith("_de"))
+        start = at * LINE.clk_hz
+        edges[name] = [(start, level), (start + bits * LINE.bit, 1 - level), *edges[name]]
+
+    return change
+
+
+class Tampered(Bench):
+    """The bench, but what the card did is changed before anyone looks."""
+
+    change: Callable[[Edges], None] = staticmethod(lambda edges: None)
+
+    def _take(self, talk) -> None:
+        self.change(self.edges)
+        super()._take(talk)
+
+
+def verdict_on(change: Callable[[Edges], None]) -> str:
+    """What the judge says about one start of the motor; nothing if all is well."""
+    case, outcome, model = CASES["start motor"], Outcome(), Model()
+    with Tampered(LINE, drive=example_drive()) as tampered:
+        tampered.change = change
+        step = model.ask(case.pdu)
+        talk = tampered.ask(rtu.build(UNIT_ADDRESS, case.pdu), start=tampered.next_start(POLITE_BITS))
+        outcome.add(measure(tampered, talk, case.name), "here")
+        due = model.due(step, talk)
+        outcome.compare(talk, due.telegrams, due.reply, "here")
+    return "; ".join(outcome.faults)
+
+
+BROKEN = {
+    "reply a bit late": (both(later("modbus_tx", 3), later("modbus_de", 3)), "PERF-3"),
+    "reply before t3.5": (both(later("modbus_tx", -9000), later("modbus_de", -9000)), "FRAME-8"),
+    "telegram a bit late": (both(later("drive_tx", 1), later("drive_de", 1)), "PERF-2"),
+    "telegram a bit early": (both(later("drive_tx", -1), later("drive_de", -1)), "FRAME-1"),
+    "DE rises too soon": (later("modbus_de", -0.9, 1), "modbus DE rises"),
+    "DE rises too late": (later("modbus_de", 0.7, 1), "modbus (DE rises|line: .* driver off)"),
+    "DE falls too late": (later("modbus_de", 1.1, 0), "modbus DE falls"),
+    "DE falls too soon": (later("modbus_de", -0.5, 0), "modbus DE falls"),
+    "drive DE rises too soon": (later("drive_de", -0.9, 1), "drive DE rises"),
+    "drive DE falls too late": (later("drive_de", 1.1, 0), "drive DE falls"),
+    "drive DE falls too soon": (later("drive_de", -0.5, 0), "drive DE falls"),
+    "two replies": (doubled("modbus"), "2 replies.*rises 2 times"),
+    "two telegrams": (doubled("drive"), "telegrams .*, .*drive_de rises 2 times"),
+    "no reply": (nothing("modbus"), "replies none"),
+    "another byte in the reply": (other_byte("modbus"), "replies "),
+    "another byte in the telegram": (other_byte("drive"), "telegrams "),
+    "odd parity": (rewritten("modbus", Line.of(RATE, "8O1")), "malformed"),
+    "drive's line without parity": (rewritten("drive", Line.of(9600, "8N2")), "malformed"),
+    "bits 1 % too long": (rewritten("modbus", Line.of(round(RATE * 0.99), "8E1")), "LINE-4"),
+    "drive bits 0.5 % too short": (rewritten("drive", Line.of(round(9600 * 1.005), "8E1")), "LINE-4"),
+    "a gap in the reply": (gap("modbus", 3, 0.2), "bits between characters 3 and 4"),
+    "a gap in the telegram": (gap("drive", 3, 0.2), "bits between characters 3 and 4"),
+    "DE for nothing": (extra("modbus_de", 0.021, 1), "without a character.*rises 2 times"),
+    "drive DE for nothing": (extra("drive_de", 0.021, 1), "without a character.*rises 2 times"),
+    "a level with the driver off": (extra("modbus_tx", 0.021, 0.1), "driver off"),
+}
+
+
+def test_an_honest_card_is_let_pass() -> None:
+    assert verdict_on(lambda edges: None) == ""
+
+
+@pytest.mark.parametrize("broken", BROKEN)
+def test_the_judge_sees(broken: str) -> None:
+    change, expected = BROKEN[broken]
+    assert re.search(expected, verdict_on(change)), verdict_on(change)
+
+
+def test_the_bench_sees_what_nobody_asked_for() -> None:
+    """Between two requests, and after the last one."""
+    outcome = Outcome()
+    honest = Bench(LINE)
+    real_run = honest.run
+
+    def run_and_babble(until, stops=()):
+        now = real_run(until, stops)
+        honest.edges["drive_de"] += [(now - 9, 1), (now - 8, 0)]
+        return now
+
+    honest.run = run_and_babble
+    outcome.finish(honest)
+    assert "drive_de moves" in "".join(outcome.faults)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_what_is_built_from_bytes_has_no_fault(form: str) -> None:
+    line, data = Line.of(19200, form), bytes([0x00, 0xFF, 0x55, 0x7F, 0x80])
+    edges = edges_of(line, data, 1000.0)
+    span = [(990.0, 1000.0 + len(data) * line.character_bits * line.bit)]
+    assert [c.value for c in characters(line, edges)] == list(data)
+    assert faults(line, edges, span) == []
+    moved = [(at + 0.02 * line.bit * (i == 7), to) for i, (at, to) in enumerate(edges)]
+    assert "LINE-4" in " ".join(faults(line, moved, span))
+
+
+def test_the_random_requests_are_shared_out() -> None:
+    """5,000 in all, and as many in each format at each rate."""
+    found = [piece for piece in whole(SEED) if piece.kind == "random"]
+    assert sum(piece.more["count"] for piece in found) == sum(RANDOM.values()) == 5000
+    for baud, total in RANDOM.items():
+        for form in FORMS:
+            mine = [piece.more["count"] for piece in found if (piece.baud, piece.form) == (baud, form)]
+            assert len(FORMS) * sum(mine) == total
+
+
+def test_boundary_is_found_from_both_sides() -> None:
+    assert boundary(lambda x: x <= 3, 0, 10, 0.01) == pytest.approx(3, abs=0.01)
+    assert boundary(lambda x: x >= 3, 10, 0, 0.01) == pytest.approx(3, abs=0.01)
+    assert boundary(lambda x: True, 0, 10, 0.01) != boundary(lambda x: True, 0, 10, 0.01)  # nan: no boundary
+
+
+def test_characters_of_every_format() -> None:
+    assert Line.of(9600, "8N1").character(0x01) == [0, 1, 0, 0, 0, 0, 0, 0, 0, 1]
+    assert Line.of(9600, "8N2").character(0x00) == [0] * 9 + [1, 1]
+    assert Line.of(9600, "8E1").character(0x01)[9:] == [1, 1]
+    assert Line.of(9600, "8O1").character(0x01)[9:] == [0, 1]
+    assert Line.of(9600, "8E1").character(0x01, bad_parity=True)[9:] == [0, 1]
+    assert Line.of(9600, "8E1").character(0x01, bad_stop=True)[9:] == [1, 0]
+    assert (Line.of(19200, "8N1").t35_bits, Line.of(38400, "8E1").t35_bits) == (38.5, 67.2)
+
+
+# ---------------------------------------------------------------- what a result belongs to
+
+
+def test_comments_do_not_change_the_fingerprint(tmp_path: Path) -> None:
+    verilog, python = tmp_path / "a.v", tmp_path / "a.py"
+    found = set()
+    for text in ("module a;\n  wire b;\nendmodule\n", "// new\nmodule a; wire b;  // b\nendmodule\n"):
+        verilog.write_text(text)
+        found.add(fingerprint._code(verilog))
+    for text in ("a = 1\n", "# new\na = (\n    1\n)\n"):
+        python.write_text(text)
+        found.add(fingerprint._python(python))
+    assert len(found) == 2
+    verilog.write_text("module a;\n  wire c;\nendmodule\n")
+    python.write_text("a = 2\n")
+    assert not found & {fingerprint._code(verilog), fingerprint._python(python)}
+
+
+def test_a_library_of_other_sources_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fingerprint, "card", lambda config: "0123456789ab")
+    with pytest.raises(BenchError, match="built from other sources; run `make bench-card`"):
+        card.library.__wrapped__(STANDARD)
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [
+        (None, "is missing: there was no whole run"),
+        (b"nothing that can be read", "is of another bench"),
+        ({"firmware": "000000000000"}, "is of another firmware"),
+        ({"card": "0", "bench": "0"}, "is of another bench and another card"),
+    ],
+)
+@pytest.mark.parametrize("option", ["--report", "--only=gate"])
+def test_results_of_something_else_are_refused(tmp_path, monkeypatch, capsys, kept, said, option) -> None:
+    """One line, exit code 2, and nothing is written."""
+    monkeypatch.setattr(bench, "KEPT", tmp_path / "results.pickle")
+    monkeypatch.setattr(bench, "write", lambda results: pytest.fail("written"))
+    if isinstance(kept, dict):
+        kept = pickle.dumps(bench_report.Results(1, fingerprint.tree() | kept))
+    if kept is not None:
+        bench.KEPT.write_bytes(kept)
+    assert bench.main([option]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert kept is None or bench.KEPT.read_bytes() == kept
+
+
+def test_a_new_report_is_of_its_results(tmp_path, monkeypatch) -> None:
+    """What the report states is read back, and a stale one is named."""
+    tree = {"card": "a" * 12, "firmware": "b" * 12, "bench": "c" * 12, "tiny card": "d" * 12}
+    monkeypatch.setattr(bench_report, "RESULTS", tmp_path / "results.md")
+    line = f"{bench_report.MEASURED_ON} {bench_report.measured_on(tree)}."
+    bench_report.RESULTS.write_text(f"# Results\n\n{line}\n")
+    assert bench_report.stated() == tree
+    assert bench.of_this_tree(tree).startswith("docs/reports/results.md is of this card")
+    assert bench.of_this_tree(tree | {"firmware": "0"}).startswith(
+        "note: docs/reports/results.md is of another firmware;"
+    )
+
+
+def test_the_report_is_of_this_card() -> None:
+    """Verilog, firmware or bench changed: `make bench` renews docs/reports/results.md and its pictures."""
+    assert not fingerprint.difference(bench_report.stated(), fingerprint.tree())
+
+
+# ---------------------------------------------------------------- sw/tools/stack.py
+
+STACK_C = """
+int counter = 5;
+int zeroed[3];
+int leaf(int x) { volatile char room[100]; room[x] = (char)x; return room[0]; }
+int by_pointer(int x) { volatile char room[300]; room[x] = 1; return leaf(x) + room[1]; }
+int (*handler)(int) = by_pointer;
+void _start(void) { counter = handler(counter) + zeroed[1]; }
+"""
+
+
+def compiled(folder: Path, source: str) -> Path:
+    (folder / "a.c").write_text(source)
+    flags = "-march=rv32i -mabi=ilp32 -Os -ffreestanding -nostdlib -fno-inline -fno-optimize-sibling-calls"
+    command = ["riscv64-unknown-elf-gcc", *flags.split(), "-o", folder / "a.elf", folder / "a.c"]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder / "a.elf"
+
+
+def test_stack_follows_pointers_and_counts_all_variables(tmp_path: Path) -> None:
+    elf = compiled(tmp_path, STACK_C)
+    size, path = stack.deepest(elf)
+    assert path == ["_start", "by_pointer", "leaf"]
+    assert 400 < size < 500
+    _, variables = stack.sizes(elf)
+    assert variables == 4 + 4 + 12
+
+
+def test_stack_refuses_recursion(tmp_path: Path) -> None:
+    source = "int f(int x) { return x ? f(x - 1) * 3 + x : 1; } void _start(void) { f(4); }"
+    with pytest.raises(stack.StackError, match="recursion: _start -> f -> f"):
+        stack.deepest(compiled(tmp_path, source))

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""docs/reports/results.md agrees with itself: verdicts with numbers, counts with their sums, pictures with
+the text.
+
+Whether it is of the card of this tree is another question, which `make bench-fast` answers.
+"""
+
+from __future__ import annotations
+
+import re
+
+from campaigns.bench import report as bench_report
+from campaigns.bench.card import STANDARD
+from campaigns.bench.work import RANDOM
+from rtl.sources import ROOT
+
+
+def table_under(first_cell: str) -> list[list[str]]:
+    """Rows of the table of docs/reports/results.md whose header starts so."""
+    lines = bench_report.RESULTS.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith(f"| {first_cell} |"))
+    rows = []
+    for line in lines[at + 2 :]:
+        if not line.startswith("|"):
+            break
+        rows.append([cell.strip() for cell in line.strip("|").split("|")])
+    return rows
+
+
+def number(cell: str) -> float:
+    return float(re.sub(r"[^\d.-]", "", cell))
+
+
+def test_results_verdicts_are_those_of_their_numbers() -> None:
+    rows = table_under("case")
+    assert {row[3] for row in rows} == {"met"}
+    for name, target, worst, _, of in rows:
+        low, high = {"≤": (-1e9, None), "≥": (0.0, 1e9), "0": (0.0, None), "n": (0.0, 0.0)}[target[0]]
+        if high is None:
+            high = number(re.search(r"(?:≤|…) ([\d.]+)", target)[1])
+        assert all(low <= number(part) <= high for part in worst.split("…")), name
+        assert number(of) > 0, name
+
+
+def test_results_counts_add_up() -> None:
+    requests = int(re.search(r"^(\d+) requests, legal", bench_report.RESULTS.read_text(), re.MULTILINE)[1])
+    outcomes = table_under("what came of it")
+    counts = [int(row[1]) for row in outcomes[:-1]]
+    assert sum(counts) == int(outcomes[-1][1]) == requests == sum(RANDOM.values())
+    assert any(row[0].startswith(f"random, {requests} requests") for row in table_under("case"))
+
+    def requests_that(came_of_it: str) -> int:
+        return sum(int(row[1]) for row in outcomes if came_of_it in row[0])
+
+    answers = table_under("the drive's answer")
+    taken = sum(int(cell) for row in answers if row[1] == "yes" for cell in row[2:] if cell != "-")
+    refused_repeats = sum(int(row[3]) for row in answers if row[1] == "no" and row[3] != "-")
+    assert taken == requests_that("by the drive")
+    assert refused_repeats == requests_that("exception 255")
+
+
+def test_results_budgets_are_those_of_the_configuration() -> None:
+    rows = table_under("bit/s | t1.5 to t3.5, clocks")
+    for baud, allowed, worst, share, allowed_drive, worst_drive, share_drive in rows:
+        budgets = bench_report.budgets(STANDARD.clk_hz, int(baud))
+        assert (number(allowed), number(allowed_drive)) == tuple(map(round, budgets))
+        assert number(share) == round(100 * number(worst) / budgets[0]) < 100
+        assert number(share_drive) == round(100 * number(worst_drive) / budgets[1]) < 100
+
+
+def test_results_and_pictures_are_of_one_run() -> None:
+    of = bench_report.measured_on(bench_report.stated())
+    assert {"card", "firmware", "bench"} <= bench_report.stated().keys()
+    others = re.findall(r"pictures/([\w-]+\.svg)", (ROOT / "docs/reports/line-quality.md").read_text())
+    pictures = sorted(path for path in (ROOT / "docs/pictures").glob("*.svg") if path.name not in others)
+    shown = re.findall(r"\(pictures/([\w-]+\.svg)\)", bench_report.RESULTS.read_text())
+    assert sorted(shown) == [path.name for path in pictures]
+    assert [path.name for path in pictures if of not in path.read_text()] == []
+
+
+def test_results_stack_seen_is_within_the_call_graph_s() -> None:
+    _, _, by_graph, seen = map(number, table_under("code and constants")[0])
+    assert 0 < seen <= by_graph

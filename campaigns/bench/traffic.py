@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random traffic: what masters ask, how their frames get damaged, and how the drive misbehaves.
+
+Not in it, because they are tests of their own: breaks and line noise inside a frame (conformance.py,
+tb/test_uart_rx.py), senders beside the nominal rate (conformance.py), a frame while the card still answers
+(cases.py), resets.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from campaigns.bench.card import PROPER, UNIT_ADDRESS, Manners
+from campaigns.bench.wave import Line
+from tb.model import card as card_model
+from tb.model import fc_telegram, rtu
+from tb.model.crc16 import crc_good
+from tb.model.vlt_drive import VltDrive
+
+TEXT = "TWENTY CHARACTERS OK"
+TEXT_PNU = 533
+FOREIGN = UNIT_ADDRESS + 1
+
+
+def parameter(pnu: int) -> int:
+    """On-wire register of a parameter (MAP-6)."""
+    return 10 * pnu - 1
+
+
+def example_drive() -> VltDrive:
+    drive = VltDrive(example=True)
+    drive.set_text(TEXT_PNU, TEXT)
+    return drive
+
+
+# ---------------------------------------------------------------- the drive's manners
+
+
+def _with_bad_bcc(reply: bytes) -> tuple[bytes, dict]:
+    return reply[:-1] + bytes([reply[-1] ^ 0x01]), {}
+
+
+def _from_another(reply: bytes) -> bytes:
+    return fc_telegram.build(reply[3:-1], adr=fc_telegram.ADR + 1)
+
+
+def _with_long_lge(reply: bytes) -> bytes:
+    body = bytes([reply[0], reply[1] + 2]) + reply[2:-1]
+    return body + bytes([fc_telegram.bcc(body)])
+
+
+def _of_another_parameter(reply: bytes) -> bytes:
+    return fc_telegram.build(bytes([reply[3], reply[4] ^ 0x01]) + reply[5:-1])
+
+
+def _refusal(fault: int) -> Callable[[bytes], bytes]:
+    def refuse(reply: bytes) -> bytes:
+        pke = fc_telegram.words(
+            fc_telegram.pke(fc_telegram.REPLY_REFUSED, (reply[3] << 8 | reply[4]) & 0x7FF)
+        )
+        return fc_telegram.build(pke + reply[5:7] + fc_telegram.words(0, fault) + reply[-5:-1])
+
+    return refuse
+
+
+# Idle bits before a character. Allowed are two characters, 22 bits, and 1.5 times the nominal time in all.
+SHORT_GAP_BITS, LONG_GAP_BITS, DRAGGING_BITS = 19.8, 27.5, 8.0
+GARBAGE = bytes([0x55] * 7)
+REFUSALS = (0, 1, 2, 3, 4, 5, 17, 130, 131, 200)
+
+TAKEN = (
+    Manners("a gap of 1.8 characters", wire=lambda reply: (reply, {"gaps": {4: SHORT_GAP_BITS}})),
+    Manners("a stray character before it", wire=lambda reply: (b"\xff" + reply, {})),
+    Manners("at the last moment of the wait", at_the_end="ends"),
+)
+REFUSED = (
+    Manners("no answer", False, says=lambda reply: None),
+    Manners("too late", False, at_the_end="starts"),
+    Manners("wrong BCC", False, wire=_with_bad_bcc),
+    Manners("wrong ADR", False, says=_from_another),
+    Manners("LGE too great", False, says=_with_long_lge),
+    Manners("parity error", False, wire=lambda reply: (reply, {"bad_parity": len(reply) // 2})),
+    Manners("bad stop bit", False, wire=lambda reply: (reply, {"bad_stop": len(reply) - 2})),
+    Manners("a gap of 2.5 characters", False, wire=lambda reply: (reply, {"gaps": {4: LONG_GAP_BITS}})),
+    Manners(
+        "dragging, 1.7 times the time",
+        False,
+        wire=lambda reply: (reply, {"gaps": dict.fromkeys(range(1, len(reply)), DRAGGING_BITS)}),
+    ),
+    Manners("garbage", False, says=lambda reply: GARBAGE),
+)
+# Only where a parameter was asked for.
+UNFIT = Manners("another parameter's reply", False, says=_of_another_parameter)
+
+
+def refusal(fault: int) -> Manners:
+    return Manners(f"fault telegram, {fault}", says=_refusal(fault))
+
+
+def some_manners(rng: random.Random, process: bool) -> list[Manners]:
+    """For a telegram and its repeat, a misbehaviour at least of the first."""
+    refused = REFUSED if process else (*REFUSED, UNFIT)
+    roll = rng.random()
+    if roll < 0.25:
+        return [rng.choice(TAKEN)]
+    if roll < 0.45 and not process:
+        return [refusal(rng.choice(REFUSALS))]
+    second = rng.random()
+    again = PROPER if second < 0.55 else rng.choice(refused) if second < 0.9 else rng.choice(TAKEN)
+    return [rng.choice(refused), again]
+
+
+# ---------------------------------------------------------------- what masters ask
+
+IND = 0
+KNOWN_PNUS = (1, 2, 102, 104, 205, 206, 207, 514, 515, 520, TEXT_PNU, 534, 621, 622, 623, 700, 2047)
+# Register 40003 in 10 ms: the longest exchange of this traffic takes 76 ms.
+SHORTEST_WAIT, WAIT_FOR_ALL = 8, 15
+PERMITTED = {
+    IND: (0, 0, 1, 3, 0x0400, 0x0400, 0x0500, 0x0401, 0xFFFF),
+    card_model.NETWORK_TIMEOUT: (0, 1, 100, 1000, 65535),
+    card_model.DRIVE_TIMEOUT: (0, SHORTEST_WAIT, WAIT_FOR_ALL, 20, 65535),
+}
+LONGEST_SLOW, LONGEST = 30, 253  # bytes of a PDU
+LONGEST_FRAME = 256  # FRAME-5
+SLOW_BAUD = 9600
+# Bits that a silence inside or behind a frame keeps from the limit it is to be on one side of.
+CLEAR_BITS = 1.0
+GLITCH_BITS = 0.2  # LINE-5: shorter than a quarter
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is on the line; `harm` is why it must not be served, if so."""
+
+    address: int
+    pdu: bytes
+    harm: str | None = None
+    bad_parity: int | None = None
+    bad_stop: int | None = None
+    gap: tuple[int, float] | None = None  # before a character, bits
+    then: tuple[int, float] | None = None  # another character, so many bits after it
+    noise: int | None = None  # a character, t3.5 and more before it
+    glitch: float | None = None  # bits before it
+
+    def adu(self) -> bytes:
+        adu = bytearray(rtu.build(self.address, self.pdu))
+        adu[-1] ^= 0x10 if self.harm == "bad CRC" else 0
+        return bytes(adu)
+
+
+def _some_write(rng: random.Random) -> bytes:
+    kind = rng.randrange(6)
+    if kind == 0:
+        start = rng.choice((0, 0, 3, 16, 31, 40, 64))
+        count = 1 if start == 64 else rng.randint(1, 32)
+        return rtu.write_coils(start, [rng.random() < 0.5 for _ in range(count)])
+    if kind == 1:
+        return bytes(
+            [rtu.WRITE_COIL, 0, rng.choice((0, 6, 10, 31, 32, 64, 65)), rng.choice((0, 0, 0xFF, 1)), 0]
+        )
+    if kind == 2:
+        register = rng.randrange(4)
+        return rtu.write_register(register, rng.choice(PERMITTED.get(register, (1,))))
+    if kind == 3:
+        values = [rng.choice(PERMITTED[register]) for register in range(3)]
+        first = rng.randrange(3)
+        return rtu.write_registers(first, values[first : first + rng.randint(1, 3)])
+    pnu = rng.choice(KNOWN_PNUS)
+    if kind == 4:
+        return rtu.write_register(parameter(pnu), rng.choice((0, 1, 50, 300, 65535)))
+    count = rng.choice((1, 2, 2, 3, 10))
+    return rtu.write_registers(parameter(pnu), [rng.choice((0, 60, 0x4142, 0x2020)) for _ in range(count)])
+
+
+def _some_read(rng: random.Random) -> bytes:
+    kind = rng.randrange(5)
+    if kind <= 1:
+        return rtu.read_coils(
+            rng.choice((0, 1, 32, 33, 63, 64, 100, 127)), rng.choice((1, 7, 8, 16, 32, 64, 128))
+        )
+    if kind == 2:
+        return rtu.read_registers(rng.randrange(5), rng.randint(0, 4))
+    pnu = rng.choice(KNOWN_PNUS)
+    return rtu.read_registers(parameter(pnu) + (rng.random() < 0.1), rng.choice((1, 2, 2, 3, 10, 10, 11)))
+
+
+def _any_pdu(rng: random.Random, longest: int) -> bytes:
+    """Anything at all: unknown functions, wrong lengths, byte counts that do not fit."""
+    pdu = bytearray(rng.choice((_some_read, _some_write))(rng))
+    kind = rng.randrange(4)
+    if kind == 0:
+        return bytes([rng.randrange(256)]) + rng.randbytes(
+            rng.randint(1, min(longest, rng.choice((4, 12, 252))))
+        )
+    if kind == 1:
+        return bytes(pdu) + rng.randbytes(rng.randint(1, 4))
+    if kind == 2:
+        return bytes(pdu[: rng.randint(2, len(pdu))])
+    pdu[rng.randrange(1, len(pdu))] = rng.randrange(256)
+    return bytes(pdu)
+
+
+def _may_shorten_the_wait(pdu: bytes) -> bool:
+    """True if it could set register 40003 so low that a drive in good health answers too late."""
+    trial = card_model.Card()
+    trial.request(pdu)
+    return trial.registers[card_model.DRIVE_TIMEOUT] < SHORTEST_WAIT
+
+
+def _breaks_apart(rng: random.Random, line: Line, adu: bytes) -> tuple[int, float]:
+    """A silence between t1.5 and t3.5 in the frame, and no part of it good by chance."""
+    while True:
+        at = rng.randrange(1, len(adu))
+        if not any(len(part) >= 4 and crc_good(part) for part in (adu[:at], adu[at:])):
+            return at, rng.uniform(line.t15_bits + CLEAR_BITS, line.t35_bits - CLEAR_BITS)
+
+
+def some_request(rng: random.Random, line: Line) -> Request:
+    longest = LONGEST if line.baud > SLOW_BAUD else LONGEST_SLOW
+    while True:
+        roll = rng.random()
+        pdu = _some_read(rng) if roll < 0.45 else _some_write(rng) if roll < 0.8 else _any_pdu(rng, longest)
+        if not _may_shorten_the_wait(pdu):
+            break
+    address = rng.choices((UNIT_ADDRESS, 0, FOREIGN), (88, 7, 5))[0]
+    size = len(pdu) + 3
+    harm = rng.random()
+    if harm < 0.02:
+        return Request(address, pdu, "bad CRC")
+    if harm < 0.04 and line.parity != "none":
+        return Request(address, pdu, "parity error", bad_parity=rng.randrange(size))
+    if harm < 0.05:
+        return Request(address, pdu, "bad stop bit", bad_stop=rng.randrange(size))
+    if harm < 0.06:
+        gap = _breaks_apart(rng, line, rtu.build(address, pdu))
+        return Request(address, pdu, "silence of 1.5 to 3.5 characters in it", gap=gap)
+    if harm < 0.07:
+        pause = rng.uniform(line.t15_bits + CLEAR_BITS, line.t35_bits - CLEAR_BITS)
+        return Request(
+            address, pdu, "a character after 1.5 to 3.5 characters", then=(rng.randrange(256), pause)
+        )
+    if harm < 0.075 and line.baud > SLOW_BAUD:
+        excess = rng.randint(1, 40) + LONGEST_FRAME - 3 - len(pdu)
+        return Request(address, pdu + rng.randbytes(excess), "more than 256 bytes")
+    # The rest must not keep the card from serving it.
+    if harm < 0.09:
+        return Request(address, pdu, gap=(rng.randrange(1, size), rng.uniform(0, line.t15_bits - CLEAR_BITS)))
+    if harm < 0.10:
+        return Request(address, pdu, noise=rng.randrange(256))
+    if harm < 0.11:
+        return Request(address, pdu, glitch=rng.uniform(GLITCH_BITS, 3))
+    return Request(address, pdu)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Counting what of rtl/ was run: merging, holes, explanations. The run itself is `make coverage-rtl`."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from campaigns.bench import fingerprint
+from campaigns.coverage import run as coverage_rtl
+from campaigns.coverage.run import Hole, benches, compare, count, explanations, holes, table
+from rtl.sources import ROOT, bench_file, rtl_files
+
+SOURCE = """module part;
+  always @(posedge clk) begin
+    a <= 1;
+    if (b) c <= 1;
+    else c <= 0;
+  end
+endmodule
+"""
+
+
+def point(file: str, line: int, kind: str, what: str, hits: int, lines: str = "", column: int = 1) -> str:
+    keys = {"f": file, "l": line, "n": column, "t": kind, "page": f"v_{kind}/part", "o": what}
+    keys |= {"S": lines} if lines else {}
+    return (
+        "C '" + "".join(f"\x01{key}\x02{value}" for key, value in keys.items()) + f"\x01h\x02TOP.part' {hits}"
+    )
+
+
+def counts(root, block: int, taken: int, other: int) -> str:
+    file = f"{root}/rtl/part.v"
+    return "\n".join(
+        [
+            "# SystemC::Coverage-3",
+            point(file, 2, "line", "block", block, "2-3"),
+            point(file, 4, "branch", "if", taken, "4"),
+            point(file, 4, "branch", "else", other, "5", column=2),
+            point(file, 1, "toggle", "a:0->1", block),
+            point(file, 1, "toggle", "a:1->0", 0),
+            point(file, 6, "toggle", "state_name[7]:0->1", 0),
+            point("elsewhere/core.v", 1, "line", "block", 0, "1"),
+        ]
+    )
+
+
+@pytest.fixture
+def root(tmp_path):
+    (tmp_path / "rtl").mkdir()
+    (tmp_path / "rtl/part.v").write_text(SOURCE)
+    return tmp_path
+
+
+def test_the_page_is_of_this_card():
+    assert f"Card `{fingerprint.card()}`" in coverage_rtl.PAGE.read_text(), "run `make coverage-rtl`"
+
+
+def test_runs_add_up_and_other_peoples_files_do_not_count(root):
+    found = count([counts(root, 1, 3, 0), counts(root, 1, 0, 2)], root)
+    assert list(found) == ["rtl/part.v"]
+    module = found["rtl/part.v"]
+    assert module.lines == {2: 2, 3: 2, 4: 3, 5: 2}
+    assert sorted(module.branches.values()) == [2, 3]
+    assert "| `part` | 4 of 4 | 100.0 % | 2 of 2 | 100.0 % | 1 of 2 | 50.0 % |" in table(found)
+    assert not holes(found, root)
+
+
+def test_what_no_test_takes_is_a_hole_once(root):
+    found = count([counts(root, 1, 3, 0)], root)
+    gaps = holes(found, root)
+    assert gaps == [
+        Hole("rtl/part.v", 4, "if (b) c <= 1;", "else"),
+        Hole("rtl/part.v", 5, "else c <= 0;", ""),
+    ]
+
+
+def test_holes_and_explanations_must_meet():
+    gap = Hole("rtl/part.v", 4, "if (b) c <= 1;", "else")
+    entry = {"file": gap.file, "code": gap.code, "ways": ["else"], "why": "b is always 1"}
+    assert compare([gap], [entry]) == ([], {gap: "b is always 1"})
+    assert compare([gap], [])[0] == [f"not explained: {gap}"]
+    assert compare([], [entry])[0] == ["explained but taken: rtl/part.v: else: if (b) c <= 1;"]
+    both = {**entry, "ways": ["if", "else"]}
+    assert compare([gap], [both])[0] == ["explained but taken: rtl/part.v: if: if (b) c <= 1;"]
+
+
+def test_explanations_are_of_lines_that_are_there():
+    for entry in explanations():
+        assert set(entry) == {"file", "code", "ways", "why"}, entry
+        code = [line.strip() for line in (ROOT / entry["file"]).read_text().splitlines()]
+        assert entry["code"] in code, entry
+
+
+def test_every_module_is_in_the_page_and_has_its_bench_run():
+    page = coverage_rtl.PAGE.read_text()
+    counted = set(re.findall(r"^\| `(\w+)` \| \d+ of", page, re.MULTILINE)) | set(
+        re.findall(r"^\| `(\w+)` \| - \|", page, re.MULTILINE)
+    )
+    modules = [path.stem for path in rtl_files() if re.search(r"^module ", path.read_text(), re.MULTILINE)]
+    assert set(modules) == counted
+    assert {str(bench_file(name)) for name in modules} <= set(benches())
+
+
+def test_every_explanation_is_in_the_page():
+    page = coverage_rtl.PAGE.read_text()
+    assert "**not explained**" not in page
+    for entry in explanations():
+        assert entry["code"].replace("|", "\\|") in page and entry["why"] in page

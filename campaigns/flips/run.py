@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flips single bits of the running card and tells what became of each; `make flips`.
+
+    make flips [SEED=N] [COUNT=FLIPS] [BAUD=RATE] [TRIAL=SEED/NUMBER], or
+    python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE]  # a shard:
+    build/fuzz/flips-SEED-RATE.json
+    python -m campaigns.flips.run --report                                  # all shards as one table
+    python -m campaigns.flips.run --trial SEED/NUMBER [--baud RATE]         # one flip, and what was on the
+    lines
+
+A shard is stateless: the same seed, count and rate flip the same bits anywhere. Exit 0: no telegram that
+was not asked for, none altered, no driver that stays on (SAFE-4, SAFE-2); 1: there was one; 2: a bad call or
+a missing tool.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import re
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from campaigns.flips.trial import BAUDS, FORBIDDEN, FORMS, OUTCOMES, PARTS, Places, trial
+from campaigns.fuzz.run import FOLDER, FuzzError, no_longer_one_is_lost, story
+from sim.harness.library import BuildError
+from sim.harness.registers import RegistersError
+from tb.lib.options import at_least
+
+KEPT_EACH = 50
+KEYS = {"seed", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # of a result
+# Those that the report lists one by one.
+WRONG = ("telegram again or late", "wrong reply", "silent for good")
+NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
+
+
+class FlipsError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+def shard(seed: int, count: int, places: Places) -> dict:
+    """What became of `count` flips: how many of each part ended how, and those to look at."""
+    began = time.monotonic()
+    result = {
+        "seed": seed,
+        "card": fingerprint.shard(),
+        "baud": places.baud,
+        "bits": {part: places.bits(part) for part in PARTS},
+        "counts": Counter(),
+        "notable": [],
+        "flips": 0,
+        "wall_s": 0.0,
+    }
+    for number in range(count):
+        outcome, *_ = trial(f"{seed}/{number}", places)
+        result["counts"][f"{outcome.flip.part}: {outcome.what}"] += 1
+        if outcome.what in NOTABLE:
+            result["notable"].append(
+                {
+                    "trial": f"{seed}/{number}",
+                    "flip": str(outcome.flip),
+                    "what": outcome.what,
+                    "why": outcome.why,
+                }
+            )
+            if outcome.what in FORBIDDEN:
+                print(f"flips: {seed}/{number} {outcome.flip}: {outcome.what}: {outcome.why}", flush=True)
+        result |= {"flips": number + 1, "wall_s": time.monotonic() - began}
+        if (number + 1) % KEPT_EACH == 0 or number + 1 == count:
+            keep(result)
+    return result
+
+
+def file_of(seed: int, baud: int) -> Path:
+    return FOLDER / f"flips-{seed}-{baud}.json"
+
+
+def keep(result: dict) -> None:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = file_of(result["seed"], result["baud"])
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(result, indent=1) + "\n")
+    partial.rename(path)
+
+
+def merge(results: list[dict]) -> dict:
+    results = list({(result["seed"], result["baud"]): result for result in results}.values())
+    # At another clock the dividers have other widths, so the card has a few bits more or less.
+    rates = {(result["baud"], *result["bits"].values()) for result in results}
+    if len({result["card"] for result in results}) > 1 or len(rates) > len({rate for rate, *_ in rates}):
+        raise FlipsError("the results in build/fuzz are of different cards; remove those of the older one")
+    flips_at: Counter = Counter()
+    for result in results:
+        flips_at[result["baud"]] += result["flips"]
+    return {
+        "shards": len(results),
+        "card": results[0]["card"],
+        "flips": sum(flips_at.values()),
+        "flips_at": dict(sorted(flips_at.items())),
+        "bits": {part: sorted({result["bits"][part] for result in results}) for part in PARTS},
+        "counts": sum((Counter(result["counts"]) for result in results), Counter()),
+        "notable": [entry for result in results for entry in result["notable"]],
+        "wall_s": sum(result["wall_s"] for result in results),
+    }
+
+
+def report(merged: dict) -> str:
+    """A table: what became of the flips, by part."""
+    parts = [part for part in PARTS if any(merged["bits"][part])]
+    rates = ", ".join(f"{count} at {baud} bit/s {FORMS[baud]}" for baud, count in merged["flips_at"].items())
+    lines = [f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates}", ""]
+    lines.append("| became | " + " | ".join(parts) + " | all |")
+    lines.append("|---|" + "---|" * (len(parts) + 1))
+    for what in OUTCOMES:
+        row = [merged["counts"].get(f"{part}: {what}", 0) for part in parts]
+        lines.append(f"| {what} | " + " | ".join(map(str, [*row, sum(row)])) + " |")
+    flips = [sum(n for k, n in merged["counts"].items() if k.startswith(f"{part}: ")) for part in parts]
+    lines.append("| flips | " + " | ".join(map(str, [*flips, sum(flips)])) + " |")
+    there = [" or ".join(map(str, merged["bits"][part])) for part in parts]
+    lines.append("| bits there | " + " | ".join(there) + " | |")
+    lines += [f"{e['trial']}: {e['flip']}: {e['what']}: {e['why']}" for e in merged["notable"]]
+    return "\n".join(lines)
+
+
+def load(folder: Path) -> list[dict]:
+    files = sorted(folder.glob("flips-*.json"))
+    if not files:
+        raise FlipsError("no results of flips; run `make flips` first")
+    try:
+        results = [json.loads(path.read_text()) for path in files]
+        if not all(result.keys() >= KEYS for result in results):
+            raise ValueError
+    except (ValueError, AttributeError) as error:
+        raise FlipsError(f"a file flips-*.json in {folder} is no result") from error
+    return results
+
+
+def tell(name: str, baud: int) -> int:
+    outcome, case, played, verdict = trial(name, Places(baud=baud))
+    print(f"{outcome.flip} ({outcome.flip.part}): {outcome.what}: {outcome.why}")
+    print("\n".join(story(case, played, verdict)))
+    return int(outcome.what in FORBIDDEN)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=at_least(0))
+    parser.add_argument("--count", type=at_least(1), help="flips; default 500")
+    parser.add_argument("--baud", type=int, default=BAUDS[0], choices=BAUDS, help="network line")
+    parser.add_argument("--report", action="store_true", help="merge the results of all shards")
+    parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, told")
+    options = parser.parse_args()
+    if options.trial:
+        if not re.fullmatch(r"\d+/\d+", options.trial):
+            parser.error(f"--trial {options.trial}: SEED/NUMBER")
+        if options.seed is not None or options.count is not None:
+            parser.error("--trial is one flip: no --seed, no --count")
+        return tell(options.trial, options.baud)
+    if options.report:
+        merged = merge(load(FOLDER))
+        print(report(merged))
+    else:
+        seed = random.randrange(1 << 31) if options.seed is None else options.seed
+        count = options.count or 500
+        no_longer_one_is_lost(file_of(seed, options.baud), count, "flips")
+        print(f"flips: seed {seed}, {count} flips at {options.baud} bit/s", flush=True)
+        result = shard(seed, count, Places(baud=options.baud))
+        merged = merge([result])
+        print(report(merged))
+    return int(any(entry["what"] in FORBIDDEN for entry in merged["notable"]))
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (BuildError, RegistersError, FlipsError, FuzzError) as error:
+        print(f"flips: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("flips: stopped", file=sys.stderr)
+        sys.exit(130)

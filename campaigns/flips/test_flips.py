@@ -1,0 +1,476 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Single flipped bits in the running card (SAFE-4): that they land, and that what they do is seen.
+
+`make flips` is the long one, with a table of what became of thousands.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from campaigns.flips import run as flips
+from campaigns.flips.run import FlipsError, merge, report
+from campaigns.flips.trial import (
+    ADDRESS,
+    BAUDS,
+    FORBIDDEN,
+    FORMS,
+    OUTCOMES,
+    PARTS,
+    Flip,
+    FlipPlayer,
+    Places,
+    classify,
+    telegrams,
+    too_early,
+    traffic,
+    trial,
+)
+from campaigns.fuzz.case import BOOT_S, Played, clk_hz
+from rtl.sources import ROOT
+from sim.harness.library import Target
+from sim.harness.pins import DRIVE, TX, Pins
+from sim.harness.registers import TOP
+from tb.model import rtu
+from tb.model.crc16 import crc_good, with_crc
+from tb.model.fc_telegram import ADR_BROADCAST, build_process
+from tb.model.whole_card import Verdict
+from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+
+RTL = ROOT / "rtl"
+BAUD = BAUDS[0]
+LINE = Line(BAUD, FORMS[BAUD], clk_hz(BAUD))
+START = bytes.fromhex("010f 0000 0010 02 7c04")  # coils 1 to 16 alone
+COMMAND = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
+CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
+TELEGRAM = build_process(0x047C, 0)
+ALTERED = build_process(0x047C, 0x2000)
+DISTURBED = "no telegram, but the drive line disturbed"
+
+
+@pytest.fixture(scope="module")
+def places() -> Places:
+    return Places()
+
+
+def test_all_state_is_found_and_can_be_flipped(places):
+    assert places.bits("card") > 400 and places.bits("core") > 200
+    paths = {register.path for register in places.registers}
+    assert "mailbox_i.gate_i.licensed" in paths and "supervisor_i.bites" in paths
+    case = {
+        "baud": BAUD,
+        "form": FORMS[BAUD],
+        "address": 1,
+        "dialect": "card",
+        "profile": "vlt6000",
+        "events": [],
+    }
+    player = FlipPlayer(case, Target(), None)
+    there = {name: (words, bits) for name, words, bits in player.pins.variables()}
+    player.pins.close()
+    for register in places.registers:
+        _, bits = there[f"TOP.{TOP}.{register.path}"]
+        assert max(register.bits) < bits, register
+
+
+def test_no_register_of_the_verilog_falls_out(places):
+    """By the text of the modules, not by what Yosys made of it."""
+    can = {(register.module, register.name) for register in places.registers}
+    there = {(path.stem, name) for path in RTL.rglob("*.v") for name in clocked(path)}
+    assert len(there) > 70
+    assert not there - can
+
+
+def clocked(path: Path) -> set[str]:
+    """What a module assigns at a clock edge; not what is there for waveforms only."""
+    text = re.sub(r"//.*", "", path.read_text())
+    text = re.sub(r"`ifndef SYNTHESIS.*?`endif", "", text, flags=re.DOTALL)
+    blocks = re.findall(
+        r"always @\(posedge.*?(?=\n  (?:always|assign|wire|reg|\w+ #?\()|\nendmodule)", text, re.DOTALL
+    )
+    assignment = r"(?:[;):]|\bbegin|\belse)\s*(\w+)\s*(?:\[[^;=]*?\]\s*)*<="
+    return {name for block in blocks for name in re.findall(assignment, block)}
+
+
+@pytest.mark.rule("SAFE-4", "LED-5")
+def test_a_flip_in_the_code_halts_the_card(places):
+    memory, words, _ = places.by_part["code"][0]
+    at = int(0.07 * clk_hz(BAUD))
+    for word in (words[len(words) // 2], words[-1]):
+        outcome, *_ = trial("test", places, Flip(at, memory.path, word, 3, "code"))
+        assert outcome.what == "halted, both LEDs red", outcome
+
+
+@pytest.mark.rule("SAFE-4", "WDG-1")
+def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
+    trap = next(register for register in places.registers if register.name == "trap")
+    at = int(0.11 * clk_hz(BAUD))
+    outcome, *_ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
+    assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+
+
+@pytest.mark.rule("SAFE-2", "SAFE-4")
+def test_no_flip_of_a_sender_keeps_its_driver_on(places):
+    """Each state bit of both senders and UARTs, turned over in the first character and in the last."""
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"))
+    sent = {"network_i.rtu_tx_i": played.replies[0], "drive_i.fc_tx_i": played.telegrams[0]}
+    for sender, burst in sent.items():
+        uart = sender.split(".")[0] + ".uart_i"
+        character = 11 * (LINE.bit if "network" in sender else drive_line(LINE.clk_hz).bit)
+        for path in (f"{sender}.state", f"{uart}.state", f"{uart}.driving"):
+            register = next(register for register in places.registers if register.path == path)
+            for bit in register.bits:
+                for at in (burst.rise + 0.6 * character, burst.fall - 0.4 * character):
+                    outcome, *_ = trial("test", places, Flip(round(at), path, 0, bit, "card"))
+                    assert outcome.what != "driver stuck", outcome
+                    assert outcome.recovered, outcome
+
+
+def commands(*asked: tuple[int, int]) -> list[dict]:
+    """Control word 047Ch to each of these units, with its reference."""
+    block = [rtu.build(unit, bytes.fromhex(f"0f0000002004 7c04 {at:04x}")) for unit, at in asked]
+    return [{"what": "command", "gap": ["idle", 20.0], "bytes": data.hex()} for data in block]
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-1")
+def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
+    """Another unit's command is nobody's, the card's own neither everybody's nor half of an older one."""
+    events = commands((1, 0x1111), (1, 0x2222), (9, 0x3333), (1, 0x4444))
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    assert len(played.telegrams) == 4, "the last one is that of the probe"
+    starts = [h.start for n, h in enumerate(played.network) if n % 13 == 0]
+    character = LINE.character_bits * LINE.bit
+    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.frame_bank"):
+        register = next(register for register in places.registers if register.path == f"network_i.{path}")
+        moments = [moment * character for moment in (3.2, 9.3, 13.0 + 2.5 * 11 / LINE.character_bits)]
+        if path == "uart_i.shift":
+            moments = [0.5 * character, 0.8 * character]
+        elif path.endswith("_bank"):
+            # A frame is the candidate, and the firmware is about to read it.
+            moments.append(13 * character + LINE.t15_bits * LINE.bit + 200)
+        for bit in register.bits:
+            for start in starts[2:4]:
+                for moment in moments:
+                    flip = Flip(round(start + moment), register.path, 0, bit, "card")
+                    outcome, *_ = trial("test", places, flip, events)
+                    assert "telegram, bit 10" not in outcome.what and outcome.recovered, outcome
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-1", "FC-9")
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "between candidate and commit",
+        "while the drive answers",
+        "after a broadcast",
+        pytest.param("near a telegram's end", marks=pytest.mark.patient),
+        pytest.param("near a broadcast's end", marks=pytest.mark.patient),
+    ],
+)
+def test_no_flip_of_the_gate_or_the_sender_commands_unasked(places, moment):
+    """Each of their bits."""
+    events = commands((1, 0x1111), (0, 0x2222), (1, 0x3333))
+    events[1:1] = [{**events[0], "bytes": events[0]["bytes"] + "55", "gaps": {"13": too_early(LINE)}}]
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    assert len(played.telegrams) == 4, "the last one is that of the probe"
+    first, to_all, _, _ = played.telegrams
+    revoked = played.network[13 + 12].end
+    t15 = LINE.t15_bits * LINE.bit
+    at = {
+        "between candidate and commit": revoked + t15 + 300,
+        "near a telegram's end": first.fall - 300,
+        "while the drive answers": first.fall + 30000,
+        "near a broadcast's end": to_all.fall - 300,
+        "after a broadcast": to_all.fall + 20000,
+    }[moment]
+    paths = ("mailbox_i.gate_i.", "mailbox_i.regs_i.telegram_no_reply", "drive_i.fc_tx_i.state")
+    aimed = [register for register in places.registers if register.path.startswith(paths)]
+    assert len(aimed) > 12
+    for register in aimed:
+        for bit in register.bits:
+            flip = Flip(round(at), register.path, 0, bit, "card")
+            outcome, *_ = trial("test", places, flip, events)
+            assert outcome.what not in FORBIDDEN, outcome
+
+
+# Whatever tells that a frame is over, and what is done then.
+ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-1", "FRAME-6")
+@pytest.mark.parametrize(
+    ("baud", "revoked_at", "by", "each"),
+    [
+        (19200, 0.9, 0x00, 3),
+        pytest.param(19200, 0.9, 0x00, 1, marks=pytest.mark.patient),
+        pytest.param(19200, 0.5, 0xFF, 1, marks=pytest.mark.patient),
+        pytest.param(4800, 0.9, 0x55, 1, marks=pytest.mark.patient),
+        pytest.param(9600, 0.5, 0x00, 1, marks=pytest.mark.patient),
+        pytest.param(38400, 0.9, 0x55, 1, marks=pytest.mark.patient),
+    ],
+)
+def test_no_flip_commits_what_is_revoked(baud, revoked_at, by, each):
+    """Between t1.5 and the character that revokes, in it, and behind it; with the telegram queued or not.
+
+    Behind a 00 the frame's CRC is still good. Each third flip, in turn, shows each bit at two of the moments.
+    """
+    places = Places(baud=baud)
+    line = places.line
+    (command,) = commands((1, 0x2222))
+    gap = too_early(line, revoked_at)
+    revoked = {**command, "bytes": command["bytes"] + f"{by:02x}", "gaps": {"13": gap}}
+    # Settings that it left would go out with this one: a start at the reference as it is.
+    events = [revoked, {**command, "bytes": with_crc(START).hex()}]
+    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    assert [burst.data for burst in played.telegrams] == [TELEGRAM] * 2, "one is that of the probe"
+    t15, end, more = line.t15_bits * line.bit, played.network[12].end, played.network[13]
+    moments = [end + t15 + part * (gap * line.bit - t15) for part in (0.3, 0.95)]
+    inside, behind = [more.start + bits * line.bit for bits in (0.5, 1.5, 9.6)], [more.end + 1000]
+    aimed = [register for register in places.registers if register.path.startswith(ENDS)]
+    bits = [(register.path, bit) for register in aimed for bit in register.bits]
+    times = moments + inside + behind
+    turns = [
+        (path, bit, at)
+        for number, (path, bit) in enumerate(bits)
+        for turn, at in enumerate(times)
+        if (number + turn) % each == 0
+    ]
+    for path, bit, at in turns:
+        outcome, *_ = trial("test", places, Flip(round(at), path, 0, bit, "card"), events)
+        assert outcome.what not in FORBIDDEN and outcome.recovered, outcome
+
+
+@pytest.mark.rule("SAFE-4", "LED-5")
+def test_a_flipped_switch_halts_the_card(places):
+    at = int(0.07 * clk_hz(BAUD))
+    for name in ("addr", "baud", "odd"):
+        register = next(register for register in places.registers if register.path == f"switches_i.{name}")
+        for bit in register.bits:
+            outcome, *_ = trial("test", places, Flip(at, register.path, 0, bit, "card"))
+            assert outcome.what == "halted, both LEDs red", outcome
+
+
+def test_a_number_is_the_same_flip_anywhere(places):
+    assert trial("3/1", places)[0] == trial("3/1", places)[0]
+    assert trial("3/1", places)[0].flip != trial("3/2", places)[0].flip
+
+
+# ---------------------------------------------------------------- what is told of it
+
+
+def heard(data: bytes, at: float) -> list[Heard]:
+    character = LINE.character_bits * LINE.bit
+    return [Heard(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
+
+
+def burst(line: Line, data: bytes, at: float) -> Burst:
+    character = line.character_bits * line.bit
+    sent = [Sent(round(at + i * character), at + (i + 1) * character, b, True) for i, b in enumerate(data)]
+    return Burst(round(at), round(sent[-1].end), sent)
+
+
+def seen(
+    asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[bytes, float]], newer: Iterable = ()
+) -> str:
+    """What is told when these telegrams and replies follow a request, each at its time in ms."""
+    ms = LINE.clk_hz / 1000
+    drive = drive_line(LINE.clk_hz)
+    played = Played(
+        [*heard(asked, 40 * ms), *newer],
+        [],
+        [burst(LINE, data, at * ms) for data, at in replies],
+        [burst(drive, data, at * ms) for data, at in sent],
+        int(300 * ms),
+        1,
+    )
+    return telegrams(Flip(int(60 * ms), "somewhere", 0, 0, "card"), played, LINE)[0]
+
+
+@pytest.mark.parametrize(
+    ("asked", "sent", "replies", "told"),
+    [
+        (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED, 75)], ""),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [], "telegram again or late"),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [(CONFIRMED, 75)], FORBIDDEN[0]),
+        (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90), (TELEGRAM, 130)], [], FORBIDDEN[0]),
+        (COMMAND, [(TELEGRAM, 20)], [], FORBIDDEN[0]),
+        (COMMAND, [(TELEGRAM, 44.2)], [], FORBIDDEN[0]),  # over, and not committed
+        (COMMAND, [(build_process(0x047D, 0), 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(build_process(0x007C, 0), 50)], [], "altered telegram, bit 10 = 0"),
+        (COMMAND, [(TELEGRAM[:-1] + b"\x00", 50)], [], DISTURBED),
+        (COMMAND, [(ALTERED, 50)], [], FORBIDDEN[1]),
+        # Whatever a drive might still find: other addresses that are its own, something before or behind.
+        (COMMAND, [(build_process(0x047C, 0x2000, 0x01), 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(build_process(0x047C, 0x2000, 0x20), 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(build_process(0x047C, 0x2000, 0x3F), 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(build_process(0x047C, 0x2000, 0x82), 50)], [], DISTURBED),
+        (COMMAND, [(ALTERED + b"\x00", 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(b"\x00" + ALTERED, 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(b"\x02" + ALTERED, 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(b"\x02\x20" + ALTERED, 50)], [], FORBIDDEN[1]),
+        (COMMAND, [(TELEGRAM + ALTERED, 50)], [], FORBIDDEN[0]),
+        (COMMAND, [(TELEGRAM + TELEGRAM + TELEGRAM, 50)], [], FORBIDDEN[0]),
+        (COMMAND, [(TELEGRAM + b"\x00", 50)], [], DISTURBED),
+        # The driver is off for a moment, which no drive notices.
+        (COMMAND, [(ALTERED[:4], 50), (ALTERED[4:], 50 + 5 * 11 / 9.6)], [], FORBIDDEN[1]),
+        (COMMAND, [(ALTERED[:4], 50), (ALTERED[4:], 50 + 7 * 11 / 9.6)], [], DISTURBED),
+        (COMMAND, [(build_process(0x047C, 0, 0x01), 90)], [(CONFIRMED, 75)], FORBIDDEN[1]),
+        (rtu.build(1, rtu.read_coils(0, 8)), [(build_process(0x047C, 0, 0x01), 50)], [], FORBIDDEN[0]),
+        (COMMAND[:-1] + b"\x00", [(TELEGRAM, 50)], [], FORBIDDEN[0]),
+        (rtu.build(9, COMMAND[1:-2]), [(TELEGRAM, 50)], [], FORBIDDEN[0]),  # another unit's
+        (
+            rtu.build(1, rtu.read_coils(0, 8)),
+            [(build_process(0, 0), 50)],
+            [],
+            "unrequested telegram, bit 10 = 0",
+        ),
+    ],
+)
+def test_every_telegram_is_weighed(asked, sent, replies, told):
+    assert seen(asked, sent, replies) == told
+
+
+def test_a_reply_that_a_flip_made_confirms_nothing():
+    """It came while the broadcast was not committed yet: the broadcast is lost, and its reference with it."""
+    ms = LINE.clk_hz / 1000
+    to_all = rtu.build(0, bytes.fromhex("0f0000002004 7c04 ff3f"))
+    made_up = with_crc(bytes.fromhex("000f 0000 0020"))
+    for reference, told in ((0x0000, ""), (0x3FFF, ""), (0x1234, FORBIDDEN[1])):
+        telegram = [(build_process(0x047C, reference), 110)]
+        assert seen(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == told
+
+
+@pytest.mark.parametrize("when", [0.0, 0.5, 0.97, 1.0])
+def test_a_revoked_command_asks_for_nothing_however_late_it_is_revoked(when):
+    end = heard(COMMAND, 40 * LINE.clk_hz / 1000)[-1].end
+    revoking = heard(b"\x55", end + too_early(LINE, when) * LINE.bit)
+    assert seen(COMMAND, [(TELEGRAM, 50)], [], revoking) == FORBIDDEN[0]
+    behind = heard(b"\x55", end + (LINE.t35_bits + 0.3) * LINE.bit)
+    assert seen(COMMAND, [(TELEGRAM, 50)], [], behind) == ""
+
+
+def test_a_broadcast_has_no_repeat_and_an_older_request_none():
+    to_all = rtu.build(0, COMMAND[1:-2])
+    telegram = build_process(0x047C, 0, ADR_BROADCAST)
+    assert seen(to_all, [(telegram, 50)], []) == ""
+    assert seen(to_all, [(telegram, 50), (telegram, 90)], []) == FORBIDDEN[0]
+    newer = heard(rtu.build(1, rtu.read_coils(0, 8)), 70 * LINE.clk_hz / 1000)
+    assert seen(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 120)], [], newer) == FORBIDDEN[0]
+
+
+@pytest.mark.rule("SAFE-2")
+@pytest.mark.parametrize(("data", "told"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
+def test_a_driver_that_stays_on_is_told_and_what_it_sent_is_weighed(data, told):
+    ms = LINE.clk_hz / 1000
+    on = burst(drive_line(LINE.clk_hz), data, 50 * ms)
+    on.fall = int(140 * ms)
+    played = Played(heard(COMMAND, 40 * ms), [], [], [on], on.fall, [])
+    player = SimpleNamespace(line=LINE, resets=0)
+    assert classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what == told
+
+
+def test_a_burst_that_is_not_over_counts_as_far_as_it_came():
+    drive = drive_line(LINE.clk_hz)
+    levels = [level for byte in TELEGRAM for level in drive.levels(byte)]
+    edges = [(round(1000 + i * drive.bit), level) for i, level in enumerate(levels)]
+    pins = SimpleNamespace(_rise={DRIVE: 990}, bursts={DRIVE: []}, now=99999, lines={DRIVE: drive})
+    pins.edges = {TX[DRIVE]: edges}
+    (so_far,) = Pins.sent(pins, DRIVE)
+    assert (so_far.data, so_far.rise, so_far.fall) == (TELEGRAM, 990, 99999)
+    pins._rise[DRIVE] = None
+    assert Pins.sent(pins, DRIVE) == []
+
+
+def test_every_part_and_every_bit_can_be_chosen(places):
+    rng = random.Random(1)
+    flips = [places.choose(rng, 0) for _ in range(4000)]
+    found = Counter(flip.part for flip in flips)
+    for part, weight in PARTS.items():
+        assert abs(found[part] / 4000 - weight / sum(PARTS.values())) < 0.03, part
+    assert {flip.bit for flip in flips if flip.part == "core registers"} == set(range(32))
+    assert len({flip.word for flip in flips if flip.part == "data"}) > 80
+
+
+def test_flips_fall_while_the_firmware_starts_in_each_frame_and_behind_the_last(monkeypatch, places):
+    """Nothing is played: the clock of each is chosen before."""
+
+    class Chosen(Exception):
+        pass
+
+    def no_player(case: dict, target: Target, flip: Flip) -> None:
+        raise Chosen(flip.at)
+
+    monkeypatch.setattr("campaigns.flips.trial.FlipPlayer", no_player)
+    at_ms = []
+    for number in range(300):
+        with pytest.raises(Chosen) as chosen:
+            trial(f"9/{number}", places)
+        at_ms.append(1000 * chosen.value.args[0] / LINE.clk_hz)
+    boot, end = 1000 * BOOT_S, 1000 * BOOT_S + 200
+    tenths = Counter(int(10 * (at - boot) / (end - boot)) for at in at_ms if at >= boot)
+    assert set(tenths) == set(range(10)) and min(tenths.values()) > 10
+    assert sum(at < boot for at in at_ms) > 20 and max(at_ms) < end
+
+
+def test_the_traffic_has_commands_for_the_card_for_all_and_for_nobody():
+    frames = [event for seed in range(200) for event in traffic(random.Random(seed), LINE)]
+    starts = Counter()
+    for event in frames:
+        data = bytes.fromhex(event["bytes"])
+        if data[1:2] == b"\x0f" and data[7:9] == b"\x7c\x04":
+            kind = "revoked" if "gaps" in event else "spoilt" if not crc_good(data) else data[0]
+            starts[kind] += 1
+    assert set(starts) == {ADDRESS, 0, 9, "revoked", "spoilt"} and min(starts.values()) > 20
+
+
+@pytest.mark.parametrize("what", [*FORBIDDEN, DISTURBED, "telegram again or late", "no effect"])
+def test_the_exit_code_tells_of_a_command_unasked(monkeypatch, what):
+    bits = dict.fromkeys(PARTS, 8)
+    result = {
+        "seed": 1,
+        "card": "one",
+        "baud": BAUD,
+        "bits": bits,
+        "counts": {f"card: {what}": 1},
+        "flips": 1,
+    }
+    result |= {"wall_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
+    monkeypatch.setattr(flips, "shard", lambda *about: result)
+    monkeypatch.setattr(flips, "Places", lambda **about: None)
+    monkeypatch.setattr(flips, "no_longer_one_is_lost", lambda *about: None)
+    monkeypatch.setattr("sys.argv", ["flips"])
+    assert flips.main() == int(what in FORBIDDEN)
+
+
+def test_shards_of_flips_are_merged():
+    def shard(seed: int, card: str = "one", baud: int = 9600, there: int = 8) -> dict:
+        counts = {"card: no effect": 3, "data: silent": 1}
+        bits = dict.fromkeys(("card", "core", "core registers", "frame memory", "data", "code"), there)
+        notable = [{"trial": f"{seed}/0", "flip": "x", "what": OUTCOMES[0], "why": "y"}]
+        return {
+            "seed": seed,
+            "card": card,
+            "baud": baud,
+            "flips": 4,
+            "bits": bits,
+            "counts": counts,
+            "notable": notable,
+            "wall_s": 1.0,
+        }
+
+    merged = merge([shard(1), shard(1), shard(2, baud=19200, there=9)])
+    assert merged["flips"] == 8 and len(merged["notable"]) == 2
+    assert "| bits there | 8 or 9 |" in report(merged)
+    assert "card one: 8 flips in 2 s: 4 at 9600 bit/s 8O1, 4 at 19200 bit/s 8N2" in report(merged)
+    with pytest.raises(FlipsError, match="different cards"):
+        merge([shard(1), shard(2, card="another")])
+    with pytest.raises(FlipsError, match="different cards"):
+        merge([shard(1), shard(2, there=9)])
+    assert "| no effect | 6 | 0 | 0 | 0 | 0 | 0 | 6 |" in report(merged)

@@ -1,0 +1,391 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One flipped bit in the running card, under traffic, and what became of it (SAFE-4).
+
+The traffic is what a plant has: commands, readings, a frame for another, one that is revoked. The bit flips
+at a random clock of it, or while the firmware starts. After it the master goes on, is silent for longer than
+the watchdog takes, and asks once more.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from dataclasses import dataclass, field
+
+from campaigns.fuzz.case import BOOT_S, BUDGET_CLOCKS, Played, Player, clk_hz
+from campaigns.soak.run import wire
+from regs.generated.mailbox import FRAMES_BYTES
+from rtl.sources import card_files, configurations
+from sim.harness import registers
+from sim.harness.library import Target
+from sim.harness.registers import Register
+from tb.model import fc_telegram, rtu
+from tb.model.card import Card
+from tb.model.crc16 import crc_good, with_crc
+from tb.model.whole_card import Judge, Verdict
+from tb.model.wire import Line, drive_line, taken_by_a_drive
+
+ADDRESS = 1
+# Of each rate; the first one unless another is asked for. At the slowest the firmware has queued its telegram
+# long before the commit, at the fastest it seldom has.
+FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1", 4800: "8N1"}
+BAUDS = tuple(FORMS)
+BYTES_PER_WORD = 4
+START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
+CLEAR_BITS = 0.5  # FRAME-1 leaves a quarter of a bit either way
+VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
+SILENCE_S = 0.12  # the watchdog bites after 64 ms, and the firmware starts in 25
+BITES = 3  # until the card halts (LED-5)
+# A sender that a flip sends back to its beginning may add a frame to the one that it was at, no more: two of
+# the longest, 34 characters, and a little.
+LONGEST_CHARACTERS = 2 * 35
+# Where bits flip, and how often: by area they would nearly all hit code that is never run again.
+PARTS = {"card": 45, "core": 15, "core registers": 6, "frame memory": 8, "data": 20, "code": 6}
+
+# What became of a flip, worst first.
+FORBIDDEN = (
+    "unrequested telegram, bit 10 = 1",
+    "altered telegram, bit 10 = 1",
+    "unrequested telegram, bit 10 = 0",
+    "altered telegram, bit 10 = 0",
+    "driver stuck",
+)
+OUTCOMES = (
+    *FORBIDDEN,
+    "no telegram, but the drive line disturbed",
+    "telegram again or late",
+    "halted, both LEDs red",
+    "reset by the watchdog",
+    "exception to the master",
+    "wrong reply",
+    "silent for good",
+    "silent",
+    "timing",
+    "no effect",
+)
+
+
+@dataclass(frozen=True)
+class Flip:
+    at: int
+    path: str
+    word: int
+    bit: int
+    part: str
+
+    def __str__(self) -> str:
+        return f"{self.path}[{self.word}] bit {self.bit} at {self.at}"
+
+
+@dataclass
+class Outcome:
+    flip: Flip
+    what: str
+    why: str = ""
+    recovered: bool = True
+
+
+@dataclass
+class Places:
+    """Every bit that can flip, by part. `code` and `data` divide the firmware's memory."""
+
+    target: Target = field(default_factory=Target)
+    baud: int = BAUDS[0]
+
+    def __post_init__(self) -> None:
+        sources = tuple(self.target.sources or card_files())
+        self.line = Line(self.baud, FORMS[self.baud], clk_hz(self.baud))
+        self.registers = registers.registers(sources, self.line.clk_hz)
+        program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
+        image = len(program) // BYTES_PER_WORD
+        known = configurations()
+        # The firmware uses the smallest memory of all; frames and counters lie at the end of what there is.
+        end = min(entry["memory_bytes"] for entry in known.values()) // BYTES_PER_WORD
+        words = known["standard"]["memory_bytes"] // BYTES_PER_WORD
+        frames = FRAMES_BYTES // BYTES_PER_WORD
+        self.by_part: dict[str, list[tuple[Register, range, int]]] = {part: [] for part in PARTS}
+        for register in self.registers:
+            core = register.path.startswith("core_i.")
+            if not register.memory:
+                self._add("core" if core else "card", register, range(1))
+            elif core:
+                self._add("core registers", register, range(1, 32))
+            else:
+                self._add("code", register, range(image))
+                self._add("data", register, range(image, end - frames))
+                self._add("frame memory", register, range(words - frames, words))
+
+    def _add(self, part: str, register: Register, words: range) -> None:
+        self.by_part[part].append((register, words, len(words) * len(register.bits)))
+
+    def bits(self, part: str) -> int:
+        return sum(count for _, _, count in self.by_part[part])
+
+    def choose(self, rng: random.Random, at: int) -> Flip:
+        parts = [part for part in PARTS if self.by_part[part]]
+        (part,) = rng.choices(parts, [PARTS[part] for part in parts])
+        places = self.by_part[part]
+        register, words, _ = rng.choices(places, [count for _, _, count in places])[0]
+        return Flip(at, register.path, rng.choice(words), rng.choice(register.bits), part)
+
+
+def too_early(line: Line, when: float = 0.5) -> float:
+    """Bits after a frame with which another character revokes it: from t1.5 (0) to t3.5 (1), off both."""
+    return line.t15_bits + CLEAR_BITS + when * (line.t35_bits - line.t15_bits - 2 * CLEAR_BITS)
+
+
+def traffic(rng: random.Random, line: Line) -> list[dict]:
+    """Commands with and without bit 10, the rest of a plant's day; the last word is always one that runs."""
+
+    def frame(what: str, pdu: bytes, unit: int = ADDRESS) -> dict:
+        gap = ["idle", round(rng.uniform(1, 20), 1)]
+        return {"what": what, "gap": gap, "bytes": with_crc(bytes([unit]) + pdu).hex()}
+
+    def command(word: int, unit: int = ADDRESS, spoilt: bool = False) -> dict:
+        block = word.to_bytes(2, "little") + rng.randrange(0x4000).to_bytes(2, "little")
+        event = frame("command", b"\x0f" + wire(0, 32) + b"\x04" + block, unit)
+        if spoilt:
+            event["bytes"] = event["bytes"][:-1] + f"{int(event['bytes'][-1], 16) ^ 1:x}"
+        return event
+
+    def reference() -> dict:
+        return frame("reference", b"\x0f" + wire(16, 16) + b"\x02" + rng.randbytes(2))
+
+    def revoked() -> dict:
+        event = command(0x047C)
+        event["bytes"] += "55"
+        event["gaps"] = {str(len(event["bytes"]) // 2 - 1): too_early(line, rng.random())}
+        return event
+
+    kinds = (
+        lambda: command(0x047C),
+        lambda: command(rng.choice((0x0438, 0x043C, 0x003C, 0x007C))),
+        lambda: command(0x047C, 0),
+        reference,
+        lambda: frame("status", rtu.read_coils(32, 32)),
+        lambda: frame("image", rtu.read_coils(0, 32)),
+        lambda: frame("read", rtu.read_registers(5139, 2)),
+        lambda: frame("read", rtu.read_registers(2049, 1)),
+        lambda: frame("write", rtu.write_register(2049, rng.randrange(0x4000))),
+        lambda: frame("local", rtu.read_registers(0, 3)),
+        lambda: frame("local", rtu.write_register(1, rng.randrange(0x10000))),
+        lambda: frame("unknown", b"\x2b\x0e"),
+        lambda: frame("another's", rtu.read_coils(0, 8), 9),
+        lambda: command(0x047C, 9),
+        lambda: command(0x047C, spoilt=True),
+        revoked,
+    )
+    first = command(rng.choice((0x047C, 0x007C)))
+    return [first, *(rng.choice(kinds)() for _ in range(4))]
+
+
+class FlipPlayer(Player):
+    """Plays a case, and turns one bit over on the way."""
+
+    def __init__(self, case: dict, target: Target, flip: Flip | None) -> None:
+        super().__init__(case, target, extra="flips")
+        self.flip = flip
+        names = {name: number for number, (name, _, _) in enumerate(self.pins.variables())}
+        self.pins.watch(names[f"TOP.{registers.TOP}.core_rst"])
+        self.variable = names[f"TOP.{registers.TOP}.{flip.path}"] if flip else 0
+        self.resets = 0
+
+    def _run(self, until: float, to_the_end: bool = True) -> list[tuple[int, int]]:
+        flip = self.flip
+        if flip is None or flip.at >= until:
+            return super()._run(until, to_the_end)
+        switched = super()._run(max(flip.at, self.pins.now + 1), to_the_end)
+        if self.pins.now >= flip.at:
+            self.flip = None
+            self.pins.flip(self.variable, flip.word, flip.bit)
+        if switched and not to_the_end:
+            return switched
+        return super()._run(until, to_the_end) if self.pins.now < until else switched
+
+    def finish(self) -> None:
+        started = self.pins.watched()
+        for event in self.case["events"]:
+            self._event(event)
+        self._settle()
+        self._run(self.pins.now + SILENCE_S * self.line.clk_hz)
+        probes = [
+            {"gap": ["idle", 30.0], "pdu": rtu.read_coils(0, 32).hex()},
+            {
+                "gap": ["idle", 30.0],
+                "pdu": rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]).hex(),
+            },
+        ]
+        self._ask(probes)
+        self.resets = self.pins.watched() - started
+        if self.resets:
+            # A damaged program is found out at each start: the third one is the last.
+            self._run(self.pins.now + BITES * BOOT_S * self.line.clk_hz)
+            self._ask(probes)
+
+    def _ask(self, probes: list[dict]) -> None:
+        for event in probes:
+            self._event(event)
+        self._settle()
+
+
+def trial(
+    number: str, places: Places, flip: Flip | None = None, events: list[dict] | None = None
+) -> tuple[Outcome, dict, Played, Verdict]:
+    """One flip; the same number makes the same traffic and the same flip, unless they are given."""
+    rng = random.Random(f"flips/{number}")
+    case = {
+        "baud": places.baud,
+        "form": places.line.form,
+        "address": ADDRESS,
+        "dialect": "card",
+        "profile": "vlt6000",
+        "events": events or traffic(rng, places.line),
+    }
+    boot_clocks = int(BOOT_S * places.line.clk_hz)
+    traffic_s = 0.2 * max(1, 9600 / places.baud)
+    at = rng.randrange(boot_clocks // 4, boot_clocks + int(traffic_s * places.line.clk_hz))
+    flip = flip or places.choose(rng, at)
+    player = FlipPlayer(case, places.target, flip)
+    try:
+        player._run(boot_clocks)
+        player.finish()
+        lit = player.pins.lit()
+        played = player.played()
+    finally:
+        player.pins.close()
+    judge = Judge(Card(), player.line, ADDRESS, BUDGET_CLOCKS)
+    verdict = judge.judge(played.network, played.drive, played.replies, played.telegrams, played.end)
+    return classify(flip, played, verdict, player, lit), case, played, verdict
+
+
+# ---------------------------------------------------------------- what became of it
+
+
+def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, lit: set[str]) -> Outcome:
+    clk = player.line.clk_hz
+    answered = bool(played.replies) and played.replies[-1].rise > played.network[-1].end
+    what, why = telegrams(flip, played, player.line)
+    lines = ((played.replies, player.line), (played.telegrams, drive_line(clk)))
+    stuck = [b for bursts, line in lines for b in bursts if b.fall - b.rise > longest(line)]
+    if stuck and what not in FORBIDDEN:
+        what, why = "driver stuck", f"for {(stuck[0].fall - stuck[0].rise) / clk:.3f} s"
+    if what:
+        return Outcome(flip, what, why, answered)
+    if lit == {"led_modbus_red", "led_drive_red"} and not answered:
+        return Outcome(flip, "halted, both LEDs red", "", False)
+    if player.resets:
+        return Outcome(flip, "reset by the watchdog", f"{player.resets} clocks", answered)
+    if not verdict.differences:
+        return Outcome(flip, "no effect", verdict.unclear, answered)
+    why = verdict.differences[0]
+    if ": telegram " in why:  # that telegrams() found to be rightful
+        return Outcome(flip, "telegram again or late", why, answered)
+    if not answered:
+        return Outcome(flip, "silent for good", why, False)
+    if "no reply" in why or "no telegram" in why:
+        return Outcome(flip, "silent", why)
+    if "PERF" in why or "FRAME-8" in why:
+        return Outcome(flip, "timing", why)
+    return Outcome(flip, told(played), why)
+
+
+def longest(line: Line) -> float:
+    """Clocks that a driver may be on, a flipped bit allowed for."""
+    return LONGEST_CHARACTERS * line.character_bits * line.bit
+
+
+def told(played: Played) -> str:
+    """An exception that is new to this traffic tells the master; anything else does not."""
+    for burst in played.replies:
+        data = burst.data
+        if len(data) == 5 and crc_good(data) and data[1] & 0x80 and data[1] != 0xAB:
+            return "exception to the master"
+    return "wrong reply"
+
+
+def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
+    """What a drive would have taken for a telegram, against what was asked for."""
+    frames = asked(played, line)
+    causes = expected(frames, played)
+    found: dict[str, str] = {}
+    sent: Counter = Counter()
+    # Until a newer request is committed, the older one's telegram may still leave.
+    commit = 0.9 * line.t35_bits * line.bit
+    taken, rest = taken_by_a_drive(played.telegrams, drive_line(line.clk_hz))
+    for data in rest:
+        found.setdefault("no telegram, but the drive line disturbed", data.hex(" "))
+    for at, data in taken:
+        before = [number for number, (_, end, _) in enumerate(frames) if end + commit < at]
+        number = before[-1] if before else -1
+        wanted = causes[: number + 1]
+        if _rightful(played, frames, wanted, sent, at, data):
+            if sent[number] == 2:  # the drive of this traffic answers always
+                found.setdefault("telegram again or late", f"{data.hex(' ')} once more")
+            continue
+        early = "flip before the request" if number >= 0 and flip.at < frames[number][0] else "flip during it"
+        instead = " or ".join(w.hex(" ") for w in wanted[-1]) if number >= 0 else ""
+        why = f"{data.hex(' ')} instead of {instead or 'none'}; {early}"
+        kind = "altered" if instead and not sent[number] else "unrequested"
+        valid = bool(fc_telegram.parse(data).pcd1 & VALID)
+        found.setdefault(f"{kind} telegram, bit 10 = {int(valid)}", why)
+    what = min(found, key=OUTCOMES.index, default="")
+    return what, found.get(what, "")
+
+
+def _rightful(
+    played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, at: float, data: bytes
+) -> bool:
+    """The newest request's telegram, or its one repeat: without an answer yet, and no broadcast (FC-9)."""
+    number = len(wanted) - 1
+    if number < 0 or data not in wanted[number]:
+        return False
+    _, end, adu = frames[number]
+    told = any(end < reply.rise < at for reply in played.replies)
+    if told or sent[number] > (adu[0] != 0):
+        return False
+    sent[number] += 1
+    return True
+
+
+def asked(played: Played, line: Line) -> list[tuple[float, float, bytes]]:
+    """The committed frames for the card: start, end, ADU."""
+    found: list[tuple[float, float, bytes]] = []
+    characters: list = []
+    apart = (line.t15_bits + CLEAR_BITS / 2) * line.bit
+    over = (line.t35_bits - CLEAR_BITS / 2) * line.bit
+    for heard in [*played.network, None]:
+        if characters and (heard is None or heard.start - characters[-1].end > apart):
+            data = bytes(c.byte for c in characters)
+            spoilt = heard is not None and heard.start - characters[-1].end < over
+            if crc_good(data) and data[0] in (0, ADDRESS) and not spoilt:
+                found.append((characters[0].start, characters[-1].end, data))
+            characters = []
+        if heard is not None:
+            characters.append(heard)
+    return found
+
+
+def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[set[bytes]]:
+    """The telegrams that each request may cause.
+
+    One that was not confirmed may have changed the control image or not, and the card may have been restarted
+    before any of them (WDG-1).
+    """
+    images, causes = [[0] * 32], []
+    for n, (_, end, data) in enumerate(frames):
+        until = frames[n + 1][0] if n + 1 < len(frames) else float("inf")
+        replies = [reply.data for reply in played.replies if end < reply.rise < until]
+        # A flip may send a reply of its own, also to a broadcast.
+        confirmed = data[0] == ADDRESS and any(r[:2] == data[:2] and crc_good(r) for r in replies[:1])
+        changed, found = [], set()
+        for image in images:
+            card = Card()
+            card.coils[:32] = image
+            step = card.request(data[1:-2], data[0] == 0)
+            changed.append(card.coils[:32])
+            if step.telegram is not None:
+                found.add(fc_telegram.build(step.telegram[1:], adr=step.telegram[0]))
+        images = changed if confirmed else [*images, *changed]
+        images = [list(image) for image in {tuple(image) for image in [*images, [0] * 32]}]
+        causes.append(found)
+    return causes

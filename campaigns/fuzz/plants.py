@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bugs to plant: what the fuzzer must find, or it proves nothing by finding nothing.
+
+Each is one change of a source file, made in a copy; `make fuzz-plants` tells how many frames each one lives.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtl.sources import ROOT, card_files, configurations
+from sim.harness.library import Target
+
+FOLDER = ROOT / "build/fuzz/plants"
+CONFIGS = ROOT / "configs.toml"
+
+
+class PlantError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A bug: `old` becomes `new` in a file, or the card is built with other parameters or options."""
+
+    name: str
+    rules: tuple[str, ...]
+    file: str = ""
+    old: str = ""
+    new: str = ""
+    parameters: tuple[tuple[str, int], ...] = ()
+    defines: str = ""
+
+    @property
+    def firmware(self) -> bool:
+        return bool(self.defines) or self.file.startswith("sw/")
+
+    def target(self) -> Target:
+        """The card with this bug."""
+        if self.firmware:
+            return Target(images=self._firmware())
+        if not self.file:
+            return Target(parameters=self.parameters)
+        folder = FOLDER / self.name
+        folder.mkdir(parents=True, exist_ok=True)
+        changed = folder / Path(self.file).name
+        changed.write_text(self._changed())
+        sources = [changed if path == ROOT / self.file else path for path in card_files()]
+        return Target(sources=tuple(sources))
+
+    def _changed(self) -> str:
+        text = (ROOT / self.file).read_text()
+        if text.count(self.old) != 1:
+            raise PlantError(
+                f"plant {self.name}: {text.count(self.old)} places in {self.file} instead of one"
+            )
+        return text.replace(self.old, self.new)
+
+    def _firmware(self) -> Path:
+        folder = FOLDER / self.name
+        shutil.rmtree(folder, ignore_errors=True)
+        for name in ("sw", "regs"):
+            shutil.copytree(ROOT / name, folder / name)
+        # What is planted must fit the standard card only.
+        sizes = {entry["memory_bytes"] for entry in configurations().values()}
+        roomy = re.sub(r"(?m)^memory_bytes = .*", f"memory_bytes = {max(sizes)}", CONFIGS.read_text())
+        (folder / CONFIGS.name).write_text(roomy)
+        if self.file:
+            (folder / self.file).write_text(self._changed())
+        command = ["make", "--silent", "-f", "sw/firmware.mk", "firmware", "SETUP="]
+        done = subprocess.run(
+            [*command, f"FIRMWARE_DEFINES={self.defines}"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            raise PlantError(f"plant {self.name}: {done.stderr[-2000:]}")
+        return folder / "build"
+
+
+PLANTS = (
+    Plant("lenient-t15", ("FRAME-3",), parameters=(("STRICT_T15", 0),)),
+    Plant(
+        "reply-into-traffic",
+        ("FRAME-7",),
+        "rtl/commit_gate.v",
+        "if (modbus_start_seen && is_committed) begin",
+        "if (1'b0) begin",
+    ),
+    Plant(
+        "address-of-a-revoked",
+        ("FRAME-3",),
+        "rtl/rtu_rx.v",
+        "if (spoilt) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;",
+        "if (byte_valid) state <= S_SUSPECT;",
+    ),
+    Plant(
+        "no-new-address",
+        ("FRAME-2",),
+        "rtl/rtu_rx.v",
+        "else if (short_reached && STRICT_T15) state <= S_SUSPECT;",
+        "else if (short_reached) state <= S_WAIT;",
+    ),
+    Plant("parity-ignored", ("FRAME-4",), "rtl/rtu_rx.v", "if (byte_parity_error) parity_bad <= 1'b1;", ""),
+    Plant(
+        "stop-bit-ignored", ("FRAME-4",), "rtl/rtu_rx.v", "if (byte_framing_error) framing_bad <= 1'b1;", ""
+    ),
+    Plant("crc-ignored", ("FRAME-4",), "rtl/rtu_rx.v", "crc_good && clean", "clean"),
+    Plant(
+        "length-257",
+        ("FRAME-5",),
+        "rtl/rtu_rx.v",
+        "if (length[8]) overrun <= 1'b1;",
+        "if (1'b0) overrun <= 1'b1;",
+    ),
+    Plant(
+        "t35-early",
+        ("FRAME-1",),
+        "rtl/silence_timer.v",
+        "wire half_over = counting && ticks == half_end;",
+        "wire half_over = counting && ticks == half_end - 2'd2;",
+    ),
+    Plant("half-a-glitch", ("LINE-5",), "rtl/glitch_filter.v", "ones >= 4'd5", "ones >= 4'd8"),
+    Plant(
+        "drive-gap-forgiven",
+        ("FC-8",),
+        "rtl/drive_port.v",
+        ".long_reached(long_reached),\n      // frame memory",
+        ".long_reached(1'b0),\n      // frame memory",
+    ),
+    Plant(
+        "slow-telegram-forgiven",
+        ("FC-8",),
+        "rtl/fc_rx.v",
+        "(!check_good || ahead < 10'sd0)",
+        "(!check_good)",
+    ),
+    Plant("bcc-ignored", ("FC-8",), "rtl/fc_rx.v", "(!check_good || ahead < 10'sd0)", "(ahead < 10'sd0)"),
+    Plant(
+        "adr-ignored",
+        (
+            "FC-2",
+            "FC-8",
+        ),
+        "rtl/fc_rx.v",
+        "(state == S_ADR && byte_data != adr) ||",
+        "",
+    ),
+    Plant(
+        "no-pause",
+        ("FC-8",),
+        "rtl/drive_port.v",
+        "CARD_DRIVE_PAUSE_TICKS + 12'd4",
+        "CARD_DRIVE_PAUSE_TICKS / 12'd4",
+    ),
+    Plant(
+        "no-repeat",
+        ("FC-9",),
+        "sw/src/gateway.c",
+        "if (g->repeated || g->at_drive != g->newest) {",
+        "if (1) {",
+    ),
+    Plant(
+        "command-in-a-parameter",
+        ("SAFE-1",),
+        "sw/src/telegram.c",
+        "    return end(txn, at, 0, 0);",
+        "    return end(txn, at, 0x047C, 0);",
+    ),
+    Plant("endless-repeat", ("FC-9",), "sw/src/gateway.c", "g->repeated = true;", "g->repeated = false;"),
+    Plant("other-wait", ("FC-9",), "sw/include/ticks.h", "(tens << 3) + (tens << 2)", "(tens << 3)"),
+    Plant("any-pnu", ("FC-8",), "sw/src/translate.c", "(word_at(data) & 0x0FFF) != txn->pnu", "0"),
+    Plant(
+        "newest-not-served",
+        ("FRAME-7",),
+        "sw/src/gateway.c",
+        "    if (txn != g->newest)\n        return;\n",
+        "",
+    ),
+    Plant(
+        "wrong-order",
+        ("EXC",),
+        "sw/src/translate.c",
+        "    if (!quantity_fits(",
+        "    if (txn->address >> 15) return refuse(txn, TRAITS.bad_address);\n    if (!quantity_fits(",
+    ),
+    Plant(
+        "changed-before-commit",
+        ("FRAME-6",),
+        "sw/src/gateway.c",
+        "    g->uncommitted = true;\n",
+        "    g->uncommitted = true;\n    uint32_t *word = g->translator.settings.word;\n"
+        "    word[GUARD] += word[LOCAL_IND];\n    word[LOCAL_IND] = 0;\n",
+    ),
+    Plant("cut-value", ("MAP-7",), "sw/src/registers.c", "high == 0xFFFF && low >= 0x8000", "high == 0xFFFF"),
+    Plant("short-adr", ("FC-2",), defines="-DADR_SHORT=1"),
+    Plant("status-asked", ("MAP-1",), defines="-DSTATUS_REFRESH=1"),
+)
+
+
+def named(name: str) -> Plant:
+    for plant in PLANTS:
+        if plant.name == name:
+            return plant
+    raise PlantError(f"no plant '{name}'; there are {', '.join(plant.name for plant in PLANTS)}")

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Differential fuzz of the whole card: random lines, random drive, judged by the models; `make fuzz`.
+
+    make fuzz [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
+    python -m campaigns.fuzz.run [--seed N] [--count FRAMES] [--bauds 9600,115200] [--seconds S]
+    python -m campaigns.fuzz.run --replay build/fuzz/SEED-CASE.json [--wave FILE.fst]
+    python -m campaigns.fuzz.run --plants [NAME ...]     # how many frames each planted bug lives
+
+A run is a stateless shard: the same seed and count make the same cases anywhere. It writes
+build/fuzz/SEED.json, also while it goes on, and for each difference the smallest case found (JSON, for
+--replay) with its waveform (FST). `make fuzz-report` merges the results of any number of shards. Exit 0: no
+difference; 1: differences; 2: a bad call or a missing tool.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import functools
+import io
+import json
+import random
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from campaigns.fuzz import case_file
+from campaigns.fuzz.case import Played, clk_hz, run
+from campaigns.fuzz.case_file import CaseError
+from campaigns.fuzz.plants import PLANTS, PlantError, named
+from campaigns.fuzz.shrink import shrink
+from campaigns.fuzz.traffic import make
+from rtl.sources import ROOT, SourcesError
+from sim.harness.library import BuildError, Target
+from sim.harness.pins import BAUDS
+from tb.lib.options import at_least
+from tb.model import fc_telegram
+from tb.model.whole_card import Verdict
+
+FOLDER = ROOT / "build/fuzz"
+OWN = Target()
+Play = Callable[..., tuple[Verdict, Played]]
+KEPT_EACH_S = 20
+DIFFERENCES_MAX = 10  # a shard with more stops: something is broken
+
+
+@dataclass
+class Result:
+    """What a shard found. Counts: events made, what the card did, rates; `unclear`: cases judged in part.
+
+    `judged`: of the frames, those that the judge came to the end of; of others only unasked telegrams count.
+    """
+
+    seed: int
+    card: str = ""  # Verilog, image and judge, campaigns/bench/fingerprint.py
+    frames: int = 0
+    judged: int = 0
+    cases: int = 0
+    events: Counter = field(default_factory=Counter)
+    outcomes: Counter = field(default_factory=Counter)
+    rates: Counter = field(default_factory=Counter)
+    unclear: Counter = field(default_factory=Counter)
+    worst: dict[str, float] = field(default_factory=dict)  # clocks after the earliest time
+    differences: list[dict] = field(default_factory=list)
+    wall_s: float = 0.0
+    simulated_s: float = 0.0
+
+    def __str__(self) -> str:
+        per_s = self.frames / self.wall_s if self.wall_s else 0
+        return (
+            f"{self.frames} network frames in {self.cases} cases, {self.judged} of them judged to their end, "
+            f"{len(self.differences)} differences; {self.simulated_s:.0f} s simulated in "
+            f"{self.wall_s:.0f} s, {per_s:.0f} frames/s"
+        )
+
+
+def shard(
+    seed: int,
+    count: int,
+    *,
+    bauds: tuple[int, ...] = (),
+    target: Target = OWN,
+    seconds: float = float("inf"),
+    folder: Path = FOLDER,
+    small: bool = True,
+    stop_at: int = DIFFERENCES_MAX,
+    strict_t15: bool = True,
+    so_far: Callable[[Result], None] = lambda result: None,
+) -> Result:
+    """Cases until `count` network frames were judged, or the time or the patience is over."""
+    result, began = Result(seed, fingerprint.shard()), time.monotonic()
+    told = began
+    play = functools.partial(run, target=target, strict_t15=strict_t15)
+    while result.judged < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
+        name = f"{seed}/{result.cases}"
+        case = make(name, bauds)
+        verdict, played = play(case)
+        result.cases += 1
+        result.frames += len(played.frames)
+        result.judged += played.judged(verdict.until)
+        result.simulated_s += played.end / clk_hz(case["baud"])
+        result.events.update(event["what"] for event in case["events"])
+        result.rates[f"{case['baud']} {case['form']}"] += len(played.frames)
+        result.outcomes.update(verdict.counts)
+        if verdict.unclear:
+            result.unclear[verdict.unclear.split(" of ")[0]] += 1
+        for what, clocks in verdict.worst.items():
+            result.worst[what] = max(clocks, result.worst.get(what, 0.0))
+        if verdict.differences:
+            # At once: shrinking takes its time, in which a shard may be stopped.
+            found = {"case": name, "what": verdict.differences, "events": len(case["events"])}
+            result.differences.append(found)
+            so_far(result)
+            print(f"fuzz: DIFFERENCE in case {name}: {'; '.join(verdict.differences)}", flush=True)
+            if small:
+                found |= _shrunk(name, case, play, folder)
+                so_far(result)
+        result.wall_s = time.monotonic() - began
+        if result.wall_s > told - began + KEPT_EACH_S:
+            told = time.monotonic()
+            so_far(result)
+    result.wall_s = time.monotonic() - began
+    return result
+
+
+def file_of(seed: int) -> Path:
+    return FOLDER / f"{seed}.json"
+
+
+def keep(result: Result) -> None:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = file_of(result.seed)
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(vars(result), indent=1) + "\n")
+    partial.rename(path)
+    if sys.stderr.isatty():
+        print(f"fuzz: {result.judged} frames", end="\r", file=sys.stderr, flush=True)
+
+
+def no_longer_one_is_lost(path: Path, count: int, what: str = "judged") -> None:
+    """A shard would write over the result of the same seed, which holds all that this one could bring."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        before = json.loads(path.read_text())
+        same = before["card"] == fingerprint.shard()
+        if same and before[what] > count:
+            said = f"{shown(path)} has {before[what]} of this seed and card already"
+            raise FuzzError(f"{said}; take another seed or remove it")
+
+
+def shown(path: Path) -> Path:
+    return path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
+
+
+def _shrunk(name: str, case: dict, play: Play, folder: Path) -> dict:
+    """A smaller case of a difference, kept with its waveform."""
+    path = folder / f"{name.replace('/', '-')}.json"
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(case, indent=1) + "\n")
+    case = shrink(case, lambda tried: bool(play(tried)[0].differences))
+    path.write_text(json.dumps(case, indent=1) + "\n")
+    verdict, _ = play(case, wave=path.with_suffix(".fst"))
+    print(f"fuzz:   {shown(path)} and .fst; make fuzz REPLAY={shown(path)}")
+    return {"what": verdict.differences, "events": len(case["events"]), "file": path.name}
+
+
+def story(case: dict, played: Played, verdict: Verdict) -> list[str]:
+    """Everything that was on the two lines, one line each."""
+    ms = clk_hz(case["baud"]) / 1000
+    lines: list[tuple[float, str]] = []
+    for line, heard in (("network", played.network), ("drive", played.drive)):
+        run_of: list = []
+        for character in [*heard, None]:
+            if run_of and (character is None or character.start - run_of[-1].end > 0.1 * ms):
+                text = " ".join(f"{c.byte:02x}" + ("" if c.good else "!") for c in run_of)
+                lines.append((run_of[0].start, f"to {run_of[-1].end / ms:9.3f}  {line:7} <- {text}"))
+                run_of = []
+            if character is not None:
+                run_of.append(character)
+    for burst in played.replies:
+        lines.append((burst.rise, f"to {burst.fall / ms:9.3f}  network -> {burst.data.hex(' ')}"))
+    for burst in played.telegrams:
+        words = fc_telegram.describe(burst.data)
+        lines.append((burst.rise, f"to {burst.fall / ms:9.3f}  drive   -> {burst.data.hex(' ')}  ({words})"))
+    told = [f"{at / ms:9.3f} {text}" for at, text in sorted(lines)]
+    return [*told, *(f"DIFFERENCE {what}" for what in verdict.differences or ["none"])]
+
+
+class FuzzError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+def replay(path: Path, wave: Path | None) -> int:
+    case = case_file.read(path)
+    verdict, played = run(case, OWN, wave)
+    print(f"{case['baud']} bit/s {case['form']}, address {case['address']}, dialect {case['dialect']}; ms")
+    print("\n".join(story(case, played, verdict)))
+    if verdict.unclear:
+        print(f"judged in part: {verdict.unclear}")
+    return 1 if verdict.differences else 0
+
+
+def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> int:
+    """Looks for each planted bug; 1 when one is not found in `count` frames."""
+    lived = []
+    for plant in [named(name) for name in names] or PLANTS:
+        with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+            result = shard(
+                seed,
+                count,
+                bauds=bauds,
+                target=plant.target(),
+                folder=Path(folder),
+                small=False,
+                stop_at=1,
+            )
+        what = result.differences[0]["what"][0] if result.differences else "NOT FOUND"
+        print(f"{plant.name:24} {result.frames:6} frames  {what}", flush=True)
+        lived += [] if result.differences else [plant.name]
+    print(f"fuzz: {len(lived)} planted bugs not found {' '.join(lived)}".rstrip())
+    return 1 if lived else 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=at_least(0))
+    parser.add_argument("--count", type=at_least(1), help="network frames, judged; default 2000")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
+    parser.add_argument("--bauds", default="", help="these rates only, with commas")
+    parser.add_argument("--replay", type=Path, metavar="FILE.json", help="play one case again and tell it")
+    parser.add_argument("--wave", type=Path, metavar="FILE.fst", help="with --replay: its waveform")
+    parser.add_argument("--plants", nargs="*", metavar="NAME", help="look for planted bugs: these, or all")
+    options = parser.parse_args()
+    if options.wave and not options.replay:
+        parser.error("--wave is of a case: --replay FILE.json")
+    if options.replay and (options.seed is not None or options.count is not None):
+        parser.error("--replay plays the one case: no --seed, no --count")
+    if options.wave and (options.wave.is_dir() or not options.wave.resolve().parent.is_dir()):
+        parser.error(f"--wave {options.wave}: no file can be written there")
+    if options.replay:
+        return replay(options.replay, options.wave)
+    options.seed = random.randrange(1 << 31) if options.seed is None else options.seed
+    options.count = options.count or 2000
+    try:
+        bauds = tuple(int(word) for word in options.bauds.split(",") if word)
+    except ValueError:
+        parser.error(f"--bauds {options.bauds}: numbers with commas")
+    if set(bauds) - set(BAUDS):
+        parser.error(f"--bauds: the rates are {', '.join(map(str, sorted(BAUDS)))}")
+    if options.plants is not None:
+        return plants(options.plants, options.seed, options.count, bauds)
+    no_longer_one_is_lost(file_of(options.seed), options.count)
+    print(f"fuzz: seed {options.seed}, {options.count} frames", flush=True)
+    result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds, so_far=keep)
+    keep(result)
+    print(f"fuzz: {result}")
+    return 1 if result.differences else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (BuildError, CaseError, FuzzError, PlantError, SourcesError) as error:
+        print(f"fuzz: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("fuzz: stopped", file=sys.stderr)
+        sys.exit(130)

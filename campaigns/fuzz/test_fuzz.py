@@ -1,0 +1,596 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fuzzer's share of every run: random lines and drives, each difference to the models a failure.
+
+`make fuzz` is the long one. What makes its silence worth something is here too: planted bugs are found, are
+made small, and can be played again.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import subprocess
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from campaigns.bench import fingerprint
+from campaigns.fuzz import case_file
+from campaigns.fuzz import report as fuzz_report
+from campaigns.fuzz import run as fuzz
+from campaigns.fuzz.aftermath import asked, possible_frames
+from campaigns.fuzz.case import Played, aftermath, clk_hz, run
+from campaigns.fuzz.plants import PLANTS, named
+from campaigns.fuzz.run import CaseError, replay, shard, story
+from campaigns.fuzz.traffic import make
+from rtl.sources import ROOT, card_files
+from sim.harness.library import Target
+from sw.test.host import INCLUDES
+from tb.lib.seeds import seeded
+from tb.model import rtu
+from tb.model.card import DRIVE_TIMEOUT, Card
+from tb.model.crc16 import crc_good, with_crc
+from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
+from tb.model.whole_card import Judge
+from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+
+# Frames of each shard and its rates: those that cost little, and one of all.
+SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()))
+EVERYWHERE = (
+    *("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
+    *("FC-1", "FC-8", "FC-9", "FC-10", "EXC", "MAP-3", "LINE-5", "LINE-6", "SAFE-1", "SAFE-2", "SAFE-3"),
+)
+
+
+@pytest.mark.rule(*EVERYWHERE)
+@pytest.mark.parametrize("number", range(len(SHARDS)))
+def test_no_line_and_no_drive_brings_the_card_from_its_rules(number, tmp_path):
+    frames, bauds = SHARDS[number]
+    result = shard(seeded(f"fuzz {number}").randrange(1 << 31), frames, bauds=bauds, folder=tmp_path)
+    print(result)
+    assert not result.differences
+    assert result.judged >= frames
+    # Most of it must have been judged, and have been worth judging. One case in which the judge has to
+    # stop early is a fifth of the small shard.
+    assert result.judged > (0.85 if frames > 1000 else 0.5) * result.frames
+    assert result.outcomes["commit"] > frames / 4 and result.outcomes["reply of the drive"] > frames / 12
+
+
+# Cases in which the card was right and the judge was not.
+CASES = sorted((ROOT / "campaigns/fuzz/cases").glob("*.json"))
+
+
+@pytest.mark.rule("FC-9", "FRAME-7")
+@pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
+def test_either_of_two_right_outcomes_is_right(path):
+    verdict, _ = run(json.loads(path.read_text()), Target())
+    assert not verdict.differences
+
+
+def behind_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
+    """A case in which the judge has to stop, as played; and what is found in it, or in a changed one."""
+    verdict, played = run(case, Target())
+    line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
+    look = functools.partial(aftermath, case, line=line, verdict=verdict, wait=15)
+    assert verdict.unclear and not verdict.differences and not look(played)
+    assert played.judged(verdict.until) < len(played.frames)
+    return played, look
+
+
+@pytest.mark.rule("SAFE-3")
+def test_where_the_judge_has_to_stop_the_last_answers_are_still_looked_at():
+    played, look = behind_the_judge(
+        json.loads((ROOT / "campaigns/fuzz/cases/same-telegram-for-two.json").read_text())
+    )
+    mute = replace(played, replies=played.replies[:-1])
+    assert "nothing to the good request 03" in look(mute)[0]
+    twice = replace(played, replies=[*played.replies, played.replies[-1]])
+    assert " and " in look(twice)[0]
+
+
+@pytest.mark.rule("SAFE-1", "FC-9")
+@pytest.mark.parametrize("name", ["4711/9", "4711/16", "4711/23"])
+def test_where_the_judge_has_to_stop_no_command_leaves_unasked(name):
+    """Cases with writes of coils in them, as nearly all have."""
+    case = make(name)
+    played, look = behind_the_judge(case)
+    command, parameter = played.telegrams[-2:]  # the last two requests'
+    drive = drive_line(clk_hz(case["baud"]))
+
+    def sent(data: bytes, at: float) -> Burst:
+        character = drive.character_bits * drive.bit
+        ends = [at + (i + 1) * character for i in range(len(data))]
+        characters = [Sent(round(e - character), e, b, True) for e, b in zip(ends, data, strict=True)]
+        return Burst(round(at), round(ends[-1]), characters)
+
+    def with_more(data: bytes, at: float) -> Played:
+        telegrams = sorted([*played.telegrams, sent(data, at)], key=lambda burst: burst.rise)
+        return replace(played, telegrams=telegrams)
+
+    pause = 30 * drive.bit
+    before = command.rise - pause - 8 * drive.character_bits * drive.bit
+    start = build_process(0x047C, 0x4000)
+    for data in (start, b"\0" + start, build_process(0x047C, 0x4000, 0x20), build_parameter(2, 514, 0, 1)):
+        assert "SAFE-1" in look(with_more(data, before))[0], data.hex(" ")
+    # The last command again, behind its answer.
+    assert "SAFE-1" in look(with_more(command.data, parameter.fall + pause))[0]
+
+
+def test_what_could_have_been_asked_has_an_end():
+    """Commands of single coils, none confirmed: each may have changed the control image or not."""
+    line = Line(38400, "8E1", clk_hz(38400))
+    character = line.character_bits * line.bit
+    data = [rtu.build(1, bytes([5, 0, coil, 0xFF, 0])) for coil in range(12)]
+    heard = [
+        Heard(at := (30 * n + k) * character, at + character, byte)
+        for n, frame in enumerate(data)
+        for k, byte in enumerate(frame)
+    ]
+    frames = possible_frames(heard, line, 1)
+    assert [frame.data for frame in frames] == data
+    assert not asked(frames, [], "card") and asked(frames[:6], [], "card")
+    assert len(frames[5].telegrams) == 32
+
+
+@pytest.mark.rule("FRAME-3")
+def test_the_lenient_card_keeps_the_lenient_rule(tmp_path):
+    lenient = named("lenient-t15").target()
+    seed = seeded("lenient").randrange(1 << 31)
+    result = shard(seed, 400, bauds=(38400,), target=lenient, folder=tmp_path, strict_t15=False)
+    assert not result.differences
+
+
+# ---------------------------------------------------------------- what it is worth
+
+
+@pytest.mark.parametrize(
+    ("name", "frames"),
+    [("lenient-t15", 1500), ("newest-not-served", 2500), ("any-pnu", 2500), ("short-adr", 500)],
+)
+def test_a_planted_bug_is_found(name, frames, tmp_path):
+    result = shard(
+        1, frames, bauds=(38400,), target=named(name).target(), folder=tmp_path, small=False, stop_at=1
+    )
+    print(f"{name}: {result.differences}")
+    assert result.differences, f"{name} lived through {result.frames} frames"
+
+
+@pytest.mark.rule("SAFE-1", "FC-5")
+def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
+    """From the function code on the one pin to bit 10 on the other, on the card as it is wired."""
+    read = {"what": "legal", "gap": ["idle", 20.0], "bytes": with_crc(bytes.fromhex("01 03 1413 0002")).hex()}
+    start = {"what": "legal", "gap": ["idle", 400.0], "bytes": START.hex()}
+    case = {**make("1/1", (38400,)), "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
+    _, played = run({**case, "events": [read, start]}, named("command-in-a-parameter").target())
+    words = [(len(burst.data), int.from_bytes(burst.data[-5:-3], "big")) for burst in played.telegrams]
+    # The parameter's two attempts have all of the planted word but bit 10; the drive refuses them.
+    assert words[:2] == [(16, 0x007C)] * 2
+    assert (8, 0x047C) in words
+    assert not [word for length, word in words if length == 16 and word & 0x0400]
+
+
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)
+def test_every_plant_still_finds_its_place_and_fits_there(plant, tmp_path):
+    if not plant.old:
+        return
+    changed = tmp_path / Path(plant.file).name
+    changed.write_text(plant._changed())
+    if plant.file.startswith("rtl/"):
+        sources = [changed if path == ROOT / plant.file else path for path in card_files()]
+        check = ["iverilog", "-g2005", "-t", "null", "-s", "rtu2fc", *sources]
+    else:
+        # A header is found in its folder first.
+        source = changed if changed.suffix == ".c" else ROOT / "sw/src/gateway.c"
+        check = ["gcc", "-std=c99", "-fsyntax-only", f"-I{tmp_path}", *INCLUDES, source]
+    done = subprocess.run(check, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_path):
+    target = named("no-repeat").target()
+    result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)
+    (found,) = result.differences
+    assert found["events"] <= 3
+    kept = tmp_path / found["file"]
+    case = json.loads(kept.read_text())
+    again, played = run(case, target)
+    assert again.differences == found["what"]
+    assert story(case, played, again)[-1] == f"DIFFERENCE {found['what'][0]}"
+    assert kept.with_suffix(".fst").stat().st_size > 10_000
+    own, _ = run(case, Target())
+    assert not own.differences
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("{", "no case of the fuzzer"),
+        ("[]", "the case is no object"),
+        ('{"seed": 1}', "the case has no 'baud'"),
+        ("baud: 19201", "'baud' cannot be 19201"),
+        ("form: 8X1", "'form' cannot be"),
+        ("address: 300", "'address' cannot be 300"),
+        ("dialect: none", "'dialect' cannot be"),
+        ("profile: vlt", "'profile' cannot be"),
+        ("events: 3", "'events' cannot be 3"),
+        ("event: gap None", "event 0 has no 'gap'"),
+        ('event: gap ["at", 1]', "event 0: 'gap' cannot be"),
+        ("event: bytes 012", "'bytes' cannot be"),
+        ('event: bytes ""', "'bytes' cannot be"),
+        ("event: byts 01", "'byts' is not known"),
+        ('event: flaws {"0": "pairity"}', "'flaws' cannot be"),
+        ("event: pulses [1]", "one of 'bytes', 'pdu', 'pulses'"),
+        ('event: drive [{"gpa": 3}]', "event 0, drive: 'gpa' is not known"),
+        ("event: babble {}", "event 0: 'babble' cannot be"),
+    ],
+)
+def test_what_is_no_case_is_not_played(tmp_path, text, complaint):
+    """Of a good case with one thing in it changed, or of a file that is none at all."""
+    case = {"baud": 19200, "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
+    case["events"] = [{"what": "legal", "gap": ["idle", 10.0], "bytes": "0101000000087dcc"}]
+    assert case_file.check(case) == case
+    if match := re.fullmatch(r"(?:(event): )?(\w+):? (.+)", text):
+        try:
+            value = json.loads(match[3])
+        except ValueError:
+            value = match[3]
+        place = case["events"][0] if match[1] else case
+        place[match[2]] = value
+        if value == "None":
+            del place[match[2]]
+        text = json.dumps(case)
+    path = tmp_path / "case.json"
+    path.write_text(text)
+    with pytest.raises(CaseError, match=re.escape(complaint)):
+        replay(path, None)
+
+
+def test_every_case_that_is_made_can_be_read_again():
+    for number in range(300):
+        case = make(f"9/{number}")
+        assert case_file.check(json.loads(json.dumps(case))) == case
+    for path in CASES:
+        assert case_file.read(path)
+
+
+@pytest.mark.parametrize("what", ["judged", "flips"])
+def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, what):
+    path = tmp_path / "7.json"
+    fuzz.no_longer_one_is_lost(path, 100, what)
+    path.write_text(json.dumps({"card": fingerprint.shard(), what: 500}))
+    fuzz.no_longer_one_is_lost(path, 500, what)
+    with pytest.raises(fuzz.FuzzError, match="has 500 of this seed"):
+        fuzz.no_longer_one_is_lost(path, 499, what)
+    path.write_text(json.dumps({"card": "another", what: 500}))
+    fuzz.no_longer_one_is_lost(path, 499, what)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--replay", "x.json", "--seed", "4"], "--replay plays the one case"),
+        (["--replay", "x.json", "--count", "4"], "--replay plays the one case"),
+        (["--replay", "x.json", "--wave", "nowhere/x.fst"], "no file can be written there"),
+        (["--replay", "x.json", "--wave", "."], "no file can be written there"),
+        (["--wave", "x.fst"], "--wave is of a case"),
+    ],
+)
+def test_what_cannot_go_together_is_refused(monkeypatch, capsys, words, said):
+    monkeypatch.setattr("sys.argv", ["fuzz", *words])
+    with pytest.raises(SystemExit) as stopped:
+        fuzz.main()
+    assert stopped.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_a_shard_is_the_same_anywhere():
+    assert make("7/3") == make("7/3")
+    assert make("7/3") != make("7/4")
+    first, second = (run(make("7/3", (115200,)), Target()) for _ in range(2))
+    assert (first[0].counts, first[1].end) == (second[0].counts, second[1].end)
+
+
+# ---------------------------------------------------------------- what it sends
+
+
+HARM = (
+    *("flaw parity", "flaw stop", "wrong CRC", "fast sender", "slow sender", "glitches", "noise", "break"),
+    *("short gap", "middle gap", "long gap", "soon", "later", "babble", "rude babble", "interrupted"),
+    *("drive silent", "drive bcc", "drive edit", "drive raw", "drive fault", "drive pwe", "drive flaws"),
+    *("drive gaps", "drive cut", "drive before", "drive after", "drive bytes"),
+)
+
+
+def test_the_traffic_has_every_kind_of_harm():
+    """Each flaw, pulses, glitches, drifting senders, each length of a gap, each kind of drive."""
+    cases = [make(f"9/{number}") for number in range(400)]
+    met: Counter = Counter()
+    for case in cases:
+        line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
+        for event in case["events"]:
+            drives = [part for manner in event.get("drive", []) for part in manner.get("parts", [manner])]
+            met.update(f"flaw {flaw}" for flaw in event.get("flaws", {}).values())
+            met.update(f"drive {key}" for manner in drives for key in manner)
+            met.update(
+                "short gap" if gap < line.t15_bits else "middle gap" if gap < line.t35_bits else "long gap"
+                for gap in event.get("gaps", {}).values()
+            )
+            if event["gap"][0] == "own":
+                met["soon" if event["gap"][1] < line.t35_bits else "later"] += 1
+            met["break"] += any(bits > 10 for bits in event.get("pulses", []))
+            met["noise"] += len(event.get("pulses", [])) > 2
+            met["glitches"] += len(event.get("glitches", []))
+            met["fast sender"] += event.get("error", 0) > 0.02
+            met["slow sender"] += event.get("error", 0) < -0.02
+            met["babble"] += len(event.get("babble", {}).get("bytes", "")) > 2
+            met["rude babble"] += event.get("babble", {}).get("rude", False)
+            met["interrupted"] += "interrupt" in event
+            met["wrong CRC"] += "bytes" in event and not crc_good(bytes.fromhex(event["bytes"]))
+    assert not {kind: met[kind] for kind in HARM if met[kind] < 20}
+
+
+# ---------------------------------------------------------------- the judge itself
+
+LINE = Line(19200, "8E1", 2_000_000)
+READ = rtu.build(1, rtu.read_coils(0, 16))
+ANSWER = rtu.build(1, bytes.fromhex("01 02 00 00"))
+START = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
+STARTED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
+T35 = LINE.t35_bits * LINE.bit
+
+
+def heard(line: Line, data: bytes, at: float) -> list[Heard]:
+    character = line.character_bits * line.bit
+    return [Heard(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
+
+
+def burst(line: Line, data: bytes, at: float) -> Burst:
+    sent = [Sent(round(c.start), c.end, c.byte, True) for c in heard(line, data, at + line.bit / 4)]
+    return Burst(round(at), round(sent[-1].end), sent)
+
+
+def judged(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
+    card = Card()
+    card.registers[DRIVE_TIMEOUT] = wait
+    judge = Judge(card, LINE, 1, budget=8000)
+    return judge.judge(network, list(drive), list(replies), list(telegrams), until)
+
+
+def test_the_judge_accepts_what_is_right():
+    asked = heard(LINE, READ, 1e5)
+    verdict = judged(asked, [burst(LINE, ANSWER, asked[-1].end + T35)])
+    assert not verdict.differences and verdict.counts["function 01 answered"] == 1
+
+
+@pytest.mark.parametrize(
+    ("late_bits", "answer", "complaint"),
+    [
+        (0.0, ANSWER[:-1] + b"\x00", "expected"),
+        (-2.0, ANSWER, "that nothing asked for"),
+        (90.0, ANSWER, "no reply"),
+        (None, b"", "no reply"),
+    ],
+)
+def test_the_judge_knows_a_wrong_reply(late_bits, answer, complaint):
+    asked = heard(LINE, READ, 1e5)
+    replies = [burst(LINE, answer, asked[-1].end + T35 + late_bits * LINE.bit)] if answer else []
+    assert complaint in judged(asked, replies).differences[0]
+
+
+def test_the_judge_knows_a_reply_into_traffic():
+    asked = heard(LINE, START, 1e5)
+    commit = asked[-1].end + T35
+    drive = drive_line(LINE.clk_hz)
+    telegram = burst(drive, build_process(0x047C, 0), commit)
+    answered = heard(drive, build_process(0x0F03, 0), telegram.fall + 24 * drive.bit)
+    reply = burst(LINE, STARTED, answered[-1].end)
+    assert not judged(asked, [reply], [telegram], answered).differences
+    newer = heard(LINE, b"\x55", answered[0].start)
+    assert not judged(asked + newer, [], [telegram], answered).differences
+    assert "FRAME-7" in judged(asked + newer, [reply], [telegram], answered).differences[0]
+
+
+def test_the_judge_knows_a_telegram_that_nobody_asked_for():
+    asked = heard(LINE, START, 1e5)
+    drive = drive_line(LINE.clk_hz)
+    revoked = asked + heard(LINE, b"\x01", asked[-1].end + 25 * LINE.bit)
+    telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
+    assert "SAFE-1" in judged(revoked, [], [telegram]).differences[0]
+    assert "no telegram" in judged(asked).differences[0]
+
+
+DRIVE = drive_line(LINE.clk_hz)
+
+
+def sent_so(whole: Burst, **changed) -> Burst:
+    """The same with `rise`, `fall` or `characters` moved, or given."""
+    moved = {key: getattr(whole, key) + by for key, by in changed.items() if key != "characters"}
+    return replace(whole, **(changed | moved))
+
+
+def damaged(whole: Burst) -> list[Sent]:
+    return [replace(c, good=i != 2) for i, c in enumerate(whole.characters)]
+
+
+def with_a_gap(whole: Burst, late: float) -> Burst:
+    characters = [
+        replace(c, start=c.start + late, end=c.end + late) if i > 2 else c
+        for i, c in enumerate(whole.characters)
+    ]
+    return sent_so(whole, characters=characters, fall=late)
+
+
+@pytest.mark.parametrize(
+    ("whose", "change", "complaint"),
+    [
+        ("reply", lambda b, line: sent_so(b, characters=damaged(b)), "a damaged character"),
+        ("reply", lambda b, line: with_a_gap(b, 0.5 * line.bit), "a gap"),
+        ("reply", lambda b, line: sent_so(b, rise=-2 * line.bit), "driver on too early"),
+        ("reply", lambda b, line: sent_so(b, fall=2 * line.bit), "driver off at the wrong time"),
+        ("reply", lambda b, line: sent_so(b, fall=-line.bit), "driver off at the wrong time"),
+        ("reply", lambda b, line: sent_so(b, characters=[]), "a damaged character"),
+        ("telegram", lambda b, line: sent_so(b, characters=damaged(b)), "a damaged character"),
+        ("telegram", lambda b, line: with_a_gap(b, 0.5 * line.bit), "a gap"),
+        ("telegram", lambda b, line: sent_so(b, rise=-2 * line.bit), "driver on too early"),
+        ("telegram", lambda b, line: sent_so(b, fall=2 * line.bit), "driver off at the wrong time"),
+        ("telegram", lambda b, line: burst(line, build_process(0x047D, 0), b.rise), "expected 02 06 81 04"),
+    ],
+)
+def test_the_judge_looks_at_the_shape_of_all_that_is_sent(whose, change, complaint):
+    asked = heard(LINE, START, 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35 + 1000)
+    answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
+    reply = burst(LINE, STARTED, answered[-1].end + 1000)
+    assert not judged(asked, [reply], [telegram], answered).differences
+    sent = {"reply": (reply, LINE), "telegram": (telegram, DRIVE)}
+    changed = {kind: one for kind, (one, _) in sent.items()} | {whose: change(*sent[whose])}
+    (told,) = judged(asked, [changed["reply"]], [changed["telegram"]], answered).differences
+    assert complaint in told and told.split(": ")[1].startswith(whose)
+
+
+def test_the_judge_knows_a_pause_too_short():
+    asked = heard(LINE, START, 1e5)
+    commit = asked[-1].end + T35
+    for bits, short in ((22.5, False), (20.0, True)):
+        noise = heard(DRIVE, b"\x55", commit - (11 + bits - 1) * DRIVE.bit)
+        telegram = burst(DRIVE, build_process(0x047C, 0), noise[-1].end + bits * DRIVE.bit)
+        told = judged(asked, [], [telegram], noise, until=telegram.fall).differences
+        assert bool(told) == short and all("pause too short" in what for what in told)
+
+
+def test_the_judge_knows_a_late_reply_of_the_drive_and_one_too_early():
+    asked = heard(LINE, START, 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
+    answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
+    for late, complaint in ((30000.0, "no reply"), (-3 * LINE.bit, "nothing asked for")):
+        reply = burst(LINE, STARTED, answered[-1].end + late)
+        assert complaint in judged(asked, [reply], [telegram], answered).differences[0]
+
+
+@pytest.mark.rule("FC-9")
+def test_the_judge_wants_one_repeat_of_the_newest_request_and_none_of_an_older():
+    asked = heard(LINE, START, 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
+    again = burst(DRIVE, telegram.data, telegram.fall + 150 * LINE.clk_hz / 1000 + 1000)
+    wait = 170 * LINE.clk_hz / 1000
+    assert not judged(asked, [], [telegram, again], until=again.fall).differences
+    assert "no telegram" in judged(asked, [], [telegram], until=again.fall + wait).differences[0]
+    third = burst(DRIVE, telegram.data, again.fall + 150 * LINE.clk_hz / 1000 + 1000)
+    told = judged(asked, [], [telegram, again, third], until=third.fall).differences[0]
+    assert "nothing asked for (SAFE-1)" in told
+    newer = heard(LINE, READ, telegram.fall + 1000)
+    answer = burst(LINE, rtu.build(1, bytes.fromhex("01 02 7C 04")), newer[-1].end + T35)
+    told = judged(asked + newer, [answer], [telegram, again], until=again.fall).differences[0]
+    assert "nothing asked for (SAFE-1)" in told
+    assert not judged(asked + newer, [answer], [telegram], until=again.fall + wait).differences
+    to_all = heard(LINE, rtu.build(0, START[1:-2]), 1e5)
+    telegram = burst(DRIVE, build_process(0x047C, 0, ADR_BROADCAST), to_all[-1].end + T35)
+    again = burst(DRIVE, telegram.data, telegram.fall + 24 * DRIVE.bit)
+    assert not judged(to_all, [], [telegram], until=again.fall).differences
+    assert "nothing asked for (SAFE-1)" in judged(to_all, [], [telegram, again]).differences[0]
+
+
+@pytest.mark.rule("FC-9")
+def test_the_judge_lets_a_repeat_stay_away_only_while_the_drive_talks():
+    asked = heard(LINE, START, 1e5)
+    drive = drive_line(LINE.clk_hz)
+    telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
+    wait = 10 * LINE.clk_hz / 1000
+    silent = rtu.build(1, bytes.fromhex("8F FF"))
+    talk = heard(drive, b"\x55" * 30, telegram.fall + 24 * drive.bit)
+    reply = burst(LINE, silent, telegram.fall + 2.1 * wait)
+    assert reply.start < talk[-1].end
+    assert not judged(asked, [reply], [telegram], talk, until=reply.fall, wait=1).differences
+    early = burst(LINE, silent, telegram.fall + 1.5 * wait)
+    assert "nothing asked for" in judged(asked, [early], [telegram], talk, wait=1).differences[0]
+    assert "the line was free" in judged(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
+    assert "the line was free" in judged(asked, [reply], [telegram], wait=1).differences[0]
+
+
+def test_the_judge_follows_either_outcome_where_the_rules_leave_it_open():
+    asked = heard(LINE, READ[:4], 1e5)
+    torn = asked + heard(LINE, READ[4:], asked[-1].end + LINE.t15_bits * LINE.bit)
+    assert judged(torn).unclear and not judged(torn).differences
+
+
+# ---------------------------------------------------------------- the report
+
+
+def test_the_page_is_of_this_card():
+    """Fuzz, plants and flips; the judge may have become stricter since."""
+    said = " ".join((ROOT / "docs/reports/fuzz.md").read_text().split())
+    card = f"card `{fingerprint.card()}`, firmware `{fingerprint.firmware()}`"
+    assert said.count(card) == 3, "run `make fuzz COUNT=100000`, `make fuzz-plants` and 5,000 of `make flips`"
+
+
+def result(seed: int, frames: int, differences: list[dict], card: str = "one") -> dict:
+    return {
+        "seed": seed,
+        "card": card,
+        "frames": frames,
+        "judged": frames - 1,
+        "cases": 2,
+        "events": {"legal": frames},
+        "outcomes": {"commit": 1},
+        "rates": {"9600 8E1": frames},
+        "unclear": {},
+        "worst": {"reply": float(seed)},
+        "differences": differences,
+        "wall_s": 1.0,
+        "simulated_s": 2.0,
+    }
+
+
+def test_shards_are_merged(tmp_path, capsys, monkeypatch):
+    (tmp_path / "1.json").write_text(json.dumps(result(1, 10, [])))
+    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [{"case": "22/1", "what": ["no reply"]}])))
+    (tmp_path / "22-1.json").write_text("{}")
+    monkeypatch.setattr("sys.argv", ["fuzz_report", str(tmp_path)])
+    assert fuzz_report.main() == 1
+    shown = capsys.readouterr().out
+    told = "card one: 2 shards, 40 network frames in 4 cases, 38 of them judged to their end: 1 differences"
+    assert told in shown and "no reply" in shown
+    merged = fuzz_report.merge([result(1, 10, []), result(1, 10, []), result(2, 5, [])])
+    assert merged["frames"] == 15 and merged["worst"] == {"reply": 2.0}
+    assert merged["events"] == Counter(legal=15)
+    with pytest.raises(fuzz_report.ReportError, match="different cards"):
+        fuzz_report.merge([result(1, 10, []), result(2, 5, [], card="another")])
+
+
+def test_a_shard_keeps_what_it_has_so_far(tmp_path, monkeypatch):
+    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
+    monkeypatch.setattr(fuzz, "KEPT_EACH_S", 0)
+    frames = []
+
+    def so_far(found: fuzz.Result) -> None:
+        fuzz.keep(found)
+        frames.append(fuzz_report.load(tmp_path / "8.json")["frames"])
+
+    done = shard(8, 150, bauds=(115200,), folder=tmp_path, so_far=so_far)
+    assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
+
+
+def test_a_shard_that_is_stopped_while_it_shrinks_has_kept_the_difference(tmp_path, monkeypatch):
+    def stopped(case: dict, fails: Callable[[dict], bool]) -> dict:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
+    monkeypatch.setattr(fuzz, "shrink", stopped)
+    target = named("no-repeat").target()
+    with pytest.raises(KeyboardInterrupt):
+        shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, so_far=fuzz.keep)
+    (found,) = fuzz_report.load(tmp_path / "1.json")["differences"]
+    case = json.loads((tmp_path / f"{found['case'].replace('/', '-')}.json").read_text())
+    assert run(case, target)[0].differences == found["what"]
+
+
+def test_the_report_names_what_is_no_result(tmp_path):
+    (tmp_path / "1.json").write_text("{}")
+    with pytest.raises(fuzz_report.ReportError, match="no result of a fuzz shard"):
+        fuzz_report.load(tmp_path / "1.json")
+    (tmp_path / "1.json").unlink()
+    with pytest.raises(fuzz_report.ReportError, match="make fuzz"):
+        fuzz_report.find([str(tmp_path)])

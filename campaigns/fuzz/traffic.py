@@ -1,0 +1,400 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the fuzzer's cases: requests right and wrong, times near the limits, damage, noise, bad drives.
+
+Gaps keep clear of t1.5, t3.5 and the drive line's two characters by what FRAME-1 and the sender's own error
+leave open; everything else is random. A case depends on nothing but its seed.
+"""
+
+from __future__ import annotations
+
+import random
+
+from campaigns.fuzz.case import clk_hz
+from campaigns.soak.run import Traffic, wire
+from regs.generated.card_tables import CHARACTER_BITS
+from sim.harness.pins import BAUDS, FORMS
+from tb.model.card import DRIVE_TIMEOUT, NETWORK_TIMEOUT
+from tb.model.crc16 import with_crc
+from tb.model.fc_telegram import STX, build
+from tb.model.wire import PAUSE_BITS, UNSURE_BITS, Line
+
+# How often a rate is chosen, and how many events its cases have: at 300 bit/s a frame is a million clocks.
+RATES = {
+    115200: (8, 40),
+    38400: (44, 45),
+    19200: (38, 40),
+    9600: (7, 20),
+    4800: (1.5, 10),
+    2400: (0.9, 6),
+    1200: (0.4, 4),
+    300: (0.12, 2),
+}
+DIALECT_PROFILES = {
+    "card": ("vlt6000", "vlt5000"),
+    "builtin": ("vlt8000", "vlt2800"),
+    "hvac_basic": ("hvac_basic",),
+}
+WAITS = (3, 3, 3, 4, 4, 2)  # register 40003, in 10 ms: short, for most of a silent drive is waiting
+FOREIGN = (2, 7, 99, 246, 247)
+# Beyond the margin that is unsure, in bits: near the limit, or anywhere.
+NEAR_BITS = 3.0
+
+
+class FuzzTraffic(Traffic):
+    """The PDUs of campaigns/soak/run.py, with waits for the drive that cost little simulated time."""
+
+    def local(self) -> list[tuple[int, bytes]]:
+        wait = self.rng.choice((*WAITS, 0))
+        index = wire(self.dialect.index_register)
+        return [
+            self.rng.choice(
+                (
+                    (1, b"\x03" + wire(self.rng.randrange(10), self.rng.randint(1, 4))),
+                    (1, b"\x06" + wire(NETWORK_TIMEOUT, self.rng.randrange(0x10000))),
+                    (1, b"\x06" + wire(DRIVE_TIMEOUT, wait)),
+                    (1, b"\x10" + wire(1, 2) + b"\x04" + wire(self.rng.randrange(0x10000), wait)),
+                    (1, b"\x06" + index + wire(self.rng.choice((0, 0, 1, 0x0400, 0x0500, 0x0A07)))),
+                    (1, b"\x06" + wire(self.rng.randrange(3, 9), 1)),
+                )
+            )
+        ]
+
+
+class Maker:
+    """Makes one case."""
+
+    def __init__(self, seed: str, bauds: tuple[int, ...] = ()) -> None:
+        self.rng = rng = random.Random(seed)
+        rates = {baud: RATES[baud] for baud in bauds or BAUDS}
+        (self.baud,) = rng.choices(list(rates), [weight / events for weight, events in rates.values()])
+        self.form = rng.choice(list(FORMS))
+        self.line = Line(self.baud, self.form, clk_hz(self.baud))
+        self.address = rng.choice((1, 1, 247, rng.randint(1, 247)))
+        self.dialect = rng.choices(list(DIALECT_PROFILES), (8, 2, 1))[0]
+        self.profile = rng.choice(DIALECT_PROFILES[self.dialect])
+        self.traffic = FuzzTraffic(rng, self.dialect, self.profile)
+        self.kinds = {
+            self.legal: 40,
+            self.near_legal: 12,
+            self.illegal: 7,
+            self.slow_frame: 7,
+            self.torn: 5,
+            self.revoked: 6,
+            self.damaged: 7,
+            self.foreign: 6,
+            self.collision: 8,
+            self.noise: 4,
+            self.glitches: 4,
+            self.drifting: 5,
+            self.bad_drive: 8,
+            self.babble: 5,
+        }
+
+    def case(self) -> dict:
+        events: list[dict] = [self._frame("setup", wire_write(DRIVE_TIMEOUT, self.rng.choice(WAITS)))]
+        count = max(2, round(RATES[self.baud][1] * self.rng.uniform(0.6, 1.4)))
+        while len(events) < count:
+            (kind,) = self.rng.choices(list(self.kinds), self.kinds.values())
+            made = kind()
+            for event in made if isinstance(made, list) else [made]:
+                event.setdefault("what", kind.__name__)
+                events.append(event)
+        return {
+            "baud": self.baud,
+            "form": self.form,
+            "address": self.address,
+            "dialect": self.dialect,
+            "profile": self.profile,
+            "events": events,
+        }
+
+    # ------------------------------------------------------------ pieces
+
+    def _pdu(self) -> bytes:
+        return self._pdus()[0]
+
+    def _pdus(self) -> list[bytes]:
+        return [request.pdu for request in self.traffic.requests(1)] or [b"\x01\0\0\0\x01"]
+
+    def _unit(self) -> int:
+        return self.address if self.rng.random() < 0.93 else 0
+
+    def _frame(self, what: str, pdu: bytes, unit: int | None = None, **more: object) -> dict:
+        unit = self._unit() if unit is None else unit
+        return {"what": what, "gap": self._idle(), "bytes": with_crc(bytes([unit]) + pdu).hex(), **more}
+
+    def _idle(self) -> list:
+        """After the card is done: just beyond t3.5, or later."""
+        late = self.rng.random() < 0.2
+        return ["idle", round(self.rng.uniform(1, 60) if late else self.rng.uniform(0.6, NEAR_BITS), 2)]
+
+    def _margin(self, error: float = 0.0) -> float:
+        return UNSURE_BITS + 0.1 + CHARACTER_BITS * abs(error)
+
+    def _within(self, low: float, high: float) -> float:
+        """A number of bits between two limits, often just inside one of them."""
+        choice = self.rng.random()
+        if choice < 0.3:
+            return round(self.rng.uniform(low, min(high, low + NEAR_BITS)), 3)
+        if choice < 0.6:
+            return round(self.rng.uniform(max(low, high - NEAR_BITS), high), 3)
+        return round(self.rng.uniform(low, high), 3)
+
+    def _short_gap(self, error: float = 0.0) -> float:
+        return self._within(0, self.line.t15_bits - self._margin(error))
+
+    def _middle_gap(self, error: float = 0.0, extra: float = 0.0) -> float:
+        """Between t1.5 and t3.5."""
+        margin = self._margin(error)
+        return self._within(self.line.t15_bits + margin + extra, self.line.t35_bits - margin - extra)
+
+    def _long_gap(self, error: float = 0.0, extra: float = 0.0) -> float:
+        return round(self.line.t35_bits + self._margin(error) + extra + self.rng.expovariate(1 / 12), 3)
+
+    def _bits_after_commit(self) -> float:
+        """Up to a few drive telegrams later, evenly over orders of magnitude."""
+        most = 0.06 * self.baud
+        return self.line.t35_bits + 1.0 + most ** self.rng.random()
+
+    # ------------------------------------------------------------ the network line
+
+    def legal(self) -> list[dict]:
+        events = []
+        for request in self.traffic.requests(1):
+            events.append(self._frame("legal", request.pdu, {7: self.rng.choice(FOREIGN)}.get(request.unit)))
+        return events
+
+    def near_legal(self) -> dict:
+        """One thing wrong, or two, the CRC right."""
+        pdu = bytearray(self._pdu())
+        for _ in range(self.rng.choice((1, 1, 2))):
+            how = self.rng.randrange(6)
+            if how == 0:
+                pdu[self.rng.randrange(len(pdu))] ^= 1 << self.rng.randrange(8)
+            elif how == 1:
+                pdu = pdu[: self.rng.randint(1, len(pdu))]
+            elif how == 2:
+                pdu += self.rng.randbytes(self.rng.randint(1, 3))
+            elif how == 3 and self.rng.random() < 0.3:
+                length = self.rng.choice((28, 29, 30, 31, 32, 100, 252, 253, 254, 255, 300))
+                pdu += self.rng.randbytes(max(0, length - len(pdu)))
+            elif how == 4 and len(pdu) >= 5:
+                pdu[3:5] = wire(self.rng.choice((0, 1, 2, 3, 10, 11, 32, 33, 128, 129, 0xFFFF)))
+            elif how == 5 and len(pdu) >= 3:
+                pdu[1:3] = wire(
+                    self.rng.choice((2, 3, 8, 9, 31, 32, 64, 65, 128, 20469, 20479, 40949, 0xFFFF))
+                )
+        return self._frame("near_legal", bytes(pdu))
+
+    def illegal(self) -> dict:
+        """Random bytes, or a good frame with a wrong CRC."""
+        if self.rng.random() < 0.5:
+            return self._frame("illegal", self.rng.randbytes(self.rng.randint(1, 40)))
+        data = bytearray(with_crc(bytes([self.address]) + self._pdu()))
+        if self.rng.random() < 0.5:
+            data[-1 - self.rng.randrange(2)] ^= 1 << self.rng.randrange(8)
+        elif self.rng.random() < 0.5:
+            data[-2:] = data[:-3:-1]
+        else:
+            data = bytearray(self.rng.randbytes(self.rng.choice((1, 2, 3, 4, 8, 31, 32, 33, 256, 257, 258))))
+        return {"gap": self._idle(), "bytes": bytes(data).hex()}
+
+    def slow_frame(self) -> dict:
+        """Gaps inside, all below t1.5."""
+        event = self._frame("slow_frame", self._pdu())
+        count = len(event["bytes"]) // 2
+        places = self.rng.sample(range(1, count), self.rng.randint(1, min(4, count - 1)))
+        event["gaps"] = {str(place): self._short_gap() for place in places}
+        return event
+
+    def torn(self) -> list[dict]:
+        """Torn apart between t1.5 and t3.5, or by a whole t3.5; sometimes a good one follows at once."""
+        event = self._frame("torn", self._pdu())
+        count = len(event["bytes"]) // 2
+        long = self.rng.random() < 0.3
+        gap = self._long_gap() if long else self._middle_gap()
+        if self.rng.random() < 0.5:
+            event["gaps"] = {str(self.rng.randrange(1, count)): gap}
+            return [event]
+        # What was thrown away is forgotten: the next byte is an address (FRAME-2).
+        event["bytes"] = event["bytes"][: 2 * self.rng.randrange(1, count)]
+        follower = self._frame("torn", self._pdu())
+        follower["gap"] = ["own", self._long_gap() if self.rng.random() < 0.3 else self._middle_gap()]
+        return [event, follower]
+
+    def revoked(self) -> list[dict]:
+        """Something follows a good frame too early (FRAME-3)."""
+        event = self._frame("revoked", self._pdu())
+        follower = self._frame("revoked", self._pdu())
+        how = self.rng.random()
+        if how < 0.4:
+            follower["bytes"] = self.rng.randbytes(self.rng.randint(1, 3)).hex()
+        elif how < 0.7:
+            # What follows a revoked frame is dropped, also a good frame behind a byte.
+            follower["bytes"] = self.rng.randbytes(1).hex() + follower["bytes"]
+        follower["gap"] = ["own", self._short_gap() if self.rng.random() < 0.2 else self._middle_gap()]
+        return [event, follower]
+
+    def damaged(self) -> dict:
+        """Parity, stop bit or a data bit."""
+        event = self._frame("damaged", self._pdu())
+        data = bytearray.fromhex(event["bytes"])
+        place = self.rng.randrange(len(data))
+        flaw = self.rng.choice(("parity", "stop", "bit", "bits"))
+        if flaw == "bit":
+            data[place] ^= 1 << self.rng.randrange(8)
+            event["flaws"] = {str(place): "parity"}
+        elif flaw == "bits":
+            # Two in one character: parity does not see it.
+            one, other = self.rng.sample(range(8), 2)
+            data[place] ^= 1 << one | 1 << other
+        else:
+            event["flaws"] = {str(place): flaw}
+        event["bytes"] = bytes(data).hex()
+        return event
+
+    def foreign(self) -> dict:
+        """For another, or the answer of another: good frames all the same."""
+        return self._frame("foreign", self._pdu(), self.rng.choice(FOREIGN))
+
+    def collision(self) -> list[dict]:
+        """A newer frame, or a few characters, while the card is about to answer or does (FRAME-7)."""
+        event = self._frame("collision", self._pdu())
+        if self.rng.random() < 0.3:
+            event["drive"] = [self._manner() for _ in range(2)]
+        events = [event]
+        for _ in range(self.rng.choice((1, 1, 2, 3))):
+            follower = self._frame("collision", self._pdu())
+            if self.rng.random() < 0.4:
+                follower["bytes"] = self.rng.randbytes(self.rng.randint(1, 4)).hex()
+            if self.rng.random() < 0.3:
+                follower = self.foreign() | {"what": "collision"}
+            follower["gap"] = ["own", round(self._bits_after_commit(), 2)]
+            if self.rng.random() < 0.3:
+                follower["drive"] = [self._manner()]
+            events.append(follower)
+        return events
+
+    def noise(self) -> list[dict]:
+        """Pulses that are no characters, then silence."""
+        pulses = [self.rng.uniform(1.2, 3)]
+        kind = self.rng.random()
+        if kind < 0.3:
+            pulses = [self.rng.uniform(10, 60)]  # break
+        elif kind < 0.9:
+            pulses += [self.rng.uniform(0.05, 4) for _ in range(2 * self.rng.randrange(1, 12))]
+        burst = {"what": "noise", "pulses": [round(bits, 3) for bits in pulses]}
+        burst["gap"] = (
+            self._idle() if self.rng.random() < 0.5 else ["own", round(self._bits_after_commit(), 2)]
+        )
+        after = self._frame("noise", self._pdu())
+        after["gap"] = ["own", self._long_gap(extra=13.0)]
+        return [burst, after]
+
+    def glitches(self) -> dict:
+        """Pulses below a quarter bit, a bit apart at least, all over the frame."""
+        event = self._frame("glitches", self._pdu())
+        bits = len(event["bytes"]) // 2 * self.line.character_bits
+        offset, found = self.rng.uniform(0.1, 20), []
+        while offset < bits - 1 and len(found) < 12:
+            found.append([round(offset, 3), round(self.rng.uniform(0.05, 0.2), 3)])
+            offset += self.rng.uniform(1.2, 40)
+        event["glitches"] = found
+        return event
+
+    def drifting(self) -> dict:
+        """A sender up to 3 % off, with gaps inside."""
+        error = round(self.rng.uniform(-0.03, 0.03), 4)
+        event = self._frame("drifting", self._pdu(), error=error)
+        count = len(event["bytes"]) // 2
+        if self.rng.random() < 0.5:
+            event["gaps"] = {str(self.rng.randrange(1, count)): self._short_gap(error)}
+        return event
+
+    # ------------------------------------------------------------ the drive
+
+    def bad_drive(self) -> dict:
+        """A request that needs the drive, and a drive that is slow, silent, lying or broken."""
+        pdu = self.rng.choice((self.traffic.read_number, self.traffic.write_number, self.traffic.command))()[
+            0
+        ][1]
+        event = self._frame("bad_drive", pdu, self.address)
+        event["drive"] = [self._manner() for _ in range(self.rng.choice((1, 1, 2)))]
+        if self.rng.random() < 0.15:
+            event["interrupt"] = {"gap": 5.0, "bytes": self.rng.randbytes(self.rng.randint(1, 4)).hex()}
+        return event
+
+    def babble(self) -> dict:
+        """Characters on the drive line that nobody asked for, from before the commit on."""
+        event = self._frame("babble", self._pdu(), self.address)
+        data = self.rng.randbytes(self.rng.randint(1, 25))
+        if self.rng.random() < 0.2:
+            data = build(self.rng.randbytes(self.rng.choice((4, 12))))
+        gaps = {
+            str(i): self._within(0, PAUSE_BITS - 1) for i in range(1, len(data)) if self.rng.random() < 0.2
+        }
+        if len(data) > 5 and self.rng.random() < 0.4:
+            # Once long enough for the card to begin.
+            gaps[str(self.rng.randrange(1, len(data)))] = self._within(PAUSE_BITS + 1, PAUSE_BITS + 20)
+        event["babble"] = {
+            "gap": round(self.rng.uniform(0, 1.3 * len(event["bytes"]) / 2 * 11 * 9600 / self.baud), 2),
+            "bytes": data.hex(),
+            "gaps": gaps,
+            "rude": self.rng.random() < 0.1,
+        }
+        return event
+
+    def _manner(self) -> dict:
+        """What the drive does with one telegram."""
+        rng = self.rng
+        bit = 1 << rng.randrange(8)
+        first = {"gap": round(rng.choice((23.0, 24.0, rng.uniform(22.5, 60), rng.uniform(22.5, 400))), 2)}
+        manner = rng.choice(
+            (
+                {},
+                {"gap": round(rng.uniform(1, 900), 2)},  # slow, or too late
+                {"silent": True},
+                {"silent": True},
+                {"bcc": bit},
+                {"edit": [[2, bit]]},  # ADR
+                {"edit": [[1, bit]]},  # LGE
+                {"edit": [[0, bit]]},  # STX
+                {"edit": [[4, bit]]},  # PNU, or a status
+                {"edit": [[3, rng.choice((0x10, 0x20, 0x30, 0x60, 0x70, 0xE0, 0xF0, 0x08))]]},  # AK
+                {"edit": [[rng.randrange(3, 12), rng.randrange(1, 256)]]},
+                {"edit": [[rng.randrange(0, 14), bit]], "raw": True},
+                {"fault": rng.choice((0, 1, 2, 3, 4, 5, 17, 130, 131, 6, 7, 11, 18, 99, 255))},
+                {
+                    "pwe": rng.choice(
+                        (0xFFFF, 0x10000, 0xFFFF7FFF, 0xFFFF8000, 0xFFFFFFFF, 0x8000, 0x7FFFFFFF)
+                    )
+                },
+                {"flaws": {str(rng.randrange(0, 8)): rng.choice(("parity", "stop"))}},
+                {"gaps": {str(rng.randrange(1, 8)): self._within(0, PAUSE_BITS - 0.5)}},
+                {"gaps": {str(rng.randrange(1, 8)): self._within(PAUSE_BITS + 0.7, PAUSE_BITS + 30)}},
+                {"gaps": {str(i): 7.0 for i in range(1, 16)}},  # each gap short, the whole too slow
+                {"gaps": {str(i): 3.5 for i in range(1, 16)}},
+                {"cut": rng.randrange(1, 8)},
+                {"before": rng.choice(("00", "ff", "02", "0206", "7f55")), "gap": 23.0},
+                {"after": rng.randbytes(rng.randint(1, 3)).hex()},
+                {"bytes": build(rng.randbytes(rng.choice((4, 12, 5, 20, 38)))).hex()},
+                {"parts": [first | {"bcc": bit}, {"gap": round(rng.uniform(23, 120), 2)}]},
+                {"parts": [first | {"edit": [[4, bit]]}, {"gap": round(rng.uniform(60, 160), 2)}]},
+                {
+                    "parts": [
+                        first | {"bytes": rng.randbytes(rng.randint(1, 6)).hex()},
+                        {"gap": rng.uniform(0, 60)},
+                    ]
+                },
+                {"parts": [first | {"bytes": f"{STX:02x}"}, {"gap": rng.uniform(23, 90)}]},
+            )
+        )
+        return manner if "parts" in manner else first | manner
+
+
+def wire_write(register: int, value: int) -> bytes:
+    return b"\x06" + wire(register, value)
+
+
+def make(seed: str, bauds: tuple[int, ...] = ()) -> dict:
+    return Maker(seed, bauds).case()

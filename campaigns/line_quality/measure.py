@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How bad a line may be until the whole card, asked on its pins, misses a good request.
+
+A point is a line with one badness of one size; it holds when each of many random requests gets its right
+answer. On the network line the request is bad, on the drive line the drive's reply to the card's telegram; in
+both cases what must come is the right Modbus reply, at the first try. Limits are found by halving.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from campaigns.fuzz.case import BOOT_S, BUDGET_CLOCKS, DRIVE_DELAY_BITS, PARAMETER, spoilt
+from campaigns.line_quality.limits import QUANTITIES, Quantity
+from campaigns.line_quality.waveform import Badness, edges
+from sim.harness.library import Target
+from sim.harness.pins import DRIVE, NETWORK, Pins
+from tb.model import rtu
+from tb.model.card import FUNCTIONS, Card
+from tb.model.vlt_drive import VltDrive
+from tb.model.wire import Line
+
+ADDRESS = 1
+OWN = Target()
+# Below the first errors of theory, and above the last ones.
+SURE, TOO_BAD = 0.9, 1.1
+SHORTEST, LONGEST = 6, 40  # random bytes of a request
+PATTERNS = (b"\x55", b"\x00", b"\xff", b"\x80", b"\x7f", b"\x01")
+# After a request that was missed: whatever the card made of it is over.
+RECOVERY_BITS = 60
+DRIVE_RECOVERY_S = 0.4  # both waits of FC-9
+
+
+def request(rng: random.Random) -> bytes:
+    """A PDU that the card answers by itself. A function unknown to it may have any bytes behind it."""
+    roll = rng.random()
+    if roll < 0.2:
+        return rtu.read_coils(rng.randrange(64), rng.randrange(1, 65))
+    count = rng.randrange(SHORTEST, LONGEST)
+    data = rng.choice(PATTERNS) * count if roll < 0.35 else rng.randbytes(count)
+    return bytes([rng.choice([code for code in range(1, 0x80) if code not in FUNCTIONS])]) + data
+
+
+@dataclass
+class Asker:
+    """A card that was just switched on, and its master."""
+
+    line: Line
+    target: Target = OWN
+    line_name = "network"
+
+    def __post_init__(self) -> None:
+        library = self.target.library(self.line.clk_hz)
+        self.pins = Pins(library, self.target.image_folder("card"), self.line, ADDRESS)
+        self.pins.run(BOOT_S * self.line.clk_hz)
+        self.characters = 0
+        # What the card's memory holds: it does not change here.
+        self.model = Card()
+
+    def close(self) -> None:
+        self.pins.close()
+
+    def __enter__(self) -> Asker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def start(self, rng: random.Random) -> float:
+        """At any phase of the card's bits, with the line silent for long enough."""
+        silence = self.line.t35_bits + 2 + rng.random()
+        return self.pins.now + 2 + silence * self.line.bit
+
+    def answered(self, bad: Badness, rng: random.Random) -> bool:
+        pdu = request(rng)
+        data, begin = rtu.build(ADDRESS, pdu), self.start(rng)
+        self.characters += len(data)
+        wave, end = edges(self.line, data, begin, bad, rng)
+        self.pins.play(NETWORK, wave)
+        right = self._reply(end) == rtu.build(ADDRESS, Card().request(pdu).reply)
+        if not right:
+            self.pins.run(self.pins.now + RECOVERY_BITS * self.line.bit)
+        return right
+
+    def _reply(self, end: float) -> bytes | None:
+        """The card's answer to a request that ends then."""
+        bursts = self.pins.bursts[NETWORK]
+        bursts.clear()
+        deadline = end + (self.line.t35_bits + 3) * self.line.bit + BUDGET_CLOCKS
+        while self.pins.now < round(deadline) or self.pins.sending(NETWORK):
+            self.pins.run(max(deadline, self.pins.now + self.line.bit))
+            if bursts:
+                return bursts[0].data
+        return None
+
+
+@dataclass
+class DriveAsker(Asker):
+    """The network line is good; the drive's replies are bad."""
+
+    line_name = "drive"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.drive = VltDrive()
+
+    def answered(self, bad: Badness, rng: random.Random) -> bool:
+        data = rtu.build(ADDRESS, rtu.read_registers(10 * PARAMETER - 1, 2))
+        wave, end = edges(self.line, data, self.start(rng), Badness(), rng)
+        self.pins.play(NETWORK, wave)
+        line, bursts, telegrams = self.pins.lines[DRIVE], self.pins.bursts[NETWORK], self.pins.bursts[DRIVE]
+        bursts.clear()
+        telegrams.clear()
+        value = rng.choice((rng.randrange(1 << 32), 0x55555555, 0, 0xFFFFFFFF))
+        limit = end + 0.1 * self.line.clk_hz
+        while not telegrams and self.pins.now < limit:
+            self.pins.run(limit)
+        reply = spoilt(self.drive.telegram(telegrams[0].data), {"pwe": value})
+        self.characters += len(reply)
+        pause = (DRIVE_DELAY_BITS + rng.random()) * line.bit
+        wave, end = edges(line, reply, telegrams[0].fall + pause, bad, rng)
+        self.pins.play(DRIVE, wave)
+        # Once more is a failure, too.
+        limit = max(self.pins.now, end) + 3 * self.line.bit + BUDGET_CLOCKS
+        while self.pins.now < round(limit) or self.pins.sending(NETWORK):
+            self.pins.run(max(limit, self.pins.now + self.line.bit))
+            if bursts:
+                break
+        due = rtu.build(ADDRESS, bytes([rtu.READ_REGISTERS, 4]) + value.to_bytes(4, "big"))
+        right = bool(bursts) and bursts[0].data == due and len(telegrams) == 1
+        if not right:
+            self.pins.run(self.pins.now + DRIVE_RECOVERY_S * self.line.clk_hz, 0)
+        return right
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What was found on one line for one quantity; `beyond`: it held as far as was tried."""
+
+    quantity: str
+    line: str
+    baud: int
+    form: str
+    clk_hz: int
+    found: float
+    characters: int  # a point, at least
+    asked: int  # characters in all
+    beyond: bool = False
+
+    @property
+    def faults(self) -> list[str]:
+        """Against LINE-5 and against theory."""
+        quantity = QUANTITIES[self.quantity]
+        where = f"{self.line} line, {self.baud} {self.form}, {self.clk_hz} Hz: {quantity.title}"
+        first, last = quantity.span(self.form, self.clk_hz / self.baud)
+        if self.found < quantity.promise - quantity.resolution:
+            return [f"{where}: {self.found:.4f}, LINE-5 promises {quantity.promise}"]
+        if not first <= self.found <= last:
+            return [f"{where}: {self.found:.4f}, theory has {first:.4f} … {last:.4f}"]
+        return []
+
+
+def holds(asker: Asker, bad: Badness, characters: int, seed: str) -> bool:
+    """Whether every request is answered, until so many characters were sent."""
+    rng = random.Random(seed)
+    until = asker.characters + characters
+    while asker.characters < until:
+        if not asker.answered(bad, rng):
+            return False
+    return True
+
+
+def halve(passes: Callable[[float], bool], good: float, bad: float, resolution: float) -> float:
+    """The last value that passes, between one that does and one that does not."""
+    while bad - good > resolution:
+        middle = (good + bad) / 2
+        good, bad = (middle, bad) if passes(middle) else (good, middle)
+    return good
+
+
+def limit(asker: Asker, quantity: Quantity, characters: int, seed: int) -> Limit:
+    line = asker.pins.lines[DRIVE] if asker.line_name == "drive" else asker.line
+    before = asker.characters
+
+    def passes(amount: float) -> bool:
+        point = f"{seed}/{asker.line_name}/{line.baud}/{line.form}/{line.clk_hz}/{quantity.name}/{amount:.6f}"
+        return holds(asker, Badness.of(quantity.name, amount), characters, point)
+
+    first, last = quantity.theory(line.form)
+    good, bad = SURE * first, TOO_BAD * last
+    beyond = False
+    # What is promised is asked for, whatever theory says.
+    if quantity.promise and passes(quantity.promise - quantity.resolution):
+        good = max(good, quantity.promise - quantity.resolution)
+    if not passes(good):
+        found = halve(passes, 0.0, good, quantity.resolution)
+    elif passes(bad):
+        found, beyond = bad, True
+    else:
+        found = halve(passes, good, bad, quantity.resolution)
+    return Limit(
+        *(quantity.name, asker.line_name, line.baud, line.form, line.clk_hz, found),
+        *(characters, asker.characters - before, beyond),
+    )
+
+
+def measured(
+    line: Line,
+    *,
+    of_drive: bool = False,
+    characters: int,
+    seed: int,
+    target: Target = OWN,
+    quantities: tuple[str, ...] = tuple(QUANTITIES),
+) -> list[Limit]:
+    """All limits of one line. `of_drive`: of the drive line, with this one as the network's."""
+    with (DriveAsker if of_drive else Asker)(line, target) as asker:
+        return [limit(asker, QUANTITIES[name], characters, seed) for name in quantities]
+
+
+def jitter_at(line: Line, error: float, characters: int, seed: int, target: Target = OWN) -> float:
+    """The jitter that a line bears whose sender's rate is off."""
+    with Asker(line, target) as asker:
+
+        def passes(amount: float) -> bool:
+            bad = Badness(error=error, jitter=amount)
+            return holds(asker, bad, characters, f"{seed}/{line.form}/{error:.4f}/{amount:.6f}")
+
+        if not passes(0.0):
+            return 0.0
+        return halve(passes, 0.0, 0.3, QUANTITIES["jitter"].resolution)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How bad a line may be, the fast share of `make line-quality`: limits where LINE-5 and theory have them.
+
+The rest is about the measurement: it must find a receiver that bears less.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+
+import pytest
+
+from campaigns.bench import fingerprint
+from campaigns.fuzz.case import clk_hz
+from campaigns.line_quality import run as line_quality
+from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
+from campaigns.line_quality.measure import Asker, Limit, halve, holds
+from campaigns.line_quality.waveform import Badness, edges
+from campaigns.line_quality.work import FAST, FORM, Piece, whole
+from tb.model.wire import Line
+
+SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
+LINE = Line(115200, FORM, clk_hz(115200))
+
+
+def names(piece: Piece) -> str:
+    return f"{'drive' if piece.of_drive else 'network'}-{piece.line.baud}-{piece.line.form}"
+
+
+@pytest.mark.rule("LINE-5")
+@pytest.mark.parametrize("piece", FAST, ids=names)
+def test_a_line_may_be_as_bad_as_promised(piece: Piece):
+    print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
+    limits = piece.run(SEED)
+    print(line_quality.table(limits, limits[0].line, limits[0].form))
+    assert {one.quantity for one in limits} == set(piece.quantities)
+    assert not [fault for one in limits for fault in one.faults]
+
+
+@pytest.mark.rule("LINE-5")
+@pytest.mark.parametrize("error", [-0.04, 0.04])
+def test_all_formats_bear_a_sender_of_4_percent(error: float):
+    print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
+    for form in ALL_FORMS:
+        with Asker(Line(115200, form, clk_hz(115200))) as asker:
+            assert holds(asker, Badness(error=error), 500, f"{SEED}/{form}"), form
+
+
+# ---------------------------------------------------------------- what it is worth
+
+
+def made_up(found: float, quantity: str = "glitch", form: str = FORM) -> Limit:
+    return Limit(quantity, "network", 115200, form, clk_hz(115200), found, 100, 1000)
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_a_limit_below_theory_or_above_it_is_a_fault(quantity: str):
+    first, last = QUANTITIES[quantity].theory(FORM)
+    assert not made_up(first, quantity).faults and not made_up(last, quantity).faults
+    assert made_up(0.8 * first, quantity).faults and made_up(1.4 * last, quantity).faults
+
+
+def test_theory_keeps_the_promise_in_every_format():
+    for form in ALL_FORMS:
+        assert all(quantity.theory(form)[0] >= quantity.promise for quantity in QUANTITIES.values())
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_no_badness_is_a_clean_line_and_much_of_it_is_missed(quantity: str):
+    with Asker(LINE) as asker:
+        assert holds(asker, Badness.of(quantity, 0.0), 60, "clean")
+        assert not holds(asker, Badness.of(quantity, 1.3 * QUANTITIES[quantity].theory(FORM)[1]), 400, "bad")
+
+
+def test_the_waveform_is_what_it_says():
+    start, bit = 1000.0, LINE.bit
+    clean, end = edges(LINE, b"\x55\x01", start, Badness(), random.Random(1))
+    # A start bit, eight alternating bits, parity 0, stop; then 0, 1, seven 0, parity 1.
+    bits = [0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13, 20]
+    assert [at for at, _ in clean] == [start + i * bit for i in bits]
+    assert [level for _, level in clean] == [i % 2 for i in range(len(bits))]
+    assert end == start + 22 * bit
+    late, _ = edges(LINE, b"\x55", start, Badness(late_rise=0.25), random.Random(1))
+    assert [at - was for (at, _), (was, _) in zip(late, clean[:10], strict=True)] == [0, bit / 4] * 5
+    glitched, _ = edges(LINE, b"\x55\x01", start, Badness(glitch=0.2), random.Random(1))
+    assert len(glitched) == len(clean) + 2
+    shaken, _ = edges(LINE, b"\x55", start, Badness(jitter=0.1), random.Random(1))
+    off = {round((at - was) / bit, 6) for (at, _), (was, _) in zip(shaken, clean[:10], strict=True)}
+    assert off == {-0.1, 0.1}
+
+
+def test_halving_ends_beside_the_limit():
+    assert 0.295 <= halve(lambda amount: amount < 0.3, 0.0, 1.0, 0.005) < 0.3
+
+
+def test_every_rate_and_format_is_measured():
+    pieces = [piece for piece in whole() if isinstance(piece, Piece) and not piece.of_drive]
+    assert {(piece.line.baud, piece.line.form) for piece in pieces} == {
+        (baud, form) for baud in (300, 1200, 2400, 4800, 9600, 19200, 38400, 115200) for form in ALL_FORMS
+    }
+    assert min(piece.line.bit for piece in pieces) == 64
+
+
+def test_the_page_is_of_this_card():
+    said = " ".join(line_quality.PAGE.read_text().split())
+    assert f"standard card `{fingerprint.card()}`" in said, "run `make line-quality`"

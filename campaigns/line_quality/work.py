@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured: lines, clocks, and how much of it goes into `make test`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from campaigns.fuzz.case import clk_hz
+from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
+from campaigns.line_quality.measure import OWN, Limit, Target, jitter_at, measured
+from regs.generated.card_tables import DRIVE_BAUD
+from rtl.sources import configurations
+from sim.harness.pins import BAUDS
+from tb.model.wire import Line
+
+CARD_HZ = configurations()["standard"]["clk_hz"]
+FORM = "8E1"  # where one has to do: the longest character
+DRIVE_NETWORK_BAUD = 19200  # which the drive line's requests come on
+# In all formats at the card's clock from here on; below a bit has so many clocks that one says it all.
+ALL_FORMS_FROM = 9600
+# A point is so many clocks of characters, within these bounds.
+POINT_CLOCKS = 1_200_000
+FEWEST, MOST = 32, 400
+# A character with what stands around it: a share of the silence and of the reply.
+CHARACTER_BITS = 13
+FAST_CHARACTERS, FAST_DRIVE_CHARACTERS = 150, 40
+# What LINE-5 promises; at 12 MHz and 300 bit/s, where a character is half a million clocks, nothing else.
+PROMISED = tuple(name for name, quantity in QUANTITIES.items() if quantity.promise)
+SLOWEST = 300
+EYE_BAUD, EYE_FORMS, EYE_CHARACTERS = 115200, ("8E1", "8N1"), 300
+EYE_ERRORS = tuple(percent / 100 for percent in (-5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """All limits of a line, which processes can share."""
+
+    line: Line
+    characters: int
+    of_drive: bool = False
+    quantities: tuple[str, ...] = tuple(QUANTITIES)
+
+    @property
+    def cost(self) -> float:
+        bits = self.line.clk_hz / (DRIVE_BAUD if self.of_drive else self.line.baud)
+        return self.characters * len(self.quantities) * bits
+
+    def run(self, seed: int, target: Target = OWN) -> list[Limit]:
+        return measured(
+            self.line,
+            of_drive=self.of_drive,
+            characters=self.characters,
+            seed=seed,
+            target=target,
+            quantities=self.quantities,
+        )
+
+
+@dataclass(frozen=True)
+class Eye:
+    """The jitter left at one error of the sender's rate."""
+
+    form: str
+    error: float
+
+    cost = 0.0
+
+    def run(self, seed: int) -> list[tuple[str, float, float]]:
+        line = Line(EYE_BAUD, self.form, clk_hz(EYE_BAUD))
+        return [(self.form, self.error, jitter_at(line, self.error, EYE_CHARACTERS, seed))]
+
+
+def _piece(baud: int, form: str, clock: int, of_drive: bool = False) -> Piece:
+    characters = POINT_CLOCKS / (clock / (DRIVE_BAUD if of_drive else baud) * CHARACTER_BITS)
+    quantities = PROMISED if baud == SLOWEST and clock == CARD_HZ else tuple(QUANTITIES)
+    return Piece(Line(baud, form, clock), round(min(max(characters, FEWEST), MOST)), of_drive, quantities)
+
+
+def whole() -> Iterator[Piece | Eye]:
+    for baud in sorted(BAUDS):
+        for form in ALL_FORMS:
+            yield _piece(baud, form, clk_hz(baud))
+            if form == FORM or baud >= ALL_FORMS_FROM:
+                yield _piece(baud, form, CARD_HZ)
+    for clock in (clk_hz(DRIVE_NETWORK_BAUD), CARD_HZ):
+        yield _piece(DRIVE_NETWORK_BAUD, FORM, clock, of_drive=True)
+    for form in EYE_FORMS:
+        for error in EYE_ERRORS:
+            yield Eye(form, error)
+
+
+# 64 clocks a bit; the clocks a bit that 115200 bit/s have at 12 MHz; the drive line.
+FAST = (
+    *(Piece(Line(115200, form, clk_hz(115200)), FAST_CHARACTERS) for form in ("8E1", "8N1")),
+    Piece(Line(19200, "8N2", clk_hz(19200)), FAST_CHARACTERS),
+    Piece(
+        Line(DRIVE_NETWORK_BAUD, FORM, clk_hz(DRIVE_NETWORK_BAUD)),
+        FAST_DRIVE_CHARACTERS,
+        of_drive=True,
+        quantities=PROMISED,
+    ),
+)

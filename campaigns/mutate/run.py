@@ -1,0 +1,559 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Breaks a Verilog module in one place at a time and looks whether its proofs or its tests see it.
+
+    python -m campaigns.mutate.run MODULE ... [--count N] [--seed N] [--jobs N] [--shard K/N]
+    python -m campaigns.mutate.run --all [...]          every module of rtl/ that has a bench
+    python -m campaigns.mutate.run --report             one table of everything in build/mutate/
+    ... --write                          and into docs/reports/mutants.md
+
+A mutant is one change of the source: an operator, a constant, a condition that always or never holds, an
+assignment or a connection that is gone. What does not compile is no mutant. It is caught when
+formal/MODULE.sby no longer holds or tb/test_MODULE.py fails (MORE_BENCHES, too; on Icarus, or Verilator where
+a test runs only there), or when either takes far longer than on the unchanged module. Each module leaves
+build/mutate/MODULE.json, from which an interrupted run goes on. Survivors are listed;
+campaigns/mutate/survivors.toml says of each why nothing can see it, or what would be lost. Exit 1: fewer
+than 95 % caught, or a survivor without a word.
+"""
+
+import argparse
+import concurrent.futures
+import hashlib
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
+from tb.lib.options import at_least
+
+WORK = ROOT / "build/mutate"
+SURVIVORS = ROOT / "campaigns/mutate/survivors.toml"
+TEMPLATE = ROOT / "campaigns/mutate/mutants.md.in"
+DOCUMENT = ROOT / "docs/reports/mutants.md"
+HEADER = (
+    "| module | possible | tried | by proof | by test | the same | survived | caught | of |\n"
+    "|---|---:|---:|---:|---:|---:|---:|---:|---|"
+)
+ENOUGH = 0.95
+LONGEST_S = 900  # a proof or a bench of the unchanged module; of a mutant TIMES_LONGER what that took
+TIMES_LONGER = 5
+LEAST_S = 60
+# The bench of a module that only wires is slow; these run a part of it.
+BENCH_ARGS = {"rtu2fc": ["--sim=verilator"]}
+# What the whole card does together is tested by subject.
+MORE_BENCHES = {"rtu2fc": ["card_supervision", "card_power_up", "card_loopback"]}
+COPIED = (
+    "campaigns",
+    "constraints",
+    "rtl",
+    "tb",
+    "tools",
+    "formal",
+    "regs",
+    "sim",
+    "sw",
+    "configs.toml",
+    "pyproject.toml",
+    "requirements.txt",
+)
+
+OPERATORS = (
+    (r"==", "!="),
+    (r"!=", "=="),
+    (r"&&", "||"),
+    (r"\|\|", "&&"),
+    (r"(?<= )&(?= )", "|"),
+    (r"(?<= )\|(?= )", "&"),
+    (r"(?<= )\^(?= )", "|"),
+    (r"(?<= )\+(?= )", "-"),
+    (r"(?<= )-(?= )", "+"),
+    (r"(?<= )>=(?= )", ">"),
+    (r"(?<= )>(?= )", ">="),
+    (r"(?<= )<(?= )", "<="),
+    (r"!(?=[\w(])", ""),
+    (r"~(?=[\w(])", ""),
+    (r"\b1'b0\b", "1'b1"),
+    (r"\b1'b1\b", "1'b0"),
+)
+
+
+@dataclass
+class Mutant:
+    module: str
+    line: int
+    before: str  # the line, or the part of it that was changed
+    after: str
+    start: int  # of the change in the file
+    end: int
+    text: str  # what stands there instead
+    verdict: str = ""  # caught, survived; invalid: does not compile
+    by: str = ""  # proof, test
+    seconds: float = 0.0
+
+    @property
+    def key(self) -> tuple:
+        return self.start, self.end, self.text
+
+
+def code_only(text: str) -> str:
+    """The text with blanks for what is not to be mutated: comments, simulation, proofs, start values."""
+    blank = lambda found: re.sub(r"[^\n]", " ", found[0])  # noqa: E731
+    text = re.sub(r"//[^\n]*", blank, text)
+    text = re.sub(r"`if(?:n?def) (?:SYNTHESIS|FORMAL).*?`endif", blank, text, flags=re.DOTALL)
+    # Power-up values: reset sets those that matter.
+    text = re.sub(r"(?<=^  reg) [^;]*= [^;]*;", blank, text, flags=re.M)
+    text = re.sub(r"\binitial begin.*?\n  end\b", blank, text, flags=re.DOTALL)
+    text = re.sub(r"\binitial [^;]*;", blank, text)
+    start = text.index("module ")
+    return re.sub(r"[^\n]", " ", text[:start]) + text[start:]
+
+
+def closing(text: str, opening: int) -> int:
+    depth = 0
+    for at in range(opening, len(text)):
+        depth += {"(": 1, ")": -1}.get(text[at], 0)
+        if depth == 0:
+            return at
+    raise ValueError("unbalanced")
+
+
+def ports_of(module: str) -> dict[str, str]:
+    """The ports of a module of the project, and the direction of each."""
+    path = next((path for path in rtl_files() if path.stem == module), None)
+    if path is None:
+        return {}
+    ports = re.findall(r"\b(input|output)\s+(?:wire|reg)\s+(?:\[[^\]]*\]\s*)?(\w+)", path.read_text())
+    return {name: direction for direction, name in ports}
+
+
+def changes(text: str):
+    """All single changes as (start, end, new text)."""
+    code = code_only(text)
+    for pattern, new in OPERATORS:
+        for found in re.finditer(pattern, code):
+            yield found.start(), found.end(), new
+    for found in re.finditer(r"\b(\d+)'([dh])([0-9A-Fa-f]+)\b", code):
+        width, base = int(found[1]), {"d": 10, "h": 16}[found[2]]
+        value = int(found[3], base)
+        for other in {(value + 1) % 2**width, (value - 1) % 2**width} - {value}:
+            shown = f"{other:X}" if base == 16 else str(other)
+            yield found.start(), found.end(), f"{width}'{found[2]}{shown}"
+    for found in re.finditer(r"\bif \(", code):
+        end = closing(code, found.end() - 1)
+        condition = text[found.end() : end]
+        yield found.end(), end, f"1'b0 && ({condition})"
+        yield found.end(), end, f"1'b1 || ({condition})"
+    for found in re.finditer(
+        r"(?:^|(?<=begin)|(?<=: )|(?<=\) )|(?<=else ))[ \t]*[\w{][\w\[\]:, {}+-]*<= [^;]+;", code, re.M
+    ):
+        yield found.start(), found.end(), ";"
+        value = code.index("<= ", found.start()) + 3
+        yield value, found.end() - 1, f"~({text[value : found.end() - 1]})"
+    for found in re.finditer(r"^  assign [^=]+ = ([^;]+);", code, re.M):
+        yield found.start(1), found.end(1), f"~({text[found.start(1) : found.end(1)]})"
+        yield found.start(1), found.end(1), "0"
+    for found in re.finditer(r"(?<=\w\[)(\d+)(?=\])", code):
+        yield found.start(), found.end(), str(int(found[1]) + 1)
+        if int(found[1]):
+            yield found.start(), found.end(), str(int(found[1]) - 1)
+    for instance in re.finditer(
+        r"^  (\w+)(?: #\([^;]*?\n  \))? \w+ \(\n(.*?)\n  \);", code, re.M | re.DOTALL
+    ):
+        ports = ports_of(instance[1])
+        for found in re.finditer(r"\.(\w+)\s*\(", code[instance.start(2) : instance.end(2)]):
+            opening = instance.start(2) + found.end() - 1
+            end = closing(code, opening)
+            if ports.get(found[1]) == "output":
+                yield opening + 1, end, ""
+            elif found[1] in ports and found[1] != "clk":
+                yield opening + 1, end, "1'b0"
+                yield opening + 1, end, "1'b1"
+                yield opening + 1, end, f"~({text[opening + 1 : end]})"
+
+
+def mutants(module: str, path: Path) -> list[Mutant]:
+    text = path.read_text()
+    found = []
+    for start, end, new in dict.fromkeys(changes(text)):
+        if text[start:end] == new:
+            continue
+        line = text.count("\n", 0, start) + 1
+        begin = text.rfind("\n", 0, start) + 1
+        stop = text.find("\n", end)
+        before = " ".join(text[begin:stop].split())
+        after = " ".join((text[begin:start] + new + text[end:stop]).split())
+        found.append(Mutant(module, line, before, after, start, end, new))
+    return found
+
+
+class Tree:
+    """A copy of the project in which one module is broken."""
+
+    def __init__(self, number: int, module: str) -> None:
+        self.root = WORK / f"tree-{module}-{number}"
+        shutil.rmtree(self.root, ignore_errors=True)
+        self.root.mkdir(parents=True)
+        for name in COPIED:
+            source = ROOT / name
+            if source.is_dir():
+                shutil.copytree(source, self.root / name, ignore=shutil.ignore_patterns("__pycache__"))
+            elif source.exists():
+                shutil.copy(source, self.root / name)
+        (self.root / ".venv").symlink_to(ROOT / ".venv")
+        for image in ("firmware.hex", "tiny/firmware.hex"):
+            made = ROOT / "build" / image
+            if made.exists():
+                (self.root / "build" / image).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(made, self.root / "build" / image)
+        self.judges: list[str] = []
+        self.longest_s: float = LONGEST_S
+        self.child: subprocess.Popen | None = None
+        self.module = module
+        self.path = next(path for path in rtl_files() if path.stem == module)
+        self.original = self.path.read_text()
+        self.file = self.root / self.path.relative_to(ROOT)
+        self.env = os.environ | {"CCACHE_DIR": str(ROOT / "build/ccache"), "COCOTB_RANDOM_SEED": "1"}
+
+    def run(self, *command: str) -> tuple[bool, str]:
+        """Whether the command ended well within its time, and what it printed."""
+        child = self.child = subprocess.Popen(
+            command,
+            cwd=self.root,
+            env=self.env,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            said, _ = child.communicate(timeout=self.longest_s)
+        except subprocess.TimeoutExpired:
+            self.stop()
+            child.communicate()
+            return False, f"no end within {self.longest_s:.0f} s"
+        return child.returncode == 0, said
+
+    def stop(self) -> None:
+        """Whatever runs here, the simulator too."""
+        if self.child and self.child.poll() is None:
+            os.killpg(self.child.pid, signal.SIGKILL)
+
+    def compiles(self) -> bool:
+        files = [
+            str(self.root / path.relative_to(ROOT))
+            for path in needed_files(self.module)
+            if ROOT in path.parents
+        ]
+        return self.run("iverilog", "-g2005", "-t", "null", "-s", self.module, *files)[0]
+
+    def proved(self) -> tuple[bool, str]:
+        return self.run(sys.executable, "-m", "formal.prove", self.module, "--task", "prove", "--jobs", "1")
+
+    def tested(self) -> tuple[bool, str]:
+        arguments = BENCH_ARGS.get(self.module, ["--sim=icarus"])
+        return self.run(
+            *(sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"),
+            *(str(bench_file(name)) for name in (self.module, *MORE_BENCHES.get(self.module, ()))),
+            *arguments,
+        )
+
+    def look(self) -> None:
+        """Which judges the unchanged module has, the quicker one first; both must be content with it."""
+        if not self.compiles():
+            raise SystemExit(f"mutate: {self.module} does not compile unchanged")
+        judges = {"test": self.tested}
+        if (ROOT / f"formal/{self.module}.sby").exists():
+            judges["proof"] = self.proved
+        times = {}
+        for name, judge in judges.items():
+            began = time.monotonic()
+            sound, said = judge()
+            if not sound:
+                raise SystemExit(
+                    f"mutate: {name} of {self.module} fails on the unchanged module:\n{said[-800:]}"
+                )
+            times[name] = time.monotonic() - began
+        self.judges = sorted(times, key=times.get)
+        self.longest_s = max(LEAST_S, TIMES_LONGER * max(times.values()))
+        print(
+            f"{self.module}: " + ", ".join(f"{name} {times[name]:.0f} s" for name in self.judges), flush=True
+        )
+
+    def judge(self, mutant: Mutant) -> Mutant:
+        began = time.monotonic()
+        text = self.original
+        self.file.write_text(text[: mutant.start] + mutant.text + text[mutant.end :])
+        try:
+            if not self.compiles():
+                mutant.verdict = "invalid"
+            else:
+                mutant.verdict = "survived"
+                for name in self.judges:
+                    sound, said = {"test": self.tested, "proof": self.proved}[name]()
+                    # What Yosys cannot read is not disproved.
+                    if not sound and not (name == "proof" and "ERROR" in said):
+                        mutant.verdict, mutant.by = "caught", name
+                        break
+        finally:
+            self.file.write_text(self.original)
+        mutant.seconds = time.monotonic() - began
+        return mutant
+
+    def remove(self) -> None:
+        shutil.rmtree(self.root, ignore_errors=True)
+
+
+def fingerprint(path: Path) -> str:
+    """Of what can be mutated in a module and what is promised of it; comments do not count."""
+    proof = [ROOT / f"formal/{path.stem}{end}" for end in ("_props.vh", ".sby")]
+    promises = [re.sub(r"(//|#).*", "", file.read_text()) for file in proof if file.exists()]
+    words = " ".join(" ".join([code_only(path.read_text()), *promises]).split())
+    return hashlib.sha256(words.encode()).hexdigest()[:12]
+
+
+class Attack:
+    """The mutants of one module, and what became of them; kept in its result file after each."""
+
+    def __init__(self, module: str, count: int, seed: int, shard: tuple[int, int]) -> None:
+        self.module, self.seed = module, seed
+        self.wanted = -(-count // shard[1])
+        path = next(path for path in rtl_files() if path.stem == module)
+        self.of = fingerprint(path)
+        found = mutants(module, path)
+        self.possible = len(found)
+        random.Random(f"{seed} {module}").shuffle(found)
+        suffix = "" if shard[1] == 1 else f".{shard[0]}of{shard[1]}"
+        self.file = WORK / f"{module}{suffix}.json"
+        known = self.read()
+        self.judged = [known[mutant.key] for mutant in found if mutant.key in known]
+        self.left = [mutant for mutant in found[shard[0] :: shard[1]] if mutant.key not in known]
+
+    def read(self) -> dict[tuple, Mutant]:
+        """What an earlier run of the same module and seed has judged."""
+        if not self.file.exists():
+            return {}
+        document = json.loads(self.file.read_text())
+        if (document.get("of"), document.get("seed")) != (self.of, self.seed):
+            return {}
+        return {mutant.key: mutant for mutant in (Mutant(**row) for row in document["mutants"])}
+
+    @property
+    def valid(self) -> list[Mutant]:
+        return [mutant for mutant in self.judged if mutant.verdict != "invalid"]
+
+    def keep(self, mutant: Mutant) -> None:
+        self.judged.append(mutant)
+        rows = [asdict(mutant) for mutant in self.judged]
+        document = {"module": self.module, "of": self.of, "seed": self.seed, "possible": self.possible}
+        text = json.dumps(document | {"mutants": rows}, indent=1)
+        partly = self.file.with_suffix(".part")
+        partly.write_text(text)
+        partly.replace(self.file)
+        if mutant.verdict == "survived":
+            print(
+                f"{self.module}:{mutant.line}: survived: {mutant.before}  ->  {mutant.after}",
+                flush=True,
+            )
+
+    def run(self, jobs: int) -> None:
+        WORK.mkdir(parents=True, exist_ok=True)
+        if len(self.valid) < self.wanted:
+            trees = [Tree(number, self.module) for number in range(jobs)]
+            try:
+                trees[0].look()
+                for tree in trees[1:]:
+                    tree.judges, tree.longest_s = trees[0].judges, trees[0].longest_s
+                self.share_out(trees)
+            finally:
+                for tree in trees:
+                    tree.remove()
+        caught = sum(mutant.verdict == "caught" for mutant in self.valid)
+        seconds = sum(mutant.seconds for mutant in self.judged)
+        print(f"{self.module}: {caught} of {len(self.valid)} caught, {seconds:.0f} s", flush=True)
+
+    def share_out(self, trees: list[Tree]) -> None:
+        free = list(trees)
+
+        def work(mutant: Mutant) -> Mutant:
+            tree = free.pop()
+            try:
+                return tree.judge(mutant)
+            finally:
+                free.append(tree)
+
+        with concurrent.futures.ThreadPoolExecutor(len(trees)) as pool:
+            while self.left and (missing := self.wanted - len(self.valid)) > 0:
+                batch, self.left = self.left[:missing], self.left[missing:]
+                try:
+                    for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
+                        self.keep(done.result())
+                except BaseException:  # such as Ctrl-C: what was cut off is no result
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    for tree in trees:
+                        tree.stop()
+                    raise
+
+
+def instance_of(mutant: Mutant) -> str:
+    """The instance whose connection it changed."""
+    path = next(path for path in rtl_files() if path.stem == mutant.module)
+    return re.findall(r"^  (?:\w+|\)) (\w+) \($", path.read_text()[: mutant.start], re.M)[-1]
+
+
+def explained(mutant: Mutant) -> dict | None:
+    """What campaigns/mutate/survivors.toml says of it, `why` and perhaps `same`; the line is known by its
+    text.
+
+    `instances` are those that are meant, where several have such a line.
+    """
+    known = tomllib.loads(SURVIVORS.read_text()) if SURVIVORS.exists() else {}
+    for entry in known.get(mutant.module, []):
+        alike = entry["before"] == mutant.before and entry["after"] == mutant.after
+        if alike and ("instances" not in entry or instance_of(mutant) in entry["instances"]):
+            return entry
+    return None
+
+
+def same(mutant: Mutant) -> bool:
+    """It survived, and the module does with it what it did: nothing could see it."""
+    return mutant.verdict == "survived" and bool((explained(mutant) or {}).get("same"))
+
+
+def enough(group: list[Mutant]) -> bool:
+    counted = [mutant for mutant in group if not same(mutant)]
+    return sum(mutant.verdict == "caught" for mutant in counted) >= ENOUGH * len(counted)
+
+
+def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
+    by = [sum(mutant.by == kind for mutant in group) for kind in ("proof", "test")]
+    alike = sum(map(same, group))
+    left = len(group) - sum(by) - alike
+    share = 100 * sum(by) / (len(group) - alike)
+    return (
+        f"| `{module}` | {possible} | {len(group)} | {by[0]} | {by[1]} | {alike} | {left} | "
+        f"{share:.1f} % | `{of}` |"
+    )
+
+
+def survivor_of(mutant: Mutant) -> str:
+    said = explained(mutant) or {"why": "NOT EXPLAINED"}
+    alike = "the same: " if said.get("same") else ""
+    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {alike}{said['why']}"
+
+
+def report(write: bool) -> int:
+    """The table of all result files; with `write` into the document, beside the rows of modules not run."""
+    groups: dict[str, tuple[str, int, list[Mutant]]] = {}
+    for file in sorted(WORK.glob("*.json")):
+        document = json.loads(file.read_text())
+        module, of = document["module"], document["of"]
+        path = next((path for path in rtl_files() if path.stem == module), None)
+        if path is None or fingerprint(path) != of:
+            print(f"mutate: {file.relative_to(ROOT)} is of another {module}.v: left out", file=sys.stderr)
+            continue
+        # What did not compile is none.
+        invalid = sum(row["verdict"] == "invalid" for row in document["mutants"])
+        group = groups.setdefault(module, (of, document["possible"] - invalid, []))[2]
+        valid = (Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid")
+        group += [mutant for mutant in valid if mutant.key not in {other.key for other in group}]
+    groups = {module: found for module, found in groups.items() if found[2]}
+    if not groups:
+        print("mutate: nothing in build/mutate; run `make mutate`", file=sys.stderr)
+        return 2
+    rows = {module: row_of(module, *found) for module, found in groups.items()}
+    print("\n".join([HEADER, *rows.values()]))
+    everything = [mutant for _, _, group in groups.values() for mutant in group]
+    survivors = [mutant for mutant in everything if mutant.verdict == "survived"]
+    caught, alike = len(everything) - len(survivors), sum(map(same, everything))
+    share = 100 * caught / (len(everything) - alike)
+    print(f"\n{caught} of {len(everything) - alike} mutants caught, {share:.1f} %")
+    for mutant in survivors:
+        print(survivor_of(mutant))
+    few = [module for module, (_, _, group) in groups.items() if not enough(group)]
+    for module in few:
+        print(f"mutate: {module}: less than {100 * ENOUGH:.0f} % caught", file=sys.stderr)
+    if few or any(explained(mutant) is None for mutant in survivors):
+        return 1
+    if write:
+        write_document(rows, list(map(survivor_of, survivors)))
+    return 0
+
+
+def write_document(rows: dict[str, str], survivors: list[str]) -> None:
+    """Rows and survivors of the modules that were run; those of the others stay as they are."""
+    old = DOCUMENT.read_text() if DOCUMENT.exists() else ""
+    kept = {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\|$", old, re.M)} | rows
+    known = {path.stem for path in rtl_files()}
+    table = [row for module, row in sorted(kept.items()) if module in known]
+    numbers = [re.findall(r"\| (\d+) ", row) for row in table]
+    tried, alike, survived = (sum(int(cells[at]) for cells in numbers) for at in (1, 4, 5))
+    total = tried - alike
+    missing = [module for module in benches() if module not in kept]
+    summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
+    if missing:
+        summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
+    others = [
+        line
+        for line in re.findall(r"^- `\w+`: .*$", old, re.M)
+        if re.match(r"- `(\w+)`", line)[1] not in rows
+    ]
+    listed = sorted(others + survivors)
+    text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))
+    text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(listed) or "None.")
+    DOCUMENT.write_text(text)
+    print(f"wrote docs/{DOCUMENT.name}")
+
+
+def benches() -> list[str]:
+    return [path.stem for path in rtl_files() if bench_file(path.stem)]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", metavar="MODULE")
+    parser.add_argument("--all", action="store_true")
+    parser.add_argument("--report", action="store_true")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/reports/mutants.md")
+    parser.add_argument(
+        "--count", type=at_least(1), default=40, help="mutants a module (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=at_least(1), default=2)
+    parser.add_argument("--shard", default="0/1", metavar="K/N", help="of the mutants of each module")
+    options = parser.parse_args()
+    if options.report:
+        return report(options.write)
+    known = benches()
+    modules = known if options.all else options.modules
+    if not modules:
+        parser.error("say which module, or --all")
+    for module in modules:
+        if module not in known:
+            print(f"mutate: no module {module} with a bench; there are: {', '.join(known)}", file=sys.stderr)
+            return 2
+    shard = re.fullmatch(r"(\d+)/(\d+)", options.shard)
+    if shard is None or not int(shard[1]) < int(shard[2]):
+        parser.error(f"--shard {options.shard}: K/N with K from 0 to N - 1")
+    try:
+        for module in modules:
+            Attack(module, options.count, options.seed, (int(shard[1]), int(shard[2]))).run(options.jobs)
+    except SourcesError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("mutate: stopped; the next run goes on from here", file=sys.stderr)
+        return 130
+    return report(options.write)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `make mutate` breaks, how it judges, and that docs/reports/mutants.md is of today's modules."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+
+from campaigns.mutate import run as mutate
+from rtl.sources import rtl_files
+
+ROW = re.compile(
+    r"^\| `(\w+)` \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) % \| `(\w+)` \|$", re.M
+)
+SURVIVOR = re.compile(r"^- `(\w+)`: `(.*)` → `(.*?)`: (.*)$", re.M)
+FEWEST = 30
+
+
+def rows() -> dict[str, re.Match]:
+    return {found[1]: found for found in ROW.finditer(mutate.DOCUMENT.read_text())}
+
+
+def test_changes_keep_to_code():
+    text = """module m (
+    input wire clk
+);
+  // a == b
+`ifndef SYNTHESIS
+  initial if (a == b) c = 1'b0;
+`endif
+  reg [1:0] z = 2'd2;
+  always @(posedge clk) if (x == y) z <= 2'd1;
+endmodule
+"""
+    found = {text[start:end] + ">" + new for start, end, new in mutate.changes(text)}
+    assert found == {
+        "==>!=",
+        "2'd1>2'd2",
+        "2'd1>2'd0",
+        "x == y>1'b0 && (x == y)",
+        "x == y>1'b1 || (x == y)",
+        "z <= 2'd1;>;",
+        "2'd1>~(2'd1)",
+    }
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        *[("x == y", "x != y"), ("x != y", "x == y"), ("x && y", "x || y"), ("x || y", "x && y")],
+        *[("x & y", "x | y"), ("x | y", "x & y"), ("x ^ y", "x | y"), ("x + y", "x - y"), ("x - y", "x + y")],
+        *[("x >= y", "x > y"), ("x > y", "x >= y"), ("!x", "x"), ("~x", "x")],
+        *[("1'b0", "1'b1"), ("1'b1", "1'b0")],
+        *[("x[2]", "x[1]"), ("x[2]", "x[3]"), ("4'd3", "4'd4"), ("4'd3", "4'd2"), ("8'hFF", "8'h0")],
+        *[("x", "~(x)"), ("x", "0")],
+    ],
+)
+def test_every_kind_of_change_is_made(before, after):
+    text = f"module m;\n  assign z = {before};\nendmodule\n"
+    made = {text[:start] + new + text[end:] for start, end, new in mutate.changes(text)}
+    assert f"module m;\n  assign z = {after};\nendmodule\n" in made
+
+
+def test_an_input_of_an_instance_is_tied_both_ways_and_turned():
+    path = next(path for path in rtl_files() if path.stem == "network_port")
+    found = mutate.mutants("network_port", path)
+    for tied in ("1'b0", "1'b1", "~(rst)"):
+        assert any(".rst" in mutant.before for mutant in found if mutant.text == tied)
+    assert not any(re.match(r"\.clk\b", mutant.before) for mutant in found)
+
+
+def test_an_output_of_an_instance_is_left_open():
+    path = next(path for path in rtl_files() if path.stem == "network_port")
+    found = mutate.mutants("network_port", path)
+    opened = {mutant.after for mutant in found if mutant.text == "" and mutant.before.startswith(".")}
+    assert {".frame_writes_coils(),", ".long_silent()", ".crc_clear(),"} <= opened
+
+
+@pytest.mark.parametrize("module", mutate.benches())
+def test_no_mutant_leaves_the_text_as_it_was(module):
+    path = next(path for path in rtl_files() if path.stem == module)
+    text = path.read_text()
+    for mutant in mutate.mutants(module, path):
+        assert text[: mutant.start] + mutant.text + text[mutant.end :] != text, mutant.before
+
+
+def test_a_comment_is_no_other_module(tmp_path):
+    path = tmp_path / "m.v"
+    path.write_text("module m;\n  wire a = b; // why\nendmodule\n")
+    before = mutate.fingerprint(path)
+    path.write_text("// more\nmodule m;\n  wire a = b;\nendmodule\n")
+    assert mutate.fingerprint(path) == before
+    path.write_text("module m;\n  wire a = c;\nendmodule\n")
+    assert mutate.fingerprint(path) != before
+
+
+def test_a_judge_without_an_end_has_caught(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutate, "WORK", tmp_path)
+    tree = mutate.Tree(0, "bcc")
+    tree.longest_s = 0.5
+    assert tree.run("bash", "-c", "sleep 60 & wait") == (False, "no end within 0 s")
+
+
+def test_a_tree_judges_what_it_should(tmp_path, monkeypatch):
+    """One mutant that no text of a bench could miss, one that changes nothing."""
+    monkeypatch.setattr(mutate, "WORK", tmp_path)
+    tree = mutate.Tree(0, "bcc")
+    tree.look()
+    found = mutate.mutants("bcc", tree.path)
+    broken = next(mutant for mutant in found if (mutant.text, "^" in mutant.before) == ("|", True))
+    assert tree.judge(broken).verdict == "caught"
+    at = tree.original.index("  assign")
+    assert tree.judge(mutate.Mutant("bcc", 1, "", "", at, at, " ")).verdict == "survived"
+    assert tree.judge(mutate.Mutant("bcc", 1, "", "", at, at, "((")).verdict == "invalid"
+
+
+def test_a_survivor_of_one_instance_is_none_of_another():
+    path = next(path for path in rtl_files() if path.stem == "network_port")
+    tied = [mutant for mutant in mutate.mutants("network_port", path) if mutant.after == ".rst(1'b0),"]
+    known = {mutate.instance_of(mutant): mutate.explained(mutant) is not None for mutant in tied}
+    assert known["filter_i"] and not known["uart_i"] and not known["rtu_rx_i"]
+
+
+def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutate, "DOCUMENT", tmp_path / "mutants.md")
+    monkeypatch.setattr(mutate, "SURVIVORS", tmp_path / "survivors.toml")
+    mutate.SURVIVORS.write_text(
+        """
+        bcc = [
+            { before = "a == b", after = "a != b", why = "unseen" },
+            { before = "c", after = "d", why = "equal", same = true },
+        ]
+        """
+    )
+    survivors = [
+        mutate.Mutant("bcc", 1, "a == b", "a != b", 0, 1, "!=", "survived"),
+        mutate.Mutant("bcc", 2, "c", "d", 2, 3, "d", "survived"),
+    ]
+    assert not mutate.enough(survivors)
+    mutate.write_document(
+        {"bcc": mutate.row_of("bcc", "01", 7, survivors)}, list(map(mutate.survivor_of, survivors))
+    )
+    caught = mutate.Mutant("uart", 1, "", "", 0, 1, "", "caught", "test")
+    mutate.write_document({"uart": mutate.row_of("uart", "02", 9, [caught])}, [])
+    text = mutate.DOCUMENT.read_text()
+    assert "| `bcc` | 7 | 2 | 0 | 0 | 1 | 1 | 0.0 % | `01` |\n" in text
+    assert "| `uart` | 9 | 1 | 0 | 1 | 0 | 0 | 100.0 % | `02` |\n" in text
+    assert "1 of 2 caught, 50.0 %." in text
+    assert "- `bcc`: `a == b` → `a != b`: unseen\n- `bcc`: `c` → `d`: the same: equal" in text
+    mutate.write_document({"bcc": mutate.row_of("bcc", "03", 7, [caught])}, [])
+    assert "equal" not in mutate.DOCUMENT.read_text()
+
+
+@pytest.mark.parametrize("module", mutate.benches())
+def test_document_is_of_this_module(module):
+    row = rows().get(module)
+    assert row is not None, f"make mutate MODULE={module}"
+    possible, total, proof, test, alike, survived = (int(row[at]) for at in range(2, 8))
+    path = next(path for path in rtl_files() if path.stem == module)
+    assert row[9] == mutate.fingerprint(path), f"the code has changed: make mutate MODULE={module}"
+    assert total >= min(FEWEST, possible)
+    assert proof + test + alike + survived == total
+    assert proof + test >= mutate.ENOUGH * (total - alike)
+
+
+def test_every_reason_is_of_a_survivor():
+    listed = [found.groups() for found in SURVIVOR.finditer(mutate.DOCUMENT.read_text())]
+    known = tomllib.loads(mutate.SURVIVORS.read_text())
+    reasons = {
+        (module, entry["before"], entry["after"], "the same: " * entry.get("same", False) + entry["why"])
+        for module, entries in known.items()
+        for entry in entries
+    }
+    assert set(listed) == reasons
+    assert len(listed) == sum(int(row[6]) + int(row[7]) for row in rows().values())

@@ -1,0 +1,349 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Long mixed traffic: pymodbus asks the virtual card, everything on both lines is judged by the models.
+
+    python -m campaigns.soak.run                     the three dialects, 2,000 + 500 + 500 transactions
+    python -m campaigns.soak.run --seed 1 --transactions 300 --dialect builtin --profile vlt2800
+
+What the card sends must be what tb/model/card.py says, what the drive answers what tb/model/vlt_drive.py
+says, fed with the telegrams and the times of the card's log. Exit 0: no mismatch, 1: some, 2: no card.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from regs.generated.card_tables import FORMATS, RATES
+from sim.card.masters import Pymodbus
+from sim.card.run_card import CardError, Frame, RunningCard
+from sim.drive.drive_bench import NUMBERS, Row, first_index, table
+from tb.model import fc_telegram as fc
+from tb.model.card import DIALECTS, DRIVE_TIMEOUT, NETWORK_TIMEOUT, Card, Step
+from tb.model.crc16 import with_crc
+from tb.model.vlt_drive import PROFILES, VltDrive
+
+RUNS = (("card", "vlt6000", 2000), ("builtin", "vlt8000", 500), ("hvac_basic", "hvac_basic", 500))
+UNIT, OTHER_UNIT, BROADCAST = 1, 7, 0
+# Switches 1-3 of rates that the clock of the virtual card is made for, and that do not take for ever.
+SWIFT = [bits for bits, rate in RATES.items() if 9600 <= rate.baud <= 38400]
+UNANSWERED_S = 0.15  # wall time after a request without a reply, as a master leaves after a broadcast
+PDU_MAX = 253
+COMMANDS = (0x047C, 0x047C, 0x043C, 0x0474, 0x046C, 0x0478, 0x045C, 0x057C, 0x04FC, 0x847C, 0x067C, 0x1C7C)
+UNKNOWN_FUNCTIONS = (0x02, 0x04, 0x07, 0x08, 0x0B, 0x11, 0x16, 0x17, 0x2B, 0x41)
+MISMATCHES_MAX = 10
+
+
+def wire(*words: int) -> bytes:
+    """16-bit words, high byte first."""
+    return b"".join((word & 0xFFFF).to_bytes(2, "big") for word in words)
+
+
+@dataclass(frozen=True)
+class Transaction:
+    kind: str
+    unit: int
+    pdu: bytes
+    received: bytes = b""
+
+
+class Traffic:
+    """Requests as masters make them, right ones and wrong ones, for one dialect and one drive."""
+
+    def __init__(self, rng: random.Random, dialect: str, profile: str) -> None:
+        self.rng = rng
+        self.profile = profile
+        self.dialect = DIALECTS[dialect]
+        self.rows = table(profile)
+        self.texts = [row for row in self.rows if row["type"] == "text"]
+        self.arrays = [row for row in self.rows if row["array"] != "0"]
+        self.numbers = [row for row in self.rows if row["type"] != "text"]
+        self.setup = next(row for row in self.rows if row["role"] == "active_setup")
+        self.kinds = {
+            self.read_number: 20,
+            self.write_number: 20,
+            self.command: 12,
+            self.write_coils: 6,
+            self.read_coils: 8,
+            self.local: 8,
+            self.text: 14,
+            self.array: 6,
+            self.to_all: 4,
+            self.wrong: 10,
+            self.to_another: 2,
+        }
+
+    def requests(self, count: int) -> list[Transaction]:
+        made: list[Transaction] = []
+        while len(made) < count:
+            (kind,) = self.rng.choices(list(self.kinds), self.kinds.values())
+            made += [Transaction(kind.__name__, unit, pdu) for unit, pdu in kind()]
+        return made[:count]
+
+    # Each of the following makes one request or a few that belong together: unit address and PDU.
+
+    def read_number(self) -> list[tuple[int, bytes]]:
+        row = self.rng.choice(self.rows if self.rng.random() < 0.1 else self.numbers)
+        pnu = int(row["pnu"]) if self.rng.random() < 0.95 else self.rng.randrange(4200)
+        off = 0 if self.rng.random() < 0.95 else self.rng.randrange(10)
+        count = 1 + NUMBERS.get(row["type"], False) if self.rng.random() < 0.8 else self.rng.choice((1, 2))
+        return [(UNIT, b"\x03" + wire(10 * pnu - 1 + off, count))]
+
+    def write_number(self) -> list[tuple[int, bytes]]:
+        row = self.setup if self.rng.random() < 0.05 else self.rng.choice(self.numbers)
+        return [(UNIT, self._write(row))]
+
+    def _write(self, row: Row) -> bytes:
+        low, high = int(row["min"]), int(row["max"])
+        fitting = self.rng.randint(low, high)
+        value = self.rng.choice((fitting, fitting, low, high, high + 1))
+        start = 10 * int(row["pnu"]) - 1
+        double = NUMBERS[row["type"]] != (self.rng.random() < 0.1)
+        if double:
+            return b"\x10" + wire(start, 2) + b"\x04" + wire(value >> 16, value)
+        if self.rng.random() < 0.2:
+            return b"\x10" + wire(start, 1) + b"\x02" + wire(value)
+        return b"\x06" + wire(start, value)
+
+    def command(self) -> list[tuple[int, bytes]]:
+        reference = self.rng.choice((0, 0x1999, 0x2000, 0x4000, 0xE000, self.rng.randrange(0x10000)))
+        word = self.rng.choice(COMMANDS)
+        block = word.to_bytes(2, "little") + reference.to_bytes(2, "little")
+        return [(UNIT, b"\x0f" + wire(0, 32) + b"\x04" + block), (UNIT, b"\x01" + wire(32, 32))]
+
+    def write_coils(self) -> list[tuple[int, bytes]]:
+        start = self.rng.choice((self.rng.randrange(32), self.rng.randrange(32), 64, self.rng.randrange(140)))
+        if self.rng.random() < 0.6:
+            value = self.rng.choice((0x0000, 0xFF00, 0x0000, 0xFF00, self.rng.randrange(0x10000)))
+            return [(UNIT, b"\x05" + wire(start, value))]
+        count = 1 if start == 64 else self.rng.randint(1, 32)
+        size = -(-count // 8)
+        return [(UNIT, b"\x0f" + wire(start, count) + bytes([size]) + self.rng.randbytes(size))]
+
+    def read_coils(self) -> list[tuple[int, bytes]]:
+        start = self.rng.choice((0, 16, 32, 48, 64, self.rng.randrange(140)))
+        return [(UNIT, b"\x01" + wire(start, self.rng.choice((1, 16, 32, self.rng.randint(1, 140)))))]
+
+    def local(self) -> list[tuple[int, bytes]]:
+        """The card's own registers. Register 40003 stays long enough for the simulated drive."""
+        wait = self.rng.choice((15, 15, 30, self.rng.randint(15, 100), 0))
+        index = wire(self.dialect.index_register)
+        return [
+            self.rng.choice(
+                (
+                    (UNIT, b"\x03" + wire(self.rng.randrange(10), self.rng.randint(1, 4))),
+                    (UNIT, b"\x06" + wire(NETWORK_TIMEOUT, self.rng.randrange(0x10000))),
+                    (UNIT, b"\x06" + wire(DRIVE_TIMEOUT, wait)),
+                    (UNIT, b"\x10" + wire(1, 2) + b"\x04" + wire(self.rng.randrange(0x10000), wait)),
+                    (UNIT, b"\x06" + index + wire(self.rng.choice((0, 0, 1, 0x0400, 0x0500)))),
+                    (UNIT, b"\x06" + wire(self.rng.randrange(3, 9), 1)),
+                )
+            )
+        ]
+
+    def _index(self, value: int) -> tuple[int, bytes]:
+        return UNIT, b"\x06" + wire(self.dialect.index_register, value)
+
+    def text(self) -> list[tuple[int, bytes]]:
+        """A text read or written, in the card's dialect between two writes of IND (MAP-8)."""
+        row = self.rng.choice(self.texts if self.rng.random() < 0.9 else self.rows)
+        start = 10 * int(row["pnu"]) - 1
+        count = self.rng.randint(1, 11)
+        if self.rng.random() < 0.5:
+            ind, pdu = 0x0400, b"\x03" + wire(start, count)
+        else:
+            characters = bytes(self.rng.choices(range(0x20, 0x7F), k=2 * count))
+            ind, pdu = 0x0500, b"\x10" + wire(start, count) + bytes([2 * count]) + characters
+        if self.dialect.text_by_size:
+            return [(UNIT, pdu)]
+        forgets = self.rng.random() < 0.1
+        return [self._index(ind), (UNIT, pdu)] + ([] if forgets else [self._index(0)])
+
+    def array(self) -> list[tuple[int, bytes]]:
+        row = self.rng.choice(self.arrays)
+        index = first_index(self.profile, row) + self.rng.randint(-1, int(row["array"]))
+        count = 1 + NUMBERS[row["type"]]
+        read = (UNIT, b"\x03" + wire(10 * int(row["pnu"]) - 1, count))
+        return [self._index(max(index, 0)), read, self._index(0)]
+
+    def to_all(self) -> list[tuple[int, bytes]]:
+        of_one = self.rng.choice((self.command, self.write_number, self.read_number, self.write_coils))()
+        return [(BROADCAST, of_one[0][1])]
+
+    def to_another(self) -> list[tuple[int, bytes]]:
+        return [(OTHER_UNIT, self.command()[0][1])]
+
+    def wrong(self) -> list[tuple[int, bytes]]:
+        """Unknown functions, wrong lengths, quantities and byte counts."""
+        good = self.rng.choice((self.read_number, self.write_number, self.command, self.read_coils))()[0][1]
+        pdu = self.rng.choice(
+            (
+                bytes([self.rng.choice(UNKNOWN_FUNCTIONS)]) + self.rng.randbytes(self.rng.randrange(8)),
+                good + self.rng.randbytes(self.rng.randint(1, 4)),
+                good + self.rng.randbytes(self.rng.randint(20, PDU_MAX - len(good))),
+                good[: self.rng.randint(2, len(good) - 1)],
+                good[:3] + wire(self.rng.choice((0, 3, 11, 33, 129, 0xFFFF))) + good[5:],
+            )
+        )
+        return [(UNIT, pdu)]
+
+
+@dataclass
+class Judge:
+    """Compares what was seen on both lines and by the master with what the models say."""
+
+    card: Card
+    drive: VltDrive
+    frames: list[Frame]
+    mismatches: list[str] = field(default_factory=list)
+    replies: Counter = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self.seen = {
+            where: deque(f for f in self.frames if (f.line, f.sender) == where)
+            for where in (("modbus", "master"), ("modbus", "card"), ("drive", "card"), ("drive", "drive"))
+        }
+        self.drive_us = 0
+
+    def expect(self, line: str, sender: str, wanted: bytes) -> Frame | None:
+        """The next frame of this sender; noted when it is another than wanted."""
+        queue = self.seen[line, sender]
+        frame = queue.popleft() if queue else None
+        if frame is None or frame.data != wanted:
+            got = f"{frame.data.hex(' ')} at {frame.start:.6f} s" if frame else "nothing"
+            self.mismatches.append(f"{line} line, {sender}: expected {wanted.hex(' ')}, got {got}")
+        return frame
+
+    def transaction(self, asked: Transaction) -> None:
+        self.expect("modbus", "master", with_crc(bytes([asked.unit]) + asked.pdu))
+        step = Step()
+        if asked.unit in (UNIT, BROADCAST):
+            step = self.card.request(asked.pdu, broadcast=asked.unit == BROADCAST)
+        while step.telegram is not None:
+            step = self.exchange(step.telegram)
+        wanted = with_crc(bytes([UNIT]) + step.reply) if step.reply else b""
+        if wanted:
+            self.expect("modbus", "card", wanted)
+        if asked.received != wanted:
+            self.mismatches.append(f"master: expected {wanted.hex(' ')}, got {asked.received.hex(' ')}")
+        self.replies[self.sort(step.reply)] += 1
+
+    @staticmethod
+    def sort(reply: bytes | None) -> str:
+        if not reply:
+            return "no reply"
+        return f"exception {reply[1]}" if reply[0] & 0x80 else f"function {reply[0]:02X}"
+
+    def exchange(self, telegram: bytes) -> Step:
+        """A telegram to the drive and, unless it was for all, its reply."""
+        wanted = fc.build(telegram[1:], adr=telegram[0])
+        frame = self.expect("drive", "card", wanted)
+        if frame is None:
+            return Step()
+        now_us = round(frame.end * 1e6)
+        self.drive.step(now_us - self.drive_us)
+        self.drive_us = now_us
+        reply = self.drive.telegram(wanted)
+        if reply is None:
+            return Step()
+        self.expect("drive", "drive", reply)
+        return self.card.drive_reply(reply[2:-1])
+
+    def all(self, transactions: list[Transaction]) -> None:
+        for number, asked in enumerate(transactions):
+            before = len(self.mismatches)
+            self.transaction(asked)
+            if len(self.mismatches) > before:
+                what = f"transaction {number}, {asked.kind}, unit {asked.unit}: {asked.pdu.hex(' ')}"
+                self.mismatches.insert(before, what)
+            if len(self.mismatches) > MISMATCHES_MAX:
+                return
+        for (line, sender), left in self.seen.items():
+            self.mismatches += [f"{line} line, {sender}: not expected: {f.data.hex(' ')}" for f in left]
+
+
+@dataclass(frozen=True)
+class Result:
+    transactions: list[Transaction]
+    mismatches: list[str]
+    replies: Counter  # what the master got, by function or exception code
+    wall_s: float
+    simulated_s: float
+
+    def __str__(self) -> str:
+        kinds = ", ".join(f"{count} {what}" for what, count in sorted(self.replies.items()))
+        return (
+            f"{len(self.transactions)} transactions: {len(self.mismatches)} mismatches, "
+            f"{len(self.transactions) / self.wall_s:.1f} transactions/s, "
+            f"{self.simulated_s:.1f} s simulated in {self.wall_s:.1f} s\n  {kinds}"
+        )
+
+
+def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Result:
+    """`count` transactions from `seed`; rate and format of the network line are chosen by it too."""
+    rng = random.Random(f"soak/{dialect}/{profile}/{seed}")
+    rate_switches, format_switches = rng.choice(SWIFT), rng.choice(list(FORMATS))
+    rate, line_format = RATES[rate_switches], FORMATS[format_switches]
+    switches = f"{rate_switches}{format_switches}0000"
+    print(
+        f"soak: seed {seed}, dialect {dialect}, drive {profile}, "
+        f"{rate.baud} bit/s, parity {line_format.parity}, {count} transactions",
+        flush=True,
+    )
+    options = ("--dialect", dialect, "--profile", profile, "--sw-baud", switches, "--speed", "max", "--quiet")
+    done = []
+    with RunningCard(folder, *options) as card:
+        began = time.monotonic()
+        with Pymodbus(card.link) as master:
+            for asked in Traffic(rng, dialect, profile).requests(count):
+                answered = asked.unit == UNIT
+                received = master.send(asked.unit, asked.pdu, answered)
+                if not answered:
+                    time.sleep(UNANSWERED_S)
+                done.append(Transaction(asked.kind, asked.unit, asked.pdu, received))
+        wall = time.monotonic() - began
+        if card.stop() != 0:
+            raise CardError("build/card does not end with code 0")
+        entries, frames = card.entries(), card.frames()
+    judge = Judge(Card(name=dialect), VltDrive(profile), frames)
+    judge.all(done)
+    return Result(done, judge.mismatches, judge.replies, wall, entries[-1]["t"])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=random.randrange(1 << 31))
+    parser.add_argument("--transactions", type=int, help="of each run")
+    parser.add_argument("--dialect", choices=DIALECTS, help="this one only")
+    parser.add_argument("--profile", choices=PROFILES, help="drive, instead of the dialect's own")
+    options = parser.parse_args()
+    failed = False
+    for dialect, profile, count in RUNS:
+        if options.dialect not in (None, dialect):
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            result = soak(
+                Path(folder),
+                options.seed,
+                options.transactions or count,
+                dialect,
+                options.profile or profile,
+            )
+        print(f"  {result}")
+        for mismatch in result.mismatches:
+            print(f"  MISMATCH {mismatch}")
+        failed = failed or bool(result.mismatches)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (CardError, ConnectionError) as error:
+        print(f"soak: {error}", file=sys.stderr)
+        sys.exit(2)

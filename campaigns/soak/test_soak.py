@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mixed traffic of pymodbus over the virtual card, judged by the models; `make soak` is the long one.
+
+What is asked, and how it is judged: campaigns/soak/run.py. The drive is live: it ramps, refuses and logs.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from campaigns.soak.run import Judge, Transaction, soak
+from sim.card.run_card import Frame
+from tb.lib.seeds import seeded
+from tb.model import fc_telegram as fc
+from tb.model.card import Card
+from tb.model.crc16 import with_crc
+from tb.model.vlt_drive import VltDrive
+
+EVERYWHERE = (
+    "EXC",
+    "FC-3",
+    "FC-4",
+    "FC-5",
+    "FC-6",
+    "MAP-1",
+    "MAP-2",
+    "MAP-3",
+    "MAP-5",
+    "MAP-6",
+    "MAP-7",
+    "MAP-9",
+)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "profile", "count"),
+    [
+        pytest.param(
+            *("card", "vlt6000", 200), marks=pytest.mark.rule(*EVERYWHERE, "FC-7", "MAP-8", "DIALECT-CARD")
+        ),
+        pytest.param("card", "vlt5000", 50, marks=pytest.mark.rule("DIALECT-CARD")),
+        pytest.param("builtin", "vlt8000", 100, marks=pytest.mark.rule("DIALECT-BUILTIN")),
+        pytest.param("builtin", "vlt2800", 50, marks=pytest.mark.rule("DIALECT-BUILTIN")),
+        pytest.param("hvac_basic", "hvac_basic", 100, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
+    ],
+)
+def test_mixed_traffic_is_what_the_models_say(tmp_path, dialect, profile, count):
+    result = soak(tmp_path, seeded(f"{dialect} {profile}").randrange(1 << 31), count, dialect, profile)
+    print(result)
+    assert not result.mismatches, "\n".join(result.mismatches)
+    assert result.replies.total() == count
+    assert any(what.startswith("exception") for what in result.replies)
+
+
+# ---------------------------------------------------------------- the judge itself
+READ_104 = bytes.fromhex("03 04 0F 00 01")
+REPLY_104 = with_crc(bytes.fromhex("01 03 02 00 32"))
+
+
+def frame(line: str, sender: str, data: bytes) -> Frame:
+    return Frame(0.1, 0.2, line, sender, data, True, "")
+
+
+def exchange_of_104() -> dict[tuple[str, str], bytes]:
+    telegram = fc.build_parameter(fc.AK_READ, 104)
+    return {
+        ("modbus", "master"): with_crc(b"\x01" + READ_104),
+        ("drive", "card"): telegram,
+        ("drive", "drive"): VltDrive().telegram(telegram),
+        ("modbus", "card"): REPLY_104,
+    }
+
+
+def judged(seen: dict[tuple[str, str], bytes], received: bytes) -> list[str]:
+    frames = [frame(*where, data) for where, data in seen.items()]
+    judge = Judge(Card(), VltDrive(), frames)
+    judge.all([Transaction("read", 1, READ_104, received)])
+    return judge.mismatches
+
+
+def test_the_judge_accepts_what_is_right():
+    assert judged(exchange_of_104(), REPLY_104) == []
+
+
+@pytest.mark.parametrize("where", list(exchange_of_104()), ids="-".join)
+@pytest.mark.parametrize("how", ["changed", "missing", "twice"])
+def test_the_judge_finds_a_frame_that_is_not_as_it_should_be(where, how):
+    seen = exchange_of_104()
+    if how == "twice":
+        frames = [frame(*at, data) for at, data in [*seen.items(), (where, seen[where])]]
+        judge = Judge(Card(), VltDrive(), frames)
+        judge.all([Transaction("read", 1, READ_104, REPLY_104)])
+        assert any(f"{where[0]} line, {where[1]}: not expected" in text for text in judge.mismatches)
+        return
+    if how == "changed":
+        seen[where] = seen[where][:-1] + bytes([seen[where][-1] ^ 1])
+    else:
+        del seen[where]
+    assert any(f"{where[0]} line, {where[1]}: expected" in text for text in judged(seen, REPLY_104))
+
+
+def test_the_judge_finds_a_reply_that_the_master_did_not_get():
+    assert any(text.startswith("master: expected") for text in judged(exchange_of_104(), b""))

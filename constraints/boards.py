@@ -1,0 +1,338 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The boards: constraints/boards.toml, each board's wrapper and pin file, and what must hold between them.
+
+python -m constraints.boards            writes the pin tables, docs/reference/pins.md
+python -m constraints.boards --check    exit 1 when they are not what the pin files say
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import re
+import sys
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtl.sources import ROOT, SourcesError, configurations, without_comments
+
+FOLDER = ROOT / "constraints"
+TABLE = FOLDER / "boards.toml"
+CARD = ROOT / "rtl/rtu2fc.v"
+CARD_INSTANCE = "card_i"
+PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf"}
+DOCS = ROOT / "docs/reference/pins.md"
+
+PORT = re.compile(r"\b(input|output|inout)\s+wire\s*(?:\[(\d+):(\d+)\])?\s*(\w+)")
+LPF_PIN = re.compile(
+    r'^\s*LOCATE\s+COMP\s+"([^"]+)"\s+SITE\s+"([^"]+)"\s*;[ \t]*(?:#\s*(.*))?$', re.MULTILINE
+)
+LPF_BUFFER = re.compile(r'^\s*IOBUF\s+PORT\s+"([^"]+)"([^;]*);', re.MULTILINE)
+LPF_CLOCK = re.compile(r'^\s*FREQUENCY\s+PORT\s+"clk"\s+([\d.]+)\s+MHZ', re.MULTILINE)
+PCF_PIN = re.compile(r"^set_io((?:\s+-\S+\s+\S+)*)\s+([^-\s]\S*)\s+(\w+)[ \t]*(?:#\s*(.*))?$", re.MULTILINE)
+PCF_CLOCK = re.compile(r"^set_frequency\s+clk\s+([\d.]+)\s*$", re.MULTILINE)
+
+# What the other end of a port is; {n} is the number of its bit.
+WIRED = {
+    "clk": "oscillator",
+    "sw_baud_n": "baud switch {n}, closes to ground",
+    "button_n": "user button as baud switch 9, closes to ground",
+    "sw_addr_n": "address switch {n}, closes to ground",
+    "modbus_rx": "network transceiver, receiver output (R)",
+    "modbus_tx": "network transceiver, driver input (D)",
+    "modbus_de": "network transceiver, driver enable (DE)",
+    "drive_rx": "drive transceiver, receiver output (R)",
+    "drive_tx": "drive transceiver, driver input (D)",
+    "drive_de": "drive transceiver, driver enable (DE)",
+    "wifi_gpio0": "the ESP32's GPIO0, held high",
+}
+WIRED |= {
+    f"led_{line}_{colour}{suffix}": f"{name} LED, {colour}, lit by a {level} pin"
+    for line, name in (("modbus", "network"), ("drive", "drive"))
+    for colour in ("red", "green")
+    for suffix, level in (("_n", "low"), ("", "high"))
+}
+# Every bank is at 3.3 V. iCE40 has one standard and one strength.
+STANDARD = "LVCMOS33"
+STRENGTHS = {"machxo2": ("4", "8", "12", "16", "24"), "ecp5": ("4", "8", "12", "16")}
+OPEN = ("NONE", "KEEPER")
+# What a MachXO pin may be besides an input or output, in the database's words. A card that holds one of
+# these low, or drives it, may not configure itself or not be programmed again.
+CONFIGURATION = ("TCK", "TMS", "TDI", "TDO", "JTAGENB", "PROGRAMN", "INITN", "DONE", "SN", "CSSPIN")
+CONFIGURATION += ("MCLK/CCLK", "SO/SPISO", "SI/SISPI", "SCL/PCLKT0_0", "SDA/PCLKC0_0")
+CLOCK_PIN = re.compile(r"\bPCLKT\d_\d$")
+# How Project Trellis calls a package.
+PACKAGES = {"TG144": "TQFP144"}
+# The wheel has no such database for the XO3. These are from the chip database of nextpnr 0.11.1 for the
+# LCMXO3LF-6900, package of 400 balls.
+XO3_BG400 = {"C9": "TCK", "D9": "TMS", "C7": "TDI", "E8": "TDO", "C13": "JTAGENB", "D13": "PROGRAMN"}
+XO3_BG400 |= {"C17": "INITN", "A19": "DONE", "Y20": "SN", "W2": "CSSPIN", "W6": "MCLK/CCLK", "Y6": "SO/SPISO"}
+XO3_BG400 |= {"W20": "SI/SISPI", "C11": "SCL/PCLKT0_0", "D11": "SDA/PCLKC0_0", "B10": "PCLKT0_1"}
+XO3_BG400 |= {"K19": "PCLKT1_0", "W9": "PCLKT2_0", "Y12": "PCLKT2_1", "U1": "PCLKT3_0", "L1": "PCLKT4_0"}
+XO3_BG400 |= {"E2": "PCLKT5_0"}
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A line of a pin file: where a port bit is, how its buffer is set, and what was remarked."""
+
+    port: str
+    site: str
+    attributes: dict[str, str]
+    remark: str
+
+
+@dataclass(frozen=True)
+class Board:
+    """A row of boards.toml; `name` is its key."""
+
+    name: str
+    title: str
+    config: str
+    part: str
+    family: str
+    device: tuple[str, ...]
+    clk_hz: int
+    cells: int
+    brams: int
+    seeds: tuple[int, ...]
+    packs: bool = True
+
+    @property
+    def top(self) -> str:
+        return self.name.replace("-", "_")
+
+    @property
+    def wrapper(self) -> Path:
+        return FOLDER / self.name / f"{self.top}.v"
+
+    @property
+    def pin_file(self) -> Path:
+        return FOLDER / self.name / f"{self.top}.{PIN_FILES[self.family]}"
+
+    @property
+    def memory_words(self) -> int:
+        return configurations()[self.config]["memory_bytes"] // 4
+
+    def pins(self) -> list[Pin]:
+        """As the pin file has them; the attributes by their names in an .lpf."""
+        text = self.pin_file.read_text()
+        if self.pin_file.suffix == ".lpf":
+            buffers = {
+                port: dict(item.split("=", 1) for item in words.split() if "=" in item)
+                for port, words in LPF_BUFFER.findall(text)
+            }
+            return [
+                Pin(port, site, buffers.get(port, {}), said) for port, site, said in LPF_PIN.findall(text)
+            ]
+        found = []
+        for options, port, site, said in PCF_PIN.findall(text):
+            attributes = dict(zip(options.split()[::2], options.split()[1::2], strict=True))
+            pull = {"yes": "UP", "no": "NONE"}.get(attributes.pop("-pullup", "no"), "?")
+            found.append(Pin(port, site, attributes | {"PULLMODE": pull}, said))
+        return found
+
+
+def boards() -> dict[str, Board]:
+    rows = tomllib.loads(TABLE.read_text())
+    return {
+        name: Board(
+            name, **{key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
+        )
+        for name, row in rows.items()
+    }
+
+
+def board(name: str) -> Board:
+    known = boards()
+    if name not in known:
+        raise SourcesError(f"no board {name!r} in {TABLE.relative_to(ROOT)}; there are: {', '.join(known)}")
+    return known[name]
+
+
+def ports(path: Path) -> dict[str, str]:
+    """Direction of each port bit of the one module in a file."""
+    header = without_comments(path).split(");", 1)[0]
+    found = {}
+    for direction, high, low, name in PORT.findall(header):
+        bits = [f"{name}[{bit}]" for bit in range(int(low), int(high) + 1)] if high else [name]
+        found |= dict.fromkeys(bits, direction)
+    return found
+
+
+def _twice(items: list[str]) -> list[str]:
+    return sorted({item for item in items if items.count(item) > 1})
+
+
+def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
+    """What is wrong with a pin's buffer; a port without an IOBUF line has been told of already."""
+    has = dict(pin.attributes)
+    if not has:
+        return []
+    wrong = []
+    pulled = direction == "input" and pin.port != "clk"
+    pull = has.pop("PULLMODE", "not set")
+    if pulled and pull != "UP":
+        wrong.append(f"has no pull-up (PULLMODE {pull})")
+    if not pulled and pull not in OPEN:
+        wrong.append(f"is pulled (PULLMODE {pull})")
+    if family in STRENGTHS:
+        if (standard := has.pop("IO_TYPE", "not set")) != STANDARD:
+            wrong.append(f"is not {STANDARD} (IO_TYPE {standard})")
+        if direction == "output":
+            if (drive := has.pop("DRIVE", "not set")) not in STRENGTHS[family]:
+                wrong.append(f"has no strength of its part (DRIVE {drive})")
+            # Nothing on the card is faster than 115200 bit/s.
+            if (slew := has.pop("SLEWRATE", "not set")) != "SLOW":
+                wrong.append(f"has not the slow edges (SLEWRATE {slew})")
+    return wrong + [f"has {name}, which it cannot use" for name in has]
+
+
+def functions(entry: Board) -> dict[str, str]:
+    """What the pins of a MachXO can be besides inputs and outputs; empty for the other families."""
+    if entry.family != "machxo2":
+        return {}
+    device, package = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+\d+)[A-Z]", entry.part).groups()
+    if device.startswith("LCMXO3"):
+        return XO3_BG400
+    spec = importlib.util.find_spec("yowasp_nextpnr_machxo2")
+    if spec is None or spec.origin is None:
+        raise SourcesError("Python package yowasp_nextpnr_machxo2 is missing; run `make setup`")
+    folder = Path(spec.origin).parent / "share/trellis/database/MachXO2" / device
+    database = json.loads((folder / "iodb.json").read_text())
+    known = {
+        (cell["row"], cell["col"], cell["pio"]): cell["function"]
+        for cell in database["pio_metadata"]
+        if "function" in cell
+    }
+    sites = database["packages"][PACKAGES[package]]
+    return {
+        site: known[place]
+        for site, cell in sites.items()
+        if (place := (cell["row"], cell["col"], cell["pio"])) in known
+    }
+
+
+def misplaced(pins: list[Pin], known: dict[str, str]) -> list[str]:
+    """A clock that no clock network begins at, and ports on pins that the part is programmed by."""
+    wrong = [
+        f"clk is on {pin.site}, which is no clock pin (PCLKT)"
+        for pin in pins
+        if known and pin.port == "clk" and not CLOCK_PIN.search(known.get(pin.site, ""))
+    ]
+    return wrong + [
+        f"{pin.port} is on {pin.site}, which is {known[pin.site]} of the part's configuration"
+        for pin in pins
+        if known.get(pin.site) in CONFIGURATION
+    ]
+
+
+def wired(pin: Pin) -> str | None:
+    """What is at the other end, and where on the board if the pin file says so."""
+    name, _, number = pin.port.partition("[")
+    if name not in WIRED:
+        return None
+    return WIRED[name].format(n=number.rstrip("]")) + (f"; {pin.remark}" if pin.remark else "")
+
+
+def problems(entry: Board) -> list[str]:
+    """What does not fit together in one board's files; empty when all is well."""
+    text = entry.pin_file.read_text()
+    lpf = entry.pin_file.suffix == ".lpf"
+    wanted = ports(entry.wrapper)
+    pins = entry.pins()
+    placed = [pin.port for pin in pins]
+    wrong = [f"port {port} has no pin" for port in wanted if port not in placed]
+    wrong += [f"there is no port {port}" for port in sorted(set(placed) - set(wanted))]
+    wrong += [f"port {port} has two pins" for port in _twice(placed)]
+    wrong += [f"pin {site} is used twice" for site in _twice([pin.site for pin in pins])]
+    wrong += misplaced(pins, functions(entry))
+    wrong += [f"nobody says what {pin.port} is wired to" for pin in pins if wired(pin) is None]
+    if lpf:
+        buffers = [port for port, _ in LPF_BUFFER.findall(text)]
+        wrong += [f"port {port} has no IOBUF line" for port in wanted if port not in buffers]
+        wrong += [f"port {port} has two IOBUF lines" for port in _twice(buffers)]
+        wrong += [f"IOBUF line of {port}, which is no port" for port in sorted(set(buffers) - set(wanted))]
+    for pin in pins:
+        if pin.port in wanted:
+            wrong += [
+                f"{wanted[pin.port]} {pin.port} {line}"
+                for line in wrongly_set(pin, wanted[pin.port], entry.family)
+            ]
+
+    clocks = [round(float(mhz) * 1e6) for mhz in (LPF_CLOCK if lpf else PCF_CLOCK).findall(text)]
+    default = re.search(r"\bCLK_HZ = ([\d_]+)", entry.wrapper.read_text())
+    if clocks != [entry.clk_hz]:
+        wrong.append(f"the pin file asks for a clock of {clocks} Hz, boards.toml for {entry.clk_hz}")
+    if default is None or int(default[1]) != entry.clk_hz:
+        wrong.append(f"the wrapper's CLK_HZ is not the {entry.clk_hz} of boards.toml")
+    if entry.clk_hz < configurations()[entry.config]["clk_hz"]:
+        wrong.append(f"{entry.clk_hz} Hz are too slow for the configuration {entry.config}")
+
+    code = without_comments(entry.wrapper)
+    body = re.search(rf"\brtu2fc\s*#.*?\)\s*{CARD_INSTANCE}\s*\((.*?)\);", code, re.DOTALL)
+    joined = re.findall(r"\.(\w+)\(([^)]*)\)", body[1]) if body else []
+    card_ports = {port.split("[")[0] for port in ports(CARD)}
+    wrong += [
+        f"the card's port {port} is not connected"
+        for port in sorted(card_ports - {p for p, w in joined if w})
+    ]
+    return [f"{entry.name}: {line}" for line in wrong]
+
+
+# ---------------------------------------------------------------- docs/reference/pins.md
+
+
+def pin_row(entry: Board, pin: Pin, direction: str) -> str:
+    has = pin.attributes
+    standard = has.get("IO_TYPE", "LVCMOS, 3.3 V bank")
+    drive = (
+        "fixed"
+        if entry.family not in STRENGTHS
+        else f"{has.get('DRIVE')} mA, {has.get('SLEWRATE', '').lower()}"
+    )
+    cells = [
+        pin.site,
+        f"`{pin.port}`",
+        {"input": "in", "output": "out"}[direction],
+        standard,
+        {"UP": "up"}.get(has.get("PULLMODE", ""), "none"),
+        drive if direction == "output" else "",
+        wired(pin) or "",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def pin_tables() -> str:
+    text = """# Pins
+
+Written by `make pins` from the pin files in `constraints/`. *Pull* is inside the part; *drive* is
+strength and slope of an output, on iCE40 not to be chosen. What stands around the pins is in
+[hardware.md](../guide/hardware.md).
+"""
+    for entry in boards().values():
+        ways = ports(entry.wrapper)
+        text += f"\n## {entry.name}\n\n{entry.part}, `{entry.pin_file.relative_to(ROOT)}`.\n\n"
+        text += "| pin | port | way | standard | pull | drive | wired to |\n|---|---|---|---|---|---|---|\n"
+        text += "".join(pin_row(entry, pin, ways[pin.port]) + "\n" for pin in entry.pins())
+    return text
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    args = parser.parse_args()
+    wrong = [line for entry in boards().values() for line in problems(entry)]
+    if not wrong and not args.check:
+        DOCS.write_text(pin_tables())
+    elif not wrong and (not DOCS.exists() or DOCS.read_text() != pin_tables()):
+        wrong = [f"{DOCS.relative_to(ROOT)} is not what the pin files say; run `make pins`"]
+    for line in wrong:
+        print(line, file=sys.stderr)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

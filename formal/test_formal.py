@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The proofs of formal/ hold on the Verilog as it is, and fail on a module that is broken."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from formal import pins as formal_pins
+from formal import prove as formal
+from rtl.sources import ROOT
+
+MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
+RULES = {
+    "bcc": ["FC-1"],
+    "bus_arbiter": ["FRAME-5"],
+    "commit_gate": ["FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "SAFE-4"],
+    "crc16_modbus": ["FRAME-4"],
+    "drive_port": ["SAFE-1", "SAFE-2", "FC-8", "FC-10"],
+    "fc_rx": ["FC-1", "FC-2", "FC-7", "FC-8"],
+    "fc_tx": ["FC-1"],
+    "mailbox": ["SAFE-1", "SAFE-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-8"],
+    "mailbox_regs": ["FRAME-4", "FC-8"],
+    "network_port": ["SAFE-2", "FRAME-1", "FRAME-8", "LINE-6"],
+    "rs485_dir": ["LINE-6", "FC-10"],
+    "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],
+    "rtu_tx": ["FRAME-4", "SAFE-2"],
+    "silence_timer": ["FRAME-1", "FC-8"],
+    "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
+    "uart": ["LINE-1", "LINE-3", "LINE-5", "FRAME-4", "FC-1"],
+}
+
+
+def run(*arguments: str, **options) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "formal.prove", "--jobs", "1", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, **options)
+
+
+@pytest.mark.parametrize("module", [pytest.param(m, marks=pytest.mark.rule(*RULES[m])) for m in MODULES])
+def test_promises_hold(module: str) -> None:
+    done = run(module, "--task", "prove")
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.patient
+@pytest.mark.parametrize("module", MODULES)
+def test_what_promises_speak_of_can_happen(module: str) -> None:
+    done = run(module, "--task", "cover")
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
+    """A licence that a write to the telegram does not end (SAFE-1)."""
+    broken = tmp_path / "rtl/commit_gate.v"
+    broken.parent.mkdir()
+    text = (ROOT / "rtl/commit_gate.v").read_text()
+    licence = "    if (telegram_touched || closing) begin\n"
+    assert licence in text
+    broken.write_text(text.replace(licence, "    if (1'b0) begin\n"))
+    # In the tree's own build folder, for the tools see nothing outside of it.
+    monkeypatch.setattr(formal, "WORK", formal.WORK / "broken")
+    monkeypatch.setattr(formal, "source", lambda module: broken)
+    formal.join("commit_gate")
+    sby = (ROOT / "formal/commit_gate.sby").read_text()
+    script = ROOT / formal.WORK / "commit_gate.sby"
+    script.write_text(sby.replace("build/formal/joined", "build/formal/broken/joined"))
+    task = formal.tasks_of(ROOT / "formal/commit_gate.sby")[0]
+    formal.run(task, script)
+    assert not task.passed
+    assert any(name in task.said for name in ("a_licensed", "i_licensed", "i_queued"))
+
+
+def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
+    """What is said of a proof's assumptions with something more in its properties."""
+    monkeypatch.setattr(formal, "WORK", formal.WORK / "stuck")
+    formal.join(module)
+    joined = ROOT / formal.WORK / f"joined/{module}.v"
+    joined.write_text(joined.read_text().replace("\nendmodule\n", f"\n{more}\nendmodule\n"))
+    tasks = {task.name: task for task in formal.tasks_of(ROOT / f"formal/{module}.sby")}
+    return formal.look_at_pins(tasks[name])
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("", ""),
+        ("always @* assume (!tick16);", "what is assumed never lets tick16 = 1"),
+        ("always @* assume (two_stop == parity_enable);", "never lets parity_enable = 1\n"),
+        ("always @* assume (rx && !rx);", "never lets commit = 0\n"),
+        ("always @(posedge clk) if (g_past) assume (!rx_valid && !sending);", "never lets de = 1"),
+    ],
+)
+def test_an_assumption_that_says_too_much_is_found(more, said, monkeypatch) -> None:
+    """The proof would hold all the same."""
+    found = pins_of("network_port", "prove", more, monkeypatch)
+    assert said in found and bool(said) == bool(found)
+
+
+@pytest.mark.parametrize("said", ["", "what is assumed never lets rx = 1"])
+def test_a_proof_holds_only_with_its_twin(said, monkeypatch) -> None:
+    monkeypatch.setattr(formal, "sby", lambda *about: (True, ""))
+    monkeypatch.setattr(formal, "look_at_pins", lambda task: said)
+    proof, cover = formal.tasks_of(ROOT / "formal/commit_gate.sby")
+    formal.run(proof)
+    assert proof.passed == (not said) and proof.said == said
+    assert formal.run(cover).passed, "a cover assumes what its proof does"
+
+
+def test_what_a_proof_leaves_out_is_stated_and_true(monkeypatch, tmp_path) -> None:
+    assert not pins_of("silence_timer", "prove_drive", "", monkeypatch)
+    monkeypatch.setattr(formal_pins, "UNSEEN", tmp_path / "unseen.toml")
+    formal_pins.UNSEEN.write_text('[silence_timer]\nprove_drive = ["two_stop = 1", "busy = 1"]\n')
+    found = pins_of("silence_timer", "prove_drive", "", monkeypatch)
+    assert found.splitlines() == [
+        "what is assumed never lets half_uneven = 1",
+        "unseen.toml: but it can be: busy = 1",
+    ]
+
+
+def test_every_pin_is_looked_at() -> None:
+    for path in sorted((ROOT / "rtl").rglob("*.v")):
+        text = path.read_text()
+        header = text[text.index("\nmodule ") : text.index(");\n", text.index("\nmodule "))]
+        ports = re.findall(r"^\s*(?:input|output)\b", header, re.M)
+        clocked = bool(re.search(r"\binput\s+wire\s+clk\b", header))
+        assert len(formal_pins.values(text)) == 2 * (len(ports) - clocked), path.name
+
+
+def test_a_condition_that_is_not_followed_is_refused() -> None:
+    for text in ("`ifndef X\n`endif", "`endif", "`else"):
+        with pytest.raises(SystemExit, match="in a property file"):
+            formal.active(text, set())
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_one_failure_fails_the_run_and_leaves_the_page_alone(monkeypatch, tmp_path, sound) -> None:
+    def run_of(task: formal.Task) -> formal.Task:
+        task.passed = sound or (task.module, task.name) != ("uart", "cover_receive")
+        return task
+
+    page = tmp_path / "proofs.md"
+    page.write_text("as it was")
+    monkeypatch.setattr(formal, "DOCUMENT", page)
+    monkeypatch.setattr(formal, "run", run_of)
+    monkeypatch.setattr(formal, "join", lambda module: None)
+    assert formal.main(["--write"]) == (0 if sound else 1)
+    assert ("`uart` | cover_receive" in page.read_text()) == sound
+
+
+def test_a_proof_that_only_looks_some_steps_far_is_refused(tmp_path, monkeypatch) -> None:
+    sby = tmp_path / "bcc.sby"
+    sby.write_text((ROOT / "formal/bcc.sby").read_text().replace("prove: mode prove", "prove: mode bmc"))
+    monkeypatch.setattr(formal, "ROOT", tmp_path)
+    with pytest.raises(SystemExit, match="not in mode prove"):
+        formal.tasks_of(sby)
+
+
+def test_an_unknown_module_is_refused() -> None:
+    done = run("commit_gates")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "commit_gate," in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("| `bcc` | prove | 3 |", "| `bcc` | prove | 4 |"), ("(FC-1)", "(FC-2)")]
+)
+def test_a_page_of_other_promises_is_found(monkeypatch, tmp_path, before, after) -> None:
+    """Another depth, another word; not another time."""
+    tasks = [task for module in MODULES for task in formal.tasks_of(ROOT / f"formal/{module}.sby")]
+    assert not formal.drifted(tasks)
+    page = formal.DOCUMENT.read_text()
+    monkeypatch.setattr(formal, "DOCUMENT", tmp_path / "proofs.md")
+    formal.DOCUMENT.write_text(page.replace(" 2 s |", " 97 s |"))
+    assert not formal.drifted(tasks)
+    assert before in page
+    formal.DOCUMENT.write_text(page.replace(before, after))
+    assert formal.drifted(tasks)

@@ -1,0 +1,579 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Generates everything that is derived from regs/mailbox.rdl, regs/card.toml and configs.toml.
+
+    python -m regs.regs            writes the generated files
+    python -m regs.regs --check    exits 1 and names every file that differs from what would be written
+
+From the mailbox map: C header, linker symbols, Verilog constants, Python constants, Markdown page.
+From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+From the configurations: a file of Verilog macros each, the defaults of the top's parameters (TOP-2).
+"""
+
+import argparse
+import difflib
+import math
+import re
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+from peakrdl_cheader.c_standards import CStandard
+from peakrdl_cheader.exporter import CHeaderExporter
+from peakrdl_markdown import MarkdownExporter
+from systemrdl import RDLCompiler
+from systemrdl.node import FieldNode, RegNode
+
+ROOT = Path(__file__).resolve().parents[1]
+RDL = "regs/mailbox.rdl"
+CARD = "regs/card.toml"
+CONFIGS = "configs.toml"
+WORD_BYTES = 4
+# What silence_timer's count begins a half character with; the module says why.
+SILENCE_START = 18
+
+
+def banner(comment: str, source: str) -> str:
+    return (
+        f"{comment} SPDX-License-Identifier: Apache-2.0\n"
+        f"{comment} Generated from {source} by `make regs`; edit that file, not this one.\n"
+    )
+
+
+# ---------------------------------------------------------------- mailbox map
+
+
+class Map:
+    """The elaborated map: the registers, and what lies in the frame memory."""
+
+    def __init__(self) -> None:
+        compiler = RDLCompiler()
+        compiler.compile_file(str(ROOT / RDL))
+        self.card = compiler.elaborate("card").top
+        self.mailbox = self.card.get_child_by_name("MAILBOX")
+        memory = self.card.get_child_by_name("FRAMES")
+        self.frames_base = memory.absolute_address
+        self.frames_bytes = memory.size
+        self.frames = compiler.elaborate("frames").top
+
+    @property
+    def registers(self) -> list[RegNode]:
+        return list(self.mailbox.registers())
+
+    @property
+    def areas(self) -> list[RegNode]:
+        """Frames and counters, lane by lane."""
+        return [area for lane in self.frames.children() for area in lane.registers()]
+
+
+def area_length(area: RegNode) -> int:
+    """Elements of a frame, or 1."""
+    return area.array_dimensions[0] if area.is_array else 1
+
+
+def field_access(field: FieldNode) -> str:
+    return {(True, True): "rw", (True, False): "ro", (False, True): "wo"}[
+        (field.is_sw_readable, field.is_sw_writable)
+    ]
+
+
+def field_reset(field: FieldNode) -> int | None:
+    """The reset value, or None where there is none."""
+    reset = field.get_property("reset")
+    return reset if isinstance(reset, int) else None
+
+
+def c_header(registers: Map) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mailbox.h"
+        CHeaderExporter().export(
+            registers.card,
+            str(path),
+            std=CStandard.gnu99,
+            reuse_typedefs=False,
+            explode_top=True,
+            instantiate=True,
+        )
+        text = path.read_text()
+    # Every member lies at a multiple of its size, so the layout needs no packing; packed, the compiler
+    # must assume alignment 1 and would write every word byte by byte.
+    text = text.replace("struct __attribute__ ((__packed__))", "struct")
+    # The frame memory, which no struct can show: its lanes are interleaved.
+    lines = ["// Addresses in the frame memory; the bytes of a frame are FRAME_STRIDE apart."]
+    lines += [f"#define FRAMES_address 0x{registers.frames_base:08x}u"]
+    lines += [f"#define FRAMES_bytes {registers.frames_bytes}u", f"#define FRAME_STRIDE {WORD_BYTES}u"]
+    for area in registers.areas:
+        address = registers.frames_base + area.raw_absolute_address
+        lines.append(f"#define {area.inst_name}_address 0x{address:08x}u")
+    head, tail = text.split("#include <stdint.h>\n", 1)
+    text = f"{head}#include <stdint.h>\n\n" + "\n".join(lines) + "\n" + tail
+    return banner("//", RDL) + text.rstrip() + "\n"
+
+
+def linker_script(registers: Map) -> str:
+    return (
+        f"/* SPDX-License-Identifier: Apache-2.0 */\n"
+        f"/* Generated from {RDL} by `make regs`; edit that file, not this one. */\n"
+        f"FRAMES_BYTES = {registers.frames_bytes};\n"
+    )
+
+
+def markdown_page(registers: Map) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "registers.md"
+        MarkdownExporter().export(registers.mailbox, str(path), [RDL], "mailbox")
+        text = path.read_text()
+    text = re.sub(r"\A\s*<!-.*?-->\n", "", text, flags=re.DOTALL)
+    text = re.sub(r"</?p>", "", text)
+    text = re.sub(r"\n{3,}", "\n\n", text)
+    # The exporter would give every byte of a frame a chapter.
+    lines = ["## Frame memory", "", squeeze(registers.frames.get_property("desc")), ""]
+    lines += [
+        f"From 0x{registers.frames_base:08X} on. The bytes of a frame are {WORD_BYTES} bytes apart.",
+        "",
+    ]
+    for lane in registers.frames.children():
+        lines += [f"### {lane.get_property('name')}", "", "| Address | Bytes | Identifier | Content |"]
+        lines += ["|---|---|---|---|"]
+        for area in lane.registers():
+            address = registers.frames_base + area.raw_absolute_address
+            count = area_length(area) * area.size
+            about = f"{area.get_property('name')}. {squeeze(area.get_property('desc'))}"
+            lines.append(f"| 0x{address:08X} | {count} | {area.inst_name} | {about} |")
+        lines.append("")
+    comments = "".join(f"<!-- {line} -->\n" for line in banner("", RDL).strip().split("\n "))
+    return f"{comments}\n# Mailbox\n\n{text.strip()}\n\n" + "\n".join(lines).strip() + "\n"
+
+
+def squeeze(text: str) -> str:
+    """A description without its line ends."""
+    return " ".join(text.split())
+
+
+def verilog_constants(registers: Map) -> str:
+    lines = [
+        banner("//", RDL).rstrip(),
+        "//",
+        "// Macros, not an `include: the list of files alone must elaborate, in any folder.",
+        "// MBX_x_WORD: word address of register x inside the mailbox, 3 bits.",
+        "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
+        "// MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.",
+        "",
+    ]
+    for reg in registers.registers:
+        lines.append(f"`define MBX_{reg.inst_name}_WORD 3'h{reg.address_offset // WORD_BYTES:x}")
+        for field in reg.fields():
+            name = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
+            bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
+            lines.append(f"`define {name}_BITS {bits}")
+            lines.append(f"`define {name}_WIDTH {field.width}")
+            if (reset := field_reset(field)) is not None:
+                lines.append(f"`define {name}_RESET {field.width}'h{reset:x}")
+        lines.append("")
+    for area in registers.areas:
+        slot, lane = divmod(area.raw_absolute_address, WORD_BYTES)
+        lines.append(f"`define MBX_{area.inst_name}_SLOT 6'h{slot:02x}")
+        lines.append(f"`define MBX_{area.inst_name}_LANE {lane}")
+    return "\n".join(lines) + "\n"
+
+
+def python_constants(registers: Map) -> str:
+    lines = [
+        banner("#", RDL).rstrip(),
+        '"""The mailbox map: registers from BASE on, frames and counters from FRAMES on, in bytes."""',
+        "",
+        "from dataclasses import dataclass",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Field:",
+        '    """One field; reset is None where there is none."""',
+        "",
+        "    bit: int",
+        "    width: int",
+        "    access: str",
+        "    reset: int | None",
+        "",
+        "    def get(self, word: int) -> int:",
+        '        """The field\'s value inside a register word."""',
+        "        return (word >> self.bit) & ((1 << self.width) - 1)",
+        "",
+        "    def put(self, value: int) -> int:",
+        '        """A register word with this field set and all others 0."""',
+        "        assert 0 <= value < 1 << self.width",
+        "        return value << self.bit",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Register:",
+        '    """One register of `size` bytes."""',
+        "",
+        "    offset: int",
+        "    size: int",
+        "    fields: dict[str, Field]",
+        "",
+        "    def unpack(self, word: int) -> dict[str, int]:",
+        "        return {name: field.get(word) for name, field in self.fields.items()}",
+        "",
+        "    def pack(self, **values: int) -> int:",
+        "        return sum(self.fields[name].put(value) for name, value in values.items())",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Area:",
+        '    """A frame or a counter: element i has `size` bytes at `offset` + i * STRIDE from FRAMES."""',
+        "",
+        "    offset: int",
+        "    length: int",
+        "    size: int",
+        "",
+        "    def at(self, i: int) -> int:",
+        '        """Offset of element i."""',
+        "        assert 0 <= i < self.length",
+        "        return self.offset + i * STRIDE",
+        "",
+        "    @property",
+        "    def slot(self) -> int:",
+        "        return self.offset // STRIDE",
+        "",
+        "    @property",
+        "    def lane(self) -> int:",
+        "        return self.offset % STRIDE",
+        "",
+        "",
+        f"BASE = 0x{registers.mailbox.absolute_address:08X}",
+        f"FRAMES = 0x{registers.frames_base:08X}",
+        f"FRAMES_BYTES = {registers.frames_bytes}",
+        f"STRIDE = {WORD_BYTES}",
+        "",
+        "REGISTERS = {",
+    ]
+    for reg in registers.registers:
+        lines += [f'    "{reg.inst_name}": Register(', f"        0x{reg.address_offset:02X},"]
+        lines += [f"        {reg.size},", "        {"]
+        for field in reg.fields():
+            reset = field_reset(field)
+            reset_text = "None" if reset is None else f"0x{reset:X}"
+            lines.append(
+                f'            "{field.inst_name}": '
+                f'Field({field.low}, {field.width}, "{field_access(field)}", {reset_text}),'
+            )
+        lines += ["        },", "    ),"]
+    lines += ["}", "", "AREAS = {"]
+    for area in registers.areas:
+        size = area.get_property("regwidth") // 8
+        lines.append(
+            f'    "{area.inst_name}": Area(0x{area.raw_absolute_address:02X}, {area_length(area)}, {size}),'
+        )
+    lines.append("}")
+    return "\n".join(lines) + "\n"
+
+
+# ---------------------------------------------------------------- card tables
+
+
+class Card:
+    """card.toml, checked and with what follows from it."""
+
+    def __init__(self) -> None:
+        data = tomllib.loads((ROOT / CARD).read_text())
+        self.line = data["line"]
+        self.drive = data["drive"]
+        self.rates = {self.switch_bits(text, 3): rate for text, rate in data["baud"].items()}
+        self.formats = {self.switch_bits(text, 2): entry for text, entry in data["format"].items()}
+        if sorted(self.rates) != list(range(8)) or sorted(self.formats) != list(range(4)):
+            sys.exit(f"{CARD}: every switch pattern must be listed once")
+
+    @staticmethod
+    def switch_bits(text: str, width: int) -> int:
+        """'110' (first switch first) -> the number whose bit 0 is the first switch."""
+        if len(text) != width or set(text) - set("01"):
+            sys.exit(f"{CARD}: bad switch pattern {text!r}")
+        return int(text[::-1], 2)
+
+    def switch_text(self, bits: int, width: int) -> str:
+        return f"{bits:0{width}b}"[::-1]
+
+    def ratio(self, rate: int) -> int:
+        """Base ticks per oversampling tick; exact at every rate (LINE-4)."""
+        ratio, rest = divmod(self.line["base_hz"], self.line["ticks_per_bit"] * rate)
+        if rest:
+            sys.exit(f"{CARD}: {rate} bit/s does not divide the base of {self.line['base_hz']} Hz")
+        return ratio
+
+    def mask(self, rate: int) -> int:
+        """The bits of baud_divider's count that a ratio of 3 x a power of 2 needs; 0 for ratio 1 too."""
+        ratio = self.ratio(rate)
+        halvings, rest = divmod(ratio, 3)
+        if ratio != 1 and (rest or halvings.bit_count() != 1 or halvings > 128):
+            sys.exit(f"{CARD}: {rate} bit/s is neither the base nor 3 x a power of 2 up to 128 slower")
+        return max(halvings - 1, 0)
+
+    def exact_silence_ticks(self, rate: int, name: str) -> float:
+        """t15 or t35 in oversampling ticks (FRAME-1)."""
+        if rate > self.line["fast_above_baud"]:
+            return self.line[f"fast_{name}_us"] * rate * self.line["ticks_per_bit"] / 1e6
+        return self.line[f"{name}_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
+
+    def silence_ticks(self, rate: int, name: str) -> int:
+        """The same, rounded up to a whole tick."""
+        return math.ceil(self.exact_silence_ticks(rate, name))
+
+    def half_ticks(self, rate: int) -> tuple[int, bool]:
+        """A third of t1.5, a seventh of t3.5 in oversampling ticks: half a character, 250 us above 19200.
+
+        With True it is no whole number: rounded up, and every second one is a tick shorter.
+        """
+        exact = self.exact_silence_ticks(rate, "t15") / 3
+        if not math.isclose(exact, self.exact_silence_ticks(rate, "t35") / 7):
+            sys.exit(f"{CARD}: t1.5 and t3.5 are not 3 and 7 halves of the same length at {rate} bit/s")
+        return math.ceil(exact), not exact.is_integer()
+
+    @property
+    def drive_pause_ticks(self) -> int:
+        return self.drive["pause_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
+
+
+def card_constants(card: Card) -> str:
+    drive = card.drive
+    constants = {
+        "CARD_BASE_HZ": card.line["base_hz"],
+        "CARD_DRIVE_MASK": f"7'd{card.mask(drive['baud'])}",
+        "CARD_DRIVE_PAUSE_TICKS": f"12'd{card.drive_pause_ticks}",
+        "CARD_DRIVE_PARITY_ENABLE": f"1'b{int(drive['parity'] != 'none')}",
+        "CARD_DRIVE_PARITY_ODD": f"1'b{int(drive['parity'] == 'odd')}",
+        "CARD_DRIVE_TWO_STOP": f"1'b{int(drive['stop_bits'] == 2)}",
+        "CARD_SILENCE_START": f"9'd{SILENCE_START}",
+    }
+    lines = [
+        banner("//", CARD).rstrip(),
+        "//",
+        "// The fixed format of the drive line (FC-1, FC-8).",
+        "// Pause in ticks of 1/16 bit, mask of baud_divider. SILENCE_START: what the count of silence_timer",
+        "// begins a half character with; the ends in card_tables.v count from it.",
+        "",
+    ]
+    return "\n".join(lines + [f"`define {name} {value}" for name, value in constants.items()]) + "\n"
+
+
+def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict]) -> list[str]:
+    """An always block that looks all outputs up by `width` switch bits, complete over all patterns."""
+    lines = ["  always @* begin", f"    case ({select})"]
+    for bits, row in sorted(rows.items()):
+        label = "default" if bits == max(rows) else f"{width}'b{bits:0{width}b}"
+        lines.append(f"      {label}: begin")
+        for name, size in outputs.items():
+            lines.append(f"        {name} = {size}'{'b' if size == 1 else 'd'}{row[name]};")
+        lines.append("      end")
+    return [*lines, "    endcase", "  end"]
+
+
+def card_verilog(card: Card) -> str:
+    rates = {}
+    for bits, rate in card.rates.items():
+        half, uneven = card.half_ticks(rate)
+        rates[bits] = {
+            "baud_undivided": int(card.ratio(rate) == 1),
+            "baud_mask": card.mask(rate),
+            "half_end": SILENCE_START + half - 1,
+            "half_uneven": int(uneven),
+        }
+    formats = {
+        bits: {
+            "parity_enable": int(entry["parity"] != "none"),
+            "parity_odd": int(entry["parity"] == "odd"),
+            "two_stop": int(entry["stop_bits"] == 2),
+        }
+        for bits, entry in card.formats.items()
+    }
+    lines = [
+        banner("//", CARD).rstrip(),
+        "//",
+        "// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.",
+        "// How baud_divider makes the rate (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer",
+        "// counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.",
+        "",
+        "`default_nettype none",
+        "",
+        "module card_tables (",
+        "    input  wire [ 5:1] sw_baud,",
+        "    output reg         baud_undivided,",
+        "    output reg  [ 6:0] baud_mask,",
+        "    output reg  [ 8:0] half_end,",
+        "    output reg         half_uneven,",
+        "    output reg         parity_enable,",
+        "    output reg         parity_odd,",
+        "    output reg         two_stop",
+        ");",
+        "",
+        *verilog_case(
+            "sw_baud[3:1]", 3, {"baud_undivided": 1, "baud_mask": 7, "half_end": 9, "half_uneven": 1}, rates
+        ),
+        "",
+        *verilog_case("sw_baud[5:4]", 2, {"parity_enable": 1, "parity_odd": 1, "two_stop": 1}, formats),
+        "",
+        "endmodule",
+        "",
+        "`default_nettype wire",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def card_python(card: Card) -> str:
+    lines = [
+        banner("#", CARD).rstrip(),
+        '"""Rates, formats, silences by switches, first switch first, 1 = ON (LINE-2, LINE-3, FRAME-1)."""',
+        "",
+        "from dataclasses import dataclass",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Rate:",
+        '    """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.',
+        "",
+        "    mask: how baud_divider makes the ratio, if it is not 1.",
+        "    half_ticks: half a character of FRAME-1.",
+        "    half_uneven: every second half, from the second on, is a tick shorter.",
+        '    """',
+        "",
+        "    baud: int",
+        "    ratio: int",
+        "    mask: int",
+        "    t15_ticks: int",
+        "    t35_ticks: int",
+        "    half_ticks: int",
+        "    half_uneven: bool",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Format:",
+        "    parity: str",
+        "    stop_bits: int",
+        "",
+        "",
+        f"BASE_HZ = {card.line['base_hz']}",
+        f"TICKS_PER_BIT = {card.line['ticks_per_bit']}",
+        f"CHARACTER_BITS = {card.line['character_bits']}",
+        f"DRIVE_BAUD = {card.drive['baud']}",
+        f'DRIVE_FORMAT = Format("{card.drive["parity"]}", {card.drive["stop_bits"]})',
+        f"DRIVE_PAUSE_TICKS = {card.drive_pause_ticks}",
+        f"SILENCE_START = {SILENCE_START}",
+        "",
+        "# switches 1, 2, 3",
+        "RATES = {",
+    ]
+    for bits, rate in sorted(card.rates.items(), key=lambda item: item[1]):
+        t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
+        row = rate, card.ratio(rate), card.mask(rate), t15, t35, *card.half_ticks(rate)
+        lines.append(f'    "{card.switch_text(bits, 3)}": Rate({", ".join(map(str, row))}),')
+    lines += ["}", "", "# switches 4, 5", "FORMATS = {"]
+    for bits, entry in sorted(card.formats.items()):
+        lines.append(f'    "{card.switch_text(bits, 2)}": Format("{entry["parity"]}", {entry["stop_bits"]}),')
+    lines.append("}")
+    return "\n".join(lines) + "\n"
+
+
+def card_cpp(card: Card) -> str:
+    letters = {"none": "N", "odd": "O", "even": "E"}
+    lines = [
+        banner("//", CARD).rstrip(),
+        "//",
+        "// Rate, silences and format of the network line by switch bits, first switch = bit 0 (LINE-2,",
+        "// LINE-3, FRAME-1), and of the drive line (FC-1, FC-8).",
+        "",
+        "#ifndef CARD_TABLES_H",
+        "#define CARD_TABLES_H",
+        "",
+        "namespace card_tables {",
+        "",
+        "struct Rate {",
+        "  int baud;       // bit/s",
+        "  int t15_ticks;  // silences in ticks of 1/kTicksPerBit bit",
+        "  int t35_ticks;",
+        "};",
+        "",
+        "struct Format {",
+        "  char parity;    // 'N', 'O' or 'E'",
+        "  int stop_bits;  // stop bits that are sent",
+        "};",
+        "",
+        f"constexpr int kTicksPerBit = {card.line['ticks_per_bit']};",
+        f"constexpr int kCharacterBits = {card.line['character_bits']};",
+        f"constexpr int kDriveBaud = {card.drive['baud']};  // bit/s",
+        f"constexpr int kDrivePauseTicks = {card.drive_pause_ticks};",
+        f"constexpr Format kDriveFormat = {{'{letters[card.drive['parity']]}', {card.drive['stop_bits']}}};",
+        "",
+        "// index: switches 1, 2, 3",
+        "constexpr Rate kRate[8] = {",
+    ]
+    for _, rate in sorted(card.rates.items()):
+        t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
+        lines.append(f"    {{{rate}, {t15}, {t35}}},")
+    lines += ["};", "", "// index: switches 4, 5", "constexpr Format kFormat[4] = {"]
+    for bits in range(4):
+        entry = card.formats[bits]
+        lines.append(f"    {{'{letters[entry['parity']]}', {entry['stop_bits']}}},")
+    lines += ["};", "", "}  // namespace card_tables", "", "#endif"]
+    return "\n".join(lines) + "\n"
+
+
+# ---------------------------------------------------------------- configurations
+
+
+def config_macros(name: str, entry: dict) -> str:
+    lines = [
+        banner("//", CONFIGS).rstrip(),
+        "//",
+        f"// Configuration {name}: defaults of the top's parameters. Clock in Hz, memory in bytes.",
+        "",
+        f"`define CONFIG_CLK_HZ {entry['clk_hz']}",
+        f"`define CONFIG_SOFT_CORE 2'd{entry['soft_core_id']}  // {entry['soft_core']}",
+        f"`define CONFIG_MEMORY_BYTES {entry['memory_bytes']}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def generate() -> dict[str, str]:
+    """Path (from the repository's root) -> text of every generated file."""
+    registers = Map()
+    card = Card()
+    configs = tomllib.loads((ROOT / CONFIGS).read_text())
+    return {
+        "regs/generated/mailbox.h": c_header(registers),
+        "regs/generated/frames.ld": linker_script(registers),
+        "regs/generated/mailbox_defs.v": verilog_constants(registers),
+        "regs/generated/mailbox.py": python_constants(registers),
+        "docs/reference/registers.md": markdown_page(registers),
+        "regs/generated/card_defs.v": card_constants(card),
+        "regs/generated/card_tables.v": card_verilog(card),
+        "regs/generated/card_tables.py": card_python(card),
+        "regs/generated/card_tables.h": card_cpp(card),
+    } | {f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
+    check = parser.parse_args().check
+    drifted = 0
+    for name, text in generate().items():
+        path = ROOT / name
+        old = path.read_text() if path.exists() else ""
+        if old == text:
+            continue
+        if check:
+            drifted += 1
+            print(f"{name} differs from its source; run `make regs`", file=sys.stderr)
+            diff = difflib.unified_diff(
+                old.splitlines(), text.splitlines(), "now", "generated", lineterm="", n=0
+            )
+            print("\n".join(list(diff)[:20]), file=sys.stderr)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+            print(f"wrote {name}")
+    return 1 if drifted else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The register map and the card tables: one source each, and everything derived from them agrees."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from regs import regs
+from regs.generated import card_tables, mailbox
+from tb.lib.runner import ROOT
+
+COMPILER = "riscv64-unknown-elf-gcc"
+
+
+@pytest.fixture(scope="module")
+def the_map() -> regs.Map:
+    return regs.Map()
+
+
+@pytest.fixture(scope="module")
+def c_values(tmp_path_factory, the_map) -> dict[str, int]:
+    """What the firmware's compiler makes of the header: offsets of registers, addresses of frames."""
+    folder = tmp_path_factory.mktemp("header")
+    values = {reg.inst_name: f"offsetof(MAILBOX_t, {reg.inst_name})" for reg in the_map.registers}
+    values |= {area.inst_name: f"{area.inst_name}_address" for area in the_map.areas}
+    # One more each, for a zero alone makes another directive of the assembler.
+    lines = ["#include <stddef.h>", '#include "mailbox.h"', "const unsigned values[] = {"]
+    lines += [f"  1 + {value}," for value in values.values()]
+    source = folder / "values.c"
+    source.write_text("\n".join([*lines, "};"]))
+    command = [COMPILER, "-march=rv32i", "-mabi=ilp32", "-std=c99", "-Wall", "-Wextra", "-Werror"]
+    command += ["-ffreestanding", "-I", str(ROOT / "regs/generated"), "-S", "-o", "-", str(source)]
+    assembly = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    words = [
+        int(word) - 1 & 0xFFFF_FFFF for word in re.findall(r"^\s+\.word\s+(-?\d+)", assembly, re.MULTILINE)
+    ]
+    return dict(zip(values, words, strict=True))
+
+
+def verilog_macros(name: str) -> dict[str, str]:
+    text = (ROOT / "regs/generated" / name).read_text()
+    return dict(re.findall(r"^`define (\w+) (\S+)$", text, re.MULTILINE))
+
+
+def verilog_value(literal: str) -> int:
+    """12'd352 -> 352, 9'h00a -> 10, 16 -> 16."""
+    _, quote, rest = literal.partition("'")
+    return int(rest[1:], {"h": 16, "d": 10, "b": 2}[rest[0]]) if quote else int(literal)
+
+
+def test_nothing_has_drifted():
+    for name, text in regs.generate().items():
+        assert (ROOT / name).read_text() == text, f"{name} differs; run `make regs`"
+
+
+def test_drift_is_noticed(tmp_path):
+    """The check itself can fail: a copy with one digit changed is refused and named."""
+    for folder in ("regs", "docs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "configs.toml", tmp_path)
+    target = tmp_path / "regs/generated/card_defs.v"
+    target.write_text(target.read_text().replace("12'd352", "12'd353"))
+    done = subprocess.run(
+        [sys.executable, tmp_path / "regs/regs.py", "--check"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "regs/generated/card_defs.v differs" in done.stderr
+
+
+def test_every_register_is_everywhere(the_map, c_values):
+    """Name and place of every register in C, Verilog, Python and Markdown."""
+    macros = verilog_macros("mailbox_defs.v")
+    page = (ROOT / "docs/reference/registers.md").read_text()
+    for reg in the_map.registers:
+        name, offset = reg.inst_name, reg.address_offset
+        assert c_values[name] == offset
+        assert f"{name} " in page
+        assert verilog_value(macros[f"MBX_{name}_WORD"]) == offset // 4
+        assert (mailbox.REGISTERS[name].offset, mailbox.REGISTERS[name].size) == (offset, reg.size)
+
+
+def test_every_frame_and_counter_is_everywhere(the_map, c_values):
+    macros = verilog_macros("mailbox_defs.v")
+    page = (ROOT / "docs/reference/registers.md").read_text()
+    for area in the_map.areas:
+        name, offset = area.inst_name, area.raw_absolute_address
+        assert c_values[name] == the_map.frames_base + offset
+        assert f"| 0x{c_values[name]:08X} | {regs.area_length(area) * area.size} | {name} |" in page
+        slot, lane = (verilog_value(macros[f"MBX_{name}_{part}"]) for part in ("SLOT", "LANE"))
+        assert 4 * slot + lane == mailbox.AREAS[name].offset == offset
+        assert mailbox.AREAS[name].length == regs.area_length(area)
+
+
+def test_no_two_frames_share_bytes():
+    taken = [
+        area.at(i) + n
+        for area in mailbox.AREAS.values()
+        for i in range(area.length)
+        for n in range(area.size)
+    ]
+    assert len(taken) == len(set(taken))
+    assert max(taken) < mailbox.FRAMES_BYTES
+
+
+def test_what_hardware_takes_for_granted_of_the_frames():
+    """Banks that a bit apart tells, one lane for a port's two banks and one for what both ports send."""
+    areas = mailbox.AREAS
+    first, second = areas["REQUEST_FRAME_0"], areas["REQUEST_FRAME_1"]
+    assert (first.slot, second.slot, first.lane) == (0, 32, second.lane)
+    sent = {areas["REPLY_FRAME"].lane, areas["TELEGRAM_FRAME"].lane}
+    assert sent == {0} and first.lane == 1 and areas["DRIVE_FRAME"].lane == areas["DRIVE_LGE"].lane == 2
+    assert all(areas[f"{name}_FRAME"].slot % 32 == 0 for name in ("REPLY", "TELEGRAM", "DRIVE"))
+
+
+def test_counters_stand_in_the_order_of_the_events():
+    """The firmware walks along both."""
+    counters = [area.offset for name, area in mailbox.AREAS.items() if name.startswith("COUNT_")]
+    assert counters == list(range(counters[0], counters[0] + 4 * len(counters), 4))
+    events = sorted(mailbox.REGISTERS["EVENTS"].fields.items(), key=lambda item: item[1].bit)
+    assert [about.bit for _, about in events] == list(range(7))
+    for name, about in events:
+        assert mailbox.AREAS[f"COUNT_{name.upper()}"].offset == counters[about.bit]
+
+
+def test_every_field_is_everywhere(the_map):
+    """Bits, reset value and access of every field in C, Verilog and Python; name in Markdown."""
+    macros = verilog_macros("mailbox_defs.v")
+    header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "regs/generated/mailbox.h").read_text(), re.M))
+    page = (ROOT / "docs/reference/registers.md").read_text()
+    fields = [(reg, field) for reg in the_map.registers for field in reg.fields()]
+    assert len(fields) > 25
+    for reg, field in fields:
+        verilog = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
+        c = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
+        bits = f"{field.high}:{field.low}" if field.width > 1 else str(field.low)
+        mask = ((1 << field.width) - 1) << field.low
+        python = mailbox.REGISTERS[reg.inst_name].fields[field.inst_name]
+        assert macros[f"{verilog}_BITS"] == bits
+        assert int(header[f"{c}_bm"], 16) == mask
+        assert python.put((1 << field.width) - 1) == mask
+        assert python.access == regs.field_access(field)
+        assert re.search(rf"\|\s*{bits}\s*\|\s*{field.inst_name}\s*\|", page)
+        reset = regs.field_reset(field)
+        assert python.reset == reset
+        if reset is not None:
+            assert verilog_value(macros[f"{verilog}_RESET"]) == reset
+            assert int(header[f"{c}_reset"], 16) == reset
+
+
+def test_no_two_share_bits(the_map):
+    for reg in the_map.registers:
+        taken = [bit for field in reg.fields() for bit in range(field.low, field.high + 1)]
+        assert len(taken) == len(set(taken))
+        assert max(taken) < 12, "only the lowest bits of a register exist"
+
+
+def test_the_map_ends_with_the_address_space():
+    """Both in reach of one instruction, and on different sides of address bit 10."""
+    assert mailbox.BASE == 0xFFFF_F800
+    assert mailbox.FRAMES + mailbox.FRAMES_BYTES == 1 << 32
+    assert all(register.offset < 32 for register in mailbox.REGISTERS.values())
+
+
+@pytest.mark.rule("LINE-2", "LINE-4")
+def test_rates_of_the_manual_and_exact_division():
+    """The rates of LINE-2 by switch pattern; each divides the base without a rest (LINE-4)."""
+    rates = {pattern: rate.baud for pattern, rate in card_tables.RATES.items()}
+    manual = {"000": 300, "001": 1200, "010": 2400, "011": 4800, "111": 9600, "101": 19200}
+    assert rates == manual | {"100": 38400, "110": 115200}
+    for rate in card_tables.RATES.values():
+        assert rate.ratio * rate.baud * card_tables.TICKS_PER_BIT == card_tables.BASE_HZ
+        assert rate.ratio in (1, 3 * (rate.mask + 1))
+        assert rate.mask < 1 << 7
+
+
+@pytest.mark.rule("LINE-3")
+def test_formats_of_the_manual():
+    formats = {pattern: (entry.parity, entry.stop_bits) for pattern, entry in card_tables.FORMATS.items()}
+    assert formats == {"11": ("none", 2), "01": ("odd", 1), "00": ("even", 1), "10": ("none", 1)}
+
+
+@pytest.mark.rule("FRAME-1")
+def test_silences_within_a_quarter_bit():
+    """11-bit characters up to 19200 bit/s, 750 and 1750 microseconds above; never too short."""
+    for rate in card_tables.RATES.values():
+        bit = 1 / rate.baud
+        t15, t35 = (750e-6, 1750e-6) if rate.baud > 19200 else (16.5 * bit, 38.5 * bit)
+        for ticks, wanted in ((rate.t15_ticks, t15), (rate.t35_ticks, t35)):
+            assert 0 <= ticks * bit / 16 - wanted <= bit / 4 + 1e-12
+            assert ticks < 1 << 12
+
+
+@pytest.mark.rule("FRAME-1")
+def test_three_and_seven_half_characters_are_the_silences():
+    """Within 2 ticks of 1/16 bit, half of what the rule allows."""
+    for rate in card_tables.RATES.values():
+        for halves, limit_us, bits in ((3, 750, 16.5), (7, 1750, 38.5)):
+            exact = limit_us * rate.baud * 16 / 1e6 if rate.baud > 19200 else 16 * bits
+            ticks = halves * rate.half_ticks - rate.half_uneven * (halves // 2)
+            assert abs(ticks - exact) <= 2, f"{rate.baud} bit/s"
+
+
+@pytest.mark.rule("FC-1", "FC-8")
+def test_drive_line_constants():
+    macros = verilog_macros("card_defs.v")
+    values = {name: verilog_value(text) for name, text in macros.items()}
+    assert values["CARD_BASE_HZ"] == 16 * 9600 * 3 * (values["CARD_DRIVE_MASK"] + 1)
+    assert values["CARD_DRIVE_PAUSE_TICKS"] == 22 * 16
+    assert (values["CARD_DRIVE_PARITY_ENABLE"], values["CARD_DRIVE_PARITY_ODD"]) == (1, 0)
+    assert values["CARD_DRIVE_TWO_STOP"] == 0
+
+
+def test_cpp_tables_agree():
+    text = (ROOT / "regs/generated/card_tables.h").read_text()
+    rates = re.findall(r"^ +\{(\d+), (\d+), (\d+)\},", text, re.MULTILINE)
+    wanted = [card_tables.RATES[f"{bits:03b}"[::-1]] for bits in range(8)]
+    assert rates == [(str(rate.baud), str(rate.t15_ticks), str(rate.t35_ticks)) for rate in wanted]
+    constants = {name: int(value) for name, value in re.findall(r"constexpr int (\w+) = (\d+);", text)}
+    assert constants == {
+        "kTicksPerBit": card_tables.TICKS_PER_BIT,
+        "kCharacterBits": card_tables.CHARACTER_BITS,
+        "kDriveBaud": card_tables.DRIVE_BAUD,
+        "kDrivePauseTicks": card_tables.DRIVE_PAUSE_TICKS,
+    }
+    formats = re.findall(r"^ +\{'([NOE])', (\d)\},", text, re.MULTILINE)
+    wanted = [card_tables.FORMATS[f"{bits:02b}"[::-1]] for bits in range(4)]
+    assert formats == [(entry.parity[0].upper(), str(entry.stop_bits)) for entry in wanted]

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Examples 1 to 6 of the option card manual, asked of the virtual card by Modbus masters that are not ours.
+
+    python -m sim.card.demo            exit 0: all passed, 1: something failed, 2: something is missing
+
+pymodbus runs every example; mbpoll then reads and writes one parameter. The simulated drive stands in the
+state of the manual's examples, so that every reply is the one printed there. The bytes of both lines come
+from the card's own log and are compared with tb/model/examples.json. Turnaround: from the last stop bit of
+the request to the first start bit of the reply, in simulated ms.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shutil
+import sys
+import tempfile
+import textwrap
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim.card.masters import Asked, Pymodbus, ask_mbpoll
+from sim.card.run_card import ROOT, CardError, Frame, RunningCard
+
+EXAMPLES = ROOT / "tb/model/examples.json"
+FROM_MANUAL = re.compile(r"(manual p\d+) example (\d+)")
+WIDTH = 100
+LABEL = 15
+END_TEXT_ACCESS = bytes.fromhex("01 06 00 00 00 00 89 CA")  # register 40001 (IND) = 0
+
+
+@dataclass(frozen=True)
+class Example:
+    title: str
+    request: bytes
+    reply: bytes
+    drive: list[tuple[bytes, bytes]]  # telegram, reply
+
+
+@dataclass(frozen=True)
+class Result:
+    title: str
+    master: str
+    passed: bool
+    turnaround_ms: float | None
+
+
+def spaced(data: bytes) -> str:
+    return data.hex(" ").upper()
+
+
+def manual_examples() -> dict[str, Example]:
+    """The manual's numbered examples by id, in its order."""
+    found = {}
+    for entry in json.loads(EXAMPLES.read_text()):
+        match = FROM_MANUAL.search(entry["source"])
+        if match is None:
+            continue
+        found[entry["id"]] = Example(
+            f"Example {match[2]} ({match[1]}): {entry['what']}",
+            bytes.fromhex(entry["request"]),
+            bytes.fromhex(entry["reply"]),
+            [(bytes.fromhex(d["telegram"]), bytes.fromhex(d["reply"])) for d in entry["drive"]],
+        )
+    return found
+
+
+# ---------------------------------------------------------------- what went over the wires
+def show(label: str, text: str) -> None:
+    for row in textwrap.wrap(text, WIDTH - LABEL - 2) or [""]:
+        print(f"  {label:<{LABEL}}{row}")
+        label = ""
+
+
+def show_frame(label: str, frame: Frame | None) -> None:
+    show(label, spaced(frame.data) if frame else "-")
+    if frame:
+        show("", frame.what if frame.ok else f"BAD: {frame.what}")
+
+
+def differences(example: Example, frames: list[Frame], asked: Asked) -> Iterator[str]:
+    """Everything that is not as the manual has it, in words."""
+
+    def seen(line: str, sender: str) -> list[bytes]:
+        return [f.data for f in frames if (f.line, f.sender) == (line, sender)]
+
+    expected = {
+        ("request", "modbus", "master"): [example.request],
+        ("FC telegram", "drive", "card"): [telegram for telegram, _ in example.drive],
+        ("drive's reply", "drive", "drive"): [reply for _, reply in example.drive],
+        ("Modbus reply", "modbus", "card"): [example.reply],
+    }
+    for (what, line, sender), wanted in expected.items():
+        got = seen(line, sender)
+        if got != wanted:
+            yield f"{what}: expected {', '.join(map(spaced, wanted)) or 'none'}"
+    if not asked.accepted:
+        yield f"the master says: {asked.answer}"
+
+
+def run_example(card: RunningCard, example: Example, ask: Callable[[], Asked]) -> Result:
+    """Asks, prints everything, says whether all bytes are as expected."""
+    before = len(card.frames())
+    asked = ask()
+    frames = card.wait_for_frames(before, "modbus", "card")
+
+    def first(line: str, sender: str) -> Frame | None:
+        return next((f for f in frames if (f.line, f.sender) == (line, sender)), None)
+
+    request, reply = first("modbus", "master"), first("modbus", "card")
+    print(example.title)
+    show("asked by", asked.call)
+    show_frame("request", request)
+    show_frame("FC telegram", first("drive", "card"))
+    show_frame("drive's reply", first("drive", "drive"))
+    show_frame("Modbus reply", reply)
+    show("expected", spaced(example.reply))
+    show("master got", asked.answer)
+    wrong = list(differences(example, frames, asked))
+    turnaround = (reply.start - request.end) * 1000 if request and reply else None
+    show("turnaround", f"{turnaround:.2f} ms simulated" if turnaround else "no reply")
+    show("verdict", "FAILED" if wrong else "passed")
+    for line in wrong:
+        show("", line)
+    print()
+    return Result(example.title, asked.call.split()[0], not wrong, turnaround)
+
+
+def summary(results: list[Result]) -> None:
+    for result in results:
+        verdict = "passed" if result.passed else "FAILED"
+        turnaround = f"{result.turnaround_ms:6.2f} ms" if result.turnaround_ms else "        -"
+        print(f"  {verdict}  {turnaround}  {result.master:<8}  {result.title}")
+    passed = sum(result.passed for result in results)
+    print(f"{passed} passed, {len(results) - passed} failed")
+
+
+def demo(folder: Path) -> int:
+    examples = manual_examples()
+    if not examples:
+        raise CardError(f"no example of the manual in {EXAMPLES.relative_to(ROOT)}")
+    results = []
+    with RunningCard(folder, "--drive", "example", "--quiet") as card:
+        master = Pymodbus(card.link)
+        for example in examples.values():
+            results.append(run_example(card, example, lambda example=example: master.ask(example.request)))
+        before = len(card.frames())
+        master.ask(END_TEXT_ACCESS)  # example 6 leaves the card in text access
+        card.wait_for_frames(before, "modbus", "card")  # so that it is not taken for the next one's
+        master.close()
+        link = card.link
+        by_mbpoll = {
+            "ex5-read-514": lambda: ask_mbpoll(link, 5140, count=2),
+            "ex4-write-104": lambda: ask_mbpoll(link, 1040, values=(60,)),
+        }
+        for name, ask in by_mbpoll.items():
+            results.append(run_example(card, examples[name], ask))
+        code = card.stop()
+    if code != 0:
+        raise CardError(f"build/card ended with code {code}")
+    summary(results)
+    return 0 if all(result.passed for result in results) else 1
+
+
+def main() -> int:
+    if shutil.which("mbpoll") is None:
+        raise CardError("mbpoll is missing: run `make setup`")
+    if importlib.util.find_spec("pymodbus") is None:
+        raise CardError("pymodbus is missing: run `make setup` and use .venv/bin/python")
+    with tempfile.TemporaryDirectory() as folder:
+        return demo(Path(folder))
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (CardError, ConnectionError) as error:
+        print(f"demo: {error}", file=sys.stderr)
+        sys.exit(2)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the virtual card build/card for scripts and tests, and reads its log while it runs.
+
+Times in the log are simulated seconds (s) since the release of the card's reset.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CARD = ROOT / os.environ.get("VIRTUAL_CARD", "build/card")
+START_S = 30.0  # wall time for build/card to say it is ready, on a busy machine
+ANSWERS = ("ok", "error: ", "{", "trip ")  # of --control; nothing else that it prints begins like one
+FRAME_S = 10.0  # wall time to wait for a frame
+
+
+class CardError(Exception):
+    """One line that tells the user what is wrong."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame of the log; `start` and `end` in simulated seconds."""
+
+    start: float
+    end: float
+    line: str
+    sender: str
+    data: bytes
+    ok: bool
+    what: str
+
+
+class RunningCard:
+    """build/card as a process; use with `with`. `options` go to its command line, as they are."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        if not CARD.exists():
+            raise CardError("build/card is missing: run `make card`")
+        self.link = folder / "modbus"
+        self.log = folder / "card.jsonl"
+        self.output: list[str] = []
+        self.process = subprocess.Popen(
+            [CARD, "--modbus", self.link, "--log", self.log, *options],
+            stdin=subprocess.PIPE if "--control" in options else None,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._answers: queue.Queue[str] = queue.Queue()
+        self._is_ready = threading.Event()
+        self._reader = threading.Thread(target=self._read_output, daemon=True)
+        self._reader.start()
+        if not self._is_ready.wait(START_S) or self.ready_line is None:
+            self.stop()
+            raise CardError(f"build/card does not get ready: {' '.join(self.output) or 'it prints nothing'}")
+
+    @property
+    def ready_line(self) -> str | None:
+        return next((line for line in self.output if line.startswith("ready ")), None)
+
+    def _read_output(self) -> None:
+        for line in self.process.stdout:
+            if line.startswith(ANSWERS):
+                self._answers.put(line.rstrip("\n"))
+                continue
+            self.output.append(line.rstrip("\n"))
+            if line.startswith("ready "):
+                self._is_ready.set()
+        self._is_ready.set()
+
+    def command(self, text: str) -> str:
+        """The card's answer to a command, of one line; it must have been started with --control."""
+        self.process.stdin.write(f"{text}\n")
+        self.process.stdin.flush()
+        try:
+            return self._answers.get(timeout=FRAME_S)
+        except queue.Empty:
+            raise CardError(f"no answer to '{text}'") from None
+
+    def state(self) -> dict:
+        return json.loads(self.command("state"))
+
+    def __enter__(self) -> RunningCard:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self, how: signal.Signals = signal.SIGINT) -> int:
+        """Ends the card and returns its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(how)
+        return self.wait()
+
+    def wait(self, seconds: float = START_S) -> int:
+        """Exit code of a card that ends by itself."""
+        try:
+            code = self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise CardError("build/card does not end") from None
+        self._reader.join(seconds)
+        return code
+
+    def entries(self) -> list[dict]:
+        """Complete lines of the log so far."""
+        text = self.log.read_text()
+        return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+
+    def frames(self) -> list[Frame]:
+        return [
+            Frame(e["t"], e["end"], e["line"], e["from"], bytes.fromhex(e["bytes"]), e["ok"], e["what"])
+            for e in self.entries()
+            if "line" in e
+        ]
+
+    def wait_for_frames(self, after: int, line: str, sender: str, seconds: float = FRAME_S) -> list[Frame]:
+        """Frames from number `after` on, once one of `sender` on `line` is among them, or after `seconds`."""
+        end = time.monotonic() + seconds
+        while True:
+            frames = self.frames()[after:]
+            if any(f.line == line and f.sender == sender for f in frames) or time.monotonic() > end:
+                return frames
+            time.sleep(0.005)

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands to the running virtual card (--control), and what they do to its lines, its drive and itself."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from sim.card.run_card import CARD, Frame, RunningCard
+from sim.card.test_virtual_card import READ_CONTROL, RawPort, of, request_of
+from tb.model.crc16 import with_crc
+
+READ_514 = request_of("ex5-read-514")
+REPLY_514_BYTES = 9
+CONTROL_BYTES = 9
+SILENCE_S = 0.4  # wall time
+TRIPPED = 0x0008
+LINE_8N2 = "111110000"
+
+
+@pytest.fixture
+def card(tmp_path):
+    with RunningCard(tmp_path, "--quiet", "--control") as running:
+        yield running
+
+
+@pytest.fixture
+def master(card):
+    with RawPort(card.link) as port:
+        yield port
+
+
+def all_frames(card: RunningCard) -> list[Frame]:
+    """Of a card that is over: while the LEDs show the power-up the log may be a second late."""
+    assert card.stop() == 0
+    return card.frames()
+
+
+def answered(master: RawPort, request: bytes = READ_CONTROL, count: int = CONTROL_BYTES) -> bool:
+    master.write(request)
+    return len(master.read(count, SILENCE_S)) == count
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("", "no command"),
+        ("tripp", "unknown command 'tripp'"),
+        ("trip 0", "from 1 to 99"),
+        ("trip 13 14", "takes no '14'"),
+        ("trip soon", "not 'soon'"),
+        ("cut modbus", "needs more"),
+        ("cut both on", "modbus or drive, not 'both'"),
+        ("cut drive maybe", "on or off"),
+        ("noise modbus 1001", "from 0 to 1000"),
+        ("noise modbus nan", "from 0 to 1000"),
+        ("baud modbus -21", "from -20 to 20"),
+        ("switches 11111 10000000", "9 digits"),
+        ("switches 111110000 2", "8 digits"),
+        ("power-cycle now", "takes no 'now'"),
+    ],
+)
+def test_wrong_command_is_one_line_and_changes_nothing(card, command, says):
+    before = card.state()
+    answer = card.command(command)
+    assert answer.startswith("error: ") and says in answer
+    after = card.state()
+    assert {**after, "state": 0, "modbus": 0, "drive": 0} == {**before, "state": 0, "modbus": 0, "drive": 0}
+    for line in ("modbus", "drive"):
+        assert {**after[line], "led": ""} == {**before[line], "led": ""}
+
+
+def test_help_names_every_command(card):
+    listed = card.command("help")
+    for name in ("trip", "cut", "noise", "baud", "switches", "power-cycle", "state"):
+        assert name in listed
+
+
+def test_the_end_of_the_input_ends_the_card(card):
+    card.process.stdin.close()
+    assert card.wait() == 0
+
+
+def test_trip_is_seen_in_the_drive_s_status_word(card, master):
+    assert not card.state()["motor"]["status"] & TRIPPED
+    assert card.command("trip 7") == "ok"
+    motor = card.state()["motor"]
+    assert motor["status"] & TRIPPED and motor["alarm"] == 7
+
+
+def test_a_foreign_drive_cannot_be_tripped(tmp_path):
+    with RunningCard(tmp_path, "--quiet", "--control", "--drive", str(tmp_path / "drive")) as card:
+        assert card.command("trip").startswith("error: only the simulated drive")
+        assert card.state()["motor"] is None
+
+
+@pytest.mark.rule("FC-9")
+def test_a_cut_drive_line_is_silence_and_mended_it_works_again(card, master):
+    assert answered(master, READ_514, REPLY_514_BYTES)
+    assert card.command("cut drive on") == "ok"
+    master.write(READ_514)
+    assert master.read(5, 2.0)[1] == READ_514[1] | 0x80
+    assert card.command("cut drive off") == "ok"
+    assert answered(master, READ_514, REPLY_514_BYTES)
+    frames = all_frames(card)
+    once_repeated = 2
+    assert len(of(frames, "drive", "card")) == 1 + once_repeated + 1
+    assert len(of(frames, "drive", "drive")) == 2
+
+
+def test_a_cut_network_line_lets_nothing_through(card, master):
+    assert card.command("cut modbus on") == "ok"
+    assert not answered(master)
+    assert card.command("cut modbus off") == "ok"
+    assert answered(master)
+    assert len(of(all_frames(card), "modbus", "master")) == 1
+
+
+@pytest.mark.rule("FRAME-4")
+def test_noise_makes_bad_frames_that_are_not_served(card, master):
+    assert card.command("noise modbus 1000") == "ok"
+    assert not answered(master)
+    assert card.command("noise modbus 0") == "ok"
+    assert answered(master)
+    heard, then = of(all_frames(card), "modbus", "master")
+    assert not heard.ok and heard.data != READ_CONTROL and len(heard.data) == len(READ_CONTROL)
+    assert then.ok and then.data == READ_CONTROL
+
+
+@pytest.mark.rule("LINE-5")
+@pytest.mark.parametrize(("percent", "heard"), [(3, True), (-3, True), (9, False), (-9, False)])
+def test_the_master_s_rate_may_be_off_by_some_percent(card, master, percent, heard):
+    assert card.command(f"baud modbus {percent}") == "ok"
+    assert answered(master) == heard
+    (frame,) = of(all_frames(card), "modbus", "master")
+    lasts = len(READ_CONTROL) * 11 / 9600 / (1 + percent / 100)
+    assert frame.end - frame.start == pytest.approx(lasts, rel=0.001)
+
+
+@pytest.mark.rule("LINE-7")
+def test_switches_are_read_when_the_power_comes_back(card, master):
+    address_2 = "01000000"
+    assert card.command(f"switches 101110000 {address_2}") == "ok"
+    state = card.state()
+    assert (state["read"], state["line"]) == ([LINE_8N2, "10000000"], "9600 8N2")
+    assert answered(master)
+    assert card.command("power-cycle") == "ok"
+    state = card.state()
+    assert (state["read"], state["line"]) == (["101110000", address_2], "19200 8N2")
+    assert not answered(master)
+    assert answered(master, with_crc(b"\x02" + READ_CONTROL[1:-2]))
+    asked = of(all_frames(card), "modbus", "master")[-1]
+    assert asked.end - asked.start == pytest.approx(len(READ_CONTROL) * 11 / 19200, rel=0.001)
+
+
+def test_power_cycle_takes_the_drive_s_trip_away(card):
+    card.command("trip")
+    assert card.command("power-cycle") == "ok"
+    assert card.state()["motor"]["alarm"] == 0
+
+
+def test_without_control_the_input_is_left_alone(tmp_path):
+    run = subprocess.run(
+        [CARD, "--quiet", "--for", "0.3"], input="trip\n", capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0
+    assert "ok" not in run.stdout.split("\n")

@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The panel of `make run`: what it shows of a recorded log, what its keys say to the card, and a real screen.
+
+sim/card/panel.jsonl is a log of the virtual card with its states in between: start at 50 %, a read, a refused
+write, a wrong CRC, a cut drive line, a trip, noise, switches moved, and at last the network line cut.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+from rich.style import Style
+from rich.text import Text
+from textual.widgets import Static
+
+from rtl.sources import ROOT
+from sim.card import panel
+from sim.card.panel import KEYS, LINES_KEPT, LiveCard, Panel, View
+from sim.card.test_virtual_card import RawPort, request_of
+from tb.model.crc16 import with_crc
+
+RECORDED = [json.loads(line) for line in (ROOT / "sim/card/panel.jsonl").read_text().splitlines()]
+COLUMNS, ROWS = 80, 24
+START_HALF = with_crc(bytes.fromhex("01 0F 00 00 00 20 04 7C 04 00 20"))
+SCREEN_S = 40.0  # wall time for the real screen to show something, on a busy machine
+
+
+class Recording:
+    """A source that plays entries and remembers commands."""
+
+    def __init__(self, entries: list[dict]) -> None:
+        self.waiting, self.commands = list(entries), []
+
+    def command(self, text: str) -> None:
+        if text != "state":
+            self.commands.append(text)
+
+    def events(self) -> Iterator[dict]:
+        while self.waiting:
+            yield self.waiting.pop(0)
+
+
+def shown(app: Panel, part: str) -> str:
+    return str(app.query_one(f"#{part}", Static).content)
+
+
+def play(entries: list[dict], *keys: str) -> tuple[Panel, Recording, dict[str, str]]:
+    """The panel after the entries and the keys, and the text of its parts."""
+    source = Recording(entries)
+    app = Panel(source, View())
+    parts: dict[str, str] = {}
+
+    async def run() -> None:
+        async with app.run_test(size=(COLUMNS, ROWS)) as pilot:
+            await pilot.pause(0.3)
+            await pilot.press(*keys)
+            await pilot.pause(0.3)
+            parts.update({name: shown(app, name) for name in ("title", "card", "drive", "lines", "log")})
+
+    asyncio.run(run())
+    return app, source, parts
+
+
+def until(when: float) -> list[dict]:
+    return [entry for entry in RECORDED if entry.get("t", entry.get("state")) <= when]
+
+
+# ---------------------------------------------------------------- what it shows
+
+
+def test_a_running_motor():
+    _, _, parts = play(until(7.2))
+    assert "unit 1  9600 8N2" in parts["title"]
+    assert re.search(r"control +047Ch  start", parts["drive"])
+    assert "no quick stop" in parts["drive"] and "data valid" in parts["drive"]
+    assert re.search(r"status +0E03h  running", parts["drive"])
+    assert re.search(r"reference +50\.0 %", parts["drive"])
+    assert re.search(r"frequency +37\.8 % +▁▂▂▃", parts["drive"])
+    assert "asked 3 replied 2 exc 1 bad 0 revoked 0" in parts["lines"]
+    assert "asked 3 replied 3 refused 1 bad 0" in parts["lines"]
+    last = parts["log"].splitlines()
+    assert re.search(r"7\.019 +master +unit 1: write parameter 514", last[-4])
+    assert "> drive" in last[-3] and "< drive" in last[-2]
+    assert re.match(r" +\+45\.91ms reply +unit 1: exception 1: no write access", last[-1])
+
+
+def test_troubles_a_trip_and_moved_switches():
+    _, _, parts = play(RECORDED)
+    assert re.search(r"status +....h  tripped", parts["drive"])
+    network, drive = parts["lines"].splitlines()
+    assert "exc 2 bad 1" in network and "CUT noise 1% baud +1.5%" in network
+    assert "slowest 342.0 ms" in parts["card"]
+    assert "CUT" not in drive and "asked 5 replied 3" in drive
+    assert "power off and on" in parts["card"]
+    assert "BAD CRC wrong" in parts["log"] and "no answer from the drive" in parts["log"]
+
+
+def styles(text: Text, words: str) -> list[str]:
+    """The styles that lie on these words, wherever they stand."""
+    plain = text.plain
+    found = [at for at in range(len(plain)) if plain.startswith(words, at)]
+    assert found, f"'{words}' is not in '{plain}'"
+    return [
+        str(span.style)
+        for at in found
+        for span in text.spans
+        if span.start <= at and at + len(words) <= span.end
+    ]
+
+
+def view_of(*entries: dict) -> View:
+    view = View()
+    for entry in entries:
+        view.take(entry)
+    return view
+
+
+@pytest.mark.parametrize("line", ["modbus", "drive"])
+@pytest.mark.parametrize(
+    ("led", "colour"), [("red", "red"), ("green", "green"), ("orange", "dark_orange"), ("off", "grey50")]
+)
+def test_a_lamp_and_its_word_have_the_led_s_colour(line, led, colour):
+    other = {"modbus": "drive", "drive": "modbus"}[line]
+    dark = {**RECORDED[-1][other], "led": "off"}
+    state = {**RECORDED[-1], line: {**RECORDED[-1][line], "led": led}, other: dark}
+    rows = view_of(state).card().split("\n")
+    row = rows[0 if line == "modbus" else 1]
+    for part in ("○" if led == "off" else "●", led):
+        assert [style.split()[-1] for style in styles(row, part)] == [colour], part
+    assert (Style.parse(styles(row, led)[0]).bold is True) == (led != "off")
+
+
+def test_a_trip_is_red_and_a_running_motor_is_not():
+    states = [entry for entry in RECORDED if entry.get("motor")]
+    tripped = next(entry for entry in states if entry["motor"]["status"] & 8)
+    view = view_of(*until(7.2))
+    assert styles(view.drive(), f"{view.word['status']:04X}h  running") == ["bold"]
+    view = view_of(tripped)
+    assert styles(view.drive(), f"{view.word['status']:04X}h  tripped") == ["bold red"]
+    assert styles(view.drive(), f"{view.word['control']:04X}h  ") == ["bold"], (
+        "the control word trips nothing"
+    )
+
+
+def test_what_went_wrong_stands_out():
+    view = view_of(*RECORDED)
+    troubles = view.lines()
+    assert styles(troubles, " CUT") == ["bold red"]
+    assert styles(troubles, " noise 1%") == styles(troubles, " baud +1.5%") == ["bold yellow"]
+    log = view.log(LINES_KEPT)
+    assert "red" in styles(log, "BAD CRC wrong") and "red" not in styles(log, "unit 1: exception 1")
+
+
+@pytest.mark.parametrize("led", ["red", "green", "orange", "off"])
+def test_leds_as_they_are_at_this_moment(led):
+    state = {**RECORDED[-1], "drive": {**RECORDED[-1]["drive"], "led": led}}
+    _, _, parts = play([state])
+    lamp = "○" if led == "off" else "●"
+    assert re.search(rf"{lamp} drive +{led}\n", parts["card"])
+
+
+def test_a_foreign_drive_is_shown_as_it_was_heard():
+    foreign = [{**entry, "motor": None} if "state" in entry else entry for entry in until(7.2)]
+    _, _, parts = play(foreign)
+    assert re.search(r"control +047Ch  start", parts["drive"])
+    assert re.search(r"frequency +40\.4 %", parts["drive"])
+    _, _, parts = play(foreign[:1])
+    assert parts["drive"].count("not heard yet") == 2
+
+
+def test_before_the_first_frame_it_says_what_to_type():
+    _, _, parts = play(until(2.9))
+    assert "mbpoll -m rtu -a 1 -b 9600 -P none -1 -t 4 -r 5140 -c 2 build/modbus" in parts["log"]
+    assert max(map(len, parts["log"].splitlines())) <= COLUMNS and len(parts["log"].splitlines()) <= 9
+
+
+def test_everything_fits_80_columns():
+    assert len(KEYS) <= COLUMNS
+    _, _, parts = play(RECORDED)
+    for name in ("title", "card", "drive", "lines"):
+        assert max(map(len, parts[name].splitlines())) <= COLUMNS, name
+    assert len(parts["drive"].splitlines()) <= 9 and len(parts["card"].splitlines()) <= 9
+
+
+# ---------------------------------------------------------------- keys
+
+
+@pytest.mark.parametrize(
+    ("keys", "commands"),
+    [
+        (["t"], ["trip"]),
+        (["p"], ["power-cycle"]),
+        (["c", "c"], ["cut modbus on", "cut modbus off"]),
+        (["C"], ["cut drive on"]),
+        (["n", "n", "n", "n"], [f"noise modbus {step}" for step in (10, 50, 200, 0)]),
+        (["N"], ["noise drive 10"]),
+        (["+", "+", "-"], ["baud modbus 0.5", "baud modbus 1", "baud modbus 0.5"]),
+        (["space"], ["switches 011110000 10000000"]),
+        (["left", "space"], ["switches 111110000 10000001"]),
+        (["down", "right", "space"], ["switches 111110000 11000000"]),
+        (["x"], []),
+    ],
+)
+def test_keys_say_it_to_the_card(keys, commands):
+    _, source, _ = play(until(7.2), *keys)
+    assert source.commands == commands
+
+
+def test_help_names_every_key_and_goes_away_again():
+    _, _, parts = play(until(7.2), "h")
+    for key in ("t ", "c, C", "n, N", "+, -", "arrows", "space", "p ", "q "):
+        assert key in parts["log"]
+    _, _, parts = play(until(7.2), "h", "h")
+    assert "exception 1" in parts["log"]
+
+
+def test_what_the_card_refuses_is_said_for_a_while_or_until_the_next_key(monkeypatch):
+    error = {"message": "only the simulated drive can be tripped"}
+    _, _, parts = play([*until(7.2), error])
+    assert error["message"] in parts["title"]
+    _, _, parts = play([*until(7.2), error], "t")
+    assert error["message"] not in parts["title"]
+    monkeypatch.setattr(panel, "MESSAGE_S", 0.2)
+    _, _, parts = play([*until(7.2), error])
+    assert error["message"] not in parts["title"]
+
+
+def test_a_message_fits_the_screen():
+    """The longest ones: what the card warns of, and what it refuses."""
+    for message in ("too slow, running at 0.25 x real time", "only the simulated drive can be tripped"):
+        state = {**RECORDED[-1], "read": ["111110000", "11111101"], "line": "115200 8N2"}
+        view = view_of(state)
+        view.message = message
+        assert message in view.title().plain and len(view.title().plain) <= COLUMNS
+
+
+@pytest.mark.parametrize("code", [0, 2])
+def test_the_end_of_the_card_is_the_end_of_the_panel(code):
+    app = Panel(Recording([{"exit": code}]), View())
+
+    async def run() -> None:
+        async with app.run_test(size=(COLUMNS, ROWS)) as pilot:
+            await pilot.pause(0.3)
+
+    asyncio.run(run())
+    assert app.return_value == code
+
+
+# ---------------------------------------------------------------- with the card
+
+
+def test_without_a_terminal_the_card_prints_plain_lines(tmp_path):
+    link = tmp_path / "modbus"
+    command = [sys.executable, "-m", "sim.card.panel", "--modbus", str(link), "--for", "0.3"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0 and run.stderr == ""
+    assert f"ready modbus={link} drive=sim" in run.stdout and "mbpoll" in run.stdout
+    assert re.search(r"^ *0\.0\d+  drive  LED     red$", run.stdout, re.MULTILINE)
+    assert "\x1b" not in run.stdout
+
+
+def test_a_card_that_does_not_start_is_one_line_and_exit_2(tmp_path):
+    (tmp_path / "modbus").write_text("mine")
+    card = LiveCard(["--modbus", str(tmp_path / "modbus")], tmp_path)
+    assert not card.ready
+    assert len(card.said) == 1 and card.said[0].startswith("card: ")
+    assert card.stop() == 2
+
+
+class Terminal:
+    """The panel in a tmux of its own, 80 x 24."""
+
+    def __init__(self, folder, options: str = "", then: str = "") -> None:
+        self.socket = str(folder / "tmux")
+        self.link = folder / "modbus"
+        command = f"{sys.executable} -m sim.card.panel --modbus {self.link} {options}{then}"
+        self.tmux("-f", "/dev/null", "new-session", "-d", "-x", str(COLUMNS), "-y", str(ROWS), command)
+
+    def tmux(self, *words: str) -> str:
+        environment = {**os.environ, "LC_ALL": "C.UTF-8", "TERM": "xterm-256color"}
+        environment.pop("TMUX", None)
+        done = subprocess.run(
+            ["tmux", "-u", "-S", self.socket, *words],
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        return done.stdout
+
+    def __enter__(self) -> Terminal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.tmux("kill-server")
+
+    def wait_for(self, *patterns: str) -> list[str]:
+        """The screen, once it shows all of them."""
+        end, screen = time.monotonic() + SCREEN_S, ""
+        while time.monotonic() < end:
+            screen = self.tmux("capture-pane", "-p")
+            if all(re.search(pattern, screen) for pattern in patterns):
+                return screen.split("\n")
+            time.sleep(0.1)
+        raise AssertionError(f"{[p for p in patterns if not re.search(p, screen)]} not in\n{screen}")
+
+
+def test_why_the_card_ended_stays_on_the_terminal(tmp_path):
+    with Terminal(tmp_path, "--pcap /dev/full", "; echo code $?; sleep 60") as terminal:
+        screen = terminal.wait_for(r"code 2")
+        assert "card: cannot write /dev/full: No space left on device" in screen
+
+
+def test_a_real_screen_of_80_by_24(tmp_path):
+    with Terminal(tmp_path) as terminal:
+        terminal.wait_for(r"rtu2fc  unit 1  9600 8N2", r"status +0607h  stopped", r"nothing heard yet")
+        with RawPort(terminal.link) as master:
+            assert len(master.ask(START_HALF, 8)) == 8
+            terminal.wait_for(r"control +047Ch  start", r"reference +50\.0 %", r"asked 1 replied 1 exc 0")
+            assert len(master.ask(request_of("ex5-read-514"), 9)) == 9
+        screen = terminal.wait_for(
+            r"asked 2 replied 2", r"frequency +[1-9][\d.]+ %", r"ms reply +unit 1: param"
+        )
+        assert len([row for row in screen if row]) >= 20 and max(map(len, screen)) <= COLUMNS
+        assert screen[0].startswith(" rtu2fc ")
+        assert re.match(r"[●○] network", screen[2]) and re.match(r"[●○] drive", screen[3])
+        assert screen[23].startswith(" t trip") and "q quit" in screen[23]
+        terminal.tmux("send-keys", "t", "C", "+")
+        terminal.wait_for(r"status +....h  tripped", r"drive +asked.* CUT", r"network +asked.* baud \+0\.5%")
+        terminal.tmux("send-keys", "Down", "Right", "Space", "p")
+        terminal.wait_for(r"unit 3  9600 8N2", r"status +0607h  stopped")
+        terminal.tmux("send-keys", "q")
+        end = time.monotonic() + SCREEN_S
+        while terminal.link.is_symlink() and time.monotonic() < end:
+            time.sleep(0.1)
+        assert not terminal.link.is_symlink(), "the card goes with the panel"

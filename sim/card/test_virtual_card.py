@@ -1,0 +1,711 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The virtual card build/card as its users have it: a process with serial lines, a log and files."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import time
+import tty
+from pathlib import Path
+from resource import RLIMIT_FSIZE, setrlimit
+
+import pytest
+from pymodbus.client import ModbusSerialClient
+
+from sim.card.run_card import CARD, Frame, RunningCard
+from tb.model.card import DIALECTS
+from tb.model.crc16 import with_crc
+from tb.model.examples import EXAMPLES
+from tb.model.vlt_drive import PROFILES
+
+MANUAL = [
+    "ex1-start-40",
+    "ex2-ramp-stop",
+    "ex3-coast-stop",
+    "ex4-write-104",
+    "ex5-read-514",
+    "ex6a-ind-0500",
+    "ex6b-text-533",
+]
+OPTIONS = [
+    *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
+    *("--dialect", "--profile", "--speed", "--for", "--wave", "--pcap", "--log", "--quiet", "--control"),
+]
+READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
+CHARACTER_S = 11 / 9600
+T35_S = 3.5 * CHARACTER_S
+BIT_S = 1 / 9600
+DEMO = "sim.card.demo"
+
+
+def spaced(data: bytes) -> str:
+    return data.hex(" ").upper()
+
+
+def request_of(name: str) -> bytes:
+    return bytes.fromhex(EXAMPLES[name]["request"])
+
+
+def reply_of(name: str) -> bytes:
+    return bytes.fromhex(EXAMPLES[name]["reply"])
+
+
+def telegrams_of(*names: str) -> list[bytes]:
+    return [bytes.fromhex(d["telegram"]) for name in names for d in EXAMPLES[name]["drive"]]
+
+
+def drive_replies_of(*names: str) -> dict[bytes, bytes]:
+    """Telegram -> reply, where the example has one."""
+    pairs = [(d["telegram"], d["reply"]) for name in names for d in EXAMPLES[name]["drive"]]
+    return {bytes.fromhex(telegram): bytes.fromhex(reply) for telegram, reply in pairs if reply}
+
+
+class RawPort:
+    """One side of a serial line, byte for byte; times in wall seconds."""
+
+    def __init__(self, path: Path | str) -> None:
+        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(self.fd, termios.TCSANOW)  # keeps what is there already, as many programs do
+
+    def __enter__(self) -> RawPort:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self.fd)
+
+    def write(self, data: bytes) -> None:
+        os.write(self.fd, data)
+
+    def read(self, count: int, seconds: float = 5.0) -> bytes:
+        """`count` bytes, fewer when they do not come in time."""
+        data, end = b"", time.monotonic() + seconds
+        while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
+            part = os.read(self.fd, count - len(data))
+            if not part:  # nobody is at the other end any more
+                break
+            data += part
+        return data
+
+    def ask(self, request: bytes, reply_bytes: int) -> bytes:
+        self.write(request)
+        return self.read(reply_bytes)
+
+    def example(self, name: str) -> None:
+        """Asks an example and checks its reply, byte for byte."""
+        assert self.ask(request_of(name), len(reply_of(name))) == reply_of(name), name
+
+
+class ForeignDrive(threading.Thread):
+    """A drive on the other side of a link that knows nothing but a table of replies."""
+
+    def __init__(self, link: Path, replies: dict[bytes, bytes]) -> None:
+        super().__init__(daemon=True)
+        self.port = RawPort(link)
+        self.replies = replies
+        self.heard = b""
+        self.telegrams: list[bytes] = []
+        self.stopping = False
+        self.start()
+
+    def run(self) -> None:
+        while not self.stopping:
+            self.heard += self.port.read(1, 0.05)
+            if len(self.heard) > 1 and len(self.heard) == self.heard[1] + 2:
+                telegram, self.heard = self.heard, b""
+                self.telegrams.append(telegram)
+                if telegram in self.replies:
+                    self.port.write(self.replies[telegram])
+
+    def stop(self) -> None:
+        self.stopping = True
+        self.join()
+
+
+def of(frames: list[Frame], line: str, sender: str) -> list[Frame]:
+    return [f for f in frames if (f.line, f.sender) == (line, sender)]
+
+
+def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProcess:
+    """build/card to its end, for command lines that end it."""
+    command = [CARD, *map(str, options)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
+
+
+# ---------------------------------------------------------------- command line
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--bogus"], "--bogus"),
+        (["stray"], "stray"),
+        (["--modbus"], "--modbus needs a value"),
+        (["--quiet=yes"], "--quiet takes no value"),
+        (["--sw-baud", "1111"], "--sw-baud takes 9 digits"),
+        (["--sw-baud", "11111000x"], "--sw-baud takes 9 digits"),
+        (["--sw-addr", "100000001"], "--sw-addr takes 8 digits"),
+        (["--speed", "fast"], "real or max"),
+        (["--dialect", "klingon"], "card, builtin or hvac_basic, not 'klingon'"),
+        (["--profile", "vlt7000"], "vlt5000, vlt2800, vlt8000 or hvac_basic, not 'vlt7000'"),
+        (["--for", "-1"], "--for"),
+        (["--for", "soon"], "--for"),
+        (["--modbus", "a", "--modbus-device", "b"], "exclude"),
+        (["--drive", "a", "--drive-device", "b"], "exclude"),
+        (["--drive", "example", "--drive-device", "b"], "exclude"),
+        (["--modbus", "a", "--drive", "a"], "two different links"),
+        (["--speed", "max", "--modbus-device", "/dev/null"], "max"),
+        (["--modbus-device", "/dev/null"], "/dev/null is not a serial port"),
+        (["--modbus-device", "/no/such/port"], "/no/such/port"),
+        (["--modbus", "/no/such/folder/link"], "/no/such/folder/link"),
+        (["--log", "/no/such/folder/log"], "/no/such/folder/log"),
+        (["--pcap", "/no/such/folder/pcap"], "/no/such/folder/pcap"),
+        (["--wave", "/no/such/folder/wave"], "/no/such/folder/wave"),
+        (["--wave", "--for", "0.2"], "--wave needs a value, and '--for' is an option"),
+        (["--log", "both", "--pcap", "./both"], "need different files, not twice './both'"),
+        (["--wave", "both", "--log", "both"], "need different files, not twice 'both'"),
+    ],
+)
+def test_wrong_options_are_one_line_and_exit_2(options, says):
+    run = run_card(*options)
+    assert run.returncode == 2
+    assert run.stdout == ""
+    assert run.stderr.count("\n") == 1
+    assert says in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("option", "room"), [("--log", 0), ("--pcap", 0), ("--wave", 0), ("--log", 400), ("--wave", 50_000)]
+)
+def test_a_full_disk_is_told(tmp_path, option, room):
+    """At the first byte, or where the disk has room for some of it only."""
+    file = Path("/dev/full") if room == 0 else tmp_path / "recording"
+    command = [CARD, option, file, "--for", "2.5", "--speed", "max", "--quiet"]
+    run = subprocess.run(
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        restore_signals=False,  # SIGXFSZ stays ignored
+        preexec_fn=(lambda: setrlimit(RLIMIT_FSIZE, (room, room))) if room else None,
+    )
+    assert run.returncode == 2
+    assert run.stderr.startswith(f"card: cannot write {file}: ") and run.stderr.count("\n") == 1
+
+
+def test_help_names_every_option_and_drive():
+    run = run_card("--help")
+    assert run.returncode == 0
+    for option in OPTIONS:
+        assert f"{option} " in run.stdout
+    for name in (*PROFILES, *DIALECTS):
+        assert re.search(rf"\b{name}\b", run.stdout)
+
+
+def test_version():
+    run = run_card("--version")
+    assert run.returncode == 0
+    assert "rtu2fc" in run.stdout
+
+
+@pytest.mark.parametrize("kind", ["file", "symlink", "dangling symlink"])
+def test_a_busy_link_path_stays_as_it_is(tmp_path, kind):
+    link, other = tmp_path / "modbus", tmp_path / "other"
+    if kind == "file":
+        link.write_text("mine")
+    else:
+        if kind == "symlink":
+            other.write_text("mine")
+        link.symlink_to(other)
+    run = run_card("--modbus", link)
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert str(link) in run.stderr
+    assert link.read_text() == "mine" if kind != "dangling symlink" else os.readlink(link) == str(other)
+
+
+def test_a_failed_second_line_leaves_no_link_of_the_first(tmp_path):
+    run = run_card("--modbus", tmp_path / "modbus", "--drive", tmp_path / "no-folder/drive")
+    assert run.returncode == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_image_is_told_by_its_path(tmp_path):
+    """The images lie beside the program: taken away from them it finds none."""
+    lonely = shutil.copy(CARD, tmp_path / "card")
+    for dialect, image in (("card", "firmware.hex"), ("builtin", "builtin/firmware.hex")):
+        run = subprocess.run([lonely, "--dialect", dialect], capture_output=True, text=True, check=False)
+        assert run.returncode == 2
+        assert run.stderr.count("\n") == 1
+        assert str(tmp_path / image) in run.stderr
+
+
+# ---------------------------------------------------------------- start and end
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_it_cleanly(tmp_path, how):
+    drive_link = tmp_path / "drive"
+    with RunningCard(tmp_path, "--drive", str(drive_link)) as card:
+        assert card.ready_line == f"ready modbus={card.link} drive={drive_link}"
+        assert os.readlink(card.link).startswith("/dev/pts/")
+        assert os.readlink(drive_link).startswith("/dev/pts/")
+        assert card.stop(how) == 0
+    assert not card.link.is_symlink()
+    assert not drive_link.is_symlink()
+
+
+def test_for_ends_it_and_names_the_pty_when_there_is_no_link():
+    began = time.monotonic()
+    run = run_card("--for", "1.0", "--quiet")
+    assert run.returncode == 0
+    assert re.fullmatch(r"ready modbus=/dev/pts/\d+ drive=sim\n", run.stdout)
+    assert time.monotonic() - began > 0.85
+
+
+def test_a_link_left_by_a_card_that_was_killed_is_taken_over(tmp_path):
+    with RunningCard(tmp_path) as card:
+        card.stop(signal.SIGKILL)
+        assert card.link.is_symlink()
+    with RunningCard(tmp_path) as card:
+        assert pymodbus_client(card).read_coils(0, count=16, device_id=1).bits == [False] * 16
+
+
+def test_it_removes_only_its_own_link(tmp_path):
+    with RunningCard(tmp_path) as card:
+        card.link.unlink()
+        card.link.write_text("someone else's")
+        assert card.stop() == 0
+    assert card.link.read_text() == "someone else's"
+
+
+# ---------------------------------------------------------------- time
+def test_one_core_keeps_up_with_real_time():
+    run = run_card("--for", "3")
+    possible = [float(ratio) for ratio in re.findall(r"one core can do ([\d.]+) x real time", run.stdout)]
+    assert len(possible) == 2
+    assert possible[1] >= 1.0
+
+
+def test_speed_max_runs_ahead_of_wall_time(tmp_path):
+    """The same traffic as in real time, in the same simulated time."""
+    with RunningCard(tmp_path, "--speed", "max", "--for", "4") as card:
+        with RawPort(card.link) as master:
+            master.example("ex5-read-514")
+        assert card.wait() == 0
+    assert "simulated 4.0 s" in card.output[-1]
+    assert card.entries()[-1]["t"] <= 4.0
+
+
+def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
+    """40 ms of thinking are 40 ms for the card too: not 150 ms, and no repeat."""
+    link = tmp_path / "drive"
+    with RunningCard(tmp_path, "--speed", "max", "--drive", str(link)) as card:
+        with RawPort(link) as drive, RawPort(card.link) as master:
+            master.write(request_of("ex5-read-514"))
+            (telegram,) = telegrams_of("ex5-read-514")
+            assert drive.read(len(telegram)) == telegram
+            time.sleep(0.04)
+            drive.write(drive_replies_of("ex5-read-514")[telegram])
+            assert master.read(9) == reply_of("ex5-read-514")
+        assert card.stop() == 0
+        assert len(of(card.frames(), "drive", "card")) == 1
+
+
+# ---------------------------------------------------------------- masters and drives that are not ours
+@pytest.mark.rule("FC-1", "FC-2", "FC-3", "FC-5", "FC-7")
+def test_a_foreign_drive_sees_exactly_the_telegrams_of_the_examples(tmp_path):
+    link = tmp_path / "drive"
+    with RunningCard(tmp_path, "--drive", str(link)) as card, RawPort(card.link) as master:
+        drive = ForeignDrive(link, drive_replies_of(*MANUAL))
+        for name in MANUAL:
+            master.example(name)
+        drive.stop()
+    assert drive.telegrams == telegrams_of(*MANUAL)
+    assert drive.heard == b""
+
+
+@pytest.mark.rule("FC-9", "MAP-9")
+def test_a_foreign_drive_may_refuse_or_stay_silent(tmp_path):
+    names = ["refused-17", "timeout-255", "bcast-start", "ex5-read-514"]
+    link = tmp_path / "drive"
+    with RunningCard(tmp_path, "--drive", str(link)) as card, RawPort(card.link) as master:
+        drive = ForeignDrive(link, drive_replies_of("refused-17"))
+        master.example("refused-17")
+        master.example("timeout-255")
+        master.write(request_of("bcast-start"))
+        assert master.read(1, 0.3) == b""
+        drive.replies = drive_replies_of("ex5-read-514")
+        master.example("ex5-read-514")
+        drive.stop()
+    assert drive.telegrams == telegrams_of(*names)
+
+
+@pytest.mark.rule("MAP-3", "MAP-7")
+def test_pymodbus_reads_and_writes(tmp_path):
+    with RunningCard(tmp_path) as card:
+        client = pymodbus_client(card)
+        assert client.read_holding_registers(5139, count=2, device_id=1).registers == [0, 300]
+        assert not client.write_coils(0, [True, False] * 16, device_id=1).isError()
+        assert client.read_coils(0, count=32, device_id=1).bits == [True, False] * 16
+        assert client.read_coils(128, count=1, device_id=1).exception_code == 64
+        client.close()
+
+
+# ---------------------------------------------------------------- the simulated drive
+def pymodbus_client(card: RunningCard) -> ModbusSerialClient:
+    client = ModbusSerialClient(str(card.link), baudrate=9600, timeout=5, retries=0)
+    assert client.connect()
+    return client
+
+
+def coils(*words: int) -> list[bool]:
+    """16-bit words as coils, bit 0 first."""
+    return [bool(word >> bit & 1) for word in words for bit in range(16)]
+
+
+def look(client: ModbusSerialClient) -> tuple[int, int, int]:
+    """Status word, output frequency word and motor current in 10 mA; the read brings the coils up to date."""
+    current = client.read_holding_registers(5139, count=2, device_id=1).registers
+    bits = client.read_coils(32, count=32, device_id=1).bits
+    both = sum(bit << i for i, bit in enumerate(bits))
+    return both & 0xFFFF, both >> 16, current[0] << 16 | current[1]
+
+
+@pytest.mark.rule("FC-6")
+def test_the_drive_trips_on_demand(tmp_path):
+    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5") as card:
+        client = pymodbus_client(card)
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        assert look(client)[0] & 0x0808 == 0x0800, "running, no trip"
+        looks = [look(client)]
+        while not looks[-1][0] & 8 and len(looks) < 500:
+            looks.append(look(client))
+        client.close()
+    assert looks[-1][0] & 0x0808 == 8, "tripped, not running"
+    assert looks[-1][1] == 0
+
+
+@pytest.mark.rule("FC-6", "MAP-1", "MAP-3")
+def test_a_motor_started_by_coils_moves_as_a_drives_does(tmp_path):
+    """Start to 40 % and ramp stop; 60 s ramps, of which 40 % is some seconds."""
+    with RunningCard(tmp_path, "--speed", "max") as card:
+        client = pymodbus_client(card)
+        assert look(client) == (0x0607, 0, 300), "stopped, ready; the card's example current"
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        up = [look(client)]
+        while up[-1][1] < 0x1999 and len(up) < 5000:
+            up.append(look(client))
+        assert not client.write_coils(0, coils(0x043C, 0), device_id=1).isError()
+        down = [look(client)]
+        while down[-1][1] > 0 and len(down) < 5000:
+            down.append(look(client))
+        client.close()
+    for looks, falling in ((up, False), (down, True)):
+        frequencies = [frequency for _, frequency, _ in looks]
+        assert frequencies == sorted(frequencies, reverse=falling)
+        assert len(set(frequencies)) > 10, "it ramps"
+        assert all(status & 0x0800 for status, frequency, _ in looks if frequency), "running"
+    assert up[0][0] == 0x0E03, "running, not at its reference"
+    assert up[-1][:2] == (0x0F03, 0x1999), "at its reference"
+    assert up[-1][2] > up[0][2], "more speed, more current"
+    assert down[-1] == (0x0607, 0, 300)
+
+
+@pytest.mark.parametrize(
+    ("profile", "register", "value", "words"),
+    [
+        ("vlt6000", 5140, 300, "parameter 514 (Readout: Motor current) = 300 (3.00 A)"),
+        ("vlt5000", 5200, 0, "parameter 520 (Readout: Motor current) = 0 (0.00 A)"),
+        ("vlt2800", 5200, 0, "parameter 520 (Readout: Motor current) = 0 (0.00 A)"),
+        ("vlt8000", 5140, 0, "parameter 514 (Readout: Motor current) = 0 (0.00 A)"),
+    ],
+)
+def test_the_profile_is_the_drive(tmp_path, profile, register, value, words):
+    with RunningCard(tmp_path, "--profile", profile, "--speed", "max") as card:
+        client = pymodbus_client(card)
+        reply = client.read_holding_registers(register - 1, count=2, device_id=1)
+        assert reply.registers == [0, value]
+        client.close()
+        assert card.stop() == 0
+        (drives,) = of(card.frames(), "drive", "drive")
+    assert drives.what.startswith(words)
+
+
+def mbpoll(link: Path, *options: str) -> dict[int, int]:
+    """What mbpoll prints: reference -> value."""
+    command = ["mbpoll", "-m", "rtu", "-a", "1", "-b", "9600", "-P", "none", *options, "-1", str(link)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return {int(n): int(value) for n, value in re.findall(r"^\[(\d+)\]:\s+(\d+)", run.stdout, re.MULTILINE)}
+
+
+def test_mbpoll_shows_the_motor_current_and_the_control_image(tmp_path):
+    with RunningCard(tmp_path) as card:
+        assert mbpoll(card.link, "-t", "4", "-r", "5140", "-c", "2") == {5140: 0, 5141: 300}
+        with RawPort(card.link) as master:
+            master.example("ex1-start-40")
+        coils = mbpoll(card.link, "-t", "0", "-r", "1", "-c", "32")
+    control_and_reference = sum(coils[n + 1] << n for n in range(32))
+    assert control_and_reference == 0x1999_047C
+
+
+@pytest.mark.rule("LINE-7")
+def test_the_address_switches_choose_the_unit(tmp_path):
+    read_of_unit_5 = with_crc(bytes.fromhex("05 01 00 00 00 10"))
+    with RunningCard(tmp_path, "--sw-addr", "10100000") as card, RawPort(card.link) as master:
+        master.write(READ_CONTROL)
+        assert master.read(1, 0.3) == b""
+        assert master.ask(read_of_unit_5, 7) == with_crc(bytes.fromhex("05 01 02 00 00"))
+
+
+@pytest.mark.rule("LINE-7", "LED-5")
+def test_an_invalid_address_is_told_and_the_card_stays_silent(tmp_path):
+    with RunningCard(tmp_path, "--sw-addr", "00000000", "--for", "1.5") as card:
+        with RawPort(card.link) as master:
+            assert any("warning" in line and "silent" in line for line in card.output)
+            master.write(READ_CONTROL)
+            assert master.read(1, 0.3) == b""
+        assert card.wait() == 0
+        shown = [(e["led"], e["shows"]) for e in card.entries() if e.get("led") and e["shows"] != "off"]
+    assert sorted(shown) == [("drive", "red"), ("modbus", "red")], "solid red, and nothing else"
+
+
+# ---------------------------------------------------------------- the lines
+@pytest.mark.rule("FRAME-8", "LINE-2", "LINE-3")
+@pytest.mark.parametrize(
+    ("switches", "baud", "bits"),
+    [
+        ("111110000", 9600, 11),
+        ("111000000", 9600, 11),
+        ("111100000", 9600, 10),
+        ("000010000", 300, 11),
+        ("101010000", 19200, 11),
+        ("100000000", 38400, 11),
+    ],
+)
+def test_bytes_written_together_have_no_gaps(tmp_path, switches, baud, bits):
+    with (
+        RunningCard(tmp_path, "--sw-baud", switches, "--speed", "max") as card,
+        RawPort(card.link) as master,
+    ):
+        master.ask(READ_CONTROL, 9)
+        frames = card.wait_for_frames(0, "modbus", "card")
+    (request,), (reply,) = of(frames, "modbus", "master"), of(frames, "modbus", "card")
+    for frame in (request, reply):
+        assert frame.ok
+        assert frame.end - frame.start == pytest.approx(len(frame.data) * bits / baud, abs=0.5 / baud)
+    t35 = 1750e-6 if baud > 19200 else 3.5 * 11 / baud
+    assert reply.start - request.end >= t35 - 0.25 / baud
+
+
+def test_pieces_of_one_frame_close_gaps_and_a_new_frame_waits(tmp_path):
+    """Three writes of one frame arrive as one; the next frame keeps its distance from the reply."""
+    with RunningCard(tmp_path) as card, RawPort(card.link) as master:
+        for piece in (READ_CONTROL[:1], READ_CONTROL[1:4], READ_CONTROL[4:]):
+            master.write(piece)
+        assert len(master.read(9)) == 9
+        master.write(READ_CONTROL)
+        assert len(master.read(9)) == 9
+        frames = card.wait_for_frames(3, "modbus", "card") and card.frames()
+    first, reply, second, _ = frames
+    assert first.end - first.start == pytest.approx(8 * CHARACTER_S, abs=BIT_S)
+    assert second.start - reply.end > T35_S
+
+
+@pytest.mark.parametrize("leaves", ["before the reply", "with the reply unread"])
+def test_nothing_stale_for_a_master_that_comes_later(tmp_path, leaves):
+    with RunningCard(tmp_path) as card:
+        with RawPort(card.link) as master:
+            master.write(READ_CONTROL)
+            if leaves == "with the reply unread":
+                assert select.select([master.fd], [], [], 5)[0]
+                time.sleep(0.1)
+        assert of(card.wait_for_frames(0, "modbus", "card"), "modbus", "card")
+        time.sleep(0.1)  # the card has seen that the port was closed
+        with RawPort(card.link) as master:
+            assert master.read(1, 0.1) == b""
+            assert len(master.ask(READ_CONTROL, 9)) == 9
+
+
+@pytest.mark.rule("LINE-1")
+def test_a_real_serial_port_is_set_up_and_put_back(tmp_path):
+    """A pty stands for the serial port; its settings are those of a port."""
+    ours, port = os.openpty()
+    name = os.ttyname(port)
+    before = termios.tcgetattr(port)
+    log = tmp_path / "log"
+    command = [CARD, "--modbus-device", name, "--sw-baud", "101010000", "--log", log, "--quiet"]
+    card = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert card.stdout.readline() == f"ready modbus={name} drive=sim\n"
+    cflag, ispeed, ospeed = termios.tcgetattr(port)[2], *termios.tcgetattr(port)[4:6]
+    assert (ispeed, ospeed) == (termios.B19200, termios.B19200)
+    assert cflag & termios.CSIZE == termios.CS8
+    assert cflag & termios.CSTOPB == 0
+    with os.fdopen(ours, "r+b", buffering=0) as master:
+        for piece in (READ_CONTROL[:3], READ_CONTROL[3:]):  # a USB adapter splits a frame
+            master.write(piece)
+            time.sleep(0.005)
+        reply = b""
+        while len(reply) < 9 and select.select([master], [], [], 5)[0]:
+            reply += master.read(9)
+        assert reply == with_crc(bytes.fromhex("01 01 04 00 00 00 00"))
+        busy = run_card("--modbus-device", name)
+        assert busy.returncode == 2
+        assert "in use" in busy.stderr
+        card.send_signal(signal.SIGINT)
+        assert card.wait(30) == 0
+        assert termios.tcgetattr(port)[:6] == before[:6]
+    os.close(port)
+
+
+# ---------------------------------------------------------------- log, pcap, wave
+def test_the_log_is_complete_and_in_words(tmp_path):
+    with RunningCard(tmp_path, "--drive", "example") as card, RawPort(card.link) as master:
+        assert card.ready_line.endswith(" drive=example")
+        master.example("ex5-read-514")
+        assert card.stop() == 0
+        entries = [e for e in card.entries() if "line" in e]
+    assert [(e["line"], e["from"]) for e in entries] == [
+        ("modbus", "master"),
+        ("drive", "card"),
+        ("drive", "drive"),
+        ("modbus", "card"),
+    ]
+    assert [bytes.fromhex(e["bytes"]) for e in entries] == [
+        request_of("ex5-read-514"),
+        *telegrams_of("ex5-read-514"),
+        *drive_replies_of("ex5-read-514").values(),
+        reply_of("ex5-read-514"),
+    ]
+    assert all(e["ok"] is True for e in entries)
+    assert all("parameter 514" in e["what"] for e in entries)
+    assert "read" in entries[0]["what"]
+    assert "300 (3.00 A)" in entries[3]["what"]
+    times = [t for e in entries for t in (e["t"], e["end"])]
+    assert times == sorted(times)
+    assert all(re.search(r'"t":\d+\.\d{6},', line) for line in card.log.read_text().splitlines())
+
+
+@pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
+def test_the_log_shows_the_leds(tmp_path):
+    with RunningCard(tmp_path, "--speed", "max", "--for", "6") as card:
+        with RawPort(card.link) as master:
+            while card.process.poll() is None and "red-flash" not in card.log.read_text():
+                time.sleep(0.01)
+            master.example("ex5-read-514")
+        assert card.wait() == 0
+    for led in ("drive", "modbus"):
+        changes = [e for e in card.entries() if e.get("led") == led]
+        power_up = ["off", "red", "green", "orange", "off"]
+        assert [e["shows"] for e in changes] == [*power_up, "red-flash", "green-flash"]
+        red, green, orange, off = (e["t"] for e in changes[1:5])
+        assert [green - red, orange - green, off - orange] == pytest.approx([0.25] * 3, abs=0.01)
+
+
+def test_log_and_terminal_are_in_order_of_time(tmp_path):
+    """Traffic of both lines from the power-up show on, through a change of colour."""
+    with RunningCard(tmp_path, "--speed", "max") as card, RawPort(card.link) as master:
+        for wanted in ("red-flash", '"drive","shows":"green-flash"'):
+            for _ in range(500):
+                if wanted in card.log.read_text():
+                    break
+                master.ask(*((READ_CONTROL, 9) if wanted == "red-flash" else (request_of("ex1-start-40"), 8)))
+        assert card.stop() == 0
+    entries = card.entries()
+    assert {e.get("line", "led") for e in entries} == {"modbus", "drive", "led"}
+    assert [e["shows"] for e in entries if e.get("led") == "drive"][-2:] == ["red-flash", "green-flash"]
+    times = [e["t"] for e in entries]
+    assert times == sorted(times)
+    printed = [float(line.split()[0]) for line in card.output if re.match(r" *\d+\.\d{6}  ", line)]
+    assert printed == times
+
+
+def pcapng_blocks(data: bytes) -> list[tuple[int, bytes]]:
+    """Type and body of every block; both length fields are checked."""
+    blocks, at = [], 0
+    while at < len(data):
+        kind, length = struct.unpack_from("<II", data, at)
+        assert struct.unpack_from("<I", data, at + length - 4)[0] == length
+        blocks.append((kind, data[at + 8 : at + length - 4]))
+        at += length
+    return blocks
+
+
+def pcapng_options(data: bytes) -> dict[int, bytes]:
+    options, at = {}, 0
+    while True:
+        code, length = struct.unpack_from("<HH", data, at)
+        if code == 0:
+            return options
+        options[code] = data[at + 4 : at + 4 + length]
+        at += 4 + (length + 3) // 4 * 4
+
+
+@pytest.mark.rule("FRAME-4")
+def test_the_pcapng_file_holds_both_lines_and_marks_bad_frames(tmp_path):
+    pcap = tmp_path / "lines.pcapng"
+    damaged = READ_CONTROL[:-1] + bytes([READ_CONTROL[-1] ^ 1])
+    with RunningCard(tmp_path, "--pcap", str(pcap)) as card, RawPort(card.link) as master:
+        master.write(damaged)
+        assert master.read(1, 0.2) == b""
+        master.example("ex5-read-514")
+        assert card.stop() == 0
+        frames = card.frames()
+    (section, _), *rest = pcapng_blocks(pcap.read_bytes())
+    assert section == 0x0A0D0D0A
+    interfaces = [body for kind, body in rest if kind == 1]
+    assert [struct.unpack_from("<H", body)[0] for body in interfaces] == [147, 148]
+    assert [pcapng_options(body[8:])[2] for body in interfaces] == [b"modbus", b"drive"]
+    packets = [body for kind, body in rest if kind == 6]
+    assert len(packets) == len(frames) == 5
+    assert not frames[0].ok
+    for packet, frame in zip(packets, frames, strict=True):
+        interface, high, low, length, _ = struct.unpack_from("<IIIII", packet)
+        options = pcapng_options(packet[20 + (length + 3) // 4 * 4 :])
+        assert interface == ("modbus", "drive").index(frame.line)
+        assert (high << 32 | low) == pytest.approx(frame.start * 1e6, abs=1)
+        assert packet[20 : 20 + length] == frame.data
+        assert struct.unpack("<I", options[2])[0] & 3 == (2 if frame.sender == "card" else 1)
+        assert options[1].decode() == ("" if frame.ok else "bad frame: ") + frame.what
+
+
+def test_the_wave_file_is_a_finished_fst(tmp_path):
+    """The header block of an FST file: length, times in ns, and the writer's idea of e."""
+    wave = tmp_path / "card.fst"
+    run = run_card("--for", "0.2", "--wave", wave)
+    assert run.returncode == 0
+    data = wave.read_bytes()
+    kind, length, start, end, e = struct.unpack(">BQQQ", data[:25]) + struct.unpack("<d", data[25:33])
+    assert (kind, length) == (0, 329)
+    assert e == pytest.approx(2.718281828459045)
+    assert start == 0
+    assert end == pytest.approx(0.2e9, rel=0.01)
+    assert len(data) > 10_000
+
+
+# ---------------------------------------------------------------- make demo
+def test_the_demo_passes_and_counts():
+    run = subprocess.run(
+        [sys.executable, "-m", DEMO], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert run.stdout.splitlines()[-1] == "9 passed, 0 failed", run.stdout + run.stderr
+    assert run.returncode == 0
+    for name in MANUAL:
+        assert spaced(request_of(name)) in run.stdout
+        assert spaced(reply_of(name)) in run.stdout
+    assert max(map(len, run.stdout.splitlines())) <= 100
+
+
+def test_the_demo_says_that_mbpoll_is_missing(tmp_path):
+    run = subprocess.run(
+        [sys.executable, "-m", DEMO], capture_output=True, text=True, env={"PATH": str(tmp_path)}, check=False
+    )
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert "mbpoll" in run.stderr

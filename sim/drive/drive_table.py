@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turn the parameter tables of the simulated drives (sim/drive/NAME.csv) into one C header.
+
+    python -m sim.drive.drive_table sim/drive/vlt5000.csv sim/drive/vlt6000.csv build/sim/drive_profiles.h
+
+The header holds the array `drive_profiles` and is included by sim/drive/vlt_drive.c alone. Every
+malformed line is told as `file:line: message`; exit 1 after them.
+
+A profile is a CSV file. `#` lines are comments. `#: key = number` lines are settings, decimal or 0x:
+
+    pnu_bits           bits of PKE that are the parameter number, 11 or 12
+    index_first        index of an array's first element, 0 or 1
+    fault_unknown_ak   fault number for an AK that the drive does not know
+    fc_status          1: status word bit 2 = 0 coasting, bit 6 = 1 trip lock; 0: bit 2 = 1 stand by
+    relay_bus, relay_running, relay_alarm   relay choices: control word, motor runs, drive tripped
+    example_status, example_frequency       process words of the example state
+    example PNU = number, example PNU[INDEX] = number   a value of the example state
+
+The first other line names the columns. Values are raw. `source` says what a row stands on: `document`
+(number, type and conversion are in a public document), `partly` (some of it), `memory` (of the product
+family), `simulator` (a choice of the simulator's own). Roles, types and capacities are read from
+sim/drive/vlt_drive.h, so they are written in one place.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+HEADER = Path(__file__).resolve().parents[2] / "sim" / "drive" / "vlt_drive.h"
+COLUMNS = [
+    *("pnu", "name", "type", "conversion", "min", "max", "default"),
+    *("array", "access", "while_running", "unit", "role", "source"),
+]
+SOURCES = ["document", "partly", "memory", "simulator"]
+# Setting: least and greatest value, and the value where a profile does not say.
+SETTINGS = {
+    "pnu_bits": (11, 12, 11),
+    "index_first": (0, 1, 1),
+    "fault_unknown_ak": (0, 255, 130),
+    "fc_status": (0, 1, 0),
+    **{f"relay_{what}": (0, 255, 255) for what in ("bus", "running", "alarm")},
+    "example_status": (0, 0xFFFF, 0x0F03),
+    "example_frequency": (0, 0xFFFF, 0x2000),
+}
+RANGES = {
+    "uint8": (0, 0xFF),
+    "int16": (-0x8000, 0x7FFF),
+    "uint16": (0, 0xFFFF),
+    "int32": (-0x80000000, 0x7FFFFFFF),
+    "uint32": (0, 0xFFFFFFFF),
+}
+ACCESS = {
+    "rw": "DRIVE_READ_WRITE",
+    "ro": "DRIVE_READ_ONLY",
+    "local": "DRIVE_LOCAL",
+    "reset": "DRIVE_RESET",
+    "fixed": "DRIVE_FIXED",
+    "denied": "DRIVE_DENIED",
+}
+PRESETS = 4  # preset references that the control word can choose
+CONVERSIONS = [*range(-4, 4), 73, 74]
+ROLE_NONE = 0xFFFF
+
+
+class TableError(ValueError):
+    """A row that cannot be used; the text says why."""
+
+
+@dataclass
+class Parameter:
+    """One row, numbers raw."""
+
+    pnu: int
+    name: str
+    type: str
+    conversion: int
+    min: int
+    max: int
+    initial: int
+    text: str
+    array: int
+    access: str
+    while_running: bool
+    unit: str
+    role: str
+    slot: int = 0
+
+
+@dataclass
+class Profile:
+    """One table. `examples` are (line, pnu, index, value)."""
+
+    name: str
+    parameters: list[Parameter] = field(default_factory=list)
+    settings: dict[str, int] = field(default_factory=dict)
+    examples: list[tuple[int, int, int, int]] = field(default_factory=list)
+
+    def setting(self, key: str) -> int:
+        return self.settings.get(key, SETTINGS[key][2])
+
+
+@dataclass
+class Capacity:
+    """What sim/drive/vlt_drive.h has room for."""
+
+    parameters: int
+    slots: int
+    texts: int
+    text_max: int
+    roles: list[str]
+
+
+def read_capacity(header: Path = HEADER) -> Capacity:
+    """Roles and array sizes out of the C header."""
+    source = header.read_text()
+
+    def number(name: str) -> int:
+        return int(re.search(rf"#define {name} (\d+)", source).group(1))
+
+    roles = re.findall(r"^  DRIVE_ROLE_(\w+)", source, re.MULTILINE)
+    return Capacity(
+        number("DRIVE_PARAMETERS_MAX"),
+        number("DRIVE_SLOTS_MAX"),
+        number("DRIVE_TEXTS_MAX"),
+        number("DRIVE_TEXT_MAX"),
+        [role.lower() for role in roles if role not in ("NONE", "COUNT")],
+    )
+
+
+def integer(row: dict[str, str], column: str, low: int, high: int) -> int:
+    try:
+        value = int(row[column], 10)
+    except ValueError:
+        raise TableError(f"{column} '{row[column]}' is not a whole number") from None
+    if not low <= value <= high:
+        raise TableError(f"{column} {value} is outside {low} to {high}")
+    return value
+
+
+def choice(row: dict[str, str], column: str, allowed: list[str]) -> str:
+    if row[column] not in allowed:
+        raise TableError(f"{column} '{row[column]}' is none of {', '.join(allowed)}")
+    return row[column]
+
+
+def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter:
+    """One row as a Parameter; TableError when it makes no sense by itself."""
+    if len(fields) != len(COLUMNS):
+        raise TableError(f"{len(fields)} columns instead of {len(COLUMNS)}")
+    row = dict(zip(COLUMNS, fields, strict=True))
+    if not all(" " <= character <= "~" for field in fields for character in field):
+        raise TableError("only printable ASCII characters are allowed")
+    pnu = integer(row, "pnu", 1, (1 << pnu_bits) - 1)
+    if not row["name"]:
+        raise TableError("name is empty")
+    kind = choice(row, "type", [*RANGES, "text"])
+    conversion = integer(row, "conversion", min(CONVERSIONS), max(CONVERSIONS))
+    if conversion not in CONVERSIONS:
+        raise TableError(f"conversion {conversion} is none of {CONVERSIONS}")
+    low, high = RANGES.get(kind, (0, capacity.text_max))
+    minimum = integer(row, "min", low, high)
+    maximum = integer(row, "max", minimum, high)
+    array = integer(row, "array", 0, 255)
+    if kind == "text":
+        initial, text = 0, row["default"]
+        if array:
+            raise TableError("a text cannot be an array")
+        if not minimum <= len(text) <= maximum:
+            raise TableError(f"default has {len(text)} characters, not {minimum} to {maximum}")
+    else:
+        initial, text = integer(row, "default", minimum, maximum), ""
+    role = choice(row, "role", ["", *capacity.roles])
+    if role and kind == "text":
+        raise TableError("a text cannot have a role")
+    if array and role not in ("", "presets", "relay_1") and not role.startswith("fault_"):
+        raise TableError(f"an array cannot have role {role}")
+    if role.startswith("fault_") and not array:
+        raise TableError(f"role {role} needs an array")
+    choice(row, "source", SOURCES)
+    return Parameter(
+        pnu,
+        row["name"],
+        kind,
+        conversion,
+        minimum,
+        maximum,
+        initial,
+        text,
+        array,
+        choice(row, "access", list(ACCESS)),
+        choice(row, "while_running", ["0", "1"]) == "1",
+        row["unit"],
+        role,
+    )
+
+
+def parse_setting(number: int, line: str, profile: Profile) -> None:
+    """A `#:` line; `number` is its place in the file."""
+    match = re.fullmatch(r"#:\s*(\w+)(?:\s+(\d+)(?:\[(\d+)\])?)?\s*=\s*(-?\w+)\s*", line)
+    known = match is not None and (match[1] in SETTINGS if match[2] is None else match[1] == "example")
+    if not known:
+        raise TableError(f"setting must be one of {', '.join(SETTINGS)}, example PNU[INDEX] = NUMBER")
+    try:
+        value = int(match[4], 0)
+    except ValueError:
+        raise TableError(f"{match[1]} '{match[4]}' is not a whole number") from None
+    if match[2] is not None:
+        profile.examples.append((number, int(match[2]), int(match[3] or 0), value))
+        return
+    low, high, _ = SETTINGS[match[1]]
+    if match[1] in profile.settings:
+        raise TableError(f"{match[1]} is set twice")
+    if not low <= value <= high:
+        raise TableError(f"{match[1]} {value} is outside {low} to {high}")
+    profile.settings[match[1]] = value
+
+
+def check_example(profile: Profile, pnu: int, index: int, value: int) -> None:
+    """An example must be a value that the drive's own table allows, but for readouts and logs."""
+    parameter = next((p for p in profile.parameters if p.pnu == pnu), None)
+    if parameter is None or parameter.type == "text":
+        raise TableError(f"example {pnu} is no number of this table")
+    first = profile.setting("index_first") if parameter.array else 0
+    if not first <= index < first + max(parameter.array, 1):
+        raise TableError(f"example {pnu} has no index {index}")
+    if not parameter.min <= value <= parameter.max:
+        raise TableError(f"example {pnu} is outside {parameter.min} to {parameter.max}")
+
+
+def check_presets(parameters: list[Parameter]) -> None:
+    """Role `presets` wants four values of one kind side by side in the drive's memory."""
+    at = next((i for i, p in enumerate(parameters) if p.role == "presets"), None)
+    if at is None or parameters[at].array >= PRESETS:
+        return
+    run = parameters[at : at + PRESETS]
+    wanted = [(run[0].pnu + i, run[0].type, run[0].conversion, 0) for i in range(PRESETS)]
+    if [(p.pnu, p.type, p.conversion, p.array) for p in run] != wanted:
+        raise TableError(f"role presets needs {PRESETS} parameters in a row or an array of {PRESETS}")
+
+
+def add_row(profile: Profile, parameter: Parameter, used: dict[str, int]) -> None:
+    """Append a parameter and give it its place: `used` counts values and texts so far."""
+    if profile.parameters and parameter.pnu <= profile.parameters[-1].pnu:
+        raise TableError(f"pnu {parameter.pnu} does not follow {profile.parameters[-1].pnu}")
+    single = parameter.role and not parameter.role.startswith("show_")
+    if single and any(parameter.role == other.role for other in profile.parameters):
+        raise TableError(f"role {parameter.role} is given twice")
+    kind = "texts" if parameter.type == "text" else "values"
+    parameter.slot = used[kind]
+    used[kind] += max(parameter.array, 1)
+    profile.parameters.append(parameter)
+
+
+def read_profile(path: Path, capacity: Capacity) -> tuple[Profile, list[str]]:
+    """The profile and what is wrong with it; each error is `file:line: message`."""
+    profile = Profile(path.stem)
+    errors: list[str] = []
+    used = {"values": 0, "texts": 0}
+    header_seen = False
+    number = 0
+
+    def tell(line: int, message: object) -> None:
+        errors.append(f"{path}:{line}: {message}")
+
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            if line.startswith("#:"):
+                parse_setting(number, line, profile)
+                continue
+            if not line.strip() or line.startswith("#"):
+                continue
+            fields = next(csv.reader([line], strict=True))
+            if not header_seen:
+                header_seen = True
+                if fields != COLUMNS:
+                    raise TableError(f"columns must be {','.join(COLUMNS)}")
+                continue
+            add_row(profile, parse_row(fields, profile.setting("pnu_bits"), capacity), used)
+        except (TableError, csv.Error) as error:
+            tell(number, error)
+    if errors:
+        return profile, errors
+
+    for what, have, room in (
+        ("parameters", len(profile.parameters), capacity.parameters),
+        ("values", used["values"], capacity.slots),
+        ("texts", used["texts"], capacity.texts),
+    ):
+        if have > room:
+            tell(number, f"{have} {what}, vlt_drive.h has room for {room}")
+    if not profile.parameters:
+        tell(number, "no parameters")
+    try:
+        check_presets(profile.parameters)
+    except TableError as error:
+        tell(number, error)
+    for line, pnu, index, value in profile.examples:
+        try:
+            check_example(profile, pnu, index, value)
+        except TableError as error:
+            tell(line, error)
+    return profile, errors
+
+
+def c_string(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def c_number(value: int) -> str:
+    return f"INT64_C({value})"
+
+
+def render_tables(profile: Profile, roles: list[str]) -> list[str]:
+    """The parameter, role and example tables of one profile."""
+    name = profile.name
+    place = {p.role: i for i, p in enumerate(profile.parameters) if p.role}
+    lines = [f"static const drive_parameter_t {name}_parameters[] = {{"]
+    for p in profile.parameters:
+        role = f"DRIVE_ROLE_{(p.role or 'none').upper()}"
+        lines.append(
+            f"    {{{p.pnu}, DRIVE_{p.type.upper()}, {ACCESS[p.access]}, {role}, {p.conversion}, "
+            f"{'true' if p.while_running else 'false'}, {p.array}, {p.slot}, {c_number(p.min)}, "
+            f"{c_number(p.max)}, {c_number(p.initial)}, {c_string(p.text)}, {c_string(p.name)}, "
+            f"{c_string(p.unit)}}},"
+        )
+    lines += ["};", "", f"static const uint16_t {name}_by_role[DRIVE_ROLE_COUNT] = {{", f"    {ROLE_NONE},"]
+    lines += [f"    {place.get(role, ROLE_NONE)}, /* {role} */" for role in roles]
+    lines += ["};", ""]
+    if profile.examples:
+        lines.append(f"static const drive_example_t {name}_examples[] = {{")
+        lines += [f"    {{{pnu}, {index}, {c_number(value)}}}," for _, pnu, index, value in profile.examples]
+        lines += ["};", ""]
+    return lines
+
+
+def render_profile(profile: Profile) -> str:
+    """One element of the array drive_profiles."""
+    name, get = profile.name, profile.setting
+    return (
+        f'    {{"{name}", {(1 << get("pnu_bits")) - 1}, {get("index_first")}, {get("fault_unknown_ak")}, '
+        f"{'true' if get('fc_status') else 'false'}, {get('relay_bus')}, {get('relay_running')}, "
+        f"{get('relay_alarm')}, {get('example_status')}, {get('example_frequency')}, "
+        f"{len(profile.examples)}, {f'{name}_examples' if profile.examples else 'NULL'}, "
+        f"{len(profile.parameters)}, {name}_parameters, {name}_by_role}},"
+    )
+
+
+def render(profiles: list[Profile], roles: list[str]) -> str:
+    """The whole header as text."""
+    lines = ["/* Made by sim/drive/drive_table.py from sim/drive/: do not edit. */", ""]
+    for profile in profiles:
+        lines += render_tables(profile, roles)
+    lines.append("static const drive_profile_t drive_profiles[] = {")
+    lines += [render_profile(profile) for profile in profiles]
+    lines += ["};", ""]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("profile", type=Path, nargs="+", help="parameter table, its name is the profile's")
+    parser.add_argument("header", type=Path, help="C header to write")
+    arguments = parser.parse_args()
+    capacity = read_capacity()
+    profiles: list[Profile] = []
+    errors: list[str] = []
+    for path in arguments.profile:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", path.stem):
+            parser.error(f"{path}: the file's name must be a C name in lower case")
+        try:
+            profile, wrong = read_profile(path, capacity)
+        except (OSError, UnicodeDecodeError) as error:
+            parser.error(f"{path}: {error}")
+        profiles.append(profile)
+        errors += wrong
+    if errors:
+        print("\n".join(errors), file=sys.stderr)
+        return 1
+    arguments.header.parent.mkdir(parents=True, exist_ok=True)
+    partial = arguments.header.with_name(arguments.header.name + ".partial")
+    partial.write_text(render(profiles, capacity.roles))
+    partial.replace(arguments.header)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

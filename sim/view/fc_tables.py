@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Generates the words of the FC protocol for those who read telegrams.
+
+    python -m sim.view.fc_tables            writes the generated files
+    python -m sim.view.fc_tables --check    exits 1 and names every file that differs from what would be
+    written
+
+From regs/fc.toml and the drives' parameter tables sim/drive/*.csv: the tables of the Wireshark dissector and
+the fault names of the virtual card.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+
+from sim.drive.drive_table import Profile, read_capacity, read_profile
+
+ROOT = Path(__file__).resolve().parents[2]
+WORDS = "regs/fc.toml"
+DRIVES = "sim/drive"
+
+
+def banner(comment: str) -> str:
+    return (
+        f"{comment} SPDX-License-Identifier: Apache-2.0\n"
+        f"{comment} Generated from {WORDS} and {DRIVES} by `make regs`; edit those, not this one.\n"
+    )
+
+
+def quoted(text: str) -> str:
+    """A string literal for Lua and C alike."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def profiles() -> list[Profile]:
+    found = []
+    for path in sorted((ROOT / DRIVES).glob("*.csv")):
+        profile, errors = read_profile(path, read_capacity())
+        if errors:
+            raise SystemExit("\n".join(errors))
+        found.append(profile)
+    return found
+
+
+def lua(words: dict) -> str:
+    lines = [banner("--").rstrip(), "", "local t = {}", ""]
+    for name in ("request", "reply", "fault"):
+        lines.append(f"t.{name} = {{")
+        lines += [f"  [{number}] = {quoted(text)}," for number, text in words[name].items()]
+        lines += ["}", ""]
+    for name in ("control", "status"):
+        lines.append(f"t.{name} = {{")
+        for key, bit in words[name].items():
+            only = f", only = {quoted(bit['only'])}" if "only" in bit else ""
+            lines.append(
+                f"  {{ id = {quoted(key)}, bit = {bit['bit']}, name = {quoted(bit['name'])}, "
+                f"zero = {quoted(bit['zero'])}, one = {quoted(bit['one'])}{only} }},"
+            )
+        lines += ["}", ""]
+    lines += ["-- Parameters: number, then name, type, conversion index, unit.", "t.drives = {"]
+    for profile in profiles():
+        two_ramps = any(p.role == "ramp_up_2" for p in profile.parameters)
+        kinds = (
+            "fc_status" if profile.setting("fc_status") else "vlt_status",
+            "two_ramps" if two_ramps else "one_ramp",
+        )
+        lines.append(f"  {profile.name} = {{")
+        lines.append(f"    pnu_mask = {(1 << profile.setting('pnu_bits')) - 1},")
+        lines.append("    kinds = { " + ", ".join(f"{kind} = true" for kind in kinds) + " },")
+        lines.append("    parameters = {")
+        for p in profile.parameters:
+            row = f"{quoted(p.name)}, {quoted(p.type)}, {p.conversion}, {quoted(p.unit)}"
+            lines.append(f"      [{p.pnu}] = {{ {row} }},")
+        lines += ["    },", "  },"]
+    lines += ["}", "", "return t"]
+    return "\n".join(lines) + "\n"
+
+
+def cpp(words: dict) -> str:
+    lines = [
+        banner("//").rstrip(),
+        "",
+        "#ifndef FC_WORDS_H",
+        "#define FC_WORDS_H",
+        "",
+        "namespace fc_words {",
+        "",
+        "struct Fault {",
+        "  unsigned number;  // PWE low of a reply with AK 7",
+        "  const char* name;",
+        "};",
+        "",
+        "constexpr Fault kFaults[] = {",
+        *(f"    {{{number}, {quoted(text)}}}," for number, text in words["fault"].items()),
+        "};",
+        "",
+        "}  // namespace fc_words",
+        "",
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def generate() -> dict[str, str]:
+    """Path (from the repository's root) -> text of every generated file."""
+    words = tomllib.loads((ROOT / WORDS).read_text())
+    return {"regs/generated/fc_tables.lua": lua(words), "regs/generated/fc_words.h": cpp(words)}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
+    check = parser.parse_args().check
+    drifted = 0
+    for name, text in generate().items():
+        path = ROOT / name
+        if path.exists() and path.read_text() == text:
+            continue
+        if check:
+            drifted += 1
+            print(f"{name} differs from its source; run `make regs`", file=sys.stderr)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+            print(f"wrote {name}")
+    return 1 if drifted else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

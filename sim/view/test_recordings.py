@@ -1,0 +1,473 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One recording, all views: waveform, capture and log of one run say the same, whoever wrote them.
+
+The captures are read by tshark and capinfos, the waveforms by the library behind Surfer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import cocotb
+import pytest
+from cocotb.triggers import Timer
+
+from rtl.sources import needed_files, rtl_files
+from sim.card.run_card import ROOT, RunningCard
+from sim.view import tshark
+from sim.view.wave_file import WaveFile
+from sim.view.waves import missing, save_file
+from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
+from tb.lib.runner import WAVES_FOLDER, run
+from tb.lib.uart_agent import Format
+from tb.model import fc_telegram, rtu
+from tb.model.crc16 import with_crc
+
+BAUD = 9600
+PS_PER_S = 1_000_000_000_000
+CHARACTER_PS = rtu.character_ps(BAUD)
+READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
+CONTROL_IS_0 = with_crc(bytes.fromhex("01 01 04 00 00 00 00"))
+START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
+TSHARK_FIELDS = (
+    *("frame.time_epoch", "frame.interface_name", "frame.packet_flags_direction", "frame.comment"),
+    *("frame.len", "frame.packet_flags"),
+)
+OUTBOUND = "0x00000002"
+INBOUND = "0x00000001"
+# Bits of the capture's packet flags.
+CRC_ERROR, TOO_SHORT, TOO_LONG, WRONG_GAP, NO_START, SYMBOL_ERROR = 24, 26, 25, 27, 29, 31
+
+
+# ---------------------------------------------------------------- the recorder by itself
+@dataclass(frozen=True)
+class Heard:
+    """A character as the benches' monitors hand it over."""
+
+    byte: int
+    start_ps: int
+    end_ps: int
+    parity_ok: bool = True
+    stop_ok: bool = True
+
+
+class Talk:
+    """Characters one after the other into a recorder, on both lines at 9600 bit/s."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.recorder = recorder
+        self.now_ps = PS_PER_S / 100
+        for line in (MODBUS, DRIVE):
+            recorder.use(line, Format.named(BAUD, "8E1" if line == DRIVE else "8N2"))
+
+    def silence(self, characters: float) -> None:
+        self.now_ps += characters * CHARACTER_PS
+
+    def say(self, line: int, from_card: bool, data: bytes, bad_parity: int = -1, bad_stop: int = -1) -> None:
+        for number, byte in enumerate(data):
+            start, self.now_ps = self.now_ps, self.now_ps + CHARACTER_PS
+            heard = Heard(byte, round(start), round(self.now_ps), number != bad_parity, number != bad_stop)
+            self.recorder.character(line, from_card, heard)
+
+
+def log_of(base: Path) -> list[dict]:
+    return [json.loads(line) for line in Path(f"{base}.jsonl").read_text().splitlines()]
+
+
+def told(tmp_path: Path, talk) -> list[tuple[dict, dict]]:
+    """What was said, as log entries and as tshark reads the capture; the two must agree."""
+    base = tmp_path / "lines"
+    with Recorder(base) as recorder:
+        talk(Talk(recorder))
+    entries = [e for e in log_of(base) if "line" in e]
+    packets = tshark.fields(Path(f"{base}.pcapng"), *TSHARK_FIELDS)
+    check_capture(entries, packets)
+    return list(zip(entries, packets, strict=True))
+
+
+def check_capture(entries: list[dict], packets: list[dict]) -> None:
+    """Line, direction, microsecond, length, words and mark of every frame of the log."""
+    assert len(packets) == len(entries)
+    for entry, packet in zip(entries, packets, strict=True):
+        assert packet["frame.interface_name"] == entry["line"]
+        sent = entry["from"] == "card"
+        assert int(packet["frame.packet_flags_direction"], 16) == (2 if sent else 1)
+        assert float(packet["frame.time_epoch"]) == pytest.approx(entry["t"], abs=1e-9)
+        assert int(packet["frame.len"]) == len(bytes.fromhex(entry["bytes"]))
+        assert packet["frame.comment"] == ("" if entry["ok"] else "bad frame: ") + entry["what"]
+        assert (int(packet["frame.packet_flags"], 16) >> 24 == 0) == entry["ok"]
+
+
+def test_good_frames_of_both_lines(tmp_path):
+    def talk(t: Talk) -> None:
+        t.say(MODBUS, False, READ_CONTROL)
+        t.silence(3.6)
+        t.say(MODBUS, True, CONTROL_IS_0)
+        t.say(DRIVE, True, START)
+        t.silence(2.2)
+        t.say(DRIVE, False, bytes.fromhex("02 06 81 0F 03 20 00 A9"))
+
+    entries = [entry for entry, _ in told(tmp_path, talk)]
+    assert [(e["line"], e["from"], e["ok"]) for e in entries] == [
+        ("modbus", "master", True),
+        ("modbus", "card", True),
+        ("drive", "card", True),
+        ("drive", "drive", True),
+    ]
+    assert entries[0]["t"] == pytest.approx(0.01)
+    assert entries[0]["end"] - entries[0]["t"] == pytest.approx(8 * CHARACTER_PS / PS_PER_S, abs=2e-6)
+
+
+@pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-4", "FC-8")
+@pytest.mark.parametrize(
+    ("line", "pieces", "flaws", "words", "bit"),
+    [
+        pytest.param(MODBUS, [READ_CONTROL[:-1] + b"\0"], {}, "CRC wrong", CRC_ERROR, id="CRC"),
+        pytest.param(
+            MODBUS, [READ_CONTROL], {"bad_parity": 2}, "parity wrong in byte 3", SYMBOL_ERROR, id="parity"
+        ),
+        pytest.param(
+            MODBUS, [READ_CONTROL], {"bad_stop": 7}, "stop bit wrong in byte 8", SYMBOL_ERROR, id="stop bit"
+        ),
+        pytest.param(MODBUS, [READ_CONTROL[:3]], {}, "too short for a frame", TOO_SHORT, id="short"),
+        pytest.param(MODBUS, [bytes(257)], {}, "too long for a frame", TOO_LONG, id="long"),
+        pytest.param(
+            MODBUS,
+            [READ_CONTROL[:5], READ_CONTROL],
+            {},
+            "gap: not complete after 5 bytes, then 2.00 characters of silence",
+            WRONG_GAP,
+            id="gap",
+        ),
+        pytest.param(
+            MODBUS,
+            [READ_CONTROL, b"\x01"],
+            {},
+            "revoked: good after 8 bytes, but 2.00 characters later the next one began",
+            WRONG_GAP,
+            id="revoked",
+        ),
+        pytest.param(DRIVE, [START[:-1] + b"\0"], {}, "BCC wrong", CRC_ERROR, id="BCC"),
+        pytest.param(DRIVE, [b"\3" + START[1:]], {}, "no STX", NO_START, id="STX"),
+        pytest.param(DRIVE, [START[:5]], {}, "gap: silence after 5 of 8 bytes", WRONG_GAP, id="cut short"),
+        pytest.param(DRIVE, [START + b"\0"], {}, "LGE does not fit the length", TOO_LONG, id="LGE"),
+        pytest.param(
+            DRIVE, [START], {"bad_parity": 0}, "parity wrong in byte 1", SYMBOL_ERROR, id="drive parity"
+        ),
+    ],
+)
+def test_a_bad_frame_says_what_is_wrong(tmp_path, line, pieces, flaws, words, bit):
+    def talk(t: Talk) -> None:
+        for piece in pieces:
+            t.say(line, False, piece, **flaws)
+            t.silence(2)
+
+    first, *rest = told(tmp_path, talk)
+    entry, packet = first
+    assert (entry["ok"], entry["what"]) == (False, words)
+    assert int(packet["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
+    # Only what follows a gap is a frame of its own (FRAME-2).
+    assert [entry["ok"] for entry, _ in rest] == ([True] if words.startswith("gap: not") else [])
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ("01 01 00 00 00 10 00", " (9 bytes, 8 would be right)"),
+        ("01 06 00 01 00 02", ""),
+        ("01 06 00 01 00 02 00 00", " (10 bytes, 8 would be right)"),
+        ("01 10 00 00 00 03 06 00 01 00 02 00 03", ""),
+        ("01 10 00 00 00 03 06" + 240 * " 00", " (249 bytes, 15 would be right)"),
+        ("01 0F 00 00 00 20 04 7C 04 99 19", ""),
+        ("01 0F 00 00 00 20 04 7C 04 99", " (12 bytes, 13 would be right)"),
+        ("01 10 00 01 00 02 02 00 0A", " (byte count 2, 4 would be right)"),
+        ("01 0F 00 00 00 09 01 7C", " (byte count 1, 2 would be right)"),
+        ("01 07 00 00 00 00 00", ""),
+    ],
+)
+def test_a_request_of_a_wrong_length_says_so(tmp_path, request_, words):
+    """Its CRC is right, so it is a good frame; that the card refuses it has a reason."""
+    frame = with_crc(bytes.fromhex(request_))
+    ((entry, _),) = told(tmp_path, lambda t: t.say(MODBUS, False, frame))
+    assert entry["ok"] and entry["what"].startswith("unit 1: ")
+    said = entry["what"]
+    assert said.endswith(words) if words else "would be right" not in said
+
+
+def test_a_silence_of_1_4_characters_is_none(tmp_path):
+    def talk(t: Talk) -> None:
+        t.say(MODBUS, False, READ_CONTROL[:4])
+        t.silence(1.4)
+        t.say(MODBUS, False, READ_CONTROL[4:])
+
+    ((entry, _),) = told(tmp_path, talk)
+    assert entry["ok"]
+
+
+def test_leds_and_frames_are_in_order_of_time(tmp_path):
+    base = tmp_path / "lines"
+    with Recorder(base) as recorder:
+        talk = Talk(recorder)
+        for ms in range(0, 3000, 5):
+            recorder.led(DRIVE, False, ms % 1000 < 500, ms * 10**9)
+            recorder.write(ms * 10**9)
+            if ms % 700 == 100:
+                talk.now_ps = ms * 10**9
+                talk.say(MODBUS, False, READ_CONTROL)
+                recorder.end_frame(MODBUS)
+    entries = log_of(base)
+    assert [e["shows"] for e in entries if "led" in e] == ["green-flash"]
+    assert [e["t"] for e in entries] == sorted(e["t"] for e in entries)
+    assert sum("line" in e for e in entries) == 5
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
+    with pytest.raises(RecordingError, match=r"cannot write .*nowhere.*jsonl"):
+        Recorder(tmp_path / "nowhere/lines")
+    with pytest.raises(RecordingError, match="no dialect klingon"):
+        Recorder(tmp_path / "lines", "klingon")
+
+
+# ---------------------------------------------------------------- the virtual card's three files
+def check_wave(wave: Path, entries: list[dict], baud: int) -> None:
+    """Every frame of the card begins and ends with DE in the waveform, at the log's time."""
+    pulses = WaveFile(wave).pulses
+    for line in ("modbus", "drive"):
+        own = [e for e in entries if e.get("line") == line and e["from"] == "card"]
+        high = pulses(f"{line}_de")
+        assert len(high) == len(own) > 0
+        bit = 1 / (baud if line == "modbus" else 9600)
+        for entry, (rise, fall) in zip(own, high, strict=True):
+            assert 0 <= entry["t"] - rise <= bit
+            assert -0.05 * bit <= fall - entry["end"] <= bit
+
+
+def test_the_virtual_card_s_files_say_the_same(tmp_path):
+    wave, pcap = tmp_path / "card.fst", tmp_path / "card.pcapng"
+    options = ("--drive", "example", "--speed", "max", "--wave", str(wave), "--pcap", str(pcap))
+    requests = [
+        bytes.fromhex("01 0F 00 00 00 20 04 7C 04 99 19 37 43"),
+        READ_CONTROL[:-1] + b"\0",
+        READ_CONTROL,
+    ]
+    with RunningCard(tmp_path, *options) as card:
+        fd = os.open(card.link, os.O_RDWR | os.O_NOCTTY)
+        for number, request in enumerate(requests):
+            before = len(card.frames())
+            os.write(fd, request)
+            card.wait_for_frames(before, "modbus", "master" if number == 1 else "card")
+        os.close(fd)
+        assert card.stop() == 0
+        entries = card.entries()
+    frames = [e for e in entries if "line" in e]
+    assert [e["ok"] for e in frames] == [True] * 4 + [False] + [True] * 2
+    check_capture(frames, tshark.fields(pcap, *TSHARK_FIELDS))
+    check_wave(wave, entries, BAUD)
+    check_card_views(wave)
+    report = tshark.capinfos(pcap)
+    assert "Number of interfaces in file: 2" in report
+    assert "microseconds (6)" in report
+    assert "Strict time order:   True" in report
+
+
+# ---------------------------------------------------------------- the views of a waveform
+def named_in_gtkwave(view: Path) -> list[str]:
+    """Signals as GTKWave will look for them: name in the file, with its range."""
+    lines = [line for line in view.read_text().splitlines() if line and line[0] not in "@-^[*"]
+    return [line.split("} ", 1)[-1] for line in lines]
+
+
+def named_in_surfer(view: Path) -> list[str]:
+    return re.findall(r"^variable_add (\S+)$", view.read_text(), re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a view shows a signal. GTKWave: flags and the file with names; Surfer: format, none for a bit."""
+
+    name: str
+    flags: int
+    names: str
+    surfer: str
+
+
+def rows_of(view: Path) -> list[Shown]:
+    """Every row of both views, in order; Surfer's formats by the row that they are focused on."""
+    commands = [line.split() for line in view.with_suffix(".sucl").read_text().splitlines()]
+    items = [words[1] for words in commands if words[0] in ("divider_add", "variable_add")]
+    formats: dict[int, str] = {}
+    for (what, letters), (then, form) in pairwise(
+        words for words in commands if words[0].startswith("item_") and len(words) == 2
+    ):
+        if what == "item_focus":
+            assert then == "item_set_format", (letters, then)
+            place = int("".join(f"{ord(letter) - ord('a'):x}" for letter in letters), 16)
+            assert place not in formats
+            formats[place] = form
+    rows, flags, names, item = [], 0, "", 0
+    for line in view.read_text().splitlines():
+        if line.startswith("@"):
+            flags = int(line[1:], 16)
+        elif line.startswith("^1 "):
+            names = line[3:]
+        elif line.startswith("-"):
+            item += flags == GROUP_BEGIN
+        elif line and line[0] not in "[*":
+            name = line.split("} ", 1)[-1]
+            assert items[item] == name.split("[")[0], "both views have the same rows"
+            rows.append(Shown(name, flags, names, formats.pop(item, "")))
+            names, item = "", item + 1
+    assert item == len(items) and not formats, "a format on a row that is no signal"
+    return rows
+
+
+# Names of Surfer's own translations (its basic translators), as item_set_format takes them.
+BIT, DECIMAL, HEX, ASCII = (0x28, ""), (0x24, "Unsigned"), (0x22, "Hexadecimal"), (0x820, "ASCII")
+GROUP_BEGIN, FILE_FILTER = 0x800200, 0x2000
+CARD_ROWS = {
+    r"\.(modbus|drive)_(rx|tx|de)": (6, BIT),
+    r"\.(candidate|commit|revoke)": (3, BIT),
+    r"\.led_(modbus|drive)_(red|green)": (4, BIT),
+    r"\..*state_name\[\d+:0\]": (6, ASCII),
+    r"\..*last_byte\[7:0\]": (2, HEX),
+    r"\..*silence_i\.halves\[\d+:0\]": (2, DECIMAL),
+    r"\..*\.length\[\d+:0\]": (1, DECIMAL),
+    r"\..*\.ticket\[\d+:0\]": (1, HEX),
+    r"\.core_(wdata|rdata)\[31:0\]": (2, HEX),
+}
+
+
+def check_rows(rows: list[Shown], folder: Path) -> None:
+    """States as text, bytes as hexadecimal, counts as numbers, addresses by name: in both programs."""
+    for pattern, (least, (flags, surfer)) in CARD_ROWS.items():
+        fitting = [row for row in rows if re.search(pattern + "$", row.name)]
+        assert len(fitting) >= least, pattern
+        assert {(row.flags, row.surfer, row.names) for row in fitting} == {(flags, surfer, "")}, pattern
+    (address,) = [row for row in rows if row.name.endswith(".core_addr[31:0]")]
+    assert address.flags == HEX[0] | FILE_FILTER
+    assert address.names == str(folder / "firmware.txt")
+    assert address.surfer == "firmware", "the mapping's name"
+    known = {form for _, form in (BIT, DECIMAL, HEX, ASCII)} | {"firmware"}
+    assert {row.surfer for row in rows} <= known
+
+
+def check_views(wave: Path, view: Path) -> list[str]:
+    """Every signal that a view names is in the waveform; returns them as GTKWave has them."""
+    there = {s.path: s.width for s in WaveFile(wave).signals.values()}
+    shown = named_in_gtkwave(view)
+    assert shown
+    for name in shown:
+        path, bits = re.fullmatch(r"(.*?)(?:\[(\d+:\d+)\])?", name).groups()
+        high, low = map(int, bits.split(":")) if bits else (0, 0)
+        assert there.get(path) == high - low + 1, name
+    assert named_in_surfer(view.with_suffix(".sucl")) == [name.split("[")[0] for name in shown]
+    return shown
+
+
+def check_card_views(wave: Path) -> None:
+    """Nothing of the list is behind the hierarchy, states and addresses have names."""
+    view = save_file(wave, "rtu2fc")
+    assert missing("rtu2fc", WaveFile(wave).signals) == []
+    shown = check_views(wave, view)
+    for wanted in (
+        "modbus_de",
+        "drive_de",
+        "candidate",
+        "commit",
+        "revoke",
+        "led_drive_green",
+        "core_addr[31:0]",
+    ):
+        assert any(name.endswith(f".{wanted}") for name in shown), wanted
+    check_rows(rows_of(view), wave.parent)
+    names = (wave.parent / "firmware.txt").read_text()
+    for name in ("main", "REQUEST", "gateway_poll"):
+        assert re.search(rf"^[0-9A-F]{{8}} .*\b{name}\b", names, re.MULTILINE), name
+    mapping = (wave.parent / ".surfer/mappings/firmware.txt").read_text()
+    assert mapping.startswith("Name = firmware\nBits = 32\n0x00000000 ")
+    assert mapping.count("\n") == names.count("\n") + 2
+
+
+@pytest.mark.parametrize("top", sorted(path.stem for path in rtl_files() if not path.stem.endswith("_defs")))
+def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
+    """A waveform of each module, nothing running in it."""
+    dumper, wave = tmp_path / "dump.v", tmp_path / f"{top}.fst"
+    dumper.write_text(
+        f'module dump; initial begin $dumpfile("{wave}"); $dumpvars(0, {top}); #1 $finish; end\nendmodule\n'
+    )
+    program = tmp_path / "sim"
+    build = ["iverilog", "-g2005", "-s", top, "-s", "dump", "-o", program, *needed_files(top), dumper]
+    for command in (build, ["vvp", program, "-fst"]):
+        done = subprocess.run(
+            list(map(str, command)), cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    shown = check_views(wave, save_file(wave, top))
+    if top != "rtu2fc":
+        source = next((ROOT / "rtl").rglob(f"{top}.v")).read_text()
+        ports = re.findall(r"^ +(?:input|output)\b.*?(\w+),?$", source, re.MULTILINE)
+        assert ports
+        assert {re.sub(r"\[.*", "", name) for name in shown} >= {f"{top}.{port}" for port in ports}
+        states = {s.path for s in WaveFile(wave).signals.values() if s.leaf == "state_name"}
+        assert {re.sub(r"\[.*", "", name) for name in shown if "state_name" in name} == states
+
+
+# ---------------------------------------------------------------- the benches' three files
+FAST = 38_400
+CLK_HZ = 2_000_000
+BENCH_WAVE = WAVES_FOLDER / "test_recordings.test_a_bench_writes_the_same_three_files.fst"
+
+
+@cocotb.test
+async def good_damaged_revoked_and_refused(dut):
+    """One of each, on a whole card."""
+    from tb.lib.card import MS, Card
+    from tb.lib.uart_agent import Flaws
+
+    start, status = fc_telegram.build_process(0x047C, 0x1999), fc_telegram.build_process(0x0F03, 0x2000)
+    card = await Card(dut, CLK_HZ, {start: status}.get, baud=FAST, form="8E1").boot()
+    done = await card.master.request(bytes.fromhex("01 0F 00 00 00 20 04 7C 04 99 19 37 43"), 100 * MS)
+    assert done.data == bytes.fromhex("01 0F 00 00 00 20 54 13")
+    await card.master.send(READ_CONTROL, Flaws(bad_parity=(3,)))
+    await Timer(3 * MS, unit="ps")
+    await card.master.send(
+        READ_CONTROL + b"\1", Flaws(gaps={len(READ_CONTROL): 2 * rtu.t15_ps(FAST) / 1.5 / rtu.bit_ps(FAST)})
+    )
+    await Timer(3 * MS, unit="ps")
+    done = await card.master.request(with_crc(bytes.fromhex("01 01 00 80 00 01")), 10 * MS)
+    assert done.data == with_crc(bytes.fromhex("01 81 40"))
+
+
+def test_a_bench_writes_the_same_three_files(monkeypatch):
+    monkeypatch.setenv("WAVES", "1")
+    run("rtu2fc", __name__, sim="icarus", parameters={"CLK_HZ": CLK_HZ})
+    entries = log_of(BENCH_WAVE.with_suffix(""))
+    frames = [e for e in entries if "line" in e]
+    check_capture(frames, tshark.fields(BENCH_WAVE.with_suffix(".pcapng"), *TSHARK_FIELDS))
+    check_wave(BENCH_WAVE, entries, FAST)
+    check_card_views(BENCH_WAVE)
+    assert [(e["line"], e["from"], e["what"]) for e in frames] == [
+        ("modbus", "master", "unit 1: write coils 1-32 = 047Ch 1999h"),
+        ("drive", "card", "control 047Ch, reference 1999h (40.0 %)"),
+        ("drive", "drive", "status 0F03h, frequency 2000h (50.0 %)"),
+        ("modbus", "card", "unit 1: write done"),
+        ("modbus", "master", "parity wrong in byte 4"),
+        ("modbus", "master", "revoked: good after 8 bytes, but 2.00 characters later the next one began"),
+        ("modbus", "master", "unit 1: read coil 129"),
+        ("modbus", "card", "unit 1: exception 64: no such coil or register"),
+    ]
+    assert [e["shows"] for e in entries if e.get("led") == "drive"] == ["off"]
+
+
+def test_nothing_is_recorded_unasked(monkeypatch, tmp_path):
+    monkeypatch.delenv("RECORD", raising=False)
+    from tb.lib.recording import wanted
+
+    wanted.cache_clear()
+    assert wanted() is None

@@ -1,0 +1,581 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What Wireshark says about a recording of the documents' examples, on both lines, against the documents.
+
+What a telegram or frame means is taken from the plain Python models and the drives' tables, not from the
+dissector's own.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from sim.card.example_run import EXAMPLES, Played, Recorded, record
+from sim.card.run_card import ROOT, Frame
+from sim.drive.drive_table import read_capacity, read_profile
+from sim.view import tshark
+from sim.view.test_recordings import Heard, Talk
+from sim.view.wireshark import SCRIPT, environment
+from tb.lib.recording import DRIVE, MODBUS, Recorder
+from tb.lib.uart_agent import Format
+from tb.model import fc_telegram, rtu
+from tb.model.crc16 import with_crc
+
+WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
+VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity())[0].parameters}
+BITS = {
+    f"vltfc.{prefix}.{name}": bit["bit"]
+    for prefix, word in (("ctw", "control"), ("stw", "status"))
+    for name, bit in WORDS[word].items()
+    if bit.get("only") in (None, "vlt_status", "one_ramp")
+}
+FIELDS = [
+    *("frame.protocols", "frame.comment", "_ws.expert.message"),
+    *(f"vltfc.{name}" for name in ("stx", "lge", "adr", "address", "broadcast", "reply", "pke", "ak", "pnu")),
+    *(f"vltfc.{name}" for name in ("ak.words", "pnu.name", "ind", "index", "pwe", "pwe.signed", "value")),
+    *(f"vltfc.{name}" for name in ("text", "fault", "fault.words", "ctw", "ref.percent", "stw")),
+    *(f"vltfc.{name}" for name in ("freq.percent", "bcc", "bcc.good", "request_frame", "reply_frame")),
+    *("vltfc.repeat_of", "vltfc.pause", "vltfc.time"),
+    *("mbrtu.unit_id", "mbrtu.crc16.status", "modbus.func_code", "modbus.reference_num"),
+    *("modbus.bit_cnt", "modbus.word_cnt", "modbus.regval_uint16", "modbus.data", "modbus.exception_code"),
+    *("modbus.request_frame", "modbus.response_time"),
+    *("rtu2fc_modbus.func_code", "rtu2fc_modbus.reference_num", "rtu2fc_modbus.crc.good"),
+    *("rtu2fc_modbus.pnu", "rtu2fc_modbus.name", "rtu2fc_modbus.ctw", "rtu2fc_modbus.ref"),
+    *("rtu2fc_modbus.pause", "frame.interface_description"),
+    *BITS,
+]
+READ_COILS = with_crc(bytes.fromhex("01 01 00 20 00 10"))
+WITH_DRIVE = [name for name, example in EXAMPLES.items() if example["drive"]]
+
+
+def read(capture: Path, settings: Path, *options: str) -> dict[int, dict[str, str]]:
+    """The decoded fields of each packet, by its number from 1; read twice, as Wireshark does."""
+    packets = tshark.fields(capture, *FIELDS, options=[*SCRIPT, "-2", *options], env=environment(settings))
+    return dict(enumerate(packets, 1))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Recorded:
+    return record(tmp_path_factory.mktemp("examples"))
+
+
+@pytest.fixture(scope="module")
+def packets(recorded, tmp_path_factory) -> dict[int, dict[str, str]]:
+    return read(recorded.pcap, tmp_path_factory.mktemp("settings"))
+
+
+def example(recorded: Recorded, name: str) -> Played:
+    return next(played for played in recorded.played if played.id == name)
+
+
+def number(text: str) -> int:
+    return int(text, 0)
+
+
+def truth(text: str) -> bool:
+    assert text in ("0", "1", "True", "False"), text
+    return text in ("1", "True")
+
+
+# ---------------------------------------------------------------- the drive line
+def check_telegram(got: dict[str, str], telegram: bytes, reply: bool) -> None:
+    """Every field of a good telegram."""
+    parts = fc_telegram.parse(telegram, reply)
+    assert number(got["vltfc.stx"]) == 2
+    assert number(got["vltfc.lge"]) == len(telegram) - 2
+    assert number(got["vltfc.adr"]) == parts.adr
+    assert number(got["vltfc.address"]) == (0 if parts.broadcast else 1)
+    assert truth(got["vltfc.broadcast"]) == parts.broadcast
+    assert truth(got["vltfc.reply"]) == reply
+    assert number(got["vltfc.bcc"]) == telegram[-1]
+    assert truth(got["vltfc.bcc.good"])
+    word, share = ("stw", "freq") if reply else ("ctw", "ref")
+    assert number(got[f"vltfc.{word}"]) == parts.pcd1
+    assert got["vltfc.ctw" if reply else "vltfc.stw"] == ""
+    signed = parts.pcd2 - 0x10000 if parts.pcd2 & 0x8000 else parts.pcd2
+    assert float(got[f"vltfc.{share}.percent"]) == pytest.approx(100 * signed / 0x4000)
+    for name, bit in BITS.items():
+        shown = got[name]
+        assert shown == "" if word not in name else truth(shown) == bool(parts.pcd1 >> bit & 1), name
+    if parts.kind == "process":
+        assert got["vltfc.pke"] == got["vltfc.ind"] == got["vltfc.pwe"] == ""
+        return
+    assert number(got["vltfc.pke"]) == parts.ak << 12 | parts.pnu
+    assert (number(got["vltfc.ak"]), number(got["vltfc.pnu"])) == (parts.ak, parts.pnu)
+    assert got["vltfc.ak.words"] == WORDS["reply" if reply else "request"][str(parts.ak)]
+    assert got["vltfc.pnu.name"] == VLT6000[parts.pnu].name
+    assert (number(got["vltfc.ind"]), number(got["vltfc.index"])) == (parts.ind, parts.ind & 0xFF)
+    if parts.text is not None:
+        assert got["vltfc.text"] == parts.text.decode()
+        return
+    assert number(got["vltfc.pwe"].split(" ")[0]) == parts.pwe
+    assert number(got["vltfc.pwe.signed"]) == (parts.pwe ^ 1 << 31) - (1 << 31)
+    fault = parts.fault if reply else None
+    assert got["vltfc.fault"] == ("" if fault is None else str(fault))
+    if fault is not None:
+        assert got["vltfc.fault.words"] == WORDS["fault"][str(fault)]
+
+
+@pytest.mark.rule("FC-1", "FC-2", "FC-3", "FC-4", "FC-7")
+@pytest.mark.parametrize("name", WITH_DRIVE)
+def test_the_drive_line_is_decoded_as_the_examples_say(recorded, packets, name):
+    played = example(recorded, name)
+    seen = [
+        (packets[played.first_packet + i], frame)
+        for i, frame in enumerate(played.frames)
+        if frame.line == "drive"
+    ]
+    expected = [
+        (bytes.fromhex(part), part is exchange["reply"])
+        for exchange in played.example["drive"]
+        for part in (exchange["telegram"], exchange["reply"])
+        if part
+    ]
+    assert [frame.data for _, frame in seen] == [telegram for telegram, _ in expected]
+    for (got, _), (telegram, reply) in zip(seen, expected, strict=True):
+        check_telegram(got, telegram, reply)
+
+
+@pytest.mark.parametrize(
+    ("name", "direction", "value"),
+    [
+        ("ex4-write-104", "telegram", "60 Hz"),
+        ("ex5-read-514", "reply", "3.00 A"),
+        ("ex5-read-514", "telegram", ""),
+        ("refused-17", "reply", ""),
+    ],
+)
+def test_values_have_their_decimals_and_unit(recorded, packets, name, direction, value):
+    played = example(recorded, name)
+    at = next(
+        i
+        for i, f in enumerate(played.frames)
+        if f.data.hex(" ").upper() == played.example["drive"][0][direction]
+    )
+    assert packets[played.first_packet + at]["vltfc.value"] == value
+
+
+@pytest.mark.rule("FC-9")
+def test_request_and_reply_know_each_other(recorded, packets):
+    """By number, with the silence between them as the log has it; a repeat knows what it repeats."""
+    pairs = 0
+    for at, frame in enumerate(recorded.frames, 1):
+        if (frame.line, frame.sender) != ("drive", "drive"):
+            continue
+        asked = at - 1
+        assert recorded.frames[asked - 1].sender == "card"
+        assert number(packets[at]["vltfc.request_frame"]) == asked
+        assert number(packets[asked]["vltfc.reply_frame"]) == at
+        silence = frame.start - recorded.frames[asked - 1].end
+        assert float(packets[at]["vltfc.pause"]) == pytest.approx(silence, abs=3e-6)
+        taken = frame.start - recorded.frames[asked - 1].start
+        assert float(packets[at]["vltfc.time"]) == pytest.approx(taken, abs=3e-6)
+        pairs += 1
+    assert pairs > 20
+    first = next(
+        example(recorded, "timeout-255").first_packet + i
+        for i, frame in enumerate(example(recorded, "timeout-255").frames)
+        if frame.line == "drive"
+    )
+    assert packets[first]["vltfc.reply_frame"] == packets[first + 1]["vltfc.reply_frame"] == ""
+    assert number(packets[first + 1]["vltfc.repeat_of"]) == first
+    assert "No reply before the next request" in packets[first]["_ws.expert.message"]
+    broadcast = example(recorded, "bcast-start").first_packet + 1
+    assert "No reply" not in packets[broadcast]["_ws.expert.message"]
+
+
+# ---------------------------------------------------------------- the network line
+def check_adu(got: dict[str, str], adu: bytes, request: bytes) -> None:
+    """What the built-in dissector says about a request, or about the reply to `request`."""
+    is_request = adu is request
+    code, body = adu[1], adu[2:-2]
+    assert "mbrtu:modbus" in got["frame.protocols"]
+    assert number(got["mbrtu.unit_id"]) == adu[0]
+    assert number(got["mbrtu.crc16.status"]) == 1
+    assert number(got["modbus.func_code"]) == code & 0x7F
+    if code & rtu.EXCEPTION_BIT:
+        assert number(got["modbus.exception_code"]) == body[0]
+        return
+    assert got["modbus.exception_code"] == ""
+    first, second = (int.from_bytes(body[at : at + 2], "big") for at in (0, 2))
+    reads = code in (rtu.READ_COILS, rtu.READ_REGISTERS)
+    if is_request or not reads:
+        assert number(got["modbus.reference_num"].split(";")[0]) == first
+    if (is_request and reads) or code in (rtu.WRITE_COILS, rtu.WRITE_REGISTERS):
+        counted = "bit_cnt" if code in (rtu.READ_COILS, rtu.WRITE_COILS) else "word_cnt"
+        assert number(got[f"modbus.{counted}"]) == second
+    values = b""
+    if not is_request and reads:
+        values = body[1:]
+    elif is_request and code in (rtu.WRITE_COILS, rtu.WRITE_REGISTERS):
+        values = body[5:]
+    if values and code in (rtu.READ_REGISTERS, rtu.WRITE_REGISTERS):
+        words = [int.from_bytes(values[at : at + 2], "big") for at in range(0, len(values), 2)]
+        assert [number(text) for text in got["modbus.regval_uint16"].split(";")] == words
+    elif values and is_request:
+        assert bytes.fromhex(got["modbus.data"].replace(":", "")) == values
+    if is_request and code == rtu.WRITE_REGISTER:
+        assert bytes.fromhex(got["modbus.data"].replace(":", "")) == body[2:]
+
+
+def check_broadcast(got: dict[str, str], adu: bytes) -> None:
+    """Wireshark's own dissector leaves unit 0 alone; ours says the most important."""
+    assert number(got["rtu2fc_modbus.func_code"]) == adu[1]
+    assert number(got["rtu2fc_modbus.reference_num"]) == int.from_bytes(adu[2:4], "big")
+    assert truth(got["rtu2fc_modbus.crc.good"])
+    assert number(got["rtu2fc_modbus.ctw"]) == 0x047C
+
+
+# Requests that contradict themselves on purpose: what a dissector makes of them is its own affair.
+MALFORMED = ("bad-function", "bad-length", "bad-data-length")
+
+
+@pytest.mark.rule("FRAME-4")
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_network_line_is_decoded_as_the_examples_say(recorded, packets, name):
+    played = example(recorded, name)
+    request = bytes.fromhex(played.example["request"])
+    first = packets[played.first_packet]
+    if request[0] == 0:
+        check_broadcast(first, request)
+    elif name not in MALFORMED:
+        check_adu(first, request, request)
+    if played.example["reply"] is None:
+        assert all(frame.line == "drive" for frame in played.frames[1:])
+        return
+    reply = bytes.fromhex(played.example["reply"])
+    at = len(played.frames) - 1
+    assert played.frames[at].data == reply
+    got = packets[played.first_packet + at]
+    check_adu(got, reply, request)
+    if name in MALFORMED or reply[1] & rtu.EXCEPTION_BIT:
+        return
+    assert number(got["modbus.request_frame"]) == played.first_packet
+    taken = played.frames[at].start - played.frames[0].start
+    assert float(got["modbus.response_time"]) == pytest.approx(taken, abs=2e-6)
+
+
+def test_the_network_line_s_pause_is_the_log_s(recorded, packets):
+    """From the request's last stop bit on, as on the drive line, on the panel and in the demo."""
+    pauses, asked = 0, None
+    for at, frame in enumerate(recorded.frames, 1):
+        if frame.line != "modbus":
+            continue
+        shown = packets[at]["rtu2fc_modbus.pause"]
+        if frame.sender == "master":
+            asked = frame
+            assert shown == ""
+        else:
+            assert float(shown) == pytest.approx(frame.start - asked.end, abs=3e-6)
+            pauses += 1
+    assert pauses > 30
+
+
+@pytest.mark.parametrize(("baud", "form"), [(9600, "8N2"), (19200, "8E1"), (300, "8N1"), (115200, "8O1")])
+def test_the_pause_knows_the_line_s_rate_also_when_it_changes(tmp_path, baud, form):
+    fmt = Format.named(baud, form)
+    with Recorder(tmp_path / "lines") as recorder:
+        at = 10**10
+        for now in (Format.named(4800, "8E1"), fmt):
+            recorder.end_frame(MODBUS)
+            recorder.use(MODBUS, now)
+            for from_card, data in ((False, READ_COILS), (True, READ_COILS)):
+                for byte in data:
+                    end = at + round(now.character_ps)
+                    recorder.character(MODBUS, from_card, Heard(byte, at, end))
+                    at = end
+                recorder.end_frame(MODBUS)
+                at += 30 * 10**9
+    got = read(recorder.pcap, tmp_path / "settings")
+    assert [packet["frame.interface_description"] for packet in got.values()] == [
+        *2 * ["network line, Modbus RTU, 4800 8E1"],
+        *2 * [f"network line, Modbus RTU, {baud} {form}"],
+    ]
+    for reply in (2, 4):
+        assert float(got[reply]["rtu2fc_modbus.pause"]) == pytest.approx(0.030, abs=3e-6)
+
+
+def test_requests_are_told_in_the_drive_s_words(recorded, packets):
+    read_current = packets[example(recorded, "ex5-read-514").first_packet]
+    assert read_current["rtu2fc_modbus.pnu"] == "514"
+    assert read_current["rtu2fc_modbus.name"] == VLT6000[514].name
+    start = packets[example(recorded, "ex1-start-40").first_packet]
+    assert number(start["rtu2fc_modbus.ctw"]) == 0x047C
+    assert float(start["rtu2fc_modbus.ref"]) == pytest.approx(40, abs=0.01)
+    assert truth(start["vltfc.ctw.start"]) and truth(start["vltfc.ctw.valid"])
+    assert not truth(start["vltfc.ctw.reverse"])
+    local = packets[example(recorded, "appA-fc06").first_packet]
+    assert local["rtu2fc_modbus.pnu"] == "", "40002 is no parameter"
+
+
+@pytest.mark.parametrize(
+    ("request_", "bits", "reference"),
+    [
+        ("01 0F 00 00 00 20 04 7C 04 99 19", {"start": 1, "valid": 1, "reverse": 0}, 40.0),
+        ("01 0F 00 00 00 10 02 7C 04", {"start": 1, "valid": 1, "reverse": 0}, None),
+        ("01 05 00 06 FF 00", {"start": 1, "valid": None}, None),
+        ("01 05 00 06 00 00", {"start": 0, "valid": None}, None),
+        ("00 05 00 0A FF 00", {"start": None, "valid": 1}, None),
+        ("01 0F 00 06 00 05 01 11", {"start": 1, "valid": 1, "reset": 0, "reverse": None}, None),
+        ("01 0F 00 01 00 10 02 20 02", {"start": 1, "valid": 1, "reverse": 0}, None),
+        ("01 0F 00 10 00 10 02 00 E0", {"start": None, "valid": None}, -50.0),
+        ("01 0F 00 0F 00 11 03 01 40 00", {"reverse": 1, "start": None}, 50.0),
+        ("01 05 00 20 FF 00", {"start": None, "valid": None}, None),
+        ("01 0F 00 00 00 20 04 7C 04", {"start": None}, None),
+    ],
+)
+def test_any_write_of_the_control_word_s_coils_is_told(tmp_path, request_, bits, reference):
+    frame = with_crc(bytes.fromhex(request_))
+    (got,) = read(capture_of(tmp_path, (MODBUS, False, frame)), tmp_path / "settings").values()
+    for name, value in bits.items():
+        shown = got[f"vltfc.ctw.{name}"]
+        assert shown == "" if value is None else truth(shown) == bool(value), name
+    share = got["rtu2fc_modbus.ref"]
+    assert share == "" if reference is None else float(share) == pytest.approx(reference, abs=0.01)
+
+
+def test_a_function_code_alone_is_decoded_too(tmp_path):
+    frame = with_crc(bytes.fromhex("01 07"))
+    (got,) = read(capture_of(tmp_path, (MODBUS, False, frame)), tmp_path / "settings").values()
+    assert number(got["rtu2fc_modbus.func_code"]) == 7 and truth(got["rtu2fc_modbus.crc.good"])
+
+
+# ---------------------------------------------------------------- what one sees: columns, colours
+@pytest.fixture(scope="module")
+def rows(recorded, tmp_path_factory) -> list[dict[str, str]]:
+    """The packet list, column by column, as the profile has it."""
+    settings = tmp_path_factory.mktemp("columns")
+    preferences = (ROOT / "sim/view/wireshark_profile/preferences").read_text().split("gui.column.format:")[1]
+    names = re.findall(r'^\s*"([^"]*)", "', preferences, re.MULTILINE)
+    text = tshark.rows(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(settings))
+    return [dict(zip(names, map(str.strip, line.split("\t")), strict=True)) for line in text]
+
+
+def test_the_columns_are_what_the_log_says(recorded, rows):
+    assert len(rows) == len(recorded.frames)
+    ends: dict[str, float] = {}
+    for at, (row, frame) in enumerate(zip(rows, recorded.frames, strict=True), 1):
+        assert int(row["No."]) == at
+        assert float(row["Time"]) == pytest.approx(frame.start, abs=1e-9), "the log's time, from power-up"
+        assert row["Line"] == frame.line
+        assert row["Direction"] == ("Outbound" if frame.sender == "card" else "Inbound")
+        assert row["Protocol"] == ("FC" if frame.line == "drive" else "Modbus RTU")
+        assert int(row["Bytes"]) == len(frame.data)
+        assert row["Comment"] == ("" if frame.ok else "bad frame: ") + frame.what
+        replies = frame.sender == ("card" if frame.line == "modbus" else "drive")
+        if replies:
+            assert float(row["Reply after"]) == pytest.approx(frame.start - ends[frame.line], abs=3e-6)
+        else:
+            assert row["Reply after"] == ""
+            ends[frame.line] = frame.end
+
+
+def test_the_info_column_tells_each_telegram_and_request(recorded, rows):
+    for row, frame in zip(rows, recorded.frames, strict=True):
+        info = row["Info"]
+        if frame.line == "modbus":
+            if "would be right" in frame.what:  # it contradicts itself: Wireshark's own affair
+                continue
+            assert re.search(rf"Func: +{frame.data[1] & 0x7F}\b", info), info
+            continue
+        reply = frame.sender == "drive"
+        parts = fc_telegram.parse(frame.data, reply)
+        assert info.startswith("Reply: " if reply else "To all: " if parts.broadcast else "Request: ")
+        word, share = ("status", "frequency") if reply else ("control", "reference")
+        signed = parts.pcd2 - 0x10000 if parts.pcd2 & 0x8000 else parts.pcd2
+        assert info.endswith(f"{word} {parts.pcd1:04X}h, {share} {100 * signed / 0x4000:.1f} %")
+        if parts.kind != "process":
+            words = WORDS["reply" if reply else "request"][str(parts.ak)]
+            assert f": {words} {parts.pnu} {VLT6000[parts.pnu].name}" in info
+        if parts.text is not None:
+            assert f"= '{parts.text.decode()}';" in info
+
+
+def test_a_control_word_that_is_not_valid_is_said_to_be_ignored(recorded, tmp_path):
+    told = tshark.verbose(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(tmp_path))
+    shown = [line.strip() for line in told.splitlines() if line.strip().startswith("Control word: ")]
+    sent = [
+        fc_telegram.parse(frame.data).pcd1
+        for frame in recorded.frames
+        if (frame.line, frame.sender) == ("drive", "card")
+    ]
+    written = [line for line in shown if re.search(r"0x[0-9a-f]{4}( \(ignored: data not valid\))?$", line)]
+    on_drive_line = [
+        f"Control word: 0x{word:04x}" + ("" if word & 1 << 10 else " (ignored: data not valid)")
+        for word in sent
+    ]
+    assert written == shown
+    assert {word & 1 << 10 for word in sent} == {0, 1 << 10}
+    # Requests on the network line have the word too, and whether it is valid is the drive line's business.
+    for line in on_drive_line:
+        shown.remove(line)
+    assert not any("ignored" in line for line in shown)
+
+
+def colour_filters() -> dict[str, str]:
+    lines = (ROOT / "sim/view/wireshark_profile/colorfilters").read_text().splitlines()
+    return dict(re.fullmatch(r"@([^@]+)@([^@]+)@\[[\d,]+\]\[[\d,]+\]", line).groups() for line in lines[1:])
+
+
+def test_each_colour_is_for_the_frames_it_is_named_for(recorded, tmp_path):
+    def is_exception(frame: Frame) -> bool:
+        if frame.line == "modbus":
+            return frame.sender == "card" and bool(frame.data[1] & rtu.EXCEPTION_BIT)
+        return frame.sender == "drive" and fc_telegram.parse(frame.data, True).fault is not None
+
+    frames = dict(enumerate(recorded.frames, 1))
+    expected = {
+        "Bad frame": [at for at, frame in frames.items() if not frame.ok],
+        "Exception or refused": [at for at, frame in frames.items() if is_exception(frame)],
+        "Drive line": [at for at, frame in frames.items() if frame.line == "drive"],
+        # Wireshark's own dissector knows no unit 0.
+        "Network line": [at for at, frame in frames.items() if frame.line == "modbus"],
+    }
+    assert expected["Exception or refused"]
+    found = {}
+    for name, chosen in colour_filters().items():
+        options = [*SCRIPT, "-2"]
+        seen = tshark.fields(
+            recorded.pcap, "frame.number", options=options, only=chosen, env=environment(tmp_path)
+        )
+        found[name] = [int(packet["frame.number"]) for packet in seen]
+    assert len(found.pop("No reply")) >= 2
+    assert found == expected
+
+
+def test_a_bad_frame_has_its_colour(tmp_path):
+    capture = capture_of(
+        tmp_path, (DRIVE, True, START[:-1] + b"\x7c"), (MODBUS, False, READ_COILS[:-1] + b"\0")
+    )
+    chosen = colour_filters()["Bad frame"]
+    seen = tshark.fields(
+        capture, "frame.number", options=SCRIPT, only=chosen, env=environment(tmp_path / "settings")
+    )
+    assert [packet["frame.number"] for packet in seen] == ["1", "2"]
+
+
+# ---------------------------------------------------------------- what is wrong, and other drives
+START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
+
+
+def capture_of(tmp_path: Path, *frames: tuple[int, bool, bytes], dialect: str = "card") -> Path:
+    """A recording with these frames: line, sent by the card, bytes."""
+    with Recorder(tmp_path / "lines", dialect) as recorder:
+        talk = Talk(recorder)
+        for line, from_card, data in frames:
+            talk.say(line, from_card, data)
+            talk.silence(5)
+    return recorder.pcap
+
+
+@pytest.mark.rule("FC-1", "FC-8")
+@pytest.mark.parametrize(
+    ("line", "data", "message"),
+    [
+        (DRIVE, START[:-1] + b"\x7c", "BCC 7Ch, 7Dh would be right"),
+        (DRIVE, b"\x03" + START[1:], "No STX"),
+        (DRIVE, START[:-2], "LGE 6, but 6 bytes"),
+        (DRIVE, b"\x02", "LGE 0, but 1 bytes"),
+        (DRIVE, bytes.fromhex("02 02 81 81"), "LGE 2, but 4 bytes"),
+        (MODBUS, bytes.fromhex("01 01 00 00 00 10 3D C7"), "Incorrect CRC"),
+        (MODBUS, bytes.fromhex("00 05 00 00 FF 00 8D EC"), "Incorrect CRC"),
+    ],
+)
+def test_bad_frames_are_marked(tmp_path, line, data, message):
+    (got,) = read(capture_of(tmp_path, (line, line == DRIVE, data)), tmp_path / "settings").values()
+    assert message in got["_ws.expert.message"]
+    assert "bad frame: " in got["frame.comment"]
+
+
+def test_a_reply_to_another_question_is_told(tmp_path):
+    ask, other = fc_telegram.build_parameter(1, 514), fc_telegram.build_parameter(1, 515)
+    got = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, other)), tmp_path / "settings")
+    assert "Reply to another request" in got[2]["_ws.expert.message"]
+    assert got[2]["vltfc.request_frame"] == ""
+
+
+def test_a_negative_frequency_and_a_signed_value(tmp_path):
+    reply = fc_telegram.build_parameter(1, 505, pwe=0xFFFF, pcd1=0x0F03, pcd2=0xE000)
+    got = read(capture_of(tmp_path, (DRIVE, False, reply)), tmp_path / "settings")[1]
+    assert float(got["vltfc.freq.percent"]) == -50
+    assert got["vltfc.pwe.signed"] == "65535"
+
+
+def test_a_text_is_latin_1_with_dots_for_what_does_not_print(tmp_path):
+    write = fc_telegram.build_text(533, b"HELLO\xe9\x00\x7f\x8012")
+    read_ = fc_telegram.build_text_read(533, 1)
+    reply = fc_telegram.build_text(533, b"\x01~\xff", fc_telegram.IND_TEXT_READ)
+    lines = ((DRIVE, True, write), (DRIVE, False, reply), (DRIVE, True, read_))
+    capture = capture_of(tmp_path, *lines)
+    got = read(capture, tmp_path / "settings")
+    assert [got[at]["vltfc.text"] for at in got] == ["HELLOé...12", ".~ÿ", ""]
+    assert "Trailing" not in got[1]["_ws.expert.message"]
+    told = tshark.verbose(capture, options=SCRIPT, env=environment(tmp_path / "settings"))
+    assert re.findall(r"IND: (.*)", told) == [
+        "0x0500 (write text)",
+        "0x0400 (read text)",
+        "0x0401 (read text)",
+    ]
+
+
+def test_the_last_telegram_may_have_no_reply_too(tmp_path):
+    ask = fc_telegram.build_parameter(1, 514)
+    alone = read(capture_of(tmp_path, (DRIVE, True, ask)), tmp_path / "settings")
+    assert "No reply up to the end of the recording" in alone[1]["_ws.expert.message"]
+    answered = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, ask)), tmp_path / "settings")
+    assert not any("No reply" in packet["_ws.expert.message"] for packet in answered.values())
+
+
+@pytest.mark.parametrize(
+    ("drive", "name"),
+    [
+        ("vlt6000", VLT6000[514].name),
+        ("vlt5000", None),
+        ("hvac_basic", None),
+    ],
+)
+def test_the_preference_chooses_the_drive(tmp_path, drive, name):
+    """Names, and bit 2 and 6 of the status word, which mean something else on later drives."""
+    if name is None:
+        profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())[0]
+        name = next((p.name for p in profile.parameters if p.pnu == 514), "unknown")
+    reply = fc_telegram.build_parameter(1, 514, pcd1=0x0044)
+    capture = capture_of(tmp_path, (DRIVE, False, reply))
+    got = read(capture, tmp_path / "settings", "-o", f"vltfc.drive:{drive}")[1]
+    assert got["vltfc.pnu.name"] == name
+    assert (got["vltfc.stw.stand_by"] == "") == (drive == "hvac_basic")
+
+
+def test_the_capture_itself_says_which_drive_it_is(tmp_path):
+    profile = read_profile(ROOT / "sim/drive/hvac_basic.csv", read_capacity())[0]
+    motor = next(p for p in profile.parameters if p.pnu > 2047)
+    reply = fc_telegram.build_parameter(1, motor.pnu)
+    got = read(capture_of(tmp_path, (DRIVE, False, reply), dialect="hvac_basic"), tmp_path / "settings")[1]
+    assert (got["vltfc.pnu"], got["vltfc.pnu.name"]) == (str(motor.pnu), motor.name)
+
+
+# ---------------------------------------------------------------- the command
+def test_make_wireshark_without_a_display_prints_tshark_s_text(recorded):
+    command = [sys.executable, "-m", "sim.view.wireshark", recorded.pcap, "-c", "4"]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment() | {"DISPLAY": "", "WAYLAND_DISPLAY": ""},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "so this is tshark's text" in done.stderr
+    assert "Bit 10, Data valid" in done.stdout
+    assert "Modbus RTU" in done.stdout
+
+
+def test_a_recording_that_is_not_there_is_one_line():
+    command = [sys.executable, "-m", "sim.view.wireshark", "nowhere.pcapng"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "wireshark: nowhere.pcapng is not there\n")

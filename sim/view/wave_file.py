@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names and values out of a waveform (FST or VCD), for tools and tests.
+
+Names are those below the top module, with dots, whatever the simulator puts above it: Icarus has the ports of
+the top inside it, Verilator beside it in TOP or, with cocotb, in $rootio. Times in seconds.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pywellen import Waveform
+
+ROOT = Path(__file__).resolve().parents[2]
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
+
+
+@functools.cache
+def low_bits() -> dict[str, int]:
+    """Vectors that do not end at bit 0, by name: the reader does not tell."""
+    declared = re.compile(r"\[\s*\d+\s*:\s*([1-9]\d*)\s*\]\s*(\w+)")
+    sources = [path for folder in ("rtl", "regs", "sim", "tb") for path in (ROOT / folder).rglob("*.v")]
+    return {name: int(low) for path in sources for low, name in declared.findall(path.read_text())}
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One variable of a waveform; `path` is its full name there, `name` the one below the top."""
+
+    path: str
+    name: str
+    width: int
+    is_text: bool  # characters, as the state names
+
+    @property
+    def leaf(self) -> str:
+        return self.name.rsplit(".", 1)[-1]
+
+    @property
+    def bits(self) -> str:
+        """As GTKWave wants it behind the name."""
+        if self.width == 1:
+            return ""
+        low = low_bits().get(self.leaf, 0)
+        return f"[{self.width - 1 + low}:{low}]"
+
+
+class WaveFile:
+    """A waveform, read when it is asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._wave = Waveform(str(path))
+        scale = re.fullmatch(r"(\d+)\s*(\w+)", str(self._wave.timescale))
+        self._unit_s = int(scale[1]) * UNITS[scale[2]]
+
+    @functools.cached_property
+    def span(self) -> float:
+        """From beginning to end, in time units of the file. Both stand in the first block of an FST file."""
+        header = self._path.read_bytes()[:25]  # block type, length, start and end time
+        if header[:1] != b"\0" or len(header) < 25:
+            return 0.0
+        start, end = struct.unpack(">QQ", header[9:25])
+        return float(end - start)
+
+    @functools.cached_property
+    def _variables(self) -> dict[str, object]:
+        found: dict[str, object] = {}
+        for variable in self._wave.all_vars():
+            found.setdefault(variable.full_name, variable)
+        return found
+
+    @functools.cached_property
+    def signals(self) -> dict[str, Signal]:
+        """By the name below the top, in the file's order; parameters are left out."""
+        found: dict[str, Signal] = {}
+        for path, variable in self._variables.items():
+            if "Parameter" in str(variable.var_type) or not variable.bitwidth:
+                continue
+            above, _, name = path.partition(".")
+            if above == "TOP" and "." in name:
+                name = name.partition(".")[2]
+            text = name.endswith(("_name", ".name"))
+            found.setdefault(name, Signal(path, name, variable.bitwidth, text))
+        return found
+
+    def changes(self, name: str) -> Iterator[tuple[float, str]]:
+        """Time and value of each change, the first one included; binary digits, first bit first."""
+        variable = self._variables[self.signals[name].path]
+        for when, value in variable.tv:
+            yield when * self._unit_s, str(value)
+
+    def pulses(self, name: str) -> list[tuple[float, float]]:
+        """Rise and fall of each time that a signal was 1; one that is still up is left out."""
+        found, rise = [], None
+        for when, value in self.changes(name):
+            if value == "1" and rise is None:
+                rise = when
+            elif value != "1" and rise is not None:
+                found.append((rise, when))
+                rise = None
+        return found

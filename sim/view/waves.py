@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes view files for a waveform, so that it opens readable: GTKWave's .gtkw and Surfer's .sucl.
+
+    python -m sim.view.waves WAVE.fst [TOP]     top: rtu2fc unless said otherwise
+
+The whole card is grouped by line: pins, decoded bytes, states by name, candidate, commit and revoke, then
+the mailbox and the firmware by function and register name. A single module shows its ports and its states.
+What is shown is a short list of patterns here; the names come from the waveform's own hierarchy, so that they
+are there. `make waves TEST=name` calls this for every waveform that it keeps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
+from sim.view.wave_file import Signal, WaveFile
+
+ROOT = Path(__file__).resolve().parents[2]
+ELF = ROOT / "build/firmware.elf"
+MAPPINGS = ".surfer/mappings"  # where Surfer looks, below the folder in which it is started
+ADDRESSES = "firmware"  # name of the translation from addresses to functions and registers
+
+# Trace flags of GTKWave (analyzer.h).
+HEX, DECIMAL, BIT, ASCII = 0x22, 0x24, 0x28, 0x820
+FILE_FILTER, GROUP_BEGIN, GROUP_END = 0x2000, 0x800200, 0x1000200
+SURFER_FORMAT = {HEX: "Hexadecimal", DECIMAL: "Unsigned", BIT: "Bit", ASCII: "ASCII"}
+
+WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What to show: the first pattern that fits, and of the names that fit it the shortest.
+
+    A `*` stands for anything, levels of hierarchy included. `every`: all that fit, not only the shortest.
+    `names`: values that are addresses are shown as function or register.
+    """
+
+    patterns: tuple[str, ...]
+    flags: int = BIT
+    alias: str = ""
+    every: bool = False
+    names: bool = False
+
+    def find(self, signals: dict[str, Signal]) -> list[Signal]:
+        for pattern in self.patterns:
+            fitting = sorted(fnmatch.filter(signals, pattern), key=lambda name: (len(name), name))
+            if fitting:
+                return [signals[name] for name in (fitting if self.every else fitting[:1])]
+        return []
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a view."""
+
+    signal: Signal
+    flags: int
+    alias: str
+    names: bool
+
+
+def bit(*patterns: str, alias: str = "") -> Entry:
+    return Entry(patterns, BIT, alias)
+
+
+def number(*patterns: str, alias: str = "") -> Entry:
+    return Entry(patterns, DECIMAL, alias)
+
+
+def states(pattern: str) -> Entry:
+    return Entry((pattern,), ASCII, every=True)
+
+
+def line(port: str, pins: str) -> list[Entry]:
+    """One side of the card; both have the same shape."""
+    return [
+        *(bit(f"{pins}_{pin}") for pin in ("rx", "tx", "de")),
+        bit(f"{port}.line", alias="rx filtered"),
+        Entry((f"{port}.*last_byte",), HEX, every=True),
+        states(f"{port}.*state_name"),
+        bit(f"{port}*rx_parity_error", alias="parity error"),
+        bit(f"{port}*rx_framing_error", alias="framing error"),
+        number(f"{port}*silence_i.halves", alias="silence, half characters"),
+        bit(f"{port}*short_reached", alias="short silence"),
+        bit(f"{port}*long_reached", alias="long silence"),
+    ]
+
+
+CARD: dict[str, list[Entry]] = {
+    "network line": [
+        *line("network_i", "modbus"),
+        number("network_i*rtu_rx_i.length", alias="bytes received"),
+        bit("network_i*crc_good", alias="CRC good"),
+    ],
+    "commit gate": [
+        *(bit(name) for name in ("candidate", "commit", "revoke")),
+        Entry(("mailbox_i*.ticket",), HEX, "ticket"),
+        *(
+            bit(f"mailbox_i*.{name}")
+            for name in ("is_candidate", "is_committed", "reply_queued", "answerable")
+        ),
+        bit("reply_start", alias="reply starts"),
+        *(bit(f"mailbox_i*.{name}") for name in ("telegram_queued", "licensed")),
+        bit("telegram_start", alias="telegram starts"),
+    ],
+    "drive line": [
+        *line("drive_i", "drive"),
+        bit("drive_listening", "drive_i*listening", alias="listening"),
+        bit("drive_candidate", alias="reply candidate"),
+        bit("drive_good", alias="reply good"),
+        bit("drive_bad", alias="reply bad"),
+    ],
+    "mailbox and firmware": [
+        # Whatever the core is: the address on its bus is a function while it fetches, a register of the
+        # mailbox while it talks to that. A core that tells its program counter has a row of its own.
+        Entry(("core_i*.dbg_insn_addr", "core_i*.fetch_addr", "core_addr"), HEX, "function", names=True),
+        Entry(("core_addr",), HEX, "bus", names=True),
+        bit("core_valid", alias="access"),
+        bit("core_ready", alias="done"),
+        Entry(("core_wstrb",), HEX, "bytes written"),
+        Entry(("core_wdata",), HEX, "written"),
+        Entry(("core_rdata",), HEX, "read"),
+        states("mailbox_i*state_name"),
+        bit("mailbox_i*.telegram_touched"),
+        bit("core_rst", alias="core reset"),
+        bit("fault"),
+    ],
+    "LEDs": [bit(f"led_{line}_{colour}") for line in ("modbus", "drive") for colour in ("red", "green")],
+}
+# Shown when they are there.
+OPTIONAL = ("mailbox_i*state_name",)
+
+
+def module_entries(top: str) -> dict[str, list[Entry]]:
+    """Ports of a single module, in the order of its source, and every state below it."""
+    folders = (ROOT / name for name in ("rtl", "regs/generated", "sim/harness", "tb/rtl"))
+    path = next((path for folder in folders for path in folder.rglob(f"{top}.v")), None)
+    if path is None:
+        return {}
+    ports = re.findall(r"^\s*(?:input|output)\s+(?:wire|reg)\s*(\[[^\]]*\])?\s*(\w+)", path.read_text(), re.M)
+    return {
+        "ports": [Entry((name,), HEX if bits else BIT) for bits, name in ports],
+        "states": [states("*state_name"), Entry(("*last_byte",), HEX, every=True)],
+    }
+
+
+def rows(entries: Iterable[Entry], signals: dict[str, Signal]) -> list[Row]:
+    found: list[Row] = []
+    for entry in entries:
+        for signal in entry.find(signals):
+            if any(row.signal == signal for row in found):
+                continue
+            alias = entry.alias
+            if entry.every and "." in signal.name:
+                what = signal.leaf.removesuffix("_name").removeprefix("last_")
+                alias = signal.name.split(".")[-2].removesuffix("_i") + " " + what
+            found.append(Row(signal, entry.flags, alias, entry.names))
+    return found
+
+
+def missing(top: str, signals: dict[str, Signal]) -> list[str]:
+    """Entries of the whole card's list that fit nothing: the list is behind the hierarchy."""
+    if top != "rtu2fc":
+        return []
+    entries = [entry for group in CARD.values() for entry in group]
+    return [
+        entry.patterns[0]
+        for entry in entries
+        if entry.patterns[0] not in OPTIONAL and not entry.find(signals)
+    ]
+
+
+# ---------------------------------------------------------------- addresses by name
+def register_names() -> dict[int, str]:
+    """Word address on the core's bus to what registers, or bytes of which frames, lie there."""
+    names: dict[int, list[str]] = {}
+    for name, register in REGISTERS.items():
+        names.setdefault(BASE + register.offset // STRIDE * STRIDE, []).append(name)
+    for name, area in AREAS.items():
+        for i in range(area.length):
+            index = f"[{i}]" if area.length > 1 else ""
+            names.setdefault(FRAMES + area.at(i) // STRIDE * STRIDE, []).append(name + index)
+    return {address: " ".join(known) for address, known in names.items()}
+
+
+def function_names(elf: Path = ELF) -> dict[int, str]:
+    """Address of each instruction to the function it belongs to in the source, inlined or not."""
+    if not elf.exists():
+        return {}
+    tool = "riscv64-unknown-elf-"
+    end = next(
+        int(text.split()[0], 16)
+        for text in subprocess.check_output([f"{tool}nm", elf], text=True).splitlines()
+        if text.endswith(" _image_end")
+    )
+    addresses = [f"{address:08X}" for address in range(0, end, 4)]
+    lines = subprocess.check_output([f"{tool}addr2line", "-f", "-e", elf, *addresses], text=True).splitlines()
+    found = {int(address, 16): lines[2 * n].split(".")[0] for n, address in enumerate(addresses)}
+    return {address: name for address, name in found.items() if name != "??"}
+
+
+def write_names(folder: Path, names: dict[int, str]) -> Path:
+    """For both programs: GTKWave's filter file, and Surfer's mapping of the same name."""
+    filter_file = folder / f"{ADDRESSES}.txt"
+    filter_file.write_text("".join(f"{value:08X} {name}\n" for value, name in names.items()))
+    mapping = folder / MAPPINGS / f"{ADDRESSES}.txt"
+    mapping.parent.mkdir(parents=True, exist_ok=True)
+    lines = [f"Name = {ADDRESSES}", "Bits = 32", *(f"0x{value:08X} {name}" for value, name in names.items())]
+    mapping.write_text("\n".join(lines) + "\n")
+    return filter_file
+
+
+# ---------------------------------------------------------------- the two views
+def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: Path | None) -> str:
+    lines = [
+        "[*] GTKWave save file",
+        f'[dumpfile] "{dump}"',
+        "[timestart] 0",
+        "[size] 1800 1000",
+        "[sst_expanded] 0",
+        "[signals_width] 200",
+        # The whole run: minus the binary logarithm of time units a frame.
+        f"*{-math.log2(max(1.0, span / WINDOW_FRAMES)):.6f} -1" + " -1" * 26,
+    ]
+    for group, found in groups.items():
+        lines += [f"@{GROUP_BEGIN:x}", f"-{group}"]
+        for row in found:
+            named = row.names and names is not None
+            lines.append(f"@{row.flags | FILE_FILTER:x}" if named else f"@{row.flags:x}")
+            lines += [f"^1 {names}"] if named else []
+            name = row.signal.path + row.signal.bits
+            lines.append(f"+{{{row.alias}}} {name}" if row.alias else name)
+        lines += [f"@{GROUP_END:x}", f"-{group}"]
+    return "\n".join(lines) + "\n"
+
+
+def surfer_view(groups: dict[str, list[Row]], named: bool) -> str:
+    """Everything is added first; then each row is focused by its number, in letters a to p, and formatted."""
+    lines, formats, count = [], [], 0
+    for group, found in groups.items():
+        lines.append(f"divider_add {group.replace(' ', '_')}")
+        count += 1
+        for row in found:
+            lines.append(f"variable_add {row.signal.path}")
+            form = ADDRESSES if row.names and named else SURFER_FORMAT[row.flags]
+            if row.flags != BIT:
+                formats.append((count, form))
+            count += 1
+    for place, form in formats:
+        letters = "".join(chr(ord("a") + int(digit, 16)) for digit in f"{place:x}")
+        lines += [f"item_focus {letters}", f"item_set_format {form}"]
+    return "\n".join([*lines, "item_unfocus", "zoom_fit"]) + "\n"
+
+
+def save_file(dump: Path, top: str, elf: Path = ELF) -> Path:
+    """Writes both views beside the dump; returns GTKWave's. Surfer's has the same name, .sucl."""
+    wave = WaveFile(dump)
+    entries = CARD if top == "rtu2fc" else module_entries(top)
+    groups = {name: rows(group, wave.signals) for name, group in entries.items()}
+    groups = {name: found for name, found in groups.items() if found}
+    for pattern in missing(top, wave.signals):
+        print(f"waves: nothing in {dump.name} is called {pattern}", file=sys.stderr)
+    names = None
+    if top == "rtu2fc":
+        names = write_names(dump.parent, function_names(elf) | register_names())
+    view = dump.with_suffix(".gtkw")
+    view.write_text(gtkwave_view(dump, groups, wave.span, names))
+    dump.with_suffix(".sucl").write_text(surfer_view(groups, names is not None))
+    return view
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("dump", type=Path, help="waveform: FST, or VCD")
+    parser.add_argument("top", nargs="?", default="rtu2fc", help="its top module")
+    args = parser.parse_args()
+    if not args.dump.is_file():
+        print(f"waves: {args.dump} is not there", file=sys.stderr)
+        return 2
+    view = save_file(args.dump.resolve(), args.top)
+    command = ["gtkwave", str(args.dump), str(view)]
+    if shutil.which("gtkwave") and os.environ.get("DISPLAY"):
+        return subprocess.call(command)
+    print(" ".join(command))
+    commands = view.with_suffix(".sucl")
+    print(f"cd {view.parent} && surfer --command-file {commands.name} {args.dump.name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Static analysis of the firmware's C, in every dialect: gcc -fanalyzer, cppcheck, clang-tidy; part of lint.
+
+python -m sw.test.analysis [--tree DIR]   what is wrong, a line each; exit 1 if there is any
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from sw.test.host import DIALECTS, INCLUDES, ROOT
+from sw.test.loops import differences, instrument
+
+TIDY, CPPCHECK, CROSS = "clang-tidy-14", "cppcheck", "riscv64-unknown-elf-gcc"
+CARD = ["-Os", "-march=rv32i", "-mabi=ilp32", "-ffreestanding", "-Isw/port/card"]
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
+SHARED = ("sw/include", "sw/src", "regs/generated")
+
+
+def dialect(name: str) -> str:
+    return f"-DDIALECT=DIALECT_{name.upper()}"
+
+
+def run(tree: Path, command: Iterable[str | Path]) -> list[str]:
+    """What a tool says, if it is not content."""
+    done = subprocess.run(list(map(str, command)), cwd=tree, capture_output=True, text=True, check=False)
+    lines = [line for line in (done.stdout + done.stderr).splitlines() if ": " in line]
+    return lines or [f"{command[0]}: exit code {done.returncode}"] if done.returncode else []
+
+
+def all_of(tree: Path, commands: Iterable[list[str | Path]]) -> list[str]:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        said = pool.map(lambda command: run(tree, command), commands)
+        return list(dict.fromkeys(line for lines in said for line in lines))
+
+
+def card_sources(tree: Path) -> list[str]:
+    return sorted(str(path.relative_to(tree)) for path in (tree / "sw/src").glob("*.c"))
+
+
+def test_sources(tree: Path) -> list[str]:
+    found = [*(tree / "sw/port/host").glob("*.c"), *(tree / "sw/test").glob("*.c")]
+    return sorted(str(path.relative_to(tree)) for path in found)
+
+
+def gcc_analyzer(tree: Path = ROOT) -> list[str]:
+    """For the card as the card's compiler sees it, each file in each dialect."""
+    includes = [f"-I{folder}" for folder in SHARED]
+    return all_of(
+        tree,
+        [
+            [CROSS, *WARNINGS, "-fanalyzer", *CARD, *includes, dialect(name), "-c", source, "-o", os.devnull]
+            for name in DIALECTS
+            for source in card_sources(tree)
+        ],
+    )
+
+
+def cppcheck(tree: Path = ROOT) -> list[str]:
+    options = ["--quiet", "--std=c99", "--enable=warning,style,performance,portability", "--inconclusive"]
+    options += ["--error-exitcode=1", "--inline-suppr", *INCLUDES, "-Isw/test"]
+    files = card_sources(tree) + test_sources(tree)
+    return all_of(tree, [[CPPCHECK, *options, dialect(name), *files] for name in DIALECTS])
+
+
+def clang_tidy(tree: Path = ROOT) -> list[str]:
+    """As sw/.clang-tidy says."""
+    with tempfile.TemporaryDirectory() as folder:
+        instrument(Path(folder))  # for its table of loops
+        options = ["--", "-std=c99", *INCLUDES, "-Isw/test", f"-I{folder}"]
+        files = card_sources(tree) + test_sources(tree)
+        return all_of(
+            tree,
+            [[TIDY, "--quiet", source, *options, dialect(name)] for name in DIALECTS for source in files],
+        )
+
+
+CHECKS: list[tuple[str, Callable[..., list[str]]]] = [
+    ("gcc -fanalyzer", gcc_analyzer),
+    ("cppcheck", cppcheck),
+    ("clang-tidy", clang_tidy),
+    ("loops bounded", differences),
+]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tree", type=Path, default=ROOT, help="another tree than this one")
+    tree = parser.parse_args().tree.absolute()
+    wrong = [f"{title}: {line}" for title, check in CHECKS for line in check(tree)]
+    print("\n".join(wrong) or "clean")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Branch coverage of the firmware by its host tests, build by build.
+
+Exit 1 for a hole in the core, and with --check for a table in docs/reports/firmware-quality.md that says
+otherwise.
+
+Every dialect is measured alone, with its constants folded: what its row of dialect.h rules out is no branch
+of it. `all` is the sum, with the build options. The tests at random are left out, so that a branch counts
+only when a scenario was written for it, and the figure is the same in every run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from sw.test.host import (
+    BUILDS,
+    CORE,
+    DIALECTS,
+    DOCUMENT,
+    RANDOM,
+    ROOT,
+    TESTS,
+    compile_library,
+    put_figures,
+    with_figures,
+)
+
+FOLDER = ROOT / "build/coverage"
+# Constants folded and what they rule out gone, but every && and || still a branch of its own.
+FLAGS = [
+    *("-g", "-Og", "--coverage", "-ftree-vrp", "--param", "logical-op-non-short-circuit=0"),
+    *(f"-fno-{what}" for what in ("inline", "early-inlining", "if-conversion", "if-conversion2", "ipa-cp")),
+    *(f"-fno-{what}" for what in ("ipa-pure-const", "ipa-sra", "ssa-phiopt", "tree-pta")),
+]
+# Functions that a build has no call of: the linker drops them from its image.
+UNCALLED = {"card": ["translate_drive_again", "telegram_as_text"]}
+WIDTH = 12
+
+Holes = dict[str, list[int]]
+Counts = dict[str, tuple[int, int]]
+
+
+def run(*command: str | Path, **variables: str) -> str:
+    done = subprocess.run(
+        list(map(str, command)),
+        cwd=ROOT,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        sys.exit(f"{' '.join(map(str, command))}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def measure() -> None:
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    for build in BUILDS:
+        done = compile_library(build, FOLDER, *FLAGS)
+        if done.returncode:
+            sys.exit(done.stderr)
+    pytest = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", f"not ({RANDOM})"]
+    print(run(*pytest, *TESTS, FIRMWARE_LIBRARIES=str(FOLDER)).splitlines()[-1])
+
+
+def counted(folder: Path, uncalled: Iterable[str]) -> tuple[Counts, Counts, Holes]:
+    """Branches and lines of each file, taken and in all, and the lines with something not taken."""
+    report = json.loads(run(sys.executable, "-m", "gcovr", "--json", "-", "-r", ROOT, folder))
+    branches, lines, holes = {}, {}, {}
+    for file in report["files"]:
+        name = Path(file["file"]).name
+        code = [line for line in file["lines"] if line["function_name"] not in uncalled]
+        taken = [branch["count"] > 0 for line in code for branch in line["branches"]]
+        run_through = [line["count"] > 0 for line in code]
+        branches[name] = sum(taken), len(taken)
+        lines[name] = sum(run_through), len(run_through)
+        holes[name] = [
+            line["line_number"]
+            for line in code
+            if not line["count"] or not all(branch["count"] for branch in line["branches"])
+        ]
+    return branches, lines, holes
+
+
+def table(columns: dict[str, tuple[Counts, Counts, Holes]]) -> str:
+    files = sorted(columns["all"][0], key=lambda name: (name not in CORE, name))
+    rows = ["branches taken".ljust(16) + "".join(f"{name:>{WIDTH}}" for name in columns)]
+    for file in files:
+        cells = [branches.get(file, (0, 0)) for branches, _, _ in columns.values()]
+        if any(total for _, total in cells):
+            mark = "" if file in CORE else "  (not of the core)"
+            shown = "".join(f"{f'{taken} of {total}':>{WIDTH}}" for taken, total in cells)
+            rows.append(file.ljust(16) + shown + mark)
+    for title, wanted in (("core", True), ("the rest", False)):
+        for index, what in enumerate(("branches", "lines")):
+            shares = [share(column[index], wanted) for column in columns.values()]
+            cells = "".join(f"{100 * taken / total:{WIDTH - 2}.1f} %" for taken, total in shares)
+            rows.append(f"{title}, {what}".ljust(16) + cells)
+    return "\n".join(rows)
+
+
+def share(counts: Counts, core: bool) -> tuple[int, int]:
+    chosen = [numbers for file, numbers in counts.items() if (file in CORE) == core]
+    return sum(taken for taken, _ in chosen), sum(total for _, total in chosen)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--write", action="store_true", help="put the table into docs/reports/firmware-quality.md"
+    )
+    what.add_argument("--check", action="store_true", help="fail if the table there is another")
+    options = parser.parse_args(arguments)
+    measure()
+    columns = {name: counted(FOLDER / name, UNCALLED.get(name, [])) for name in DIALECTS}
+    columns["all"] = counted(FOLDER, [])
+    print(f"\n{table(columns)}")
+    failed = False
+    for name, (branches, lines, holes) in columns.items():
+        for taken, total in (share(branches, True), share(lines, True)):
+            failed |= taken != total
+        for file, numbers in holes.items():
+            if numbers and (file in CORE or name == "all"):
+                print(f"hole  {name}: {file}: line {', '.join(map(str, numbers))}")
+    if failed:
+        print("the host tests leave holes in the translation core", file=sys.stderr)
+        return 1
+    if options.write:
+        put_figures("coverage", table(columns))
+    if options.check and with_figures("coverage", table(columns)) != DOCUMENT.read_text():
+        print(f"{DOCUMENT.relative_to(ROOT)} has other figures: make coverage-firmware", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

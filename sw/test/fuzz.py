@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fuzzes the firmware's translation core and its poll loop in every dialect (sw/test/fuzz_*.c).
+
+    python -m sw.test.fuzz [--runs N] [--seed N] [--jobs N] [--folder DIR] [--refresh] [--write]
+
+Starts from the corpus in sw/test/corpus. Writes DIR/results.json (default: build/fuzz-firmware); what a
+fuzzer found lies in DIR/findings, and the line that repeats it is printed. Exit 1 with a finding, 2 when it
+cannot run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from sw.test.host import DIALECTS, ROOT, put_figures
+from tb.lib.options import at_least
+
+FOLDER = ROOT / "build/fuzz-firmware"
+CORPUS = ROOT / "sw/test/corpus"
+LONG = 10_000_000  # runs worth telling of
+# Share of the runs: one in the poll loop costs as much as eight of the core alone, and has more to do.
+TARGETS = {"translate": 0.85, "gateway": 0.15}
+OPTIONS = ["-max_len=256", "-len_control=20", "-timeout=10", "-print_final_stats=1"]
+# Every branch once, with as few inputs as that takes.
+MERGE = ["-set_cover_merge=1", "-use_counters=0", "-use_cmp=0"]
+
+
+@dataclass
+class Result:
+    fuzzer: str
+    seed: int
+    runs: int
+    branches: int  # edges of the code that were seen
+    seconds: float
+    finding: str  # the input's file, or nothing
+    says: str
+
+
+def build(
+    folder: Path, *variables: str, fuzzers: Sequence[tuple[str, str]] = ()
+) -> subprocess.CompletedProcess:
+    """DIR/<dialect>/fuzz_<target> from today's sources; all, or those asked for."""
+    goals = [f"{folder}/{dialect}/fuzz_{target}" for dialect, target in fuzzers] or ["fuzzers"]
+    make = ["make", "-s", "-f", "sw/test/fuzz.mk", f"FUZZ_DIR={folder}", f"FUZZ_PYTHON={sys.executable}"]
+    return subprocess.run([*make, *variables, *goals], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Path | None = None) -> Result:
+    """One fuzzer of `folder`, from the corpus; what it finds goes to `work`, or to `folder` too."""
+    grown = (work or folder) / "grown" / dialect / target
+    findings = (work or folder) / "findings"
+    shutil.rmtree(grown, ignore_errors=True)
+    for made in (grown, findings):
+        made.mkdir(parents=True, exist_ok=True)
+    command = [folder / dialect / f"fuzz_{target}", *OPTIONS, f"-seed={seed}", f"-runs={runs}"]
+    command += [f"-artifact_prefix={findings}/{dialect}-{target}-", grown, CORPUS / target]
+    begun = time.monotonic()
+    done = subprocess.run(
+        list(map(str, command)), cwd=ROOT, capture_output=True, text=True, errors="replace", check=False
+    )
+    said = done.stderr
+    units = re.search(r"stat::number_of_executed_units: +(\d+)", said)
+    edges = re.findall(r"cov: (\d+)", said)
+    finding = re.search(r"Test unit written to (\S+)", said)
+    what = re.search(r".*(?:does not hold|more than \d+ rounds|runtime error|ERROR: \w+).*", said)
+    if done.returncode and not finding:
+        raise RuntimeError(f"{command[0]}: {said[-400:]}")
+    return Result(
+        f"{dialect}/{target}",
+        seed,
+        int(units[1]) if units else 0,
+        int(edges[-1]) if edges else 0,
+        round(time.monotonic() - begun, 1),
+        finding[1] if finding else "",
+        what[0].strip() if finding and what else "",
+    )
+
+
+def fuzz_all(folder: Path, runs: int, seed: int, jobs: int) -> list[Result]:
+    fuzzers = [(dialect, target) for target in TARGETS for dialect in DIALECTS]
+    with ThreadPoolExecutor(jobs) as pool:
+        started = [
+            pool.submit(fuzz, folder, d, t, math.ceil(runs * TARGETS[t] / len(DIALECTS)), seed)
+            for d, t in fuzzers
+        ]
+        return [one.result() for one in started]
+
+
+def loops_seen(folder: Path) -> dict[str, tuple[int, int]]:
+    """Replays the corpus: the most rounds of every loop, and its bound."""
+    seen: dict[str, tuple[int, int]] = {}
+    table = folder / "loops_seen.txt"
+    for dialect in DIALECTS:
+        for target in TARGETS:
+            inputs = sorted((CORPUS / target).iterdir())
+            subprocess.run(
+                list(map(str, [folder / dialect / f"fuzz_{target}", *inputs])),
+                cwd=ROOT,
+                env=os.environ | {"LOOPS_SEEN": str(table)},
+                capture_output=True,
+                check=True,
+            )
+            for line in table.read_text().splitlines():
+                rounds, most, where = line.split("\t")
+                seen[where] = max(seen.get(where, (0, 0))[0], int(rounds)), int(most)
+    return seen
+
+
+def refresh(folder: Path) -> None:
+    """Adds to the corpus what takes a branch that it does not take yet."""
+    for target in TARGETS:
+        for dialect in DIALECTS:
+            merge = [
+                folder / dialect / f"fuzz_{target}",
+                *MERGE,
+                CORPUS / target,
+                folder / "grown" / dialect / target,
+            ]
+            subprocess.run(list(map(str, merge)), cwd=ROOT, capture_output=True, check=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="of all fuzzers together")
+    parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
+    parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")
+    parser.add_argument("--folder", type=Path, default=FOLDER)
+    parser.add_argument("--write", action="store_true", help=f"{LONG} runs or more: into the document")
+    parser.add_argument("--refresh", action="store_true", help="add new branches to sw/test/corpus")
+    given = parser.parse_args()
+    folder = given.folder.absolute()
+    made = build(folder)
+    if made.returncode:
+        print(made.stderr, file=sys.stderr)
+        return 2
+    print(f"{given.runs} runs, seed {given.seed}", flush=True)
+    results = fuzz_all(folder, given.runs, given.seed, given.jobs)
+    total = sum(result.runs for result in results)
+    (folder / "results.json").write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
+    shown = [
+        f"{one.fuzzer:22}{one.runs:>10} runs{one.branches:>6} edges{one.seconds:>9} s" for one in results
+    ]
+    found = [result for result in results if result.finding]
+    shown.append(f"{total} runs, {len(found)} findings")
+    print("\n".join(shown))
+    for result in found:
+        print(f"FOUND  {result.says}")
+        print(f"       {folder / result.fuzzer.replace('/', '/fuzz_')} {result.finding}")
+    if given.write and not found and total >= LONG:
+        put_figures("fuzz", f"{given.runs} runs, seed {given.seed}\n" + "\n".join(shown))
+    if given.refresh and not found:
+        refresh(folder)
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

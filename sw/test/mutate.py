@@ -1,0 +1,529 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mutation of the translation core and of the poll loop: are their tests able to fail?
+
+    python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; then the report
+    python -m sw.test.mutate --shard I/N      part I of N, on any machine; writes its result file
+    python -m sw.test.mutate --report         merges them; exit 1 for a survivor without a reason
+    python -m sw.test.mutate --list           every mutant, a line each
+    --count N                                        so many of each file; 0: every one
+
+A mutant is one small change of one of the core's files or of gateway.c, which makes telegrams twice, repeats
+them and takes them back. It is caught when the fuzzer's corpus or a host test fails, or never ends. What
+survives must be in sw/test/survivors.toml with the reason why no test could catch it; what the compiler makes
+the same code of is no mutant. Results: build/mutate/firmware/*.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import pytest
+from _pytest.runner import runtestprotocol
+from tree_sitter import Node
+
+from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
+from sw.test.loops import nodes, parser
+from tb.lib.options import at_least
+
+FOLDER = ROOT / "build/mutate/firmware"
+SURVIVORS = ROOT / "sw/test/survivors.toml"
+CORPUS = ROOT / "sw/test/corpus"
+GATEWAY = "gateway.c"
+FILES = (*CORE, GATEWAY)
+SEED = "1"  # of the tests at random, so that a mutant's fate is the same every time
+CAUGHT_PERCENT = 95
+MUTANTS_PER_FILE = 30
+REPLAY_S, TESTS_S = 10, 60
+LIKELY = 100  # tests that are tried first
+SLOW = ("random", "any_sequence", "parameters_end", "no_other_register")
+GATEWAY_TESTS = "tb/firmware/test_firmware_gateway.py"
+TESTS = ["tb/firmware/test_firmware_translate.py", "tb/firmware/test_firmware_dialects.py", GATEWAY_TESTS]
+
+OPERATORS = {
+    "<": ["<=", ">="],
+    "<=": ["<", ">"],
+    ">": [">=", "<="],
+    ">=": [">", "<"],
+    "==": ["!="],
+    "!=": ["=="],
+    "&&": ["||"],
+    "||": ["&&"],
+    "+": ["-"],
+    "-": ["+"],
+    "<<": [">>"],
+    ">>": ["<<"],
+    "&": ["|"],
+    "|": ["&"],
+    "+=": ["-=", "="],
+    "-=": ["+="],
+    "|=": ["=", "&="],
+    "&=": ["=", "|="],
+    ">>=": ["<<="],
+    "<<=": [">>="],
+    "++": ["--"],
+    "--": ["++"],
+}
+Key = tuple[str, str, str, str]  # file, function, code, what becomes of it
+WORDS = {"true": "false", "false": "true"}
+CONDITIONS = ("if_statement", "while_statement", "conditional_expression")
+
+
+@dataclass(frozen=True)
+class Mutant:
+    file: str
+    line: int
+    function: str
+    start: int  # bytes
+    end: int
+    old: str
+    new: str
+
+    @property
+    def change(self) -> str:
+        return f"{' '.join(self.old.split())} -> {' '.join(self.new.split()) or 'nothing'}"
+
+
+def mutant_of(result: dict) -> Mutant:
+    return Mutant(**{field.name: result[field.name] for field in fields(Mutant)})
+
+
+def function_name(node: Node | None) -> str:
+    while node and node.type != "function_definition":
+        node = node.parent
+    declarator = node and node.child_by_field_name("declarator")
+    return (
+        next((n.text.decode() for n in nodes(declarator) if n.type == "identifier"), "") if declarator else ""
+    )
+
+
+def changes(node: Node) -> Iterator[tuple[Node, str]]:
+    """What may be put in the place of a node, or of one of its children."""
+    text = node.text.decode()
+    kind = node.type
+    if kind in ("binary_expression", "assignment_expression", "update_expression"):
+        operator = node.child_by_field_name("operator")
+        for other in OPERATORS.get(operator.text.decode(), []):
+            yield operator, other
+        if operator.text in (b"&&", b"||"):
+            for side in ("left", "right"):
+                yield node, node.child_by_field_name(side).text.decode()
+    elif kind == "unary_expression" and text[0] in "!~":
+        yield node, node.child_by_field_name("argument").text.decode()
+    elif kind in CONDITIONS:
+        condition = node.child_by_field_name("condition")
+        yield (
+            condition,
+            f"(!{condition.text.decode()})" if kind != CONDITIONS[2] else f"!({condition.text.decode()})",
+        )
+    elif kind == "number_literal":
+        suffix = text[len(text.rstrip("uU")) :]
+        value = int(text.rstrip("uU"), 0)
+        for other in {value + 1, max(value - 1, 0)} - {value}:
+            yield node, f"{other}{suffix}"
+    elif kind in ("true", "false"):
+        yield node, WORDS[text]
+    elif kind == "expression_statement":
+        yield node, ";"
+    elif kind == "identifier" and text.isupper() and len(text) > 2 and text != "TRAITS":
+        if node.parent.type not in ("enumerator", "preproc_def", "subscript_designator", "declaration"):
+            yield node, f"({text} + 1)"
+    elif kind == "field_expression" and text.startswith("TRAITS."):
+        yield node, f"({text} + 1)"
+
+
+def mutants_of(name: str) -> list[Mutant]:
+    source = (ROOT / "sw/src" / name).read_bytes()
+    found = []
+    for node in nodes(parser.parse(source).root_node):
+        if node.type.startswith("preproc_") and node.type not in ("preproc_if", "preproc_ifdef"):
+            continue
+        if any(above.type in ("preproc_def", "array_declarator") for above in ancestors(node)):
+            continue
+        for place, new in changes(node):
+            old = place.text.decode()
+            line = place.start_point[0] + 1
+            found.append(Mutant(name, line, function_name(place), place.start_byte, place.end_byte, old, new))
+    return sorted(set(found), key=lambda mutant: (mutant.start, mutant.end, mutant.new))
+
+
+def ancestors(node: Node) -> Iterator[Node]:
+    while node := node.parent:
+        yield node
+
+
+def all_mutants() -> list[Mutant]:
+    return [mutant for name in FILES for mutant in mutants_of(name)]
+
+
+def chosen_mutants(count: int) -> list[Mutant]:
+    """So many of each file, always the same ones."""
+    chosen = []
+    for name in FILES:
+        mutants = mutants_of(name)
+        if 0 < count < len(mutants):
+            mutants = random.Random(f"{SEED} {name}").sample(mutants, count)
+        chosen += mutants
+    return chosen
+
+
+# ---------------------------------------------------------------- one mutant's builds
+
+
+class Workshop:
+    """A copy of the sources in which one file at a time is changed, and what is made of it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.mutant: Mutant | None = None
+        self.compiled: set[str] = set()  # builds
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
+        self.files = [*sources(), HOST]
+        self.core = [f"sw/src/{file}" for file in CORE if file.endswith(".c")]
+        common = ["sw/test/fuzz.c", "sw/test/replay.c"]
+        # Of each fuzzer; which one is asked follows from the mutant.
+        self.replayers = {
+            "translate": [*self.core, *common, "sw/test/fuzz_translate.c"],
+            "gateway": [*self.files, *common, "sw/test/fuzz_gateway.c"],
+        }
+        needed = dict.fromkeys(file for files in self.replayers.values() for file in files)
+        for build in BUILDS:
+            for file in needed if build in DIALECTS else self.files:
+                self._compile(file, build)
+        self.same: dict[tuple[str, str], bytes] = {}
+
+    def _object(self, file: str, build: str, changed: bool = False) -> Path:
+        folder = self.folder / ("changed" if changed else "plain") / build
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / (Path(file).stem + ".o")
+
+    def _run(self, *command: str | Path) -> bool:
+        done = subprocess.run(list(map(str, command)), cwd=self.folder, capture_output=True, check=False)
+        return done.returncode == 0
+
+    def _compile(self, file: str, build: str, *more: str, changed: bool = False) -> bool:
+        flags = ["-std=c99", "-w", "-O0", "-fPIC", *INCLUDES, "-Isw/test", *BUILDS[build], *more]
+        return self._run("gcc", *flags, "-c", file, "-o", self._object(file, build, changed))
+
+    def touched(self) -> list[str]:
+        """What must be compiled anew; headers are in all of the core, and in gateway.c."""
+        if self.mutant is None:
+            return []
+        name = self.mutant.file
+        return [f"sw/src/{name}"] if name.endswith(".c") else [*self.core, f"sw/src/{GATEWAY}"]
+
+    def change(self, mutant: Mutant | None) -> None:
+        """Puts the last mutant right, and this one in."""
+        if self.mutant:
+            shutil.copy(ROOT / "sw/src" / self.mutant.file, self.folder / "sw/src" / self.mutant.file)
+        self.mutant, self.compiled = mutant, set()
+        if mutant:
+            source = (ROOT / "sw/src" / mutant.file).read_bytes()
+            changed = source[: mutant.start] + mutant.new.encode() + source[mutant.end :]
+            (self.folder / "sw/src" / mutant.file).write_bytes(changed)
+
+    def make(self, build: str) -> bool:
+        if build not in self.compiled:
+            self.compiled.add(build)
+            return all(self._compile(file, build, changed=True) for file in self.touched())
+        return True
+
+    def _objects(self, files: list[str], build: str) -> list[Path]:
+        touched = self.touched()
+        return [self._object(file, build, file in touched) for file in files]
+
+    def link_replayer(self, dialect: str, fuzzer: str) -> Path:
+        self.make(dialect)
+        target = self.folder / dialect / "replay"
+        target.parent.mkdir(exist_ok=True)
+        self._run("gcc", "-o", target, *self._objects(self.replayers[fuzzer], dialect))
+        return target
+
+    def link_libraries(self) -> None:
+        for build in BUILDS:
+            self.make(build)
+            target = self.folder / build / "libtranslate.so"
+            target.parent.mkdir(exist_ok=True)
+            target.unlink(missing_ok=True)
+            self._run("gcc", "-shared", "-o", target, *self._objects(self.files, build))
+
+    def make_sanitized_replayer(self, dialect: str, fuzzer: str) -> Path:
+        target = self.folder / dialect / "sanitized"
+        flags = ["-std=c99", "-w", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+        flags += [*INCLUDES, "-Isw/test", *BUILDS[dialect]]
+        self._run("gcc", *flags, "-o", target, *self.replayers[fuzzer])
+        return target
+
+    def _machine_code(self, file: str, build: str) -> bytes:
+        self._compile(file, build, "-O2", "-g0", changed=True)
+        return self._object(file, build, changed=True).read_bytes()
+
+    def same_code(self) -> bool:
+        """The optimiser sees no difference, in no build. Takes the mutant out."""
+        mutant, touched = self.mutant, self.touched()
+        changed = {(file, build): self._machine_code(file, build) for build in BUILDS for file in touched}
+        self.change(None)
+        for place in changed.keys() - self.same.keys():
+            self.same[place] = self._machine_code(*place)
+        self.mutant = mutant
+        return all(self.same[place] == code for place, code in changed.items())
+
+
+def fuzzer_of(mutant: Mutant) -> str:
+    return "gateway" if mutant.file == GATEWAY else "translate"
+
+
+def replay_fails(make_replayer: Callable[[str, str], Path], fuzzer: str) -> str:
+    inputs = sorted((CORPUS / fuzzer).iterdir())
+    for dialect in DIALECTS:
+        try:
+            command = [make_replayer(dialect, fuzzer), *inputs]
+            done = subprocess.run(command, capture_output=True, timeout=REPLAY_S, check=False)
+        except subprocess.TimeoutExpired:
+            return "never ends"
+        if done.returncode:
+            return "corpus"
+    return ""
+
+
+# ---------------------------------------------------------------- the tests, collected once
+
+
+class Judge:
+    """A plugin of pytest: collects the tests, then runs them in a child process for every mutant."""
+
+    def __init__(self, workshop: Workshop, mutants: list[Mutant], results: list[dict], replay: bool) -> None:
+        self.workshop, self.mutants, self.results, self.replay = workshop, mutants, results, replay
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Those of the core alone and those of the poll loop, on the host; the slow ones last."""
+        items.sort(key=lambda item: any(word in item.name for word in SLOW))
+        self.items = {
+            "gateway": [item for item in items if of_gateway(item)],
+            "translate": [item for item in items if item.path != ROOT / GATEWAY_TESTS and of_core(item)],
+        }
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        os.environ["FIRMWARE_LIBRARIES"] = str(self.workshop.folder)
+        self.workshop.link_libraries()
+        for fuzzer, items in self.items.items():
+            first = replay_fails(self.workshop.make_sanitized_replayer, fuzzer) or self.tests_fail(items)
+            if first:
+                raise SystemExit(f"the tests fail without any mutation: {first}")
+        for number, mutant in enumerate(self.mutants, 1):
+            items = self.items[fuzzer_of(mutant)]
+            fate = self.fate(mutant, items)
+            self.results.append(asdict(mutant) | {"change": mutant.change, "fate": fate})
+            place = f"{mutant.file}:{mutant.line} {mutant.change}"
+            print(f"{number}/{len(self.mutants)} {place}: {fate}", flush=True)
+            # What caught one catches the next.
+            items.sort(key=lambda item: fate != f"test {item.name}")
+        return True
+
+    def fate(self, mutant: Mutant, items: list[pytest.Item]) -> str:
+        self.workshop.change(mutant)
+        if not self.workshop.make("card"):
+            return "does not compile"
+        fuzzer = fuzzer_of(mutant)
+        if self.replay and (fate := replay_fails(self.workshop.link_replayer, fuzzer)):
+            return fate
+        self.workshop.link_libraries()
+        if fate := self.tests_fail(items[:LIKELY]):
+            return fate
+        # Before the other tests: they take longest where there is nothing to find.
+        if self.workshop.same_code():
+            return "same code"
+        self.workshop.change(mutant)
+        self.workshop.link_libraries()
+        if fate := self.tests_fail(items[LIKELY:]):
+            return fate
+        return (self.replay and replay_fails(self.workshop.make_sanitized_replayer, fuzzer)) or "survives"
+
+    def tests_fail(self, items: list[pytest.Item]) -> str:
+        read, write = os.pipe()
+        child = os.fork()
+        if child == 0:
+            with open(os.devnull, "w") as nothing:
+                os.dup2(nothing.fileno(), 1)
+                os.dup2(nothing.fileno(), 2)
+            resource.setrlimit(resource.RLIMIT_CPU, (TESTS_S, TESTS_S))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            for item in items:
+                if any(report.failed for report in runtestprotocol(item, log=False, nextitem=None)):
+                    os.write(write, item.name.encode()[:200])
+                    break
+            os._exit(0)
+        os.close(write)
+        with open(read, "rb") as pipe:
+            failed = pipe.read().decode()
+        status = os.waitpid(child, 0)[1]
+        if os.WIFSIGNALED(status):
+            return "never ends" if os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL) else "crashes"
+        return f"test {failed}" if failed else ""
+
+
+def of_core(item: pytest.Item) -> bool:
+    return (
+        "bench" not in item.fixturenames
+        and "option" not in names(item)
+        and not item.name.startswith(("test_the_second_telegram", "test_after"))
+    )
+
+
+def of_gateway(item: pytest.Item) -> bool:
+    """Not on the card's own image, which has no mutant in it; of other dialects the second exchange."""
+    if item.path == ROOT / GATEWAY_TESTS:
+        return "[host" in item.name or "any_sequence" in item.name
+    return item.name.startswith(("test_the_second_telegram", "test_after"))
+
+
+def names(item: pytest.Item) -> list[str]:
+    return [] if "random" in item.name else list(getattr(item, "callspec", item).__dict__.get("params", {}))
+
+
+def run_shard(part: int, parts: int, count: int, replay: bool) -> Path:
+    mutants = chosen_mutants(count)[part - 1 :: parts]
+    os.environ["COCOTB_RANDOM_SEED"] = SEED
+    results: list[dict] = []
+    begun = time.monotonic()
+    judge = Judge(Workshop(FOLDER / f"shard-{part}-of-{parts}"), mutants, results, replay)
+    options = [
+        "-q",
+        "--capture=no",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        "-p",
+        "no:faulthandler",
+        "--no-header",
+    ]
+    code = pytest.main([*options, *(str(ROOT / test) for test in TESTS)], plugins=[judge])
+    if len(results) != len(mutants):
+        sys.exit(f"shard {part}/{parts} did not end: pytest's exit code {code}")
+    file = FOLDER / f"shard-{part}-of-{parts}.json"
+    file.write_text(
+        json.dumps({"seconds": round(time.monotonic() - begun), "mutants": results}, indent=1) + "\n"
+    )
+    shutil.rmtree(FOLDER / f"shard-{part}-of-{parts}")
+    return file
+
+
+# ---------------------------------------------------------------- the report
+
+
+def key(mutant: Mutant) -> Key:
+    """What a row of survivors.toml says of a mutant; line numbers would not last."""
+    source = (ROOT / "sw/src" / mutant.file).read_bytes()
+    begin = source.rfind(b"\n", 0, mutant.start) + 1
+    end = source.find(b"\n", mutant.end)
+    code = source[begin:end].decode()
+    becomes = (source[begin : mutant.start] + mutant.new.encode() + source[mutant.end : end]).decode()
+    return mutant.file, mutant.function, " ".join(code.split()), " ".join(becomes.split())
+
+
+def reasons() -> dict[Key, str]:
+    rows = tomllib.loads(SURVIVORS.read_text())["survivor"]
+    return {(row["file"], row["function"], row["code"], row["becomes"]): row["why"] for row in rows}
+
+
+def report(count: int, write: bool) -> int:
+    files = sorted(FOLDER.glob("shard-*.json"))
+    results = [mutant for file in files for mutant in json.loads(file.read_text())["mutants"]]
+    wanted = chosen_mutants(count)
+    if len(results) != len(wanted) or {mutant_of(result) for result in results} != set(wanted):
+        told = f"{len(results)} results of {len(wanted)} mutants: a shard is missing or old"
+        print(told, file=sys.stderr)
+        return 2
+    why, wrong, shown = reasons(), [], []
+    shown.append(f"{'file':14}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
+    for name in (*FILES, "all"):
+        of = [m for m in results if name in (m["file"], "all")]
+        dead = [m for m in of if m["fate"] in ("does not compile", "same code")]
+        alive = [m for m in of if m["fate"] == "survives"]
+        counted = len(of) - len(dead)
+        caught = counted - len(alive)
+        percent = 100 * caught / counted
+        same = sum(m["fate"] == "same code" for m in dead)
+        shown.append(
+            f"{name:14}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
+            f"   {same} same code, {len(dead) - same} do not compile"
+        )
+        if counted < MUTANTS_PER_FILE:
+            wrong.append(f"{name}: fewer than {MUTANTS_PER_FILE} mutants")
+        if percent < CAUGHT_PERCENT:
+            wrong.append(f"{name}: less than {CAUGHT_PERCENT} % caught")
+    by = {"corpus": 0, "test": 0, "never ends": 0, "crashes": 0}
+    for mutant in results:
+        for how in by:
+            by[how] += mutant["fate"].startswith(how)
+    shown.append("caught by: " + ", ".join(f"{how} {count}" for how, count in by.items()))
+    print("\n".join(shown))
+    print(f"{sum(json.loads(file.read_text())['seconds'] for file in files)} s of {len(files)} processes")
+    survivors = [key(mutant_of(result)) for result in results if result["fate"] == "survives"]
+    wrong += [f"survives without a reason: {': '.join(k)}" for k in survivors if k not in why]
+    tried = {key(mutant) for mutant in wanted}
+    wrong += [f"survivors.toml: caught: {': '.join(k)}" for k in why if k in tried and k not in survivors]
+    print("\n".join(wrong) or f"every survivor has its reason ({SURVIVORS.relative_to(ROOT)})")
+    if write and not wrong:
+        put_figures("mutate", "\n".join(shown))
+    return 1 if wrong else 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=at_least(1), default=2)
+    parser.add_argument("--shard", metavar="I/N")
+    parser.add_argument(
+        "--count", type=at_least(0), default=60, help="of each file; 0: all (default: %(default)s)"
+    )
+    parser.add_argument("--report", action="store_true")
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument(
+        "--write", action="store_true", help="put the table into docs/reports/firmware-quality.md"
+    )
+    parser.add_argument("--tests-only", action="store_true", help="leave the fuzzers' corpus out")
+    given = parser.parse_args()
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    if given.list:
+        for mutant in all_mutants():
+            print(f"{mutant.file}:{mutant.line} {mutant.function}: {mutant.change}")
+        return 0
+    if given.report:
+        return report(given.count, given.write)
+    if given.shard:
+        part, _, parts = given.shard.partition("/")
+        if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
+            parser.error("--shard: I/N, such as 1/4")
+        run_shard(int(part), int(parts), given.count, not given.tests_only)
+        return 0
+    for file in FOLDER.glob("shard-*.json"):
+        file.unlink()
+    command = [
+        sys.executable,
+        "-m",
+        "sw.test.mutate",
+        *(["--tests-only"] if given.tests_only else []),
+        f"--count={given.count}",
+        "--shard",
+    ]
+    shards = [subprocess.Popen([*command, f"{i}/{given.jobs}"], cwd=ROOT) for i in range(1, given.jobs + 1)]
+    codes = [shard.wait() for shard in shards]
+    return 2 if any(codes) else report(given.count, given.write)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

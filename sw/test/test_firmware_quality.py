@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tools that judge the firmware, and their quick share: fuzzing, loops, stack, static analysis."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import os
+import random
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from sw.test import analysis as firmware_analysis
+from sw.test import coverage as firmware_coverage
+from sw.test import fuzz as firmware_fuzz
+from sw.test import host as firmware_host
+from sw.test import loops as firmware_loops
+from sw.test import mutate as firmware_mutate
+from sw.test.host import DIALECTS, DOCUMENT, ROOT
+from sw.tools.stack import deepest
+from tb.model.firmware import build
+
+FUZZERS = [(dialect, target) for dialect in DIALECTS for target in firmware_fuzz.TARGETS]
+RUNS = {"translate": 60_000, "gateway": 8_000}
+
+
+@functools.cache
+def fuzzers() -> Path:
+    """Today's fuzzers; test processes take turns."""
+    folder = ROOT / "build/fuzz-firmware"
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        done = firmware_fuzz.build(folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+# ---------------------------------------------------------------- fuzzing
+
+
+@pytest.mark.rule("SAFE-1", "SAFE-3", "SAFE-4", "FRAME-6", "FRAME-7", "MAP-9", "FC-5", "FC-9")
+@pytest.mark.parametrize(("dialect", "target"), FUZZERS)
+def test_no_input_breaks_the_firmware(dialect: str, target: str, tmp_path: Path):
+    """The oracles are those of sw/test/fuzz_*.c."""
+    seed = int(os.environ.get("COCOTB_RANDOM_SEED") or random.randrange(1, 1 << 31))
+    print(f"repeat with COCOTB_RANDOM_SEED={seed}")
+    result = firmware_fuzz.fuzz(fuzzers(), dialect, target, RUNS[target], seed, work=tmp_path)
+    assert not result.finding, f"{result.says}; input: {result.finding}"
+    assert result.runs >= RUNS[target]
+
+
+BUGS = {
+    "bit 10 in a telegram that is about a parameter": (
+        "telegram.c",
+        "    return end(txn, at, 0, 0);",
+        "    return end(txn, at, 0x0400, 0);",
+        "translate",
+    ),
+    "a run of coils that ends one too far": (
+        "coils.c",
+        "quantity <= CONTROL_COILS ||",
+        "quantity <= 33 ||",
+        "translate",
+    ),
+    "a text longer than the reply": ("registers.c", "LIMIT_TEXT = 10", "LIMIT_TEXT = 11", "translate"),
+    "a byte beyond the drive's frame": ("translate.c", "at < 24 ?", "at < 48 ?", "translate"),
+    "settings that change without a commit": (
+        "gateway.c",
+        "== MAILBOX__REQUEST__COMMITTED_bm",
+        "!= 0u",
+        "gateway",
+    ),
+    "a held telegram that is not taken back": (
+        "gateway.c",
+        "|| (!newest && !g->uncommitted && g->now - g->since > PAUSE)",
+        "",
+        "gateway",
+    ),
+    "a licence that outlives its exchange": (
+        "gateway.c",
+        "    mailbox_frame(TELEGRAM_FRAME)->byte = 0;\n    g->exchange = EXCHANGE_IDLE;",
+        "    g->exchange = EXCHANGE_IDLE;",
+        "gateway",
+    ),
+    "a BCC that is not the telegram's": ("telegram.c", "bcc ^= *from++;", "bcc |= *from++;", "translate"),
+    "a request built on a flipped bit": (
+        "translate.c",
+        "    if (copy_settings(&txn->settings, &t->settings) != 0)\n        return OUTCOME_SILENT;",
+        "    copy_settings(&txn->settings, &t->settings);",
+        "translate",
+    ),
+    "a reply to an older request": (
+        "gateway.c",
+        "    if (txn != g->newest)\n        return;\n",
+        "",
+        "gateway",
+    ),
+}
+
+
+@pytest.mark.parametrize("bug", BUGS)
+def test_the_fuzzers_find_a_planted_bug(bug: str, tmp_path: Path):
+    file, right, wrong, target = BUGS[bug]
+    shutil.copytree(ROOT / "sw", tmp_path / "sw")
+    path = tmp_path / "sw/src" / file
+    assert path.read_text().count(right) == 1
+    path.write_text(path.read_text().replace(right, wrong))
+    done = firmware_fuzz.build(tmp_path, f"FUZZ_TREE={tmp_path}", fuzzers=[("card", target)])
+    assert done.returncode == 0, done.stderr
+    result = firmware_fuzz.fuzz(tmp_path, "card", target, 10 * RUNS[target], 1)
+    print(f"{bug}: {result.says} after {result.runs} runs")
+    assert result.finding
+
+
+@pytest.mark.parametrize("target", firmware_fuzz.TARGETS)
+def test_the_corpus_is_small(target: str):
+    inputs = list((firmware_fuzz.CORPUS / target).iterdir())
+    assert 10 < len(inputs) < 100
+    assert sum(path.stat().st_size for path in inputs) < 50_000
+
+
+# ---------------------------------------------------------------- loops and stack
+
+
+def test_every_loop_has_its_bound_and_every_bound_its_loop():
+    assert firmware_loops.differences() == []
+
+
+def test_a_loop_without_a_bound_is_told(tmp_path: Path):
+    shutil.copytree(ROOT / "sw/src", tmp_path / "sw/src")
+    path = tmp_path / "sw/src/leds.c"
+    path.write_text(path.read_text().replace("leds->step++;", "while (now--)\n            leds->step++;"))
+    assert firmware_loops.differences(tmp_path) == ["leds.c: leds_show: no bound for `while (now--)`"]
+
+
+@pytest.mark.rule("SAFE-3")
+def test_the_corpus_drives_every_loop_as_far_as_its_bound_and_no_further():
+    seen = firmware_fuzz.loops_seen(fuzzers())
+    for where, (rounds, most) in seen.items():
+        print(f"{rounds:6} of {most:<6} {where}")
+    # main.c is no part of a fuzzer.
+    assert [where for where, (rounds, most) in seen.items() if rounds != most and "main.c" not in where] == []
+
+
+@pytest.mark.rule("PERF-4")
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_deepest_stack_fits_what_the_linker_keeps_for_it(dialect: str):
+    elf = build("build/firmware.elf" if dialect == "card" else f"build/{dialect}/firmware.elf")
+    size, path = deepest(elf)
+    print(f"{size} bytes: {' > '.join(path)}")
+    makefile = (ROOT / "sw/firmware.mk").read_text()
+    kept = int(re.search(r"^FIRMWARE_STACK := (\d+)$", makefile, re.MULTILINE)[1])
+    assert 0 < size <= kept
+    assert f"| {dialect} | {size} of {kept} |" in DOCUMENT.read_text(), f"{DOCUMENT.name}: stack of {dialect}"
+
+
+# ---------------------------------------------------------------- coverage
+
+
+@pytest.fixture
+def coverage(monkeypatch, tmp_path):
+    """`make coverage-firmware` with so many branches taken of ten, beside a page that says all ten."""
+    page = tmp_path / "page.md"
+    for module in (firmware_host, firmware_coverage):
+        monkeypatch.setattr(module, "DOCUMENT", page)
+        monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(firmware_coverage, "measure", lambda: None)
+
+    def main(file: str, taken: int, *options: str) -> int:
+        def counted(folder, uncalled):
+            numbers = {"coils.c": (10, 10), "leds.c": (10, 10)} | {file: (taken, 10)}
+            return numbers, dict.fromkeys(numbers, (5, 5)), {file: [7] if taken < 10 else []}
+
+        monkeypatch.setattr(firmware_coverage, "counted", counted)
+        return firmware_coverage.main(list(options))
+
+    page.write_text("```coverage\n```\n")
+    assert main("leds.c", 10, "--write") == 0
+    assert page.read_text().count("10 of 10") == 2 * (len(DIALECTS) + 1)
+    return main
+
+
+def test_a_branch_of_the_core_that_no_test_takes_fails(coverage, capsys):
+    assert coverage("coils.c", 9) == 1
+    assert "hole  all: coils.c: line 7" in capsys.readouterr().out
+
+
+def test_a_page_with_other_figures_fails_and_stays(coverage, tmp_path, capsys):
+    assert coverage("leds.c", 10, "--check") == 0
+    assert coverage("leds.c", 9, "--check") == 1
+    assert "page.md has other figures: make coverage-firmware\n" in capsys.readouterr().err
+    assert "9 of 10" not in (tmp_path / "page.md").read_text()
+
+
+# ---------------------------------------------------------------- static analysis
+
+MISTAKES = {
+    "gcc_analyzer": "int *p = 0; return *p;",
+    "cppcheck": "int a[2] = {1, 2}; return a[2];",
+    "clang_tidy": "int a = 1; if (a = 2) return 3; return a;",
+}
+
+
+@pytest.mark.parametrize("analyser", MISTAKES)
+def test_a_planted_mistake_is_told(analyser: str, tmp_path: Path):
+    shutil.copytree(ROOT / "sw", tmp_path / "sw", ignore=shutil.ignore_patterns("src", "test"))
+    (tmp_path / "sw/src").mkdir()
+    code = f"int planted(void);\nint planted(void)\n{{\n    {MISTAKES[analyser]}\n}}\n"
+    (tmp_path / "sw/src/planted.c").write_text(code)
+    assert any("planted.c:4" in line for line in getattr(firmware_analysis, analyser)(tmp_path))
+
+
+# ---------------------------------------------------------------- mutation
+
+
+def test_every_file_of_the_core_has_enough_mutants_and_every_reason_its_mutant():
+    mutants = firmware_mutate.all_mutants()
+    for name in firmware_mutate.FILES:
+        assert sum(mutant.file == name for mutant in mutants) >= firmware_mutate.MUTANTS_PER_FILE
+    there = {firmware_mutate.key(mutant) for mutant in mutants}
+    assert firmware_mutate.reasons().keys() <= there
+    assert all(firmware_mutate.reasons().values())

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turns a firmware image into a file for $readmemh, one little-endian word a line.
+
+A word has 36 bits, nine digits: above each byte its parity, even, as rtl/firmware_ram.v keeps it. The file
+fills the whole memory of the configuration, whose size in bytes stands in configs.toml.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs.toml"
+
+
+LANE_BITS = 9  # a byte and its parity
+WORD_BITS = 4 * LANE_BITS
+
+
+def with_parity(word: int) -> int:
+    """A 32-bit word as it stands in the memory."""
+    lanes = ((byte.bit_count() & 1) << 8 | byte for byte in word.to_bytes(4, "little"))
+    return sum(lane << LANE_BITS * n for n, lane in enumerate(lanes))
+
+
+def without_parity(word: int) -> int:
+    """The 32 bits of a word of the memory."""
+    return sum((word >> LANE_BITS * n & 0xFF) << 8 * n for n in range(4))
+
+
+def hex_line(word: int) -> str:
+    """A word of the memory, with its parity, as the file has it."""
+    return f"{word:0{WORD_BITS // 4}x}\n"
+
+
+def words(image: bytes, size: int) -> list[int]:
+    """The memory's content, zeros behind the image; `size` in bytes is a multiple of 4."""
+    padded = image.ljust(size, b"\0")
+    return [with_parity(int.from_bytes(padded[i : i + 4], "little")) for i in range(0, size, 4)]
+
+
+def main() -> int:
+    configs = tomllib.loads(CONFIGS.read_text())
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--config", choices=sorted(configs), required=True)
+    parser.add_argument("binary", type=Path)
+    parser.add_argument("hex", type=Path)
+    args = parser.parse_args()
+    image, size = args.binary.read_bytes(), configs[args.config]["memory_bytes"]
+    if len(image) > size:
+        print(f"{args.binary}: {len(image)} bytes, but {args.config} has {size}", file=sys.stderr)
+        return 1
+    args.hex.parent.mkdir(parents=True, exist_ok=True)
+    args.hex.write_text("".join(map(hex_line, words(image, size))))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The card when its firmware stops or its drive is silent: watchdog and time-outs.
+
+The firmware is stopped by overwriting one instruction of its poll loop in memory, and mended while the
+watchdog holds the processor in reset, as a disturbance would have passed. On Verilator this runs at the
+standard card's 12 MHz. Icarus does some 25000 clocks a second, so it runs at 2 MHz, where a start (the check
+of the image) takes as many clocks, six times as long; the watchdog's milliseconds are the same. So does SERV.
+"""
+
+from __future__ import annotations
+
+import cocotb
+import pytest
+from cocotb.triggers import RisingEdge, Timer
+
+from tb.lib.card import MS, baud_switches, switch_word
+from tb.lib.config import CONFIG, ROUND_MS, SLOW_HZ, own_hz
+from tb.lib.fc_slave import Heard, Manner
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+from tb.lib.supervision import (
+    BITE_PS,
+    WatchedCard,
+    control_pdu,
+    process,
+    steps_ms,
+    within,
+)
+from tb.lib.uart_agent import now_ps
+from tb.model import fc_telegram, rtu
+
+BAUD = 38_400
+START, REFERENCE = 0x047C, 0x1999
+BITES = 3
+EXCHANGE_LIMIT_MS = 60
+# Each needs a start, which takes SERV long.
+MOMENTS = {"standard": 20, "tiny": 6}[CONFIG]
+
+
+async def booted(dut, **settings) -> WatchedCard:
+    card = WatchedCard(dut, baud=BAUD, **settings)
+    card.firmware.restore()  # the test before may have left it damaged
+    await card.boot()
+    await card.firmware.find_loop()
+    return card
+
+
+async def restarted(card: WatchedCard, bitten_at: int) -> None:
+    """The firmware runs again, in the time of BOOT-1 or less."""
+    await card.firmware.round()
+    assert now_ps() - bitten_at < card.boot_limit_ps
+
+
+async def exchange_number(card: WatchedCard, number: int) -> Heard:
+    """Waits until the drive has heard, and answered, so many telegrams."""
+    for _ in range(EXCHANGE_LIMIT_MS):
+        await Timer(1 * MS, unit="ps")
+        if len(card.slave.heard) >= number:
+            break
+    return card.slave.heard[number - 1]
+
+
+# ---------------------------------------------------------------- watchdog
+
+
+@cocotb.test()
+async def stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image(dut):
+    card = await booted(dut)
+    await card.write_control(START, REFERENCE)
+    await card.ask(rtu.read_coils(0, 32), bytes.fromhex("01 04 7C 04 99 19"))
+    # Had the switches been read again at the bite, the card would be lost.
+    dut.sw_baud.value = switch_word(baud_switches(1200, "8O1", "1111"))
+    dut.sw_addr.value = 99
+    sent = len(card.modbus.direction.pulses), len(card.drive.direction.pulses)
+    card.firmware.stop()
+    stopped_at = now_ps()
+    at = await card.firmware.bite()
+    card.firmware.mend()
+    dut._log.info("bite %.2f ms after the stop", (at - stopped_at) / MS)
+    assert at - stopped_at <= BITE_PS
+    await restarted(card, at)
+    dut._log.info("firmware runs again %.2f ms after the bite", (now_ps() - at) / MS)
+    await card.is_alive()
+    assert card.master.line.monitor.characters[-1].end_ps - at < card.boot_limit_ps, "answered in time"
+    now = len(card.modbus.direction.pulses), len(card.drive.direction.pulses)
+    assert now == (sent[0] + 1, sent[1]), "nothing was sent but this answer"
+    # Starting again is the master's business.
+    await card.write_control(START, REFERENCE)
+    card.check_lines()
+
+
+@cocotb.test()
+async def telegram_on_the_wire_at_the_bite_is_completed_and_its_answer_ignored(dut):
+    card = await booted(dut)
+    telegram, reply = process(START, REFERENCE)
+    card.script.expect(telegram, reply)
+    adu = rtu.build(1, control_pdu(START, REFERENCE))
+    await card.master.send(adu)
+    await within(20 * MS, RisingEdge(dut.drive_de), "telegram")
+    await Timer(round(2.5 * MS), unit="ps")
+    at = await card.firmware.break_off()
+    assert str(dut.drive_de.value) == "1", "bitten while the telegram was being sent"
+    heard = await exchange_number(card, 1)
+    assert heard.telegram == telegram and heard.reply_sent is not None
+    assert heard.frame.start_ps < at < heard.frame.end_ps
+    await card.firmware.round()
+    assert not card.modbus.direction.pulses, "the request is forgotten"
+    await card.is_alive()
+    card.script.check()
+    card.check_lines()
+
+
+@cocotb.test()
+async def reply_on_the_wire_at_the_bite_is_completed(dut):
+    card = await booted(dut)
+    adu = rtu.build(1, rtu.read_coils(0, 128))
+    await card.master.send(adu)
+    await within(20 * MS, RisingEdge(dut.modbus_de), "reply")
+    await Timer(1 * MS, unit="ps")
+    at = await card.firmware.break_off()
+    frame = await card.modbus.monitor.frame(20 * MS)
+    assert frame.start_ps < at < frame.end_ps
+    assert frame.data == rtu.build(1, bytes([1, 16]) + bytes(16))
+    await Timer(round(rtu.t35_ps(BAUD)), unit="ps")
+    await restarted(card, at)
+    await card.is_alive()
+    card.check_lines()
+
+
+@cocotb.test()
+async def telegram_that_waits_for_the_line_at_the_bite_is_never_sent(dut):
+    card = await booted(dut)
+    card.drive.source.hold(0)
+    await card.master.send(rtu.build(1, control_pdu(START, REFERENCE)))
+    await Timer(5 * MS, unit="ps")
+    at = await card.firmware.break_off()
+    card.drive.source.hold(1)
+    await restarted(card, at)
+    await card.quiet(10, "the bite")
+    await card.is_alive()
+    assert not card.drive.direction.pulses
+    card.check_lines()
+
+
+@cocotb.test()
+async def bite_at_any_moment_leaves_whole_frames_and_starts_none(dut):
+    rng = seeded("moments of the bite")
+    card = await booted(dut)
+    card.slave.model = lambda telegram: process(0, 0)[1]
+    adu = rtu.build(1, control_pdu(START, REFERENCE))
+    for _ in range(MOMENTS):
+        # From the first bit of the request to after the answer; 29 ms in all.
+        sending = cocotb.start_soon(card.master.send(adu))
+        await Timer(rng.randrange(33 * MS), unit="ps")
+        at = await card.firmware.break_off()
+        await sending
+        await restarted(card, at)
+        await Timer(5 * MS, unit="ps")
+        for line in (card.modbus, card.drive):
+            assert not [pulse for pulse in line.direction.pulses if pulse.rise_ps > at]
+        await card.is_alive()
+    card.check_lines()
+
+
+@cocotb.test()
+async def third_bite_without_an_exchange_is_the_fault(dut):
+    card = await booted(dut)
+    for left in range(BITES - 1, -1, -1):
+        at = await card.firmware.break_off()
+        if left:
+            await restarted(card, at)
+            assert not card.leds.fault
+    await card.leds.until(lambda: card.leds.fault, 1 * MS, "fault")
+    card.leds.forget()
+    await Timer(round(0.2 * card.boot_limit_ps), unit="ps")
+    await card.master.send(rtu.build(1, control_pdu(START, REFERENCE)))
+    await card.quiet(4, "a request after the fault")
+    assert not steps_ms(card.leds.shown["modbus"]) and not steps_ms(card.leds.shown["drive"])
+    assert not card.modbus.direction.pulses and not card.drive.direction.pulses
+
+
+@cocotb.test()
+@cocotb.parametrize(exchange=["answer", "telegram"])
+async def bites_with_exchanges_between_never_are(dut, exchange):
+    """Either an answer to the master or a good telegram from the drive proves that the card works."""
+    card = await booted(dut)
+    for bites in range(BITES + 1):
+        if exchange == "answer":
+            await card.is_alive()
+        else:
+            # A frame for somebody else follows the request, so its answer is dropped (FRAME-7).
+            card.script.expect(*process(START, REFERENCE))
+            await card.master.send(rtu.build(1, control_pdu(START, REFERENCE)))
+            await card.master.send(rtu.build(9, rtu.read_coils(0, 8)))
+            await exchange_number(card, bites + 1)
+            assert not card.modbus.direction.pulses
+        await restarted(card, await card.firmware.break_off())
+        assert not card.leds.fault
+    await card.is_alive()
+    card.check_lines()
+
+
+@cocotb.test()
+async def program_damaged_for_good_ends_in_the_fault_at_the_restart(dut):
+    card = await booted(dut)
+    card.firmware.stop()
+    at = await card.firmware.bite()
+    await card.leds.until(lambda: card.leds.fault, card.boot_limit_ps, "fault")
+    assert now_ps() - at < card.boot_limit_ps
+    await card.master.send(rtu.build(1, control_pdu(START, REFERENCE)))
+    await card.quiet(4, "a request after the fault")
+    assert not card.modbus.direction.pulses and not card.drive.direction.pulses
+
+
+@cocotb.test()
+async def trap_bites_at_once(dut):
+    card = await booted(dut)
+    stopped_at = now_ps()
+    at = await card.firmware.break_off()
+    dut._log.info("bite %.3f ms after the illegal instruction", (at - stopped_at) / MS)
+    assert at - stopped_at < 1 * MS
+    await restarted(card, at)
+    await card.is_alive()
+    card.check_lines()
+
+
+# ---------------------------------------------------------------- drive time-out
+
+
+async def set_drive_timeout(card: WatchedCard, tens_of_ms: int) -> None:
+    pdu = rtu.write_register(2, tens_of_ms)
+    await card.ask(pdu, pdu)
+
+
+@cocotb.test()
+@cocotb.parametrize(wait=[3, None])
+async def silent_drive_is_asked_again_and_then_reported_after_its_time(dut, wait):
+    card = await WatchedCard(dut, baud=BAUD).boot()
+    if wait is not None:
+        await set_drive_timeout(card, wait)
+    wait_ms = 10 * (15 if wait is None else wait)
+    telegram, _ = process(START, REFERENCE)
+    pdu = control_pdu(START, REFERENCE)
+    done = await card.ask(pdu, rtu.exception(0x0F, 255), [(telegram, None)] * 2)
+    first, second = (heard.frame for heard in card.slave.heard)
+    for what, end, start in (
+        ("repeat", first.end_ps, second.start_ps),
+        ("exception", second.end_ps, done.reply.start_ps),
+    ):
+        waited = (start - end) / MS
+        dut._log.info("%s after %.2f ms", what, waited)
+        assert wait_ms <= waited <= wait_ms + 1.5 + ROUND_MS, f"{what} after {waited:.2f} ms"
+    await card.quiet(5, "exception 255")
+    card.check_lines()
+
+
+def reply_ends_after(ms: float) -> Manner:
+    """The last stop bit of a process reply comes so long after that of the telegram."""
+    bits = ms * 1e-3 * 9600 - 8 * 11
+    return Manner(delay_bits=bits)
+
+
+@cocotb.test()
+async def reply_that_ends_within_the_time_is_taken_and_a_later_one_is_not(dut):
+    card = await WatchedCard(dut, baud=BAUD).boot()
+    await set_drive_timeout(card, 2)
+    card.slave.next(reply_ends_after(19.7))
+    await card.write_control(START, REFERENCE)
+    card.slave.next(reply_ends_after(24))
+    pdu = control_pdu(START, 0)
+    exchange = process(START, 0)
+    await card.ask(pdu, pdu[:5], [exchange, exchange])
+    _, late, _ = card.slave.heard
+    answer = card.modbus.monitor.frames()[-1]
+    assert answer.start_ps > late.reply_sent.end_ps
+    card.check_lines()
+
+
+@cocotb.test()
+async def broadcast_waits_for_nothing_but_the_pause(dut):
+    card = await WatchedCard(dut, baud=BAUD).boot()
+    broadcast = fc_telegram.build_process(START, REFERENCE, fc_telegram.ADR_BROADCAST)
+    card.script.expect(broadcast, None)
+    await card.master.send(rtu.build(0, control_pdu(START, REFERENCE)))
+    # The next request is there before the broadcast has left.
+    await card.ask(control_pdu(START, 0), control_pdu(START, 0)[:5], [process(START, 0)])
+    first, second = (heard.frame for heard in card.slave.heard)
+    pause = (second.start_ps - first.end_ps) / card.drive.fmt.bit_ps
+    assert 22 - 0.25 <= pause <= 24, f"{pause:.2f} bits"
+    card.check_lines()
+
+
+# ---------------------------------------------------------------- pytest
+
+
+def run_card(sim: str, config: str, *testcase: str, slow: bool = True) -> None:
+    clk_hz = SLOW_HZ[config] if slow else own_hz(config)
+    run(
+        "rtu2fc",
+        "tb.card.test_card_supervision",
+        sim=sim,
+        config=config,
+        parameters={"CLK_HZ": clk_hz},
+        testcase=testcase,
+    )
+
+
+def slowly(sim: str, config: str) -> bool:
+    return sim == "icarus" or config != "standard"
+
+
+@pytest.mark.rule("WDG-1", "LINE-8", "MAP-4")
+def test_watchdog(sim, config):
+    what = "stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image"
+    run_card(sim, config, what, slow=slowly(sim, config))
+
+
+@pytest.mark.rule("WDG-1", "SAFE-1")
+def test_lines_at_the_bite(sim, config):
+    run_card(
+        sim,
+        config,
+        "telegram_on_the_wire_at_the_bite_is_completed_and_its_answer_ignored",
+        "telegram_that_waits_for_the_line_at_the_bite_is_never_sent",
+        slow=slowly(sim, config),
+    )
+
+
+@pytest.mark.rule("LED-5", "WDG-1")
+def test_fault_by_the_watchdog(sim, config):
+    run_card(sim, config, "third_bite_without_an_exchange_is_the_fault", slow=slowly(sim, config))
+
+
+@pytest.mark.long
+@pytest.mark.rule("LED-5", "WDG-1")
+def test_many_bites(config):
+    """On Verilator alone: dozens of starts, which take Icarus minutes."""
+    run_card(
+        "verilator",
+        config,
+        "reply_on_the_wire_at_the_bite_is_completed",
+        "bite_at_any_moment_leaves_whole_frames_and_starts_none",
+        "bites_with_exchanges_between_never_are",
+        "program_damaged_for_good_ends_in_the_fault_at_the_restart",
+    )
+
+
+@pytest.mark.rule("WDG-1")
+def test_trap():
+    """As the standard card alone, on Verilator alone: SERV has no trap."""
+    run_card("verilator", "standard", "trap_bites_at_once")
+
+
+@pytest.mark.rule("FC-9")
+def test_late_replies(sim, config):
+    run_card(sim, config, "reply_that_ends_within_the_time_is_taken_and_a_later_one_is_not")
+
+
+@pytest.mark.rule("FC-9", "MAP-5")
+def test_silent_drive(config):
+    """On Verilator alone, for the default wait of 150 ms too; Icarus sees a repeat in `test_late_replies`."""
+    run_card("verilator", config, "silent_drive_is_asked_again_and_then_reported_after_its_time")
+
+
+@pytest.mark.rule("MAP-9", "FC-8")
+def test_broadcast_and_next_request(config):
+    """The small card at its own clock: a slow one has the broadcast ready after the next request only."""
+    run_card("verilator", config, "broadcast_waits_for_nothing_but_the_pause", slow=config == "standard")

@@ -1,0 +1,589 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole card with its firmware: a Modbus master on one line, a drive on the other.
+
+Every rule is checked where both lines can be seen: what a frame in does to the frames out. The clock
+is slow, because only the time on the lines counts here and the simulators pay for every clock; the
+card's own clock is used in `test_own_clock`.
+"""
+
+import cocotb
+import pytest
+from cocotb.triggers import RisingEdge, Timer, with_timeout
+
+from tb.lib.bench import Strobes
+from tb.lib.card import MS, Card
+from tb.lib.config import (
+    BROADCAST_MS,
+    CLK_HZ,
+    LATEST_PARAMETER_BITS,
+    ROUND_MS,
+    SLOW_HZ,
+    boot_clocks,
+    own_hz,
+)
+from tb.lib.fc_slave import FAULTS, Manner, Script
+from tb.lib.modbus_master import Transaction
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+from tb.lib.uart_agent import Flaws, now_ps, sleep_until
+from tb.model import fc_telegram, rtu
+from tb.model.card import Card as CardModel
+from tb.model.examples import EXAMPLES
+
+LOWEST_HZ = 2_000_000  # TOP-1
+BAUD = 38_400
+CHARACTER = 11  # bits
+# A character time in the silences of FRAME-1, in bits; longer than a character above 19200 bit/s.
+SILENCE = rtu.t15_ps(BAUD) / 1.5 / rtu.bit_ps(BAUD)
+
+STATUS, FREQUENCY = 0x0607, 0x0000
+REPLY_WAIT = 2  # register 40003 where a drive is to be silent, in 10 ms
+DEFAULT_WAIT = 15
+BAD_REPLIES = [name for name in FAULTS if name not in ("silence", "garbage before")]
+# The bytes of these are right.
+ON_THE_LINE = ("parity error", "framing error", "slow", "long gap")
+WAIT_MS = 10 * REPLY_WAIT
+
+
+class Scenario:
+    """A booted card, the telegrams it is expected to send, and the steps of a test."""
+
+    def __init__(self, dut, clk_hz: int = CLK_HZ, baud: int = BAUD, **settings):
+        self.script = Script()
+        self.card = Card(dut, clk_hz, self.script, baud=baud, **settings)
+        self.master = self.card.master
+
+    async def start(self) -> "Scenario":
+        await self.card.boot()
+        return self
+
+    async def request(self, adu: bytes, exchanges=(), timeout_ms: float = 400) -> Transaction:
+        """A request that is to cause just these exchanges, (telegram, reply) each."""
+        for telegram, reply in exchanges:
+            self.script.expect(telegram, reply)
+        done = await self.card.master.request(adu, timeout_ms * MS)
+        self.script.check()
+        return done
+
+    async def ask(self, pdu: bytes, expected: bytes, exchanges=()) -> Transaction:
+        """A PDU to address 1 and the answer it must get."""
+        done = await self.request(rtu.build(1, pdu), exchanges)
+        assert done.data == rtu.build(1, expected), f"{pdu.hex(' ')}: {done.reply}"
+        return done
+
+    async def set_register(self, register: int, value: int) -> None:
+        pdu = rtu.write_register(register, value)
+        await self.ask(pdu, pdu)
+
+    async def write_control(self, control: int, reference: int, exchanges=None) -> Transaction:
+        """Coils 1 to 32 in one go; the drive answers with STATUS and FREQUENCY."""
+        pdu, answer = control_pdu(control, reference)
+        return await self.ask(pdu, answer, exchanges or [process(control, reference)])
+
+    async def read_control(self) -> bytes:
+        done = await self.request(rtu.build(1, rtu.read_coils(0, 32)))
+        return rtu.parse(done.data).pdu[2:]
+
+    def finish(self) -> None:
+        self.script.check()
+        self.card.check_lines()
+
+
+def control_pdu(control: int, reference: int) -> tuple[bytes, bytes]:
+    bits = [bool((control | reference << 16) >> i & 1) for i in range(32)]
+    pdu = rtu.write_coils(0, bits)
+    return pdu, pdu[:5]
+
+
+def process(control: int, reference: int) -> tuple[bytes, bytes]:
+    """An exchange of process data."""
+    return fc_telegram.build_process(control, reference), fc_telegram.build_process(STATUS, FREQUENCY)
+
+
+def read_exchange(pnu: int, value: int) -> tuple[bytes, bytes]:
+    """The exchange behind a parameter read."""
+    ask = fc_telegram.build_parameter(fc_telegram.AK_READ, pnu)
+    return ask, fc_telegram.build_parameter(fc_telegram.REPLY_WORD, pnu, pwe=value, pcd1=STATUS)
+
+
+def exchanges_of(example: dict) -> list[tuple[bytes, bytes | None]]:
+    return [
+        (bytes.fromhex(x["telegram"]), bytes.fromhex(x["reply"]) if x["reply"] else None)
+        for x in example["drive"]
+    ]
+
+
+async def play(scene: Scenario, example: dict) -> None:
+    """One transaction of the examples, byte for byte on both lines."""
+    wants_reply = example["reply"] is not None
+    request = bytes.fromhex(example["request"])
+    done = await scene.request(request, exchanges_of(example), 400 if wants_reply else BROADCAST_MS)
+    expected = bytes.fromhex(example["reply"]) if wants_reply else None
+    assert done.data == expected, f"{example['id']}: {done.reply}"
+
+
+async def all_zero(scene: Scenario) -> None:
+    """Control image 0, status word 0607."""
+    await scene.write_control(0, 0)
+
+
+# What an example takes for granted beside its own "setup" and "after".
+BEFORE = {
+    "appA-fc01": all_zero,
+    "appA-fc01-status": all_zero,
+    "appA-fc05": all_zero,
+    "appA-fc0f": all_zero,
+    "ex4-write-104": lambda scene: scene.set_register(0, 0),
+    "ex5-read-514": lambda scene: scene.set_register(0, 0),
+    "appA-fc03": lambda scene: scene.set_register(0, 0),
+    "refused-17": lambda scene: scene.ask(rtu.write_coil(64, False), rtu.write_coil(64, False)),
+    "timeout-255": lambda scene: scene.set_register(2, REPLY_WAIT),
+    "text-read-621": lambda scene: scene.set_register(2, DEFAULT_WAIT),
+}
+
+
+async def play_with_its_beginnings(scene: Scenario, name: str) -> None:
+    example = EXAMPLES[name]
+    if name in BEFORE:
+        await BEFORE[name](scene)
+    if "after" in example:
+        await play(scene, EXAMPLES[example["after"]])
+    for step in example.get("setup", []):
+        await play(scene, {"id": f"{name}, setup", **step})
+    await play(scene, example)
+
+
+# ---------------------------------------------------------------- the examples
+
+
+@cocotb.test()
+async def every_example_is_right_byte_for_byte_on_both_lines(dut):
+    scene = await Scenario(dut).start()
+    assert len(EXAMPLES) >= 23
+    for name in EXAMPLES:
+        await play_with_its_beginnings(scene, name)
+    scene.finish()
+    dut._log.info("%d examples right", len(EXAMPLES))
+
+
+@cocotb.test()
+async def own_echo_on_both_lines_disturbs_nothing(dut):
+    scene = await Scenario(dut, echo=True).start()
+    for name in ("ex1-start-40", "bad-address", "ex5-read-514", "bcast-start"):
+        await play(scene, EXAMPLES[name])
+    scene.finish()
+
+
+@cocotb.test()
+async def every_format_by_switches_read_once_after_reset(dut):
+    scene = await Scenario(dut).start()
+    for form in ("8E1", "8O1", "8N1"):
+        await scene.card.use(115_200 if form == "8N1" else BAUD, form)
+        # The switches may move now: they were read.
+        dut.sw_baud.value, dut.sw_addr.value = 0, 5
+        scene.master = scene.card.master
+        await play(scene, EXAMPLES["bad-address"])
+        await play(scene, EXAMPLES["ex1-start-40"])
+        dut.sw_addr.value = 1
+    scene.finish()
+
+
+# ---------------------------------------------------------------- frames that are not right
+
+
+@cocotb.test()
+async def frames_of_every_length_are_answered_and_longer_than_256_dropped(dut):
+    rng = seeded("frames")
+    scene = await Scenario(dut, baud=115_200).start()
+    model = CardModel()
+    for length in (4, 8, 29, 32, 33, 255, 256, 257):
+        # Function 10h with too much in it, or shorter than any request: an exception, never silence.
+        body = b"\x07" if length == 4 else b"\x10\x00\x00\x00\x02\x04" + rng.randbytes(max(0, length - 9))
+        adu = rtu.build(1, body[: length - 3])
+        assert len(adu) == length
+        done = await scene.request(adu, timeout_ms=40 if length > 256 else 100)
+        if length > 256:
+            assert done.reply is None
+        else:
+            expected = rtu.build(1, model.request(adu[1:-2]).reply)
+            assert done.data == expected, f"{length} bytes: {done.reply}"
+    await play(scene, EXAMPLES["bad-address"])
+    scene.finish()
+
+
+@cocotb.test()
+async def damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is_answered(dut):
+    """And each counts under its own name."""
+    scene = await Scenario(dut, form="8E1").start()
+    start = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
+    spoilt = start[:8] + bytes([start[8] ^ 1]) + start[9:]
+    damaged = {
+        "CRC": (spoilt, Flaws(), ["crc"]),
+        "parity": (start, Flaws(bad_parity=(4,)), ["parity"]),
+        "stop bit": (start, Flaws(bad_stop=(4,), gaps={5: 1.0}), ["framing"]),
+        "foreign": (rtu.build(2, start[1:-2]), Flaws(), []),
+        "cut off": (start[:7], Flaws(), ["crc"]),
+        "gap of 1.6 characters": (start, Flaws(gaps={6: 1.6 * SILENCE}), ["crc", "t15"]),
+        "longer than 256": (rtu.build(1, bytes(254)), Flaws(), ["overrun"]),
+    }
+    errors = ("crc", "parity", "framing", "t15", "overrun")
+    counts = {error: Strobes(dut.mailbox_i, f"count_{error}") for error in errors}
+    for what, (adu, flaws, kinds) in damaged.items():
+        await scene.master.send(adu, flaws)
+        await scene.card.quiet(6, what)
+        counted = [name for name, strobes in counts.items() for _ in strobes.times_ps]
+        assert counted == kinds, what
+        for strobes in counts.values():
+            strobes.clear()
+    assert await scene.read_control() == bytes(4), "control image"
+    await play(scene, EXAMPLES["ex1-start-40"])
+    scene.finish()
+
+
+@cocotb.test()
+async def gap_of_1_4_characters_is_no_gap(dut):
+    scene = await Scenario(dut).start()
+    request = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
+    for telegram, reply in exchanges_of(EXAMPLES["ex1-start-40"]):
+        scene.script.expect(telegram, reply)
+    gaps = Flaws(gaps=dict.fromkeys(range(1, len(request)), 1.4 * SILENCE))
+    done = await scene.master.request(request, 100 * MS, gaps)
+    assert done.data == bytes.fromhex(EXAMPLES["ex1-start-40"]["reply"])
+    scene.finish()
+
+
+@cocotb.test()
+async def revoked_frame_does_nothing_at_all(dut):
+    """A good frame, and a character 1.6 to 3.4 character times after it (FRAME-3, FRAME-6)."""
+    scene = await Scenario(dut).start()
+    pdu, _ = control_pdu(0x047C, 0x1999)
+    adu = rtu.build(1, pdu)
+    revokes = Strobes(dut, "revoke")
+    for gap in (1.6, 2.5, 3.4):
+        await scene.master.send(adu + b"\x01", Flaws(gaps={len(adu): gap * SILENCE}))
+        await scene.card.quiet(15)
+    assert len(revokes) == 3
+    assert await scene.read_control() == bytes(4), "control image"
+    # A local write likewise: the register keeps its value.
+    adu = rtu.build(1, rtu.write_register(1, 0x1234))
+    await scene.master.send(adu + b"\x01", Flaws(gaps={len(adu): 2.5 * SILENCE}))
+    await scene.card.quiet(5)
+    await scene.ask(rtu.read_registers(1, 1), bytes.fromhex("03 02 03 E8"))
+    scene.finish()
+
+
+@cocotb.test()
+async def reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked(dut):
+    scene = await Scenario(dut).start()
+    pdu, _ = control_pdu(0x047C, 0x1999)
+    scene.script.expect(*process(0x047C, 0x1999))
+    await scene.master.send(rtu.build(1, pdu))
+    await scene.master.send(rtu.build(9, rtu.read_coils(0, 8)))
+    await scene.card.drive.monitor.pin_idle(20 * MS)
+    assert len(scene.card.slave.heard) == 1, "the exchange is finished"
+    assert not scene.card.modbus.monitor.characters, "no late answer"
+    assert await scene.read_control() == bytes.fromhex("7C 04 99 19")
+    scene.finish()
+
+
+@cocotb.test()
+async def newest_request_is_the_one_answered(dut):
+    """A second request to the card while the drive is asked for the first."""
+    scene = await Scenario(dut).start()
+    pdu, _ = control_pdu(0x047C, 0x1999)
+    scene.script.expect(*process(0x047C, 0x1999))
+    await scene.master.send(rtu.build(1, pdu))
+    # At the bench's clock SERV may need longer than t3.5; what is not at the drive yet gives way (FRAME-7).
+    await with_timeout(RisingEdge(dut.drive_de), 20, "ms")
+    done = await scene.master.request(rtu.build(1, rtu.read_registers(2, 1)), 60 * MS)
+    assert done.data == rtu.build(1, bytes.fromhex("03 02 00 0F"))
+    await scene.card.drive.monitor.pin_idle(20 * MS)
+    assert len(scene.card.modbus.monitor.frames()) == 1, "one answer, the second request's"
+    scene.finish()
+
+
+# ---------------------------------------------------------------- the drive
+
+
+@cocotb.test()
+async def silent_drive_is_asked_twice_and_then_reported(dut):
+    scene = await Scenario(dut).start()
+    await scene.set_register(2, REPLY_WAIT)
+    question, _ = read_exchange(514, 0)
+    await scene.ask(rtu.read_registers(5139, 1), rtu.exception(3, 255), [(question, None)] * 2)
+    first, second = scene.card.slave.heard
+    wait_ms = (second.frame.start_ps - first.frame.end_ps) / MS
+    # Its own wait, then the pause of two characters, which is over by then.
+    assert WAIT_MS - 1 <= wait_ms <= WAIT_MS + 1 + ROUND_MS, f"repeat after {wait_ms:.2f} ms"
+    waited_ms = (scene.card.modbus.monitor.characters[-1].end_ps - second.frame.end_ps) / MS
+    assert waited_ms >= WAIT_MS - 1
+    scene.finish()
+
+
+@cocotb.test()
+async def bad_reply_is_no_reply_and_the_repeat_is_answered(dut):
+    scene = await Scenario(dut).start()
+    await scene.set_register(2, REPLY_WAIT)
+    for number, fault in enumerate(BAD_REPLIES):
+        scene.card.slave.next(Manner(fault=fault))
+        exchange = process(0x047C, number)
+        await scene.write_control(0x047C, number, [exchange, exchange])
+        assert scene.card.slave.heard[-2].reply != scene.card.slave.heard[-1].reply or fault in ON_THE_LINE
+    scene.finish()
+
+
+@cocotb.test()
+async def drive_that_answers_wrong_twice_is_reported_and_the_image_keeps_what_was_written(dut):
+    scene = await Scenario(dut).start()
+    await scene.set_register(2, REPLY_WAIT)
+    scene.card.slave.next(Manner(fault="bad BCC"), Manner(fault="cut short"))
+    pdu, _ = control_pdu(0x047C, 0x1999)
+    await scene.ask(pdu, rtu.exception(0x0F, 255), [process(0x047C, 0x1999)] * 2)
+    assert await scene.read_control() == bytes.fromhex("7C 04 99 19")
+    scene.finish()
+
+
+@cocotb.test()
+async def slow_but_legal_drive_is_understood(dut):
+    """Late by 48 ms, gaps between its characters, a phantom character before it."""
+    scene = await Scenario(dut).start()
+    slow = Manner(delay_bits=48e-3 * 9600, gap_bits=0.45 * CHARACTER)
+    scene.card.slave.next(slow, Manner(fault="garbage before"))
+    await scene.ask(rtu.read_registers(5139, 1), bytes.fromhex("03 02 01 2C"), [read_exchange(514, 300)])
+    await scene.write_control(0x047C, 0x1999)
+    scene.finish()
+
+
+@cocotb.test()
+async def answer_to_another_question_is_no_answer(dut):
+    """Right in every byte, but for another parameter (FC-8)."""
+    scene = await Scenario(dut).start()
+    await scene.set_register(2, 5)
+    question, reply = read_exchange(514, 300)
+    _, foreign = read_exchange(515, 7)
+    await scene.ask(
+        rtu.read_registers(5139, 1), bytes.fromhex("03 02 01 2C"), [(question, foreign), (question, reply)]
+    )
+    scene.finish()
+
+
+@cocotb.test()
+async def text_longer_than_twenty_characters_is_followed_to_its_end_and_cut(dut):
+    scene = await Scenario(dut).start()
+    await scene.set_register(0, 0x0400)
+    text = b"A TEXT OF TWENTY-NINE LETTERS"
+    reply = fc_telegram.build_text(621, text, ind=0x0400, pcd1=0x0F03, pcd2=0x2000)
+    answer = b"\x03\x14" + text[:20]
+    await scene.ask(rtu.read_registers(6209, 10), answer, [(fc_telegram.build_text_read(621), reply)])
+    # The process data behind the text are the status image.
+    await scene.ask(rtu.read_coils(32, 32), bytes.fromhex("01 04 03 0F 00 20"))
+    scene.finish()
+
+
+@cocotb.test()
+async def telegrams_wait_for_two_characters_of_silence_and_have_no_gaps(dut):
+    """Somebody else's character on the drive line, over just when the telegram could have started."""
+    scene = await Scenario(dut, baud=115_200).start()
+    bit = scene.card.drive.fmt.bit_ps
+    pdu, _ = control_pdu(0x047C, 0x1999)
+    for late_bits in (-6, 0, 6):
+        scene.script.expect(*process(0x047C, 0x1999))
+        request = await scene.master.send(rtu.build(1, pdu))
+        await sleep_until(request.end_ps + rtu.t35_ps(115_200) + (late_bits - CHARACTER) * bit)
+        noise = await scene.card.drive.source.send(b"\x55")
+        await scene.card.drive.monitor.pin_idle(15 * MS)
+        telegram = scene.card.slave.heard[-1].frame
+        pause = (telegram.start_ps - noise.end_ps) / bit
+        assert 2 * CHARACTER - 0.25 <= pause <= 2 * CHARACTER + 1, f"{pause:.2f} bits"
+        assert telegram.largest_gap_ps < 0.02 * bit
+    scene.finish()
+
+
+# ---------------------------------------------------------------- power-up, address
+
+
+@cocotb.test()
+async def invalid_address_keeps_the_card_silent_on_both_lines(dut):
+    scene = Scenario(dut, address=0)
+    await scene.card.power_up()
+    for address in (0, 248, 255):
+        await scene.card.reset(faulty=True, sw_addr=address)
+        await scene.card.quiet(40 if address == 0 else 5)
+        for to in (address, 0, 1):
+            await scene.master.send(rtu.build(to, control_pdu(0x047C, 0x1999)[0]))
+            await scene.card.quiet(4)
+    await scene.card.reset(sw_addr=247)
+    done = await scene.request(rtu.build(247, rtu.read_registers(2, 1)))
+    assert done.data == rtu.build(247, bytes.fromhex("03 02 00 0F"))
+    scene.finish()
+
+
+@cocotb.test()
+async def lines_that_are_low_at_power_up_cause_nothing(dut):
+    scene = Scenario(dut)
+    scene.card.modbus.source.hold(0)
+    scene.card.drive.source.hold(0)
+    await scene.start()
+    assert not scene.card.modbus.direction.pulses and not scene.card.drive.direction.pulses
+    scene.card.modbus.source.hold(1)
+    scene.card.drive.source.hold(1)
+    await scene.card.quiet(5)
+    await play(scene, EXAMPLES["ex1-start-40"])
+    scene.finish()
+
+
+# ---------------------------------------------------------------- the card's own clock
+
+
+@cocotb.test()
+async def manual_at_9600_and_all_turnarounds(dut):
+    """Also BOOT-1: after its time the first request has been answered."""
+    scene = Scenario(dut, baud=9600)
+    await scene.card.power_up()
+    begin = now_ps()
+    request = bytes.fromhex(EXAMPLES["bad-address"]["request"])
+    boot_ps = round(boot_clocks() * scene.card.bench.period_ps)
+    await Timer(boot_ps - round(len(request) * rtu.character_ps(9600)), unit="ps")
+    await play(scene, EXAMPLES["bad-address"])
+    print(f"answered {(now_ps() - begin) / MS:.1f} ms after the reset")
+    for name in ("ex1-start-40", "ex5-read-514", "ex6b-text-533", "refused-17"):
+        await play_with_its_beginnings(scene, name)
+    local = await scene.request(rtu.build(1, rtu.read_coils(0, 32)))
+    t35 = 3.5 * CHARACTER
+    assert t35 - 0.25 <= local.gap_bits <= t35 + 1, f"{local.gap_bits:.2f} bits"
+    # Both lines run at 9600 bit/s here, so a bit is a bit.
+    for request, exchanges, latest in (
+        (rtu.build(1, control_pdu(0x047C, 0)[0]), [process(0x047C, 0)], 1),
+        *(
+            (bytes.fromhex(EXAMPLES[name]["request"]), exchanges_of(EXAMPLES[name]), LATEST_PARAMETER_BITS)
+            for name in ("ex4-write-104", "ex5-read-514")
+        ),
+    ):
+        asked = await scene.request(request, exchanges)
+        exchange = scene.card.slave.heard[-1]
+        forth = (exchange.frame.start_ps - asked.sent.end_ps) / rtu.bit_ps(9600)
+        back = (asked.reply.start_ps - exchange.reply_sent.end_ps) / rtu.bit_ps(9600)
+        assert t35 - 0.25 <= forth <= t35 + latest, f"telegram after {forth:.2f} bits"
+        assert 0 < back <= latest, f"reply after {back:.2f} bits"
+    scene.finish()
+
+
+@cocotb.test()
+async def writes_to_everybody_right_behind_each_other_all_take_effect(dut):
+    """Nobody answers them, so the firmware has no more time for each than the master leaves it."""
+    scene = await Scenario(dut, baud=115_200, form="8N1").start()
+    telegram = fc_telegram.build_process(0x047C, 0x1999, fc_telegram.ADR_BROADCAST)
+    scene.script.expect(telegram, None)
+    for pdu in (
+        rtu.write_registers(0, [1, 1234, 20]),
+        rtu.write_coil(64, True),
+        rtu.write_register(2, 30),
+        control_pdu(0x047C, 0x1999)[0],
+    ):
+        await scene.master.send(rtu.build(0, pdu))
+    # The shortest frame there is, and the one that is answered; the telegram is still being sent.
+    done = await scene.master.request(rtu.build(1, b"\x2b"), 30 * MS)
+    assert done.data == rtu.build(1, rtu.exception(0x2B, 67)), done.reply
+    await scene.card.drive.monitor.pin_idle(15 * MS)
+    scene.script.check()
+    await scene.ask(rtu.read_registers(0, 3), bytes.fromhex("03 06 00 01 04 D2 00 1E"))
+    await scene.ask(rtu.read_coils(64, 1), bytes.fromhex("01 01 01"))
+    assert await scene.read_control() == bytes.fromhex("7C 04 99 19")
+    scene.finish()
+
+
+NETWORK = [
+    "own_echo_on_both_lines_disturbs_nothing",
+    "every_format_by_switches_read_once_after_reset",
+    "frames_of_every_length_are_answered_and_longer_than_256_dropped",
+    "damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is_answered",
+    "gap_of_1_4_characters_is_no_gap",
+    "revoked_frame_does_nothing_at_all",
+    "reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked",
+    "newest_request_is_the_one_answered",
+    "invalid_address_keeps_the_card_silent_on_both_lines",
+    "lines_that_are_low_at_power_up_cause_nothing",
+]
+DRIVE = [
+    "silent_drive_is_asked_twice_and_then_reported",
+    "bad_reply_is_no_reply_and_the_repeat_is_answered",
+    "drive_that_answers_wrong_twice_is_reported_and_the_image_keeps_what_was_written",
+    "slow_but_legal_drive_is_understood",
+    "answer_to_another_question_is_no_answer",
+    "text_longer_than_twenty_characters_is_followed_to_its_end_and_cut",
+]
+# Where the firmware must be quick, at 115200 bit/s.
+QUICK = [
+    "telegrams_wait_for_two_characters_of_silence_and_have_no_gaps",
+    "writes_to_everybody_right_behind_each_other_all_take_effect",
+]
+
+
+def run_card(
+    sim: str, config: str, testcase: list[str], clk_hz: int | None = None, **parameters: object
+) -> None:
+    run(
+        "rtu2fc",
+        "tb.card.test_rtu2fc",
+        sim=sim,
+        config=config,
+        parameters={"CLK_HZ": clk_hz or SLOW_HZ[config], **parameters},
+        testcase=testcase,
+    )
+
+
+@pytest.mark.patient
+@pytest.mark.rule(
+    *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
+)
+def test_examples(sim, config):
+    """At the slowest clock there is: no example looks at the time."""
+    run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
+
+
+@pytest.mark.long
+@pytest.mark.patient
+@pytest.mark.rule(
+    *("FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
+    *("LINE-3", "LINE-6", "LINE-7", "LINE-8", "SAFE-2"),
+)
+def test_network(sim, config):
+    run_card(sim, config, NETWORK)
+
+
+@pytest.mark.long
+@pytest.mark.patient
+@pytest.mark.rule("FC-6", "FC-7", "FC-8", "FC-9", "FC-10", "MAP-3")
+def test_drive(sim, config):
+    run_card(sim, config, DRIVE)
+
+
+@pytest.mark.rule("FC-8", "FRAME-6", "MAP-9")
+def test_quick(sim):
+    """The tiny card at its own clock only: `test_own_clock`."""
+    run_card(sim, "standard", QUICK, 2 * SLOW_HZ["standard"])
+
+
+@pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
+@pytest.mark.parametrize("variant", ["STRICT_T15", "PREPARE_EARLY"])
+def test_variants(variant):
+    """Built without one of them. On Verilator alone: rtu_rx shows both variants on both simulators."""
+    what = [
+        "gap_of_1_4_characters_is_no_gap",
+        "reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked",
+        "newest_request_is_the_one_answered",
+        "silent_drive_is_asked_twice_and_then_reported",
+    ]
+    run_card("verilator", "standard", what, **{variant: 0})
+
+
+@pytest.mark.rule("FC-8", "FRAME-6", "MAP-9", "TOP-2")
+def test_own_clock(config):
+    """On Verilator alone: so many clocks would take Icarus minutes, and both agree at a slow clock."""
+    run_card("verilator", config, QUICK, own_hz(config))
+
+
+@pytest.mark.long
+@pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
+def test_manual_at_own_clock(config):
+    run_card("verilator", config, ["manual_at_9600_and_all_turnarounds"], own_hz(config))

@@ -1,0 +1,801 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The firmware in each of its dialects (docs/guide/dialects.md): translation core and poll loop. Bytes are
+hex.
+
+`S2` is the manual of the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA (MG.10.S2.02), `S3` the
+design guide of the VLT HVAC Basic Drive (MG.18.C2.02).
+"""
+
+from __future__ import annotations
+
+import functools
+import random
+from collections.abc import Iterator
+
+import pytest
+
+from tb.firmware.test_firmware_gateway import DRIVE_GREEN, DRIVE_RED, Bench, instructions_until, lit
+from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
+from tb.lib.seeds import seeded
+from tb.model.card import Card
+from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Gateway, Transaction, Translator
+from tb.model.rv32i import Machine
+
+RULES = {"card": "DIALECT-CARD", "builtin": "DIALECT-BUILTIN", "hvac_basic": "DIALECT-HVAC-BASIC"}
+
+
+def spoken_in(*dialects: str) -> pytest.MarkDecorator:
+    """The test runs in these dialects and shows their rules."""
+    return pytest.mark.parametrize(
+        "card",
+        [pytest.param(name, marks=pytest.mark.rule(RULES[name]), id=name) for name in dialects],
+        indirect=True,
+    )
+
+
+in_all = spoken_in("card", "builtin", "hvac_basic")
+in_later = spoken_in("builtin", "hvac_basic")
+in_builtin = spoken_in("builtin")
+in_hvac_basic = spoken_in("hvac_basic")
+
+
+@pytest.fixture
+def card(request: pytest.FixtureRequest) -> Translator:
+    card = Translator(dialect=request.param)
+    card.dialect = request.param
+    return card
+
+
+def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
+    """A request sent as a number, which the drive refuses with fault 5: now its second telegram."""
+    txn = card.do(H(pdu))
+    assert txn.outcome == EXCHANGE
+    assert txn.telegram == H(number)
+    head = txn.telegram[1:5]
+    assert txn.drive_reply(bytes([0x70 | head[0] & 0xF]) + head[1:] + H(f"0000 0005 {RUNNING}")) == EXCHANGE
+    return txn.drive_commit().drive_again()
+
+
+# ---------------------------------------------------------------- the documents' examples
+
+
+@in_builtin
+def test_s2_reads_the_status_word(card: Translator):
+    answered(card, "05 0006 FF00", "AA55 2000")
+    assert same(reply_to(card, "01 0020 0010"), "01 02 55 AA")
+
+
+@in_builtin
+def test_s2_forces_a_single_coil_and_gets_its_echo(card: Translator):
+    assert same(sent_for(card, "05 0000 FF00"), "81 0001 0000")
+    assert answered(card, "05 0000 FF00", RUNNING) == H("05 0000 FF00")
+
+
+@in_builtin
+def test_s2_writes_parameter_105_by_10(card: Translator):
+    pdu = "10 0419 0002 04 0000 02E2"
+    assert same(sent_for(card, pdu), "81 3069 0000 0000 02E2 0000 0000")
+    assert answered(card, pdu, f"2069 0000 0000 02E2 {RUNNING}") == H("10 0419 0002")
+
+
+@in_builtin
+def test_s2_reads_an_array_by_the_index_in_register_9(card: Translator):
+    assert same(reply_to(card, "06 0008 0008"), "06 0008 0008")
+    assert same(sent_for(card, "03 17C9 0001"), "81 1261 0008 0000 0000 0000 0000")
+    assert answered(card, "03 17C9 0001", f"1261 0008 0000 0019 {RUNNING}") == H("03 02 0019")
+
+
+@in_hvac_basic
+def test_s3_reads_the_status_word_0607(card: Translator):
+    answered(card, "0F 0000 0020 04 7C 04 99 19", "0607 2000")
+    assert same(reply_to(card, "01 0020 0010"), "01 02 07 06")
+
+
+@in_hvac_basic
+def test_s3_forces_coil_65(card: Translator):
+    assert same(sent_for(card, "06 040F 003C"), "81 2068 0000 0000 003C 0000 0000")
+    assert same(reply_to(card, "05 0040 FF00"), "05 0040 FF00")
+    assert same(sent_for(card, "06 040F 003C"), "81 E068 0000 0000 003C 0000 0000")
+
+
+@in_later
+@pytest.mark.parametrize("registers", range(1, 11))
+def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
+    """Texts of 2 to 20 characters; numbers have 1 or 2 registers."""
+    pdu, text = f"03 1841 {registers:04x}", "VLT HVAC Basic Drive"[: 2 * registers].encode()
+    drive = f"F26D 0400 {text.hex()} {RUNNING}"
+    by_text = H("81 F26D 0400 0000 0000 0000 0000")
+    if registers <= 2:
+        txn = tried_as_text(card, pdu, "81 126D 0000 0000 0000 0000 0000")
+        assert txn.telegram == by_text
+        assert txn.drive_reply(H(drive)) == REPLY
+        assert txn.reply == bytes([3, 2 * registers]) + text
+        value = H(f"126D 0000 0000 1234 {RUNNING}")
+        assert card.do(H(pdu)).drive_reply(value) == REPLY
+    else:
+        assert card.do(H(pdu)).telegram == by_text
+        assert answered(card, pdu, drive) == bytes([3, 2 * registers]) + text
+
+
+# ---------------------------------------------------------------- exceptions
+
+
+@in_all
+@pytest.mark.parametrize(
+    ("pdu", "codes", "what"),
+    [
+        ("07 0000 0001", (67, 67, 1), "a function that is not there"),
+        ("2B", (67, 67, 1), "a function that is not there, alone"),
+        ("03 1413", (65, 65, 3), "a request too short"),
+        ("05 0000 FF00 00", (65, 65, 3), "a request too long"),
+        ("10 0419 0002 04 0000 02", (65, 65, 3), "a byte less than counted"),
+        ("01 0000 0000", (66, 66, 3), "no coils"),
+        ("01 0000 0081", (66, 66, 3), "129 coils"),
+        ("0F 0000 0021 05 00 00 00 00 00", (66, 66, 3), "33 coils to write"),
+        ("03 1413 0000", (66, 66, 3), "no registers"),
+        ("03 1413 000B", (66, 66, 3), "11 registers"),
+        ("10 0419 0002 02 0000", (66, 66, 3), "two registers in two bytes"),
+        ("01 0080 0001", (64, 64, 2), "coil 129"),
+        ("05 0020 FF00", (64, 64, 2), "a status coil"),
+        ("0F 003F 0002 01 03", (64, 64, 2), "a run into coil 65"),
+        ("0F 0040 0002 01 03", (64, 64, 2), "a run out of coil 65"),
+        ("03 1414 0001", (64, 64, 2), "the second register of a parameter"),
+        ("06 0003 0001", (64, 64, 2), "a reserved register"),
+        ("03 FFFF 0001", (64, 64, 2), "the last address"),
+        ("05 0000 1234", (2, 66, 3), "a single coil neither on nor off"),
+        ("05 0040 0001", (2, 66, 3), "coil 65 neither on nor off"),
+        ("06 0002 0000", (2, 66, 3), "a drive time-out of 0"),
+        ("10 0001 0002 04 0001 0000", (2, 66, 3), "a drive time-out of 0 in a run"),
+    ],
+)
+def test_a_mistake_of_the_master_gets_the_code_of_the_dialect(
+    card: Translator, pdu: str, codes: tuple[int, int, int], what: str
+):
+    before = card.state()
+    code = dict(zip(RULES, codes, strict=True))[card.dialect]
+    assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
+    assert card.state() == before
+
+
+@in_all
+@pytest.mark.parametrize("fault", [0, 1, 2, 3, 4, 6, 7, 11, 17, 18, 130, 131, 254, 255])
+@pytest.mark.parametrize("pdu", ["03 1413 0001", "06 1413 0001", "10 1413 0002 04 0000 0001"])
+def test_a_fault_of_the_drive_is_told_unchanged_or_as_4(card: Translator, fault: int, pdu: str):
+    code = 4 if card.dialect == "hvac_basic" else fault
+    assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(code, H(pdu)[0])
+
+
+@in_all
+def test_a_double_word_that_does_not_fit_is_a_fault_of_type(card: Translator):
+    code = 4 if card.dialect == "hvac_basic" else 5
+    assert answered(card, "03 1413 0001", f"2202 0000 0001 0000 {RUNNING}") == refused(code, 3)
+    assert answered(card, "03 1413 0002", f"2202 0000 0001 0000 {RUNNING}") == H("03 04 0001 0000")
+
+
+@in_all
+@pytest.mark.parametrize("pdu", ["03 1413 0002", "06 1413 0001", "05 0000 FF00", "0F 0000 0001 01 01"])
+def test_a_silent_drive_gets_255_or_silence(card: Translator, pdu: str):
+    txn = card.do(H(pdu))
+    reply = txn.drive_silent()
+    if card.dialect == "card":
+        assert reply == refused(255, H(pdu)[0])
+    else:
+        assert txn.outcome == SILENT
+
+
+# ---------------------------------------------------------------- the card's own registers
+
+
+@in_later
+def test_the_index_is_in_register_9_and_the_time_outs_where_they_were(card: Translator):
+    assert same(reply_to(card, "03 0008 0001"), "03 02 0000")
+    assert same(reply_to(card, "03 0001 0002"), "03 04 03E8 000F")
+    assert same(reply_to(card, "06 0008 0102"), "06 0008 0102")
+    assert same(reply_to(card, "10 0001 0002 04 000A 0014"), "10 0001 0002")
+    assert same(reply_to(card, "03 0008 0001"), "03 02 0102")
+    assert same(reply_to(card, "03 0001 0002"), "03 04 000A 0014")
+    assert same(reply_to(card, "10 0008 0001 02 0003"), "10 0008 0001")
+    assert same(reply_to(card, "03 0008 0001"), "03 02 0003")
+
+
+@in_later
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        "03 0000 0001",
+        "06 0000 0400",
+        "03 0000 0003",
+        "10 0000 0003 06 0001 0002 0003",
+        "03 0001 0003",
+        "03 0002 0002",
+        "03 0007 0002",
+        "03 0008 0002",
+        "10 0008 0002 04 0001 0001",
+        "10 0002 0002 04 0001 0001",
+        *(f"03 {register:04x} 0001" for register in range(3, 8)),
+        *(f"06 {register:04x} 0001" for register in range(3, 8)),
+    ],
+)
+def test_no_other_register_below_10_is_there(card: Translator, pdu: str):
+    before = card.state()
+    code = {"builtin": 64, "hvac_basic": 2}[card.dialect]
+    assert card.do(H(pdu)).reply == refused(code, H(pdu)[0])
+    assert card.state() == before
+
+
+@in_later
+@pytest.mark.parametrize("value", ["0003", "0103", "0403", "0503"])
+def test_only_the_index_of_register_9_goes_out(card: Translator, value: str):
+    reply_to(card, f"06 0008 {value}")
+    assert same(sent_for(card, "03 17C9 0002"), "81 1261 0003 0000 0000 0000 0000")
+    assert same(sent_for(card, "06 17C9 0102"), "81 2261 0003 0000 0102 0000 0000")
+    assert same(sent_for(card, "03 17C9 0003"), "81 F261 0403 0000 0000 0000 0000")
+    assert same(sent_for(card, "10 17C9 0003 06 414243444546"), "81 F261 0503 414243444546 0000 0000")
+
+
+@in_later
+def test_a_broadcast_sets_the_index_in_silence(card: Translator):
+    assert card.do(H("06 0008 0102"), broadcast=True).outcome == SILENT
+    assert same(reply_to(card, "03 0008 0001"), "03 02 0102")
+
+
+# ---------------------------------------------------------------- numbers and texts without IND
+
+
+@in_later
+@pytest.mark.parametrize("registers", range(3, 11))
+def test_a_write_of_3_to_10_registers_is_text(card: Translator, registers: int):
+    text = "1234567890abcdefghij"[: 2 * registers].encode().hex()
+    pdu = f"10 14D1 {registers:04x} {2 * registers:02x} {text}"
+    assert same(sent_for(card, pdu), f"81 F215 0500 {text} 0000 0000")
+    assert answered(card, pdu, f"F215 0500 {text} {RUNNING}") == H(pdu)[:5]
+
+
+@in_later
+@pytest.mark.parametrize(
+    ("stored", "registers", "data"),
+    [
+        ("", 3, "20" * 6),
+        ("VLT", 3, "564C54202020"),
+        ("1234567", 3, "313233343536"),
+        ("AB", 10, "4142" + "20" * 18),
+    ],
+)
+def test_text_is_filled_with_spaces_or_cut(card: Translator, stored: str, registers: int, data: str):
+    pdu, drive = f"03 1841 {registers:04x}", f"F26D 0400 {stored.encode().hex()} {RUNNING}"
+    assert answered(card, pdu, drive) == bytes([3, 2 * registers]) + H(data)
+
+
+@in_later
+@pytest.mark.parametrize(
+    ("pdu", "number", "text", "reply"),
+    [
+        ("03 14D1 0001", "1215 0003 0000 0000", "F215 0403 0000 0000", "03 02 5859"),
+        ("03 14D1 0002", "1215 0003 0000 0000", "F215 0403 0000 0000", "03 04 5859 2020"),
+        ("10 14D1 0001 02 4142", "2215 0003 0000 4142", "F215 0503 4142", "10 14D1 0001"),
+        ("10 14D1 0002 04 41424344", "3215 0003 4142 4344", "F215 0503 41424344", "10 14D1 0002"),
+    ],
+)
+@pytest.mark.parametrize("stored", [False, True], ids=["RAM", "EEPROM"])
+def test_1_or_2_registers_that_the_drive_refuses_with_5_are_tried_as_text(
+    card: Translator, pdu: str, number: str, text: str, reply: str, stored: bool
+):
+    reply_to(card, "06 0008 0003")
+    if stored:
+        reply_to(card, "05 0040 FF00")
+        number = {"2": "E", "3": "D"}.get(number[0], number[0]) + number[1:]
+    txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
+    assert txn.telegram == H(f"81 {text} 0000 0000")
+    assert same(reply_to(card, "01 0020 0020"), "01 04 03 0F 00 20"), "the refusal was a good reply"
+    assert txn.drive_reply(H(f"F215 {text[5:9]} 5859 0607 1234")) == REPLY
+    assert txn.reply == H(reply)
+    txn.drive_commit()
+    assert same(reply_to(card, "01 0020 0020"), "01 04 07 06 34 12")
+
+
+@in_later
+@pytest.mark.parametrize("fault", [0, 1, 3, 5, 130])
+@pytest.mark.parametrize("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
+def test_what_the_drive_says_to_the_text_is_told_and_not_tried_again(card: Translator, fault: int, pdu: str):
+    number = {"03": "1215 0000 0000 0000", "10": "3215 0000 4142 4344"}[pdu[:2]]
+    txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
+    assert txn.drive_reply(H(f"7215 0400 0000 00{fault:02x} {RUNNING}")) == REPLY
+    assert txn.reply == refused(4 if card.dialect == "hvac_basic" else fault, H(pdu)[0])
+
+
+@in_later
+@pytest.mark.parametrize(
+    ("pdu", "why"),
+    [
+        ("06 14D1 4142", "06 writes numbers only"),
+        ("03 14D1 0003", "it was a text already"),
+        ("10 14D1 0003 06 414243444546", "it was a text already"),
+    ],
+)
+def test_fault_5_is_told_where_there_is_nothing_else_to_try(card: Translator, pdu: str, why: str):
+    code = 4 if card.dialect == "hvac_basic" else 5
+    assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(code, H(pdu)[0]), why
+
+
+@spoken_in("card")
+@pytest.mark.parametrize("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
+def test_the_card_itself_tries_nothing_twice(card: Translator, pdu: str):
+    assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(5, H(pdu)[0])
+
+
+@in_later
+def test_a_refusal_whose_bcc_was_wrong_changes_nothing(card: Translator):
+    txn = card.do(H("10 14D1 0001 02 4142"))
+    before = txn.telegram
+    assert txn.drive_reply(H(f"7215 0000 0000 0005 {RUNNING}")) == EXCHANGE
+    assert txn.telegram == before
+    assert txn.drive_reply(H(f"1215 0000 0000 4142 {RUNNING}")) == REPLY
+    assert txn.reply == H("10 14D1 0001")
+
+
+@in_later
+def test_the_answer_to_the_text_is_a_text(card: Translator):
+    txn = tried_as_text(card, "03 1841 0001", "81 126D 0000 0000 0000 0000 0000")
+    for misfit in (f"126D 0000 0000 0001 {RUNNING}", f"F26E 0400 4142 {RUNNING}", RUNNING):
+        assert txn.drive_reply(H(misfit)) == NOT_A_REPLY
+    assert txn.drive_reply(H(f"F26D 0400 414243 {RUNNING}")) == REPLY
+    assert txn.reply == H("03 02 4142")
+
+
+@in_later
+def test_a_broadcast_of_1_or_2_registers_is_a_number_and_of_more_a_text(card: Translator):
+    assert same(sent_for(card, "10 14D1 0001 02 4142", broadcast=True), "80 2215 0000 0000 4142 0000 0000")
+    assert same(
+        sent_for(card, "10 14D1 0002 04 41424344", broadcast=True), "80 3215 0000 4142 4344 0000 0000"
+    )
+    assert same(
+        sent_for(card, "10 14D1 0003 06 414243444546", broadcast=True), "80 F215 0500 414243444546 0000 0000"
+    )
+
+
+# ---------------------------------------------------------------- parameter numbers
+
+
+@in_all
+def test_parameters_end_with_the_bits_of_pnu(card: Translator):
+    highest = 4095 if card.dialect == "hvac_basic" else 2047
+    starts = [a for a in range(9, 65536) if card.request(H(f"03 {a:04x} 0001")).outcome == EXCHANGE]
+    assert starts == [10 * pnu - 1 for pnu in range(1, highest + 1)]
+
+
+@in_hvac_basic
+@pytest.mark.parametrize("pnu", [2047, 2048, 2049, 3039, 4094, 4095])
+def test_bit_11_belongs_to_pnu(card: Translator, pnu: int):
+    address = f"{10 * pnu - 1:04x}"
+    assert same(sent_for(card, f"03 {address} 0001"), f"81 {0x1000 | pnu:04x} 0000 0000 0000 0000 0000")
+    assert same(sent_for(card, f"06 {address} 0007"), f"81 {0x2000 | pnu:04x} 0000 0000 0007 0000 0000")
+    assert same(sent_for(card, f"03 {address} 0005"), f"81 {0xF000 | pnu:04x} 0400 0000 0000 0000 0000")
+    assert answered(card, f"03 {address} 0001", f"{0x1000 | pnu:04x} 0000 0000 002A {RUNNING}") == H(
+        "03 02 002A"
+    )
+    txn = card.do(H(f"03 {address} 0001"))
+    assert txn.drive_reply(H(f"{0x1000 | pnu ^ 0x800:04x} 0000 0000 002A {RUNNING}")) == NOT_A_REPLY
+    txn = tried_as_text(card, f"03 {address} 0001", f"81 {0x1000 | pnu:04x} 0000 0000 0000 0000 0000")
+    assert txn.telegram == H(f"81 {0xF000 | pnu:04x} 0400 0000 0000 0000 0000")
+
+
+# ---------------------------------------------------------------- the second exchange, on both lines
+
+READ_TEXT, WRITE_TEXT = H("03 1841 0002"), H("10 14D1 0001 02 4142")
+ASK_NUMBER, ASK_TEXT = H("81 126D 0000 0000 0000 0000 0000"), H("81 F26D 0400 0000 0000 0000 0000")
+NO_NUMBER, TELL_TEXT = H(f"726D 0000 0000 0005 {RUNNING}"), H(f"F26D 0400 564C54 {RUNNING}")
+REPLY_TEXT = H("01 03 04 564C5420")
+READ_INDEX, REPLY_INDEX = H("03 0008 0001"), H("01 03 02 0000")
+START, SEND_START = H("05 0006 FF00"), H("81 0040 0000")
+
+
+@pytest.fixture(
+    params=[
+        pytest.param((dialect, firmware), marks=pytest.mark.rule(RULES[dialect]), id=f"{dialect}-{name}")
+        for dialect in ("builtin", "hvac_basic")
+        for firmware, name in ((Gateway, "host"), (Machine, "card"))
+    ]
+)
+def bench(request: pytest.FixtureRequest) -> Bench:
+    """The same sources twice: compiled for the host, and the dialect's own image on an RV32I machine."""
+    dialect, firmware = request.param
+    return Bench(functools.partial(firmware, dialect=dialect))
+
+
+def refused_number(bench: Bench, pdu: bytes = READ_TEXT) -> None:
+    """A request whose number the drive has just refused."""
+    bench.request(pdu)
+    bench.telegram_ends()
+    bench.drive(bytes([0x70 | pdu_head(bench)[0] & 0xF]) + pdu_head(bench)[1:] + H(f"0000 0005 {RUNNING}"))
+
+
+def pdu_head(bench: Bench) -> bytes:
+    """PKE and IND of the last telegram."""
+    return bench.telegrams[-1][1:5]
+
+
+@pytest.mark.rule("FC-6")
+def test_the_text_is_asked_for_after_the_number_and_answers_the_request(bench: Bench):
+    refused_number(bench)
+    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
+    assert bench.replies == []
+    bench.telegram_ends()
+    bench.drive(TELL_TEXT)
+    assert bench.replies == [REPLY_TEXT]
+    bench.wait(500)
+    assert len(bench.telegrams) == 2
+    bench.local(READ_INDEX)
+
+
+def test_a_text_is_written_after_the_number_was_refused(bench: Bench):
+    refused_number(bench, WRITE_TEXT)
+    assert bench.telegrams == [H("81 2215 0000 0000 4142 0000 0000"), H("81 F215 0500 4142 0000 0000")]
+    bench.telegram_ends()
+    bench.drive(H(f"F215 0500 4142 {RUNNING}"))
+    assert bench.replies == [H("01 10 14D1 0001")]
+
+
+@pytest.mark.rule("PERF-3")
+def test_nothing_is_queued_for_the_master_by_the_first_exchange(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(NO_NUMBER)
+    bench.poll()
+    assert not bench.mailbox.reply_queued
+    bench.mailbox.bcc()
+    assert bench.telegrams == [ASK_NUMBER], "the firmware has to see it"
+    bench.poll()
+    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
+    bench.telegram_ends()
+    bench.mailbox.drive_data(TELL_TEXT)
+    bench.poll()
+    assert bench.mailbox.reply_queued
+    bench.mailbox.bcc()
+    assert bench.replies == [REPLY_TEXT], "without the firmware having to see it"
+
+
+@pytest.mark.rule("FC-8")
+def test_the_second_telegram_waits_for_its_pause(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.mailbox.quiet = False
+    bench.drive(NO_NUMBER)
+    assert bench.telegrams == [ASK_NUMBER]
+    bench.wait(3)
+    bench.mailbox.pause_over()
+    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
+
+
+@pytest.mark.rule("FC-8")
+def test_a_refusal_with_a_wrong_bcc_starts_no_second_exchange(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.drive(NO_NUMBER, good=False)
+    assert bench.telegrams == [ASK_NUMBER]
+    bench.drive(H(f"126D 0000 0000 012C {RUNNING}"))
+    assert bench.telegrams == [ASK_NUMBER]
+    assert bench.replies == [H("01 03 04 0000 012C")]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_newer_request_ends_the_older_one_before_its_second_exchange(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.local(READ_INDEX)
+    bench.drive(NO_NUMBER)
+    bench.wait(500)
+    assert bench.telegrams == [ASK_NUMBER]
+    assert bench.replies == [REPLY_INDEX]
+    bench.request(START)
+    assert bench.telegrams == [ASK_NUMBER, SEND_START], "and the drive line is free"
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_newer_request_for_the_drive_is_sent_instead_of_the_second_exchange(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.request(START)
+    bench.drive(NO_NUMBER)
+    assert bench.telegrams == [ASK_NUMBER, SEND_START]
+    bench.telegram_ends()
+    bench.drive(H(RUNNING))
+    assert bench.replies == [H("01 05 0006 FF00")]
+
+
+@pytest.mark.rule("FRAME-7", "FRAME-6")
+def test_a_newer_request_that_is_revoked_ends_the_older_one_too(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.offer(START)
+    bench.character()
+    bench.drive(NO_NUMBER)
+    bench.wait(500)
+    assert bench.telegrams == [ASK_NUMBER]
+    assert bench.replies == []
+    bench.local(READ_INDEX)
+
+
+@pytest.mark.rule("FRAME-7", "FRAME-6")
+def test_a_newer_request_that_the_firmware_did_not_see_ends_the_older_one_too(bench: Bench):
+    """Good BCC, candidate and revoke between two rounds of the poll loop."""
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(NO_NUMBER)
+    bench.mailbox.bcc()
+    bench.mailbox.character()
+    bench.mailbox.candidate(START)
+    bench.mailbox.character()
+    bench.poll()
+    bench.wait(500)
+    assert bench.telegrams == [ASK_NUMBER]
+    bench.request(READ_TEXT)
+    assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_newer_request_while_the_second_telegram_is_being_queued_drops_it(bench: Bench):
+    mailbox, plain = bench.mailbox, bench.mailbox._write_telegram
+
+    def too_late(**fields: int) -> None:
+        mailbox._write_telegram = plain
+        mailbox.character()
+        mailbox.candidate(READ_INDEX)
+        plain(**fields)
+
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    mailbox._write_telegram = too_late
+    bench.drive(NO_NUMBER)
+    bench.commit()
+    assert bench.telegrams == [ASK_NUMBER]
+    assert bench.replies == [REPLY_INDEX]
+    bench.request(READ_TEXT)
+    assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_newer_request_during_the_second_exchange_waits_for_it(bench: Bench):
+    refused_number(bench)
+    bench.request(START)
+    bench.telegram_ends()
+    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
+    bench.drive(TELL_TEXT)
+    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, SEND_START]
+    bench.telegram_ends()
+    bench.drive(H(RUNNING))
+    assert bench.replies == [H("01 05 0006 FF00")]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_request_nobody_may_answer_any_more_is_still_finished(bench: Bench):
+    bench.request(WRITE_TEXT)
+    bench.telegram_ends()
+    bench.character()
+    bench.drive(H(f"7215 0000 0000 0005 {RUNNING}"))
+    assert bench.telegrams[1:] == [H("81 F215 0500 4142 0000 0000")]
+    bench.telegram_ends()
+    bench.drive(H(f"F215 0500 4142 {RUNNING}"))
+    assert bench.replies == []
+
+
+# ---------------------------------------------------------------- silence
+
+
+@pytest.mark.rule("FC-9")
+def test_a_silent_drive_is_asked_once_more_and_the_master_hears_nothing(bench: Bench):
+    bench.request(START)
+    for attempt in (1, 2):
+        assert len(bench.telegrams) == attempt
+        bench.telegram_ends()
+        bench.wait(151)
+    bench.wait(1000)
+    assert bench.telegrams == [SEND_START, SEND_START]
+    assert bench.replies == []
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
+    bench.local(READ_INDEX)
+
+
+@pytest.mark.rule("FC-9")
+def test_the_second_exchange_has_a_repeat_of_its_own(bench: Bench):
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.wait(151)
+    bench.telegram_ends()
+    bench.drive(NO_NUMBER)
+    assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER, ASK_TEXT]
+    bench.telegram_ends()
+    bench.wait(151)
+    assert bench.telegrams[3:] == [ASK_TEXT]
+    bench.telegram_ends()
+    bench.drive(TELL_TEXT)
+    assert bench.replies == [REPLY_TEXT]
+
+
+@pytest.mark.rule("FC-9", "LED-4")
+def test_a_drive_silent_in_the_second_exchange_leaves_the_master_without_an_answer(bench: Bench):
+    refused_number(bench)
+    for _ in range(2):
+        bench.telegram_ends()
+        bench.wait(151)
+    bench.wait(3000)
+    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, ASK_TEXT]
+    assert bench.replies == []
+    assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+
+
+# ---------------------------------------------------------------- speed of the dialects' images
+
+
+@pytest.mark.parametrize(
+    "dialect",
+    [
+        pytest.param(d, marks=pytest.mark.rule(RULES[d], "PERF-2", "PERF-3"))
+        for d in ("builtin", "hvac_basic")
+    ],
+)
+def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
+    """Two characters of the drive line are 2290 us: 27500 clocks at 4 to 5 an instruction."""
+    bench = Bench(functools.partial(Machine, dialect=dialect))
+    bench.request(READ_TEXT)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(NO_NUMBER)
+    bench.poll()
+    bench.mailbox.quiet = False
+    bench.mailbox.bcc()
+    needed = instructions_until(bench, "telegram_queued")
+    print(f"{dialect}, second telegram: {needed} instructions")
+    assert needed < 2000
+
+
+# ---------------------------------------------------------------- at random
+
+
+def some_number(rng: random.Random) -> int:
+    return rng.choice([0, 1, 2, 3, 8, 9, 10, 11, 32, 64, 65, 128, 129, 0xFF00, rng.randrange(65536)])
+
+
+def some_request(rng: random.Random) -> bytes:
+    """Mostly sensible, sometimes wrong in one place, seldom all noise."""
+    if rng.random() < 0.05:
+        return rng.randbytes(rng.randint(1, 40))
+    function = rng.choice([1, 3, 3, 5, 6, 0x0F, 0x10, 0x10])
+    address = rng.choice([rng.randrange(12), rng.randrange(68), some_number(rng)])
+    if function in (3, 6, 0x10) and rng.random() < 0.7:
+        address = 10 * rng.choice([rng.randint(1, 2050), rng.randint(2040, 4100)]) - 1
+    operand = rng.choice([1, 2, rng.randint(1, 11), rng.randint(1, 33), some_number(rng)])
+    pdu = bytes([function]) + address.to_bytes(2, "big") + operand.to_bytes(2, "big")
+    if function == 5:
+        pdu = pdu[:3] + rng.choice([H("FF00"), H("0000"), rng.randbytes(2)])
+    if function in (0x0F, 0x10):
+        size = (operand + 7) // 8 if function == 0x0F else 2 * operand
+        size = min(size, 246) if rng.random() < 0.9 else rng.randrange(20)
+        pdu += bytes([size]) + rng.randbytes(size)
+    if rng.random() < 0.05:
+        pdu = pdu[: rng.randint(1, len(pdu))] + rng.randbytes(rng.randrange(3))
+    return pdu
+
+
+def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
+    """Telegram data of the drive: misfits, and nearly always a reply that fits in the end."""
+    head, status = telegram[1:5], rng.randbytes(4)
+    value = rng.choice([bytes(4), b"\xff" * 4, b"\0\0" + rng.randbytes(2), rng.randbytes(4)])
+    fault = bytes(3) + bytes([rng.choice([0, 5, 5, 5, 17, rng.randrange(256)])])
+    text = rng.randbytes(rng.choice([0, 1, 4, 6, 20, 21, rng.randrange(246)]))
+
+    def telling(ak: int, content: bytes) -> bytes:
+        return bytes([ak << 4 | head[0] & 0xF]) + head[1:] + content + status
+
+    while rng.random() < 0.3:
+        misfit = telling(rng.randrange(16), rng.choice([value, text]))
+        yield rng.choice([status, misfit, rng.randbytes(12), bytes([misfit[0] ^ 8]) + misfit[1:]])
+    if rng.random() < 0.1:
+        return
+    if len(telegram) == 5:
+        yield status
+    elif rng.random() < 0.4:
+        yield telling(7, fault)
+    elif head[0] >> 4 == 15:
+        yield telling(15, text)
+    else:
+        yield telling(rng.choice([1, 2]), value)
+
+
+def play_exchange(rng: random.Random, txn: Transaction, model: Card, telegram: bytes) -> int:
+    """Until the request is answered, or the drive falls silent; returns the number of exchanges."""
+    exchanges = 1
+    for data in some_drive_replies(rng, telegram):
+        expected = model.drive_reply(telegram[:1] + data)
+        if expected.telegram:
+            assert txn.drive_reply(data) == EXCHANGE
+            assert txn.drive_commit().drive_again().telegram == expected.telegram
+            return exchanges + play_exchange(rng, txn, model, expected.telegram)
+        if expected.reply:
+            assert txn.drive_reply(data) == REPLY
+            assert txn.drive_commit().reply == expected.reply
+            return exchanges
+        assert txn.drive_reply(data) == NOT_A_REPLY
+    reply, expected = txn.drive_silent(), model.drive_silent().reply
+    assert (reply if txn.outcome == REPLY else None) == expected
+    return exchanges
+
+
+@in_all
+def test_random_requests_agree_with_the_model(card: Translator):
+    rng, model = seeded(f"dialect {card.dialect} against model"), Card(name=card.dialect)
+    exchanges = [0, 0, 0]
+    for _ in range(20000):
+        pdu, broadcast = some_request(rng), rng.random() < 0.1
+        txn = card.request(pdu, broadcast=broadcast)
+        if rng.random() < 0.1:  # revoked: as if it had never been
+            continue
+        txn.commit()
+        expected = model.request(pdu, broadcast)
+        context = f"{pdu.hex(' ')} broadcast={broadcast} registers={model.registers}"
+        if expected.telegram:
+            assert txn.outcome == EXCHANGE, context
+            assert txn.telegram == expected.telegram, context
+            if not broadcast:
+                exchanges[play_exchange(rng, txn, model, expected.telegram)] += 1
+        elif expected.reply:
+            assert txn.outcome == REPLY, context
+            assert txn.reply == expected.reply, context
+        else:
+            assert txn.outcome == SILENT, context
+        status = H("01 0020 0020")
+        assert card.do(status).reply == model.request(status).reply, context
+    assert exchanges[1] > 2000, "too few requests reached the drive to mean anything"
+    assert (exchanges[2] > 100) == (card.dialect != "card")
+
+
+@pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7")
+@pytest.mark.parametrize(
+    "dialect", [pytest.param(d, marks=pytest.mark.rule(RULES[d])) for d in ("builtin", "hvac_basic")]
+)
+def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str):
+    rng = seeded(f"gateway events, {dialect}")
+    second = 0
+    for _ in range(150):
+        bench = Bench(functools.partial(Gateway, dialect=dialect))
+        mailbox = bench.mailbox
+        committed: list[bytes] = []
+        for _ in range(rng.randrange(250)):
+            # A request is begun seldom and its exchange goes on often, or none would get as far as a second.
+            event = rng.choice("rccctttddddbbbbwqx")
+            if event == "r" and not mailbox.is_candidate:
+                pdu = rng.choice([READ_TEXT, READ_TEXT, READ_INDEX, H("05 000A FF00"), WRITE_TEXT, H("07")])
+                mailbox.candidate(pdu, broadcast=rng.random() < 0.1)
+            elif event == "c" and mailbox.is_candidate:
+                mailbox.commit()
+                committed.append(pdu)
+            elif event == "t":
+                mailbox.telegram_ends()
+            elif event == "d":
+                told = [NO_NUMBER, NO_NUMBER, TELL_TEXT, H(RUNNING), rng.randbytes(12)]
+                mailbox.drive_data(rng.choice(told))
+            elif event == "b":
+                mailbox.bcc(rng.random() < 0.8)
+            elif event == "w":
+                bench.wait(rng.choice([1, 10, 151]))
+            elif event == "q":
+                mailbox.quiet = rng.random() < 0.7
+            elif event == "x" and rng.random() < 0.3:
+                mailbox.character()
+            if rng.random() < 0.7:
+                bench.gateway.poll()
+        assert not (H("81 0400 0000") in bench.telegrams and H("05 000A FF00") not in committed)
+        second += bench.telegrams.count(ASK_TEXT)
+        # The lines come to rest.
+        mailbox.character()
+        for _ in range(6):
+            mailbox.pause_over()
+            mailbox.telegram_ends()
+            mailbox.bcc(good=False)
+            bench.wait(155)
+        replies, telegrams = len(bench.replies), len(bench.telegrams)
+        refused_number(bench)
+        assert bench.telegrams[telegrams:] == [ASK_NUMBER, ASK_TEXT]
+        bench.telegram_ends()
+        bench.drive(TELL_TEXT)
+        assert bench.replies[replies:] == [REPLY_TEXT]
+    print(f"{second} second exchanges")
+    assert second > 5, "too few second exchanges to mean anything"

@@ -1,0 +1,1146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The poll loop of the firmware behind a mailbox played by the test. Bytes are hex, times in ms."""
+
+from __future__ import annotations
+
+import pytest
+
+from campaigns.flips import core as core_flips
+from regs.generated.mailbox import AREAS, FRAMES, REGISTERS
+from tb.lib.seeds import seeded
+from tb.model.fake_mailbox import FakeMailbox
+from tb.model.firmware import Gateway, frame_memory
+from tb.model.rv32i import Hung, Machine
+
+H = bytes.fromhex
+STATUS = "0F03 2000"
+READ_514 = H("03 1413 0002")
+ASK_514 = H("81 1202 0000 0000 0000 0000 0000")
+TELL_514 = H(f"1202 0000 0000 012C {STATUS}")
+REPLY_514 = H("01 03 04 0000 012C")
+READ_IND, REPLY_IND = H("03 0000 0001"), H("01 03 02 0000")
+NETWORK_RED, NETWORK_GREEN, DRIVE_RED, DRIVE_GREEN = 1, 2, 4, 8
+
+
+class Bench:
+    """Gateway and mailbox, and what happens in a scenario; the firmware polls after every event."""
+
+    def __init__(self, firmware: type = Gateway, address: int = 1) -> None:
+        self.mailbox = FakeMailbox(address)
+        self.firmware = firmware
+        self.restart()
+
+    def restart(self) -> None:
+        self.gateway = self.firmware(self.mailbox.read, self.mailbox.write)
+
+    def poll(self) -> None:
+        # Once for the event, once more for what the first one set going.
+        self.gateway.poll()
+        self.gateway.poll()
+
+    def offer(self, pdu: bytes, broadcast: bool = False) -> None:
+        """A request as far as t1.5."""
+        self.mailbox.candidate(pdu, broadcast)
+        self.poll()
+
+    def commit(self) -> None:
+        self.mailbox.commit()
+        self.poll()
+
+    def character(self) -> None:
+        self.mailbox.character()
+        self.poll()
+
+    def request(self, pdu: bytes, broadcast: bool = False) -> None:
+        self.offer(pdu, broadcast)
+        self.commit()
+
+    def telegram_ends(self) -> None:
+        self.mailbox.telegram_ends()
+        self.poll()
+
+    def drive(self, data: bytes, good: bool = True) -> None:
+        """A whole telegram of the drive."""
+        self.mailbox.drive_data(data)
+        self.poll()
+        self.mailbox.bcc(good)
+        self.poll()
+
+    def wait(self, ms: int) -> None:
+        for _ in range(ms):
+            self.mailbox.time += 1
+            self.gateway.poll()
+
+    def local(self, pdu: bytes) -> None:
+        """A request that the card must answer by itself, at once."""
+        before = len(self.replies)
+        self.request(pdu)
+        assert len(self.replies) == before + 1
+
+    @property
+    def replies(self) -> list[bytes]:
+        return self.mailbox.replies
+
+    @property
+    def telegrams(self) -> list[bytes]:
+        return self.mailbox.telegrams
+
+
+@pytest.fixture(params=[Gateway, Machine], ids=["host", "card"])
+def bench(request: pytest.FixtureRequest) -> Bench:
+    """The same sources twice: compiled for the host, and the card's own image on an RV32I machine."""
+    return Bench(request.param)
+
+
+# ---------------------------------------------------------------- prepare early, commit late
+
+
+@pytest.mark.rule("FRAME-6", "PERF-1")
+def test_a_local_reply_is_queued_at_t15_and_leaves_at_t35(bench: Bench):
+    bench.offer(READ_IND)
+    assert bench.mailbox.reply_queued
+    assert bench.replies == []
+    bench.mailbox.commit()
+    assert bench.replies == [REPLY_IND], "without the firmware having to see the commit"
+
+
+@pytest.mark.rule("FRAME-6", "PERF-2")
+def test_a_telegram_is_queued_at_t15_and_leaves_at_t35(bench: Bench):
+    bench.offer(READ_514)
+    assert bench.mailbox.telegram_queued
+    assert bench.telegrams == []
+    bench.mailbox.commit()
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("end", ["answered", "silent", "broadcast"])
+def test_the_end_of_an_exchange_ends_its_licence(bench: Bench, end: str):
+    broadcast = end == "broadcast"
+    bench.request(H("05 000A FF00") if broadcast else READ_514, broadcast=broadcast)
+    bench.telegram_ends()
+    if end == "answered":
+        bench.drive(TELL_514)
+    bench.wait(400)
+    while bench.mailbox.sending:
+        bench.telegram_ends()
+        bench.wait(400)
+    assert len(bench.telegrams) == (2 if end == "silent" else 1)
+    mailbox = bench.mailbox
+    # The hardware sends nothing of it again, whatever the firmware queues.
+    mailbox._write_telegram(length=0, no_reply=0, repeat=1, ticket=mailbox.ticket)
+    assert not mailbox.licensed and not mailbox.telegram_queued
+    assert mailbox.spent
+
+
+COMMAND = H("0F 0000 0020 04 7C04 9919")
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("places", [(7,), (8,), (9,), (10,), (7, 9), (8, 10), (7, 8), (9, 10), (7, 8, 9, 10)])
+@pytest.mark.parametrize("bit", [0, 2, 7])
+def test_a_telegram_that_came_out_differently_the_second_time_never_leaves(
+    bench: Bench, places: tuple[int, ...], bit: int
+):
+    """Bits of the request flip between the two times that the firmware makes the telegram.
+
+    One in each of two bytes has the same BCC; one in a low byte changes BCC and guard word alike.
+    """
+    mailbox = bench.mailbox
+    looks = []
+
+    def flip() -> int:
+        looks.append(mailbox.length)
+        if len(looks) == 2:
+            for place in places:
+                frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(place)] ^= 1 << bit
+        return mailbox.length
+
+    mailbox._read_length = flip
+    if isinstance(bench.gateway, Machine):
+        with pytest.raises(Hung):  # the watchdog makes an end of it
+            bench.request(COMMAND)
+    else:
+        bench.request(COMMAND)
+        bench.wait(400)
+        bench.request(READ_IND)
+    assert len(looks) == 2 + isinstance(bench.gateway, Gateway)
+    assert bench.telegrams == [] and bench.replies == []
+
+
+@pytest.mark.rule("FRAME-6", "SAFE-1")
+@pytest.mark.parametrize("looks", [1, 2, 3])
+def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench, looks: int):
+    """It comes while the older one, committed already, is prepared, and is revoked."""
+    mailbox = bench.mailbox
+    mailbox.candidate(COMMAND)
+    mailbox.commit()
+    plain, left = mailbox._read_request, [looks]
+
+    def newer() -> int:
+        word = plain()
+        left[0] -= 1
+        if left[0] == 0:
+            mailbox.candidate(H("0F 0000 0020 04 3F04 6655"))
+        return word
+
+    mailbox._read_request = newer
+    bench.poll()
+    mailbox._read_request = plain
+    bench.character()
+    bench.telegram_ends()
+    bench.wait(400)
+    bench.request(H("05 0009 0000"))
+    assert bench.telegrams[-1] in (H("81 0000 0000"), H("81 047C 1999")), "of the revoked one"
+
+
+@pytest.mark.rule("FRAME-6", "SAFE-4")
+def test_a_request_that_reads_as_both_is_a_candidate_yet(bench: Bench):
+    """A bit of the word has flipped on its way, and the request is revoked then."""
+    mailbox = bench.mailbox
+    plain = mailbox._read_request
+    mailbox.candidate(COMMAND)
+    mailbox._read_request = lambda: plain() | REGISTERS["REQUEST"].pack(committed=1)
+    for _ in range(3):
+        bench.poll()
+    mailbox._read_request = plain
+    bench.character()
+    bench.wait(400)
+    bench.request(H("05 0009 0000"))
+    assert bench.telegrams == [H("81 0000 0000")], "nothing of it was kept"
+
+
+@pytest.mark.rule("SAFE-4", "LOOP-1")
+def test_the_loop_back_test_s_door_is_closed_at_every_other_start(bench: Bench):
+    written = []
+    bench.mailbox._write_supervisor = lambda **fields: written.append(fields)
+    bench.restart()
+    assert written == [{"halt": 0, "loopback": 1}], "nor does a flipped switch open it later"
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("write", core_flips.WRITES)
+def test_adr_is_the_last_of_a_telegram_to_be_written(write):
+    """Until then no drive takes what lies there, whole or not."""
+    slots = AREAS["TELEGRAM_FRAME"]
+    places = [FRAMES + slots.at(i) for i in range(slots.length)]
+    stored = []
+
+    class Watched(Machine):
+        def _store(self, address: int, size: int, value: int) -> None:
+            if address in places:
+                stored.append((places.index(address), frame_memory()[slots.at(0)]))
+            super()._store(address, size, value)
+
+    bench = Bench(Watched)
+    bench.request(core_flips.EARLIER)
+    bench.telegram_ends()
+    bench.drive(core_flips.DRIVE_SAYS)
+    assert stored[-1][0] == 0, "the end of the exchange"
+    stored.clear()
+    bench.offer(write)
+    order = [place for place, _ in stored]
+    assert order == list(range(len(order) - 1, -1, -1)) and len(order) in (6, 14)
+    assert not any(adr for _, adr in stored), "it was 0 all the time"
+
+
+@pytest.mark.rule("SAFE-4")
+def test_a_bit_that_flips_in_the_core_alters_no_command():
+    """A register's bit, at any instruction from the candidate to the commit."""
+    results, altered = core_flips.attack(seed=1, count=500)
+    assert not altered, altered
+    assert results["as asked"] > 250 and results["none"] > 50, results
+
+
+@pytest.mark.rule("FRAME-6")
+def test_candidate_and_commit_seen_together(bench: Bench):
+    bench.mailbox.candidate(H("06 0000 0102"))
+    bench.mailbox.commit()
+    bench.poll()
+    bench.local(READ_IND)
+    assert bench.replies == [H("01 06 0000 0102"), H("01 03 02 0102")]
+
+
+@pytest.mark.rule("FRAME-6")
+def test_a_revoked_request_changes_nothing_and_sends_nothing(bench: Bench):
+    for pdu in (H("06 0000 0102"), H("05 0040 FF00"), H("05 000A FF00")):
+        bench.offer(pdu)
+        bench.character()
+    bench.local(READ_IND)
+    bench.local(H("01 0000 0041"))
+    assert bench.replies == [REPLY_IND, H("01 01 09") + bytes(9)]
+    assert bench.telegrams == []
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "nor was the drive silent"
+    bench.request(READ_514)
+    assert bench.telegrams == [ASK_514], "and the drive line is free again"
+
+
+@pytest.mark.rule("FRAME-6", "FRAME-7")
+def test_effects_stay_when_the_reply_comes_too_late(bench: Bench):
+    bench.mailbox.candidate(H("06 0000 0102"))
+    bench.mailbox.commit()
+    bench.mailbox.character()
+    bench.poll()
+    bench.local(READ_IND)
+    assert bench.replies == [H("01 03 02 0102")]
+
+
+@pytest.mark.rule("FRAME-6")
+def test_a_request_replaced_while_it_is_decoded_is_not_answered(bench: Bench):
+    mailbox, plain_length = bench.mailbox, bench.mailbox._read_length
+
+    def replaced() -> int:
+        mailbox._read_length = plain_length
+        mailbox.character()
+        mailbox.candidate(READ_IND)
+        return plain_length()
+
+    mailbox._read_length = replaced
+    mailbox.candidate(H("06 0000 0102"))
+    bench.poll()
+    bench.commit()
+    assert bench.replies == [REPLY_IND]
+
+
+@pytest.mark.rule("FRAME-6", "WDG-1")
+def test_a_request_from_before_a_restart_is_not_served_again(bench: Bench):
+    bench.request(H("05 000A FF00"))
+    bench.mailbox.sending = False
+    bench.restart()
+    bench.poll()
+    assert bench.telegrams == [H("81 0400 0000")]
+    bench.local(H("01 0000 0010"))
+    assert bench.replies[-1] == H("01 01 02 0000"), "the control image restarts at 0"
+
+
+@pytest.mark.rule("LINE-7")
+@pytest.mark.parametrize("address", [1, 85, 247])
+def test_replies_carry_the_address_of_the_switches(bench: Bench, address: int):
+    bench.mailbox.address = address
+    bench.local(READ_IND)
+    assert bench.replies[0][0] == address
+
+
+@pytest.mark.rule("FRAME-5", "EXC")
+@pytest.mark.parametrize(("size", "code"), [(9, 0x41), (32, 0x41), (33, 0x41), (256, 0x41)])
+def test_an_over_long_request_gets_its_exception(bench: Bench, size: int, code: int):
+    bench.request(READ_514.ljust(size - 3, b"\0"))
+    assert bench.replies == [bytes([1, 0x83, code])]
+
+
+# ---------------------------------------------------------------- an exchange with the drive
+
+
+@pytest.mark.rule("PERF-3", "FC-6")
+def test_the_reply_is_ready_before_the_bcc_and_leaves_with_it(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(TELL_514)
+    bench.poll()
+    assert bench.mailbox.reply_queued
+    assert bench.replies == []
+    bench.mailbox.bcc()
+    assert bench.replies == [REPLY_514], "without the firmware having to see it"
+    bench.poll()
+    bench.local(H("01 0020 0010"))
+    assert bench.replies[-1] == H("01 01 02 03 0F")
+
+
+@pytest.mark.rule("FC-8", "FC-6")
+def test_data_and_bcc_seen_together(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(TELL_514)
+    bench.mailbox.bcc()
+    bench.poll()
+    assert bench.replies == [REPLY_514]
+
+
+@pytest.mark.rule("FC-8")
+def test_each_exchange_judges_its_own_telegram(bench: Bench):
+    for value in ("0001", "0002"):
+        bench.request(READ_514)
+        bench.mailbox.telegram_ends()
+        bench.mailbox.drive_data(H(f"1202 0000 0000 {value} {STATUS}"))
+        bench.poll()
+        bench.mailbox.bcc()
+        bench.poll()
+        assert bench.replies[-1] == H(f"01 03 04 0000 {value}")
+
+
+@pytest.mark.rule("FC-8", "FC-6")
+def test_after_a_wrong_bcc_the_next_good_telegram_is_answered(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.drive(H("1202 0000 0000 0001 FFFF FFFF"), good=False)
+    assert bench.replies == []
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_514]
+    bench.local(H("01 0020 0020"))
+    assert bench.replies[-1] == H("01 01 04 03 0F 00 20")
+
+
+@pytest.mark.rule("FC-8", "SAFE-4")
+def test_a_reply_prepared_too_late_for_its_wrong_bcc_never_leaves(bench: Bench):
+    """The BCC turns out wrong between the firmware's look and its queueing."""
+    mailbox = bench.mailbox
+    plain_write = mailbox._write_reply
+
+    def late(**fields: int) -> None:
+        mailbox._write_reply = plain_write
+        mailbox.bcc(good=False)
+        plain_write(**fields)
+
+    bench.request(READ_514)
+    bench.telegram_ends()
+    mailbox.drive_data(H("1202 0000 0000 0001 FFFF FFFF"))
+    mailbox._write_reply = late
+    bench.poll()
+    assert not mailbox.reply_queued
+    bench.drive(H(f"1203 0000 0000 0001 {STATUS}"))  # good, but another parameter
+    assert bench.replies == []
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_514]
+
+
+@pytest.mark.rule("FC-8")
+@pytest.mark.parametrize(
+    "misfit", ["0F03 2000", f"1203 0000 0000 0001 {STATUS}", f"0202 0000 0000 0001 {STATUS}"]
+)
+def test_a_good_telegram_that_does_not_fit_is_passed_over(bench: Bench, misfit: str):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    for _ in range(3):
+        bench.drive(H(misfit))
+        assert bench.mailbox.listening
+    assert bench.replies == []
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_514]
+
+
+@pytest.mark.rule("EXC", "FC-4")
+def test_a_refusal_is_passed_on(bench: Bench):
+    bench.request(H("06 040F 003C"))
+    bench.telegram_ends()
+    bench.drive(H(f"7068 0000 0000 0011 {STATUS}"))
+    assert bench.replies == [H("01 86 11")]
+
+
+# ---------------------------------------------------------------- a silent drive
+
+
+@pytest.mark.rule("FC-9", "EXC")
+def test_a_silent_drive_is_asked_once_more_then_255(bench: Bench):
+    bench.request(READ_514)
+    bench.wait(500)
+    assert bench.telegrams == [ASK_514], "the wait begins when the telegram is out"
+    bench.telegram_ends()
+    bench.wait(150)
+    assert len(bench.telegrams) == 1
+    bench.wait(1)
+    assert bench.telegrams == [ASK_514, ASK_514]
+    assert bench.mailbox.counter("COUNT_DRIVE_REPEAT") == 1
+    bench.wait(20)
+    bench.telegram_ends()
+    bench.wait(150)
+    assert bench.replies == []
+    bench.wait(1)
+    assert bench.replies == [H("01 83 FF")]
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
+    bench.wait(1000)
+    assert len(bench.telegrams) == 2
+    assert len(bench.replies) == 1
+
+
+@pytest.mark.rule("FC-9", "MAP-5")
+@pytest.mark.parametrize("tens", [1, 2, 50, 7000])
+def test_the_wait_is_register_40003(bench: Bench, tens: int):
+    bench.local(bytes([6, 0, 2]) + tens.to_bytes(2, "big"))
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(10 * tens)
+    assert len(bench.telegrams) == 1
+    bench.wait(1)
+    assert len(bench.telegrams) == 2
+
+
+@pytest.mark.rule("FC-9")
+def test_the_clock_may_wrap_during_the_wait(bench: Bench):
+    bench.mailbox.time = 65500
+    bench.restart()
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(150)
+    assert len(bench.telegrams) == 1
+    bench.wait(1)
+    assert len(bench.telegrams) == 2
+
+
+@pytest.mark.rule("FC-9")
+def test_every_silent_exchange_has_its_own_repeat(bench: Bench):
+    for exchange in (1, 2, 3):
+        bench.request(READ_514)
+        for attempt in (1, 2):
+            assert len(bench.telegrams) == 2 * (exchange - 1) + attempt
+            bench.telegram_ends()
+            bench.wait(151)
+    assert bench.replies == [H("01 83 FF")] * 3
+
+
+@pytest.mark.rule("FC-9")
+def test_the_repeat_may_still_be_answered(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(151)
+    bench.telegram_ends()
+    bench.wait(100)
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_514]
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0
+
+
+@pytest.mark.rule("FC-9")
+def test_misfits_do_not_make_the_wait_longer(bench: Bench):
+    bench.request(READ_514)
+    for attempt in (1, 2):
+        bench.telegram_ends()
+        for _ in range(5):
+            bench.wait(30)
+            bench.drive(H("0F03 2000"))
+        assert len(bench.telegrams) == attempt
+        bench.wait(1)
+    assert bench.replies == [H("01 83 FF")]
+
+
+@pytest.mark.rule("FC-9")
+def test_a_bcc_on_its_way_is_waited_for_at_the_end(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(150)
+    bench.mailbox.drive_data(TELL_514)
+    bench.wait(2)
+    bench.mailbox.bcc()
+    bench.poll()
+    assert bench.replies == [REPLY_514]
+    assert len(bench.telegrams) == 1
+
+
+@pytest.mark.rule("FC-9", "FRAME-7")
+def test_a_reply_after_giving_up_is_not_heard(bench: Bench):
+    bench.request(READ_514)
+    for _ in range(2):
+        bench.telegram_ends()
+        bench.wait(151)
+    assert not bench.mailbox.listening
+    bench.drive(TELL_514)
+    assert bench.replies == [H("01 83 FF")]
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.drive(TELL_514)
+    assert bench.replies == [H("01 83 FF"), REPLY_514]
+
+
+@pytest.mark.rule("MAP-3", "FC-9")
+def test_the_control_image_holds_what_the_drive_did_not_confirm(bench: Bench):
+    bench.request(H("05 0006 FF00"))
+    for _ in range(2):
+        bench.telegram_ends()
+        bench.wait(151)
+    bench.local(H("01 0000 0008"))
+    assert bench.replies == [H("01 85 FF"), H("01 01 01 40")]
+
+
+# ---------------------------------------------------------------- newer requests while the drive works
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_local_request_is_answered_while_the_drive_works_on_an_older_one(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.local(READ_IND)
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_IND], "the older one is not answered any more"
+    bench.local(H("01 0020 0010"))
+    assert bench.replies[-1] == H("01 01 02 03 0F"), "but its status is kept"
+    bench.request(READ_514)
+    assert bench.telegrams == [ASK_514, ASK_514]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_an_old_drive_reply_does_not_touch_a_newer_reply_that_waits(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.offer(READ_IND)
+    bench.drive(TELL_514)
+    bench.commit()
+    assert bench.replies == [REPLY_IND]
+
+
+@pytest.mark.rule("FRAME-7", "FC-8")
+def test_an_old_wrong_bcc_does_not_touch_a_newer_reply_that_waits(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.mailbox.drive_data(TELL_514)
+    bench.poll()
+    bench.offer(READ_IND)
+    bench.mailbox.bcc(good=False)
+    bench.poll()
+    bench.commit()
+    assert bench.replies == [REPLY_IND]
+
+
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_an_old_time_out_does_not_touch_a_newer_reply_that_waits(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(151)
+    bench.telegram_ends()
+    bench.offer(READ_IND)
+    bench.wait(151)
+    bench.commit()
+    assert bench.replies == [REPLY_IND]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_sixteen_newer_requests_bring_the_ticket_round_but_not_the_old_reply(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    for _ in range(15):
+        bench.local(READ_IND)
+    bench.offer(READ_IND)  # carries the ticket of the first request again
+    bench.drive(TELL_514)
+    bench.commit()
+    assert bench.replies == [REPLY_IND] * 16
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_newer_request_for_the_drive_waits_for_the_older_exchange(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(H("05 0006 FF00"))
+    assert bench.telegrams == [ASK_514]
+    bench.drive(TELL_514)
+    assert bench.telegrams == [ASK_514, H("81 0040 0000")]
+    bench.telegram_ends()
+    bench.drive(H(STATUS))
+    assert bench.replies == [H("01 05 0006 FF00")]
+
+
+@pytest.mark.rule("FRAME-7", "FRAME-6")
+def test_a_waiting_request_that_is_revoked_is_forgotten(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.offer(H("05 0006 FF00"))
+    bench.character()
+    bench.drive(TELL_514)
+    bench.wait(500)
+    assert bench.telegrams == [ASK_514]
+    bench.local(H("01 0000 0008"))
+    assert bench.replies == [H("01 01 01 00")]
+
+
+@pytest.mark.rule("FRAME-7", "FRAME-6")
+def test_a_waiting_candidate_leaves_only_after_its_commit(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.offer(H("05 0006 FF00"))
+    bench.drive(TELL_514)
+    assert bench.telegrams == [ASK_514]
+    bench.commit()
+    assert bench.telegrams == [ASK_514, H("81 0040 0000")]
+
+
+@pytest.mark.rule("FRAME-7", "MAP-3")
+def test_of_several_waiting_requests_the_newest_is_served(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(H("05 0006 FF00"))
+    bench.request(H("05 0001 FF00"))
+    bench.drive(TELL_514)
+    # The first write was committed, so its bit goes out too.
+    assert bench.telegrams == [ASK_514, H("81 0042 0000")]
+    bench.telegram_ends()
+    bench.drive(H(STATUS))
+    assert bench.replies == [H("01 05 0001 FF00")]
+
+
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_no_older_telegram_is_repeated_behind_a_newer_request(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(H("05 0006 FF00"))
+    bench.wait(151)
+    assert bench.telegrams == [ASK_514, H("81 0040 0000")]
+    assert bench.replies == []
+
+
+@pytest.mark.rule("FRAME-7", "FC-8")
+def test_a_telegram_that_waits_for_its_pause_leaves_before_a_newer_one(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(H("05 0006 FF00"))
+    bench.request(H("05 0001 FF00"))
+    assert bench.telegrams == []
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [H("81 0040 0000")]
+    bench.telegram_ends()
+    bench.drive(H(STATUS))
+    assert bench.telegrams[1:] == [H("81 0042 0000")]
+
+
+@pytest.mark.rule("FRAME-6", "SAFE-3")
+def test_a_telegram_that_came_too_late_frees_the_drive_line(bench: Bench):
+    mailbox, plain = bench.mailbox, bench.mailbox._write_telegram
+
+    def too_late(**fields: int) -> None:
+        mailbox._write_telegram = plain
+        mailbox.character()
+        mailbox.candidate(READ_IND)
+        plain(**fields)
+
+    mailbox._write_telegram = too_late
+    bench.offer(READ_514)
+    bench.commit()
+    assert bench.replies == [REPLY_IND]
+    bench.request(READ_514)
+    assert bench.telegrams == [ASK_514]
+
+
+# ---------------------------------------------------------------- broadcast
+
+
+@pytest.mark.rule("MAP-9", "FC-9")
+def test_a_broadcast_waits_for_nothing_but_its_own_sending(bench: Bench):
+    bench.request(H("05 0006 FF00"), broadcast=True)
+    assert bench.telegrams == [H("80 0040 0000")]
+    assert bench.mailbox.no_reply
+    bench.request(READ_514)
+    assert len(bench.telegrams) == 1
+    bench.telegram_ends()
+    assert bench.telegrams[1:] == [ASK_514]
+    bench.telegram_ends()
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_514]
+    bench.wait(500)
+    assert len(bench.telegrams) == 2
+
+
+@pytest.mark.rule("MAP-9")
+def test_a_broadcast_to_the_card_is_done_and_not_answered(bench: Bench):
+    bench.request(H("06 0000 0102"), broadcast=True)
+    bench.request(H("03 0000 0001"), broadcast=True)
+    assert bench.replies == []
+    bench.local(READ_IND)
+    assert bench.replies == [H("01 03 02 0102")]
+
+
+# ---------------------------------------------------------------- LEDs
+
+
+def shown(bench: Bench, ms: int) -> list[tuple[int, int]]:
+    """The LED states of the next `ms`, each with how long it stayed."""
+    states: list[tuple[int, int]] = []
+    for _ in range(ms):
+        bench.wait(1)
+        if states and states[-1][0] == bench.mailbox.led:
+            states[-1] = (states[-1][0], states[-1][1] + 1)
+        else:
+            states.append((bench.mailbox.led, 1))
+    return states
+
+
+@pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
+@pytest.mark.parametrize("start", [0, 30000, 65000])
+def test_power_up_shows_each_colour_of_each_led_then_both_flash_red(bench: Bench, start: int):
+    bench.mailbox.time = start
+    bench.restart()
+    show = shown(bench, 4000)
+    orange_drive, orange_network = DRIVE_RED | DRIVE_GREEN, NETWORK_RED | NETWORK_GREEN
+    colours = [DRIVE_RED, DRIVE_GREEN, orange_drive, 0, NETWORK_RED, NETWORK_GREEN, orange_network, 0]
+    assert [state for state, _ in show[:8]] == colours
+    # The first tick shows the first state, so it is seen a ms shorter.
+    assert [ms for _, ms in show[:8]] == [249] + [250] * 7
+    red = DRIVE_RED | NETWORK_RED
+    assert show[8:12] == [(red, 500), (0, 500), (red, 500), (0, 500)]
+
+
+@pytest.mark.rule("LED-1", "BOOT-1")
+def test_requests_are_answered_during_the_show(bench: Bench):
+    bench.wait(300)
+    bench.local(READ_IND)
+
+
+def lit(bench: Bench) -> int:
+    """What is lit in the next flash."""
+    return max(state for state, _ in shown(bench, 1000))
+
+
+@pytest.mark.rule("LED-3", "MAP-5")
+def test_network_led_is_green_while_good_frames_come_often_enough(bench: Bench):
+    bench.wait(3000)
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_RED
+    bench.local(H("06 0001 012C"))  # 300 x 10 ms
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_GREEN
+    bench.wait(1900)
+    bench.local(READ_IND)
+    bench.wait(1900)
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_GREEN
+    bench.wait(200)
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_RED
+
+
+@pytest.mark.rule("LED-3", "MAP-5")
+def test_network_led_turns_red_to_the_millisecond(bench: Bench):
+    bench.wait(2100)
+    bench.local(H("06 0001 012C"))
+    bench.wait(2999)
+    assert bench.mailbox.led == NETWORK_GREEN | DRIVE_RED
+    bench.wait(1)
+    assert bench.mailbox.led == NETWORK_RED | DRIVE_RED
+
+
+@pytest.mark.rule("LED-3", "MAP-5")
+def test_network_time_out_0_means_never(bench: Bench):
+    bench.local(H("06 0001 0000"))
+    bench.wait(20000)
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_GREEN
+
+
+@pytest.mark.rule("LED-3", "FRAME-6")
+def test_a_revoked_frame_is_no_good_frame(bench: Bench):
+    bench.wait(3000)
+    bench.offer(READ_IND)
+    bench.character()
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_RED
+
+
+@pytest.mark.rule("LED-4")
+def test_drive_led_tells_how_the_last_exchange_ended(bench: Bench):
+    bench.wait(3000)
+    assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+    bench.request(H("06 040F 003C"))
+    bench.telegram_ends()
+    bench.drive(H(f"7068 0000 0000 0011 {STATUS}"))  # a refusal is an answer
+    assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_GREEN
+    bench.request(READ_514)
+    for _ in range(2):
+        bench.telegram_ends()
+        bench.wait(151)
+    assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+    bench.request(H("05 0006 FF00"), broadcast=True)  # tells nothing
+    bench.telegram_ends()
+    assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+
+
+# ---------------------------------------------------------------- any sequence of events
+
+
+@pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7")
+def test_after_any_sequence_of_events_the_next_request_is_answered():
+    rng = seeded("gateway events")
+    for _ in range(150):
+        bench = Bench()
+        mailbox = bench.mailbox
+        committed: list[bytes] = []
+        for _ in range(rng.randrange(60)):
+            event = rng.randrange(10)
+            if event == 0 and not mailbox.is_candidate:
+                pdu = rng.choice(
+                    [READ_514, READ_IND, H("05 000A FF00"), H("06 040F 003C"), H("07"), H("10 00")]
+                )
+                mailbox.candidate(pdu, broadcast=rng.random() < 0.2)
+            elif event <= 2 and mailbox.is_candidate:
+                mailbox.commit()
+                committed.append(pdu)
+            elif event == 3:
+                mailbox.character()
+            elif event <= 5:
+                mailbox.telegram_ends()
+            elif event == 6:
+                mailbox.drive_data(rng.choice([TELL_514, H(STATUS), rng.randbytes(rng.randint(4, 40))]))
+            elif event == 7:
+                mailbox.bcc(rng.random() < 0.7)
+            elif event == 8:
+                bench.wait(rng.choice([1, 10, 151]))
+            else:
+                mailbox.quiet = not mailbox.quiet
+            if rng.random() < 0.7:
+                bench.gateway.poll()
+        assert not (H("81 0400 0000") in bench.telegrams and H("05 000A FF00") not in committed)
+        # The lines come to rest.
+        mailbox.character()
+        for _ in range(4):
+            mailbox.pause_over()
+            mailbox.telegram_ends()
+            mailbox.bcc(good=False)
+            bench.wait(155)
+        replies, telegrams = len(bench.replies), len(bench.telegrams)
+        bench.request(READ_514)
+        assert bench.telegrams[telegrams:] == [ASK_514]
+        bench.telegram_ends()
+        bench.drive(TELL_514)
+        assert bench.replies[replies:] == [REPLY_514]
+
+
+# ---------------------------------------------------------------- speed and stack of the card's image
+
+WORST_REQUESTS = {
+    "all coils": H("01 0000 0080"),
+    "32 coils": H("0F 0000 0020 04 FFFFFFFF"),
+    "last parameter": H("03 4FF5 0002"),
+    "text of 20": H("10 14D1 000A 14") + b"12345678901234567890",
+    "local registers": H("10 0000 0003 06 0500 03E8 000F"),
+    "unknown function": H("2B"),
+}
+
+
+IDLE_ROUND = 150  # instructions, at most
+
+
+def instructions_until(bench: Bench, happened: str) -> int:
+    """Instructions until the mailbox's flag is set, when the poll loop has just missed the event."""
+    machine = bench.gateway
+    start = machine.instructions
+    bench.mailbox.time += 1  # so that the LEDs are on the way too
+    while not getattr(bench.mailbox, happened):
+        machine._step()
+        assert machine.instructions < start + 20000
+    return machine.instructions - start + IDLE_ROUND
+
+
+@pytest.mark.rule("PERF-1", "PERF-2")
+@pytest.mark.parametrize("what", WORST_REQUESTS)
+def test_whatever_a_request_needs_is_queued_in_time(what: str):
+    """From t1.5 to t3.5 there are 1000 us at the highest rates: 12000 clocks, 4 to 5 an instruction."""
+    bench = Bench(Machine)
+    bench.local(H("06 0000 0500"))
+    bench.mailbox.candidate(WORST_REQUESTS[what])
+    to_drive = what in ("32 coils", "last parameter", "text of 20")
+    needed = instructions_until(bench, "telegram_queued" if to_drive else "reply_queued")
+    print(f"{what}: {needed} instructions")
+    assert needed < 2000
+
+
+@pytest.mark.rule("PERF-3")
+def test_a_text_reply_is_queued_before_its_bcc():
+    """A character of the drive takes 1146 us: 13750 clocks."""
+    bench = Bench(Machine)
+    bench.local(H("06 0000 0400"))
+    bench.request(H("03 1841 000A"))
+    bench.telegram_ends()
+    bench.mailbox.drive_data(H("F26D 0400") + b"12345678901234567890" + H(STATUS))
+    needed = instructions_until(bench, "reply_queued")
+    print(f"text of 20: {needed} instructions")
+    assert needed < 2000
+
+
+def test_an_idle_round_is_short():
+    bench = Bench(Machine)
+    longest = 0
+    for _ in range(2000):
+        before = bench.gateway.instructions
+        bench.wait(1)
+        longest = max(longest, bench.gateway.instructions - before)
+    print(f"idle round: {longest} instructions")
+    assert longest < IDLE_ROUND
+
+
+@pytest.mark.rule("PERF-4")
+def test_the_stack_stays_far_from_the_variables():
+    bench = Bench(Machine)
+    for request in WORST_REQUESTS.values():
+        bench.request(request)
+        bench.telegram_ends()
+        bench.wait(400)
+    used = len(bench.gateway.memory) - bench.gateway.lowest_sp
+    print(f"stack: {used} bytes")
+    assert 0 < used <= 160
+
+
+# ---------------------------------------------------------------- a drive line that is never silent
+
+
+@pytest.mark.rule("FC-8", "FC-9", "LED-4")
+def test_a_telegram_that_cannot_leave_is_given_up_after_the_wait(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(READ_514)
+    bench.wait(150)
+    assert bench.replies == []
+    bench.wait(4)
+    assert bench.replies == [H("01 83 FF")]
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
+    bench.mailbox.pause_over()
+    bench.wait(500)
+    assert bench.telegrams == [], "not even when the line is free at last"
+    bench.request(READ_514)
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("FRAME-7", "SAFE-1")
+def test_a_start_that_could_not_leave_never_follows_its_stop(bench: Bench):
+    start, stop = H("0F 0000 0020 04 7C049919"), H("0F 0000 0020 04 3C040000")
+    bench.mailbox.quiet = False
+    bench.request(start)
+    bench.wait(60)
+    bench.request(stop)
+    bench.wait(10)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [H("81 043C 0000")]
+    bench.telegram_ends()
+    bench.drive(H("0607 0000"))
+    bench.wait(400)
+    assert bench.telegrams == [H("81 043C 0000")]
+    assert bench.replies == [H("01 0F 0000 0020")]
+
+
+@pytest.mark.rule("FRAME-7", "SAFE-1")
+def test_a_start_that_could_not_leave_is_withdrawn_behind_a_newer_one_that_is_revoked(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(COMMAND)
+    bench.wait(60)
+    bench.offer(READ_IND)
+    assert bench.mailbox.telegram_queued
+    bench.character()
+    bench.wait(6)
+    assert not bench.mailbox.telegram_queued
+    bench.mailbox.pause_over()
+    bench.wait(400)
+    assert bench.telegrams == []
+
+
+@pytest.mark.rule("FRAME-6", "FC-9")
+def test_a_slow_commit_is_no_wait_for_the_drive_line(bench: Bench):
+    """At 300 bit/s a candidate stands 73 ms before it is committed; 40003 may be 10 ms."""
+    bench.local(H("06 0002 0001"))
+    bench.offer(READ_514)
+    bench.wait(73)
+    bench.commit()
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("FC-8", "MAP-9")
+def test_the_pause_does_not_cost_a_broadcast_its_telegram(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(H("0F 0000 0020 04 3C040000"), broadcast=True)
+    bench.wait(2)
+    bench.request(READ_IND)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [H("80 043C 0000")]
+
+
+@pytest.mark.rule("LED-5")
+def test_the_poll_loop_is_idle_only_while_nothing_is_under_way():
+    bench = Bench()
+
+    def idle() -> bool:
+        return bool(bench.gateway.lib.gateway_is_idle(bench.gateway.memory) & 1)
+
+    assert idle()
+    bench.offer(READ_IND)
+    assert not idle(), "a candidate"
+    bench.commit()
+    assert idle()
+    bench.request(READ_514)
+    assert not idle(), "a telegram on the line"
+    bench.telegram_ends()
+    assert not idle(), "a drive that thinks"
+    bench.drive(TELL_514)
+    assert idle()
+    bench.mailbox.loopback = True
+    bench.restart()
+    assert not idle(), "the loop-back test"
+
+
+# ---------------------------------------------------------------- counters
+
+
+@pytest.mark.rule("FC-9")
+def test_the_firmware_s_counters_have_sixteen_bits():
+    bench = Bench()
+    bench.local(H("06 0002 0001"))
+    for _ in range(257):
+        bench.request(READ_514)
+        for _ in range(2):
+            bench.telegram_ends()
+            bench.wait(12)
+    assert bench.mailbox.counter("COUNT_DRIVE_REPEAT") == 257
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 257
+
+
+# ---------------------------------------------------------------- what goes on beside
+
+
+@pytest.mark.rule("FC-6", "EXC")
+def test_a_refusal_is_a_good_reply_and_brings_the_status(bench: Bench):
+    bench.request(H("06 040F 003C"))
+    bench.telegram_ends()
+    bench.drive(H("7068 0000 0000 0011 0607 1234"))
+    assert bench.replies == [H("01 86 11")]
+    bench.local(H("01 0020 0020"))
+    assert bench.replies[-1] == H("01 01 04 07063412")
+
+
+@pytest.mark.rule("WDG-1")
+def test_the_watchdog_is_kicked_whatever_is_under_way():
+    bench = Bench(Machine)
+
+    def kicks(ms: int) -> int:
+        before = bench.mailbox.kicks
+        bench.wait(ms)
+        return bench.mailbox.kicks - before
+
+    bench.offer(READ_514)
+    assert kicks(50) == 50, "a candidate"
+    bench.commit()
+    assert kicks(15) == 15, "a telegram on the line"
+    bench.telegram_ends()
+    assert kicks(400) == 400, "a silent drive"
+
+
+EVENTS = ("crc", "parity", "framing", "t15", "overrun", "revoked", "drive_bad")
+
+
+@pytest.mark.rule("FRAME-4", "FC-8")
+def test_each_event_is_counted_in_its_own_counter(bench: Bench):
+    """Those of one round, however many, as one of each kind."""
+    for n, event in enumerate(EVENTS, 1):
+        for _ in range(n):
+            bench.mailbox.event(event)
+            bench.mailbox.event(event)
+            bench.poll()
+    assert [bench.mailbox.counter(f"COUNT_{event.upper()}") for event in EVENTS] == list(range(1, 8))
+    for event in EVENTS:
+        bench.mailbox.event(event)
+    bench.poll()
+    assert [bench.mailbox.counter(f"COUNT_{event.upper()}") for event in EVENTS] == list(range(2, 9))
+    assert bench.mailbox.events == 0
+
+
+@pytest.mark.rule("FRAME-4")
+def test_an_event_between_reading_and_clearing_is_not_lost(bench: Bench):
+    mailbox = bench.mailbox
+    plain_write = mailbox._write_events
+
+    def late(**flags: int) -> None:
+        mailbox._write_events = plain_write
+        mailbox.event("t15")
+        plain_write(**flags)
+
+    mailbox._write_events = late
+    mailbox.event("crc")
+    bench.poll()
+    bench.poll()
+    assert mailbox.counter("COUNT_CRC") == 1 and mailbox.counter("COUNT_T15") == 1
+
+
+@pytest.mark.rule("WDG-1")
+def test_counters_outlive_a_restart_and_are_counted_during_the_loop_back_test(bench: Bench):
+    bench.mailbox.event("crc")
+    bench.poll()
+    bench.mailbox.loopback = True
+    bench.restart()
+    bench.mailbox.event("crc")
+    bench.poll()
+    assert bench.mailbox.counter("COUNT_CRC") == 2

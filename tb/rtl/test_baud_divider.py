@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""baud_divider: one tick of 1/16 bit for every `ratio` base ticks, for each port its own."""
+
+import cocotb
+import pytest
+
+from regs.generated.card_tables import BASE_HZ, DRIVE_BAUD, RATES, TICKS_PER_BIT, Rate
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+DRIVE = 12
+
+
+@cocotb.test()
+async def every_tick_since_power_up_is_where_the_count_says(dut):
+    """First of all, for there is no reset: the count begins at 0. Base ticks come at random."""
+    rng = seeded("since power-up")
+    rates = list(RATES.values())
+    bench = await Bench(dut, **levels(rates[0], tick_base=0)).start()
+    await bench.clocks(3)
+    base = 0
+    for _ in range(40):
+        rate = rng.choice(rates)
+        for name, level in levels(rate).items():
+            getattr(dut, name).value = level
+        for _ in range(rng.randrange(100, 300)):
+            level = rng.randint(0, 1)
+            dut.tick_base.value = level
+            base += level
+            await bench.clocks()
+            for name, ratio in (("tick16_modbus", rate.ratio), ("tick16_drive", DRIVE)):
+                assert int(getattr(dut, name).value) == (level and base % ratio == 0), f"{name}, {base}"
+
+
+@cocotb.test()
+async def every_rate_divides_the_base_evenly(dut):
+    for rate in RATES.values():
+        assert rate.ratio * rate.baud * TICKS_PER_BIT == BASE_HZ
+
+
+def levels(rate: Rate, **more: int) -> dict[str, int]:
+    return {"modbus_undivided": rate.ratio == 1, "modbus_mask": rate.mask, **more}
+
+
+@cocotb.test()
+@cocotb.parametrize(rate=list(RATES.values()))
+async def ticks_come_every_ratio_base_ticks(dut, rate):
+    bench = await Bench(dut, **levels(rate, tick_base=1)).start()
+    for ticks, ratio in ((Strobes(dut, "tick16_modbus"), rate.ratio), (Strobes(dut, "tick16_drive"), DRIVE)):
+        await bench.clocks(5 * ratio + 2)
+        gaps = {b - a for a, b in zip(ticks.times_ps, ticks.times_ps[1:], strict=False)}
+        assert gaps == {ratio * bench.period_ps}
+
+
+@cocotb.test()
+async def drive_ticks_are_those_of_its_rate_whatever_the_switches_say(dut):
+    assert DRIVE * DRIVE_BAUD * TICKS_PER_BIT == BASE_HZ
+    bench = await Bench(dut, **levels(RATES["000"], tick_base=1)).start()
+    ticks = Strobes(dut, "tick16_drive")
+    for rate in RATES.values():
+        for name, level in levels(rate).items():
+            getattr(dut, name).value = level
+        await bench.clocks(50)
+    gaps = {b - a for a, b in zip(ticks.times_ps, ticks.times_ps[1:], strict=False)}
+    assert gaps == {DRIVE * bench.period_ps}
+
+
+@cocotb.test()
+async def uneven_base_ticks_are_counted_not_timed(dut):
+    rng = seeded("base ticks")
+    bench = await Bench(dut, **levels(RATES["100"], tick_base=0)).start()
+    ticks, given = Strobes(dut, "tick16_modbus"), 0
+    for _ in range(300):
+        level = rng.randint(0, 1)
+        dut.tick_base.value = level
+        given += level
+        await bench.clocks()
+    dut.tick_base.value = 0
+    await bench.clocks(2)
+    assert len(ticks) in (given // 3, given // 3 + 1)
+
+
+@pytest.mark.rule("LINE-2", "LINE-4", "FC-1")
+def test_baud_divider(sim):
+    run("baud_divider", "tb.rtl.test_baud_divider", sim=sim)

@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: Apache-2.0
+"""drive_port at its pins: telegrams out, replies in, pauses and direction, good and bad drives.
+
+The slowest clock allowed drives it, where a tick is coarsest. Times on the line are in bits of 9600 bit/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cocotb
+import pytest
+from cocotb.triggers import FallingEdge, RisingEdge
+
+from tb.lib.bench import Bench, Strobes
+from tb.lib.fc_slave import CHARACTER_BITS, FAULTS
+from tb.lib.memory_ports import ReadPort, WritePort, at_once
+from tb.lib.rs485 import DirectionMonitor, Rs485Line
+from tb.lib.runner import ROOT, run
+from tb.lib.seeds import seeded
+from tb.lib.uart_agent import Flaws, Format, Frame, Sent, now_ps, with_gaps
+from tb.model.fc_telegram import ADR_BROADCAST, build, build_parameter, build_process, build_text
+
+CLK_HZ = 2_000_000
+LINE = Format.named(9600, "8E1")
+PAUSE = 2 * CHARACTER_BITS
+COMMAND = build_process(0x047C, 0x2000)
+STATUS = build_process(0x0F07, 0x1FFF)
+NUMBER = build_parameter(1, 518, 0, 0x0001_86A0, 0x0F07, 0x2000)
+TEXT = build_text(533, b"twenty-one characters", 0x0400, 0x0F07, 0x2000)
+LGE_PLACE = 28
+WRAPPER = ROOT / "tb/rtl/drive_line.v"
+
+
+def contents(telegram: bytes) -> bytes:
+    """What the firmware puts into the telegram frame: ADR, data and BCC."""
+    return telegram[2:]
+
+
+def kept(reply: bytes) -> dict[int, int]:
+    """The drive frame after a reply of up to 24 data bytes."""
+    return {LGE_PLACE: reply[1], **dict(enumerate(reply[3:-1]))}
+
+
+def evenly(count: int, total_bits: float) -> Flaws:
+    """The same gaps everywhere, so that `count` characters take `total_bits`."""
+    return with_gaps(count, (total_bits - CHARACTER_BITS * count) / (count - 1))
+
+
+class Port:
+    """The port between its frame memory and a drive line on which it hears itself."""
+
+    def __init__(self, dut, delay: Callable[[], int] = at_once):
+        self.dut = dut
+        commands = ("telegram_start", "telegram_length", "telegram_no_reply", "listen_again", "listen_stop")
+        self.bench = Bench(dut, CLK_HZ, telegram_control=1, **dict.fromkeys(commands, 0))
+        self.line = Rs485Line(dut.rx, dut.tx, dut.de, LINE, echo=True)
+        self.telegram = ReadPort(self.bench, delay=delay)
+        self.drive_frame = WritePort(self.bench, "write_data", delay)
+        self.bad = Strobes(dut, "bad")
+        self.candidates = DirectionMonitor(dut.candidate)
+        self.goods = DirectionMonitor(dut.good)
+
+    async def start(self, listening: bool = False) -> Port:
+        """With `listening` a telegram has been sent, and the port waits for a reply."""
+        await self.bench.start()
+        if listening:
+            await self.send(COMMAND)
+        return self
+
+    def on(self, name: str) -> bool:
+        return bool(int(getattr(self.dut, name).value))
+
+    async def quiet(self) -> int:
+        """Waits for the pause to be over; returns when it was."""
+        if not self.on("quiet"):
+            await RisingEdge(self.dut.quiet)
+        at = now_ps()
+        await self.bench.clocks()
+        return at
+
+    async def begin(self, telegram: bytes, no_reply: int = 0) -> None:
+        """Starts a telegram as soon as it may."""
+        await self.quiet()
+        self.telegram.memory = contents(telegram)
+        self.dut.telegram_length.value = len(contents(telegram))
+        self.dut.telegram_no_reply.value = no_reply
+        await self.bench.strobe(self.dut.telegram_start)
+
+    async def send(self, telegram: bytes, no_reply: int = 0) -> Frame:
+        """A whole telegram, as it was heard on the line."""
+        heard = len(self.line.monitor.characters)
+        await self.begin(telegram, no_reply)
+        assert self.on("sending")
+        await FallingEdge(self.dut.sending)
+        await self.bench.clocks(2)
+        return Frame(tuple(self.line.monitor.characters[heard:]))
+
+    async def listen_again(self) -> None:
+        await self.bench.strobe(self.dut.listen_again)
+
+    async def hear(
+        self, reply: bytes, flaws: Flaws | None = None, delay: float = 1.0, fmt: Format | None = None
+    ) -> Sent:
+        """The drive sends something; returns after its last stop bit."""
+        await self.line.source.idle(delay)
+        sent = await self.line.source.send(reply, flaws, fmt)
+        # A fast sender's stop bit is judged after its end.
+        await self.line.source.idle(0.5)
+        await self.bench.clocks()
+        return sent
+
+    async def takes(self, reply: bytes, flaws: Flaws | None = None, fmt: Format | None = None) -> bool:
+        """Whether this is a reply, forgotten afterwards; after a silence, so that it has its chance."""
+        bad = len(self.bad)
+        self.drive_frame.written.clear()
+        await self.hear(reply, flaws, PAUSE + 1, fmt)
+        good = self.on("good")
+        await self.line.source.idle(PAUSE + 1)
+        assert self.on("good") == good
+        assert len(self.bad) == bad + (not good)
+        if good:
+            assert self.drive_frame.memory == kept(reply)
+            await self.listen_again()
+        assert self.on("listening") and not self.on("good")
+        return good
+
+
+@cocotb.test()
+async def telegrams_go_out_byte_for_byte_without_gaps_inside_de(dut):
+    rng = seeded("telegrams")
+    port = await Port(dut, delay=lambda: rng.randint(0, 9)).start()
+    for length in (4, 12, 28):
+        telegram = build(rng.randbytes(length))
+        frame = await port.send(telegram)
+        assert frame.ok and frame.data == telegram
+        assert frame.largest_gap_ps <= 0.01 * LINE.bit_ps
+        timing = port.line.monitor.measure(frame)
+        assert abs(timing.error(LINE)) < 1e-3
+        assert timing.worst_edge_ps < 0.02 * LINE.bit_ps
+    port.line.check_direction()
+    for pulse in port.line.direction.pulses:
+        first = min(c.start_ps for c in port.line.monitor.characters if c.start_ps > pulse.rise_ps)
+        assert first - pulse.rise_ps > 0.15 * LINE.bit_ps, "the driver needs a moment"
+
+
+@cocotb.test()
+@cocotb.parametrize(control=[0, 1])
+async def bit_10_leaves_only_with_the_leave_to_command(dut, control):
+    """Whatever the frame memory has (SAFE-1)."""
+    port = await Port(dut).start()
+    dut.telegram_control.value = control
+    for telegram in (COMMAND, build(bytes.fromhex("1202 0000 0000 0000 FFFF FFFF"))):
+        wanted = bytearray(telegram)
+        wanted[-5] &= 0xFF if control else 0xFB
+        assert (await port.send(telegram)).data == wanted
+
+
+@cocotb.test()
+async def two_characters_of_silence_lie_before_each_telegram(dut):
+    port = await Port(dut).start()
+    ends = []
+    ends.append((await port.send(COMMAND)).end_ps)
+    begun = [(await port.send(NUMBER)).start_ps]  # after its own telegram
+    ends.append((await port.hear(STATUS)).end_ps)
+    begun.append((await port.send(COMMAND)).start_ps)  # after a reply
+    ends.append((await port.hear(b"\x55", delay=PAUSE + 5)).end_ps)
+    begun.append((await port.send(COMMAND)).start_ps)  # after a stray character
+    for end, start in zip(ends, begun, strict=True):
+        pause = (start - end) / LINE.bit_ps
+        # A quarter of a bit is the driver's lead, up to a quarter the silence's own accuracy.
+        assert PAUSE <= pause <= PAUSE + 0.75, f"{pause:.2f} bits"
+
+
+@cocotb.test()
+async def quiet_is_two_characters_without_anything_on_the_line(dut):
+    port = await Port(dut).start()
+    bit = LINE.bit_ps
+
+    async def after(end_ps: float, late: float = 0.5) -> None:
+        pause = (await port.quiet() - end_ps) / bit
+        assert PAUSE <= pause <= PAUSE + late, f"{pause:.2f} bits"
+
+    await port.quiet()
+    await after((await port.hear(STATUS)).end_ps)
+    await after((await port.hear(b"\x00\xff")).end_ps)
+    # Low for long: not a character, but not a silence either.
+    broken = await port.line.source.send_break(3 * PAUSE, idle_after=0)
+    assert not port.on("quiet")
+    await after(broken.end_ps, late=1.0)
+
+
+@cocotb.test()
+async def quiet_ends_with_a_start_edge_and_while_the_port_itself_sends(dut):
+    port = await Port(dut).start()
+    await port.quiet()
+    port.line.source.hold(0)
+    await port.bench.clocks(4)
+    assert not port.on("quiet")
+    port.line.source.hold(1)
+    await port.quiet()
+    await port.begin(COMMAND)
+    while port.on("sending"):
+        await port.bench.clocks(20)
+        assert not port.on("quiet") or not port.on("de")
+    await port.bench.clocks(2)
+    assert not port.on("quiet")
+
+
+@cocotb.test()
+async def replies_of_every_kind_are_good_however_soon_or_late_they_come(dut):
+    rng = seeded("replies")
+    port = await Port(dut, delay=lambda: rng.randint(0, 9)).start()
+    text = build_text(533, b"twenty characters ok", 0x0400, 0x0F07, 0x2000)
+    for reply, delay in ((STATUS, 1.0), (NUMBER, PAUSE), (STATUS, 20 * CHARACTER_BITS), (text, 3.0)):
+        await port.send(COMMAND)
+        assert port.on("listening")
+        await port.hear(reply, delay=delay)
+        assert port.on("good") and port.drive_frame.memory.items() >= kept(reply).items()
+    assert not len(port.bad)
+
+
+@cocotb.test()
+async def the_last_four_bytes_of_a_long_text_are_there(dut):
+    port = await Port(dut).start(listening=True)
+    await port.hear(TEXT)
+    data = TEXT[3:-1]
+    assert port.on("good") and len(data) == 29
+    memory = port.drive_frame.memory
+    assert bytes(memory[i] for i in range(24)) == data[:24]
+    assert bytes(memory[24 + i % 4] for i in range(25, 29)) == b"\x0f\x07\x20\x00"
+
+
+@cocotb.test()
+async def the_candidate_leaves_the_firmware_the_time_of_the_bcc(dut):
+    port = await Port(dut).start(listening=True)
+    sent = await port.hear(NUMBER)
+    (candidate,), (good,) = port.candidates.pulses, port.goods.pulses
+    ahead = (good.rise_ps - candidate.rise_ps) / LINE.bit_ps
+    assert abs(ahead - CHARACTER_BITS) < 0.1, f"{ahead:.2f} bits"
+    assert candidate.fall_ps == good.rise_ps
+    assert sent.end_ps - 0.75 * LINE.bit_ps <= good.rise_ps <= sent.end_ps
+
+
+@cocotb.test()
+@cocotb.parametrize(characters=(1.0, 1.9, 2.0, 2.1, 2.2, 3.0))
+async def gaps_of_up_to_two_characters_are_allowed_in_a_reply(dut, characters):
+    rng = seeded("places")
+    port = await Port(dut).start(listening=True)
+    for place in (rng.randrange(1, len(STATUS) - 1), len(STATUS) - 1):
+        flaws = Flaws(gaps={place: characters * CHARACTER_BITS})
+        assert await port.takes(STATUS, flaws) == (characters <= 2), f"before byte {place}"
+
+
+@cocotb.test()
+@cocotb.parametrize(reply=(STATUS, NUMBER))
+async def a_reply_may_take_one_and_a_half_times_its_nominal_time(dut, reply):
+    port = await Port(dut).start(listening=True)
+    limit = 1.5 * CHARACTER_BITS * len(reply)
+    assert await port.takes(reply, evenly(len(reply), limit - 0.5))
+    assert not await port.takes(reply, evenly(len(reply), limit + 0.5))
+    assert await port.takes(reply)
+
+
+@cocotb.test()
+async def its_own_echo_is_not_heard(dut):
+    port = await Port(dut).start()
+    for telegram in (COMMAND, NUMBER):
+        await port.send(telegram)
+        assert port.on("listening")
+        await port.line.source.idle(PAUSE + 2)
+        assert not port.on("good") and not len(port.bad) and not port.drive_frame.written
+    await port.hear(STATUS)
+    assert port.on("good")
+
+
+@cocotb.test()
+async def whatever_comes_while_it_sends_is_not_heard(dut):
+    port = await Port(dut).start()
+    await port.hear(STATUS, delay=PAUSE + 5)
+    assert not port.on("listening") and not port.on("good")  # nothing was asked yet
+    port.line.echo = False
+    await port.begin(build(bytes(28)))
+    await port.hear(STATUS, delay=4 * CHARACTER_BITS)
+    await port.hear(b"\x02\x06\x00", delay=2 * CHARACTER_BITS)
+    assert port.on("de")
+    await FallingEdge(dut.sending)
+    await port.line.source.idle(PAUSE + 2)
+    assert port.on("listening") and not port.on("good")
+    assert not len(port.bad) and not port.drive_frame.written
+    await port.hear(STATUS)
+    assert port.on("good")
+
+
+@cocotb.test()
+async def a_character_begun_while_it_sends_is_not_heard(dut):
+    port = await Port(dut).start()
+    port.line.echo = False
+    await port.begin(COMMAND)
+    await RisingEdge(dut.de)
+    # DE is up for a quarter of a bit and the telegram: it falls in the middle of the reply's STX.
+    await port.hear(STATUS, delay=0.25 + CHARACTER_BITS * len(COMMAND) - 5)
+    assert not port.on("sending") and not port.on("good")
+    await port.line.source.idle(PAUSE + 1)
+    await port.hear(STATUS)
+    assert port.on("good")
+
+
+@cocotb.test()
+async def after_a_broadcast_nobody_is_listened_to(dut):
+    port = await Port(dut).start()
+    frame = await port.send(build_process(0x047C, 0x2000, ADR_BROADCAST), no_reply=1)
+    assert frame.data == build_process(0x047C, 0x2000, ADR_BROADCAST)
+    await port.hear(build_process(0x0F07, 0, ADR_BROADCAST))
+    await port.hear(STATUS, Flaws(bad_parity=(4,)), delay=PAUSE + 5)
+    assert not port.on("listening") and not port.on("good")
+    assert not len(port.bad) and not port.drive_frame.written
+    await port.send(COMMAND)
+    assert port.on("listening")
+
+
+@cocotb.test()
+async def a_telegram_ends_the_listening_to_the_one_before(dut):
+    port = await Port(dut).start(listening=True)
+    await port.hear(STATUS)
+    assert port.on("good")
+    await port.begin(COMMAND)
+    assert not port.on("good") and not port.on("listening")
+    await FallingEdge(dut.sending)
+    await port.bench.clocks(2)
+    assert port.on("listening") and not port.on("good")
+
+
+@cocotb.test()
+@cocotb.parametrize(fault=("bad BCC", "wrong ADR", "wrong LGE", "parity error", "framing error", "cut short"))
+async def a_faulty_reply_counts_once_and_the_next_one_is_taken(dut, fault):
+    port = await Port(dut).start(listening=True)
+    data, flaws = FAULTS[fault](NUMBER, COMMAND)
+    assert not await port.takes(data, flaws)
+    assert await port.takes(STATUS)
+
+
+@cocotb.test()
+async def phantom_characters_when_the_line_is_turned_round_do_no_harm(dut):
+    port = await Port(dut).start()
+    for phantom in (b"\x00", b"\xff", b"\xfe\x80"):
+        await port.send(COMMAND)
+        await port.hear(phantom, delay=0.5)
+        await port.hear(STATUS, delay=0.5)
+        assert port.on("good")
+    await port.send(COMMAND)
+    await port.line.source.send_break(14)
+    await port.hear(STATUS)
+    assert port.on("good") and not len(port.bad)
+
+
+@cocotb.test()
+async def glitches_shorter_than_a_quarter_bit_do_no_harm(dut):
+    rng = seeded("glitches")
+    port = await Port(dut).start(listening=True)
+    for reply in (STATUS, NUMBER, STATUS):
+        places = [CHARACTER_BITS * n + rng.uniform(0.3, CHARACTER_BITS - 0.6) for n in range(-1, len(reply))]
+        glitches = tuple((place, rng.uniform(0.02, 0.24)) for place in places)
+        assert await port.takes(reply, Flaws(glitches=glitches))
+
+
+@cocotb.test()
+@cocotb.parametrize(percent=(-4, 4))
+async def a_drive_whose_clock_is_off_is_understood(dut, percent):
+    rng = seeded("replies")
+    port = await Port(dut).start(listening=True)
+    for _ in range(3):
+        assert await port.takes(build(rng.randbytes(rng.choice((4, 12)))), Flaws(ppm=percent * 1e4))
+
+
+@cocotb.test()
+async def the_firmware_may_ask_for_another_reply_or_give_up(dut):
+    port = await Port(dut).start(listening=True)
+    await port.hear(NUMBER)
+    assert port.on("good")
+    await port.listen_again()
+    assert port.on("listening") and not port.on("good")
+    await port.hear(STATUS)
+    assert port.on("good") and port.drive_frame.memory.items() >= kept(STATUS).items()
+    await port.bench.strobe(dut.listen_stop)
+    assert not port.on("listening") and not port.on("good")
+    await port.hear(STATUS)
+    assert not port.on("good") and not len(port.bad)
+
+
+@cocotb.test()
+async def noise_between_exchanges_never_stops_the_port(dut):
+    rng = seeded("noise")
+    port = await Port(dut).start()
+    for _ in range(3):
+        await port.send(COMMAND)
+        for _ in range(rng.randint(3, 8)):
+            await port.line.source.low_pulse(rng.uniform(0.02, 15) * LINE.bit_ps)
+            await port.line.source.idle(rng.uniform(0.1, 15))
+        await port.line.source.idle(PAUSE + 1)
+        await port.send(COMMAND)
+        await port.hear(STATUS)
+        assert port.on("good")
+    port.line.check_direction()
+
+
+@cocotb.test()
+async def a_reset_takes_the_driver_off_the_line_at_any_moment(dut):
+    rng = seeded("moments")
+    port = await Port(dut).start()
+    for _ in range(3):
+        await port.begin(NUMBER)
+        await port.line.source.idle(rng.uniform(0.1, 6 * CHARACTER_BITS))
+        await port.bench.strobe(dut.rst)
+        assert not port.on("de") and port.on("tx") and not port.on("sending")
+        assert not port.on("quiet")
+    frame = await port.send(COMMAND)
+    assert frame.data[-len(COMMAND) :] == COMMAND
+    await port.hear(STATUS)
+    assert port.on("good")
+
+
+@pytest.mark.rule(
+    "LINE-4", "LINE-5", "FC-1", "FC-2", "FC-7", "FC-8", "FC-9", "FC-10", "SAFE-1", "SAFE-2", "SAFE-3"
+)
+def test_drive_port(sim):
+    run(
+        "drive_line",
+        "tb.rtl.test_drive_port",
+        sim=sim,
+        extra_sources=[WRAPPER],
+        parameters={"CLK_HZ": CLK_HZ},
+    )

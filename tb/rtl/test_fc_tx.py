@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""fc_tx on its line: the telegram it makes of the frame memory, byte for byte and without a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cocotb
+import pytest
+
+from tb.lib.bench import Bench, Strobes
+from tb.lib.memory_ports import ReadPort, at_once
+from tb.lib.runner import ROOT, run
+from tb.lib.seeds import seeded
+from tb.lib.uart_agent import Format, UartMonitor
+from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, build_process
+
+LINE = Format.named(9600, "8E1")
+TICKS_HZ = 16 * LINE.baud  # with tick16 held high a clock is a tick
+CHARACTER = 16 * 11  # clocks
+LENGTHS = (6, 14, 30)  # ADR, data and BCC: process, parameter, the longest
+COMMAND = build_process(0x047C, 0x2000)[2:]
+
+
+class Sender:
+    """fc_tx and UART on a line that becomes ready `lead` clocks after it is asked for."""
+
+    def __init__(self, dut, delay: Callable[[], int] = at_once, lead: int = 4):
+        self.dut = dut
+        self.bench = Bench(dut, TICKS_HZ, tick16=1, start=0, length=0, control=1, line_ready=0)
+        self.memory = ReadPort(self.bench, delay=delay)
+        self.monitor = UartMonitor(dut.tx, LINE)
+        self.ended = Strobes(dut, "sent", "line_busy", "line_request")
+        self.lead = lead
+
+    async def start(self) -> Sender:
+        await self.bench.start()
+        cocotb.start_soon(self._line())
+        return self
+
+    async def _line(self) -> None:
+        while True:
+            wanted = int(self.dut.line_request.value)
+            if wanted and not int(self.dut.line_ready.value):
+                await self.bench.clocks(self.lead)
+            self.dut.line_ready.value = int(self.dut.line_request.value or self.dut.line_busy.value)
+            await self.bench.clocks()
+
+    async def begin(self, contents: bytes, length: int | None = None) -> None:
+        self.monitor.forget()
+        self.memory.memory = contents
+        self.dut.length.value = len(contents) if length is None else length
+        await self.bench.strobe(self.dut.start)
+
+    async def end(self) -> bytes:
+        """What the line carried since the beginning."""
+        before = len(self.ended)
+        frame = await self.monitor.frame(1e12, gap_bits=3)
+        assert frame.ok
+        assert frame.largest_gap_ps < 0.01 * LINE.bit_ps, "a gap inside the telegram"
+        assert len(self.ended) == before + 1, "sent is one clock wide"
+        return frame.data
+
+    async def telegram(self, contents: bytes) -> bytes:
+        await self.begin(contents)
+        return await self.end()
+
+
+@cocotb.test()
+async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
+    rng = seeded("contents")
+    tx = await Sender(dut).start()
+    for length in range(6, 31):
+        telegram = build(rng.randbytes(length - 2))
+        tx.memory.reads.clear()
+        await tx.begin(telegram[2:] + rng.randbytes(32 - length), length)
+        assert await tx.end() == telegram
+        assert tx.memory.reads == list(range(length)), "each byte is read once"
+
+
+@cocotb.test()
+async def without_leave_no_command_is_sent(dut):
+    """Bit 10 of the control word leaves as 0, nothing else changes, and the BCC is not mended (SAFE-1)."""
+    rng = seeded("contents")
+    tx = await Sender(dut).start()
+    dut.control.value = 0
+    for length in range(6, 31):
+        data = bytearray(rng.randbytes(length - 2))
+        for valid in (0, 1):
+            at = len(data) - 4
+            data[at] = data[at] & ~0x04 | valid << 2
+            telegram = bytearray(build(bytes(data)))
+            contents = bytes(telegram[2:])
+            telegram[-5] &= ~0x04
+            assert await tx.telegram(contents) == telegram
+
+
+@cocotb.test()
+async def the_adr_that_was_sent_is_kept(dut):
+    tx = await Sender(dut).start()
+    for adr in (ADR, ADR_BROADCAST, 0x21):
+        await tx.telegram(build(bytes(4), adr)[2:])
+        assert dut.adr.value.to_unsigned() == adr
+        await tx.bench.clocks(100)
+        assert dut.adr.value.to_unsigned() == adr
+
+
+@cocotb.test()
+async def a_memory_that_answers_late_makes_no_gap(dut):
+    rng = seeded("delays")
+    # A stop bit has 16 clocks here; the memory answers within two.
+    tx = await Sender(dut, delay=lambda: rng.randint(0, 9)).start()
+    for length in LENGTHS:
+        telegram = build(rng.randbytes(length - 2))
+        assert await tx.telegram(telegram[2:]) == telegram
+
+
+@cocotb.test()
+async def nothing_is_sent_before_the_line_is_ready(dut):
+    tx = await Sender(dut, lead=200).start()
+    await tx.begin(COMMAND)
+    for _ in range(195):
+        assert int(dut.line_request.value) and int(dut.sending.value)
+        assert int(dut.tx.value) and not int(dut.line_busy.value)
+        await tx.bench.clocks()
+    assert await tx.end() == build_process(0x047C, 0x2000)
+
+
+@cocotb.test(timeout_time=10, timeout_unit="ms")
+async def sending_lasts_until_the_last_stop_bit_and_sent_marks_its_end(dut):
+    tx = await Sender(dut).start()
+    assert not int(dut.sending.value) and not int(dut.line_request.value)
+    await tx.begin(COMMAND)
+    while len(tx.monitor.characters) < 6:
+        assert int(dut.line_request.value)
+        await tx.bench.clocks()
+    await tx.bench.clocks(CHARACTER)
+    # The line is kept by its being busy alone from here on.
+    assert not int(dut.line_request.value)
+    while int(dut.line_busy.value):
+        assert int(dut.sending.value) and not len(tx.ended)
+        await tx.bench.clocks()
+    late = (tx.bench.last_edge_ps() - tx.monitor.characters[-1].end_ps) / LINE.bit_ps
+    assert len(tx.monitor.characters) == 8 and abs(late) < 0.1
+    await tx.bench.clocks(2)
+    assert not int(dut.sending.value)
+    assert tx.ended.values == [(0, 0)]
+
+
+@cocotb.test()
+async def a_start_during_a_telegram_does_not_disturb_it(dut):
+    tx = await Sender(dut).start()
+    telegram = build(bytes(range(1, 13)))
+    await tx.begin(telegram[2:])
+    for _ in range(20):
+        await tx.bench.clocks(83)
+        await tx.bench.strobe(dut.start)
+    assert await tx.end() == telegram
+
+
+@cocotb.test()
+async def a_damaged_byte_goes_out_with_the_bcc_it_had_before(dut):
+    """So the drive refuses the telegram (SAFE-4)."""
+    tx = await Sender(dut).start()
+    whole = build_process(0x047C, 0x2000)
+    for at in range(2, len(whole)):
+        damaged = bytearray(whole)
+        damaged[at] ^= 0x10
+        assert await tx.telegram(bytes(damaged[2:])) == damaged
+
+
+@cocotb.test()
+async def reset_gives_the_line_back_and_the_next_telegram_is_whole(dut):
+    tx = await Sender(dut).start()
+    for at in range(0, 8 * CHARACTER, 97):
+        await tx.begin(COMMAND)
+        await tx.bench.clocks(at + 1)
+        await tx.bench.strobe(dut.rst)
+        assert not int(dut.sending.value) and not int(dut.line_request.value)
+        assert not int(dut.line_busy.value) and int(dut.tx.value)
+        await tx.bench.clocks(2 * CHARACTER)
+        assert await tx.telegram(COMMAND) == build_process(0x047C, 0x2000), f"after a reset in clock {at}"
+
+
+@pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-1", "SAFE-2", "SAFE-4")
+def test_fc_tx(sim):
+    run("fc_tx_line", "tb.rtl.test_fc_tx", sim=sim, extra_sources=[ROOT / "tb/rtl/fc_tx_line.v"])

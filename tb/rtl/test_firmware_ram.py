@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""firmware_ram: holds its image, takes byte writes, answers a clock later only, and sees flipped bits."""
+
+import os
+from pathlib import Path
+
+import cocotb
+import pytest
+
+from sw.tools.bin2hex import LANE_BITS, WORD_BITS, hex_line, with_parity, without_parity
+from tb.lib.bench import Bench
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+WORDS = int(os.environ.get("WORDS", 48))  # not a power of two
+
+
+def image(words: int = WORDS) -> list[int]:
+    """Words with their parity; bit N of word N is turned over, as long as there are bits."""
+    good = [with_parity((0x01000193 * (n + 1) ^ 0x811C9DC5) & 0xFFFFFFFF) for n in range(words)]
+    return [word ^ 1 << n if n < WORD_BITS else word for n, word in enumerate(good)]
+
+
+def write_image(path: Path, words: int = WORDS) -> None:
+    path.write_text("".join(map(hex_line, image(words))))
+
+
+class Memory:
+    def __init__(self, dut):
+        self.dut = dut
+        self.bench = Bench(dut, enable=0, word=0, wdata=0, wstrb=0)
+
+    async def access(self, word: int, data: int = 0, strobes: int = 0) -> tuple[int, int]:
+        """The word that is read, and whether it is damaged."""
+        dut = self.dut
+        dut.word.value, dut.wdata.value, dut.wstrb.value = word, data, strobes
+        dut.enable.value = 1
+        await self.bench.clocks()
+        read = dut.rdata.value.to_unsigned()
+        assert not int(dut.damaged.value), "by a word before"
+        dut.enable.value = dut.wstrb.value = 0
+        await self.bench.clocks()
+        assert not dut.rdata.value.to_unsigned(), "what nobody asked for"
+        damaged = int(dut.damaged.value)
+        await self.bench.clocks()
+        return read, damaged
+
+
+def as_read(word: int) -> tuple[int, int]:
+    return without_parity(word), int(with_parity(without_parity(word)) != word)
+
+
+@cocotb.test()
+async def the_image_is_there_and_byte_writes_change_their_bytes_only(dut):
+    memory = Memory(dut)
+    await memory.bench.start()
+    kept = image()
+    for n, word in enumerate(kept):
+        assert await memory.access(n) == as_read(word)
+    assert any(damaged for _, damaged in map(as_read, kept))
+    rng = seeded("writes")
+    for _ in range(400):
+        n, data, strobes = rng.randrange(WORDS), rng.getrandbits(32), rng.randrange(16)
+        read = await memory.access(n, data, strobes)
+        assert read == ((0, 0) if strobes else as_read(kept[n])), "a word that is written is not read"
+        # What is written is good from then on, its parity too.
+        mask = sum(0x1FF << LANE_BITS * lane for lane in range(4) if strobes >> lane & 1)
+        kept[n] = kept[n] & ~mask | with_parity(data) & mask
+        n = rng.randrange(WORDS)
+        assert await memory.access(n) == as_read(kept[n])
+
+
+@pytest.mark.rule("TOP-1", "TOP-2", "SAFE-4")
+def test_firmware_ram(sim, tmp_path):
+    hex_file: Path = tmp_path / "image.hex"
+    write_image(hex_file)
+    run(
+        "firmware_ram",
+        "tb.rtl.test_firmware_ram",
+        sim=sim,
+        parameters={"BYTES": 4 * WORDS, "FIRMWARE_HEX": str(hex_file)},
+    )

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""glitch_filter: less than a quarter bit never passes, real edges are all delayed alike."""
+
+import cocotb
+import pytest
+
+from tb.lib.bench import Bench
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+QUARTER = 4  # ticks of 1/16 bit
+
+
+class Model:
+    """The filter in words: the level that most of the last nine ticks had."""
+
+    def __init__(self):
+        self.last = [1] * 9
+
+    def tick(self, raw: int) -> int:
+        self.last = [*self.last[1:], raw]
+        return int(sum(self.last) >= 5)
+
+
+async def ready(dut) -> Bench:
+    return await Bench(dut, raw=1, tick16=1, mute=0).start()
+
+
+async def heard(dut, bench: Bench, levels: list[int]) -> list[int]:
+    """The filter's output after each of the levels, a tick each."""
+    out = []
+    for level in levels:
+        dut.raw.value = level
+        await bench.clocks()
+        out.append(int(dut.clean.value))
+    return out
+
+
+@cocotb.test()
+async def pulses_up_to_a_quarter_bit_vanish_longer_ones_keep_their_width(dut):
+    bench = await ready(dut)
+    for rest in (1, 0):
+        await heard(dut, bench, [rest] * 20)
+        for width in range(1, 9):
+            got = await heard(dut, bench, [1 - rest] * width + [rest] * 20)
+            expected = 0 if width <= QUARTER else width
+            assert got.count(1 - rest) == expected, f"{width} ticks of {1 - rest}"
+
+
+@cocotb.test()
+async def both_edges_are_delayed_by_five_ticks(dut):
+    bench = await ready(dut)
+    got = await heard(dut, bench, [0] * 16 + [1] * 16)
+    assert got == [1] * 4 + [0] * 16 + [1] * 12
+
+
+@cocotb.test()
+async def glitch_beside_an_edge_moves_it_by_no_more_than_its_own_width(dut):
+    bench = await ready(dut)
+    for new in (0, 1):
+        for width in range(1, QUARTER + 1):
+            for after in range(12):
+                await heard(dut, bench, [1 - new] * 20)
+                got = await heard(dut, bench, [new] * after + [1 - new] * width + [new] * 20)
+                late = got.index(new) - 4
+                assert 0 <= late <= width, f"{width} ticks, {after} after the edge: {late} late"
+                assert set(got[got.index(new) :]) == {new}, f"{width} ticks, {after} after the edge"
+
+
+@cocotb.test()
+async def muted_filter_shows_idle_and_forgets_what_it_counted(dut):
+    bench = await ready(dut)
+    await heard(dut, bench, [0] * 10)
+    dut.mute.value = 1
+    assert set(await heard(dut, bench, [0] * 10)) == {1}
+    dut.mute.value = 0
+    assert await heard(dut, bench, [0] * 5) == [1] * 4 + [0]
+
+
+@cocotb.test()
+async def nothing_moves_without_a_tick(dut):
+    bench = await ready(dut)
+    dut.tick16.value = 0
+    assert set(await heard(dut, bench, [0] * 30)) == {1}
+
+
+@cocotb.test()
+async def random_levels_agree_with_the_model(dut):
+    rng = seeded("levels")
+    bench, model = await ready(dut), Model()
+    for _ in range(150):
+        levels = [rng.randint(0, 1)] * rng.randint(1, 9)
+        assert await heard(dut, bench, levels) == [model.tick(level) for level in levels]
+
+
+@pytest.mark.rule("LINE-5", "LINE-6", "FC-10")
+def test_glitch_filter(sim):
+    run("glitch_filter", "tb.rtl.test_glitch_filter", sim=sim)

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""mailbox_regs: every register and field of the map, as the firmware's bus sees them."""
+
+from __future__ import annotations
+
+import cocotb
+import pytest
+from cocotb.triggers import RisingEdge
+
+from regs.generated.mailbox import REGISTERS, Register
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+# Field of the map to the input that feeds it.
+SOURCES = {
+    ("TIME", "ticks"): "ticks",
+    ("REQUEST", "ticket"): "request_ticket",
+    ("REQUEST", "candidate"): "request_candidate",
+    ("REQUEST", "committed"): "request_committed",
+    ("REQUEST", "broadcast"): "request_broadcast",
+    ("REQUEST", "bank"): "request_bank",
+    ("LENGTH", "bytes"): "request_length",
+    ("EXCHANGE", "queued"): "telegram_queued",
+    ("EXCHANGE", "sending"): "telegram_sending",
+    ("EXCHANGE", "started"): "telegram_started",
+    ("EXCHANGE", "candidate"): "drive_candidate",
+    ("EXCHANGE", "good"): "drive_good",
+    ("EXCHANGE", "loopback"): "loopback_open",
+}
+READ = {name: register for name, register in REGISTERS.items() if register.size == 1}
+EVENTS = REGISTERS["EVENTS"].fields
+COMMANDS = """
+    queue_reply queue_telegram listen_again listen_stop watchdog_kick halt loopback_close
+""".split()  # noqa: SIM905
+KEY = REGISTERS["WATCHDOG"].fields["key"].reset
+
+
+class Firmware:
+    """The soft core's side of the bus, as bus_arbiter leads it here."""
+
+    def __init__(self, dut):
+        self.dut = dut
+        inputs = (*SOURCES.values(), "valid", "write", "word", "wdata", "events")
+        self.bench = Bench(dut, **dict.fromkeys(inputs, 0))
+
+    async def start(self) -> Firmware:
+        await self.bench.start()
+        return self
+
+    async def access(self, word: int, value: int | None = None) -> int:
+        """One access to a word; returns what was read."""
+        self.dut.word.value = word
+        self.dut.write.value = int(value is not None)
+        self.dut.wdata.value = (value or 0) & 0xFF
+        self.dut.valid.value = 1
+        await RisingEdge(self.dut.clk)
+        self.dut.valid.value = 0
+        await self.bench.clocks()
+        data = self.dut.rdata.value.to_unsigned()
+        await self.bench.clocks()
+        assert not int(self.dut.rdata.value), "what nobody asked for"
+        return data
+
+    async def read(self, name: str) -> int:
+        """The byte of a register."""
+        register: Register = READ[name]
+        return await self.access(register.offset // 4) >> 8 * (register.offset % 4) & 0xFF
+
+    async def write(self, name: str, **fields: int) -> None:
+        assert REGISTERS[name].offset % 4 == 0
+        await self.access(REGISTERS[name].offset // 4, REGISTERS[name].pack(**fields))
+
+    async def event(self, flags: int) -> None:
+        self.dut.events.value = flags
+        await self.bench.clocks()
+        self.dut.events.value = 0
+
+
+def feed(dut, rng) -> dict[tuple[str, str], int]:
+    """Random levels on every input; returns what each field must read."""
+    expected = {}
+    for (register, field), source in SOURCES.items():
+        value = rng.getrandbits(REGISTERS[register].fields[field].width)
+        getattr(dut, source).value = value
+        expected[register, field] = value
+    return expected
+
+
+@cocotb.test()
+async def after_reset_every_field_reads_its_reset_value(dut):
+    firmware = await Firmware(dut).start()
+    for name, register in READ.items():
+        word = await firmware.read(name)
+        for field, about in register.fields.items():
+            assert about.get(word) == about.reset, f"{name}.{field}"
+
+
+@cocotb.test()
+async def every_field_shows_its_own_input_and_nothing_else_is_read(dut):
+    rng = seeded("levels")
+    firmware = await Firmware(dut).start()
+    for _ in range(20):
+        expected = feed(dut, rng)
+        for name, register in READ.items():
+            word = await firmware.read(name)
+            used = 0
+            for field, about in register.fields.items():
+                if name != "EVENTS":
+                    assert about.get(word) == expected[name, field], f"{name}.{field}"
+                used |= ((1 << about.width) - 1) << about.bit
+            assert word & ~used == 0, f"{name}: {word:02X}h in bits that do not exist"
+
+
+@cocotb.test()
+async def an_event_stays_until_it_is_cleared_and_clears_no_other(dut):
+    rng = seeded("events")
+    firmware = await Firmware(dut).start()
+    for about in EVENTS.values():
+        await firmware.event(1 << about.bit)
+        assert await firmware.read("EVENTS") == 1 << about.bit
+        assert await firmware.read("EVENTS") == 1 << about.bit, "reading has no side effect"
+        await firmware.write("EVENTS", **dict.fromkeys(EVENTS, 1))
+        assert await firmware.read("EVENTS") == 0
+    for _ in range(100):
+        flags, cleared = rng.randrange(128), rng.randrange(128)
+        await firmware.event(flags)
+        await firmware.access(REGISTERS["EVENTS"].offset // 4, cleared)
+        assert await firmware.read("EVENTS") == flags & ~cleared
+        await firmware.access(REGISTERS["EVENTS"].offset // 4, 0x7F)
+    assert await firmware.read("EVENTS") == 0
+
+
+@cocotb.test()
+async def an_event_in_the_clock_of_its_clearing_is_kept(dut):
+    firmware = await Firmware(dut).start()
+    for about in EVENTS.values():
+        flag = 1 << about.bit
+        await firmware.event(0x7F)
+        dut.word.value, dut.write.value, dut.wdata.value = REGISTERS["EVENTS"].offset // 4, 1, 0x7F
+        dut.valid.value = 1
+        await firmware.event(flag)
+        dut.valid.value = 0
+        await firmware.bench.clocks()
+        assert await firmware.read("EVENTS") == flag
+
+
+@cocotb.test()
+async def events_outlive_a_restart_of_the_firmware(dut):
+    firmware = await Firmware(dut).start()
+    await firmware.event(0x55)
+    dut.rst.value = 1
+    await firmware.event(0x2A)
+    dut.rst.value = 0
+    await firmware.bench.clocks()
+    assert await firmware.read("EVENTS") == 0x7F
+
+
+@cocotb.test()
+async def only_its_own_register_lights_a_led(dut):
+    firmware = await Firmware(dut).start()
+
+    def lit() -> dict[str, int]:
+        return {led: int(getattr(dut, f"led_{led}").value) for led in REGISTERS["LED"].fields}
+
+    for name, register in REGISTERS.items():
+        if name != "LED":
+            await firmware.access(register.offset // 4, 0xFF)
+    assert not any(lit().values())
+    for led in REGISTERS["LED"].fields:
+        await firmware.write("LED", **{led: 1})
+        assert lit() == {other: int(other == led) for other in lit()}
+    await firmware.bench.strobe(dut.rst)
+    assert not any(lit().values())
+
+
+@cocotb.test()
+async def each_command_comes_once_and_from_its_register_alone(dut):
+    firmware = await Firmware(dut).start()
+    strobes = {name: Strobes(dut, name) for name in COMMANDS}
+
+    def seen() -> dict[str, int]:
+        return {name: len(strobe) for name, strobe in strobes.items() if len(strobe)}
+
+    await firmware.write("REPLY", length=9, ticket=3)
+    assert seen() == {"queue_reply": 1} and int(dut.reply_length.value) == 9
+    await firmware.write("TELEGRAM", length=13, no_reply=1)
+    assert seen() == {"queue_reply": 1, "queue_telegram": 1}
+    assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
+    await firmware.write("TELEGRAM", repeat=1)  # the same telegram: its length and kind stay
+    assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
+    await firmware.write("LISTEN", on=1)
+    await firmware.write("LISTEN", on=0)
+    assert seen() == {"queue_reply": 1, "queue_telegram": 2, "listen_again": 1, "listen_stop": 1}
+    for name in READ:
+        await firmware.read(name)
+    assert seen() == {"queue_reply": 1, "queue_telegram": 2, "listen_again": 1, "listen_stop": 1}
+
+
+@cocotb.test()
+async def only_its_key_kicks_the_watchdog(dut):
+    firmware = await Firmware(dut).start()
+    kicks = Strobes(dut, "watchdog_kick")
+    for key in range(256):
+        await firmware.write("WATCHDOG", key=key)
+        assert len(kicks) == (key >= KEY)
+
+
+@cocotb.test()
+async def the_supervisor_is_told_one_thing_at_a_time(dut):
+    firmware = await Firmware(dut).start()
+    halts, closes = Strobes(dut, "halt"), Strobes(dut, "loopback_close")
+    await firmware.write("SUPERVISOR")
+    assert (len(halts), len(closes)) == (0, 0)
+    await firmware.write("SUPERVISOR", loopback=1)
+    assert (len(halts), len(closes)) == (0, 1)
+    await firmware.write("SUPERVISOR", halt=1)
+    assert (len(halts), len(closes)) == (1, 1)
+
+
+@cocotb.test()
+async def no_telegram_is_queued_over_the_one_on_the_wire(dut):
+    firmware = await Firmware(dut).start()
+    queued = Strobes(dut, "queue_telegram")
+    await firmware.write("TELEGRAM", length=13)
+    dut.telegram_sending.value = 1
+    await firmware.write("TELEGRAM", length=5, no_reply=1)
+    assert len(queued) == 1
+    assert int(dut.telegram_length.value) == 13 and not int(dut.telegram_no_reply.value)
+
+
+@pytest.mark.rule("SAFE-1", "FRAME-4", "WDG-1", "LED-5", "LOOP-1")
+def test_mailbox_regs(sim):
+    run("mailbox_regs", "tb.rtl.test_mailbox_regs", sim=sim)

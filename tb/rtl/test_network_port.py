@@ -1,0 +1,444 @@
+# SPDX-License-Identifier: Apache-2.0
+"""network_port: real characters in at every rate and format, silences measured from the pin, replies out.
+
+The clock is the baud base itself, so that a rate of 115200 bit/s costs 16 clocks a bit.
+"""
+
+from itertools import accumulate
+
+import cocotb
+import pytest
+
+from regs.generated.card_tables import BASE_HZ, RATES
+from tb.lib.bench import Bench, Strobes
+from tb.lib.card import baud_switches, switch_word
+from tb.lib.memory_ports import ReadPort, WritePort
+from tb.lib.rs485 import Rs485Line
+from tb.lib.runner import ROOT, run
+from tb.lib.seeds import seeded
+from tb.lib.uart_agent import Flaws, Format, now_ps
+from tb.model import rtu
+
+WRAPPER = ROOT / "tb/rtl/network_line.v"
+OWN = 7
+SLOWEST_HZ = 2_000_000
+FORMATS = ("8N1", "8N2", "8E1", "8O1")
+COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
+SHORT = rtu.build(OWN, b"\x07")  # the shortest frame there is
+GOOD = rtu.build(OWN, rtu.read_coils(0, 16))
+FOREIGN = rtu.build(OWN + 1, rtu.read_coils(0, 16))
+# FRAME-1 leaves a quarter bit either way. At 115200 bit/s the clocks that a level takes to get in are
+# most of that, and this bench's clock is slower than the slowest allowed.
+ACCURACY = 0.25 * SLOWEST_HZ / BASE_HZ
+START = 1  # of the UART's states
+
+
+class Port:
+    """The port with its line, its frame memory, and everything it reports."""
+
+    def __init__(self, dut, baud: int = 19_200, form: str = "8E1", echo: bool = False):
+        self.dut = dut
+        self.bench = Bench(
+            dut,
+            BASE_HZ,
+            tick_base=1,
+            sw_baud=switch_word(baud_switches(baud, form)) & 0x1F,
+            own_address=OWN,
+            reply_start=0,
+            reply_length=0,
+        )
+        self.line = Rs485Line(dut.rx, dut.tx, dut.de, Format.named(baud, form), echo)
+        self.written = WritePort(self.bench, "write_data")
+        self.memory = ReadPort(self.bench)
+        self.candidates = Strobes(dut, "candidate", "frame_length")
+        self.commits = Strobes(dut, "commit")
+        self.revokes = Strobes(dut, "revoke")
+        self.counts = {name: Strobes(dut, f"count_{name}") for name in COUNTERS}
+
+    async def start(self) -> "Port":
+        await self.bench.start()
+        await self.silence()
+        return self
+
+    async def silence(self, characters: float = 3.8) -> None:
+        """Idle line, in character times of FRAME-1."""
+        await self.line.source.idle(self.bits(characters))
+
+    def bits(self, characters: float) -> float:
+        """A silence of so many character times in bits at the rate in use."""
+        fmt = self.line.fmt
+        return characters * rtu.t15_ps(fmt.baud) / 1.5 / fmt.bit_ps
+
+    async def send(self, data: bytes, flaws: Flaws | None = None) -> int:
+        """Returns the end of the last stop bit in ps."""
+        return (await self.line.source.send(data, flaws)).end_ps
+
+    async def frame(self, data: bytes, flaws: Flaws | None = None) -> int:
+        """A frame and the silence behind it."""
+        end = await self.send(data, flaws)
+        await self.silence()
+        return end
+
+    async def reply(self, contents: bytes) -> bytes:
+        self.memory.memory = contents
+        self.dut.reply_length.value = len(contents)
+        await self.bench.strobe(self.dut.reply_start)
+        frame = await self.line.monitor.frame(1e12, gap_bits=3)
+        assert frame.ok
+        return frame.data
+
+    def outcome(self) -> tuple[int, int, int]:
+        """Candidates, commits, revokes so far."""
+        return len(self.candidates), len(self.commits), len(self.revokes)
+
+    def counted(self) -> dict[str, int]:
+        return {name: len(strobes) for name, strobes in self.counts.items() if len(strobes)}
+
+    def clear(self) -> None:
+        for strobes in (self.candidates, self.commits, self.revokes, *self.counts.values()):
+            strobes.clear()
+
+
+def late_bits(port: Port, strobes: Strobes, end_ps: int, limit_ps: float) -> float:
+    """How long after the limit the strobe came, in bits, and that it came once."""
+    assert len(strobes) == 1, f"{port.line.fmt}: {len(strobes)} strobes"
+    return (strobes.times_ps[0] - end_ps - limit_ps) / port.line.fmt.bit_ps
+
+
+@cocotb.test()
+@cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
+async def both_silences_are_exact_from_the_pin_at_every_rate(dut, baud):
+    """In every format where the simulators can afford it, at the slow rates in one."""
+    port = await Port(dut, 115_200).start()
+    for form in FORMATS if baud >= 9600 else ("8O1",) if baud > 300 else ("8N2",):
+        await use(port, baud, form)
+        end = await port.frame(SHORT)
+        short = late_bits(port, port.candidates, end, rtu.t15_ps(baud))
+        long = late_bits(port, port.commits, end, rtu.t35_ps(baud))
+        print(f"{port.line.fmt}: candidate {short:+.3f} bits, commit {long:+.3f} bits after their limits")
+        assert abs(short) <= ACCURACY and abs(long) <= ACCURACY, port.line.fmt
+        port.clear()
+
+
+async def use(port: Port, baud: int, form: str) -> None:
+    """Other switches, as after a reset."""
+    port.dut.sw_baud.value = switch_word(baud_switches(baud, form)) & 0x1F
+    port.line.set_format(Format.named(baud, form))
+    await port.bench.strobe(port.dut.rst)
+    await port.silence()
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def frame_goes_to_the_memory_and_its_reply_comes_back(dut, form):
+    rng = seeded("frames")
+    port = await Port(dut, 115_200, form).start()
+    port.written.delay = port.memory.delay = lambda: rng.randint(0, 9)
+    for length in (4, 8, 29, 32, 33):
+        port.clear()
+        frame = rtu.build(OWN, rng.randbytes(length - 3))
+        await port.frame(frame)
+        assert port.outcome() == (1, 1, 0) and port.candidates.values == [(length,)]
+        bank = 32 * int(dut.frame_bank.value)
+        stored = bytes(port.written.memory[bank + i] for i in range(min(length, 32)))
+        assert stored == frame[:32]
+        contents = rng.randbytes(rng.randint(2, 24))
+        assert await port.reply(contents) == rtu.with_crc(contents)
+        await port.silence()
+    assert port.counted() == {}
+    port.line.check_direction()
+
+
+@cocotb.test()
+async def long_frames_to_the_last_byte(dut):
+    rng = seeded("frames")
+    port = await Port(dut, 115_200, "8N1").start()
+    for length in (255, 256, 257):
+        port.clear()
+        await port.frame(rtu.build(OWN, rng.randbytes(length - 3)))
+        if length <= 256:
+            assert port.outcome() == (1, 1, 0) and port.counted() == {}
+        else:
+            assert port.outcome() == (0, 0, 0) and port.counted() == {"overrun": 1}
+
+
+# ---------------------------------------------------------------- silences between and inside frames
+
+
+@cocotb.test()
+@cocotb.parametrize(baud=(19_200, 38_400))
+async def strict_silence_after_a_good_frame(dut, baud):
+    port = await Port(dut, baud).start()
+    t15, t35 = port.bits(1.5), port.bits(3.5)
+    for gap, outcome, what in (
+        (port.bits(1.4), (0, 0, 0), "1.4 characters: one frame, too long to be good"),
+        (t15 - 0.3, (0, 0, 0), "just below 1.5"),
+        (t15 + 0.3, (1, 0, 1), "just above 1.5"),
+        (port.bits(1.6), (1, 0, 1), "1.6: revoked, and what follows is dropped"),
+        (port.bits(3.4), (1, 0, 1), "3.4: likewise"),
+        (t35 - 0.3, (1, 0, 1), "just below 3.5"),
+        (t35 + 0.3, (2, 2, 0), "just above 3.5: two frames"),
+        (port.bits(3.6), (2, 2, 0), "3.6: two frames"),
+    ):
+        port.clear()
+        await port.frame(GOOD + GOOD, Flaws(gaps={len(GOOD): gap}))
+        assert port.outcome() == outcome, f"{what}: {port.outcome()}"
+        port.clear()
+        await port.frame(GOOD)
+        assert port.outcome() == (1, 1, 0), f"the next frame after {what}"
+
+
+@cocotb.test()
+async def strict_all_up_to_the_next_silence_of_t35_is_dropped_after_a_revoke(dut):
+    port = await Port(dut).start()
+    parts = [GOOD, b"\x55", GOOD, GOOD]
+    starts = accumulate(len(part) for part in parts[:-1])
+    await port.frame(b"".join(parts), Flaws(gaps=dict.fromkeys(starts, port.bits(1.7))))
+    assert port.outcome() == (1, 0, 1)
+
+
+@cocotb.test()
+async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut):
+    """Each bit of its counts and levels, between t1.5 and t3.5 (SAFE-4).
+
+    A commit counts on a quiet line only (commit_gate).
+    """
+    port = await Port(dut, 115_200).start()
+    commits = Strobes(dut, "commit", "quiet")
+    timer = dut.port_i.silence_i
+    flipped = 0
+    for name in ("ticks", "halves", "odd", "long_reached", "long_silent"):
+        register = getattr(timer, name)
+        for bit in range(len(register)):
+            await port.send(GOOD)
+            await port.line.source.idle(port.bits(2.2))
+            for strobes in (port.candidates, commits):
+                strobes.clear()
+            register.value = int(register.value) ^ 1 << bit
+            await port.line.source.idle(port.bits(1.2))
+            await port.send(b"\x55")
+            assert (1,) not in commits.values, f"{name} bit {bit}"
+            await port.silence()
+            await port.frame(GOOD)
+            assert commits.values[-1:] == [(1,)] and len(port.candidates) == 1, "the next one is taken"
+            flipped += 1
+    assert flipped == 15
+
+
+@cocotb.test()
+async def strict_a_bit_that_flips_in_the_uart_hides_no_start_bit(dut):
+    """Of the character that revokes, a FFh of the fastest sender, at each tick up to the vote (SAFE-4)."""
+    port = await Port(dut, 115_200).start()
+    uart = dut.port_i.uart_i
+    for register, mask in ((uart.driving, 1), (uart.phase, 8)):
+        for tick in range(8):
+            await port.send(GOOD)
+            await port.line.source.idle(port.bits(2.5))
+            port.clear()
+            sent = cocotb.start_soon(port.send(b"\xff", Flaws(ppm=40_000)))
+            while uart.state.value != START or uart.phase.value.to_unsigned() != tick:
+                await port.bench.clocks()
+            register.value = int(register.value) ^ mask
+            await sent
+            await port.silence()
+            assert port.outcome() == (0, 0, 1), f"{register._name}, tick {tick}"
+            await port.silence()
+
+
+@cocotb.test()
+async def strict_cut_off_frame_and_a_good_one_behind_it(dut):
+    port = await Port(dut).start()
+    for gap, outcome, counted in (
+        (1.4, (0, 0, 0), {"crc": 1}),
+        (1.6, (1, 1, 0), {"t15": 1}),
+        (3.4, (1, 1, 0), {"t15": 1}),
+        (3.6, (1, 1, 0), {"crc": 1}),
+    ):
+        port.clear()
+        await port.frame(GOOD[:5] + GOOD, Flaws(gaps={5: port.bits(gap)}))
+        assert port.outcome() == outcome and port.counted() == counted, f"{gap} characters"
+
+
+@cocotb.test()
+async def strict_gaps_inside_a_frame(dut):
+    port = await Port(dut).start()
+    await port.frame(GOOD, Flaws(gaps=dict.fromkeys(range(1, len(GOOD)), port.bits(1.4))))
+    assert port.outcome() == (1, 1, 0)
+    for place in (1, 4, len(GOOD) - 1):
+        port.clear()
+        await port.frame(GOOD, Flaws(gaps={place: port.bits(1.6)}))
+        assert port.outcome() == (0, 0, 0), f"1.6 characters before byte {place}"
+
+
+@cocotb.test()
+async def lenient_silence_after_a_good_frame(dut):
+    port = await Port(dut).start()
+    whole = rtu.with_crc(GOOD + b"\x11\x22")
+    for gap, outcome in ((1.4, (1, 1, 0)), (1.6, (2, 1, 1)), (3.4, (2, 1, 1))):
+        port.clear()
+        await port.frame(whole, Flaws(gaps={len(GOOD): port.bits(gap)}))
+        assert port.outcome() == outcome, f"{gap} characters: {port.outcome()}"
+        assert port.candidates.values[-1] == (len(whole),)
+    port.clear()
+    await port.frame(GOOD + GOOD, Flaws(gaps={len(GOOD): port.bits(3.6)}))
+    assert port.outcome() == (2, 2, 0)
+
+
+@cocotb.test()
+async def lenient_gaps_inside_a_frame(dut):
+    port = await Port(dut).start()
+    for gap in (1.4, 1.6, 3.4):
+        port.clear()
+        await port.frame(GOOD, Flaws(gaps=dict.fromkeys(range(1, len(GOOD)), port.bits(gap))))
+        assert port.outcome()[:2] == (1, 1), f"{gap} characters"
+    port.clear()
+    await port.frame(GOOD, Flaws(gaps={4: port.bits(3.6)}))
+    assert port.outcome() == (0, 0, 0)
+
+
+# ---------------------------------------------------------------- bad characters, noise
+
+
+@cocotb.test()
+async def errors_of_a_character_reject_the_frame_under_their_own_name(dut):
+    port = await Port(dut).start()
+    for place in (0, 3, len(GOOD) - 1):
+        for name, flaws in (
+            ("parity", Flaws(bad_parity=(place,))),
+            ("framing", Flaws(bad_stop=(place,), gaps={place + 1: 1.0})),
+        ):
+            port.clear()
+            await port.frame(GOOD, flaws)
+            assert port.outcome() == (0, 0, 0) and port.counted() == {name: 1}, f"{name} in byte {place}"
+    port.clear()
+    await port.line.source.send_break(30)
+    await port.silence()
+    assert port.outcome() == (0, 0, 0) and port.counted() == {"framing": 1}, "break"
+    port.clear()
+    await port.frame(GOOD)
+    assert port.outcome() == (1, 1, 0)
+
+
+@cocotb.test()
+async def glitches_in_the_silence_neither_revoke_nor_start_anything(dut):
+    port = await Port(dut).start()
+    end = await port.send(GOOD)
+    await port.silence(2)
+    await port.line.source.low_pulse(0.24 * port.line.fmt.bit_ps)
+    await port.silence(2)
+    assert port.outcome() == (1, 1, 0)
+    # The silence is as much longer as the glitch lasted, no more.
+    late = late_bits(port, port.commits, end, rtu.t35_ps(19_200))
+    assert -ACCURACY <= late <= ACCURACY + 0.24
+
+
+@cocotb.test()
+async def line_low_at_power_up_is_no_frame(dut):
+    port = Port(dut)
+    port.line.source.hold(0)
+    await port.bench.start()
+    await port.silence(4)
+    assert len(Strobes(dut, "start_seen")) == 0
+    port.line.source.hold(1)
+    await port.silence(4)
+    assert port.outcome() == (0, 0, 0)
+    await port.frame(GOOD)
+    assert port.outcome() == (1, 1, 0)
+
+
+@cocotb.test()
+async def foreign_frames_and_broadcasts(dut):
+    port = await Port(dut).start()
+    await port.frame(FOREIGN)
+    assert port.outcome() == (0, 0, 0) and port.counted() == {}
+    await port.frame(rtu.build(0, rtu.write_register(2, 7)))
+    assert port.outcome() == (1, 1, 0) and dut.frame_broadcast.value == 1
+
+
+# ---------------------------------------------------------------- replies
+
+
+@cocotb.test()
+async def own_reply_is_not_heard_as_a_request(dut):
+    """The echo of a reply that would be a good frame to this very card."""
+    port = await Port(dut, echo=True).start()
+    await port.frame(GOOD)
+    port.clear()
+    assert await port.reply(GOOD[:-2]) == GOOD
+    await port.silence(4)
+    assert port.outcome() == (0, 0, 0) and port.counted() == {}
+    await port.frame(GOOD)
+    assert port.outcome() == (1, 1, 0)
+    port.line.check_direction()
+
+
+@cocotb.test()
+async def port_is_quiet_only_after_t35_without_anybody_sending(dut):
+    port = await Port(dut).start()
+    assert dut.quiet.value == 1
+    sending = cocotb.start_soon(port.send(GOOD))
+    await port.line.source.idle(1)
+    quiet_clocks = Strobes(dut, "quiet")
+    end = await sending
+    assert len(quiet_clocks) == 0, "not for a single clock between two bytes"
+    while dut.quiet.value == 0:
+        await port.bench.clocks()
+    late = (now_ps() - end - rtu.t35_ps(19_200)) / port.line.fmt.bit_ps
+    assert abs(late) <= ACCURACY
+    await port.reply(b"\x07\x83\x40")
+    assert dut.quiet.value == 0, "its own reply is traffic too"
+    await port.silence(4)
+    assert dut.quiet.value == 1
+    begin = now_ps()
+    sending = cocotb.start_soon(port.send(b"\x55"))
+    while dut.quiet.value == 1:
+        await port.bench.clocks()
+    assert (now_ps() - begin) < ACCURACY * port.line.fmt.bit_ps, "over with the first start edge"
+    await sending
+
+
+@cocotb.test()
+async def bytes_that_arrive_while_the_port_sends_are_not_heard(dut):
+    port = await Port(dut).start()
+    replying = cocotb.start_soon(port.reply(bytes(20)))
+    await port.bench.clocks(200)
+    await port.send(GOOD)
+    await replying
+    await port.silence(4)
+    assert port.outcome() == (0, 0, 0) and port.counted() == {}
+
+
+COMMON = [
+    "both_silences_are_exact_from_the_pin_at_every_rate",
+    "frame_goes_to_the_memory_and_its_reply_comes_back",
+    "long_frames_to_the_last_byte",
+    "strict_.*",
+    "errors_of_a_character_reject_the_frame_under_their_own_name",
+    "glitches_in_the_silence_neither_revoke_nor_start_anything",
+    "line_low_at_power_up_is_no_frame",
+    "foreign_frames_and_broadcasts",
+    "own_reply_is_not_heard_as_a_request",
+    "port_is_quiet_only_after_t35_without_anybody_sending",
+    "bytes_that_arrive_while_the_port_sends_are_not_heard",
+]
+
+
+@pytest.mark.rule(
+    *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
+    *("FRAME-6", "FRAME-8", "SAFE-2"),
+)
+def test_network_port(sim):
+    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=COMMON)
+
+
+@pytest.mark.rule("FRAME-3")
+def test_network_port_lenient(sim):
+    parameters = {"STRICT_T15": 0}
+    run(
+        "network_line",
+        "tb.rtl.test_network_port",
+        sim=sim,
+        extra_sources=[WRAPPER],
+        parameters=parameters,
+        testcase="lenient_.*",
+    )

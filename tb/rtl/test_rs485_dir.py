@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""rs485_dir: the driver is on a quarter bit before the first start bit and off with the last stop bit."""
+
+from __future__ import annotations
+
+import cocotb
+import pytest
+
+from tb.lib.bench import Bench
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+
+LEAD = 4  # ticks
+
+
+class Direction:
+    def __init__(self, dut):
+        self.dut = dut
+        self.bench = Bench(dut, tick16=0, request=0, tx_busy=0)
+
+    async def start(self) -> Direction:
+        await self.bench.start()
+        return self
+
+    async def clock(self, tick: int = 0) -> tuple[int, int]:
+        """One clock; (de, ready) after it."""
+        self.dut.tick16.value = tick
+        await self.bench.clocks()
+        return int(self.dut.de.value), int(self.dut.ready.value)
+
+    async def ticks(self, count: int, clocks_each: int = 5) -> list[tuple[int, int]]:
+        """(de, ready) after each of some ticks."""
+        after = []
+        for _ in range(count):
+            for _ in range(clocks_each - 1):
+                await self.clock()
+            after.append(await self.clock(tick=1))
+        return after
+
+
+@cocotb.test()
+async def without_a_request_the_driver_stays_off(dut):
+    line = await Direction(dut).start()
+    assert set(await line.ticks(40)) == {(0, 0)}
+
+
+@cocotb.test()
+@cocotb.parametrize(clocks_each=(1, 5, 12))
+async def ready_comes_four_ticks_after_the_driver_is_on(dut, clocks_each):
+    line = await Direction(dut).start()
+    dut.request.value = 1
+    assert await line.clock() == (1, 0)
+    assert await line.ticks(LEAD + 20, clocks_each) == [(1, 0)] * (LEAD - 1) + [(1, 1)] * 21
+
+
+@cocotb.test()
+async def the_driver_goes_off_when_the_request_is_gone_and_the_sender_idle(dut):
+    line = await Direction(dut).start()
+    for request_first in (True, False):
+        dut.request.value = 1
+        await line.ticks(LEAD)
+        dut.tx_busy.value = 1
+        await line.ticks(20)
+        (dut.request if request_first else dut.tx_busy).value = 0
+        assert set(await line.ticks(30)) == {(1, 1)}
+        (dut.tx_busy if request_first else dut.request).value = 0
+        # In the very next clock: whatever comes later is lost time for the other side.
+        assert (await line.clock())[0] == 0
+        assert set(await line.ticks(20)) == {(0, 0)}
+
+
+@cocotb.test()
+async def each_turn_has_its_own_lead(dut):
+    line = await Direction(dut).start()
+    for _ in range(5):
+        dut.request.value = 1
+        await line.clock()
+        assert await line.ticks(LEAD) == [(1, 0)] * (LEAD - 1) + [(1, 1)]
+        dut.request.value = 0
+        await line.clock()
+        await line.clock()
+
+
+@cocotb.test()
+async def reset_switches_the_driver_off_at_once(dut):
+    line = await Direction(dut).start()
+    dut.request.value = dut.tx_busy.value = 1
+    await line.ticks(LEAD + 3)
+    dut.rst.value = 1
+    assert await line.clock() == (0, 0)
+    assert set(await line.ticks(10)) == {(0, 0)}
+    dut.request.value = dut.tx_busy.value = dut.rst.value = 0
+    assert set(await line.ticks(10)) == {(0, 0)}
+
+
+@cocotb.test()
+async def the_driver_is_never_off_while_wanted_and_never_on_without_a_reason(dut):
+    rng = seeded("requests")
+    line = await Direction(dut).start()
+    de = request = busy = ticks = 0
+    for _ in range(3000):
+        request = rng.randint(0, 1) if rng.random() < 0.1 else request
+        busy = rng.randint(0, 1) if rng.random() < 0.1 else busy
+        tick = rng.randint(0, 1)
+        dut.request.value, dut.tx_busy.value = request, busy
+        ticks = ticks + tick if de else 0
+        expected = int(request or (de and busy))
+        de, ready = await line.clock(tick)
+        assert de == expected
+        assert ready == (ticks >= LEAD)
+
+
+@pytest.mark.rule("LINE-6", "FC-10", "SAFE-2")
+def test_rs485_dir(sim):
+    run("rs485_dir", "tb.rtl.test_rs485_dir", sim=sim)

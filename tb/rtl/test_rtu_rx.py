@@ -1,0 +1,443 @@
+# SPDX-License-Identifier: Apache-2.0
+"""rtu_rx: frames judged by silence, CRC and address; candidate, commit, revoke; what is counted.
+
+Bytes and silences are given as strobes here, one event every few clocks. The same with real
+characters and gaps: test_network_port.py. The CRC unit is the real one.
+"""
+
+from pathlib import Path
+
+import cocotb
+import pytest
+
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+from tb.model import rtu
+from tb.model.crc16 import with_crc
+
+HERE = Path(__file__).parent
+OWN = 0x11
+COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
+
+
+class Receiver:
+    """rtu_rx and its CRC unit, the frame memory played by a dictionary."""
+
+    def __init__(self, dut):
+        self.dut = dut
+        self.bench = Bench(
+            dut,
+            bit_valid=0,
+            bit_data=0,
+            start_seen=0,
+            byte_valid=0,
+            byte_data=0,
+            byte_parity_error=0,
+            byte_framing_error=0,
+            short_reached=0,
+            long_reached=0,
+            write_ready=1,
+            deaf=0,
+            own_address=OWN,
+        )
+        self.candidates = Strobes(dut, "candidate", "frame_length", "frame_broadcast")
+        self.commits = Strobes(dut, "commit")
+        self.revokes = Strobes(dut, "revoke")
+        self.counts = {name: Strobes(dut, f"count_{name}") for name in COUNTERS}
+        self.memory = [0xEE] * 64
+
+    async def start(self) -> "Receiver":
+        await self.bench.start()
+        await self.silence()
+        self.clear()
+        return self
+
+    def clear(self) -> None:
+        for strobes in (self.candidates, self.commits, self.revokes, *self.counts.values()):
+            strobes.clear()
+
+    async def byte(self, value: int, parity: int = 0, framing: int = 0, wait_clocks: int = 0) -> None:
+        """One received byte; the frame memory takes it `wait_clocks` later."""
+        dut = self.dut
+        dut.byte_data.value = value
+        dut.byte_parity_error.value, dut.byte_framing_error.value = parity, framing
+        dut.write_ready.value = wait_clocks == 0
+        await self.bench.line_bits(value)
+        await self.bench.strobe(dut.byte_valid)
+        for _ in range(wait_clocks):
+            await self.bench.clocks()
+        dut.write_ready.value = 1
+        if dut.write_valid.value == 1:
+            self.memory[dut.write_addr.value.to_unsigned()] = value
+        await self.bench.clocks(2)
+
+    async def bytes(self, data: bytes) -> None:
+        for value in data:
+            await self.byte(value)
+
+    async def short(self) -> None:
+        """1.5 characters have passed."""
+        await self.bench.strobe(self.dut.short_reached)
+        await self.bench.clocks(2)
+
+    async def long(self) -> None:
+        """3.5 characters have passed."""
+        await self.bench.strobe(self.dut.long_reached)
+        await self.bench.clocks(2)
+
+    async def silence(self) -> None:
+        await self.short()
+        await self.long()
+
+    async def frame(self, data: bytes) -> None:
+        await self.bytes(data)
+        await self.silence()
+
+    def stored(self, length: int) -> bytes:
+        """What lies in the bank of the newest candidate."""
+        base = 32 * int(self.dut.frame_bank.value)
+        return bytes(self.memory[base : base + length])
+
+    def counted(self) -> dict[str, int]:
+        return {name: len(strobes) for name, strobes in self.counts.items() if len(strobes)}
+
+    def outcome(self) -> tuple[int, int, int]:
+        return len(self.candidates), len(self.commits), len(self.revokes)
+
+
+GOOD = rtu.build(OWN, rtu.read_coils(0, 16))
+OTHER = rtu.build(OWN, rtu.write_register(2, 7))
+
+
+@cocotb.test()
+async def good_frame_is_candidate_at_t15_and_commits_at_t35(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD)
+    assert rx.outcome() == (0, 0, 0)
+    await rx.short()
+    assert rx.outcome() == (1, 0, 0)
+    assert rx.candidates.values == [(len(GOOD), 0)]
+    assert rx.stored(len(GOOD)) == GOOD
+    await rx.long()
+    assert rx.outcome() == (1, 1, 0)
+    assert rx.counted() == {}
+
+
+@cocotb.test()
+async def bytes_before_the_first_silence_after_reset_are_no_frame(dut):
+    rx = Receiver(dut)
+    await rx.bench.start()
+    await rx.frame(GOOD)
+    assert rx.outcome() == (0, 0, 0)
+    await rx.frame(GOOD)
+    assert rx.outcome() == (1, 1, 0)
+
+
+@cocotb.test()
+async def foreign_address_is_ignored_and_broadcast_is_marked(dut):
+    rx = await Receiver(dut).start()
+    for address in (OWN ^ 1, 255, 248, 1):
+        await rx.frame(rtu.build(address, rtu.write_register(2, 7)))
+    assert rx.outcome() == (0, 0, 0) and rx.counted() == {}
+    await rx.frame(rtu.build(0, rtu.write_register(2, 7)))
+    assert rx.outcome() == (1, 1, 0)
+    assert rx.candidates.values == [(8, 1)]
+
+
+@cocotb.test()
+async def only_functions_05_and_15_write_coils(dut):
+    """Told with the candidate and kept until the next one, whoever else is heard meanwhile (SAFE-1)."""
+    rng = seeded("rest of the frame")
+    rx = await Receiver(dut).start()
+    for address in (OWN, 0):
+        for function in range(256):
+            await rx.frame(with_crc(bytes([address, function]) + rng.randbytes(4)))
+            told = int(dut.frame_writes_coils.value)
+            assert told == (function in (5, 15)), f"function {function}"
+            await rx.frame(with_crc(bytes([OWN ^ 1, 20 - function % 21]) + rng.randbytes(4)))
+            await rx.bytes(bytes([OWN, 15 if not told else 3]))
+            assert int(dut.frame_writes_coils.value) == told, f"function {function}, later"
+            await rx.silence()
+    assert rx.outcome() == (512, 512, 0)
+
+
+@cocotb.test()
+async def frames_of_every_length_show_their_length_and_first_32_bytes(dut):
+    rng = seeded("frames")
+    rx = await Receiver(dut).start()
+    for length in (4, 5, 8, 29, 31, 32, 33, 64, 255, 256):
+        rx.clear()
+        frame = rtu.build(OWN, rng.randbytes(length - 3))
+        await rx.frame(frame)
+        assert rx.candidates.values == [(length % 256, 0)], f"{length} bytes"
+        assert rx.outcome() == (1, 1, 0)
+        assert rx.stored(min(length, 32)) == frame[:32], f"{length} bytes"
+
+
+@cocotb.test()
+async def longer_than_256_bytes_is_an_overrun(dut):
+    rng = seeded("frames")
+    rx = await Receiver(dut).start()
+    for length in (257, 258, 512, 600):
+        rx.clear()
+        await rx.frame(rtu.build(OWN, rng.randbytes(length - 3)))
+        assert rx.outcome() == (0, 0, 0) and rx.counted() == {"overrun": 1}, f"{length} bytes"
+    rx.clear()
+    await rx.frame(GOOD)
+    assert rx.outcome() == (1, 1, 0)
+
+
+@cocotb.test()
+async def too_short_to_be_a_frame(dut):
+    rx = await Receiver(dut).start()
+    await rx.frame(bytes([OWN]))
+    await rx.frame(rtu.with_crc(b"\x11")[:3])
+    assert rx.outcome() == (0, 0, 0)
+
+
+@cocotb.test()
+async def each_fault_is_counted_once_under_its_own_name(dut):
+    rx = await Receiver(dut).start()
+    spoilt = bytearray(GOOD)
+    spoilt[3] ^= 0x40
+    await rx.frame(bytes(spoilt))
+    assert rx.outcome() == (0, 0, 0) and rx.counted() == {"crc": 1}
+    for fault, flags in (("parity", (1, 0)), ("framing", (0, 1))):
+        for place in (0, 3, len(GOOD) - 1):
+            rx.clear()
+            for i, value in enumerate(GOOD):
+                await rx.byte(value, *(flags if i == place else (0, 0)))
+            await rx.silence()
+            assert rx.outcome() == (0, 0, 0) and rx.counted() == {fault: 1}, f"{fault} in byte {place}"
+    rx.clear()
+    await rx.frame(GOOD)
+    assert rx.outcome() == (1, 1, 0), "the next good frame"
+
+
+@cocotb.test()
+async def slow_frame_memory_loses_nothing(dut):
+    rx = await Receiver(dut).start()
+    for i, value in enumerate(GOOD):
+        await rx.byte(value, wait_clocks=i % 4)
+    await rx.silence()
+    assert rx.outcome() == (1, 1, 0) and rx.stored(len(GOOD)) == GOOD
+
+
+@cocotb.test()
+async def deaf_port_hears_nothing_and_waits_for_silence_afterwards(dut):
+    rx = await Receiver(dut).start()
+    dut.deaf.value = 1
+    await rx.frame(GOOD)
+    await rx.bytes(GOOD[:3])
+    dut.deaf.value = 0
+    await rx.bytes(GOOD)
+    await rx.silence()
+    assert rx.outcome() == (0, 0, 0)
+    await rx.frame(GOOD)
+    assert rx.outcome() == (1, 1, 0)
+
+
+@cocotb.test()
+async def newest_candidate_is_never_overwritten_by_the_next_frame_coming_in(dut):
+    rx = await Receiver(dut).start()
+    await rx.frame(GOOD)
+    await rx.bytes(OTHER)
+    assert rx.stored(len(GOOD)) == GOOD
+    await rx.short()
+    assert rx.stored(len(OTHER)) == OTHER
+    await rx.long()
+    await rx.bytes(bytes(32))
+    assert rx.stored(len(OTHER)) == OTHER
+
+
+# ---------------------------------------------------------------- STRICT_T15 = 1
+
+
+@cocotb.test()
+async def strict_character_after_a_good_frame_revokes_it_and_all_up_to_t35_is_dropped(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD)
+    await rx.short()
+    await rx.byte(OWN)
+    assert rx.outcome() == (1, 0, 1)
+    await rx.bytes(OTHER[1:])
+    await rx.short()
+    await rx.bytes(OTHER)
+    await rx.silence()
+    assert rx.outcome() == (1, 0, 1), "nothing is a frame before the silence of 3.5 characters"
+    await rx.frame(OTHER)
+    assert rx.outcome() == (2, 1, 1) and rx.stored(len(OTHER)) == OTHER
+
+
+@cocotb.test()
+@cocotb.parametrize(seen=["start_seen", "byte_valid"])
+async def strict_a_character_revokes_whichever_end_of_it_was_lost(dut, seen):
+    """So no bit that flips in the UART while it comes in commits the frame (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD)
+    await rx.short()
+    await rx.bench.strobe(getattr(dut, seen))
+    await rx.bench.clocks(2)
+    assert rx.outcome() == (1, 0, 1)
+    await rx.silence()
+    assert rx.outcome() == (1, 0, 1), "nothing is committed"
+
+
+@cocotb.test()
+async def whatever_state_a_flip_puts_it_into_it_comes_back(dut):
+    """Into those, too, that it does not have (SAFE-3, SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for state in range(8):
+        dut.rx_i.state.value = state
+        await rx.silence()
+        await rx.bytes(GOOD)
+        await rx.silence()
+        rx.clear()
+        await rx.bytes(GOOD)
+        await rx.silence()
+        assert rx.outcome() == (1, 1, 0), f"state {state}"
+
+
+@cocotb.test()
+async def strict_no_flip_of_the_state_takes_a_revoked_frame_again(dut):
+    """Behind a 00 its CRC is good, too (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for bit in range(3):
+        rx.clear()
+        await rx.bytes(GOOD)
+        await rx.short()
+        await rx.byte(0)
+        assert rx.outcome() == (1, 0, 1)
+        dut.rx_i.state.value = int(dut.rx_i.state.value) ^ 1 << bit
+        await rx.silence()
+        await rx.silence()
+        assert rx.outcome() == (1, 0, 1), f"bit {bit}"
+
+
+@cocotb.test()
+async def strict_cut_off_frame_is_forgotten_at_t15_and_the_next_byte_is_an_address(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD[:5])
+    await rx.short()
+    await rx.bytes(OTHER)
+    await rx.silence()
+    assert rx.outcome() == (1, 1, 0) and rx.counted() == {"t15": 1}
+    assert rx.stored(len(OTHER)) == OTHER
+    rx.clear()
+    await rx.frame(GOOD[:5])
+    await rx.frame(OTHER)
+    assert rx.outcome() == (1, 1, 0) and rx.counted() == {"crc": 1}
+
+
+@cocotb.test()
+async def strict_gap_inside_a_frame_splits_it(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD[:4])
+    await rx.short()
+    await rx.bytes(GOOD[4:])
+    await rx.silence()
+    assert rx.outcome() == (0, 0, 0) and rx.counted()["t15"] == 1
+
+
+@cocotb.test()
+async def strict_foreign_frame_with_a_byte_behind_it_is_dropped_too(dut):
+    """A frame that goes on after t1.5 is in error for whomever it was, also when the rest looks good."""
+    rx = await Receiver(dut).start()
+    await rx.bytes(rtu.build(OWN ^ 1, rtu.read_coils(0, 16)))
+    await rx.short()
+    await rx.bytes(GOOD)
+    await rx.silence()
+    assert rx.outcome()[:2] == (0, 0)
+    await rx.frame(GOOD)
+    assert rx.outcome()[:2] == (1, 1)
+
+
+# ---------------------------------------------------------------- STRICT_T15 = 0
+
+
+@cocotb.test()
+async def lenient_gap_below_t35_inside_a_frame_is_no_gap(dut):
+    rx = await Receiver(dut).start()
+    for value in GOOD:
+        await rx.byte(value)
+        await rx.short()
+    await rx.long()
+    assert rx.outcome() == (1, 1, 0) and rx.counted() == {}
+    assert rx.stored(len(GOOD)) == GOOD
+
+
+@cocotb.test()
+async def lenient_revoked_candidate_goes_on_growing(dut):
+    """A frame whose beginning happens to be a good frame of its own."""
+    rx = await Receiver(dut).start()
+    whole = rtu.with_crc(GOOD + b"\x42\x43")
+    await rx.bytes(GOOD)
+    await rx.short()
+    assert rx.outcome() == (1, 0, 0)
+    await rx.bytes(whole[len(GOOD) :])
+    assert rx.outcome() == (1, 0, 1)
+    await rx.silence()
+    assert rx.outcome() == (2, 1, 1)
+    assert rx.candidates.values[1] == (len(whole), 0) and rx.stored(len(whole)) == whole
+
+
+@cocotb.test()
+async def lenient_cut_off_frame_is_one_bad_frame_at_t35(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD[:5])
+    await rx.short()
+    await rx.bytes(OTHER)
+    await rx.silence()
+    assert rx.outcome() == (0, 0, 0) and rx.counted() == {"crc": 1}
+    await rx.frame(OTHER)
+    assert rx.outcome() == (1, 1, 0)
+
+
+# ---------------------------------------------------------------- PREPARE_EARLY = 0
+
+
+@cocotb.test()
+async def late_candidate_and_commit_come_together_at_t35(dut):
+    rx = await Receiver(dut).start()
+    await rx.bytes(GOOD)
+    await rx.short()
+    assert rx.outcome() == (0, 0, 0)
+    await rx.long()
+    assert rx.outcome() == (1, 1, 0) and rx.candidates.times_ps == rx.commits.times_ps
+    assert rx.stored(len(GOOD)) == GOOD
+    await rx.bytes(OTHER)
+    await rx.short()
+    await rx.byte(0)
+    await rx.long()
+    assert rx.outcome()[:2] == (1, 1)
+
+
+# Those without a setting in their name hold with each.
+COMMON = r"(?!strict_|lenient_|late_)\w+"
+
+
+def run_receiver(sim: str, testcase: list[str], **parameters: int) -> None:
+    run(
+        "rtu_rx_crc",
+        "tb.rtl.test_rtu_rx",
+        sim=sim,
+        extra_sources=[HERE / "hdl/rtu_rx_crc.v"],
+        parameters=parameters,
+        testcase=testcase,
+    )
+
+
+@pytest.mark.rule("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "SAFE-1")
+def test_rtu_rx(sim):
+    run_receiver(sim, [COMMON, "strict_.*"])
+
+
+@pytest.mark.rule("FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6")
+def test_rtu_rx_lenient(sim):
+    run_receiver(sim, [COMMON, "lenient_.*"], STRICT_T15=0)
+
+
+@pytest.mark.rule("FRAME-6")
+def test_rtu_rx_late(sim):
+    run_receiver(sim, ["late_.*"], PREPARE_EARLY=0)

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""silence_timer: two limits counted in half characters, stopped by activity, cleared by a character.
+
+The limits as seen from the pin are measured in test_network_port.py and test_drive_port.py.
+"""
+
+import cocotb
+import pytest
+
+from regs.generated.card_tables import RATES, SILENCE_START
+from tb.lib.bench import Bench, Strobes
+from tb.lib.runner import run
+
+HALF = 14
+SHORT, LONG = 3 * HALF, 7 * HALF
+# From the vote on the stop bit to the line's end of character as the port sees it; see the module.
+ONE_STOP_TICKS = 2
+TWO_STOP_TICKS = ONE_STOP_TICKS + 16
+
+
+def half_end(ticks: int) -> int:
+    return SILENCE_START + ticks - 1
+
+
+class Timer:
+    """The timer with tick16 held high: a clock is a tick."""
+
+    def __init__(self, dut, two_stop: int = 0, **levels: int):
+        inputs = {
+            "tick16": 1,
+            "restart": 0,
+            "sending": 0,
+            "busy": 0,
+            "half_end": half_end(HALF),
+            "half_uneven": 0,
+        }
+        self.dut = dut
+        self.bench = Bench(dut, two_stop=two_stop, **{**inputs, **levels})
+        self.short = Strobes(dut, "short_reached")
+        self.long = Strobes(dut, "long_reached")
+
+    async def start(self) -> "Timer":
+        await self.bench.start()
+        await self.restart()
+        return self
+
+    async def restart(self) -> None:
+        """A character has just been received."""
+        self.dut.restart.value = 1
+        await self.bench.clocks()
+        self.dut.restart.value = 0
+        self.begun_ps = self.bench.last_edge_ps()
+        self.short.clear()
+        self.long.clear()
+
+    def ticks(self, strobes: Strobes) -> list[int]:
+        """When the strobes came, in ticks since the restart."""
+        return [round((t - self.begun_ps) / self.bench.period_ps) for t in strobes.times_ps]
+
+
+@cocotb.test()
+@cocotb.parametrize(two_stop=(0, 1))
+async def both_limits_are_reached_once_and_exactly(dut, two_stop):
+    timer = await Timer(dut, two_stop).start()
+    rest = TWO_STOP_TICKS if two_stop else ONE_STOP_TICKS
+    await timer.bench.clocks(3 * LONG)
+    assert timer.ticks(timer.short) == [SHORT + rest]
+    assert timer.ticks(timer.long) == [LONG + rest]
+
+
+@cocotb.test()
+async def silence_is_a_level_until_the_next_character(dut):
+    timer = await Timer(dut).start()
+    await timer.bench.clocks(LONG)
+    assert dut.long_silent.value == 0
+    await timer.bench.clocks(LONG)
+    assert dut.long_silent.value == 1
+    await timer.restart()
+    assert dut.long_silent.value == 0
+
+
+@cocotb.test()
+async def activity_stops_the_count_for_as_long_as_it_lasts(dut):
+    timer = await Timer(dut).start()
+    await timer.bench.clocks(10)
+    dut.busy.value = 1
+    await timer.bench.clocks(25)
+    dut.busy.value = 0
+    await timer.bench.clocks(2 * LONG)
+    assert timer.ticks(timer.short) == [SHORT + ONE_STOP_TICKS + 25]
+    assert timer.ticks(timer.long) == [LONG + ONE_STOP_TICKS + 25]
+
+
+@cocotb.test()
+async def character_just_before_a_limit_starts_the_count_again(dut):
+    timer = await Timer(dut).start()
+    await timer.bench.clocks(SHORT)
+    await timer.restart()
+    await timer.bench.clocks(SHORT)
+    assert len(timer.short) == 0
+    await timer.bench.clocks(5)
+    assert timer.ticks(timer.short) == [SHORT + ONE_STOP_TICKS]
+
+
+@cocotb.test()
+async def held_restart_reaches_nothing(dut):
+    timer = await Timer(dut).start()
+    dut.restart.value = 1
+    await timer.bench.clocks(3 * LONG)
+    assert len(timer.short) == 0 and len(timer.long) == 0 and dut.long_silent.value == 0
+
+
+@cocotb.test()
+@cocotb.parametrize(two_stop=(0, 1))
+async def after_the_card_s_own_sending_the_silence_counts_from_its_very_end(dut, two_stop):
+    """DE falls with the last stop bit, so nothing of a character is left, whatever the format."""
+    timer = await Timer(dut, two_stop).start()
+    dut.sending.value = 1
+    await timer.bench.clocks(2 * LONG)
+    assert len(timer.long) == 0 and dut.long_silent.value == 0
+    dut.sending.value = 0
+    timer.begun_ps = timer.bench.last_edge_ps()
+    await timer.bench.clocks(2 * LONG)
+    assert timer.ticks(timer.short) == [SHORT] and timer.ticks(timer.long) == [LONG]
+
+
+@cocotb.test()
+@cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
+async def limits_of_every_rate_are_those_of_its_table(dut, baud):
+    """1.5 and 3.5 characters, above 19200 bit/s 750 and 1750 us, to two ticks."""
+    rate = next(rate for rate in RATES.values() if rate.baud == baud)
+    levels = {"half_end": half_end(rate.half_ticks), "half_uneven": rate.half_uneven}
+    timer = await Timer(dut, 1, **levels).start()
+    await timer.bench.clocks(rate.t35_ticks + 100)
+    for strobes, limit in ((timer.short, rate.t15_ticks), (timer.long, rate.t35_ticks)):
+        (ticks,) = timer.ticks(strobes)
+        assert abs(ticks - TWO_STOP_TICKS - limit) <= 2
+
+
+@cocotb.test()
+async def guarded_a_flipped_bit_begins_the_count_anew(dut):
+    """Each bit, early and late in a count, and once it is over (SAFE-4)."""
+    timer = await Timer(dut).start()
+    for name in ("ticks", "halves", "odd"):
+        register = getattr(dut, name)
+        for bit in range(len(register)):
+            for after in (1, SHORT + 5, LONG - 1, LONG + 30):
+                await timer.restart()
+                await timer.bench.clocks(after)
+                timer.long.clear()
+                register.value = int(register.value) ^ 1 << bit
+                await timer.bench.clocks()
+                timer.begun_ps = timer.bench.last_edge_ps()
+                await timer.bench.clocks(2 * LONG)
+                assert timer.ticks(timer.long) == [LONG + ONE_STOP_TICKS], f"{name} bit {bit} after {after}"
+                assert dut.long_silent.value == 1
+
+
+@pytest.mark.rule("FRAME-1", "FC-8", "SAFE-4")
+@pytest.mark.parametrize("guarded", [0, 1])
+def test_silence_timer(sim, guarded):
+    testcase = None if guarded else r"(?!guarded_)\w+"
+    run(
+        "silence_timer",
+        "tb.rtl.test_silence_timer",
+        sim=sim,
+        parameters={"GUARDED": guarded},
+        testcase=testcase,
+    )

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagrams of docs/diagrams are what the runs give, and say what an edge that moves does to them."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from rtl.sources import ROOT
+from tb.lib.fast_card import FastCard
+from tools import chromium, diagrams
+from tools.diagrams import BIT, DIAGRAMS, DRAWINGS, difference, svg
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_checked_in_diagram_is_what_the_run_gives(name):
+    wrong = difference((DIAGRAMS / f"{name}.svg").read_text(), svg(DRAWINGS[name]()))
+    assert wrong is None, f"docs/diagrams/{name}.svg: {wrong}; run `make diagrams`"
+
+
+@pytest.mark.parametrize(
+    ("found", "instead", "wrong"),
+    [
+        ("t1.5: 16.49 bits", "t1.5: 16.53 bits", False),
+        ("t1.5: 16.49 bits", "t1.5: 16.59 bits", True),
+        ("t1.5: 16.49 bits", "t1.5: 16.49 ms", True),
+        (">CA<", ">CB<", True),
+        (">candidate<", "><", True),
+    ],
+)
+def test_what_differs_is_said(found, instead, wrong):
+    picture = (DIAGRAMS / "commit.svg").read_text()
+    assert found in picture
+    assert (difference(picture, picture.replace(found, instead)) is not None) == wrong
+
+
+def test_the_same_run_gives_the_same_picture():
+    assert svg(diagrams.commit()) == svg(diagrams.commit())
+
+
+# All pictures, each in every font: where a text leaves the picture or its block, lies on another one or on a
+# group's bracket, or is wider than the white that keeps an arrow's line away from it.
+LOOK = """
+const wrong = [];
+const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+for (const [name, text] of Object.entries(PICTURES)) for (const font of FONTS) {
+  const host = document.createElement("div");
+  document.body.append(host);
+  const shadow = host.attachShadow({mode: "open"});
+  shadow.innerHTML = text + (font && `<style>text{font-family:${font} !important}</style>`);
+  const say = (what, text) => wrong.push(`${name}, ${font || "as it is"}: '${text.trim()}' ${what}`);
+  const box = (element) => element.getBoundingClientRect();
+  const picture = box(shadow.querySelector("svg"));
+  const words = [...shadow.querySelectorAll("text")].filter((element) => element.textContent.trim());
+  const seen = words.map(box);
+  const lines = [...shadow.querySelectorAll("path[id^=group_]")].map(box);
+  words.forEach((element, i) => {
+    const said = element.textContent, at = seen[i];
+    if (!(at.width > 2 && at.left > picture.left + 2 && at.right < picture.right - 2
+          && at.top > picture.top && at.bottom < picture.bottom)) say("leaves the picture", said);
+    if (lines.some((line) => meet(at, line))) say("lies on a bracket", said);
+    for (let j = 0; j < i; j++)
+      if (meet(at, seen[j])) say(`lies on '${words[j].textContent.trim()}'`, said);
+    const white = element.previousElementSibling;
+    if (white && white.tagName == "rect" && box(white).width < at.width + 4)
+      say("is struck by its arrow", said);
+    const fills = [...element.parentNode.querySelectorAll("use[href^='#vvv'], use[*|href^='#vvv']")];
+    if (!/^wavelane_draw/.test(element.parentNode.id)) return;
+    const inside = fills.map(box).filter((f) => f.right > at.left + 0.5 && f.left < at.right - 0.5);
+    const room = inside.reduce((sum, f) => sum + f.width, 0);
+    const left = Math.min(...inside.map((f) => f.left)), right = Math.max(...inside.map((f) => f.right));
+    if (!(left <= at.left + 0.5 && at.right - 0.5 <= right && Math.abs(room - (right - left)) < 1))
+      say("leaves its block", said);
+  });
+  host.remove();
+}
+return wrong;
+"""
+FONTS = ("", "DejaVu Sans", "monospace", "serif", "Nimbus Sans")
+
+
+def misplaced(pictures: dict[str, str], folder, fonts=FONTS) -> list[str]:
+    page = f"<!doctype html><meta charset=utf-8><body><script>const PICTURES = {json.dumps(pictures)}, "
+    page += f"FONTS = {json.dumps(fonts)};</script>"
+    return chromium.look(page, LOOK, folder, width=1600).found
+
+
+def test_every_text_is_in_its_place_in_a_browser_whatever_its_font(tmp_path):
+    assert misplaced({name: (DIAGRAMS / f"{name}.svg").read_text() for name in DRAWINGS}, tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "instead", "wrong"),
+    [
+        (
+            "start-motor",
+            ' textLength="[0-9.]+"',
+            "",
+            "'01 0F 00 00 00 20 04 7C 04 99 19 37 43' leaves its block",
+        ),
+        ("start-motor", ' textLength="[0-9.]+"', "", "'turnaround 24.82 ms' is struck by its arrow"),
+        ("commit", 'x="[0-9.]+"([^>]*>The reply is ready)', r'x="700"\1', "leaves the picture"),
+        ("commit", 'text-anchor="end"', "", "lies on"),
+        ("commit", 'x="-10"', 'x="-60"', "'reply queued' lies on a bracket"),
+    ],
+)
+def test_a_text_out_of_its_place_is_seen(name, found, instead, wrong, tmp_path):
+    picture, times = re.subn(found, instead, (DIAGRAMS / f"{name}.svg").read_text())
+    assert times
+    assert any(wrong in one for one in misplaced({name: picture}, tmp_path, ("DejaVu Sans",)))
+
+
+def test_every_diagram_stands_in_the_page_and_no_other_file_is_there():
+    shown = re.findall(r"\(diagrams/([\w-]+)\.svg\)", (ROOT / "docs/guide/timing.md").read_text())
+    assert shown == list(DRAWINGS)
+    assert sorted(path.stem for path in DIAGRAMS.iterdir()) == sorted(DRAWINGS)
+
+
+@pytest.mark.rule("FRAME-6")
+@pytest.mark.parametrize("figure", ["candidate after the request", "commit after the request"])
+def test_a_strobe_two_bits_late_is_another_picture_and_another_figure(figure, monkeypatch):
+    """The figures come from the recording: what is late in it is late in the picture."""
+    right = diagrams.commit()
+    recorded = FastCard.recorded_so_far
+
+    def late(card):
+        return {
+            pin: [(at + 2 * BIT * (pin == figure.split()[0]), level) for at, level in edges]
+            for pin, edges in recorded(card).items()
+        }
+
+    monkeypatch.setattr(FastCard, "recorded_so_far", late)
+    wrong = diagrams.commit()
+    assert difference(svg(right), svg(wrong)) is not None
+    changed = float(wrong.figures[figure].split()[0]) - float(right.figures[figure].split()[0])
+    assert changed == pytest.approx(2, abs=0.02)
+
+
+def test_an_unknown_name_is_one_line_and_exit_2():
+    command = [sys.executable, "-m", "tools.diagrams", "comit"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stdout == "" and run.stderr.count("\n") == 1 and "'comit'" in run.stderr

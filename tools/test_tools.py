@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands around the project: what they print, and that what goes wrong is said in one line."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from rtl.sources import configurations, macros_file
+from tb.lib.runner import ROOT
+
+TOP = "rtu2fc"
+TIMEOUT_S = 300  # for one command
+# What the set-up needs of the system itself, not counting what it looks for.
+BASE_COMMANDS = [
+    "awk",
+    "bash",
+    "cat",
+    "cut",
+    "dirname",
+    "env",
+    "flock",
+    "grep",
+    "id",
+    "ln",
+    "make",
+    "mkdir",
+    "python3",
+    "rm",
+    "sed",
+    "sha256sum",
+    "tail",
+]
+
+
+def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
+    """Runs without a make around it: its flags and variables would be handed down."""
+    handed_down = re.compile(r"MAKE|MFLAGS|(CONFIG|SIM|TEST|JOBS|V|WAVES)$")
+    clean = {name: value for name, value in os.environ.items() if not handed_down.match(name)}
+    done = subprocess.Popen(
+        words,
+        cwd=cwd,
+        env=clean | (env or {}),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        stdout, stderr = done.communicate(timeout=TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        # Make's children too: they would run on without it.
+        os.killpg(done.pid, signal.SIGKILL)
+        raise
+    return subprocess.CompletedProcess(words, done.returncode, stdout, stderr)
+
+
+@pytest.fixture
+def sources(config) -> list[str]:
+    done = command("make", "-s", "sources", *([] if config == "standard" else [f"CONFIG={config}"]))
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def one_line(text: str) -> str:
+    """The message itself; make adds a line that names the target."""
+    lines = [line for line in text.splitlines() if not line.startswith("make:")]
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+def test_make_alone_lists_every_target():
+    done = command("make")
+    assert done.returncode == 0
+    listed = re.findall(r"^make ([a-z-]+) +\S", done.stdout, re.MULTILINE)
+    phony = re.findall(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(" ".join(phony).split())
+    assert {"demo", "test", "run", "card", "firmware", "sources", "lint", "waves"} <= set(listed)
+
+
+def test_unknown_target():
+    done = command("make", "nosuch")
+    assert done.returncode == 2
+    assert "No rule to make target 'nosuch'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_waves_wants_a_name():
+    done = command("make", "waves")
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "say which test: make waves TEST=name"
+
+
+@pytest.mark.rule("TOP-2")
+def test_unknown_configuration():
+    done = command("make", "-s", "sources", "CONFIG=nosuch")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert one_line(done.stderr) == "no configuration 'nosuch' in configs.toml; there are: standard, tiny"
+
+
+@pytest.mark.rule("TOP-1", "TOP-2")
+def test_sources_are_the_whole_card(sources, config):
+    """One existing file a line: all of rtl/, the configuration's macros alone, its soft core's package."""
+    assert all(Path(line).is_file() for line in sources)
+    others = {macros_file(name) for name in configurations() if name != config}
+    assert {line for line in sources if line.startswith(f"{ROOT}/rtl/")} == {
+        str(path) for path in (ROOT / "rtl").rglob("*.v") if path not in others
+    }
+    core = [line for line in sources if "pythondata_cpu_" in line]
+    assert all(f"/pythondata_cpu_{configurations()[config]['soft_core']}/" in line for line in core)
+    assert len(core) == {"standard": 1, "tiny": 16}[config]
+
+
+@pytest.mark.rule("TOP-2")
+def test_the_list_of_files_sets_what_the_configuration_says(sources, config, tmp_path):
+    """The parameters of the elaborated top, nothing given on the command line."""
+    done = command("iverilog", "-g2005", "-s", TOP, "-o", "card", *sources, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    code = (tmp_path / "card").read_text()
+    top = code[code.index(f'"{TOP}"') :].split("S_0x", 1)[0]
+    found = dict(re.findall(r'\.param/l "(\w+)".*?(?:C4|\+C4)<(\w+)>', top))
+    entry = configurations()[config]
+    wanted = {
+        "CLK_HZ": entry["clk_hz"],
+        "SOFT_CORE": entry["soft_core_id"],
+        "MEMORY_BYTES": entry["memory_bytes"],
+    }
+    assert {name: int(found[name], 2) for name in wanted} == wanted
+
+
+@pytest.mark.rule("TOP-1", "TOP-2")
+@pytest.mark.parametrize(
+    "elaborate",
+    [
+        pytest.param(["iverilog", "-g2005", "-t", "null", "-s", TOP], id="icarus-2005"),
+        pytest.param(["iverilog", "-g2012", "-t", "null", "-s", TOP], id="icarus-2012"),
+        pytest.param(["verilator", "--lint-only", "--top-module", TOP], id="verilator"),
+    ],
+)
+def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
+    """No include folder, no option, any folder; without a warning."""
+    done = command(*elaborate, *sources, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "arning" not in done.stderr
+
+
+@pytest.fixture
+def poor_machine(tmp_path) -> Path:
+    """A folder for PATH with the system's commands and the compilers, but no iverilog and no apt-get."""
+    needs = re.findall(r'^  "command +(\S+)', (ROOT / "tools/setup.sh").read_text(), re.MULTILINE)
+    for name in {*BASE_COMMANDS, "perl", *needs} - {"iverilog"}:
+        (tmp_path / name).symlink_to(
+            shutil.which(name, path="/usr/local/bin:/usr/bin:/bin:" + os.environ["PATH"])
+        )
+    return tmp_path
+
+
+def test_missing_tool_is_named(poor_machine):
+    done = command("make", "lint", env={"PATH": str(poor_machine)})
+    assert done.returncode == 2
+    assert one_line(done.stderr) == (
+        "setup: missing: iverilog; there is no apt-get here, install them by hand"
+    )
+
+
+def test_missing_tool_without_root(poor_machine):
+    """With apt-get but neither root nor sudo: the command to type."""
+    for name, script in {"apt-get": "exit 1", "id": "echo 1000"}.items():
+        (poor_machine / name).unlink(missing_ok=True)
+        (poor_machine / name).write_text(f"#!/bin/sh\n{script}\n")
+        (poor_machine / name).chmod(0o755)
+    done = command("tools/setup.sh", env={"PATH": str(poor_machine)})
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "setup: missing: iverilog; as root: apt-get install iverilog"
+
+
+def test_second_setup_does_nothing():
+    assert command("make", "setup").returncode == 0
+    done = command("make", "setup")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_an_empty_test_run_fails():
+    """A name that selects no test is no success (pytest's exit code 5)."""
+    done = command("make", "waves", "TEST=no_such_test_at_all")
+    assert done.returncode != 0
+    assert "deselected" in done.stdout
+    assert one_line(done.stderr) == "waves: no test of that name runs on icarus: no_such_test_at_all"
+
+
+def test_the_readme_s_figures_are_those_that_make_bench_wrote():
+    def last_cells(file: str, rows: tuple[str, ...], column: int) -> list[str]:
+        lines = (ROOT / file).read_text().splitlines()
+        return [
+            next(line for line in lines if line.startswith(f"| {row}")).split("|")[column].strip()
+            for row in rows
+        ]
+
+    readme = (
+        "a local reply",
+        "the drive's telegram",
+        "the reply, after the drive",
+        "transactions with the drive",
+    )
+    results = (
+        "local request",
+        "telegram's first bit",
+        "reply's first bit after the drive",
+        "full transactions",
+    )
+    assert last_cells("README.md", readme, 3) == last_cells("docs/reports/results.md", results, 3)
