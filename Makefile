@@ -1,22 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-# All of the project's commands; `make` alone lists them. Whatever is missing is installed first.
+# Every command of the project. `make` lists the daily ones, `make help-all` lists all. Each command installs the
+# tools that it needs and that are missing (tools/setup.sh).
 #
-#   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak)   default: standard
-#   SIM=name      icarus or verilator (test, waves)              default: both; waves: icarus
-#   TEST=name     what `pytest -k` takes (test, waves)           default: all
-#   MODULE=name   a module of rtl/ (formal, mutate)              default: all
-#   JOBS=n        processes of a test run                        default: 2
-#   BOARD=name    board of constraints/boards.toml (synth, image) default: all
-#   FIRMWARE=file image for $readmemh (image)
-#   CARD_ARGS=... more options of build/card (run), such as --profile vlt5000 --dialect builtin
-#   SEED=n        repeats a run (soak, fuzz, fuzz-firmware, flips, core-flips) default: a new one
-#   COUNT=n       network frames (fuzz, fuzz-plants), flips (flips, core-flips) default: 2000, 20000, 500, 6000
-#   RUNS=n        executions of all fuzzers (fuzz-firmware)      default: a million
-#   SHARD=I/N     a part of the work (mutate-firmware)           default: all
-#   BENCH_ARGS=... more options of campaigns/bench/run.py (bench, bench-fast), such as --seed 7
-#   FILE=name     a recording (wireshark)
-#   CHECK=1       fails for a page with other figures instead of writing them (coverage-firmware)
-#   V=1           show the commands
+# Lines `##@` name the groups of the lists. `## text` after a target describes it; `## * text` puts it into the list
+# of `make`. Durations are for two idle cores and warm tools.
 
 CONFIG ?= standard
 SIM ?=
@@ -32,161 +19,202 @@ MAKEFLAGS += --no-builtin-rules --no-print-directory $(if $(V),,--silent)
 BUILD := build
 VENV := .venv
 PY := $(VENV)/bin/python
-# The order-only prerequisite of everything that needs a tool.
-SETUP := setup
+RUN := $(PY) -m
+# The order-only prerequisite of everything that the virtual card needs.
+SETUP := setup-demo
 
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONDONTWRITEBYTECODE := 1
 export OBJCACHE := ccache
 export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
+# The random tests of pytest: the same seed in each run, unless SEED= gives another.
+export COCOTB_RANDOM_SEED := $(SEED)
+ifeq ($(SEED),)
+unexport COCOTB_RANDOM_SEED
+endif
 
 MODBUS_LINK := $(BUILD)/modbus
-PYTEST := $(PY) -m pytest $(if $(TEST),-k '$(TEST)')
+PYTEST := $(RUN) pytest -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD)) \
+	$(if $(TEST),-k '$(TEST)')
+SEEDED = $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
 
-.PHONY: help
-help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
+# ---------------------------------------------------------------- help
+.PHONY: help help-all
+help:
+	@$(call list,0)
+	@echo; echo "make help-all lists every command and every variable."
 
+help-all: ## every command and every variable
+	@$(call list,1)
+	@sed -n 's/^#: //p' Makefile
+
+list = awk -v all=$(1) -F ':.*\#\# ' '\
+	/^\#\#@ / { group = substr($$0, 5) } \
+	/^[a-z-]+:.*\#\# / { text = $$2; daily = sub(/^\* /, "", text); if (!all && !daily) next; \
+	  if (group != "") { printf "\n%s\n", group; group = "" } printf "  make %-18s %s\n", $$1, text }' Makefile
+
+#:
+#: Variables
+#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak); default: standard
+#:   TEST=name     part of the tests, as pytest -k takes it (test, test-all, test-gates, waves)
+#:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
+#:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
+#:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips, core-flips); RUNS=n: executions (fuzz-firmware)
+#:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
+#:   FILE=name     a recording (wireshark); FIRMWARE=file: an image (image); SHARD=I/N: a part (mutate-firmware)
+#:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
+#:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
+#:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
+#:   V=1           show the commands
+
+##@ Use the card
 .PHONY: demo run card firmware
-demo: card ## the manual's examples by real Modbus masters, with verdicts
-	@$(PY) -m sim.card.demo
+demo: card ## * the manual's examples, asked by real Modbus masters (10 s)
+	@$(RUN) sim.card.demo
 
-run: card ## the virtual card with its simulated drive, on a terminal as a panel
-	@exec $(PY) -m sim.card.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
+run: card ## * the virtual card with a simulated drive: a panel in the terminal
+	@exec $(RUN) sim.card.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
-card: ## build/card, the virtual card (build/card --help); with CONFIG=tiny build/tiny/card
-firmware: $(BUILD)/firmware.hex ## the images: standard, tiny and one a dialect
+card: ## * build/card, the virtual card as a program (1 min; build/card --help)
 
-.PHONY: soak
-soak: card drive ## long mixed traffic over the virtual card, against the models (SEED=)
-	@$(PY) -m campaigns.soak.run $(if $(SEED),--seed $(SEED))
+firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a dialect
 
-.PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
-fuzz: firmware drive | $(SETUP) ## a shard of random lines and drives against the models (SEED=, COUNT=), or one case (REPLAY=, WAVE=)
-	@$(PY) -m campaigns.fuzz.run $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
-	  $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
+.PHONY: waves wireshark
+waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name
+	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
+	@$(RUN) tools.names waves '$(TEST)' --sim=$(or $(SIM),icarus)
+	@WAVES=1 $(RUN) pytest -q --all --sim=$(or $(SIM),icarus) -k '$(TEST)'
 
-fuzz-plants: firmware drive | $(SETUP) ## how many frames each planted bug lives
-	@$(PY) -m campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
+wireshark: | setup-views ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
+	@$(RUN) sim.view.wireshark $(FILE)
 
-flips: firmware drive | $(SETUP) ## a shard of single flipped bits under traffic (SEED=, COUNT=, BAUD=), or one flip (TRIAL=)
-	@$(PY) -m campaigns.flips.run $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) \
-	  $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
+##@ Test
+.PHONY: test test-all test-gates lint format trace report
+test: | setup-test ## * every rule once, every module on both simulators (6 min; TEST=name: a part)
+	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
+	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
+	@$(PYTEST) $(if $(TEST),--all)
 
-core-flips: firmware | $(SETUP) ## flipped registers of the core alone, while it makes a telegram (SEED=, COUNT=)
-	@$(PY) -m campaigns.flips.core $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+test-all: | setup-all ## * every test: both cards, both simulators, boards, pages
+	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(TEST)' $(if $(SIM),--sim=$(SIM))
+	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
+	@$(PYTEST) --all
 
-flips-report: | $(SETUP) ## all shards of flips in build/fuzz as one table
-	@$(PY) -m campaigns.flips.run --report
+test-gates: firmware | setup-synth ## the manual's examples on the card's netlists, some 4 minutes each (TEST=)
+	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')
 
-fuzz-report: | $(SETUP) ## all shards' results in build/fuzz as one
-	@$(PY) -m campaigns.fuzz.report
+lint: | setup-lint ## * every static check (1 min)
+	@$(RUN) tools.lint
 
-.PHONY: test test-slow test-tiny test-gates lint format
-test: firmware card drive bench-card $(BUILD)/host/libtranslate.so | $(SETUP) ## all tests on both simulators, but for the slow ones (SIM=, TEST=)
-	@$(PYTEST) -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM))
+format: | setup-lint ## * lay out Verilog and Python; mark the pages of an older card
+	@$(RUN) tools.lint --format
 
-test-slow: firmware drive | $(SETUP) ## what `make test` leaves out: long tests on Icarus, covers of the proofs, builds of boards (TEST=)
-	@$(PYTEST) -n $(JOBS) --dist=worksteal --slow
+trace: | setup-test ## * which test shows which rule, and its last result (15 s)
+	@$(RUN) tools.trace
 
-test-tiny: firmware | $(SETUP) ## the tests of the whole card as tiny, all on both simulators (SIM=, TEST=)
-	@$(PYTEST) -n $(JOBS) --dist=worksteal --card=tiny $(if $(SIM),--sim=$(SIM))
+report: | setup-test ## * tests, rules, figures and pictures in one page: build/report.html (20 s)
+	@$(RUN) tools.report
 
-test-gates: firmware | $(SETUP) ## the manual's examples on the card's netlists, some 4 minutes each (TEST=)
-	@$(PY) -m pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')
-
-lint: | $(SETUP) ## every static check
-	@$(PY) -m tools.lint
-
-format: | $(SETUP) ## lay out Verilog and Python as lint wants them
-	@$(PY) -m tools.lint --format
-
-.PHONY: trace
-trace: | $(SETUP) ## which test shows which rule, and its last result
-	@$(PY) -m tools.trace
-
-.PHONY: line-quality
-line-quality: firmware drive | $(SETUP) ## how bad a line the card bears, at all rates and formats (SEED=, JOBS=)
-	@$(PY) -m campaigns.line_quality.run $(if $(SEED),--seed $(SEED)) --jobs $(JOBS)
-
-.PHONY: bench bench-fast
-bench: bench-card bench-tiny card drive | $(SETUP) ## turnaround on the pins against the wire's floor; writes docs/reports/results.md
-	@$(PY) -m campaigns.bench.run $(BENCH_ARGS)
-
-bench-fast: bench-card drive | $(SETUP) ## the part of it that make test runs too, in under a minute
-	@$(PY) -m campaigns.bench.run --fast $(BENCH_ARGS)
-
+##@ Prove
 .PHONY: formal mutate
-formal: | $(SETUP) ## prove what formal/ promises, and write docs/reports/proofs.md (MODULE=)
-	@$(PY) -m formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
+formal: | setup-test ## * prove the promises of formal/ (3 min; MODULE=name: one module)
+	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
-mutate: firmware | $(SETUP) ## break modules and see whether proofs and benches notice (MODULE=, default all: hours)
-	@$(PY) -m campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
+mutate: firmware | setup-test ## change modules on purpose; proofs and benches must notice (hours; MODULE=)
+	@$(RUN) campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
 
-.PHONY: synth image
-synth: firmware | $(SETUP) ## bitstreams, and what they take of their parts; all boards also write docs/reports/synthesis.md (BOARD=)
-	@$(PY) -m constraints.synth $(BOARD)
+##@ Measure
+.PHONY: bench bench-fast line-quality soak coverage-rtl figures
+bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (35 min)
+	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
-image: firmware | $(SETUP) ## another firmware into a board's finished design (BOARD=, FIRMWARE=)
+bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
+	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
+
+figures: firmware | setup-test ## * which measured page is of an older card, and what renews it
+	@$(RUN) tools.figures
+	@$(RUN) pytest -q --figures
+
+line-quality: firmware drive | setup-test ## the limits of rate error, edges and glitches, at all rates and formats
+	@$(RUN) campaigns.line_quality.run $(SEEDED) --jobs $(JOBS)
+
+soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models
+	@$(RUN) campaigns.soak.run $(SEEDED)
+
+coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that the benches run
+	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
+
+##@ Attack
+.PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
+fuzz: firmware drive | setup-test ## * random lines and drives against the models (COUNT=frames; REPLAY=case)
+	@$(RUN) campaigns.fuzz.run $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
+
+fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
+	@$(RUN) campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
+
+fuzz-report: | setup-test ## all shards of fuzz in build/fuzz as one
+	@$(RUN) campaigns.fuzz.report
+
+flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=, BAUD=; TRIAL=one flip)
+	@$(RUN) campaigns.flips.run $(SEEDED) $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
+
+flips-report: | setup-test ## all shards of flips in build/fuzz as one table
+	@$(RUN) campaigns.flips.run --report
+
+core-flips: firmware | setup-test ## flipped registers of the core alone, while it makes a telegram
+	@$(RUN) campaigns.flips.core $(SEEDED)
+
+##@ Firmware
+.PHONY: coverage-firmware fuzz-firmware mutate-firmware
+coverage-firmware: firmware | setup-firmware ## branches of the firmware that its host tests take (CHECK=1)
+	@$(RUN) sw.test.coverage $(if $(CHECK),--check,--write)
+
+fuzz-firmware: | setup-firmware ## fuzz the firmware against its oracles (RUNS=)
+	@$(RUN) sw.test.fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
+
+mutate-firmware: firmware | setup-firmware ## mutants of the translation core that its tests catch (SHARD=I/N)
+	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
+
+##@ Build for hardware
+.PHONY: synth image pins sources
+synth: firmware | setup-synth ## * bitstreams and resource use (BOARD=name: one board; all boards write the report)
+	@$(RUN) constraints.synth $(BOARD)
+
+image: firmware | setup-synth ## another firmware into a finished bitstream (BOARD=, FIRMWARE=)
 	@[ -n "$(BOARD)" ] && [ -n "$(FIRMWARE)" ] || \
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
-	@$(PY) -m constraints.image "$(BOARD)" "$(FIRMWARE)"
+	@$(RUN) constraints.image "$(BOARD)" "$(FIRMWARE)"
 
-.PHONY: pins
-pins: | $(SETUP) ## the boards' pin tables, docs/reference/pins.md
-	@$(PY) -m constraints.boards
+pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
+	@$(RUN) constraints.boards
 
-.PHONY: diagrams
-diagrams: firmware | $(SETUP) ## timing diagrams from runs of the card, docs/diagrams
-	@$(PY) -m tools.diagrams
+sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFIG=)
+	@$(RUN) rtl.sources $(CONFIG)
 
-.PHONY: coverage-rtl
-coverage-rtl: firmware | $(SETUP) ## lines, branches and toggles of rtl/ that the benches run; each hole explained
-	@$(PY) -m campaigns.coverage.run --jobs $(JOBS)
+##@ Write what is generated
+.PHONY: regs regs-check diagrams symptoms
+regs: | setup-test ## everything derived from regs/
+	@$(RUN) regs.regs
+	@$(RUN) sim.view.fc_tables
 
-.PHONY: coverage-firmware fuzz-firmware mutate-firmware
-coverage-firmware: firmware | $(SETUP) ## branches of the firmware that its host tests take; 100 % of its core (CHECK=1)
-	@$(PY) -m sw.test.coverage $(if $(CHECK),--check,--write)
+regs-check: | setup-test ## fail when something derived from regs/ has drifted
+	@$(RUN) regs.regs --check
+	@$(RUN) sim.view.fc_tables --check
 
-fuzz-firmware: | $(SETUP) ## fuzzes the firmware against its oracles (RUNS=, SEED=, JOBS=)
-	@$(PY) -m sw.test.fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
+diagrams: firmware | setup-test ## timing diagrams from runs of the card, docs/diagrams
+	@$(RUN) tools.diagrams
 
-mutate-firmware: firmware | $(SETUP) ## mutants of the translation core that its tests catch (SHARD=I/N, JOBS=)
-	@$(PY) -m sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
+symptoms: firmware | setup-test ## the recordings of the debugging guide, from runs of the card
+	@$(RUN) tools.symptoms
 
-.PHONY: report symptoms
-report: | $(SETUP) ## tests, rules, figures and pictures in one page, build/report.html
-	@$(PY) -m tools.report
-
-symptoms: firmware | $(SETUP) ## the recordings of docs/guide/debugging.md, from runs of the card
-	@$(PY) -m tools.symptoms
-
-.PHONY: waves
-waves: firmware | $(SETUP) ## waveform, capture and log of a test: make waves TEST=name
-	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
-	@WAVES=1 $(PYTEST) -q --sim=$(or $(SIM),icarus) || { code=$$?; \
-		[ $$code != 5 ] || echo "waves: no test of that name runs on $(or $(SIM),icarus): $(TEST)" >&2; exit $$code; }
-
-.PHONY: wireshark
-wireshark: | $(SETUP) ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
-	@$(PY) -m sim.view.wireshark $(FILE)
-
-.PHONY: regs regs-check
-regs: | $(SETUP) ## everything derived from regs/
-	@$(PY) -m regs.regs
-	@$(PY) -m sim.view.fc_tables
-
-regs-check: | $(SETUP) ## fail when something derived from regs/ has drifted
-	@$(PY) -m regs.regs --check
-	@$(PY) -m sim.view.fc_tables --check
-
-.PHONY: sources
-sources: | $(SETUP) ## every Verilog file of the whole card (CONFIG=)
-	@$(PY) -m rtl.sources $(CONFIG)
-
+##@ Workshop
 .PHONY: setup clean
-setup: ## install what is missing (done by the others too)
-	@tools/setup.sh
+setup: setup-all ## install everything at once (the other commands install what they need)
+
+LAYERS := demo test views pages lint firmware synth all
+.PHONY: $(LAYERS:%=setup-%)
+$(LAYERS:%=setup-%): setup-%:
+	@tools/setup.sh $*
 
 clean: ## remove build/
 	@rm -rf $(BUILD)

@@ -39,6 +39,8 @@ from tb.model import rtu
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
 
+pytestmark = pytest.mark.needs("synth")
+
 # Outputs of a board that are not the card's.
 CONSTANT = {"wifi_gpio0": 1}
 CLK_HZ = 2_000_000

@@ -20,6 +20,8 @@ from sw.tools.seal import adds_up, seal
 from tb.lib.runner import ROOT
 from tools.test_tools import command, one_line
 
+pytestmark = pytest.mark.needs("synth")
+
 BOARDS = boards()
 # A board of each family. The small configuration is routed sooner on the HX8K; the UP5K has the standard one.
 FULL = {
@@ -56,7 +58,7 @@ def sealed_image(entry: Board, seed: int) -> str:
 
 
 # The card's own part always, the other families in `make test-slow`.
-SLOW = [pytest.param(family, marks=pytest.mark.patient) for family in FULL if family != "machxo2"]
+SLOW = [pytest.param(family, marks=pytest.mark.slow) for family in FULL if family != "machxo2"]
 
 
 @pytest.mark.parametrize("family", ["machxo2", *SLOW])

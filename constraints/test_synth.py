@@ -40,6 +40,8 @@ from tb.gates import netlists as gates
 from tb.gates.netlists import netlist
 from tb.lib.runner import ROOT, firmware
 
+pytestmark = pytest.mark.needs("synth")
+
 
 def elaborated(name: str, sources: list[Path], top: str) -> dict:
     """A design as Yosys has it before mapping, as one module."""

@@ -45,7 +45,7 @@ def test_promises_hold(module: str) -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.patient
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
 def test_what_promises_speak_of_can_happen(module: str) -> None:
     done = run(module, "--task", "cover")

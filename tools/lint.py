@@ -15,11 +15,26 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import grimp
+
 from rtl.sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, macros_file, rtl_files
 
 TOP = "rtu2fc"
 FOLDERS = ("campaigns", "constraints", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
-GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards", "constraints.synth")
+# From the top down: a module may import what stands below it or in its own line.
+LAYERS = (
+    ("tools",),
+    ("campaigns",),
+    ("sw.test", "formal"),
+    ("tb.gates",),
+    ("tb.lib",),
+    ("sim.card", "sim.view", "constraints"),
+    ("sim.harness", "sim.drive"),
+    ("tb.model",),
+    ("sw.tools", "regs"),
+    ("rtl",),
+)
+GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards")
 SUFFIXES = {
     ".v",
     ".vh",
@@ -149,6 +164,26 @@ def registers() -> list[str]:
     return [line for check in checks for line in check]
 
 
+def imports() -> list[str]:
+    """Imports go down the list LAYERS only; tests may import anything."""
+    graph = grimp.build_graph(
+        *sorted({name.split(".")[0] for layer in LAYERS for name in layer}), cache_dir=None
+    )
+    for module in set(graph.modules):
+        if module.rpartition(".")[2].startswith("test_"):
+            graph.remove_module(module)
+    layers = [grimp.Layer(*layer, independent=False) for layer in LAYERS]
+    return [
+        f"{wrong.importer} must not import {wrong.imported}: {' -> '.join(next(iter(wrong.routes)).middle)}"
+        for wrong in graph.find_illegal_dependencies_for_layers(layers)
+    ]
+
+
+def notices() -> list[str]:
+    """A page of measured figures says so when the card has changed since."""
+    return tool(sys.executable, "-m", "tools.figures", "--check")
+
+
 def ruff_check() -> list[str]:
     return tool("ruff", "check", "--quiet", "--output-format", "concise", ".")
 
@@ -172,6 +207,8 @@ CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("net types", net_types),
     ("licence lines", licences),
     ("nothing unfinished, skipped or absolute", finished),
+    ("imports go one way", imports),
+    ("pages of an older card say so", notices),
     ("ruff check", ruff_check),
     ("ruff format", ruff_format),
     ("firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops", firmware),
@@ -185,6 +222,7 @@ def main() -> int:
         problems = tool("verible-verilog-format", "--inplace", *hand_written_verilog())
         problems += tool("ruff", "check", "--quiet", "--select", "I", "--fix", ".")
         problems += tool("ruff", "format", "--quiet", ".")
+        problems += tool(sys.executable, "-m", "tools.figures", "--mark")
         print("\n".join(problems), end="\n" if problems else "")
         return 1 if problems else 0
 

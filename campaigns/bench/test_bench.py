@@ -396,6 +396,7 @@ def test_a_new_report_is_of_its_results(tmp_path, monkeypatch) -> None:
     )
 
 
+@pytest.mark.figures
 def test_the_report_is_of_this_card() -> None:
     """Verilog, firmware or bench changed: `make bench` renews docs/reports/results.md and its pictures."""
     assert not fingerprint.difference(bench_report.stated(), fingerprint.tree())

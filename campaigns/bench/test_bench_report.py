@@ -73,7 +73,7 @@ def test_results_and_pictures_are_of_one_run() -> None:
     assert {"card", "firmware", "bench"} <= bench_report.stated().keys()
     others = re.findall(r"pictures/([\w-]+\.svg)", (ROOT / "docs/reports/line-quality.md").read_text())
     pictures = sorted(path for path in (ROOT / "docs/pictures").glob("*.svg") if path.name not in others)
-    shown = re.findall(r"\(pictures/([\w-]+\.svg)\)", bench_report.RESULTS.read_text())
+    shown = re.findall(r"\((?:\.\./)?pictures/([\w-]+\.svg)\)", bench_report.RESULTS.read_text())
     assert sorted(shown) == [path.name for path in pictures]
     assert [path.name for path in pictures if of not in path.read_text()] == []
 

@@ -53,6 +53,7 @@ def root(tmp_path):
     return tmp_path
 
 
+@pytest.mark.figures
 def test_the_page_is_of_this_card():
     assert f"Card `{fingerprint.card()}`" in coverage_rtl.PAGE.read_text(), "run `make coverage-rtl`"
 

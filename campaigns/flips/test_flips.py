@@ -170,8 +170,8 @@ def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
         "between candidate and commit",
         "while the drive answers",
         "after a broadcast",
-        pytest.param("near a telegram's end", marks=pytest.mark.patient),
-        pytest.param("near a broadcast's end", marks=pytest.mark.patient),
+        pytest.param("near a telegram's end", marks=pytest.mark.slow),
+        pytest.param("near a broadcast's end", marks=pytest.mark.slow),
     ],
 )
 def test_no_flip_of_the_gate_or_the_sender_commands_unasked(places, moment):
@@ -209,11 +209,11 @@ ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "net
     ("baud", "revoked_at", "by", "each"),
     [
         (19200, 0.9, 0x00, 3),
-        pytest.param(19200, 0.9, 0x00, 1, marks=pytest.mark.patient),
-        pytest.param(19200, 0.5, 0xFF, 1, marks=pytest.mark.patient),
-        pytest.param(4800, 0.9, 0x55, 1, marks=pytest.mark.patient),
-        pytest.param(9600, 0.5, 0x00, 1, marks=pytest.mark.patient),
-        pytest.param(38400, 0.9, 0x55, 1, marks=pytest.mark.patient),
+        pytest.param(19200, 0.9, 0x00, 1, marks=pytest.mark.slow),
+        pytest.param(19200, 0.5, 0xFF, 1, marks=pytest.mark.slow),
+        pytest.param(4800, 0.9, 0x55, 1, marks=pytest.mark.slow),
+        pytest.param(9600, 0.5, 0x00, 1, marks=pytest.mark.slow),
+        pytest.param(38400, 0.9, 0x55, 1, marks=pytest.mark.slow),
     ],
 )
 def test_no_flip_commits_what_is_revoked(baud, revoked_at, by, each):

@@ -519,6 +519,7 @@ def test_the_judge_follows_either_outcome_where_the_rules_leave_it_open():
 # ---------------------------------------------------------------- the report
 
 
+@pytest.mark.figures
 def test_the_page_is_of_this_card():
     """Fuzz, plants and flips; the judge may have become stricter since."""
     said = " ".join((ROOT / "docs/reports/fuzz.md").read_text().split())

@@ -102,6 +102,7 @@ def test_every_rate_and_format_is_measured():
     assert min(piece.line.bit for piece in pieces) == 64
 
 
+@pytest.mark.figures
 def test_the_page_is_of_this_card():
     said = " ".join(line_quality.PAGE.read_text().split())
     assert f"standard card `{fingerprint.card()}`" in said, "run `make line-quality`"

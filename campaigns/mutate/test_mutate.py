@@ -153,6 +153,7 @@ def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
     assert "equal" not in mutate.DOCUMENT.read_text()
 
 
+@pytest.mark.figures
 @pytest.mark.parametrize("module", mutate.benches())
 def test_document_is_of_this_module(module):
     row = rows().get(module)

@@ -25,6 +25,8 @@ from sim.view.wireshark import SCRIPT, environment
 from tb.model import rtu
 from tb.model.crc16 import with_crc
 
+pytestmark = pytest.mark.needs("views")
+
 BIT_S = 1 / 9600
 DAMAGED = bytes.fromhex("01 01 00 00 00 10 3D C7")
 PLAYED = ("ex1-start-40", "ex4-write-104", "ex5-read-514", "ex6b-text-533", "refused-17", "bad-address")

@@ -13,8 +13,13 @@
 
 local folder = debug.getinfo(1, "S").source:match("^@(.*[/\\])") or ""
 -- The tables lie beside this file in a plugin folder, in regs/generated in the project.
-local beside = loadfile(folder .. "fc_tables.lua") or assert(loadfile(folder .. "../../regs/generated/fc_tables.lua"))
-local tables = beside()
+local function there(path)
+  local file = io.open(path)
+  if file then file:close() end
+  return file ~= nil
+end
+local beside = folder .. "fc_tables.lua"
+local tables = dofile(there(beside) and beside or folder .. "../../regs/generated/fc_tables.lua")
 local bits = bit or bit32 -- Wireshark's Lua is 5.2 or 5.4
 local unpack_table = table.unpack or unpack
 

@@ -29,6 +29,8 @@ from tb.lib.uart_agent import Format
 from tb.model import fc_telegram, rtu
 from tb.model.crc16 import with_crc
 
+pytestmark = pytest.mark.needs("views")
+
 BAUD = 9600
 PS_PER_S = 1_000_000_000_000
 CHARACTER_PS = rtu.character_ps(BAUD)
@@ -410,7 +412,7 @@ def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
         assert done.returncode == 0, done.stderr
     shown = check_views(wave, save_file(wave, top))
     if top != "rtu2fc":
-        source = next((ROOT / "rtl").rglob(f"{top}.v")).read_text()
+        source = next(path for path in rtl_files() if path.stem == top).read_text()
         ports = re.findall(r"^ +(?:input|output)\b.*?(\w+),?$", source, re.MULTILINE)
         assert ports
         assert {re.sub(r"\[.*", "", name) for name in shown} >= {f"{top}.{port}" for port in ports}

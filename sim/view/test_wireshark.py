@@ -26,6 +26,8 @@ from tb.lib.uart_agent import Format
 from tb.model import fc_telegram, rtu
 from tb.model.crc16 import with_crc
 
+pytestmark = pytest.mark.needs("views")
+
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
 VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity())[0].parameters}
 BITS = {

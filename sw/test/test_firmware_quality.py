@@ -23,6 +23,8 @@ from sw.test.host import DIALECTS, DOCUMENT, ROOT
 from sw.tools.stack import deepest
 from tb.model.firmware import build
 
+pytestmark = pytest.mark.needs("firmware")
+
 FUZZERS = [(dialect, target) for dialect in DIALECTS for target in firmware_fuzz.TARGETS]
 RUNS = {"translate": 60_000, "gateway": 8_000}
 

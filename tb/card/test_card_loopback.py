@@ -123,7 +123,6 @@ def check_verdict(card: FastCard, shows: str) -> None:
         assert verdict.colour == shows and abs(lasted - expected) <= ACCURACY * VERDICT_MS
 
 
-@pytest.mark.long
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=1) as card:
@@ -135,7 +134,6 @@ def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works(config):
         assert flashing == {"green", "off"}
 
 
-@pytest.mark.long
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_failure_is_red_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=0) as card:
@@ -143,7 +141,6 @@ def test_failure_is_red_for_twelve_seconds_and_then_the_card_works(config):
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
-@pytest.mark.long
 @pytest.mark.rule("LOOP-1", "LINE-7", "LED-5")
 def test_the_test_needs_no_address_but_what_follows_does(config):
     with FastCard(SWITCHES, config=config, wired=1, address=0) as card:
@@ -179,7 +176,6 @@ def test_fault_of_the_wiring_is_red(config, fault: str):
 FLIPS = {"first data": (3, (0,)), "last data": (11, (7,)), "parity stays right": (8, (2, 5))}
 
 
-@pytest.mark.long
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.parametrize("flips", FLIPS)
 @pytest.mark.parametrize("sender", ["drive", "modbus"])

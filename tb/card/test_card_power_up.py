@@ -336,7 +336,6 @@ def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_c
             assert card.led("modbus") == "green"
 
 
-@pytest.mark.long
 @pytest.mark.rule("LED-3", "MAP-5")
 def test_network_time_out_is_ten_seconds_by_default_and_never_with_40002_at_0(config):
     with FastCard(config=config, baud=BAUD, form="8N2") as card:
@@ -422,14 +421,12 @@ def test_image_damaged_in_the_file(sim, config, bits):
     run_card(sim, config, "image_damaged_in_the_file_ends_in_the_fault", FIRMWARE_HEX=str(file))
 
 
-@pytest.mark.long
-@pytest.mark.patient
+@pytest.mark.slow
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_image_damaged_while_running(sim, config):
     run_card(sim, config, "image_damaged_while_running_ends_in_the_fault_within_a_second")
 
 
-@pytest.mark.long
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_image_damaged_anywhere(config):
     """On Verilator alone: some of these programs hang for three bites, which takes Icarus minutes."""

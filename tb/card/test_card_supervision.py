@@ -331,7 +331,6 @@ def test_fault_by_the_watchdog(sim, config):
     run_card(sim, config, "third_bite_without_an_exchange_is_the_fault", slow=slowly(sim, config))
 
 
-@pytest.mark.long
 @pytest.mark.rule("LED-5", "WDG-1")
 def test_many_bites(config):
     """On Verilator alone: dozens of starts, which take Icarus minutes."""

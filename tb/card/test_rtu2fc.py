@@ -532,7 +532,7 @@ def run_card(
     )
 
 
-@pytest.mark.patient
+@pytest.mark.slow
 @pytest.mark.rule(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )
@@ -541,8 +541,7 @@ def test_examples(sim, config):
     run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
 
 
-@pytest.mark.long
-@pytest.mark.patient
+@pytest.mark.slow
 @pytest.mark.rule(
     *("FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
     *("LINE-3", "LINE-6", "LINE-7", "LINE-8", "SAFE-2"),
@@ -551,8 +550,7 @@ def test_network(sim, config):
     run_card(sim, config, NETWORK)
 
 
-@pytest.mark.long
-@pytest.mark.patient
+@pytest.mark.slow
 @pytest.mark.rule("FC-6", "FC-7", "FC-8", "FC-9", "FC-10", "MAP-3")
 def test_drive(sim, config):
     run_card(sim, config, DRIVE)
@@ -583,7 +581,6 @@ def test_own_clock(config):
     run_card("verilator", config, QUICK, own_hz(config))
 
 
-@pytest.mark.long
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
 def test_manual_at_own_clock(config):
     run_card("verilator", config, ["manual_at_9600_and_all_turnarounds"], own_hz(config))

@@ -214,7 +214,6 @@ def test_second_exchange(sim: str, config: str):
     run_card(sim, config, "builtin", testcase)
 
 
-@pytest.mark.long
 @pytest.mark.rule("FC-9")
 @spoken_in_each
 def test_documents(config: str, dialect: str):

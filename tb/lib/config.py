@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a simulation of the whole card runs: its configuration, its clock; `run()` of runner.py says which.
 
-A test with an argument `config` runs for every configuration (TOP-2). `make test` is to stay short, and
-SERV needs ten times the clocks. So there the standard card runs on both simulators, the others on Verilator;
-what is marked `everywhere` runs as each card on each simulator, what is marked `long` as the standard card
-alone, what is marked `patient` on Verilator alone; `make test-slow` (`--slow`) runs those on Icarus.
-`make test-tiny` (`--card`) runs everything as that card on both.
+A test with an argument `config` runs for every configuration (TOP-2). tb/lib/pytest_plugin.py says which of them
+run in `make test` and which in `make test-all`.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,66 +14,87 @@ import pytest
 from rtl.sources import commit, configurations
 from tb.lib.runner import ROOT, SIMULATORS, recordings
 
+# `make test` repeats its random tests by this seed. SEED= gives another; the long run of CI draws one.
+FIXED_SEED = 1104483726
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--sim", choices=SIMULATORS, help="run on this simulator only (default: on both)")
-    parser.addoption("--slow", action="store_true", help="run the tests marked `patient`, and only those")
+    parser.addoption("--sim", choices=SIMULATORS, help="run on this simulator only")
     parser.addoption(
-        "--card", choices=list(configurations()), help="run the tests of the whole card only, all as this one"
+        "--card", choices=list(configurations()), help="run the whole card's tests only, as this card"
+    )
+    parser.addoption("--all", action="store_true", help="run every test, not only the choice of `make test`")
+    parser.addoption(
+        "--figures", action="store_true", help="run the checks of measured pages, and only those"
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if config.getoption("--card") and config.getoption("--slow"):
-        raise pytest.UsageError("--card runs the slow ones, too: no --slow with it")
     # The simulators lie beside the interpreter; a plain `.venv/bin/pytest` must find them too.
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    # Set once, before xdist starts its workers, so that the whole run is repeated by one number.
-    os.environ.setdefault("COCOTB_RANDOM_SEED", str(random.randrange(1 << 31)))
+    # Set before xdist starts its workers, so that one number repeats the whole run.
+    os.environ.setdefault("COCOTB_RANDOM_SEED", str(FIXED_SEED))
 
 
 def pytest_report_header(config: pytest.Config) -> str:
-    return f"random tests: repeat with COCOTB_RANDOM_SEED={os.environ['COCOTB_RANDOM_SEED']}"
+    return f"random tests: repeat with SEED={os.environ['COCOTB_RANDOM_SEED']}"
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A test with an argument `sim` runs on every simulator, one with `config` as cards: tb/lib/config.py."""
+    """A test with an argument `sim` runs on both simulators, a test with `config` as both cards."""
     sim, card = (metafunc.config.getoption(option) for option in ("--sim", "--card"))
     sims = [sim] if sim else SIMULATORS
     cards = [card] if card else configurations()
-    marks = {mark.name for mark in metafunc.definition.iter_markers()}
-
-    def wanted(config: str, sim: str = "verilator") -> bool:
-        if card or config == "standard" or "everywhere" in marks:
-            return True
-        return sim == "verilator" and "long" not in marks
-
-    if {"sim", "config"} <= set(metafunc.fixturenames):
-        pairs = [(sim, config) for sim in sims for config in cards if wanted(config, sim)]
-        metafunc.parametrize(("sim", "config"), pairs)
-    elif "sim" in metafunc.fixturenames:
+    names = set(metafunc.fixturenames)
+    if {"sim", "config"} <= names:
+        metafunc.parametrize(("sim", "config"), [(sim, config) for sim in sims for config in cards])
+    elif "sim" in names:
         metafunc.parametrize("sim", sims)
-    elif "config" in metafunc.fixturenames:
-        metafunc.parametrize("config", [config for config in cards if wanted(config)])
+    elif "config" in names:
+        metafunc.parametrize("config", cards)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    def wanted(item: pytest.Item) -> bool:
-        if config.getoption("--card"):
-            return "config" in getattr(item, "fixturenames", ())
-        return config.getoption("--slow") == patient(item)
-
-    others = [item for item in items if not wanted(item)]
+    others = [item for item in items if not wanted(item, config)]
     if others:
-        items[:] = [item for item in items if wanted(item)]
+        items[:] = [item for item in items if wanted(item, config)]
         config.hook.pytest_deselected(items=others)
 
 
-def patient(item: pytest.Item) -> bool:
-    """A minute for little that others do not show: on Icarus, or at all where no simulator is chosen."""
-    if item.get_closest_marker("patient") is None:
+def wanted(item: pytest.Item, config: pytest.Config) -> bool:
+    if config.getoption("--figures") or item.get_closest_marker("figures"):
+        return config.getoption("--figures") and item.get_closest_marker("figures") is not None
+    if config.getoption("--card"):
+        return "config" in getattr(item, "fixturenames", ())
+    if config.getoption("--all"):
+        return not costly(item)
+    return in_make_test(item)
+
+
+def place(item: pytest.Item) -> tuple[str | None, str | None]:
+    """Simulator and card of a test; None where the test has no choice."""
+    parameters = item.callspec.params if hasattr(item, "callspec") else {}
+    return parameters.get("sim"), parameters.get("config")
+
+
+def costly(item: pytest.Item) -> bool:
+    """The small card on Icarus: SERV takes ten times the clocks. `--card=tiny --sim=icarus` asks for it."""
+    return place(item) == ("icarus", "tiny") and item.get_closest_marker("all_cards") is None
+
+
+def in_make_test(item: pytest.Item) -> bool:
+    """Every module on both simulators; the whole card once, on the simulator that takes the least time.
+
+    Verilator compiles for long and runs fast: the whole card runs there. Tests marked `all_cards` run as both
+    cards on both simulators. Tests marked `slow` show nothing that another test does not show in less time.
+    Tests marked `needs` wait for tools that `make test` does not install.
+    """
+    if item.get_closest_marker("all_cards"):
+        return True
+    sim, config = place(item)
+    if item.get_closest_marker("slow") or item.get_closest_marker("needs") or config == "tiny":
         return False
-    return not hasattr(item, "callspec") or item.callspec.params.get("sim") != "verilator"
+    return not (sim == "icarus" and config)
 
 
 # Last result of every test, for `make trace` and `make report`: outcome, commit and time. Runs add to it: a

@@ -309,7 +309,7 @@ def image_file(sim: str, config: str) -> Path:
     return path
 
 
-@pytest.mark.everywhere
+@pytest.mark.all_cards
 @pytest.mark.rule("TOP-2", "WDG-1")
 def test_soft_core(sim, config):
     core = configuration(config)

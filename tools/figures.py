@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which measured page is of an older card, and which command renews it.
+
+    python -m tools.figures            a line each; exit 1 when a page is of an older card
+    python -m tools.figures --mark     writes the notice below the title of such a page, removes other notices
+    python -m tools.figures --check    exits 1 when a notice is missing or not true (part of `make lint`)
+
+A page states the fingerprint of the sources that it was measured on (campaigns/bench/fingerprint.py). This
+check compares it with the sources of this tree. It runs before a release, not in `make test`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from campaigns.bench import report as bench_report
+from campaigns.mutate import run as mutate
+from constraints import synth
+from rtl.sources import ROOT, rtl_files
+
+REPORTS = ROOT / "docs/reports"
+CARD = re.compile(r"\bcard `([0-9a-f]{12})`", re.IGNORECASE)
+NOTICE = "> **Of an older card.** "
+ROW = re.compile(r"^\| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", re.MULTILINE)
+
+
+def bench(_: str) -> str:
+    cards = ("card", "tiny card")
+    stated, tree = bench_report.stated(), fingerprint.tree()
+    other = [name for name in cards if stated.get(name) != tree.get(name)]
+    return f"measured on another {' and another '.join(other)}" if other else ""
+
+
+def one_card(text: str) -> str:
+    """Pages that name the standard card, once for each of their parts."""
+    now = fingerprint.card()
+    older = sorted(set(CARD.findall(text)) - {now})
+    return f"measured on card `{', '.join(older)}`; the sources are card `{now}`" if older else ""
+
+
+def mutants(text: str) -> str:
+    """A row a module, with the fingerprint of the module's code."""
+    rows = dict(ROW.findall(text))
+    benches = set(mutate.benches())
+    paths = {path.stem: path for path in rtl_files() if path.stem in benches}
+    older = sorted(name for name, path in paths.items() if rows.get(name) != mutate.fingerprint(path))
+    return f"these modules have changed: {', '.join(older)}" if older else ""
+
+
+def synthesis(_: str) -> str:
+    return "synthesised from another design" if synth.stale() else ""
+
+
+# Page of docs/reports: what makes it an older one (empty: nothing), and the command that renews it.
+PAGES: dict[str, tuple[Callable[[str], str], str]] = {
+    "results": (bench, "make bench"),
+    "coverage": (one_card, "make coverage-rtl"),
+    "line-quality": (one_card, "make line-quality"),
+    "fuzz": (one_card, "make fuzz, make fuzz-plants and make flips"),
+    "mutants": (mutants, "make mutate"),
+    "synthesis": (synthesis, "make synth"),
+}
+
+
+def path_of(page: str) -> Path:
+    return REPORTS / f"{page}.md"
+
+
+def without_notice(text: str) -> str:
+    return re.sub(rf"^{re.escape(NOTICE)}.*\n\n", "", text, count=1, flags=re.MULTILINE)
+
+
+def marked(text: str, older: str, command: str) -> str:
+    """The page with the notice that it needs, below its title."""
+    text = without_notice(text)
+    if not older:
+        return text
+    notice = f"{NOTICE}{older[0].upper()}{older[1:]}. `{command}` renews this page.\n\n"
+    return re.sub(r"^(# .*\n\n)", lambda title: title[1] + notice, text, count=1, flags=re.MULTILINE)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument("--mark", action="store_true", help="write the notices")
+    choice.add_argument("--check", action="store_true", help="fail when a notice is missing or not true")
+    options = parser.parse_args()
+    wrong = 0
+    for page, (check, command) in PAGES.items():
+        path = path_of(page)
+        text = path.read_text()
+        older = check(text)
+        right = marked(text, older, command)
+        if options.mark:
+            if right != text:
+                path.write_text(right)
+        elif options.check:
+            if right != text:
+                wrong += 1
+                print(f"{path.relative_to(ROOT)}: the notice on its card is not true; run `make format`")
+        else:
+            wrong += bool(older)
+            state = f"of an older card: {older}; {command} renews it" if older else "of this card"
+            print(f"{path.relative_to(ROOT)}: {state}")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The choice of `make test` shows every rule that tests show."""
+
+from __future__ import annotations
+
+from tb.lib import pytest_plugin
+from tools import trace
+
+
+def test_make_test_shows_every_rule(monkeypatch):
+    """Each rule has a test among those that `make test` runs, not only among those of `make test-all`."""
+    monkeypatch.setattr(pytest_plugin, "costly", lambda item: not pytest_plugin.in_make_test(item))
+    chosen = trace.collect().tests
+    missing = [rule for rule, by in trace.read_rules().items() if by == "test" and rule not in chosen]
+    assert missing == []
