@@ -15,7 +15,8 @@ FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
 FIRMWARE_STACK := 160
 
-FIRMWARE_SOURCES := $(addprefix sw/src/,translate.c coils.c registers.c telegram.c gateway.c leds.c loopback.c image.c)
+FIRMWARE_SOURCES := $(addprefix sw/src/,\
+	translate.c coils.c registers.c telegram.c reply.c guard.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
 FIRMWARE_HOST := sw/port/host/host.c
 FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/generated/*.h)

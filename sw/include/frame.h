@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames as they lie in the frame memory: a byte every four bytes, for each line has a byte lane of its own. */
+/* A frame in the frame memory: one byte in each 32-bit word, because each line has a byte lane of its own. */
 #ifndef FRAME_H
 #define FRAME_H
 
@@ -10,7 +10,7 @@ struct frame_slot {
     uint8_t others[3];
 };
 
-/* Of a frame that the hardware writes. */
+/* A byte of a frame that the hardware writes. */
 typedef const volatile struct frame_slot frame_byte;
 
 #endif

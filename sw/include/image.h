@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The firmware's own image, checked at start and over and over while there is nothing else to do (LED-5).
+ * Check of the firmware image, at start and repeatedly while the firmware is idle (docs/hardening.md, Firmware image
+ * check; LED-5).
  *
- * Two words behind the image hold the sum of its words and the sum of all intermediate sums, both modulo
- * 2^32 (sw/tools/seal.py writes them). Any single damaged word changes the first, two that swapped places
- * or cancel each other out change the second.
+ * Two words after the image hold the sum of its words and the sum of all intermediate sums, both modulo 2^32
+ * (sw/tools/seal.py writes them). A single damaged word changes the first sum. Two words that swapped places, or whose
+ * damage cancels in the first sum, change the second.
  */
 #ifndef IMAGE_H
 #define IMAGE_H
@@ -14,7 +15,7 @@
 
 struct image {
     const volatile uint32_t *begin;
-    const volatile uint32_t *end; /* here stand the two sums */
+    const volatile uint32_t *end; /* address of the two sums */
     const volatile uint32_t *at;
     uint32_t sum;
     uint32_t sums;
@@ -22,7 +23,7 @@ struct image {
 
 void image_init(struct image *image, const volatile uint32_t *begin, const volatile uint32_t *end);
 
-/* Adds up to `words` more words; false if a round is complete and does not add up. */
+/* Adds up to `words` more words. False if a pass is complete and a sum differs. */
 bool image_step(struct image *image, uint32_t words);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the two LEDs show and when (LED-1...LED-4). Times in ticks (ticks.h). */
+/* Power-up show and blinking of the two LEDs (LED-1...LED-4). Times in ticks (ticks.h). */
 #ifndef LEDS_H
 #define LEDS_H
 
@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 struct leds {
-    uint32_t step_at; /* when the present step began */
+    uint32_t step_at; /* start of the current step */
     uint8_t step;
 };
 

@@ -2,14 +2,14 @@
 /*
  * Build options of the firmware; override with -D.
  *
- * DIALECT         register and exception conventions (docs/guide/dialects.md): DIALECT_CARD, the option card's own;
- *                 DIALECT_BUILTIN, the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA;
- *                 DIALECT_HVAC_BASIC, that of the VLT HVAC Basic Drive.
+ * DIALECT         register and exception conventions (docs/guide/dialects.md): DIALECT_CARD, those of the option card;
+ *                 DIALECT_BUILTIN, those of the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA;
+ *                 DIALECT_HVAC_BASIC, those of the VLT HVAC Basic Drive.
  * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  *
- * The image must fit the smallest memory of configs.toml: STATUS_REFRESH does so with DIALECT_CARD only,
- * ADR_SHORT not with DIALECT_BUILTIN. The linker says it when it does not.
+ * The image must fit the smallest memory of configs.toml; the linker reports an error if it does not.
+ * STATUS_REFRESH fits with DIALECT_CARD only. ADR_SHORT does not fit with DIALECT_BUILTIN.
  */
 #ifndef OPTIONS_H
 #define OPTIONS_H
@@ -22,7 +22,7 @@
 #define DIALECT DIALECT_CARD
 #endif
 #if DIALECT < DIALECT_CARD || DIALECT > DIALECT_HVAC_BASIC
-#error "DIALECT: there is no such dialect"
+#error "DIALECT: unknown dialect"
 #endif
 
 #ifndef STATUS_REFRESH

@@ -1,13 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Coils 1-128 (MAP-1...MAP-4). Coil numbers in the code are on-wire: coil 1 is 0. */
-#include "options.h"
-#include "transaction.h"
+/* Coil numbers in this file are on-wire: coil 1 is 0. */
+#include "coils.h"
+
+#include "dialect.h"
+#include "reply.h"
+#include "telegram.h"
 
 enum { CONTROL_COILS = 32, STATUS_COILS_END = 64, COIL_EEPROM = 64, COILS = 128 };
 
 enum outcome coils_answer(const struct translator *t, struct transaction *txn, uint32_t status)
 {
-    /* One word beyond the 128 coils, for a byte that starts in the last word. */
+    /* The fifth word serves a byte that starts in the last of the four. */
     const uint32_t image[] = {t->settings.word[CONTROL], status, t->settings.word[EEPROM], 0, 0};
     const uint32_t bytes = (txn->operand + 7u) >> 3;
     uint32_t coil = txn->address;
@@ -36,7 +39,7 @@ enum outcome coils_read(const struct translator *t, struct transaction *txn, fra
 
     (void)data;
     if (end > COILS)
-        return refuse(txn, TRAITS.bad_address);
+        return reply_exception(txn, TRAITS.bad_address);
 #if STATUS_REFRESH
     if (txn->address < STATUS_COILS_END && end > CONTROL_COILS)
         return telegram_process(txn, 0);
@@ -44,12 +47,13 @@ enum outcome coils_read(const struct translator *t, struct transaction *txn, fra
     return coils_answer(t, txn, t->status);
 }
 
-/* MAP-2: a run inside coils 1-32, or coil 65 alone. */
+/* Writable are runs within coils 1-32, and coil 65 alone (MAP-2). */
 static bool writable(const struct transaction *txn, uint32_t quantity)
 {
     return txn->address + quantity <= CONTROL_COILS || (txn->address == COIL_EEPROM && quantity == 1);
 }
 
+/* Writes `quantity` coils, the lowest bit first, into the settings that the commit brings. */
 static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32_t bits)
 {
     uint32_t *control = &txn->settings.word[CONTROL];
@@ -57,9 +61,9 @@ static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32
 
     if (txn->address == COIL_EEPROM) {
         txn->settings.word[EEPROM] = bits & 1u;
-        return confirm(txn);
+        return reply_confirm(txn);
     }
-    /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): 1 to 32, or it were refused (EXC 3) */
+    /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): decode() admits 1 to 32 (EXC 3) */
     mask = UINT32_MAX >> (CONTROL_COILS - quantity) << txn->address;
     *control = (*control & ~mask) | (bits << txn->address & mask);
     return telegram_process(txn, *control);
@@ -70,9 +74,9 @@ enum outcome coil_write(const struct translator *t, struct transaction *txn, fra
     (void)t;
     (void)data;
     if (!writable(txn, 1))
-        return refuse(txn, TRAITS.bad_address);
+        return reply_exception(txn, TRAITS.bad_address);
     if (txn->operand != 0 && txn->operand != 0xFF00)
-        return refuse(txn, TRAITS.bad_value);
+        return reply_exception(txn, TRAITS.bad_value);
     return write_run(txn, 1, txn->operand != 0);
 }
 
@@ -83,7 +87,7 @@ enum outcome coils_write(const struct translator *t, struct transaction *txn, fr
 
     (void)t;
     if (!writable(txn, txn->operand))
-        return refuse(txn, TRAITS.bad_address);
+        return reply_exception(txn, TRAITS.bad_address);
     for (shift = 0; shift < txn->operand; shift += 8)
         bits |= (uint32_t)data++->byte << shift;
     return write_run(txn, txn->operand, bits);

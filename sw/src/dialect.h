@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the dialects do differently (docs/guide/dialects.md). DIALECT chooses a row when the image is built:
- * every use is a constant, and what the row does not need is left out of the image.
+ * The differences between the dialects (docs/guide/dialects.md). DIALECT selects a row at build time. Every use is a
+ * constant, so the compiler drops the code that the row does not need.
  */
 #ifndef DIALECT_H
 #define DIALECT_H
@@ -13,16 +13,16 @@
 
 struct traits {
     uint16_t pnu_max;
-    uint8_t index_register; /* on-wire; holds IND, or of it the index alone */
-    bool text_by_size;      /* not by IND: 3-10 registers are text, 1-2 too if the drive says so */
+    uint8_t index_register; /* on-wire number of the register for IND, or for its index byte alone */
+    bool text_by_size;      /* instead of by IND: 3-10 registers are text, and 1-2 if the drive says so */
     /* Exception codes (EXC). */
     uint8_t bad_function;
     uint8_t bad_length;
     uint8_t bad_quantity;
     uint8_t bad_address;
     uint8_t bad_value;
-    uint8_t drive_fault;  /* 0: the drive's own number */
-    uint8_t drive_silent; /* 0: no reply either */
+    uint8_t drive_fault;  /* 0: the drive's fault number */
+    uint8_t drive_silent; /* 0: no reply to the master */
 };
 
 static const struct traits dialects[] = {

@@ -2,12 +2,13 @@
 #include "gateway.h"
 
 #include "dialect.h"
+#include "guard.h"
 #include "mailbox_port.h"
 #include "ticks.h"
 
-/* ---- towards the network */
+/* ---- replies to the network */
 
-/* Only the newest request is answered (FRAME-7), and no older reply may overwrite its own. */
+/* Only the newest request is answered (FRAME-7). A reply to an older one must not overwrite its reply. */
 static void queue_reply(const struct gateway *g, const struct transaction *txn, uint32_t after_drive)
 {
     volatile struct frame_slot *frame = mailbox_frame(REPLY_FRAME);
@@ -22,35 +23,42 @@ static void queue_reply(const struct gateway *g, const struct transaction *txn, 
                              (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
 }
 
-/* A reply prepared from a telegram whose BCC was wrong: the hardware drops one that it already had. */
+/* Cancels a reply that was queued before the drive's telegram proved bad. The hardware drops a queued reply when
+ * the BCC is wrong; this covers a reply that was queued after the BCC. */
 static void cancel_reply(const struct gateway *g)
 {
     if (g->at_drive == g->newest)
         mailbox_write(REPLY, (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
 }
 
-/* ---- towards the drive */
+/* ---- exchange with the drive */
 
-/* The pause before a telegram (FC-8) is 2.3 ms. */
+/* The pause before a telegram (FC-8) is 2.3 ms; this wait is longer. */
 enum { PAUSE = TICKS(5) };
 
-static void queue_telegram(struct gateway *g, uint32_t how)
+static void queue_telegram(struct gateway *g, uint32_t options)
 {
-    mailbox_write(TELEGRAM, how | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
-    g->verdict = OUTCOME_NOT_A_REPLY;
+    mailbox_write(TELEGRAM, options | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
+    g->reply_outcome = OUTCOME_NOT_A_REPLY;
     g->exchange = EXCHANGE_LEAVING;
-    g->since = g->now;
+    g->wait_start = g->now;
+}
+
+/* Copies the telegram to the frame memory from its end (docs/hardening.md, Telegram address last). */
+static void copy_telegram(const struct transaction *txn)
+{
+    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + txn->telegram_length;
+    const uint8_t *from = txn->telegram + txn->telegram_length;
+
+    while (from != txn->telegram)
+        (--frame)->byte = *--from;
 }
 
 static void start_exchange(struct gateway *g)
 {
     const struct transaction *txn = g->newest;
-    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + txn->telegram_length;
-    const uint8_t *from = txn->telegram + txn->telegram_length;
 
-    /* ADR last: until then the older one's is 0, and what is there no drive takes (SAFE-4). */
-    while (from != txn->telegram)
-        (--frame)->byte = *--from;
+    copy_telegram(txn);
     g->wants_drive = false;
     g->repeated = false;
     g->at_drive = g->newest;
@@ -58,21 +66,26 @@ static void start_exchange(struct gateway *g)
                           (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u));
 }
 
-/* FC-9: how long the drive, or a line that is never silent, is waited for. The clock may tick right after
- * it was read: only one more than the wait is surely the wait. */
-static bool waited_enough(const struct gateway *g)
+/* FC-9: the time-out for the drive's reply, and for a line that is never silent. '>' guarantees the full wait,
+ * however early in a tick wait_start was sampled. */
+static bool timed_out(const struct gateway *g)
 {
-    return g->now - g->since > ticks_of_tens(g->translator.settings.word[LOCAL_DRIVE_TIMEOUT]);
+    return g->now - g->wait_start > ticks_of_tens(g->translator.settings.word[LOCAL_DRIVE_TIMEOUT]);
 }
 
-/* A write to its memory ends the telegram's licence: nothing sends it again (SAFE-4). */
-static void end_exchange(struct gateway *g)
+/* Cancels a queued telegram and clears its address (docs/hardening.md, Licence ends with the exchange). */
+static void revoke_telegram(void)
 {
     mailbox_frame(TELEGRAM_FRAME)->byte = 0;
+}
+
+static void end_exchange(struct gateway *g)
+{
+    revoke_telegram();
     g->exchange = EXCHANGE_IDLE;
 }
 
-static void give_up(struct gateway *g)
+static void abandon_exchange(struct gateway *g)
 {
     (*mailbox_counter(COUNT_DRIVE_NO_REPLY))++;
     g->drive_online = false;
@@ -81,13 +94,13 @@ static void give_up(struct gateway *g)
     end_exchange(g);
 }
 
-static void repeat_or_give_up(struct gateway *g)
+/* FC-9 allows one repeat. After a newer request there is none: that request must not wait for an older command, and
+ * the commit gate blocks the repeat once it is committed (FRAME-7). */
+static void repeat_or_abandon(struct gateway *g)
 {
     mailbox_write(LISTEN, 0);
-    /* Once, and not behind a newer request: what that one asks for must not wait for an older command, and the gate
-     * lets none leave once it is committed (FRAME-7, SAFE-4). */
     if (g->repeated || g->at_drive != g->newest) {
-        give_up(g);
+        abandon_exchange(g);
         return;
     }
     g->repeated = true;
@@ -95,16 +108,16 @@ static void repeat_or_give_up(struct gateway *g)
     queue_telegram(g, MAILBOX__TELEGRAM__REPEAT_bm);
 }
 
-/* Beyond the pause of FC-8 only a line that is not silent holds a telegram back. It must not leave when its
- * time is over, nor after a newer request: a write to its memory takes it back, unless it starts first. */
+/* After the pause of FC-8 only a line that is not silent holds a telegram back. The telegram is revoked at the
+ * time-out, and after the commit of a newer request, unless it starts first. */
 static void poll_queued(struct gateway *g)
 {
     const bool newest = g->at_drive == g->newest;
 
     if (newest && g->uncommitted)
-        g->since = g->now;
-    else if (waited_enough(g) || (!newest && !g->uncommitted && g->now - g->since > PAUSE))
-        mailbox_frame(TELEGRAM_FRAME)->byte = 0;
+        g->wait_start = g->now;
+    else if (timed_out(g) || (!newest && !g->uncommitted && g->now - g->wait_start > PAUSE))
+        revoke_telegram();
 }
 
 static void poll_leaving(struct gateway *g, uint32_t state)
@@ -115,26 +128,26 @@ static void poll_leaving(struct gateway *g, uint32_t state)
     }
     if (state & MAILBOX__EXCHANGE__SENDING_bm)
         return;
-    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && g->now - g->since > PAUSE) {
-        give_up(g);
+    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && g->now - g->wait_start > PAUSE) {
+        abandon_exchange(g);
         return;
     }
-    g->since = g->now;
-    /* Either dropped with its request, or sent; a broadcast is not answered, and has no other end than this. */
+    g->wait_start = g->now;
     if (state & MAILBOX__EXCHANGE__STARTED_bm && !g->at_drive->broadcast) {
         g->exchange = EXCHANGE_WAITING;
         return;
     }
+    /* Sent as a broadcast, which the drive does not answer, or dropped with its request. */
     cancel_reply(g);
     end_exchange(g);
 }
 
-/* The telegram's data are in: prepare the reply while its BCC is still on the line (PERF-3). */
-static void judge(struct gateway *g)
+/* Prepares the reply while the BCC of the drive's telegram is still on the line (PERF-3). */
+static void evaluate_reply(struct gateway *g)
 {
-    g->verdict = (uint8_t)translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME),
-                                                mailbox_frame(DRIVE_LGE)->byte);
-    if (g->verdict == OUTCOME_REPLY)
+    g->reply_outcome = (uint8_t)translate_drive_reply(
+        &g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME), mailbox_frame(DRIVE_LGE)->byte);
+    if (g->reply_outcome == OUTCOME_REPLY)
         queue_reply(g, g->at_drive, MAILBOX__REPLY__AFTER_DRIVE_bm);
 }
 
@@ -143,8 +156,8 @@ static void finish_exchange(struct gateway *g)
     translate_drive_commit(&g->translator, g->at_drive);
     g->drive_online = true;
     end_exchange(g);
-    /* Its second telegram, but not before a newer request (FRAME-7): only the newest is licensed. */
-    if (TRAITS.text_by_size && g->verdict == OUTCOME_EXCHANGE && g->at_drive == g->newest) {
+    /* Only the newest request gets its second telegram (FRAME-7): the gate licenses no other. */
+    if (TRAITS.text_by_size && g->reply_outcome == OUTCOME_EXCHANGE && g->at_drive == g->newest) {
         translate_drive_again(g->at_drive);
         g->wants_drive = true;
     }
@@ -153,23 +166,23 @@ static void finish_exchange(struct gateway *g)
 static void poll_waiting(struct gateway *g, uint32_t state)
 {
     const bool good = (state & MAILBOX__EXCHANGE__GOOD_bm) != 0;
-    const bool there = good || state & MAILBOX__EXCHANGE__CANDIDATE_bm;
+    const bool received = good || state & MAILBOX__EXCHANGE__CANDIDATE_bm;
 
-    if (there && g->verdict == OUTCOME_NOT_A_REPLY)
-        judge(g);
-    if (!there && g->verdict != OUTCOME_NOT_A_REPLY) {
-        g->verdict = OUTCOME_NOT_A_REPLY;
+    if (received && g->reply_outcome == OUTCOME_NOT_A_REPLY)
+        evaluate_reply(g);
+    if (!received && g->reply_outcome != OUTCOME_NOT_A_REPLY) {
+        g->reply_outcome = OUTCOME_NOT_A_REPLY;
         cancel_reply(g);
     }
-    if (good && g->verdict != OUTCOME_NOT_A_REPLY) {
+    if (good && g->reply_outcome != OUTCOME_NOT_A_REPLY) {
         finish_exchange(g);
         return;
     }
     if (good)
         mailbox_write(LISTEN, MAILBOX__LISTEN__ON_bm);
-    /* A BCC under way may come after the wait: two characters at most. */
-    if (g->verdict == OUTCOME_NOT_A_REPLY && waited_enough(g))
-        repeat_or_give_up(g);
+    /* A BCC on the line may extend the wait by two characters at most. */
+    if (g->reply_outcome == OUTCOME_NOT_A_REPLY && timed_out(g))
+        repeat_or_abandon(g);
 }
 
 static void poll_exchange(struct gateway *g)
@@ -182,78 +195,98 @@ static void poll_exchange(struct gateway *g)
         poll_waiting(g, state);
 }
 
-/* ---- from the network */
+/* ---- requests from the network */
 
-/* What stands for the telegram, and for the settings that the commit brings. A bit of the control image changes both,
- * the BCC in one place and the guard in a run of bits: twice, the one never undoes the other. */
-static uint32_t check_of(const struct transaction *txn)
+/* The newest request, from unit address to CRC. */
+static frame_byte *request_adu(void)
 {
-    const uint32_t bcc = txn->telegram[txn->telegram_length - 1];
+    return mailbox_read(REQUEST) & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
+                                                             : mailbox_frame(REQUEST_FRAME_0);
+}
 
-    return txn->settings.word[GUARD] ^ bcc ^ bcc << 8;
+/* Translates the newest request. The reply's unit address is copied now: a later request overwrites the bank. */
+static enum outcome translate_newest(struct gateway *g)
+{
+    enum { ADDRESS_AND_CRC = 3 };
+    frame_byte *adu = request_adu();
+    const uint8_t address = adu->byte;
+
+    mailbox_frame(REPLY_FRAME)->byte = address;
+    /* LENGTH shows an ADU of 256 bytes as 0. */
+    return translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - ADDRESS_AND_CRC) & 0xFF,
+                             address == 0);
+}
+
+/* A telegram leaves only if both passes, each from the mailbox registers on, made the same one (docs/hardening.md,
+ * Telegram made twice). */
+static enum outcome translate_twice(struct gateway *g)
+{
+    uint32_t passes = 2;
+    uint32_t first = 0;
+    uint32_t second = 0;
+
+    do {
+        const enum outcome outcome = translate_newest(g);
+
+        if (outcome != OUTCOME_EXCHANGE)
+            return outcome;
+        first = second;
+        second = guard_of(g->newest);
+    } while (--passes != 0);
+    g->wants_drive = first == second;
+    guard_require_equal(g->newest, first, second);
+    return OUTCOME_EXCHANGE;
 }
 
 static void prepare(struct gateway *g, uint8_t ticket)
 {
-    uint32_t passes = 2;
-    uint32_t once = 0;
-    uint32_t check = 0;
-    frame_byte *adu;
-    enum outcome outcome;
-
     g->ticket = ticket;
     g->uncommitted = true;
-    /* Not the one at the drive: that goes on, but is the newest no longer. */
+    g->wants_drive = false;
+    /* The slot that is not at the drive, where an exchange may go on. */
     g->newest = &g->transactions[g->at_drive == &g->transactions[0]];
-    /* What goes to the drive is made twice, from the registers on: a bit that flips in the core on the way makes
-     * two telegrams of it. Then none leaves, and the commit leaves no settings to go on with (SAFE-4). */
-    do {
-        adu = mailbox_read(REQUEST) & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_1)
-                                                                : mailbox_frame(REQUEST_FRAME_0);
-        once = check;
-        /* The ADU has address and CRC besides the PDU; 256 shows as 0. */
-        outcome = translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - 3u) & 0xFF,
-                                    adu->byte == 0);
-        if (outcome == OUTCOME_EXCHANGE)
-            check = check_of(g->newest);
-    } while (outcome == OUTCOME_EXCHANGE && --passes != 0);
-    /* Now, for its bank is not kept until the drive has answered. */
-    mailbox_frame(REPLY_FRAME)->byte = adu->byte;
-    g->wants_drive = outcome == OUTCOME_EXCHANGE && once == check;
-    if (outcome == OUTCOME_EXCHANGE)
-        g->newest->settings.word[GUARD] += once ^ check;
-    if (outcome == OUTCOME_REPLY)
+    if (translate_twice(g) == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
+}
+
+/* A candidate is never committed, even if a flipped bit leads here (docs/hardening.md, Committed by two bits). */
+static bool is_committed(uint32_t request)
+{
+    const uint32_t both = MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm;
+
+    return (request & both) == MAILBOX__REQUEST__COMMITTED_bm;
+}
+
+static void commit(struct gateway *g)
+{
+    g->uncommitted = false;
+    translate_commit(&g->translator, g->newest);
+    g->committed_at = g->now;
+    g->network_online = true;
 }
 
 static void poll_request(struct gateway *g)
 {
     const uint32_t request = mailbox_read(REQUEST);
 
-    /* None yet, or revoked: its ticket never comes back, so what was prepared for it is forgotten. */
+    /* None yet, or revoked. The ticket of a revoked request never returns, so its transaction is dropped. */
     if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
         g->uncommitted = false;
         g->wants_drive = false;
         return;
     }
-    /* A newer one may have come meanwhile: whether this is the one that is committed, the next round sees. */
+    /* Preparing takes time, in which a newer request may arrive. The next round reads the status again. */
     if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket) {
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }
     if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
         start_exchange(g);
-    /* Never both: a bit that flips on the way here commits no candidate, which may still be revoked (SAFE-4). */
-    if ((request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm)) == MAILBOX__REQUEST__COMMITTED_bm &&
-        g->uncommitted) {
-        g->uncommitted = false;
-        translate_commit(&g->translator, g->newest);
-        g->heard_at = g->now;
-        g->network_online = true;
-    }
+    if (is_committed(request) && g->uncommitted)
+        commit(g);
 }
 
-/* ---- time and LEDs */
+/* ---- time, LEDs, event counters */
 
 static void poll_time(struct gateway *g)
 {
@@ -264,7 +297,7 @@ static void poll_time(struct gateway *g)
     if (passed == 0)
         return;
     g->now += passed;
-    if (timeout != 0 && g->now - g->heard_at >= timeout)
+    if (timeout != 0 && g->now - g->committed_at >= timeout)
         g->network_online = false;
     leds = leds_show(&g->leds, g->now, g->network_online, g->drive_online);
     if (g->testing && leds_show_is_over(&g->leds))
@@ -272,7 +305,7 @@ static void poll_time(struct gateway *g)
     mailbox_write(LED, leds);
 }
 
-/* The hardware's flags become counts. */
+/* Adds the hardware's event flags to the counters, and clears them. */
 static void poll_events(void)
 {
     uint8_t events = (uint8_t)mailbox_read(EVENTS);
@@ -286,7 +319,9 @@ static void poll_events(void)
             ++*counter;
 }
 
-/* A request from before a restart, or from the time of the loop-back test, is not served. */
+/* ---- the poll loop */
+
+/* A request from before a restart, or from the loop-back test, is not served. */
 static void forget_request(struct gateway *g)
 {
     g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
@@ -299,7 +334,7 @@ void gateway_init(struct gateway *g)
     forget_request(g);
     leds_init(&g->leds, g->now);
     g->testing = loopback_init(&g->loopback, g->now);
-    /* Without the test nothing may open it later, no flipped switch either (SAFE-4). */
+    /* Shut until the next reset (docs/hardening.md, Loop-back test locked). */
     if (!g->testing)
         mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__LOOPBACK_bm);
 }

@@ -15,13 +15,11 @@ enum {
 };
 
 enum {
-    /* The power-up show, once (LED-1), ... */
-    SHOW_STEPS = 8,
-    /* ... then 1 Hz for ever: lit, lit, dark, dark (LED-2). */
-    STEPS = 12,
+    SHOW_STEPS = 8, /* the power-up show, once (LED-1) */
+    STEPS = 12,     /* then 1 Hz: two steps lit, two dark (LED-2) */
 };
 
-/* Which of the LEDs a step may light; in the show it lights them all. */
+/* The LEDs that a step may light. The power-up show lights all of them. */
 static const uint8_t steps[STEPS] = {
     DRIVE_RED,   DRIVE_GREEN,   DRIVE_RED | DRIVE_GREEN,     0, /* drive LED first */
     NETWORK_RED, NETWORK_GREEN, NETWORK_RED | NETWORK_GREEN, 0, /* then the network LED */

@@ -3,11 +3,11 @@
 #include "image.h"
 #include "mailbox_port.h"
 
-/* Words of the image between two kicks of the watchdog. In an idle round of the loop a candidate waits for no
- * more than that; at the start there is nobody to wait. */
+/* Words of the image checked between two kicks of the watchdog. IDLE_WORDS is small because a candidate may arrive
+ * meanwhile and wait; at the start no request is served. */
 enum { IDLE_WORDS = 2, START_WORDS = 64 };
 
-/* From the linker: the image, and the sums behind it. */
+/* Set by the linker: the image, and the two sums after it. */
 extern const uint32_t _start[], _image_end[];
 
 static void check(struct image *image, uint32_t words)
@@ -16,6 +16,7 @@ static void check(struct image *image, uint32_t words)
         mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__HALT_bm);
 }
 
+/* (docs/hardening.md, Watchdog) */
 static void kick(void)
 {
     mailbox_write(WATCHDOG, MAILBOX__WATCHDOG__KEY_reset);
@@ -27,7 +28,7 @@ int main(void)
     static struct image image;
 
     image_init(&image, _start, _image_end);
-    /* All of it before anything else: SERV takes a third of the watchdog's time for it at 24 MHz. */
+    /* The whole image first (docs/hardening.md, Firmware image check). */
     do {
         check(&image, START_WORDS);
         kick();
@@ -39,7 +40,7 @@ int main(void)
         if (gateway_is_idle(&gateway)) {
             check(&image, IDLE_WORDS);
             while (!translate_is_sound(&gateway.translator)) {
-                /* until the watchdog restarts the firmware */
+                /* until the watchdog restarts the firmware (docs/hardening.md, Guarded settings) */
             }
         }
     }

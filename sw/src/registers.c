@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Holding registers (MAP-5...MAP-8): a few are the card's own, parameter PNU starts at register 10 x PNU.
- * Register numbers in the code are on-wire: 40001 is 0.
+ * Register numbers in this file are on-wire: 40001 is 0. The first registers are the card's own (local) ones.
+ * Parameter PNU starts at register 10 x PNU.
  */
-#include "transaction.h"
+#include "registers.h"
+
+#include "dialect.h"
+#include "reply.h"
+#include "telegram.h"
 
 enum { LIMIT_NUMBER = 2, LIMIT_TEXT = 10, PWE_BYTES = 4 };
 
@@ -12,7 +16,7 @@ static bool is_local(const struct transaction *txn)
     return txn->address < LOCAL_REGISTERS || txn->address == TRAITS.index_register;
 }
 
-/* The place of a run in settings.word; LOCAL_REGISTERS: not all of the run is there. */
+/* The index in settings.word of a run of local registers; LOCAL_REGISTERS if one of the run does not exist. */
 static uint32_t find_local(const struct transaction *txn, uint32_t quantity)
 {
     if (TRAITS.index_register != LOCAL_IND) {
@@ -41,7 +45,7 @@ uint32_t registers_limit(const struct translator *t, const struct transaction *t
     return is_text(t, txn) ? LIMIT_TEXT : LIMIT_NUMBER;
 }
 
-/* Finds the parameter that starts at the address (MAP-6). The CPU has no division: n/10 as 0.8n/8. */
+/* Finds the parameter that starts at the address (MAP-6). The CPU cannot divide: n/10 is computed as 0.8n/8. */
 static bool find_parameter(struct transaction *txn)
 {
     const uint32_t n = txn->address + 1u;
@@ -50,16 +54,17 @@ static bool find_parameter(struct transaction *txn)
 
     tenth += tenth >> 4;
     tenth += tenth >> 8;
-    tenth >>= 3; /* exact, or 1 too small */
+    tenth >>= 3; /* n/10, or 1 less */
     rest = n - (tenth << 3) - (tenth << 1);
     if (rest == 10) {
         tenth++;
         rest = 0;
     }
     txn->pnu = (uint16_t)tenth;
-    return rest == 0 && tenth <= TRAITS.pnu_max; /* and not 0, as n is not */
+    return rest == 0 && tenth <= TRAITS.pnu_max; /* n is not 0, so tenth is not */
 }
 
+/* Puts a register at offset `at` of the reply; returns the offset after it. */
 static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t value)
 {
     txn->reply[at] = (uint8_t)(value >> 8);
@@ -67,6 +72,7 @@ static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t valu
     return at + 2;
 }
 
+/* Function code, byte count and length of a reply to 03. */
 static void begin_answer(struct transaction *txn)
 {
     const uint32_t bytes = (uint32_t)txn->operand << 1;
@@ -83,7 +89,7 @@ enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uin
     if (txn->operand == 2)
         at = put_register(txn, at, high);
     else if (high != 0 && !(high == 0xFFFF && low >= 0x8000))
-        return refuse_fault(txn, FAULT_TYPE); /* never a cut value (MAP-7) */
+        return reply_fault(txn, FAULT_TYPE); /* a value is never truncated (MAP-7) */
     put_register(txn, at, low);
     begin_answer(txn);
     return OUTCOME_REPLY;
@@ -106,7 +112,7 @@ static enum outcome read_local(const struct translator *t, struct transaction *t
     uint32_t at = 2;
 
     if (i == LOCAL_REGISTERS)
-        return refuse(txn, TRAITS.bad_address);
+        return reply_exception(txn, TRAITS.bad_address);
     for (; i < end; i++)
         at = put_register(txn, at, t->settings.word[i]);
     begin_answer(txn);
@@ -120,7 +126,7 @@ enum outcome registers_read(const struct translator *t, struct transaction *txn,
     if (is_local(txn))
         return read_local(t, txn);
     if (!find_parameter(txn))
-        return refuse(txn, TRAITS.bad_address);
+        return reply_exception(txn, TRAITS.bad_address);
     if (is_text(t, txn))
         return telegram_parameter(txn, AK_TEXT, IND_TEXT_READ | index, PWE_BYTES, data, 0);
     return telegram_parameter(txn, AK_READ, index, PWE_BYTES, data, 0);
@@ -132,15 +138,16 @@ static enum outcome write_local(struct transaction *txn, frame_byte *data, uint3
     const uint32_t end = i + quantity;
 
     if (i == LOCAL_REGISTERS)
-        return refuse(txn, TRAITS.bad_address);
-    /* The drive time-out is the last of them, so of the run too. */
+        return reply_exception(txn, TRAITS.bad_address);
+    /* The drive time-out, never 0, is the last local register, so it ends the run. */
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
-        return refuse(txn, TRAITS.bad_value);
+        return reply_exception(txn, TRAITS.bad_value);
     for (; i < end; i++, data += 2)
         txn->settings.word[i] = word_at(data);
-    return confirm(txn);
+    return reply_confirm(txn);
 }
 
+/* Writes `quantity` registers from data, to the card or to a parameter. */
 static enum outcome write_run(const struct translator *t, struct transaction *txn, frame_byte *data,
                               uint32_t quantity)
 {
@@ -152,7 +159,7 @@ static enum outcome write_run(const struct translator *t, struct transaction *tx
     if (is_local(txn))
         return write_local(txn, data, quantity);
     if (!find_parameter(txn))
-        return refuse(txn, TRAITS.bad_address);
+        return reply_exception(txn, TRAITS.bad_address);
     if (is_text(t, txn))
         return telegram_parameter(txn, AK_TEXT, IND_TEXT_WRITE | index, 0, data, bytes);
     if (quantity == 1)

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The FC telegrams (FC-3), from ADR to BCC; words go out high byte first. */
-#include "transaction.h"
+#include "telegram.h"
 
+#include "options.h"
+
+/* Words go out high byte first. Returns the place after the word. */
 static uint8_t *put_word(uint8_t *at, uint32_t value)
 {
     at[0] = (uint8_t)(value >> 8);
@@ -16,8 +18,7 @@ static uint8_t *begin(struct transaction *txn, enum expectation expects)
     return txn->telegram + 1;
 }
 
-/* PCD and BCC end every telegram. The BCC is made here and not at the pin, so that it covers the telegram's
- * whole way: what a flipped bit damages is refused by the drive (SAFE-4). */
+/* Adds PCD and BCC, which end every telegram (docs/hardening.md, BCC made with the telegram). */
 static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uint32_t pcd2)
 {
     const uint8_t *from = txn->telegram;
@@ -32,7 +33,7 @@ static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uin
     return OUTCOME_EXCHANGE;
 }
 
-/* Bytes of the telegram of a number, and before its value. */
+/* Offsets in a telegram with a parameter field, and bytes of PWE. */
 enum { AT_PKE = 1, AT_IND = 3, AT_VALUE = 5, PWE_BYTES = 4 };
 
 enum outcome telegram_process(struct transaction *txn, uint32_t control)
@@ -50,7 +51,7 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t i
         *at++ = 0;
     while (bytes--)
         *at++ = data++->byte;
-    /* Control bit 10 = 0: the drive leaves its process data alone (FC-5). */
+    /* Bit 10 of the control word is 0: the drive ignores the process data (FC-5). */
     return end(txn, at, 0, 0);
 }
 
@@ -64,7 +65,7 @@ void telegram_as_text(struct transaction *txn)
     txn->expects = EXPECT_TEXT;
     txn->telegram[AT_PKE] |= AK_TEXT << 4;
     txn->telegram[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
-    /* A text has no zeros before it. */
+    /* A text has no leading zeros. */
     for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++)
         *at++ = txn->telegram[AT_VALUE + i];
     end(txn, at, 0, 0);

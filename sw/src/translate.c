@@ -1,7 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The way in (a request's PDU) and back (the drive's reply); the table of functions; EXC 1-3. */
+/* Decodes request PDUs by the table of function codes (EXC 1-3), and evaluates the drive's replies. */
 #include "translate.h"
-#include "transaction.h"
+
+#include "coils.h"
+#include "dialect.h"
+#include "guard.h"
+#include "registers.h"
+#include "reply.h"
+#include "telegram.h"
 
 enum form {
     FORM_READ,    /* address, quantity */
@@ -12,7 +18,7 @@ enum form {
 static const struct function {
     uint8_t code;
     uint8_t form;
-    uint8_t coils; /* largest quantity of them; 0: registers, see registers_limit */
+    uint8_t coils; /* largest quantity of coils; 0: registers (registers_limit) */
     handler *handle;
 } functions[] = {
     {READ_COILS, FORM_READ, 128, coils_read},
@@ -23,61 +29,21 @@ static const struct function {
     {WRITE_REGISTERS, FORM_COUNTED, 0, registers_write},
 };
 
-/* Bytes of a PDU before the data, and where in it things are. */
+/* Offsets in a PDU, and the length of a PDU without a byte count. */
 enum { AT_ADDRESS = 1, AT_OPERAND = 3, AT_COUNT = 5, AT_DATA = 6, PDU_PLAIN = 5 };
 
 enum { DEFAULT_NETWORK_TIMEOUT = 1000, DEFAULT_DRIVE_TIMEOUT = 15 };
-
-/* Returns the sum of all words. The guard makes it 0, any one flipped bit something else. */
-static uint32_t copy_settings(struct settings *to, const struct settings *from)
-{
-    uint32_t sum = 0;
-    uint32_t i;
-
-    for (i = 0; i < SETTINGS; i++)
-        sum += to->word[i] = from->word[i];
-    return sum;
-}
-
-static void seal(struct settings *settings)
-{
-    settings->word[GUARD] -= copy_settings(settings, settings);
-}
 
 void translate_init(struct translator *t)
 {
     t->settings.word[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
     t->settings.word[LOCAL_DRIVE_TIMEOUT] = DEFAULT_DRIVE_TIMEOUT;
-    seal(&t->settings);
+    guard_seal(&t->settings);
 }
 
 bool translate_is_sound(struct translator *t)
 {
-    return copy_settings(&t->settings, &t->settings) == 0;
-}
-
-enum outcome refuse(struct transaction *txn, uint32_t code)
-{
-    txn->reply[0] = txn->function | 0x80u;
-    txn->reply[1] = (uint8_t)code;
-    txn->reply_length = 2;
-    return OUTCOME_REPLY;
-}
-
-enum outcome refuse_fault(struct transaction *txn, uint32_t fault)
-{
-    return refuse(txn, TRAITS.drive_fault ? TRAITS.drive_fault : fault);
-}
-
-enum outcome confirm(struct transaction *txn)
-{
-    txn->reply[0] = txn->function;
-    txn->reply[1] = (uint8_t)(txn->address >> 8);
-    txn->reply[2] = (uint8_t)txn->address;
-    txn->reply[3] = (uint8_t)(txn->operand >> 8);
-    txn->reply[4] = (uint8_t)txn->operand;
-    txn->reply_length = 5;
-    return OUTCOME_REPLY;
+    return guard_copy(&t->settings, &t->settings) == 0;
 }
 
 static const struct function *find_function(uint32_t code)
@@ -90,7 +56,7 @@ static const struct function *find_function(uint32_t code)
     return 0;
 }
 
-/* EXC 3: quantity and byte count. */
+/* Checks quantity and byte count (EXC 3). */
 static bool quantity_fits(const struct translator *t, const struct transaction *txn,
                           const struct function *function, frame_byte *pdu)
 {
@@ -112,18 +78,18 @@ static enum outcome decode(const struct translator *t, struct transaction *txn, 
     uint32_t expected = PDU_PLAIN;
 
     if (!function)
-        return refuse(txn, TRAITS.bad_function);
+        return reply_exception(txn, TRAITS.bad_function);
     if (txn->broadcast && function->form == FORM_READ)
         return OUTCOME_SILENT;
-    /* A PDU too short to have a byte count is shorter than any byte count asks for. */
+    /* Too short for a byte count is too short for any value that is read in its place. */
     if (function->form == FORM_COUNTED)
         expected = AT_DATA + pdu[AT_COUNT].byte;
     if (pdu_length != expected)
-        return refuse(txn, TRAITS.bad_length);
+        return reply_exception(txn, TRAITS.bad_length);
     txn->address = word_at(pdu + AT_ADDRESS);
     txn->operand = word_at(pdu + AT_OPERAND);
     if (!quantity_fits(t, txn, function, pdu))
-        return refuse(txn, TRAITS.bad_quantity);
+        return reply_exception(txn, TRAITS.bad_quantity);
     return function->handle(t, txn, pdu + (function->form == FORM_SINGLE ? AT_OPERAND : AT_DATA));
 }
 
@@ -132,24 +98,25 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
 {
     enum outcome outcome;
 
-    if (copy_settings(&txn->settings, &t->settings) != 0)
+    /* (docs/hardening.md, Guarded settings) */
+    if (guard_copy(&txn->settings, &t->settings) != 0)
         return OUTCOME_SILENT;
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);
-    /* What a reading left alone still fits, or shows that a bit of it flipped. */
+    /* A read leaves the settings alone; sealing them would hide a flipped bit (docs/hardening.md, Guarded settings). */
     if (txn->function > READ_REGISTERS)
-        seal(&txn->settings);
-    /* MAP-9: a broadcast is done, or is not, but never answered. */
+        guard_seal(&txn->settings);
+    /* A broadcast is never answered (MAP-9). */
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }
 
 void translate_commit(struct translator *t, const struct transaction *txn)
 {
-    copy_settings(&t->settings, &txn->settings);
+    guard_copy(&t->settings, &txn->settings);
 }
 
-/* Four PCD bytes at the end of the data: status word and output frequency. */
+/* The PCD at the end of the data: STW, and MAV in the high half. */
 static uint32_t status_of(frame_byte *data, uint32_t length)
 {
     uint8_t pcd[4];
@@ -167,10 +134,10 @@ static enum outcome answer_process(const struct translator *t, struct transactio
 {
     if (lge != LGE_PROCESS)
         return OUTCOME_NOT_A_REPLY;
-    return STATUS_REFRESH && txn->function == READ_COILS ? coils_answer(t, txn, txn->status) : confirm(txn);
+    return STATUS_REFRESH && txn->function == READ_COILS ? coils_answer(t, txn, txn->status) : reply_confirm(txn);
 }
 
-/* A text that was asked for as a number: 06 never writes text. */
+/* The parameter may be a text although a number was asked for. 06 never writes text. */
 static bool may_be_text(const struct transaction *txn, uint32_t fault)
 {
     return fault == FAULT_TYPE && txn->expects == EXPECT_NUMBER && txn->function != WRITE_REGISTER;
@@ -181,19 +148,19 @@ static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, 
     const uint32_t ak = (uint32_t)data->byte >> 4;
     const bool read = txn->function == READ_REGISTERS;
 
-    /* FC-8. All 12 bits beside AK: where bit 11 is not part of PNU, it must be 0 (FC-3). */
+    /* FC-8. All 12 bits below AK count: bit 11 must be 0 in dialects with a PNU of 11 bits (FC-3). */
     if (lge < LGE_TEXT || (word_at(data) & 0x0FFF) != txn->pnu)
         return OUTCOME_NOT_A_REPLY;
     if (txn->expects == EXPECT_TEXT && ak == AK_TEXT)
-        return read ? registers_answer_text(txn, data + 4, lge - LGE_TEXT) : confirm(txn);
+        return read ? registers_answer_text(txn, data + 4, lge - LGE_TEXT) : reply_confirm(txn);
     if (lge != LGE_PARAMETER)
         return OUTCOME_NOT_A_REPLY;
     if (ak == AK_REFUSED)
         return TRAITS.text_by_size && may_be_text(txn, data[7].byte) ? OUTCOME_EXCHANGE
-                                                                     : refuse_fault(txn, data[7].byte);
+                                                                     : reply_fault(txn, data[7].byte);
     if (txn->expects != EXPECT_NUMBER || (ak != AK_IS_WORD && ak != AK_IS_DOUBLE))
         return OUTCOME_NOT_A_REPLY;
-    return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : confirm(txn);
+    return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : reply_confirm(txn);
 }
 
 enum outcome translate_drive_reply(const struct translator *t, struct transaction *txn, frame_byte *data,
@@ -217,5 +184,5 @@ void translate_drive_again(struct transaction *txn)
 
 enum outcome translate_drive_silent(struct transaction *txn)
 {
-    return TRAITS.drive_silent ? refuse(txn, TRAITS.drive_silent) : OUTCOME_SILENT;
+    return TRAITS.drive_silent ? reply_exception(txn, TRAITS.drive_silent) : OUTCOME_SILENT;
 }

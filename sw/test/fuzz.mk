@@ -15,7 +15,7 @@ FUZZ_CFLAGS := -std=c99 -g -Wall -Wextra -Werror -Wconversion -Wstrict-prototype
 FUZZ_DIALECTS := card builtin hvac_basic
 FUZZ_TARGETS := translate gateway
 FUZZERS := $(foreach dialect,$(FUZZ_DIALECTS),$(FUZZ_TARGETS:%=$(FUZZ_DIR)/$(dialect)/fuzz_%))
-FUZZ_CORE := translate coils registers telegram
+FUZZ_CORE := translate coils registers telegram reply guard
 FUZZ_ALL := $(FUZZ_CORE) gateway leds loopback image
 FUZZ_SOURCES := $(wildcard $(FUZZ_TREE)/sw/src/*) $(wildcard $(FUZZ_TREE)/sw/*/*.h) $(wildcard $(FUZZ_TREE)/sw/port/host/*) \
 	$(wildcard sw/test/*.[ch]) sw/test/loops.toml sw/test/fuzz.mk sw/test/loops.py

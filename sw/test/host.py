@@ -19,7 +19,16 @@ BUILDS = {name: [f"-DDIALECT=DIALECT_{name.upper()}"] for name in DIALECTS} | {
     option: ["-DDIALECT=DIALECT_CARD", f"-D{option}=1"] for option in ("STATUS_REFRESH", "ADR_SHORT")
 }
 # The translation core: what decides what a telegram says.
-CORE = ("translate.c", "coils.c", "registers.c", "telegram.c", "transaction.h", "dialect.h")
+CORE = (
+    "translate.c",
+    "coils.c",
+    "registers.c",
+    "telegram.c",
+    "reply.c",
+    "guard.c",
+    "transaction.h",
+    "dialect.h",
+)
 INCLUDES = ["-Isw/include", "-Isw/src", "-Iregs/generated", "-Isw/port/host"]
 HOST = "sw/port/host/host.c"
 DOCUMENT = ROOT / "docs/reports/firmware-quality.md"

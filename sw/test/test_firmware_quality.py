@@ -72,27 +72,27 @@ BUGS = {
     "a byte beyond the drive's frame": ("translate.c", "at < 24 ?", "at < 48 ?", "translate"),
     "settings that change without a commit": (
         "gateway.c",
-        "== MAILBOX__REQUEST__COMMITTED_bm",
-        "!= 0u",
+        "== MAILBOX__REQUEST__COMMITTED_bm;",
+        "!= 0u;",
         "gateway",
     ),
     "a held telegram that is not taken back": (
         "gateway.c",
-        "|| (!newest && !g->uncommitted && g->now - g->since > PAUSE)",
+        "|| (!newest && !g->uncommitted && g->now - g->wait_start > PAUSE)",
         "",
         "gateway",
     ),
     "a licence that outlives its exchange": (
         "gateway.c",
-        "    mailbox_frame(TELEGRAM_FRAME)->byte = 0;\n    g->exchange = EXCHANGE_IDLE;",
+        "    revoke_telegram();\n    g->exchange = EXCHANGE_IDLE;",
         "    g->exchange = EXCHANGE_IDLE;",
         "gateway",
     ),
     "a BCC that is not the telegram's": ("telegram.c", "bcc ^= *from++;", "bcc |= *from++;", "translate"),
     "a request built on a flipped bit": (
         "translate.c",
-        "    if (copy_settings(&txn->settings, &t->settings) != 0)\n        return OUTCOME_SILENT;",
-        "    copy_settings(&txn->settings, &t->settings);",
+        "    if (guard_copy(&txn->settings, &t->settings) != 0)\n        return OUTCOME_SILENT;",
+        "    guard_copy(&txn->settings, &t->settings);",
         "translate",
     ),
     "a reply to an older request": (

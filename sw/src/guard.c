@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "guard.h"
+
+uint32_t guard_copy(struct settings *to, const struct settings *from)
+{
+    uint32_t sum = 0;
+    uint32_t i;
+
+    for (i = 0; i < SETTINGS; i++)
+        sum += to->word[i] = from->word[i];
+    return sum;
+}
+
+void guard_seal(struct settings *settings)
+{
+    settings->word[GUARD] -= guard_copy(settings, settings);
+}
+
+/* One flipped control bit changes both the BCC and the guard word, in different bit positions. With the BCC in two
+ * places, XOR cannot cancel the error. */
+uint32_t guard_of(const struct transaction *txn)
+{
+    const uint32_t bcc = txn->telegram[txn->telegram_length - 1];
+
+    return txn->settings.word[GUARD] ^ bcc ^ bcc << 8;
+}
+
+void guard_require_equal(struct transaction *txn, uint32_t first, uint32_t second)
+{
+    txn->settings.word[GUARD] += first ^ second;
+}
