@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 # Firmware: the images for the card, and a library of the same sources for tests on the host.
-# Included by the top Makefile; stands alone too (make -f sw/firmware.mk firmware).
+# Included by the top Makefile; also works alone (make -f sw/firmware.mk firmware).
 
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
-# An image for each dialect; the card's own lies in build itself.
+# Each dialect has an image in a folder of its own; the image of the card dialect is in build.
 FIRMWARE_DIALECTS := builtin hvac_basic
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
 
-# Bytes. Code, variables and stack fit the smallest memory of configs.toml: one firmware for all.
+# Bytes. Code, variables and stack fit the smallest memory of configs.toml, so every configuration runs this image.
 FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
 FIRMWARE_STACK := 160
@@ -23,7 +23,8 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/gene
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Iregs/generated
-# Loops stay loops: there is no C library to call instead. These optimisations make it longer here.
+# Without a C library, loops must not become calls of memcpy and the like. The other three optimisations are off
+# because they lengthen this code.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns -fno-if-conversion -fno-thread-jumps -fno-forward-propagate
 FIRMWARE_LDFLAGS := -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
@@ -52,16 +53,16 @@ $(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf sw/tools/seal.py
 $(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin sw/tools/bin2hex.py
 	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config standard $< $@
 
-# The same programs; only the memory that the file fills is another.
+# The same images in files of the tiny card's memory size.
 $(FIRMWARE_TINY): build/tiny/%.hex: build/%.bin sw/tools/bin2hex.py
 	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config tiny $< $@
 	cp $(<:.bin=.elf) $(@D)
 
-# For the tools that build them otherwise.
+# The list for tools that compile the sources themselves.
 firmware-sources:
 	@echo $(FIRMWARE_SOURCES)
 
-# text: code and constants; bss: variables; the stack comes on top.
+# text: code and constants; bss: variables. The stack is not included.
 firmware-size: $(FIRMWARE_ELFS)
 	$(FIRMWARE_CROSS)size $^
 

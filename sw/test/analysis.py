@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Static analysis of the firmware's C, in every dialect: gcc -fanalyzer, cppcheck, clang-tidy; part of lint.
+"""Static analysis of the firmware in every dialect; part of `make lint`.
 
-python -m sw.test.analysis [--tree DIR]   what is wrong, a line each; exit 1 if there is any
+    python -m sw.test.analysis [--tree DIR]   prints the findings, a line each; exit 1 if there are any
+
+Runs gcc -fanalyzer, cppcheck and clang-tidy, and checks the list of loop bounds.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ def dialect(name: str) -> str:
 
 
 def run(tree: Path, command: Iterable[str | Path]) -> list[str]:
-    """What a tool says, if it is not content."""
+    """The findings of a tool, a line each."""
     done = subprocess.run(list(map(str, command)), cwd=tree, capture_output=True, text=True, check=False)
     lines = [line for line in (done.stdout + done.stderr).splitlines() if ": " in line]
     return lines or [f"{command[0]}: exit code {done.returncode}"] if done.returncode else []
@@ -51,7 +53,7 @@ def test_sources(tree: Path) -> list[str]:
 
 
 def gcc_analyzer(tree: Path = ROOT) -> list[str]:
-    """For the card as the card's compiler sees it, each file in each dialect."""
+    """Each file in each dialect, with the compiler and the options of the card."""
     includes = [f"-I{folder}" for folder in SHARED]
     return all_of(
         tree,
@@ -71,9 +73,9 @@ def cppcheck(tree: Path = ROOT) -> list[str]:
 
 
 def clang_tidy(tree: Path = ROOT) -> list[str]:
-    """As sw/.clang-tidy says."""
+    """With the checks of sw/.clang-tidy."""
     with tempfile.TemporaryDirectory() as folder:
-        instrument(Path(folder))  # for its table of loops
+        instrument(Path(folder))  # makes loop_table.h
         options = ["--", "-std=c99", *INCLUDES, "-Isw/test", f"-I{folder}"]
         files = card_sources(tree) + test_sources(tree)
         return all_of(
@@ -92,7 +94,7 @@ CHECKS: list[tuple[str, Callable[..., list[str]]]] = [
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tree", type=Path, default=ROOT, help="another tree than this one")
+    parser.add_argument("--tree", type=Path, default=ROOT, help="the tree to analyse (default: this one)")
     tree = parser.parse_args().tree.absolute()
     wrong = [f"{title}: {line}" for title, check in CHECKS for line in check(tree)]
     print("\n".join(wrong) or "clean")

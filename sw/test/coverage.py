@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Branch coverage of the firmware by its host tests, build by build.
+"""Branch coverage of the firmware by its host tests, for each build.
 
-Exit 1 for a hole in the core, and with --check for a table in docs/reports/firmware-quality.md that says
-otherwise.
+Exit 1 for a line or branch of the core that is not covered, and with --check if the table in
+docs/reports/firmware-quality.md differs.
 
-Every dialect is measured alone, with its constants folded: what its row of dialect.h rules out is no branch
-of it. `all` is the sum, with the build options. The tests at random are left out, so that a branch counts
-only when a scenario was written for it, and the figure is the same in every run.
+Each dialect is measured alone, with its constants folded, so code that its row of dialect.h excludes does not
+count. `all` is the sum over all dialects and build options. Random tests are left out: a branch counts only
+if a scenario covers it, and the figure is repeatable.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from sw.test.host import (
 )
 
 FOLDER = ROOT / "build/coverage"
-# Constants folded and what they rule out gone, but every && and || still a branch of its own.
+# Fold constants and drop the code that they exclude, but keep every && and || a branch of its own.
 FLAGS = [
     *("-g", "-Og", "--coverage", "-ftree-vrp", "--param", "logical-op-non-short-circuit=0"),
-    *(f"-fno-{what}" for what in ("inline", "early-inlining", "if-conversion", "if-conversion2", "ipa-cp")),
-    *(f"-fno-{what}" for what in ("ipa-pure-const", "ipa-sra", "ssa-phiopt", "tree-pta")),
+    *(f"-fno-{name}" for name in ("inline", "early-inlining", "if-conversion", "if-conversion2", "ipa-cp")),
+    *(f"-fno-{name}" for name in ("ipa-pure-const", "ipa-sra", "ssa-phiopt", "tree-pta")),
 ]
-# Functions that a build has no call of: the linker drops them from its image.
+# Functions that a build never calls; the linker drops them from its image.
 UNCALLED = {"card": ["translate_drive_again", "telegram_as_text"]}
 WIDTH = 12
 
@@ -73,7 +73,7 @@ def measure() -> None:
 
 
 def counted(folder: Path, uncalled: Iterable[str]) -> tuple[Counts, Counts, Holes]:
-    """Branches and lines of each file, taken and in all, and the lines with something not taken."""
+    """Branches and lines of each file, taken and in total, and the lines that are not fully covered."""
     report = json.loads(run(sys.executable, "-m", "gcovr", "--json", "-", "-r", ROOT, folder))
     branches, lines, holes = {}, {}, {}
     for file in report["files"]:
@@ -101,10 +101,10 @@ def table(columns: dict[str, tuple[Counts, Counts, Holes]]) -> str:
             shown = "".join(f"{f'{taken} of {total}':>{WIDTH}}" for taken, total in cells)
             rows.append(file.ljust(16) + shown + mark)
     for title, wanted in (("core", True), ("the rest", False)):
-        for index, what in enumerate(("branches", "lines")):
+        for index, kind in enumerate(("branches", "lines")):
             shares = [share(column[index], wanted) for column in columns.values()]
             cells = "".join(f"{100 * taken / total:{WIDTH - 2}.1f} %" for taken, total in shares)
-            rows.append(f"{title}, {what}".ljust(16) + cells)
+            rows.append(f"{title}, {kind}".ljust(16) + cells)
     return "\n".join(rows)
 
 
@@ -115,11 +115,11 @@ def share(counts: Counts, core: bool) -> tuple[int, int]:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument(
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument(
         "--write", action="store_true", help="put the table into docs/reports/firmware-quality.md"
     )
-    what.add_argument("--check", action="store_true", help="fail if the table there is another")
+    mode.add_argument("--check", action="store_true", help="fail if the table there differs")
     options = parser.parse_args(arguments)
     measure()
     columns = {name: counted(FOLDER / name, UNCALLED.get(name, [])) for name in DIALECTS}

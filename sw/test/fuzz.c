@@ -79,7 +79,7 @@ uint32_t take_request(struct input *in, uint8_t *pdu)
         length = 6u + pdu[5];
         take_bytes(in, pdu, 6, least(length, PDU_KEPT));
     }
-    if (how & 0x80) { /* wrong in one place */
+    if (how & 0x80) { /* one error */
         const uint32_t wrong = take(in);
 
         if (wrong & 0x80)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# The fuzzers of the firmware: one of the translation core and one of the poll loop for every dialect, with
-# address and undefined-behaviour sanitizers, from copies of the sources that count their loops. Included by
-# the top Makefile; stands alone too (make -f sw/test/fuzz.mk fuzzers).
+# The fuzzers of the firmware: for each dialect one of the translation core and one of the poll loop, with address
+# and undefined-behaviour sanitizers, built from copies of the sources that count loop rounds. Included by the top
+# Makefile; also works alone (make -f sw/test/fuzz.mk fuzzers).
 
 FUZZ_CC := clang-14
 FUZZ_PYTHON ?= .venv/bin/python
 FUZZ_DIR ?= build/fuzz-firmware
-# Where the firmware's sources are; a changed copy, to see the fuzzers find it.
+# The folder with the firmware's sources; a test sets it to a copy with a planted bug.
 FUZZ_TREE ?= .
 FUZZ_FLAGS ?= -O1
 FUZZ_SANITIZERS := -fsanitize=fuzzer,address,undefined,implicit-conversion -fno-sanitize-recover=all

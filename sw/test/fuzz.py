@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzes the firmware's translation core and its poll loop in every dialect (sw/test/fuzz_*.c).
+"""Fuzzes the translation core and the poll loop of the firmware in every dialect (sw/test/fuzz_*.c).
 
     python -m sw.test.fuzz [--runs N] [--seed N] [--jobs N] [--folder DIR] [--refresh] [--write]
 
-Starts from the corpus in sw/test/corpus. Writes DIR/results.json (default: build/fuzz-firmware); what a
-fuzzer found lies in DIR/findings, and the line that repeats it is printed. Exit 1 with a finding, 2 when it
-cannot run.
+Starts from the corpus in sw/test/corpus. Writes DIR/results.json (default: build/fuzz-firmware) and the
+inputs of findings to DIR/findings; prints the command that repeats a finding. Exit 1 with a finding, 2 on an
+error.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/fuzz-firmware"
 CORPUS = ROOT / "sw/test/corpus"
-LONG = 10_000_000  # runs worth telling of
-# Share of the runs: one in the poll loop costs as much as eight of the core alone, and has more to do.
+LONG = 10_000_000  # runs; shorter campaigns do not go into the document
+# Share of the runs. A run of the poll loop takes as long as eight of the core.
 TARGETS = {"translate": 0.85, "gateway": 0.15}
 OPTIONS = ["-max_len=256", "-len_control=20", "-timeout=10", "-print_final_stats=1"]
-# Every branch once, with as few inputs as that takes.
+# The fewest inputs that take every branch once.
 MERGE = ["-set_cover_merge=1", "-use_counters=0", "-use_cmp=0"]
 
 
@@ -52,14 +52,14 @@ class Result:
 def build(
     folder: Path, *variables: str, fuzzers: Sequence[tuple[str, str]] = ()
 ) -> subprocess.CompletedProcess:
-    """DIR/<dialect>/fuzz_<target> from today's sources; all, or those asked for."""
+    """Builds FOLDER/<dialect>/fuzz_<target> from the current sources: all of them, or those of `fuzzers`."""
     goals = [f"{folder}/{dialect}/fuzz_{target}" for dialect, target in fuzzers] or ["fuzzers"]
     make = ["make", "-s", "-f", "sw/test/fuzz.mk", f"FUZZ_DIR={folder}", f"FUZZ_PYTHON={sys.executable}"]
     return subprocess.run([*make, *variables, *goals], cwd=ROOT, capture_output=True, text=True, check=False)
 
 
 def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Path | None = None) -> Result:
-    """One fuzzer of `folder`, from the corpus; what it finds goes to `work`, or to `folder` too."""
+    """Runs one fuzzer of `folder`, starting from the corpus; findings go to `work` (default: `folder`)."""
     grown = (work or folder) / "grown" / dialect / target
     findings = (work or folder) / "findings"
     shutil.rmtree(grown, ignore_errors=True)
@@ -75,7 +75,7 @@ def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Pa
     units = re.search(r"stat::number_of_executed_units: +(\d+)", said)
     edges = re.findall(r"cov: (\d+)", said)
     finding = re.search(r"Test unit written to (\S+)", said)
-    what = re.search(r".*(?:does not hold|more than \d+ rounds|runtime error|ERROR: \w+).*", said)
+    message = re.search(r".*(?:does not hold|more than \d+ rounds|runtime error|ERROR: \w+).*", said)
     if done.returncode and not finding:
         raise RuntimeError(f"{command[0]}: {said[-400:]}")
     return Result(
@@ -85,7 +85,7 @@ def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Pa
         int(edges[-1]) if edges else 0,
         round(time.monotonic() - begun, 1),
         finding[1] if finding else "",
-        what[0].strip() if finding and what else "",
+        message[0].strip() if finding and message else "",
     )
 
 
@@ -100,7 +100,7 @@ def fuzz_all(folder: Path, runs: int, seed: int, jobs: int) -> list[Result]:
 
 
 def loops_seen(folder: Path) -> dict[str, tuple[int, int]]:
-    """Replays the corpus: the most rounds of every loop, and its bound."""
+    """Replays the corpus; returns the most rounds and the bound of every loop."""
     seen: dict[str, tuple[int, int]] = {}
     table = folder / "loops_seen.txt"
     for dialect in DIALECTS:
@@ -120,7 +120,7 @@ def loops_seen(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def refresh(folder: Path) -> None:
-    """Adds to the corpus what takes a branch that it does not take yet."""
+    """Adds inputs to the corpus that take a branch for the first time."""
     for target in TARGETS:
         for dialect in DIALECTS:
             merge = [
@@ -134,7 +134,7 @@ def refresh(folder: Path) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="of all fuzzers together")
+    parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="runs of all fuzzers together")
     parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
     parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")
     parser.add_argument("--folder", type=Path, default=FOLDER)

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The poll loop behind a mailbox that plays any order of events, some of them between two register accesses
- * of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the loop-back test.
- * The mailbox keeps the rules of rtl/commit_gate.v; the check of the image runs along as in main.c.
+ * Fuzzes the poll loop against a model of the mailbox. Events come in any order, some between two register accesses
+ * of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the loop-back test. The model
+ * follows the rules of rtl/commit_gate.v. The image check runs as in main.c.
  *
- * What must hold: a telegram with coils in it carries those of its own committed request, at most twice;
- * no other telegram carries any; no held telegram leaves long after a newer commit; replies fit the request,
- * confirm only what the drive said yes to, never answer a broadcast; the settings are those of the committed
- * requests; when the lines come to rest, the next request is answered and reaches the drive.
+ * Checked: a process telegram carries the coils of its own committed request, and is sent twice at most. No other
+ * telegram carries coils. A held telegram does not leave long after a newer commit. A reply fits its request,
+ * confirms only commands that the drive has answered, and never answers a broadcast. The settings are those of the
+ * committed requests. After the last event a new request is answered and reaches the drive.
  */
 #include <string.h>
 
@@ -19,9 +19,9 @@
 #include "ticks.h"
 
 enum { EVENTS = 300, ADDRESS = 85, FRAME_MAX = 32, CRC_BYTES = 2, EVENT_FLAGS = 7 };
-/* Ticks; a telegram of 32 bytes takes 37 ms. */
+/* Ticks. A telegram of 32 bytes takes 37 ms. */
 enum { HELD = TICKS(6), SENDING = TICKS(40) };
-/* As in main.c; the image is a small one. */
+/* As in main.c, with a smaller image. */
 enum { IMAGE_WORDS = 300, IDLE_WORDS = 2, START_WORDS = 64 };
 
 struct request {
@@ -32,7 +32,7 @@ struct request {
     bool broadcast;
     bool committed;
     bool ignored;    /* came during the loop-back test or before a restart */
-    bool drive_said; /* the drive sent a good telegram after ours */
+    bool drive_answered; /* the drive sent a good telegram after ours */
     uint32_t sent;
 };
 
@@ -58,10 +58,11 @@ static struct gateway g;
 static struct model model;
 static struct request requests[2];
 static struct request *newest, *at_drive;
-static uint32_t held;        /* ticks for which the queued telegram was held though a newer request was committed */
-static bool polled;          /* the firmware has had its rounds since the last candidate, commit or restart */
-static uint32_t commit_to_see; /* whole rounds until it must have seen the commit: one prepares, the next commits */
-static uint32_t race_in;     /* register accesses until race_event */
+static uint32_t held; /* ticks that the queued telegram was held after the commit of a newer request */
+static bool polled;   /* the firmware has had its rounds since the last candidate, commit or restart */
+/* Rounds in which the firmware must see the commit: one prepares, the next commits. */
+static uint32_t rounds_to_commit;
+static uint32_t race_in; /* register accesses until race_event */
 static uint32_t race_event;
 static struct input *input;
 
@@ -82,8 +83,8 @@ static void end_licence(void)
     m.queued = m.licensed = false;
 }
 
-/* A write to its memory ends a telegram's licence. */
-static void take_back_what_was_touched(void)
+/* A write to the telegram memory ends the licence. */
+static void end_touched_licence(void)
 {
     if (!telegram_untouched())
         end_licence();
@@ -95,7 +96,7 @@ static void drop_unlicensed(void)
         m.queued = false;
 }
 
-/* ---- what leaves */
+/* ---- transmissions */
 
 static void check_telegram(void)
 {
@@ -114,7 +115,7 @@ static void check_telegram(void)
     HOLDS(m.no_reply == at_drive->broadcast);
     HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
     HOLDS(held <= HELD);
-    /* No newer one is committed when it is repeated, and it is no broadcast. */
+    /* A repeat is never a broadcast, and never follows the commit of a newer request. */
     HOLDS(at_drive->sent == 1 || BY_SIZE ||
           ((at_drive == newest || !newest->committed) && !at_drive->broadcast));
     if (m.telegram_length == 6) {
@@ -146,8 +147,8 @@ static void check_reply(void)
         HOLDS(m.reply_length == 3u + pdu[1]);
     else
         HOLDS(m.reply_length == 6 && !memcmp(pdu, newest->pdu, 5));
-    HOLDS(newest->drive_said || newest->intent != INTENT_PROCESS);
-    HOLDS(newest->drive_said || newest->sent == 0);
+    HOLDS(newest->drive_answered || newest->intent != INTENT_PROCESS);
+    HOLDS(newest->drive_answered || newest->sent == 0);
 }
 
 static void release(void)
@@ -159,7 +160,7 @@ static void release(void)
             end_licence();
         check_reply();
     }
-    take_back_what_was_touched();
+    end_touched_licence();
     if (m.queued && m.licensed && m.quiet) {
         m.queued = m.listening = m.drive_candidate = m.drive_good = false;
         m.started = m.sending = true;
@@ -220,7 +221,7 @@ static void event_commit(void)
     newest->committed = true;
     if (!newest->ignored) {
         model = newest->after;
-        commit_to_see = polled ? 1 : 2;
+        rounds_to_commit = polled ? 1 : 2;
     }
     polled = false;
     release();
@@ -263,13 +264,13 @@ static void event_bcc(bool good)
     m.drive_candidate = false;
     m.drive_good = good;
     if (good && at_drive)
-        at_drive->drive_said = true;
+        at_drive->drive_answered = true;
     if (!good && m.wait_drive)
         m.reply_queued = false;
     release();
 }
 
-/* The loop-back test: what one port sends the other hears, mostly intact. */
+/* The loop-back test: each port receives what the other sends, in most cases intact. */
 static void hear_telegram(void)
 {
     const uint32_t damage = take(input);
@@ -368,7 +369,7 @@ static uint32_t on_read(uint32_t offset)
     case offsetof(MAILBOX_t, LENGTH):
         return m.length & MAILBOX__LENGTH__BYTES_bm;
     case offsetof(MAILBOX_t, EXCHANGE):
-        take_back_what_was_touched();
+        end_touched_licence();
         return (m.queued ? MAILBOX__EXCHANGE__QUEUED_bm : 0u) |
                (m.sending ? MAILBOX__EXCHANGE__SENDING_bm : 0u) |
                (m.started ? MAILBOX__EXCHANGE__STARTED_bm : 0u) |
@@ -406,7 +407,7 @@ static void queue_telegram(uint32_t value)
     HOLDS(!m.sending);
     held = 0;
     m.started = false;
-    take_back_what_was_touched();
+    end_touched_licence();
     if (value & MAILBOX__TELEGRAM__REPEAT_bm) {
         m.repeats++;
         m.queued = m.licensed && m.begun && m.repeatable;
@@ -508,7 +509,7 @@ static void restart(void)
     model_init(&model);
     memset(&g, 0, sizeof g);
     polled = false;
-    commit_to_see = 0;
+    rounds_to_commit = 0;
     race_in = 0;
     image_init(&image, image_words, image_words + IMAGE_WORDS);
     gateway_init(&g);
@@ -516,16 +517,16 @@ static void restart(void)
 
 static void poll(void)
 {
-    const uint32_t to_see = commit_to_see;
+    const uint32_t to_see = rounds_to_commit;
     const struct settings *s = &g.translator.settings;
 
     gateway_poll(&g);
     if (gateway_is_idle(&g))
         HOLDS(image_step(&image, IDLE_WORDS));
-    take_back_what_was_touched();
-    if (commit_to_see != 0 && to_see != 0)
-        commit_to_see--;
-    polled = commit_to_see == 0;
+    end_touched_licence();
+    if (rounds_to_commit != 0 && to_see != 0)
+        rounds_to_commit--;
+    polled = rounds_to_commit == 0;
     if (!polled)
         return;
     check_counters();
@@ -535,11 +536,11 @@ static void poll(void)
     HOLDS(s->word[LOCAL_NETWORK_TIMEOUT] == model.network_timeout);
     HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == model.drive_timeout);
     HOLDS(translate_is_sound(&g.translator));
-    /* The end of an exchange ends its licence (SAFE-4). */
+    /* (docs/hardening.md, Licence ends with the exchange) */
     HOLDS(g.exchange != EXCHANGE_IDLE || g.testing || !m.licensed);
 }
 
-/* As if polls of which none had anything to do had come and gone. */
+/* Lets time pass as if idle polls had followed it. */
 static void skip(uint32_t ticks)
 {
     m.time += ticks;
@@ -550,7 +551,7 @@ static void wait(uint32_t polls, uint32_t step)
 {
     for (; polls != 0; polls--) {
         m.time += step;
-        if (step != 0 && m.queued && newest != at_drive && m.committed && !commit_to_see)
+        if (step != 0 && m.queued && newest != at_drive && m.committed && !rounds_to_commit)
             held++;
         if (m.sending && m.time - m.sent_at > SENDING)
             event_telegram_ends();
@@ -614,7 +615,7 @@ static void event(uint32_t how)
         poll();
 }
 
-/* ---- at the end everything works */
+/* ---- the end of a run: the card must still work */
 
 static void come_to_rest(void)
 {
@@ -635,7 +636,7 @@ static void come_to_rest(void)
     HOLDS(!m.queued && !m.sending);
 }
 
-/* A request of the bytes of pdu, committed; how many replies left for it. */
+/* Plays a committed request made from the bytes of pdu; returns the number of replies sent. */
 static uint32_t ask(const uint8_t *pdu, size_t length)
 {
     struct input in = {pdu, pdu + length};
@@ -652,7 +653,7 @@ static uint32_t ask(const uint8_t *pdu, size_t length)
 
 static void serve(void)
 {
-    /* As take_request wants them: 03 of a few registers; 03 of a parameter. Not broadcast. */
+    /* Input of take_request: 03 of local registers, 03 of a parameter; no broadcast. */
     static const uint8_t local[] = {0x11, 1, 0};
     static const uint8_t parameter[] = {0x09, 2, 1, 0};
     uint8_t data[12] = {0};

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The translation core under any requests and drive replies, in any order, committed or not.
+ * Fuzzes the translation core with requests and drive replies in any order, committed or not.
  *
- * What must hold: nothing changes but by a commit; a telegram says what the coils say or asks about a
- * parameter, and only a write writes one; bit 10 of the control word comes from the coils alone; replies
- * fit their request; a broadcast is never answered; coils read as they were written.
+ * Checked: only a commit changes the settings. A telegram carries the coils or accesses a parameter; only a write
+ * request writes one. Bit 10 of the control word comes from the coils alone. A reply fits its request. A broadcast
+ * is never answered. Coils read as written.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -18,7 +18,7 @@ struct slot {
     struct transaction *txn;
     uint8_t pdu[PDU_MAX];
     bool at_drive;
-    bool again; /* the drive wants to be asked once more */
+    bool again; /* the second telegram has been made */
 };
 
 struct bench {
@@ -34,7 +34,7 @@ static bool same_settings(const struct settings *a, const struct settings *b)
     return !memcmp(a->word, b->word, sizeof a->word);
 }
 
-/* The settings are those of the model. */
+/* Compares the settings with the model. */
 static void check_settings(const struct settings *s, const struct model *m)
 {
     uint32_t sum = 0;
@@ -209,7 +209,7 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
         HOLDS(BY_SIZE && !slot->again);
         slot->again = true;
         translate_drive_again(slot->txn);
-        /* The index is that of the first telegram, whatever was written since. */
+        /* The index is that of the first telegram, even if it was written since. */
         now.ind = telegram[4];
         check_telegram(b, slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
         HOLDS(slot->txn->telegram[1] >> 4 == AK_TEXT);
@@ -218,7 +218,7 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
     slot->at_drive = false;
 }
 
-/* A bit of what was written flips: nothing is built on it, and nothing repairs it by chance (SAFE-4). */
+/* A bit of the settings flips: no request uses them, and no commit hides it (docs/hardening.md, Guarded settings). */
 static void flip(struct bench *b, struct input *in)
 {
     const uint32_t which = take(in);
@@ -268,7 +268,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     memset(&b, PATTERN, sizeof b);
     memset(&b.t, 0, sizeof b.t);
-    /* Each in a block of its own, so that a byte too far is seen. */
+    /* Separate blocks, so that the sanitizer sees an access beyond one. */
     b.bank = calloc(BANK, sizeof *b.bank);
     b.drive_bank = calloc(DRIVE_BANK, sizeof *b.drive_bank);
     for (step = 0; step < 2; step++) {

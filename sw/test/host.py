@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The firmware's sources as the tools around them see them: their files, and builds of them for the host.
+"""The firmware's source files, and builds of them for the host.
 
-A build is a row of BUILDS: a dialect, or the card's own with an option of sw/include/options.h. The tests
-load whole folders of builds (FIRMWARE_LIBRARIES, tb/model/firmware.py).
+A build is a row of BUILDS: a dialect, or the card dialect with an option of sw/include/options.h. The tests
+load folders of builds (FIRMWARE_LIBRARIES, tb/model/firmware.py).
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 DIALECTS = ("card", "builtin", "hvac_basic")
-# What a build is called, and its preprocessor symbols.
+# Name and preprocessor symbols of each build.
 BUILDS = {name: [f"-DDIALECT=DIALECT_{name.upper()}"] for name in DIALECTS} | {
     option: ["-DDIALECT=DIALECT_CARD", f"-D{option}=1"] for option in ("STATUS_REFRESH", "ADR_SHORT")
 }
-# The translation core: what decides what a telegram says.
+# The translation core: the files that decide the content of telegrams and replies.
 CORE = (
     "translate.c",
     "coils.c",
@@ -32,34 +32,34 @@ CORE = (
 INCLUDES = ["-Isw/include", "-Isw/src", "-Iregs/generated", "-Isw/port/host"]
 HOST = "sw/port/host/host.c"
 DOCUMENT = ROOT / "docs/reports/firmware-quality.md"
-# The tests that need no simulator; those at random are judges of their own, not of the coverage.
-TESTS = [f"tb/firmware/test_firmware_{what}.py" for what in ("translate", "dialects", "gateway", "image")]
+# The tests that need no simulator. Random tests do not count for the coverage.
+TESTS = [f"tb/firmware/test_firmware_{part}.py" for part in ("translate", "dialects", "gateway", "image")]
 RANDOM = "random or any_sequence"
 
 
 @cache
 def sources() -> tuple[str, ...]:
-    """The C files that the card and the host share."""
+    """The C files common to card and host."""
     make = ["make", "-s", "-f", "sw/firmware.mk", "firmware-sources"]
     return tuple(subprocess.run(make, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split())
 
 
 def compile_library(build: str, folder: Path, *flags: str, tree: Path = ROOT) -> subprocess.CompletedProcess:
-    """FOLDER/BUILD/libtranslate.so from the sources below `tree`, which may be a changed copy."""
+    """Builds FOLDER/BUILD/libtranslate.so from the sources below `tree`, which may be a changed copy."""
     target = folder / build / "libtranslate.so"
     target.parent.mkdir(parents=True, exist_ok=True)
     command = ["gcc", "-std=c99", *INCLUDES, *BUILDS[build], *flags, "-fPIC", "-shared", "-o", str(target)]
     return subprocess.run([*command, *sources(), HOST], cwd=tree, capture_output=True, text=True, check=False)
 
 
-def with_figures(what: str, text: str) -> str:
-    """The document with this in the block of this name."""
-    block = re.compile(rf"(?<=^```{what}\n).*?(?=^```$)", re.DOTALL | re.MULTILINE)
+def with_figures(name: str, text: str) -> str:
+    """The document with `text` in the block `name`."""
+    block = re.compile(rf"(?<=^```{name}\n).*?(?=^```$)", re.DOTALL | re.MULTILINE)
     document, count = block.subn(lambda _: text.rstrip("\n") + "\n", DOCUMENT.read_text())
-    assert count == 1, what
+    assert count == 1, name
     return document
 
 
-def put_figures(what: str, text: str) -> None:
-    DOCUMENT.write_text(with_figures(what, text))
+def put_figures(name: str, text: str) -> None:
+    DOCUMENT.write_text(with_figures(name, text))
     print(f"wrote {DOCUMENT.relative_to(ROOT)}")

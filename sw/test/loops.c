@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* With LOOPS_SEEN=file in the environment: the most rounds of each loop and its bound, written at the end. */
+/* Counts loop rounds. LOOPS_SEEN=file in the environment writes the most rounds and the bound of each loop at exit. */
 #include "loops.h"
 
 #include <stdio.h>

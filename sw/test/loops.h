@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the counting copies of the sources call in every round of every loop (sw/test/loops.py). */
+/* The instrumented copies of the sources call loop_step in every round of every loop (sw/test/loops.py). */
 #ifndef LOOPS_H
 #define LOOPS_H
 
@@ -9,7 +9,7 @@ struct loop {
     unsigned long seen;
 };
 
-/* Ends the run when the loop goes round more often than stated. */
+/* Aborts the run when a loop exceeds its bound. */
 void loop_step(unsigned number, unsigned long rounds);
 
 #endif

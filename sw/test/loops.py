@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loops of the firmware and their bounds (sw/test/loops.toml).
 
-    python -m sw.test.loops --check          every loop of sw/src has a bound, every bound a loop; else exit 1
-    python -m sw.test.loops --instrument DIR copies of sw/src that count the rounds and stop beyond the bound
-    --tree DIR                               that of another tree than this one
+    python -m sw.test.loops --check          exit 1 for a loop of sw/src without a bound, or the reverse
+    python -m sw.test.loops --instrument DIR writes copies of sw/src that abort beyond a bound
+    --tree DIR                               the tree to read (default: this one)
 
 The copies call sw/test/loops.c; lines keep their numbers.
 """
@@ -66,7 +66,7 @@ def bounds() -> dict[Loop, tuple[int, str]]:
 
 
 def differences(tree: Path = ROOT) -> list[str]:
-    """Loops without a bound and bounds without a loop."""
+    """Loops without a bound, and bounds without a loop."""
     there = [loop for path in sorted((tree / SOURCES).glob("*.c")) for loop, _ in loops_of(path)]
     stated = bounds()
     wrong = [
@@ -83,7 +83,7 @@ def differences(tree: Path = ROOT) -> list[str]:
 
 
 def instrumented(path: Path, numbers: dict[Loop, int]) -> str:
-    """Each loop in a block with a counter of its own, stepped at the start of its body."""
+    """The source with a counter for each loop, incremented at the start of its body."""
     text = path.read_bytes()
     inserts: list[tuple[int, str]] = []
     for loop, node in loops_of(path):
@@ -116,9 +116,9 @@ def instrument(folder: Path, tree: Path = ROOT) -> None:
 
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    what = options.add_mutually_exclusive_group(required=True)
-    what.add_argument("--check", action="store_true", help="hold the list to the sources")
-    what.add_argument("--instrument", type=Path, metavar="DIR", help="write copies that count")
+    mode = options.add_mutually_exclusive_group(required=True)
+    mode.add_argument("--check", action="store_true", help="compare the list with the sources")
+    mode.add_argument("--instrument", type=Path, metavar="DIR", help="write copies that count rounds")
     options.add_argument("--tree", type=Path, default=ROOT, metavar="DIR", help="where sw/src lies")
     given = options.parse_args()
     wrong = differences(given.tree)

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mutation of the translation core and of the poll loop: are their tests able to fail?
+"""Mutation testing of the translation core and of the poll loop.
 
     python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; then the report
     python -m sw.test.mutate --shard I/N      part I of N, on any machine; writes its result file
     python -m sw.test.mutate --report         merges them; exit 1 for a survivor without a reason
     python -m sw.test.mutate --list           every mutant, a line each
-    --count N                                        so many of each file; 0: every one
+    --count N                                        mutants of each file; 0: all
 
-A mutant is one small change of one of the core's files or of gateway.c, which makes telegrams twice, repeats
-them and takes them back. It is caught when the fuzzer's corpus or a host test fails, or never ends. What
-survives must be in sw/test/survivors.toml with the reason why no test could catch it; what the compiler makes
-the same code of is no mutant. Results: build/mutate/firmware/*.json.
+A mutant is one small change in a file of the core or in gateway.c. It is caught if the fuzzer's corpus or a
+host test fails or does not end. A survivor must be listed in sw/test/survivors.toml with the reason why no
+test can catch it. A mutant that compiles to the same code is not counted.
+
+Results: build/mutate/firmware/*.json.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ CORPUS = ROOT / "sw/test/corpus"
 GATEWAY = "gateway.c"
 BY_GATEWAY = (GATEWAY, "guard.c")  # tried by the tests of the poll loop
 FILES = (*CORE, GATEWAY)
-SEED = "1"  # of the tests at random, so that a mutant's fate is the same every time
+SEED = "1"  # of the random tests, so that the result for a mutant is repeatable
 CAUGHT_PERCENT = 95
 MUTANTS_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
@@ -77,7 +78,7 @@ OPERATORS = {
     "++": ["--"],
     "--": ["++"],
 }
-Key = tuple[str, str, str, str]  # file, function, code, what becomes of it
+Key = tuple[str, str, str, str]  # file, function, code, changed code
 WORDS = {"true": "false", "false": "true"}
 CONDITIONS = ("if_statement", "while_statement", "conditional_expression")
 
@@ -111,7 +112,7 @@ def function_name(node: Node | None) -> str:
 
 
 def changes(node: Node) -> Iterator[tuple[Node, str]]:
-    """What may be put in the place of a node, or of one of its children."""
+    """The replacements for a node or for one of its children."""
     text = node.text.decode()
     kind = node.type
     if kind in ("binary_expression", "assignment_expression", "update_expression"):
@@ -170,7 +171,7 @@ def all_mutants() -> list[Mutant]:
 
 
 def chosen_mutants(count: int) -> list[Mutant]:
-    """So many of each file, always the same ones."""
+    """The same `count` mutants of each file every time; 0: all."""
     chosen = []
     for name in FILES:
         mutants = mutants_of(name)
@@ -183,8 +184,8 @@ def chosen_mutants(count: int) -> list[Mutant]:
 # ---------------------------------------------------------------- one mutant's builds
 
 
-class Workshop:
-    """A copy of the sources in which one file at a time is changed, and what is made of it."""
+class MutantBuild:
+    """A copy of the sources with at most one mutant, and its builds."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -195,7 +196,7 @@ class Workshop:
         self.files = [*sources(), HOST]
         self.core = [f"sw/src/{file}" for file in CORE if file.endswith(".c")]
         common = ["sw/test/fuzz.c", "sw/test/replay.c"]
-        # Of each fuzzer; which one is asked follows from the mutant.
+        # The sources of each fuzzer; fuzzer_of() selects one.
         self.replayers = {
             "translate": [*self.core, *common, "sw/test/fuzz_translate.c"],
             "gateway": [*self.files, *common, "sw/test/fuzz_gateway.c"],
@@ -220,14 +221,14 @@ class Workshop:
         return self._run("gcc", *flags, "-c", file, "-o", self._object(file, build, changed))
 
     def touched(self) -> list[str]:
-        """What must be compiled anew; headers are in all of the core, and in gateway.c."""
+        """The sources to compile again; a header is included by all of the core and by gateway.c."""
         if self.mutant is None:
             return []
         name = self.mutant.file
         return [f"sw/src/{name}"] if name.endswith(".c") else [*self.core, f"sw/src/{GATEWAY}"]
 
     def change(self, mutant: Mutant | None) -> None:
-        """Puts the last mutant right, and this one in."""
+        """Restores the file of the last mutant and writes this one."""
         if self.mutant:
             shutil.copy(ROOT / "sw/src" / self.mutant.file, self.folder / "sw/src" / self.mutant.file)
         self.mutant, self.compiled = mutant, set()
@@ -273,7 +274,7 @@ class Workshop:
         return self._object(file, build, changed=True).read_bytes()
 
     def same_code(self) -> bool:
-        """The optimiser sees no difference, in no build. Takes the mutant out."""
+        """True if the mutant compiles to the same code in every build. Removes the mutant."""
         mutant, touched = self.mutant, self.touched()
         changed = {(file, build): self._machine_code(file, build) for build in BUILDS for file in touched}
         self.change(None)
@@ -303,14 +304,14 @@ def replay_fails(make_replayer: Callable[[str, str], Path], fuzzer: str) -> str:
 # ---------------------------------------------------------------- the tests, collected once
 
 
-class Judge:
-    """A plugin of pytest: collects the tests, then runs them in a child process for every mutant."""
+class MutationRun:
+    """A plugin of pytest: collects the tests, then runs them in a child process for each mutant."""
 
-    def __init__(self, workshop: Workshop, mutants: list[Mutant], results: list[dict], replay: bool) -> None:
-        self.workshop, self.mutants, self.results, self.replay = workshop, mutants, results, replay
+    def __init__(self, builds: MutantBuild, mutants: list[Mutant], results: list[dict], replay: bool) -> None:
+        self.builds, self.mutants, self.results, self.replay = builds, mutants, results, replay
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Those of the core alone and those of the poll loop, on the host; the slow ones last."""
+        """Sorts the host tests into those of the core and those of the poll loop, the slow ones last."""
         items.sort(key=lambda item: any(word in item.name for word in SLOW))
         self.items = {
             "gateway": [item for item in items if of_gateway(item)],
@@ -318,10 +319,10 @@ class Judge:
         }
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        os.environ["FIRMWARE_LIBRARIES"] = str(self.workshop.folder)
-        self.workshop.link_libraries()
+        os.environ["FIRMWARE_LIBRARIES"] = str(self.builds.folder)
+        self.builds.link_libraries()
         for fuzzer, items in self.items.items():
-            first = replay_fails(self.workshop.make_sanitized_replayer, fuzzer) or self.tests_fail(items)
+            first = replay_fails(self.builds.make_sanitized_replayer, fuzzer) or self.tests_fail(items)
             if first:
                 raise SystemExit(f"the tests fail without any mutation: {first}")
         for number, mutant in enumerate(self.mutants, 1):
@@ -330,28 +331,28 @@ class Judge:
             self.results.append(asdict(mutant) | {"change": mutant.change, "fate": fate})
             place = f"{mutant.file}:{mutant.line} {mutant.change}"
             print(f"{number}/{len(self.mutants)} {place}: {fate}", flush=True)
-            # What caught one catches the next.
+            # A test that caught one mutant often catches the next.
             items.sort(key=lambda item: fate != f"test {item.name}")
         return True
 
     def fate(self, mutant: Mutant, items: list[pytest.Item]) -> str:
-        self.workshop.change(mutant)
-        if not self.workshop.make("card"):
+        self.builds.change(mutant)
+        if not self.builds.make("card"):
             return "does not compile"
         fuzzer = fuzzer_of(mutant)
-        if self.replay and (fate := replay_fails(self.workshop.link_replayer, fuzzer)):
+        if self.replay and (fate := replay_fails(self.builds.link_replayer, fuzzer)):
             return fate
-        self.workshop.link_libraries()
+        self.builds.link_libraries()
         if fate := self.tests_fail(items[:LIKELY]):
             return fate
-        # Before the other tests: they take longest where there is nothing to find.
-        if self.workshop.same_code():
+        # Compare the code first: with the same code all remaining tests would run in vain.
+        if self.builds.same_code():
             return "same code"
-        self.workshop.change(mutant)
-        self.workshop.link_libraries()
+        self.builds.change(mutant)
+        self.builds.link_libraries()
         if fate := self.tests_fail(items[LIKELY:]):
             return fate
-        return (self.replay and replay_fails(self.workshop.make_sanitized_replayer, fuzzer)) or "survives"
+        return (self.replay and replay_fails(self.builds.make_sanitized_replayer, fuzzer)) or "survives"
 
     def tests_fail(self, items: list[pytest.Item]) -> str:
         read, write = os.pipe()
@@ -385,7 +386,7 @@ def of_core(item: pytest.Item) -> bool:
 
 
 def of_gateway(item: pytest.Item) -> bool:
-    """Not on the card's own image, which has no mutant in it; of other dialects the second exchange."""
+    """Tests of the poll loop in the host library, and of second exchanges. The card's image has no mutant."""
     if item.path == ROOT / GATEWAY_TESTS:
         return "[host" in item.name or "any_sequence" in item.name
     return item.name.startswith(("test_the_second_telegram", "test_after"))
@@ -400,7 +401,7 @@ def run_shard(part: int, parts: int, count: int, replay: bool) -> Path:
     os.environ["COCOTB_RANDOM_SEED"] = SEED
     results: list[dict] = []
     begun = time.monotonic()
-    judge = Judge(Workshop(FOLDER / f"shard-{part}-of-{parts}"), mutants, results, replay)
+    run = MutationRun(MutantBuild(FOLDER / f"shard-{part}-of-{parts}"), mutants, results, replay)
     options = [
         "-q",
         "--capture=no",
@@ -412,7 +413,7 @@ def run_shard(part: int, parts: int, count: int, replay: bool) -> Path:
         "no:faulthandler",
         "--no-header",
     ]
-    code = pytest.main([*options, *(str(ROOT / test) for test in TESTS)], plugins=[judge])
+    code = pytest.main([*options, *(str(ROOT / test) for test in TESTS)], plugins=[run])
     if len(results) != len(mutants):
         sys.exit(f"shard {part}/{parts} did not end: pytest's exit code {code}")
     file = FOLDER / f"shard-{part}-of-{parts}.json"
@@ -427,7 +428,7 @@ def run_shard(part: int, parts: int, count: int, replay: bool) -> Path:
 
 
 def key(mutant: Mutant) -> Key:
-    """What a row of survivors.toml says of a mutant; line numbers would not last."""
+    """The key of a mutant in survivors.toml, without line numbers, which change too often."""
     source = (ROOT / "sw/src" / mutant.file).read_bytes()
     begin = source.rfind(b"\n", 0, mutant.start) + 1
     end = source.find(b"\n", mutant.end)
@@ -446,8 +447,8 @@ def report(count: int, write: bool) -> int:
     results = [mutant for file in files for mutant in json.loads(file.read_text())["mutants"]]
     wanted = chosen_mutants(count)
     if len(results) != len(wanted) or {mutant_of(result) for result in results} != set(wanted):
-        told = f"{len(results)} results of {len(wanted)} mutants: a shard is missing or old"
-        print(told, file=sys.stderr)
+        error = f"{len(results)} results of {len(wanted)} mutants: a shard is missing or old"
+        print(error, file=sys.stderr)
         return 2
     why, wrong, shown = reasons(), [], []
     shown.append(f"{'file':14}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
@@ -489,14 +490,14 @@ def main() -> int:
     parser.add_argument("--jobs", type=at_least(1), default=2)
     parser.add_argument("--shard", metavar="I/N")
     parser.add_argument(
-        "--count", type=at_least(0), default=60, help="of each file; 0: all (default: %(default)s)"
+        "--count", type=at_least(0), default=60, help="mutants of each file; 0: all (default: %(default)s)"
     )
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--list", action="store_true")
     parser.add_argument(
         "--write", action="store_true", help="put the table into docs/reports/firmware-quality.md"
     )
-    parser.add_argument("--tests-only", action="store_true", help="leave the fuzzers' corpus out")
+    parser.add_argument("--tests-only", action="store_true", help="do not run the fuzzers' corpus")
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     if given.list:

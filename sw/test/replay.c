@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The main of a fuzzer without libFuzzer: gives it the files of the command line, once each. */
+/* The main function of a fuzzer without libFuzzer: runs each file of the command line once. */
 #include <stdint.h>
 #include <stdio.h>
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tools that judge the firmware, and their quick share: fuzzing, loops, stack, static analysis."""
+"""Tests of the firmware's tools, with a short run of each: fuzzing, loops, stack, static analysis."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RUNS = {"translate": 60_000, "gateway": 8_000}
 
 @functools.cache
 def fuzzers() -> Path:
-    """Today's fuzzers; test processes take turns."""
+    """The fuzzers of the current sources. A lock lets one test process build at a time."""
     folder = ROOT / "build/fuzz-firmware"
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
@@ -47,7 +47,7 @@ def fuzzers() -> Path:
 @pytest.mark.rule("SAFE-1", "SAFE-3", "SAFE-4", "FRAME-6", "FRAME-7", "MAP-9", "FC-5", "FC-9")
 @pytest.mark.parametrize(("dialect", "target"), FUZZERS)
 def test_no_input_breaks_the_firmware(dialect: str, target: str, tmp_path: Path):
-    """The oracles are those of sw/test/fuzz_*.c."""
+    """sw/test/fuzz_*.c lists the checks."""
     seed = int(os.environ.get("COCOTB_RANDOM_SEED") or random.randrange(1, 1 << 31))
     print(f"repeat with COCOTB_RANDOM_SEED={seed}")
     result = firmware_fuzz.fuzz(fuzzers(), dialect, target, RUNS[target], seed, work=tmp_path)
@@ -132,7 +132,7 @@ def test_every_loop_has_its_bound_and_every_bound_its_loop():
     assert firmware_loops.differences() == []
 
 
-def test_a_loop_without_a_bound_is_told(tmp_path: Path):
+def test_a_loop_without_a_bound_is_reported(tmp_path: Path):
     shutil.copytree(ROOT / "sw/src", tmp_path / "sw/src")
     path = tmp_path / "sw/src/leds.c"
     path.write_text(path.read_text().replace("leds->step++;", "while (now--)\n            leds->step++;"))
@@ -150,14 +150,16 @@ def test_the_corpus_drives_every_loop_as_far_as_its_bound_and_no_further():
 
 @pytest.mark.rule("PERF-4")
 @pytest.mark.parametrize("dialect", DIALECTS)
-def test_the_deepest_stack_fits_what_the_linker_keeps_for_it(dialect: str):
+def test_the_deepest_stack_fits_the_reserved_memory(dialect: str):
     elf = build("build/firmware.elf" if dialect == "card" else f"build/{dialect}/firmware.elf")
     size, path = deepest(elf)
     print(f"{size} bytes: {' > '.join(path)}")
     makefile = (ROOT / "sw/firmware.mk").read_text()
-    kept = int(re.search(r"^FIRMWARE_STACK := (\d+)$", makefile, re.MULTILINE)[1])
-    assert 0 < size <= kept
-    assert f"| {dialect} | {size} of {kept} |" in DOCUMENT.read_text(), f"{DOCUMENT.name}: stack of {dialect}"
+    reserved = int(re.search(r"^FIRMWARE_STACK := (\d+)$", makefile, re.MULTILINE)[1])
+    assert 0 < size <= reserved
+    assert f"| {dialect} | {size} of {reserved} |" in DOCUMENT.read_text(), (
+        f"{DOCUMENT.name}: stack of {dialect}"
+    )
 
 
 # ---------------------------------------------------------------- coverage
@@ -208,7 +210,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("analyser", MISTAKES)
-def test_a_planted_mistake_is_told(analyser: str, tmp_path: Path):
+def test_a_planted_mistake_is_reported(analyser: str, tmp_path: Path):
     shutil.copytree(ROOT / "sw", tmp_path / "sw", ignore=shutil.ignore_patterns("src", "test"))
     (tmp_path / "sw/src").mkdir()
     code = f"int planted(void);\nint planted(void)\n{{\n    {MISTAKES[analyser]}\n}}\n"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns a firmware image into a file for $readmemh, one little-endian word a line.
+"""Turns a firmware image into a file for $readmemh, one little-endian word on each line.
 
-A word has 36 bits, nine digits: above each byte its parity, even, as rtl/firmware_ram.v keeps it. The file
-fills the whole memory of the configuration, whose size in bytes stands in configs.toml.
+A word has 36 bits, written as nine digits: above each byte is its even parity bit, as in rtl/firmware_ram.v.
+The file fills the whole memory of the configuration; configs.toml gives the size in bytes.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ WORD_BITS = 4 * LANE_BITS
 
 
 def with_parity(word: int) -> int:
-    """A 32-bit word as it stands in the memory."""
+    """A 32-bit word with its parity bits, as stored in the memory."""
     lanes = ((byte.bit_count() & 1) << 8 | byte for byte in word.to_bytes(4, "little"))
     return sum(lane << LANE_BITS * n for n, lane in enumerate(lanes))
 
 
 def without_parity(word: int) -> int:
-    """The 32 bits of a word of the memory."""
+    """The 32 bits of a word of the memory, without its parity bits."""
     return sum((word >> LANE_BITS * n & 0xFF) << 8 * n for n in range(4))
 
 
 def hex_line(word: int) -> str:
-    """A word of the memory, with its parity, as the file has it."""
+    """The line of the file for a word of the memory."""
     return f"{word:0{WORD_BITS // 4}x}\n"
 
 
 def words(image: bytes, size: int) -> list[int]:
-    """The memory's content, zeros behind the image; `size` in bytes is a multiple of 4."""
+    """The content of the memory: the image, then zeros. `size` is in bytes, a multiple of 4."""
     padded = image.ljust(size, b"\0")
     return [with_parity(int.from_bytes(padded[i : i + 4], "little")) for i in range(0, size, 4)]
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The deepest stack of the firmware, from its call graph: what `make bench` states and the linker reserves.
+"""The deepest stack of the firmware, from its call graph.
 
-    python -m sw.tools.stack [ELF]     default: build/firmware.elf; prints bytes and path; exit 2 when it
-    cannot tell
+    python -m sw.tools.stack [ELF]     prints bytes and path; default: build/firmware.elf; exit 2 on an error
 
-Reads the code as it was linked: the frame of a function is the largest n of its `add sp,sp,-n`, its callees
-are its jumps out of itself. A call through a pointer may reach every function whose address is one of the
-constants. Recursion, or a frame of variable size, is an error: both are against the rules of this firmware.
+`make bench` reports the figure, sw/firmware.mk reserves the memory. The linked code is read: the frame of a
+function is the largest n of its `add sp,sp,-n`; its callees are the targets of jumps out of the function. A
+call through a pointer may reach every function whose address is a constant. Recursion and frames of variable
+size are errors; the firmware's rules forbid both.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ PREFIX = "riscv64-unknown-elf-"
 HEAD = re.compile(r"^([0-9a-f]+) <([^>]+)>:$")
 CODE = re.compile(r"^\s*([0-9a-f]+):\s+[0-9a-f]+\s+(\S+)(?:\s+(.*))?$")
 TARGET = re.compile(r"\b([0-9a-f]+) <([^>+]+)>$")
-FRAME = re.compile(r"^sp,sp,(-?\d+)$")  # taken down, and up again at the end
-ENTRY = "_start"  # sets sp, has no frame itself
+FRAME = re.compile(r"^sp,sp,(-?\d+)$")  # entry and exit of a function
+ENTRY = "_start"  # sets sp, has no frame
 CALLS = {"jal", "call"}
 JUMPS = CALLS | {"j", "tail"}
 INDIRECT = {"jalr", "jr"}
 
 
 class StackError(Exception):
-    """One line that tells the user what is wrong."""
+    """The error message, one line."""
 
 
 @dataclass
@@ -56,7 +56,7 @@ def symbols(elf: Path = ELF) -> dict[str, int]:
 
 
 def sizes(elf: Path = ELF) -> tuple[int, int]:
-    """Bytes of code and constants, and of variables, those with a first value too."""
+    """Bytes of code and constants, and of variables."""
     text, data, bss = map(int, _tool("size", elf).splitlines()[1].split()[:3])
     return text, data + bss
 
@@ -75,7 +75,7 @@ def functions(elf: Path = ELF) -> dict[str, Function]:
                 function.frame = max(function.frame, -int(step[1]))
             elif operands.startswith("sp,") and current != ENTRY:
                 raise StackError(f"{current}: a frame of variable size ({mnemonic} {operands})")
-            # A jump to its own start is a loop, a call of it is recursion.
+            # A jump to the start of the same function is a loop; a call of it is recursion.
             target = TARGET.search(operands) if mnemonic in JUMPS else None
             if target and (target[2] != current or mnemonic in CALLS):
                 function.callees.add(target[2])
@@ -84,7 +84,7 @@ def functions(elf: Path = ELF) -> dict[str, Function]:
 
 
 def pointed_at(elf: Path, names: set[str]) -> set[str]:
-    """Functions whose address is a word of the constants or of a variable's first value."""
+    """Functions whose address is a word of the constants or an initial value of a variable."""
     at = {address: name for name, address in symbols(elf).items() if name in names}
     words, counts = set(), False
     for line in _tool("objdump", "-s", elf).splitlines():
@@ -96,13 +96,13 @@ def pointed_at(elf: Path, names: set[str]) -> set[str]:
 
 
 def deepest(elf: Path = ELF) -> tuple[int, list[str]]:
-    """Bytes, and the calls that need them."""
+    """Bytes, and the path of calls that needs them."""
     graph = functions(elf)
     anywhere = pointed_at(elf, set(graph))
     for name, function in graph.items():
         if function.by_pointer:
             if not anywhere:
-                raise StackError(f"{name} calls through a pointer, and there are none")
+                raise StackError(f"{name} calls through a pointer, but no function has its address taken")
             function.callees |= anywhere
     known: dict[str, tuple[int, list[str]]] = {}
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The mailbox on the card: memory-mapped. */
+/* Access to the mailbox on the card: memory-mapped registers and frames. */
 #ifndef MAILBOX_PORT_H
 #define MAILBOX_PORT_H
 

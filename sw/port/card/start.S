@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* From reset (address 0) to main. Nothing is copied: the memory is loaded with code and constants, and the
- * link fails if there is initialised data, so that a restart finds the same as the first start. */
+/* From reset (address 0) to main: sets gp and sp, and clears the variables. Code and constants are loaded with the
+ * memory. The link fails if there is initialised data, so a restart equals the first start. */
     .section .start, "ax"
     .globl _start
 _start:

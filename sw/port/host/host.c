@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the tests on the host see: the mailbox they play, and the inside of structs they only carry around. */
+/* Access for tests on the host: a mailbox with registers of the test, and the content of the core's structs. */
 #include "host.h"
 
 #include "mailbox_port.h"

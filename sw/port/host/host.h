@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Access for tests on the host (host.c). */
 #ifndef HOST_H
 #define HOST_H
 
@@ -7,7 +8,7 @@
 typedef uint32_t host_read_hook(uint32_t offset);
 typedef void host_write_hook(uint32_t offset, uint32_t value);
 
-/* Who answers register accesses; offsets in bytes from the mailbox base. */
+/* Sets the functions that serve register accesses. Offsets are in bytes from the mailbox base. */
 void host_connect(host_read_hook *on_read, host_write_hook *on_write);
 
 /* Sizes in bytes. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The mailbox on the host: registers are functions of the test, the frame memory is plain memory. */
+/* Access to the mailbox on the host: functions of the test serve the registers; the frame memory is an array. */
 #ifndef MAILBOX_PORT_H
 #define MAILBOX_PORT_H
 
