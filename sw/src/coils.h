@@ -3,7 +3,7 @@
 #ifndef COILS_H
 #define COILS_H
 
-#include "transaction.h"
+#include "codes.h"
 
 handler coils_read, coil_write, coils_write;
 

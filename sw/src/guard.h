@@ -3,7 +3,7 @@
 #ifndef GUARD_H
 #define GUARD_H
 
-#include "translate.h"
+#include "transaction.h"
 
 /* Copies the settings. Returns the sum of all words: 0 if the settings are intact. from may equal to. */
 uint32_t guard_copy(struct settings *to, const struct settings *from);

@@ -3,7 +3,7 @@
 #ifndef REGISTERS_H
 #define REGISTERS_H
 
-#include "transaction.h"
+#include "codes.h"
 
 handler registers_read, register_write, registers_write;
 

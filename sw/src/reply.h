@@ -3,7 +3,7 @@
 #ifndef REPLY_H
 #define REPLY_H
 
-#include "transaction.h"
+#include "codes.h"
 
 /* An exception with this code (EXC). */
 enum outcome reply_exception(struct transaction *txn, uint32_t code);

@@ -4,7 +4,7 @@
 #ifndef TELEGRAM_H
 #define TELEGRAM_H
 
-#include "transaction.h"
+#include "codes.h"
 
 /* A telegram of process data alone; control: CTW, and REF in the high half. */
 enum outcome telegram_process(struct transaction *txn, uint32_t control);

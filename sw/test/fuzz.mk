@@ -11,7 +11,7 @@ FUZZ_TREE ?= .
 FUZZ_FLAGS ?= -O1
 FUZZ_SANITIZERS := -fsanitize=fuzzer,address,undefined,implicit-conversion -fno-sanitize-recover=all
 FUZZ_CFLAGS := -std=c99 -g -Wall -Wextra -Werror -Wconversion -Wstrict-prototypes -Wmissing-prototypes \
-	-I$(FUZZ_TREE)/sw/include -I$(FUZZ_TREE)/sw/src -I$(FUZZ_TREE)/regs/generated -I$(FUZZ_TREE)/sw/port/host -Isw/test
+	-I$(FUZZ_TREE)/sw/include -I$(FUZZ_TREE)/sw/src -Iregs/generated -I$(FUZZ_TREE)/sw/port/host -Isw/test
 FUZZ_DIALECTS := card builtin hvac_basic
 FUZZ_TARGETS := translate gateway
 FUZZERS := $(foreach dialect,$(FUZZ_DIALECTS),$(FUZZ_TARGETS:%=$(FUZZ_DIR)/$(dialect)/fuzz_%))

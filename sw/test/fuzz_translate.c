@@ -9,8 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "codes.h"
 #include "fuzz.h"
-#include "transaction.h"
+#include "translate.h"
 
 enum { STEPS = 200, BANK = PDU_KEPT, DRIVE_BANK = 28 };
 

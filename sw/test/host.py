@@ -26,7 +26,7 @@ CORE = (
     "telegram.c",
     "reply.c",
     "guard.c",
-    "transaction.h",
+    "codes.h",
     "dialect.h",
 )
 INCLUDES = ["-Isw/include", "-Isw/src", "-Iregs/generated", "-Isw/port/host"]

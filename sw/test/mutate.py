@@ -193,6 +193,7 @@ class MutantBuild:
         self.compiled: set[str] = set()  # builds
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
+        shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
         self.files = [*sources(), HOST]
         self.core = [f"sw/src/{file}" for file in CORE if file.endswith(".c")]
         common = ["sw/test/fuzz.c", "sw/test/replay.c"]

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Codes and types that the files of the translation core share. The files call each other one way: translate calls
- * coils and registers; these three call reply and telegram; translate calls guard. */
-#ifndef TRANSACTION_H
-#define TRANSACTION_H
+/* Codes of both protocols, shared by the files of the translation core. Includes and calls go one way: translate to
+ * coils and registers; these three to reply and telegram; translate to guard. */
+#ifndef CODES_H
+#define CODES_H
 
-#include "translate.h"
+#include "frame.h"
+#include "transaction.h"
 
 /* Fault number of the drive (AK 7): the data type does not match. It is the only one that the card interprets. */
 enum { FAULT_TYPE = 5 };

@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Types of the translation core: its settings, a transaction, and the outcome of each step (translate.h). */
+#ifndef TRANSACTION_H
+#define TRANSACTION_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum {
+    REPLY_PDU_MAX = 22, /* function, byte count, 10 registers of text */
+    TELEGRAM_MAX = 30,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2, BCC */
+};
+
+enum outcome {
+    OUTCOME_NOT_A_REPLY, /* the telegram is no reply to the request (FC-8): keep waiting */
+    OUTCOME_SILENT,      /* no reply to the master */
+    OUTCOME_REPLY,       /* the reply PDU is ready */
+    OUTCOME_EXCHANGE,    /* the drive is asked first: telegram ready, or translate_drive_again needed */
+};
+
+/* The settings that a master can write, one word each. The first three are the local registers 40001-40003 (MAP-5);
+ * some dialects have IND in another register (docs/guide/dialects.md). */
+enum setting {
+    LOCAL_IND,
+    LOCAL_NETWORK_TIMEOUT, /* 10 ms, 0 = never */
+    LOCAL_DRIVE_TIMEOUT,   /* 10 ms, never 0 */
+    LOCAL_REGISTERS,
+    CONTROL = LOCAL_REGISTERS, /* coils 1-32: CTW, and REF in the high half */
+    EEPROM,                    /* coil 65 */
+    GUARD,                     /* makes the sum of all words 0 (docs/hardening.md, Guarded settings) */
+    SETTINGS,
+};
+
+struct settings {
+    uint32_t word[SETTINGS];
+};
+
+struct translator {
+    struct settings settings;
+    uint32_t status; /* coils 33-64: STW, and MAV in the high half */
+};
+
+struct transaction {
+    struct settings settings; /* settings after the commit of this request */
+    uint32_t status;          /* PCD of the drive's reply */
+    uint16_t address;         /* first coil or register, on-wire */
+    uint16_t operand;         /* quantity, or the value of 05 and 06 */
+    uint16_t pnu;
+    uint8_t function;
+    uint8_t expects; /* enum expectation */
+    bool broadcast;
+    uint8_t reply_length;
+    uint8_t telegram_length;
+    uint8_t reply[REPLY_PDU_MAX];
+    uint8_t telegram[TELEGRAM_MAX];
+};
+
+#endif
