@@ -25,13 +25,13 @@ struct gateway {
     struct transaction *newest;   /* the newest request */
     struct transaction *at_drive; /* the last one sent to the drive, maybe the newest */
     uint32_t now;                 /* ticks (ticks.h), as the next two */
-    uint32_t committed_at;           /* last commit */
-    uint32_t wait_start;              /* start of the wait for the line, then for the drive */
+    uint32_t committed_at;        /* last commit */
+    uint32_t wait_start;          /* start of the wait for the line, then for the drive */
     uint8_t ticket;               /* of newest */
     uint8_t exchange;             /* enum exchange_stage */
     bool uncommitted;             /* newest has not taken effect yet (FRAME-6) */
     bool wants_drive;             /* the telegram of newest is still to be sent */
-    uint8_t reply_outcome;             /* enum outcome: of the telegram received for at_drive */
+    uint8_t reply_outcome;        /* enum outcome: of the telegram received for at_drive */
     bool repeated;                /* the repeat of FC-9 has been sent */
     bool network_online;          /* LED-3 */
     bool drive_online;            /* LED-4 */

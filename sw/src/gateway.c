@@ -23,8 +23,8 @@ static void queue_reply(const struct gateway *g, const struct transaction *txn, 
                              (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
 }
 
-/* Cancels a reply that was queued before the drive's telegram proved bad. The hardware drops a queued reply when
- * the BCC is wrong; this covers a reply that was queued after the BCC. */
+/* Queues a reply of no bytes, which replaces one prepared from a telegram with a wrong BCC. The hardware drops only
+ * a reply that was queued before the BCC. */
 static void cancel_reply(const struct gateway *g)
 {
     if (g->at_drive == g->newest)
@@ -137,7 +137,8 @@ static void poll_leaving(struct gateway *g, uint32_t state)
         g->exchange = EXCHANGE_WAITING;
         return;
     }
-    /* Sent as a broadcast, which the drive does not answer, or dropped with its request. */
+    /* A broadcast was sent, or the telegram was dropped with its request. For the broadcast this marks the request
+     * spent (docs/hardening.md, Spent requests). */
     cancel_reply(g);
     end_exchange(g);
 }

@@ -16,8 +16,8 @@ void guard_seal(struct settings *settings)
     settings->word[GUARD] -= guard_copy(settings, settings);
 }
 
-/* One flipped control bit changes both the BCC and the guard word, in different bit positions. With the BCC in two
- * places, XOR cannot cancel the error. */
+/* One flipped bit of the control word changes one bit of the BCC and a run of bits of the guard word. The BCC enters
+ * at two places, so XOR cannot cancel the difference. */
 uint32_t guard_of(const struct transaction *txn)
 {
     const uint32_t bcc = txn->telegram[txn->telegram_length - 1];

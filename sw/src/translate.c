@@ -98,9 +98,8 @@ enum outcome translate_request(const struct translator *t, struct transaction *t
 {
     enum outcome outcome;
 
-    /* (docs/hardening.md, Guarded settings) */
     if (guard_copy(&txn->settings, &t->settings) != 0)
-        return OUTCOME_SILENT;
+        return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);

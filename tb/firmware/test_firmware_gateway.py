@@ -168,6 +168,26 @@ def test_a_telegram_that_came_out_differently_the_second_time_never_leaves(
     assert bench.telegrams == [] and bench.replies == []
 
 
+@pytest.mark.rule("SAFE-4")
+def test_a_parameter_write_that_differs_in_its_second_pass_is_not_queued(bench: Bench):
+    """The settings are the same in both passes, so only the BCC shows the flip."""
+    mailbox = bench.mailbox
+    passes = []
+
+    def flip() -> int:
+        passes.append(mailbox.length)
+        if len(passes) == 2:
+            frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(5)] ^= 1
+        return mailbox.length
+
+    mailbox._read_length = flip
+    mailbox.candidate(core_flips.WRITES[-2])
+    for _ in range(3):
+        bench.poll()
+    assert len(passes) == 2
+    assert not mailbox.telegram_queued
+
+
 @pytest.mark.rule("FRAME-6", "SAFE-1")
 @pytest.mark.parametrize("looks", [1, 2, 3])
 def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench, looks: int):
