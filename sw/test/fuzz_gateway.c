@@ -559,6 +559,20 @@ static void wait(uint32_t polls, uint32_t step)
     }
 }
 
+/* A restart, event flags, or a change of the line. Returns the input byte, which also selects the polls after it. */
+static uint32_t hardware_event(void)
+{
+    const uint32_t how = take(input);
+
+    if (how == PATTERN)
+        restart();
+    else if (how & 0x80)
+        m.events |= how & ((1u << EVENT_FLAGS) - 1);
+    else
+        small_event(4 + (how & 1));
+    return how;
+}
+
 static void event(uint32_t how)
 {
     switch (how & 15) {
@@ -589,13 +603,7 @@ static void event(uint32_t how)
         race_in = 1 + (race_event >> 4);
         break;
     case 12:
-        how = take(input);
-        if (how == PATTERN)
-            restart();
-        else if (how & 0x80)
-            m.events |= how & ((1u << EVENT_FLAGS) - 1);
-        else
-            small_event(4 + (how & 1));
+        how = hardware_event();
         break;
     case 13:
         image_init(&image, image_words, image_words + IMAGE_WORDS);

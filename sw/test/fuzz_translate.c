@@ -94,8 +94,7 @@ static void check_reply(const struct bench *b, const struct slot *slot)
     }
 }
 
-static void check_telegram(const struct bench *b, const struct slot *slot, const struct model *after,
-                           enum intent intent)
+static void check_parameter_telegram(const struct slot *slot, const struct model *after, enum intent intent)
 {
     const struct transaction *txn = slot->txn;
     const uint8_t *data = txn->telegram + 1;
@@ -103,16 +102,6 @@ static void check_telegram(const struct bench *b, const struct slot *slot, const
     const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
     const uint32_t pnu = ((uint32_t)data[0] << 8 | data[1]) & 0x0FFF;
 
-    (void)b;
-    HOLDS(txn->telegram_length <= TELEGRAM_MAX);
-    HOLDS(bcc_fits(txn->telegram, txn->telegram_length));
-    HOLDS(txn->telegram[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
-    if (length == 4) {
-        HOLDS(intent == INTENT_PROCESS);
-        HOLDS(pcd == model_word(after, 0));
-        HOLDS(((uint32_t)data[2] << 8 | data[3]) == model_word(after, 16));
-        return;
-    }
     HOLDS(length >= 10 && !(length & 1));
     HOLDS(intent == INTENT_READ || intent == INTENT_WRITE);
     HOLDS(pcd == 0 && data[length - 2] == 0 && data[length - 1] == 0);
@@ -140,6 +129,25 @@ static void check_telegram(const struct bench *b, const struct slot *slot, const
     }
 }
 
+static void check_telegram(const struct slot *slot, const struct model *after, enum intent intent)
+{
+    const struct transaction *txn = slot->txn;
+    const uint8_t *data = txn->telegram + 1;
+    const uint32_t length = txn->telegram_length - 2u;
+    const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
+
+    HOLDS(txn->telegram_length <= TELEGRAM_MAX);
+    HOLDS(bcc_fits(txn->telegram, txn->telegram_length));
+    HOLDS(txn->telegram[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
+    if (length == 4) {
+        HOLDS(intent == INTENT_PROCESS);
+        HOLDS(pcd == model_word(after, 0));
+        HOLDS(((uint32_t)data[2] << 8 | data[3]) == model_word(after, 16));
+        return;
+    }
+    check_parameter_telegram(slot, after, intent);
+}
+
 static void request(struct bench *b, struct input *in, uint32_t how)
 {
     struct slot *slot = &b->slots[how & 1];
@@ -164,7 +172,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     if (outcome == OUTCOME_REPLY)
         check_reply(b, slot);
     if (outcome == OUTCOME_EXCHANGE)
-        check_telegram(b, slot, &after, intent);
+        check_telegram(slot, &after, intent);
     slot->again = false;
     slot->at_drive = false;
     if (how & 0x10) /* revoked */
@@ -173,6 +181,19 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     b->model = after;
     check_settings(&b->t.settings, &b->model);
     slot->at_drive = outcome == OUTCOME_EXCHANGE && !broadcast;
+}
+
+static void second_telegram(const struct bench *b, struct slot *slot)
+{
+    struct model now = b->model;
+
+    /* The index is that of the first telegram, even if it was written since. */
+    now.ind = slot->txn->telegram[4];
+    HOLDS(BY_SIZE && !slot->again);
+    slot->again = true;
+    translate_drive_again(slot->txn);
+    check_telegram(slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
+    HOLDS(slot->txn->telegram[1] >> 4 == AK_TEXT);
 }
 
 static void drive_reply(struct bench *b, struct input *in, uint32_t how)
@@ -205,15 +226,7 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
                           (uint32_t)data[length - 4] << 8 | data[length - 3]));
     HOLDS(same_settings(&before.settings, &b->t.settings));
     if (outcome == OUTCOME_EXCHANGE) {
-        struct model now = b->model;
-
-        HOLDS(BY_SIZE && !slot->again);
-        slot->again = true;
-        translate_drive_again(slot->txn);
-        /* The index is that of the first telegram, even if it was written since. */
-        now.ind = telegram[4];
-        check_telegram(b, slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
-        HOLDS(slot->txn->telegram[1] >> 4 == AK_TEXT);
+        second_telegram(b, slot);
         return;
     }
     slot->at_drive = false;
