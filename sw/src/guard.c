@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "guard.h"
 
+#include <limits.h>
+
 uint32_t guard_copy(struct settings *to, const struct settings *from)
 {
     uint32_t sum = 0;
@@ -22,10 +24,10 @@ uint32_t guard_of(const struct transaction *txn)
 {
     const uint32_t bcc = txn->telegram[txn->telegram_length - 1];
 
-    return txn->settings.word[GUARD] ^ bcc ^ bcc << 8;
+    return txn->settings.word[GUARD] ^ bcc ^ bcc << CHAR_BIT;
 }
 
 void guard_require_equal(struct transaction *txn, uint32_t first, uint32_t second)
 {
-    txn->settings.word[GUARD] += first ^ second;
+    txn->settings.word[GUARD] ^= first ^ second;
 }
