@@ -19,7 +19,7 @@ import pytest
 from cocotb.triggers import Timer
 
 from rtl.sources import needed_files, rtl_files
-from sim.card.run_card import ROOT, RunningCard
+from sim.card.run_card import RunningCard
 from sim.view import tshark
 from sim.view.wave_file import WaveFile
 from sim.view.waves import missing, save_file

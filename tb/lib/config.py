@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a simulation of the whole card runs: its configuration, its clock; `run()` of runner.py says which.
 
-A test with an argument `config` runs for every configuration (TOP-2). tb/lib/pytest_plugin.py says which of them
-run in `make test` and which in `make test-all`.
+A test with an argument `config` runs for every configuration (TOP-2). tb/lib/pytest_plugin.py says which of
+them run in `make test` and which in `make test-all`.
 """
 
 from __future__ import annotations
