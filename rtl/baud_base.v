@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The card's base tick: 1.8432 MHz on average, from any clock of 2 to 100 MHz.
+// Generates the base tick of both ports: 1.8432 MHz on average, from a clock of 2 to 100 MHz.
 //
-// 1.8432 MHz is 16 x 115200, and every other rate divides it by a whole number, so
-// one phase accumulator serves both ports. Its 16-bit step is rounded to half a
-// unit: at 100 MHz, the worst case, 0.5 / 1208 = 0.041 % (LINE-4 asks for 0.1 %).
-// An edge is never off by more than one clock. Clock domain: clk.
+// 1.8432 MHz is 16 x 115200 Hz. Every other rate is a whole fraction of it, so one phase
+// accumulator serves both ports. The 16-bit step is rounded to the nearest whole number. The
+// worst rate error is 0.5 / 1208 = 0.041 %, at 100 MHz; LINE-4 allows 0.1 %. No tick is more
+// than one clock early or late.
+// Clock domain: clk.
 `default_nettype none
 
 module baud_base #(

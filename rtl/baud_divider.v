@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen ticks a bit for each port, out of one chain of dividers: a third of the base
-// tick, halved up to seven times.
+// Divides the base tick to 16 ticks a bit for each port.
 //
-// Every rate is the base itself (115200) or 3 x a power of 2 slower: 3 (38400) to 384
-// (300). A port's tick comes with a third in which all bits of the count under its mask
-// are 1, so mask = ratio / 3 - 1. Without reset, for the card's time hangs on it, too.
+// One chain serves both ports: a divider by three, then up to seven halvings. A rate is the base
+// tick itself (115200) or slower by 3 x a power of 2, from 3 (38400) to 384 (300). A port ticks
+// with every third base tick at which all count bits under its mask are 1: mask = ratio / 3 - 1.
+// There is no reset, because card_time counts these ticks, too.
 // Clock domain: clk. Rules: LINE-2, LINE-4, FC-1.
 `default_nettype none
 

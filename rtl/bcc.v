@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The FC protocol's check byte, XOR of all bytes from STX on, over a stream of data
-// bits in the order of the line.
+// Computes the BCC of the FC protocol, the XOR of all bytes from STX on, bit by bit.
 //
-// The value turns by a bit with each bit, so after a whole byte it stands as before,
-// and the BCC clears it: good after an undamaged telegram. clear sets 0. Clock domain: clk. Rule: FC-1.
+// Data bits arrive in line order, LSB first. The value rotates by one position with each bit,
+// so it is aligned again after every whole byte. good: the value is 0, as it is after the BCC
+// of an undamaged telegram. clear sets the value to 0. Clock domain: clk. Rule: FC-1.
 `default_nettype none
 
 module bcc (

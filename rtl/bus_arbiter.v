@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shares the one memory between both lines and the soft core, and leads the soft core
-// to the registers.
+// Shares the one memory between both lines and the soft core, and routes the soft core's
+// register accesses.
 //
-// The lines come first: they ask once a character, hundreds of clocks apart, and take
-// one clock each. The network line never waits, the drive line for one clock, the soft
-// core for as long as both ask. Each line has a byte lane of its own in the 64 words of
-// the frame memory (regs/mailbox.rdl): the network line writes lane 1, the drive line
-// lane 2, both read lane 0. A soft core access takes two clocks and more: valid, then
-// ready with the data. Addresses from 80000000h on are registers, unless bit 10 is set; all
-// others are the memory, which repeats. MEMORY_BYTES is a power of two or three quarters of
-// one; then its last quarter comes twice, so that the last address is always the last byte.
-//
-// The frame memory is the last 256 bytes. What the soft core writes into the telegram while
-// that is on the wire is dropped; any other write to it is reported, for it ends the licence
-// (SAFE-1), whatever address it came by. Clock domain: clk. Rules: FRAME-5, SAFE-1.
+// The lines have priority: each asks once a character, hundreds of clocks apart, for one clock.
+// The network line never waits. The drive line waits for one clock at most. The soft core waits
+// while a line asks.
+// Each line has its own byte lane in the 64 words of the frame memory (regs/mailbox.rdl): the
+// network line writes lane 1, the drive line writes lane 2, both read lane 0.
+// A soft core access takes at least two clocks: valid, then ready with the data.
+// Addresses from 80000000h on are registers, unless bit 10 is set. All other addresses are
+// memory, repeated over the address space. MEMORY_BYTES is a power of two or three quarters of
+// one; in the latter case the last quarter appears twice, so that the last address is always
+// the last byte.
+// The frame memory is the last 256 bytes of the memory. A write by the soft core to the telegram
+// is dropped while that telegram is on the wire. At any other time telegram_touched reports it,
+// by whatever address it came, because it ends the licence (SAFE-1).
+// Clock domain: clk. Rules: FRAME-5, SAFE-1.
 `default_nettype none
 
 module bus_arbiter #(
@@ -80,7 +82,7 @@ module bus_arbiter #(
   wire core_turn = core_valid && !core_ready && !line_valid;
   wire to_regs = core_addr[31] && !core_addr[10];
   wire to_ram = core_turn && !to_regs;
-  // Three quarters of a power of two: the last quarter is the third.
+  // With three quarters of a power of two, the fourth quarter is mapped to the third.
   wire [WORD_BITS-1:0] core_word = {
     core_addr[WORD_BITS+1],
     core_addr[WORD_BITS] && (LAST[WORD_BITS-2] || !core_addr[WORD_BITS+1]),
@@ -115,7 +117,7 @@ module bus_arbiter #(
   assign regs_write = core_wstrb != 4'd0;
   assign regs_word = core_addr[4:2];
 
-  // Each of them is 0 unless it was read.
+  // Both inputs are 0 unless they were read in the clock before.
   assign core_rdata = ram_rdata | regs_rdata;
   assign read_data = core_rdata[7:0];
 

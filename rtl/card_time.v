@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-running time in 1/1200 s, from the drive port's ticks.
+// Counts time in units of 1/1200 s, from the drive port's ticks.
 //
-// A tick of time is 128 of 1/(16 * 9600) s, and twelve of them are 10 ms exactly: the
-// unit of the time-outs, with no rounding anywhere. ticks wraps round after 213 ms.
-// Clock domain: clk. Rules: FC-9, LED-1.
+// A unit is 128 ticks of 1/(16 * 9600) s. Twelve units are exactly 10 ms, the unit of the
+// time-outs, so no time-out is rounded. ticks wraps after 213 ms. Clock domain: clk.
+// Rules: FC-9, LED-1.
 `default_nettype none
 
 module card_time (

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// CRC-16/MODBUS over a stream of data bits in the order of the line.
+// Computes CRC-16/MODBUS bit by bit.
 //
-// Polynomial 8005h, reflected (A001h), start FFFFh, sent low byte first, so bit 0 is
-// the next one to send, and a CRC that is sent or received shifts itself out (FRAME-4).
-// After the two CRC bytes of an undamaged frame the remainder is 0: that is good.
-// clear sets the start value. Clock domain: clk.
+// Data bits arrive in line order, LSB first. Polynomial 8005h, reflected (A001h), start value
+// FFFFh. Bit 0 is the next CRC bit to send (check_bit); a CRC that is sent or received shifts
+// itself out of the register (FRAME-4). good: the remainder is 0, as it is after the two CRC
+// bytes of an undamaged frame. clear sets the start value. Clock domain: clk.
 `default_nettype none
 
 module crc16_modbus (

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The drive line from pin to telegram: everything that knows FC telegram framing.
+// The drive line from pin to telegram. Only the modules in here know FC telegram framing.
 //
-// Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx,
-// rs485_dir, uart. After a telegram that wants a reply the receiver listens. 9600 8E1,
-// fixed (FC-1). Only wires in here; network_port has the same shape. Clock domain: clk. Rules: FC-1, FC-8, FC-10.
+// Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, rs485_dir,
+// uart. The receiver listens after a telegram that expects a reply. Character format: 9600 8E1,
+// fixed (FC-1). This module only wires; network_port has the same shape. Clock domain: clk.
+// Rules: FC-1, FC-8, FC-10.
 `default_nettype none
 
 module drive_port (
@@ -40,7 +41,7 @@ module drive_port (
     output wire       bad
 );
 
-  // A gap of exactly 2 characters is still allowed, so the limit stands 1/4 bit later.
+  // A gap of exactly 2 characters is allowed, so the limit is 1/4 bit later.
   localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
   localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + PAUSE_TICKS / 12'd4 - 12'd1;
 
@@ -226,7 +227,7 @@ module drive_port (
       .tx_busy(tx_busy)
   );
 
-  // One limit serves as gap and pause.
+  // long_reached serves as gap and pause.
   wire unused = &{1'b0, short_reached};
 
 endmodule

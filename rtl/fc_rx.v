@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Receives the drive's reply telegram and judges it.
+// Receives and checks the drive's reply telegram.
 //
-// It listens after the card's own telegram (listen_start) until listen_stop or
-// the next own telegram. Bytes that are not STX at the start are ignored, for a
-// line that is turned around may show a phantom character. From STX on everything
-// must fit: LGE >= 6, ADR as sent, parity, stop bits, gaps <= 2 characters, the
-// whole within 1.5 x its nominal time, BCC (FC-8). A telegram that does not is
-// counted once, and after 2 characters of silence the hunt goes on.
+// Listening begins with listen_start, after the card's own telegram. It ends with listen_stop,
+// which also comes with the next own telegram. Before STX, any other byte is ignored: a line
+// that changes direction may produce a phantom character. From STX on a telegram must have
+// LGE >= 6, the ADR that was sent, correct parity and stop bits, gaps of at most 2 characters,
+// a total time of at most 1.5 x nominal and a correct BCC (FC-8). A telegram that fails is
+// counted once with bad. The receiver looks for STX again after 2 characters of silence.
 //
-// candidate: level, all data bytes are in and only the BCC is to come, so the
-// firmware may prepare. good: level, the BCC was right: the telegram stays in the
-// frame memory until listen_start, listen_stop or the next own telegram.
-// Data byte i is stored at i, from 24 on at 24 + (i mod 4): a text longer than 20
-// characters is followed to its end, and the last four bytes, PCD1 and PCD2, are
-// always there (FC-7). LGE is stored at 28. Units: tick16 = 1/16 bit. Clock domain: clk.
+// candidate: level, all data bytes are stored and only the BCC is missing. The firmware may
+// prepare its answer. good: level, the BCC was correct. The telegram stays in the frame memory
+// until listen_start or listen_stop.
+// Data byte i is stored at address i, from 24 on at 24 + (i mod 4). A text of more than 20
+// characters is received to its end, and the last four bytes, PCD1 and PCD2, are always kept
+// (FC-7). LGE is stored at address 28.
+// Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FC-1, FC-2, FC-7, FC-8.
 `default_nettype none
 
 module fc_rx (
@@ -48,33 +49,33 @@ module fc_rx (
   localparam [7:0] STX = 8'h02;
   localparam [7:0] LGE_MIN = 8'd6;  // ADR, PCD1, PCD2, BCC
   localparam [4:0] LGE_ADDR = 5'd28;
-  // The pause is two characters. A telegram may take 1.5 characters for each that it has;
-  // its clock starts when STX is in, with one of them gone by.
+  // The pause is two characters. Each character of a telegram may take a slot of 1.5 characters.
+  // Counting begins after STX, when one character of the first slot has passed.
   localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS;
   localparam [8:0] CHARACTER_TICKS = PAUSE_TICKS[9:1];
   localparam [8:0] SLOT_TICKS = CHARACTER_TICKS + CHARACTER_TICKS / 9'd2;
 
   localparam [2:0] S_OFF = 3'd0;
-  localparam [2:0] S_HUNT = 3'd1;  // for STX
+  localparam [2:0] S_HUNT = 3'd1;  // wait for STX
   localparam [2:0] S_LGE = 3'd2;
   localparam [2:0] S_ADR = 3'd3;
   localparam [2:0] S_DATA = 3'd4;
   localparam [2:0] S_BCC = 3'd5;
   localparam [2:0] S_GOOD = 3'd6;
-  localparam [2:0] S_BAD = 3'd7;  // until 2 characters of silence
+  localparam [2:0] S_BAD = 3'd7;  // wait for 2 characters of silence
 
   reg [2:0] state = S_OFF;
-  reg [7:0] left = 8'd0;  // bytes to come, BCC included
+  reg [7:0] left = 8'd0;  // bytes still to come, BCC included
   reg [4:0] index = 5'd0;
   reg storing = 1'b0;
   reg [8:0] slot = 9'd0;
-  reg signed [9:0] ahead = 10'sd0;  // characters received - slots gone by
+  reg signed [9:0] ahead = 10'sd0;  // characters received - slots passed
 
   wire in_telegram = state == S_LGE || state == S_ADR || state == S_DATA || state == S_BCC;
   wire damaged = byte_parity_error || byte_framing_error;
   wire slot_end = tick16 && slot == SLOT_TICKS - 9'd1;
-  // No telegram that ends in time ever gets near it: noise without characters must not
-  // count on until what is far behind looks ahead.
+  // Stops the count before it wraps to a positive value, which noise without characters could
+  // otherwise reach. A telegram that ends in time never comes near this limit.
   wire far_behind = ahead[9:8] == 2'b10;
   wire stored = storing && write_ready;
 
@@ -88,7 +89,7 @@ module fc_rx (
   assign listening = state != S_OFF;
   assign candidate = state == S_BCC;
   assign good = state == S_GOOD;
-  // Always, for listen_again may come while the STX of the next telegram is on the line.
+  // Also while off: listening may begin while the STX of the next telegram is on the line.
   assign check_clear = !in_telegram && start_seen;
 
   initial bad = 1'b0;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sends one FC telegram: STX, LGE, then ADR, data and BCC from the frame memory.
 //
-// The BCC is made where the telegram is made, in the firmware: whatever is damaged
-// between there and the pin makes a telegram that the drive refuses (SAFE-4).
-// start begins it; whether and when, the commit gate decides. DE is asked for and the
-// bytes follow each other without a gap if the memory answers within a bit (FC-8).
-// control, steady while sending: bit 10 of the control word may be 1. Else it leaves as 0
-// whatever the memory has, and the drive takes no command from this telegram, for it
-// looks at bit 10 and its BCC is wrong as well (SAFE-1).
-// sending: from start to the end of the last stop bit; sent: one clock, its end.
-// length counts ADR, data and BCC, 6 to 30, and so is the LGE (FC-1). adr keeps the ADR
-// that was sent, for the reply must echo it (FC-2). Clock domain: clk.
-// Rules: FC-1, FC-10, SAFE-2, SAFE-4.
+// The firmware computes the BCC together with the telegram. Damage between there and the pin
+// gives a telegram that the drive refuses (docs/hardening.md, Telegram made twice, SAFE-4).
+// start begins the telegram; the commit gate decides on start. line_request asks for DE. Bytes
+// follow without a gap if the memory answers within one bit (FC-8).
+// control, steady while sending: 1 allows bit 10 of the control word to be 1. Otherwise this bit
+// leaves as 0. The drive then ignores the command, because of bit 10 and because the BCC no
+// longer matches (SAFE-1).
+// sending: level, from start to the end of the last stop bit. sent: one clock, at that end.
+// length: ADR, data and BCC, 6 to 30 bytes; it is sent as LGE (FC-1). adr keeps the ADR that
+// was sent, which the reply must echo (FC-2). Clock domain: clk.
+// Rules: FC-1, FC-10, SAFE-1, SAFE-2, SAFE-4.
 `default_nettype none
 
 module fc_tx (
@@ -40,20 +40,22 @@ module fc_tx (
 );
 
   localparam [7:0] STX = 8'h02;
-  localparam [7:0] VALID = 8'h04;  // bit 10 in the upper byte
+  localparam [7:0] VALID = 8'h04;  // control word bit 10, in its upper byte
 
   localparam [2:0] S_IDLE = 3'd0;
   localparam [2:0] S_STX = 3'd1;
   localparam [2:0] S_LGE = 3'd2;
-  localparam [2:0] S_FETCH = 3'd3;  // ask the frame memory for the next byte
-  localparam [2:0] S_SEND = 3'd4;  // its answer is there, and the UART is ready for it
+  localparam [2:0] S_FETCH = 3'd3;  // read the next byte from the frame memory
+  localparam [2:0] S_SEND = 3'd4;  // pass it to the UART, which is ready
   localparam [2:0] S_DRAIN = 3'd5;  // until the last stop bit is over
 
   reg [2:0] state = S_IDLE;
   reg [4:0] index = 5'd0;
-  reg begun = 1'b0;  // by a start: a state that a flipped bit made sends nothing (SAFE-4)
+  // Set by start; nothing is sent without it.
+  // docs/hardening.md, Undefined states (SAFE-4)
+  reg begun = 1'b0;
 
-  // The control word's upper byte has three more data bytes and the BCC behind it.
+  // Three data bytes and the BCC follow the upper byte of the control word.
   wire control_byte = index + 5'd4 == length;
   wire [7:0] kept = control_byte && !control ? read_data & ~VALID : read_data;
 
@@ -84,7 +86,8 @@ module fc_tx (
       default: begin
         index <= 5'd0;
         begun <= start;
-        state <= start ? S_STX : S_IDLE;  // a flipped bit leads here, too (SAFE-4)
+        // docs/hardening.md, Undefined states (SAFE-4)
+        state <= start ? S_STX : S_IDLE;
       end
     endcase
     if (rst || (!begun && state != S_IDLE)) state <= S_IDLE;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The card's one memory: program, data and frames, loaded with the firmware image.
 //
-// BYTES is any multiple of 4. One 32-bit port, byte writes. rdata shows the word that
-// was enabled a clock before and 0 after any other clock, so that it can be ORed with
-// what else is read. A word that is written is not read. Each byte has a ninth bit above
-// it, its parity, even: the lanes of a block RAM. damaged comes a clock after rdata and
-// says that a bit of that word is not what was written or loaded, in whichever byte
-// (SAFE-4). A word that is damaged in two bits of a byte looks good.
+// BYTES: any multiple of 4. One 32-bit port with byte writes. rdata shows the word that was
+// enabled in the clock before, and 0 after any other clock, so that it can be ORed with other
+// read data. A written word is not read in the same clock.
+// Each byte is stored with an even parity bit above it, in the ninth bit of a block RAM lane.
+// damaged: one clock after rdata; a byte of that word does not match its parity. Two wrong bits
+// in one byte are not detected (docs/hardening.md, Memory parity, SAFE-4).
 // FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
 // Rules: TOP-1, TOP-2, SAFE-4.
 `default_nettype none
@@ -30,7 +30,7 @@ module firmware_ram #(
 
   (* no_rw_check *) reg [35:0] words[0:WORDS-1];
   reg [35:0] read = 36'd0;
-  // By byte: abc9 does not get over one tree of 36 inputs.
+  // One tree per byte: abc9 does not cope with one tree of 36 inputs.
   reg [3:0] odd = 4'd0;
 
   assign rdata   = {read[34:27], read[25:18], read[16:9], read[7:0]};
@@ -45,8 +45,8 @@ module firmware_ram #(
     if (wstrb[3]) words[word][35:27] <= {^wdata[31:24], wdata[31:24]};
     if (enable && wstrb == 4'd0) read <= words[word];
     else read <= 36'd0;
-    // Asked one by one: what a simulator does not know passes, as registers do that the
-    // soft core saves before anything was in them.
+    // With `if`, an X in a simulator does not count as damage. The soft core saves registers
+    // to memory before it has written them.
     odd <= 4'd0;
     if (^read[8:0]) odd[0] <= 1'b1;
     if (^read[17:9]) odd[1] <= 1'b1;

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shows the level that most of the last WINDOW ticks had.
+// Majority filter: shows the level that most of the last nine ticks had.
 //
-// A tick is 1/16 bit. Whatever is shorter than 1/4 bit is four samples at most, and
-// four of nine never win, so it never passes; beside a real edge it moves that edge by
-// no more than its own width, which leaves the middle of the bit alone (LINE-5). A
-// filter that asks for five equal ticks in a row would add the two up. Clean edges are
-// delayed by five ticks, both alike, so the width of a bit is kept. While mute is high
-// the output is held at idle (1): the port does not hear its own sending (LINE-6, FC-10).
-// Clock domain: clk.
+// A tick is 1/16 bit. A glitch shorter than 1/4 bit is at most four samples of nine, so it
+// never passes. Next to a real edge it moves that edge by no more than its own width, which
+// leaves the middle of the bit intact (LINE-5). A filter that waits for five equal ticks in a
+// row would restart at every glitch and move the edge further. Clean edges are delayed by five
+// ticks, rising and falling alike, so the width of a bit is kept. While mute is high the output
+// is idle (1), and the port does not hear what it sends (LINE-6, FC-10). Clock domain: clk.
 `default_nettype none
 
 module glitch_filter (
@@ -24,8 +23,7 @@ module glitch_filter (
 
   reg [7:0] history = 8'hFF;
 
-  // Counted anew at each tick: a running count would stay wrong for ever after a flipped
-  // bit (SAFE-4).
+  // Counted anew at each tick, so that a flipped bit is gone after eight ticks (SAFE-4).
   wire [3:0] ones = {3'd0, raw} + {3'd0, history[0]} + {3'd0, history[1]} + {3'd0, history[2]} +
       {3'd0, history[3]} + {3'd0, history[4]} + {3'd0, history[5]} + {3'd0, history[6]} +
       {3'd0, history[7]};

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The network line from pin to frame: everything that knows Modbus RTU framing.
+// The network line from pin to frame. Only the modules in here know Modbus RTU framing.
 //
-// Receive: sync_2ff, glitch_filter, uart, silence_timer, crc16_modbus, rtu_rx. Send:
-// rtu_tx, crc16_modbus, rs485_dir, uart. One UART and one CRC serve both directions,
-// for the receiver is deaf while DE is high. Only wires in here; drive_port has the
-// same shape. Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
+// Receive: sync_2ff, glitch_filter, uart, silence_timer, crc16_modbus, rtu_rx. Send: rtu_tx,
+// crc16_modbus, rs485_dir, uart. One UART and one CRC unit serve both directions, because the
+// receiver is deaf while DE is high. This module only wires; drive_port has the same shape.
+// Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
 `default_nettype none
 
 module network_port #(
@@ -227,8 +227,9 @@ module network_port #(
       .sending(sending)
   );
 
-  // A sender may be 4 % slow (LINE-5): its last stop bit then ends 0.44 bits later than this card's clock says.
-  // 9/16 of a bit of lead in place of a quarter keep the reply behind 3.5 characters for it, too (FRAME-8).
+  // A sender may be 4 % slow (LINE-5). Its last stop bit then ends 0.44 bits later than by this
+  // card's clock. A lead of 9/16 bit instead of 1/4 bit keeps the reply after 3.5 characters for
+  // such a sender, too (FRAME-8).
   rs485_dir #(
       .LEAD_TICKS(9)
   ) dir_i (

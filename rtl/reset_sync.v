@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns the reset pin into the card's one internal reset.
 //
-// rst_n asserts at once, without a clock; rst is released two clocks after
-// rst_n, in step with clk. It also holds for the first clocks after power-up,
-// so a card without a reset pin starts clean. Clock domain: clk. Rule: TOP-1.
+// rst asserts at once with rst_n, without a clock. It is released two clocks after rst_n,
+// synchronous to clk. It is also high for the first clocks after power-up, so a card without a
+// reset pin starts clean. Clock domain: clk. Rule: TOP-1.
 `default_nettype none
 
 module reset_sync (

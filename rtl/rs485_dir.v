@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Direction of one EIA-485 transceiver.
+// Controls the direction (DE) of one EIA-485 transceiver.
 //
-// DE rises with request; LEAD_TICKS later ready says that the first start bit may
-// begin. DE falls when the request is gone and the last stop bit is over (tx_busy
-// low). So it leads by LEAD_TICKS, at most 15, and lags by nothing (LINE-6, FC-10, SAFE-2).
-// Units: tick16 = 1/16 bit. Clock domain: clk.
+// DE rises with request. ready, LEAD_TICKS later (at most 15), allows the first start bit. DE
+// falls when request is gone and the last stop bit is over (tx_busy low), without any lag
+// (LINE-6, FC-10, SAFE-2). Units: tick16 = 1/16 bit. Clock domain: clk.
 `default_nettype none
 
 module rs485_dir #(

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The card: a Modbus RTU slave on one EIA-485 line, master of a VLT drive's FC
-// protocol on the other, a soft core with firmware in between.
+// The card: a Modbus RTU slave on one EIA-485 line, master of a VLT drive's FC protocol on the
+// other, a soft core with firmware between them.
 //
-// Only wires in here; docs/guide/architecture.md follows a frame through the modules.
-// clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released in step with clk.
-// Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 =
-// lit, red and green together are orange. Serial lines idle at 1, DE drives at 1.
-// The defaults are the configuration's, from regs/generated/config_<name>.v, which comes
-// first in its list of files. SOFT_CORE: see soft_core. Rules: TOP-1, TOP-2.
+// This module only wires; docs/guide/architecture.md follows a frame through the modules.
+// clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released synchronously to clk.
+// Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
+// green together are orange. Serial lines idle at 1, DE drives at 1.
+// The parameters' defaults come from the configuration, regs/generated/config_<name>.v, which is
+// the first of its list of files. SOFT_CORE: see soft_core. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
@@ -130,7 +130,7 @@ module rtu2fc #(
   wire lit_drive_red;
   wire lit_drive_green;
 
-  // On a fault both LEDs are red whatever the firmware last asked for (LED-5).
+  // On a fault both LEDs are red, whatever the firmware has set (LED-5).
   assign led_modbus_red = lit_modbus_red || fault;
   assign led_modbus_green = lit_modbus_green && !fault;
   assign led_drive_red = lit_drive_red || fault;

@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// Receives Modbus RTU frames: finds their ends by silence and judges them.
+// Receives Modbus RTU frames: finds their ends by silence and checks them.
 //
-// A frame starts with a character after t3.5 of silence. At t1.5 after a good
-// frame (CRC, parity, framing, 4 to 256 bytes) for this card or for all it becomes
-// the candidate; at t3.5 it is committed; the start bit of a character in between
-// revokes it (FRAME-6). The first 32 bytes go to the frame memory, the true length is told,
-// modulo 256 (FRAME-5). Two banks take turns: the bank of the newest candidate is not
-// written again before a newer candidate exists, so the firmware never reads a
-// mixture.
+// A frame starts with a character after t3.5 of silence. A frame is good if CRC, parity and stop
+// bits are correct and it has 4 to 256 bytes. A good frame for this card or for all becomes the
+// candidate at t1.5 and is committed at t3.5. The start bit of a character between the two
+// revokes it (FRAME-6).
+// The first 32 bytes go to the frame memory; frame_length is the full length, modulo 256
+// (FRAME-5). Two banks alternate. The bank of the newest candidate is not written before a newer
+// candidate exists, so the firmware never reads a mixture of two frames.
 //
-// STRICT_T15 = 1: a frame that is not good at t1.5 is thrown away and the next
-// byte is an address (FRAME-2); a character after a good one spoils everything up
-// to the next t3.5 (FRAME-3). STRICT_T15 = 0: a frame goes on growing until t3.5.
+// STRICT_T15 = 1: a frame that is not good at t1.5 is discarded, and the next byte is an address
+// (FRAME-2). A character after a good frame spoils everything up to the next t3.5 (FRAME-3).
+// STRICT_T15 = 0: a frame grows until t3.5.
 // PREPARE_EARLY = 0: candidate and commit come together at t3.5.
 //
-// One event is counted for each frame that was thrown away: its framing error,
-// parity error, over-length or CRC (in this order), or the gap if a character
-// followed between t1.5 and t3.5. frame_writes_coils: functions 05 and 15, which alone
-// may command the drive. Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1.
+// Each discarded frame counts one event, for the first that applies of framing error, parity
+// error, over-length and CRC error. A frame that is continued between t1.5 and t3.5 counts
+// count_t15 instead. frame_writes_coils: the function is 05 or 15, the only ones that may
+// command the drive.
+// Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.
 `default_nettype none
 
 module rtu_rx #(
@@ -59,16 +60,16 @@ module rtu_rx #(
     output wire       count_overrun
 );
 
-  localparam [2:0] S_WAIT = 3'd0;  // ignore everything until t3.5 of silence
+  localparam [2:0] S_WAIT = 3'd0;  // ignore all characters until t3.5 of silence
   localparam [2:0] S_IDLE = 3'd1;  // silence: the next character starts a frame
   localparam [2:0] S_RECEIVE = 3'd2;  // inside a frame
-  localparam [2:0] S_HOLD = 3'd3;  // good at t1.5, over at t3.5
-  localparam [2:0] S_SUSPECT = 3'd4;  // not good at t1.5 and forgotten
+  localparam [2:0] S_HOLD = 3'd3;  // good at t1.5, ends at t3.5
+  localparam [2:0] S_SUSPECT = 3'd4;  // not good at t1.5 and discarded
 
   localparam [7:0] WRITE_COIL = 8'd5;
   localparam [7:0] WRITE_COILS = 8'd15;
 
-  // A flipped bit makes none of them of another, and a frame for nobody (SAFE-4).
+  // docs/hardening.md, Unit codes (SAFE-4)
   localparam [2:0] TO_US = 3'b011;
   localparam [2:0] TO_ALL = 3'b101;
   localparam [2:0] TO_OTHERS = 3'b110;
@@ -87,7 +88,7 @@ module rtu_rx #(
   wire clean = !parity_bad && !framing_bad && !overrun;
   wire good = crc_good && clean && length[8:2] != 7'd0;
   wire mine = unit == TO_US || unit == TO_ALL;
-  // Where the frame began is the bank it is in, unless a bit of either flipped meanwhile (SAFE-4).
+  // docs/hardening.md, Frame bank (SAFE-4)
   wire in_place = frame_bank == begun_bank;
   wire first = state == S_IDLE || state == S_SUSPECT;
   wire accept = byte_valid && (first || state == S_RECEIVE || (state == S_HOLD && !STRICT_T15));
@@ -98,13 +99,13 @@ module rtu_rx #(
   assign write_valid = storing && kept;
   assign write_addr  = {!frame_bank, length[4:0]};
 
-  // The clock in which a good frame becomes the candidate.
+  // High for the clock in which a good frame becomes the candidate.
   wire raise = mine && in_place && (PREPARE_EARLY ? state == S_RECEIVE && short_reached && good
                                       : state == S_HOLD && long_reached);
-  // Its start bit or its end: a bit that flips in the UART between them, or makes it miss the one, loses no revoke (SAFE-4).
+  // docs/hardening.md, Revoke twice (SAFE-4)
   wire spoilt = state == S_HOLD && (start_seen || byte_valid);
 
-  // A frame that ended badly is counted under the first of its faults.
+  // A bad frame is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
   assign count_framing = ended_bad && framing_bad;
   assign count_parity = ended_bad && parity_bad && !framing_bad;
@@ -148,11 +149,12 @@ module rtu_rx #(
         if (byte_framing_error) framing_bad <= 1'b1;
       end
     end
-    // Behind a 00 its CRC is still good: were the state to flip, it would be taken again (SAFE-4).
+    // A 00 byte appended to a good frame leaves the CRC remainder good, so a flipped state could
+    // accept a revoked frame again. docs/hardening.md, Revoke twice (SAFE-4)
     if (spoilt && STRICT_T15) unit <= TO_OTHERS;
 
-    // Latched, because the next frame may begin while the firmware still reads.
-    // A revoked candidate gives its bank back and may go on growing in it.
+    // Latched, because the next frame may begin while the firmware still reads this one.
+    // A revoked candidate returns its bank and may continue to grow in it.
     if (raise) begin
       frame_length <= length[7:0];
       frame_broadcast <= unit == TO_ALL;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sends one Modbus RTU reply: address and PDU from the frame memory, then the CRC.
 //
-// start begins it; whether and when, the commit gate decides. DE is asked for, the
-// bytes follow each other without a gap if the memory answers within a bit, the CRC
-// goes low byte first (FRAME-4). start clears the CRC unit; send_check asks the UART
-// for its bits. sending: from start to the end of the last stop bit. length counts
-// address and PDU, 2 to 31; whatever it is, the memory's 32 bytes are the longest
-// reply. Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2.
+// start begins the reply and clears the CRC unit; the commit gate decides on start.
+// line_request asks for DE. Bytes follow without a gap if the memory answers within one bit. The
+// CRC goes low byte first (FRAME-4); send_check makes the UART send the bits of the CRC unit.
+// sending: level, from start to the end of the last stop bit. length: address and PDU, 2 to 31
+// bytes. With any other length the reply ends after the memory's 32 bytes at the latest.
+// Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2, SAFE-4.
 `default_nettype none
 
 module rtu_tx (
@@ -31,8 +31,8 @@ module rtu_tx (
 );
 
   localparam [2:0] S_IDLE = 3'd0;
-  localparam [2:0] S_FETCH = 3'd1;  // ask the frame memory for the next byte
-  localparam [2:0] S_SEND = 3'd2;  // its answer is there, and the UART is ready for it
+  localparam [2:0] S_FETCH = 3'd1;  // read the next byte from the frame memory
+  localparam [2:0] S_SEND = 3'd2;  // pass it to the UART, which is ready
   localparam [2:0] S_CRC_LOW = 3'd3;
   localparam [2:0] S_CRC_HIGH = 3'd4;
   localparam [2:0] S_DRAIN = 3'd5;  // until the last stop bit is over
@@ -54,14 +54,15 @@ module rtu_tx (
         index <= index + 5'd1;
         state <= S_SEND;
       end
-      // After all the memory holds it ends even if the length is none it meets (SAFE-2).
+      // Ends after 32 bytes even if index never equals length (SAFE-2).
       S_SEND: state <= index == length || index == 5'd0 ? S_CRC_LOW : S_FETCH;
       S_CRC_LOW: if (send_ready) state <= S_CRC_HIGH;
       S_CRC_HIGH: if (send_ready) state <= S_DRAIN;
       S_DRAIN: if (!line_busy) state <= S_IDLE;
       default: begin
         index <= 5'd0;
-        state <= start ? S_FETCH : S_IDLE;  // a flipped bit leads here, too (SAFE-4)
+        // docs/hardening.md, Undefined states (SAFE-4)
+        state <= start ? S_FETCH : S_IDLE;
       end
     endcase
     if (rst) state <= S_IDLE;

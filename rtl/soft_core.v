@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The soft core: the only file that knows which processor runs the firmware.
+// The soft core: the only file that depends on the processor in use.
 //
-// SOFT_CORE 0: PicoRV32, 5 to 6 clocks an instruction. 1: SERV, bit-serial, some 60.
-// Both RV32I without interrupts; they start at address 0 with undefined registers.
-// bus_valid holds address, data and strobes until bus_ready; bus_wstrb = 0 is a read.
-// trap: PicoRV32 met an instruction that it does not know, or a misaligned access, and
-// stopped. SERV has no trap: it goes on with something else, and what comes of it is
-// left to the watchdog and the check of the image. Clock domain: clk. Rule: TOP-2.
+// SOFT_CORE 0: PicoRV32, 5 to 6 clocks an instruction. 1: SERV, bit-serial, about 60 clocks an
+// instruction. Both are RV32I without interrupts and start at address 0 with undefined
+// registers. bus_valid holds address, data and strobes until bus_ready; bus_wstrb = 0 is a read.
+// trap: PicoRV32 met an illegal instruction or a misaligned access and stopped. SERV has no trap
+// and continues with undefined results; the watchdog and the firmware image check detect that.
+// Clock domain: clk. Rule: TOP-2.
 `default_nettype none
 
 module soft_core #(
@@ -37,7 +37,7 @@ module soft_core #(
       wire data_write;
       wire data_valid;
 
-      // Never both at once: it fetches when the instruction before is over.
+      // Never both at once: SERV fetches after the previous instruction has ended.
       assign bus_valid = fetch_valid || data_valid;
       assign bus_addr = data_valid ? data_addr : fetch_addr;
       assign bus_wstrb = data_select & {4{data_valid && data_write}};

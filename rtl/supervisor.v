@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Watches the firmware, restarts it when it stops, and halts the card on a fault.
 //
-// Watchdog (WDG-1): at the third beat without a kick, or on a trap, it bites: the soft core
-// and what it had queued are reset, the lines and the switch settings are not, so a
-// telegram on the wire is finished. Three bites with neither a reply sent nor a
-// good telegram from the drive in between are a fault.
-// Fault (LED-5): an invalid unit address, a firmware image that does not add up, or
-// the third bite. From then on until reset: soft core stopped, both ports in reset
-// (both DE low), both LEDs red.
-// Loop-back test (LOOP-1): open while its switch pattern was set at power-up and the
-// firmware has not closed it; then never again.
-// Units: beat changes every 32/1200 s, so it bites 53 to 80 ms after the last kick.
+// Watchdog (WDG-1): it bites at the third beat without a kick, or on a trap. A bite resets the
+// soft core and the queued reply and telegram. The lines and the switch settings are not reset,
+// so a telegram on the wire is finished. Three bites are a fault if in between neither a reply
+// was sent nor a good telegram came from the drive.
+// Fault (LED-5): an invalid unit address, a firmware image with a wrong checksum, or the third
+// bite. Until the next reset the soft core is stopped, both ports are in reset (both DE low) and
+// both LEDs are red.
+// Loop-back test (LOOP-1): open if its switch pattern is set at power-up, until the firmware
+// closes it. It never opens again before the next reset.
+// Units: beat changes every 32/1200 s, so the watchdog bites 53 to 80 ms after the last kick.
 // Clock domain: clk.
 `default_nettype none
 
@@ -51,7 +51,7 @@ module supervisor #(
   assign core_rst = rst || fault || restarting != 2'b00;
 
   always @(posedge clk) begin
-    // Two clocks, so that an access under way has its answer before the next begins.
+    // Two clocks, so that an access under way is answered before the next one begins.
     restarting  <= {restarting[0], bite};
     beat_before <= beat;
     if (beat != beat_before) idle_beats <= idle_beats + 2'd1;

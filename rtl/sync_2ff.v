@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two flip-flops against metastability, for one asynchronous pin.
+// Synchronizes one asynchronous pin with two flip-flops.
 //
-// Delay: 2 clocks. RESET_VALUE is 1 for serial lines: an idle line must not look
-// like a start bit while the reset lasts. Clock domain of synced: clk. Rule: LINE-5.
+// Delay: 2 clocks. RESET_VALUE is 1 for serial lines, so that an idle line does not look like a
+// start bit during reset. Clock domain of synced: clk. Rule: LINE-5.
 `default_nettype none
 
 module sync_2ff #(

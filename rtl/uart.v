@@ -1,31 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// Receives and sends characters on a half-duplex line: start, 8 data bits LSB first,
-// parity or none, stop. One direction at a time, so both share shift register, bit
-// counter and parity; a line that is being sent on is not listened to.
+// Receives and sends characters on a half-duplex line: start bit, 8 data bits LSB first, parity
+// or none, stop bits. One direction at a time: both share shift register, bit counter and
+// parity. The receiver ignores the line while the UART sends.
 //
-// Receiving. The line is sampled 16 times a bit. Three samples around the middle of
-// each bit are put to the vote; the start bit is voted on too and forgotten if it
-// fails. Only the first stop bit is looked at, so 8N2, 8N1 and a sender that leaves
-// out its second stop bit are all the same here. The samples stand at ticks 6, 7 and
-// 8 after the first low tick: the first low tick comes up to one tick late, so this
-// is the middle on average and leaves the same room on both sides at +-4 %.
-// byte_valid: one clock, at the vote on the first stop bit (half a bit before its
-// end), with data and errors of that same character; data that are not the bits that
-// were heard are a parity error, in any format. A missing stop bit is a framing error;
-// after it the receiver waits for the line to rise (break). receiving: from
-// the first low tick to byte_valid, or to the end of the break. start_seen: one
-// clock, when the start bit passed its vote; never of what is sent, for the line is
-// high then.
+// Receiving. The line is sampled 16 times a bit. Each bit is the majority of three samples
+// around its middle. A start bit that fails its vote is ignored. Only the first stop bit is
+// checked, so 8N2, 8N1 and a sender without a second stop bit are received alike. The samples
+// are taken 6, 7 and 8 ticks after the first low tick. That tick comes up to one tick late, so
+// the samples are in the middle on average, with equal margin on both sides at +-4 %.
+// byte_valid: one clock, at the vote on the first stop bit (half a bit before its end), with
+// data and errors of the same character. A missing stop bit is a framing error; after it the
+// receiver waits for the line to rise (break). byte_parity_error is also set if the stored byte
+// does not match the parity of the bits received, in formats without a parity bit, too.
+// receiving: level, from the first low tick to byte_valid or to the end of the break.
+// start_seen: one clock, when a start bit passed its vote. It never comes from a character that
+// is being sent, because the port holds the line high then.
 //
-// Sending. A byte is taken while the line is idle or from the first stop bit of the
-// one before, so whoever answers within a bit leaves no gap (FC-8, LINE-1). It begins
-// at the next tick with line_ready. Every bit lasts exactly 16 ticks. sending: from
-// the first start bit to the end of the last stop bit, as the pin shows them.
-// With send_check the data bits come from check_bit in place of send_data.
+// Sending. A byte is accepted while the line is idle, or from the first stop bit of the previous
+// character on. A byte that is offered within one bit leaves no gap (FC-8, LINE-1). Its
+// character begins at the next tick with line_ready. Every bit lasts exactly 16 ticks. sending:
+// level, from the first start bit to the end of the last stop bit on the pin. With send_check
+// the data bits come from check_bit in place of send_data.
 //
-// bit_valid, bit_data: each data bit of either direction, for the check unit. No
-// parity goes with two_stop. Units: tick16 = 1/16 bit. Clock domain: clk.
-// Rules: LINE-1, LINE-3, LINE-4, LINE-5, FC-1.
+// bit_valid, bit_data: each data bit of either direction, for the check unit. parity_enable and
+// two_stop are never both set. Units: tick16 = 1/16 bit. Clock domain: clk.
+// Rules: LINE-1, LINE-3, LINE-4, LINE-5, FC-1, SAFE-4.
 `default_nettype none
 
 module uart (
@@ -61,21 +60,21 @@ module uart (
     output reg        start_seen
 );
 
-  // One bit a state, for each is asked for in many places; none: line high, or low since
-  // less than a tick.
-  localparam S_START = 0;  // the start bit, to be confirmed
+  // One-hot state, because each state is tested in many places. All zeros: idle, the line is
+  // high or went low less than a tick ago.
+  localparam S_START = 0;  // the start bit, before its vote
   localparam S_DATA = 1;  // eight data bits
   localparam S_PARITY = 2;  // the parity bit, if there is one
   localparam S_STOP = 3;  // the first stop bit
-  localparam S_REST = 4;  // the second one, or a break: wait for the line to rise
+  localparam S_REST = 4;  // the second stop bit, or a break: wait for the line to rise
 
   reg [4:0] state = 5'd0;
   reg [3:0] phase = 4'd0;  // ticks since the bit began
   reg [2:0] bits_done = 3'd0;
   reg [1:0] votes = 2'd0;  // the last two samples
   reg [7:0] shift = 8'd0;
-  reg driving = 1'b0;  // a character is being sent; the pin follows a clock later
-  reg loaded = 1'b0;  // shift waits for its start bit
+  reg driving = 1'b0;  // a character is being sent; the pin follows one clock later
+  reg loaded = 1'b0;  // shift holds a byte whose start bit has not begun
   reg parity = 1'b0;  // of parity_odd and the data bits so far
   reg parity_wrong = 1'b0;
   reg stop_missing = 1'b0;
@@ -84,9 +83,9 @@ module uart (
   wire vote = (votes[0] & votes[1]) | (line & (votes[0] | votes[1]));
   wire load = send_valid && send_ready;
   wire go = loaded && line_ready;
-  // A bit is judged in its middle, sent to its end.
+  // A received bit ends at its vote in the middle, a sent bit at its end.
   wire bit_over = phase == {driving, 3'd7};
-  // Driving without a state is what a flipped bit makes of a character: it ends (SAFE-4).
+  // Driving while idle ends the character. docs/hardening.md, Undefined states (SAFE-4)
   wire step = idle ? go || !line || driving : state[S_REST] && !driving ? line : bit_over;
   wire leave = tick16 && step;
   wire last_bit = state[S_DATA] && bits_done == 3'd7;
@@ -96,7 +95,8 @@ module uart (
 
   assign send_ready = !loaded && !(driving && (state[S_START] || state[S_DATA]));
   assign byte_data = shift;
-  // The check units hear the bits: without this a bit flipped in shift would have a good CRC or BCC (SAFE-4).
+  // The check units see the bits and not the stored byte, so a bit that flips in shift would
+  // keep a good CRC or BCC. Here it gives a parity error (SAFE-4).
   assign byte_parity_error = parity_wrong || ^{shift, parity_odd} != parity;
   assign byte_framing_error = stop_missing;
   assign bit_valid = leave && state[S_DATA];
@@ -112,8 +112,8 @@ module uart (
 
   always @(posedge clk) begin
     byte_valid <= leave && state[S_STOP] && !driving;
-    // Driving or not, for the port hears nothing of its own, and whatever phase[3] says: a bit that flips there must
-    // hide no start (SAFE-4).
+    // Neither driving nor phase[3] counts: a bit that flips in one of them must not hide a start
+    // bit. The line is high while this port sends. docs/hardening.md, Revoke twice (SAFE-4)
     start_seen <= tick16 && state[S_START] && phase[2:0] == 3'd7 && !vote;
 
     if (tick16) votes <= {votes[0], line};
