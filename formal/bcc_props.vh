@@ -4,8 +4,8 @@
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 
-reg [7:0] g_sum = 8'h00;  // of the whole bytes
-reg [7:0] g_byte = 8'h00;  // bits of the next one, lowest first
+reg [7:0] g_sum = 8'h00;  // XOR of the whole bytes
+reg [7:0] g_byte = 8'h00;  // bits of the next byte, lowest first
 reg [2:0] g_bits = 3'd0;
 wire [7:0] g_taken = g_byte | ({7'd0, bit_data} << g_bits);
 
@@ -26,7 +26,7 @@ always @(posedge clk) begin
   a_good : assert (g_bits != 3'd0 || good == (g_sum == 8'h00));
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 wire [15:0] g_ring = {g_sum ^ g_byte, g_sum ^ g_byte};
 wire [15:0] g_turned = g_ring >> g_bits;
 always @(posedge clk) begin
@@ -34,5 +34,5 @@ always @(posedge clk) begin
   i_byte : assert ((g_byte >> g_bits) == 8'h00);
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) c_good : cover (g_past && good && g_bits == 3'd0 && $past(value) == 8'h01);

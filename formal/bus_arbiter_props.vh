@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every access gets its answer, each line reaches its own frames only, and no write to the telegram goes
-// unseen (FRAME-5, SAFE-1). The memory is the soft core's wherever an address leads that is no register.
+// Every access is answered, each line reaches its own frames only, and every write to the telegram is reported
+// (FRAME-5, SAFE-1). The soft core reaches memory by every address that is not a register.
 //
-// Assumed of the soft core: an access stands until ready. Of the lines: neither reads and writes at once.
+// Assumed: the soft core holds an access until ready; a line never reads and writes at once.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg g_waiting = 1'b0;  // a soft core access had no answer in the clock before
+reg g_waiting = 1'b0;  // a soft core access was not answered in the clock before
 reg [31:0] g_addr = 32'd0;
 reg [31:0] g_wdata = 32'd0;
 reg [3:0] g_wstrb = 4'd0;
-reg g_served = 1'b0;  // memory or registers had the soft core's access in the clock before
+reg g_served = 1'b0;  // memory or registers took the soft core's access in the clock before
 reg g_rst = 1'b1;
 
 wire g_modbus_asks = modbus_read_valid || modbus_write_valid;
@@ -41,7 +41,7 @@ end
 
 always @(posedge clk) begin
   if (g_past) begin
-    // The soft core: an answer a clock after its access was served, once, and only then.
+    // Each access of the soft core is answered once, one clock after it was served.
     a_answer : assert (core_ready == (g_served && !g_rst));
     a_once : assert (!core_ready || !(regs_valid || g_core_has_ram));
     a_served : assert (!core_valid || core_ready || g_modbus_asks || g_drive_asks || regs_valid || ram_enable);
@@ -49,18 +49,18 @@ always @(posedge clk) begin
     // Registers lie from 80000000h on, unless bit 10 is set; everything else is memory.
     a_place : assert (!g_modbus_asks && !g_drive_asks && core_valid && !core_ready ?
         regs_valid == (core_addr[31] && !core_addr[10]) : !regs_valid);
-    // It reads and writes what it asked for, where it asked for it; the last addresses are the frame memory.
+    // An access has the soft core's address, data and strobes; the last addresses are the frame memory.
     a_core_word : assert (!g_core_has_ram || core_addr >= MEMORY_BYTES || ram_word == core_addr[WORD_BITS+1:2]);
     a_core_frames : assert (!g_core_has_ram || core_addr < 32'hFFFFFF00 ||
         ram_word == {LAST[WORD_BITS-1:6], core_addr[7:2]});
     a_core_data : assert (!g_core_has_ram || (ram_wdata == core_wdata && ram_wstrb[3:1] == core_wstrb[3:1]));
     a_core_lane_0 : assert (!g_core_has_ram || ram_wstrb[0] == core_wstrb[0] || telegram_sending);
     a_regs : assert (!regs_valid || (regs_word == core_addr[4:2] && regs_write == (core_wstrb != 4'd0)));
-    // The network line never waits, the drive line for the network line alone (FRAME-5).
+    // The network line never waits; the drive line waits for the network line only (FRAME-5).
     a_modbus : assert (!g_modbus_asks || (modbus_read_ready || modbus_write_ready));
     a_drive : assert (!g_drive_asks || g_modbus_asks || drive_read_ready || drive_write_ready);
     a_drive_waits : assert (!g_modbus_asks || !(drive_read_ready || drive_write_ready));
-    // Lines write into the frame memory, into their own lane, their own byte.
+    // A line writes only to its own byte lane of the frame memory.
     a_in_frames : assert (!(g_modbus_asks || g_drive_asks) ||
         (ram_enable && ram_word[WORD_BITS-1:6] == LAST[WORD_BITS-1:6]));
     a_modbus_lane : assert (!modbus_write_ready || (ram_wstrb == 4'b0010 && ram_wdata[15:8] == modbus_write_data &&
@@ -70,14 +70,14 @@ always @(posedge clk) begin
     a_reads_write_nothing : assert (!(modbus_read_ready || drive_read_ready) || ram_wstrb == 4'b0000);
     a_reply : assert (!modbus_read_ready || ram_word[5:0] == {REPLY[5], modbus_read_addr});
     a_telegram : assert (!drive_read_ready || ram_word[5:0] == {TELEGRAM[5], drive_read_addr});
-    // SAFE-1: by whatever address: a write to the telegram is reported, or does not happen.
+    // SAFE-1: a write to the telegram is reported or dropped, by whatever address it comes.
     a_touched : assert (!g_to_telegram || telegram_touched);
     a_not_while_sending : assert (!telegram_sending || !g_to_telegram);
     a_touched_only_then : assert (!telegram_touched || g_to_telegram);
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) begin
   c_touched : cover (g_past && telegram_touched && core_addr[31]);
   c_dropped : cover (g_past && telegram_sending && core_ready && g_wstrb == 4'b0001 && g_addr == 32'hFFFFFF80);

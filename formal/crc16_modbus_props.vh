@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CRC of any stream of bits is the remainder that the Modbus specification defines (FRAME-4).
 //
-// The reference is the division itself: polynomial 8005h, highest power first, start FFFFh. The module keeps the
-// same remainder the other way round, as the line wants it.
+// The reference is the polynomial division itself: 8005h, highest power first, start FFFFh. The module keeps the
+// same remainder with its bits reversed, in line order.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 
 reg [15:0] g_remainder = 16'hFFFF;
-reg [4:0] g_own = 5'd0;  // check bits that were taken one after the other, up to 16
+reg [4:0] g_own = 5'd0;  // check bits taken in succession, up to 16
 integer g_i;
 
 always @(posedge clk) begin
@@ -26,18 +26,18 @@ always @* for (g_i = 0; g_i < 16; g_i = g_i + 1) g_turned[g_i] = g_remainder[15-
 
 always @(posedge clk) begin
   a_remainder : assert (crc == g_turned);
-  // Sent low byte first, and good where nothing is left.
+  // Sent low byte first; good if the remainder is 0.
   a_check_bit : assert (check_bit == g_remainder[15]);
   a_good : assert (good == (g_remainder == 16'h0000));
-  // Whoever sends what check_bit says 16 times ends in an undamaged frame.
+  // Sixteen check bits in succession complete an undamaged frame.
   a_own_crc_is_good : assert (g_own != 5'd16 || good);
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) begin
   i_own : assert (g_own <= 5'd16);
   for (g_i = 0; g_i < 16; g_i = g_i + 1) if (g_i < g_own) assert (!crc[15-g_i]);
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) c_good : cover (g_past && good && g_own == 5'd16 && $past(g_own) == 5'd15);

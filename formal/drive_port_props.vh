@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// DE of the drive line rises for a telegram only, on a line that was silent for two characters, and falls when
-// that telegram has had its time (SAFE-2, FC-8, FC-10); after a broadcast nobody is listened to. Filter, UART,
-// silence timer, sender and direction, wired.
+// DE of the drive line rises only for a telegram and only after two characters of silence. It falls after that
+// telegram (SAFE-2, FC-8, FC-10). After a broadcast the receiver does not listen. Filter, UART, silence timer, sender
+// and direction are proved as wired.
 //
-// Silent: the pin high and no character being received, counted in ticks since the end of the last character,
-// whoever sent it. A low that is too short for a start bit stops the count and does not start it anew.
+// Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
+// either side. A low that is too short for a start bit stops the count and does not restart it.
 //
-// Assumed: a telegram starts on a quiet line only and its length stays while it is sent (mailbox: proved there),
-// the memory answers within two clocks (bus_arbiter: within one). The length may be any.
+// Assumed: a telegram starts on a quiet line only and keeps its length while it is sent (proved for mailbox); the
+// memory answers within two clocks (bus_arbiter: within one). The length may have any value.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-// Registers inside the instances, by their hierarchical names. Such a name loses its power-up value, so the
+// Registers inside the instances, by their hierarchical names. They lose their power-up values that way, so the
 // first clock is a reset.
 (* hierconn *) wire [4:0] \uart_i.state ;
 (* hierconn *) wire [3:0] \uart_i.phase ;
@@ -42,7 +42,7 @@ wire [3:0] g_lead = \dir_i.lead ;
 localparam [2:0] G_IDLE = 3'd0, G_STX = 3'd1, G_LGE = 3'd2, G_FETCH = 3'd3, G_SEND = 3'd4, G_DRAIN = 3'd5;
 localparam [15:0] G_CHARACTER = 16'd176;  // ticks: 11 bits of 16
 
-// ---- what is assumed
+// ---- assumptions
 reg g_sending = 1'b0;
 reg [4:0] g_length = 5'd0;
 reg [1:0] g_unanswered = 2'd0;
@@ -56,7 +56,7 @@ always @* begin
   assume (!(g_past && sending) || telegram_length == g_length);
   assume (!read_valid || read_ready || g_unanswered < 2'd2);
 `ifdef QUIET_LINE
-  assume (tick16 && rx);  // the cover's way to a start, without detours
+  assume (tick16 && rx);  // the shortest way to a start, for the cover
 `endif
 end
 
@@ -76,7 +76,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- bytes given to the UART
+// ---- bytes passed to the UART
 reg [5:0] g_given = 6'd0;
 always @(posedge clk) begin
   if (tx_valid && tx_ready) g_given <= g_given + 6'd1;
@@ -89,7 +89,7 @@ reg g_de = 1'b0;
 reg g_rst = 1'b1;
 reg g_start = 1'b0;
 reg g_start_before = 1'b0;
-reg [9:0] g_silent_start = 10'd0;  // as the telegram started
+reg [9:0] g_silent_start = 10'd0;  // silence when the telegram started
 always @(posedge clk) begin
   g_de <= de;
   g_rst <= rst;
@@ -100,7 +100,7 @@ always @(posedge clk) begin
   else if (tick16) g_high <= g_high + 16'd1;
 end
 
-// ---- who may be heard: a reply is due, or the firmware asked
+// ---- listening is allowed: a reply is due, or the firmware asked for one
 reg g_asked = 1'b0;
 always @(posedge clk) begin
   if (sending && !telegram_no_reply) g_asked <= 1'b1;
@@ -108,35 +108,35 @@ always @(posedge clk) begin
   if (listen_again) g_asked <= 1'b1;
 end
 
-wire [5:0] g_bytes = telegram_length == 5'd0 ? 6'd34 : {1'b0, telegram_length} + 6'd2;  // STX, LGE and these
+wire [5:0] g_bytes = telegram_length == 5'd0 ? 6'd34 : {1'b0, telegram_length} + 6'd2;  // STX and LGE included
 
 always @(posedge clk) begin
   if (g_past) begin
-    // SAFE-2, FC-8: a quiet line has been silent for two characters, and is: 22 bits after DE fell, and after the
-    // vote on a stop bit two ticks more, which are the rest of that bit.
+    // SAFE-2, FC-8: a quiet line is silent and has been for two characters, 22 bits after DE fell. After the vote on
+    // a stop bit two more ticks pass, the rest of that bit.
     a_silent : assert (!quiet || (synced && g_silent >= G_PAUSE + (g_own ? 10'd0 : 10'd2)));
-    // It rises two clocks after a start, for nothing else, and that start fell into such a silence.
+    // DE rises only two clocks after a start, and that start was in such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= G_PAUSE));
-    // SAFE-2: at most one bit longer than the telegram's own characters, and those are never more than 34.
+    // SAFE-2: DE is at most one bit longer than the telegram's characters, which are 34 at most.
     a_bounded : assert (!de || g_high <= {10'd0, g_bytes} * G_CHARACTER + 16'd16);
     a_longest : assert (!de || g_high <= 16'd6000);
-    // It is there for the whole of what is sent, and the pin is at rest without it.
+    // DE covers all that is sent; without DE the pin idles.
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_falls : assert (!g_de || de || !sending);
-    // FC-10: nothing is heard of it, and nothing at all after one that has no reply, unless the firmware asks.
+    // FC-10: the receiver is deaf to the telegram, and also after it if no reply is due and the firmware asks for none.
     a_deaf : assert (!de || !(rx_valid || start_seen));
-    a_after_all : assert (!listening || g_asked);
+    a_listens : assert (!listening || g_asked);
     a_not_quiet : assert (!sending || g_start || !quiet);
-    // SAFE-1: the control word's upper byte, the third before LGE bytes are complete, gives the UART its bit 10
-    // only when this telegram may command.
+    // SAFE-1: bit 10 of the control word, whose upper byte is the fifth byte from the end, is 1 only in a telegram
+    // that may command the drive.
     a_control : assert (!(tx_valid && tx_ready && g_given + 6'd3 == {1'b0, telegram_length} && g_given > 6'd1) ||
         telegram_control || !tx_data[2]);
     a_reset : assert (!g_rst || !(de || sending || quiet || listening || good || candidate));
   end
 end
 
-// ---- what induction needs to know: silence
+// ---- helpers for induction: silence
 wire [12:0] g_head = g_own ? 13'd0 : 13'd2;
 localparam [12:0] G_HALF = G_PAUSE / 4 + 1;
 always @(posedge clk) begin
@@ -150,7 +150,7 @@ always @(posedge clk) begin
 end
 
 // ---- sending
-wire g_waits = g_loaded && !(g_driving && g_uart[0]);  // a byte is taken and not begun
+wire g_waits = g_loaded && !(g_driving && g_uart[0]);  // a byte is taken and its start bit has not begun
 reg [5:0] g_taken;  // bytes that the UART took
 always @* begin
   case (g_sender)
@@ -198,13 +198,13 @@ always @(posedge clk) begin
       i_driving : assert (g_sender >= G_LGE && g_begun != 6'd0 && g_states == 3'd1 && !g_uart[4] && g_lead == 4'd4);
       i_time : assert (g_high <= ({10'd0, g_begun} - 16'd1) * G_CHARACTER + g_place + 16'd12);
       i_loaded : assert (!(g_uart[1] && g_loaded) && !(g_uart[0] && g_loaded && g_phase > 4'd1));
-      // The next byte is there before it is needed.
+      // The next byte is loaded before it is needed.
       i_in_time : assert (g_loaded || g_sender == G_DRAIN || g_place < 16'd160);
       i_ready : assert (!tx_ready || g_sender == G_DRAIN ||
           g_place <= 16'd144 + (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
     end
     i_over : assert (!(g_sender == G_DRAIN && !g_driving) || g_high <= {10'd0, g_bytes} * G_CHARACTER + (tx_busy ? 16'd13 : 16'd14));
-    // Before the first start bit: a false start may be on its way, which the filter ends.
+    // Before the first start bit a false start may be in progress, which the filter ends.
     i_waiting : assert (!(g_sender == G_LGE && !g_driving) || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd10)));
     i_line : assert (!(de && g_high > 16'd1) || line);
     i_votes : assert (!de || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
@@ -214,5 +214,5 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing: a start, DE, the first start bit
+// ---- covers: a start, DE, the first start bit
 always @(posedge clk) c_leaves : cover (g_past && de && !tx && g_taken == 6'd1);

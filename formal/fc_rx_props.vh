@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// A reply is good only if STX, LGE, ADR, every character, every gap, the whole time and the BCC are right; one
-// that began and is not is bad, once; what was good stays until the card asks again (FC-1, FC-2, FC-7, FC-8).
+// A reply is good only if STX, LGE, ADR, all characters, gaps, total time and BCC are correct. A telegram that fails
+// is bad, once. A good one stays until the card listens again (FC-1, FC-2, FC-7, FC-8).
 //
-// The ghosts count characters and ticks of the telegram as FC-8 tells it; slots are not in them.
+// The ghosts count characters and ticks of the telegram as in FC-8, without the module's slots.
 //
-// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid, and the pause is not
-// over in between; the memory has a character before the next one or the pause; the card does not begin to
-// listen anew inside a character that began inside a telegram (it does after a good one, or after sending).
+// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid, and the pause does not end in
+// between; the memory takes a character before the next character or the pause; listening does not restart inside a
+// character that began inside a telegram (it restarts after a good telegram or after sending).
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg g_character = 1'b0;  // one is on the line
-reg g_inside = 1'b0;  // it began inside a telegram
-reg g_pending = 1'b0;  // one is to be stored
-reg [8:0] g_pos = 9'd0;  // characters of the telegram so far; 0: there is none
+reg g_character = 1'b0;  // a character is on the line
+reg g_inside = 1'b0;  // that character began inside a telegram
+reg g_pending = 1'b0;  // a character is to be stored
+reg [8:0] g_pos = 9'd0;  // characters of the telegram so far; 0: no telegram
 always @* begin
   assume (!(start_seen && (byte_valid || g_character)));
   assume (!byte_valid || g_character);
@@ -24,20 +24,20 @@ always @* begin
   assume (!(listen_start && ((g_character && g_inside) || (start_seen && g_pos != 9'd0))));
 end
 
-// ---- the telegram as the rules tell it
+// ---- the telegram by the rules
 localparam [16:0] G_CHARACTER = 17'd176;  // ticks: 11 bits of 16
 localparam [16:0] G_ENDLESS = 17'd258 * 17'd264;  // longer than the longest may be
 
 reg g_on = 1'b0;
 reg g_done = 1'b0;
-reg g_waiting = 1'b0;  // for the pause, after a telegram that was refused
+reg g_waiting = 1'b0;  // for the pause, after a bad telegram
 reg [7:0] g_lge = 8'd0;
-reg [16:0] g_elapsed = G_CHARACTER;  // ticks since the telegram began, as far as G_ENDLESS
-reg [8:0] g_summed = 9'd0;  // characters in the BCC unit, as far as 257
+reg [16:0] g_elapsed = G_CHARACTER;  // ticks since the telegram began, up to G_ENDLESS
+reg [8:0] g_summed = 9'd0;  // characters in the BCC unit, up to 257
 
 wire g_damaged = byte_parity_error || byte_framing_error;
 wire g_last = g_pos >= 9'd2 && g_pos == {1'b0, g_lge} + 9'd1;
-wire g_late = g_elapsed >= ({9'd0, g_lge} + 17'd2) * 17'd264;  // 1.5 characters for each
+wire g_late = g_elapsed >= ({9'd0, g_lge} + 17'd2) * 17'd264;  // 1.5 characters per character
 wire g_wrong = g_damaged || (g_pos == 9'd1 && byte_data < 8'd6) || (g_pos == 9'd2 && byte_data != adr) ||
     (g_last && (!check_good || g_late));
 wire g_refused = g_pos != 9'd0 && (long_reached || (byte_valid && g_wrong));
@@ -114,28 +114,28 @@ end
 
 always @(posedge clk) begin
   if (g_past) begin
-    // FC-8: good if all of it was right, never otherwise, and bad if it began and was not, never otherwise.
+    // FC-8: good if and only if everything was correct; bad if and only if a telegram began and failed.
     a_good : assert (good == g_done);
     a_bad : assert (bad == g_bad);
     a_candidate : assert (candidate == g_last);
     a_listening : assert (listening == g_on);
-    // Prepared before it is good, good or bad and never both, and neither while nobody listens.
+    // good follows candidate; good and bad are never together, and neither comes while the receiver is off.
     a_before : assert (!good || g_good || g_candidate);
     a_either : assert (!(good && bad) && !(good && candidate));
     a_once : assert (!bad || !$past(bad));
     a_off : assert (g_on || !(good || candidate));
-    // A good one stays, and its bytes, until the card asks for another or for none.
+    // A good telegram and its bytes stay until listen_start or listen_stop.
     a_stays : assert (!g_good || g_asked || good);
     a_kept : assert (!good || !write_valid);
-    // The BCC was made of this telegram's characters, all of them and no others (FC-1).
+    // The BCC covers exactly this telegram's characters (FC-1).
     a_summed : assert (g_pos == 9'd0 || g_summed == g_pos);
-    // LGE and each data byte are written once, in their place, and nothing else is (FC-7).
+    // LGE and each data byte are written once, at their addresses; nothing else is written (FC-7).
     a_write : assert (write_valid == g_pending);
     a_place : assert (!write_valid || write_addr == g_place);
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
     i_off : assert ((state == S_OFF) == !g_on);
@@ -159,7 +159,7 @@ end
 wire [8:0] g_before = g_data - 9'd1;
 wire [4:0] g_next_place = g_data < 9'd24 ? g_data[4:0] : {3'b110, g_data[1:0]};
 wire [4:0] g_last_place = g_before < 9'd24 ? g_before[4:0] : {3'b110, g_before[1:0]};
-// The module's slots and the ghost's ticks.
+// Relation of the module's slots to the ghost's ticks.
 wire signed [9:0] g_ahead = {1'b0, g_pos} - g_slots[9:0];
 always @(posedge clk) begin
   if (g_past) begin
@@ -174,7 +174,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) begin
   if (g_past && !rst) begin
     c_good : cover (good && g_lge == 8'd6);

@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// A telegram is STX, LGE and then just the bytes of the frame memory, each once and in order (FC-1), begun by
-// a start and by nothing else (SAFE-1).
+// A telegram is STX, LGE and then exactly the bytes of the frame memory, each once and in order (FC-1). Only a start
+// begins one (SAFE-1).
 //
-// Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit,
-// length stays while a telegram is sent (mailbox_regs), the memory answers a clock after it was ready.
+// Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit, length is
+// steady while a telegram is sent (mailbox_regs), the memory answers one clock after it was ready.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg [5:0] g_bytes = 6'd0;  // that the UART took
+reg [5:0] g_bytes = 6'd0;  // bytes that the UART took
 reg [5:0] g_reads = 6'd0;
-reg [7:0] g_answer = 8'd0;  // what the memory said to the last read
+reg [7:0] g_answer = 8'd0;  // the memory's answer to the last read
 reg g_answers = 1'b0;
 reg g_started = 1'b0;
 reg g_sending = 1'b0;
 reg g_rst = 1'b1;
-reg g_offered = 1'b0;  // ready, and no byte was offered
+reg g_offered = 1'b0;  // the UART was ready, and no byte was offered
 reg g_took = 1'b0;
 reg [4:0] g_length = 5'd6;
 reg [7:0] g_adr = 8'd0;
 reg g_adr_known = 1'b0;
 
 wire g_take = send_valid && send_ready;
-// PCD1, upper byte: the fifth from the end, before its lower byte, PCD2 and the BCC.
+// Upper byte of PCD1: before its lower byte, PCD2 and the BCC.
 wire g_control_byte = g_bytes >= 6'd2 && g_bytes + 6'd3 == {1'b0, length};
 wire g_read = read_valid && read_ready;
 
@@ -67,22 +67,22 @@ end
 
 always @(posedge clk) begin
   if (g_past && !rst) begin
-    // SAFE-1: nothing is sent but after a start.
+    // SAFE-1: only a start begins a telegram.
     a_started : assert (!sending || g_sending || g_started);
     a_stx : assert (!g_take || g_bytes != 6'd0 || send_data == 8'h02);
     a_lge : assert (!g_take || g_bytes != 6'd1 || send_data == {3'd0, length});
-    // Every byte after them is the memory's answer of the clock before, to the next address.
+    // Every later byte is the memory's answer of the clock before, for the next address.
     a_data : assert (!g_take || g_bytes < 6'd2 || (g_answers && g_reads == g_bytes - 6'd1 &&
         send_data == (g_control_byte && !control ? read_data & 8'hFB : read_data)));
     // SAFE-1: bit 10 of the control word is 0 unless this telegram may command the drive.
     a_control : assert (!g_take || !g_control_byte || control || !send_data[2]);
     a_address : assert (!g_read || read_addr == g_reads[4:0]);
-    // None is lost between memory and UART.
+    // No byte is lost between memory and UART.
     a_none_lost : assert (!g_answers || !sending || g_rst || g_take);
-    // LGE bytes follow it, no more and no less (FC-1).
+    // Exactly LGE bytes follow (FC-1).
     a_no_more : assert (!g_take || g_bytes < {1'b0, length} + 6'd2);
     a_no_less : assert (!sent || g_bytes == {1'b0, length} + 6'd2);
-    // The line is kept until its last stop bit is over (SAFE-2).
+    // The line is held until the last stop bit is over (SAFE-2).
     a_kept : assert (!sent || !line_busy);
     a_asked : assert (!send_valid || line_request);
     // FC-2
@@ -90,7 +90,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
     i_known : assert (state <= S_DRAIN);
@@ -106,7 +106,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) begin
   c_sent : cover (g_past && sent && length == 5'd6);
 end

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// DE of the network line rises for a reply only, on a line that was silent for 3.5 characters, at every rate and
-// in every format, falls with the reply, and stays for no more than 34 characters and one bit (SAFE-2, FRAME-1,
-// FRAME-8, LINE-6). Filter, UART, silence timer, sender and direction, wired.
+// DE of the network line rises only for a reply and only after 3.5 characters of silence, at every rate and in every
+// format. It falls with the reply and stays for 34 characters and one bit at most (SAFE-2, FRAME-1, FRAME-8, LINE-6).
+// Filter, UART, silence timer, sender and direction are proved as wired.
 //
-// Silent: the pin high and no character being received, counted in ticks since the end of the last character,
-// whoever sent it. A low that is too short for a start bit stops the count and does not start it anew.
+// Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
+// either side. A low that is too short for a start bit stops the count and does not restart it.
 //
-// Assumed: a reply starts on a quiet line only (mailbox: proved there), the memory answers within two clocks
-// (bus_arbiter: within one). Switches do not move. The reply's length may be any and may change at any time.
+// Assumed: a reply starts on a quiet line only (proved for mailbox), the memory answers within two clocks (bus_arbiter:
+// within one), switches do not move. The reply's length may have any value and may change at any time.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-// Registers inside the instances, by their hierarchical names. Such a name loses its power-up value, so the
+// Registers inside the instances, by their hierarchical names. They lose their power-up values that way, so the
 // first clock is a reset.
 (* hierconn *) wire [8:0] \silence_i.ticks ;
 (* hierconn *) wire [2:0] \silence_i.halves ;
@@ -46,8 +46,8 @@ wire [1:0] g_votes = \uart_i.votes ;
 wire g_driving = \uart_i.driving ;
 wire g_loaded = \uart_i.loaded ;
 wire [3:0] g_lead = \dir_i.lead ;
-// What rtu_rx tells of a frame, and does about it.
-wire [13:0] g_told = {\rtu_rx_i.candidate , \rtu_rx_i.commit , \rtu_rx_i.revoke , \rtu_rx_i.frame_length ,
+// The outputs of rtu_rx about a frame.
+wire [13:0] g_reported = {\rtu_rx_i.candidate , \rtu_rx_i.commit , \rtu_rx_i.revoke , \rtu_rx_i.frame_length ,
     \rtu_rx_i.frame_broadcast , \rtu_rx_i.frame_writes_coils , \rtu_rx_i.frame_bank };
 localparam [2:0] G_IDLE = 3'd0, G_FETCH = 3'd1, G_SEND = 3'd2, G_CRC_LOW = 3'd3, G_CRC_HIGH = 3'd4, G_DRAIN = 3'd5;
 // Ticks: 11 bits of 16, or 10 bits.
@@ -56,7 +56,7 @@ wire [15:0] g_character = parity_enable || two_stop ? 16'd176 : 16'd160;
 reg [1:0] g_unanswered = 2'd0;
 always @(posedge clk) g_unanswered <= read_valid && !read_ready && !rst ? g_unanswered + 2'd1 : 2'd0;
 
-// The rates and formats of card_tables, and a silence so short that the cover sees a reply leave behind it.
+// The rates and formats of card_tables, and a silence that is short enough for the cover to see a reply leave.
 always @* begin
 `ifdef SHORT_SILENCE
   assume (half_end == 9'd18 && !half_uneven && tick16 && rx);
@@ -85,7 +85,7 @@ reg g_rst = 1'b1;
 reg g_sending = 1'b0;
 reg g_start = 1'b0;
 reg g_start_before = 1'b0;
-reg [12:0] g_silent_start = 13'd0;  // as the reply started
+reg [12:0] g_silent_start = 13'd0;  // silence when the reply started
 always @(posedge clk) begin
   if (tick16 && synced && !rx_busy && g_silent != 13'h1FFF) g_silent <= g_silent + 13'd1;
   if (rx_valid || de || rst) begin
@@ -101,7 +101,7 @@ always @(posedge clk) begin
 end
 
 // ---- time of DE
-reg [15:0] g_high = 16'd0;  // ticks since it rose
+reg [15:0] g_high = 16'd0;  // ticks since DE rose
 reg [5:0] g_taken = 6'd0;  // bytes that the UART took
 always @(posedge clk) begin
   if (!de || rst) g_high <= 16'd0;
@@ -110,36 +110,36 @@ always @(posedge clk) begin
   else if (tx_valid && tx_ready) g_taken <= g_taken + 6'd1;
 end
 
-// Ticks of 3.5 characters: of 11 bits, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit the rest of it
-// comes on top, two ticks, and the second stop bit.
+// Ticks of 3.5 characters: of 11 bits, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit two ticks are
+// added, the rest of that bit, and the second stop bit.
 wire [12:0] g_limit = half_end == 9'd18 ? 13'd7 : half_end == 9'd105 ? 13'd616 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
 wire [12:0] g_head = g_own ? 13'd0 : two_stop ? 13'd18 : 13'd2;
 always @(posedge clk) begin
   if (g_past) begin
-    // SAFE-2: a quiet line has been silent for 3.5 characters, and is.
+    // SAFE-2: a quiet line is silent and has been for 3.5 characters.
     a_silent : assert (!quiet || (synced && g_silent >= g_limit + g_head));
-    // The gate takes that for granted.
+    // commit_gate relies on this.
     a_begun : assert (!(start_seen && quiet));
-    // DE rises two clocks after a start, for nothing else, and that start fell into such a silence.
+    // DE rises only two clocks after a start, and that start was in such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= g_limit));
-    // It falls with the reply, and the receiver is deaf to it (LINE-6).
+    // DE falls with the reply, and the receiver is deaf to the reply (LINE-6).
     a_falls : assert (!g_de || de || !sending);
     a_held : assert (!g_sending || !sending || g_start || de || g_rst);
     a_ends : assert (!de || sending);
-    // SAFE-2: at most one bit longer than the reply's own characters, and those are never more than 34.
+    // SAFE-2: DE is at most one bit longer than the reply's characters, which are 34 at most.
     a_bounded : assert (!de || g_high <= {10'd0, g_taken} * g_character + 16'd16);
     a_longest : assert (!de || g_high <= 16'd6000);
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_deaf : assert (!de || !(rx_valid || start_seen));
     a_not_quiet : assert (!(de || rx_busy || rx_valid) || !quiet);
-    // SAFE-1: the mailbox hears of a frame what its receiver says (proved there), that it writes coils above all.
-    a_told : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_told);
+    // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
+    a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_reported);
     a_reset : assert (!g_rst || !(de || sending || quiet || candidate || commit || revoke));
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 wire [12:0] g_half = half_end - 13'd17;
 wire [12:0] g_over = g_halves * g_half - (half_uneven ? {10'd0, g_halves} >> 1 : 13'd0);
 wire [12:0] g_first = 13'd18 + (half_uneven && g_halves[0]);
@@ -158,7 +158,7 @@ end
 
 // ---- sending
 wire g_before = g_sender != G_IDLE && g_sender != G_DRAIN && !g_driving;  // the first start bit
-wire g_waits = g_loaded && !(g_driving && g_uart[0]);  // a byte is taken and not begun
+wire g_waits = g_loaded && !(g_driving && g_uart[0]);  // a byte is taken and its start bit has not begun
 wire [5:0] g_begun = g_taken - {5'd0, g_waits};
 reg [15:0] g_place;  // ticks into the character
 always @* begin
@@ -179,13 +179,13 @@ always @(posedge clk) begin
         g_high == 16'd0 && g_lead == 4'd0 && !g_driving && !g_loaded && !tx_busy && g_index == 5'd0 &&
         g_uart[4:1] == 4'd0 && g_phase <= 4'd1 && g_unanswered == 2'd0));
     i_lead : assert (g_lead <= 4'd9 && (!de || (g_lead == 4'd9 && g_high >= 16'd9) || g_high == {12'd0, g_lead}));
-    // What was taken.
+    // Bytes that the UART took.
     i_fetched : assert (g_sender != G_FETCH || g_taken == {1'b0, g_index});
     i_send : assert (g_sender != G_SEND || (g_taken == {g_index == 5'd0, g_index} - 6'd1 && tx_ready));
     i_crc : assert ((g_sender != G_CRC_LOW || (g_taken <= 6'd32 && g_taken != 6'd0)) &&
         (g_sender != G_CRC_HIGH || (g_taken <= 6'd33 && g_taken > 6'd1)) &&
         (g_sender != G_DRAIN || (g_taken <= 6'd34 && g_taken > 6'd2)));
-    // Before the first start bit: a false start may be on its way, which the filter ends.
+    // Before the first start bit a false start may be in progress, which the filter ends.
     i_first_byte : assert (!g_before || (g_taken <= 6'd1 && g_loaded == (g_taken == 6'd1)));
     i_none : assert (!(g_before && !g_loaded && de) || g_high <= (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
     i_waiting : assert (!g_before || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd12)));
@@ -202,7 +202,7 @@ always @(posedge clk) begin
       i_driving : assert (g_sender != G_IDLE && g_begun != 6'd0 && g_begun <= g_taken && g_states == 3'd1 && g_lead == 4'd9 && (!g_uart[4] || two_stop) && (!g_uart[2] || parity_enable));
       i_time : assert (g_high <= ({10'd0, g_begun} - 16'd1) * g_character + g_place + 16'd14);
       i_loaded : assert (!(g_uart[1] && g_loaded) && !(g_uart[0] && g_loaded && g_phase > 4'd1));
-      // The next byte is there before it is needed.
+      // The next byte is loaded before it is needed.
       i_in_time : assert (g_loaded || g_sender == G_DRAIN || g_place < 16'd160);
       i_ready : assert (!tx_ready || g_sender == G_DRAIN ||
           g_place <= 16'd144 + (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
@@ -212,5 +212,5 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing: a start, DE, the first start bit
+// ---- covers: a start, DE, the first start bit
 always @(posedge clk) c_leaves : cover (g_past && de && !tx && g_taken == 6'd1);

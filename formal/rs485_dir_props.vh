@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// DE is up from a request to the last stop bit's end, and not a clock longer (LINE-6, FC-10, SAFE-2).
+// DE is high from a request to the end of the last stop bit, and not one clock longer (LINE-6, FC-10, SAFE-2).
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg [3:0] g_ticks = 4'd0;  // ticks with DE up, up to 15
+reg [3:0] g_ticks = 4'd0;  // ticks with DE high, up to 15
 reg g_was_requested = 1'b0;  // in the clock before
 reg g_was_busy = 1'b0;
 reg g_was_reset = 1'b1;
@@ -24,21 +24,21 @@ always @(posedge clk) g_was_de <= de;
 always @(posedge clk) begin
   if (g_past) begin
     a_reset : assert (!g_was_reset || !de);
-    // It rises for a request only, and is there one clock after it.
+    // DE rises for a request only, one clock after it.
     a_rises_for_request : assert (!de || g_was_de || g_was_requested);
     a_rises : assert (g_was_reset || !g_was_requested || de);
-    // It stays while a character is on the line, and falls in the next clock.
+    // DE stays while a character is on the line, and falls in the next clock.
     a_stays : assert (g_was_reset || !g_was_de || !g_was_busy || de);
     a_falls : assert (g_was_requested || g_was_busy || !de);
-    // The first start bit may begin LEAD_TICKS after it: a quarter of a bit, or 9/16 (LINE-6).
+    // The first start bit may begin LEAD_TICKS after DE: 1/4 bit, or 9/16 bit (LINE-6).
     a_lead : assert (ready == (g_ticks >= LEAD_TICKS));
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) if (g_past) i_lead : assert (lead == (g_ticks < LEAD_TICKS ? g_ticks : LEAD_TICKS));
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) begin
   c_sends : cover (g_past && de && ready && tx_busy && !request);
   c_falls : cover (g_was_de && !de && g_ticks == 4'd9);

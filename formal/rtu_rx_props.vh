@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// A request is handed over only if every one of its characters was good, at its time, once, with its true
-// length, and nothing that the firmware may be reading is written over (FRAME-1 ... FRAME-6, SAFE-1).
+// A request is handed over only if all its characters were good; once, at its time, with its full length. No byte that
+// the firmware may be reading is overwritten (FRAME-1 ... FRAME-6, SAFE-1).
 //
-// The ghosts are a second account of the line, kept as the rules tell it: how many characters the frame has,
-// what was wrong with any of them, and what silence has made of it. EARLY: PREPARE_EARLY = 1.
+// The ghosts follow the line by the rules: the number of characters of the frame, the errors of any of them, and the
+// silences after it. EARLY: PREPARE_EARLY = 1.
 //
-// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid, and no silence is
-// reached in between nor just before, for a start bit takes time to be voted on; the two limits are never
-// reached at once; the memory has a character before anything more happens on the line (bus_arbiter: it never
+// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid; no limit of silence is
+// reached within a character nor in the clock before, because the vote on a start bit takes time; the two limits
+// are never reached at once; the memory takes a character before the next event on the line (bus_arbiter: it never
 // waits). Address switches do not move.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg g_character = 1'b0;  // one is on the line
-reg g_pending = 1'b0;  // one was accepted and is not dealt with yet
-reg g_reached = 1'b0;  // a limit, in the clock before
+reg g_character = 1'b0;  // a character is on the line
+reg g_pending = 1'b0;  // a character was accepted and is not stored or dropped yet
+reg g_reached = 1'b0;  // a limit was reached in the clock before
 always @(posedge clk) g_reached <= short_reached || long_reached;
 always @* begin
   assume (!(short_reached && long_reached));
@@ -27,17 +27,17 @@ always @* begin
 end
 always @(posedge clk) if (g_past) assume ($stable(own_address));
 
-// ---- the frame as the rules tell it
-reg g_lost = 1'b1;  // nothing counts until the next t3.5
-reg [8:0] g_count = 9'd0;  // characters of the frame, 257: more than 256; 0: none
-reg g_good = 1'b0;  // it was good at t1.5, and nothing came since
-reg g_forgotten = 1'b0;  // it was not good at t1.5 (STRICT_T15)
-reg g_parity = 1'b0;  // any of its characters had the error
+// ---- the frame by the rules
+reg g_lost = 1'b1;  // characters are ignored until the next t3.5
+reg [8:0] g_count = 9'd0;  // characters of the frame; 257: more than 256; 0: no frame
+reg g_good = 1'b0;  // the frame was good at t1.5, and no character came since
+reg g_forgotten = 1'b0;  // the frame was not good at t1.5 (STRICT_T15)
+reg g_parity = 1'b0;  // at least one of its characters had the error
 reg g_framing = 1'b0;
 reg [7:0] g_address = 8'd0;
 reg g_coils = 1'b0;  // its second character is function 05 or 15
-reg g_bank = 1'b0;  // its characters are written there
-reg [8:0] g_summed = 9'd0;  // characters in the CRC unit, as far as 257
+reg g_bank = 1'b0;  // bank that its characters are written to
+reg [8:0] g_summed = 9'd0;  // characters in the CRC unit, up to 257
 
 wire g_whole = g_count >= 9'd4 && g_count <= 9'd256 && !g_parity && !g_framing && crc_good;
 wire g_ours = g_address == own_address || g_address == 8'd0;
@@ -82,9 +82,9 @@ always @(posedge clk) begin
 end
 
 // ---- the memory
-reg [8:0] g_index = 9'd0;  // place of the pending character in its frame
-reg g_held = 1'b0;  // there is a request that was not revoked ...
-reg g_held_bank = 1'b0;  // ... and lies there
+reg [8:0] g_index = 9'd0;  // index of the pending character in its frame
+reg g_held = 1'b0;  // the firmware has a request that was not revoked
+reg g_held_bank = 1'b0;  // bank of that request
 
 always @(posedge clk) begin
   if (write_ready || g_index >= 9'd32) g_pending <= 1'b0;
@@ -96,7 +96,7 @@ always @(posedge clk) begin
   if (rst) g_pending <= 1'b0;
 end
 
-// ---- what has to come out, a clock after its cause
+// ---- expected outputs, one clock after their causes
 reg g_candidate = 1'b0;
 reg g_commit = 1'b0;
 reg g_revoke = 1'b0;
@@ -127,8 +127,8 @@ always @(posedge clk) begin
   if (rst) g_held <= 1'b0;
 end
 
-reg g_open = 1'b0;  // as the commit gate sees it: a candidate, neither committed nor revoked
-reg g_over = 1'b0;  // a request was committed and no character began since
+reg g_open = 1'b0;  // a candidate is neither committed nor revoked, as in commit_gate
+reg g_over = 1'b0;  // a request was committed, and no character began since
 always @(posedge clk) begin
   g_open <= candidate ? !commit : g_open && !commit && !revoke;
   if (commit) g_over <= 1'b1;
@@ -143,14 +143,14 @@ wire [2:0] g_counted = {2'd0, count_crc} + {2'd0, count_parity} + {2'd0, count_f
 
 always @(posedge clk) begin
   if (g_past) begin
-    // FRAME-4, FRAME-5: handed over at t1.5 (PREPARE_EARLY = 0: t3.5) if all of it was good and it is for this
-    // card, never otherwise.
+    // FRAME-4, FRAME-5: candidate at t1.5 (PREPARE_EARLY = 0: t3.5) if and only if the frame is good and for this
+    // card.
     a_candidate : assert (candidate == g_candidate);
-    // FRAME-6: committed at t3.5 if nothing came in between, never otherwise.
+    // FRAME-6: committed at t3.5 if and only if no character came in between.
     a_commit : assert (commit == g_commit);
     a_revoke : assert (revoke == g_revoke);
     a_not_both : assert (!revoke || !(commit || candidate));
-    // SAFE-1: never without its candidate, never after it was revoked, never twice.
+    // SAFE-1: no commit without its candidate, after a revoke, or twice.
     a_no_commit_alone : assert (!commit || g_open || candidate);
 `ifdef EARLY
     a_no_revoke_alone : assert (!revoke || g_open);
@@ -158,23 +158,23 @@ always @(posedge clk) begin
 `else
     a_commit_at_once : assert (commit == candidate);
 `endif
-    // The gate takes that for granted: a newer request has begun with a start bit.
+    // commit_gate relies on this: a newer request has begun with a start bit.
     a_begun : assert (!candidate || !g_over);
-    // FRAME-5: true length, address and bank, told with the candidate and until the next.
+    // FRAME-5: full length, address and bank, valid from the candidate to the next one.
     a_length : assert (frame_length == g_length);
     a_broadcast : assert (frame_broadcast == g_broadcast);
     // SAFE-1
     a_writes_coils : assert (frame_writes_coils == g_writes_coils);
     a_bank : assert (!g_held || frame_bank == g_held_bank);
-    // The CRC was made of this frame's characters, all of them and no others.
+    // The CRC covers exactly this frame's characters.
     a_summed : assert (!g_now_good || g_summed == g_count);
-    // Each of the first 32 characters is written once, in its place; no other is.
+    // Each of the first 32 characters is written once, at its address; no other is written.
     a_write : assert (write_valid == (g_pending && g_index < 9'd32));
     a_place : assert (!write_valid || write_addr[4:0] == g_index[4:0]);
-    // All of a frame goes to one bank, and never to that of the request which the firmware has.
+    // A frame is written to one bank only, and never to the bank of the request that the firmware has.
     a_one_bank : assert (!write_valid || g_index == 9'd0 || write_addr[5] == g_bank);
     a_not_held : assert (!write_valid || !g_held || write_addr[5] != g_held_bank);
-    // A frame that was thrown away is counted once, under the first of its faults.
+    // A discarded frame is counted once, under the first of its faults.
     a_framing : assert (count_framing == (g_ended && g_framing));
     a_parity : assert (count_parity == (g_ended && !g_framing && g_parity));
     a_overrun : assert (count_overrun == (g_ended && !g_framing && !g_parity && g_count == 9'd257));
@@ -185,7 +185,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
     i_known : assert (state <= S_SUSPECT);
@@ -210,7 +210,7 @@ always @(posedge clk) begin
     i_pending : assert (!storing || g_index >= 9'd32 || g_index == length);
     i_place : assert (g_count == 9'd0 || !storing || g_index == (overrun ? 9'd257 : length));
     i_was_good : assert (!g_good || (g_count >= 9'd4 && g_count <= 9'd256 && !g_pending && !g_parity && !g_framing));
-    // Of a frame that is not the held one, all that is written lies in the other bank.
+    // All bytes of a frame other than the held one are in the other bank.
 `ifdef EARLY
     i_bank : assert (g_count == 9'd0 || (g_good && g_ours) || (g_count == 9'd1 && g_pending) || g_bank == !frame_bank);
     i_good_held : assert (!(g_good && g_ours) || (g_held && g_bank == frame_bank));
@@ -225,7 +225,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 `ifdef COVER_STRICT
 always @(posedge clk) begin
   if (g_past && !rst) begin

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// A reply is just the bytes of the frame memory, each once and in order, and two of the CRC (FRAME-4), begun
-// by a start and by nothing else.
+// A reply is exactly the bytes of the frame memory, each once and in order, then two CRC bytes (FRAME-4). Only a start
+// begins one.
 //
-// Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit,
-// the memory answers a clock after it was ready. Only for the task `prove`: length stays while a reply is sent and is
-// not 0 (commit_gate). Whatever it is, `prove_any_length`, no reply is longer than the memory's 32 bytes (SAFE-2).
+// Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit, the memory
+// answers one clock after it was ready. Task `prove` only: length is steady while a reply is sent and is not 0
+// (commit_gate). Task `prove_any_length`: at any length, no reply is longer than the memory's 32 bytes (SAFE-2).
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg [5:0] g_bytes = 6'd0;  // that the UART took
+reg [5:0] g_bytes = 6'd0;  // bytes that the UART took
 reg [5:0] g_reads = 6'd0;
 reg g_answers = 1'b0;
 reg g_started = 1'b0;
 reg g_sending = 1'b0;
 reg g_rst = 1'b1;
-reg g_offered = 1'b0;  // ready, and no byte was offered
+reg g_offered = 1'b0;  // the UART was ready, and no byte was offered
 reg g_took = 1'b0;
 reg g_was_busy = 1'b0;
 reg [4:0] g_length = 5'd1;
@@ -56,17 +56,17 @@ end
 always @(posedge clk) begin
   if (g_past && !rst) begin
     a_started : assert (!sending || g_sending || g_started);
-    // SAFE-2: never more than the whole memory, and two of the CRC.
+    // SAFE-2: never more than the whole memory and two CRC bytes.
     a_longest : assert (g_bytes <= 6'd34 && (!g_take || g_bytes < 6'd34));
-    // The line is kept until its last stop bit is over (SAFE-2).
+    // The line is held until the last stop bit is over (SAFE-2).
     a_kept : assert (!g_sending || sending || g_rst || !g_was_busy);
     a_asked : assert (!send_valid || line_request);
 `ifdef STABLE_LENGTH
-    // What the UART takes is the memory's answer of the clock before, to the next address.
+    // The UART takes the memory's answer of the clock before, for the next address.
     a_data : assert (!g_take || g_bytes >= {1'b0, length} || (g_answers && g_reads == g_bytes + 6'd1));
     a_address : assert (!g_read || read_addr == g_reads[4:0]);
     a_none_lost : assert (!g_answers || !sending || g_rst || g_take);
-    // Two of the CRC follow. The bits of a byte are asked for while it is on the line, after it was taken.
+    // Two CRC bytes follow. The UART needs the bits of a byte while it is on the line, after it took the byte.
     a_no_more : assert (!g_take || g_bytes < {1'b0, length} + 6'd2);
     a_check : assert (send_check == (g_bytes > {1'b0, length} && sending));
     a_all_of_it : assert (!g_sending || sending || g_rst || $past(g_bytes) == {1'b0, g_length} + 6'd2);
@@ -74,7 +74,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
     i_known : assert (state <= S_DRAIN);
@@ -94,5 +94,5 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) c_sent : cover (g_past && g_sending && !sending && !g_rst && g_length == 5'd3);

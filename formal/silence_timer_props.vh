@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Both limits are reached after exactly as many silent ticks as they say, however the line falls silent,
-// and never again before the next restart (FRAME-1, FC-8).
+// Both limits are reached after exactly their number of silent ticks, in whatever way the line falls silent, and not
+// again before the next restart (FRAME-1, FC-8).
 //
-// The ghost counts silent ticks in one number; the halves of the module are not in it.
+// The ghost counts silent ticks in one number, without the module's halves.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-// What the ports ask for: every rate of card_tables, or the drive's.
+// The settings of the ports: every rate of card_tables, or the drive's rate.
 `ifdef DRIVE
 always @* assume (half_end == 9'd106 && !half_uneven && !two_stop);
 `else
@@ -24,8 +24,8 @@ always @(posedge clk) begin
 end
 
 wire [12:0] g_half = half_end - START + 13'd1;
-reg g_own = 1'b0;  // the last thing on the line was the card's own character, over when sending falls
-// Otherwise the vote is two ticks before the first stop bit's end, as the filter shows it.
+reg g_own = 1'b0;  // the last character was the card's own, which ends when sending falls
+// Otherwise restart comes two ticks before the end of the filtered first stop bit.
 wire [12:0] g_head = g_own ? 13'd0 : two_stop ? 13'd18 : 13'd2;
 wire [12:0] g_short = SHORT_HALVES * g_half - (half_uneven ? SHORT_HALVES / 2 : 0);
 wire [12:0] g_long = LONG_HALVES * g_half - (half_uneven ? LONG_HALVES / 2 : 0);
@@ -56,7 +56,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 wire [12:0] g_over = halves * g_half - (half_uneven ? {10'd0, halves} >> 1 : 13'd0);
 wire [12:0] g_first = START + (half_uneven && halves[0]);
 always @(posedge clk) begin
@@ -75,5 +75,5 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) c_busy : cover (g_past && $past(restart) && halves == 3'd0 && !long_silent);

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// It bites in time and only then, a fault stays, and the door of the loop-back test never opens again
-// (WDG-1, LED-5, LOOP-1).
+// The watchdog bites in time and only then, a fault stays, and the loop-back test never opens again (WDG-1, LED-5,
+// LOOP-1).
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg [1:0] g_beats = 2'd0;  // changes of the beat since the last kick or bite, as far as 3
+reg [1:0] g_beats = 2'd0;  // changes of the beat since the last kick or bite, up to 3
 reg g_beat = 1'b0;
-reg g_trap = 1'b0;  // in the clock before
+reg g_trap = 1'b0;  // a trap in the clock before
 reg g_rst = 1'b1;
-reg [1:0] g_restart = 2'd0;  // clocks that the restart still takes
-reg [1:0] g_bites = 2'd0;  // since the last exchange
+reg [1:0] g_restart = 2'd0;  // remaining clocks of the restart
+reg [1:0] g_bites = 2'd0;  // bites since the last exchange
 reg g_halted = 1'b0;
 reg g_closed = 1'b0;
 reg g_good = 1'b0;
@@ -41,20 +41,20 @@ end
 
 always @(posedge clk) begin
   if (g_past) begin
-    // WDG-1: it restarts for two clocks, at the third beat or a trap, and for nothing else.
+    // WDG-1: the soft core restarts for two clocks, only at the third beat or a trap.
     a_restarts : assert (rst || fault || core_rst == (g_restart != 2'd0));
-    // LED-5: the third bite, a halt and a wrong address are a fault, nothing else is.
+    // LED-5: only the third bite, a halt and an invalid address are a fault.
     a_fault : assert (fault == (!rst && (g_halted || g_bites == 2'd3 || (!address_valid && !loopback_open))));
-    // The soft core stands still in a fault.
-    a_stands_still : assert (!fault || core_rst);
-    // A fault that the card has come to stays until reset.
+    // The soft core is in reset during a fault.
+    a_stopped : assert (!fault || core_rst);
+    // A fault stays until reset.
     a_stays : assert (g_rst || rst || !$past(g_halted || g_bites == 2'd3) || fault);
     // LOOP-1
-    a_door : assert (loopback_open == (!g_closed && sw_baud == LOOPBACK_SWITCHES));
+    a_loopback : assert (loopback_open == (!g_closed && sw_baud == LOOPBACK_SWITCHES));
   end
 end
 
-// ---- what induction needs to know
+// ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
     i_beats : assert (idle_beats == g_beats && beat_before == g_beat);
@@ -64,7 +64,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers
 always @(posedge clk) begin
   c_third_bite : cover (g_past && fault && g_bites == 2'd3 && !g_halted && address_valid);
   c_saved : cover (g_past && !rst && g_bites == 2'd0 && $past(g_bites) == 2'd2 && !$past(rst));

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The UART's two directions, each against a model of the other side that is not made of its parts.
+// Each direction of the UART is proved against an independent model of the other side.
 //
-// RECEIVE: a sender of its own clock, up to 4 % slow or fast and free to wander in between (LINE-5). A bit is
-// 1600 units long, and at each tick of the receiver the sender moves on by any number from 96 to 104 of them;
-// a character begins at any moment between two ticks, at once after the last stop bit or later. Any byte,
-// every format, its parity bit right or wrong, its first stop bit there or missing (then the line is high for a bit before
-// the next one). Each character arrives once, unchanged, with a parity error and a framing error if and only if it had
-// them, and nothing else does. Not in here: noise (the glitch filter's part).
+// RECEIVE: the sender's clock is up to 4 % slow or fast and may wander within that range (LINE-5). A bit is 1600 units
+// long. At each tick of the receiver the sender advances by any number of 96 to 104 units. A character begins at any
+// moment between two ticks, immediately after the last stop bit or later. It has any byte, every format, a correct or
+// wrong parity bit, and its first stop bit or none (then the line is high for a bit before the next character). Each
+// character arrives once and unchanged, with parity error and framing error if and only if it had them. Nothing else
+// arrives. Noise is left out: that is the glitch filter's task.
 //
-// SEND: every character is well-formed in every format (LINE-1, LINE-3, FC-1). The ghost keeps the byte that
-// was taken and counts ticks since its start bit; which level the line shows follows from those two alone.
+// SEND: every character is well-formed in every format (LINE-1, LINE-3, FC-1). The ghost keeps the byte that was taken
+// and counts ticks since its start bit. Both together give the level of the line.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -50,12 +50,12 @@ reg [14:0] g_unit = 15'd0;  // units since the start edge
 reg [7:0] g_byte = 8'd0;
 reg g_flaw = 1'b0;
 reg g_gone = 1'b0;
-// Where the first stop bit ends, and the character.
+// End of the first stop bit, and end of the character.
 wire [14:0] g_stop_end = parity_enable ? 15'd11 * G_BIT : 15'd10 * G_BIT;
 wire [14:0] g_end = g_stop_end + (two_stop || g_gone ? G_BIT : 15'd0);
 wire [14:0] g_next = g_unit + {8'd0, g_pace};
 wire g_over = g_active && g_next >= g_end;
-// A new start edge lies somewhere since the last tick, but not before the last stop bit's end.
+// A new start edge comes after the last tick and after the end of the last stop bit.
 wire g_starts = tick16 && g_begin && (!g_active || g_over);
 always @* assume (!g_starts || {8'd0, g_offset} < (g_active ? g_next - g_end + 15'd1 : {8'd0, G_FASTEST}));
 
@@ -74,7 +74,7 @@ always @(posedge clk) begin
   if (rst) {g_active, g_flaw, g_gone} <= 3'b000;
 end
 
-// Which bit is on the line, by comparing: no division.
+// The bit on the line, by comparisons instead of a division.
 reg [3:0] g_bit;
 always @* begin
   g_bit = 4'd0;
@@ -83,9 +83,9 @@ end
 wire [11:0] g_frame = {1'b1, !(parity_enable && g_gone), parity_enable ? ^{g_byte, parity_odd, g_flaw} : !g_gone, g_byte, 1'b0};
 always @* assume (line == (!g_active || g_frame[g_bit]));
 
-// ---- what has to come out
-reg g_due = 1'b0;  // a character is on its way and was not received yet
-reg [7:0] g_count = 8'd0;  // ticks since it was first seen, that one included
+// ---- expected outputs
+reg g_due = 1'b0;  // a character was sent and is not received yet
+reg [7:0] g_count = 8'd0;  // ticks since its start was first sampled, that tick included
 reg [7:0] g_expect = 8'd0;
 reg g_expect_flaw = 1'b0;
 reg g_expect_gone = 1'b0;
@@ -115,15 +115,15 @@ always @(posedge clk) begin
     a_data : assert (!byte_valid || byte_data == g_expect);
     a_parity : assert (!byte_valid || byte_parity_error == g_expect_flaw);
     a_framing : assert (!byte_valid || byte_framing_error == g_expect_gone);
-    // None is lost: the next never begins, and this one never ends, before it was received.
+    // No character is lost: each is received before it ends and before the next one begins.
     a_received : assert (!(g_due && g_first && !byte_valid));
     a_ended : assert (!(g_due && !g_active && !byte_valid));
     a_silent : assert (txd && !sending && !driving);
   end
 end
 
-// ---- what induction needs to know
-reg [3:0] g_now;  // the bit that the receiver is at
+// ---- helpers for induction
+reg [3:0] g_now;  // the bit that the receiver samples
 always @* begin
   g_now = parity_enable ? 4'd10 : 4'd9;
   if (state[S_START]) g_now = 4'd0;
@@ -141,7 +141,7 @@ always @(posedge clk) begin
     i_unit_high : assert (!g_active || g_count == 8'd0 || g_unit < (g_count + 15'd1) * 15'd104);
     i_unit_start : assert (!g_active || g_count != 8'd0 || g_unit < 15'd104);
     i_end : assert (!g_active || g_unit < g_end);
-    // A break: the receiver waits for the line, which is low or rose since the last tick.
+    // A break: the receiver waits while the line is low or has risen since the last tick.
     i_rest : assert (!state[S_REST] || (g_active && g_gone && g_count >= g_decided && g_unit < g_stop_end + 15'd104 && (!g_due || byte_valid)));
     i_gone : assert (!byte_valid || g_expect_gone == state[S_REST]);
     i_low : assert (!(g_active && g_gone && g_count >= g_decided && g_unit < g_stop_end && !state[S_REST] && !g_receiving));
@@ -168,7 +168,7 @@ always @(posedge clk) begin
 end
 
 `ifdef COVER
-// Two characters follow each other without a gap, from a fast sender; one without its stop bit is received.
+// A fast sender sends two characters without a gap; a character without its stop bit is received.
 always @* begin
   assume (tick16);
   assume (parity_enable && parity_odd);
@@ -182,14 +182,14 @@ end
 
 `else
 
-// The port holds the line high while it sends (glitch_filter), and nothing else comes in here.
+// The port holds the line high while it sends (glitch_filter).
 always @* begin
   assume (line);
   assume (!send_check);
 end
 
 reg g_loaded = 1'b0;
-reg [7:0] g_waiting = 8'd0;  // the byte that was taken and is not on the line yet
+reg [7:0] g_waiting = 8'd0;  // a byte that was taken and is not on the line yet
 reg g_sending = 1'b0;
 reg [7:0] g_byte = 8'd0;
 reg [7:0] g_tick = 8'd0;  // ticks since its start bit began
@@ -208,7 +208,7 @@ always @* begin
   else if (g_bit == 4'd9 && parity_enable) g_level = ^{g_byte, parity_odd};
   else g_level = 1'b1;
 end
-reg g_was_level = 1'b1;  // the pin and what is told of it follow a clock later
+reg g_was_level = 1'b1;  // txd and sending follow one clock later
 reg g_was_sending = 1'b0;
 
 always @(posedge clk) begin
@@ -240,13 +240,13 @@ always @(posedge clk) begin
   if (g_past) begin
     a_level : assert (txd == g_was_level);
     a_sending : assert (sending == g_was_sending);
-    // No byte is taken over another, and none while the one before has data on the line.
+    // No byte overwrites another.
     a_taken : assert (!g_load || !g_loaded);
     a_deaf : assert (!byte_valid && !start_seen);
   end
 end
 
-// ---- what induction needs to know: how the module's own state follows from the ghost's
+// ---- helpers for induction: the module's state follows from the ghost's
 always @(posedge clk) begin
   if (g_past) begin
     i_driving : assert (driving == g_sending);
@@ -276,7 +276,7 @@ always @(posedge clk) begin
 end
 
 `ifdef COVER
-// Two characters without a gap. All else stands still, for a character is 176 ticks deep.
+// Two characters without a gap. All other inputs are constant, because a character is 176 ticks long.
 always @* begin
   assume (tick16 && send_valid && line_ready);
   assume (parity_enable && parity_odd);
