@@ -283,6 +283,7 @@ def each_seed(entry: Board) -> dict[int, float | None]:
 # Modules that stay; the others' ports become pins. A part is packed, which counts its cells, and not routed.
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
+    "parity_guard",
     "card_tables",
     "crc16_modbus",
     "rtu_rx",
@@ -294,7 +295,7 @@ PORT |= {
     "baud_divider",
 }
 MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter"}
-OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor"}
+OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor"}
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}
 FRONT_END = "**front end**: both ports, framing and mailbox"

@@ -17,7 +17,7 @@ initial assume (rst);
 // first clock is a reset.
 (* hierconn *) wire [8:0] \silence_i.ticks ;
 (* hierconn *) wire [2:0] \silence_i.halves ;
-(* hierconn *) wire \silence_i.odd ;
+(* hierconn *) wire \silence_i.damaged ;
 (* hierconn *) wire [2:0] \rtu_tx_i.state ;
 (* hierconn *) wire [4:0] \rtu_tx_i.index ;
 (* hierconn *) wire [4:0] \uart_i.state ;
@@ -36,7 +36,7 @@ initial assume (rst);
 (* hierconn *) wire \rtu_rx_i.frame_bank ;
 wire [8:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
-wire g_odd = \silence_i.odd ;
+wire g_damaged = \silence_i.damaged ;
 wire [2:0] g_sender = \rtu_tx_i.state ;
 wire [4:0] g_index = \rtu_tx_i.index ;
 wire [4:0] g_uart = \uart_i.state ;
@@ -145,7 +145,7 @@ wire [12:0] g_over = g_halves * g_half - (half_uneven ? {10'd0, g_halves} >> 1 :
 wire [12:0] g_first = 13'd18 + (half_uneven && g_halves[0]);
 always @(posedge clk) begin
   if (g_past) begin
-    i_parity : assert (g_odd == ^{g_ticks, g_halves});
+    i_parity : assert (!g_damaged);
     i_limit : assert (!long_silent || g_silent >= 13'd7 * g_half - (half_uneven ? 13'd3 : 13'd0) + g_head);
     if (!long_silent) begin
       i_halves : assert (g_halves < 3'd7 && g_ticks <= half_end);

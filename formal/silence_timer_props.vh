@@ -71,7 +71,7 @@ always @(posedge clk) begin
   end
   if (g_past) begin
     i_own : assert (ticks >= START - 18);
-    i_parity : assert (odd == ^{ticks, halves});
+    i_parity : assert (!damaged);
   end
 end
 

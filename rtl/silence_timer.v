@@ -1,25 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measures the silence on one line in half characters, against two limits.
 //
-// t1.5 and t3.5 are 3 and 7 halves of 88 ticks, above 19200 bit/s of 250 us, so one
-// count of ticks serves both (FRAME-1). Drive port: both limits are the 4 halves of
-// the pause (FC-8).
+// t1.5 and t3.5 are 3 and 7 halves of 88 ticks, above 19200 bit/s of 250 us, so one count of
+// ticks serves both (FRAME-1). On the drive line both limits are the 4 halves of the pause (FC-8).
 //
-// The filter shows everything five to six ticks late and the receiver votes on the
-// first stop bit eight to nine ticks after its beginning. So at restart two to three
-// ticks of that bit are still to come, and one bit more with two stop bits: the count
-// starts that much before SILENCE_START, the one of a half that is not the first. A
-// limit is then reached 0 to 1 tick early (FRAME-1 allows 4): at 300 bit/s a whole
-// tick late would cost PERF-2. The card's own last character is over when DE falls.
-// busy must rise with the pin, not with the filtered line, for the filter's delay is
-// taken off here. It stops the count for as long as it lasts, so a glitch or a false
-// start costs no more than itself; restart starts it anew, at the end of each
-// character, and sending holds it.
-// *_reached: one clock. long_silent: level, until the next restart. half_end: the
-// count in the last tick of a half; half_uneven takes a tick off the second, fourth and
-// sixth. GUARDED: a count of which a bit has flipped, so that its parity is not odd's,
-// starts anew; a frame might be over before t3.5 (SAFE-4). Units: tick16 = 1/16 bit.
-// Clock domain: clk. Rules: FRAME-1, FC-8.
+// The filter delays the line by five to six ticks, and the receiver votes on the first stop bit
+// eight to nine ticks after its beginning. At restart two to three ticks of that bit are
+// therefore still to come, and one more bit with two stop bits. The count starts that much below
+// SILENCE_START, where later halves start. A limit is then reached 0 to 1 tick early; FRAME-1
+// allows 4. One tick late at 300 bit/s would violate PERF-2. The card's own last character ends
+// when DE falls.
+// busy must rise with the pin and not with the filtered line, because the filter's delay is
+// subtracted here. The count stops while busy is high, so a glitch or a false start costs only
+// its own duration. restart, at the end of each character, restarts the count; sending holds it
+// at its start.
+// short_reached, long_reached: one clock. long_silent: level, until the next restart.
+// half_end: the count in the last tick of a half. half_uneven takes one tick off the second,
+// fourth and sixth half. GUARDED = 1: a flipped bit in the count restarts it, so that a frame
+// never ends before t3.5 (docs/hardening.md, Silence timer parity, SAFE-4).
+// Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8, SAFE-4.
 `default_nettype none
 
 module silence_timer #(
@@ -51,15 +50,28 @@ module silence_timer #(
   localparam [WIDTH-1:0] SECOND_STOP = 16;
 
   reg [WIDTH-1:0] ticks = START;
-  reg [2:0] halves = 3'd0;  // that are over
-  reg odd = ^START;
+  reg [2:0] halves = 3'd0;  // halves that are over
   reg [WIDTH-1:0] ticks_next;
   reg [2:0] halves_next;
+  wire damaged;
 
   wire counting = tick16 && !busy && !long_silent;
   wire half_over = counting && ticks == half_end;
-  wire shorter = half_uneven && !halves[0];  // the half to come
-  wire again = restart || sending || rst || (GUARDED && odd != ^{ticks, halves});
+  wire shorter = half_uneven && !halves[0];  // the next half
+  wire again = restart || sending || rst || (GUARDED && damaged);
+
+  parity_guard #(
+      .WIDTH  (WIDTH + 3),
+      .INITIAL(^START)
+  ) guard_i (
+      .clk(clk),
+      // guarded register
+      .load(1'b1),
+      .next({ticks_next, halves_next}),
+      .value({ticks, halves}),
+      // status
+      .damaged(damaged)
+  );
 
   initial begin
     short_reached = 1'b0;
@@ -84,7 +96,6 @@ module silence_timer #(
   always @(posedge clk) begin
     ticks <= ticks_next;
     halves <= halves_next;
-    odd <= ^{ticks_next, halves_next};
     short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
     long_reached <= half_over && halves == LONG_HALVES - 3'd1;
     if (half_over && halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads both DIP switches once after reset and keeps what they said (LINE-8).
+// Reads both DIP switches once after reset and keeps their positions (LINE-8).
 //
-// The switches pass two flip-flops, of which the second stops with settled, when the
-// pull-ups have charged the lines; ready tells that from then on the values hold until
-// the next reset. settled: high from some time after reset on, at least once. The parity
-// of all is kept with them: a flipped bit is no valid address any more (SAFE-4, LED-5).
+// The switches pass two flip-flops. The second one stops with settled, when the pull-ups have
+// charged the lines. ready: the positions are valid and do not change until the next reset.
+// settled: high at least once, after the pull-ups' settling time. A flipped bit of the kept
+// positions makes the address invalid (docs/hardening.md, Guarded settings, SAFE-4, LED-5).
 // Clock domain: clk. Rules: LINE-2, LINE-3, LINE-7, LINE-8, SAFE-4.
 `default_nettype none
 
@@ -23,10 +23,22 @@ module switch_sampler (
 );
 
   reg [16:0] stage = 17'd0;
-  reg odd = 1'b0;
+  wire damaged;
 
   // 0 is the broadcast address, 248 to 255 are reserved.
-  assign addr_valid = addr != 8'd0 && addr[8:4] != 5'b11111 && ^{baud, addr} == odd;
+  assign addr_valid = addr != 8'd0 && addr[8:4] != 5'b11111 && !damaged;
+
+  parity_guard #(
+      .WIDTH(17)
+  ) guard_i (
+      .clk(clk),
+      // guarded register
+      .load(!ready),
+      .next(stage),
+      .value({baud, addr}),
+      // status
+      .damaged(damaged)
+  );
 
   initial begin
     ready = 1'b0;
@@ -36,7 +48,7 @@ module switch_sampler (
 
   always @(posedge clk) begin
     stage <= {sw_baud, sw_addr};
-    if (!ready) {odd, baud, addr} <= {^stage, stage};
+    if (!ready) {baud, addr} <= stage;
     if (settled) ready <= 1'b1;
     if (rst) ready <= 1'b0;
   end

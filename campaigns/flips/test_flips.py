@@ -250,7 +250,7 @@ def test_no_flip_commits_what_is_revoked(baud, revoked_at, by, each):
 @pytest.mark.rule("SAFE-4", "LED-5")
 def test_a_flipped_switch_halts_the_card(places):
     at = int(0.07 * clk_hz(BAUD))
-    for name in ("addr", "baud", "odd"):
+    for name in ("addr", "baud", "guard_i.odd"):
         register = next(register for register in places.registers if register.path == f"switches_i.{name}")
         for bit in register.bits:
             outcome, *_ = trial("test", places, Flip(at, register.path, 0, bit, "card"))
