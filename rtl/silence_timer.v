@@ -58,20 +58,26 @@ module silence_timer #(
   wire counting = tick16 && !busy && !long_silent;
   wire half_over = counting && ticks == half_end;
   wire shorter = half_uneven && !halves[0];  // the next half
-  wire again = restart || sending || rst || (GUARDED && damaged);
+  wire again = restart || sending || rst || damaged;
 
-  parity_guard #(
-      .WIDTH  (WIDTH + 3),
-      .INITIAL(^START)
-  ) guard_i (
-      .clk(clk),
-      // guarded register
-      .load(1'b1),
-      .next({ticks_next, halves_next}),
-      .value({ticks, halves}),
-      // status
-      .damaged(damaged)
-  );
+  generate
+    if (GUARDED) begin : g_guarded
+      parity_guard #(
+          .WIDTH  (WIDTH + 3),
+          .INITIAL(^START)
+      ) guard_i (
+          .clk(clk),
+          // guarded register
+          .load(1'b1),
+          .next({ticks_next, halves_next}),
+          .value({ticks, halves}),
+          // status
+          .damaged(damaged)
+      );
+    end else begin : g_unguarded
+      assign damaged = 1'b0;
+    end
+  endgenerate
 
   initial begin
     short_reached = 1'b0;

@@ -32,10 +32,10 @@ module switch_sampler (
       .WIDTH(17)
   ) guard_i (
       .clk(clk),
-      // guarded register
+      // guarded register; the order of its bits is free, this one takes the fewest cells
       .load(!ready),
-      .next(stage),
-      .value({baud, addr}),
+      .next({stage[7:0], stage[16:8]}),
+      .value({addr, baud}),
       // status
       .damaged(damaged)
   );

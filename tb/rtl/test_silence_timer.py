@@ -141,7 +141,7 @@ async def limits_of_every_rate_are_those_of_its_table(dut, baud):
 async def guarded_a_flipped_bit_begins_the_count_anew(dut):
     """Each bit, early and late in a count, and once it is over (SAFE-4)."""
     timer = await Timer(dut).start()
-    for register in (dut.ticks, dut.halves, dut.guard_i.odd):
+    for register in (dut.ticks, dut.halves, dut.g_guarded.guard_i.odd):
         for bit in range(len(register)):
             for after in (1, SHORT + 5, LONG - 1, LONG + 30):
                 await timer.restart()
