@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference replacement card with a LCMXO3LF-4300: standard, soft core PicoRV32.
+// Reference replacement card with an LCMXO3LF-4300: standard, soft core PicoRV32.
 //
-// Switches close to ground, with the FPGA's pull-ups; LEDs hang between 3.3 V and the
-// pins. DE alone steers each transceiver: its receiver stays enabled (RE low on the
-// card), as the card is deaf while it sends. clk: 12 MHz oscillator.
-// No reset pin: the card holds its own reset for the first clocks after
-// configuration (reset_sync), and its switches settle before anything runs.
+// Switches close to ground, with the FPGA's pull-ups. LEDs are connected between 3.3 V and
+// the pins. Only DE controls each transceiver. Its receiver stays enabled (RE low on the
+// card), because the card is deaf while it sends. clk: 12 MHz oscillator.
+// There is no reset pin. reset_sync holds the reset for the first clocks after
+// configuration, and the switches settle before the card starts.
 // Rules: TOP-1, LINE-6, LED-2.
 `default_nettype none
 

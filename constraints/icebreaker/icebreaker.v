@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // iCEBreaker (iCE40 UP5K): transceivers and switches on its three PMOD connectors.
 //
-// 24 PMOD pins are one too few for lines, switches and LEDs: switch 9 of the baud
+// Lines, switches and LEDs need one pin more than the 24 PMOD pins. Switch 9 of the baud
 // switch, which only the loop-back test reads (LOOP-1), is the user button, held at
-// power-up. The section with buttons and LEDs on PMOD 2 has to be broken off. The
-// drive's LEDs are on PMOD 1A, lit by a high pin. clk: the board's 12 MHz.
-// No reset pin: the card holds its own reset for the first clocks after
-// configuration (reset_sync), and its switches settle before anything runs.
+// power-up. The section with buttons and LEDs on PMOD 2 must be broken off. The drive's
+// LEDs are on PMOD 1A, lit by a high pin. clk: the board's 12 MHz.
+// There is no reset pin. reset_sync holds the reset for the first clocks after
+// configuration, and the switches settle before the card starts.
 // Rules: TOP-1, LINE-6, LED-2, LOOP-1.
 `default_nettype none
 

@@ -3,8 +3,8 @@
 //
 // Switches close to ground, with the FPGA's pull-ups; LEDs are lit by a high pin.
 // wifi_gpio0 high keeps the board's ESP32 quiet. clk: the board's 25 MHz.
-// No reset pin: the card holds its own reset for the first clocks after
-// configuration (reset_sync), and its switches settle before anything runs.
+// There is no reset pin. reset_sync holds the reset for the first clocks after
+// configuration, and the switches settle before the card starts.
 // Rules: TOP-1, LINE-6, LED-2.
 `default_nettype none
 

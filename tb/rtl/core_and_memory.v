@@ -41,7 +41,7 @@ module core_and_memory #(
       .trap(trap)
   );
 
-  // As bus_arbiter does it while no line asks, but with a mailbox that may take its time.
+  // As in bus_arbiter while no line asks, but the mailbox may delay its answer.
   wire to_mailbox = core_addr[31];
   reg  ram_ready = 1'b0;
   wire ram_valid = core_valid && !to_mailbox && !ram_ready;

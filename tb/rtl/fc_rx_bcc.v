@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: fc_rx with the BCC unit that it needs to judge telegrams.
+// Bench wrapper: fc_rx with the BCC unit that it needs to check telegrams.
 `default_nettype none
 
 module fc_rx_bcc (

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: fc_tx with what it sends through, the UART; the bench is the
-// driver of the line.
+// Bench wrapper: fc_tx with the UART that it sends through; the bench takes the
+// place of the line driver.
 `default_nettype none
 
 module fc_tx_line (

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the network port with what the switches select, as on the card.
+// Bench wrapper: the network port with the tables of the switches, as on the card.
 `default_nettype none
 
 module network_line #(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: rtu_rx with the CRC unit that it needs to judge frames.
+// Bench wrapper: rtu_rx with the CRC unit that it needs to check frames.
 `default_nettype none
 
 module rtu_rx_crc #(

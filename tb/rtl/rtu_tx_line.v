@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: rtu_tx with what it sends through: CRC unit, direction, UART.
+// Bench wrapper: rtu_tx with the units that it sends through: CRC unit, direction, UART.
 `default_nettype none
 
 module rtu_tx_line (

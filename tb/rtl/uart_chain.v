@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: one port's way of a character, from the clock and from the pin:
+// Bench wrapper: the path of a character through one port, from clock and pin to byte:
 // baud_base, baud_divider, sync_2ff, glitch_filter, uart.
 `default_nettype none
 
