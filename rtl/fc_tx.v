@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sends one FC telegram: STX, LGE, then ADR, data and BCC from the frame memory.
 //
-// The firmware computes the BCC together with the telegram. Damage between there and the pin
-// gives a telegram that the drive refuses (docs/hardening.md, Telegram made twice, SAFE-4).
+// The frame memory holds the BCC, too: docs/hardening.md, BCC made with the telegram (SAFE-4).
 // start begins the telegram; the commit gate decides on start. line_request asks for DE. Bytes
 // follow without a gap if the memory answers within one bit (FC-8).
 // control, steady while sending: 1 allows bit 10 of the control word to be 1. Otherwise this bit
@@ -57,6 +56,7 @@ module fc_tx (
 
   // Three data bytes and the BCC follow the upper byte of the control word.
   wire control_byte = index + 5'd4 == length;
+  // docs/hardening.md, Command bit (SAFE-1)
   wire [7:0] kept = control_byte && !control ? read_data & ~VALID : read_data;
 
   assign read_valid = begun && state == S_FETCH && send_ready;

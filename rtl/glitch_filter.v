@@ -23,7 +23,7 @@ module glitch_filter (
 
   reg [7:0] history = 8'hFF;
 
-  // Counted anew at each tick, so that a flipped bit is gone after eight ticks (SAFE-4).
+  // Counted anew at each tick. docs/hardening.md, Undefined states (SAFE-4)
   wire [3:0] ones = {3'd0, raw} + {3'd0, history[0]} + {3'd0, history[1]} + {3'd0, history[2]} +
       {3'd0, history[3]} + {3'd0, history[4]} + {3'd0, history[5]} + {3'd0, history[6]} +
       {3'd0, history[7]};

@@ -4,7 +4,7 @@
 // The switches pass two flip-flops. The second one stops with settled, when the pull-ups have
 // charged the lines. ready: the positions are valid and do not change until the next reset.
 // settled: high at least once, after the pull-ups' settling time. A flipped bit of the kept
-// positions makes the address invalid (docs/hardening.md, Guarded settings, SAFE-4, LED-5).
+// positions makes the address invalid (docs/hardening.md, Switch parity, SAFE-4, LED-5).
 // Clock domain: clk. Rules: LINE-2, LINE-3, LINE-7, LINE-8, SAFE-4.
 `default_nettype none
 

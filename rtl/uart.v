@@ -95,8 +95,7 @@ module uart (
 
   assign send_ready = !loaded && !(driving && (state[S_START] || state[S_DATA]));
   assign byte_data = shift;
-  // The check units see the bits and not the stored byte, so a bit that flips in shift would
-  // keep a good CRC or BCC. Here it gives a parity error (SAFE-4).
+  // docs/hardening.md, Received byte parity (SAFE-4)
   assign byte_parity_error = parity_wrong || ^{shift, parity_odd} != parity;
   assign byte_framing_error = stop_missing;
   assign bit_valid = leave && state[S_DATA];
