@@ -151,7 +151,9 @@ async def guarded_a_flipped_bit_begins_the_count_anew(dut):
                 await timer.bench.clocks()
                 timer.begun_ps = timer.bench.last_edge_ps()
                 await timer.bench.clocks(2 * LONG)
-                assert timer.ticks(timer.long) == [LONG + ONE_STOP_TICKS], f"{register._name} bit {bit} after {after}"
+                assert timer.ticks(timer.long) == [LONG + ONE_STOP_TICKS], (
+                    f"{register._name} bit {bit} after {after}"
+                )
                 assert dut.long_silent.value == 1
 
 
