@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The card's one memory: program, data and frames, loaded with the firmware image.
 //
-// BYTES: any multiple of 4. One 32-bit port with byte writes. rdata shows the word that was
-// enabled in the clock before, and 0 after any other clock, so that it can be ORed with other
+// BYTES: any multiple of 4. One 32-bit port with byte writes. rdata is the word that was
+// enabled in the clock before. After any other clock it is 0, so that it can be ORed with other
 // read data. A written word is not read in the same clock.
 // Each byte is stored with an even parity bit above it, in the ninth bit of a block RAM lane.
 // damaged: one clock after rdata; a byte of that word does not match its parity. Two wrong bits

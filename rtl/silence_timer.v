@@ -4,7 +4,7 @@
 // t1.5 and t3.5 are 3 and 7 halves of 88 ticks, above 19200 bit/s of 250 us, so one count of
 // ticks serves both (FRAME-1). On the drive line both limits are the 4 halves of the pause (FC-8).
 //
-// The filter delays the line by five to six ticks, and the receiver votes on the first stop bit
+// The filter delays the line by five to six ticks. The receiver votes on the first stop bit
 // eight to nine ticks after its beginning. At restart two to three ticks of that bit are
 // therefore still to come, and one more bit with two stop bits. The count starts that much below
 // SILENCE_START, where later halves start. A limit is then reached 0 to 1 tick early; FRAME-1

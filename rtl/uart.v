@@ -6,8 +6,8 @@
 // Receiving. The line is sampled 16 times a bit. Each bit is the majority of three samples
 // around its middle. A start bit that fails its vote is ignored. Only the first stop bit is
 // checked, so 8N2, 8N1 and a sender without a second stop bit are received alike. The samples
-// are taken 6, 7 and 8 ticks after the first low tick. That tick comes up to one tick late, so
-// the samples are in the middle on average, with equal margin on both sides at +-4 %.
+// are taken 6, 7 and 8 ticks after the first low tick. That tick comes up to one tick late. On
+// average the samples are in the middle, with equal margin on both sides at +-4 %.
 // byte_valid: one clock, at the vote on the first stop bit (half a bit before its end), with
 // data and errors of the same character. A missing stop bit is a framing error; after it the
 // receiver waits for the line to rise (break). byte_parity_error is also set if the stored byte

@@ -2,9 +2,9 @@
 // Keeps the parity of a register, so that a flipped bit in it is seen.
 //
 // The guarded register is outside: it takes next at each clock with load and is read back as
-// value. damaged: level, the parity of value is not the one that was loaded, after an odd
-// number of flips in value and in the parity bit; the next load ends it. INITIAL: parity of the
-// register at power-up. No reset: a reset of the register is a load.
+// value. damaged: level, the parity of value is not the one that was loaded; the next load ends
+// it. An even number of flips in value and in the parity bit is not seen. INITIAL: parity of
+// the register at power-up. There is no reset: a reset of the register is a load.
 // WIDTH: bits of the register. Clock domain: clk. Rule: SAFE-4.
 `default_nettype none
 
