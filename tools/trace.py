@@ -3,8 +3,8 @@
 
 Rules come from docs/reference/requirements.md, tests from the `rule` marks that pytest collects, results
 from the last runs (build/results.json, written by tb/lib/pytest_plugin.py). Rules of whose tests none has
-run are named. It fails on a rule without a test, on a mark that names no rule, on a test whose last run failed, and
-on a cocotb test that no run has chosen. With --complete it fails on a test that was not run, too.
+run are named. It fails on a rule without a test, on a mark that names no rule, on a test whose last run
+failed, and on a cocotb test that no run has chosen. --complete fails on a test that was not run, too.
 """
 
 from __future__ import annotations

@@ -188,7 +188,8 @@ PLANTS = (
         ("EXC",),
         "sw/src/translate.c",
         "    if (!quantity_fits(",
-        "    if (txn->address >> 15) return reply_exception(txn, TRAITS.bad_address);\n    if (!quantity_fits(",
+        "    if (txn->address >> 15) return reply_exception(txn, TRAITS.bad_address);\n"
+        "    if (!quantity_fits(",
     ),
     Plant(
         "changed-before-commit",
