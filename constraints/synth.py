@@ -294,7 +294,7 @@ PORT |= {
     "baud_base",
     "baud_divider",
 }
-MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter"}
+MAILBOX = {"mailbox", "mailbox_regs", "commit_gate", "bus_arbiter", "guarded_bit"}
 OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor"}
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}

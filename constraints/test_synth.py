@@ -90,7 +90,9 @@ def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
 
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize("family", COUNTED_ON)
-@pytest.mark.parametrize("module", ["commit_gate", "network_port", "drive_port", "switch_sampler"])
+@pytest.mark.parametrize(
+    "module", ["guarded_bit", "commit_gate", "network_port", "drive_port", "switch_sampler"]
+)
 def test_no_flip_flop_is_taken_for_another(family, module):
     """Some say the same twice, or the opposite, on purpose; a synthesiser that sees it keeps one of them."""
     sources = needed_files(module)

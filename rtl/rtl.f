@@ -16,6 +16,7 @@ rtl/glitch_filter.v
 rtl/mailbox.v
 rtl/mailbox_regs.v
 rtl/network_port.v
+rtl/prim/guarded_bit.v
 rtl/prim/parity_guard.v
 rtl/reset_sync.v
 rtl/rs485_dir.v
