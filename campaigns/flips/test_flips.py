@@ -63,7 +63,7 @@ def places() -> Places:
 def test_all_state_is_found_and_can_be_flipped(places):
     assert places.bits("card") > 400 and places.bits("core") > 200
     paths = {register.path for register in places.registers}
-    assert "mailbox_i.gate_i.licensed" in paths and "supervisor_i.bites" in paths
+    assert "mailbox_i.gate_i.telegram_i.licence_i.held" in paths and "supervisor_i.bites" in paths
     case = {
         "baud": BAUD,
         "form": FORMS[BAUD],

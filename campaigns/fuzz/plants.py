@@ -89,9 +89,9 @@ PLANTS = (
     Plant(
         "reply-into-traffic",
         ("FRAME-7",),
-        "rtl/commit_gate.v",
-        "if (modbus_start_seen && is_committed) begin",
-        "if (1'b0) begin",
+        "rtl/gate/reply_slot.v",
+        "wire heard = start_seen && is_committed;",
+        "wire heard = 1'b0;",
     ),
     Plant(
         "address-of-a-revoked",

@@ -2,7 +2,7 @@
 /*
  * Fuzzes the poll loop against a model of the mailbox. Events come in any order, some between two register accesses
  * of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the loop-back test. The model
- * follows the rules of rtl/commit_gate.v. The image check runs as in main.c.
+ * follows the rules of rtl/gate/commit_gate.v. The image check runs as in main.c.
  *
  * Checked: a process telegram carries the coils of its own committed request, and is sent twice at most. No other
  * telegram carries coils. A held telegram does not leave long after a newer commit. A reply fits its request,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mailbox as the firmware sees it, played by a test: commit gate and both ports, one event at a time.
 
-Rules as in rtl/commit_gate.v: what is queued for a request leaves after its commit, never after a revoke;
+Rules as in rtl/gate/: what is queued for a request leaves after its commit, never after a revoke;
 a committed telegram is licensed, and may be repeated once while no newer request is committed, its own has
 no reply, it is no broadcast and its memory is not written; a request that has its reply, or has sent its
 write of coils, licenses nothing more; during the loop-back test all may leave. Times in ms.

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import cocotb
 import pytest
 from cocotb.triggers import Timer
@@ -25,8 +27,19 @@ PORTS = [] if getattr(cocotb, "SIM_NAME", "") == "Verilator" else ["is_candidate
 BITS = ["committed", "uncommitted", "licensed", "unlicensed", *PORTS]
 
 
+# Where each bit lies in the machines of the gate.
+PLACES = {
+    "committed": "request_i.committed_i.held",
+    "uncommitted": "request_i.committed_i.opposite",
+    "licensed": "telegram_i.licence_i.held",
+    "unlicensed": "telegram_i.licence_i.opposite",
+    "is_candidate": "request_i.is_candidate",
+    "telegram_queued": "telegram_i.queued",
+}
+
+
 async def flip(dut, name: str) -> None:
-    bit = getattr(dut, name)
+    bit = reduce(getattr, PLACES[name].split("."), dut)
     flipped = 1 - int(bit.value)
     bit.value = flipped
     await Timer(1, unit="ps")

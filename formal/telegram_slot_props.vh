@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// telegram_slot: nothing leaves without a licence, and no licence is lost (SAFE-1, SAFE-4, FC-8, FC-9, LOOP-1).
+//
+// Assumed of request_fate, and proved there: a request takes an order only with its own ticket. Assumed of
+// mailbox_regs: one order in a clock. Assumed of reply_slot: no reply leaves while a candidate's telegram waits.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+initial assume (rst);
+
+(* hierconn *) wire \licence_i.held ;
+(* hierconn *) wire \licence_i.opposite ;
+
+reg g_here = 1'b0;  // the memory holds what was ordered
+reg g_prepared = 1'b0;  // ordered for a candidate that is still one
+reg g_right = 1'b0;  // its request has committed, or the loop-back test ordered it
+reg g_command = 1'b0;  // and writes coils
+reg g_newest = 1'b0;  // no other request committed since
+reg g_to_all = 1'b0;
+reg g_answered = 1'b0;
+reg g_first = 1'b0;  // not sent yet, and no repeat ordered
+reg [1:0] g_sends = 2'd0;
+
+always @(posedge clk) begin
+  if (queue) begin
+    g_here <= 1'b1;
+    g_prepared <= takes_telegram && !loopback_open && !licenses && !candidate && !withdrawn && !commits;
+    g_right <= !candidate && (licenses || loopback_open || (commits && current));
+    g_command <= writes_coils && (licenses || (commits && current && !candidate));
+    {g_newest, g_to_all, g_answered, g_sends} <= {1'b1, broadcast, 1'b0, 2'd0};
+  end else begin
+    if (candidate || withdrawn || commits) g_prepared <= 1'b0;
+    if (commits && g_prepared && !candidate) {g_right, g_command} <= {g_here, writes_coils};
+    else if (commits) g_newest <= 1'b0;
+    if (reply_left && g_newest && !loopback_open) g_answered <= 1'b1;
+    if (start && g_sends != 2'd3) g_sends <= g_sends + 2'd1;
+    // What was ordered a second time before it left is no longer there.
+    if (again) g_prepared <= 1'b0;
+  end
+  if (queue) g_first <= loopback_open || takes_telegram;
+  else if (start || again) g_first <= 1'b0;
+  if (touched || closing || rst) {g_here, g_prepared, g_right} <= 3'd0;
+  if (queue && (candidate || withdrawn)) g_first <= 1'b0;
+end
+
+always @* begin
+  assume (!(queue && again));
+  assume (!licenses || (current && takes_telegram));
+  assume (!takes_telegram || current);
+  assume (!(reply_left && g_prepared) || loopback_open);
+end
+
+always @(posedge clk) begin
+  if (g_past && !rst) begin
+    // SAFE-1
+    a_right : assert (!start || (g_here && g_right));
+    a_command : assert (!(start && control) || g_command);
+    // The memory is as it was ordered in this very clock, and no order comes in it.
+    a_clear : assert (!start || !(queue || again || touched || closing));
+    // FC-8, FC-9
+    a_quiet : assert (!start || quiet);
+    a_twice : assert (!start || g_sends < 2'd2);
+    a_repeat : assert (!start || g_sends == 2'd0 || (g_newest && !g_to_all));
+    a_answered : assert (!start || !g_answered);
+    a_command_left : assert (command_left == (start && control && g_newest));
+  end
+end
+
+reg g_started = 1'b0;
+always @(posedge clk) begin
+  if (start) g_started <= 1'b1;
+  if (queue || again || rst) g_started <= 1'b0;
+  if (g_past) a_started : assert (started == g_started);
+end
+
+// ---- what induction needs to know
+wire g_licensed = \licence_i.held ;
+always @(posedge clk) begin
+  if (g_past) begin
+    i_halves : assert (\licence_i.opposite == !g_licensed);
+    i_either : assert (!(g_prepared && g_right));
+    i_right : assert (!g_licensed || (g_here && g_right));
+    i_queued : assert (!queued || g_licensed || (g_here && g_prepared));
+    i_newest : assert (!g_licensed || newest == g_newest);
+    i_fresh : assert (!(queued && !g_licensed) || (!begun && newest && g_newest && g_sends == 2'd0 && !g_answered && repeatable == !g_to_all));
+    i_begun : assert (!g_licensed || begun == (g_sends != 2'd0));
+    i_repeatable : assert (!(g_licensed && repeatable) || (g_newest && !g_to_all));
+    i_command : assert (!(g_licensed && control) || g_command);
+    i_twice : assert (!g_licensed || (g_sends < 2'd2 && !g_answered));
+    i_waiting : assert (!(queued && g_licensed && begun) || repeatable);
+  end
+end
+
+always @(posedge clk) begin
+  if (g_past && !rst) begin
+    c_at_once : cover (start && g_first);
+    c_prepared : cover (start && $past(commits));
+    c_repeat : cover (start && g_sends == 2'd1);
+    c_older : cover (start && !g_newest);
+    c_command : cover (command_left);
+  end
+end

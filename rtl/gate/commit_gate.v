@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one place that lets anything leave the card: prepare early, commit late.
+//
+// The firmware queues a reply and a telegram for a ticket, the number of the request they
+// answer. Both leave only after that request has committed; both are dropped when it is
+// revoked (FRAME-6). Only wires in here:
+//   request_fate   candidate, committed or revoked, spent; what an order may still do
+//   reply_slot     the reply: once, on a silent line, never after another character
+//   telegram_slot  the telegram: only with a licence, at most once more as a repeat
+//   loopback_end   end of the loop-back test, the one exception: no master is there (LOOP-1)
+//
+// Without a committed request no telegram starts, and without a committed write of coils
+// none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
+// docs/architecture.md describes what one flipped bit can do (SAFE-4).
+// rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
+`default_nettype none
+
+module commit_gate (
+    input  wire       clk,
+    input  wire       rst,
+    // network request
+    input  wire       candidate,
+    input  wire       commit,
+    input  wire       revoke,
+    input  wire       broadcast,
+    input  wire       writes_coils,
+    input  wire       modbus_start_seen,
+    input  wire       modbus_quiet,
+    // drive line
+    input  wire       drive_good,
+    input  wire       drive_bad,
+    input  wire       drive_quiet,
+    // firmware
+    input  wire       queue_reply,
+    input  wire       reply_empty,
+    input  wire       reply_after_drive,
+    input  wire       queue_telegram,
+    input  wire       telegram_repeat,
+    input  wire       telegram_touched,
+    input  wire [3:0] queue_ticket,
+    // configuration
+    input  wire       loopback_open,
+    // stream out
+    output wire       reply_start,
+    output wire       telegram_start,
+    output wire       telegram_control,
+    // status
+    output wire [3:0] ticket,
+    output wire       is_candidate,
+    output wire       is_committed,
+    output wire       reply_queued,
+    output wire       telegram_queued,
+    output wire       telegram_started
+);
+
+  wire answerable;
+  wire current;
+  wire takes_reply;
+  wire takes_telegram;
+  wire licenses;
+  wire commits;
+  wire withdrawn;
+  wire command_left;
+  wire closing;
+
+  request_fate request_i (
+      .clk(clk),
+      .rst(rst),
+      // network request
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .broadcast(broadcast),
+      .start_seen(modbus_start_seen),
+      .quiet(modbus_quiet),
+      // firmware
+      .queue_reply(queue_reply),
+      .queue_ticket(queue_ticket),
+      // departures
+      .reply_left(reply_start),
+      .command_left(command_left),
+      // status
+      .ticket(ticket),
+      .is_candidate(is_candidate),
+      .is_committed(is_committed),
+      .answerable(answerable),
+      .current(current),
+      .takes_reply(takes_reply),
+      .takes_telegram(takes_telegram),
+      .licenses(licenses),
+      .commits(commits),
+      .withdrawn(withdrawn)
+  );
+
+  reply_slot reply_i (
+      .clk(clk),
+      .rst(rst),
+      // firmware
+      .queue_reply(queue_reply),
+      .empty(reply_empty),
+      .after_drive(reply_after_drive),
+      // newest request
+      .takes_reply(takes_reply),
+      .candidate(candidate),
+      .withdrawn(withdrawn),
+      .is_committed(is_committed),
+      .answerable(answerable),
+      // network line
+      .start_seen(modbus_start_seen),
+      .quiet(modbus_quiet),
+      // drive's reply
+      .drive_good(drive_good),
+      .drive_bad(drive_bad),
+      // loop-back test
+      .loopback_open(loopback_open),
+      .closing(closing),
+      // stream out
+      .start(reply_start),
+      // status
+      .queued(reply_queued)
+  );
+
+  telegram_slot telegram_i (
+      .clk(clk),
+      .rst(rst),
+      // firmware
+      .queue(queue_telegram && !telegram_repeat),
+      .again(queue_telegram && telegram_repeat),
+      .touched(telegram_touched),
+      // newest request
+      .current(current),
+      .takes_telegram(takes_telegram),
+      .licenses(licenses),
+      .broadcast(broadcast),
+      .writes_coils(writes_coils),
+      .candidate(candidate),
+      .commits(commits),
+      .withdrawn(withdrawn),
+      .reply_left(reply_start),
+      // drive line
+      .quiet(drive_quiet),
+      // loop-back test
+      .loopback_open(loopback_open),
+      .closing(closing),
+      // stream out
+      .start(telegram_start),
+      .control(telegram_control),
+      // status
+      .command_left(command_left),
+      .queued(telegram_queued),
+      .started(telegram_started)
+  );
+
+  loopback_end loopback_i (
+      .clk(clk),
+      // configuration
+      .loopback_open(loopback_open),
+      // status
+      .closing(closing)
+  );
+
+endmodule
+
+`default_nettype wire

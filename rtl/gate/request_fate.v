@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fate of the newest request: candidate, then committed or revoked, then spent.
+//
+// A candidate gets the next ticket, modulo 16. It ends with a revoke, or with the start
+// bit of any character, whatever rtu_rx makes of it (FRAME-6). A commit needs a candidate
+// and a silent line; both come in one clock with PREPARE_EARLY = 0. A committed request
+// stays committed until the next candidate, also for the firmware, which reads
+// is_committed: hence a guarded bit (SAFE-4).
+// answerable: committed, and since then no character has begun and no reply has left.
+// spent: the request licenses no further telegram. Its reply spends it, so does its write
+// of coils when that leaves, and for a broadcast the firmware's answer, which sends nothing.
+// takes_reply, takes_telegram, licenses: rights of an order with queue_ticket. An order
+// with the ticket of an older request has none. A broadcast takes no reply (MAP-9).
+// commits, withdrawn, reply_left, command_left: strobes.
+// Clock domain: clk. Rules: FRAME-6, FRAME-7, MAP-9, FC-9, SAFE-4.
+`default_nettype none
+
+module request_fate (
+    input  wire       clk,
+    input  wire       rst,
+    // network request
+    input  wire       candidate,
+    input  wire       commit,
+    input  wire       revoke,
+    input  wire       broadcast,
+    input  wire       start_seen,
+    input  wire       quiet,
+    // firmware
+    input  wire       queue_reply,
+    input  wire [3:0] queue_ticket,
+    // departures
+    input  wire       reply_left,
+    input  wire       command_left,
+    // status
+    output reg  [3:0] ticket,
+    output reg        is_candidate,
+    output wire       is_committed,
+    output reg        answerable,
+    output wire       current,
+    output wire       takes_reply,
+    output wire       takes_telegram,
+    output wire       licenses,
+    output wire       commits,
+    output wire       withdrawn
+);
+
+  reg  spent = 1'b0;
+  wire fault;
+
+  assign current = queue_ticket == ticket;
+  assign takes_reply = current && !broadcast && (is_candidate || (is_committed && answerable));
+  assign takes_telegram = current && (is_candidate || (is_committed && !spent));
+  assign licenses = current && is_committed && !spent;
+  assign commits = commit && quiet && (is_candidate || candidate);
+  assign withdrawn = is_candidate && (revoke || start_seen);
+
+  initial begin
+    ticket = 4'd0;
+    is_candidate = 1'b0;
+    answerable = 1'b0;
+  end
+
+  guarded_bit committed_i (
+      .clk  (clk),
+      .rst  (rst),
+      // next value
+      .load (candidate || commits),
+      .data (commits),
+      // status
+      .value(is_committed),
+      .fault(fault)
+  );
+
+  always @(posedge clk) begin
+    if (candidate) ticket <= ticket + 4'd1;
+
+    if (rst || commits) is_candidate <= 1'b0;
+    else if (candidate) is_candidate <= 1'b1;
+    else if (withdrawn) is_candidate <= 1'b0;
+
+    if (rst) answerable <= 1'b0;
+    else if (commits) answerable <= 1'b1;
+    else if (candidate || reply_left || (start_seen && is_committed)) answerable <= 1'b0;
+
+    if (rst || commits) spent <= 1'b0;
+    else if (reply_left || command_left || (queue_reply && current && broadcast)) spent <= 1'b1;
+  end
+
+  // For waveforms only.
+  wire unused = &{1'b0, fault};
+
+endmodule
+
+`default_nettype wire
