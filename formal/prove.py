@@ -105,7 +105,7 @@ def tasks_of(sby: Path) -> list[Task]:
 
 
 def source(module: str) -> Path:
-    return next(path for folder in (ROOT / "rtl", FOLDER) for path in folder.rglob(f"{module}.v"))
+    return next((ROOT / "rtl").rglob(f"{module}.v"))
 
 
 def join(module: str) -> None:

@@ -22,7 +22,6 @@ RULES = {
     "drive_port": ["SAFE-1", "SAFE-2", "FC-8", "FC-10"],
     "fc_rx": ["FC-1", "FC-2", "FC-7", "FC-8"],
     "fc_tx": ["FC-1"],
-    "gate_equivalence": [],
     "guarded_bit": ["SAFE-4"],
     "loopback_end": ["LOOP-1"],
     "mailbox": ["SAFE-1", "SAFE-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-8"],
