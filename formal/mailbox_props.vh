@@ -12,6 +12,22 @@
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
 
+// The fields of the vectors.
+wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
+wire commit = request[`CARD_REQUEST_COMMIT_BITS];
+wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
+wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
+wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
+wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
+wire revoke = network_events[`MBX_EVENTS_REVOKED_BITS];
+wire drive_quiet = exchange[`CARD_EXCHANGE_QUIET_BITS];
+wire drive_candidate = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
+wire drive_good = exchange[`CARD_EXCHANGE_GOOD_BITS];
+wire drive_bad = exchange[`CARD_EXCHANGE_BAD_BITS];
+wire [4:0] telegram_length = telegram[`CARD_TELEGRAM_LENGTH_BITS];
+wire telegram_no_reply = telegram[`CARD_TELEGRAM_NO_REPLY_BITS];
+wire telegram_control = telegram[`CARD_TELEGRAM_CONTROL_BITS];
+
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (core_rst);
@@ -100,7 +116,7 @@ always @(posedge clk) begin
   };
   if (candidate) g_ticket <= g_ticket + 4'd1;
   g_events <= (g_order && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[6:0] : g_events) |
-      {drive_bad, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc};
+      {drive_bad, network_events};
   if (g_order_telegram) g_started <= 1'b0;
   else if (telegram_start) g_started <= 1'b1;
   if (core_rst) g_started <= 1'b0;
@@ -210,7 +226,7 @@ always @(posedge clk) begin
     a_which : assert (!regs_valid || (core_addr[31] && !core_addr[10]));
     // A restart of the firmware takes back what it had queued, and its lamps.
     a_restart : assert (!g_core_rst || !(reply_start || telegram_start || telegram_queued || reply_queued || core_ready));
-    a_dark : assert (!g_core_rst || !(led_modbus_red || led_modbus_green || led_drive_red || led_drive_green));
+    a_dark : assert (!g_core_rst || leds == 4'd0);
   end
 end
 

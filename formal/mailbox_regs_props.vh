@@ -4,6 +4,9 @@
 //
 // Nothing is assumed. The addresses are those of regs/mailbox.rdl, as bytes.
 
+// The fields of the vectors.
+wire telegram_sending = exchange[`MBX_EXCHANGE_SENDING_BITS];
+
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
@@ -38,8 +41,8 @@ always @(posedge clk) begin
   g_seen <= {
     ticks,
     request_length,
-    2'b00, loopback_open, drive_good, drive_candidate, telegram_started, telegram_sending, telegram_queued,
-    request_bank, request_broadcast, request_committed, request_candidate, request_ticket
+    2'b00, exchange,
+    request
   };
   if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];
   if (g_write && g_address == 5'h0C && !telegram_sending && !wdata[6]) g_telegram <= wdata[5:0];
@@ -73,7 +76,7 @@ always @(posedge clk) begin
     a_reply_length : assert (reply_length == g_reply_length);
     a_telegram_length : assert ({telegram_no_reply, telegram_length} == g_telegram);
     a_while_sending : assert (!g_telegram_kept || {telegram_no_reply, telegram_length} == g_telegram_was);
-    a_lamps : assert ({led_drive_green, led_drive_red, led_modbus_green, led_modbus_red} == g_lamps);
+    a_lamps : assert (leds == g_lamps);
   end
 end
 

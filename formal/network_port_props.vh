@@ -9,6 +9,20 @@
 // Assumed: a reply starts on a quiet line only (proved for mailbox), the memory answers within two clocks (bus_arbiter:
 // within one), switches do not move. The reply's length may have any value and may change at any time.
 
+// The fields of the vectors.
+wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
+wire commit = request[`CARD_REQUEST_COMMIT_BITS];
+wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
+wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
+wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
+wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
+wire revoke = events[`MBX_EVENTS_REVOKED_BITS];
+wire parity_enable = format[`CARD_LINE_PARITY_ENABLE_BITS];
+wire parity_odd = format[`CARD_LINE_PARITY_ODD_BITS];
+wire two_stop = format[`CARD_LINE_TWO_STOP_BITS];
+wire half_uneven = format[`CARD_LINE_HALF_UNEVEN_BITS];
+wire [8:0] half_end = format[`CARD_LINE_HALF_END_BITS];
+
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);

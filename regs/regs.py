@@ -156,12 +156,14 @@ def verilog_constants(registers: Map) -> str:
         "//",
         "// Macros, not an `include: the list of files alone must elaborate, in any folder.",
         "// MBX_x_WORD: word address of register x inside the mailbox, 3 bits.",
+        "// MBX_x_BITS: all bits of register x that have a field.",
         "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
         "// MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.",
         "",
     ]
     for reg in registers.registers:
         lines.append(f"`define MBX_{reg.inst_name}_WORD 3'h{reg.address_offset // WORD_BYTES:x}")
+        lines.append(f"`define MBX_{reg.inst_name}_BITS {max(field.high for field in reg.fields())}:0")
         for field in reg.fields():
             name = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
             bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
@@ -279,6 +281,7 @@ class Card:
         data = tomllib.loads((ROOT / CARD).read_text())
         self.line = data["line"]
         self.drive = data["drive"]
+        self.vectors = data["vectors"]
         self.rates = {self.switch_bits(text, 3): rate for text, rate in data["baud"].items()}
         self.formats = {self.switch_bits(text, 2): entry for text, entry in data["format"].items()}
         if sorted(self.rates) != list(range(8)) or sorted(self.formats) != list(range(4)):
@@ -351,9 +354,18 @@ def card_constants(card: Card) -> str:
         "// The fixed format of the drive line (FC-1, FC-8).",
         "// Pause in ticks of 1/16 bit, mask of baud_divider. SILENCE_START: what the count of silence_timer",
         "// begins a half character with; the ends in card_tables.v count from it.",
+        "// CARD_x_BITS: all bits of vector x between two modules; CARD_x_y_BITS: its field y, a bit select.",
         "",
     ]
-    return "\n".join(lines + [f"`define {name} {value}" for name, value in constants.items()]) + "\n"
+    lines += [f"`define {name} {value}" for name, value in constants.items()]
+    for vector, fields in card.vectors.items():
+        lines += ["", f"`define CARD_{vector.upper()}_BITS {sum(fields.values()) - 1}:0"]
+        low = 0
+        for field, width in fields.items():
+            bits = f"{low + width - 1}:{low}" if width > 1 else f"{low}"
+            lines.append(f"`define CARD_{vector.upper()}_{field.upper()}_BITS {bits}")
+            low += width
+    return "\n".join(lines) + "\n"
 
 
 def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict]) -> list[str]:
@@ -399,12 +411,16 @@ def card_verilog(card: Card) -> str:
         "    input  wire [ 5:1] sw_baud,",
         "    output reg         baud_undivided,",
         "    output reg  [ 6:0] baud_mask,",
-        "    output reg  [ 8:0] half_end,",
-        "    output reg         half_uneven,",
-        "    output reg         parity_enable,",
-        "    output reg         parity_odd,",
-        "    output reg         two_stop",
+        "    output wire [`CARD_LINE_BITS] line",
         ");",
+        "",
+        "  reg [8:0] half_end;",
+        "  reg       half_uneven;",
+        "  reg       parity_enable;",
+        "  reg       parity_odd;",
+        "  reg       two_stop;",
+        "",
+        *(f"  assign line[`CARD_LINE_{field.upper()}_BITS] = {field};" for field in card.vectors["line"]),
         "",
         *verilog_case(
             "sw_baud[3:1]", 3, {"baud_undivided": 1, "baud_mask": 7, "half_end": 9, "half_uneven": 1}, rates

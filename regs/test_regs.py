@@ -208,11 +208,23 @@ def test_three_and_seven_half_characters_are_the_silences():
 @pytest.mark.rule("FC-1", "FC-8")
 def test_drive_line_constants():
     macros = verilog_macros("card_defs.v")
-    values = {name: verilog_value(text) for name, text in macros.items()}
+    values = {name: verilog_value(text) for name, text in macros.items() if not name.endswith("_BITS")}
     assert values["CARD_BASE_HZ"] == 16 * 9600 * 3 * (values["CARD_DRIVE_MASK"] + 1)
     assert values["CARD_DRIVE_PAUSE_TICKS"] == 22 * 16
     assert (values["CARD_DRIVE_PARITY_ENABLE"], values["CARD_DRIVE_PARITY_ODD"]) == (1, 0)
     assert values["CARD_DRIVE_TWO_STOP"] == 0
+
+
+@pytest.mark.parametrize("vector", ["LINE", "REQUEST", "TELEGRAM", "EXCHANGE"])
+def test_the_fields_of_a_vector_fill_it_and_no_two_share_bits(vector):
+    macros = verilog_macros("card_defs.v")
+    whole = f"CARD_{vector}_BITS"
+    bits = []
+    for name, text in macros.items():
+        if name.startswith(f"CARD_{vector}_") and name != whole:
+            high, _, low = text.partition(":")
+            bits += range(int(low or high), int(high) + 1)
+    assert macros[whole] == f"{len(bits) - 1}:0" and bits == list(range(len(bits)))
 
 
 def test_cpp_tables_agree():

@@ -3,42 +3,37 @@
 //
 // Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, rs485_dir,
 // uart. The receiver listens after a telegram that expects a reply. Character format: 9600 8E1,
-// fixed (FC-1). This module only wires; network_port has the same shape. Clock domain: clk.
+// fixed (FC-1). This module only wires; network_port has the same shape. telegram and exchange:
+// vectors of regs/card.toml. Clock domain: clk.
 // Rules: FC-1, FC-8, FC-10.
 `default_nettype none
 
 module drive_port (
-    input  wire       clk,
-    input  wire       rst,
-    input  wire       tick16,
+    input  wire                       clk,
+    input  wire                       rst,
+    input  wire                       tick16,
     // frame memory
-    output wire       write_valid,
-    input  wire       write_ready,
-    output wire [4:0] write_addr,
-    output wire [7:0] write_data,
-    output wire       read_valid,
-    input  wire       read_ready,
-    output wire [4:0] read_addr,
-    input  wire [7:0] read_data,
+    output wire                       write_valid,
+    input  wire                       write_ready,
+    output wire [                4:0] write_addr,
+    output wire [                7:0] write_data,
+    output wire                       read_valid,
+    input  wire                       read_ready,
+    output wire [                4:0] read_addr,
+    input  wire [                7:0] read_data,
     // stream in
-    input  wire       telegram_start,
-    input  wire [4:0] telegram_length,
-    input  wire       telegram_no_reply,
-    input  wire       telegram_control,
+    input  wire                       telegram_start,
+    input  wire [`CARD_TELEGRAM_BITS] telegram,
     // pins
-    input  wire       rx,
-    output wire       tx,
-    output wire       de,
+    input  wire                       rx,
+    output wire                       tx,
+    output wire                       de,
     // configuration
-    input  wire       listen_again,
-    input  wire       listen_stop,
+    input  wire                       listen_again,
+    input  wire                       listen_stop,
     // status
-    output wire       sending,
-    output wire       quiet,
-    output wire       listening,
-    output wire       candidate,
-    output wire       good,
-    output wire       bad
+    output wire                       listening,
+    output wire [`CARD_EXCHANGE_BITS] exchange
 );
 
   // A gap of exactly 2 characters is allowed, so the limit is 1/4 bit later.
@@ -70,7 +65,9 @@ module drive_port (
   wire [7:0] adr;
 
   assign write_data = rx_data;
-  assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
+  wire quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
+
+  assign exchange[`CARD_EXCHANGE_QUIET_BITS] = quiet;
 
   sync_2ff #(
       .RESET_VALUE(1'b1)
@@ -179,14 +176,14 @@ module drive_port (
       .check_clear(bcc_clear),
       .check_good(bcc_good),
       // configuration
-      .listen_start((sent && !telegram_no_reply) || listen_again),
+      .listen_start((sent && !telegram[`CARD_TELEGRAM_NO_REPLY_BITS]) || listen_again),
       .listen_stop(telegram_start || listen_stop),
       .adr(adr),
       // status
       .listening(listening),
-      .candidate(candidate),
-      .good(good),
-      .bad(bad)
+      .candidate(exchange[`CARD_EXCHANGE_CANDIDATE_BITS]),
+      .good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
+      .bad(exchange[`CARD_EXCHANGE_BAD_BITS])
   );
 
   fc_tx fc_tx_i (
@@ -194,8 +191,8 @@ module drive_port (
       .rst(rst),
       // stream in
       .start(telegram_start),
-      .length(telegram_length),
-      .control(telegram_control),
+      .length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
+      .control(telegram[`CARD_TELEGRAM_CONTROL_BITS]),
       // frame memory
       .read_valid(read_valid),
       .read_ready(read_ready),
@@ -209,7 +206,7 @@ module drive_port (
       .line_request(line_request),
       .line_busy(tx_busy),
       // status
-      .sending(sending),
+      .sending(exchange[`CARD_EXCHANGE_SENDING_BITS]),
       .sent(sent),
       .adr(adr)
   );

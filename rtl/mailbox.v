@@ -3,7 +3,8 @@
 //
 // The network port writes requests and reads replies, the drive port reads telegrams
 // and writes the drive's replies, the firmware sees all of it through one bus, and
-// the commit gate decides what leaves. Only wires in here. Clock domain: clk.
+// the commit gate decides what leaves. Only wires in here. request, telegram, exchange:
+// vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1.
 `default_nettype none
 
@@ -37,13 +38,8 @@ module mailbox #(
     output wire [                       4:0] reply_length,
     input  wire                              modbus_quiet,
     input  wire                              modbus_start_seen,
-    input  wire                              candidate,
-    input  wire                              commit,
-    input  wire                              revoke,
-    input  wire [                       7:0] frame_length,
-    input  wire                              frame_broadcast,
-    input  wire                              frame_writes_coils,
-    input  wire                              frame_bank,
+    input  wire [        `CARD_REQUEST_BITS] request,
+    input  wire [                       5:0] network_events,
     // drive port
     input  wire                              drive_write_valid,
     output wire                              drive_write_ready,
@@ -53,16 +49,10 @@ module mailbox #(
     output wire                              drive_read_ready,
     input  wire [                       4:0] drive_read_addr,
     output wire                              telegram_start,
-    output wire [                       4:0] telegram_length,
-    output wire                              telegram_no_reply,
-    output wire                              telegram_control,
+    output wire [       `CARD_TELEGRAM_BITS] telegram,
     output wire                              listen_again,
     output wire                              listen_stop,
-    input  wire                              drive_sending,
-    input  wire                              drive_quiet,
-    input  wire                              drive_candidate,
-    input  wire                              drive_good,
-    input  wire                              drive_bad,
+    input  wire [       `CARD_EXCHANGE_BITS] exchange,
     // both ports
     output wire [                       7:0] read_data,
     // supervisor
@@ -72,15 +62,7 @@ module mailbox #(
     input  wire                              loopback_open,
     // status
     input  wire [                       7:0] ticks,
-    input  wire                              count_crc,
-    input  wire                              count_parity,
-    input  wire                              count_framing,
-    input  wire                              count_t15,
-    input  wire                              count_overrun,
-    output wire                              led_modbus_red,
-    output wire                              led_modbus_green,
-    output wire                              led_drive_red,
-    output wire                              led_drive_green
+    output wire [             `MBX_LED_BITS] leds
 );
 
   wire regs_valid;
@@ -97,17 +79,27 @@ module mailbox #(
   wire telegram_queued;
   wire telegram_started;
 
-  reg [6:0] events;
+  reg [`MBX_EVENTS_BITS] events;
+  reg [`MBX_REQUEST_BITS] request_status;
+  reg [`MBX_EXCHANGE_BITS] exchange_status;
 
+  wire drive_sending = exchange[`CARD_EXCHANGE_SENDING_BITS];
+
+  // What the firmware reads.
   always @* begin
-    events = 7'd0;
-    events[`MBX_EVENTS_CRC_BITS] = count_crc;
-    events[`MBX_EVENTS_PARITY_BITS] = count_parity;
-    events[`MBX_EVENTS_FRAMING_BITS] = count_framing;
-    events[`MBX_EVENTS_T15_BITS] = count_t15;
-    events[`MBX_EVENTS_OVERRUN_BITS] = count_overrun;
-    events[`MBX_EVENTS_REVOKED_BITS] = revoke;
-    events[`MBX_EVENTS_DRIVE_BAD_BITS] = drive_bad;
+    events[5:0] = network_events;
+    events[`MBX_EVENTS_DRIVE_BAD_BITS] = exchange[`CARD_EXCHANGE_BAD_BITS];
+    request_status[`MBX_REQUEST_TICKET_BITS] = ticket;
+    request_status[`MBX_REQUEST_CANDIDATE_BITS] = is_candidate;
+    request_status[`MBX_REQUEST_COMMITTED_BITS] = is_committed;
+    request_status[`MBX_REQUEST_BROADCAST_BITS] = request[`CARD_REQUEST_BROADCAST_BITS];
+    request_status[`MBX_REQUEST_BANK_BITS] = request[`CARD_REQUEST_BANK_BITS];
+    exchange_status[`MBX_EXCHANGE_QUEUED_BITS] = telegram_queued;
+    exchange_status[`MBX_EXCHANGE_SENDING_BITS] = drive_sending;
+    exchange_status[`MBX_EXCHANGE_STARTED_BITS] = telegram_started;
+    exchange_status[`MBX_EXCHANGE_CANDIDATE_BITS] = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
+    exchange_status[`MBX_EXCHANGE_GOOD_BITS] = exchange[`CARD_EXCHANGE_GOOD_BITS];
+    exchange_status[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
   end
 
   bus_arbiter #(
@@ -174,44 +166,32 @@ module mailbox #(
       .halt(halt),
       .loopback_close(loopback_close),
       .reply_length(reply_length),
-      .telegram_length(telegram_length),
-      .telegram_no_reply(telegram_no_reply),
-      .led_modbus_red(led_modbus_red),
-      .led_modbus_green(led_modbus_green),
-      .led_drive_red(led_drive_red),
-      .led_drive_green(led_drive_green),
-      // status
+      .telegram_length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
+      .telegram_no_reply(telegram[`CARD_TELEGRAM_NO_REPLY_BITS]),
+      .leds(leds),
+      // status, as the registers show it
       .events(events),
-      .ticks(ticks),
-      .request_ticket(ticket),
-      .request_candidate(is_candidate),
-      .request_committed(is_committed),
-      .request_broadcast(frame_broadcast),
-      .request_bank(frame_bank),
-      .request_length(frame_length),
-      .telegram_queued(telegram_queued),
-      .telegram_sending(drive_sending),
-      .telegram_started(telegram_started),
-      .drive_candidate(drive_candidate),
-      .drive_good(drive_good),
-      .loopback_open(loopback_open)
+      .request(request_status),
+      .exchange(exchange_status),
+      .request_length(request[`CARD_REQUEST_LENGTH_BITS]),
+      .ticks(ticks)
   );
 
   commit_gate gate_i (
       .clk(clk),
       .rst(core_rst),
       // network request
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .broadcast(frame_broadcast),
-      .writes_coils(frame_writes_coils),
+      .candidate(request[`CARD_REQUEST_CANDIDATE_BITS]),
+      .commit(request[`CARD_REQUEST_COMMIT_BITS]),
+      .revoke(network_events[`MBX_EVENTS_REVOKED_BITS]),
+      .broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
+      .writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
       .modbus_start_seen(modbus_start_seen),
       .modbus_quiet(modbus_quiet),
       // drive line
-      .drive_good(drive_good),
-      .drive_bad(drive_bad),
-      .drive_quiet(drive_quiet && !drive_sending),
+      .drive_good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
+      .drive_bad(exchange[`CARD_EXCHANGE_BAD_BITS]),
+      .drive_quiet(exchange[`CARD_EXCHANGE_QUIET_BITS] && !drive_sending),
       // firmware
       .queue_reply(queue_reply),
       .reply_empty(core_wdata[`MBX_REPLY_LENGTH_BITS] == 5'd0),
@@ -225,7 +205,7 @@ module mailbox #(
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),
-      .telegram_control(telegram_control),
+      .telegram_control(telegram[`CARD_TELEGRAM_CONTROL_BITS]),
       // status
       .ticket(ticket),
       .is_candidate(is_candidate),

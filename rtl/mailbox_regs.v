@@ -9,49 +9,35 @@
 `default_nettype none
 
 module mailbox_regs (
-    input  wire        clk,
-    input  wire        rst,
+    input  wire                      clk,
+    input  wire                      rst,
     // firmware bus
-    input  wire        valid,
-    input  wire        write,
-    input  wire [ 2:0] word,
-    input  wire [ 7:0] wdata,
-    output reg  [31:0] rdata,
+    input  wire                      valid,
+    input  wire                      write,
+    input  wire [               2:0] word,
+    input  wire [               7:0] wdata,
+    output reg  [              31:0] rdata,
     // commands
-    output wire        queue_reply,
-    output wire        queue_telegram,
-    output wire        listen_again,
-    output wire        listen_stop,
-    output wire        watchdog_kick,
-    output wire        halt,
-    output wire        loopback_close,
-    output reg  [ 4:0] reply_length,
-    output reg  [ 4:0] telegram_length,
-    output reg         telegram_no_reply,
-    output reg         led_modbus_red,
-    output reg         led_modbus_green,
-    output reg         led_drive_red,
-    output reg         led_drive_green,
-    // status
-    input  wire [ 6:0] events,
-    input  wire [ 7:0] ticks,
-    input  wire [ 3:0] request_ticket,
-    input  wire        request_candidate,
-    input  wire        request_committed,
-    input  wire        request_broadcast,
-    input  wire        request_bank,
-    input  wire [ 7:0] request_length,
-    input  wire        telegram_queued,
-    input  wire        telegram_sending,
-    input  wire        telegram_started,
-    input  wire        drive_candidate,
-    input  wire        drive_good,
-    input  wire        loopback_open
+    output wire                      queue_reply,
+    output wire                      queue_telegram,
+    output wire                      listen_again,
+    output wire                      listen_stop,
+    output wire                      watchdog_kick,
+    output wire                      halt,
+    output wire                      loopback_close,
+    output reg  [               4:0] reply_length,
+    output reg  [               4:0] telegram_length,
+    output reg                       telegram_no_reply,
+    output reg  [     `MBX_LED_BITS] leds,
+    // status, as the registers show it
+    input  wire [  `MBX_EVENTS_BITS] events,
+    input  wire [ `MBX_REQUEST_BITS] request,
+    input  wire [`MBX_EXCHANGE_BITS] exchange,
+    input  wire [               7:0] request_length,
+    input  wire [               7:0] ticks
 );
 
   reg [6:0] flags = 7'd0;
-  reg [7:0] request;
-  reg [7:0] exchange;
 
   wire write_now = valid && write;
   wire clear = write_now && word == `MBX_EVENTS_WORD;
@@ -60,24 +46,9 @@ module mailbox_regs (
   wire write_supervisor = write_now && word == `MBX_SUPERVISOR_WORD;
   wire show_events = word[0] == 1'b1;
 
-  always @* begin
-    request = 8'd0;
-    request[`MBX_REQUEST_TICKET_BITS] = request_ticket;
-    request[`MBX_REQUEST_CANDIDATE_BITS] = request_candidate;
-    request[`MBX_REQUEST_COMMITTED_BITS] = request_committed;
-    request[`MBX_REQUEST_BROADCAST_BITS] = request_broadcast;
-    request[`MBX_REQUEST_BANK_BITS] = request_bank;
-    exchange = 8'd0;
-    exchange[`MBX_EXCHANGE_QUEUED_BITS] = telegram_queued;
-    exchange[`MBX_EXCHANGE_SENDING_BITS] = telegram_sending;
-    exchange[`MBX_EXCHANGE_STARTED_BITS] = telegram_started;
-    exchange[`MBX_EXCHANGE_CANDIDATE_BITS] = drive_candidate;
-    exchange[`MBX_EXCHANGE_GOOD_BITS] = drive_good;
-    exchange[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
-  end
-
   assign queue_reply = write_now && word == `MBX_REPLY_WORD;
-  assign queue_telegram = write_now && word == `MBX_TELEGRAM_WORD && !telegram_sending;
+  assign queue_telegram = write_now && word == `MBX_TELEGRAM_WORD &&
+      !exchange[`MBX_EXCHANGE_SENDING_BITS];
   assign listen_again = write_listen && wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = write_listen && !wdata[`MBX_LISTEN_ON_BITS];
   assign halt = write_supervisor && wdata[`MBX_SUPERVISOR_HALT_BITS];
@@ -91,11 +62,12 @@ module mailbox_regs (
     reply_length = 5'd0;
     telegram_length = 5'd0;
     telegram_no_reply = 1'b0;
-    {led_modbus_red, led_modbus_green, led_drive_red, led_drive_green} = 4'd0;
+    leds = 4'd0;
   end
 
   always @(posedge clk) begin
-    if (valid) rdata <= {ticks, request_length, exchange, show_events ? {1'b0, flags} : request};
+    if (valid)
+      rdata <= {ticks, request_length, 2'b00, exchange, show_events ? {1'b0, flags} : request};
     else rdata <= 32'd0;
 
     flags <= (flags & ~(wdata[6:0] &{7{clear}})) | events;
@@ -105,13 +77,8 @@ module mailbox_regs (
       telegram_length   <= wdata[`MBX_TELEGRAM_LENGTH_BITS];
       telegram_no_reply <= wdata[`MBX_TELEGRAM_NO_REPLY_BITS];
     end
-    if (write_led) begin
-      led_modbus_red   <= wdata[`MBX_LED_MODBUS_RED_BITS];
-      led_modbus_green <= wdata[`MBX_LED_MODBUS_GREEN_BITS];
-      led_drive_red    <= wdata[`MBX_LED_DRIVE_RED_BITS];
-      led_drive_green  <= wdata[`MBX_LED_DRIVE_GREEN_BITS];
-    end
-    if (rst) {led_modbus_red, led_modbus_green, led_drive_red, led_drive_green} <= 4'd0;
+    if (rst) leds <= 4'd0;
+    else if (write_led) leds <= wdata[`MBX_LED_BITS];
   end
 
 endmodule

@@ -4,6 +4,7 @@
 // Receive: sync_2ff, glitch_filter, uart, silence_timer, crc16_modbus, rtu_rx. Send: rtu_tx,
 // crc16_modbus, rs485_dir, uart. One UART and one CRC unit serve both directions, because the
 // receiver is deaf while DE is high. This module only wires; drive_port has the same shape.
+// format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
 // Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
 `default_nettype none
 
@@ -11,48 +12,34 @@ module network_port #(
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1
 ) (
-    input  wire       clk,
-    input  wire       rst,
-    input  wire       tick16,
+    input  wire                      clk,
+    input  wire                      rst,
+    input  wire                      tick16,
     // frame memory
-    output wire       write_valid,
-    input  wire       write_ready,
-    output wire [5:0] write_addr,
-    output wire [7:0] write_data,
-    output wire       read_valid,
-    input  wire       read_ready,
-    output wire [4:0] read_addr,
-    input  wire [7:0] read_data,
+    output wire                      write_valid,
+    input  wire                      write_ready,
+    output wire [               5:0] write_addr,
+    output wire [               7:0] write_data,
+    output wire                      read_valid,
+    input  wire                      read_ready,
+    output wire [               4:0] read_addr,
+    input  wire [               7:0] read_data,
     // stream in
-    input  wire       reply_start,
-    input  wire [4:0] reply_length,
+    input  wire                      reply_start,
+    input  wire [               4:0] reply_length,
     // pins
-    input  wire       rx,
-    output wire       tx,
-    output wire       de,
+    input  wire                      rx,
+    output wire                      tx,
+    output wire                      de,
     // configuration
-    input  wire       parity_enable,
-    input  wire       parity_odd,
-    input  wire       two_stop,
-    input  wire [8:0] half_end,
-    input  wire       half_uneven,
-    input  wire [7:0] own_address,
+    input  wire [   `CARD_LINE_BITS] format,
+    input  wire [               7:0] own_address,
     // status
-    output wire       sending,
-    output wire       quiet,
-    output wire       start_seen,
-    output wire       candidate,
-    output wire       commit,
-    output wire       revoke,
-    output wire [7:0] frame_length,
-    output wire       frame_broadcast,
-    output wire       frame_writes_coils,
-    output wire       frame_bank,
-    output wire       count_crc,
-    output wire       count_parity,
-    output wire       count_framing,
-    output wire       count_t15,
-    output wire       count_overrun
+    output wire                      sending,
+    output wire                      quiet,
+    output wire                      start_seen,
+    output wire [`CARD_REQUEST_BITS] request,
+    output wire [               5:0] events
 );
 
   wire synced;
@@ -127,9 +114,9 @@ module network_port #(
       // direction
       .line_ready(line_ready),
       // configuration
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop),
+      .parity_enable(format[`CARD_LINE_PARITY_ENABLE_BITS]),
+      .parity_odd(format[`CARD_LINE_PARITY_ODD_BITS]),
+      .two_stop(format[`CARD_LINE_TWO_STOP_BITS]),
       // status
       .receiving(rx_busy),
       .sending(tx_busy),
@@ -147,9 +134,9 @@ module network_port #(
       .sending(de),
       .busy(rx_busy || !synced),
       // configuration
-      .half_end(half_end),
-      .half_uneven(half_uneven),
-      .two_stop(two_stop),
+      .half_end(format[`CARD_LINE_HALF_END_BITS]),
+      .half_uneven(format[`CARD_LINE_HALF_UNEVEN_BITS]),
+      .two_stop(format[`CARD_LINE_TWO_STOP_BITS]),
       // status
       .short_reached(short_reached),
       .long_reached(long_reached),
@@ -192,18 +179,18 @@ module network_port #(
       .deaf(de),
       .own_address(own_address),
       // status
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .frame_length(frame_length),
-      .frame_broadcast(frame_broadcast),
-      .frame_writes_coils(frame_writes_coils),
-      .frame_bank(frame_bank),
-      .count_crc(count_crc),
-      .count_parity(count_parity),
-      .count_framing(count_framing),
-      .count_t15(count_t15),
-      .count_overrun(count_overrun)
+      .candidate(request[`CARD_REQUEST_CANDIDATE_BITS]),
+      .commit(request[`CARD_REQUEST_COMMIT_BITS]),
+      .revoke(events[`MBX_EVENTS_REVOKED_BITS]),
+      .frame_length(request[`CARD_REQUEST_LENGTH_BITS]),
+      .frame_broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
+      .frame_writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
+      .frame_bank(request[`CARD_REQUEST_BANK_BITS]),
+      .count_crc(events[`MBX_EVENTS_CRC_BITS]),
+      .count_parity(events[`MBX_EVENTS_PARITY_BITS]),
+      .count_framing(events[`MBX_EVENTS_FRAMING_BITS]),
+      .count_t15(events[`MBX_EVENTS_T15_BITS]),
+      .count_overrun(events[`MBX_EVENTS_OVERRUN_BITS])
   );
 
   rtu_tx rtu_tx_i (

@@ -49,11 +49,7 @@ module rtu2fc #(
   wire [7:0] ticks;
   wire baud_undivided;
   wire [6:0] baud_mask;
-  wire [8:0] half_end;
-  wire half_uneven;
-  wire parity_enable;
-  wire parity_odd;
-  wire two_stop;
+  wire [`CARD_LINE_BITS] format;
   wire [9:1] baud;
   wire [8:1] addr;
   wire addr_valid;
@@ -85,18 +81,8 @@ module rtu2fc #(
   wire modbus_sending;
   wire modbus_quiet;
   wire modbus_start_seen;
-  wire candidate;
-  wire commit;
-  wire revoke;
-  wire [7:0] frame_length;
-  wire frame_broadcast;
-  wire frame_writes_coils;
-  wire frame_bank;
-  wire count_crc;
-  wire count_parity;
-  wire count_framing;
-  wire count_t15;
-  wire count_overrun;
+  wire [`CARD_REQUEST_BITS] request;
+  wire [5:0] network_events;
 
   wire drive_write_valid;
   wire drive_write_ready;
@@ -106,17 +92,11 @@ module rtu2fc #(
   wire drive_read_ready;
   wire [4:0] drive_read_addr;
   wire telegram_start;
-  wire [4:0] telegram_length;
-  wire telegram_no_reply;
-  wire telegram_control;
+  wire [`CARD_TELEGRAM_BITS] telegram;
   wire listen_again;
   wire listen_stop;
-  wire drive_sending;
-  wire drive_quiet;
+  wire [`CARD_EXCHANGE_BITS] exchange;
   wire drive_listening;
-  wire drive_candidate;
-  wire drive_good;
-  wire drive_bad;
 
   wire [7:0] frame_read_data;
 
@@ -125,16 +105,13 @@ module rtu2fc #(
   wire loopback_close;
   wire loopback_open;
   wire fault;
-  wire lit_modbus_red;
-  wire lit_modbus_green;
-  wire lit_drive_red;
-  wire lit_drive_green;
+  wire [`MBX_LED_BITS] lit;
 
   // On a fault both LEDs are red, whatever the firmware has set (LED-5).
-  assign led_modbus_red = lit_modbus_red || fault;
-  assign led_modbus_green = lit_modbus_green && !fault;
-  assign led_drive_red = lit_drive_red || fault;
-  assign led_drive_green = lit_drive_green && !fault;
+  assign led_modbus_red = lit[`MBX_LED_MODBUS_RED_BITS] || fault;
+  assign led_modbus_green = lit[`MBX_LED_MODBUS_GREEN_BITS] && !fault;
+  assign led_drive_red = lit[`MBX_LED_DRIVE_RED_BITS] || fault;
+  assign led_drive_green = lit[`MBX_LED_DRIVE_GREEN_BITS] && !fault;
 
   reset_sync reset_i (
       .clk  (clk),
@@ -156,11 +133,7 @@ module rtu2fc #(
       .sw_baud(baud[5:1]),
       .baud_undivided(baud_undivided),
       .baud_mask(baud_mask),
-      .half_end(half_end),
-      .half_uneven(half_uneven),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop)
+      .line(format)
   );
 
   baud_divider divider_i (
@@ -221,28 +194,14 @@ module rtu2fc #(
       .tx(modbus_tx),
       .de(modbus_de),
       // configuration
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop),
-      .half_end(half_end),
-      .half_uneven(half_uneven),
+      .format(format),
       .own_address(addr),
       // status
       .sending(modbus_sending),
       .quiet(modbus_quiet),
       .start_seen(modbus_start_seen),
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .frame_length(frame_length),
-      .frame_broadcast(frame_broadcast),
-      .frame_writes_coils(frame_writes_coils),
-      .frame_bank(frame_bank),
-      .count_crc(count_crc),
-      .count_parity(count_parity),
-      .count_framing(count_framing),
-      .count_t15(count_t15),
-      .count_overrun(count_overrun)
+      .request(request),
+      .events(network_events)
   );
 
   drive_port drive_i (
@@ -260,9 +219,7 @@ module rtu2fc #(
       .read_data(frame_read_data),
       // stream in
       .telegram_start(telegram_start),
-      .telegram_length(telegram_length),
-      .telegram_no_reply(telegram_no_reply),
-      .telegram_control(telegram_control),
+      .telegram(telegram),
       // pins
       .rx(drive_rx),
       .tx(drive_tx),
@@ -271,12 +228,8 @@ module rtu2fc #(
       .listen_again(listen_again),
       .listen_stop(listen_stop),
       // status
-      .sending(drive_sending),
-      .quiet(drive_quiet),
       .listening(drive_listening),
-      .candidate(drive_candidate),
-      .good(drive_good),
-      .bad(drive_bad)
+      .exchange(exchange)
   );
 
   mailbox #(
@@ -309,13 +262,8 @@ module rtu2fc #(
       .reply_length(reply_length),
       .modbus_quiet(modbus_quiet),
       .modbus_start_seen(modbus_start_seen),
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .frame_length(frame_length),
-      .frame_broadcast(frame_broadcast),
-      .frame_writes_coils(frame_writes_coils),
-      .frame_bank(frame_bank),
+      .request(request),
+      .network_events(network_events),
       // drive port
       .drive_write_valid(drive_write_valid),
       .drive_write_ready(drive_write_ready),
@@ -325,16 +273,10 @@ module rtu2fc #(
       .drive_read_ready(drive_read_ready),
       .drive_read_addr(drive_read_addr),
       .telegram_start(telegram_start),
-      .telegram_length(telegram_length),
-      .telegram_no_reply(telegram_no_reply),
-      .telegram_control(telegram_control),
+      .telegram(telegram),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .drive_sending(drive_sending),
-      .drive_quiet(drive_quiet),
-      .drive_candidate(drive_candidate),
-      .drive_good(drive_good),
-      .drive_bad(drive_bad),
+      .exchange(exchange),
       // both ports
       .read_data(frame_read_data),
       // supervisor
@@ -344,15 +286,7 @@ module rtu2fc #(
       .loopback_open(loopback_open),
       // status
       .ticks(ticks),
-      .count_crc(count_crc),
-      .count_parity(count_parity),
-      .count_framing(count_framing),
-      .count_t15(count_t15),
-      .count_overrun(count_overrun),
-      .led_modbus_red(lit_modbus_red),
-      .led_modbus_green(lit_modbus_green),
-      .led_drive_red(lit_drive_red),
-      .led_drive_green(lit_drive_green)
+      .leds(lit)
   );
 
   supervisor supervisor_i (
@@ -369,7 +303,7 @@ module rtu2fc #(
       .address_valid(addr_valid),
       // status
       .reply_start(reply_start),
-      .drive_good(drive_good),
+      .drive_good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
       .core_rst(core_rst),
       .fault(fault),
       .loopback_open(loopback_open)
@@ -406,8 +340,15 @@ module rtu2fc #(
       .damaged(ram_damaged)
   );
 
-  // For waveforms only.
-  wire unused = &{1'b0, modbus_sending, drive_listening};
+  // For waveforms and benches only.
+  wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
+  wire commit = request[`CARD_REQUEST_COMMIT_BITS];
+  wire revoke = network_events[`MBX_EVENTS_REVOKED_BITS];
+  wire drive_candidate = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
+  wire drive_good = exchange[`CARD_EXCHANGE_GOOD_BITS];
+  wire drive_bad = exchange[`CARD_EXCHANGE_BAD_BITS];
+  wire strobes = |{candidate, commit, revoke, drive_candidate, drive_good, drive_bad};
+  wire unused = &{1'b0, modbus_sending, drive_listening, strobes};
 
 endmodule
 

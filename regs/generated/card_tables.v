@@ -11,12 +11,20 @@ module card_tables (
     input  wire [ 5:1] sw_baud,
     output reg         baud_undivided,
     output reg  [ 6:0] baud_mask,
-    output reg  [ 8:0] half_end,
-    output reg         half_uneven,
-    output reg         parity_enable,
-    output reg         parity_odd,
-    output reg         two_stop
+    output wire [`CARD_LINE_BITS] line
 );
+
+  reg [8:0] half_end;
+  reg       half_uneven;
+  reg       parity_enable;
+  reg       parity_odd;
+  reg       two_stop;
+
+  assign line[`CARD_LINE_PARITY_ENABLE_BITS] = parity_enable;
+  assign line[`CARD_LINE_PARITY_ODD_BITS] = parity_odd;
+  assign line[`CARD_LINE_TWO_STOP_BITS] = two_stop;
+  assign line[`CARD_LINE_HALF_UNEVEN_BITS] = half_uneven;
+  assign line[`CARD_LINE_HALF_END_BITS] = half_end;
 
   always @* begin
     case (sw_baud[3:1])

@@ -3,10 +3,12 @@
 //
 // Macros, not an `include: the list of files alone must elaborate, in any folder.
 // MBX_x_WORD: word address of register x inside the mailbox, 3 bits.
+// MBX_x_BITS: all bits of register x that have a field.
 // MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.
 // MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.
 
 `define MBX_REQUEST_WORD 3'h0
+`define MBX_REQUEST_BITS 7:0
 `define MBX_REQUEST_TICKET_BITS 3:0
 `define MBX_REQUEST_TICKET_WIDTH 4
 `define MBX_REQUEST_TICKET_RESET 4'h0
@@ -24,6 +26,7 @@
 `define MBX_REQUEST_BANK_RESET 1'h0
 
 `define MBX_EXCHANGE_WORD 3'h0
+`define MBX_EXCHANGE_BITS 5:0
 `define MBX_EXCHANGE_QUEUED_BITS 0
 `define MBX_EXCHANGE_QUEUED_WIDTH 1
 `define MBX_EXCHANGE_QUEUED_RESET 1'h0
@@ -44,16 +47,19 @@
 `define MBX_EXCHANGE_LOOPBACK_RESET 1'h0
 
 `define MBX_LENGTH_WORD 3'h0
+`define MBX_LENGTH_BITS 7:0
 `define MBX_LENGTH_BYTES_BITS 7:0
 `define MBX_LENGTH_BYTES_WIDTH 8
 `define MBX_LENGTH_BYTES_RESET 8'h0
 
 `define MBX_TIME_WORD 3'h0
+`define MBX_TIME_BITS 7:0
 `define MBX_TIME_TICKS_BITS 7:0
 `define MBX_TIME_TICKS_WIDTH 8
 `define MBX_TIME_TICKS_RESET 8'h0
 
 `define MBX_EVENTS_WORD 3'h1
+`define MBX_EVENTS_BITS 6:0
 `define MBX_EVENTS_CRC_BITS 0
 `define MBX_EVENTS_CRC_WIDTH 1
 `define MBX_EVENTS_CRC_RESET 1'h0
@@ -77,6 +83,7 @@
 `define MBX_EVENTS_DRIVE_BAD_RESET 1'h0
 
 `define MBX_REPLY_WORD 3'h2
+`define MBX_REPLY_BITS 11:0
 `define MBX_REPLY_LENGTH_BITS 4:0
 `define MBX_REPLY_LENGTH_WIDTH 5
 `define MBX_REPLY_AFTER_DRIVE_BITS 5
@@ -85,6 +92,7 @@
 `define MBX_REPLY_TICKET_WIDTH 4
 
 `define MBX_TELEGRAM_WORD 3'h3
+`define MBX_TELEGRAM_BITS 11:0
 `define MBX_TELEGRAM_LENGTH_BITS 4:0
 `define MBX_TELEGRAM_LENGTH_WIDTH 5
 `define MBX_TELEGRAM_NO_REPLY_BITS 5
@@ -95,6 +103,7 @@
 `define MBX_TELEGRAM_TICKET_WIDTH 4
 
 `define MBX_LED_WORD 3'h4
+`define MBX_LED_BITS 3:0
 `define MBX_LED_MODBUS_RED_BITS 0
 `define MBX_LED_MODBUS_RED_WIDTH 1
 `define MBX_LED_MODBUS_RED_RESET 1'h0
@@ -109,15 +118,18 @@
 `define MBX_LED_DRIVE_GREEN_RESET 1'h0
 
 `define MBX_LISTEN_WORD 3'h5
+`define MBX_LISTEN_BITS 0:0
 `define MBX_LISTEN_ON_BITS 0
 `define MBX_LISTEN_ON_WIDTH 1
 
 `define MBX_WATCHDOG_WORD 3'h6
+`define MBX_WATCHDOG_BITS 7:0
 `define MBX_WATCHDOG_KEY_BITS 7:0
 `define MBX_WATCHDOG_KEY_WIDTH 8
 `define MBX_WATCHDOG_KEY_RESET 8'ha5
 
 `define MBX_SUPERVISOR_WORD 3'h7
+`define MBX_SUPERVISOR_BITS 1:0
 `define MBX_SUPERVISOR_HALT_BITS 0
 `define MBX_SUPERVISOR_HALT_WIDTH 1
 `define MBX_SUPERVISOR_LOOPBACK_BITS 1

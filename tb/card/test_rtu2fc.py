@@ -227,7 +227,7 @@ async def damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is
         "longer than 256": (rtu.build(1, bytes(254)), Flaws(), ["overrun"]),
     }
     errors = ("crc", "parity", "framing", "t15", "overrun")
-    counts = {error: Strobes(dut.mailbox_i, f"count_{error}") for error in errors}
+    counts = {error: Strobes(dut.network_i.rtu_rx_i, f"count_{error}") for error in errors}
     for what, (adu, flaws, kinds) in damaged.items():
         await scene.master.send(adu, flaws)
         await scene.card.quiet(6, what)

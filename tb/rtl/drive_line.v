@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the drive port with the base tick made from the clock, as on the card.
+// Bench wrapper: the drive port with the base tick made from the clock, as on the card, and its
+// vectors field by field.
 `default_nettype none
 
 module drive_line #(
@@ -70,20 +71,14 @@ module drive_line #(
       .read_addr(read_addr),
       .read_data(read_data),
       .telegram_start(telegram_start),
-      .telegram_length(telegram_length),
-      .telegram_no_reply(telegram_no_reply),
-      .telegram_control(telegram_control),
+      .telegram({telegram_control, telegram_no_reply, telegram_length}),
       .rx(rx),
       .tx(tx),
       .de(de),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .sending(sending),
-      .quiet(quiet),
       .listening(listening),
-      .candidate(candidate),
-      .good(good),
-      .bad(bad)
+      .exchange({bad, good, candidate, quiet, sending})
   );
 
 endmodule

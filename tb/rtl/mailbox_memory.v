@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the mailbox with the memory that holds its frames.
+// Bench wrapper: the mailbox with the memory that holds its frames, and its vectors field by field.
 `default_nettype none
 
 module mailbox_memory #(
@@ -67,10 +67,7 @@ module mailbox_memory #(
     input  wire        count_framing,
     input  wire        count_t15,
     input  wire        count_overrun,
-    output wire        led_modbus_red,
-    output wire        led_modbus_green,
-    output wire        led_drive_red,
-    output wire        led_drive_green
+    output wire [ 3:0] leds
 );
 
   wire ram_enable;
@@ -106,13 +103,8 @@ module mailbox_memory #(
       .reply_length(reply_length),
       .modbus_quiet(modbus_quiet),
       .modbus_start_seen(modbus_start_seen),
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .frame_length(frame_length),
-      .frame_broadcast(frame_broadcast),
-      .frame_writes_coils(frame_writes_coils),
-      .frame_bank(frame_bank),
+      .request({frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate}),
+      .network_events({revoke, count_overrun, count_t15, count_framing, count_parity, count_crc}),
       .drive_write_valid(drive_write_valid),
       .drive_write_ready(drive_write_ready),
       .drive_write_addr(drive_write_addr),
@@ -121,31 +113,17 @@ module mailbox_memory #(
       .drive_read_ready(drive_read_ready),
       .drive_read_addr(drive_read_addr),
       .telegram_start(telegram_start),
-      .telegram_length(telegram_length),
-      .telegram_no_reply(telegram_no_reply),
-      .telegram_control(telegram_control),
+      .telegram({telegram_control, telegram_no_reply, telegram_length}),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .drive_sending(drive_sending),
-      .drive_quiet(drive_quiet),
-      .drive_candidate(drive_candidate),
-      .drive_good(drive_good),
-      .drive_bad(drive_bad),
+      .exchange({drive_bad, drive_good, drive_candidate, drive_quiet, drive_sending}),
       .read_data(read_data),
       .watchdog_kick(watchdog_kick),
       .halt(halt),
       .loopback_close(loopback_close),
       .loopback_open(loopback_open),
       .ticks(ticks),
-      .count_crc(count_crc),
-      .count_parity(count_parity),
-      .count_framing(count_framing),
-      .count_t15(count_t15),
-      .count_overrun(count_overrun),
-      .led_modbus_red(led_modbus_red),
-      .led_modbus_green(led_modbus_green),
-      .led_drive_red(led_drive_red),
-      .led_drive_green(led_drive_green)
+      .leds(leds)
   );
 
   firmware_ram #(

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the network port with the tables of the switches, as on the card.
+// Bench wrapper: the network port with the tables of the switches, as on the card. The vectors
+// come out field by field.
 `default_nettype none
 
 module network_line #(
@@ -48,21 +49,13 @@ module network_line #(
   wire tick16;
   wire undivided;
   wire [6:0] mask;
-  wire [8:0] half_end;
-  wire half_uneven;
-  wire parity_enable;
-  wire parity_odd;
-  wire two_stop;
+  wire [`CARD_LINE_BITS] format;
 
   card_tables tables_i (
       .sw_baud(sw_baud),
       .baud_undivided(undivided),
       .baud_mask(mask),
-      .half_end(half_end),
-      .half_uneven(half_uneven),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop)
+      .line(format)
   );
 
   baud_divider divider_i (
@@ -93,27 +86,13 @@ module network_line #(
       .rx(rx),
       .tx(tx),
       .de(de),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop),
-      .half_end(half_end),
-      .half_uneven(half_uneven),
+      .format(format),
       .own_address(own_address),
       .sending(sending),
       .quiet(quiet),
       .start_seen(start_seen),
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .frame_length(frame_length),
-      .frame_broadcast(frame_broadcast),
-      .frame_writes_coils(frame_writes_coils),
-      .frame_bank(frame_bank),
-      .count_crc(count_crc),
-      .count_parity(count_parity),
-      .count_framing(count_framing),
-      .count_t15(count_t15),
-      .count_overrun(count_overrun)
+      .request({frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate}),
+      .events({revoke, count_overrun, count_t15, count_framing, count_parity, count_crc})
   );
 
 endmodule
