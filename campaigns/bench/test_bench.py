@@ -16,10 +16,10 @@ from pathlib import Path
 
 import pytest
 
-from campaigns.bench import card, fingerprint
+from campaigns.bench import fingerprint
 from campaigns.bench import report as bench_report
 from campaigns.bench import run as bench
-from campaigns.bench.card import LATE, POLITE_BITS, STANDARD, UNIT_ADDRESS, Bench, BenchError
+from campaigns.bench.card import LATE, POLITE_BITS, UNIT_ADDRESS, Bench
 from campaigns.bench.cases import CASES, Model, turnaround
 from campaigns.bench.conformance import boundary
 from campaigns.bench.judge import Outcome, Sample, measure
@@ -351,12 +351,6 @@ def test_comments_do_not_change_the_fingerprint(tmp_path: Path) -> None:
     verilog.write_text("module a;\n  wire c;\nendmodule\n")
     python.write_text("a = 2\n")
     assert not found & {fingerprint._code(verilog), fingerprint._python(python)}
-
-
-def test_a_library_of_other_sources_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fingerprint, "card", lambda config: "0123456789ab")
-    with pytest.raises(BenchError, match="built from other sources; run `make bench-card`"):
-        card.library.__wrapped__(STANDARD)
 
 
 @pytest.mark.parametrize(

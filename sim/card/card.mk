@@ -15,8 +15,8 @@ CARD_DIR := $(CARD_FOLDER)/card_objects
 # What make run, demo, soak and test start.
 export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
-CARD_WAIVERS := tools/verilator.vlt sim/card/wave.vlt
-CARD_RTL := $(shell find rtl regs/generated -name "*.v") rtl/rtl.f configs.toml rtl/sources.py $(CARD_WAIVERS)
+CARD_RTL := $(shell find rtl regs/generated -name "*.v") rtl/rtl.f configs.toml rtl/sources.py requirements.txt \
+	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
 # Changes whenever the clock does: everything that has it built in depends on this file.
@@ -27,13 +27,8 @@ CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
 CARD_FIRMWARE := firmware.hex
 CARD_IMAGES := $(addprefix $(CARD_FOLDER)/,$(CARD_FIRMWARE) $(FIRMWARE_DIALECTS:%=%/$(CARD_FIRMWARE)))
 
-CARD_VERILATOR_FLAGS := --cc --build --top-module rtu2fc --Mdir $(CARD_MODEL) --no-timing --no-assert \
-	-O3 --x-assign fast --x-initial fast --trace-fst --timescale-override 1ns/1ns -Wno-lint \
-	-MAKEFLAGS "PYTHON3=python3 VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O3" \
-	-GCLK_HZ=$(CARD_CLK_HZ) '-GFIRMWARE_HEX="$(CARD_FIRMWARE)"'
-
 CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
-	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Iregs/generated $(DRIVE_CPPFLAGS)
+	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/harness -Iregs/generated $(DRIVE_CPPFLAGS)
 # Verilator's own headers, as system headers: our warnings do not apply to them.
 CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
 	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
@@ -51,19 +46,17 @@ $(CARD_CLOCK):
 	@rm -f $(CARD_DIR)/clk_*
 	@touch $@
 
-# The header stands for the whole model: the model's own make decides what is built anew.
+# The model is built by the harness; CARD_MODEL is a link to its folder. The header stands for the whole model.
 $(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
 	@echo "$(VIRTUAL_CARD): the card's Verilog as C++"
-	files=$$($(CARD_PYTHON) -m rtl.sources $(CONFIG)); \
-	$(CARD_VERILATOR) $(CARD_VERILATOR_FLAGS) $(CARD_WAIVERS) $$files \
-		> $(CARD_DIR)/model.log || { cat $(CARD_DIR)/model.log >&2; exit 1; }
+	$(CARD_PYTHON) -m sim.harness.library model $(CONFIG) $(CARD_CLK_HZ) $(CARD_MODEL)
 	@touch $@
 
 $(CARD_DIR)/%.o: sim/card/%.cpp $(CARD_CLOCK) sim/card/card.mk | $(DRIVE_TABLES)
 	$(or $(HOST_CXX),g++) $(CARD_CXXFLAGS) -c -o $@ $<
 
-$(CARD_DIR)/virtual_card.o: $(CARD_MODEL)/Vrtu2fc.h
-$(CARD_DIR)/virtual_card.o: CARD_CXXFLAGS += $(CARD_MODEL_INCLUDES)
+$(CARD_DIR)/virtual_card.o: $(CARD_MODEL)/Vrtu2fc.h sim/harness/card_model.h
+$(CARD_DIR)/virtual_card.o: CARD_CXXFLAGS += -DCARD_WAVES $(CARD_MODEL_INCLUDES)
 
 $(CARD_DIR)/vlt_drive.o: sim/drive/vlt_drive.c sim/drive/vlt_drive.h $(DRIVE_TABLES) | $(CARD_CLOCK)
 	$(or $(HOST_CC),gcc) $(DRIVE_CFLAGS) $(DRIVE_CPPFLAGS) -c -o $@ $<

@@ -14,9 +14,9 @@
 #include "sim_clock.h"
 #include "uart_line.h"
 
-class VerilatedContext;
-class VerilatedFstC;
-class Vrtu2fc;
+namespace harness {
+class CardModel;
+}
 
 namespace card {
 
@@ -64,15 +64,12 @@ class VirtualCard {
   void serve_lines();
   void pins_changed(unsigned pins);
   void drive_inputs();
-  unsigned pins() const;
   void open_wave(const std::string& path);
-  void dump_wave(bool second_half);
+  void clock_into_wave();
 
   const SimClock clock_;
   const Cycles slice_;
-  std::unique_ptr<VerilatedContext> context_;
-  std::unique_ptr<Vrtu2fc> top_;
-  std::unique_ptr<VerilatedFstC> wave_;
+  std::unique_ptr<harness::CardModel> model_;
   Port modbus_;
   Port drive_;
   LedWatch modbus_led_;

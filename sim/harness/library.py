@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the fuzzer's card: Verilog in, a library for sim/harness/pins.py out.
+"""Builds the Verilated card: the only recipe, for every program and test that runs the whole card.
 
-A build lies in a folder named by everything it was made from, so nothing stale is used and several processes
-may share it. A card with a planted bug is built by the same function from changed sources.
+    python -m sim.harness.library bench            the libraries of the measuring bench: `make bench-card`
+    python -m sim.harness.library tiny             the tiny card of the measuring bench
+    python -m sim.harness.library model CONFIG CLK_HZ FOLDER
+                                                   the model of the virtual card; FOLDER becomes a link to it
+
+A build lies in a folder named by everything that it was made from. So nothing stale is used, and several
+processes may share a build; a lock a folder makes the others wait for the first. A card with a planted bug is
+built by the same function from changed sources.
 """
 
 from __future__ import annotations
@@ -11,6 +17,7 @@ import fcntl
 import functools
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -20,15 +27,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rtl.sources import ROOT, card_files
+from rtl.sources import ROOT, SourcesError, card_files, configurations
 from sim.harness import registers
 
-BUILD = ROOT / "build/fuzz/cards"
-HARNESS = ROOT / "sim/harness/fuzz_card.cpp"
-LINES = ROOT / "sim/harness/line_player.h"
-WAIVERS = ROOT / "tools/verilator.vlt"
-IMAGE = "firmware.hex"  # looked for in the working directory when a card is switched on
-KEPT, KEPT_S = 6, 3600  # builds; more only while they are young
+HERE = ROOT / "sim/harness"
+BUILD = ROOT / "build/harness"
+LIBRARY = HERE / "card_library.cpp"
+HEADERS = (HERE / "card_model.h", HERE / "line_player.h")
+WAIVERS = (ROOT / "tools/verilator.vlt", HERE / "probes.vlt")
+IMAGE = "firmware.hex"  # read from the working directory when a card is switched on
+KEPT, KEPT_S = 24, 3600  # builds; more only while they are young
 FLAGS = (
     *(
         "--cc",
@@ -42,29 +50,40 @@ FLAGS = (
         "-O3",
         "-Wno-lint",
     ),
-    *("--x-assign", "fast", "--x-initial", "fast", "--timescale-override", "1ns/1ns"),
-    *("-CFLAGS", "-fPIC", "-MAKEFLAGS", "PYTHON3=python3 VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O3"),
+    *("--x-assign", "fast", "--timescale-override", "1ns/1ns", "-CFLAGS", "-fPIC"),
+    *("-MAKEFLAGS", "PYTHON3=python3 VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O3"),
     f'-GFIRMWARE_HEX="{IMAGE}"',
 )
-EXTRA = {"": (), "waves": ("--trace-fst",), "flips": ()}
+# waves: can write a waveform. flips: registers can be flipped. program: the virtual card's, waves without
+# the inside of the soft core. random: a seed decides the initial contents of registers and memories.
+FAST = ("--x-initial", "fast")
+EXTRA = {
+    "": FAST,
+    "waves": (*FAST, "--trace-fst"),
+    "flips": FAST,
+    "program": (*FAST, "--trace-fst"),
+    "random": ("--x-initial", "unique"),
+}
+DEFINES = {"waves": "-DCARD_WAVES", "flips": "-DCARD_FLIPS", "program": "-DCARD_WAVES"}
 # All of a library's names stay its own: several are loaded into one process.
 LINK = (
-    *(
-        "-std=c++17",
-        "-O3",
-        "-fPIC",
-        "-shared",
-        "-fvisibility-inlines-hidden",
-        "-fno-gnu-unique",
-        "-Wl,-Bsymbolic",
-    ),
-    *("-Wall", "-Wextra", "-Werror"),
+    *("-std=c++17", "-O3", "-fPIC", "-shared", "-fvisibility-inlines-hidden", "-fno-gnu-unique"),
+    *("-Wl,-Bsymbolic", "-Wall", "-Wextra", "-Werror"),
 )
+# CardModel::clock() runs the clocked logic alone. These texts in the model show that this is all there is.
+TRIGGERS = (
+    "trigger index 0 is active: @(posedge clk)",
+    "trigger index 1 is active: @(negedge rst_n)",
+)
+
+
+class BuildError(Exception):
+    """One line that tells the user what is wrong, and then the tool's own words."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """A card to be fuzzed: the project's own or one that differs. `images`: folder of the firmware images."""
+    """A card to be tested: the project's own or one that differs. `images`: folder of the firmware images."""
 
     sources: tuple[Path, ...] = ()
     parameters: tuple[tuple[str, int], ...] = ()
@@ -81,67 +100,94 @@ class Target:
         return folder
 
 
-class BuildError(Exception):
-    """One line that tells the user what is wrong, and then the tool's own words."""
-
-
 def build(
     clk_hz: int,
     *,
+    config: str = "standard",
     sources: Sequence[Path] | None = None,
     parameters: Mapping[str, int] | None = None,
     extra: str = "",
 ) -> Path:
-    """The library of the standard card at this clock, made unless this very content was made before.
+    """The library of a card at this clock, made unless this very content was made before.
 
-    `extra`: `waves` for one that writes a waveform, `flips` for one whose variables can be turned over.
+    `extra`: a key of EXTRA.
     """
-    sources = list(sources or card_files())
+    folder = _folder(clk_hz, config, sources, parameters, extra, library=True)
+    return folder / "libcard.so"
+
+
+def model(clk_hz: int, config: str) -> Path:
+    """The folder with headers and archives of the virtual card's model."""
+    return _folder(clk_hz, config, None, None, "program", library=False)
+
+
+def _folder(
+    clk_hz: int,
+    config: str,
+    sources: Sequence[Path] | None,
+    parameters: Mapping[str, int] | None,
+    extra: str,
+    library: bool,
+) -> Path:
+    sources = list(sources or card_files(config))
     settings = {"CLK_HZ": clk_hz, **(parameters or {})}
-    waivers = [WAIVERS]
+    waivers = list(WAIVERS)
     if extra == "flips":
         found = registers.registers(tuple(sources), clk_hz)
         waivers.append(registers.public(found, registers.FOLDER / f"{clk_hz}.vlt"))
-    content = hashlib.sha256(f"{ROOT} {sorted(settings.items())} {extra} {FLAGS} {LINK}".encode())
-    for path in (*sources, HARNESS, LINES, *waivers):
+    if extra == "program":
+        waivers.append(HERE / "wave.vlt")
+    content = hashlib.sha256(f"{ROOT} {sorted(settings.items())} {extra} {FLAGS} {EXTRA} {LINK}".encode())
+    for path in (*sources, *waivers, *((LIBRARY, *HEADERS) if library else ())):
         content.update(path.name.encode() + b"\0" + path.read_bytes())
     folder = BUILD / content.hexdigest()[:16]
-    made = folder / "libcard.so"
-    with _lock():
-        if not made.exists():
-            _make(made, [*waivers, *sources], settings, extra)
+    done = folder / "built"
+    with _lock(folder):
+        if not done.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            _verilate(folder, [*waivers, *sources], settings, extra)
+            if library:
+                _link(folder, extra)
+            done.touch()
             _forget_old()
         os.utime(folder)
-    return made
+    return folder
 
 
 @contextmanager
-def _lock():
+def _lock(folder: Path):
+    """Other processes wait; the system releases the lock if this one dies."""
     BUILD.mkdir(parents=True, exist_ok=True)
-    with open(BUILD / "lock", "w") as file:
+    with open(folder.with_suffix(".lock"), "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
-def _make(made: Path, sources: Sequence[Path], settings: Mapping[str, int], extra: str) -> None:
-    folder = made.parent
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
+def _verilate(folder: Path, sources: Sequence[Path], settings: Mapping[str, int], extra: str) -> None:
     if shutil.which("ccache"):
         os.environ.setdefault("OBJCACHE", "ccache")
         os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
-    define = f"-DFUZZ_{extra.upper()}" if extra else "-DFUZZ"
     generics = [f"-G{name}={value}" for name, value in settings.items()]
     _tool("verilator", *FLAGS, *EXTRA[extra], *generics, "--Mdir", folder, *sources)
+    text = "".join(path.read_text() for path in sorted(folder.glob("Vrtu2fc___024root*.cpp")))
+    triggers = sorted(set(re.findall(r"trigger index \d+ is active: @\([^)]*\)", text)))
+    if triggers != sorted(TRIGGERS):
+        raise BuildError(f"the harness knows clk and rst_n alone, and the card has {triggers}")
+    # Public registers have such logic of their own; CardModel::flip() evaluates it.
+    if extra != "flips" and "___eval_ico" in text:
+        raise BuildError("the harness needs a register at each input, and the card has logic before it")
+
+
+def _link(folder: Path, extra: str) -> None:
     root = _tool("verilator", "--getenv", "VERILATOR_ROOT").strip()
     _tool(
-        *("g++", *LINK, define, "-o", folder / "partial.so", HARNESS, "-I", LINES.parent),
+        *("g++", *LINK, DEFINES.get(extra, "-DCARD"), "-o", folder / "libcard.so", LIBRARY, "-I", HERE),
         *("-isystem", folder, "-isystem", f"{root}/include", "-isystem", f"{root}/include/vltstd"),
         *(folder / "libVrtu2fc.a", folder / "libverilated.a", "-llz4", "-lz", "-lpthread"),
     )
-    (folder / "partial.so").rename(made)
     for path in folder.iterdir():
-        if path != made:
+        if path.name != "libcard.so":
             path.unlink()
 
 
@@ -159,8 +205,33 @@ def _tool(*command: object) -> str:
 
 
 def _forget_old() -> None:
-    """Another process may have just been given a young one."""
+    """Another process may have just been given a young build."""
     folders = sorted((path.stat().st_mtime, path) for path in BUILD.iterdir() if path.is_dir())
     for used, folder in folders[:-KEPT]:
         if time.time() - used > KEPT_S:
             shutil.rmtree(folder, ignore_errors=True)
+            folder.with_suffix(".lock").unlink(missing_ok=True)
+
+
+def main(kind: str, *words: str) -> None:
+    if kind == "model":
+        config, clk_hz, name = words
+        link = Path(name)
+        if link.is_dir() and not link.is_symlink():
+            shutil.rmtree(link)
+        link.unlink(missing_ok=True)
+        link.symlink_to(model(int(clk_hz), config))
+        return
+    config = "tiny" if kind == "tiny" else "standard"
+    clk_hz = configurations()[config]["clk_hz"]
+    build(clk_hz, config=config)
+    if kind == "bench":
+        build(clk_hz, config=config, parameters={"PREPARE_EARLY": 0})
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except (BuildError, SourcesError, registers.RegistersError) as error:
+        print(f"harness: {error}", file=sys.stderr)
+        sys.exit(2)

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Verilated card between two far ends: edges in, edges out, nothing else. The inner loop of the measuring bench
-// (campaigns/bench) and of the fuzzer (campaigns/fuzz); what the edges mean, who answers and what is measured is theirs.
+// A card between two far ends: input edges in, output edges out. The callers in Python decide what the edges mean,
+// who answers and what is measured.
 //
-// Both lines are half duplex, as on an EIA-485 pair: the card hears what it sends.
-// Unit of time: clocks since the release of the reset. An input edge at t is there just before clock edge t, an
-// output edge at t comes from clock edge t: nothing is rounded in the card's favour.
-#ifndef SIM_LINES_LINE_PLAYER_H
-#define SIM_LINES_LINE_PLAYER_H
+// Unit of time: clocks since the release of the reset, or since power-up if the caller drives rst_n itself. An
+// input edge at t is there just before clock edge t, an output edge at t comes from clock edge t.
+#ifndef SIM_HARNESS_LINE_PLAYER_H
+#define SIM_HARNESS_LINE_PLAYER_H
 
 #include <algorithm>
 #include <array>
@@ -14,71 +13,126 @@
 #include <cstdint>
 #include <vector>
 
-namespace lines {
+#include "card_model.h"
+
+namespace harness {
 
 using Clocks = std::int64_t;
 constexpr Clocks kNever = INT64_MAX;
 constexpr Clocks kResetClocks = 16;
-constexpr std::size_t kLines = 2;  // 0 network, 1 drive
 
 struct Edge {
   Clocks at;
-  std::int32_t signal;  // of the card, or the line of a far end
+  std::int32_t signal;  // a Signal of the card, or an Input
   std::int32_t level;
 };
 
-// The first signals of each caller; its own follow.
-enum Pin { kModbusTx, kModbusDe, kDriveTx, kDriveDe, kPins };
+// Inputs that a caller sets. Same order as INPUTS in sim/harness/simulated_card.py.
+enum Input : std::size_t {
+  kModbusLine,
+  kDriveLine,
+  kCutToModbus,  // the wire between the ports is dead in this direction
+  kCutToDrive,
+  kFlipToModbus,  // the port hears the opposite level
+  kFlipToDrive,
+  kWiring,
+  kResetN,
+  kSwBaud,
+  kSwAddr,
+  kInputs
+};
 
-// `Card` is a Verilated one with these pins; it is the caller's.
-template <typename Card>
+// kPairs: each port on an EIA-485 pair of its own, where it hears itself. kApart: each port hears its line only.
+// kCrossed: the two ports wired to each other (LOOP-1). A line held at 0 wins, as a short circuit does.
+enum Wiring { kPairs, kApart, kCrossed };
+
 class LinePlayer {
  public:
-  explicit LinePlayer(Card& card) : card_(card) {}
+  // watched: signals whose edges are kept. Other signals cost no time.
+  LinePlayer(CardModel& card, unsigned watched) : card_(card), watched_(watched) {
+    level_[kModbusLine] = level_[kDriveLine] = 1;
+    level_[kSwBaud] = card.pins().sw_baud;
+    level_[kSwAddr] = card.pins().sw_addr;
+  }
 
-  // Both lines idle; `step` as in run(). Leaves the card in clock 0 with its past forgotten.
+  // Leaves the card in clock 0 without a past. `step` as in run().
   template <typename Step>
   void reset(Step step) {
-    card_.modbus_rx = 1;
-    card_.drive_rx = 1;
-    card_.rst_n = 0;
+    set(kResetN, 0);
     now_ = -kResetClocks;
     run(0, 0, 0, step);
-    card_.rst_n = 1;
+    set(kResetN, 1);
     edges_.clear();
   }
 
   Clocks now() const { return now_; }
 
-  // Edges of one far end in rising order, none before now and none before the last one given.
-  void play(int line, const Edge* edges, std::size_t count) {
-    std::vector<Edge>& queue = far_edges_[static_cast<std::size_t>(line)];
+  // Edges of one input, none before now.
+  void play(std::size_t input, const Edge* edges, std::size_t count) {
+    std::vector<Edge>& queue = queue_[input];
+    if (count == 0) return;
+    const bool in_order = queue.empty() || queue.back().at <= edges[0].at;
     queue.insert(queue.end(), edges, edges + count);
+    if (!in_order)
+      std::stable_sort(queue.begin() + static_cast<std::ptrdiff_t>(played_[input]), queue.end(),
+                       [](const Edge& a, const Edge& b) { return a.at < b.at; });
   }
 
-  // Takes back what a far end has not sent yet; its line is idle from now on.
-  void hush(int line) {
-    far_edges_[static_cast<std::size_t>(line)].clear();
-    played_[static_cast<std::size_t>(line)] = 0;
-    far_level_[static_cast<std::size_t>(line)] = true;
-    drive_inputs();
+  // Takes back the edges of a line that are not due yet; the line is idle from now on.
+  void hush(std::size_t line) {
+    queue_[line].clear();
+    played_[line] = 0;
+    level_[line] = 1;
+    drive_lines();
   }
 
   // Runs to `until`, or to the first edge of a signal whose bit is set: in `rising`, in `falling`. `step` makes one
-  // clock of the card and returns the levels of all signals.
+  // clock of the card.
   template <typename Step>
   Clocks run(Clocks until, unsigned rising, unsigned falling, Step step) {
+    if (watched_ & kProbes) return run_watching<true>(until, rising, falling, step);
+    return run_watching<false>(until, rising, falling, step);
+  }
+
+  // Keeps the edges since the last clock after a change from outside.
+  void settle() { record(levels<true>() & watched_); }
+
+  std::size_t take_edges(Edge* out, std::size_t room) {
+    const std::size_t count = std::min(room, edges_.size());
+    std::copy_n(edges_.begin(), count, out);
+    edges_.erase(edges_.begin(), edges_.begin() + static_cast<std::ptrdiff_t>(count));
+    return count;
+  }
+
+ private:
+  template <bool kWithProbes, typename Step>
+  Clocks run_watching(Clocks until, unsigned rising, unsigned falling, Step step) {
     while (now_ < until) {
-      const Clocks slice = std::min(until, take_far_edges());
+      const Clocks slice = std::min(until, take_input_edges());
       while (now_ < slice) {
-        const unsigned levels = step();
+        step();
         ++now_;
+        const unsigned levels = this->levels<kWithProbes>() & watched_;
         if (levels == last_) continue;
         const unsigned changed = record(levels);
         if (changed & ((levels & rising) | (~levels & falling))) return now_;
       }
     }
     return now_;
+  }
+
+  template <bool kWithProbes>
+  unsigned levels() {
+    const unsigned pins = card_.line_pins();
+    if (pins != line_pins_) {
+      line_pins_ = pins;
+      drive_lines();
+    }
+    unsigned levels = pins | card_.leds();
+    if (kWithProbes)
+      levels |= card_.probes() | unsigned{card_.pins().modbus_rx} << kModbusRx |
+                unsigned{card_.pins().drive_rx} << kDriveRx;
+    return levels;
   }
 
   // Keeps the edges between these levels and the last ones; returns the signals that changed.
@@ -89,40 +143,16 @@ class LinePlayer {
       if (changed >> signal & 1u)
         edges_.push_back(
             Edge{now_ - 1, static_cast<std::int32_t>(signal), static_cast<std::int32_t>(levels >> signal & 1u)});
-    if (changed & ((1u << kPins) - 1u)) drive_inputs();
     return changed;
   }
 
-  std::size_t take_edges(Edge* out, std::size_t room) {
-    const std::size_t count = std::min(room, edges_.size());
-    std::copy_n(edges_.begin(), count, out);
-    edges_.erase(edges_.begin(), edges_.begin() + static_cast<std::ptrdiff_t>(count));
-    return count;
-  }
-
-  // Levels of the transmit pins and drivers, each at its place.
-  unsigned pins() const {
-    return unsigned{card_.modbus_tx} << kModbusTx | unsigned{card_.modbus_de} << kModbusDe |
-           unsigned{card_.drive_tx} << kDriveTx | unsigned{card_.drive_de} << kDriveDe;
-  }
-
- private:
-  // Before the reset: both transmitters high, both drivers off.
-  static constexpr unsigned kIdle = 1u << kModbusTx | 1u << kDriveTx;
-
-  // A driven line has the card's level, an undriven one the far end's; low wins if both send.
-  void drive_inputs() {
-    card_.modbus_rx = far_level_[0] && (!card_.modbus_de || card_.modbus_tx);
-    card_.drive_rx = far_level_[1] && (!card_.drive_de || card_.drive_tx);
-  }
-
-  // Applies what is due; returns when the next edge is.
-  Clocks take_far_edges() {
+  // Applies the edges that are due; returns when the next one is.
+  Clocks take_input_edges() {
     Clocks next = kNever;
-    for (std::size_t line = 0; line < kLines; ++line) {
-      std::vector<Edge>& queue = far_edges_[line];
-      std::size_t& played = played_[line];
-      while (played < queue.size() && queue[played].at <= now_) far_level_[line] = queue[played++].level != 0;
+    for (std::size_t input = 0; input < kInputs; ++input) {
+      std::vector<Edge>& queue = queue_[input];
+      std::size_t& played = played_[input];
+      while (played < queue.size() && queue[played].at <= now_) set(input, queue[played++].level);
       if (played < queue.size()) {
         next = std::min(next, queue[played].at);
       } else {
@@ -130,19 +160,46 @@ class LinePlayer {
         played = 0;
       }
     }
-    drive_inputs();
+    drive_lines();
     return next;
   }
 
-  Card& card_;
+  void set(std::size_t input, int level) {
+    level_[input] = level;
+    if (input == kResetN) card_.reset(level == 0);
+    if (input == kSwBaud) card_.pins().sw_baud = static_cast<SData>(level);
+    if (input == kSwAddr) card_.pins().sw_addr = static_cast<CData>(level);
+  }
+
+  // An undriven wire has level 1.
+  static bool wire(bool tx, bool de) { return tx || !de; }
+
+  void drive_lines() {
+    Vrtu2fc& pins = card_.pins();
+    bool modbus = level_[kModbusLine] != 0;
+    bool drive = level_[kDriveLine] != 0;
+    if (level_[kWiring] == kPairs) {
+      modbus = modbus && wire(pins.modbus_tx, pins.modbus_de);
+      drive = drive && wire(pins.drive_tx, pins.drive_de);
+    } else if (level_[kWiring] == kCrossed) {
+      modbus = modbus && (wire(pins.drive_tx, pins.drive_de) || level_[kCutToModbus]);
+      drive = drive && (wire(pins.modbus_tx, pins.modbus_de) || level_[kCutToDrive]);
+    }
+    pins.modbus_rx = modbus != (level_[kFlipToModbus] != 0);
+    pins.drive_rx = drive != (level_[kFlipToDrive] != 0);
+  }
+
+  CardModel& card_;
+  const unsigned watched_;
   Clocks now_ = 0;
-  unsigned last_ = kIdle;
+  unsigned last_ = 0;
+  unsigned line_pins_ = 0;
   std::vector<Edge> edges_;
-  std::array<std::vector<Edge>, kLines> far_edges_;
-  std::array<std::size_t, kLines> played_{};
-  std::array<bool, kLines> far_level_{true, true};
+  std::array<std::vector<Edge>, kInputs> queue_;
+  std::array<std::size_t, kInputs> played_{};
+  std::array<int, kInputs> level_{};
 };
 
-}  // namespace lines
+}  // namespace harness
 
 #endif

@@ -3,7 +3,7 @@
 
 The transfers, 130 ms, run on both simulators. The verdict comes after the power-up show, 2 s, and stands for
 12 s: at the 25000 clocks a second of Icarus that is 20 minutes, so it is seen on the Verilated card without
-cocotb (`FastCard`), where sim/harness/wired_card.v is the wire.
+cocotb (`FastCard`), where sim/harness/line_player.h is the wire.
 """
 
 from __future__ import annotations

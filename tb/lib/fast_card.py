@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole card without cocotb, for tests that last seconds of the card's time.
 
-The same Verilog and the same firmware image as elsewhere, Verilated and run by sim/harness/fast_card.cpp:
+The same Verilog and the same firmware image as elsewhere, Verilated and run by sim/harness:
 about 5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from
 power-up; the resolution is a clock of the slow card of tb/lib/config.py. A drive answers through any model
 (fc_slave.py).
@@ -9,20 +9,16 @@ power-up; the resolution is a clock of the slow card of tb/lib/config.py. A driv
 
 from __future__ import annotations
 
-import ctypes
-import fcntl
 import functools
-import hashlib
-import os
-import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from regs.generated.card_tables import DRIVE_BAUD
-from rtl.sources import ROOT, needed_files
+from sim.harness import simulated_card
+from sim.harness.library import BuildError, build
+from sim.harness.simulated_card import APART, CROSSED, INPUTS, SimulatedCard
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import SLOW_HZ, boot_clocks
 from tb.lib.runner import firmware
@@ -30,86 +26,20 @@ from tb.lib.supervision import Shown, colour
 from tb.lib.uart_agent import Character, Flaws, Format, Frame, waveform
 from tb.model import rtu
 
-BUILD = ROOT / "build/fast_card"
-WRAPPER = ROOT / "sim/harness/wired_card.v"
-HARNESS = ROOT / "sim/harness/fast_card.cpp"
-INPUTS = (
-    *("rst_n", "sw_baud", "sw_addr", "wired", "modbus_line", "drive_line"),
-    *("cut_to_modbus", "cut_to_drive", "flip_to_modbus", "flip_to_drive"),
-)
-OUTPUTS = (
-    *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
-    *("led_modbus_red", "led_modbus_green", "led_drive_red", "led_drive_green"),
-    *("modbus_rx", "drive_rx", "candidate", "commit", "revoke"),
-    *("reply_queued", "telegram_queued", "drive_candidate", "drive_good"),
-)
+OUTPUTS = tuple(name for name in simulated_card.SIGNALS if name not in ("queue_reply", "queue_telegram"))
 LEDS = OUTPUTS[4:8]
 RESET_CLOCKS = 8
-ROOM = 4096
 # From the telegram's last stop bit to the reply's start bit: the pause of two characters and a little more.
 REPLY_DELAY_BITS = 23
 
 
-class Change(ctypes.Structure):
-    _fields_ = (("clock", ctypes.c_uint64), ("pin", ctypes.c_uint32), ("value", ctypes.c_uint32))
-
-
 @functools.cache
-def library(config: str) -> ctypes.CDLL:
-    """The harness, built unless this very content was built before."""
-    for tool in ("verilator", "g++", "make"):
-        if shutil.which(tool) is None:
-            pytest.fail(f"{tool} is missing; run `make setup`", pytrace=False)
-    options = (f"-GCLK_HZ={SLOW_HZ[config]}", f'-GFIRMWARE_HEX="{firmware(config)}"')
-    sources = [*needed_files("rtu2fc", config), WRAPPER]
-    content = hashlib.sha256(f"{ROOT} {options} {Path(__file__).read_text()}".encode())
-    for path in (*sources, HARNESS):
-        content.update(path.read_bytes())
-    folder = BUILD / config
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        file = folder / f"{content.hexdigest()[:16]}.so"
-        if not file.exists():
-            _build(file, sources, options)
-    made = ctypes.CDLL(str(file))
-    made.fast_card_new.restype = ctypes.c_void_p
-    made.fast_card_free.argtypes = (ctypes.c_void_p,)
-    made.fast_card_plan.argtypes = (ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32)
-    made.fast_card_run.argtypes = (ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32)
-    made.fast_card_run.restype = ctypes.c_uint64
-    made.fast_card_changes.argtypes = (ctypes.c_void_p, ctypes.POINTER(Change), ctypes.c_size_t)
-    made.fast_card_changes.restype = ctypes.c_size_t
-    return made
-
-
-def _build(file: Path, sources: list[Path], options: tuple[str, ...]) -> None:
-    for old in file.parent.iterdir():
-        if old.name != "lock":
-            shutil.rmtree(old) if old.is_dir() else old.unlink()
-    model = file.parent / "model"
-    root = _tool("verilator", "--getenv", "VERILATOR_ROOT").strip()
-    if shutil.which("ccache"):
-        os.environ.setdefault("OBJCACHE", "ccache")
-        os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
-    _tool(
-        *("verilator", "--cc", "--build", "--top-module", "wired_card", "--Mdir", model, "--no-timing"),
-        *("--no-assert", "-O3", "--x-assign", "fast", "-Wno-lint", "--timescale-override", "1ns/1ns"),
-        *("-CFLAGS", "-fPIC", "-MAKEFLAGS", "VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O2"),
-        *(*options, *sources),
-    )
-    _tool(
-        *("g++", "-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared", "-o", file, HARNESS),
-        *("-isystem", model, "-isystem", f"{root}/include", "-isystem", f"{root}/include/vltstd"),
-        *(model / "libVwired_card.a", model / "libverilated.a", "-lpthread"),
-    )
-
-
-def _tool(*command: object) -> str:
-    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, check=False)
-    if done.returncode:
-        pytest.fail(f"{command[0]}: {done.stdout[-2000:]}{done.stderr[-2000:]}", pytrace=False)
-    return done.stdout
+def library(config: str) -> Path:
+    """The slow card of the configuration, built unless this very content was built before."""
+    try:
+        return build(SLOW_HZ[config], config=config)
+    except BuildError as error:
+        pytest.fail(str(error), pytrace=False)
 
 
 class Line:
@@ -172,11 +102,16 @@ class FastCard:
         config: str = "standard",
         **wires: int,
     ):
-        self._library = library(config)
         self.period_ps = round(1e12 / SLOW_HZ[config])
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
-        self._card = self._library.fast_card_new()
-        self._room = (Change * ROOM)()
+        self._card = SimulatedCard(
+            library(config),
+            firmware(config).parent,
+            switch_word(switches or baud_switches(baud, form)),
+            address,
+            watched=OUTPUTS,
+            reset=False,
+        )
         self._clock = 0
         # Every change of every output, as (ps, new level).
         self.recorded: dict[str, list[tuple[int, int]]] = {name: [] for name in OUTPUTS}
@@ -186,13 +121,12 @@ class FastCard:
         # What each LED shows since when.
         self.shown: dict[str, list[Shown]] = {led: [Shown(0, "off")] for led in ("modbus", "drive")}
         self._lit = dict.fromkeys(LEDS, 0)
-        self.set(
-            sw_baud=switch_word(switches or baud_switches(baud, form)), sw_addr=address, rst_n=0, **wires
-        )
+        self.set(rst_n=0, wired=0)
+        self.set(**wires)
         self.plan(RESET_CLOCKS * self.period_ps, "rst_n", 1)
 
     def close(self) -> None:
-        self._library.fast_card_free(self._card)
+        self._card.close()
 
     def __enter__(self) -> FastCard:
         return self
@@ -207,7 +141,9 @@ class FastCard:
         return self._clock * self.period_ps
 
     def plan(self, when_ps: float, pin: str, value: int) -> None:
-        self._library.fast_card_plan(self._card, round(when_ps / self.period_ps), INPUTS.index(pin), value)
+        if pin == "wired":
+            pin, value = "wiring", CROSSED if value else APART
+        self._card.play(INPUTS.index(pin), [(round(when_ps / self.period_ps), value)])
 
     def set(self, **pins: int) -> None:
         for pin, value in pins.items():
@@ -218,9 +154,9 @@ class FastCard:
     def run_until(self, when_ps: float, *stop: str) -> bool:
         """Lets time pass, and the drive answer; True if one of the outputs `stop` changed first."""
         until = round(when_ps / self.period_ps)
-        mask = sum(1 << OUTPUTS.index(pin) for pin in {*stop, "drive_de"})
+        mask = simulated_card.mask({*stop, "drive_de"})
         while self._clock < until:
-            self._clock = self._library.fast_card_run(self._card, until, mask)
+            self._clock = self._card.run(until, mask, mask)
             changed = self._take_changes()
             if ("drive_de", 0) in changed:
                 self._answer()
@@ -232,9 +168,9 @@ class FastCard:
         self.run_until(self.now_ps + ms * MS)
 
     def _take_changes(self) -> list[tuple[str, int]]:
-        changes = []
-        while count := self._library.fast_card_changes(self._card, self._room, ROOM):
-            changes += [(c.clock, OUTPUTS[c.pin], c.value) for c in self._room[:count]]
+        changes = [
+            (clock, simulated_card.SIGNALS[signal], value) for clock, signal, value in self._card.take_edges()
+        ]
         for clock, pin, value in changes:
             self.recorded[pin].append((clock * self.period_ps, value))
             if pin in LEDS:

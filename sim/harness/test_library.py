@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one recipe of the Verilated card: no build is stale, and none is made twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rtl.sources import card_files
+from sim.harness import library
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The folders that a build was made in; Verilator and the compiler do not run."""
+    folders: list[Path] = []
+    monkeypatch.setattr(library, "BUILD", tmp_path / "harness")
+    monkeypatch.setattr(library, "_verilate", lambda folder, *_: folders.append(folder))
+    monkeypatch.setattr(library, "_link", lambda folder, extra: None)
+    return folders
+
+
+def test_a_library_of_other_sources_is_not_used(made: list[Path], tmp_path: Path) -> None:
+    source = tmp_path / "card.v"
+    found = []
+    for text in ("module rtu2fc; endmodule\n", "module rtu2fc; wire a; endmodule\n"):
+        source.write_text(text)
+        found += [library.build(1_000_000, sources=[source]) for _ in range(2)]
+    assert found[0] == found[1] != found[2] == found[3]
+    assert [path.parent for path in (found[0], found[2])] == made
+
+
+def test_each_setting_has_a_library_of_its_own(made: list[Path]) -> None:
+    found = {
+        library.build(1_000_000),
+        library.build(2_000_000),
+        library.build(1_000_000, parameters={"PREPARE_EARLY": 0}),
+        library.build(1_000_000, config="tiny"),
+        library.build(1_000_000, extra="waves"),
+        library.build(1_000_000, extra="random"),
+    }
+    assert len(found) == len(made) == 6
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("trigger index 0 is active: @(posedge clk)", "knows clk and rst_n alone"),
+        (
+            "\n".join((*library.TRIGGERS, "trigger index 2 is active: @(negedge clk)")),
+            "knows clk and rst_n alone",
+        ),
+        ("\n".join((*library.TRIGGERS, "void Vrtu2fc___024root___eval_ico()")), "a register at each input"),
+    ],
+)
+def test_a_model_with_other_clocks_is_refused(tmp_path: Path, monkeypatch, text: str, said: str) -> None:
+    (tmp_path / "Vrtu2fc___024root__0.cpp").write_text(text)
+    monkeypatch.setattr(library, "_tool", lambda *command: "")
+    with pytest.raises(library.BuildError, match=said):
+        library._verilate(tmp_path, card_files(), {}, "")
