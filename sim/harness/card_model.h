@@ -154,12 +154,14 @@ class CardModel {
     wave_->open(path);
   }
   bool has_wave() const { return wave_ != nullptr; }
-  // One clock written to the waveform at the times of its two edges.
+  // One clock written to the waveform at the times of its two edges. eval() marks for the waveform what changes.
   void clock_into_wave(std::uint64_t rise, std::uint64_t fall) {
+    triggers_ = kClkRises;
     top_->clk = 1;
-    clock();
+    top_->eval();
     wave_->dump(rise);
     top_->clk = 0;
+    top_->eval();
     wave_->dump(fall);
   }
 #endif

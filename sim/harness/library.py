@@ -37,6 +37,8 @@ HEADERS = (HERE / "card_model.h", HERE / "line_player.h")
 WAIVERS = (ROOT / "tools/verilator.vlt", HERE / "probes.vlt")
 IMAGE = "firmware.hex"  # read from the working directory when a card is switched on
 KEPT, KEPT_S = 24, 3600  # builds; more only while they are young
+# Without these two passes g++ 12 spills less in the one long function that a clock is: a tenth faster.
+OPTIMISE = "-O3 -fno-tree-pre -fno-store-merging"
 FLAGS = (
     *(
         "--cc",
@@ -51,7 +53,7 @@ FLAGS = (
         "-Wno-lint",
     ),
     *("--x-assign", "fast", "--timescale-override", "1ns/1ns", "-CFLAGS", "-fPIC"),
-    *("-MAKEFLAGS", "PYTHON3=python3 VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST=-O3"),
+    *("-MAKEFLAGS", f"PYTHON3=python3 VK_PCH_I_FAST= VK_PCH_I_SLOW= OPT_FAST='{OPTIMISE}'"),
     f'-GFIRMWARE_HEX="{IMAGE}"',
 )
 # waves: can write a waveform. flips: registers can be flipped. program: the virtual card's, waves without
