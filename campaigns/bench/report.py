@@ -378,12 +378,12 @@ def tiny(results: Results) -> str:
     slow, last = budgets(TINY.clk_hz, SHOWN_BAUD)
     above, _ = budgets(TINY.clk_hz, max(BAUDS))
     return f"""\
-Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz, {FORM}, the same cases. It has no limits to keep.
+Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz, {FORM}, the same cases, without limits.
 
 {by_rate(results, "tiny")}
 
-Clocks of its firmware: request → queued {span(decode, 0)}, drive's reply → queued {span(answer, 0)}. The
-budgets at its clock are {slow:,.0f} at {SHOWN_BAUD} bit/s, {above:,.0f} above, and {last:,.0f}."""
+Clocks of its firmware: request → queued {span(decode, 0)}, drive's reply → queued {span(answer, 0)}. Budgets
+at its clock: {slow:,.0f} for a request at {SHOWN_BAUD} bit/s, {above:,.0f} above, {last:,.0f} for a reply."""
 
 
 def measured_on(fingerprint: dict[str, str]) -> str:
