@@ -82,9 +82,15 @@ def fitted(found: re.Match) -> str:
     return text.replace("<table>", '<table class="wide">') if text.count("<th>") >= WIDE else text
 
 
+def document(name: str) -> Path:
+    """A report, or the guide of that name where there is no report."""
+    report = ROOT / f"docs/reports/{name}.md"
+    return report if report.exists() else ROOT / f"docs/guide/{name}.md"
+
+
 def page(name: str, command: str) -> Section:
     """A page of docs/, its headings a step lower than they stand there."""
-    file = ROOT / f"docs/reports/{name}.md"
+    file = document(name)
     if not file.exists():
         return Section(
             name, name, f"<h2>{name}</h2><p class=bad>Not there yet: <code>{command}</code> writes it.</p>"
@@ -94,7 +100,7 @@ def page(name: str, command: str) -> Section:
     text = HEADING.sub(lambda found: f"<{found[1]}h{int(found[2]) + 1}>", inline(file, text))
     text = re.sub(r"<table>.*?</table>", fitted, text, flags=re.DOTALL)
     text = text.replace("<table", '<div class="tables"><table').replace("</table>", "</table></div>")
-    source = f'<p class="source">docs/{name}.md, from <code>{command}</code></p>'
+    source = f'<p class="source">{file.relative_to(ROOT)}, from <code>{command}</code></p>'
     return Section(name, title[1] if title else name, text.replace("</h2>", f"</h2>{source}", 1))
 
 

@@ -94,7 +94,7 @@ def test_every_picture_of_every_page_is_in_it(text: str):
     pictures = [
         picture
         for name in report.PAGES
-        if (file := ROOT / f"docs/{name}.md").exists()
+        if (file := report.document(name)).exists()
         for picture in re.findall(r"!\[.*?\]\(", file.read_text())
     ]
     assert len(pictures) >= 12
