@@ -193,6 +193,10 @@ def ruff_format() -> list[str]:
     return [line.strip() for line in lines if "-->" in line] or lines
 
 
+def prose() -> list[str]:
+    return tool(sys.executable, "-m", "tools.prose")
+
+
 def firmware() -> list[str]:
     return tool(sys.executable, "-m", "sw.test.analysis")
 
@@ -209,6 +213,7 @@ CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("nothing unfinished, skipped or absolute", finished),
     ("imports go one way", imports),
     ("pages of an older card say so", notices),
+    ("spelling and links", prose),
     ("ruff check", ruff_check),
     ("ruff format", ruff_format),
     ("firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops", firmware),

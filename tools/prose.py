@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks spelling and links: codespell over pages, comments and code, and every relative link of every page.
+
+    python -m tools.prose
+
+A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of that
+page. tools/words.txt lists right words that codespell does not know. Prints one line for each mistake; exit 1
+if there is one.
+"""
+
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from urllib.parse import unquote
+
+from rtl.sources import ROOT
+
+WORDS = ROOT / "tools/words.txt"
+# Generated tables, recorded bytes and pictures are no prose.
+NO_PROSE = re.compile(
+    r"^regs/generated/|^sw/test/corpus/|^docs/recordings/|^campaigns/fuzz/cases/|\.(svg|csv|png|pcapng|bin)$"
+)
+FENCE = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
+CODE = re.compile(r"`[^`\n]*`")
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)[^)]*\)")
+HEADING = re.compile(r"^#{1,6} +(.*?) *#*$", re.MULTILINE)
+ANCHOR = re.compile(r"<a (?:id|name)=\"([^\"]+)\"")
+ELSEWHERE = re.compile(r"[a-z]+:")
+
+
+def project_files() -> list[str]:
+    """Names of all files of the project: no build output, no caches, no tools."""
+    tops = [path for path in ROOT.iterdir() if not path.name.startswith(".") and path.name != "build"]
+    tops += [ROOT / ".ci"]
+    found = [path for top in tops for path in ([top] if top.is_file() else top.rglob("*")) if path.is_file()]
+    return sorted(str(path.relative_to(ROOT)) for path in found if "__pycache__" not in path.parts)
+
+
+def spelling(names: list[str]) -> list[str]:
+    """Lines of codespell: file, line, word and proposal."""
+    command = [sys.executable, "-m", "codespell_lib", "--ignore-words", str(WORDS)]
+    done = subprocess.run([*command, *names], cwd=ROOT, capture_output=True, text=True, check=False)
+    output = (done.stdout + done.stderr).splitlines()
+    return output or [f"codespell: exit code {done.returncode}"] if done.returncode else []
+
+
+def slug(heading: str) -> str:
+    """The anchor of a heading, as GitHub makes it."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading.replace("`", ""))
+    return re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
+
+
+@cache
+def anchors(page: Path) -> set[str]:
+    """All places of a page that a link can name. Equal headings get -1, -2 and so on."""
+    text = FENCE.sub("", page.read_text())
+    found: set[str] = set(ANCHOR.findall(text))
+    seen: dict[str, int] = {}
+    for heading in HEADING.findall(text):
+        name = slug(heading)
+        count = seen.get(name, 0)
+        seen[name] = count + 1
+        found.add(f"{name}-{count}" if count else name)
+    return found
+
+
+def dead_links(page: Path, known: set[Path]) -> list[str]:
+    """Relative links of a page that lead nowhere; `known` are the files of the project."""
+    # Same length, so that the offsets of the links stay.
+    text = page.read_text()
+    for skipped in (FENCE, CODE):
+        text = skipped.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
+    wrong = []
+    for link in LINK.finditer(text):
+        target, _, anchor = unquote(link[1]).partition("#")
+        if ELSEWHERE.match(target):
+            continue
+        file = (page.parent / target).resolve() if target else page.resolve()
+        reason = ""
+        if file not in known and not any(file in path.parents for path in known):
+            reason = "no such file"
+        elif anchor and file.suffix == ".md" and anchor not in anchors(file):
+            reason = "no such heading"
+        if reason:
+            line = text.count("\n", 0, link.start()) + 1
+            where = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
+            wrong.append(f"{where}:{line}: {link[1]}: {reason}")
+    return wrong
+
+
+def check() -> list[str]:
+    names = project_files()
+    known = {(ROOT / name).resolve() for name in names}
+    pages = [ROOT / name for name in names if name.endswith(".md")]
+    wrong = spelling([name for name in names if not NO_PROSE.search(name)])
+    return wrong + [line for page in pages for line in dead_links(page, known)]
+
+
+def main() -> int:
+    wrong = check()
+    print("\n".join(wrong), end="\n" if wrong else "")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""tools/prose.py finds misspelt words and links that lead nowhere, and nothing else."""
+
+from pathlib import Path
+
+import pytest
+
+from tools import prose
+
+PAGE = """# The page
+
+A [heading](#a-heading-of-two_words), another [page](other.md#second-1), an [anchor](other.md#word), a
+[folder](pictures) and a [site](https://example.org/nothing#there).
+
+```
+[not](a-link.md)
+```
+
+## A `heading` of two_words
+"""
+OTHER = '# Second\n\n## Second\n\n| <a id="word"></a>word |\n'
+
+
+@pytest.fixture
+def pages(tmp_path: Path) -> Path:
+    (tmp_path / "page.md").write_text(PAGE)
+    (tmp_path / "other.md").write_text(OTHER)
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures/one.svg").write_text("")
+    prose.anchors.cache_clear()
+    return tmp_path
+
+
+def dead(pages: Path) -> list[str]:
+    known = {path.resolve() for path in pages.rglob("*") if path.is_file()}
+    return [line.split(":", 1)[1] for line in prose.dead_links(pages / "page.md", known)]
+
+
+def test_good_links_pass(pages: Path):
+    assert dead(pages) == []
+
+
+@pytest.mark.parametrize(
+    ("link", "reason"),
+    [
+        ("third.md", "no such file"),
+        ("other.md#third", "no such heading"),
+        ("other.md#second-2", "no such heading"),
+        ("#nothing", "no such heading"),
+    ],
+)
+def test_a_dead_link_is_found_with_its_line(pages: Path, link: str, reason: str):
+    with (pages / "page.md").open("a") as page:
+        page.write(f"\n[dead]({link})\n")
+    assert dead(pages) == [f"12: {link}: {reason}"]
+
+
+def test_a_misspelt_word_is_found(tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text("One word here is rec" + "ieved.\n")  # in two, because this file is checked as well
+    assert [line.split(": ")[1] for line in prose.spelling([str(page)])] == ["rec" + "ieved ==> received"]
