@@ -308,8 +308,8 @@ def pin_row(entry: Board, pin: Pin, direction: str) -> str:
 def pin_tables() -> str:
     text = """# Pins
 
-Written by `make pins` from the pin files in `constraints/`. *Pull* is inside the part; *drive* is
-strength and slope of an output, on iCE40 not to be chosen. What stands around the pins is in
+Written by `make pins` from the pin files in `constraints/`. *Pull* is inside the part. *Drive* is strength
+and slope of an output, fixed on iCE40. The circuit around the pins is in
 [hardware.md](../guide/hardware.md).
 """
     for entry in boards().values():
