@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks spelling and links: codespell over pages, comments and code, and every relative link of every page.
+"""Checks spelling and links: codespell over pages, comments and code, links of pages, pages that code cites.
 
     python -m tools.prose
 
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of that
-page. tools/words.txt lists right words that codespell does not know. Prints one line for each mistake; exit 1
-if there is one.
+page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
+"docs/hardening.md, Guarded bits". tools/words.txt lists right words that codespell does not know. Prints one
+line for each mistake; exit 1 if there is one.
 """
 
 import re
@@ -28,6 +29,11 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)[^)]*\)")
 HEADING = re.compile(r"^#{1,6} +(.*?) *#*$", re.MULTILINE)
 ANCHOR = re.compile(r"<a (?:id|name)=\"([^\"]+)\"")
 ELSEWHERE = re.compile(r"[a-z]+:")
+CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
+HARDENING = ROOT / "docs/hardening.md"
+MECHANISM = re.compile(r"docs/hardening\.md, ")
+WRAPPED = re.compile(r"[ \t]*\n[ \t]*(?://|\*|#)?[ \t]*")
+SOURCES = {".v", ".vh", ".c", ".h", ".cpp", ".S", ".py", ".rdl", ".toml", ".mk", ".lua", ".sh"}
 
 
 def project_files() -> list[str]:
@@ -90,12 +96,29 @@ def dead_links(page: Path, known: set[Path]) -> list[str]:
     return wrong
 
 
+def dead_citations(name: str, text: str, known: set[Path]) -> list[str]:
+    """Pages, and mechanisms of docs/hardening.md, that a source cites and that are not there."""
+    joined = WRAPPED.sub(" ", text)
+    pages = sorted(set(CITED.findall(joined)))
+    wrong = [f"{name}: {page}: no such file" for page in pages if (ROOT / page).resolve() not in known]
+    mechanisms = tuple(re.findall(r"^## (.*)$", HARDENING.read_text(), re.MULTILINE))
+    for citation in MECHANISM.finditer(joined):
+        cited = joined[citation.end() : citation.end() + 40]
+        if not cited.startswith(mechanisms):
+            wrong.append(f"{name}: docs/hardening.md, {cited.strip()}: no such heading")
+    return wrong
+
+
 def check() -> list[str]:
     names = project_files()
     known = {(ROOT / name).resolve() for name in names}
     pages = [ROOT / name for name in names if name.endswith(".md")]
     wrong = spelling([name for name in names if not NO_PROSE.search(name)])
-    return wrong + [line for page in pages for line in dead_links(page, known)]
+    wrong += [line for page in pages for line in dead_links(page, known)]
+    for name in names:
+        if Path(name).suffix in SOURCES and not name.startswith(("tools/prose.py", "tools/test_prose.py")):
+            wrong += dead_citations(name, (ROOT / name).read_text(), known)
+    return wrong
 
 
 def main() -> int:

@@ -55,6 +55,16 @@ def test_a_dead_link_is_found_with_its_line(pages: Path, link: str, reason: str)
     assert dead(pages) == [f"12: {link}: {reason}"]
 
 
+def test_a_citation_needs_its_page_and_its_heading():
+    known = {(prose.ROOT / "docs/hardening.md").resolve()}
+    good = "// see docs/hardening.md, Guarded\n    // bits (SAFE-4)\n"
+    assert prose.dead_citations("a.v", good, known) == []
+    assert prose.dead_citations("a.v", good.replace("bits", "bytes"), known) == [
+        "a.v: docs/hardening.md, Guarded bytes (SAFE-4): no such heading"
+    ]
+    assert prose.dead_citations("a.v", "// docs/nothing.md", known) == ["a.v: docs/nothing.md: no such file"]
+
+
 def test_a_misspelt_word_is_found(tmp_path: Path):
     page = tmp_path / "page.md"
     page.write_text("One word here is rec" + "ieved.\n")  # in two, because this file is checked as well
