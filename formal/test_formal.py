@@ -170,7 +170,8 @@ def test_an_unknown_module_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after"), [("| `bcc` | prove | 3 |", "| `bcc` | prove | 4 |"), ("(FC-1)", "(FC-2)")]
+    ("before", "after"),
+    [("| `bcc` | prove | 3 |", "| `bcc` | prove | 4 |"), ("guide/proofs.md", "guide/proof.md")],
 )
 def test_a_page_of_other_promises_is_found(monkeypatch, tmp_path, before, after) -> None:
     """Another depth, another word; not another time."""

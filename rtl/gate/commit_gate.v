@@ -11,7 +11,7 @@
 //
 // Without a committed request no telegram starts, and without a committed write of coils
 // none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
-// docs/architecture.md describes what one flipped bit can do (SAFE-4).
+// docs/hardening.md describes what one flipped bit can do (SAFE-4).
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
 
