@@ -15,7 +15,7 @@ std::vector<std::uint8_t> read_until_empty(int fd) {
 }
 
 void write_or_lose(int fd, std::uint8_t byte) {
-  if (::write(fd, &byte, 1) != 1) return;  // full: nobody reads on the other side
+  if (::write(fd, &byte, 1) != 1) return;  // buffer full: the other side does not read
 }
 
 }  // namespace card

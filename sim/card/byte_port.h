@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a line of the virtual card leaves the simulation: a pty or a real serial port. Never blocks.
+// Host side of a line of the virtual card: a pty or a real serial port. Never blocks.
 
 #ifndef BYTE_PORT_H
 #define BYTE_PORT_H
@@ -13,14 +13,13 @@ namespace card {
 class BytePort {
  public:
   virtual ~BytePort() = default;
-  // Everything that has arrived, until nothing more is there: one write() of the other program may come in
-  // pieces.
+  // Reads until the descriptor is empty: one write() of the other program may arrive in pieces.
   virtual std::vector<std::uint8_t> read_all() = 0;
-  // Bytes that do not fit because nobody reads them are lost, as on a wire.
+  // Bytes that do not fit the buffer of an idle reader are lost, as on a wire.
   virtual void write(std::uint8_t byte) = 0;
   virtual int fd() const = 0;
   virtual std::string name() const = 0;
-  // How long to collect a first batch of bytes before it goes onto the line, in microseconds.
+  // Time for which the first batch of bytes is collected before it goes onto the line, in microseconds.
   virtual int collect_us() const = 0;
 };
 

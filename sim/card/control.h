@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands to a running virtual card, one a line, each answered by one line: "ok", "error: ..." or, to
-// `state`, a JSON object. What goes wrong is said and changes nothing.
+// Commands to a running virtual card. Each command is one line and gets one line back: "ok", "error: ..."
+// or, for `state`, a JSON object. A command with an error changes nothing.
 
 #ifndef CONTROL_H
 #define CONTROL_H
@@ -20,7 +20,7 @@ class Control {
     unsigned addr;
   };
 
-  // `drive`: the simulated one, or nullptr. `fixed_rate`: the network line's port cannot change its rate.
+  // `drive`: the simulated drive, or nullptr. `fixed_rate`: the network line's port cannot change its rate.
   Control(const SimClock& clock, const Switches& switches, VirtualCard& virtual_card, DriveEnd* drive,
           bool fixed_rate);
   std::string run(const std::string& command);
@@ -39,11 +39,11 @@ class Control {
   VirtualCard& card_;
   DriveEnd* const drive_;
   const bool fixed_rate_;
-  Switches switches_;  // as they stand
-  Switches read_;      // as the card has read them
+  Switches switches_;  // present position
+  Switches read_;      // position at the last power-up
 };
 
-// Whole lines that have come on a descriptor; never blocks.
+// Reads complete lines from a descriptor; never blocks.
 class CommandInput {
  public:
   explicit CommandInput(int fd);

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Examples 1 to 6 of the option card manual, asked of the virtual card by Modbus masters that are not ours.
+"""Runs examples 1 to 6 of the option card manual on the virtual card, with independent Modbus masters.
 
     python -m sim.card.demo            exit 0: all passed, 1: something failed, 2: something is missing
 
-pymodbus runs every example; mbpoll then reads and writes one parameter. The simulated drive stands in the
-state of the manual's examples, so that every reply is the one printed there. The bytes of both lines come
-from the card's own log and are compared with tb/model/examples.json. Turnaround: from the last stop bit of
-the request to the first start bit of the reply, in simulated ms.
+pymodbus runs every example; mbpoll then reads and writes one parameter. The simulated drive keeps the state
+of the manual's examples, so that every reply is the printed one. The bytes of both lines come from the card's
+log and are compared with tb/model/examples.json. Turnaround: from the last stop bit of the request to the
+first start bit of the reply, in simulated ms.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.card.masters import Asked, Pymodbus, ask_mbpoll
+from sim.card.masters import Exchange, Pymodbus, ask_mbpoll
 from sim.card.run_card import ROOT, CardError, Frame, RunningCard
 
 EXAMPLES = ROOT / "tb/model/examples.json"
@@ -68,7 +68,7 @@ def manual_examples() -> dict[str, Example]:
     return found
 
 
-# ---------------------------------------------------------------- what went over the wires
+# ---------------------------------------------------------------- traffic of one example
 def show(label: str, text: str) -> None:
     for row in textwrap.wrap(text, WIDTH - LABEL - 2) or [""]:
         print(f"  {label:<{LABEL}}{row}")
@@ -81,8 +81,8 @@ def show_frame(label: str, frame: Frame | None) -> None:
         show("", frame.what if frame.ok else f"BAD: {frame.what}")
 
 
-def differences(example: Example, frames: list[Frame], asked: Asked) -> Iterator[str]:
-    """Everything that is not as the manual has it, in words."""
+def differences(example: Example, frames: list[Frame], exchange: Exchange) -> Iterator[str]:
+    """Deviations from the manual, described."""
 
     def seen(line: str, sender: str) -> list[bytes]:
         return [f.data for f in frames if (f.line, f.sender) == (line, sender)]
@@ -97,14 +97,14 @@ def differences(example: Example, frames: list[Frame], asked: Asked) -> Iterator
         got = seen(line, sender)
         if got != wanted:
             yield f"{what}: expected {', '.join(map(spaced, wanted)) or 'none'}"
-    if not asked.accepted:
-        yield f"the master says: {asked.answer}"
+    if not exchange.accepted:
+        yield f"the master says: {exchange.answer}"
 
 
-def run_example(card: RunningCard, example: Example, ask: Callable[[], Asked]) -> Result:
-    """Asks, prints everything, says whether all bytes are as expected."""
+def run_example(card: RunningCard, example: Example, ask: Callable[[], Exchange]) -> Result:
+    """Runs one example and prints the comparison."""
     before = len(card.frames())
-    asked = ask()
+    exchange = ask()
     frames = card.wait_for_frames(before, "modbus", "card")
 
     def first(line: str, sender: str) -> Frame | None:
@@ -112,21 +112,21 @@ def run_example(card: RunningCard, example: Example, ask: Callable[[], Asked]) -
 
     request, reply = first("modbus", "master"), first("modbus", "card")
     print(example.title)
-    show("asked by", asked.call)
+    show("asked by", exchange.call)
     show_frame("request", request)
     show_frame("FC telegram", first("drive", "card"))
     show_frame("drive's reply", first("drive", "drive"))
     show_frame("Modbus reply", reply)
     show("expected", spaced(example.reply))
-    show("master got", asked.answer)
-    wrong = list(differences(example, frames, asked))
+    show("master got", exchange.answer)
+    wrong = list(differences(example, frames, exchange))
     turnaround = (reply.start - request.end) * 1000 if request and reply else None
     show("turnaround", f"{turnaround:.2f} ms simulated" if turnaround else "no reply")
     show("verdict", "FAILED" if wrong else "passed")
     for line in wrong:
         show("", line)
     print()
-    return Result(example.title, asked.call.split()[0], not wrong, turnaround)
+    return Result(example.title, exchange.call.split()[0], not wrong, turnaround)
 
 
 def summary(results: list[Result]) -> None:
@@ -149,7 +149,7 @@ def demo(folder: Path) -> int:
             results.append(run_example(card, example, lambda example=example: master.ask(example.request)))
         before = len(card.frames())
         master.ask(END_TEXT_ACCESS)  # example 6 leaves the card in text access
-        card.wait_for_frames(before, "modbus", "card")  # so that it is not taken for the next one's
+        card.wait_for_frames(before, "modbus", "card")  # else the next example would count it
         master.close()
         link = card.link
         by_mbpoll = {

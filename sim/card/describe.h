@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames of both lines in words, for the log and the terminal, and whether they are good.
+// Describes the frames of both lines in words, for log and terminal, and checks them.
 
 #ifndef DESCRIBE_H
 #define DESCRIBE_H
@@ -34,7 +34,7 @@ class Describer {
   void drive(Frame& frame) const;
 
   const Words words_;
-  // Last good request on the network line: a reply does not repeat which registers it brings.
+  // Last good request on the network line: a reply does not repeat its register addresses.
   std::vector<std::uint8_t> request_;
 };
 

@@ -10,12 +10,12 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::uint8_t kStx = 0x02;
-constexpr std::size_t kLge = 1;       // place of LGE in a telegram
+constexpr std::size_t kLge = 1;       // index of LGE in a telegram
 constexpr std::size_t kNotInLge = 2;  // STX and LGE itself
 constexpr std::size_t kShortest = 8;  // process telegram
 constexpr std::size_t kParameter = 16;
-constexpr std::size_t kAroundText = 12;  // bytes of a text telegram without the text
-constexpr std::size_t kData = 3;         // place of the first data byte
+constexpr std::size_t kAroundText = 12;  // length of a text telegram without its text
+constexpr std::size_t kData = 3;         // index of the first data byte
 constexpr double kFullScale = 16384.0;   // 4000h = 100 %
 constexpr std::size_t kPke = kData;
 constexpr std::size_t kInd = kData + 2;

@@ -14,7 +14,7 @@ using Bytes = std::vector<std::uint8_t>;
 constexpr std::size_t kShortestAdu = 4;
 constexpr std::size_t kLongestAdu = 256;
 constexpr unsigned kLocalRegisters = 9;    // 40001-40009, in use or reserved
-constexpr unsigned kNumericRegisters = 2;  // more registers of a parameter are text
+constexpr unsigned kNumericRegisters = 2;  // a parameter with more registers is a text
 
 enum Function : std::uint8_t {
   kReadCoils = 0x01,
@@ -41,7 +41,7 @@ std::string range(const char* what, unsigned first, unsigned count) {
   return text("%ss %u-%u", what, first, first + count - 1);
 }
 
-// Registers by their place on the wire: 40001-40009 by number, anything else as parameter (PNU x 10 - 1).
+// Names registers by their address: 40001-40009 by number, others by parameter (PNU x 10 - 1).
 std::string registers(const Words& words, unsigned address, unsigned count) {
   if (address < kLocalRegisters) return range("register", 40001 + address, count);
   if ((address + 1) % 10 == 0) return words.parameter_name((address + 1) / 10);
@@ -90,7 +90,7 @@ std::string switch_value(unsigned data) {
   return data == 0 ? "off" : text("%04Xh", data);
 }
 
-// What a request of its function should have; nobody sees from its words that it has more or less.
+// States the correct length: the description of a request does not show a wrong one.
 std::string length_flaw(const Bytes& adu) {
   const bool has_data = adu[1] == kWriteCoils || adu[1] == kWriteRegisters;
   const bool known = has_data || (adu[1] >= kReadCoils && adu[1] <= kWriteRegister);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dialects of the card as its surroundings must know them: which firmware image speaks one, which drive
-// it was made for, how its exception codes read (DIALECT-CARD, DIALECT-BUILTIN, DIALECT-HVAC-BASIC).
+// Dialects of the card: firmware image, default drive and wording of the exception codes
+// (DIALECT-CARD, DIALECT-BUILTIN, DIALECT-HVAC-BASIC).
 
 #ifndef DIALECT_H
 #define DIALECT_H
@@ -11,8 +11,8 @@ namespace card {
 
 struct Dialect {
   const char* name;
-  const char* image_folder;  // from this program's folder on
-  const char* profile;       // of sim/drive, unless another is asked for
+  const char* image_folder;  // relative to this program's folder
+  const char* profile;       // default drive profile of sim/drive
   bool standard_exceptions;  // codes 1 to 4 mean what the Modbus standard says
 };
 

@@ -9,7 +9,7 @@ constexpr std::uint8_t kOvercurrent = 13;  // alarm number of VLT drives
 }
 
 namespace {
-constexpr std::size_t kLge = 1;       // place of LGE in a telegram
+constexpr std::size_t kLge = 1;       // index of LGE in a telegram
 constexpr std::size_t kNotInLge = 2;  // STX and LGE itself
 }  // namespace
 
@@ -24,7 +24,7 @@ DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, std::int64_t tr
   if (example) drive_example_state(&drive_);
 }
 
-// A gap of more than 2 characters inside a telegram, a parity or a stop bit error spoils it (FC-8).
+// A gap of more than 2 characters inside a telegram, a parity error or a stop bit error spoils it (FC-8).
 void DriveEnd::from_card(const LineByte& byte) {
   if (byte.start - last_byte_end_ > settings_.silences.between) {
     telegram_.clear();
@@ -33,7 +33,7 @@ void DriveEnd::from_card(const LineByte& byte) {
   last_byte_end_ = byte.end;
   damaged_ = damaged_ || byte.bad();
   if (telegram_.size() < DRIVE_REQUEST_MAX) telegram_.push_back(byte.value);
-  reply_due_ = kNever;  // the card speaks: an answer to what came before would only disturb it
+  reply_due_ = kNever;  // the card is sending: a reply to an earlier telegram would collide
   if (complete() && !damaged_) take_telegram();
 }
 
@@ -48,7 +48,7 @@ bool DriveEnd::complete() const {
   return telegram_.size() > kLge && telegram_.size() == telegram_[kLge] + kNotInLge;
 }
 
-// In whole microseconds that the log shows too: with its times a second drive can be led the same way.
+// Steps in whole microseconds, as the log prints them: a second drive can then be stepped identically.
 void DriveEnd::let_time_pass(Cycles until) {
   const std::int64_t until_us = clock_.microseconds(until);
   if (until_us <= stepped_us_) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The simulated drive at the far end of the drive line: puts sim/drive behind a UART and a response time.
+// The simulated drive at the far end of the drive line: sim/drive with a UART and a response time.
 
 #ifndef DRIVE_END_H
 #define DRIVE_END_H
@@ -11,15 +11,15 @@ namespace card {
 
 class DriveEnd : public FarEnd {
  public:
-  // `response_time`: silence between the card's telegram and the reply. `example`: the drive stands in the
-  // state of its document's examples, whatever it is told. `trip_us`: when it trips, in simulated
+  // `response_time`: silence between the card's telegram and the reply. `example`: the drive keeps the
+  // state of its document's examples and ignores commands. `trip_us`: time of the trip in simulated
   // microseconds; 0: never.
   DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us, const LineSettings& settings,
            const SimClock& clock, Cycles response_time);
   void from_card(const LineByte& byte) override;
   void step(UartLine& line, Cycles now) override;
   std::string name() const override { return name_; }
-  // Alarm number 1 to 99; nothing happens while it is tripped already.
+  // `alarm`: 1 to 99. No effect while the drive is already tripped.
   void trip(std::uint8_t alarm) { drive_trip(&drive_, alarm); }
   void power_cycle();
   const drive_t& drive() const { return drive_; }

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The documents' examples (tb/model/examples.json) played to the virtual card, and recorded.
+"""Plays the documents' examples (tb/model/examples.json) to the virtual card and records them.
 
-The drive on the other side knows each example's telegrams and nothing else. Before each example the card is
-brought back to where it was after power-up, by requests that are on the recording too.
+A scripted drive answers each example's telegrams and no others. Before each example, requests restore the
+card's state after power-up; these requests are in the recording too.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ AS_AT_POWER_UP = [
     )
 ]
 REPLY_S = 10.0  # wall time for a reply on a busy machine
-BETWEEN_S = 0.02  # a broadcast is over
+BETWEEN_S = 0.02  # wall time for the telegram of a broadcast
 
 
 class Port:
@@ -49,7 +49,7 @@ class Port:
         os.write(self.fd, data)
 
     def read(self, count: int, seconds: float) -> bytes:
-        """`count` bytes, fewer when they do not come in time."""
+        """Returns `count` bytes, or fewer after `seconds`."""
         data, end = b"", time.monotonic() + seconds
         while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
             data += os.read(self.fd, count - len(data))
@@ -57,7 +57,7 @@ class Port:
 
 
 class ScriptedDrive:
-    """Answers whole telegrams from a table; silent for the rest."""
+    """Answers complete telegrams from a table and ignores all others."""
 
     def __init__(self, link: Path) -> None:
         self.replies: dict[bytes, bytes] = {}
@@ -83,7 +83,7 @@ class ScriptedDrive:
 
 @dataclass(frozen=True)
 class Played:
-    """An example and its frames in the recording: numbers of packets, from 1, and what they are."""
+    """An example with the numbers (from 1) and kinds of its frames in the recording."""
 
     id: str
     example: dict
@@ -119,7 +119,7 @@ class ExampleRun:
         self.card.stop()
 
     def ask(self, part: dict) -> None:
-        """One request of an example; its reply must be the example's."""
+        """Sends one request of an example and checks the reply."""
         self.drive.replies = {
             bytes.fromhex(d["telegram"]): bytes.fromhex(d["reply"]) for d in part["drive"] if d["reply"]
         } | ({} if part["drive"] else {NO_COMMAND: STATUS})
@@ -137,7 +137,7 @@ class ExampleRun:
 
     def as_at_power_up(self) -> None:
         for request in AS_AT_POWER_UP:
-            # Answers of writes begin as their requests do.
+            # The reply to a write begins like its request.
             reply = request if request[1] == 0x05 else with_crc(request[:6])
             self.ask({"request": request.hex(), "reply": reply.hex(), "drive": []})
 
@@ -159,7 +159,7 @@ class ExampleRun:
 
 
 def record(folder: Path, names: tuple[str, ...] = tuple(EXAMPLES), wave: bool = False) -> Recorded:
-    """Plays the examples; the files lie in `folder` and are complete."""
+    """Plays the examples; the recorded files are in `folder`."""
     with contextlib.ExitStack() as stack:
         run = stack.enter_context(ExampleRun(folder, wave))
         played = tuple(run.play(name) for name in names)

@@ -8,8 +8,8 @@
 namespace card {
 
 namespace {
-constexpr int kJitterUs = 1000;             // of a program that writes byte by byte
-constexpr std::size_t kMostWaiting = 4096;  // bytes; a flood stays in the pty until the line has room
+constexpr int kJitterUs = 1000;             // pauses of a program that writes byte by byte
+constexpr std::size_t kMostWaiting = 4096;  // bytes; the rest of a flood stays in the pty
 }  // namespace
 
 PortFarEnd::PortFarEnd(std::unique_ptr<BytePort> port, const LineSettings& settings, const SimClock& clock,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is at the other end of a line: a foreign program behind a port, or the simulated drive.
+// The other end of a line: a foreign program at a port, or the simulated drive.
 
 #ifndef FAR_END_H
 #define FAR_END_H
@@ -20,7 +20,7 @@ namespace card {
 class FarEnd {
  public:
   virtual ~FarEnd() = default;
-  // The card has sent a byte.
+  // Called for each byte that the card has sent.
   virtual void from_card(const LineByte& byte) = 0;
   // Called several times a millisecond; may hand bytes to `line`.
   virtual void step(UartLine& line, Cycles now) = 0;
@@ -34,11 +34,11 @@ class FarEnd {
 };
 
 // A foreign program. Bytes that arrive together go onto the line as one burst without gaps. A burst waits
-// until the line has been silent for as long as a polite sender waits; bytes that come while the burst they
-// follow is still on the line, or only just over, go on with it.
+// until the line has been silent for burst_gap. Bytes continue the previous burst if that burst is still on
+// the line or has only just ended.
 class PortFarEnd : public FarEnd {
  public:
-  // `answer_time`: how long the program is expected to need for an answer to the card; 0: it only asks.
+  // `answer_time`: time the program may need to answer the card; 0: the program is a master.
   PortFarEnd(std::unique_ptr<BytePort> port, const LineSettings& settings, const SimClock& clock,
              Cycles answer_time);
   void from_card(const LineByte& byte) override;
@@ -55,7 +55,7 @@ class PortFarEnd : public FarEnd {
   std::unique_ptr<BytePort> port_;
   const SimClock clock_;
   LineSettings settings_;
-  const Cycles collect_;  // a burst is complete when nothing has come for so long
+  const Cycles collect_;  // silence after which a burst is complete
   Cycles pause_limit_ = 0;  // a longer pause between two arrivals starts a new burst
   const Cycles answer_time_;
   std::deque<std::vector<std::uint8_t>> bursts_;  // not on the line yet

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A frame or telegram as seen on a line, and how bytes become one: by the silence that ends it (FRAME-1,
-// FC-8). A silence that is too long inside a frame and too short to end one is told: a frame that was not
-// complete there ends (FRAME-2), one that was goes on and is spoilt (FRAME-3).
+// Frames and telegrams on a line, and the grouping of bytes into frames by silence (FRAME-1, FC-8). A silence
+// may be too long inside a frame and too short to end one. Such a silence ends an incomplete frame (FRAME-2)
+// and spoils a complete one, which goes on (FRAME-3); the frame records it.
 
 #ifndef FRAME_H
 #define FRAME_H
@@ -19,7 +19,7 @@ namespace card {
 
 enum class LineId { kModbus, kDrive };
 
-// What is wrong with a frame; the first that holds.
+// Defect of a frame; the first that applies.
 enum class Flaw {
   kNone,
   kRevoked,  // complete and good, but a character followed before the silence that ends a frame
@@ -40,11 +40,11 @@ struct Frame {
   Cycles end = 0;    // end of the last stop bit
   std::vector<std::uint8_t> bytes;
   std::size_t bad_byte = 0;  // number of the first byte with a wrong parity or stop bit, from 1; 0: none
-  bool bad_parity = false;   // what is wrong with it
+  bool bad_parity = false;   // bad_byte has a wrong parity bit; false: a wrong stop bit
   double gap_characters = 0;  // the silence that cut the frame short or revoked it, 0: none
   std::size_t gap_at = 0;    // bytes before that silence
   Flaw flaw = Flaw::kNone;   // of the frame as a whole: length, CRC or BCC, every byte
-  std::string what;          // in words
+  std::string what;          // description
 
   bool ok() const { return flaw == Flaw::kNone; }
   bool revoked() const { return gap_characters > 0 && gap_at < bytes.size(); }
@@ -57,11 +57,11 @@ class FrameGrouper {
  public:
   using Listener = std::function<void(const Frame&)>;
   FrameGrouper(LineId line, const Silences& silences, Listener listener);
-  // Another rate from the next silence on.
+  // Applies from the next silence on.
   void use(const Silences& silences) { silences_ = silences; }
   void add(const LineByte& byte);
   void tick(Cycles now);  // ends the frame when the line has been silent long enough
-  void flush();           // ends it now
+  void flush();           // ends the frame now
   // Start of the frame that has not ended yet, kNever when there is none.
   Cycles open_since() const { return frame_.bytes.empty() ? kNever : frame_.start; }
 

@@ -45,8 +45,8 @@ void LedWatch::changed(unsigned colour, Cycles now) {
   }
 }
 
-// The phase that ends now, lit or the dark one after it, is a flash if it lasted half a period. A lit phase
-// that was shorter may be the rest of one: the dark phase decides.
+// The phase that ends now, lit or the dark one after it, is a flash if it lasted half a period. A shorter lit
+// phase may be the end of a flash that began earlier: the dark phase decides.
 void LedWatch::decide(unsigned next, Cycles now) {
   const bool half_period = now - since_ >= half_period_least_;
   const bool was_dark = colour_ == kDark;
@@ -58,7 +58,7 @@ void LedWatch::decide(unsigned next, Cycles now) {
   }
 }
 
-// A phase has become too long for a flash.
+// Handles a phase that has become too long for a flash.
 void LedWatch::lasting(Cycles now) {
   if (lit_ != 0) {
     solid(lit_, lit_since_);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns the levels of one two-colour LED into what a person sees: off, red, green, orange, red-flash,
-// green-flash (LED-1, LED-2). Flashing is 1 Hz: half a second lit, half a second dark.
+// Turns the levels of one two-colour LED into a state: off, red, green, orange, red-flash or green-flash
+// (LED-1, LED-2). Flashing is 1 Hz: half a second lit, half a second dark.
 
 #ifndef LED_WATCH_H
 #define LED_WATCH_H
@@ -18,16 +18,16 @@ struct LedChange {
   std::string shows;
 };
 
-// What a steady LED shows is told at once, but for red and green that come on: they may be the first half
-// period of a flash, which is known when it ends, and told with the time at which it began. A flashing LED
-// that changes its colour is taken to go on flashing; when it does not, that is told as soon as it is seen.
+// Reports a change at once, except when red or green comes on: that may be the first half period of a flash.
+// Such a change is reported, with its start time, when the phase ends or lasts too long for a flash.
+// A flashing LED that changes its colour is assumed to go on flashing until its pins show otherwise.
 class LedWatch {
  public:
   using Listener = std::function<void(const LedChange&)>;
   LedWatch(std::string led, const SimClock& clock, Listener listener);
-  // The pins as they are; to be called at least every few milliseconds.
+  // Call at least every few milliseconds.
   void sample(bool red, bool green, Cycles now);
-  // Beginning of what cannot be told yet, kNever when there is nothing: no change to come is older.
+  // Start of a change that is not yet decided, kNever if there is none: no later report is older.
   Cycles undecided_since() const { return lit_ != 0 ? lit_since_ : kNever; }
 
  private:
@@ -46,7 +46,7 @@ class LedWatch {
   unsigned colour_ = ~0u;  // of the pins; none before the first sample
   Cycles since_ = 0;
   unsigned flashing_ = 0;  // colour that flashes, 0 = none
-  unsigned lit_ = 0;       // colour that came on and cannot be told yet, 0 = none
+  unsigned lit_ = 0;       // colour that came on and is not yet decided, 0 = none
   Cycles lit_since_ = 0;
   std::string shows_;
 };

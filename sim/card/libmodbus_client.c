@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A Modbus RTU master on libmodbus, as a judge from outside: one request, one line about its answer.
+ * A Modbus RTU master based on libmodbus, as an independent reference: sends one request, prints one line.
  *
  *   libmodbus_client DEVICE UNIT read-coils ADDRESS COUNT
  *   libmodbus_client DEVICE UNIT read-registers ADDRESS COUNT
@@ -11,8 +11,8 @@
  *   libmodbus_client DEVICE UNIT raw BYTE...          hex, unit and function first, without CRC
  *
  * 9600 8N2; addresses as on the wire. Prints "values ...", "done", "exception N", "bytes ..." (raw) or
- * "error ..."; libmodbus keeps a code that is not in the standard to itself: "exception ?". Exit 2 when the
- * command line makes no sense or the port cannot be opened.
+ * "error ...". libmodbus does not report codes outside the standard: "exception ?". Exit 2 for a wrong
+ * command line or a port that cannot be opened.
  */
 #include <errno.h>
 #include <modbus/modbus.h>

@@ -8,7 +8,7 @@ namespace card {
 
 namespace {
 
-// What a polite sender waits longer than it must, in characters: enough to be seen as a new frame for sure.
+// Characters added to the required silence, so that the next frame is certain to count as new.
 constexpr double kPoliteCharacters = 0.5;
 
 constexpr int kPoliteTicks =

@@ -12,20 +12,20 @@
 
 namespace card {
 
-// The silences of a line: a longer one than `inside` may not be in a frame, a longer one than `between` ends
-// it. Where both are the same, as on the drive line, there is nothing in between.
+// Silences of a line. A silence longer than `inside` may not occur in a frame; one longer than `between` ends
+// the frame. On the drive line both are equal.
 struct Silences {
   Cycles inside;
   Cycles between;
-  Cycles character;  // in which they are told; longer than 11 bits above 19200 bit/s, as they are (FRAME-1)
+  Cycles character;  // unit in which silences are reported; above 19200 bit/s longer than 11 bits (FRAME-1)
 };
 
 struct LineSettings {
   int baud;           // bit/s
   char parity;        // 'N', 'O' or 'E'
-  int stop_bits;      // sent; a receiver needs the first only
-  Silences silences;  // bytes that come sooner than `inside` after the last one belong to it
-  Cycles burst_gap;   // silence that a polite sender leaves before its next frame
+  int stop_bits;      // sent; a receiver needs only the first
+  Silences silences;  // a byte that starts within `inside` of the previous one belongs to its frame
+  Cycles burst_gap;   // silence before a new burst
 
   int char_bits() const { return 1 + 8 + (parity == 'N' ? 0 : 1) + stop_bits; }
   std::string name() const;  // "9600 8N2"

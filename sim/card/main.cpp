@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual card: puts lines, far ends, logs and pace together around VirtualCard.
+// The virtual card: joins lines, far ends, logs and pace to VirtualCard.
 // Exit codes: 0 ended by --for or a signal, 2 wrong option, busy path or full disk.
 
 #include <signal.h>
@@ -27,13 +27,13 @@ namespace {
 using namespace card;
 
 constexpr SimClock kClock{CARD_CLK_HZ};
-constexpr int kDriveResponseUs = 5'000;       // of the simulated drive; a real one takes 2.3 ms to 50 ms
+constexpr int kDriveResponseUs = 5'000;       // of the simulated drive; real drives take 2.3 ms to 50 ms
 constexpr double kForeignDriveSeconds = 0.3;  // longer than any legal drive needs
-constexpr double kStartSeconds = 0.1;         // run before 'ready': the firmware boots, the speed is measured
-constexpr int kStepUs = 500;                  // between two looks at the wall clock
+constexpr double kStartSeconds = 0.1;         // run before 'ready': firmware boot and speed measurement
+constexpr int kStepUs = 500;                  // between two readings of the wall clock
 constexpr double kWarnBelow = 0.98;           // x real time
 constexpr int kWarnEvery = 10;                // simulated seconds
-constexpr int kOversampling = 64;             // clocks a bit that LINE-5 asks for
+constexpr int kOversampling = 64;             // clocks a bit (LINE-5)
 
 volatile sig_atomic_t stop_requested = 0;
 
@@ -43,7 +43,7 @@ void catch_signals() {
   struct sigaction action{};
   action.sa_handler = request_stop;
   sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGHUP, &action, nullptr);  // the terminal was closed
+  sigaction(SIGHUP, &action, nullptr);  // sent when the terminal is closed
   sigaction(SIGTERM, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
 }
@@ -88,7 +88,7 @@ std::unique_ptr<FarEnd> open_drive(const Options& options) {
                                       kClock.from_seconds(kForeignDriveSeconds));
 }
 
-// Folder of this program: the firmware images lie in it and below.
+// Folder of this program, which holds the firmware images.
 std::string own_folder() {
   char path[4096];
   const ssize_t length = readlink("/proc/self/exe", path, sizeof path);

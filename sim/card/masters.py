@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modbus masters that are not ours, for the demo and the tests of the virtual card: pymodbus and mbpoll.
+"""Independent Modbus masters for the demo and the tests of the virtual card: pymodbus and mbpoll.
 
-Requests and replies are whole frames as on the line: unit address, PDU, CRC.
+Requests and replies are complete frames: unit address, PDU, CRC.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-BAUD = 9600  # of the ports; a pty knows neither rate nor parity
+BAUD = 9600  # a pty ignores rate and parity
 REPLY_S = 5.0  # wall time that pymodbus waits for a reply
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a master did and what it made of the reply; `received` is None where it does not tell."""
+class Exchange:
+    """A master's call and its reading of the reply; `received` is None if the master hides the bytes."""
 
     call: str
     answer: str
@@ -32,7 +32,7 @@ def words(data: bytes) -> list[int]:
 
 
 def as_pymodbus_call(request: bytes) -> tuple[str, list, dict]:
-    """Method of pymodbus' client that makes this request, and its arguments."""
+    """Method of the pymodbus client for this request, with its arguments."""
     address, value = words(request[2:6])
     data = request[7:-2]
     match request[1]:
@@ -86,8 +86,8 @@ class Pymodbus:
             self.received = data  # everything since the request
         return data
 
-    def ask(self, request: bytes) -> Asked:
-        """A request by the client's own method for it."""
+    def ask(self, request: bytes) -> Exchange:
+        """Sends a request by the client's own method."""
         from pymodbus.exceptions import ModbusException
 
         method, arguments, options = as_pymodbus_call(request)
@@ -99,18 +99,18 @@ class Pymodbus:
         try:
             response = getattr(self.client, method)(*arguments, device_id=request[0], **options)
         except ModbusException as error:
-            return Asked(call, str(error), False, self.received)
+            return Exchange(call, str(error), False, self.received)
         if response.isError():
-            return Asked(call, f"exception {response.exception_code}", False, self.received)
+            return Exchange(call, f"exception {response.exception_code}", False, self.received)
         answer = "accepted"
         if method == "read_holding_registers":
             answer = f"registers {response.registers}"
         elif method == "read_coils":
             answer = f"coils {''.join(str(int(bit)) for bit in response.bits[: options['count']])}"
-        return Asked(call, answer, True, self.received)
+        return Exchange(call, answer, True, self.received)
 
     def send(self, unit: int, pdu: bytes, answered: bool = True) -> bytes:
-        """Any PDU, right or wrong, by the client's way for functions of one's own; what came back."""
+        """Sends any PDU, valid or not, as a custom function; returns the received bytes."""
         from pymodbus.exceptions import ModbusException
         from pymodbus.pdu import ModbusPDU
 
@@ -121,13 +121,13 @@ class Pymodbus:
                 return pdu[1:]
 
         self.received = b""
-        with contextlib.suppress(ModbusException):  # silence, or something that is no reply
+        with contextlib.suppress(ModbusException):  # no reply, or an invalid one
             self.client.execute(not answered, Raw(dev_id=unit))
         return self.received
 
 
-def ask_mbpoll(link: Path, register: int, *, count: int = 1, values: tuple[int, ...] = ()) -> Asked:
-    """One read of holding registers, or one write of `values`; `register` counts from 1."""
+def ask_mbpoll(link: Path, register: int, *, count: int = 1, values: tuple[int, ...] = ()) -> Exchange:
+    """Runs one read of holding registers, or one write of `values`; `register` counts from 1."""
     what = ["-t", "4", "-r", str(register), "-1"] + ([] if values else ["-c", str(count)])
     line = ["mbpoll", "-m", "rtu", "-a", "1", "-b", str(BAUD), "-P", "none"]
     values_text = [str(value) for value in values]
@@ -135,6 +135,6 @@ def ask_mbpoll(link: Path, register: int, *, count: int = 1, values: tuple[int, 
     run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     call = " ".join([*line, *what, "LINK", *values_text])
     if run.returncode != 0:
-        return Asked(call, " ".join(run.stderr.split()) or f"exit code {run.returncode}", False)
+        return Exchange(call, " ".join(run.stderr.split()) or f"exit code {run.returncode}", False)
     read = re.findall(r"^\[\d+\]:\s+(\S+)", run.stdout, re.MULTILINE)
-    return Asked(call, f"registers [{', '.join(read)}]" if read else "accepted", True)
+    return Exchange(call, f"registers [{', '.join(read)}]" if read else "accepted", True)

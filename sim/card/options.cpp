@@ -149,7 +149,7 @@ Options parse_options(int argc, char** argv) {
     if (follows && i + 1 >= argc) throw UserError(name + " needs a value");
     const std::string value = follows ? argv[++i] : argument.substr(equals + 1);
     if (value.empty()) throw UserError(name + " needs a value");
-    // Forgotten, and an option taken for it; a file of such a name is './--name'.
+    // Catches a missing value before an option; a file of such a name can be given as './--name'.
     if (follows && value.rfind("--", 0) == 0)
       throw UserError(name + " needs a value, and '" + value + "' is an option");
     option->set(value);

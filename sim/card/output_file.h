@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A file of a recording: what is written is there at once, others read along, and a full disk is not lost on
-// anybody. It may fill up at any frame, so trouble is kept until somebody asks.
+// An output file of a recording. Each write is flushed, so that other programs can read along. A write error,
+// such as a full disk, is kept until trouble() is called.
 
 #ifndef OUTPUT_FILE_H
 #define OUTPUT_FILE_H
@@ -19,7 +19,7 @@ class OutputFile {
 
   void write(const void* data, std::size_t size);
   void close();
-  // Empty, or the first thing that went wrong, in a line.
+  // First error in one line, or empty.
   const std::string& trouble() const { return trouble_; }
 
  private:

@@ -11,7 +11,7 @@ namespace card {
 
 namespace {
 constexpr double kSleepWorthwhile = 0.0005;  // seconds ahead
-constexpr double kCatchUp = 0.020;           // seconds behind that are made up for
+constexpr double kCatchUp = 0.020;           // longest delay made up for, in seconds
 }  // namespace
 
 Pacer::Pacer(const SimClock& clock)
@@ -37,7 +37,7 @@ void Pacer::keep_to_wall_time(Cycles cycles, const std::vector<int>& wake_up) {
     const timespec timeout{0, nanoseconds};
     ppoll(descriptors.data(), descriptors.size(), &timeout, nullptr);
   } else if (-ahead > kCatchUp) {
-    given_up_ += -ahead - kCatchUp;
+    dropped_ += -ahead - kCatchUp;
     ahead_base_ += -ahead - kCatchUp;
   }
 }
@@ -51,8 +51,8 @@ double Pacer::possible_ratio() const {
 
 double Pacer::take_shortfall() {
   const double wall = now() - window_began_;
-  const double ratio = wall > 0 ? 1 - given_up_ / wall : 1;
-  given_up_ = 0;
+  const double ratio = wall > 0 ? 1 - dropped_ / wall : 1;
+  dropped_ = 0;
   window_began_ = now();
   return ratio;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Holds simulated time to wall time, and measures how much faster this machine could go.
+// Keeps simulated time at wall time and measures the speed that this machine could reach.
 
 #ifndef PACER_H
 #define PACER_H
@@ -15,16 +15,16 @@ class Pacer {
  public:
   explicit Pacer(const SimClock& clock);
 
-  // Simulated time has gone on by `cycles` since the last call. When it is ahead of the wall clock, sleeps
-  // until it no longer is, or until a descriptor becomes readable. When it is behind, catches up only a
-  // little: the rest is given up and counted.
+  // Simulated time has advanced by `cycles` since the last call. If it is ahead of wall time, sleeps until
+  // wall time has caught up or a descriptor is readable. If it is behind, makes up for a little of the delay;
+  // the rest is dropped and counted.
   void keep_to_wall_time(Cycles cycles, const std::vector<int>& wake_up);
-  // Likewise, but this stretch may take as little time as it can.
+  // As keep_to_wall_time(), but without sleeping.
   void run_free(Cycles cycles);
 
-  // Simulated seconds for each second of processor time so far: above 1 one free core keeps up.
+  // Simulated seconds per second of processor time so far: above 1, one free core keeps up.
   double possible_ratio() const;
-  // Simulated seconds for each wall second, over the time given up since the last call; 1 when nothing was.
+  // Simulated seconds per wall second since the last call; 1 if no time was dropped.
   double take_shortfall();
   double simulated_seconds() const { return simulated_; }
   double wall_seconds() const;
@@ -36,8 +36,8 @@ class Pacer {
   const SimClock clock_;
   const double began_;
   double simulated_ = 0;
-  double ahead_base_;    // wall time at which simulated_ == 0 would fit
-  double given_up_ = 0;  // wall seconds since take_shortfall()
+  double ahead_base_;    // wall time that corresponds to simulated_ == 0
+  double dropped_ = 0;   // wall seconds since take_shortfall()
   double window_began_;
 };
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The virtual card on a terminal, as one sees it: LEDs, switches, process words, both lines.
+"""The virtual card on a terminal: LEDs, switches, process words, both lines.
 
     python -m sim.card.panel [options of build/card]
 
-Keys trip the simulated drive, cut a line, add noise, make the master's rate wrong, move switches and take the
-power away. Shown is what the card's log and its answers to `state` say (build/card --control). 80 x 24
-characters are enough. Without a terminal the card itself prints plain lines instead.
+Keys trip the simulated drive, cut a line, add noise, detune the master's rate, move switches and cycle the
+power. The panel shows the card's log and its answers to `state` (build/card --control). 80 x 24 characters
+are enough. Without a terminal, build/card prints plain lines instead.
 
 Times are simulated seconds. Exit code: that of build/card.
 """
@@ -41,7 +41,7 @@ from sim.card.run_card import CARD
 from tb.model import fc_telegram, rtu
 
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
-# Say nothing without the bit's name.
+# States that mean nothing without the bit's name.
 BARE = {"1", "on", "yes", "ready", "possible", "warning"}
 UNUSED = {"No function", "Not in use"}
 
@@ -54,9 +54,9 @@ BARS = " ▁▂▃▄▅▆▇█"
 LINES_KEPT = 200
 LED_STYLE = {"off": "grey50", "red": "bold red", "green": "bold green", "orange": "bold dark_orange"}
 BAUD_STEP, BAUD_MOST = 0.5, 10.0  # percent
-NOISE = (0, 10, 50, 200)  # bytes in a thousand
-MESSAGE_S = 5.0  # wall time that a message stands
-START_S = 30.0  # wall time for build/card to say that it is ready
+NOISE = (0, 10, 50, 200)  # per thousand bytes
+MESSAGE_S = 5.0  # wall time that a message is shown
+START_S = 30.0  # wall time for build/card to become ready
 KEYS = " t trip  c/C cut  n/N noise  +/- baud  arrows, space  p power  h help  q quit"
 HELP = """\
 t       trip the simulated drive (alarm 13)
@@ -70,7 +70,7 @@ q       quit
 
 
 def hints(link: str) -> list[str]:
-    """What to type in another terminal."""
+    """Commands to try in another terminal."""
     ask = "mbpoll -m rtu -a 1 -b 9600 -P none -1"
     return [
         "# motor current",
@@ -83,11 +83,11 @@ def hints(link: str) -> list[str]:
     ]
 
 
-# ---------------------------------------------------------------- what is shown
+# ---------------------------------------------------------------- formatting
 
 
 def kinds(profile: str) -> set[str]:
-    """What `only` in regs/fc.toml asks for."""
+    """Kinds of drive that `only` in regs/fc.toml selects."""
     table = (ROOT / f"sim/drive/{profile}.csv").read_text()
     return {
         "fc_status" if re.search(r"^#: fc_status = 1", table, re.MULTILINE) else "vlt_status",
@@ -96,7 +96,7 @@ def kinds(profile: str) -> set[str]:
 
 
 def bits_in_words(which: str, word: int, of: set[str]) -> str:
-    """The bits that are 1; which: control or status."""
+    """Names the bits that are 1; which: control or status."""
     said = []
     for bit in WORDS[which].values():
         if bit.get("only", next(iter(of))) in of and word >> bit["bit"] & 1 and bit["name"] not in UNUSED:
@@ -114,7 +114,7 @@ def percent(word: int) -> float:
 
 
 def switch_row(digits: str, cursor: int | None) -> Text:
-    """Levers up (1) or down; the chosen one is lit."""
+    """Levers up (1) or down; the selected lever is highlighted."""
     row = Text()
     for number, digit in enumerate(digits):
         row.append("▀" if digit == "1" else "▄", style="reverse" if number == cursor else "bold")
@@ -123,13 +123,13 @@ def switch_row(digits: str, cursor: int | None) -> Text:
 
 
 class View:
-    """Everything that the panel knows, and its parts as text. Fed with log entries and states."""
+    """Collects log entries and states, and renders the panel's parts as text."""
 
     def __init__(self, link: str = "build/modbus", profile: str = "vlt6000") -> None:
         self.link, self.kinds = link, kinds(profile)
         self.state: dict = {}
         self.word = {"control": 0, "reference": 0, "status": 0, "frequency": 0}
-        self.heard: set[str] = set()  # process words that are known
+        self.heard: set[str] = set()  # process words seen so far
         self.trends = {name: deque(maxlen=TRENDS) for name in ("reference", "frequency")}
         self.count = dict.fromkeys(
             (
@@ -153,7 +153,7 @@ class View:
         self._told: float | None = None
         self._next_point = 0.0
 
-    # ------------------------------------------------------------ fed
+    # ------------------------------------------------------------ input
 
     def take(self, entry: dict) -> None:
         if "state" in entry:
@@ -209,7 +209,7 @@ class View:
         self.heard |= set(words)
 
     def _write(self, frame: dict, sender: str, ok: bool) -> None:
-        """One line: when, or how long after what it answers; who; what."""
+        """Adds a line: time, or delay after the request or telegram; sender; description."""
         line, since = frame["line"], None
         if sender == "card":
             since, mark = (self._asked, "reply") if line == "modbus" else (None, "> drive")
@@ -239,7 +239,7 @@ class View:
         text.append(" rtu2fc ", style="reverse bold")
         unit = sum(int(digit) << i for i, digit in enumerate(self.state.get("read", ["", "0"])[1]))
         text.append(f" unit {unit}  {self.state.get('line', '')}", style="bold")
-        # A message takes the place of what can wait: both do not fit 80 columns.
+        # 80 columns do not fit both: a message replaces link and time.
         if self.message:
             text.append(f"  {self.message}", style="bold yellow")
         else:
@@ -319,19 +319,19 @@ class View:
         return Text("\n", no_wrap=True, overflow="ellipsis").join(shown)
 
 
-# ---------------------------------------------------------------- where it comes from
+# ---------------------------------------------------------------- sources
 
 
 class Source(Protocol):
     def command(self, text: str) -> None:
-        """To the card; its answer comes with events()."""
+        """Sends a command to the card; events() returns the answer."""
 
     def events(self) -> Iterator[dict]:
-        """What has come since the last call: log entries, states, {"message": ...}, {"exit": code}."""
+        """Returns new log entries, states, {"message": ...} and {"exit": code}."""
 
 
 class LiveCard:
-    """build/card with its log and its commands."""
+    """build/card with its log and its command input."""
 
     def __init__(self, options: list[str], folder: Path) -> None:
         given = option(options, "--log")
@@ -344,7 +344,7 @@ class LiveCard:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            start_new_session=True,  # Ctrl-C is the panel's
+            start_new_session=True,  # Ctrl-C must reach only the panel
         )
         threading.Thread(target=self._read, daemon=True).start()
         self.said: list[str] = []
@@ -366,7 +366,7 @@ class LiveCard:
         self._lines.put(None)
 
     def command(self, text: str) -> None:
-        with suppress(OSError):  # it has ended: events() tells
+        with suppress(OSError):  # the card has ended: events() reports it
             self.process.stdin.write(f"{text}\n")
             self.process.stdin.flush()
 
@@ -383,14 +383,14 @@ class LiveCard:
             yield {"exit": self.process.wait()}
 
     def stop(self) -> int:
-        """The end of its input ends it."""
+        """Closes the card's input, which ends the card."""
         with suppress(OSError):
             self.process.stdin.close()
         return self.process.wait(START_S)
 
 
 def option(options: list[str], name: str) -> str | None:
-    """Value of an option of build/card, the last one if it is there twice."""
+    """Value of an option of build/card; the last one counts."""
     found = None
     for at, text in enumerate(options):
         if text.startswith(f"{name}="):
@@ -468,7 +468,7 @@ class Panel(App[int]):
         self.show()
 
     def show(self) -> None:
-        # A tick of the clock may come before all parts are there, and while they are taken down.
+        # The timer may fire before all parts are mounted, or while they are removed.
         if len(self.query("#title, #card, #drive, #lines, #log")) < 5:
             return
         for name in ("title", "card", "drive", "lines"):
@@ -483,7 +483,7 @@ class Panel(App[int]):
         self.source.command(command)
 
     def _make_trouble(self, line: str, what: str, key: str, value: object, said: str) -> None:
-        """The next key is pressed on top of this one, before the card has told its state."""
+        """Applies the change at once: the next key may come before the card reports its state."""
         self.view.state.setdefault(line, {})[key] = value
         self.action_send(f"{what} {line} {said}")
 
@@ -525,7 +525,7 @@ class Panel(App[int]):
 
 
 def plain(options: list[str], link: str) -> None:
-    """No terminal: what to type, then build/card in our place."""
+    """Without a terminal: prints the hints, then replaces this process by build/card."""
     print(
         f"Virtual card on {link}, unless options say otherwise unit 1, 9600 bit/s, no parity. To talk to it:"
     )
@@ -552,7 +552,7 @@ def main() -> int:
         ended = Panel(card, view).run()
         code = card.stop()
         if ended not in (0, None) and view.message:
-            print(view.message, file=sys.stderr)  # the screen that showed it is gone
+            print(view.message, file=sys.stderr)  # the panel's screen is already closed
         return code if ended in (0, None) else ended
 
 

@@ -42,7 +42,7 @@ void put_option(Bytes& out, std::uint16_t code, const Bytes& value) {
   pad(out);
 }
 
-// Bits of epb_flags that say what is wrong on the link.
+// Link error bits of epb_flags.
 std::uint32_t link_error(Flaw flaw) {
   constexpr std::uint32_t kCrc = 1u << 24, kTooLong = 1u << 25, kTooShort = 1u << 26, kWrongGap = 1u << 27,
                           kStartDelimiter = 1u << 29, kSymbol = 1u << 31;
@@ -75,7 +75,7 @@ void PcapngFile::network_interface(const std::string& settings) {
   interface(kUser0, "modbus", "network line, Modbus RTU" + (settings.empty() ? "" : ", " + settings));
 }
 
-// Not before the first frame: the network line's rate may be told after the file was opened.
+// Delayed until the first frame: the network line's rate may be set after the file was opened.
 void PcapngFile::begin(const std::string& settings) {
   if (interfaces_ > 0) return;
   network_interface(settings);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // --pcap: frames of both lines as a pcapng file with two interfaces, simulated time in microseconds.
 //
-// Interface 0 is the network line, link type 147 (USER0), 1 the drive line, link type 148 (USER1);
-// sim/view/fc.lua tells Wireshark what they are. Their descriptions end with the line's rate and format and
-// with the drive's name; a network line that changes its rate is another interface from then on. Direction as the card sees it: inbound from the master or
-// the drive, outbound from the card. Each packet carries its description as comment, bad frames are marked
-// there.
+// Interface 0 is the network line, link type 147 (USER0); interface 1 is the drive line, link type 148
+// (USER1). sim/view/fc.lua dissects both. An interface description ends with the line's rate and format and
+// with the drive's name. When the network line changes its rate, a new interface follows. Direction is the
+// card's: inbound from master or drive, outbound from the card. A packet's comment is the frame's
+// description and marks bad frames.
 
 #ifndef PCAPNG_H
 #define PCAPNG_H
@@ -20,7 +20,7 @@ namespace card {
 
 class PcapngFile {
  public:
-  // `drive`: whose parameters are on the drive line, for those who read the capture. Throws UserError.
+  // `drive`: name of the drive, for readers of the capture. Throws UserError.
   PcapngFile(const std::string& path, const SimClock& clock, const std::string& drive);
   // `settings`: rate and format of the network line, such as "9600 8N2"; empty: not known.
   void frame(const Frame& frame, const std::string& settings);
@@ -38,8 +38,8 @@ class PcapngFile {
   OutputFile file_;
   const std::string drive_;
   std::string settings_;
-  std::uint32_t interfaces_ = 0;  // so many have been written
-  std::uint32_t network_ = 0;     // the network line's now
+  std::uint32_t interfaces_ = 0;  // number written
+  std::uint32_t network_ = 0;     // current interface of the network line
 };
 
 }  // namespace card

@@ -31,7 +31,7 @@ PtyPort::PtyPort(const std::string& link) {
     if (notify_ < 0 || inotify_add_watch(notify_, device, IN_OPEN | IN_CLOSE) < 0)
       throw system_error("cannot watch " + device_);
     if (!link.empty()) {
-      // A link to a pty that is gone was left by a card that could not clean up: nobody misses it.
+      // A link to a pty that no longer exists is left over from a killed card: replace it.
       char target[PATH_MAX] = {};
       if (readlink(link.c_str(), target, sizeof target - 1) > 0 && strncmp(target, "/dev/pts/", 9) == 0 &&
           (device_ == target || access(target, F_OK) != 0))
@@ -62,8 +62,8 @@ void PtyPort::close_all() {
     if (fd >= 0) close(fd);
 }
 
-// A serial port that nobody has open keeps nothing, but a pty would: the next program to open it would first
-// get what the card sent to nobody. So those bytes are lost, and so are bytes that the last program left unread.
+// A serial port discards bytes while no program has it open, but a pty keeps them for the next program. So
+// discard bytes sent while no program is connected, and bytes that the last program left unread.
 void PtyPort::watch_clients() {
   alignas(inotify_event) char buffer[1024];
   ssize_t got;

@@ -10,9 +10,9 @@ namespace card {
 
 class PtyPort : public BytePort {
  public:
-  // Opens the pty; `link` empty: no link. Throws UserError when something already stands at `link`.
+  // Opens the pty; `link` empty: no link. Throws UserError if `link` already exists.
   explicit PtyPort(const std::string& link);
-  // Removes the link if it is still ours.
+  // Removes the link if it still points to this pty.
   ~PtyPort() override;
   PtyPort(const PtyPort&) = delete;
   PtyPort& operator=(const PtyPort&) = delete;
@@ -31,7 +31,7 @@ class PtyPort : public BytePort {
   std::string device_;  // /dev/pts/N
   int master_ = -1;
   int slave_ = -1;   // kept open: the pty stays raw and the master side never sees a hang-up
-  int notify_ = -1;  // inotify: who opens and closes the other side
+  int notify_ = -1;  // inotify: other programs that open and close device_
   int clients_ = 0;
 };
 

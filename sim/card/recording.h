@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was seen on the lines and LEDs, in words and in the order in which it began, into --log and --pcap:
-// a frame comes here when it has ended, an LED change when it is clear what the LED shows. Whoever wants to
-// see the same gives listeners. Knows nothing of how the card runs: test benches record with it too.
+// Writes frames and LED changes of both lines to --log and --pcap, in the order in which they began. A frame
+// arrives here when it has ended, an LED change when it is decided. Listeners get the same events. Does not
+// depend on the virtual card: test benches use it too.
 
 #ifndef RECORDING_H
 #define RECORDING_H
@@ -20,20 +20,20 @@ namespace card {
 
 class Recording {
  public:
-  // File names may be empty: none. Throws UserError.
+  // An empty file name means no file. Throws UserError.
   Recording(const SimClock& clock, const Describer& describer, const std::string& log_file,
             const std::string& pcap_file);
   void listen(std::function<void(const Frame&)> frames, std::function<void(const LedChange&)> leds);
 
-  // Rate and format of the network line from now on.
+  // New rate and format of the network line.
   void network_line(const std::string& settings);
   void frame(const Frame& frame);
   void led(const LedChange& change);
-  // Nothing older than `settled` will come any more.
+  // All events before `settled` have arrived; writes them.
   void write_until(Cycles settled);
-  // All of it, and the end of the files.
+  // Writes all events and ends the files.
   void close();
-  // Empty, or why a file could not be written.
+  // First error of a file in one line, or empty.
   std::string trouble() const;
 
  private:

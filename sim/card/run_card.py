@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the virtual card build/card for scripts and tests, and reads its log while it runs.
+"""Starts build/card for scripts and tests, and reads its log while it runs.
 
 Times in the log are simulated seconds (s) since the release of the card's reset.
 """
@@ -18,13 +18,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 CARD = ROOT / os.environ.get("VIRTUAL_CARD", "build/card")
-START_S = 30.0  # wall time for build/card to say it is ready, on a busy machine
-ANSWERS = ("ok", "error: ", "{", "trip ")  # of --control; nothing else that it prints begins like one
+START_S = 30.0  # wall time for build/card to become ready, on a busy machine
+ANSWERS = ("ok", "error: ", "{", "trip ")  # beginnings of --control answers, unlike all other output
 FRAME_S = 10.0  # wall time to wait for a frame
 
 
 class CardError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Frame:
 
 
 class RunningCard:
-    """build/card as a process; use with `with`. `options` go to its command line, as they are."""
+    """build/card as a process and context manager. `options` go to its command line unchanged."""
 
     def __init__(self, folder: Path, *options: str) -> None:
         if not CARD.exists():
@@ -79,7 +79,7 @@ class RunningCard:
         self._is_ready.set()
 
     def command(self, text: str) -> str:
-        """The card's answer to a command, of one line; it must have been started with --control."""
+        """One-line answer of the card to a command; needs the option --control."""
         self.process.stdin.write(f"{text}\n")
         self.process.stdin.flush()
         try:
@@ -103,7 +103,7 @@ class RunningCard:
         return self.wait()
 
     def wait(self, seconds: float = START_S) -> int:
-        """Exit code of a card that ends by itself."""
+        """Waits for a card that ends by itself; returns its exit code."""
         try:
             code = self.process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -125,7 +125,7 @@ class RunningCard:
         ]
 
     def wait_for_frames(self, after: int, line: str, sender: str, seconds: float = FRAME_S) -> list[Frame]:
-        """Frames from number `after` on, once one of `sender` on `line` is among them, or after `seconds`."""
+        """Frames from number `after` on, as soon as one is from `sender` on `line`, or after `seconds`."""
         end = time.monotonic() + seconds
         while True:
             frames = self.frames()[after:]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A real serial port, raw, at the rate and format of the line: the PC stands where the card would.
+// A real serial port, raw, at the rate and format of the line; the PC takes the card's place.
 
 #ifndef SERIAL_PORT_H
 #define SERIAL_PORT_H
@@ -13,9 +13,9 @@ namespace card {
 
 class SerialPort : public BytePort {
  public:
-  // Throws UserError when `device` is no serial port, cannot be opened or is in use.
+  // Throws UserError if `device` is no serial port, cannot be opened or is in use.
   SerialPort(const std::string& device, const LineSettings& line);
-  // Puts the old settings back.
+  // Restores the previous settings.
   ~SerialPort() override;
   SerialPort(const SerialPort&) = delete;
   SerialPort& operator=(const SerialPort&) = delete;
@@ -24,7 +24,7 @@ class SerialPort : public BytePort {
   void write(std::uint8_t byte) override { write_or_lose(fd_, byte); }
   int fd() const override { return fd_; }
   std::string name() const override { return device_; }
-  // USB adapters hand a frame over in pieces up to 16 ms apart; on the simulated line it must have no gaps.
+  // USB adapters deliver a frame in pieces up to 16 ms apart; on the simulated line it must have no gaps.
   int collect_us() const override { return 20'000; }
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Simulated time. Its unit is one cycle of the card's clock, counted from the release of the reset.
+// Simulated time in cycles of the card's clock, counted from the release of the reset.
 
 #ifndef SIM_CLOCK_H
 #define SIM_CLOCK_H
@@ -18,7 +18,7 @@ struct SimClock {
   std::int64_t hz;  // cycles in a second
 
   double seconds(Cycles cycles) const { return static_cast<double>(cycles) / static_cast<double>(hz); }
-  // Rounded to the nearest: every output names the same microsecond.
+  // Rounded to nearest, so that all outputs name the same microsecond.
   std::int64_t microseconds(Cycles cycles) const {
     return cycles / hz * 1'000'000 + (cycles % hz * 1'000'000 + hz / 2) / hz;
   }

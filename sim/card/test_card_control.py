@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to the running virtual card (--control), and what they do to its lines, its drive and itself."""
+"""Commands to the running virtual card (--control) and their effects on lines, drive and card."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def master(card):
 
 
 def all_frames(card: RunningCard) -> list[Frame]:
-    """Of a card that is over: while the LEDs show the power-up the log may be a second late."""
+    """Frames of a card that has ended: during the power-up LEDs the log may lag by a second."""
     assert card.stop() == 0
     return card.frames()
 
@@ -82,7 +82,7 @@ def test_the_end_of_the_input_ends_the_card(card):
     assert card.wait() == 0
 
 
-def test_trip_is_seen_in_the_drive_s_status_word(card, master):
+def test_trip_sets_the_status_word(card, master):
     assert not card.state()["motor"]["status"] & TRIPPED
     assert card.command("trip 7") == "ok"
     motor = card.state()["motor"]
@@ -96,7 +96,7 @@ def test_a_foreign_drive_cannot_be_tripped(tmp_path):
 
 
 @pytest.mark.rule("FC-9")
-def test_a_cut_drive_line_is_silence_and_mended_it_works_again(card, master):
+def test_cut_drive_line_is_silent_and_recovers(card, master):
     assert answered(master, READ_514, REPLY_514_BYTES)
     assert card.command("cut drive on") == "ok"
     master.write(READ_514)
@@ -109,7 +109,7 @@ def test_a_cut_drive_line_is_silence_and_mended_it_works_again(card, master):
     assert len(of(frames, "drive", "drive")) == 2
 
 
-def test_a_cut_network_line_lets_nothing_through(card, master):
+def test_cut_network_line_passes_nothing(card, master):
     assert card.command("cut modbus on") == "ok"
     assert not answered(master)
     assert card.command("cut modbus off") == "ok"
@@ -118,7 +118,7 @@ def test_a_cut_network_line_lets_nothing_through(card, master):
 
 
 @pytest.mark.rule("FRAME-4")
-def test_noise_makes_bad_frames_that_are_not_served(card, master):
+def test_noise_spoils_frames_and_the_card_ignores_them(card, master):
     assert card.command("noise modbus 1000") == "ok"
     assert not answered(master)
     assert card.command("noise modbus 0") == "ok"
@@ -130,7 +130,7 @@ def test_noise_makes_bad_frames_that_are_not_served(card, master):
 
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize(("percent", "heard"), [(3, True), (-3, True), (9, False), (-9, False)])
-def test_the_master_s_rate_may_be_off_by_some_percent(card, master, percent, heard):
+def test_rate_error_of_the_master(card, master, percent, heard):
     assert card.command(f"baud modbus {percent}") == "ok"
     assert answered(master) == heard
     (frame,) = of(all_frames(card), "modbus", "master")
@@ -139,7 +139,7 @@ def test_the_master_s_rate_may_be_off_by_some_percent(card, master, percent, hea
 
 
 @pytest.mark.rule("LINE-7")
-def test_switches_are_read_when_the_power_comes_back(card, master):
+def test_switches_are_read_at_power_up(card, master):
     address_2 = "01000000"
     assert card.command(f"switches 101110000 {address_2}") == "ok"
     state = card.state()
@@ -154,13 +154,13 @@ def test_switches_are_read_when_the_power_comes_back(card, master):
     assert asked.end - asked.start == pytest.approx(len(READ_CONTROL) * 11 / 19200, rel=0.001)
 
 
-def test_power_cycle_takes_the_drive_s_trip_away(card):
+def test_power_cycle_clears_the_trip(card):
     card.command("trip")
     assert card.command("power-cycle") == "ok"
     assert card.state()["motor"]["alarm"] == 0
 
 
-def test_without_control_the_input_is_left_alone(tmp_path):
+def test_without_control_the_input_is_ignored(tmp_path):
     run = subprocess.run(
         [CARD, "--quiet", "--for", "0.3"], input="trip\n", capture_output=True, text=True, check=False
     )

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each of the four documents against the drive it was written for: pymodbus asks the virtual card.
+"""Each of the four documents with the drive it was written for: pymodbus sends requests to the virtual card.
 
 S0  option card manual, VLT 6000               dialect card         drive vlt6000
 S1  the same manual as issued for the VLT 5000  dialect card         drive vlt5000
 S2  Modbus built into VLT 2800, 6000, 8000      dialect builtin      drives vlt2800, vlt8000
 S3  design guide of the VLT HVAC Basic Drive    dialect hvac_basic   drive hvac_basic
 
-The drive stands in the state of its document's examples (--drive example), but where a motor has to run.
-Requests and replies are written as the documents have them, without CRC; telegrams without framing
-(tb/model/fc_telegram.py). What the documents print wrong or leave open is read as docs/guide/dialects.md
-says.
+The drive keeps the state of its document's examples (--drive example), unless a motor has to run. Requests
+and replies are written as the documents print them, without CRC; telegrams without framing
+(tb/model/fc_telegram.py). Errors and gaps of the documents are resolved by docs/guide/dialects.md.
 """
 
 from __future__ import annotations
@@ -25,22 +24,22 @@ from tb.model import fc_telegram as fc
 from tb.model.crc16 import with_crc
 from tb.model.examples import EXAMPLES
 
-SILENCE_S = 1.0  # wall time in which a card that answers at all has answered
+SILENCE_S = 1.0  # wall time after which no reply is expected any more
 
 
 @dataclass(frozen=True)
 class Step:
-    """One request, the reply to it (None: silence) and the telegrams it becomes."""
+    """One request, its reply (None: silence) and its telegrams."""
 
     what: str
     request: str
     reply: str | None
     telegrams: tuple[bytes, ...] = ()
-    wrong: bool = False  # no method of pymodbus would send such a frame
+    wrong: bool = False  # pymodbus has no method for such a frame
 
 
 def steps_of(*names: str, wrong: bool = False) -> list[Step]:
-    """Examples of tb/model/examples.json, each after what it needs first."""
+    """Examples of tb/model/examples.json, each after the examples it depends on."""
     steps = []
     for name in names:
         example = EXAMPLES[name]
@@ -52,7 +51,7 @@ def steps_of(*names: str, wrong: bool = False) -> list[Step]:
 
 
 def talk(folder: Path, dialect: str, profile: str, steps: list[Step], drive: str = "example") -> None:
-    """Has every step asked, and compares requests, replies and telegrams byte for byte."""
+    """Sends every step's request and compares requests, replies and telegrams byte for byte."""
     options = ("--dialect", dialect, "--profile", profile, "--drive", drive, "--speed", "max")
     wait = {"wait": SILENCE_S} if any(step.reply is None for step in steps) else {}
     with RunningCard(folder, *options) as card:
@@ -109,7 +108,7 @@ def test_option_card_on_a_vlt_6000(tmp_path, steps):
 
 @pytest.mark.rule("DIALECT-CARD", "EXC")
 def test_option_card_passes_on_what_the_drive_refuses(tmp_path):
-    """The codes that the manual calls the drive's errors; 17 needs a motor that runs."""
+    """Exception codes of the drive; code 17 needs a running motor."""
     start = Step(
         "start, no speed",
         "01 0F 00 00 00 20 04 7C 04 00 00",
@@ -140,14 +139,14 @@ def test_option_card_passes_on_what_the_drive_refuses(tmp_path):
 # ---------------------------------------------------------------- S1: option card, VLT 5000
 @pytest.mark.rule("DIALECT-CARD", "MAP-7")
 def test_option_card_on_a_vlt_5000(tmp_path):
-    """Examples 4 and 5, the two that this issue of the manual shows."""
+    """Examples 4 and 5, the two in this issue of the manual."""
     talk(tmp_path, "card", "vlt5000", steps_of("ex4-write-104", "ex5-read-514"))
 
 
 # ---------------------------------------------------------------- S2: built in, VLT 2800 and VLT 8000
 @pytest.mark.rule("DIALECT-BUILTIN")
 def test_built_in_modbus_of_a_vlt_2800(tmp_path):
-    """The appendix: status word by 01, coil 1 by 05, ten coils by 0F, motor current 7.38 A by 10."""
+    """Appendix: status word by 01, coil 1 by 05, ten coils by 0F, motor current 7.38 A by 10."""
     motor_current = fc.build_parameter(fc.AK_WRITE_DOUBLE, 105, pwe=738)
     steps = [
         *steps_of("appA-fc01-status", "appA-fc05"),
@@ -164,7 +163,7 @@ def test_built_in_modbus_of_a_vlt_2800(tmp_path):
 
 @pytest.mark.rule("DIALECT-BUILTIN")
 def test_built_in_modbus_of_a_vlt_8000(tmp_path):
-    """514, an element of a log by register 40009, texts without a switch, the drive's own codes."""
+    """514, a log element by register 40009, texts without a switch, the drive's own codes."""
     text = "31 32 33 34 35 36 37 38 39 30"
     steps = [
         *steps_of("ex5-read-514"),
@@ -199,7 +198,7 @@ def test_built_in_modbus_of_a_vlt_8000(tmp_path):
 
 
 # ---------------------------------------------------------------- S3: VLT HVAC Basic Drive
-TYPE_CODE = b"FC-101P2K2T4E20H4XXC"  # what fits of parameter 15-44
+TYPE_CODE = b"FC-101P2K2T4E20H4XXC"  # first 20 characters of parameter 15-44
 
 
 @pytest.mark.rule("DIALECT-HVAC-BASIC")
@@ -257,7 +256,7 @@ def test_hvac_basic_drive_exceptions_of_the_standard(tmp_path):
     talk(tmp_path, "hvac_basic", "hvac_basic", steps)
 
 
-# ---------------------------------------------------------------- no drive at all
+# ---------------------------------------------------------------- no drive
 @pytest.mark.parametrize(
     ("dialect", "reply"),
     [
@@ -267,7 +266,7 @@ def test_hvac_basic_drive_exceptions_of_the_standard(tmp_path):
     ],
 )
 def test_a_drive_that_does_not_answer(tmp_path, dialect, reply):
-    """255 or silence, after one repeat; the card's own coils answer as before."""
+    """Exception 255 or silence, after one repeat; the card's own coils answer as before."""
     steps = [
         Step("104", "01 03 04 0F 00 01", reply, (read(104), read(104))),
         Step("coil 65", "01 01 00 40 00 01", "01 01 01 00"),

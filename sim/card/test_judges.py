@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judges from outside: what others make of the card's lines is what our own monitors say.
+"""Independent tools must agree with the card's log.
 
-tshark and sigrok-cli look at recordings, sigrok from the bits of the waveform on; pymodbus, mbpoll and
-libmodbus ask the virtual card themselves. What our monitors say is the card's log.
+tshark and sigrok-cli decode recordings, sigrok from the bits of the waveform. pymodbus, mbpoll and libmodbus
+are masters of the virtual card.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PLAYED = ("ex1-start-40", "ex4-write-104", "ex5-read-514", "ex6b-text-533", "ref
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Recorded:
-    """Reads, writes, a text, two kinds of exception, and a frame with a wrong CRC."""
+    """Recording with reads, writes, a text, two kinds of exception and a frame with a wrong CRC."""
     folder = tmp_path_factory.mktemp("judged")
     with ExampleRun(folder, wave=True) as run:
         played = tuple(run.play(name) for name in PLAYED)
@@ -55,8 +55,8 @@ def network(recorded) -> list[Frame]:
 # ---------------------------------------------------------------- tshark
 @pytest.mark.rule("FRAME-4")
 @pytest.mark.parametrize("how", ["as shipped", "built-in dissector alone"])
-def test_tshark_sees_the_network_line_as_our_log_does(recorded, network, tmp_path, how):
-    """With our profile, and with nothing of ours but the link type."""
+def test_tshark_agrees_with_the_log(recorded, network, tmp_path, how):
+    """With the shipped profile, and with the link type as the only setting."""
     if how == "as shipped":
         options, env = [*SCRIPT], environment(tmp_path)
     else:
@@ -77,7 +77,7 @@ def test_tshark_sees_the_network_line_as_our_log_does(recorded, network, tmp_pat
             assert got["modbus.exception_code"] == (str(frame.data[2]) if code & rtu.EXCEPTION_BIT else "")
 
 
-# ---------------------------------------------------------------- sigrok, from the waveform's bits
+# ---------------------------------------------------------------- sigrok, from the bits of the waveform
 @dataclass(frozen=True)
 class Annotation:
     start_s: float
@@ -118,8 +118,8 @@ def within(annotations: list[Annotation], frame: Frame) -> list[Annotation]:
 
 @pytest.mark.rule("LINE-1", "FC-1")
 @pytest.mark.parametrize(("line", "parity"), [("modbus", "none"), ("drive", "even")])
-def test_sigrok_s_uart_reads_the_bytes_of_our_log(recorded, lines_vcd, line, parity):
-    """Both directions on one wire; no parity error, no missing stop bit, nothing between the frames."""
+def test_sigrok_uart_agrees_with_the_log(recorded, lines_vcd, line, parity):
+    """Both directions on one wire: no parity error, no missing stop bit, no byte between the frames."""
     uart = f"uart:rx={line}:baudrate=9600:parity={parity}"
     heard = sigrok(lines_vcd, uart, "uart=rx-data")
     frames = [frame for frame in recorded.frames if frame.line == line]
@@ -142,7 +142,7 @@ FUNCTIONS = {
 
 
 @pytest.mark.rule("FRAME-4")
-def test_sigrok_s_modbus_agrees_with_our_log(network, lines_vcd):
+def test_sigrok_modbus_agrees_with_the_log(network, lines_vcd):
     uart = "uart:rx=card_modbus:tx=master:baudrate=9600:parity=none"
     annotations = sigrok(lines_vcd, f"{uart},modbus:scchannel=RX:cschannel=TX", "modbus")
     for frame in network:
@@ -162,7 +162,7 @@ def test_sigrok_s_modbus_agrees_with_our_log(network, lines_vcd):
 
 @pytest.fixture
 def shell(recorded, tmp_path) -> Callable[[str], str]:
-    """The output of a documented command in a plain shell, with no tool of .venv on the path."""
+    """Runs a documented command in a plain shell without the tools of .venv; returns its output."""
     shutil.copy(recorded.wave, tmp_path / "card.fst")
     for name in (".venv", "regs", "sim"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -183,7 +183,7 @@ def shell(recorded, tmp_path) -> Callable[[str], str]:
 
 
 def documented(section: str) -> list[str]:
-    """The lines of the first block of a section of docs/guide/recordings.md."""
+    """Lines of the first code block in a section of docs/guide/recordings.md."""
     text = (ROOT / "docs/guide/recordings.md").read_text().split(f"## {section}\n")[1]
     return re.search(r"```\n(.*?)```", text, re.DOTALL)[1].splitlines()
 
@@ -206,7 +206,7 @@ def test_the_documented_command_writes_the_views(shell, tmp_path):
     assert all((tmp_path / name).stat().st_size > 1000 and name in printed for name in written)
 
 
-def test_a_waveform_without_lines_is_one_line(tmp_path):
+def test_waveform_without_lines_is_refused_in_one_line(tmp_path):
     wave = tmp_path / "small.vcd"
     wave.write_text(
         "$timescale 1 ns $end\n$scope module x $end\n$var wire 1 ! clk $end\n$upscope $end\n"
@@ -219,10 +219,10 @@ def test_a_waveform_without_lines_is_one_line(tmp_path):
     assert "this is no waveform of a whole card" in done.stderr
 
 
-# ---------------------------------------------------------------- masters that ask for themselves
+# ---------------------------------------------------------------- independent masters
 @dataclass(frozen=True)
 class Operation:
-    """What a master is to do: `values` for a write, `count` for a read; addresses as on the wire."""
+    """One operation of a master: `values` for a write, `count` for a read; addresses as on the wire."""
 
     function: int
     address: int
@@ -261,7 +261,7 @@ SPOKEN = {1: "Illegal function", 2: "Illegal data address", 3: "Illegal data val
 
 
 def outcome_of(frame: Frame, asked: Operation) -> str:
-    """What the reply in our log says."""
+    """Outcome according to the reply in the log."""
     code, body = frame.data[1], frame.data[2:-2]
     if code & rtu.EXCEPTION_BIT:
         return f"exception {body[0]}"
@@ -304,10 +304,10 @@ def by_pymodbus(link: Path, asked: Operation) -> str:
 
 
 def by_mbpoll(link: Path, asked: Operation) -> str:
-    """A code outside the standard's mbpoll (and libmodbus in it) only calls invalid."""
+    """mbpoll (through libmodbus) reports codes outside the standard only as invalid."""
     what = ["-t", "0" if asked.of_coils else "4", "-r", asked.address + 1, "-1"]
     what += ["-c", asked.count] if asked.reads else []
-    # It uses 05 and 06 for one value by itself; -W asks for 0F and 10.
+    # mbpoll uses 05 and 06 for a single value; -W selects 0F and 10.
     command = ["mbpoll", "-m", "rtu", "-a", 1, "-b", 9600, "-P", "none", "-s", 2, *what, link, *asked.values]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=30, check=False)
     said = done.stdout + done.stderr
@@ -374,8 +374,8 @@ EXPECTED = {
 
 @pytest.mark.rule("MAP-1", "MAP-2", "MAP-3", "MAP-5", "MAP-7", "EXC")
 @pytest.mark.parametrize("master", MASTERS)
-def test_a_master_understands_what_our_log_says(tmp_path, master):
-    """Every operation, in this order: the answer as the master tells it, as our log has it, as it must be."""
+def test_masters_agree_with_the_log(tmp_path, master):
+    """Every operation in this order: the master's answer, the log and the expected answer are equal."""
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--quiet") as card:
         for name, asked in OPERATIONS.items():
             before = len(card.frames())
@@ -394,8 +394,8 @@ def test_a_master_understands_what_our_log_says(tmp_path, master):
 
 @pytest.mark.rule("EXC")
 @pytest.mark.parametrize("name", ["ex5-read-514", "bad-function", "bad-address", "ex4-write-104"])
-def test_libmodbus_receives_the_very_bytes(tmp_path, name):
-    """Raw requests, so that codes are seen that it has no name for."""
+def test_libmodbus_receives_the_exact_bytes(tmp_path, name):
+    """Raw requests, to see exception codes for which libmodbus has no name."""
     request, reply = (bytes.fromhex(EXAMPLES[name][part]) for part in ("request", "reply"))
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--quiet") as card:
         said = run_client(card.link, "raw", *(f"{byte:02X}" for byte in request[:-2]))
@@ -407,7 +407,7 @@ def test_libmodbus_receives_the_very_bytes(tmp_path, name):
 
 
 @pytest.mark.rule("EXC")
-def test_pymodbus_receives_the_very_bytes(tmp_path):
+def test_pymodbus_receives_the_exact_bytes(tmp_path):
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--quiet") as card:
         with Pymodbus(card.link) as master:
             for pdu, answer in (("07", "87 43"), ("01 00 80 00 01", "81 40")):

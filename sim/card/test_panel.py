@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel of `make run`: what it shows of a recorded log, what its keys say to the card, and a real screen.
+"""The panel of `make run`: display of a recorded log, commands of the keys, and a real screen.
 
-sim/card/panel.jsonl is a log of the virtual card with its states in between: start at 50 %, a read, a refused
-write, a wrong CRC, a cut drive line, a trip, noise, switches moved, and at last the network line cut.
+sim/card/panel.jsonl is a log of the virtual card with states in between: start at 50 %, a read, a refused
+write, a wrong CRC, a cut drive line, a trip, noise, moved switches, and at last a cut network line.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from tb.model.crc16 import with_crc
 RECORDED = [json.loads(line) for line in (ROOT / "sim/card/panel.jsonl").read_text().splitlines()]
 COLUMNS, ROWS = 80, 24
 START_HALF = with_crc(bytes.fromhex("01 0F 00 00 00 20 04 7C 04 00 20"))
-SCREEN_S = 40.0  # wall time for the real screen to show something, on a busy machine
+SCREEN_S = 40.0  # wall time for a text to appear on the real screen, on a busy machine
 
 
 class Recording:
-    """A source that plays entries and remembers commands."""
+    """Source that plays entries and records commands."""
 
     def __init__(self, entries: list[dict]) -> None:
         self.waiting, self.commands = list(entries), []
@@ -53,7 +53,7 @@ def shown(app: Panel, part: str) -> str:
 
 
 def play(entries: list[dict], *keys: str) -> tuple[Panel, Recording, dict[str, str]]:
-    """The panel after the entries and the keys, and the text of its parts."""
+    """Panel after the entries and the keys, with the text of its parts."""
     source = Recording(entries)
     app = Panel(source, View())
     parts: dict[str, str] = {}
@@ -73,7 +73,7 @@ def until(when: float) -> list[dict]:
     return [entry for entry in RECORDED if entry.get("t", entry.get("state")) <= when]
 
 
-# ---------------------------------------------------------------- what it shows
+# ---------------------------------------------------------------- display
 
 
 def test_a_running_motor():
@@ -92,7 +92,7 @@ def test_a_running_motor():
     assert re.match(r" +\+45\.91ms reply +unit 1: exception 1: no write access", last[-1])
 
 
-def test_troubles_a_trip_and_moved_switches():
+def test_faults_trip_and_moved_switches():
     _, _, parts = play(RECORDED)
     assert re.search(r"status +....h  tripped", parts["drive"])
     network, drive = parts["lines"].splitlines()
@@ -104,7 +104,7 @@ def test_troubles_a_trip_and_moved_switches():
 
 
 def styles(text: Text, words: str) -> list[str]:
-    """The styles that lie on these words, wherever they stand."""
+    """Styles of these words, wherever they stand."""
     plain = text.plain
     found = [at for at in range(len(plain)) if plain.startswith(words, at)]
     assert found, f"'{words}' is not in '{plain}'"
@@ -127,7 +127,7 @@ def view_of(*entries: dict) -> View:
 @pytest.mark.parametrize(
     ("led", "colour"), [("red", "red"), ("green", "green"), ("orange", "dark_orange"), ("off", "grey50")]
 )
-def test_a_lamp_and_its_word_have_the_led_s_colour(line, led, colour):
+def test_lamp_and_word_have_the_colour_of_the_led(line, led, colour):
     other = {"modbus": "drive", "drive": "modbus"}[line]
     dark = {**RECORDED[-1][other], "led": "off"}
     state = {**RECORDED[-1], line: {**RECORDED[-1][line], "led": led}, other: dark}
@@ -150,7 +150,7 @@ def test_a_trip_is_red_and_a_running_motor_is_not():
     )
 
 
-def test_what_went_wrong_stands_out():
+def test_faults_are_highlighted():
     view = view_of(*RECORDED)
     troubles = view.lines()
     assert styles(troubles, " CUT") == ["bold red"]
@@ -160,14 +160,14 @@ def test_what_went_wrong_stands_out():
 
 
 @pytest.mark.parametrize("led", ["red", "green", "orange", "off"])
-def test_leds_as_they_are_at_this_moment(led):
+def test_state_shows_the_present_leds(led):
     state = {**RECORDED[-1], "drive": {**RECORDED[-1]["drive"], "led": led}}
     _, _, parts = play([state])
     lamp = "○" if led == "off" else "●"
     assert re.search(rf"{lamp} drive +{led}\n", parts["card"])
 
 
-def test_a_foreign_drive_is_shown_as_it_was_heard():
+def test_foreign_drive_shows_its_last_words():
     foreign = [{**entry, "motor": None} if "state" in entry else entry for entry in until(7.2)]
     _, _, parts = play(foreign)
     assert re.search(r"control +047Ch  start", parts["drive"])
@@ -176,7 +176,7 @@ def test_a_foreign_drive_is_shown_as_it_was_heard():
     assert parts["drive"].count("not heard yet") == 2
 
 
-def test_before_the_first_frame_it_says_what_to_type():
+def test_hints_are_shown_until_the_first_frame():
     _, _, parts = play(until(2.9))
     assert "mbpoll -m rtu -a 1 -b 9600 -P none -1 -t 4 -r 5140 -c 2 build/modbus" in parts["log"]
     assert max(map(len, parts["log"].splitlines())) <= COLUMNS and len(parts["log"].splitlines()) <= 9
@@ -209,12 +209,12 @@ def test_everything_fits_80_columns():
         (["x"], []),
     ],
 )
-def test_keys_say_it_to_the_card(keys, commands):
+def test_keys_send_commands(keys, commands):
     _, source, _ = play(until(7.2), *keys)
     assert source.commands == commands
 
 
-def test_help_names_every_key_and_goes_away_again():
+def test_help_names_every_key_and_closes():
     _, _, parts = play(until(7.2), "h")
     for key in ("t ", "c, C", "n, N", "+, -", "arrows", "space", "p ", "q "):
         assert key in parts["log"]
@@ -222,7 +222,7 @@ def test_help_names_every_key_and_goes_away_again():
     assert "exception 1" in parts["log"]
 
 
-def test_what_the_card_refuses_is_said_for_a_while_or_until_the_next_key(monkeypatch):
+def test_error_is_shown_until_timeout_or_next_key(monkeypatch):
     error = {"message": "only the simulated drive can be tripped"}
     _, _, parts = play([*until(7.2), error])
     assert error["message"] in parts["title"]
@@ -234,7 +234,7 @@ def test_what_the_card_refuses_is_said_for_a_while_or_until_the_next_key(monkeyp
 
 
 def test_a_message_fits_the_screen():
-    """The longest ones: what the card warns of, and what it refuses."""
+    """The longest messages: a warning and an error of the card."""
     for message in ("too slow, running at 0.25 x real time", "only the simulated drive can be tripped"):
         state = {**RECORDED[-1], "read": ["111110000", "11111101"], "line": "115200 8N2"}
         view = view_of(state)
@@ -243,7 +243,7 @@ def test_a_message_fits_the_screen():
 
 
 @pytest.mark.parametrize("code", [0, 2])
-def test_the_end_of_the_card_is_the_end_of_the_panel(code):
+def test_panel_ends_with_the_card(code):
     app = Panel(Recording([{"exit": code}]), View())
 
     async def run() -> None:
@@ -276,7 +276,7 @@ def test_a_card_that_does_not_start_is_one_line_and_exit_2(tmp_path):
 
 
 class Terminal:
-    """The panel in a tmux of its own, 80 x 24."""
+    """The panel in its own tmux session, 80 x 24."""
 
     def __init__(self, folder, options: str = "", then: str = "") -> None:
         self.socket = str(folder / "tmux")
@@ -304,7 +304,7 @@ class Terminal:
         self.tmux("kill-server")
 
     def wait_for(self, *patterns: str) -> list[str]:
-        """The screen, once it shows all of them."""
+        """Returns the screen as soon as it matches all patterns."""
         end, screen = time.monotonic() + SCREEN_S, ""
         while time.monotonic() < end:
             screen = self.tmux("capture-pane", "-p")
@@ -314,7 +314,7 @@ class Terminal:
         raise AssertionError(f"{[p for p in patterns if not re.search(p, screen)]} not in\n{screen}")
 
 
-def test_why_the_card_ended_stays_on_the_terminal(tmp_path):
+def test_reason_for_the_end_stays_on_the_terminal(tmp_path):
     with Terminal(tmp_path, "--pcap /dev/full", "; echo code $?; sleep 60") as terminal:
         screen = terminal.wait_for(r"code 2")
         assert "card: cannot write /dev/full: No space left on device" in screen

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The virtual card build/card as its users have it: a process with serial lines, a log and files."""
+"""The virtual card build/card as users see it: a process with serial lines, a log and files."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def telegrams_of(*names: str) -> list[bytes]:
 
 
 def drive_replies_of(*names: str) -> dict[bytes, bytes]:
-    """Telegram -> reply, where the example has one."""
+    """Maps telegram to reply, for examples with a reply."""
     pairs = [(d["telegram"], d["reply"]) for name in names for d in EXAMPLES[name]["drive"]]
     return {bytes.fromhex(telegram): bytes.fromhex(reply) for telegram, reply in pairs if reply}
 
@@ -74,7 +74,7 @@ class RawPort:
 
     def __init__(self, path: Path | str) -> None:
         self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self.fd, termios.TCSANOW)  # keeps what is there already, as many programs do
+        tty.setraw(self.fd, termios.TCSANOW)  # keeps pending bytes, as many programs do
 
     def __enter__(self) -> RawPort:
         return self
@@ -86,11 +86,11 @@ class RawPort:
         os.write(self.fd, data)
 
     def read(self, count: int, seconds: float = 5.0) -> bytes:
-        """`count` bytes, fewer when they do not come in time."""
+        """Returns `count` bytes, or fewer after `seconds`."""
         data, end = b"", time.monotonic() + seconds
         while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
             part = os.read(self.fd, count - len(data))
-            if not part:  # nobody is at the other end any more
+            if not part:  # the other end is closed
                 break
             data += part
         return data
@@ -100,12 +100,12 @@ class RawPort:
         return self.read(reply_bytes)
 
     def example(self, name: str) -> None:
-        """Asks an example and checks its reply, byte for byte."""
+        """Sends an example's request and checks its reply byte for byte."""
         assert self.ask(request_of(name), len(reply_of(name))) == reply_of(name), name
 
 
 class ForeignDrive(threading.Thread):
-    """A drive on the other side of a link that knows nothing but a table of replies."""
+    """Drive on the other side of a link that answers from a table of replies."""
 
     def __init__(self, link: Path, replies: dict[bytes, bytes]) -> None:
         super().__init__(daemon=True)
@@ -135,7 +135,7 @@ def of(frames: list[Frame], line: str, sender: str) -> list[Frame]:
 
 
 def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProcess:
-    """build/card to its end, for command lines that end it."""
+    """Runs build/card to its end, for command lines that end it."""
     command = [CARD, *map(str, options)]
     return subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
 
@@ -183,8 +183,8 @@ def test_wrong_options_are_one_line_and_exit_2(options, says):
 @pytest.mark.parametrize(
     ("option", "room"), [("--log", 0), ("--pcap", 0), ("--wave", 0), ("--log", 400), ("--wave", 50_000)]
 )
-def test_a_full_disk_is_told(tmp_path, option, room):
-    """At the first byte, or where the disk has room for some of it only."""
+def test_full_disk_is_reported(tmp_path, option, room):
+    """At the first byte, or after the disk has taken a part."""
     file = Path("/dev/full") if room == 0 else tmp_path / "recording"
     command = [CARD, option, file, "--for", "2.5", "--speed", "max", "--quiet"]
     run = subprocess.run(
@@ -237,8 +237,8 @@ def test_a_failed_second_line_leaves_no_link_of_the_first(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_image_is_told_by_its_path(tmp_path):
-    """The images lie beside the program: taken away from them it finds none."""
+def test_missing_image_is_reported_with_its_path(tmp_path):
+    """The images lie beside the program: a program moved away from them finds none."""
     lonely = shutil.copy(CARD, tmp_path / "card")
     for dialect, image in (("card", "firmware.hex"), ("builtin", "builtin/firmware.hex")):
         run = subprocess.run([lonely, "--dialect", dialect], capture_output=True, text=True, check=False)
@@ -249,7 +249,7 @@ def test_a_missing_image_is_told_by_its_path(tmp_path):
 
 # ---------------------------------------------------------------- start and end
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_it_cleanly(tmp_path, how):
+def test_signal_ends_the_card_cleanly(tmp_path, how):
     drive_link = tmp_path / "drive"
     with RunningCard(tmp_path, "--drive", str(drive_link)) as card:
         assert card.ready_line == f"ready modbus={card.link} drive={drive_link}"
@@ -260,7 +260,7 @@ def test_a_signal_ends_it_cleanly(tmp_path, how):
     assert not drive_link.is_symlink()
 
 
-def test_for_ends_it_and_names_the_pty_when_there_is_no_link():
+def test_for_ends_the_card_and_ready_names_the_pty():
     began = time.monotonic()
     run = run_card("--for", "1.0", "--quiet")
     assert run.returncode == 0
@@ -276,7 +276,7 @@ def test_a_link_left_by_a_card_that_was_killed_is_taken_over(tmp_path):
         assert pymodbus_client(card).read_coils(0, count=16, device_id=1).bits == [False] * 16
 
 
-def test_it_removes_only_its_own_link(tmp_path):
+def test_card_removes_only_its_own_link(tmp_path):
     with RunningCard(tmp_path) as card:
         card.link.unlink()
         card.link.write_text("someone else's")
@@ -303,7 +303,7 @@ def test_speed_max_runs_ahead_of_wall_time(tmp_path):
 
 
 def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
-    """40 ms of thinking are 40 ms for the card too: not 150 ms, and no repeat."""
+    """40 ms of thinking are 40 ms for the card too, not 150 ms; the card sends no repeat."""
     link = tmp_path / "drive"
     with RunningCard(tmp_path, "--speed", "max", "--drive", str(link)) as card:
         with RawPort(link) as drive, RawPort(card.link) as master:
@@ -317,7 +317,7 @@ def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
         assert len(of(card.frames(), "drive", "card")) == 1
 
 
-# ---------------------------------------------------------------- masters and drives that are not ours
+# ---------------------------------------------------------------- independent masters and drives
 @pytest.mark.rule("FC-1", "FC-2", "FC-3", "FC-5", "FC-7")
 def test_a_foreign_drive_sees_exactly_the_telegrams_of_the_examples(tmp_path):
     link = tmp_path / "drive"
@@ -369,8 +369,8 @@ def coils(*words: int) -> list[bool]:
     return [bool(word >> bit & 1) for word in words for bit in range(16)]
 
 
-def look(client: ModbusSerialClient) -> tuple[int, int, int]:
-    """Status word, output frequency word and motor current in 10 mA; the read brings the coils up to date."""
+def read_drive(client: ModbusSerialClient) -> tuple[int, int, int]:
+    """Status word, output frequency word and motor current in 10 mA; the read updates the coils."""
     current = client.read_holding_registers(5139, count=2, device_id=1).registers
     bits = client.read_coils(32, count=32, device_id=1).bits
     both = sum(bit << i for i, bit in enumerate(bits))
@@ -382,35 +382,35 @@ def test_the_drive_trips_on_demand(tmp_path):
     with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5") as card:
         client = pymodbus_client(card)
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        assert look(client)[0] & 0x0808 == 0x0800, "running, no trip"
-        looks = [look(client)]
-        while not looks[-1][0] & 8 and len(looks) < 500:
-            looks.append(look(client))
+        assert read_drive(client)[0] & 0x0808 == 0x0800, "running, no trip"
+        readings = [read_drive(client)]
+        while not readings[-1][0] & 8 and len(readings) < 500:
+            readings.append(read_drive(client))
         client.close()
-    assert looks[-1][0] & 0x0808 == 8, "tripped, not running"
-    assert looks[-1][1] == 0
+    assert readings[-1][0] & 0x0808 == 8, "tripped, not running"
+    assert readings[-1][1] == 0
 
 
 @pytest.mark.rule("FC-6", "MAP-1", "MAP-3")
-def test_a_motor_started_by_coils_moves_as_a_drives_does(tmp_path):
-    """Start to 40 % and ramp stop; 60 s ramps, of which 40 % is some seconds."""
+def test_motor_started_by_coils_ramps(tmp_path):
+    """Start to 40 % and ramp stop; with ramps of 60 s, 40 % takes some seconds."""
     with RunningCard(tmp_path, "--speed", "max") as card:
         client = pymodbus_client(card)
-        assert look(client) == (0x0607, 0, 300), "stopped, ready; the card's example current"
+        assert read_drive(client) == (0x0607, 0, 300), "stopped, ready; the card's example current"
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        up = [look(client)]
+        up = [read_drive(client)]
         while up[-1][1] < 0x1999 and len(up) < 5000:
-            up.append(look(client))
+            up.append(read_drive(client))
         assert not client.write_coils(0, coils(0x043C, 0), device_id=1).isError()
-        down = [look(client)]
+        down = [read_drive(client)]
         while down[-1][1] > 0 and len(down) < 5000:
-            down.append(look(client))
+            down.append(read_drive(client))
         client.close()
-    for looks, falling in ((up, False), (down, True)):
-        frequencies = [frequency for _, frequency, _ in looks]
+    for readings, falling in ((up, False), (down, True)):
+        frequencies = [frequency for _, frequency, _ in readings]
         assert frequencies == sorted(frequencies, reverse=falling)
         assert len(set(frequencies)) > 10, "it ramps"
-        assert all(status & 0x0800 for status, frequency, _ in looks if frequency), "running"
+        assert all(status & 0x0800 for status, frequency, _ in readings if frequency), "running"
     assert up[0][0] == 0x0E03, "running, not at its reference"
     assert up[-1][:2] == (0x0F03, 0x1999), "at its reference"
     assert up[-1][2] > up[0][2], "more speed, more current"
@@ -426,7 +426,7 @@ def test_a_motor_started_by_coils_moves_as_a_drives_does(tmp_path):
         ("vlt8000", 5140, 0, "parameter 514 (Readout: Motor current) = 0 (0.00 A)"),
     ],
 )
-def test_the_profile_is_the_drive(tmp_path, profile, register, value, words):
+def test_profile_selects_the_drive(tmp_path, profile, register, value, words):
     with RunningCard(tmp_path, "--profile", profile, "--speed", "max") as card:
         client = pymodbus_client(card)
         reply = client.read_holding_registers(register - 1, count=2, device_id=1)
@@ -438,7 +438,7 @@ def test_the_profile_is_the_drive(tmp_path, profile, register, value, words):
 
 
 def mbpoll(link: Path, *options: str) -> dict[int, int]:
-    """What mbpoll prints: reference -> value."""
+    """Parses mbpoll's output: reference -> value."""
     command = ["mbpoll", "-m", "rtu", "-a", "1", "-b", "9600", "-P", "none", *options, "-1", str(link)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
@@ -465,7 +465,7 @@ def test_the_address_switches_choose_the_unit(tmp_path):
 
 
 @pytest.mark.rule("LINE-7", "LED-5")
-def test_an_invalid_address_is_told_and_the_card_stays_silent(tmp_path):
+def test_invalid_address_warns_and_the_card_stays_silent(tmp_path):
     with RunningCard(tmp_path, "--sw-addr", "00000000", "--for", "1.5") as card:
         with RawPort(card.link) as master:
             assert any("warning" in line and "silent" in line for line in card.output)
@@ -505,7 +505,7 @@ def test_bytes_written_together_have_no_gaps(tmp_path, switches, baud, bits):
 
 
 def test_pieces_of_one_frame_close_gaps_and_a_new_frame_waits(tmp_path):
-    """Three writes of one frame arrive as one; the next frame keeps its distance from the reply."""
+    """Three writes of one frame arrive as one frame; the next frame keeps its distance from the reply."""
     with RunningCard(tmp_path) as card, RawPort(card.link) as master:
         for piece in (READ_CONTROL[:1], READ_CONTROL[1:4], READ_CONTROL[4:]):
             master.write(piece)
@@ -519,7 +519,7 @@ def test_pieces_of_one_frame_close_gaps_and_a_new_frame_waits(tmp_path):
 
 
 @pytest.mark.parametrize("leaves", ["before the reply", "with the reply unread"])
-def test_nothing_stale_for_a_master_that_comes_later(tmp_path, leaves):
+def test_later_master_gets_no_stale_bytes(tmp_path, leaves):
     with RunningCard(tmp_path) as card:
         with RawPort(card.link) as master:
             master.write(READ_CONTROL)
@@ -534,8 +534,8 @@ def test_nothing_stale_for_a_master_that_comes_later(tmp_path, leaves):
 
 
 @pytest.mark.rule("LINE-1")
-def test_a_real_serial_port_is_set_up_and_put_back(tmp_path):
-    """A pty stands for the serial port; its settings are those of a port."""
+def test_serial_port_is_set_up_and_restored(tmp_path):
+    """A pty stands in for the serial port; it has the same settings."""
     ours, port = os.openpty()
     name = os.ttyname(port)
     before = termios.tcgetattr(port)
@@ -565,7 +565,7 @@ def test_a_real_serial_port_is_set_up_and_put_back(tmp_path):
 
 
 # ---------------------------------------------------------------- log, pcap, wave
-def test_the_log_is_complete_and_in_words(tmp_path):
+def test_log_is_complete_and_described(tmp_path):
     with RunningCard(tmp_path, "--drive", "example") as card, RawPort(card.link) as master:
         assert card.ready_line.endswith(" drive=example")
         master.example("ex5-read-514")
@@ -609,7 +609,7 @@ def test_the_log_shows_the_leds(tmp_path):
 
 
 def test_log_and_terminal_are_in_order_of_time(tmp_path):
-    """Traffic of both lines from the power-up show on, through a change of colour."""
+    """Traffic of both lines from the power-up LEDs on, through a change of colour."""
     with RunningCard(tmp_path, "--speed", "max") as card, RawPort(card.link) as master:
         for wanted in ("red-flash", '"drive","shows":"green-flash"'):
             for _ in range(500):
@@ -676,7 +676,7 @@ def test_the_pcapng_file_holds_both_lines_and_marks_bad_frames(tmp_path):
 
 
 def test_the_wave_file_is_a_finished_fst(tmp_path):
-    """The header block of an FST file: length, times in ns, and the writer's idea of e."""
+    """Header block of an FST file: length, times in ns, and the writer's test value e."""
     wave = tmp_path / "card.fst"
     run = run_card("--for", "0.2", "--wave", wave)
     assert run.returncode == 0

@@ -27,8 +27,8 @@ Cycles UartLine::far_bit_edge(Cycles start, int bit) const {
                                                   (1 + trouble_.baud_error / 100)));
 }
 
-// A data or parity bit of the byte that begins, or -1.
-int UartLine::bit_to_turn_over() {
+// Picks a data or parity bit of the next byte, or -1.
+int UartLine::bit_to_flip() {
   if (trouble_.noise == 0 || static_cast<int>(noise_() % kThousand) >= trouble_.noise) return -1;
   return kFirstDataBit + static_cast<int>(noise_() % (settings_.parity == 'N' ? 8u : 9u));
 }
@@ -43,18 +43,18 @@ void UartLine::send(const std::vector<std::uint8_t>& bytes, Cycles now) {
 }
 
 void UartLine::run(Cycles now) {
-  // One pass does a single step of each side; a due time that is still past comes back through next_event().
+  // One pass does one step of each direction; a due time in the past comes back through next_event().
   if (tx_due_ <= now) next_tx_bit(now);
   if (rx_due_ <= now) sample_rx_bit();
 }
 
 void UartLine::next_tx_bit(Cycles now) {
   if (tx_bit_ == settings_.char_bits()) {
-    const bool turned = tx_flip_ >= 0;
-    const unsigned mask = turned && tx_flip_ < kAfterData ? 1u << (tx_flip_ - kFirstDataBit) : 0u;
+    const bool flipped = tx_flip_ >= 0;
+    const unsigned mask = flipped && tx_flip_ < kAfterData ? 1u << (tx_flip_ - kFirstDataBit) : 0u;
     const LineByte done{Sender::kFarEnd,
                         static_cast<std::uint8_t>(tx_queue_.front() ^ mask),
-                        turned && settings_.parity != 'N',
+                        flipped && settings_.parity != 'N',
                         false,
                         tx_start_,
                         now};
@@ -68,7 +68,7 @@ void UartLine::next_tx_bit(Cycles now) {
   }
   const std::uint8_t value = tx_queue_.front();
   if (tx_bit_ == 0) {
-    tx_flip_ = bit_to_turn_over();
+    tx_flip_ = bit_to_flip();
     far_level_ = false;
   } else if (tx_bit_ < kAfterData) {
     far_level_ = (value >> (tx_bit_ - kFirstDataBit) & 1) != 0;
@@ -90,7 +90,7 @@ void UartLine::card_pins(bool tx, bool de, Cycles now) {
     rx_bit_ = 0;
     rx_value_ = 0;
     rx_bad_parity_ = false;
-    rx_flip_ = bit_to_turn_over();
+    rx_flip_ = bit_to_flip();
     rx_due_ = now + clock_.half_bits(1, settings_.baud);
   }
 }

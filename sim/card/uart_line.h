@@ -36,20 +36,20 @@ class UartLine {
 
   UartLine(const SimClock& clock, const LineSettings& settings, Listener listener);
 
-  // The far end's next bytes; they follow one another without gaps.
+  // Queues bytes of the far end; they follow one another without gaps.
   void send(const std::vector<std::uint8_t>& bytes, Cycles now);
   bool far_end_sending() const { return tx_bit_ >= 0; }
 
-  // Cycle of the next thing to do; do it with run() before the cycle is simulated.
+  // Cycle of the next event; call run() with it before that cycle is simulated.
   Cycles next_event() const { return tx_due_ < rx_due_ ? tx_due_ : rx_due_; }
   void run(Cycles now);
 
-  // What may be wrong with the wire, until it is set back. Noise and a cut wire work on both directions; what
-  // the listener is told is what the receiver makes of it, and of a far end that is cut off, nothing.
+  // Faults of the wire, until changed again. Noise and a cut wire affect both directions. The listener gets
+  // the bytes as the receiver reads them, and none from a far end that is cut off.
   struct Trouble {
     bool cut = false;
-    int noise = 0;          // bytes in a thousand that have one bit turned over
-    double baud_error = 0;  // the far end sends so many percent too fast
+    int noise = 0;          // bytes in a thousand with one bit inverted
+    double baud_error = 0;  // percent by which the far end sends too fast
   };
   const Trouble& trouble() const { return trouble_; }
   void set_trouble(const Trouble& trouble) { trouble_ = trouble; }
@@ -58,10 +58,10 @@ class UartLine {
 
   // The card's transmit and driver-enable pins changed at `now`.
   void card_pins(bool tx, bool de, Cycles now);
-  // Level of the pair at the card's receive pin: idle 1, and whoever pulls it to 0 wins.
+  // Level of the pair at the card's receive pin: idle 1; a 0 from either end wins.
   bool level() const { return (trouble_.cut || far_level_) && card_level_; }
 
-  // Start of the oldest byte that is still on the line, kNever when there is none.
+  // Start of the oldest byte still on the line, kNever if there is none.
   Cycles byte_since() const {
     return std::min(far_end_sending() ? tx_start_ : kNever, rx_bit_ >= 0 ? rx_start_ : kNever);
   }
@@ -74,7 +74,7 @@ class UartLine {
   void sample_rx_bit();
   Cycles bit_edge(Cycles start, int bit) const { return start + clock_.half_bits(2 * bit, settings_.baud); }
   Cycles far_bit_edge(Cycles start, int bit) const;
-  int bit_to_turn_over();
+  int bit_to_flip();
   bool parity_bit(std::uint8_t value) const;
   void traffic_until(Cycles end) { silent_since_ = end > silent_since_ ? end : silent_since_; }
 
@@ -82,7 +82,7 @@ class UartLine {
   LineSettings settings_;
   Listener listener_;
   Trouble trouble_;
-  std::minstd_rand noise_{1};  // the same trouble each time
+  std::minstd_rand noise_{1};  // fixed seed: every run has the same noise
   Cycles silent_since_ = 0;
 
   // far end -> card: tx_bit_ is the bit on the line, 0 = start bit, -1 = idle
@@ -90,7 +90,7 @@ class UartLine {
   int tx_bit_ = -1;
   Cycles tx_start_ = 0;
   Cycles tx_due_ = kNever;
-  int tx_flip_ = -1;  // bit that noise turns over, -1: none
+  int tx_flip_ = -1;  // bit that noise inverts, -1: none
   bool far_level_ = true;
 
   // card -> far end: rx_bit_ is the bit to sample next, -1 = waiting for a start edge

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Something the user can put right: printed as one line, exit code 2.
+// Error that the user can correct: printed as one line, exit code 2.
 
 #ifndef USER_ERROR_H
 #define USER_ERROR_H

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small pieces of text that both line descriptions need: parameter names, values, exception codes.
+// Texts that both line descriptions share: parameter names, values, exception codes.
 
 #ifndef WORDS_H
 #define WORDS_H
@@ -27,7 +27,7 @@ std::string quoted(const std::uint8_t* bytes, std::size_t count);
 // Fault numbers of the drive, which most dialects pass on as exception codes.
 const char* fault_name(unsigned number);
 
-// The words for one dialect of the card and one kind of drive.
+// Wording for one dialect of the card and one kind of drive.
 class Words {
  public:
   Words(const Dialect& dialect, const drive_profile_t& profile) : dialect_(dialect), profile_(profile) {}
