@@ -1,12 +1,12 @@
 -- SPDX-License-Identifier: Apache-2.0
--- Wireshark dissector of Danfoss' FC protocol (FC-1 to FC-8), and of the network line of the card beside it.
+-- Wireshark dissector of Danfoss' FC protocol (FC-1 to FC-8), and of the card's network line.
 --
 -- vltfc          the drive line, link type USER1: every field of a telegram, control and status word bit by
---                bit, BCC checked, request and reply linked. Which drive's parameter names: preference, or what
---                the capture's interface description says.
--- rtu2fc_modbus  the network line, link type USER0: Wireshark's own Modbus RTU dissector, told by the capture
---                who speaks (a reply to 05 and 06 looks like its request), and the drive's parameter and process
---                words in it by name.
+--                bit, BCC checked, request and reply linked. Parameter names: by preference, or by the drive
+--                in the capture's interface description.
+-- rtu2fc_modbus  the network line, link type USER0: Wireshark's own Modbus RTU dissector, with the direction from
+--                the capture (a reply to 05 and 06 looks like its request), and with names of the drive's
+--                parameters and process words.
 --
 -- Load it with -X lua_script:fc.lua, or put it and regs/generated/fc_tables.lua into the folder of personal Lua plugins.
 -- Needs Wireshark 4.0 or newer, and in its preferences mbrtu.tcp.port = MODBUS_PORT below (wireshark_profile/preferences).
@@ -31,7 +31,7 @@ local PROCESS, PARAMETER, AROUND_TEXT = 4, 12, 8 -- bytes of data; of a text tel
 local BIT_15, DATA_VALID = 15, 10 -- bit fields count from the highest bit
 local AK_REFUSED, AK_TEXT, IND_TEXT_READ, IND_TEXT_WRITE = 7, 15, 0x04, 0x05
 local TEXT_WORDS = { [IND_TEXT_READ] = " (read text)", [IND_TEXT_WRITE] = " (write text)" }
-local MODBUS_PORT, MASTER_PORT = 8502, 8503 -- how the Modbus dissector tells card and master apart
+local MODBUS_PORT, MASTER_PORT = 8502, 8503 -- distinguish card and master for the Modbus dissector
 
 -- ---------------------------------------------------------------- words
 local function drive_names()
@@ -48,7 +48,7 @@ local function parameter_name(drive, pnu)
   return known and known[1] or "unknown"
 end
 
--- A value as transferred, with its decimals and unit; signed by the parameter's type.
+-- Formats a transferred value with decimals and unit; signed by the parameter's type.
 local function scaled(drive, pnu, raw)
   local known = drive.parameters[pnu]
   if not known then
@@ -75,7 +75,7 @@ local function percent(word)
   return 100.0 * signed / FULL_SCALE
 end
 
--- Texts are Latin-1; what does not print is a dot.
+-- Texts are Latin-1; unprintable characters become dots.
 local function latin1(range)
   local text = {}
   for at = 0, range:len() - 1 do
@@ -91,7 +91,7 @@ local function latin1(range)
   return table.concat(text)
 end
 
--- For a field of its own kind: seconds, to the nanosecond.
+-- Converts seconds for a relative_time field, to the nanosecond.
 local function seconds(value)
   return NSTime.new(math.floor(value), math.floor(value % 1 * 1e9 + 0.5))
 end
@@ -166,7 +166,7 @@ for number, name in ipairs(drive_names()) do
 end
 fc.prefs.drive = Pref.enum("Drive", BY_CAPTURE, "Whose parameter names and status bits", choices, false)
 
--- What the interface on which a packet was taken says about itself.
+-- Description of the interface on which a packet was captured.
 local interface_description = Field.new("frame.interface_description")
 
 local function drive_of()
@@ -250,9 +250,9 @@ local function add_parameter(tree, data, reply, drive)
   return what .. " = " .. shown
 end
 
--- ---------------------------------------------------------------- who asked what
-local pending -- the request that waits for its reply, while the file is read for the first time
-local linked = {} -- frame number -> what is known of its partner
+-- ---------------------------------------------------------------- requests and replies
+local pending -- the request without a reply so far, during the first pass over the file
+local linked = {} -- frame number -> data of the linked frame
 
 function fc.init()
   pending, linked = nil, {}
@@ -262,7 +262,7 @@ local function is_broadcast(adr)
   return adr == 0x80 or bits.band(adr, 0xA0) == 0x20
 end
 
--- Direction as the capture says it; without: what follows a request from the same address is its reply.
+-- Uses the capture's direction. Without one, a frame after a request from the same address is its reply.
 local function is_reply(pinfo, adr)
   if pinfo.p2p_dir == P2P_DIR_SENT then
     return false
@@ -423,7 +423,7 @@ local READ_REGISTERS, WRITE_COIL, WRITE_REGISTER, WRITE_COILS, WRITE_REGISTERS =
 local WORD_COILS = 16 -- the control word; the reference has the 16 after it
 local SHORTEST, SHORTEST_KNOWN = 4, 5 -- bytes; Wireshark's dissector leaves the shortest alone
 
--- Control word and reference, as far as a request writes their coils: its first coil, how many, their values.
+-- Adds control word and reference as far as a request writes their coils: first coil, count, values.
 local function add_coils(tvb, root, first, count, value)
   local last = math.min(first + count, 2 * WORD_COILS) - 1
   if last < first or value:len() * 8 < last - first + 1 then
@@ -455,7 +455,7 @@ local function add_coils(tvb, root, first, count, value)
   end
 end
 
--- What a request means to a VLT: its parameter, or control word and reference.
+-- Adds the meaning of a request for a VLT: its parameter, or control word and reference.
 local function add_meaning(tvb, root)
   local code, address = tvb(1, 1):uint(), tvb(2, 2):uint()
   local is_register = code == READ_REGISTERS or code == WRITE_REGISTER or code == WRITE_REGISTERS
@@ -471,15 +471,15 @@ local function add_meaning(tvb, root)
   end
 end
 
--- ---------------------------------------------------------------- its requests and replies
-local asked -- the last request, while the file is read for the first time
-local answers = {} -- frame number of a reply -> seconds since its request began, bytes of that
+-- ---------------------------------------------------------------- requests and replies of the network line
+local asked -- the last request, during the first pass over the file
+local answers = {} -- frame number of a reply -> seconds since its request began, length of that request
 
 function network.init()
   asked, answers = nil, {}
 end
 
--- Seconds that so many bytes take, at the rate that the capture's interface description tells.
+-- Duration of so many bytes in seconds, at the rate in the capture's interface description.
 local function seconds_of(bytes)
   local said = interface_description()
   local baud, parity, stop_bits = (said and said.value or ""):match("(%d+) 8([NEO])([12])$")
@@ -510,8 +510,8 @@ local function crc_of(tvb)
   return crc
 end
 
--- Wireshark's dissector takes unit 0 for no Modbus at all, but it is a request to all; and leaves a frame alone
--- that is a function code only.
+-- Wireshark's dissector rejects unit 0, which is a request to all, and skips a frame that is only a function
+-- code.
 local function by_ourselves(tvb, pinfo, root, who)
   local tree = root:add(network, tvb(), "Modbus RTU, " .. who)
   tree:add(n.code, tvb(1, 1))
@@ -536,7 +536,7 @@ function network.dissector(tvb, pinfo, root)
   elseif pinfo.p2p_dir == P2P_DIR_SENT then
     pinfo.src_port, pinfo.dst_port = MODBUS_PORT, MASTER_PORT
   end
-  -- First: what the built-in dissector cannot read ends this function too.
+  -- Comes first: an error in the built-in dissector ends this function too.
   if not pinfo.visited then
     follow_network(tvb, pinfo, request)
   end

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates the words of the FC protocol for those who read telegrams.
+"""Generates the texts of the FC protocol for the Wireshark dissector and the virtual card.
 
     python -m sim.view.fc_tables            writes the generated files
-    python -m sim.view.fc_tables --check    exits 1 and names every file that differs from what would be
-    written
+    python -m sim.view.fc_tables --check    exits 1 and names every outdated file
 
-From regs/fc.toml and the drives' parameter tables sim/drive/*.csv: the tables of the Wireshark dissector and
-the fault names of the virtual card.
+Sources: regs/fc.toml and the drives' parameter tables sim/drive/*.csv. Results: the tables of the dissector
+and the fault names of the virtual card.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ def banner(comment: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """A string literal for Lua and C alike."""
+    """String literal for Lua and C."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -105,7 +104,7 @@ def cpp(words: dict) -> str:
 
 
 def generate() -> dict[str, str]:
-    """Path (from the repository's root) -> text of every generated file."""
+    """Maps the path of each generated file, relative to the repository, to its text."""
     words = tomllib.loads((ROOT / WORDS).read_text())
     return {"regs/generated/fc_tables.lua": lua(words), "regs/generated/fc_words.h": cpp(words)}
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prints the log of a recording (.jsonl) as a table: frames of both lines and what the LEDs show.
+"""Prints the log of a recording (.jsonl) as a table: frames of both lines and states of the LEDs.
 
     python -m sim.view.frames FILE [--frames] [--bad] [--bytes]
 
-Columns: time in s of the frame's first start bit, silence in ms on its line before it, line, sender, what it
-says; a frame that is damaged has BAD before it. --frames leaves the LEDs out, --bad prints damaged frames
-only, --bytes adds each frame's bytes.
-Exit code: 2 for a file that is no such log.
+Columns: time in s of the frame's first start bit, silence in ms on its line before it, line, sender,
+description. Damaged frames are marked BAD. --frames omits the LEDs, --bad prints only damaged frames,
+--bytes adds each frame's bytes.
+Exit code: 2 for a file that is not such a log.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def main() -> int:
         return 2
     try:
         print("\n".join(rows), flush=True)
-    except BrokenPipeError:  # somebody has seen enough
+    except BrokenPipeError:  # the reader of the output has stopped
         sys.stderr.close()
     return 0
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the virtual card writes into --log and --pcap, for test benches: bytes and LED levels go in, the same
-// words, marks and files come out. A C interface for ctypes (tb/lib/recording.py). Times in ns of simulated
-// time. One bench, one thread: nothing here is locked.
+// Writes --log and --pcap for test benches in the virtual card's format, from bytes and LED levels. A C
+// interface for ctypes (tb/lib/recording.py). Times in ns of simulated time. For one thread: nothing is locked.
 
 #include <algorithm>
 #include <array>
@@ -19,7 +18,7 @@ namespace {
 using namespace card;
 
 constexpr SimClock kClock{1'000'000'000};
-// A character is told when it is over: at 300 bit/s it began this long ago.
+// A character is reported at its end: at 300 bit/s it began this long ago.
 constexpr Cycles kLongestCharacter = 40'000'000;
 
 struct Recorder {
@@ -46,7 +45,7 @@ struct Recorder {
 
 extern "C" {
 
-// NULL when it cannot be, with the reason in `error`.
+// Returns NULL on failure, with the reason in `error`.
 void* record_open(const char* log, const char* pcap, const char* dialect, char* error, unsigned error_size) {
   try {
     const Dialect* const words_of = find_dialect(dialect);
@@ -58,7 +57,7 @@ void* record_open(const char* log, const char* pcap, const char* dialect, char* 
   }
 }
 
-// `line`: 0 network, 1 drive. How long a silence may be inside a frame, and which one ends it.
+// `line`: 0 network, 1 drive. `inside`: longest silence inside a frame; `between`: silence that ends a frame.
 void record_silences(void* recorder, int line, long long inside, long long between, long long character) {
   static_cast<Recorder*>(recorder)
       ->lines.at(static_cast<std::size_t>(line))
@@ -78,20 +77,20 @@ void record_byte(void* recorder, int line, int from_card, int value, int bad_par
                     bad_parity != 0, bad_stop != 0, start, end});
 }
 
-// The line is silent: what has been heard is a frame.
+// The line is silent: ends the frame.
 void record_end_frame(void* recorder, int line) {
   static_cast<Recorder*>(recorder)->lines.at(static_cast<std::size_t>(line)).flush();
 }
 
-// Levels of an LED, 0 network, 1 drive; every few milliseconds, so that flashing is seen.
+// Levels of an LED, 0 network, 1 drive; call every few milliseconds so that flashing is recognised.
 void record_led(void* recorder, int led, int red, int green, long long now) {
   static_cast<Recorder*>(recorder)->leds.at(static_cast<std::size_t>(led)).sample(red != 0, green != 0, now);
 }
 
-// Writes what can no longer be preceded by anything.
+// Writes all events that no later event can precede.
 void record_write(void* recorder, long long now) { static_cast<Recorder*>(recorder)->write(now); }
 
-// Whether all of it could be written; if not, the reason is in `error`.
+// Returns whether everything was written; if not, the reason is in `error`.
 int record_close(void* recorder, char* error, unsigned error_size) {
   const std::unique_ptr<Recorder> self(static_cast<Recorder*>(recorder));
   for (FrameGrouper& line : self->lines) line.flush();

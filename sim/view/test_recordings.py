@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One recording, all views: waveform, capture and log of one run say the same, whoever wrote them.
+"""Waveform, capture and log of one run agree, from the virtual card and from the benches.
 
-The captures are read by tshark and capinfos, the waveforms by the library behind Surfer.
+tshark and capinfos read the captures; the library that Surfer uses reads the waveforms.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ INBOUND = "0x00000001"
 CRC_ERROR, TOO_SHORT, TOO_LONG, WRONG_GAP, NO_START, SYMBOL_ERROR = 24, 26, 25, 27, 29, 31
 
 
-# ---------------------------------------------------------------- the recorder by itself
+# ---------------------------------------------------------------- the recorder alone
 @dataclass(frozen=True)
 class Heard:
-    """A character as the benches' monitors hand it over."""
+    """A character as the benches' monitors report it."""
 
     byte: int
     start_ps: int
@@ -60,7 +60,7 @@ class Heard:
 
 
 class Talk:
-    """Characters one after the other into a recorder, on both lines at 9600 bit/s."""
+    """Sends characters one after the other into a recorder, on both lines at 9600 bit/s."""
 
     def __init__(self, recorder: Recorder) -> None:
         self.recorder = recorder
@@ -82,8 +82,8 @@ def log_of(base: Path) -> list[dict]:
     return [json.loads(line) for line in Path(f"{base}.jsonl").read_text().splitlines()]
 
 
-def told(tmp_path: Path, talk) -> list[tuple[dict, dict]]:
-    """What was said, as log entries and as tshark reads the capture; the two must agree."""
+def agreed_entries(tmp_path: Path, talk) -> list[tuple[dict, dict]]:
+    """Pairs each log entry of a talk with tshark's packet; both must agree."""
     base = tmp_path / "lines"
     with Recorder(base) as recorder:
         talk(Talk(recorder))
@@ -94,7 +94,7 @@ def told(tmp_path: Path, talk) -> list[tuple[dict, dict]]:
 
 
 def check_capture(entries: list[dict], packets: list[dict]) -> None:
-    """Line, direction, microsecond, length, words and mark of every frame of the log."""
+    """Line, direction, microsecond, length, description and mark of every frame of the log."""
     assert len(packets) == len(entries)
     for entry, packet in zip(entries, packets, strict=True):
         assert packet["frame.interface_name"] == entry["line"]
@@ -115,7 +115,7 @@ def test_good_frames_of_both_lines(tmp_path):
         t.silence(2.2)
         t.say(DRIVE, False, bytes.fromhex("02 06 81 0F 03 20 00 A9"))
 
-    entries = [entry for entry, _ in told(tmp_path, talk)]
+    entries = [entry for entry, _ in agreed_entries(tmp_path, talk)]
     assert [(e["line"], e["from"], e["ok"]) for e in entries] == [
         ("modbus", "master", True),
         ("modbus", "card", True),
@@ -164,17 +164,17 @@ def test_good_frames_of_both_lines(tmp_path):
         ),
     ],
 )
-def test_a_bad_frame_says_what_is_wrong(tmp_path, line, pieces, flaws, words, bit):
+def test_bad_frame_is_described(tmp_path, line, pieces, flaws, words, bit):
     def talk(t: Talk) -> None:
         for piece in pieces:
             t.say(line, False, piece, **flaws)
             t.silence(2)
 
-    first, *rest = told(tmp_path, talk)
+    first, *rest = agreed_entries(tmp_path, talk)
     entry, packet = first
     assert (entry["ok"], entry["what"]) == (False, words)
     assert int(packet["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
-    # Only what follows a gap is a frame of its own (FRAME-2).
+    # Only the bytes after a gap are a frame of their own (FRAME-2).
     assert [entry["ok"] for entry, _ in rest] == ([True] if words.startswith("gap: not") else [])
 
 
@@ -193,22 +193,22 @@ def test_a_bad_frame_says_what_is_wrong(tmp_path, line, pieces, flaws, words, bi
         ("01 07 00 00 00 00 00", ""),
     ],
 )
-def test_a_request_of_a_wrong_length_says_so(tmp_path, request_, words):
-    """Its CRC is right, so it is a good frame; that the card refuses it has a reason."""
+def test_wrong_length_of_a_request_is_described(tmp_path, request_, words):
+    """The CRC is right, so the frame is good; its description gives the reason for the card's refusal."""
     frame = with_crc(bytes.fromhex(request_))
-    ((entry, _),) = told(tmp_path, lambda t: t.say(MODBUS, False, frame))
+    ((entry, _),) = agreed_entries(tmp_path, lambda t: t.say(MODBUS, False, frame))
     assert entry["ok"] and entry["what"].startswith("unit 1: ")
     said = entry["what"]
     assert said.endswith(words) if words else "would be right" not in said
 
 
-def test_a_silence_of_1_4_characters_is_none(tmp_path):
+def test_silence_of_1_4_characters_is_no_gap(tmp_path):
     def talk(t: Talk) -> None:
         t.say(MODBUS, False, READ_CONTROL[:4])
         t.silence(1.4)
         t.say(MODBUS, False, READ_CONTROL[4:])
 
-    ((entry, _),) = told(tmp_path, talk)
+    ((entry, _),) = agreed_entries(tmp_path, talk)
     assert entry["ok"]
 
 
@@ -229,7 +229,7 @@ def test_leds_and_frames_are_in_order_of_time(tmp_path):
     assert sum("line" in e for e in entries) == 5
 
 
-def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
+def test_unwritable_file_gives_a_one_line_error(tmp_path):
     with pytest.raises(RecordingError, match=r"cannot write .*nowhere.*jsonl"):
         Recorder(tmp_path / "nowhere/lines")
     with pytest.raises(RecordingError, match="no dialect klingon"):
@@ -238,7 +238,7 @@ def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
 
 # ---------------------------------------------------------------- the virtual card's three files
 def check_wave(wave: Path, entries: list[dict], baud: int) -> None:
-    """Every frame of the card begins and ends with DE in the waveform, at the log's time."""
+    """DE in the waveform rises and falls with every frame of the card, at the log's times."""
     pulses = WaveFile(wave).pulses
     for line in ("modbus", "drive"):
         own = [e for e in entries if e.get("line") == line and e["from"] == "card"]
@@ -250,7 +250,7 @@ def check_wave(wave: Path, entries: list[dict], baud: int) -> None:
             assert -0.05 * bit <= fall - entry["end"] <= bit
 
 
-def test_the_virtual_card_s_files_say_the_same(tmp_path):
+def test_files_of_the_virtual_card_agree(tmp_path):
     wave, pcap = tmp_path / "card.fst", tmp_path / "card.pcapng"
     options = ("--drive", "example", "--speed", "max", "--wave", str(wave), "--pcap", str(pcap))
     requests = [
@@ -280,7 +280,7 @@ def test_the_virtual_card_s_files_say_the_same(tmp_path):
 
 # ---------------------------------------------------------------- the views of a waveform
 def named_in_gtkwave(view: Path) -> list[str]:
-    """Signals as GTKWave will look for them: name in the file, with its range."""
+    """Signals named by a .gtkw file, with their ranges."""
     lines = [line for line in view.read_text().splitlines() if line and line[0] not in "@-^[*"]
     return [line.split("} ", 1)[-1] for line in lines]
 
@@ -291,7 +291,7 @@ def named_in_surfer(view: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Shown:
-    """How a view shows a signal. GTKWave: flags and the file with names; Surfer: format, none for a bit."""
+    """Display of a signal. GTKWave: flags and the file with names; Surfer: format, none for a bit."""
 
     name: str
     flags: int
@@ -300,7 +300,7 @@ class Shown:
 
 
 def rows_of(view: Path) -> list[Shown]:
-    """Every row of both views, in order; Surfer's formats by the row that they are focused on."""
+    """Every row of both views, in order; Surfer's formats are matched by the focused row."""
     commands = [line.split() for line in view.with_suffix(".sucl").read_text().splitlines()]
     items = [words[1] for words in commands if words[0] in ("divider_add", "variable_add")]
     formats: dict[int, str] = {}
@@ -329,7 +329,7 @@ def rows_of(view: Path) -> list[Shown]:
     return rows
 
 
-# Names of Surfer's own translations (its basic translators), as item_set_format takes them.
+# Surfer's own translators, by the names that item_set_format takes.
 BIT, DECIMAL, HEX, ASCII = (0x28, ""), (0x24, "Unsigned"), (0x22, "Hexadecimal"), (0x820, "ASCII")
 GROUP_BEGIN, FILE_FILTER = 0x800200, 0x2000
 CARD_ROWS = {
@@ -346,7 +346,7 @@ CARD_ROWS = {
 
 
 def check_rows(rows: list[Shown], folder: Path) -> None:
-    """States as text, bytes as hexadecimal, counts as numbers, addresses by name: in both programs."""
+    """Both programs show states as text, bytes as hexadecimal, counts as numbers, addresses by name."""
     for pattern, (least, (flags, surfer)) in CARD_ROWS.items():
         fitting = [row for row in rows if re.search(pattern + "$", row.name)]
         assert len(fitting) >= least, pattern
@@ -360,7 +360,7 @@ def check_rows(rows: list[Shown], folder: Path) -> None:
 
 
 def check_views(wave: Path, view: Path) -> list[str]:
-    """Every signal that a view names is in the waveform; returns them as GTKWave has them."""
+    """Every signal named by a view is in the waveform; returns GTKWave's names."""
     there = {s.path: s.width for s in WaveFile(wave).signals.values()}
     shown = named_in_gtkwave(view)
     assert shown
@@ -373,7 +373,7 @@ def check_views(wave: Path, view: Path) -> list[str]:
 
 
 def check_card_views(wave: Path) -> None:
-    """Nothing of the list is behind the hierarchy, states and addresses have names."""
+    """Every entry of the list is found; states and addresses have names."""
     view = save_file(wave, "rtu2fc")
     assert missing("rtu2fc", WaveFile(wave).signals) == []
     shown = check_views(wave, view)
@@ -398,7 +398,7 @@ def check_card_views(wave: Path) -> None:
 
 @pytest.mark.parametrize("top", sorted(path.stem for path in rtl_files() if not path.stem.endswith("_defs")))
 def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
-    """A waveform of each module, nothing running in it."""
+    """Each module with an idle waveform."""
     dumper, wave = tmp_path / "dump.v", tmp_path / f"{top}.fst"
     dumper.write_text(
         f'module dump; initial begin $dumpfile("{wave}"); $dumpvars(0, {top}); #1 $finish; end\nendmodule\n'
@@ -423,12 +423,12 @@ def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
 # ---------------------------------------------------------------- the benches' three files
 FAST = 38_400
 CLK_HZ = 2_000_000
-BENCH_WAVE = WAVES_FOLDER / "test_recordings.test_a_bench_writes_the_same_three_files.fst"
+BENCH_WAVE = WAVES_FOLDER / "test_recordings.test_files_of_a_bench_agree.fst"
 
 
 @cocotb.test
 async def good_damaged_revoked_and_refused(dut):
-    """One of each, on a whole card."""
+    """One transaction of each kind, on a whole card."""
     from tb.lib.card import MS, Card
     from tb.lib.uart_agent import Flaws
 
@@ -446,7 +446,7 @@ async def good_damaged_revoked_and_refused(dut):
     assert done.data == with_crc(bytes.fromhex("01 81 40"))
 
 
-def test_a_bench_writes_the_same_three_files(monkeypatch):
+def test_files_of_a_bench_agree(monkeypatch):
     monkeypatch.setenv("WAVES", "1")
     run("rtu2fc", __name__, sim="icarus", parameters={"CLK_HZ": CLK_HZ})
     entries = log_of(BENCH_WAVE.with_suffix(""))
@@ -467,7 +467,7 @@ def test_a_bench_writes_the_same_three_files(monkeypatch):
     assert [e["shows"] for e in entries if e.get("led") == "drive"] == ["off"]
 
 
-def test_nothing_is_recorded_unasked(monkeypatch, tmp_path):
+def test_recording_is_off_by_default(monkeypatch, tmp_path):
     monkeypatch.delenv("RECORD", raising=False)
     from tb.lib.recording import wanted
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What Wireshark says about a recording of the documents' examples, on both lines, against the documents.
+"""Wireshark's decoding of recorded examples of the documents, on both lines.
 
-What a telegram or frame means is taken from the plain Python models and the drives' tables, not from the
-dissector's own.
+The meaning of telegrams and frames comes from the Python models and the drives' tables, not from the
+dissector's tables.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ WITH_DRIVE = [name for name, example in EXAMPLES.items() if example["drive"]]
 
 
 def read(capture: Path, settings: Path, *options: str) -> dict[int, dict[str, str]]:
-    """The decoded fields of each packet, by its number from 1; read twice, as Wireshark does."""
+    """Decoded fields of each packet, by its number from 1; two passes, as in Wireshark."""
     packets = tshark.fields(capture, *FIELDS, options=[*SCRIPT, "-2", *options], env=environment(settings))
     return dict(enumerate(packets, 1))
 
@@ -125,7 +125,7 @@ def check_telegram(got: dict[str, str], telegram: bytes, reply: bool) -> None:
 
 @pytest.mark.rule("FC-1", "FC-2", "FC-3", "FC-4", "FC-7")
 @pytest.mark.parametrize("name", WITH_DRIVE)
-def test_the_drive_line_is_decoded_as_the_examples_say(recorded, packets, name):
+def test_drive_line_is_decoded_as_in_the_examples(recorded, packets, name):
     played = example(recorded, name)
     seen = [
         (packets[played.first_packet + i], frame)
@@ -163,8 +163,8 @@ def test_values_have_their_decimals_and_unit(recorded, packets, name, direction,
 
 
 @pytest.mark.rule("FC-9")
-def test_request_and_reply_know_each_other(recorded, packets):
-    """By number, with the silence between them as the log has it; a repeat knows what it repeats."""
+def test_request_and_reply_are_linked(recorded, packets):
+    """Linked by number, with the silence between them as in the log; a repeat is linked to the original."""
     pairs = 0
     for at, frame in enumerate(recorded.frames, 1):
         if (frame.line, frame.sender) != ("drive", "drive"):
@@ -193,7 +193,7 @@ def test_request_and_reply_know_each_other(recorded, packets):
 
 # ---------------------------------------------------------------- the network line
 def check_adu(got: dict[str, str], adu: bytes, request: bytes) -> None:
-    """What the built-in dissector says about a request, or about the reply to `request`."""
+    """Result of the built-in dissector for a request, or for the reply to `request`."""
     is_request = adu is request
     code, body = adu[1], adu[2:-2]
     assert "mbrtu:modbus" in got["frame.protocols"]
@@ -226,20 +226,20 @@ def check_adu(got: dict[str, str], adu: bytes, request: bytes) -> None:
 
 
 def check_broadcast(got: dict[str, str], adu: bytes) -> None:
-    """Wireshark's own dissector leaves unit 0 alone; ours says the most important."""
+    """Wireshark's own dissector ignores unit 0; this project's adds the main fields."""
     assert number(got["rtu2fc_modbus.func_code"]) == adu[1]
     assert number(got["rtu2fc_modbus.reference_num"]) == int.from_bytes(adu[2:4], "big")
     assert truth(got["rtu2fc_modbus.crc.good"])
     assert number(got["rtu2fc_modbus.ctw"]) == 0x047C
 
 
-# Requests that contradict themselves on purpose: what a dissector makes of them is its own affair.
+# Requests that contradict themselves on purpose: the dissector's output is not checked.
 MALFORMED = ("bad-function", "bad-length", "bad-data-length")
 
 
 @pytest.mark.rule("FRAME-4")
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_the_network_line_is_decoded_as_the_examples_say(recorded, packets, name):
+def test_network_line_is_decoded_as_in_the_examples(recorded, packets, name):
     played = example(recorded, name)
     request = bytes.fromhex(played.example["request"])
     first = packets[played.first_packet]
@@ -262,8 +262,8 @@ def test_the_network_line_is_decoded_as_the_examples_say(recorded, packets, name
     assert float(got["modbus.response_time"]) == pytest.approx(taken, abs=2e-6)
 
 
-def test_the_network_line_s_pause_is_the_log_s(recorded, packets):
-    """From the request's last stop bit on, as on the drive line, on the panel and in the demo."""
+def test_pause_on_the_network_line_equals_the_log(recorded, packets):
+    """Counted from the request's last stop bit, as on the drive line, on the panel and in the demo."""
     pauses, asked = 0, None
     for at, frame in enumerate(recorded.frames, 1):
         if frame.line != "modbus":
@@ -279,7 +279,7 @@ def test_the_network_line_s_pause_is_the_log_s(recorded, packets):
 
 
 @pytest.mark.parametrize(("baud", "form"), [(9600, "8N2"), (19200, "8E1"), (300, "8N1"), (115200, "8O1")])
-def test_the_pause_knows_the_line_s_rate_also_when_it_changes(tmp_path, baud, form):
+def test_pause_follows_changes_of_the_rate(tmp_path, baud, form):
     fmt = Format.named(baud, form)
     with Recorder(tmp_path / "lines") as recorder:
         at = 10**10
@@ -302,7 +302,7 @@ def test_the_pause_knows_the_line_s_rate_also_when_it_changes(tmp_path, baud, fo
         assert float(got[reply]["rtu2fc_modbus.pause"]) == pytest.approx(0.030, abs=3e-6)
 
 
-def test_requests_are_told_in_the_drive_s_words(recorded, packets):
+def test_requests_are_named_by_the_drive_s_parameters(recorded, packets):
     read_current = packets[example(recorded, "ex5-read-514").first_packet]
     assert read_current["rtu2fc_modbus.pnu"] == "514"
     assert read_current["rtu2fc_modbus.name"] == VLT6000[514].name
@@ -331,7 +331,7 @@ def test_requests_are_told_in_the_drive_s_words(recorded, packets):
         ("01 0F 00 00 00 20 04 7C 04", {"start": None}, None),
     ],
 )
-def test_any_write_of_the_control_word_s_coils_is_told(tmp_path, request_, bits, reference):
+def test_every_write_of_control_word_coils_is_decoded(tmp_path, request_, bits, reference):
     frame = with_crc(bytes.fromhex(request_))
     (got,) = read(capture_of(tmp_path, (MODBUS, False, frame)), tmp_path / "settings").values()
     for name, value in bits.items():
@@ -347,10 +347,10 @@ def test_a_function_code_alone_is_decoded_too(tmp_path):
     assert number(got["rtu2fc_modbus.func_code"]) == 7 and truth(got["rtu2fc_modbus.crc.good"])
 
 
-# ---------------------------------------------------------------- what one sees: columns, colours
+# ---------------------------------------------------------------- display: columns, colours
 @pytest.fixture(scope="module")
 def rows(recorded, tmp_path_factory) -> list[dict[str, str]]:
-    """The packet list, column by column, as the profile has it."""
+    """The packet list of the profile, column by column."""
     settings = tmp_path_factory.mktemp("columns")
     preferences = (ROOT / "sim/view/wireshark_profile/preferences").read_text().split("gui.column.format:")[1]
     names = re.findall(r'^\s*"([^"]*)", "', preferences, re.MULTILINE)
@@ -358,7 +358,7 @@ def rows(recorded, tmp_path_factory) -> list[dict[str, str]]:
     return [dict(zip(names, map(str.strip, line.split("\t")), strict=True)) for line in text]
 
 
-def test_the_columns_are_what_the_log_says(recorded, rows):
+def test_columns_equal_the_log(recorded, rows):
     assert len(rows) == len(recorded.frames)
     ends: dict[str, float] = {}
     for at, (row, frame) in enumerate(zip(rows, recorded.frames, strict=True), 1):
@@ -377,11 +377,11 @@ def test_the_columns_are_what_the_log_says(recorded, rows):
             ends[frame.line] = frame.end
 
 
-def test_the_info_column_tells_each_telegram_and_request(recorded, rows):
+def test_info_column_describes_each_telegram_and_request(recorded, rows):
     for row, frame in zip(rows, recorded.frames, strict=True):
         info = row["Info"]
         if frame.line == "modbus":
-            if "would be right" in frame.what:  # it contradicts itself: Wireshark's own affair
+            if "would be right" in frame.what:  # self-contradictory request: Wireshark decides
                 continue
             assert re.search(rf"Func: +{frame.data[1] & 0x7F}\b", info), info
             continue
@@ -398,9 +398,9 @@ def test_the_info_column_tells_each_telegram_and_request(recorded, rows):
             assert f"= '{parts.text.decode()}';" in info
 
 
-def test_a_control_word_that_is_not_valid_is_said_to_be_ignored(recorded, tmp_path):
-    told = tshark.verbose(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(tmp_path))
-    shown = [line.strip() for line in told.splitlines() if line.strip().startswith("Control word: ")]
+def test_invalid_control_word_is_marked_as_ignored(recorded, tmp_path):
+    text = tshark.verbose(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(tmp_path))
+    shown = [line.strip() for line in text.splitlines() if line.strip().startswith("Control word: ")]
     sent = [
         fc_telegram.parse(frame.data).pcd1
         for frame in recorded.frames
@@ -413,7 +413,7 @@ def test_a_control_word_that_is_not_valid_is_said_to_be_ignored(recorded, tmp_pa
     ]
     assert written == shown
     assert {word & 1 << 10 for word in sent} == {0, 1 << 10}
-    # Requests on the network line have the word too, and whether it is valid is the drive line's business.
+    # Requests on the network line show the word too, but its validity is decided on the drive line.
     for line in on_drive_line:
         shown.remove(line)
     assert not any("ignored" in line for line in shown)
@@ -424,7 +424,7 @@ def colour_filters() -> dict[str, str]:
     return dict(re.fullmatch(r"@([^@]+)@([^@]+)@\[[\d,]+\]\[[\d,]+\]", line).groups() for line in lines[1:])
 
 
-def test_each_colour_is_for_the_frames_it_is_named_for(recorded, tmp_path):
+def test_colour_filters_match_the_named_frames(recorded, tmp_path):
     def is_exception(frame: Frame) -> bool:
         if frame.line == "modbus":
             return frame.sender == "card" and bool(frame.data[1] & rtu.EXCEPTION_BIT)
@@ -435,7 +435,7 @@ def test_each_colour_is_for_the_frames_it_is_named_for(recorded, tmp_path):
         "Bad frame": [at for at, frame in frames.items() if not frame.ok],
         "Exception or refused": [at for at, frame in frames.items() if is_exception(frame)],
         "Drive line": [at for at, frame in frames.items() if frame.line == "drive"],
-        # Wireshark's own dissector knows no unit 0.
+        # Wireshark's own dissector does not know unit 0.
         "Network line": [at for at, frame in frames.items() if frame.line == "modbus"],
     }
     assert expected["Exception or refused"]
@@ -461,12 +461,12 @@ def test_a_bad_frame_has_its_colour(tmp_path):
     assert [packet["frame.number"] for packet in seen] == ["1", "2"]
 
 
-# ---------------------------------------------------------------- what is wrong, and other drives
+# ---------------------------------------------------------------- errors, and other drives
 START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
 
 
 def capture_of(tmp_path: Path, *frames: tuple[int, bool, bytes], dialect: str = "card") -> Path:
-    """A recording with these frames: line, sent by the card, bytes."""
+    """Writes a recording with these frames: line, sent by the card, bytes."""
     with Recorder(tmp_path / "lines", dialect) as recorder:
         talk = Talk(recorder)
         for line, from_card, data in frames:
@@ -494,7 +494,7 @@ def test_bad_frames_are_marked(tmp_path, line, data, message):
     assert "bad frame: " in got["frame.comment"]
 
 
-def test_a_reply_to_another_question_is_told(tmp_path):
+def test_reply_to_another_request_is_marked(tmp_path):
     ask, other = fc_telegram.build_parameter(1, 514), fc_telegram.build_parameter(1, 515)
     got = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, other)), tmp_path / "settings")
     assert "Reply to another request" in got[2]["_ws.expert.message"]
@@ -508,7 +508,7 @@ def test_a_negative_frequency_and_a_signed_value(tmp_path):
     assert got["vltfc.pwe.signed"] == "65535"
 
 
-def test_a_text_is_latin_1_with_dots_for_what_does_not_print(tmp_path):
+def test_text_is_latin_1_with_dots_for_unprintable_characters(tmp_path):
     write = fc_telegram.build_text(533, b"HELLO\xe9\x00\x7f\x8012")
     read_ = fc_telegram.build_text_read(533, 1)
     reply = fc_telegram.build_text(533, b"\x01~\xff", fc_telegram.IND_TEXT_READ)
@@ -517,8 +517,8 @@ def test_a_text_is_latin_1_with_dots_for_what_does_not_print(tmp_path):
     got = read(capture, tmp_path / "settings")
     assert [got[at]["vltfc.text"] for at in got] == ["HELLOé...12", ".~ÿ", ""]
     assert "Trailing" not in got[1]["_ws.expert.message"]
-    told = tshark.verbose(capture, options=SCRIPT, env=environment(tmp_path / "settings"))
-    assert re.findall(r"IND: (.*)", told) == [
+    text = tshark.verbose(capture, options=SCRIPT, env=environment(tmp_path / "settings"))
+    assert re.findall(r"IND: (.*)", text) == [
         "0x0500 (write text)",
         "0x0400 (read text)",
         "0x0401 (read text)",
@@ -542,7 +542,7 @@ def test_the_last_telegram_may_have_no_reply_too(tmp_path):
     ],
 )
 def test_the_preference_chooses_the_drive(tmp_path, drive, name):
-    """Names, and bit 2 and 6 of the status word, which mean something else on later drives."""
+    """Parameter names, and bits 2 and 6 of the status word, which later drives use differently."""
     if name is None:
         profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())[0]
         name = next((p.name for p in profile.parameters if p.pnu == 514), "unknown")
@@ -553,7 +553,7 @@ def test_the_preference_chooses_the_drive(tmp_path, drive, name):
     assert (got["vltfc.stw.stand_by"] == "") == (drive == "hvac_basic")
 
 
-def test_the_capture_itself_says_which_drive_it_is(tmp_path):
+def test_capture_names_its_drive(tmp_path):
     profile = read_profile(ROOT / "sim/drive/hvac_basic.csv", read_capacity())[0]
     motor = next(p for p in profile.parameters if p.pnu > 2047)
     reply = fc_telegram.build_parameter(1, motor.pnu)
@@ -562,7 +562,7 @@ def test_the_capture_itself_says_which_drive_it_is(tmp_path):
 
 
 # ---------------------------------------------------------------- the command
-def test_make_wireshark_without_a_display_prints_tshark_s_text(recorded):
+def test_make_wireshark_without_a_display_prints_text(recorded):
     command = [sys.executable, "-m", "sim.view.wireshark", recorded.pcap, "-c", "4"]
     done = subprocess.run(
         command,
@@ -577,7 +577,7 @@ def test_make_wireshark_without_a_display_prints_tshark_s_text(recorded):
     assert "Modbus RTU" in done.stdout
 
 
-def test_a_recording_that_is_not_there_is_one_line():
+def test_missing_recording_gives_a_one_line_error():
     command = [sys.executable, "-m", "sim.view.wireshark", "nowhere.pcapng"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "wireshark: nowhere.pcapng is not there\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures read by Wireshark's own tshark and capinfos, for tests."""
+"""Reads captures with Wireshark's tshark and capinfos, for tests."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def fields(
     only: str = "",
     env: Mapping[str, str] | None = None,
 ) -> list[dict[str, str]]:
-    """The fields of every packet, of those that the display filter `only` lets through.
+    """Fields of every packet that passes the display filter `only`.
 
-    A field that is there several times has its values joined by `;`; one that is not there is empty.
+    Several values of a field are joined by `;`; an absent field is empty.
     """
     asked = [word for name in names for word in ("-e", name)]
     chosen = ["-Y", only] if only else []
@@ -36,12 +36,12 @@ def fields(
 
 
 def rows(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | None = None) -> list[str]:
-    """The packet list, its columns separated by tabs."""
+    """Packet list with tab-separated columns."""
     return _run(["tshark", "-n", *options, "-r", capture, "-T", "tabs"], env).splitlines()
 
 
 def verbose(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | None = None) -> str:
-    """Each packet as a tree."""
+    """Every packet as a tree."""
     return _run(["tshark", "-n", *options, "-r", capture, "-V"], env)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and values out of a waveform (FST or VCD), for tools and tests.
+"""Reads names and values from a waveform (FST or VCD), for tools and tests.
 
-Names are those below the top module, with dots, whatever the simulator puts above it: Icarus has the ports of
-the top inside it, Verilator beside it in TOP or, with cocotb, in $rootio. Times in seconds.
+Names are relative to the top module, with dots, for every simulator: Icarus puts the ports of the top inside
+it, Verilator beside it in TOP or, with cocotb, in $rootio. Times in seconds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
 
 @functools.cache
 def low_bits() -> dict[str, int]:
-    """Vectors that do not end at bit 0, by name: the reader does not tell."""
+    """Lowest bit of each vector that does not end at bit 0: the reader library hides it."""
     declared = re.compile(r"\[\s*\d+\s*:\s*([1-9]\d*)\s*\]\s*(\w+)")
     sources = [path for folder in ("rtl", "regs", "sim", "tb") for path in (ROOT / folder).rglob("*.v")]
     return {name: int(low) for path in sources for low, name in declared.findall(path.read_text())}
@@ -30,12 +30,12 @@ def low_bits() -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Signal:
-    """One variable of a waveform; `path` is its full name there, `name` the one below the top."""
+    """One variable of a waveform; `path` is its full name, `name` is relative to the top."""
 
     path: str
     name: str
     width: int
-    is_text: bool  # characters, as the state names
+    is_text: bool  # characters, such as a state name
 
     @property
     def leaf(self) -> str:
@@ -43,7 +43,7 @@ class Signal:
 
     @property
     def bits(self) -> str:
-        """As GTKWave wants it behind the name."""
+        """Suffix of the name for GTKWave."""
         if self.width == 1:
             return ""
         low = low_bits().get(self.leaf, 0)
@@ -51,7 +51,7 @@ class Signal:
 
 
 class WaveFile:
-    """A waveform, read when it is asked for."""
+    """A waveform, read on first use."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -61,7 +61,7 @@ class WaveFile:
 
     @functools.cached_property
     def span(self) -> float:
-        """From beginning to end, in time units of the file. Both stand in the first block of an FST file."""
+        """Duration in time units of the file, from the first block of an FST file."""
         header = self._path.read_bytes()[:25]  # block type, length, start and end time
         if header[:1] != b"\0" or len(header) < 25:
             return 0.0
@@ -77,7 +77,7 @@ class WaveFile:
 
     @functools.cached_property
     def signals(self) -> dict[str, Signal]:
-        """By the name below the top, in the file's order; parameters are left out."""
+        """Signals by name relative to the top, in the file's order, without parameters."""
         found: dict[str, Signal] = {}
         for path, variable in self._variables.items():
             if "Parameter" in str(variable.var_type) or not variable.bitwidth:
@@ -90,13 +90,13 @@ class WaveFile:
         return found
 
     def changes(self, name: str) -> Iterator[tuple[float, str]]:
-        """Time and value of each change, the first one included; binary digits, first bit first."""
+        """Time and value of each change, including the first; binary digits, most significant bit first."""
         variable = self._variables[self.signals[name].path]
         for when, value in variable.tv:
             yield when * self._unit_s, str(value)
 
     def pulses(self, name: str) -> list[tuple[float, float]]:
-        """Rise and fall of each time that a signal was 1; one that is still up is left out."""
+        """Rise and fall of each pulse of a one-bit signal, without an unfinished last pulse."""
         found, rise = [], None
         for when, value in self.changes(name):
             if value == "1" and rise is None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens a recording (.pcapng) with both lines decoded: in Wireshark, or as text where there is none.
+"""Opens a recording (.pcapng) with both lines decoded: in Wireshark, or as tshark's text without a display.
 
-    python -m sim.view.wireshark FILE [OPTION...]     options go to Wireshark or tshark as they are
+    python -m sim.view.wireshark FILE [OPTION...]     options are passed to Wireshark or tshark
 
 Link types, columns and colours are those of sim/view/wireshark_profile, copied to build/wireshark so that
 Wireshark may write there; the user's own settings are neither read nor changed.
@@ -22,7 +22,7 @@ SCRIPT = ["-X", f"lua_script:{OURS / 'fc.lua'}"]
 
 
 def environment(settings: Path = SETTINGS) -> dict[str, str]:
-    """What lets Wireshark and tshark read our profile, laid out in `settings`."""
+    """Environment in which Wireshark and tshark use this profile, copied to `settings`."""
     settings.mkdir(parents=True, exist_ok=True)
     for path in (OURS / "wireshark_profile").iterdir():
         shutil.copy(path, settings)
