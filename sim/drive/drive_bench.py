@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every test of the simulated drive needs: its table, a master's questions, a second opinion.
+"""Shared code for tests of the simulated drive: its table, a master's requests, a second opinion.
 
-The tables are read here once more, in Python, so that the drive's C code and the tool that fed it are
-measured against something that shares nothing with them but the CSV files. No cocotb inside.
+The tables are parsed here independently: the drive's C code and the table tool are compared with a reader
+that shares only the CSV files with them. No cocotb inside.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ACCESS_FAULT = {"ro": 1, "local": 130, "fixed": 7, "denied": 11}
 
 @functools.cache
 def table(profile: str) -> tuple[Row, ...]:
-    """The parameters of a profile as the CSV file has them."""
+    """The parameters of a profile, from the CSV file."""
     lines = (PROFILE_FOLDER / f"{profile}.csv").read_text().splitlines()
     return tuple(csv.DictReader(line for line in lines if not line.startswith("#")))
 
@@ -52,7 +52,7 @@ def setting(profile: str, key: str, default: int) -> int:
 
 
 def first_index(profile: str, row: Row) -> int:
-    """Index of a parameter's (first) value: arrays count from 1 or 0, what is no array has index 0."""
+    """Index of the first value: arrays count from 1 or 0, other parameters have index 0."""
     return setting(profile, "index_first", 1) if row["array"] != "0" else 0
 
 
@@ -71,7 +71,7 @@ def write_command(row: Row) -> int:
 
 
 def ask(drive: VltDrive, ak: int, pnu: int, pwe: int = 0, ind: int = 0) -> fc.Telegram:
-    """A parameter telegram that leaves the process part alone, and the reply to it."""
+    """Sends a parameter telegram without a process command; returns the reply."""
     reply = drive.telegram(fc.build_parameter(ak, pnu, ind, pwe))
     assert reply is not None
     return fc.parse(reply, reply=True)
@@ -82,7 +82,7 @@ def write_text(drive: VltDrive, pnu: int, text: bytes) -> fc.Telegram:
 
 
 def read_text(drive: VltDrive, pnu: int) -> bytes:
-    """A text over the bus; its length is that of LGE alone."""
+    """Reads a text over the bus; only LGE gives its length."""
     reply = drive.telegram(fc.build_text_read(pnu))
     parts = fc.parse(reply, reply=True)
     assert (parts.ak, parts.pnu, parts.ind) == (fc.AK_TEXT, pnu, 0x0400)
@@ -91,7 +91,7 @@ def read_text(drive: VltDrive, pnu: int) -> bytes:
 
 
 def control(drive: VltDrive, word: int, reference: int = 0) -> tuple[int, int]:
-    """A process telegram; status word and output frequency word of the reply."""
+    """Sends a process telegram; returns status word and output frequency word of the reply."""
     reply = drive.telegram(fc.build_process(word, reference))
     assert reply is not None
     parts = fc.parse(reply, reply=True)
@@ -104,7 +104,7 @@ def hertz(drive: VltDrive) -> float:
 
 
 def brought_to(frequency_hz: float, profile: str = "vlt6000") -> VltDrive:
-    """A drive that has ramped up to a frequency of at most 50 Hz."""
+    """A drive that has ramped up to `frequency_hz` (at most 50 Hz)."""
     drive = VltDrive(profile)
     control(drive, START, round(frequency_hz / 50 * FULL_SPEED))
     drive.step(10 * SECOND)
@@ -113,7 +113,7 @@ def brought_to(frequency_hz: float, profile: str = "vlt6000") -> VltDrive:
 
 
 class Expected:
-    """What the table says, kept in Python: the second opinion on reads and writes of a stopped drive."""
+    """Python copy of the table: the second opinion on reads and writes of a stopped drive."""
 
     def __init__(self, profile: str):
         rows = table(profile)
@@ -128,7 +128,7 @@ class Expected:
         return self.written.get((pnu, index), int(self.rows[pnu]["default"]))
 
     def reply(self, ak: int, pnu: int, ind: int, pwe: int, text: bytes) -> tuple[int, int | bytes]:
-        """(AK, PWE or characters) that the drive has to answer; raises nothing."""
+        """(AK, PWE or characters) of the expected answer."""
         row = self.rows.get(pnu)
         if ak == fc.AK_NONE:
             return 0, 0
@@ -166,7 +166,7 @@ class Expected:
         return 15, self.texts[pnu]
 
     def write(self, row: Row, pnu: int, index: int, ak: int, pwe: int) -> int | None:
-        """Fault number, or None when the value was taken."""
+        """Fault number, or None if the value is accepted."""
         double = is_double(row)
         if row["access"] in ACCESS_FAULT:
             return ACCESS_FAULT[row["access"]]

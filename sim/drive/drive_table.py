@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turn the parameter tables of the simulated drives (sim/drive/NAME.csv) into one C header.
+"""Converts the parameter tables of the simulated drives (sim/drive/NAME.csv) into one C header.
 
     python -m sim.drive.drive_table sim/drive/vlt5000.csv sim/drive/vlt6000.csv build/sim/drive_profiles.h
 
-The header holds the array `drive_profiles` and is included by sim/drive/vlt_drive.c alone. Every
-malformed line is told as `file:line: message`; exit 1 after them.
+The header holds the array `drive_profiles`; only sim/drive/vlt_drive.c includes it. Every malformed line is
+reported as `file:line: message`; the exit code is then 1.
 
 A profile is a CSV file. `#` lines are comments. `#: key = number` lines are settings, decimal or 0x:
 
@@ -16,10 +16,10 @@ A profile is a CSV file. `#` lines are comments. `#: key = number` lines are set
     example_status, example_frequency       process words of the example state
     example PNU = number, example PNU[INDEX] = number   a value of the example state
 
-The first other line names the columns. Values are raw. `source` says what a row stands on: `document`
-(number, type and conversion are in a public document), `partly` (some of it), `memory` (of the product
-family), `simulator` (a choice of the simulator's own). Roles, types and capacities are read from
-sim/drive/vlt_drive.h, so they are written in one place.
+The first other line names the columns. Values are raw. `source` is the origin of a row: `document` (number,
+type and conversion are in a public document), `partly` (some of it), `memory` (of the product family),
+`simulator` (a choice of the simulator). Roles, types and capacities are read from sim/drive/vlt_drive.h, so
+that only one file defines them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ COLUMNS = [
     *("array", "access", "while_running", "unit", "role", "source"),
 ]
 SOURCES = ["document", "partly", "memory", "simulator"]
-# Setting: least and greatest value, and the value where a profile does not say.
+# Setting: minimum, maximum, default.
 SETTINGS = {
     "pnu_bits": (11, 12, 11),
     "index_first": (0, 1, 1),
@@ -68,7 +68,7 @@ ROLE_NONE = 0xFFFF
 
 
 class TableError(ValueError):
-    """A row that cannot be used; the text says why."""
+    """A row that cannot be used, with the reason."""
 
 
 @dataclass
@@ -106,7 +106,7 @@ class Profile:
 
 @dataclass
 class Capacity:
-    """What sim/drive/vlt_drive.h has room for."""
+    """Capacities of sim/drive/vlt_drive.h."""
 
     parameters: int
     slots: int
@@ -116,7 +116,7 @@ class Capacity:
 
 
 def read_capacity(header: Path = HEADER) -> Capacity:
-    """Roles and array sizes out of the C header."""
+    """Reads roles and array sizes from the C header."""
     source = header.read_text()
 
     def number(name: str) -> int:
@@ -149,7 +149,7 @@ def choice(row: dict[str, str], column: str, allowed: list[str]) -> str:
 
 
 def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter:
-    """One row as a Parameter; TableError when it makes no sense by itself."""
+    """Parses one row; TableError if it is invalid by itself."""
     if len(fields) != len(COLUMNS):
         raise TableError(f"{len(fields)} columns instead of {len(COLUMNS)}")
     row = dict(zip(COLUMNS, fields, strict=True))
@@ -200,7 +200,7 @@ def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter
 
 
 def parse_setting(number: int, line: str, profile: Profile) -> None:
-    """A `#:` line; `number` is its place in the file."""
+    """Parses a `#:` line; `number` is its line number."""
     match = re.fullmatch(r"#:\s*(\w+)(?:\s+(\d+)(?:\[(\d+)\])?)?\s*=\s*(-?\w+)\s*", line)
     known = match is not None and (match[1] in SETTINGS if match[2] is None else match[1] == "example")
     if not known:
@@ -221,7 +221,7 @@ def parse_setting(number: int, line: str, profile: Profile) -> None:
 
 
 def check_example(profile: Profile, pnu: int, index: int, value: int) -> None:
-    """An example must be a value that the drive's own table allows, but for readouts and logs."""
+    """Checks that an example is a value that the table allows; readouts and logs are exempt."""
     parameter = next((p for p in profile.parameters if p.pnu == pnu), None)
     if parameter is None or parameter.type == "text":
         raise TableError(f"example {pnu} is no number of this table")
@@ -233,7 +233,7 @@ def check_example(profile: Profile, pnu: int, index: int, value: int) -> None:
 
 
 def check_presets(parameters: list[Parameter]) -> None:
-    """Role `presets` wants four values of one kind side by side in the drive's memory."""
+    """Checks that role `presets` has four values of one kind side by side in the drive's memory."""
     at = next((i for i, p in enumerate(parameters) if p.role == "presets"), None)
     if at is None or parameters[at].array >= PRESETS:
         return
@@ -244,7 +244,7 @@ def check_presets(parameters: list[Parameter]) -> None:
 
 
 def add_row(profile: Profile, parameter: Parameter, used: dict[str, int]) -> None:
-    """Append a parameter and give it its place: `used` counts values and texts so far."""
+    """Appends a parameter and assigns its slot: `used` counts values and texts so far."""
     if profile.parameters and parameter.pnu <= profile.parameters[-1].pnu:
         raise TableError(f"pnu {parameter.pnu} does not follow {profile.parameters[-1].pnu}")
     single = parameter.role and not parameter.role.startswith("show_")
@@ -257,7 +257,7 @@ def add_row(profile: Profile, parameter: Parameter, used: dict[str, int]) -> Non
 
 
 def read_profile(path: Path, capacity: Capacity) -> tuple[Profile, list[str]]:
-    """The profile and what is wrong with it; each error is `file:line: message`."""
+    """Returns the profile and its errors, each as `file:line: message`."""
     profile = Profile(path.stem)
     errors: list[str] = []
     used = {"values": 0, "texts": 0}

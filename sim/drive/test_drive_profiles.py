@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The other drives: each profile against its table, its own words, and its own document's examples.
+"""The other drives: each profile against its table, its words, and the examples of its document.
 
-The documents' examples are given as they stand on the Modbus side and as the telegram that they become,
-worked out by hand; what lies between is the card's business and is shown elsewhere, so no test carries a
-rule id. Everything that all drives share is shown on the VLT 6000 in test_vlt_drive.py.
+An example gives the Modbus side and the telegram that results, worked out by hand. The translation between
+them is tested elsewhere, so no test here carries a rule id. Features common to all drives are tested on the
+VLT 6000 in test_vlt_drive.py.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ TWO_RAMPS = ("vlt5000", "vlt2800", "hvac_basic")
 
 
 def rows(wanted=lambda row: True) -> list:
-    """Every row of every profile that is wanted, as test parameters."""
+    """The wanted rows of every profile, as test parameters."""
     return [
         pytest.param(name, row, id=f"{name}-{row['pnu']}")
         for name in PROFILES
@@ -59,23 +59,23 @@ def rows(wanted=lambda row: True) -> list:
 
 
 def write_setting(drive: VltDrive, profile: str, role: str, value: int, index: int = 0) -> None:
-    """Set what a role stands for over the bus, in whatever width it has."""
+    """Writes the parameter with this role over the bus, in its width."""
     row = next(row for row in table(profile) if row["role"] == role)
     reply = ask(drive, write_command(row), int(row["pnu"]), value, index)
     assert reply.fault is None
 
 
-# ---- each profile keeps to its table -----------------------------------------------------------
+# ---- each profile agrees with its table --------------------------------------------------------
 
 
-def test_there_are_five_drives_and_no_other():
+def test_there_are_five_drives():
     assert set(PROFILES) == {"vlt6000", "vlt5000", "vlt2800", "vlt8000", "hvac_basic"}
     with pytest.raises(ValueError, match="no drive profile 'vlt7000', only hvac_basic, vlt2800, "):
         VltDrive("vlt7000")
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_table_is_small_and_says_what_its_rows_stand_on(profile: str):
+def test_table_is_small_and_its_rows_have_sources(profile: str):
     assert profile == "vlt6000" or 30 <= len(table(profile)) <= 80
     sources = {row["source"] for row in table(profile)}
     assert sources <= {"document", "partly", "memory", "simulator"}
@@ -85,7 +85,7 @@ def test_a_table_is_small_and_says_what_its_rows_stand_on(profile: str):
 
 
 @pytest.mark.parametrize(("profile", "row"), rows(lambda row: row["type"] != "text"))
-def test_a_number_keeps_to_its_row_of_the_table(profile: str, row: Row):
+def test_number_agrees_with_its_row(profile: str, row: Row):
     """Reply AK by type, default, limits, rights, array length: each parameter over the bus."""
     pnu, low, high, double = int(row["pnu"]), int(row["min"]), int(row["max"]), is_double(row)
     bits = 0xFFFFFFFF if double else 0xFFFF
@@ -122,7 +122,7 @@ def test_a_number_keeps_to_its_row_of_the_table(profile: str, row: Row):
 
 
 @pytest.mark.parametrize(("profile", "row"), rows(lambda row: row["access"] == "rw"))
-def test_what_needs_a_stopped_motor_is_refused_while_it_runs(profile: str, row: Row):
+def test_parameters_that_need_a_stopped_motor_are_refused_while_it_runs(profile: str, row: Row):
     pnu = int(row["pnu"])
     drive = VltDrive(profile)
     control(drive, START, FULL_SPEED)
@@ -134,7 +134,7 @@ def test_what_needs_a_stopped_motor_is_refused_while_it_runs(profile: str, row: 
 
 
 @pytest.mark.parametrize(("profile", "row"), rows(lambda row: row["type"] == "text"))
-def test_a_text_is_sent_in_its_own_length_and_written_where_allowed(profile: str, row: Row):
+def test_text_has_its_own_length_and_is_written_where_allowed(profile: str, row: Row):
     pnu, writable = int(row["pnu"]), row["access"] == "rw"
     drive = VltDrive(profile)
     assert read_text(drive, pnu) == row["default"].encode()
@@ -206,7 +206,7 @@ def test_drive_and_table_agree_on_random_parameter_telegrams(profile: str):
 
 
 @pytest.mark.parametrize("profile", [name for name in PROFILES if name != "hvac_basic"])
-def test_bit_11_of_pke_is_not_looked_at_by_the_older_drives(profile: str):
+def test_older_drives_ignore_bit_11_of_pke(profile: str):
     reply = VltDrive(profile).telegram(fc.build_parameter(fc.AK_READ, 0x800 | 104))
     assert reply[3:5] == bytes.fromhex("10 68")
 
@@ -256,7 +256,7 @@ def test_the_built_in_drives_have_the_faults_6_7_11_and_18(profile: str, reset: 
 
 
 @pytest.mark.parametrize("profile", ["vlt6000", "vlt5000"])
-def test_the_option_cards_drives_have_them_on_demand_only(profile: str):
+def test_option_card_drives_have_these_faults_only_on_demand(profile: str):
     drive = VltDrive(profile)
     assert ask(drive, 9, 104).fault == 130
     for fault in (6, 7, 11, 18):
@@ -276,7 +276,7 @@ def test_every_drive_powers_up_ready_with_0607(profile: str):
 
 @pytest.mark.parametrize("profile", STAND_BY_STATUS)
 def test_bit_2_is_stand_by(profile: str):
-    """Set while the motor neither runs nor is told to, coasting or not; bit 6 is never used."""
+    """Set while the motor neither runs nor has a start command, coasting or not; bit 6 is never used."""
     drive = brought_to(50, profile)
     assert control(drive, 0)[0] == 0x0F03
     assert control(drive, COAST)[0] == 0x0607
@@ -325,7 +325,7 @@ def test_every_drive_ramps_to_its_reference_and_jogs_and_stops(profile: str):
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_of_two_stops_the_stronger_is_obeyed(profile: str):
+def test_stronger_of_two_stops_is_obeyed(profile: str):
     """Coast, quick stop, DC brake, ramp stop: each beats those after it, on every drive."""
     stops = {"coast": COAST, "quick": QUICK_STOP, "brake": DC_BRAKE, "ramp": RAMP_STOP}
     two = profile in TWO_RAMPS
@@ -367,8 +367,8 @@ def test_bit_9_chooses_the_second_ramp_up_and_down(profile: str):
 
 
 @pytest.mark.parametrize("profile", TWO_RAMPS)
-def test_a_quick_stop_has_a_selector_of_its_own(profile: str):
-    """0 leaves it to the digital input, which is not wired."""
+def test_quick_stop_has_its_own_selector(profile: str):
+    """Selector 0 leaves the quick stop to the digital input, which is not wired."""
     drive = brought_to(50, profile)
     write_setting(drive, profile, "select_quick_stop", 0)
     control(drive, QUICK_STOP, FULL_SPEED)
@@ -406,7 +406,7 @@ def test_bits_0_and_1_choose_the_drives_own_presets(profile: str, places: list, 
         ("hvac_basic", (540, 0), (540, 1)),
     ],
 )
-def test_bits_11_and_12_work_the_drives_own_outputs(profile: str, first: tuple, second: tuple):
+def test_bits_11_and_12_control_the_drives_outputs(profile: str, first: tuple, second: tuple):
     """Relays 1 and 2; on a VLT 2800 relay 01 and digital output 46."""
     bus = setting(profile, "relay_bus", 255)
     drive = VltDrive(profile)
@@ -429,7 +429,7 @@ def test_bits_11_and_12_work_the_drives_own_outputs(profile: str, first: tuple, 
 
 
 @pytest.mark.parametrize(("profile", "seconds"), [("vlt2800", 1), ("vlt8000", 60), ("hvac_basic", 1)])
-def test_a_bus_without_control_words_is_noticed(profile: str, seconds: int):
+def test_bus_timeout_is_detected(profile: str, seconds: int):
     drive = brought_to(25, profile)
     write_setting(drive, profile, "bus_time_function", 5)
     control(drive, START, 0x2000)
@@ -475,7 +475,7 @@ def test_the_example_state_is_that_of_the_profiles_document(profile: str, status
 )
 @pytest.mark.parametrize("profile", ["vlt5000", "vlt6000", "vlt8000"])
 def test_the_option_cards_examples_4_and_5(profile: str, modbus: str, request_hex: str, reply_hex: str):
-    """The page says VLT 5000, the same examples stand in the VLT 6000's and the built-in drives' manual."""
+    """The page says VLT 5000; the manuals of VLT 6000 and built-in drives have the same examples."""
     pnu = (int(modbus[6:11].replace(" ", ""), 16) + 1) // 10
     assert int(request_hex[9:14].replace(" ", ""), 16) & 0x07FF == pnu
     drive = VltDrive(profile, example=True)
@@ -501,7 +501,7 @@ STATUS_0607 = "02 06 81 06 07 00 00 84"
 
 @pytest.mark.parametrize("profile", FC_STATUS)
 @pytest.mark.parametrize(
-    ("modbus", "request_hex", "told"),
+    ("modbus", "request_hex", "control_word"),
     [
         ("0F coils 1-32: nothing set", "02 06 81 00 00 00 00 85", 0),
         ("05 coil 1: on", "02 06 81 00 01 00 00 84", 0),
@@ -510,13 +510,13 @@ STATUS_0607 = "02 06 81 06 07 00 00 84"
     ],
     ids=lambda text: text if isinstance(text, str) and "coil" in text else "",
 )
-def test_the_status_example_is_0607_after_whatever_coils_were_written(
-    profile: str, modbus: str, request_hex: str, told: int
+def test_status_example_is_0607_after_any_coil_write(
+    profile: str, modbus: str, request_hex: str, control_word: int
 ):
     """Coils 33-48 are then 07 06; words without bit 10 are no command."""
     drive = VltDrive(profile, example=True)
     assert drive.telegram(bytes.fromhex(request_hex)) == bytes.fromhex(STATUS_0607), modbus
-    assert drive.control_word == told
+    assert drive.control_word == control_word
 
 
 def test_the_built_in_drives_page_with_status_55_aa():
@@ -586,7 +586,7 @@ def test_reads_of_1_to_10_registers_find_their_data_on_the_hvac_basic_drive(
 
 
 @pytest.mark.parametrize("on", [False, True])
-def test_coil_65_decides_what_outlives_the_mains_on_the_hvac_basic_drive(on: bool):
+def test_coil_65_selects_eeprom_on_the_hvac_basic_drive(on: bool):
     drive = VltDrive("hvac_basic", example=True)
     assert ask(drive, fc.AK_EEPROM_WORD if on else fc.AK_WRITE_WORD, 123, 60).fault is None
     assert ask(drive, fc.AK_EEPROM_DOUBLE if on else fc.AK_WRITE_DOUBLE, 124, 738).fault is None
@@ -595,7 +595,7 @@ def test_coil_65_decides_what_outlives_the_mains_on_the_hvac_basic_drive(on: boo
     assert drive.eeprom_writes == (2 if on else 0)
 
 
-def test_from_outside_the_bus_the_profiles_own_indices_count():
+def test_direct_access_uses_the_indices_of_the_profile():
     drive = VltDrive("hvac_basic")
     drive.set(310, 2500, index=7)
     assert drive.get(310, 7) == 2500

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated drive and the telegram model, before anything relies on them.
+"""The simulated drive and the telegram model, which other tests rely on.
 
-Nothing here shows a rule of the card, so no test carries a rule id: this is the measuring instrument.
-Telegrams written in hex are worked out by hand from the protocol; the others are built by the Python
-model, which is checked against the same hand-made ones.
+These tests show no rule of the card and carry no rule id: they check the measuring instrument. Telegrams in
+hex are worked out by hand from the protocol. The Python model builds the others and is checked against the
+hand-made ones.
 """
 
 from __future__ import annotations
@@ -84,11 +84,11 @@ HAND_MADE = [
 
 
 @pytest.mark.parametrize(("request_hex", "reply_hex"), HAND_MADE)
-def test_the_manuals_examples_come_out_byte_for_byte(request_hex: str, reply_hex: str):
+def test_examples_of_the_manual_byte_for_byte(request_hex: str, reply_hex: str):
     assert VltDrive(example=True).telegram(bytes.fromhex(request_hex)) == bytes.fromhex(reply_hex)
 
 
-def test_a_refusal_comes_out_byte_for_byte():
+def test_refusal_byte_for_byte():
     """Write 104 while the motor must not be disturbed: AK 7, PWE low 17."""
     drive = VltDrive(example=True)
     drive.refuse(104, 17)
@@ -109,7 +109,7 @@ def test_the_python_model_builds_the_hand_made_telegrams():
     assert fc.build_process(0x047C, -8192) == fc.build_process(0x047C, 0xE000)
 
 
-def test_the_python_model_takes_the_hand_made_telegrams_apart():
+def test_the_python_model_parses_the_hand_made_telegrams():
     assert fc.parse(bytes.fromhex(HAND_MADE[0][0])) == fc.Telegram(0x81, 0x047C, 0x1999)
     text = fc.parse(bytes.fromhex(HAND_MADE[8][1]), reply=True)
     assert (text.kind, text.pnu, text.ind, text.text) == ("text", 621, 0x0400, b"VLT600")
@@ -129,7 +129,7 @@ def test_the_python_model_takes_the_hand_made_telegrams_apart():
         ("02 0D 81 12 02 00 00 00 00 00 00 00 00 00 9E", "with AK 1"),
     ],
 )
-def test_the_python_model_tells_what_is_wrong_with_a_telegram(telegram: str, complaint: str):
+def test_the_python_model_names_the_error_of_a_telegram(telegram: str, complaint: str):
     with pytest.raises(fc.TelegramError, match=complaint):
         fc.parse(bytes.fromhex(telegram))
 
@@ -150,7 +150,7 @@ def test_the_python_model_tells_what_is_wrong_with_a_telegram(telegram: str, com
         ("02 06 81 04 7C 19 99 00", False, "bad telegram: BCC 00 instead of 7D"),
     ],
 )
-def test_a_telegram_is_told_in_words(telegram: str, reply: bool, words: str):
+def test_telegram_is_described(telegram: str, reply: bool, words: str):
     assert fc.describe(bytes.fromhex(telegram), reply) == words
 
 
@@ -217,7 +217,7 @@ def spoilt_telegrams() -> Iterator[tuple[str, bytes]]:
 @pytest.mark.parametrize(
     ("what", "telegram"), list(spoilt_telegrams()), ids=lambda x: x if isinstance(x, str) else ""
 )
-def test_a_damaged_telegram_meets_silence_and_changes_nothing(what: str, telegram: bytes):
+def test_damaged_telegram_is_ignored(what: str, telegram: bytes):
     drive = VltDrive()
     assert drive.telegram(telegram) is None, what
     assert drive.outcome is Outcome.DAMAGED
@@ -267,8 +267,8 @@ def braking() -> VltDrive:
 
 
 @pytest.mark.parametrize("state", [ramping_down, braking])
-def test_a_motor_on_its_way_to_standstill_counts_as_running(state):
-    """Fault 17 until it stands, then the same write is taken."""
+def test_stopping_motor_counts_as_running(state):
+    """Fault 17 until the motor stands, then the same write is accepted."""
     drive = state()
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault == 17
     drive.step(10 * SECOND)
@@ -315,7 +315,7 @@ def test_each_refusal_has_its_number(why: str, ak: int, pnu: int, ind: int, pwe:
     assert drive.eeprom_writes == 0
 
 
-def test_nothing_but_the_setup_choice_is_written_while_the_factory_setup_is_active():
+def test_factory_setup_allows_only_the_setup_choice():
     drive = VltDrive()
     assert ask(drive, fc.AK_WRITE_WORD, 2, 0).fault is None
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault == 131
@@ -325,7 +325,7 @@ def test_nothing_but_the_setup_choice_is_written_while_the_factory_setup_is_acti
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault is None
 
 
-def test_no_command_is_answered_without_a_value():
+def test_ak_0_is_answered_without_a_value():
     reply = ask(VltDrive(), fc.AK_NONE, 104, 1234, 5)
     assert (reply.ak, reply.pnu, reply.ind, reply.pwe) == (0, 0, 0, 0)
 
@@ -340,7 +340,7 @@ def test_no_command_is_answered_without_a_value():
         (fc.AK_EEPROM_WORD, 214, -2500, True),
     ],
 )
-def test_only_what_went_to_eeprom_outlives_the_mains(ak: int, pnu: int, value: int, kept: bool):
+def test_only_eeprom_values_survive_a_power_cycle(ak: int, pnu: int, value: int, kept: bool):
     drive = VltDrive()
     before = drive.get(pnu)
     assert ask(drive, ak, pnu, value).fault is None
@@ -350,26 +350,26 @@ def test_only_what_went_to_eeprom_outlives_the_mains(ak: int, pnu: int, value: i
     assert drive.eeprom_writes == kept
 
 
-def test_bit_11_of_pke_is_not_looked_at():
+def test_bit_11_of_pke_is_ignored():
     reply = VltDrive().telegram(fc.build_parameter(fc.AK_READ, 0x800 | 104))
     assert reply[3:5] == bytes.fromhex("10 68")
 
 
-def test_a_word_write_takes_pwe_low_alone():
+def test_word_write_uses_only_pwe_low():
     drive = VltDrive()
     assert ask(drive, fc.AK_WRITE_WORD, 104, 0xABCD003C).fault is None
     assert drive.get(104) == 60
 
 
 def test_a_telegram_can_write_and_start_at_once():
-    """The parameter goes first: the motor still stands when 104 is written."""
+    """The parameter part is executed first: the motor still stands when 104 is written."""
     drive = VltDrive()
     request = fc.build_parameter(fc.AK_WRITE_WORD, 104, pwe=60, pcd1=START, pcd2=FULL_SPEED)
     reply = fc.parse(drive.telegram(request), reply=True)
     assert (reply.fault, reply.pcd1) == (None, 0x0E03)
 
 
-def test_from_outside_the_bus_everything_can_be_set():
+def test_direct_access_can_set_every_parameter():
     drive = VltDrive()
     drive.set(514, 1234)
     drive.set(609, 400, index=8)
@@ -408,7 +408,7 @@ def test_a_display_text_of_21_characters_is_refused():
 
 
 def test_a_text_longer_than_20_characters_is_sent_whole():
-    """Cutting it is the card's business (FC-7)."""
+    """The card cuts the text, not the drive (FC-7)."""
     drive = VltDrive()
     drive.set_text(621, "N" * 60)
     assert read_text(drive, 621) == b"N" * 60
@@ -427,7 +427,7 @@ def test_a_drive_just_powered_up_stands_by_and_preheats_its_motor():
     assert ask(drive, fc.AK_READ, 514).pwe == 0, "no current without the preheater"
 
 
-def test_a_start_at_40_percent_ramps_up_to_20_hz_and_says_so():
+def test_start_at_40_percent_ramps_up_to_20_hz():
     """Ramp-up time 10 s from 0 to 50 Hz, so 5 Hz a second."""
     drive = VltDrive()
     assert control(drive, 0x047C, 0x1999) == (0x0E03, 0), "running, not yet on reference"
@@ -442,7 +442,7 @@ def test_a_start_at_40_percent_ramps_up_to_20_hz_and_says_so():
 
 
 @pytest.mark.parametrize("part", [1, 7, 999, 1000, 1001, 333_333])
-def test_time_may_pass_in_any_pieces(part: int):
+def test_time_steps_may_have_any_length(part: int):
     drive = VltDrive()
     control(drive, START, FULL_SPEED)
     for _ in range(SECOND // part):
@@ -497,7 +497,7 @@ def test_a_control_word_without_bit_10_is_ignored_with_its_reference():
         (COAST, JOG & ~0x0400, "coast"),
     ],
 )
-def test_of_two_stops_the_stronger_is_obeyed(first: int, second: int, obeyed: str):
+def test_stronger_of_two_stops_is_obeyed(first: int, second: int, obeyed: str):
     """Coast before quick stop before DC brake before ramp stop; their bits are active low."""
     drive = brought_to(50)
     drive.set(115, 20)  # brake for 2.0 s
@@ -577,8 +577,8 @@ def test_freeze_keeps_the_frequency_until_it_is_released():
 
 
 @pytest.mark.parametrize(("selector", "reverses"), [(0, False), (1, True), (2, False), (3, True)])
-def test_bit_15_reverses_only_when_506_lets_the_bus_do_it(selector: int, reverses: bool):
-    """As delivered 506 is 0, digital input; 2 wants the (unwired) input as well."""
+def test_bit_15_reverses_only_if_506_allows_the_bus(selector: int, reverses: bool):
+    """Default of 506 is 0, digital input; 2 needs the (unwired) input as well."""
     drive = VltDrive()
     ask(drive, fc.AK_WRITE_WORD, 506, selector)
     control(drive, START | REVERSE, 0x2000)
@@ -644,7 +644,7 @@ def test_the_bus_cannot_start_what_505_reserves_for_the_digital_input():
     assert control(drive, START, FULL_SPEED) == (0x0607, 0)
 
 
-def test_relays_follow_bits_11_and_12_when_they_are_told_to():
+def test_relays_follow_bits_11_and_12_if_selected():
     drive = VltDrive()
     control(drive, RAMP_STOP | RELAY_1 | RELAY_2)
     assert (drive.relay(1), drive.relay(2)) == (False, False), "as delivered: alarm and running"
@@ -663,7 +663,7 @@ def test_relays_show_alarm_and_running_as_delivered():
     assert (drive.relay(1), drive.relay(2)) == (True, False)
 
 
-def test_a_trip_takes_the_output_off_and_is_reset_by_an_edge_only():
+def test_trip_stops_the_output_and_only_an_edge_resets_it():
     drive = brought_to(50)
     control(drive, START | RESET, FULL_SPEED)  # bit 7 stands before the trip: no edge later
     drive.trip(14)
@@ -676,7 +676,7 @@ def test_a_trip_takes_the_output_off_and_is_reset_by_an_edge_only():
     assert drive.alarm == 0
 
 
-def test_a_trip_lock_is_reset_by_the_mains_alone():
+def test_only_a_power_cycle_resets_a_trip_lock():
     drive = VltDrive()
     drive.trip_lock(12)
     control(drive, RAMP_STOP)
@@ -695,7 +695,7 @@ def test_a_drive_that_has_tripped_already_is_not_locked_by_the_next_alarm():
     assert control(drive, RAMP_STOP | RESET)[0] == 0x0607
 
 
-def test_the_fault_log_has_the_newest_trip_first_and_outlives_the_mains():
+def test_fault_log_has_the_newest_trip_first_and_survives_a_power_cycle():
     drive = VltDrive()
     for alarm in (7, 8, 9):
         drive.trip(alarm)
@@ -730,7 +730,7 @@ def test_a_warning_and_the_current_limit_show_in_the_status_word():
     [(0, 25, 0), (1, 25, 0), (2, 0, 0), (3, 10, 0), (4, 50, 0), (5, 0, 17)],
     ids=["off", "freeze", "stop", "jog", "max", "stop and trip"],
 )
-def test_a_bus_without_control_words_is_noticed_as_556_says(function: int, after_hz: float, alarm: int):
+def test_bus_timeout_acts_as_556_selects(function: int, after_hz: float, alarm: int):
     drive = brought_to(25)
     ask(drive, fc.AK_WRITE_WORD, 323, 26)
     ask(drive, fc.AK_WRITE_WORD, 555, 2)
@@ -743,7 +743,7 @@ def test_a_bus_without_control_words_is_noticed_as_556_says(function: int, after
     assert drive.relay(1) == (function == 0)
 
 
-def test_a_bus_with_a_control_word_in_time_is_left_alone():
+def test_control_words_in_time_prevent_the_bus_timeout():
     drive = brought_to(25)
     ask(drive, fc.AK_WRITE_WORD, 555, 2)
     ask(drive, fc.AK_WRITE_WORD, 556, 2)
@@ -753,7 +753,7 @@ def test_a_bus_with_a_control_word_in_time_is_left_alone():
     assert hertz(drive) == 25
 
 
-def test_a_forced_drive_says_what_it_was_told_and_stands_still():
+def test_forced_drive_reports_the_forced_words_and_stands_still():
     drive = VltDrive()
     drive.force_process(0x1234, 0x5678)
     assert control(drive, START, FULL_SPEED) == (0x1234, 0x5678)
@@ -765,7 +765,7 @@ def test_a_forced_drive_says_what_it_was_told_and_stands_still():
     assert drive.frequency_mhz == 6000, "from here on it lives: 6 Hz after a second of 60 Hz in 10 s"
 
 
-def test_two_drives_on_one_line_know_nothing_of_each_other():
+def test_two_drives_are_independent():
     one, two = VltDrive(), VltDrive()
     two.set(501, 2)
     for request in (fc.build_process(START, FULL_SPEED, 0x81), fc.build_parameter(2, 209, pwe=77, adr=0x81)):
@@ -777,7 +777,7 @@ def test_two_drives_on_one_line_know_nothing_of_each_other():
 # ---- random telegrams --------------------------------------------------------------------------
 
 
-def test_no_bytes_at_all_upset_the_drive():
+def test_random_bytes_do_not_upset_the_drive():
     """Random bytes, random data in a good frame, one damaged byte: silence or a well-formed reply."""
     rng = seeded("bytes")
     drive = VltDrive()

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Simulated VLT drive, see vlt_drive.h for what it is and how it is used.
+ * Simulated VLT drive; interface and use: vlt_drive.h.
  *
- * Choices where the documents say nothing (all of them the simulator's own):
+ * Choices where the documents are silent (all of them the simulator's own):
  * - An AK that no table lists (4 to 12) is refused: fault 130, or what the profile says.
  * - Word replies carry PWE high = 0, also for a negative int16. Word writes ignore PWE high.
  * - AK 0 is answered with AK 0, index and value zero.
- * - Faults are looked for in this order: 0, unknown AK, 5 (text asked as number or the reverse), 4, 3,
+ * - Order of the fault checks: 0, unknown AK, 5 (text read as number or the reverse), 4, 3,
  *   then for writes the access (1, 130, 7, 11), 5 (word against double word), 131, 17, 6, 2.
- * - Of a log array the first element is the newest entry.
+ * - The first element of a log array is the newest entry.
  * - In one telegram the parameter part is executed before the process part.
  * - A text write is answered with the text; texts are always kept in EEPROM.
  * - Digital inputs are not wired: nothing started or reversed there, terminal 27 closed (no coasting).
@@ -76,7 +76,7 @@ const drive_profile_t *drive_profile(const char *name) {
   return NULL;
 }
 
-/* Place of a parameter in the profile's table, NOWHERE when there is none. */
+/* Index of a parameter in the profile's table, NOWHERE if there is none. */
 static uint16_t find(const drive_t *d, uint16_t pnu) {
   uint16_t low = 0;
   uint16_t high = d->profile->count;
@@ -112,7 +112,7 @@ static int64_t scale(int64_t raw, int power_of_ten) {
   return power_of_ten < 0 ? divide(raw, factor) : raw * factor;
 }
 
-/* A setting in units of 10^-decimals, whatever its conversion index. */
+/* A setting in units of 10^-decimals, for any conversion index. */
 static int64_t scaled(const drive_t *d, drive_role_t role, int decimals, int64_t fallback) {
   const drive_parameter_t *p = by_role(d, role);
   return p == NULL ? fallback : scale(d->ram[p->slot], p->conversion + decimals);
@@ -122,7 +122,7 @@ static bool is_double(const drive_parameter_t *p) {
   return p->type == DRIVE_INT32 || p->type == DRIVE_UINT32;
 }
 
-/* Rated motor frequency in mHz, a safe divisor whatever drive_set() put there. */
+/* Rated motor frequency in mHz; a safe divisor for every value that drive_set() can store. */
 static int64_t rated_mhz(const drive_t *d) {
   int64_t mhz = scaled(d, DRIVE_ROLE_MOTOR_FREQUENCY, MILLI, 50000);
   return mhz > 0 ? mhz : 1;
@@ -160,8 +160,7 @@ static bool selected(const drive_t *d, drive_role_t selector, bool bus) {
   return bus && (how == 1 || how == 3);
 }
 
-/* What the motor is told to do; the stops in their order of precedence: coast, quick stop, DC brake,
- * ramp stop. */
+/* Command for the motor; precedence of the stops: coast, quick stop, DC brake, ramp stop. */
 static command_t command(const drive_t *d) {
   uint16_t ctw = d->control;
   if (d->alarm != 0) return GO_COAST;
@@ -220,7 +219,7 @@ static bool jogging(const drive_t *d, int64_t bus_function) {
   return bus_function == BUS_JOG || (bus_function == BUS_FUNCTION_OFF && (d->control & CTW_JOG));
 }
 
-/* Output frequency that the references ask for, within the limits of the output frequency. */
+/* Output frequency that the references demand, within the limits of the output frequency. */
 static int64_t wanted_nhz(const drive_t *d) {
   int64_t low = scaled(d, DRIVE_ROLE_FREQUENCY_MIN, NANO, 0);
   int64_t high = scaled(d, DRIVE_ROLE_FREQUENCY_MAX, NANO, 50 * INT64_C(1000000000));
@@ -239,14 +238,14 @@ static int64_t wanted_nhz(const drive_t *d) {
   return negative ? -wanted : wanted;
 }
 
-/* The output frequency stays as it is. Jog overrides freeze. */
+/* True while freeze holds the output frequency. Jog overrides freeze. */
 static bool frozen(const drive_t *d) {
   int64_t function = bus_time_out_function(d);
   if (jogging(d, function) || function == BUS_MAX) return false;
   return function == BUS_FREEZE || !(d->control & CTW_NO_FREEZE);
 }
 
-/* The ramp that bit 9 of the control word chooses, where the drive has two. */
+/* The ramp that bit 9 of the control word selects, if the drive has two. */
 static drive_role_t chosen_ramp(const drive_t *d, drive_role_t first, drive_role_t second) {
   return (d->control & CTW_RAMP_2) && by_role(d, second) != NULL ? second : first;
 }
@@ -276,7 +275,7 @@ static void ramp(drive_t *d, int64_t target, drive_role_t down) {
   }
 }
 
-/* What does not wait for a ramp: output off, brake on. */
+/* Effects without a ramp: output off, brake on. */
 static void settle(drive_t *d) {
   command_t go = d->forced ? GO_COAST : command(d);
   if (go == GO_DC_BRAKE) {
@@ -327,9 +326,9 @@ bool drive_running(const drive_t *d) {
   return d->frequency_nhz != 0 || d->dc_brake_us > 0 || command(d) == GO_RUN;
 }
 
-/* Load model, in units of the rated current's raw value. A fan: at rest the preheater's current if it
- * is on, 0 if not; braking the DC brake's; turning the magnetising current, rising with the square of
- * the speed to the rated current at rated frequency (never above CURRENT_MAX_PERCENT). */
+/* Load model of a fan, in units of the rated current's raw value. At rest: the preheater's current if it
+ * is on, else 0. Braking: the DC brake's. Turning: the magnetising current, rising with the square of the
+ * speed to the rated current at rated frequency (never above CURRENT_MAX_PERCENT). */
 static int64_t current_raw(const drive_t *d) {
   int64_t rated = setting(d, DRIVE_ROLE_MOTOR_CURRENT, 600);
   int64_t mhz = magnitude(d->frequency_nhz) / NHZ_PER_MHZ;
@@ -440,7 +439,7 @@ void drive_trip_lock(drive_t *d, uint8_t alarm) {
 
 void drive_warn(drive_t *d, uint32_t warnings) { d->warnings = warnings; }
 
-/* PCD of a request. Bit 10 = 0: neither word is looked at. */
+/* Executes the PCD of a request. Bit 10 = 0: both words are ignored. */
 static void control(drive_t *d, uint16_t ctw, uint16_t reference) {
   if (!(ctw & CTW_VALID)) return;
   bool reset = (ctw & CTW_RESET) && !(d->control & CTW_RESET);
@@ -454,7 +453,7 @@ static void control(drive_t *d, uint16_t ctw, uint16_t reference) {
 
 /* ---- readouts -------------------------------------------------------------------------------- */
 
-/* A readout made by the simulation; false when this parameter is not one. */
+/* Value of a calculated readout; false for every other parameter. */
 static bool live(const drive_t *d, const drive_parameter_t *p, int64_t *value) {
   int64_t mhz = drive_frequency_mhz(d);
   int64_t high_mhz = scaled(d, DRIVE_ROLE_FREQUENCY_MAX, MILLI, 50000);
@@ -510,7 +509,7 @@ static bool live(const drive_t *d, const drive_parameter_t *p, int64_t *value) {
 
 /* ---- parameter access ------------------------------------------------------------------------ */
 
-/* Slot of an element; a fault number when the index does not fit. */
+/* Finds the slot of an element; returns a fault number if the index does not fit. */
 static int locate(const drive_t *d, const drive_parameter_t *p, uint8_t index, size_t *slot) {
   uint8_t first = d->profile->index_first;
   *slot = p->slot;
@@ -591,7 +590,7 @@ int drive_refuse(drive_t *d, uint16_t pnu, int fault) {
   return DRIVE_OK;
 }
 
-/* Access rights and, apart from them, the mode of the moment: fault number or DRIVE_OK. */
+/* Access rights without the present mode: fault number or DRIVE_OK. */
 static int writable(const drive_parameter_t *p) {
   switch ((drive_access_t)p->access) {
     case DRIVE_READ_ONLY:
@@ -621,7 +620,7 @@ enum { AK_NONE, AK_READ, AK_WRITE_WORD, AK_WRITE_DOUBLE, AK_EEPROM_DOUBLE = 13, 
 enum { REPLY_WORD = 1, REPLY_DOUBLE = 2, REPLY_REFUSED = 7 };
 enum { TEXT_READ = 0x04, TEXT_WRITE = 0x05 }; /* IND high byte */
 
-enum { /* places in the data part of a telegram */
+enum { /* offsets in the data part of a telegram */
   DATA_PKE = 0,
   DATA_IND = 2,
   DATA_PWE = 4,
@@ -643,7 +642,7 @@ static uint8_t check_byte(const uint8_t *bytes, size_t n) {
   return bcc;
 }
 
-/* The value of a parameter in PWE of the reply; word or double word as its type is. */
+/* Puts the value of a parameter into PWE of the reply, as word or double word by its type. */
 static unsigned answer_value(const drive_parameter_t *p, int64_t value, uint8_t *pwe) {
   uint32_t bits = (uint32_t)(uint64_t)value;
   put16(pwe, is_double(p) ? bits >> 16 : 0);
@@ -651,7 +650,7 @@ static unsigned answer_value(const drive_parameter_t *p, int64_t value, uint8_t 
   return is_double(p) ? REPLY_DOUBLE : REPLY_WORD;
 }
 
-/* PWE as the parameter's type: a word is PWE low alone. */
+/* Reads PWE by the parameter's type: a word is PWE low only. */
 static int64_t request_value(const drive_parameter_t *p, const uint8_t *pwe) {
   uint32_t bits = (uint32_t)get16(pwe) << 16 | get16(pwe + 2);
   switch (p->type) {
@@ -686,8 +685,8 @@ static int write_number(drive_t *d, const drive_parameter_t *p, size_t slot, uns
   return DRIVE_OK;
 }
 
-/* Parameter or text job. `data` is the request's data part; the reply's PKE, IND and what follows up
- * to PCD go to `out`, their number is returned. */
+/* Executes a parameter or text task. `data` is the request's data part. PKE, IND and the following bytes
+ * of the reply up to PCD go to `out`; returns their number. */
 static size_t parameter_job(drive_t *d, const uint8_t *data, size_t n, uint8_t *out) {
   uint16_t pke = get16(data + DATA_PKE);
   unsigned ak = pke >> 12;
@@ -752,7 +751,7 @@ static size_t parameter_job(drive_t *d, const uint8_t *data, size_t n, uint8_t *
   return length;
 }
 
-/* Is `n` a length that a telegram with this data can have? */
+/* Whether a telegram with this data can have length `n`. */
 static bool length_fits(const uint8_t *data, size_t n) {
   if (n == PROCESS_BYTES) return true;
   if (n < TEXT_OVERHEAD) return false;

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Simulated VLT drive: a slave of the FC protocol (FC-1 to FC-7) with a parameter table and a motor
- * that ramps; which drive it is comes from a profile. The one implementation for the virtual card (C++) and the test benches (Python, ctypes).
+ * Simulated VLT drive: a slave of the FC protocol (FC-1 to FC-7) with a parameter table and a motor that
+ * ramps. A profile selects the drive. The virtual card (C++) and the test benches (Python, ctypes) share it.
  *
- * Bytes in, bytes out: the drive neither knows characters nor waiting times. Whoever owns the line
- * collects a whole telegram, asks drive_telegram() and sends the reply after the response time wished
- * for. Simulated time passes only in drive_step().
+ * Bytes in, bytes out: characters and waiting times are the caller's. The caller collects a whole telegram,
+ * calls drive_telegram() and sends the reply after the response time. Simulated time passes only in
+ * drive_step().
  *
- * No global state, no heap: a drive_t is all there is, so several drives can stand on one line.
+ * No global state, no heap: a drive_t holds the whole state, so several drives can stand on one line.
  *
  * Values of parameters are raw, as transferred: 300 with conversion index -2 is 3.00.
  */
@@ -22,11 +22,11 @@
 extern "C" {
 #endif
 
-/* Longest text a parameter can hold. More than the 20 characters that fit through the card, so that a
- * text which the card has to cut can be set with drive_set_text(). */
+/* Longest text of a parameter. Longer than the 20 characters that the card passes on, so that
+ * drive_set_text() can set a text that the card has to cut. */
 #define DRIVE_TEXT_MAX 60
 
-/* Longest request looked at (LGE is one byte) and longest reply made (a text of DRIVE_TEXT_MAX). */
+/* Longest request accepted (LGE is one byte) and longest reply (a text of DRIVE_TEXT_MAX). */
 #define DRIVE_REQUEST_MAX 257
 #define DRIVE_REPLY_MAX (12 + DRIVE_TEXT_MAX)
 
@@ -35,15 +35,15 @@ extern "C" {
 #define DRIVE_SLOTS_MAX 1024
 #define DRIVE_TEXTS_MAX 24
 
-/* What became of a telegram. Only DRIVE_REPLIED comes with bytes to send. */
+/* Outcome of a telegram. Only DRIVE_REPLIED comes with bytes to send. */
 typedef enum {
   DRIVE_REPLIED = 0,   /* executed or refused, reply made */
   DRIVE_BROADCAST = 1, /* executed, a broadcast is never answered */
   DRIVE_NOT_MINE = 2,  /* good telegram for another address: silence */
-  DRIVE_DAMAGED = 3    /* STX, LGE or BCC wrong, or a length no telegram has: silence */
+  DRIVE_DAMAGED = 3    /* STX, LGE or BCC wrong, or an impossible length: silence */
 } drive_outcome_t;
 
-/* Fault numbers in PWE low of a reply with AK 7; DRIVE_OK where an int of these says "done". */
+/* Fault numbers in PWE low of a reply with AK 7; DRIVE_OK means success in functions that return them. */
 enum {
   DRIVE_OK = -1,
   DRIVE_FAULT_NO_PARAMETER = 0,
@@ -79,7 +79,7 @@ typedef enum {
   DRIVE_DENIED /* fault 11 */
 } drive_access_t;
 
-/* What a parameter means to the simulation, so that profiles with other numbers share this code.
+/* Meaning of a parameter for the simulation, so that profiles with other numbers share this code.
  * sim/drive/drive_table.py reads the names from here: column "role" of a profile, in lower case. */
 typedef enum {
   DRIVE_ROLE_NONE,
@@ -97,15 +97,15 @@ typedef enum {
   DRIVE_ROLE_DC_BRAKE_TIME,
   DRIVE_ROLE_FREQUENCY_MIN,
   DRIVE_ROLE_FREQUENCY_MAX,
-  DRIVE_ROLE_RANGE_LOW, /* of bit 10 of the status word; without: the two above */
+  DRIVE_ROLE_RANGE_LOW, /* for bit 10 of the status word; without this role: the two above */
   DRIVE_ROLE_RANGE_HIGH,
   DRIVE_ROLE_REFERENCE_MIN,
   DRIVE_ROLE_REFERENCE_MAX,
   DRIVE_ROLE_RAMP_UP,
   DRIVE_ROLE_RAMP_DOWN,
-  DRIVE_ROLE_RAMP_UP_2, /* chosen by bit 9 of the control word; without: bit 9 has no function */
+  DRIVE_ROLE_RAMP_UP_2, /* chosen by bit 9 of the control word; without this role bit 9 has no function */
   DRIVE_ROLE_RAMP_DOWN_2,
-  DRIVE_ROLE_QUICK_STOP_RAMP, /* a drive without one quick-stops on its ramp-down time */
+  DRIVE_ROLE_QUICK_STOP_RAMP, /* without this role a quick stop takes the ramp-down time */
   DRIVE_ROLE_JOG_FREQUENCY,
   DRIVE_ROLE_REFERENCE_TYPE, /* 0 sum, 1 relative, 2 external/preset */
   DRIVE_ROLE_PRESETS, /* the first of four parameters in a row, or an array of four and more */
@@ -120,7 +120,7 @@ typedef enum {
   DRIVE_ROLE_SELECT_PRESET,
   DRIVE_ROLE_BUS_TIME, /* seconds between valid control words */
   DRIVE_ROLE_BUS_TIME_FUNCTION,
-  /* readouts the simulation makes */
+  /* readouts that the simulation calculates */
   DRIVE_ROLE_SHOW_REFERENCE_PERCENT,
   DRIVE_ROLE_SHOW_REFERENCE,
   DRIVE_ROLE_SHOW_FREQUENCY,
@@ -165,10 +165,10 @@ typedef struct {
   int64_t value;
 } drive_example_t;
 
-/* A model of drive. All of it comes from sim/drive/NAME.csv, see sim/drive/drive_table.py. */
+/* A model of drive, generated from sim/drive/NAME.csv by sim/drive/drive_table.py. */
 typedef struct {
   const char *name;
-  uint16_t pnu_mask;                  /* 07FFh: bit 11 of PKE is not looked at; 0FFFh: it is used */
+  uint16_t pnu_mask;                  /* 07FFh: bit 11 of PKE is ignored; 0FFFh: it is used */
   uint8_t index_first;                /* index of an array's first element */
   uint8_t fault_unknown_ak;           /* fault number for an AK that the drive does not know */
   bool fc_status;                     /* status word: bit 2 = 0 coasting, bit 6 = 1 trip lock; else bit
@@ -190,7 +190,7 @@ typedef struct {
   char text[DRIVE_TEXTS_MAX][DRIVE_TEXT_MAX + 1];
   uint8_t text_length[DRIVE_TEXTS_MAX];
   bool pinned[DRIVE_PARAMETERS_MAX];      /* readout fixed by drive_set() */
-  uint16_t refuse[DRIVE_PARAMETERS_MAX];  /* fault number + 1 that drive_refuse() asked for */
+  uint16_t refuse[DRIVE_PARAMETERS_MAX];  /* fault number + 1 set by drive_refuse() */
   uint32_t eeprom_writes;
 
   uint16_t control, reference; /* last valid ones: bit 10 was 1 */
@@ -209,15 +209,15 @@ typedef struct {
   uint64_t run_us;
 } drive_t;
 
-/* A profile by its name: "vlt6000" (the card's own drive), "vlt5000", "vlt2800", "vlt8000",
- * "hvac_basic". NULL when there is none. */
+/* Finds a profile by name: "vlt6000" (the card's own drive), "vlt5000", "vlt2800", "vlt8000",
+ * "hvac_basic". NULL if unknown. */
 const drive_profile_t *drive_profile(const char *name);
 
 /* Power the drive up with every parameter at its default: motor stopped, no trip, status word 0607h. */
 void drive_init(drive_t *d, const drive_profile_t *profile);
 
-/* Mains off and on: RAM values come back from EEPROM, texts and fault log stay, trip and pins are gone.
- * A forced process block stays forced. */
+/* Mains off and on: RAM values are restored from EEPROM, texts and fault log stay, trip and pins are
+ * cleared. A forced process block stays forced. */
 void drive_power_cycle(drive_t *d);
 
 /* One whole telegram off the line, STX to BCC. `reply` has room for DRIVE_REPLY_MAX bytes;
@@ -228,17 +228,17 @@ drive_outcome_t drive_telegram(drive_t *d, const uint8_t *request, size_t n, uin
 /* Let simulated time pass. */
 void drive_step(drive_t *d, uint32_t microseconds);
 
-/* The state behind the examples of the profile's own document: status and output frequency word
- * forced, the values of the examples set. A VLT 6000: 0F03h, 2000h, parameter 514 = 3.00 A. */
+/* The state in the examples of the profile's document: status and output frequency word forced, the
+ * values of the examples set. A VLT 6000: 0F03h, 2000h, parameter 514 = 3.00 A. */
 void drive_example_state(drive_t *d);
 
-/* Pin status and output frequency word of every reply. The motor then stands still whatever the
- * control word says (it is still recorded), so parameters that want a stopped motor can be written. */
+/* Pins status and output frequency word of every reply. The motor then stands still for every control
+ * word (which is still recorded), so parameters that need a stopped motor can be written. */
 void drive_force_process(drive_t *d, uint16_t status, uint16_t frequency);
 void drive_release_process(drive_t *d);
 
-/* From outside the bus: no limits, access rights or modes; an index of 0 for what is not an array.
- * drive_set() of a readout pins it. Both return DRIVE_OK or the fault number 0, 3, 4 or 5
+/* Access without the bus: no limits, access rights or modes; index 0 for a parameter that is not an
+ * array. drive_set() of a readout pins it. Both return DRIVE_OK or the fault number 0, 3, 4 or 5
  * (drive_set_text(): 2 for more than DRIVE_TEXT_MAX characters). Sets RAM and EEPROM alike. */
 int drive_set(drive_t *d, uint16_t pnu, uint8_t index, int64_t value);
 int drive_set_text(drive_t *d, uint16_t pnu, const char *text);
@@ -246,8 +246,8 @@ int drive_get(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value);
 int drive_get_eeprom(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value);
 int drive_get_text(const drive_t *d, uint16_t pnu, char text[DRIVE_TEXT_MAX + 1]);
 
-/* Refuse every access to a parameter with this fault number (0 to 65534), DRIVE_OK: no longer.
- * Returns DRIVE_OK, or 0 when there is no such parameter. */
+/* Refuses every access to a parameter with this fault number (0 to 65534); DRIVE_OK ends that.
+ * Returns DRIVE_OK, or 0 if there is no such parameter. */
 int drive_refuse(drive_t *d, uint16_t pnu, int fault);
 
 /* Trip with an alarm number 1 to 99: output off, entry in the fault log. Ignored while tripped.
@@ -258,18 +258,18 @@ void drive_trip_lock(drive_t *d, uint8_t alarm);
 /* Warnings shown in the warning word and in bit 7 of the status word; 0 ends them. */
 void drive_warn(drive_t *d, uint32_t warnings);
 
-/* What an observer beside the drive sees. */
+/* State visible to an observer of the drive. */
 uint16_t drive_status_word(const drive_t *d);
 uint16_t drive_frequency_word(const drive_t *d);
 uint16_t drive_control_word(const drive_t *d);   /* last valid one, 0 before the first */
-uint16_t drive_reference_word(const drive_t *d); /* that came with it */
+uint16_t drive_reference_word(const drive_t *d); /* sent with that control word */
 int32_t drive_frequency_mhz(const drive_t *d);
 uint8_t drive_alarm(const drive_t *d); /* 0 = none */
-bool drive_running(const drive_t *d);  /* turning, told to turn, or DC-braking: fault 17 territory */
-bool drive_relay(const drive_t *d, unsigned number); /* relay 1 or 2 pulled in */
+bool drive_running(const drive_t *d);  /* turning, started, or DC-braking: writes may give fault 17 */
+bool drive_relay(const drive_t *d, unsigned number); /* relay 1 or 2 energised */
 uint32_t drive_eeprom_writes(const drive_t *d);
 
-/* Bytes of a drive_t, for callers that cannot see the structure. */
+/* Size of a drive_t in bytes, for callers without the structure. */
 size_t drive_size(void);
 
 #ifdef __cplusplus
