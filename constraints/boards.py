@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The boards: constraints/boards.toml, each board's wrapper and pin file, and what must hold between them.
+"""The boards: constraints/boards.toml, each board's wrapper and pin file, and the checks between them.
 
 python -m constraints.boards            writes the pin tables, docs/reference/pins.md
-python -m constraints.boards --check    exit 1 when they are not what the pin files say
+python -m constraints.boards --check    exit 1 if the tables differ from the pin files
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LPF_CLOCK = re.compile(r'^\s*FREQUENCY\s+PORT\s+"clk"\s+([\d.]+)\s+MHZ', re.MULT
 PCF_PIN = re.compile(r"^set_io((?:\s+-\S+\s+\S+)*)\s+([^-\s]\S*)\s+(\w+)[ \t]*(?:#\s*(.*))?$", re.MULTILINE)
 PCF_CLOCK = re.compile(r"^set_frequency\s+clk\s+([\d.]+)\s*$", re.MULTILINE)
 
-# What the other end of a port is; {n} is the number of its bit.
+# The other end of each port; {n} is the number of its bit.
 WIRED = {
     "clk": "oscillator",
     "sw_baud_n": "baud switch {n}, closes to ground",
@@ -58,14 +58,14 @@ WIRED |= {
 STANDARD = "LVCMOS33"
 STRENGTHS = {"machxo2": ("4", "8", "12", "16", "24"), "ecp5": ("4", "8", "12", "16")}
 OPEN = ("NONE", "KEEPER")
-# What a MachXO pin may be besides an input or output, in the database's words. A card that holds one of
-# these low, or drives it, may not configure itself or not be programmed again.
+# Special functions of MachXO pins, in the database's words. A card that holds such a pin low, or drives it,
+# may fail to configure itself or to be programmed again.
 CONFIGURATION = ("TCK", "TMS", "TDI", "TDO", "JTAGENB", "PROGRAMN", "INITN", "DONE", "SN", "CSSPIN")
 CONFIGURATION += ("MCLK/CCLK", "SO/SPISO", "SI/SISPI", "SCL/PCLKT0_0", "SDA/PCLKC0_0")
 CLOCK_PIN = re.compile(r"\bPCLKT\d_\d$")
-# How Project Trellis calls a package.
+# Package names of Project Trellis.
 PACKAGES = {"TG144": "TQFP144"}
-# The wheel has no such database for the XO3. These are from the chip database of nextpnr 0.11.1 for the
+# The wheel has no such database for the XO3. These pins are from the chip database of nextpnr 0.11.1 for the
 # LCMXO3LF-6900, package of 400 balls.
 XO3_BG400 = {"C9": "TCK", "D9": "TMS", "C7": "TDI", "E8": "TDO", "C13": "JTAGENB", "D13": "PROGRAMN"}
 XO3_BG400 |= {"C17": "INITN", "A19": "DONE", "Y20": "SN", "W2": "CSSPIN", "W6": "MCLK/CCLK", "Y6": "SO/SPISO"}
@@ -76,7 +76,7 @@ XO3_BG400 |= {"E2": "PCLKT5_0"}
 
 @dataclass(frozen=True)
 class Pin:
-    """A line of a pin file: where a port bit is, how its buffer is set, and what was remarked."""
+    """A line of a pin file: position and buffer settings of a port bit, and the remark."""
 
     port: str
     site: str
@@ -86,7 +86,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class Board:
-    """A row of boards.toml; `name` is its key."""
+    """An entry of boards.toml; `name` is its key."""
 
     name: str
     title: str
@@ -117,7 +117,7 @@ class Board:
         return configurations()[self.config]["memory_bytes"] // 4
 
     def pins(self) -> list[Pin]:
-        """As the pin file has them; the attributes by their names in an .lpf."""
+        """Pins of the pin file, with the attribute names of an .lpf."""
         text = self.pin_file.read_text()
         if self.pin_file.suffix == ".lpf":
             buffers = {
@@ -153,7 +153,7 @@ def board(name: str) -> Board:
 
 
 def ports(path: Path) -> dict[str, str]:
-    """Direction of each port bit of the one module in a file."""
+    """Direction of each port bit of the only module in a file."""
     header = without_comments(path).split(");", 1)[0]
     found = {}
     for direction, high, low, name in PORT.findall(header):
@@ -167,7 +167,7 @@ def _twice(items: list[str]) -> list[str]:
 
 
 def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
-    """What is wrong with a pin's buffer; a port without an IOBUF line has been told of already."""
+    """Errors in a pin's buffer settings; a port without an IOBUF line is reported elsewhere."""
     has = dict(pin.attributes)
     if not has:
         return []
@@ -184,14 +184,14 @@ def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
         if direction == "output":
             if (drive := has.pop("DRIVE", "not set")) not in STRENGTHS[family]:
                 wrong.append(f"has no strength of its part (DRIVE {drive})")
-            # Nothing on the card is faster than 115200 bit/s.
+            # No signal on the card is faster than 115200 bit/s.
             if (slew := has.pop("SLEWRATE", "not set")) != "SLOW":
                 wrong.append(f"has not the slow edges (SLEWRATE {slew})")
     return wrong + [f"has {name}, which it cannot use" for name in has]
 
 
 def functions(entry: Board) -> dict[str, str]:
-    """What the pins of a MachXO can be besides inputs and outputs; empty for the other families."""
+    """Special functions of MachXO pins; empty for the other families."""
     if entry.family != "machxo2":
         return {}
     device, package = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+\d+)[A-Z]", entry.part).groups()
@@ -216,7 +216,7 @@ def functions(entry: Board) -> dict[str, str]:
 
 
 def misplaced(pins: list[Pin], known: dict[str, str]) -> list[str]:
-    """A clock that no clock network begins at, and ports on pins that the part is programmed by."""
+    """Clocks on pins without a clock network, and ports on programming pins."""
     wrong = [
         f"clk is on {pin.site}, which is no clock pin (PCLKT)"
         for pin in pins
@@ -230,7 +230,7 @@ def misplaced(pins: list[Pin], known: dict[str, str]) -> list[str]:
 
 
 def wired(pin: Pin) -> str | None:
-    """What is at the other end, and where on the board if the pin file says so."""
+    """The other end of a port, with its place on the board if the pin file gives it."""
     name, _, number = pin.port.partition("[")
     if name not in WIRED:
         return None
@@ -238,7 +238,7 @@ def wired(pin: Pin) -> str | None:
 
 
 def problems(entry: Board) -> list[str]:
-    """What does not fit together in one board's files; empty when all is well."""
+    """Contradictions between one board's files."""
     text = entry.pin_file.read_text()
     lpf = entry.pin_file.suffix == ".lpf"
     wanted = ports(entry.wrapper)
@@ -249,7 +249,7 @@ def problems(entry: Board) -> list[str]:
     wrong += [f"port {port} has two pins" for port in _twice(placed)]
     wrong += [f"pin {site} is used twice" for site in _twice([pin.site for pin in pins])]
     wrong += misplaced(pins, functions(entry))
-    wrong += [f"nobody says what {pin.port} is wired to" for pin in pins if wired(pin) is None]
+    wrong += [f"the other end of {pin.port} is unknown" for pin in pins if wired(pin) is None]
     if lpf:
         buffers = [port for port, _ in LPF_BUFFER.findall(text)]
         wrong += [f"port {port} has no IOBUF line" for port in wanted if port not in buffers]

@@ -3,11 +3,11 @@
 
     python -m constraints.image BOARD FIRMWARE.hex [--output FILE]
 
-The design was placed and routed with random words in the firmware memory (constraints/synth.py), by which
-its bits are found again: on iCE40 by icebram, on MachXO2/3 and ECP5 here, in nextpnr's text configuration.
-Nothing else changes, so the bitstream is the one that a full build with that firmware gives. Exit 2, with
-one line, when something is wrong with what was asked for: an image that the card would refuse or whose check
-sums are wrong, or a design of other Verilog, pins or tools than there are now.
+The design was placed and routed with random words in the firmware memory (constraints/synth.py). These words
+locate the memory's bits: icebram does so on iCE40, this program on MachXO2/3 and ECP5, in nextpnr's text
+configuration. No other bits change, so the bitstream equals that of a full build with that firmware. Exit 2,
+with one line, for an image that the card would refuse, wrong check sums, or a design from other Verilog, pins
+or tools.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ WORD = re.compile(rf"[0-9a-fA-F]{{{WORD_BITS // 4}}}")
 # A memory in nextpnr's text configuration: rows of 9-bit words.
 MEMORY = re.compile(r"^(\.bram_init \d+\n)((?:[0-9a-f]{3}[ \n])+)", re.MULTILINE)
 RAW_BITS = 9
-# Data bits at an address, for each way a block RAM is used. Up to 4, several addresses share 8 of the 9 bits.
+# Data bits at an address, for each width of a block RAM. Up to 4, several addresses share 8 of the 9 bits.
 WIDTHS = (1, 2, 4, 9, 18, 36)
 
 
 class ImageError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def suffix(entry: Board) -> str:
-    """Of the routed design."""
+    """File suffix of the routed design."""
     return SUFFIX[entry.family]
 
 
 def result_suffix(entry: Board) -> str:
-    """Of what goes to the board."""
+    """File suffix of the bitstream."""
     return PACKED[entry.family] if entry.packs else suffix(entry)
 
 
@@ -57,13 +57,13 @@ def pattern_file(entry: Board) -> Path:
 
 
 def made_from_file(entry: Board) -> Path:
-    """What the finished design came from; cleared away with it."""
+    """File that identifies the sources of the finished design; removed together with it."""
     return BUILD / entry.name / f"{entry.top}.made_from"
 
 
 def up_to_date(entry: Board) -> bool:
-    """New firmware in old hardware is worse than none."""
-    # Not at the top: it is synth.py that imports this module.
+    """Whether the finished design is made from the present sources: firmware in old hardware is dangerous."""
+    # A local import, because synth.py imports this module.
     from constraints.synth import made_from
 
     said = made_from_file(entry)
@@ -71,7 +71,7 @@ def up_to_date(entry: Board) -> bool:
 
 
 def read_words(path: Path, entry: Board) -> list[int]:
-    """A $readmemh image: one word with its parity a line, as many as the board's memory has."""
+    """Reads a $readmemh image: one word with parity per line, as many as the board's memory has."""
     try:
         lines = path.read_text().split("\n")
     except (OSError, UnicodeDecodeError) as error:
@@ -91,7 +91,7 @@ def read_words(path: Path, entry: Board) -> list[int]:
 
 
 def lanes(raw: list[int], width: int) -> list[str]:
-    """The content of a block RAM by data bit: character A of lane B is bit B at address A."""
+    """Content of a block RAM by data bit: character A of lane B is bit B at address A."""
     if width < RAW_BITS:
         return [
             "".join("01"[word >> at + lane & 1] for word in raw for at in range(0, RAW_BITS - 1, width))
@@ -122,12 +122,12 @@ def raw_words(content: list[str], width: int) -> list[int]:
 
 
 def column(words: list[int], first: int, bit: int, depth: int) -> str:
-    """One bit of `depth` words of the memory; behind its end a block RAM holds zeros."""
+    """One bit of `depth` words of the memory; a block RAM holds zeros after the memory's end."""
     return "".join("01"[word >> bit & 1] for word in words[first : first + depth]).ljust(depth, "0")
 
 
 def replace(text: str, old: list[int], new: list[int]) -> str:
-    """nextpnr's configuration with memory content `new` where `old` was."""
+    """Replaces the memory content `old` by `new` in nextpnr's configuration."""
     covered: list[tuple[int, int]] = []
 
     def patch(match: re.Match[str]) -> str:
@@ -165,7 +165,7 @@ def replace(text: str, old: list[int], new: list[int]) -> str:
 
 
 def tool(*command: str | Path) -> None:
-    """Runs one of the tools, whose sandbox sees this folder by relative names."""
+    """Runs a tool; its sandbox sees this folder by relative names."""
     words = [str(word.relative_to(ROOT)) if isinstance(word, Path) else word for word in command]
     words[0] = str(Path(sys.executable).parent / words[0])
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -175,7 +175,7 @@ def tool(*command: str | Path) -> None:
 
 
 def icebram(design: Path, old: Path, new: Path, patched: Path) -> None:
-    """It reads the design from its standard input and writes to its standard output."""
+    """Runs icebram, which reads the design from standard input and writes it to standard output."""
     command = [str(Path(sys.executable).parent / "yowasp-icebram")]
     command += [str(path.relative_to(ROOT)) for path in (old, new)]
     with design.open() as source, patched.open("w") as target:
@@ -187,7 +187,7 @@ def icebram(design: Path, old: Path, new: Path, patched: Path) -> None:
 
 
 def make(entry: Board, firmware: Path, output: Path) -> Path:
-    """The bitstream of a board with an image; `output` is written only when all went well."""
+    """Makes the bitstream of a board with an image; `output` is written only on success."""
     folder = BUILD / entry.name
     design = folder / f"{entry.top}{suffix(entry)}"
     new = read_words(firmware, entry)
@@ -204,7 +204,7 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
     pattern = pattern_file(entry)
     patched = folder / f"image{suffix(entry)}"
     if entry.family == "ice40":
-        # Beside the design, where the tool can see it.
+        # In the design's folder, which the tool can see.
         beside = folder / "image.hex"
         beside.write_text("".join(map(hex_line, new)))
         icebram(design, pattern, beside, patched)

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has to hold in a netlist that Yosys wrote: one clock, and every input to one flip-flop first."""
+"""Checks of a netlist from Yosys: one clock, and every input goes to one flip-flop first."""
 
 from __future__ import annotations
 
-# Data, reset and enable inputs of the flip-flops that Yosys knows before it maps them.
+# Data, reset and enable inputs of Yosys's flip-flops before mapping.
 FLIP_FLOPS = ("$dff", "$dffe", "$sdff", "$sdffe", "$sdffce", "$adff", "$adffe", "$aldff", "$dffsr")
-# Those that the families have.
+# The same for the families' flip-flops.
 MAPPED = {
     "ice40": tuple(f"SB_DFF{kind}" for kind in ("", "E", "R", "S", "SR", "SS", "ER", "ES", "ESR", "ESS")),
     "machxo2": ("TRELLIS_FF",),
     "ecp5": ("TRELLIS_FF",),
 }
-# Where they and the memories have their clocks; Yosys's own cells have them at CLK, RD_CLK and WR_CLK.
+# Clock ports of flip-flops and memories; Yosys's own cells use CLK, RD_CLK and WR_CLK.
 CLOCK_PORTS = {
     "SB_DFF": ("C",),
     "SB_RAM40_4K": ("RCLK", "WCLK"),
@@ -25,19 +25,19 @@ def clocks(module: dict) -> set[int | str]:
     """Nets at the clock inputs of all flip-flops and memories."""
     found: set[int | str] = set()
     for cell in module["cells"].values():
-        # Those on the other edge too.
+        # Falling-edge variants too.
         kind = "SB_DFF" if cell["type"].startswith("SB_DFF") else cell["type"]
         for port, bits in cell["connections"].items():
             if port in CLOCK_PORTS.get(kind, ("CLK", "RD_CLK", "WR_CLK")):
                 found |= set(bits)
-    # A port of a memory that needs no clock has x there.
+    # A memory port without a clock has x there.
     return found - {"x"}
 
 
 def loose_inputs(
     module: dict, flip_flops: tuple[str, ...] = FLIP_FLOPS, but: tuple[str, ...] = ("clk", "rst_n")
 ) -> list[str]:
-    """Input bits that are not the data of exactly one flip-flop, straight or through a cell of their own."""
+    """Input bits that are not the data of exactly one flip-flop, directly or through a cell of their own."""
     users: dict[int | str, list[tuple[str, str, dict]]] = {}
     for cell in module["cells"].values():
         for port, bits in cell["connections"].items():
@@ -58,7 +58,7 @@ def loose_inputs(
 
 
 def only_output(cell: dict, bit: int | str) -> int | None:
-    """The net behind a look-up table that has no other input than `bit`: an inverter."""
+    """Output net of a look-up table whose only input is `bit`: an inverter."""
     if cell["type"] not in ("SB_LUT4", "LUT4"):
         return None
     nets = {way: [] for way in ("input", "output")}
@@ -68,7 +68,7 @@ def only_output(cell: dict, bit: int | str) -> int | None:
 
 
 def crossings(module: dict, family: str) -> list[str]:
-    """What is wrong with clock and inputs in a board's netlist of its family's cells."""
+    """Errors of clock and inputs in a board's netlist of its family's cells."""
     wrong = [f"input {said}" for said in loose_inputs(module, MAPPED[family], ("clk",))]
     pin = set(module["ports"]["clk"]["bits"])
     return wrong + [f"a clock that is not the pin clk: net {net}" for net in clocks(module) - pin]

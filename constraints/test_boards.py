@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The boards: every port of a wrapper has a pin, every port of the card is connected, each comes up alone."""
+"""The boards: every wrapper port has a pin, every card port is connected, each board powers up alone."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from tb.model.vlt_drive import VltDrive
 
 pytestmark = pytest.mark.needs("synth")
 
-# Outputs of a board that are not the card's.
+# Board outputs that are not outputs of the card.
 CONSTANT = {"wifi_gpio0": 1}
 CLK_HZ = 2_000_000
 BAUD = 38_400
@@ -50,7 +50,7 @@ each_board = pytest.mark.parametrize("name", BOARDS)
 
 
 @each_board
-def test_pins_wrapper_and_table_fit_together(name):
+def test_pins_wrapper_and_table_agree(name):
     assert problems(BOARDS[name]) == []
 
 
@@ -66,7 +66,7 @@ def card(name: str) -> list[str]:
 
 @each_board
 def test_wrapper_is_clean_verilog(name):
-    """All warnings on, in both simulators; a port left open is one of them. The card's own are lint's."""
+    """No warnings in either simulator, including open ports. `make lint` checks the card's own files."""
     top = BOARDS[name].top
     verilator = [
         "verilator",
@@ -86,7 +86,7 @@ def test_wrapper_is_clean_verilog(name):
 
 
 def route_ports_alone(entry: Board, folder: Path) -> dict:
-    """A small design with the board's ports and pins through nextpnr; its report."""
+    """Runs nextpnr on a small design with the board's ports and pins; returns its report."""
     folder.mkdir(parents=True, exist_ok=True)
     inputs, outputs = (
         [port for port, way in ports(entry.wrapper).items() if way == wanted and port != "clk"]
@@ -108,20 +108,20 @@ def route_ports_alone(entry: Board, folder: Path) -> dict:
 
 
 @each_board
-def test_every_pin_is_there_in_the_package(name):
+def test_package_has_every_pin(name):
     report = route_ports_alone(BOARDS[name], ROOT / "build/tests" / f"pins-{name}")
     assert fmax_mhz(report) > BOARDS[name].clk_hz / 1e6
 
 
-# ---------------------------------------------------------------- the development boards' connectors
+# ---------------------------------------------------------------- connectors of the development boards
 
-# By the boards' own documents, not by the pin files: what a connector's pin is on the FPGA.
+# FPGA pins of the connectors, from the boards' own documents and not from the pin files.
 PMODS = {
     "PMOD 1A": {1: "4", 2: "2", 3: "47", 4: "45", 7: "3", 8: "48", 9: "46", 10: "44"},
     "PMOD 1B": {1: "43", 2: "38", 3: "34", 4: "31", 7: "42", 8: "36", 9: "32", 10: "28"},
     "PMOD 2": {1: "27", 2: "25", 3: "21", 4: "19", 7: "26", 8: "23", 9: "20", 10: "18"},
 }
-# J2 of the HX8K breakout board, its two rows from one end to the other, without ground and supply.
+# J2 of the HX8K breakout board, both rows from one end to the other, without ground and supply.
 HX8K_J2 = (
     "C16 D16 E16 F16 G16 H16 J15 G14 K14 K15 M16 N16 P16",
     "B16 D14 D15 E14 F15 G15 H14 F14 J14 K16 L16 M15 P15 R15",
@@ -139,7 +139,7 @@ LED_ORDER = tuple(f"led_{line}_{colour}" for line in ("modbus", "drive") for col
 
 
 def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
-    """Board, port: FPGA pin and what the pin file should remark, by the table of docs/guide/hardware.md."""
+    """Maps board and port to FPGA pin and expected remark, from the table of docs/guide/hardware.md."""
     ice = {"clk": ("35", "on the board"), "button_n": ("10", "on the board")}
     ice |= {"led_modbus_red_n": ("11", "on the board"), "led_modbus_green_n": ("37", "on the board")}
     places = dict(zip(LINES, (1, 2, 3, 7, 8, 9), strict=True)) | {"led_drive_red": 4, "led_drive_green": 10}
@@ -161,8 +161,8 @@ def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
     return {"icebreaker": ice, "ulx3s-25": ulx3s}
 
 
-def off_the_documents(entry: Board) -> list[str]:
-    """Ports that are not where the board's documents and docs/guide/hardware.md have them."""
+def differs_from_documents(entry: Board) -> list[str]:
+    """Ports whose pin differs from the board's documents and docs/guide/hardware.md."""
     found = {pin.port: (pin.site, pin.remark) for pin in entry.pins()}
     if entry.name == "hx8k-breakout":
         own = dict(zip(LED_ORDER, ("B5", "B4", "A2", "A1"), strict=True)) | {"clk": "J3"}
@@ -177,19 +177,19 @@ def off_the_documents(entry: Board) -> list[str]:
     return sorted(port for port in wanted.keys() | found.keys() if wanted.get(port) != found.get(port))
 
 
-# The oscillators that are on the boards, by their own documents.
+# Oscillators on the boards, from their own documents.
 OSCILLATORS_HZ = {"icebreaker": 12_000_000, "hx8k-breakout": 12_000_000, "ulx3s-25": 25_000_000}
 DEVELOPMENT = tuple(OSCILLATORS_HZ)
 
 
 @pytest.mark.parametrize("name", DEVELOPMENT)
-def test_a_development_board_has_the_clock_of_its_oscillator(name):
+def test_clock_of_a_development_board_is_its_oscillator(name):
     assert BOARDS[name].clk_hz == OSCILLATORS_HZ[name]
 
 
 @pytest.mark.parametrize("name", DEVELOPMENT)
-def test_ports_are_on_the_connector_pins_that_the_documents_say(name):
-    assert off_the_documents(BOARDS[name]) == []
+def test_ports_are_on_the_documented_connector_pins(name):
+    assert differs_from_documents(BOARDS[name]) == []
 
 
 @pytest.mark.parametrize(
@@ -204,19 +204,19 @@ def test_ports_are_on_the_connector_pins_that_the_documents_say(name):
         ("ulx3s-25", "led_drive_red", "led_drive_green"),
     ],
 )
-def test_two_ports_exchanged_are_found(monkeypatch, name, one, other):
+def test_exchanged_ports_are_found(monkeypatch, name, one, other):
     pins = {pin.port: pin for pin in BOARDS[name].pins()}
     pins[one], pins[other] = (
         replace(pins[one], site=pins[other].site),
         replace(pins[other], site=pins[one].site),
     )
     monkeypatch.setattr(Board, "pins", lambda self: list(pins.values()))
-    assert {one, other} <= set(off_the_documents(BOARDS[name]))
+    assert {one, other} <= set(differs_from_documents(BOARDS[name]))
 
 
 @pytest.mark.parametrize(("name", "count"), [("card-xo2-1200", 15), ("card-xo3-4300", 15)])
 def test_the_configuration_pins_of_a_card_are_known(name, count):
-    """An empty list would let everything through."""
+    """With an empty list every pin would pass."""
     known = functions(BOARDS[name])
     assert sorted(function for function in known.values() if function in CONFIGURATION) == sorted(
         CONFIGURATION
@@ -224,11 +224,11 @@ def test_the_configuration_pins_of_a_card_are_known(name, count):
     assert len(CONFIGURATION) == count
 
 
-# ---------------------------------------------------------------- every pin, in place of the card a stand-in
+# ---------------------------------------------------------------- every pin, with a stand-in for the card
 
 
 def stand_in(folder: Path) -> Path:
-    """A card of the right ports whose outputs a bench sets."""
+    """Writes a card with the right ports whose outputs a bench sets."""
     header = without_comments(CARD).split(");", 1)[0].partition("module rtu2fc")
     text = re.sub(r"`\w+", "0", "".join(header[1:])).replace("output wire", "output reg")
     path = folder / "rtu2fc.v"
@@ -237,7 +237,7 @@ def stand_in(folder: Path) -> Path:
 
 
 def output_pins(dut) -> dict:
-    """By the card's names. A wrapper may have a wire of that name too, so the pins are looked up."""
+    """Pins by the card's names. A wrapper may have a wire of the same name, so the pins are looked up."""
     entry = next(entry for entry in BOARDS.values() if entry.top == dut._name)
     pins = [name for name, way in ports(entry.wrapper).items() if way == "output"]
     return {name.removesuffix("_n"): getattr(dut, name) for name in pins}
@@ -301,7 +301,7 @@ def test_pins_and_polarities(name, tmp_path):
 
 
 def lit(dut) -> set[str]:
-    """The LEDs of the wrapper that show light, whatever their polarity."""
+    """LEDs of the wrapper that are lit, with their polarity taken into account."""
     leds = {name: pin for name, pin in output_pins(dut).items() if name.startswith("led_")}
     assert len(leds) == 4
     return {name for name, pin in leds.items() if pin.value != pin._name.endswith("_n")}
@@ -331,7 +331,7 @@ async def answers_without_ever_having_been_reset(dut):
     await Timer(4 * MS, unit="ps")
     master = ModbusMaster(modbus)
     assert await master.ask(1, rtu.read_registers(2, 1), 20 * MS) == bytes.fromhex("03 02 00 0F")
-    # And the drive line is where it should be.
+    # The drive line is on the right pins too.
     pdu = rtu.write_coil(0, True)
     assert await master.ask(1, pdu, 60 * MS) == pdu
     assert [heard.telegram for heard in slave.heard] == [build_process(0x0001, 0)]
@@ -342,7 +342,7 @@ async def answers_without_ever_having_been_reset(dut):
 @pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
 @each_board
 def test_power_up_without_a_reset(name):
-    """On Icarus, which knows x: what has no start value would show."""
+    """On Icarus, which has x: a register without a start value would show."""
     entry = BOARDS[name]
     run(
         entry.top,
@@ -355,12 +355,12 @@ def test_power_up_without_a_reset(name):
     )
 
 
-# ---------------------------------------------------------------- that the check can fail
+# ---------------------------------------------------------------- the checks can fail
 
 
 @pytest.fixture
 def spoilt(tmp_path, monkeypatch):
-    """A board whose files are copies, to be spoilt."""
+    """Copies the files of a board, so that a test can damage them."""
 
     def copy(name: str, file: str, old: str, new: str) -> Board:
         folder = tmp_path / name
@@ -378,7 +378,7 @@ def spoilt(tmp_path, monkeypatch):
 
 
 def buffer_fault(port: str, old: str, new: str, message: str) -> tuple[str, str, str]:
-    """One change in the IOBUF line of a port."""
+    """A change in the IOBUF line of a port."""
     ways = {"tx": "NONE DRIVE=8 SLEWRATE=SLOW", "de": "NONE DRIVE=8 SLEWRATE=SLOW", "clk": "NONE"}
     line = f'IOBUF PORT "{port}" IO_TYPE=LVCMOS33 PULLMODE={ways.get(port.split("_")[-1], "UP")};'
     assert old in line
@@ -405,7 +405,7 @@ BUFFER_FAULTS = [
 
 
 def misplaced(name: str, port: str, old: str, new: str, message: str) -> tuple[str, str, str, str, str]:
-    """A port of a card on another pin."""
+    """A port of a card on a wrong pin."""
     line = f'LOCATE COMP "{port}" SITE "{old}";'
     return name, ".lpf", line, line.replace(f'"{old}"', f'"{new}"'), message
 
@@ -414,7 +414,7 @@ NO_CLOCK = "clk is on {}, which is no clock pin (PCLKT)"
 CONFIGURES = "{} is on {}, which is {} of the part's configuration"
 MISPLACED = [
     misplaced("card-xo2-1200", "clk", "27", "24", NO_CLOCK.format(24)),
-    # The other half of a clock pin's pair.
+    # The complementary pin of a clock pair.
     misplaced("card-xo2-1200", "clk", "27", "28", NO_CLOCK.format(28)),
     misplaced("card-xo3-4300", "clk", "L1", "L2", NO_CLOCK.format("L2")),
     *(
@@ -492,7 +492,7 @@ MISPLACED = [
         ),
     ],
 )
-def test_a_mistake_is_found(spoilt, name, file, old, new, message):
+def test_error_in_a_board_is_found(spoilt, name, file, old, new, message):
     assert any(message in line for line in problems(spoilt(name, file, old, new)))
 
 
@@ -514,7 +514,7 @@ def test_a_wrongly_wired_wrapper_is_found(spoilt, tmp_path, name, old, new):
         run_pins(spoilt(name, ".v", old, new), tmp_path)
 
 
-def test_a_pin_that_the_package_does_not_have_is_found(spoilt):
+def test_pin_missing_in_the_package_is_found(spoilt):
     entry = spoilt("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 49 #")
     with pytest.raises(SynthError, match="pin named '49'"):
         route_ports_alone(entry, ROOT / "build/tests/pins-spoilt")
@@ -524,16 +524,16 @@ def test_a_clock_too_slow_for_its_configuration_is_found():
     assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
 
 
-def test_a_port_that_is_wired_to_nothing_known_is_found(monkeypatch):
+def test_port_without_a_known_other_end_is_found(monkeypatch):
     monkeypatch.delitem(WIRED, "drive_de")
-    assert problems(BOARDS["hx8k-breakout"]) == ["hx8k-breakout: nobody says what drive_de is wired to"]
+    assert problems(BOARDS["hx8k-breakout"]) == ["hx8k-breakout: the other end of drive_de is unknown"]
 
 
-def test_the_pin_tables_are_those_of_the_pin_files():
+def test_pin_tables_equal_the_pin_files():
     assert DOCS.read_text() == pin_tables(), "run `make pins`"
 
 
-def test_a_pin_table_out_of_date_is_found(monkeypatch, capsys):
+def test_outdated_pin_table_is_found(monkeypatch, capsys):
     stale = ROOT / "build/tests/pins.md"
     stale.parent.mkdir(parents=True, exist_ok=True)
     stale.write_text(DOCS.read_text().replace("| 75 |", "| 76 |"))

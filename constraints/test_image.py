@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A new firmware into a finished design: what comes out is what a full build with that firmware gives."""
+"""New firmware in a finished design: the result equals a full build with that firmware."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tools.test_tools import command, one_line
 pytestmark = pytest.mark.needs("synth")
 
 BOARDS = boards()
-# A board of each family. The small configuration is routed sooner on the HX8K; the UP5K has the standard one.
+# A board of each family. The small configuration routes faster on the HX8K; the UP5K has the standard one.
 FULL = {
     "ice40": replace(BOARDS["hx8k-breakout"], config="tiny", clk_hz=24_000_000),
     "machxo2": BOARDS["card-xo2-1200"],
@@ -35,7 +35,7 @@ FULL = {
 
 @pytest.fixture
 def other_folder(monkeypatch, request) -> Path:
-    """Where this test builds, so that no finished design is touched."""
+    """Build folder of this test, so that finished designs stay untouched."""
     folder = (
         ROOT / "build/tests" / f"image-{request.node.callspec.id if hasattr(request.node, 'callspec') else 0}"
     )
@@ -51,22 +51,22 @@ def random_image(seed: int, words: int) -> list[int]:
 
 
 def sealed_image(entry: Board, seed: int) -> str:
-    """A random program and zeros behind it, as a file."""
+    """Image file with a random program followed by zeros."""
     program = [without_parity(word) for word in random_image(seed, entry.memory_words - 102)]
     packed = seal(b"".join(word.to_bytes(4, "little") for word in program) + bytes(8))
     return "".join(map(hex_line, memory(packed, 4 * entry.memory_words)))
 
 
-# The card's own part always, the other families in `make test-slow`.
+# Always the card's own part; the other families in `make test-slow`.
 SLOW = [pytest.param(family, marks=pytest.mark.slow) for family in FULL if family != "machxo2"]
 
 
 @pytest.mark.parametrize("family", ["machxo2", *SLOW])
-def test_bitstream_is_that_of_a_full_build(family, other_folder):
+def test_bitstream_equals_a_full_build(family, other_folder):
     entry = FULL[family]
     folder = other_folder / entry.name
     built = synth.build(entry)
-    # Zeros where the program ends, as in a real image, and no word like another before.
+    # Zeros after the program, as in a real image, and no word repeated before them.
     firmware = folder / "other.hex"
     firmware.write_text(sealed_image(entry, 2).upper())
     patched = image.make(entry, firmware, folder / "patched")
@@ -92,7 +92,7 @@ def test_lanes_and_raw_words_are_inverse(width):
 
 
 def configuration(memory: list[int]) -> str:
-    """512 words by 36 bits in two block RAMs of 18 bits each, and another."""
+    """512 words by 36 bits in two block RAMs of 18 bits each, and another block RAM."""
     halves = [[word & 0x3FFFF for word in memory], [word >> 18 for word in memory]]
     text = ".device x\n\n"
     for number, half in enumerate([*halves, [7] * 512]):
@@ -114,11 +114,11 @@ def test_a_design_without_the_memory_is_refused():
             image.replace(text, old, old)
 
 
-# ---------------------------------------------------------------- what is said when something is wrong
+# ---------------------------------------------------------------- error messages
 
 
 def refused(*words: str | Path) -> str:
-    """Exit 2, one line, nothing else."""
+    """Expects exit 2 and exactly one line; returns the line."""
     command = [sys.executable, "-m", "constraints.image", *map(str, words)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stdout + done.stderr
@@ -165,7 +165,7 @@ def test_missing_image(tmp_path):
 
 
 def test_unfinished_design(hex_file, other_folder):
-    """A good image, but the board was never built."""
+    """A valid image for a board that was never built."""
     entry: Board = BOARDS["icebreaker"]
     output = other_folder / "out.bin"
     with pytest.raises(image.ImageError, match="no finished design yet; run `make synth BOARD=icebreaker`"):
@@ -173,11 +173,11 @@ def test_unfinished_design(hex_file, other_folder):
     assert not output.exists()
 
 
-# ---------------------------------------------------------------- a program that is not the one sealed
+# ---------------------------------------------------------------- a program that differs from the sealed one
 
 
 def test_an_image_changed_after_its_check_sums_is_refused(hex_file):
-    """Its parity is right: one bit of a word that bin2hex might have been given."""
+    """The parity is right, as if bin2hex had been given the changed word."""
     entry = BOARDS["card-xo2-1200"]
     lines = sealed_image(entry, 4).splitlines(keepends=True)
     lines[7] = hex_line(memory((without_parity(int(lines[7], 16)) ^ 0x10).to_bytes(4, "little"), 4)[0])
@@ -186,11 +186,11 @@ def test_an_image_changed_after_its_check_sums_is_refused(hex_file):
     assert refused(entry.name, path) == said
 
 
-def test_check_sums_are_found_where_the_program_ends():
+def test_check_sums_are_found_at_the_end_of_the_program():
     program = [5, 6, 7]
     sums = [18, 5 + 11 + 18]
     assert adds_up([*program, *sums]) and adds_up([*program, *sums, 0, 0, 0])
-    # A program whose second sum, or both, are zero: the last word that is not zero is not the seal's.
+    # Programs whose second sum, or both sums, are zero: the last nonzero word is not part of the seal.
     assert adds_up([2**32 - 2, 4, 2, 0]) and adds_up([2**31, 0, 2**31, 0, 0, 0])
     for spoilt in (
         [5, 6, 8, *sums],
@@ -205,12 +205,12 @@ def test_check_sums_are_found_where_the_program_ends():
         assert not adds_up(spoilt), spoilt
 
 
-# ---------------------------------------------------------------- a design that is of something else
+# ---------------------------------------------------------------- a design from other sources
 
 
 @pytest.fixture
 def finished(other_folder, monkeypatch, tmp_path) -> Board:
-    """A board in copied files, and a design that stands for one made from them."""
+    """A board in copied files, and a stand-in for the design made from them."""
     entry = BOARDS["card-xo3-4300"]
     shutil.copytree(ROOT / "constraints" / entry.name, tmp_path / "constraints" / entry.name)
     monkeypatch.setattr("constraints.boards.FOLDER", tmp_path / "constraints")
@@ -220,7 +220,7 @@ def finished(other_folder, monkeypatch, tmp_path) -> Board:
 
 
 def plant_build(monkeypatch) -> None:
-    """A place and route that gives at once a design with the pattern in it."""
+    """Replaces place and route by a design that contains the pattern."""
 
     def place_and_route(entry, folder, name, seed):
         pattern = image.read_words(image.pattern_file(entry), entry)
@@ -237,7 +237,7 @@ def plant_build(monkeypatch) -> None:
     monkeypatch.setattr(synth, "place_and_route", place_and_route)
 
 
-def test_a_design_of_these_sources_takes_an_image(finished, hex_file, tmp_path):
+def test_design_of_these_sources_accepts_an_image(finished, hex_file, tmp_path):
     assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()
 
 
@@ -249,7 +249,7 @@ CHANGES = {
 
 
 def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
-    """A change after `make synth`."""
+    """Changes something after `make synth`."""
     if what in CHANGES:
         file, old, new = CHANGES[what]
         path = entry.wrapper if file == ".v" else entry.pin_file
@@ -289,13 +289,13 @@ def test_a_design_of_other_sources_is_refused(finished, hex_file, monkeypatch, t
     assert not output.exists()
 
 
-def test_a_changed_comment_asks_for_no_other_design(finished, hex_file, tmp_path):
+def test_changed_comment_keeps_the_design_valid(finished, hex_file, tmp_path):
     for path, mark in ((finished.wrapper, "//"), (finished.pin_file, "#")):
         path.write_text(f"{mark} Another remark.\n{path.read_text()}")
     assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()
 
 
-def test_a_build_that_fails_takes_the_finished_design_away(finished, monkeypatch):
+def test_failed_build_removes_the_finished_design(finished, monkeypatch):
     def fail(*what):
         raise synth.SynthError("no")
 
@@ -306,13 +306,13 @@ def test_a_build_that_fails_takes_the_finished_design_away(finished, monkeypatch
 
 
 @pytest.mark.parametrize("words", [(), ("BOARD=icebreaker",), ("FIRMWARE=x.hex",)])
-def test_make_image_wants_a_board_and_a_firmware(words):
+def test_make_image_needs_a_board_and_a_firmware(words):
     done = command("make", "image", *words)
     assert done.returncode == 2
     assert one_line(done.stderr) == "say which: make image BOARD=name FIRMWARE=file.hex"
 
 
-def test_make_image_takes_a_file_with_a_space_in_its_name(tmp_path):
+def test_make_image_accepts_a_file_name_with_a_space(tmp_path):
     path = tmp_path / "my file.hex"
     path.write_text("no\n")
     done = command("make", "image", "BOARD=icebreaker", f"FIRMWARE={path}")

