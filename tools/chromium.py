@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages in headless Chromium: what their scripts found, and what Chromium had to say about them."""
+"""Runs scripts in pages with headless Chromium; returns their results and Chromium's console messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 
 FOUND = re.compile(r'<pre id="found">(.*?)</pre>', re.DOTALL)
 CONSOLE = re.compile(r"CONSOLE[:(]\d+\)?\] (.*)")
-# No network, no profile of the user's, and no sandbox, which root cannot have.
+# No network, no user profile, and no sandbox, which does not work for root.
 OPTIONS = (
     "--headless",
     "--no-sandbox",
@@ -34,8 +34,8 @@ class Seen:
     console: list[str]
 
 
-def look(page: str, script: str, folder: Path, width: int = 1200) -> Seen:
-    """Opens a page and runs a script in it; `found` is what the script's last expression gives."""
+def evaluate(page: str, script: str, folder: Path, width: int = 1200) -> Seen:
+    """Opens a page and runs a script in it; `found` is the value of the script's last expression."""
     browser = shutil.which("chromium")
     if browser is None:
         pytest.fail("chromium is missing; run `make setup` (Debian package chromium)", pytrace=False)

@@ -3,14 +3,14 @@
 
     python -m tools.diagrams [--check] [NAME ...]
 
-Each diagram is a run of the whole card with its firmware (tb/lib/fast_card.py), a recording of every edge on
-its pins and of a few strobes inside, and a window on it. Levels, frames, arrows and all figures are read from
-the recording; only the words are written here. The runs take the same clocks each time, so the same sources
-give the same pictures. --check says which ones tell something else now: other words or bytes, or a figure off
-by more than it may be when firmware takes another way through its code. The WaveJSON, for WaveDrom's editor,
-goes to build/diagrams.
+Each diagram is made from a run of the whole card with its firmware (tb/lib/fast_card.py). The recording holds
+every edge on the pins and some strobes inside; the diagram is a window on it. Levels, frames, arrows and all
+figures come from the recording; only the texts are written here. The runs are deterministic, so the same
+sources give the same pictures. --check names the diagrams that have changed: other texts or bytes, or a
+figure beyond the tolerance for changes of the firmware. The WaveJSON, for WaveDrom's editor, goes to
+build/diagrams.
 
-Times are in ps since power-up. Exit code: 1 when --check finds a difference, 2 for a name that is none.
+Times are in ps since power-up. Exit code: 1 if --check finds a difference, 2 for an unknown name.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ BROADCAST = rtu.build(0, START[1:-2])
 AFTER_DRIVE = "reply after the drive's"
 LEDS_MS, LED_STEP_MS = 3750, 50
 LEVELS = {0: "0", 1: "1"}
-# Fill of a block: a digit of WaveDrom's, and what it looks like here.
+# Fill of a block: WaveDrom's digit, and its meaning here.
 FROM_OUTSIDE, FROM_CARD, PLAIN = "3", "4", "5"
 LED_FILL = {"off": "2", "red": "3", "green": "4", "orange": "5"}
 LINE_COLOURS = {"3": "#cfe5fb", "4": "#ffe3b0", "5": "#eeeeee"}
 LED_COLOURS = {"2": "#eeeeee", "3": "#f4786c", "4": "#7fce7a", "5": "#ffb347"}
-FILL_CLASS = {"2": "s7", "3": "s8", "4": "s9", "5": "s10"}  # in its skin
-GRID = 2  # bricks between two dotted lines, WaveDrom's
-BRICK = 10  # pixels, of its narrow skin
+FILL_CLASS = {"2": "s7", "3": "s8", "4": "s9", "5": "s10"}  # classes of WaveDrom's skin
+GRID = 2  # bricks between two dotted lines of WaveDrom
+BRICK = 10  # pixels, in WaveDrom's narrow skin
 LABEL_PX, NAME_PX = 12, 14
 STEP_MS = 0.625  # of the diagrams of both lines
 GRID_MS = f"{GRID * STEP_MS} ms"
@@ -90,7 +90,7 @@ class Block:
 
 @dataclass
 class Drawing:
-    """A window on a recording, as WaveJSON: `step` of time is one brick of WaveDrom, ten or twenty pixels."""
+    """A window on a recording, as WaveJSON: one brick of WaveDrom, 10 or 20 pixels, lasts `step`."""
 
     title: str
     start: float
@@ -132,7 +132,7 @@ class Drawing:
         self._lane(name, "".join(c if i == 0 or c != wave[i - 1] else "." for i, c in enumerate(wave)))
 
     def blocks(self, name: str, blocks: list[Block], between: str = "1") -> None:
-        """Frames, characters or bits, with what they say."""
+        """Frames, characters or bits, with their texts."""
         wave, data = [between] * self.bricks, []
         for number, block in enumerate(blocks):
             first, last = self.brick(block.start), self.brick(block.end)
@@ -145,7 +145,7 @@ class Drawing:
         self._lane(name, packed, data=data)
 
     def arrows(self, *spans: tuple[float, float, str]) -> None:
-        """A lane of its own: no arrow crosses a signal. A text too long for its arrow stands beside."""
+        """A separate lane, so that no arrow crosses a signal. Long texts stand beside their arrow."""
         node = ["."] * (self.bricks + 1)
 
         def mark(at: int) -> str:
@@ -206,12 +206,12 @@ def text_px(text: str, size: float = LABEL_PX) -> float:
 
 
 def as_wide_as(px: float) -> dict[str, str]:
-    """A viewer without Helvetica takes another font: it must not take another width as well."""
+    """Fixes the width of a text: a viewer without Helvetica uses another font."""
     return {"textLength": f"{px:.1f}", "lengthAdjust": "spacingAndGlyphs"}
 
 
 class Renderer(WaveDrom):
-    """WaveDrom with labels as large as a page needs them, and in their place whatever the viewer's font."""
+    """WaveDrom with larger labels, which keep their place in every font."""
 
     def text_width(self, string: str, size: int = 11) -> float:
         return text_px(string, NAME_PX) + BRICK
@@ -224,7 +224,7 @@ class Renderer(WaveDrom):
         return group
 
     def render_lane_uses(self, val: list, g) -> None:
-        """Each text in the middle of its block, and no wider; none in a block far too small."""
+        """Centres each text in its block, no wider than the block; omits texts of very small blocks."""
         name, bricks, texts = val
         super().render_lane_uses([name, bricks, None], g)
         changes = [0, *(i for i, brick in enumerate(bricks or []) if i and "m" in brick), len(bricks or [])]
@@ -242,7 +242,7 @@ class Renderer(WaveDrom):
 
 
 def svg(drawing: Drawing) -> str:
-    """With a white ground, our style, and no more of the skin than is used."""
+    """Renders with a white ground, this style, and only the used parts of the skin."""
     renderer = Renderer()
     rendered = renderer.render_waveform(0, drawing.json, []).tostring()
     ElementTree.register_namespace("", SVG)
@@ -254,7 +254,7 @@ def svg(drawing: Drawing) -> str:
             if brick.get("id") not in used:
                 defs.remove(brick)
     for text in root.iter(TEXT):
-        # Preserved space would count the indentation below as part of the words.
+        # With preserved space, the indentation would become part of the text.
         text.attrib.pop(PRESERVE, None)
         for span in text.findall(TSPAN):
             text.text = span.text
@@ -274,20 +274,20 @@ def svg(drawing: Drawing) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-# What a figure may be off by: hardware keeps the bits, firmware decides the rest.
+# Tolerance of a figure: hardware determines bits, firmware the rest.
 TOLERANCE = {"bits": 0.05, "ms": 1.0}
 FIGURE = re.compile(r"(\d+\.\d+|\d+) (bits|ms)\b")
 
 
 def said(picture: str) -> list[str]:
-    """All words of a picture, in its order."""
+    """All texts of a picture, in its order."""
     return [
         words.text for words in ElementTree.fromstring(picture).iter() if words.tag == TEXT and words.text
     ]
 
 
 def difference(old: str, new: str) -> str | None:
-    """The first thing that two pictures of a run do not have in common."""
+    """First difference between two pictures of a run."""
     for was, now in zip_longest(said(old), said(new), fillvalue="nothing"):
         figures = zip(FIGURE.findall(was), FIGURE.findall(now), strict=False)
         same = FIGURE.sub("#", was) == FIGURE.sub("#", now) and all(
@@ -302,13 +302,13 @@ def difference(old: str, new: str) -> str | None:
 
 
 class Recorded:
-    """What was on the pins in a run."""
+    """Signals on the pins during a run."""
 
     def __init__(self, card: FastCard) -> None:
         self.edges: dict[str, Edges] = card.recorded_so_far()
 
     def pulses(self, name: str) -> list[tuple[float, float]]:
-        """Rise and fall of each time that a signal was 1."""
+        """Rise and fall of each pulse."""
         found, rise = [], None
         for at, level in self.edges[name]:
             if level:
@@ -326,7 +326,7 @@ class Recorded:
         return not any(start <= rise <= end for rise, _ in self.pulses(name))
 
     def characters(self, pin: str) -> list[Block]:
-        """What a pin says, each bit read in its middle."""
+        """Characters on a pin, each bit sampled in its middle."""
         edges, found, free = self.edges[pin], [], 0.0
         for start, level in edges:
             if level or start < free:
@@ -354,7 +354,7 @@ class Recorded:
 
 
 class Run(FastCard):
-    """The card with a drive in the state of the manual's examples, past its start."""
+    """The card after its start, with a drive in the state of the manual's examples."""
 
     def __init__(self) -> None:
         drive = VltDrive(example=True)
@@ -416,7 +416,7 @@ def gate_lanes(drawing: Drawing, seen: Recorded) -> None:
 
 
 def commit() -> Drawing:
-    """A request that the card answers by itself: t1.5, t3.5 and the reply's first characters."""
+    """A request that the card answers without the drive: t1.5, t3.5 and the reply's first characters."""
     with Run() as card:
         card.request(REGISTER)
         seen = card.recorded_now()
@@ -447,7 +447,7 @@ def commit() -> Drawing:
 
 
 def revoke() -> Drawing:
-    """The same request, and another character three characters after it: its reply is prepared by then."""
+    """The same request, with another character three characters later, when its reply is prepared."""
     with Run() as card:
         card.modbus.send(REGISTER, 1.05 * 3.5 * LINE.character_ps)
         card.modbus.send(b"\x55", 3 * LINE.character_ps)
@@ -476,7 +476,7 @@ def revoke() -> Drawing:
 
 
 def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Drawing, list[bytes]]:
-    """A request that goes to the drive: both lines, from the first start bit to the last stop bit."""
+    """A request that goes to the drive, on both lines from the first start bit to the last stop bit."""
     with Run() as card:
         card.request(request, timeout_ms=60)
         seen = card.recorded_now(8.0)
@@ -541,7 +541,7 @@ def broadcast() -> Drawing:
 
 
 def loop_back() -> Drawing:
-    """Both ports wired to each other: what they send, and the verdict."""
+    """Both ports wired to each other: their telegrams, and the verdict."""
     with FastCard(LOOPBACK, wired=1) as card:
         card.run(2100)
         seen, shown = Recorded(card), card.shown
@@ -573,7 +573,7 @@ def loop_back() -> Drawing:
 
 
 def power_up() -> Drawing:
-    """What both LEDs show from power-up on, with no master and no drive."""
+    """Both LEDs from power-up on, without master and drive."""
     with FastCard() as card:
         card.run(LEDS_MS)
         shown = card.shown

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the recordings of the debugging guide, and the outputs that the guide shows of them.
+"""Makes the recordings of the debugging guide, and the command outputs in the guide.
 
     python -m tools.symptoms [NAME ...]
 
-Each recording is a run of the whole card with its firmware (tb/lib/fast_card.py), the simulated drive behind
-it and a master that does one thing wrong. The pins are read bit by bit and handed to the recorder of the
-virtual card: docs/recordings/NAME.jsonl and NAME.pcapng. Then every block of docs/guide/debugging.md that
-begins with `$ sim/view/frames.py docs/recordings/...` gets what that command prints. The same sources give
-the same files. Times are in ps since power-up. Exit code 2 for a name that is none.
+Each recording is a run of the whole card with its firmware (tb/lib/fast_card.py), the simulated drive and a
+master that does one thing wrong. The pins are sampled bit by bit for the recorder of the virtual card, which
+writes docs/recordings/NAME.jsonl and NAME.pcapng. Then the blocks of docs/guide/debugging.md that begin with
+`$ sim/view/frames.py docs/recordings/...` are filled with the output of that command. The same sources give
+the same files. Times are in ps since power-up. Exit code 2 for an unknown name.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ COMMAND = re.compile(
 )
 
 BOOTED_MS = 25.0
-POLITE_MS = 20.0  # what a well-behaved master leaves between two requests
+POLITE_MS = 20.0  # pause of a well-behaved master between two requests
 PS_PER_US = 1_000_000
-# On the wire; the reference numbers are one more.
+# Register addresses on the wire; the reference numbers are one higher.
 ENERGY = 10 * 514 - 1
 RUN_TIME_OUT = 1
 START, SPEED = 0x047C, 0x1999
@@ -53,7 +53,7 @@ def word_coils(word: int) -> list[bool]:
 
 
 class Bus(FastCard):
-    """The card past its start, a drive that lives in the card's time, and a master without manners."""
+    """The card after its start, a drive in the card's time, and a master that may break the rules."""
 
     def __init__(self, baud: int = 9600, form: str = "8E1", address: int = 1, example: bool = True) -> None:
         self.vlt = VltDrive(example=example)
@@ -73,7 +73,7 @@ class Bus(FastCard):
     def say(
         self, data: bytes, pause_ms: float = POLITE_MS, fmt: Format | None = None, flaws: Flaws | None = None
     ) -> float:
-        """Somebody on the network line sends, `pause_ms` after the last one there; returns the end."""
+        """Sends on the network line, `pause_ms` after the last traffic there; returns the end."""
         edges, length = waveform(fmt or self.modbus.fmt, data, flaws or Flaws())
         quiet = max(self._said_ps, self.modbus.de[-1][0] if self.modbus.de else 0)
         start = max(self.now_ps, quiet + pause_ms * MS)
@@ -83,7 +83,7 @@ class Bus(FastCard):
         return self._said_ps
 
     def ask(self, adu: bytes, pause_ms: float = POLITE_MS, wait_ms: float = 60.0, **how) -> bool:
-        """A request; waits for the reply's last bit, or `wait_ms`. True: there was one."""
+        """Sends a request; waits for the reply's last bit, or `wait_ms`. True: there was a reply."""
         limit = self.say(adu, pause_ms, **how) + wait_ms * MS
         before = len(self.modbus.de)
         while self.run_until(limit, "modbus_de"):
@@ -92,7 +92,7 @@ class Bus(FastCard):
         return False
 
     def characters(self, ms: float) -> float:
-        """Characters of the network line in ms."""
+        """Number of network characters in `ms`."""
         return ms * rtu.character_ps(self.modbus.fmt.baud) / MS
 
 
@@ -100,7 +100,7 @@ class Bus(FastCard):
 
 
 def heard(edges: list[tuple[int, int]], fmt: Format) -> Iterator[Character]:
-    """The characters of a pin, each bit read in its middle, at the card's rate and format."""
+    """Characters on a pin, each bit sampled in its middle, at the card's rate and format."""
     times = [at for at, _ in edges]
 
     def level(when: float) -> int:
@@ -120,7 +120,7 @@ def heard(edges: list[tuple[int, int]], fmt: Format) -> Iterator[Character]:
 
 
 def record(card: FastCard, base: Path) -> None:
-    """Everything that was on the pins until now, as log and capture."""
+    """Writes everything on the pins until now as log and capture."""
     events: list[tuple[int, Callable[[], None]]] = []
     with Recorder(base) as recorder:
         lines: list[tuple[int, Line]] = [(MODBUS, card.modbus), (DRIVE, card.drive)]
@@ -133,20 +133,20 @@ def record(card: FastCard, base: Path) -> None:
                     )
         for led, name in ((MODBUS, "modbus"), (DRIVE, "drive")):
             since = [one.since_ps for one in card.shown[name]]
-            looks = {*since, *range(0, card.now_ps, LED_LOOK_MS * MS)}
-            for at in looks:
+            samples = {*since, *range(0, card.now_ps, LED_LOOK_MS * MS)}
+            for at in samples:
                 shows = card.shown[name][bisect_right(since, at) - 1].colour
                 red, green = shows in ("red", "orange"), shows in ("green", "orange")
                 events.append((at, lambda x=(led, red, green, at): recorder.led(*x)))
-        for _, tell in sorted(events, key=lambda event: event[0]):
-            tell()
+        for _, report in sorted(events, key=lambda event: event[0]):
+            report()
 
 
 # ---------------------------------------------------------------- the symptoms
 
 
 def no_answer() -> Bus:
-    """Another unit's request, a wrong rate, a wrong parity, a request to all; then all as it should be."""
+    """Another unit's request, a wrong rate, a wrong parity, a request to all; then a correct request."""
     card = Bus()
     card.ask(rtu.build(2, READ_ENERGY[1:-2]))
     card.ask(READ_ENERGY, fmt=Format.named(19200, "8E1"))
@@ -157,7 +157,7 @@ def no_answer() -> Bus:
 
 
 def crc_errors() -> Bus:
-    """CRC bytes in the wrong order, two bits turned over, one bit turned over; then all as it should be."""
+    """CRC bytes in the wrong order, two flipped bits, one flipped bit; then a correct request."""
     card = Bus()
     card.ask(READ_ENERGY[:-2] + READ_ENERGY[:-3:-1])
     turned = bytearray(READ_ENERGY)
@@ -170,7 +170,7 @@ def crc_errors() -> Bus:
 
 
 def answers_sometimes() -> Bus:
-    """Polls that come too early, behind another unit's traffic, or with a stray character behind them."""
+    """Polls that are too early, after another unit's traffic, or followed by a stray character."""
     card = Bus()
     card.ask(READ_CONTROL)
     card.ask(READ_CONTROL, pause_ms=card.characters(2.0))
@@ -185,9 +185,9 @@ def answers_sometimes() -> Bus:
 
 
 def exception_255() -> Bus:
-    """A drive that is silent, one whose replies are damaged, and one that answers."""
+    """A silent drive, a drive with damaged replies, and a drive that answers."""
     card = Bus()
-    card.run_until(2300 * MS)  # the LEDs' power-up show is over
+    card.run_until(2300 * MS)  # after the LEDs' power-up sequence
     card.drive_spoils = lambda reply: None
     card.ask(READ_ENERGY, wait_ms=500)
     card.drive_spoils = lambda reply: reply[:-1] + bytes([reply[-1] ^ 0x10])
@@ -211,7 +211,7 @@ def no_start() -> Bus:
 
 
 def off_by_one() -> Bus:
-    """The reference number on the wire instead of one less: a register, then coils."""
+    """A reference number on the wire instead of the address: a register, then coils."""
     card = Bus()
     card.ask(rtu.build(1, rtu.read_registers(ENERGY + 1, 2)))
     card.ask(READ_ENERGY)
@@ -221,7 +221,7 @@ def off_by_one() -> Bus:
 
 
 def usb_adapter() -> Bus:
-    """Requests that come in two pieces: with a short silence, a long one, and at a higher rate."""
+    """Requests in two pieces: with a short silence, with a long silence, and at a higher rate."""
     card = Bus(baud=19200)
     for gap_ms in (0.5, 1.0, 16.0):
         bits = gap_ms * MS / card.modbus.fmt.bit_ps
@@ -246,7 +246,7 @@ def led_states() -> Bus:
 
 
 def led_fault() -> Bus:
-    """All address switches off: address 0 is none."""
+    """All address switches off: address 0 is invalid."""
     card = Bus(address=0)
     card.ask(READ_CONTROL)
     card.run(1500)
@@ -275,7 +275,7 @@ def make(name: str, folder: Path = RECORDINGS) -> Path:
 
 
 def with_outputs(guide: str) -> str:
-    """The guide with what its commands print now."""
+    """The guide with the present output of its commands."""
 
     def printed(match: re.Match[str]) -> str:
         words = shlex.split(match[1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The diagrams of docs/diagrams are what the runs give, and say what an edge that moves does to them."""
+"""The diagrams of docs/diagrams equal the runs, and a moved edge changes the picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.needs("pages")
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
-def test_checked_in_diagram_is_what_the_run_gives(name):
+def test_diagram_equals_its_run(name):
     wrong = difference((DIAGRAMS / f"{name}.svg").read_text(), svg(DRAWINGS[name]()))
     assert wrong is None, f"docs/diagrams/{name}.svg: {wrong}; run `make diagrams`"
 
@@ -34,7 +34,7 @@ def test_checked_in_diagram_is_what_the_run_gives(name):
         (">candidate<", "><", True),
     ],
 )
-def test_what_differs_is_said(found, instead, wrong):
+def test_difference_is_described(found, instead, wrong):
     picture = (DIAGRAMS / "commit.svg").read_text()
     assert found in picture
     assert (difference(picture, picture.replace(found, instead)) is not None) == wrong
@@ -44,9 +44,9 @@ def test_the_same_run_gives_the_same_picture():
     assert svg(diagrams.commit()) == svg(diagrams.commit())
 
 
-# All pictures, each in every font: where a text leaves the picture or its block, lies on another one or on a
-# group's bracket, or is wider than the white that keeps an arrow's line away from it.
-LOOK = """
+# Checks every picture in every font: no text leaves the picture or its block, lies on another text or on a
+# group's bracket, or is wider than the white ground over an arrow's line.
+SCRIPT = """
 const wrong = [];
 const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 for (const [name, text] of Object.entries(PICTURES)) for (const font of FONTS) {
@@ -88,10 +88,10 @@ FONTS = ("", "DejaVu Sans", "monospace", "serif", "Nimbus Sans")
 def misplaced(pictures: dict[str, str], folder, fonts=FONTS) -> list[str]:
     page = f"<!doctype html><meta charset=utf-8><body><script>const PICTURES = {json.dumps(pictures)}, "
     page += f"FONTS = {json.dumps(fonts)};</script>"
-    return chromium.look(page, LOOK, folder, width=1600).found
+    return chromium.evaluate(page, SCRIPT, folder, width=1600).found
 
 
-def test_every_text_is_in_its_place_in_a_browser_whatever_its_font(tmp_path):
+def test_every_text_is_in_its_place_in_every_font(tmp_path):
     assert misplaced({name: (DIAGRAMS / f"{name}.svg").read_text() for name in DRAWINGS}, tmp_path) == []
 
 
@@ -110,13 +110,13 @@ def test_every_text_is_in_its_place_in_a_browser_whatever_its_font(tmp_path):
         ("commit", 'x="-10"', 'x="-60"', "'reply queued' lies on a bracket"),
     ],
 )
-def test_a_text_out_of_its_place_is_seen(name, found, instead, wrong, tmp_path):
+def test_misplaced_text_is_found(name, found, instead, wrong, tmp_path):
     picture, times = re.subn(found, instead, (DIAGRAMS / f"{name}.svg").read_text())
     assert times
     assert any(wrong in one for one in misplaced({name: picture}, tmp_path, ("DejaVu Sans",)))
 
 
-def test_every_diagram_stands_in_the_page_and_no_other_file_is_there():
+def test_page_shows_every_diagram_and_the_folder_holds_no_other_file():
     shown = re.findall(r"\(\.\./diagrams/([\w-]+)\.svg\)", (ROOT / "docs/guide/timing.md").read_text())
     assert shown == list(DRAWINGS)
     assert sorted(path.stem for path in DIAGRAMS.iterdir()) == sorted(DRAWINGS)
@@ -124,8 +124,8 @@ def test_every_diagram_stands_in_the_page_and_no_other_file_is_there():
 
 @pytest.mark.rule("FRAME-6")
 @pytest.mark.parametrize("figure", ["candidate after the request", "commit after the request"])
-def test_a_strobe_two_bits_late_is_another_picture_and_another_figure(figure, monkeypatch):
-    """The figures come from the recording: what is late in it is late in the picture."""
+def test_late_strobe_changes_picture_and_figure(figure, monkeypatch):
+    """The figures come from the recording: a late strobe is late in the picture."""
     right = diagrams.commit()
     recorded = FastCard.recorded_so_far
 
@@ -142,7 +142,7 @@ def test_a_strobe_two_bits_late_is_another_picture_and_another_figure(figure, mo
     assert changed == pytest.approx(2, abs=0.02)
 
 
-def test_an_unknown_name_is_one_line_and_exit_2():
+def test_unknown_name_gives_one_line_and_exit_2():
     command = [sys.executable, "-m", "tools.diagrams", "comit"]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 2

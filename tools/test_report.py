@@ -163,7 +163,7 @@ def test_a_run_writes_its_commit_and_time(pytester: pytest.Pytester):
 
 
 # Whatever is wider than its place: the page itself, or a table or picture that would need a scroll bar.
-LOOK = """
+SCRIPT = """
 const wide = [];
 const page = document.documentElement;
 if (page.scrollWidth > innerWidth) wide.push(`page: ${page.scrollWidth} of ${innerWidth}`);
@@ -177,14 +177,14 @@ return wide;
 
 @pytest.mark.parametrize("width", [1200, 1600])
 def test_a_browser_shows_it_whole_and_has_nothing_to_say(text: str, tmp_path, width: int):
-    seen = chromium.look(text, LOOK, tmp_path, width)
+    seen = chromium.evaluate(text, SCRIPT, tmp_path, width)
     assert seen.found == []
     assert seen.console == []
 
 
 def test_what_is_too_wide_or_wrong_is_seen(text: str, tmp_path):
     wide = text.replace("</main>", '<div style="width:2000px">x</div><script>no_such()</script></main>')
-    seen = chromium.look(wide, LOOK, tmp_path)
+    seen = chromium.evaluate(wide, SCRIPT, tmp_path)
     assert any(one.startswith("page: ") for one in seen.found)
     assert any("no_such is not defined" in line for line in seen.console)
 

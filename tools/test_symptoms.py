@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The debugging guide: its recordings are what the card does, show what it says, and each symptom has one."""
+"""The debugging guide: its recordings equal runs of the card, show what it says, and cover each symptom."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tools.symptoms import COMMAND, GUIDE, RECORDINGS, SYMPTOMS, with_outputs
 
 pytestmark = pytest.mark.needs("views")
 
-# Where the firmware takes another way through its code, moments move a little.
+# Tolerance for changes of the firmware.
 SAME_S = 0.002
 SECTIONS = {
     "No answer": ["no-answer"],
@@ -42,7 +42,7 @@ def without_bit_10(entry: dict) -> bool:
     return is_telegram and not int.from_bytes(bytes.fromhex(entry["bytes"])[3:5], "big") & CONTROL_BIT_10
 
 
-# What the filter of a section finds in its recording, by the log.
+# Frames that the filter of a section must find in its recording, according to the log.
 FOUND = {
     "No answer": lambda entry: not entry["ok"],
     "CRC errors": lambda entry: entry["what"] == "CRC wrong",
@@ -81,13 +81,13 @@ def words(entry: dict) -> dict:
 
 
 def difference(before: list[dict], now: list[dict]) -> str | None:
-    """The first entry that says something else, or at another time. LEDs and lines are told apart."""
+    """First entry that differs in content or time. LEDs and lines are compared separately."""
 
     def streams(of: list[dict]) -> dict[str, list[dict]]:
-        told: dict[str, list[dict]] = {}
+        entries: dict[str, list[dict]] = {}
         for entry in of:
-            told.setdefault(entry.get("line") or f"{entry['led']} LED", []).append(entry)
-        return told
+            entries.setdefault(entry.get("line") or f"{entry['led']} LED", []).append(entry)
+        return entries
 
     was, is_now = streams(before), streams(now)
     for name in sorted({*was, *is_now}):
@@ -104,7 +104,7 @@ def difference(before: list[dict], now: list[dict]) -> str | None:
 
 
 @pytest.mark.parametrize("name", SYMPTOMS)
-def test_checked_in_recording_is_what_the_run_gives(name, tmp_path):
+def test_recording_equals_its_run(name, tmp_path):
     symptoms.make(name, tmp_path)
     wrong = difference(entries(name), entries(name, tmp_path))
     assert wrong is None, f"docs/recordings/{name}.jsonl: {wrong}; run `make symptoms`"
@@ -115,9 +115,9 @@ def test_log_and_capture_are_of_one_run(name):
     packets = tshark.fields(
         RECORDINGS / f"{name}.pcapng", "frame.time_epoch", "frame.interface_name", "frame.comment"
     )
-    told = frames_of(name)
-    assert len(packets) == len(told)
-    for packet, entry in zip(packets, told, strict=True):
+    recorded = frames_of(name)
+    assert len(packets) == len(recorded)
+    for packet, entry in zip(packets, recorded, strict=True):
         assert float(packet["frame.time_epoch"]) == pytest.approx(entry["t"], abs=1e-9)
         assert packet["frame.interface_name"] == entry["line"]
         assert packet["frame.comment"] == ("" if entry["ok"] else "bad frame: ") + entry["what"]
@@ -139,12 +139,12 @@ def test_the_same_run_gives_the_same_files(tmp_path):
         assert one == two
 
 
-def test_what_differs_is_said():
-    told = entries("no-start")
-    late = [entry | {"t": entry["t"] + 2 * SAME_S} if "led" in entry else entry for entry in told]
-    other = [entry | {"bytes": "00"} if entry.get("from") == "drive" else entry for entry in told]
-    assert difference(told, told) is None
-    assert all(difference(told, wrong) for wrong in (late, other, told[:-1]))
+def test_difference_is_described():
+    recorded = entries("no-start")
+    late = [entry | {"t": entry["t"] + 2 * SAME_S} if "led" in entry else entry for entry in recorded]
+    other = [entry | {"bytes": "00"} if entry.get("from") == "drive" else entry for entry in recorded]
+    assert difference(recorded, recorded) is None
+    assert all(difference(recorded, wrong) for wrong in (late, other, recorded[:-1]))
 
 
 # ---------------------------------------------------------------- the guide
@@ -164,13 +164,13 @@ def test_every_symptom_has_a_section_that_names_its_recording():
         assert re.search(r"^(1\. |\| \w.* \| \w.* \|)", guide[title], re.MULTILINE), f"{title}: no causes"
 
 
-def test_outputs_in_the_guide_are_what_the_commands_print():
+def test_outputs_in_the_guide_equal_the_commands():
     guide = GUIDE.read_text()
     assert len(COMMAND.findall(guide)) == len(SYMPTOMS) == guide.count("\n$ ")
     assert with_outputs(guide) == guide, "docs/guide/debugging.md shows old outputs; run `make symptoms`"
 
 
-def test_filters_of_the_guide_find_what_is_wrong_and_nothing_else():
+def test_filters_of_the_guide_find_exactly_the_fault():
     assert list(FOUND) == [title for title in SECTIONS if title != "LED states"]
     for title, wrong in FOUND.items():
         (row,) = re.findall(r"^Filter: (.*)$", sections()[title], re.MULTILINE)
@@ -182,7 +182,7 @@ def test_filters_of_the_guide_find_what_is_wrong_and_nothing_else():
         assert [packet["frame.number"] for packet in found] == due != [], title
 
 
-def test_links_of_the_guide_lead_somewhere():
+def test_links_of_the_guide_exist():
     guide = GUIDE.read_text()
     for file, anchor in re.findall(r"\]\(([\w.]*)#?([\w-]*)\)", guide):
         text = (GUIDE.parent / file).read_text() if file else guide
@@ -191,7 +191,7 @@ def test_links_of_the_guide_lead_somewhere():
         assert not anchor or anchor in anchors, f"{file}#{anchor}"
 
 
-# ---------------------------------------------------------------- what each of them shows
+# ---------------------------------------------------------------- contents of the recordings
 
 
 @pytest.mark.rule("FRAME-4", "FRAME-5", "MAP-9")
@@ -314,14 +314,14 @@ def test_an_invalid_address_is_both_leds_red_and_silence():
 
 
 def test_table_of_a_log():
-    told = entries("crc-errors")
-    rows = list(frames.table(told))
-    assert len(rows) == 1 + len(told)
-    assert len(list(frames.table(told, frames_only=True))) == 1 + len(frames_of("crc-errors"))
-    bad = list(frames.table(told, bad_only=True))
+    recorded = entries("crc-errors")
+    rows = list(frames.table(recorded))
+    assert len(rows) == 1 + len(recorded)
+    assert len(list(frames.table(recorded, frames_only=True))) == 1 + len(frames_of("crc-errors"))
+    bad = list(frames.table(recorded, bad_only=True))
     assert len(bad) == 1 + 3 and all(" BAD " in row for row in bad[1:])
-    assert bad[2].split()[1] == "60.00"  # silence since the frame before, shown or not
-    assert len(list(frames.table(told, frames_only=True, with_bytes=True))) == 1 + 2 * len(
+    assert bad[2].split()[1] == "60.00"  # silence since the previous frame, even if that is not shown
+    assert len(list(frames.table(recorded, frames_only=True, with_bytes=True))) == 1 + 2 * len(
         frames_of("crc-errors")
     )
 
@@ -335,7 +335,7 @@ def test_table_of_a_log():
         (["-m", "sim.view.frames", "tb/model/examples.json"], "no log"),
     ],
 )
-def test_a_wrong_name_is_one_line_and_exit_2(words, says):
+def test_wrong_name_gives_one_line_and_exit_2(words, says):
     run = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert run.stdout == "" and run.stderr.count("\n") == 1 and says in run.stderr

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands around the project: what they print, and that what goes wrong is said in one line."""
+"""The project's commands: their output, and one-line error messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tb.lib.runner import ROOT
 
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
-# What the set-up needs of the system itself, not counting what it looks for.
+# System commands that the set-up needs, besides those it checks for.
 BASE_COMMANDS = [
     "awk",
     "bash",
@@ -40,7 +40,7 @@ BASE_COMMANDS = [
 
 
 def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
-    """Runs without a make around it: its flags and variables would be handed down."""
+    """Runs a command outside make: a surrounding make would pass on its flags and variables."""
     handed_down = re.compile(r"MAKE|MFLAGS|(CONFIG|SIM|TEST|JOBS|V|WAVES)$")
     clean = {name: value for name, value in os.environ.items() if not handed_down.match(name)}
     done = subprocess.Popen(
@@ -56,7 +56,7 @@ def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
     try:
         stdout, stderr = done.communicate(timeout=TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        # Make's children too: they would run on without it.
+        # The whole process group: make's children would go on without it.
         os.killpg(done.pid, signal.SIGKILL)
         raise
     return subprocess.CompletedProcess(words, done.returncode, stdout, stderr)
@@ -70,7 +70,7 @@ def sources(config) -> list[str]:
 
 
 def one_line(text: str) -> str:
-    """The message itself; make adds a line that names the target."""
+    """The message without the line in which make names the target."""
     lines = [line for line in text.splitlines() if not line.startswith("make:")]
     assert len(lines) == 1, text
     return lines[0]
@@ -92,7 +92,7 @@ def test_unknown_target():
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_waves_wants_a_name():
+def test_waves_needs_a_name():
     done = command("make", "waves")
     assert done.returncode == 2
     assert one_line(done.stderr) == "say which test: make waves TEST=name"
@@ -107,7 +107,7 @@ def test_unknown_configuration():
 
 @pytest.mark.rule("TOP-1", "TOP-2")
 def test_sources_are_the_whole_card(sources, config):
-    """One existing file a line: all of rtl/, the configuration's macros alone, its soft core's package."""
+    """One existing file per line: all of rtl/, the configuration's macros, its soft core's package."""
     assert all(Path(line).is_file() for line in sources)
     others = {macros_file(name) for name in configurations() if name != config}
     assert {line for line in sources if line.startswith(f"{ROOT}/rtl/")} == {
@@ -119,8 +119,8 @@ def test_sources_are_the_whole_card(sources, config):
 
 
 @pytest.mark.rule("TOP-2")
-def test_the_list_of_files_sets_what_the_configuration_says(sources, config, tmp_path):
-    """The parameters of the elaborated top, nothing given on the command line."""
+def test_file_list_sets_the_parameters_of_the_configuration(sources, config, tmp_path):
+    """Parameters of the elaborated top, with none given on the command line."""
     done = command("iverilog", "-g2005", "-s", TOP, "-o", "card", *sources, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     code = (tmp_path / "card").read_text()
@@ -145,7 +145,7 @@ def test_the_list_of_files_sets_what_the_configuration_says(sources, config, tmp
     ],
 )
 def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
-    """No include folder, no option, any folder; without a warning."""
+    """No include folder, no option, any working folder; no warning."""
     done = command(*elaborate, *sources, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "arning" not in done.stderr
@@ -153,7 +153,7 @@ def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
 
 @pytest.fixture
 def poor_machine(tmp_path) -> Path:
-    """A folder for PATH with the system's commands and the compilers, but no iverilog and no apt-get."""
+    """A folder for PATH with system commands and compilers, but without iverilog and apt-get."""
     needs = re.findall(r'^  "command +(\S+)', (ROOT / "tools/setup.sh").read_text(), re.MULTILINE)
     for name in {*BASE_COMMANDS, "perl", *needs} - {"iverilog"}:
         (tmp_path / name).symlink_to(
@@ -171,7 +171,7 @@ def test_missing_tool_is_named(poor_machine):
 
 
 def test_missing_tool_without_root(poor_machine):
-    """With apt-get but neither root nor sudo: the command to type."""
+    """With apt-get but neither root nor sudo, the message gives the command to type."""
     for name, script in {"apt-get": "exit 1", "id": "echo 1000"}.items():
         (poor_machine / name).unlink(missing_ok=True)
         (poor_machine / name).write_text(f"#!/bin/sh\n{script}\n")
@@ -188,14 +188,14 @@ def test_second_setup_does_nothing():
 
 
 def test_an_empty_test_run_fails():
-    """A name that selects no test is no success (pytest's exit code 5)."""
+    """A name that selects no test is an error (pytest's exit code 5)."""
     done = command("make", "waves", "TEST=no_such_test_at_all")
     assert done.returncode != 0
     assert "deselected" in done.stdout
     assert one_line(done.stderr) == "waves: no test of that name runs on icarus: no_such_test_at_all"
 
 
-def test_the_readme_s_figures_are_those_that_make_bench_wrote():
+def test_figures_of_the_readme_equal_the_report_of_make_bench():
     def last_cells(file: str, rows: tuple[str, ...], column: int) -> list[str]:
         lines = (ROOT / file).read_text().splitlines()
         return [
