@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Breaks a Verilog module in one place at a time and looks whether its proofs or its tests see it.
+"""Changes a Verilog module in one place at a time and checks whether its proofs or tests fail.
 
     python -m campaigns.mutate.run MODULE ... [--count N] [--seed N] [--jobs N] [--shard K/N]
     python -m campaigns.mutate.run --all [...]          every module of rtl/ that has a bench
     python -m campaigns.mutate.run --report             one table of everything in build/mutate/
-    ... --write                          and into docs/reports/mutants.md
+    ... --write                          also writes it into docs/reports/mutants.md
 
-A mutant is one change of the source: an operator, a constant, a condition that always or never holds, an
-assignment or a connection that is gone. What does not compile is no mutant. It is caught when
-formal/MODULE.sby no longer holds or tb/test_MODULE.py fails (MORE_BENCHES, too; on Icarus, or Verilator where
-a test runs only there), or when either takes far longer than on the unchanged module. Each module leaves
-build/mutate/MODULE.json, from which an interrupted run goes on. Survivors are listed;
-campaigns/mutate/survivors.toml says of each why nothing can see it, or what would be lost. Exit 1: fewer
-than 95 % caught, or a survivor without a word.
+A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
+removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if
+formal/MODULE.sby no longer holds or tb/test_MODULE.py fails, or if either takes far longer than on the
+unchanged module. The tests are MORE_BENCHES, too; they run on Icarus, or on Verilator if a test runs only
+there. Each module writes build/mutate/MODULE.json, from which an interrupted run continues. Survivors are
+listed; campaigns/mutate/survivors.toml gives for each survivor the reason why nothing can detect it, or the
+effect of the change. Exit 1: fewer than 95 % caught, or a survivor without a reason.
 """
 
 import argparse
@@ -43,12 +43,12 @@ HEADER = (
     "|---|---:|---:|---:|---:|---:|---:|---:|---|"
 )
 ENOUGH = 0.95
-LONGEST_S = 900  # a proof or a bench of the unchanged module; of a mutant TIMES_LONGER what that took
+LONGEST_S = 900  # for the unchanged module; a mutant has TIMES_LONGER of the measured time
 TIMES_LONGER = 5
 LEAST_S = 60
-# The bench of a module that only wires is slow; these run a part of it.
+# The bench of a wiring module is slow; these modules run a part of it.
 BENCH_ARGS = {"rtu2fc": ["--sim=verilator"]}
-# What the whole card does together is tested by subject.
+# The whole card is tested by subject.
 MORE_BENCHES = {"rtu2fc": ["card_supervision", "card_power_up", "card_loopback"]}
 COPIED = (
     "campaigns",
@@ -89,11 +89,11 @@ OPERATORS = (
 class Mutant:
     module: str
     line: int
-    before: str  # the line, or the part of it that was changed
+    before: str  # the line, or its changed part
     after: str
-    start: int  # of the change in the file
+    start: int  # position of the change in the file
     end: int
-    text: str  # what stands there instead
+    text: str  # replacement
     verdict: str = ""  # caught, survived; invalid: does not compile
     by: str = ""  # proof, test
     seconds: float = 0.0
@@ -104,11 +104,11 @@ class Mutant:
 
 
 def code_only(text: str) -> str:
-    """The text with blanks for what is not to be mutated: comments, simulation, proofs, start values."""
+    """Replaces comments, simulation code, proofs and start values by blanks."""
     blank = lambda found: re.sub(r"[^\n]", " ", found[0])  # noqa: E731
     text = re.sub(r"//[^\n]*", blank, text)
     text = re.sub(r"`if(?:n?def) (?:SYNTHESIS|FORMAL).*?`endif", blank, text, flags=re.DOTALL)
-    # Power-up values: reset sets those that matter.
+    # Power-up values: reset sets the important ones.
     text = re.sub(r"(?<=^  reg) [^;]*= [^;]*;", blank, text, flags=re.M)
     text = re.sub(r"\binitial begin.*?\n  end\b", blank, text, flags=re.DOTALL)
     text = re.sub(r"\binitial [^;]*;", blank, text)
@@ -126,7 +126,7 @@ def closing(text: str, opening: int) -> int:
 
 
 def ports_of(module: str) -> dict[str, str]:
-    """The ports of a module of the project, and the direction of each."""
+    """Maps the ports of a module of the project to their directions."""
     path = next((path for path in rtl_files() if path.stem == module), None)
     if path is None:
         return {}
@@ -195,7 +195,7 @@ def mutants(module: str, path: Path) -> list[Mutant]:
 
 
 class Tree:
-    """A copy of the project in which one module is broken."""
+    """A copy of the project in which one module is changed."""
 
     def __init__(self, number: int, module: str) -> None:
         self.root = WORK / f"tree-{module}-{number}"
@@ -213,7 +213,7 @@ class Tree:
             if made.exists():
                 (self.root / "build" / image).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(made, self.root / "build" / image)
-        self.judges: list[str] = []
+        self.checks: list[str] = []
         self.longest_s: float = LONGEST_S
         self.child: subprocess.Popen | None = None
         self.module = module
@@ -223,7 +223,7 @@ class Tree:
         self.env = os.environ | {"CCACHE_DIR": str(ROOT / "build/ccache"), "COCOTB_RANDOM_SEED": "1"}
 
     def run(self, *command: str) -> tuple[bool, str]:
-        """Whether the command ended well within its time, and what it printed."""
+        """Runs a command; returns whether it succeeded in time, and its output."""
         child = self.child = subprocess.Popen(
             command,
             cwd=self.root,
@@ -235,15 +235,15 @@ class Tree:
             start_new_session=True,
         )
         try:
-            said, _ = child.communicate(timeout=self.longest_s)
+            output, _ = child.communicate(timeout=self.longest_s)
         except subprocess.TimeoutExpired:
             self.stop()
             child.communicate()
             return False, f"no end within {self.longest_s:.0f} s"
-        return child.returncode == 0, said
+        return child.returncode == 0, output
 
     def stop(self) -> None:
-        """Whatever runs here, the simulator too."""
+        """Kills the running command with its children."""
         if self.child and self.child.poll() is None:
             os.killpg(self.child.pid, signal.SIGKILL)
 
@@ -266,29 +266,29 @@ class Tree:
             *arguments,
         )
 
-    def look(self) -> None:
-        """Which judges the unchanged module has, the quicker one first; both must be content with it."""
+    def baseline(self) -> None:
+        """Runs all checks on the unchanged module, which must pass; sorts them by time."""
         if not self.compiles():
             raise SystemExit(f"mutate: {self.module} does not compile unchanged")
-        judges = {"test": self.tested}
+        checks = {"test": self.tested}
         if (ROOT / f"formal/{self.module}.sby").exists():
-            judges["proof"] = self.proved
+            checks["proof"] = self.proved
         times = {}
-        for name, judge in judges.items():
+        for name, check in checks.items():
             began = time.monotonic()
-            sound, said = judge()
-            if not sound:
+            passed, output = check()
+            if not passed:
                 raise SystemExit(
-                    f"mutate: {name} of {self.module} fails on the unchanged module:\n{said[-800:]}"
+                    f"mutate: {name} of {self.module} fails on the unchanged module:\n{output[-800:]}"
                 )
             times[name] = time.monotonic() - began
-        self.judges = sorted(times, key=times.get)
+        self.checks = sorted(times, key=times.get)
         self.longest_s = max(LEAST_S, TIMES_LONGER * max(times.values()))
         print(
-            f"{self.module}: " + ", ".join(f"{name} {times[name]:.0f} s" for name in self.judges), flush=True
+            f"{self.module}: " + ", ".join(f"{name} {times[name]:.0f} s" for name in self.checks), flush=True
         )
 
-    def judge(self, mutant: Mutant) -> Mutant:
+    def evaluate(self, mutant: Mutant) -> Mutant:
         began = time.monotonic()
         text = self.original
         self.file.write_text(text[: mutant.start] + mutant.text + text[mutant.end :])
@@ -297,10 +297,10 @@ class Tree:
                 mutant.verdict = "invalid"
             else:
                 mutant.verdict = "survived"
-                for name in self.judges:
-                    sound, said = {"test": self.tested, "proof": self.proved}[name]()
-                    # What Yosys cannot read is not disproved.
-                    if not sound and not (name == "proof" and "ERROR" in said):
+                for name in self.checks:
+                    passed, output = {"test": self.tested, "proof": self.proved}[name]()
+                    # A file that Yosys cannot read is not a failed proof.
+                    if not passed and not (name == "proof" and "ERROR" in output):
                         mutant.verdict, mutant.by = "caught", name
                         break
         finally:
@@ -313,15 +313,15 @@ class Tree:
 
 
 def fingerprint(path: Path) -> str:
-    """Of what can be mutated in a module and what is promised of it; comments do not count."""
+    """Hash of a module's code and its promises, without comments."""
     proof = [ROOT / f"formal/{path.stem}{end}" for end in ("_props.vh", ".sby")]
     promises = [re.sub(r"(//|#).*", "", file.read_text()) for file in proof if file.exists()]
     words = " ".join(" ".join([code_only(path.read_text()), *promises]).split())
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
-class Attack:
-    """The mutants of one module, and what became of them; kept in its result file after each."""
+class MutationRun:
+    """The mutants of one module and their verdicts; the result file is written after each verdict."""
 
     def __init__(self, module: str, count: int, seed: int, shard: tuple[int, int]) -> None:
         self.module, self.seed = module, seed
@@ -334,11 +334,11 @@ class Attack:
         suffix = "" if shard[1] == 1 else f".{shard[0]}of{shard[1]}"
         self.file = WORK / f"{module}{suffix}.json"
         known = self.read()
-        self.judged = [known[mutant.key] for mutant in found if mutant.key in known]
+        self.evaluated = [known[mutant.key] for mutant in found if mutant.key in known]
         self.left = [mutant for mutant in found[shard[0] :: shard[1]] if mutant.key not in known]
 
     def read(self) -> dict[tuple, Mutant]:
-        """What an earlier run of the same module and seed has judged."""
+        """Verdicts of an earlier run of the same module and seed."""
         if not self.file.exists():
             return {}
         document = json.loads(self.file.read_text())
@@ -348,11 +348,11 @@ class Attack:
 
     @property
     def valid(self) -> list[Mutant]:
-        return [mutant for mutant in self.judged if mutant.verdict != "invalid"]
+        return [mutant for mutant in self.evaluated if mutant.verdict != "invalid"]
 
     def keep(self, mutant: Mutant) -> None:
-        self.judged.append(mutant)
-        rows = [asdict(mutant) for mutant in self.judged]
+        self.evaluated.append(mutant)
+        rows = [asdict(mutant) for mutant in self.evaluated]
         document = {"module": self.module, "of": self.of, "seed": self.seed, "possible": self.possible}
         text = json.dumps(document | {"mutants": rows}, indent=1)
         partly = self.file.with_suffix(".part")
@@ -369,24 +369,24 @@ class Attack:
         if len(self.valid) < self.wanted:
             trees = [Tree(number, self.module) for number in range(jobs)]
             try:
-                trees[0].look()
+                trees[0].baseline()
                 for tree in trees[1:]:
-                    tree.judges, tree.longest_s = trees[0].judges, trees[0].longest_s
-                self.share_out(trees)
+                    tree.checks, tree.longest_s = trees[0].checks, trees[0].longest_s
+                self.distribute(trees)
             finally:
                 for tree in trees:
                     tree.remove()
         caught = sum(mutant.verdict == "caught" for mutant in self.valid)
-        seconds = sum(mutant.seconds for mutant in self.judged)
+        seconds = sum(mutant.seconds for mutant in self.evaluated)
         print(f"{self.module}: {caught} of {len(self.valid)} caught, {seconds:.0f} s", flush=True)
 
-    def share_out(self, trees: list[Tree]) -> None:
+    def distribute(self, trees: list[Tree]) -> None:
         free = list(trees)
 
         def work(mutant: Mutant) -> Mutant:
             tree = free.pop()
             try:
-                return tree.judge(mutant)
+                return tree.evaluate(mutant)
             finally:
                 free.append(tree)
 
@@ -396,7 +396,7 @@ class Attack:
                 try:
                     for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
                         self.keep(done.result())
-                except BaseException:  # such as Ctrl-C: what was cut off is no result
+                except BaseException:  # such as Ctrl-C: an interrupted mutant has no verdict
                     pool.shutdown(wait=False, cancel_futures=True)
                     for tree in trees:
                         tree.stop()
@@ -404,16 +404,15 @@ class Attack:
 
 
 def instance_of(mutant: Mutant) -> str:
-    """The instance whose connection it changed."""
+    """The instance whose connection was changed."""
     path = next(path for path in rtl_files() if path.stem == mutant.module)
     return re.findall(r"^  (?:\w+|\)) (\w+) \($", path.read_text()[: mutant.start], re.M)[-1]
 
 
 def explained(mutant: Mutant) -> dict | None:
-    """What campaigns/mutate/survivors.toml says of it, `why` and perhaps `same`; the line is known by its
-    text.
+    """The entry of campaigns/mutate/survivors.toml for a mutant: `why` and perhaps `same`.
 
-    `instances` are those that are meant, where several have such a line.
+    The text of the line identifies the mutant; `instances` selects among several such lines.
     """
     known = tomllib.loads(SURVIVORS.read_text()) if SURVIVORS.exists() else {}
     for entry in known.get(mutant.module, []):
@@ -424,7 +423,7 @@ def explained(mutant: Mutant) -> dict | None:
 
 
 def same(mutant: Mutant) -> bool:
-    """It survived, and the module does with it what it did: nothing could see it."""
+    """Whether the mutant survived and behaves like the original, so that no test could detect it."""
     return mutant.verdict == "survived" and bool((explained(mutant) or {}).get("same"))
 
 
@@ -445,13 +444,13 @@ def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
 
 
 def survivor_of(mutant: Mutant) -> str:
-    said = explained(mutant) or {"why": "NOT EXPLAINED"}
-    alike = "the same: " if said.get("same") else ""
-    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {alike}{said['why']}"
+    entry = explained(mutant) or {"why": "NOT EXPLAINED"}
+    alike = "the same: " if entry.get("same") else ""
+    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {alike}{entry['why']}"
 
 
 def report(write: bool) -> int:
-    """The table of all result files; with `write` into the document, beside the rows of modules not run."""
+    """Prints the table of all result files; `write` updates the document, other modules' rows stay."""
     groups: dict[str, tuple[str, int, list[Mutant]]] = {}
     for file in sorted(WORK.glob("*.json")):
         document = json.loads(file.read_text())
@@ -460,7 +459,7 @@ def report(write: bool) -> int:
         if path is None or fingerprint(path) != of:
             print(f"mutate: {file.relative_to(ROOT)} is of another {module}.v: left out", file=sys.stderr)
             continue
-        # What did not compile is none.
+        # Changes that did not compile do not count.
         invalid = sum(row["verdict"] == "invalid" for row in document["mutants"])
         group = groups.setdefault(module, (of, document["possible"] - invalid, []))[2]
         valid = (Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid")
@@ -489,7 +488,7 @@ def report(write: bool) -> int:
 
 
 def write_document(rows: dict[str, str], survivors: list[str]) -> None:
-    """Rows and survivors of the modules that were run; those of the others stay as they are."""
+    """Replaces rows and survivors of the modules that were run; the others stay."""
     old = DOCUMENT.read_text() if DOCUMENT.exists() else ""
     kept = {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\|$", old, re.M)} | rows
     known = {path.stem for path in rtl_files()}
@@ -545,7 +544,7 @@ def main() -> int:
         parser.error(f"--shard {options.shard}: K/N with K from 0 to N - 1")
     try:
         for module in modules:
-            Attack(module, options.count, options.seed, (int(shard[1]), int(shard[2]))).run(options.jobs)
+            MutationRun(module, options.count, options.seed, (int(shard[1]), int(shard[2]))).run(options.jobs)
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2

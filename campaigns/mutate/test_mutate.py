@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `make mutate` breaks, how it judges, and that docs/reports/mutants.md is of today's modules."""
+"""Changes and verdicts of `make mutate`; docs/reports/mutants.md describes the present modules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rows() -> dict[str, re.Match]:
     return {found[1]: found for found in ROW.finditer(mutate.DOCUMENT.read_text())}
 
 
-def test_changes_keep_to_code():
+def test_changes_affect_only_code():
     text = """module m (
     input wire clk
 );
@@ -63,7 +63,7 @@ def test_every_kind_of_change_is_made(before, after):
     assert f"module m;\n  assign z = {after};\nendmodule\n" in made
 
 
-def test_an_input_of_an_instance_is_tied_both_ways_and_turned():
+def test_input_of_an_instance_is_tied_and_inverted():
     path = next(path for path in rtl_files() if path.stem == "network_port")
     found = mutate.mutants("network_port", path)
     for tied in ("1'b0", "1'b1", "~(rst)"):
@@ -79,14 +79,14 @@ def test_an_output_of_an_instance_is_left_open():
 
 
 @pytest.mark.parametrize("module", mutate.benches())
-def test_no_mutant_leaves_the_text_as_it_was(module):
+def test_every_mutant_changes_the_text(module):
     path = next(path for path in rtl_files() if path.stem == module)
     text = path.read_text()
     for mutant in mutate.mutants(module, path):
         assert text[: mutant.start] + mutant.text + text[mutant.end :] != text, mutant.before
 
 
-def test_a_comment_is_no_other_module(tmp_path):
+def test_comments_keep_the_fingerprint(tmp_path):
     path = tmp_path / "m.v"
     path.write_text("module m;\n  wire a = b; // why\nendmodule\n")
     before = mutate.fingerprint(path)
@@ -96,27 +96,27 @@ def test_a_comment_is_no_other_module(tmp_path):
     assert mutate.fingerprint(path) != before
 
 
-def test_a_judge_without_an_end_has_caught(tmp_path, monkeypatch):
+def test_check_without_end_counts_as_caught(tmp_path, monkeypatch):
     monkeypatch.setattr(mutate, "WORK", tmp_path)
     tree = mutate.Tree(0, "bcc")
     tree.longest_s = 0.5
     assert tree.run("bash", "-c", "sleep 60 & wait") == (False, "no end within 0 s")
 
 
-def test_a_tree_judges_what_it_should(tmp_path, monkeypatch):
-    """One mutant that no text of a bench could miss, one that changes nothing."""
+def test_verdicts_of_a_tree(tmp_path, monkeypatch):
+    """A mutant that every text of a bench would catch, one without effect, and one that does not compile."""
     monkeypatch.setattr(mutate, "WORK", tmp_path)
     tree = mutate.Tree(0, "bcc")
-    tree.look()
+    tree.baseline()
     found = mutate.mutants("bcc", tree.path)
     broken = next(mutant for mutant in found if (mutant.text, "^" in mutant.before) == ("|", True))
-    assert tree.judge(broken).verdict == "caught"
+    assert tree.evaluate(broken).verdict == "caught"
     at = tree.original.index("  assign")
-    assert tree.judge(mutate.Mutant("bcc", 1, "", "", at, at, " ")).verdict == "survived"
-    assert tree.judge(mutate.Mutant("bcc", 1, "", "", at, at, "((")).verdict == "invalid"
+    assert tree.evaluate(mutate.Mutant("bcc", 1, "", "", at, at, " ")).verdict == "survived"
+    assert tree.evaluate(mutate.Mutant("bcc", 1, "", "", at, at, "((")).verdict == "invalid"
 
 
-def test_a_survivor_of_one_instance_is_none_of_another():
+def test_survivor_is_known_by_its_instance():
     path = next(path for path in rtl_files() if path.stem == "network_port")
     tied = [mutant for mutant in mutate.mutants("network_port", path) if mutant.after == ".rst(1'b0),"]
     known = {mutate.instance_of(mutant): mutate.explained(mutant) is not None for mutant in tied}
@@ -166,7 +166,7 @@ def test_document_is_of_this_module(module):
     assert proof + test >= mutate.ENOUGH * (total - alike)
 
 
-def test_every_reason_is_of_a_survivor():
+def test_every_reason_belongs_to_a_survivor():
     listed = [found.groups() for found in SURVIVOR.finditer(mutate.DOCUMENT.read_text())]
     known = tomllib.loads(mutate.SURVIVORS.read_text())
     reasons = {
