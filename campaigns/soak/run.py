@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Long mixed traffic: pymodbus asks the virtual card, everything on both lines is judged by the models.
+"""Long mixed traffic: pymodbus sends requests to the virtual card; the models check both lines.
 
     python -m campaigns.soak.run                     the three dialects, 2,000 + 500 + 500 transactions
     python -m campaigns.soak.run --seed 1 --transactions 300 --dialect builtin --profile vlt2800
 
-What the card sends must be what tb/model/card.py says, what the drive answers what tb/model/vlt_drive.py
-says, fed with the telegrams and the times of the card's log. Exit 0: no mismatch, 1: some, 2: no card.
+Reference for the card is tb/model/card.py; reference for the drive is tb/model/vlt_drive.py, which gets the
+telegrams and times of the card's log. Exit 0: no mismatch, 1: mismatches, 2: no card.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from tb.model.vlt_drive import PROFILES, VltDrive
 
 RUNS = (("card", "vlt6000", 2000), ("builtin", "vlt8000", 500), ("hvac_basic", "hvac_basic", 500))
 UNIT, OTHER_UNIT, BROADCAST = 1, 7, 0
-# Switches 1-3 of rates that the clock of the virtual card is made for, and that do not take for ever.
+# Switches 1-3 of rates that suit the clock of the virtual card and are not too slow.
 SWIFT = [bits for bits, rate in RATES.items() if 9600 <= rate.baud <= 38400]
-UNANSWERED_S = 0.15  # wall time after a request without a reply, as a master leaves after a broadcast
+UNANSWERED_S = 0.15  # wall time after a request without a reply, as after a broadcast
 PDU_MAX = 253
 COMMANDS = (0x047C, 0x047C, 0x043C, 0x0474, 0x046C, 0x0478, 0x045C, 0x057C, 0x04FC, 0x847C, 0x067C, 0x1C7C)
 UNKNOWN_FUNCTIONS = (0x02, 0x04, 0x07, 0x08, 0x0B, 0x11, 0x16, 0x17, 0x2B, 0x41)
@@ -53,7 +53,7 @@ class Transaction:
 
 
 class Traffic:
-    """Requests as masters make them, right ones and wrong ones, for one dialect and one drive."""
+    """Valid and invalid requests of masters, for one dialect and one drive."""
 
     def __init__(self, rng: random.Random, dialect: str, profile: str) -> None:
         self.rng = rng
@@ -85,7 +85,7 @@ class Traffic:
             made += [Transaction(kind.__name__, unit, pdu) for unit, pdu in kind()]
         return made[:count]
 
-    # Each of the following makes one request or a few that belong together: unit address and PDU.
+    # Each of the following methods makes one request, or some that belong together: unit address and PDU.
 
     def read_number(self) -> list[tuple[int, bytes]]:
         row = self.rng.choice(self.rows if self.rng.random() < 0.1 else self.numbers)
@@ -150,7 +150,7 @@ class Traffic:
         return UNIT, b"\x06" + wire(self.dialect.index_register, value)
 
     def text(self) -> list[tuple[int, bytes]]:
-        """A text read or written, in the card's dialect between two writes of IND (MAP-8)."""
+        """Reads or writes a text, in the `card` dialect between two writes of IND (MAP-8)."""
         row = self.rng.choice(self.texts if self.rng.random() < 0.9 else self.rows)
         start = 10 * int(row["pnu"]) - 1
         count = self.rng.randint(1, 11)
@@ -194,8 +194,8 @@ class Traffic:
 
 
 @dataclass
-class Judge:
-    """Compares what was seen on both lines and by the master with what the models say."""
+class SoakJudge:
+    """Compares both lines and the master's replies with the models."""
 
     card: Card
     drive: VltDrive
@@ -211,7 +211,7 @@ class Judge:
         self.drive_us = 0
 
     def expect(self, line: str, sender: str, wanted: bytes) -> Frame | None:
-        """The next frame of this sender; noted when it is another than wanted."""
+        """Takes the next frame of this sender; records a mismatch if it is not the wanted one."""
         queue = self.seen[line, sender]
         frame = queue.popleft() if queue else None
         if frame is None or frame.data != wanted:
@@ -240,7 +240,7 @@ class Judge:
         return f"exception {reply[1]}" if reply[0] & 0x80 else f"function {reply[0]:02X}"
 
     def exchange(self, telegram: bytes) -> Step:
-        """A telegram to the drive and, unless it was for all, its reply."""
+        """A telegram to the drive and, except for a broadcast, its reply."""
         wanted = fc.build(telegram[1:], adr=telegram[0])
         frame = self.expect("drive", "card", wanted)
         if frame is None:
@@ -254,7 +254,7 @@ class Judge:
         self.expect("drive", "drive", reply)
         return self.card.drive_reply(reply[2:-1])
 
-    def all(self, transactions: list[Transaction]) -> None:
+    def check_all(self, transactions: list[Transaction]) -> None:
         for number, asked in enumerate(transactions):
             before = len(self.mismatches)
             self.transaction(asked)
@@ -271,7 +271,7 @@ class Judge:
 class Result:
     transactions: list[Transaction]
     mismatches: list[str]
-    replies: Counter  # what the master got, by function or exception code
+    replies: Counter  # number of replies by function or exception code
     wall_s: float
     simulated_s: float
 
@@ -285,7 +285,7 @@ class Result:
 
 
 def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Result:
-    """`count` transactions from `seed`; rate and format of the network line are chosen by it too."""
+    """Runs `count` transactions; `seed` also selects rate and format of the network line."""
     rng = random.Random(f"soak/{dialect}/{profile}/{seed}")
     rate_switches, format_switches = rng.choice(SWIFT), rng.choice(list(FORMATS))
     rate, line_format = RATES[rate_switches], FORMATS[format_switches]
@@ -310,8 +310,8 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Res
         if card.stop() != 0:
             raise CardError("build/card does not end with code 0")
         entries, frames = card.entries(), card.frames()
-    judge = Judge(Card(name=dialect), VltDrive(profile), frames)
-    judge.all(done)
+    judge = SoakJudge(Card(name=dialect), VltDrive(profile), frames)
+    judge.check_all(done)
     return Result(done, judge.mismatches, judge.replies, wall, entries[-1]["t"])
 
 

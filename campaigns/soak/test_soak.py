@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mixed traffic of pymodbus over the virtual card, judged by the models; `make soak` is the long one.
+"""Mixed traffic of pymodbus to the virtual card, checked by the models; `make soak` is the long version.
 
-What is asked, and how it is judged: campaigns/soak/run.py. The drive is live: it ramps, refuses and logs.
+Traffic and checks: campaigns/soak/run.py. The drive is live: it ramps, refuses and logs.
 """
 
 from __future__ import annotations
 
 import pytest
 
-from campaigns.soak.run import Judge, Transaction, soak
+from campaigns.soak.run import SoakJudge, Transaction, soak
 from sim.card.run_card import Frame
 from tb.lib.seeds import seeded
 from tb.model import fc_telegram as fc
@@ -44,7 +44,7 @@ EVERYWHERE = (
         pytest.param("hvac_basic", "hvac_basic", 100, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
     ],
 )
-def test_mixed_traffic_is_what_the_models_say(tmp_path, dialect, profile, count):
+def test_mixed_traffic_agrees_with_the_models(tmp_path, dialect, profile, count):
     result = soak(tmp_path, seeded(f"{dialect} {profile}").randrange(1 << 31), count, dialect, profile)
     print(result)
     assert not result.mismatches, "\n".join(result.mismatches)
@@ -52,7 +52,7 @@ def test_mixed_traffic_is_what_the_models_say(tmp_path, dialect, profile, count)
     assert any(what.startswith("exception") for what in result.replies)
 
 
-# ---------------------------------------------------------------- the judge itself
+# ---------------------------------------------------------------- the judge
 READ_104 = bytes.fromhex("03 04 0F 00 01")
 REPLY_104 = with_crc(bytes.fromhex("01 03 02 00 32"))
 
@@ -71,33 +71,33 @@ def exchange_of_104() -> dict[tuple[str, str], bytes]:
     }
 
 
-def judged(seen: dict[tuple[str, str], bytes], received: bytes) -> list[str]:
+def mismatches_of(seen: dict[tuple[str, str], bytes], received: bytes) -> list[str]:
     frames = [frame(*where, data) for where, data in seen.items()]
-    judge = Judge(Card(), VltDrive(), frames)
-    judge.all([Transaction("read", 1, READ_104, received)])
+    judge = SoakJudge(Card(), VltDrive(), frames)
+    judge.check_all([Transaction("read", 1, READ_104, received)])
     return judge.mismatches
 
 
-def test_the_judge_accepts_what_is_right():
-    assert judged(exchange_of_104(), REPLY_104) == []
+def test_judge_accepts_a_correct_exchange():
+    assert mismatches_of(exchange_of_104(), REPLY_104) == []
 
 
 @pytest.mark.parametrize("where", list(exchange_of_104()), ids="-".join)
 @pytest.mark.parametrize("how", ["changed", "missing", "twice"])
-def test_the_judge_finds_a_frame_that_is_not_as_it_should_be(where, how):
+def test_judge_finds_a_wrong_frame(where, how):
     seen = exchange_of_104()
     if how == "twice":
         frames = [frame(*at, data) for at, data in [*seen.items(), (where, seen[where])]]
-        judge = Judge(Card(), VltDrive(), frames)
-        judge.all([Transaction("read", 1, READ_104, REPLY_104)])
+        judge = SoakJudge(Card(), VltDrive(), frames)
+        judge.check_all([Transaction("read", 1, READ_104, REPLY_104)])
         assert any(f"{where[0]} line, {where[1]}: not expected" in text for text in judge.mismatches)
         return
     if how == "changed":
         seen[where] = seen[where][:-1] + bytes([seen[where][-1] ^ 1])
     else:
         del seen[where]
-    assert any(f"{where[0]} line, {where[1]}: expected" in text for text in judged(seen, REPLY_104))
+    assert any(f"{where[0]} line, {where[1]}: expected" in text for text in mismatches_of(seen, REPLY_104))
 
 
-def test_the_judge_finds_a_reply_that_the_master_did_not_get():
-    assert any(text.startswith("master: expected") for text in judged(exchange_of_104(), b""))
+def test_judge_finds_a_reply_that_the_master_missed():
+    assert any(text.startswith("master: expected") for text in mismatches_of(exchange_of_104(), b""))
