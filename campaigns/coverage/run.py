@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of rtl/ the tests run, counted by Verilator: lines, branches, toggles; `make coverage-rtl`.
+"""Coverage of rtl/ by the tests, counted by Verilator: lines, branches, toggles; `make coverage-rtl`.
 
     python -m campaigns.coverage.run [--jobs N]    runs the tests of TESTS, writes docs/reports/coverage.md
-    python -m campaigns.coverage.run --report      the same from the counts of the last run
+    python -m campaigns.coverage.run --report      writes the page from the counts of the last run
 
-Every line and every way of a branch that no test took must be explained in campaigns/coverage/holes.toml,
-and every explanation there must have such a hole. Exit 1 for a hole without explanation, an explanation
-without hole, a failed test, or less than 98 % of lines or branches; 2 when there is nothing to count.
+campaigns/coverage/holes.toml must explain every line and branch that no test took, and every explanation must
+have such a hole. Exit 1 for a hole without explanation, an explanation without hole, a failed test, or less
+than 98 % of lines or branches; 2 if there is nothing to count.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ TEMPLATE = ROOT / "campaigns/coverage/coverage.md.in"
 EXPLAINED = ROOT / "campaigns/coverage/holes.toml"
 RTL = "rtl/"
 LEAST = 0.98
-# Beside each module's own tests: the whole card, through its pins.
+# The whole card, tested at its pins, besides each module's own tests.
 WHOLE_CARD = ("rtu2fc", "rtu2fc_dialects", "card_loopback")
-# The same seed each time: the same counts.
+# A fixed seed gives fixed counts.
 VARIABLES = {"RTL_COVERAGE": str(COUNTS), "COCOTB_RANDOM_SEED": "1"}
-# Counted points: what Verilator calls the ways of a branch; all others are blocks.
+# Verilator's names of branch ways; all other points are blocks.
 WAYS = ("if", "else", "elsif", "case", "cond_then", "cond_else")
-# Letters for the waveform, not there in hardware.
+# State names for waveforms, which do not exist in hardware.
 NO_HARDWARE = "state_name["
 POINT = re.compile(r"C '(.*)' (\d+)$")
 
 
 class CoverageError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 @dataclass
 class Module:
-    """Counts of one file, by place: merged over tests, instances and parameters."""
+    """Counts of one file by place, merged over tests, instances and parameters."""
 
     lines: Counter = field(default_factory=Counter)  # line
     branches: Counter = field(default_factory=Counter)  # line, column, way
@@ -63,26 +63,26 @@ class Module:
 
 @dataclass(frozen=True)
 class Hole:
-    """`code`: the source line without its indent, so that a hole keeps its name when lines move."""
+    """An uncovered place. `code` is the source line without indent: it keeps its name when lines move."""
 
     file: str
     line: int
     code: str
-    way: str  # of a branch; empty for a line
+    way: str  # way of a branch; empty for a line
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}: {self.way or 'line'}: {self.code}"
 
 
 def benches() -> list[str]:
-    """The bench of each module of rtl/, and the whole card's."""
+    """The bench of each module of rtl/, and those of the whole card."""
     modules = [path.stem for path in rtl_files()]
     names = [*modules, *(name for name in WHOLE_CARD if name not in modules)]
     return [str(file) for file in map(bench_file, names) if file]
 
 
 def run(jobs: int) -> bool:
-    """Runs the tests with counters; whether all passed."""
+    """Runs the tests with counters; returns whether all passed."""
     shutil.rmtree(COUNTS, ignore_errors=True)
     command = [
         sys.executable,
@@ -100,14 +100,14 @@ def run(jobs: int) -> bool:
 
 
 def _lines(ranges: str) -> Iterable[int]:
-    """Of `101-105,134`."""
+    """Line numbers of `101-105,134`."""
     for part in ranges.split(","):
         first, _, last = part.partition("-")
         yield from range(int(first), int(last or first) + 1)
 
 
 def count(texts: Iterable[str], root: Path = ROOT) -> dict[str, Module]:
-    """All of them in one, by file of rtl/. Verilator's Python package comes without its tool for that."""
+    """Merges counts by file of rtl/. Verilator's Python package lacks its tool for that."""
     found: dict[str, Module] = defaultdict(Module)
     for text in texts:
         for line in text.splitlines():
@@ -136,7 +136,7 @@ def holes(found: dict[str, Module], root: Path = ROOT) -> list[Hole]:
         source = (root / file).read_text().splitlines()
         spots = [(line, "") for line, hits in module.lines.items() if not hits]
         spots += [(line, way) for (line, _, way), hits in module.branches.items() if not hits]
-        # A way not taken has lines not run: told once.
+        # An untaken branch also has unrun lines: report it once.
         branch_lines = {line for line, way in spots if way}
         gaps += [
             Hole(file, line, source[line - 1].strip(), way)
@@ -151,7 +151,7 @@ def explanations() -> list[dict[str, str]]:
 
 
 def compare(gaps: list[Hole], explained: list[dict[str, str]]) -> tuple[list[str], dict[Hole, str]]:
-    """What is wrong, and the reason of each hole that has one."""
+    """Mismatches of holes and explanations, and the reason for each explained hole."""
     reasons: dict[Hole, str] = {}
     wrong = []
     for entry in explained:
@@ -168,7 +168,7 @@ def compare(gaps: list[Hole], explained: list[dict[str, str]]) -> tuple[list[str
 
 
 def share(counters: Iterable[Counter]) -> tuple[int, int]:
-    """Taken, and in all."""
+    """Number taken, and number in all."""
     hits = [value for counter in counters for value in counter.values()]
     return sum(value > 0 for value in hits), len(hits)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counting what of rtl/ was run: merging, holes, explanations. The run itself is `make coverage-rtl`."""
+"""Coverage of rtl/: merging, holes, explanations. `make coverage-rtl` is the measurement."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_the_page_is_of_this_card():
     assert f"Card `{fingerprint.card()}`" in coverage_rtl.PAGE.read_text(), "run `make coverage-rtl`"
 
 
-def test_runs_add_up_and_other_peoples_files_do_not_count(root):
+def test_runs_add_up_and_foreign_files_do_not_count(root):
     found = count([counts(root, 1, 3, 0), counts(root, 1, 0, 2)], root)
     assert list(found) == ["rtl/part.v"]
     module = found["rtl/part.v"]
@@ -68,7 +68,7 @@ def test_runs_add_up_and_other_peoples_files_do_not_count(root):
     assert not holes(found, root)
 
 
-def test_what_no_test_takes_is_a_hole_once(root):
+def test_uncovered_place_is_one_hole(root):
     found = count([counts(root, 1, 3, 0)], root)
     gaps = holes(found, root)
     assert gaps == [
@@ -77,7 +77,7 @@ def test_what_no_test_takes_is_a_hole_once(root):
     ]
 
 
-def test_holes_and_explanations_must_meet():
+def test_holes_and_explanations_must_match():
     gap = Hole("rtl/part.v", 4, "if (b) c <= 1;", "else")
     entry = {"file": gap.file, "code": gap.code, "ways": ["else"], "why": "b is always 1"}
     assert compare([gap], [entry]) == ([], {gap: "b is always 1"})
@@ -87,7 +87,7 @@ def test_holes_and_explanations_must_meet():
     assert compare([gap], [both])[0] == ["explained but taken: rtl/part.v: if: if (b) c <= 1;"]
 
 
-def test_explanations_are_of_lines_that_are_there():
+def test_explanations_name_existing_lines():
     for entry in explanations():
         assert set(entry) == {"file", "code", "ways", "why"}, entry
         code = [line.strip() for line in (ROOT / entry["file"]).read_text().splitlines()]

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a receiver with 16 samples a bit can bear, by arithmetic alone; docs/reports/line-quality.md derives
-it.
+"""Limits of a receiver with 16 samples a bit, by arithmetic alone; docs/reports/line-quality.md derives them.
 
-The middle one of the three votes stands SAMPLE ticks after the tick in which the start bit was first seen,
-and that tick comes between no and one tick after the edge. So each limit is a span: at its beginning the
-first characters can go wrong, at its end all that have the edge in question do.
+The middle vote of three comes SAMPLE ticks after the tick that first saw the start bit. That tick comes
+between zero and one tick after the edge. So each limit is a span: at its beginning the first characters can
+fail, at its end all characters with the edge in question fail.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ TICKS = 16
 SAMPLE = 7  # ticks after the tick that saw the start bit
 REARM = SAMPLE + 2
 FILTER_MAJORITY = 5  # of nine samples: rtl/glitch_filter.v
-LINE_4 = 0.00041  # how far the card's own rate may be off: rtl/baud_base.v
+LINE_4 = 0.00041  # greatest error of the card's own rate: rtl/baud_base.v
 # A tick comes with a whole clock, and so does an edge of the far end.
 GRAIN_CLOCKS = 1.5
 
@@ -26,14 +25,15 @@ Span = tuple[float, float]
 
 
 def stop_bit(form: str) -> int:
-    """Number of the first stop bit, the last one looked at; the start bit is 0."""
+    """Number of the first stop bit, the last bit that is checked; the start bit is 0."""
     return 9 + (form[1] != "N")
 
 
 def last_end(form: str) -> int:
     """Bits from the start edge to the last edge that may come too early.
 
-    It is the next start bit; with two stop bits the end of the last data bit: nobody looks at the second.
+    That edge is the next start bit; with two stop bits it is the end of the last data bit, because the second
+    stop bit is not checked.
     """
     return 9 if form == "8N2" else stop_bit(form) + 1
 
@@ -44,20 +44,20 @@ def _slow(form: str) -> Span:
 
 
 def _fast(form: str) -> Span:
-    """Where the next start bit follows the first stop bit, the receiver has to be ready for it: it is idle
-    again a tick after the last vote, so a character takes it no less than REARM ticks of its last bit."""
+    """The receiver must be idle when the next start bit follows the first stop bit. It is idle one tick after
+    the last vote, so a character takes at least REARM ticks of its last bit."""
     spare = TICKS - (SAMPLE + 1 if form == "8N2" else REARM)
     first, last = (ticks / TICKS / last_end(form) for ticks in (spare, spare + 1))
     return 1 / (1 - first) - 1, 1 / (1 - last) - 1
 
 
 def _jitter(form: str) -> Span:
-    """Start edge and another one against each other."""
+    """Start edge and another edge against each other."""
     return SAMPLE / TICKS / 2, (SAMPLE + 1) / TICKS / 2
 
 
 def _glitch(form: str) -> Span:
-    """Four ticks never hold five samples, five ticks always do."""
+    """Four ticks never contain five samples, five ticks always do."""
     return (FILTER_MAJORITY - 1) / TICKS, FILTER_MAJORITY / TICKS
 
 
@@ -71,7 +71,7 @@ def _late_fall(form: str) -> Span:
 
 @dataclass(frozen=True)
 class Quantity:
-    """One way for a line to be bad. `promise`: of LINE-5; `unit`: what a 1 is worth in the tables."""
+    """One kind of line fault. `promise`: of LINE-5; `unit`: factor for the tables."""
 
     name: str
     title: str
@@ -81,7 +81,7 @@ class Quantity:
     unit: str = "bit"
 
     def span(self, form: str, clocks_a_bit: float) -> Span:
-        """Where a measured limit has to be: theory, and what it leaves out."""
+        """Allowed span of a measured limit: theory, widened by effects that theory omits."""
         first, last = self.theory(form)
         grain = GRAIN_CLOCKS / clocks_a_bit + LINE_4 * last_end(form)
         if self.unit == "%":
@@ -103,7 +103,7 @@ QUANTITIES = {
 
 
 def jitter_left(form: str, error: float) -> float:
-    """Where the first errors come when the sender's rate is off as well."""
+    """Jitter of the first errors when the sender's rate is off as well."""
     if error >= _fast(form)[0]:
         return 0.0
     length = 1 / (1 + error) - 1

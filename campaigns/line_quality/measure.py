@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How bad a line may be until the whole card, asked on its pins, misses a good request.
+"""Finds the line faults at which the whole card, measured on its pins, misses a good request.
 
-A point is a line with one badness of one size; it holds when each of many random requests gets its right
-answer. On the network line the request is bad, on the drive line the drive's reply to the card's telegram; in
-both cases what must come is the right Modbus reply, at the first try. Limits are found by halving.
+A point is a line with one fault of one size. It holds if each of many random requests gets its right answer.
+On the network line the request is distorted, on the drive line the drive's reply to the telegram. In both
+cases the right Modbus reply must come at the first try. Limits are found by halving the interval.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from tb.model.wire import Line
 
 ADDRESS = 1
 OWN = Target()
-# Below the first errors of theory, and above the last ones.
+# Factors: below the first errors of theory, and above the last ones.
 SURE, TOO_BAD = 0.9, 1.1
 SHORTEST, LONGEST = 6, 40  # random bytes of a request
 PATTERNS = (b"\x55", b"\x00", b"\xff", b"\x80", b"\x7f", b"\x01")
-# After a request that was missed: whatever the card made of it is over.
+# After a missed request: time for the card to finish.
 RECOVERY_BITS = 60
 DRIVE_RECOVERY_S = 0.4  # both waits of FC-9
 
 
 def request(rng: random.Random) -> bytes:
-    """A PDU that the card answers by itself. A function unknown to it may have any bytes behind it."""
+    """A PDU that the card answers without the drive. An unknown function may have any data."""
     roll = rng.random()
     if roll < 0.2:
         return rtu.read_coils(rng.randrange(64), rng.randrange(1, 65))
@@ -44,8 +44,8 @@ def request(rng: random.Random) -> bytes:
 
 
 @dataclass
-class Asker:
-    """A card that was just switched on, and its master."""
+class Prober:
+    """A card after power-up, and its master."""
 
     line: Line
     target: Target = OWN
@@ -56,20 +56,20 @@ class Asker:
         self.pins = Pins(library, self.target.image_folder("card"), self.line, ADDRESS)
         self.pins.run(BOOT_S * self.line.clk_hz)
         self.characters = 0
-        # What the card's memory holds: it does not change here.
+        # Model of the card's memory, which does not change here.
         self.model = Card()
 
     def close(self) -> None:
         self.pins.close()
 
-    def __enter__(self) -> Asker:
+    def __enter__(self) -> Prober:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def start(self, rng: random.Random) -> float:
-        """At any phase of the card's bits, with the line silent for long enough."""
+        """Start at any phase of the card's bits, after enough silence on the line."""
         silence = self.line.t35_bits + 2 + rng.random()
         return self.pins.now + 2 + silence * self.line.bit
 
@@ -85,7 +85,7 @@ class Asker:
         return right
 
     def _reply(self, end: float) -> bytes | None:
-        """The card's answer to a request that ends then."""
+        """The card's answer to a request that ends at `end`."""
         bursts = self.pins.bursts[NETWORK]
         bursts.clear()
         deadline = end + (self.line.t35_bits + 3) * self.line.bit + BUDGET_CLOCKS
@@ -97,8 +97,8 @@ class Asker:
 
 
 @dataclass
-class DriveAsker(Asker):
-    """The network line is good; the drive's replies are bad."""
+class DriveProber(Prober):
+    """A good network line; the drive's replies are distorted."""
 
     line_name = "drive"
 
@@ -122,7 +122,7 @@ class DriveAsker(Asker):
         pause = (DRIVE_DELAY_BITS + rng.random()) * line.bit
         wave, end = edges(line, reply, telegrams[0].fall + pause, bad, rng)
         self.pins.play(DRIVE, wave)
-        # Once more is a failure, too.
+        # A repeat is a failure, too.
         limit = max(self.pins.now, end) + 3 * self.line.bit + BUDGET_CLOCKS
         while self.pins.now < round(limit) or self.pins.sending(NETWORK):
             self.pins.run(max(limit, self.pins.now + self.line.bit))
@@ -137,7 +137,7 @@ class DriveAsker(Asker):
 
 @dataclass(frozen=True)
 class Limit:
-    """What was found on one line for one quantity; `beyond`: it held as far as was tried."""
+    """Result for one line and quantity; `beyond`: the line held up to the greatest value tried."""
 
     quantity: str
     line: str
@@ -145,13 +145,13 @@ class Limit:
     form: str
     clk_hz: int
     found: float
-    characters: int  # a point, at least
-    asked: int  # characters in all
+    characters: int  # minimum per point
+    asked: int  # characters sent in all
     beyond: bool = False
 
     @property
     def faults(self) -> list[str]:
-        """Against LINE-5 and against theory."""
+        """Violations of LINE-5 or theory."""
         quantity = QUANTITIES[self.quantity]
         where = f"{self.line} line, {self.baud} {self.form}, {self.clk_hz} Hz: {quantity.title}"
         first, last = quantity.span(self.form, self.clk_hz / self.baud)
@@ -162,36 +162,37 @@ class Limit:
         return []
 
 
-def holds(asker: Asker, bad: Badness, characters: int, seed: str) -> bool:
-    """Whether every request is answered, until so many characters were sent."""
+def holds(prober: Prober, bad: Badness, characters: int, seed: str) -> bool:
+    """Whether every request is answered until `characters` have been sent."""
     rng = random.Random(seed)
-    until = asker.characters + characters
-    while asker.characters < until:
-        if not asker.answered(bad, rng):
+    until = prober.characters + characters
+    while prober.characters < until:
+        if not prober.answered(bad, rng):
             return False
     return True
 
 
 def halve(passes: Callable[[float], bool], good: float, bad: float, resolution: float) -> float:
-    """The last value that passes, between one that does and one that does not."""
+    """The last value that passes, between a passing and a failing value."""
     while bad - good > resolution:
         middle = (good + bad) / 2
         good, bad = (middle, bad) if passes(middle) else (good, middle)
     return good
 
 
-def limit(asker: Asker, quantity: Quantity, characters: int, seed: int) -> Limit:
-    line = asker.pins.lines[DRIVE] if asker.line_name == "drive" else asker.line
-    before = asker.characters
+def limit(prober: Prober, quantity: Quantity, characters: int, seed: int) -> Limit:
+    line = prober.pins.lines[DRIVE] if prober.line_name == "drive" else prober.line
+    before = prober.characters
 
     def passes(amount: float) -> bool:
-        point = f"{seed}/{asker.line_name}/{line.baud}/{line.form}/{line.clk_hz}/{quantity.name}/{amount:.6f}"
-        return holds(asker, Badness.of(quantity.name, amount), characters, point)
+        where = f"{seed}/{prober.line_name}/{line.baud}/{line.form}/{line.clk_hz}"
+        point = f"{where}/{quantity.name}/{amount:.6f}"
+        return holds(prober, Badness.of(quantity.name, amount), characters, point)
 
     first, last = quantity.theory(line.form)
     good, bad = SURE * first, TOO_BAD * last
     beyond = False
-    # What is promised is asked for, whatever theory says.
+    # The promised value is always tested.
     if quantity.promise and passes(quantity.promise - quantity.resolution):
         good = max(good, quantity.promise - quantity.resolution)
     if not passes(good):
@@ -201,8 +202,8 @@ def limit(asker: Asker, quantity: Quantity, characters: int, seed: int) -> Limit
     else:
         found = halve(passes, good, bad, quantity.resolution)
     return Limit(
-        *(quantity.name, asker.line_name, line.baud, line.form, line.clk_hz, found),
-        *(characters, asker.characters - before, beyond),
+        *(quantity.name, prober.line_name, line.baud, line.form, line.clk_hz, found),
+        *(characters, prober.characters - before, beyond),
     )
 
 
@@ -215,18 +216,18 @@ def measured(
     target: Target = OWN,
     quantities: tuple[str, ...] = tuple(QUANTITIES),
 ) -> list[Limit]:
-    """All limits of one line. `of_drive`: of the drive line, with this one as the network's."""
-    with (DriveAsker if of_drive else Asker)(line, target) as asker:
-        return [limit(asker, QUANTITIES[name], characters, seed) for name in quantities]
+    """All limits of one line. `of_drive`: limits of the drive line; `line` is then the network line."""
+    with (DriveProber if of_drive else Prober)(line, target) as prober:
+        return [limit(prober, QUANTITIES[name], characters, seed) for name in quantities]
 
 
 def jitter_at(line: Line, error: float, characters: int, seed: int, target: Target = OWN) -> float:
-    """The jitter that a line bears whose sender's rate is off."""
-    with Asker(line, target) as asker:
+    """The greatest jitter of a line whose sender's rate is off."""
+    with Prober(line, target) as prober:
 
         def passes(amount: float) -> bool:
             bad = Badness(error=error, jitter=amount)
-            return holds(asker, bad, characters, f"{seed}/{line.form}/{error:.4f}/{amount:.6f}")
+            return holds(prober, bad, characters, f"{seed}/{line.form}/{error:.4f}/{amount:.6f}")
 
         if not passes(0.0):
             return 0.0

@@ -15,7 +15,7 @@ from sim.harness.pins import BAUDS
 
 COLOURS = {"8E1": "#2e7d32", "8O1": "#e39b33", "8N2": "#7f9bb3", "8N1": "#5b3f8c"}
 PROMISE = "#c62828"
-SPREAD = 0.13  # of the formats beside each other
+SPREAD = 0.13  # distance between the formats
 
 
 def draw(limits: list[Limit], eyes: list) -> None:
@@ -25,7 +25,7 @@ def draw(limits: list[Limit], eyes: list) -> None:
 
 
 def _limits(limits: list[Limit]) -> Figure:
-    """Each quantity over the rates: measured as dots, theory's span as bars behind."""
+    """Each quantity over the rates: dots for measurements, bars behind them for theory."""
     figure, panels = subplots(2, 3, figsize=(12, 6.4))
     bauds = sorted(BAUDS)
     for panel, (name, quantity) in zip(panels.flat, QUANTITIES.items(), strict=True):

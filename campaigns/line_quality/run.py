@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How bad a line the card bears, measured on its pins, beside what theory allows; `make line-quality`.
+"""Measures line faults that the card tolerates, on its pins, and compares with theory; `make line-quality`.
 
     python -m campaigns.line_quality.run [--seed N] [--jobs N]    everything; writes
     docs/reports/line-quality.md
-    python -m campaigns.line_quality.run --fast                   what `make test` runs too; writes nothing
-    python -m campaigns.line_quality.run --report                 writes the page of the last whole run again
+    python -m campaigns.line_quality.run --fast                   the part in `make test`; writes nothing
+    python -m campaigns.line_quality.run --report                 writes the page from the last whole run
 
-Exit 1 when a limit is under what LINE-5 promises or away from theory, 2 when something to measure is missing.
+Exit 1 if a limit is below LINE-5 or away from theory, 2 if something to measure is missing.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DEFAULT_SEED = 1
 
 
 class LineQualityError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def _work(piece: Piece | Eye, seed: int) -> tuple[Piece | Eye, list]:
@@ -51,7 +51,7 @@ def _work(piece: Piece | Eye, seed: int) -> tuple[Piece | Eye, list]:
 
 
 def measure(pieces: list[Piece | Eye], seed: int, jobs: int) -> tuple[list[Limit], list]:
-    """The long pieces first."""
+    """Runs the pieces, the longest first."""
     for clock in sorted({piece.line.clk_hz for piece in pieces if isinstance(piece, Piece)}):
         OWN.library(clock)  # once, not in each process
     limits: list[Limit] = []
@@ -76,7 +76,7 @@ def row(cells: list[str]) -> str:
 
 
 def table(limits: list[Limit], line: str, form: str) -> str:
-    """Theory on top, then a row a rate and clock."""
+    """Theory in the first row, then a row for each rate and clock."""
     titles = [quantity.title for quantity in QUANTITIES.values()]
     rows = [
         row(["bit/s", "clocks a bit", *titles, "characters a point"]),
@@ -110,7 +110,7 @@ def table(limits: list[Limit], line: str, form: str) -> str:
 
 
 def worst(limits: list[Limit]) -> str:
-    """The least of each quantity over all lines, beside what is promised."""
+    """The smallest limit of each quantity over all lines, with the promised value."""
     rows = [row(["quantity", "least found", "where", "LINE-5"]), row(["---"] * 4)]
     for name, quantity in QUANTITIES.items():
         least = min((one for one in limits if one.quantity == name), key=lambda one: one.found)

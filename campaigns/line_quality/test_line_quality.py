@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How bad a line may be, the fast share of `make line-quality`: limits where LINE-5 and theory have them.
+"""The fast part of `make line-quality`: limits agree with LINE-5 and theory.
 
-The rest is about the measurement: it must find a receiver that bears less.
+The other tests check the measurement: it must detect a worse receiver.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from campaigns.bench import fingerprint
 from campaigns.fuzz.case import clk_hz
 from campaigns.line_quality import run as line_quality
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
-from campaigns.line_quality.measure import Asker, Limit, halve, holds
+from campaigns.line_quality.measure import Limit, Prober, halve, holds
 from campaigns.line_quality.waveform import Badness, edges
 from campaigns.line_quality.work import FAST, FORM, Piece, whole
 from tb.model.wire import Line
@@ -30,7 +30,7 @@ def names(piece: Piece) -> str:
 
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize("piece", FAST, ids=names)
-def test_a_line_may_be_as_bad_as_promised(piece: Piece):
+def test_limits_keep_the_promise(piece: Piece):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
     limits = piece.run(SEED)
     print(line_quality.table(limits, limits[0].line, limits[0].form))
@@ -40,14 +40,14 @@ def test_a_line_may_be_as_bad_as_promised(piece: Piece):
 
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize("error", [-0.04, 0.04])
-def test_all_formats_bear_a_sender_of_4_percent(error: float):
+def test_all_formats_tolerate_a_rate_error_of_4_percent(error: float):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
     for form in ALL_FORMS:
-        with Asker(Line(115200, form, clk_hz(115200))) as asker:
-            assert holds(asker, Badness(error=error), 500, f"{SEED}/{form}"), form
+        with Prober(Line(115200, form, clk_hz(115200))) as prober:
+            assert holds(prober, Badness(error=error), 500, f"{SEED}/{form}"), form
 
 
-# ---------------------------------------------------------------- what it is worth
+# ---------------------------------------------------------------- the measurement
 
 
 def made_up(found: float, quantity: str = "glitch", form: str = FORM) -> Limit:
@@ -55,7 +55,7 @@ def made_up(found: float, quantity: str = "glitch", form: str = FORM) -> Limit:
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_a_limit_below_theory_or_above_it_is_a_fault(quantity: str):
+def test_limit_away_from_theory_is_a_fault(quantity: str):
     first, last = QUANTITIES[quantity].theory(FORM)
     assert not made_up(first, quantity).faults and not made_up(last, quantity).faults
     assert made_up(0.8 * first, quantity).faults and made_up(1.4 * last, quantity).faults
@@ -67,13 +67,13 @@ def test_theory_keeps_the_promise_in_every_format():
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_no_badness_is_a_clean_line_and_much_of_it_is_missed(quantity: str):
-    with Asker(LINE) as asker:
-        assert holds(asker, Badness.of(quantity, 0.0), 60, "clean")
-        assert not holds(asker, Badness.of(quantity, 1.3 * QUANTITIES[quantity].theory(FORM)[1]), 400, "bad")
+def test_no_fault_passes_and_a_great_fault_fails(quantity: str):
+    with Prober(LINE) as prober:
+        assert holds(prober, Badness.of(quantity, 0.0), 60, "clean")
+        assert not holds(prober, Badness.of(quantity, 1.3 * QUANTITIES[quantity].theory(FORM)[1]), 400, "bad")
 
 
-def test_the_waveform_is_what_it_says():
+def test_waveform_has_the_chosen_faults():
     start, bit = 1000.0, LINE.bit
     clean, end = edges(LINE, b"\x55\x01", start, Badness(), random.Random(1))
     # A start bit, eight alternating bits, parity 0, stop; then 0, 1, seven 0, parity 1.
@@ -90,7 +90,7 @@ def test_the_waveform_is_what_it_says():
     assert off == {-0.1, 0.1}
 
 
-def test_halving_ends_beside_the_limit():
+def test_halving_finds_the_limit():
     assert 0.295 <= halve(lambda amount: amount < 0.3, 0.0, 1.0, 0.005) < 0.3
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Characters as a bad line delivers them. Unit of time: clocks; of what is bad: bits of the nominal rate."""
+"""Characters on a bad line. Unit of time: clocks; of the faults: bits of the nominal rate."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 from tb.model.wire import Line
 
-# How near to an edge "beside it" is: inside the filter's window.
+# "Beside an edge" means within the filter's window.
 BESIDE_BITS = 0.3
 BEFORE_START_BITS = 0.3
 
 
 @dataclass(frozen=True)
 class Badness:
-    """error: of the sender's rate. jitter: each edge comes so much early or late, by the toss of a coin: the
-    worst that a jitter of that peak can do. glitch: the line inverted for so long, once in every second
-    character. late_rise, late_fall: delay of these edges against the others, as by a slow opto-coupler."""
+    """error: of the sender's rate. jitter: each edge comes early or late by this amount, at random: the worst
+    case of a jitter with that peak. glitch: the line is inverted for this time, once in every second
+    character. late_rise, late_fall: delay of these edges against the others, as from a slow opto-coupler."""
 
     error: float = 0.0
     jitter: float = 0.0
@@ -35,7 +35,7 @@ class Badness:
 def edges(
     line: Line, data: bytes, start: float, bad: Badness, rng: random.Random
 ) -> tuple[list[tuple[float, int]], float]:
-    """The edges of these characters, one right behind the other, and the end of the last."""
+    """The edges of these characters without gaps, and the end of the last character."""
     bit, at, level = line.bit / (1 + bad.error), start, 1
     toggles: list[float] = []
     glitches: list[float] = []
@@ -53,14 +53,13 @@ def edges(
         at += line.character_bits * bit
         if level == 0:
             raise AssertionError("a character ends low")
-    # To invert is to toggle twice.
+    # Inverting means toggling twice.
     toggles = sorted(toggles + glitches)
     return [(when, i % 2) for i, when in enumerate(toggles)], at
 
 
 def _glitch(line: Line, start: float, own: list[float], width: float, rng: random.Random) -> float:
-    """Where it begins: anywhere from before the start bit to the end of the first stop bit, or beside an edge
-    or across it."""
+    """Start of a glitch: from the start bit to the end of the first stop bit, or beside or across an edge."""
     bits = 10 + line.parity
     if rng.random() < 0.5:
         return start + rng.uniform(-BEFORE_START_BITS, bits - width) * line.bit

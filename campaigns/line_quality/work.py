@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is measured: lines, clocks, and how much of it goes into `make test`."""
+"""Scope of the measurement: lines, clocks, and the part in `make test`."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from sim.harness.pins import BAUDS
 from tb.model.wire import Line
 
 CARD_HZ = configurations()["standard"]["clk_hz"]
-FORM = "8E1"  # where one has to do: the longest character
-DRIVE_NETWORK_BAUD = 19200  # which the drive line's requests come on
-# In all formats at the card's clock from here on; below a bit has so many clocks that one says it all.
+FORM = "8E1"  # the longest character, where one format is enough
+DRIVE_NETWORK_BAUD = 19200  # network rate for requests to the drive
+# From this rate on all formats are measured at the card's clock. Below it, a bit has so many clocks that one
+# format is enough.
 ALL_FORMS_FROM = 9600
-# A point is so many clocks of characters, within these bounds.
+# Characters per point, in clocks, within these bounds.
 POINT_CLOCKS = 1_200_000
 FEWEST, MOST = 32, 400
-# A character with what stands around it: a share of the silence and of the reply.
+# Time of a character with its part of the silence and of the reply.
 CHARACTER_BITS = 13
 FAST_CHARACTERS, FAST_DRIVE_CHARACTERS = 150, 40
-# What LINE-5 promises; at 12 MHz and 300 bit/s, where a character is half a million clocks, nothing else.
+# Quantities with a promise in LINE-5; at 300 bit/s and 12 MHz, half a million clocks a character, no others.
 PROMISED = tuple(name for name, quantity in QUANTITIES.items() if quantity.promise)
 SLOWEST = 300
 EYE_BAUD, EYE_FORMS, EYE_CHARACTERS = 115200, ("8E1", "8N1"), 300
@@ -34,7 +35,7 @@ EYE_ERRORS = tuple(percent / 100 for percent in (-5, -4, -3, -2, -1, 0, 1, 2, 3,
 
 @dataclass(frozen=True)
 class Piece:
-    """All limits of a line, which processes can share."""
+    """All limits of a line, as a unit of work for a process."""
 
     line: Line
     characters: int
@@ -59,7 +60,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Eye:
-    """The jitter left at one error of the sender's rate."""
+    """The remaining jitter at one error of the sender's rate."""
 
     form: str
     error: float
@@ -90,7 +91,7 @@ def whole() -> Iterator[Piece | Eye]:
             yield Eye(form, error)
 
 
-# 64 clocks a bit; the clocks a bit that 115200 bit/s have at 12 MHz; the drive line.
+# 64 clocks a bit; the clocks a bit of 115200 bit/s at 12 MHz; the drive line.
 FAST = (
     *(Piece(Line(115200, form, clk_hz(115200)), FAST_CHARACTERS) for form in ("8E1", "8N1")),
     Piece(Line(19200, "8N2", clk_hz(19200)), FAST_CHARACTERS),
