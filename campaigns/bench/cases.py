@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the bench measures: turnaround case by case, random requests, the drive's manners, and the honesty of
-the gate. What each must be like: campaigns/bench/judge.py.
+"""Measurements of the bench: turnaround case by case, random requests, faults of the drive, and the gate.
+
+Limits: campaigns/bench/judge.py.
 
 Functions here are top level and take and return plain data, so that processes can share the work.
 """
@@ -41,7 +42,7 @@ from sw.tools.stack import symbols
 from tb.model import card as card_model
 from tb.model import fc_telegram, rtu
 
-# The power-up show (LED-1), and what the card needs before it.
+# End of the power-up sequence of the LEDs (LED-1), with the time that the card needs before it.
 SHOW_OVER_S = 2.1
 START_MOTOR = [bool(0x1999_047C >> i & 1) for i in range(32)]
 NOISE_BITS = 6.5  # after t3.5 of a noise character: 45 bits up to 19200 bit/s
@@ -52,7 +53,7 @@ class Case:
     name: str
     local: bool
     pdu: bytes
-    before: bytes | None = None  # requests that set it up and put it right
+    before: bytes | None = None  # request that sets the case up
     after: bytes | None = None
 
 
@@ -81,14 +82,14 @@ CASES = {
 
 @dataclass
 class Due:
-    """What must come of a request: the telegrams in turn and the reply."""
+    """Required result of a request: the telegrams in turn and the reply."""
 
     telegrams: list[bytes]
     reply: bytes | None
 
 
 class Model:
-    """The model of the card beside the bench: what is due, from what the drive really said."""
+    """Runs the model of the card beside the bench: required results, from the drive's real replies."""
 
     def __init__(self) -> None:
         self.card = card_model.Card()
@@ -101,7 +102,7 @@ class Model:
         return self.card.request(pdu, broadcast)
 
     def due(self, step: card_model.Step, talk: Talk) -> Due:
-        """The same telegram once more after each answer that was none, twice in all (FC-9)."""
+        """Repeats the telegram once after each invalid answer or silence, two telegrams in all (FC-9)."""
         if step.telegram is None:
             return Due([], self._reply(step))
         telegram = fc_telegram.build(step.telegram[1:], step.telegram[0])
@@ -129,9 +130,9 @@ def turnaround(
     build: Build = STANDARD,
     settled: bool = False,
 ) -> Outcome:
-    """Every case a few times; what the card says is checked as well as when.
+    """Runs every case a few times; checks the card's bytes and their times.
 
-    settled: the power-up show is over.
+    settled: the power-up sequence of the LEDs is over.
     """
     rng = random.Random(f"{seed}/{baud}/{form}")
     bench = Bench(Line.of(baud, form, build.clk_hz), build=build, drive=example_drive())
@@ -161,7 +162,7 @@ def turnaround(
         if case.after:
             ask(case.after, "write 40001", True)
     if build != STANDARD:
-        # Nothing to meet there: it is what the card is compared with.
+        # No limits for this clock: the card is compared with it.
         outcome.faults = [fault for fault in outcome.faults if "PERF" not in fault and "floor" not in fault]
     return outcome.finish(bench)
 
@@ -170,7 +171,7 @@ def turnaround(
 
 
 def _say(bench: Bench, request: Request, start: float) -> Talk:
-    """Everything that belongs to a request, and what came of it. `start` is the earliest."""
+    """Plays a request with its disturbances; `start` is the earliest time."""
     line = bench.line
     if request.noise is not None:
         bench.idle_until(start)
@@ -192,7 +193,7 @@ def _say(bench: Bench, request: Request, start: float) -> Talk:
 
 
 def _became(request: Request, due: Due, talk: Talk) -> str:
-    """What came of a request, in words for the table."""
+    """Outcome of a request, described for the table."""
     if request.harm:
         return f"silence: {request.harm}"
     if request.address == FOREIGN:
@@ -209,7 +210,7 @@ def _became(request: Request, due: Due, talk: Talk) -> str:
 
 
 def random_requests(baud: int, form: str, count: int, seed: int, settled: bool = False) -> Outcome:
-    """Legal and illegal requests against the model of the card: right bytes, right times, due silence."""
+    """Compares legal and illegal requests with the model: right bytes, right times, due silence."""
     rng = random.Random(f"random/{seed}/{baud}/{form}")
     line = Line.of(baud, form)
     bench = Bench(line, drive=example_drive())
@@ -225,7 +226,7 @@ def random_requests(baud: int, form: str, count: int, seed: int, settled: bool =
         if not request.harm and request.address != FOREIGN:
             step = model.ask(request.pdu, broadcast=request.address == 0)
         bench.manners = []
-        # A drive that fails is waited for: not for minutes.
+        # The wait for a failing drive must not take minutes.
         if step.telegram and model.wait_s <= 0.2 and rng.random() < 0.25:
             bench.manners = some_manners(rng, process=len(step.telegram) == 5)
         talk = _say(bench, request, bench.next_start(POLITE_BITS + rng.random() * rng.choice((1, 40))))
@@ -242,21 +243,22 @@ def random_requests(baud: int, form: str, count: int, seed: int, settled: bool =
 
 
 def stack_used(bench: Bench) -> int:
-    """Bytes of the firmware's stack that are no longer as they were loaded, its high-water mark."""
+    """Bytes of the firmware's stack that differ from the loaded image: its high-water mark."""
     bottom, top = (symbols()[name] // 4 for name in ("_bss_end", "_stack_top"))
     words = bench.memory(range(bottom, top))
     return 4 * (len(words) - next((i for i, word in enumerate(words) if word), len(words)))
 
 
-# ---------------------------------------------------------------- the drive's manners, one by one
+# ---------------------------------------------------------------- faults of the drive, one by one
 
 ASKED = {"process": rtu.write_coils(0, START_MOTOR), "parameter": rtu.read_registers(parameter(514), 2)}
-SHORT_WAIT = 4  # register 40003: what the exchanges here need, and no more
+SHORT_WAIT = 4  # register 40003: just enough for the exchanges here
 
 
 def manners(baud: int, form: str, quick: bool) -> Outcome:
-    """FC-8, FC-9: each way to answer wrong is met with one repeat, each way to be slow within the rules is a
-    reply; 255 after the second failure, and the drive's own fault numbers go through."""
+    """FC-8, FC-9: each invalid answer gets one repeat; each slow answer within the rules is accepted.
+
+    The second failure gives 255, and the drive's own fault numbers are passed on."""
     bench = Bench(Line.of(baud, form), drive=example_drive())
     model = Model()
     outcome = Outcome()
@@ -285,16 +287,16 @@ def manners(baud: int, form: str, quick: bool) -> Outcome:
                 ask(pdu, [one, two], what)
     for fault in REFUSALS[: 3 if quick else None]:
         ask(ASKED["parameter"], [refusal(fault)], "parameter")
-    # Afterwards it serves the next one as ever.
+    # Afterwards the card serves the next request as usual.
     ask(rtu.read_coils(32, 32), [], "the image")
     return outcome.finish(bench)
 
 
-# ---------------------------------------------------------------- the gate
+# ---------------------------------------------------------------- the commit gate
 
 
 def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) -> None:
-    """A good frame, then one more character so many bits after it: nothing may come of it."""
+    """A good frame, followed by one more character after so many bits: the card must not react."""
     line = bench.line
     request = Request(UNIT_ADDRESS, pdu, "another character", then=(0, extra_bits))
     talk = _say(bench, request, bench.next_start(POLITE_BITS))
@@ -306,7 +308,7 @@ def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) ->
 
 
 def gate(baud: int, form: str, quick: bool) -> Outcome:
-    """FRAME-6: a character between t1.5 and t3.5 takes everything back."""
+    """FRAME-6: a character between t1.5 and t3.5 revokes the frame."""
     line = Line.of(baud, form)
     bench = Bench(line, drive=example_drive())
     outcome = Outcome()
@@ -339,7 +341,7 @@ def gate(baud: int, form: str, quick: bool) -> Outcome:
 
 def overtaken(baud: int, form: str, quick: bool) -> Outcome:
     """FRAME-7: another frame while the drive is still answering. The old reply is dropped, the exchange is
-    finished, the newest request is served, as fast as any."""
+    completed, the newest request is served without delay."""
     line = Line.of(baud, form)
     outcome = Outcome()
     newer = {
@@ -356,21 +358,21 @@ def overtaken(baud: int, form: str, quick: bool) -> Outcome:
         first = bench.ask_and_leave(rtu.build(UNIT_ADDRESS, rtu.write_coils(0, START_MOTOR)))
         where = f"{what} at {baud} {form}"
         due = model.due(start_motor, first)
-        # Its telegram is out and its reply is dropped.
+        # Its telegram has been sent and its reply is dropped.
         outcome.compare(first, due.telegrams, None, where)
         outcome.check(first.exchanges[0].answered, f"{where}: no exchange under way")
         # In the middle of the drive's reply.
         start = (first.exchanges[0].start + first.exchanges[0].end) / 2
         frame = rtu.build(address, pdu)
         talk = Talk(frame, start, bench.send(MODBUS, frame, start))
-        # The old reply would come right after the drive's.
+        # An old reply would follow the drive's at once.
         bench.follow(talk, until=first.exchanges[0].end + 3 * line.bit)
         outcome.add(measure(bench, talk, what), where)
         due = model.due(model.ask(pdu) if address == UNIT_ADDRESS else card_model.Step(), talk)
         outcome.compare(talk, due.telegrams, due.reply, where)
         outcome.check(bench.drive.control_word == 0x047C, f"{where}: the exchange was not carried out")
         if not quick or baud >= 9600:
-            # The exchange was finished: its status and frequency words are in the image (FC-6).
+            # The exchange was completed: its status and frequency words are in the image (FC-6).
             pdu = rtu.read_coils(32, 32)
             talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu))
             outcome.add(measure(bench, talk, what), where)

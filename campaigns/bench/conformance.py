@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The network side of the card against what a Modbus RTU slave has to do, row by row.
+"""The network side of the card against the requirements of a Modbus RTU slave, row by row.
 
-The rows are those that other open slaves were measured by, in the same units (bits of the line), plus the
-silence after the card's own reply. Limits are found by halving the interval, so each number is where the card
-really changes its mind.
+Other open slaves were measured with the same rows and units (bits of the line); the silence after the card's
+own reply is an additional row. Limits are found by halving the interval, so each number is the point where
+the card's behaviour changes.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from tb.model import rtu
 
 RESOLUTION_BITS = 0.02
 RESOLUTION_RATE = 0.001
-AFTER_T35_BITS = 6.5  # before the good frame in the rows that disturb: 45 bits up to 19200 bit/s
+AFTER_T35_BITS = 6.5  # pause before the good frame in the rows with a disturbance: 45 bits up to 19200 bit/s
 TOLERANCE = 0.04  # LINE-5
 READ = rtu.build(UNIT_ADDRESS, rtu.read_coils(0, 8))
 FOREIGN_READ = rtu.build(FOREIGN, rtu.read_coils(0, 8))
-# Edges everywhere, edges nowhere.
+# Many edges and few edges.
 PATTERNS = (
     READ,
     rtu.build(UNIT_ADDRESS, rtu.write_register(1, 0x5555)),
@@ -64,7 +64,7 @@ def conformance(baud: int, form: str) -> Outcome:
     here = f"at {baud} {form}"
 
     def ready() -> float:
-        """The card is idle and knows it, whatever came before."""
+        """Earliest time at which the card is idle and expects a frame."""
         bench.idle_until(bench.next_start(5))
         return bench.now + 1.0
 
@@ -72,7 +72,7 @@ def conformance(baud: int, form: str) -> Outcome:
         return Talk(data, start, bench.send(MODBUS, data, start, error=error, **how))
 
     def answered(talk: Talk, error: float = 0.0) -> bool:
-        """The one right reply, or none; what else comes is a fault. All these requests are local."""
+        """Whether the one right reply came; any other reply is a fault. All these requests are local."""
         bench.follow(talk)
         if talk.request != FOREIGN_READ:
             where = f"{talk.request.hex(' ')} {here}"
@@ -82,7 +82,7 @@ def conformance(baud: int, form: str) -> Outcome:
         return bool(talk.answers)
 
     def after(disturbance: Callable[[float], float]) -> str:
-        """A disturbance, the silence, a good frame."""
+        """Outcome of a disturbance, a silence and a good frame."""
         end = disturbance(ready())
         good = answered(send(READ, end + (line.t35_bits + AFTER_T35_BITS) * line.bit))
         outcome.check(good, f"good frame lost after a disturbance {here}")
@@ -113,7 +113,7 @@ def conformance(baud: int, form: str) -> Outcome:
     )
     own = boundary(after_own, line.t35_bits + 20, 1, RESOLUTION_BITS)
     rows["inside"], rows["foreign"], rows["own"] = f"{inside:.1f}", f"{foreign:.1f}", f"{own:.1f}"
-    # FRAME-1: as accurate as a quarter of a bit.
+    # FRAME-1: accurate to a quarter of a bit.
     for what, limit, ideal in (
         ("t1.5", inside, line.t15_bits),
         ("t3.5", foreign, line.t35_bits),

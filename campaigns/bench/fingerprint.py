@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a measurement belongs to: short hashes of the card, its firmware image and the bench.
+"""Identifies the subject of a measurement: short hashes of the card, its firmware image and the bench.
 
-    python -m campaigns.bench.fingerprint [CONFIG]     prints the card's, for the bench to be built with
+    python -m campaigns.bench.fingerprint [CONFIG]     prints the card's hash, for the build of the bench
 
-Comments and layout do not count: a result stays that of the same card when one is reworded.
+Comments, docstrings and layout do not count: a rewording keeps results valid.
 """
 
 from __future__ import annotations
@@ -33,16 +33,20 @@ def _digest(parts: list[tuple[str, str]]) -> str:
 
 
 def _code(path: Path) -> tuple[str, str]:
-    """Verilog, C and C++."""
+    """Name and code of a Verilog, C or C++ file."""
     return path.name, " ".join(without_comments(path).split())
 
 
 def _python(path: Path) -> tuple[str, str]:
-    return path.name, ast.dump(ast.parse(path.read_text()))
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
+            del node.body[0]
+    return path.name, ast.dump(tree)
 
 
 def card(config: str = "standard") -> str:
-    """Every Verilog file, soft core included, and what configs.toml sets."""
+    """Every Verilog file with the soft core, and the settings in configs.toml."""
     entry = json.dumps(configurations()[config], sort_keys=True)
     return _digest([(config, entry), *map(_code, card_files(config))])
 
@@ -53,7 +57,7 @@ def firmware(config: str = "standard") -> str:
 
 
 def judge() -> str:
-    """What the fuzzer and the flips do to the card, and how they judge what it does."""
+    """Actions of the fuzzer and the flips on the card, and their verdicts."""
     folders = [ROOT / "campaigns/fuzz", ROOT / "tb/model"]
     python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in NO_JUDGES)
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
@@ -61,12 +65,12 @@ def judge() -> str:
 
 
 def shard() -> str:
-    """Card, firmware and judge, as the fuzzer's and the flips' results name them: others are not added up."""
+    """Card, firmware and judge, as stated in results of fuzzer and flips; only equal ones are added up."""
     return f"{card()} {firmware()} {judge()}"
 
 
 def bench() -> str:
-    """What decides what is measured and how it is judged; not what the report looks like."""
+    """Code that determines measurements and verdicts, without the layout of the report."""
     python = [ROOT / f"campaigns/bench/{name}.py" for name in BENCH]
     python += [ROOT / f"tb/model/{name}.py" for name in MODELS]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
@@ -76,7 +80,7 @@ def bench() -> str:
 
 
 def tree() -> dict[str, str]:
-    """Of everything that `make bench` measures here."""
+    """Hashes of everything that `make bench` measures in this tree."""
     found = {"card": card(), "firmware": firmware(), "bench": bench()}
     with contextlib.suppress(SourcesError):
         found["tiny card"] = card("tiny")
@@ -84,7 +88,7 @@ def tree() -> dict[str, str]:
 
 
 def difference(one: dict[str, str], other: dict[str, str]) -> list[str]:
-    """Names of what is not the same."""
+    """Names of the hashes that differ."""
     return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
 
 

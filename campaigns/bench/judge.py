@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The judge: what is measured of one transaction, and the limits it has to keep.
+"""Measured values of one transaction, and their limits.
 
-Latencies are counted from what the wire allows and in bits of the line they are on:
+Latencies start at the earliest moment that the wire allows, in bits of the line they are on:
   local      reply's first start bit after t3.5 of the request                    PERF-1, FRAME-8
   telegram   telegram's first start bit after t3.5, or after the pause if that is later     PERF-2
   answer     reply's first start bit after the last stop bit of the drive's reply           PERF-3
 and in ms, from the end of the wait of register 40003 or of the pause, if that is later:
-  repeat     the same telegram once more                                           FC-9
+  repeat     repeated telegram                                                     FC-9
   gave_up    exception 255                                                         FC-9
-The floor of a transaction is its characters alone: request, t3.5, and for an exchange the telegram, the
-drive's own delay, the drive's reply; then the reply. t3.5 is 38.5 bits, above 19200 bit/s 1750 us.
+The floor of a transaction is the time of its characters: request, t3.5, and for an exchange the telegram, the
+drive's delay and reply; then the reply. t3.5 is 38.5 bits, above 19200 bit/s 1750 us.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from regs.generated.card_tables import DRIVE_BAUD
 LIMIT_BITS = 1.0
 LIMIT_RATIO = 1.01
 DE_LIMIT_BITS = 1.0  # LINE-6, FC-10
-# A telegram may start as much before t3.5 as t3.5 itself may be early (FRAME-1), in network bits.
+# A telegram may start before t3.5 by the permitted error of t3.5 (FRAME-1), in network bits.
 T35_ACCURACY_BITS = 0.25
-# What the silence timer promises: a tick. A telegram may not leave earlier, for FRAME-1 does not speak of it.
+# Accuracy of the silence timer: a tick. A telegram may not leave earlier, because FRAME-1 does not cover it.
 TELEGRAM_EARLY_BITS = 1 / 16
 SENDER_ERROR = 0.04  # LINE-5
 PAUSE_ACCURACY_BITS = 1 / 16
@@ -37,7 +37,7 @@ WAIT_LIMIT_MS = 3.0
 
 @dataclass
 class Sample:
-    """One transaction, measured. Latencies in bits, times in s or as named, clocks of the firmware."""
+    """One measured transaction. Latencies in bits, times in s or as named, clocks of the firmware."""
 
     case: str
     baud: int
@@ -51,15 +51,15 @@ class Sample:
     replies: int = 0
     after_t35: list[float] = field(default_factory=list)  # every reply, network bits
     telegram_before_t35: float = 0.0  # network bits
-    telegram_before_pause: float = 0.0  # drive bits, the worst of all
+    telegram_before_pause: float = 0.0  # drive bits, the greatest of all
     de_before_t35: float = 0.0  # network bits
-    drift_bits: float = 0.0  # by which a sender beside its rate ends its last character late; < 0: early
+    drift_bits: float = 0.0  # delay of the last character of a sender off its rate; < 0: early
     de_before_pause: float = 0.0  # drive bits
-    de_lead: dict[str, list[float]] = field(default_factory=dict)  # of each line, in its bits
+    de_lead: dict[str, list[float]] = field(default_factory=dict)  # by line, in its bits
     de_lag: dict[str, list[float]] = field(default_factory=dict)
     form_faults: list[str] = field(default_factory=list)
     total: float | None = None
-    floor_parts: dict[str, float] = field(default_factory=dict)  # the least each part takes
+    floor_parts: dict[str, float] = field(default_factory=dict)  # minimum time of each part
     decode_clocks: int | None = None  # candidate -> reply or telegram queued
     answer_clocks: int | None = None  # drive's last data byte -> reply queued
 
@@ -72,13 +72,13 @@ class Sample:
         return self.total / self.floor if self.total is not None else None
 
     def faults(self) -> list[str]:
-        """Limits that this one misses."""
+        """Violated limits."""
         found = list(self.form_faults)
         if self.replies > 1:
             found.append(f"{self.replies} replies")
         if self.telegrams > 2:
             found.append(f"{self.telegrams} telegrams (FC-9)")
-        # The card counts by its own rate: what a sender was early with its last stop bit is added.
+        # The card counts by its own rate: an early last stop bit of the sender is added.
         if self.local is not None and self.local > LIMIT_BITS + max(0.0, -self.drift_bits):
             found.append(f"reply {self.local:.3f} bits after t3.5 (PERF-1)")
         if self.telegram is not None and self.telegram > LIMIT_BITS:
@@ -89,7 +89,7 @@ class Sample:
             found.append(f"telegram {self.telegram_before_pause:.3f} drive bits into the pause (FC-8)")
         if self.answer is not None and self.answer > LIMIT_BITS:
             found.append(f"reply {self.answer:.3f} bits after the drive's (PERF-3)")
-        # The drive's last stop bit is judged in its middle, so the reply may start inside it, never before.
+        # The drive's last stop bit is sampled in its middle, so the reply may start inside it, never before.
         if self.answer is not None and self.answer < -self.baud / DRIVE_BAUD:
             found.append(f"reply {-self.answer:.3f} bits before the drive's was over (FC-8)")
         for late, what in [(late, "repeat") for late in self.repeats] + [(self.gave_up, "reply")]:
@@ -98,13 +98,13 @@ class Sample:
         for after in self.after_t35:
             if after < 0:
                 found.append(f"reply {-after:.3f} bits before t3.5 (FRAME-8)")
-        # What it was late with DE may be early; the reply itself may not.
+        # A late sender allows an early DE; the reply itself may not be early.
         if self.de_before_t35 > T35_ACCURACY_BITS + max(0.0, self.drift_bits):
             found.append(f"DE {self.de_before_t35:.3f} bits before t3.5 (SAFE-2)")
         if self.de_before_pause > PAUSE_ACCURACY_BITS:
             found.append(f"drive DE {self.de_before_pause:.3f} drive bits into the pause (SAFE-2)")
         for name, baud in (("modbus", self.baud), ("drive", DRIVE_BAUD)):
-            # The last stop bit has no edge at its end: it is where the rate and the clock's grain put it.
+            # The last stop bit has no edge at its end: rate and clock grain determine it.
             early = -de_grain(baud)
             for lead in self.de_lead.get(name, []):
                 if not 0 <= lead <= DE_LIMIT_BITS:
@@ -118,23 +118,23 @@ class Sample:
 
 
 def de_grain(baud: int) -> float:
-    """Bits by which the end of a character is not known better."""
+    """Uncertainty of the end of a character, in bits."""
     line = Line(baud)
     return GRAIN / line.bit + BAUD_ERROR * line.character_bits
 
 
 @dataclass
 class Outcome:
-    """What one piece of work brings home."""
+    """Result of one piece of work."""
 
     samples: list[Sample] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     checks: int = 0
-    stack_bytes: int = 0  # of the firmware's stack, seen used
+    stack_bytes: int = 0  # used part of the firmware's stack
     simulated_s: float = 0.0
     rows: dict[str, str] = field(default_factory=dict)
-    became: Counter[str] = field(default_factory=Counter)  # what came of the requests
-    drive_did: Counter[tuple[str, str]] = field(default_factory=Counter)  # manners, and to which telegram
+    became: Counter[str] = field(default_factory=Counter)  # outcomes of the requests
+    drive_did: Counter[tuple[str, str]] = field(default_factory=Counter)  # fault and its telegram
 
     def add(self, sample: Sample, where: str) -> None:
         self.samples.append(sample)
@@ -147,7 +147,7 @@ class Outcome:
             self.faults.append(what)
 
     def compare(self, talk: Talk, telegrams: list[bytes], reply: bytes | None, where: str) -> None:
-        """The very bytes on both lines, and not one more; a line that has nothing to say is not driven."""
+        """Requires the exact bytes on both lines and no others; an idle line must not be driven."""
         replies = [] if reply is None else [reply]
         for what, got, due, name in (
             ("telegrams", talk.sent, telegrams, "drive_de"),
@@ -159,7 +159,7 @@ class Outcome:
             self.check(driven == len(due), f"{where}: {name} rises {driven} times instead of {len(due)}")
 
     def finish(self, bench: Bench) -> Outcome:
-        """The last thing the card may do wrong is to say something more."""
+        """Checks at the end that the card sends nothing more."""
         bench.idle_until(bench.next_start() + bench.line.t35 + MARGIN_BITS * bench.line.bit)
         self.check(not bench.unasked, "; ".join(bench.unasked))
         self.simulated_s += bench.seconds
@@ -168,8 +168,8 @@ class Outcome:
 
 
 def floor_of(bench: Bench, talk: Talk) -> dict[str, float]:
-    """The least that the characters of a transaction take, part by part; the pauses that the master and the
-    drive make are theirs."""
+    """Minimum time of the characters of a transaction, part by part; the pauses of master and drive are
+    included as they were."""
     line, drive_line = bench.line, bench.drive_line
     character = line.character_bits / line.baud
     parts = {
@@ -185,12 +185,12 @@ def floor_of(bench: Bench, talk: Talk) -> dict[str, float]:
 
 
 def measure(bench: Bench, talk: Talk, case: str, error: float = 0.0) -> Sample:
-    """error: of the sender's rate, -0.04 is 4 % too slow."""
+    """error: error of the sender's rate, -0.04 is 4 % too slow."""
     line, drive_line = bench.line, bench.drive_line
     sample = Sample(case, line.baud, line.name, form_faults=list(talk.form))
     sample.drift_bits = line.character_bits * (1 / (1 + error) - 1)
     sample.telegrams, sample.replies = len(talk.telegrams), len(talk.answers)
-    # What a sender is slower than LINE-5 allows is not the card's fault.
+    # A sender slower than LINE-5 allows is not the card's fault.
     slowest = line.character_bits * (1 / (1 - SENDER_ERROR) - 1)
     committed = talk.request_end + line.t35 - max(0.0, sample.drift_bits - slowest) * line.bit
     pause = SHORTEST_DELAY_BITS * drive_line.bit
@@ -226,7 +226,7 @@ def measure(bench: Bench, talk: Talk, case: str, error: float = 0.0) -> Sample:
         sample.answer_clocks = talk.clocks("drive_candidate", "queue_reply") if not sample.repeats else None
     elif talk.answers:
         sample.gave_up = (talk.reply_start - due) * milliseconds
-    # What never left was not queued in time or late: it was taken back.
+    # A telegram that was never sent was revoked, so its queueing has no limit.
     if last is not None or talk.answers:
         sample.decode_clocks = talk.clocks("candidate", "queue_reply" if last is None else "queue_telegram")
     held_up = last is not None and talk.quiet_since + pause > committed

@@ -36,7 +36,7 @@ def draw(results: Results) -> None:
 
 
 def _transactions(results: Results):
-    """A bar of the wire's floor for each case, ours on top."""
+    """For each case a bar for the wire's floor, with the card's time on top."""
     figure, panels = subplots(1, 2, figsize=(11, 4.2), width_ratios=(1, 2.4))
     colours = {
         "request": WIRE,
@@ -114,7 +114,7 @@ def _overhead(results: Results):
 
 
 def _early(results: Results):
-    """Time lost after t3.5, rate by rate: ours, with prepare early off, and what the limit allows."""
+    """Time lost after t3.5 for each rate: with and without prepare early, and the limit."""
     figure, panel = subplots(figsize=(8, 4))
     limit = [1e6 / baud for baud in BAUDS]
     panel.plot(BAUDS, limit, color="black", linewidth=0.8, linestyle="--")
@@ -144,7 +144,7 @@ def _early(results: Results):
 
 
 def _latency(results: Results):
-    """From the request's end to the reply's first bit: this card and others."""
+    """From the request's end to the reply's first bit: this card and other slaves."""
 
     def ours(kind: str) -> float:
         found = samples(results, kind, case=LOCAL[0], baud=SHOWN_BAUD, form=FORM)

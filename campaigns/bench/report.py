@@ -36,8 +36,8 @@ SHOWN_BAUD = 19200
 DRIVE_LINE = Line.of_drive()
 JUDGED = ("early", "random", "manners", "gate", "overtaken", "conformance")
 
-# Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Written down
-# once; their code is not part of this project.
+# Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Measured once
+# and recorded here; their code is not part of this project.
 RIVALS = (
     "yxgi5/modbus_rtu_slave 8N1",
     "Shroubovak/FPGA_Modbus_RTU 8N1",
@@ -64,17 +64,17 @@ RIVAL_ROWS = {
 
 @dataclass
 class Results:
-    """Everything a report is made of."""
+    """All data of a report."""
 
     seed: int
-    fingerprint: dict[str, str]  # of what was measured, campaigns/bench/fingerprint.py
+    fingerprint: dict[str, str]  # subject of the measurement, campaigns/bench/fingerprint.py
     outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
     code_bytes: int = 0
     data_bytes: int = 0
     stack_bytes: int = 0
     card_clk_hz: int = 0  # of the virtual card
     stack_path: list[str] = field(default_factory=list)
-    # Simulated seconds in a second of wall time (of processor time for the bench itself).
+    # Simulated seconds per second of wall time (of processor time for the bench itself).
     speeds: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -88,11 +88,11 @@ class Results:
         return found
 
 
-# ---------------------------------------------------------------- what the numbers say
+# ---------------------------------------------------------------- statistics
 
 
 def samples(results: Results, kind: str | tuple[str, ...], **fits: object) -> list[Sample]:
-    """Of one kind of work or several; `fits` are attributes a sample must have, likewise."""
+    """Samples of one or several kinds of work; `fits` are required attributes, one or several values each."""
     kinds = kind if isinstance(kind, tuple) else (kind,)
     found = [
         sample
@@ -111,7 +111,7 @@ def values(found: Iterable[Sample], attribute: str) -> list[float]:
 
 
 def span(numbers: list[float], digits: int = 2) -> str:
-    """Least to greatest."""
+    """Minimum to maximum."""
     return f"{min(numbers):.{digits}f} … {max(numbers):.{digits}f}" if numbers else "-"
 
 
@@ -120,7 +120,7 @@ def middle_and_worst(numbers: list[float]) -> str:
 
 
 def rows_of(header: str, rows: Iterable[Iterable[object]]) -> str:
-    """A Markdown table; `header` with | between its columns."""
+    """A Markdown table; the columns of `header` are separated by |."""
     columns = header.count("|") + 1
     lines = [f"| {header} |", "|" + "---|" * columns]
     return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
@@ -230,7 +230,7 @@ def transactions(results: Results) -> str:
 
 
 def table(results: Results) -> str:
-    """What the command prints."""
+    """The table that the command prints."""
     parts = ["", summary(results), "", by_rate(results), "", transactions(results), "", firmware(results), ""]
     return "\n".join(parts)
 
@@ -278,7 +278,7 @@ def with_kind(found: list[Sample], what: str) -> list[Sample]:
 
 
 def firmware(results: Results) -> str:
-    """Clocks from being handed something to having queued the answer to it."""
+    """Clocks from an event for the firmware to its queued answer."""
     early, chance = samples(results, "early"), samples(results, "random")
     rows = []
     for name in (*CASES, "write 40001"):
@@ -301,7 +301,7 @@ def budgets(clk_hz: int, baud: int) -> tuple[float, float]:
 
 
 def shares(results: Results) -> dict[tuple[str, int], tuple[float, float]]:
-    """Budget and the worst use of it, for each rate."""
+    """Budget and its greatest use, for each rate."""
     found = {}
     for baud in BAUDS:
         at_rate = samples(results, ("early", "random"), baud=baud)
@@ -335,12 +335,12 @@ def budget(results: Results) -> str:
 
 
 def slowest_clock_hz(results: Results) -> float:
-    """At which the worst request seen would be ready just in time."""
+    """Clock at which the slowest request would be ready just in time."""
     return CLK_HZ * max((worst / allowed for allowed, worst in shares(results).values()), default=0)
 
 
 def counted(results: Results, attribute: str) -> Counter:
-    """A table of counts, all random pieces together."""
+    """A table of counts, summed over all random pieces."""
     total: Counter = Counter()
     for piece, outcome in results.outcomes.values():
         if piece.kind == "random":
@@ -349,7 +349,7 @@ def counted(results: Results, attribute: str) -> Counter:
 
 
 def outcomes(results: Results) -> str:
-    """What came of the random requests: numbers of exceptions in their order, silences last."""
+    """Outcomes of the random requests: exception numbers in order, silences last."""
 
     def order(what: str) -> tuple[int, list[object]]:
         parts = [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", what)]
@@ -361,7 +361,7 @@ def outcomes(results: Results) -> str:
 
 
 def drive_table(results: Results) -> str:
-    """How the drive answered, and which of that the card had to take."""
+    """Answers of the drive, and which of them the card had to accept."""
     did = counted(results, "drive_did")
     refused = {manners.name for manners in (*REFUSED, UNFIT)}
     names = sorted({name for name, _ in did}, key=lambda name: (name in refused, name != "at once", name))
@@ -391,7 +391,7 @@ def measured_on(fingerprint: dict[str, str]) -> str:
 
 
 def stated() -> dict[str, str]:
-    """What docs/reports/results.md says it was measured on; nothing if it does not say."""
+    """Fingerprints stated in docs/reports/results.md; empty if there are none."""
     lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
     line = next((line for line in lines if line.startswith(MEASURED_ON)), "")
     found = re.findall(r"([a-z ]+) `(\w+)`", line.removeprefix(MEASURED_ON))
@@ -446,7 +446,7 @@ def speeds(results: Results) -> str:
 
 
 def document(results: Results) -> str:
-    """The text is in TEMPLATE, its numbers and tables come from here."""
+    """Fills TEMPLATE with numbers and tables."""
     chance = samples(results, "random")
     missed = results.faults()
     return TEMPLATE.read_text().format(

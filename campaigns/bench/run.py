@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the card on its pins and prints the table.
+"""Measures the card on its pins and prints the results.
 
     python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes docs/reports/results.md and
     docs/pictures/*.svg
-    python -m campaigns.bench.run --fast                    what `make test` runs too: prints, writes nothing
-    python -m campaigns.bench.run --only KIND               measures one kind again; the rest: last whole run
-    python -m campaigns.bench.run --report                  writes the report of the last whole run again
+    python -m campaigns.bench.run --fast                    the part in `make test`: prints, writes nothing
+    python -m campaigns.bench.run --only KIND               repeats one kind, keeps the rest of the last run
+    python -m campaigns.bench.run --report                  rewrites the report from the last whole run
 
-Exit 1 when a limit is missed, 2 when something to measure is missing or the last whole run was of another
-card, firmware or bench than the tree has. What is measured: campaigns/bench/cases.py.
+Exit 1 if a limit is missed, 2 if something to measure is missing or the last whole run was of another card,
+firmware or bench than the tree. Measurements: campaigns/bench/cases.py.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _work(piece: Piece) -> tuple[Piece, Outcome, float]:
 
 
 def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
-    """The long pieces first; each tells when it is done."""
+    """Runs the pieces, the longest first, and reports each one's end."""
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
     simulated = used = 0.0
     began = time.monotonic()
@@ -63,7 +63,7 @@ def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
     if sys.stderr.isatty():
         print("\r" + 40 * " ", end="\r", file=sys.stderr)
     print(f"seed {results.seed}, {time.monotonic() - began:.0f} s")
-    # In an order of its own, however the processes took turns.
+    # In a fixed order, independent of the processes.
     results.outcomes = dict(sorted(results.outcomes.items()))
     results.speeds["measuring bench"] = simulated / used
 
@@ -74,7 +74,7 @@ def measure_firmware(results: Results) -> None:
 
 
 def virtual_card_speed() -> tuple[float, int]:
-    """What one core can do, as build/card says itself, and at which clock."""
+    """Possible speed of one core as reported by build/card, and its clock."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             VIRTUAL_CARD,
@@ -90,13 +90,13 @@ def virtual_card_speed() -> tuple[float, int]:
 
 
 def virtual_card_clk_hz() -> int:
-    """Whatever it was built with, CARD_CLK_HZ leaves a file of its name (sim/card/card.mk)."""
+    """Clock of build/card; its build leaves a file named after CARD_CLK_HZ (sim/card/card.mk)."""
     clocks = sorted((ROOT / "build/card_objects").glob("clk_*"), key=lambda path: path.stat().st_mtime)
     return int(clocks[-1].name.removeprefix("clk_")) if clocks else 0
 
 
 def cocotb_speed(sim: str) -> float:
-    """The whole card under cocotb, idle, at its own clock."""
+    """The idle whole card under cocotb, at its own clock."""
     name = f"bench.cocotb_speed-{sim}"
     os.environ["PYTEST_CURRENT_TEST"] = f"bench.py::cocotb_speed-{sim} (call)"
     os.environ.update(COCOTB_LOG_LEVEL="ERROR", GPI_LOG_LEVEL="ERROR")
@@ -115,14 +115,14 @@ def measure_simulations(results: Results) -> None:
 
 
 def write(results: Results) -> None:
-    from campaigns.bench import pictures as bench_pictures  # matplotlib takes its time to load
+    from campaigns.bench import pictures as bench_pictures  # delays the slow import of matplotlib
 
     bench_pictures.draw(results)
     RESULTS.write_text(document(results))
 
 
 def last_run(of: dict[str, str]) -> Results:
-    """What the last whole run brought, if it was a run of this very tree."""
+    """Results of the last whole run, if it was a run of this tree."""
     name = KEPT.relative_to(ROOT) if KEPT.is_relative_to(ROOT) else KEPT.name
     if not KEPT.exists():
         raise BenchError(f"{name} is missing: there was no whole run; run `make bench`")
@@ -137,7 +137,7 @@ def last_run(of: dict[str, str]) -> Results:
 
 
 def of_this_tree(tree: dict[str, str]) -> str:
-    """Whether docs/reports/results.md still speaks of what was measured now."""
+    """Whether docs/reports/results.md still describes what was measured now."""
     other = fingerprint.difference(stated(), tree)
     if other:
         names = " and another ".join(other)

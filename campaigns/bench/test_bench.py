@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fast part of the measuring bench as a guard: a case over its limit fails.
+"""The fast part of the measuring bench: a case over its limit fails.
 
-The card at its own clock, measured on the pins (campaigns/bench). Simulated time: a busy machine changes
-nothing. The second half breaks what the judge looks at, in each way that it must see.
+The card runs at its own clock and is measured on the pins (campaigns/bench). Times are simulated: a busy
+machine changes nothing. The second half tampers with measurements in each way that the judge must detect.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ def run(piece: Piece) -> None:
 
 @pytest.mark.rule("PERF-1", "PERF-2", "PERF-3", "FRAME-8")
 @pieces("early")
-def test_turnaround_is_the_wires(piece: Piece) -> None:
+def test_turnaround_keeps_its_limits(piece: Piece) -> None:
     run(piece)
 
 
 @pytest.mark.rule("FRAME-6", "FRAME-3")
 @pieces("gate")
-def test_character_between_t15_and_t35_takes_all_back(piece: Piece) -> None:
+def test_character_between_t15_and_t35_revokes_the_frame(piece: Piece) -> None:
     run(piece)
 
 
@@ -78,7 +78,7 @@ def test_conformance_rows(piece: Piece) -> None:
 
 @pytest.mark.rule("FC-8", "FC-9", "EXC")
 @pieces("manners")
-def test_drive_that_answers_wrong_late_or_not_at_all(piece: Piece) -> None:
+def test_faults_of_the_drive(piece: Piece) -> None:
     run(piece)
 
 
@@ -86,7 +86,7 @@ def test_drive_that_answers_wrong_late_or_not_at_all(piece: Piece) -> None:
 
 
 def test_limits_can_be_missed() -> None:
-    """Each figure beyond its limit is a fault, each at it is none."""
+    """Each figure beyond its limit is a fault; at the limit it is not."""
     floor = {"request": 1.0}
     at_limit = Sample(
         *("x", 9600, "8E1"),
@@ -128,14 +128,14 @@ def test_limits_can_be_missed() -> None:
         assert len(Sample("x", 9600, "8E1", floor_parts=floor, **beyond).faults()) == 1, beyond
 
 
-def test_a_card_that_does_not_prepare_early_misses_them() -> None:
-    """The whole way from the pins to the judge: the late build is a real card beyond the limits."""
+def test_card_without_prepare_early_misses_the_limits() -> None:
+    """From the pins to the judge, with a real card beyond the limits: the build without prepare early."""
     outcome = turnaround(19200, "8E1", 1, ("read 16 coils", "start motor"), SEED, LATE)
     missed = " ".join(fault for sample in outcome.samples for fault in sample.faults())
     assert "PERF-1" in missed and "PERF-2" in missed
 
 
-# What a broken card would put on its pins, made of what the real one does: its edges in, other edges out.
+# Outputs of a broken card, made from edges of the real one: edges in, changed edges out.
 Edges = dict[str, list[tuple[float, int]]]
 RATE = 115200
 LINE, DRIVE_LINE = Line.of(RATE, "8E1"), Line.of_drive()
@@ -143,7 +143,7 @@ LINES = {"modbus": LINE, "drive": DRIVE_LINE}
 
 
 def later(name: str, bits: float, level: int | None = None) -> Callable[[Edges], None]:
-    """Edges of one signal moved, those to one level or all."""
+    """Moves edges of one signal: those to one level, or all."""
     by = bits * LINES[name.split("_")[0]].bit
 
     def change(edges: Edges) -> None:
@@ -161,7 +161,7 @@ def both(one: Callable[[Edges], None], other: Callable[[Edges], None]) -> Callab
 
 
 def doubled(line: str) -> Callable[[Edges], None]:
-    """The same frame once more, ten characters after it."""
+    """Repeats a frame ten characters after it."""
 
     def change(edges: Edges) -> None:
         driven = edges[f"{line}_de"]
@@ -173,7 +173,7 @@ def doubled(line: str) -> Callable[[Edges], None]:
 
 
 def rewritten(line: str, like: Line) -> Callable[[Edges], None]:
-    """The same bytes by another rate or format."""
+    """The same bytes at another rate or in another format."""
 
     def change(edges: Edges) -> None:
         sent = characters(LINES[line], edges[f"{line}_tx"])
@@ -183,7 +183,7 @@ def rewritten(line: str, like: Line) -> Callable[[Edges], None]:
 
 
 def gap(line: str, after: int, bits: float) -> Callable[[Edges], None]:
-    """Idle between two characters; the driver stays on for it."""
+    """Idle time between two characters with the driver on."""
 
     def change(edges: Edges) -> None:
         place = characters(LINES[line], edges[f"{line}_tx"])[after].end - 1
@@ -210,7 +210,7 @@ def nothing(line: str) -> Callable[[Edges], None]:
 
 
 def extra(name: str, at: float, bits: float) -> Callable[[Edges], None]:
-    """A pulse at a time in s, before everything else."""
+    """A pulse at a time in s, before all other edges."""
 
     def change(edges: Edges) -> None:
         level = int(name.endswith("_de"))
@@ -221,7 +221,7 @@ def extra(name: str, at: float, bits: float) -> Callable[[Edges], None]:
 
 
 class Tampered(Bench):
-    """The bench, but what the card did is changed before anyone looks."""
+    """The bench, with the card's outputs changed before the evaluation."""
 
     change: Callable[[Edges], None] = staticmethod(lambda edges: None)
 
@@ -231,7 +231,7 @@ class Tampered(Bench):
 
 
 def verdict_on(change: Callable[[Edges], None]) -> str:
-    """What the judge says about one start of the motor; nothing if all is well."""
+    """Faults that the judge finds in one start of the motor."""
     case, outcome, model = CASES["start motor"], Outcome(), Model()
     with Tampered(LINE, drive=example_drive()) as tampered:
         tampered.change = change
@@ -272,34 +272,34 @@ BROKEN = {
 }
 
 
-def test_an_honest_card_is_let_pass() -> None:
+def test_correct_card_passes() -> None:
     assert verdict_on(lambda edges: None) == ""
 
 
 @pytest.mark.parametrize("broken", BROKEN)
-def test_the_judge_sees(broken: str) -> None:
+def test_judge_detects(broken: str) -> None:
     change, expected = BROKEN[broken]
     assert re.search(expected, verdict_on(change)), verdict_on(change)
 
 
-def test_the_bench_sees_what_nobody_asked_for() -> None:
+def test_bench_detects_unrequested_traffic() -> None:
     """Between two requests, and after the last one."""
     outcome = Outcome()
     honest = Bench(LINE)
     real_run = honest.run
 
-    def run_and_babble(until, stops=()):
+    def run_and_send(until, stops=()):
         now = real_run(until, stops)
         honest.edges["drive_de"] += [(now - 9, 1), (now - 8, 0)]
         return now
 
-    honest.run = run_and_babble
+    honest.run = run_and_send
     outcome.finish(honest)
     assert "drive_de moves" in "".join(outcome.faults)
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_what_is_built_from_bytes_has_no_fault(form: str) -> None:
+def test_generated_edges_have_no_fault(form: str) -> None:
     line, data = Line.of(19200, form), bytes([0x00, 0xFF, 0x55, 0x7F, 0x80])
     edges = edges_of(line, data, 1000.0)
     span = [(990.0, 1000.0 + len(data) * line.character_bits * line.bit)]
@@ -309,8 +309,8 @@ def test_what_is_built_from_bytes_has_no_fault(form: str) -> None:
     assert "LINE-4" in " ".join(faults(line, moved, span))
 
 
-def test_the_random_requests_are_shared_out() -> None:
-    """5,000 in all, and as many in each format at each rate."""
+def test_random_requests_are_evenly_distributed() -> None:
+    """5,000 in all, and equally many in each format at each rate."""
     found = [piece for piece in whole(SEED) if piece.kind == "random"]
     assert sum(piece.more["count"] for piece in found) == sum(RANDOM.values()) == 5000
     for baud, total in RANDOM.items():
@@ -335,16 +335,16 @@ def test_characters_of_every_format() -> None:
     assert (Line.of(19200, "8N1").t35_bits, Line.of(38400, "8E1").t35_bits) == (38.5, 67.2)
 
 
-# ---------------------------------------------------------------- what a result belongs to
+# ---------------------------------------------------------------- fingerprints of results
 
 
-def test_comments_do_not_change_the_fingerprint(tmp_path: Path) -> None:
+def test_comments_and_docstrings_do_not_change_the_fingerprint(tmp_path: Path) -> None:
     verilog, python = tmp_path / "a.v", tmp_path / "a.py"
     found = set()
     for text in ("module a;\n  wire b;\nendmodule\n", "// new\nmodule a; wire b;  // b\nendmodule\n"):
         verilog.write_text(text)
         found.add(fingerprint._code(verilog))
-    for text in ("a = 1\n", "# new\na = (\n    1\n)\n"):
+    for text in ("a = 1\n", "# new\na = (\n    1\n)\n", '"""New."""\na = 1\n'):
         python.write_text(text)
         found.add(fingerprint._python(python))
     assert len(found) == 2
@@ -363,7 +363,7 @@ def test_comments_do_not_change_the_fingerprint(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("option", ["--report", "--only=gate"])
-def test_results_of_something_else_are_refused(tmp_path, monkeypatch, capsys, kept, said, option) -> None:
+def test_results_of_another_tree_are_refused(tmp_path, monkeypatch, capsys, kept, said, option) -> None:
     """One line, exit code 2, and nothing is written."""
     monkeypatch.setattr(bench, "KEPT", tmp_path / "results.pickle")
     monkeypatch.setattr(bench, "write", lambda results: pytest.fail("written"))
@@ -377,8 +377,8 @@ def test_results_of_something_else_are_refused(tmp_path, monkeypatch, capsys, ke
     assert kept is None or bench.KEPT.read_bytes() == kept
 
 
-def test_a_new_report_is_of_its_results(tmp_path, monkeypatch) -> None:
-    """What the report states is read back, and a stale one is named."""
+def test_new_report_states_its_fingerprints(tmp_path, monkeypatch) -> None:
+    """The fingerprints in the report are read back, and an outdated report is named."""
     tree = {"card": "a" * 12, "firmware": "b" * 12, "bench": "c" * 12, "tiny card": "d" * 12}
     monkeypatch.setattr(bench_report, "RESULTS", tmp_path / "results.md")
     line = f"{bench_report.MEASURED_ON} {bench_report.measured_on(tree)}."
@@ -391,8 +391,8 @@ def test_a_new_report_is_of_its_results(tmp_path, monkeypatch) -> None:
 
 
 @pytest.mark.figures
-def test_the_report_is_of_this_card() -> None:
-    """Verilog, firmware or bench changed: `make bench` renews docs/reports/results.md and its pictures."""
+def test_report_describes_this_card() -> None:
+    """After a change of Verilog, firmware or bench, `make bench` renews the report and its pictures."""
     assert not fingerprint.difference(bench_report.stated(), fingerprint.tree())
 
 

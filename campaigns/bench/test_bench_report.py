@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/reports/results.md agrees with itself: verdicts with numbers, counts with their sums, pictures with
-the text.
+"""docs/reports/results.md is consistent: verdicts and numbers, counts and sums, pictures and text.
 
-Whether it is of the card of this tree is another question, which `make bench-fast` answers.
+`make bench-fast` checks whether it describes the card of this tree.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random traffic: what masters ask, how their frames get damaged, and how the drive misbehaves.
+"""Random traffic: requests of masters, damage of their frames, and misbehaviour of the drive.
 
-Not in it, because they are tests of their own: breaks and line noise inside a frame (conformance.py,
-tb/test_uart_rx.py), senders beside the nominal rate (conformance.py), a frame while the card still answers
-(cases.py), resets.
+Other tests cover: breaks and line noise inside a frame (conformance.py, tb/test_uart_rx.py), senders beside
+the nominal rate (conformance.py), a frame while the card still answers (cases.py), resets.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ def example_drive() -> VltDrive:
     return drive
 
 
-# ---------------------------------------------------------------- the drive's manners
+# ---------------------------------------------------------------- behaviour of the drive
 
 
 def _with_bad_bcc(reply: bytes) -> tuple[bytes, dict]:
@@ -91,7 +90,7 @@ REFUSED = (
     ),
     Manners("garbage", False, says=lambda reply: GARBAGE),
 )
-# Only where a parameter was asked for.
+# Only after a request for a parameter.
 UNFIT = Manners("another parameter's reply", False, says=_of_another_parameter)
 
 
@@ -100,7 +99,7 @@ def refusal(fault: int) -> Manners:
 
 
 def some_manners(rng: random.Random, process: bool) -> list[Manners]:
-    """For a telegram and its repeat, a misbehaviour at least of the first."""
+    """Behaviour for a telegram and its repeat; at least the first one is faulty."""
     refused = REFUSED if process else (*REFUSED, UNFIT)
     roll = rng.random()
     if roll < 0.25:
@@ -112,7 +111,7 @@ def some_manners(rng: random.Random, process: bool) -> list[Manners]:
     return [rng.choice(refused), again]
 
 
-# ---------------------------------------------------------------- what masters ask
+# ---------------------------------------------------------------- requests of masters
 
 IND = 0
 KNOWN_PNUS = (1, 2, 102, 104, 205, 206, 207, 514, 515, 520, TEXT_PNU, 534, 621, 622, 623, 700, 2047)
@@ -126,14 +125,14 @@ PERMITTED = {
 LONGEST_SLOW, LONGEST = 30, 253  # bytes of a PDU
 LONGEST_FRAME = 256  # FRAME-5
 SLOW_BAUD = 9600
-# Bits that a silence inside or behind a frame keeps from the limit it is to be on one side of.
+# Distance in bits between a silence inside or after a frame and the limit that it must keep to one side of.
 CLEAR_BITS = 1.0
 GLITCH_BITS = 0.2  # LINE-5: shorter than a quarter
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is on the line; `harm` is why it must not be served, if so."""
+    """Traffic of one request; `harm` is the reason why it must not be served, if any."""
 
     address: int
     pdu: bytes
@@ -141,9 +140,9 @@ class Request:
     bad_parity: int | None = None
     bad_stop: int | None = None
     gap: tuple[int, float] | None = None  # before a character, bits
-    then: tuple[int, float] | None = None  # another character, so many bits after it
-    noise: int | None = None  # a character, t3.5 and more before it
-    glitch: float | None = None  # bits before it
+    then: tuple[int, float] | None = None  # a further character, so many bits after the frame
+    noise: int | None = None  # a character, t3.5 or more before the frame
+    glitch: float | None = None  # bits before the frame
 
     def adu(self) -> bytes:
         adu = bytearray(rtu.build(self.address, self.pdu))
@@ -188,7 +187,7 @@ def _some_read(rng: random.Random) -> bytes:
 
 
 def _any_pdu(rng: random.Random, longest: int) -> bytes:
-    """Anything at all: unknown functions, wrong lengths, byte counts that do not fit."""
+    """Any PDU: unknown functions, wrong lengths, wrong byte counts."""
     pdu = bytearray(rng.choice((_some_read, _some_write))(rng))
     kind = rng.randrange(4)
     if kind == 0:
@@ -204,14 +203,14 @@ def _any_pdu(rng: random.Random, longest: int) -> bytes:
 
 
 def _may_shorten_the_wait(pdu: bytes) -> bool:
-    """True if it could set register 40003 so low that a drive in good health answers too late."""
+    """True if it could set register 40003 so low that a healthy drive answers too late."""
     trial = card_model.Card()
     trial.request(pdu)
     return trial.registers[card_model.DRIVE_TIMEOUT] < SHORTEST_WAIT
 
 
 def _breaks_apart(rng: random.Random, line: Line, adu: bytes) -> tuple[int, float]:
-    """A silence between t1.5 and t3.5 in the frame, and no part of it good by chance."""
+    """A silence between t1.5 and t3.5 in the frame, such that no part of it is good by chance."""
     while True:
         at = rng.randrange(1, len(adu))
         if not any(len(part) >= 4 and crc_good(part) for part in (adu[:at], adu[at:])):
@@ -245,7 +244,7 @@ def some_request(rng: random.Random, line: Line) -> Request:
     if harm < 0.075 and line.baud > SLOW_BAUD:
         excess = rng.randint(1, 40) + LONGEST_FRAME - 3 - len(pdu)
         return Request(address, pdu + rng.randbytes(excess), "more than 256 bytes")
-    # The rest must not keep the card from serving it.
+    # The remaining disturbances must not keep the card from serving it.
     if harm < 0.09:
         return Request(address, pdu, gap=(rng.randrange(1, size), rng.uniform(0, line.t15_bits - CLEAR_BITS)))
     if harm < 0.10:

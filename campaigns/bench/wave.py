@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One line: its rate and format, the characters in its edges, and whether each edge is where it belongs.
+"""Decodes one line: rate and format, the characters in its edges, and the accuracy of each edge.
 
 Unit of time: cycles of the card's clock, as floats where a bit is no whole number of them.
 """
@@ -17,7 +17,7 @@ NAMES = {"none1": "8N1", "none2": "8N2", "even1": "8E1", "odd1": "8O1"}
 FORMAT_NAMES = tuple(NAMES[f"{form.parity}{form.stop_bits}"] for form in FORMATS.values())
 BAUDS = tuple(sorted(rate.baud for rate in RATES.values()))
 BAUD_ERROR = 0.001  # LINE-4
-# An edge belongs to one cycle of the clock, and so does the one it is measured from.
+# Uncertainty of an edge and of its reference: one cycle of the clock.
 GRAIN = 1.0
 
 Edges = list[tuple[float, int]]  # time and new level, in rising order
@@ -76,27 +76,27 @@ class Line:
         return byte.bit_count() & 1 ^ (self.parity == "odd")
 
     def character(self, byte: int, bad_parity: bool = False, bad_stop: bool = False) -> list[int]:
-        """Levels, one a bit. A wrong stop bit is the first one at 0."""
+        """Levels of the bits. A wrong stop bit is the first stop bit at 0."""
         bits = [0, *(byte >> i & 1 for i in range(8))]
         if self.parity != "none":
             bits.append(self.parity_bit(byte) ^ bad_parity)
         return bits + [int(not bad_stop)] + [1] * (self.stop_bits - 1)
 
     def off_by(self, bits: float) -> float:
-        """How far an edge may be from its place so many bits after another one (LINE-4)."""
+        """Permitted error of an edge so many bits after another edge (LINE-4)."""
         return GRAIN + BAUD_ERROR * bits * self.bit
 
 
 @dataclass(frozen=True)
 class Character:
     start: float
-    end: float  # of the last stop bit, as the line's rate says
+    end: float  # end of the last stop bit by the line's rate
     value: int
     good: bool  # parity and stop bits
 
 
 def characters(line: Line, edges: Edges) -> list[Character]:
-    """What the edges say, each bit read in its middle."""
+    """Decodes the edges, each bit sampled in its middle."""
     found, at = [], 0
     while at < len(edges):
         start, level = edges[at]
@@ -122,13 +122,13 @@ def within(edges: Edges, span: tuple[float, float]) -> Edges:
 
 
 def bursts(line: Line, edges: Edges, spans: Spans) -> list[list[Character]]:
-    """The characters, split where the driver was off; a driver on in vain is no burst."""
+    """The characters, split where the driver was off; a driver on without characters is no burst."""
     split = [characters(line, within(edges, span)) for span in spans]
     return [burst for burst in split if burst]
 
 
 def edges_of(line: Line, data: bytes, start: float) -> Edges:
-    """How the bytes have to look, one character right behind the other."""
+    """Expected edges of the bytes, without gaps."""
     edges, level = [], 1
     for number, byte in enumerate(data):
         for i, bit in enumerate(line.character(byte)):
@@ -139,8 +139,10 @@ def edges_of(line: Line, data: bytes, start: float) -> Edges:
 
 
 def faults(line: Line, edges: Edges, spans: Spans) -> list[str]:
-    """What is wrong with what was sent: bits too long or too short (LINE-4), parity, stop bits, gaps, levels
-    that move with the driver off, a driver on for nothing (LINE-6, FC-8)."""
+    """Errors in the card's output (LINE-4, LINE-6, FC-8).
+
+    Checked are bit lengths, parity, stop bits, gaps, level changes with the driver off, and a driver that is
+    on without characters."""
     found = []
     stray = [at for at, _ in edges if not any(on <= at <= off for on, off in spans)]
     if stray:

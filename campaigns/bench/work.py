@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bench's work in pieces that processes can share: the whole of it, and the fast part that guards."""
+"""The bench's work in pieces for several processes: the whole, and the fast part."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from campaigns.bench.conformance import conformance
 from campaigns.bench.judge import Outcome
 from campaigns.bench.wave import BAUDS, FORMAT_NAMES
 
-FORM = "8E1"  # where one format has to do
-# After the power-up show, when the LEDs flash or shine, and every second part of the random requests with it.
+FORM = "8E1"  # where one format is enough
+# Format of the pieces after the power-up sequence, when the LEDs flash or shine. Every second part of the
+# random requests runs then, too.
 SETTLED_FORM = "8O1"
 SETTLED_COST = 0.002
 CONFORMANCE = (
     *((19200, form) for form in FORMAT_NAMES),
-    # Below, a column takes minutes; the gate and all cases have those rates.
+    # At lower rates a column takes minutes; the gate and all cases have those rates.
     *((baud, FORM) for baud in BAUDS if baud >= 2400 and baud != 19200),
 )
-# The drive line has one rate: the slow networks only cost time here.
+# The drive line has one rate: slow networks would only cost time here.
 MANNERS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
-# Random requests a rate, 5,000 in all and as many in each format: more where more fit into a second.
+# Random requests by rate, 5,000 in all and equally many in each format: more where more fit into a second.
 RANDOM = {300: 16, 1200: 48, 2400: 100, 4800: 252, 9600: 700, 19200: 1300, 38400: 1284, 115200: 1300}
 RANDOM_PIECE = 50
 
@@ -39,7 +40,7 @@ FAST_FEW = ("read 16 coils", "start motor")
 
 @dataclass(frozen=True)
 class Piece:
-    """One call; `cost` is about the simulated time, to start the long ones first."""
+    """One call; `cost` is roughly the simulated time, so that long pieces start first."""
 
     kind: str
     baud: int
@@ -71,7 +72,7 @@ def _turnaround(
 
 
 def _random(baud: int, seed: int) -> Iterator[Piece]:
-    """As many in each format."""
+    """Equally many in each format."""
     share, part = RANDOM[baud] // len(FORMAT_NAMES), 0
     for form in FORMAT_NAMES:
         for left in range(share, 0, -RANDOM_PIECE):
