@@ -3,9 +3,9 @@
 
     python -m campaigns.flips.core [--seed N] [--count FLIPS] [--image FILE]   # make core-flips
 
-The card's image runs on the RV32I machine of the tests. Each flip turns one bit of x1 to x31 over before one
+The card's image runs on the RV32I machine of the tests. Each flip inverts one bit of x1 to x31 before one
 instruction between a candidate and its commit. Exit 0: no telegram with control word bit 10 = 1 was altered
-(SAFE-4); 1: one was; 2: a bad call.
+(SAFE-4); 1: at least one was; 2: an invalid command line.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ RESULTS = ("as asked", "altered, bit 10 = 1", "altered, bit 10 = 0", "refused by
 
 @dataclass(frozen=True)
 class Flip:
-    at: int  # instruction since the candidate
+    at: int  # instructions since the candidate
     register: int
     bit: int
 
 
 def play(write: bytes, flip: Flip | None = None, image: bytes | None = None) -> tuple[list[bytes], str, int]:
-    """The telegrams that left, how the firmware fared, the instructions from candidate to commit."""
+    """Returns the telegrams sent, the end state of the firmware, and the instructions up to the commit."""
     mailbox = FakeMailbox()
     machine = Machine(mailbox.read, mailbox.write, program=image)
     mailbox.candidate(EARLIER)
@@ -77,12 +77,12 @@ def play(write: bytes, flip: Flip | None = None, image: bytes | None = None) -> 
     except TelegramError:
         how = "refused by its BCC"
     except (Hung, AssertionError, AttributeError, KeyError):
-        how = "trap or watchdog"  # what the machine does not bear
+        how = "trap or watchdog"  # error of the machine
     return mailbox.telegrams[before:], how, took
 
 
-def judge(sent: list[bytes], how: str, wanted: list[bytes]) -> str:
-    """`altered`: any telegram that is another, or one too many."""
+def verdict(sent: list[bytes], how: str, wanted: list[bytes]) -> str:
+    """`altered`: any telegram that is different or surplus."""
     beyond = list((Counter(sent) - Counter(wanted)).elements())
     if beyond:
         return f"altered, bit 10 = {int(any(telegram[-4] & VALID for telegram in beyond))}"
@@ -91,7 +91,7 @@ def judge(sent: list[bytes], how: str, wanted: list[bytes]) -> str:
     return "as asked" if sent else "none"
 
 
-def attack(seed: int, count: int, image: bytes | None = None) -> tuple[Counter, list[str]]:
+def flip_registers(seed: int, count: int, image: bytes | None = None) -> tuple[Counter, list[str]]:
     rng = random.Random(f"core flips {seed}")
     sound = [play(write, image=image) for write in WRITES]
     results, altered = Counter(), []
@@ -100,11 +100,11 @@ def attack(seed: int, count: int, image: bytes | None = None) -> tuple[Counter, 
         wanted, _, took = sound[number]
         flip = Flip(rng.randrange(took), rng.randrange(1, 32), rng.randrange(32))
         sent, how, _ = play(WRITES[number], flip, image)
-        result = judge(sent, how, wanted)
+        result = verdict(sent, how, wanted)
         results[result] += 1
         if result.startswith("altered"):
-            told = " and ".join(telegram.hex(" ") for telegram in sent)
-            altered.append(f"{flip}: {told} instead of {wanted[0].hex(' ')}")
+            found = " and ".join(telegram.hex(" ") for telegram in sent)
+            altered.append(f"{flip}: {found} instead of {wanted[0].hex(' ')}")
     return results, altered
 
 
@@ -119,7 +119,7 @@ def main() -> int:
     except OSError as error:
         print(f"core_flips: {options.image}: {error.strerror}", file=sys.stderr)
         return 2
-    results, altered = attack(options.seed, options.count, image)
+    results, altered = flip_registers(options.seed, options.count, image)
     print(f"seed {options.seed}, {options.count} flips")
     for result in RESULTS:
         print(f"{results[result]:7}  {result}")

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flips single bits of the running card and tells what became of each; `make flips`.
+"""Flips single bits of the running card and reports the effect of each; `make flips`.
 
     make flips [SEED=N] [COUNT=FLIPS] [BAUD=RATE] [TRIAL=SEED/NUMBER], or
     python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE]  # a shard:
     build/fuzz/flips-SEED-RATE.json
-    python -m campaigns.flips.run --report                                  # all shards as one table
-    python -m campaigns.flips.run --trial SEED/NUMBER [--baud RATE]         # one flip, and what was on the
-    lines
+    python -m campaigns.flips.run --report                                  # table of all shards
+    python -m campaigns.flips.run --trial SEED/NUMBER [--baud RATE]         # one flip, with the traffic on
+    both lines
 
-A shard is stateless: the same seed, count and rate flip the same bits anywhere. Exit 0: no telegram that
-was not asked for, none altered, no driver that stays on (SAFE-4, SAFE-2); 1: there was one; 2: a bad call or
+A shard is stateless: the same seed, count and rate flip the same bits anywhere. Exit 0: no unrequested or
+altered telegram and no driver that stays on (SAFE-4, SAFE-2); 1: at least one; 2: an invalid command line or
 a missing tool.
 """
 
@@ -32,8 +32,8 @@ from sim.harness.registers import RegistersError
 from tb.lib.options import at_least
 
 KEPT_EACH = 50
-KEYS = {"seed", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # of a result
-# Those that the report lists one by one.
+KEYS = {"seed", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # keys of a result
+# Effects that the report lists one by one.
 WRONG = ("telegram again or late", "wrong reply", "silent for good")
 NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
 
@@ -43,7 +43,7 @@ class FlipsError(Exception):
 
 
 def shard(seed: int, count: int, places: Places) -> dict:
-    """What became of `count` flips: how many of each part ended how, and those to look at."""
+    """Effects of `count` flips by part, with a list of the notable flips."""
     began = time.monotonic()
     result = {
         "seed": seed,
@@ -89,7 +89,7 @@ def keep(result: dict) -> None:
 
 def merge(results: list[dict]) -> dict:
     results = list({(result["seed"], result["baud"]): result for result in results}.values())
-    # At another clock the dividers have other widths, so the card has a few bits more or less.
+    # At another clock the dividers have other widths, so the number of bits differs.
     rates = {(result["baud"], *result["bits"].values()) for result in results}
     if len({result["card"] for result in results}) > 1 or len(rates) > len({rate for rate, *_ in rates}):
         raise FlipsError("the results in build/fuzz are of different cards; remove those of the older one")
@@ -109,7 +109,7 @@ def merge(results: list[dict]) -> dict:
 
 
 def report(merged: dict) -> str:
-    """A table: what became of the flips, by part."""
+    """Table of the effects by part."""
     parts = [part for part in PARTS if any(merged["bits"][part])]
     rates = ", ".join(f"{count} at {baud} bit/s {FORMS[baud]}" for baud, count in merged["flips_at"].items())
     lines = [f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates}", ""]
@@ -152,7 +152,7 @@ def main() -> int:
     parser.add_argument("--count", type=at_least(1), help="flips; default 500")
     parser.add_argument("--baud", type=int, default=BAUDS[0], choices=BAUDS, help="network line")
     parser.add_argument("--report", action="store_true", help="merge the results of all shards")
-    parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, told")
+    parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, with its traffic")
     options = parser.parse_args()
     if options.trial:
         if not re.fullmatch(r"\d+/\d+", options.trial):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Single flipped bits in the running card (SAFE-4): that they land, and that what they do is seen.
+"""Single flipped bits in the running card (SAFE-4): flips reach their bits, and their effects are detected.
 
-`make flips` is the long one, with a table of what became of thousands.
+`make flips` is the long version, with a table of the effects of thousands of flips.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 RTL = ROOT / "rtl"
 BAUD = BAUDS[0]
 LINE = Line(BAUD, FORMS[BAUD], clk_hz(BAUD))
-START = bytes.fromhex("010f 0000 0010 02 7c04")  # coils 1 to 16 alone
+START = bytes.fromhex("010f 0000 0010 02 7c04")  # only coils 1 to 16
 COMMAND = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
 CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
 TELEGRAM = build_process(0x047C, 0)
@@ -80,8 +80,8 @@ def test_all_state_is_found_and_can_be_flipped(places):
         assert max(register.bits) < bits, register
 
 
-def test_no_register_of_the_verilog_falls_out(places):
-    """By the text of the modules, not by what Yosys made of it."""
+def test_every_register_of_the_verilog_can_be_flipped(places):
+    """Compares with the text of the modules, not with the output of Yosys."""
     can = {(register.module, register.name) for register in places.registers}
     there = {(path.stem, name) for path in RTL.rglob("*.v") for name in clocked(path)}
     assert len(there) > 70
@@ -89,7 +89,7 @@ def test_no_register_of_the_verilog_falls_out(places):
 
 
 def clocked(path: Path) -> set[str]:
-    """What a module assigns at a clock edge; not what is there for waveforms only."""
+    """Registers assigned at a clock edge, without those for waveforms."""
     text = re.sub(r"//.*", "", path.read_text())
     text = re.sub(r"`ifndef SYNTHESIS.*?`endif", "", text, flags=re.DOTALL)
     blocks = re.findall(
@@ -118,7 +118,7 @@ def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
 
 @pytest.mark.rule("SAFE-2", "SAFE-4")
 def test_no_flip_of_a_sender_keeps_its_driver_on(places):
-    """Each state bit of both senders and UARTs, turned over in the first character and in the last."""
+    """Flips each state bit of both senders and UARTs in the first character and in the last."""
     _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"))
     sent = {"network_i.rtu_tx_i": played.replies[0], "drive_i.fc_tx_i": played.telegrams[0]}
     for sender, burst in sent.items():
@@ -134,14 +134,14 @@ def test_no_flip_of_a_sender_keeps_its_driver_on(places):
 
 
 def commands(*asked: tuple[int, int]) -> list[dict]:
-    """Control word 047Ch to each of these units, with its reference."""
+    """Control word 047Ch for each of these units, with its reference."""
     block = [rtu.build(unit, bytes.fromhex(f"0f0000002004 7c04 {at:04x}")) for unit, at in asked]
     return [{"what": "command", "gap": ["idle", 20.0], "bytes": data.hex()} for data in block]
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-1")
-def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
-    """Another unit's command is nobody's, the card's own neither everybody's nor half of an older one."""
+def test_no_flip_of_the_receiver_changes_a_command(places):
+    """Other units' commands stay ignored; a command for the card is not mixed with an older one."""
     events = commands((1, 0x1111), (1, 0x2222), (9, 0x3333), (1, 0x4444))
     _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
     assert len(played.telegrams) == 4, "the last one is that of the probe"
@@ -153,7 +153,7 @@ def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
         if path == "uart_i.shift":
             moments = [0.5 * character, 0.8 * character]
         elif path.endswith("_bank"):
-            # A frame is the candidate, and the firmware is about to read it.
+            # The frame is a candidate, and the firmware is about to read it.
             moments.append(13 * character + LINE.t15_bits * LINE.bit + 200)
         for bit in register.bits:
             for start in starts[2:4]:
@@ -174,8 +174,8 @@ def test_no_flip_of_the_receiver_makes_a_command_of_another(places):
         pytest.param("near a broadcast's end", marks=pytest.mark.slow),
     ],
 )
-def test_no_flip_of_the_gate_or_the_sender_commands_unasked(places, moment):
-    """Each of their bits."""
+def test_no_flip_of_the_gate_or_the_sender_makes_a_command(places, moment):
+    """Flips each of their bits."""
     events = commands((1, 0x1111), (0, 0x2222), (1, 0x3333))
     events[1:1] = [{**events[0], "bytes": events[0]["bytes"] + "55", "gaps": {"13": too_early(LINE)}}]
     _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
@@ -200,7 +200,7 @@ def test_no_flip_of_the_gate_or_the_sender_commands_unasked(places, moment):
             assert outcome.what not in FORBIDDEN, outcome
 
 
-# Whatever tells that a frame is over, and what is done then.
+# Modules that detect the end of a frame and react to it.
 ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
 
 
@@ -216,17 +216,17 @@ ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "net
         pytest.param(38400, 0.9, 0x55, 1, marks=pytest.mark.slow),
     ],
 )
-def test_no_flip_commits_what_is_revoked(baud, revoked_at, by, each):
-    """Between t1.5 and the character that revokes, in it, and behind it; with the telegram queued or not.
+def test_no_flip_commits_a_revoked_frame(baud, revoked_at, by, each):
+    """Flips between t1.5 and the revoking character, in it, and after it; with and without a queued telegram.
 
-    Behind a 00 the frame's CRC is still good. Each third flip, in turn, shows each bit at two of the moments.
+    After a 00 the frame's CRC is still good. Each third flip, in turn, tests each bit at two of the moments.
     """
     places = Places(baud=baud)
     line = places.line
     (command,) = commands((1, 0x2222))
     gap = too_early(line, revoked_at)
     revoked = {**command, "bytes": command["bytes"] + f"{by:02x}", "gaps": {"13": gap}}
-    # Settings that it left would go out with this one: a start at the reference as it is.
+    # Settings from it would go out with this command: a start at the present reference.
     events = [revoked, {**command, "bytes": with_crc(START).hex()}]
     _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
     assert [burst.data for burst in played.telegrams] == [TELEGRAM] * 2, "one is that of the probe"
@@ -257,12 +257,12 @@ def test_a_flipped_switch_halts_the_card(places):
             assert outcome.what == "halted, both LEDs red", outcome
 
 
-def test_a_number_is_the_same_flip_anywhere(places):
+def test_a_number_always_gives_the_same_flip(places):
     assert trial("3/1", places)[0] == trial("3/1", places)[0]
     assert trial("3/1", places)[0].flip != trial("3/2", places)[0].flip
 
 
-# ---------------------------------------------------------------- what is told of it
+# ---------------------------------------------------------------- verdicts
 
 
 def heard(data: bytes, at: float) -> list[Heard]:
@@ -276,10 +276,10 @@ def burst(line: Line, data: bytes, at: float) -> Burst:
     return Burst(round(at), round(sent[-1].end), sent)
 
 
-def seen(
+def verdict_of(
     asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[bytes, float]], newer: Iterable = ()
 ) -> str:
-    """What is told when these telegrams and replies follow a request, each at its time in ms."""
+    """Verdict on telegrams and replies after a request, each at its time in ms."""
     ms = LINE.clk_hz / 1000
     drive = drive_line(LINE.clk_hz)
     played = Played(
@@ -294,19 +294,19 @@ def seen(
 
 
 @pytest.mark.parametrize(
-    ("asked", "sent", "replies", "told"),
+    ("asked", "sent", "replies", "expected"),
     [
         (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED, 75)], ""),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [], "telegram again or late"),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [(CONFIRMED, 75)], FORBIDDEN[0]),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90), (TELEGRAM, 130)], [], FORBIDDEN[0]),
         (COMMAND, [(TELEGRAM, 20)], [], FORBIDDEN[0]),
-        (COMMAND, [(TELEGRAM, 44.2)], [], FORBIDDEN[0]),  # over, and not committed
+        (COMMAND, [(TELEGRAM, 44.2)], [], FORBIDDEN[0]),  # complete, but not committed
         (COMMAND, [(build_process(0x047D, 0), 50)], [], FORBIDDEN[1]),
         (COMMAND, [(build_process(0x007C, 0), 50)], [], "altered telegram, bit 10 = 0"),
         (COMMAND, [(TELEGRAM[:-1] + b"\x00", 50)], [], DISTURBED),
         (COMMAND, [(ALTERED, 50)], [], FORBIDDEN[1]),
-        # Whatever a drive might still find: other addresses that are its own, something before or behind.
+        # Telegrams that a drive might still accept: its other addresses, or extra bytes before or after.
         (COMMAND, [(build_process(0x047C, 0x2000, 0x01), 50)], [], FORBIDDEN[1]),
         (COMMAND, [(build_process(0x047C, 0x2000, 0x20), 50)], [], FORBIDDEN[1]),
         (COMMAND, [(build_process(0x047C, 0x2000, 0x3F), 50)], [], FORBIDDEN[1]),
@@ -318,7 +318,7 @@ def seen(
         (COMMAND, [(TELEGRAM + ALTERED, 50)], [], FORBIDDEN[0]),
         (COMMAND, [(TELEGRAM + TELEGRAM + TELEGRAM, 50)], [], FORBIDDEN[0]),
         (COMMAND, [(TELEGRAM + b"\x00", 50)], [], DISTURBED),
-        # The driver is off for a moment, which no drive notices.
+        # The driver is off for a moment that no drive notices.
         (COMMAND, [(ALTERED[:4], 50), (ALTERED[4:], 50 + 5 * 11 / 9.6)], [], FORBIDDEN[1]),
         (COMMAND, [(ALTERED[:4], 50), (ALTERED[4:], 50 + 7 * 11 / 9.6)], [], DISTURBED),
         (COMMAND, [(build_process(0x047C, 0, 0x01), 90)], [(CONFIRMED, 75)], FORBIDDEN[1]),
@@ -333,50 +333,50 @@ def seen(
         ),
     ],
 )
-def test_every_telegram_is_weighed(asked, sent, replies, told):
-    assert seen(asked, sent, replies) == told
+def test_verdict_on_telegrams(asked, sent, replies, expected):
+    assert verdict_of(asked, sent, replies) == expected
 
 
-def test_a_reply_that_a_flip_made_confirms_nothing():
-    """It came while the broadcast was not committed yet: the broadcast is lost, and its reference with it."""
+def test_reply_made_by_a_flip_confirms_nothing():
+    """The reply came before the commit of the broadcast: broadcast and reference are lost."""
     ms = LINE.clk_hz / 1000
     to_all = rtu.build(0, bytes.fromhex("0f0000002004 7c04 ff3f"))
     made_up = with_crc(bytes.fromhex("000f 0000 0020"))
-    for reference, told in ((0x0000, ""), (0x3FFF, ""), (0x1234, FORBIDDEN[1])):
+    for reference, expected in ((0x0000, ""), (0x3FFF, ""), (0x1234, FORBIDDEN[1])):
         telegram = [(build_process(0x047C, reference), 110)]
-        assert seen(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == told
+        assert verdict_of(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == expected
 
 
 @pytest.mark.parametrize("when", [0.0, 0.5, 0.97, 1.0])
-def test_a_revoked_command_asks_for_nothing_however_late_it_is_revoked(when):
+def test_revoked_command_requests_nothing(when):
     end = heard(COMMAND, 40 * LINE.clk_hz / 1000)[-1].end
     revoking = heard(b"\x55", end + too_early(LINE, when) * LINE.bit)
-    assert seen(COMMAND, [(TELEGRAM, 50)], [], revoking) == FORBIDDEN[0]
+    assert verdict_of(COMMAND, [(TELEGRAM, 50)], [], revoking) == FORBIDDEN[0]
     behind = heard(b"\x55", end + (LINE.t35_bits + 0.3) * LINE.bit)
-    assert seen(COMMAND, [(TELEGRAM, 50)], [], behind) == ""
+    assert verdict_of(COMMAND, [(TELEGRAM, 50)], [], behind) == ""
 
 
-def test_a_broadcast_has_no_repeat_and_an_older_request_none():
+def test_broadcast_and_older_request_have_no_repeat():
     to_all = rtu.build(0, COMMAND[1:-2])
     telegram = build_process(0x047C, 0, ADR_BROADCAST)
-    assert seen(to_all, [(telegram, 50)], []) == ""
-    assert seen(to_all, [(telegram, 50), (telegram, 90)], []) == FORBIDDEN[0]
+    assert verdict_of(to_all, [(telegram, 50)], []) == ""
+    assert verdict_of(to_all, [(telegram, 50), (telegram, 90)], []) == FORBIDDEN[0]
     newer = heard(rtu.build(1, rtu.read_coils(0, 8)), 70 * LINE.clk_hz / 1000)
-    assert seen(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 120)], [], newer) == FORBIDDEN[0]
+    assert verdict_of(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 120)], [], newer) == FORBIDDEN[0]
 
 
 @pytest.mark.rule("SAFE-2")
-@pytest.mark.parametrize(("data", "told"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
-def test_a_driver_that_stays_on_is_told_and_what_it_sent_is_weighed(data, told):
+@pytest.mark.parametrize(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
+def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):
     ms = LINE.clk_hz / 1000
     on = burst(drive_line(LINE.clk_hz), data, 50 * ms)
     on.fall = int(140 * ms)
     played = Played(heard(COMMAND, 40 * ms), [], [], [on], on.fall, [])
     player = SimpleNamespace(line=LINE, resets=0)
-    assert classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what == told
+    assert classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what == expected
 
 
-def test_a_burst_that_is_not_over_counts_as_far_as_it_came():
+def test_unfinished_burst_counts_up_to_its_end():
     drive = drive_line(LINE.clk_hz)
     levels = [level for byte in TELEGRAM for level in drive.levels(byte)]
     edges = [(round(1000 + i * drive.bit), level) for i, level in enumerate(levels)]
@@ -398,8 +398,8 @@ def test_every_part_and_every_bit_can_be_chosen(places):
     assert len({flip.word for flip in flips if flip.part == "data"}) > 80
 
 
-def test_flips_fall_while_the_firmware_starts_in_each_frame_and_behind_the_last(monkeypatch, places):
-    """Nothing is played: the clock of each is chosen before."""
+def test_flips_hit_the_start_and_each_frame_and_the_end(monkeypatch, places):
+    """Nothing is played: the clock of each flip is chosen in advance."""
 
     class Chosen(Exception):
         pass
@@ -419,7 +419,7 @@ def test_flips_fall_while_the_firmware_starts_in_each_frame_and_behind_the_last(
     assert sum(at < boot for at in at_ms) > 20 and max(at_ms) < end
 
 
-def test_the_traffic_has_commands_for_the_card_for_all_and_for_nobody():
+def test_traffic_has_commands_for_the_card_for_all_and_for_other_units():
     frames = [event for seed in range(200) for event in traffic(random.Random(seed), LINE)]
     starts = Counter()
     for event in frames:
@@ -431,7 +431,7 @@ def test_the_traffic_has_commands_for_the_card_for_all_and_for_nobody():
 
 
 @pytest.mark.parametrize("what", [*FORBIDDEN, DISTURBED, "telegram again or late", "no effect"])
-def test_the_exit_code_tells_of_a_command_unasked(monkeypatch, what):
+def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
     bits = dict.fromkeys(PARTS, 8)
     result = {
         "seed": 1,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One flipped bit in the running card, under traffic, and what became of it (SAFE-4).
+"""One flipped bit in the running card, under traffic, and its effect (SAFE-4).
 
-The traffic is what a plant has: commands, readings, a frame for another, one that is revoked. The bit flips
-at a random clock of it, or while the firmware starts. After it the master goes on, is silent for longer than
-the watchdog takes, and asks once more.
+The traffic is that of a plant: commands, readings, a frame for another unit, a revoked frame. The bit flips
+at a random clock during it, or while the firmware starts. Afterwards the master goes on, is silent for longer
+than the watchdog time, and sends a request once more.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from tb.model.whole_card import Judge, Verdict
 from tb.model.wire import Line, drive_line, taken_by_a_drive
 
 ADDRESS = 1
-# Of each rate; the first one unless another is asked for. At the slowest the firmware has queued its telegram
-# long before the commit, at the fastest it seldom has.
+# Formats by rate; the first rate is the default. At the slowest rate the firmware queues its telegram long
+# before the commit, at the fastest it rarely does.
 FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1", 4800: "8N1"}
 BAUDS = tuple(FORMS)
 BYTES_PER_WORD = 4
 START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
-CLEAR_BITS = 0.5  # FRAME-1 leaves a quarter of a bit either way
+CLEAR_BITS = 0.5  # FRAME-1 permits a quarter of a bit either way
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
-SILENCE_S = 0.12  # the watchdog bites after 64 ms, and the firmware starts in 25
-BITES = 3  # until the card halts (LED-5)
-# A sender that a flip sends back to its beginning may add a frame to the one that it was at, no more: two of
-# the longest, 34 characters, and a little.
+SILENCE_S = 0.12  # the watchdog acts after 64 ms, and the firmware starts in 25 ms
+BITES = 3  # watchdog resets until the card halts (LED-5)
+# A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
+# 34 characters each, and a margin.
 LONGEST_CHARACTERS = 2 * 35
-# Where bits flip, and how often: by area they would nearly all hit code that is never run again.
+# Parts for flips, with their weights: by area nearly all flips would hit code that never runs again.
 PARTS = {"card": 45, "core": 15, "core registers": 6, "frame memory": 8, "data": 20, "code": 6}
 
-# What became of a flip, worst first.
+# Effects of a flip, worst first.
 FORBIDDEN = (
     "unrequested telegram, bit 10 = 1",
     "altered telegram, bit 10 = 1",
@@ -87,7 +87,7 @@ class Outcome:
 
 @dataclass
 class Places:
-    """Every bit that can flip, by part. `code` and `data` divide the firmware's memory."""
+    """All bits that can flip, by part. `code` and `data` divide the firmware's memory."""
 
     target: Target = field(default_factory=Target)
     baud: int = BAUDS[0]
@@ -99,7 +99,7 @@ class Places:
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
         known = configurations()
-        # The firmware uses the smallest memory of all; frames and counters lie at the end of what there is.
+        # The firmware fits the smallest memory of all configurations; frames and counters lie at its end.
         end = min(entry["memory_bytes"] for entry in known.values()) // BYTES_PER_WORD
         words = known["standard"]["memory_bytes"] // BYTES_PER_WORD
         frames = FRAMES_BYTES // BYTES_PER_WORD
@@ -130,12 +130,12 @@ class Places:
 
 
 def too_early(line: Line, when: float = 0.5) -> float:
-    """Bits after a frame with which another character revokes it: from t1.5 (0) to t3.5 (1), off both."""
+    """Bits after a frame at which another character revokes it: from t1.5 (0) to t3.5 (1), clear of both."""
     return line.t15_bits + CLEAR_BITS + when * (line.t35_bits - line.t15_bits - 2 * CLEAR_BITS)
 
 
 def traffic(rng: random.Random, line: Line) -> list[dict]:
-    """Commands with and without bit 10, the rest of a plant's day; the last word is always one that runs."""
+    """Commands with and without bit 10 and other traffic of a plant; the last command starts the motor."""
 
     def frame(what: str, pdu: bytes, unit: int = ADDRESS) -> dict:
         gap = ["idle", round(rng.uniform(1, 20), 1)]
@@ -180,7 +180,7 @@ def traffic(rng: random.Random, line: Line) -> list[dict]:
 
 
 class FlipPlayer(Player):
-    """Plays a case, and turns one bit over on the way."""
+    """Plays a case and flips one bit on the way."""
 
     def __init__(self, case: dict, target: Target, flip: Flip | None) -> None:
         super().__init__(case, target, extra="flips")
@@ -218,7 +218,7 @@ class FlipPlayer(Player):
         self._ask(probes)
         self.resets = self.pins.watched() - started
         if self.resets:
-            # A damaged program is found out at each start: the third one is the last.
+            # A damaged program is detected at each start; the card halts after the third.
             self._run(self.pins.now + BITES * BOOT_S * self.line.clk_hz)
             self._ask(probes)
 
@@ -231,7 +231,7 @@ class FlipPlayer(Player):
 def trial(
     number: str, places: Places, flip: Flip | None = None, events: list[dict] | None = None
 ) -> tuple[Outcome, dict, Played, Verdict]:
-    """One flip; the same number makes the same traffic and the same flip, unless they are given."""
+    """One flip; the number determines traffic and flip, unless they are given."""
     rng = random.Random(f"flips/{number}")
     case = {
         "baud": places.baud,
@@ -258,7 +258,7 @@ def trial(
     return classify(flip, played, verdict, player, lit), case, played, verdict
 
 
-# ---------------------------------------------------------------- what became of it
+# ---------------------------------------------------------------- verdict
 
 
 def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, lit: set[str]) -> Outcome:
@@ -278,7 +278,7 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     if not verdict.differences:
         return Outcome(flip, "no effect", verdict.unclear, answered)
     why = verdict.differences[0]
-    if ": telegram " in why:  # that telegrams() found to be rightful
+    if ": telegram " in why:  # telegrams() found this telegram to be requested
         return Outcome(flip, "telegram again or late", why, answered)
     if not answered:
         return Outcome(flip, "silent for good", why, False)
@@ -286,16 +286,16 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
         return Outcome(flip, "silent", why)
     if "PERF" in why or "FRAME-8" in why:
         return Outcome(flip, "timing", why)
-    return Outcome(flip, told(played), why)
+    return Outcome(flip, reply_effect(played), why)
 
 
 def longest(line: Line) -> float:
-    """Clocks that a driver may be on, a flipped bit allowed for."""
+    """Longest time in clocks for which a driver may be on, with a flipped bit."""
     return LONGEST_CHARACTERS * line.character_bits * line.bit
 
 
-def told(played: Played) -> str:
-    """An exception that is new to this traffic tells the master; anything else does not."""
+def reply_effect(played: Played) -> str:
+    """Effect that the master notices: an exception that is new to this traffic."""
     for burst in played.replies:
         data = burst.data
         if len(data) == 5 and crc_good(data) and data[1] & 0x80 and data[1] != 0xAB:
@@ -304,7 +304,7 @@ def told(played: Played) -> str:
 
 
 def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
-    """What a drive would have taken for a telegram, against what was asked for."""
+    """Compares telegrams that a drive would accept with the requests."""
     frames = asked(played, line)
     causes = expected(frames, played)
     found: dict[str, str] = {}
@@ -319,7 +319,7 @@ def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
         number = before[-1] if before else -1
         wanted = causes[: number + 1]
         if _rightful(played, frames, wanted, sent, at, data):
-            if sent[number] == 2:  # the drive of this traffic answers always
+            if sent[number] == 2:  # the drive of this traffic always answers
                 found.setdefault("telegram again or late", f"{data.hex(' ')} once more")
             continue
         early = "flip before the request" if number >= 0 and flip.at < frames[number][0] else "flip during it"
@@ -335,13 +335,13 @@ def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
 def _rightful(
     played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, at: float, data: bytes
 ) -> bool:
-    """The newest request's telegram, or its one repeat: without an answer yet, and no broadcast (FC-9)."""
+    """The newest request's telegram, or its one repeat: not yet answered, and no broadcast (FC-9)."""
     number = len(wanted) - 1
     if number < 0 or data not in wanted[number]:
         return False
     _, end, adu = frames[number]
-    told = any(end < reply.rise < at for reply in played.replies)
-    if told or sent[number] > (adu[0] != 0):
+    reply_sent = any(end < reply.rise < at for reply in played.replies)
+    if reply_sent or sent[number] > (adu[0] != 0):
         return False
     sent[number] += 1
     return True
@@ -366,16 +366,16 @@ def asked(played: Played, line: Line) -> list[tuple[float, float, bytes]]:
 
 
 def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[set[bytes]]:
-    """The telegrams that each request may cause.
+    """Telegrams that each request may cause.
 
-    One that was not confirmed may have changed the control image or not, and the card may have been restarted
-    before any of them (WDG-1).
+    An unconfirmed request may have changed the control image or not, and the card may have restarted before
+    any request (WDG-1).
     """
     images, causes = [[0] * 32], []
     for n, (_, end, data) in enumerate(frames):
         until = frames[n + 1][0] if n + 1 < len(frames) else float("inf")
         replies = [reply.data for reply in played.replies if end < reply.rise < until]
-        # A flip may send a reply of its own, also to a broadcast.
+        # A flip may send its own reply, also to a broadcast.
         confirmed = data[0] == ADDRESS and any(r[:2] == data[:2] and crc_good(r) for r in replies[:1])
         changed, found = [], set()
         for image in images:

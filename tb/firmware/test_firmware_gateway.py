@@ -267,7 +267,7 @@ def test_adr_is_the_last_of_a_telegram_to_be_written(write):
 @pytest.mark.rule("SAFE-4")
 def test_a_bit_that_flips_in_the_core_alters_no_command():
     """A register's bit, at any instruction from the candidate to the commit."""
-    results, altered = core_flips.attack(seed=1, count=500)
+    results, altered = core_flips.flip_registers(seed=1, count=500)
     assert not altered, altered
     assert results["as asked"] > 250 and results["none"] > 50, results
 
