@@ -26,7 +26,7 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.flips.trial import BAUDS, FORBIDDEN, FORMS, OUTCOMES, PARTS, Places, trial
-from campaigns.fuzz.run import FOLDER, FuzzError, no_longer_one_is_lost, story
+from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
 from sim.harness.library import BuildError
 from sim.harness.registers import RegistersError
 from tb.lib.options import at_least
@@ -166,7 +166,7 @@ def main() -> int:
     else:
         seed = random.randrange(1 << 31) if options.seed is None else options.seed
         count = options.count or 500
-        no_longer_one_is_lost(file_of(seed, options.baud), count, "flips")
+        refuse_to_lose_a_longer_result(file_of(seed, options.baud), count, "flips")
         print(f"flips: seed {seed}, {count} flips at {options.baud} bit/s", flush=True)
         result = shard(seed, count, Places(baud=options.baud))
         merged = merge([result])

@@ -444,7 +444,7 @@ def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
     result |= {"wall_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
     monkeypatch.setattr(flips, "shard", lambda *about: result)
     monkeypatch.setattr(flips, "Places", lambda **about: None)
-    monkeypatch.setattr(flips, "no_longer_one_is_lost", lambda *about: None)
+    monkeypatch.setattr(flips, "refuse_to_lose_a_longer_result", lambda *about: None)
     monkeypatch.setattr("sys.argv", ["flips"])
     assert flips.main() == int(what in FORBIDDEN)
 

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must hold where the judge had to stop, because the rules leave open what the card heard.
+"""Safety checks after the point where the judge had to stop because the rules leave the received frame open.
 
-Whatever it made of it: each telegram that commands the drive or writes a parameter is one that a request
-before it asked for, at most twice, a broadcast's once, and none comes behind an answer to that request or to
-a newer one (SAFE-1, FC-9). And the last requests, which are plain, have their answers (SAFE-3). Unit of
-time: clocks.
+Each telegram that commands the drive or writes a parameter must have been requested before: at most two such
+telegrams, one for a broadcast, none after an answer to that request or to a newer one (SAFE-1, FC-9). The
+last requests, which are plain, must have their answers (SAFE-3). Unit of time: clocks.
 """
 
 from __future__ import annotations
@@ -25,19 +24,19 @@ WRITES = (
     fc_telegram.AK_EEPROM_DOUBLE,
     fc_telegram.AK_EEPROM_WORD,
 )
-STATES_MAX = 64  # what the card may hold by then; beyond, nothing can be said
+STATES_MAX = 64  # possible states of the card; above, the checks end
 
 
 @dataclass
 class Possible:
-    """A frame that may have been committed. `answered`: when a reply to it began."""
+    """A frame that may have been committed. `answered`: start of a reply to it."""
 
     start: float
     end: float
     data: bytes
     answered: float = float("inf")
     telegrams: frozenset[bytes] = frozenset()
-    sent: Counter = field(default_factory=Counter)  # of each telegram
+    sent: Counter = field(default_factory=Counter)  # number of each telegram
 
     @property
     def most(self) -> int:
@@ -45,7 +44,7 @@ class Possible:
 
 
 def possible_frames(network: list[Heard], line: Line, address: int) -> list[Possible]:
-    """Every run of good characters between silences that may have counted that is a frame for the card."""
+    """Every run of good characters between possible silences that is a frame for the card."""
     starts, ends = [], []
     for number, heard in enumerate(network):
         before, after = network[number - 1 : number], network[number + 1 : number + 2]
@@ -67,7 +66,7 @@ def possible_frames(network: list[Heard], line: Line, address: int) -> list[Poss
 
 
 def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
-    """Gives each frame its answer and the telegrams that it may cause; False if too much is possible."""
+    """Finds answer and possible telegrams of each frame; False if there are too many possibilities."""
     states = [Card(name=dialect)]
     for number, frame in enumerate(frames):
         until = frames[number + 1].start if number + 1 < len(frames) else float("inf")
@@ -91,14 +90,14 @@ def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
 
 
 def acts(data: bytes) -> bool:
-    """Whether a telegram does something to a motor or to a setting."""
+    """Whether a telegram affects a motor or a setting."""
     telegram = fc_telegram.parse(data)
     text = telegram.ak == fc_telegram.AK_TEXT and telegram.text is not None
     return bool(telegram.pcd1 & VALID) or text or telegram.ak in WRITES
 
 
 def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: float) -> list[str]:
-    """Those from `since` on that no frame accounts for."""
+    """Telegrams from `since` on that no frame explains."""
     found = []
     seen, _ = taken_by_a_drive(telegrams, drive_line(clk_hz))
     for at, data in seen:
@@ -121,7 +120,7 @@ def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: 
 def unanswered(
     last: list[bytes], network: list[Heard], replies: list[Burst], until: float, count: int | None
 ) -> list[str]:
-    """Of the requests that came last, the first `count`: each has one reply that fits."""
+    """The first `count` of the last requests: each must have one fitting reply."""
     heard, found = list(network), []
     ends: list[tuple[float, float]] = []
     for pdu in reversed(last):

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One case of the fuzzer: a card switched on, what its two far ends do to it, and the verdict.
+"""One case of the fuzzer: a card after power-up, the actions of its two far ends, and the verdict.
 
-A case is plain data, kept as JSON and replayed exactly. Its events are things on the network line, one after
-the other; each brings along what the drive does from then on.
+A case is plain data, kept as JSON and replayed exactly. Its events happen on the network line, one after the
+other; each event sets the drive's behaviour from then on.
 
     {"baud": 19200, "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000", "events": [
       {"what": "...", "gap": ["idle", 5.0], "bytes": "01010000...", "gaps": {"3": 12.5},
        "flaws": {"2": "parity"}, "error": 0.01, "glitches": [[4.2, 0.2]], "pulses": [2.0, 1.5],
        "drive": [{"gap": 23, "edit": [[2, 255]], ...}], "babble": {"gap": 10, "bytes": "55", "gaps": {}}}]}
 
-`gap`: when it begins. ["idle", n]: n bits after t3.5, once the card has nothing more to say; ["own", n]: n
-bits after the last character from outside, whatever the card does. `pulses`: instead of bytes, low and high
-for so many bits. After the last event come requests that a card must answer whatever was before (SAFE-3).
+`gap`: start of the event. ["idle", n]: n bits after t3.5, when the card has no more to send; ["own", n]: n
+bits after the last character from outside, regardless of the card. `pulses`: instead of bytes, low and high
+for so many bits. After the last event come requests that a card must always answer (SAFE-3).
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from tb.model.vlt_drive import VltDrive
 from tb.model.whole_card import Judge, Verdict
 from tb.model.wire import GARBLED_BITS, Burst, Heard, Line
 
-# The clock for a rate, in Hz: 64 times the rate at least (LINE-5), 2 MHz at least (TOP-1), and no more, for
-# what is simulated are clocks.
+# Clock for a rate, in Hz: at least 64 times the rate (LINE-5) and 2 MHz (TOP-1); no more, because each clock
+# costs simulation time.
 CLK_HZ = {115200: 7_372_800, 38400: 2_457_600}
 SLOW_CLK_HZ = 2_000_000
-# What the firmware may take from t1.5, or from the drive's reply, to its answer; docs/reports/results.md: up
-# to 8500.
+# Limit for the firmware from t1.5, or from the drive's reply, to its answer; measured are up to 8500
+# (docs/reports/results.md).
 BUDGET_CLOCKS = 10000
-# How much of it a far end leaves, after t3.5 or the drive's reply, before it takes the card to be done:
-# plenty for nearly all, and what comes later just meets the next frame.
+# Pause of a far end after t3.5 or the drive's reply, before it assumes that the card has finished. It is
+# enough for nearly all answers; later answers meet the next frame.
 SETTLE_CLOCKS = 3000
-# A driver that is on for longer is on for good; the longest frame is 34 characters (SAFE-2).
+# A driver that is on for longer stays on for ever; the longest frame is 34 characters (SAFE-2).
 STUCK_BITS = 400
 BOOT_S = 0.05  # of a clock six times slower than BOOT-1's
-# The shortest pause before a drive answers (FC-8), a bit longer than the card must hear.
+# Shortest pause before a drive answers (FC-8), a bit longer than the card must accept.
 DRIVE_DELAY_BITS = 24.0
 SHORTEST_TELEGRAM_BITS = 80
-LOCAL = 3  # of the last requests need no drive
+LOCAL = 3  # number of the last requests that need no drive
 LONG_WAIT = 100  # of register 40003, in 10 ms
-PARAMETER = 514  # a drive that does not have it says so, which is an answer too
+PARAMETER = 514  # a drive without it returns a fault number, which is an answer too
 
 
 def clk_hz(baud: int) -> int:
@@ -55,7 +55,7 @@ def clk_hz(baud: int) -> int:
 
 
 def probes(dialect: str) -> list[dict]:
-    """Good requests: all coils, the card's own registers, a command and a parameter through the drive."""
+    """Good requests: all coils, the card's own registers, a command and a parameter of the drive."""
     index = DIALECTS[dialect].index_register
     pdus = [
         rtu.write_register(index, 0),
@@ -69,17 +69,17 @@ def probes(dialect: str) -> list[dict]:
 
 @dataclass
 class Played:
-    """Everything that was on the two lines."""
+    """All traffic on the two lines."""
 
     network: list[Heard]
     drive: list[Heard]
     replies: list[Burst]
     telegrams: list[Burst]
     end: int
-    frames: list[float]  # when each began on the network line
+    frames: list[float]  # start of each frame on the network line
 
     def judged(self, until: float) -> int:
-        """Frames whose time, up to the next one, was over by then."""
+        """Number of frames whose time, up to the next frame, was over by `until`."""
         return sum(over <= until for over in [*self.frames[1:], self.end])
 
 
@@ -100,7 +100,7 @@ class Player:
         self.stepped_us = 0
         self.manners: list[dict] = []
         self.interrupt: dict | None = None
-        self.rude = False  # babbles on while the card speaks
+        self.rude = False  # sends on while the card is sending
         self.wait = 15  # register 40003
         self.frames: list[float] = []
         self.settle_by = 0.0
@@ -113,7 +113,7 @@ class Player:
             self._run(BOOT_S * self.line.clk_hz)
             for event in [*self.case["events"], *probes(self.case["dialect"])]:
                 self._event(event)
-            # Once more if something has only just begun: half a telegram would be judged as a damaged one.
+            # Run once more if a telegram has just begun: half a telegram would count as damaged.
             for _ in range(2):
                 self._settle()
                 self._run(self.pins.now + self.line.bit * self.line.t35_bits)
@@ -139,7 +139,7 @@ class Player:
             self._settle()
             silent = max(self.network_end, self._last_fall())
             if self.network_end > self._last_fall() > self.network_start:
-                bits += GARBLED_BITS + 1  # the card heard its end in part
+                bits += GARBLED_BITS + 1  # the card received a part of its end
             start = max(self.pins.now + 2, silent + (self.line.t35_bits + bits) * self.line.bit)
         else:
             start = max(self.pins.now + 2, self.network_end + bits * self.line.bit)
@@ -160,7 +160,7 @@ class Player:
             self._drive_sends(bytes.fromhex(babble["bytes"]), at, babble)
 
     def _clear_of_t35(self, start: float) -> float:
-        """Later, where it would begin just about t3.5 after the card's own reply."""
+        """Delays a start that would fall close to t3.5 after the card's own reply."""
         fall = self._last_fall()
         garbled = self.network_end > fall > self.network_start
         silent, margin = (self.network_end, GARBLED_BITS + 1) if garbled else (fall, 1.0)
@@ -172,7 +172,7 @@ class Player:
     # ------------------------------------------------------------ the network line
 
     def _pulses(self, pulses: list[float], start: float) -> None:
-        """Noise that begins with a sure start bit."""
+        """Noise that begins with a certain start bit."""
         edges, at, level = [], start, 0
         for bits in pulses:
             edges.append((at, level))
@@ -214,7 +214,7 @@ class Player:
             heard.append(Heard(at, end, byte, good, slack))
             at = end
             if flaw == "stop":
-                # The receiver waits for the line to rise before it looks for a start bit.
+                # The receiver waits for a high line before it accepts a start bit.
                 at = max(at, end + 2 * line.bit)
         self.pins.play(where, self._with_glitches(edges, start, line, glitches))
         return heard[-1].end if data else start
@@ -230,11 +230,11 @@ class Player:
             within = [level for at, level in edges if begin < at <= end]
             edges = [(at, value) for at, value in edges if not begin <= at <= end]
             edges += [(begin, 1 - level), (end, within[-1] if within else level)]
-            edges.sort(key=lambda edge: edge[0])  # stable: of two at once the last one counts
+            edges.sort(key=lambda edge: edge[0])  # stable: of two simultaneous edges the last one counts
         return edges
 
     def _notice_wait(self, data: bytes) -> None:
-        """Register 40003 has become this, most likely: only for how long to wait for the card."""
+        """Follows writes of register 40003, only to know how long to wait for the card."""
         pdu = data[1:-2]
         if len(pdu) == 5 and pdu[0] == 0x06 and word(pdu, 1) == DRIVE_TIMEOUT:
             self.wait = word(pdu, 3)
@@ -249,7 +249,7 @@ class Player:
     # ------------------------------------------------------------ time
 
     def _run(self, until: float, to_the_end: bool = True) -> list[tuple[int, int]]:
-        """Runs to a time, or to the next edge of a driver, and lets the drive answer."""
+        """Runs to a time or to the next edge of a driver, and lets the drive answer."""
         switched: list[tuple[int, int]] = []
         while self.pins.now < round(until) and (to_the_end or not switched):
             switched = self.pins.run(until)
@@ -261,7 +261,7 @@ class Player:
         return switched
 
     def _settle(self) -> None:
-        """Until the card has nothing more to say to what it heard."""
+        """Runs until the card has no more to send."""
         budget = SETTLE_CLOCKS + 3 * self.line.bit
         longer_bit = max(self.line.bit, self.drive_line.bit)
         while True:
@@ -272,7 +272,7 @@ class Player:
             sending = self.pins.sending(NETWORK) or self.pins.sending(DRIVE)
             if self.pins.now >= round(by + (STUCK_BITS * longer_bit if sending else 0)):
                 return
-            # Beyond that time only for the end of what the card is sending.
+            # Beyond that time, only for the end of a frame that the card is sending.
             by = by if self.pins.now < round(by) else self.pins.now + self.line.clk_hz / 100
             switched = self._run(by, to_the_end=False)
             if (NETWORK, 0) in switched and not self.drive_awaited:
@@ -281,7 +281,7 @@ class Player:
     # ------------------------------------------------------------ the drive
 
     def _interrupted(self) -> None:
-        """The card begins a telegram: who babbles stops, or somebody begins. It hears neither (FC-10)."""
+        """At the start of a telegram a babbling drive stops, or begins. The card hears neither (FC-10)."""
         now, bit = self.pins.now, self.drive_line.bit
         if self.drive_end > now and not self.rude:
             self.pins.hush(DRIVE)
@@ -331,7 +331,7 @@ class Player:
 
 
 def spoilt(reply: bytes, how: dict) -> bytes:
-    """A telegram of the drive as a lying one sends it."""
+    """A telegram with the errors of a faulty drive."""
     data = bytearray(reply)
     if ("fault" in how or "pwe" in how) and len(data) > 8:
         value = how.get("fault", how.get("pwe", 0))
@@ -352,7 +352,7 @@ def spoilt(reply: bytes, how: dict) -> bytes:
 def run(
     case: dict, target: Target, wave: Path | None = None, *, strict_t15: bool = True
 ) -> tuple[Verdict, Played]:
-    """Plays a case and judges it."""
+    """Plays and judges a case."""
     player = Player(case, target, wave)
     played = player.play()
     judge = Judge(Card(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15)
@@ -363,14 +363,14 @@ def run(
 
 
 def aftermath(case: dict, played: Played, line: Line, verdict: Verdict, wait: int) -> list[str]:
-    """What is wrong behind the end of the judge; `wait`: of register 40003, the last one that may count."""
+    """Errors after the end of the judge; `wait`: last value of register 40003 that may count."""
     found = []
     frames = possible_frames(played.network, line, case["address"])
     if asked(frames, played.replies, case["dialect"]):
         found += unasked(frames, played.telegrams, line.clk_hz, verdict.until)
     else:
         verdict.counts["too much possible behind the judge"] += 1
-    # An exchange that may wait for longer than the case lasts has no end to be looked at.
+    # An exchange with a wait beyond the end of the case has no end to check.
     count = LOCAL if wait > LONG_WAIT else None
     last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
     return found + unanswered(last, played.network, played.replies, played.end, count)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A case of the fuzzer (campaigns/fuzz/case.py) as a file: read, and refused with one line when it is
-none."""
+"""Reads a case of the fuzzer (campaigns/fuzz/case.py) from a file; refuses an invalid file with one line."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from tb.model.vlt_drive import PROFILES
 
 
 class CaseError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def _number(value: object) -> bool:
@@ -41,7 +40,7 @@ def _pairs(value: object) -> bool:
 
 
 def _by_place(fits: Callable[[object], bool]) -> Callable[[object], bool]:
-    """Of characters, by their number from 0 on."""
+    """Check for values by character number, from 0 on."""
     return lambda value: (
         isinstance(value, dict) and all(key.isdecimal() and fits(of) for key, of in value.items())
     )
@@ -107,7 +106,7 @@ def _check(where: str, value: object, fits: dict, needs: tuple[str, ...] = ()) -
 
 
 def check(case: object) -> dict:
-    """The case itself; CaseError says what of it is none."""
+    """Returns the case; CaseError names the invalid part."""
     case = _check("the case", case, CASE, tuple(CASE))
     anything = {"drive": lambda value: isinstance(value, list), "babble": bool, "interrupt": bool}
     for number, event in enumerate(case["events"]):

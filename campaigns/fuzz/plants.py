@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bugs to plant: what the fuzzer must find, or it proves nothing by finding nothing.
+"""Planted bugs: the fuzzer must find them, otherwise a run without findings proves nothing.
 
-Each is one change of a source file, made in a copy; `make fuzz-plants` tells how many frames each one lives.
+Each bug is one change of a source file, made in a copy; `make fuzz-plants` counts the frames until it is
+found.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ CONFIGS = ROOT / "configs.toml"
 
 
 class PlantError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Plant:
         shutil.rmtree(folder, ignore_errors=True)
         for name in ("sw", "regs"):
             shutil.copytree(ROOT / name, folder / name)
-        # What is planted must fit the standard card only.
+        # The changed firmware needs to fit only the standard card.
         sizes = {entry["memory_bytes"] for entry in configurations().values()}
         roomy = re.sub(r"(?m)^memory_bytes = .*", f"memory_bytes = {max(sizes)}", CONFIGS.read_text())
         (folder / CONFIGS.name).write_text(roomy)

@@ -3,7 +3,7 @@
 
     python -m campaigns.fuzz.report [FOLDER | FILE.json ...]     default: build/fuzz
 
-Exit 0: no shard found anything; 1: one did; 2: no results, a file that is none, or shards of different cards.
+Exit 0: no shard found anything; 1: one did; 2: no results, an invalid file, or shards of different cards.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from pathlib import Path
 from rtl.sources import ROOT
 
 FOLDER = ROOT / "build/fuzz"
-# The name of a shard's result is its seed; cases lie beside it.
+# The name of a shard's result is its seed; cases are in the same folder.
 RESULT = re.compile(r"\d+\.json")
 SUMS = ("frames", "judged", "cases", "wall_s", "simulated_s")
 COUNTS = ("events", "outcomes", "rates", "unclear")
 
 
 class ReportError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def load(path: Path) -> dict:
@@ -50,7 +50,7 @@ def find(arguments: list[str]) -> list[Path]:
 
 
 def merge(results: list[dict]) -> dict:
-    """One result out of many; a seed that is there twice counts once."""
+    """Merges results; of several results with one seed only one counts."""
     results = list({result["seed"]: result for result in results}.values())
     if len({result["card"] for result in results}) > 1:
         raise ReportError("the results are of different cards; remove those of the older one")

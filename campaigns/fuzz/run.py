@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Differential fuzz of the whole card: random lines, random drive, judged by the models; `make fuzz`.
+"""Differential fuzzing of the whole card: random lines and drive, judged by the models; `make fuzz`.
 
     make fuzz [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
     python -m campaigns.fuzz.run [--seed N] [--count FRAMES] [--bauds 9600,115200] [--seconds S]
     python -m campaigns.fuzz.run --replay build/fuzz/SEED-CASE.json [--wave FILE.fst]
-    python -m campaigns.fuzz.run --plants [NAME ...]     # how many frames each planted bug lives
+    python -m campaigns.fuzz.run --plants [NAME ...]     # frames until each planted bug is found
 
-A run is a stateless shard: the same seed and count make the same cases anywhere. It writes
-build/fuzz/SEED.json, also while it goes on, and for each difference the smallest case found (JSON, for
---replay) with its waveform (FST). `make fuzz-report` merges the results of any number of shards. Exit 0: no
-difference; 1: differences; 2: a bad call or a missing tool.
+A run is a stateless shard: the same seed and count make the same cases anywhere. During the run it writes
+build/fuzz/SEED.json, and for each difference the smallest case found (JSON, for --replay) with its waveform
+(FST). `make fuzz-report` merges the results of any number of shards. Exit 0: no difference; 1: differences;
+2: an invalid command line or a missing tool.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ FOLDER = ROOT / "build/fuzz"
 OWN = Target()
 Play = Callable[..., tuple[Verdict, Played]]
 KEPT_EACH_S = 20
-DIFFERENCES_MAX = 10  # a shard with more stops: something is broken
+DIFFERENCES_MAX = 10  # a shard with more differences stops
 
 
 @dataclass
 class Result:
-    """What a shard found. Counts: events made, what the card did, rates; `unclear`: cases judged in part.
+    """Findings of a shard. Counts: events, actions of the card, rates; `unclear`: partly judged cases.
 
-    `judged`: of the frames, those that the judge came to the end of; of others only unasked telegrams count.
+    `judged`: frames that the judge finished; for other frames only unrequested telegrams are checked.
     """
 
     seed: int
@@ -92,9 +92,9 @@ def shard(
     strict_t15: bool = True,
     so_far: Callable[[Result], None] = lambda result: None,
 ) -> Result:
-    """Cases until `count` network frames were judged, or the time or the patience is over."""
+    """Plays cases until `count` network frames were judged, or the time is over."""
     result, began = Result(seed, fingerprint.shard()), time.monotonic()
-    told = began
+    kept_at = began
     play = functools.partial(run, target=target, strict_t15=strict_t15)
     while result.judged < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
         name = f"{seed}/{result.cases}"
@@ -112,7 +112,7 @@ def shard(
         for what, clocks in verdict.worst.items():
             result.worst[what] = max(clocks, result.worst.get(what, 0.0))
         if verdict.differences:
-            # At once: shrinking takes its time, in which a shard may be stopped.
+            # Report at once: shrinking takes time, and the shard may be stopped during it.
             found = {"case": name, "what": verdict.differences, "events": len(case["events"])}
             result.differences.append(found)
             so_far(result)
@@ -121,8 +121,8 @@ def shard(
                 found |= _shrunk(name, case, play, folder)
                 so_far(result)
         result.wall_s = time.monotonic() - began
-        if result.wall_s > told - began + KEPT_EACH_S:
-            told = time.monotonic()
+        if result.wall_s > kept_at - began + KEPT_EACH_S:
+            kept_at = time.monotonic()
             so_far(result)
     result.wall_s = time.monotonic() - began
     return result
@@ -142,8 +142,8 @@ def keep(result: Result) -> None:
         print(f"fuzz: {result.judged} frames", end="\r", file=sys.stderr, flush=True)
 
 
-def no_longer_one_is_lost(path: Path, count: int, what: str = "judged") -> None:
-    """A shard would write over the result of the same seed, which holds all that this one could bring."""
+def refuse_to_lose_a_longer_result(path: Path, count: int, what: str = "judged") -> None:
+    """Refuses to overwrite a longer result of the same seed."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         before = json.loads(path.read_text())
         same = before["card"] == fingerprint.shard()
@@ -157,7 +157,7 @@ def shown(path: Path) -> Path:
 
 
 def _shrunk(name: str, case: dict, play: Play, folder: Path) -> dict:
-    """A smaller case of a difference, kept with its waveform."""
+    """Shrinks a case with a difference and keeps it with its waveform."""
     path = folder / f"{name.replace('/', '-')}.json"
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(case, indent=1) + "\n")
@@ -169,7 +169,7 @@ def _shrunk(name: str, case: dict, play: Play, folder: Path) -> dict:
 
 
 def story(case: dict, played: Played, verdict: Verdict) -> list[str]:
-    """Everything that was on the two lines, one line each."""
+    """All traffic on the two lines, one line each."""
     ms = clk_hz(case["baud"]) / 1000
     lines: list[tuple[float, str]] = []
     for line, heard in (("network", played.network), ("drive", played.drive)):
@@ -186,12 +186,12 @@ def story(case: dict, played: Played, verdict: Verdict) -> list[str]:
     for burst in played.telegrams:
         words = fc_telegram.describe(burst.data)
         lines.append((burst.rise, f"to {burst.fall / ms:9.3f}  drive   -> {burst.data.hex(' ')}  ({words})"))
-    told = [f"{at / ms:9.3f} {text}" for at, text in sorted(lines)]
-    return [*told, *(f"DIFFERENCE {what}" for what in verdict.differences or ["none"])]
+    story_lines = [f"{at / ms:9.3f} {text}" for at, text in sorted(lines)]
+    return [*story_lines, *(f"DIFFERENCE {what}" for what in verdict.differences or ["none"])]
 
 
 class FuzzError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def replay(path: Path, wave: Path | None) -> int:
@@ -205,7 +205,7 @@ def replay(path: Path, wave: Path | None) -> int:
 
 
 def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> int:
-    """Looks for each planted bug; 1 when one is not found in `count` frames."""
+    """Searches for each planted bug; 1 if one is not found in `count` frames."""
     lived = []
     for plant in [named(name) for name in names] or PLANTS:
         with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
@@ -253,7 +253,7 @@ def main() -> int:
         parser.error(f"--bauds: the rates are {', '.join(map(str, sorted(BAUDS)))}")
     if options.plants is not None:
         return plants(options.plants, options.seed, options.count, bauds)
-    no_longer_one_is_lost(file_of(options.seed), options.count)
+    refuse_to_lose_a_longer_result(file_of(options.seed), options.count)
     print(f"fuzz: seed {options.seed}, {options.count} frames", flush=True)
     result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds, so_far=keep)
     keep(result)

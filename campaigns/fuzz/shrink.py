@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a failing case small: fewer events (ddmin), then plainer ones."""
+"""Reduces a failing case: fewer events (ddmin), then simpler ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Fails = Callable[[dict], bool]
 
 
 def shrink(case: dict, fails: Fails, tries: int = 400) -> dict:
-    """The smallest case found that still fails; `fails` is asked `tries` times at most."""
+    """The smallest failing case found; calls `fails` at most `tries` times."""
     left = [tries]
 
     def still(events: list[dict]) -> bool:
@@ -41,7 +41,7 @@ def _ddmin(events: list[dict], still: Callable[[list[dict]], bool]) -> list[dict
 
 
 def _plainer(events: list[dict], still: Callable[[list[dict]], bool]) -> list[dict]:
-    """Leaves out whatever an event has beyond its bytes, and each manner of the drive."""
+    """Removes optional parts of events, one at a time."""
     for number in range(len(events)):
         for key in ("babble", "interrupt", "drive", "glitches", "error", "gaps", "flaws"):
             if key in events[number]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fuzzer's share of every run: random lines and drives, each difference to the models a failure.
+"""The fuzzer's part of every test run: random lines and drives, each difference to the models is a failure.
 
-`make fuzz` is the long one. What makes its silence worth something is here too: planted bugs are found, are
-made small, and can be played again.
+`make fuzz` is the long version. The tests also show that its silence means something: planted bugs are found,
+reduced, and can be played again.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import Judge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 
-# Frames of each shard and its rates: those that cost little, and one of all.
+# Frames and rates of each shard: cheap rates, and a shard with all rates.
 SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()))
 EVERYWHERE = (
     *("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
@@ -48,56 +48,56 @@ EVERYWHERE = (
 
 @pytest.mark.rule(*EVERYWHERE)
 @pytest.mark.parametrize("number", range(len(SHARDS)))
-def test_no_line_and_no_drive_brings_the_card_from_its_rules(number, tmp_path):
+def test_random_lines_and_drives_show_no_difference(number, tmp_path):
     frames, bauds = SHARDS[number]
     result = shard(seeded(f"fuzz {number}").randrange(1 << 31), frames, bauds=bauds, folder=tmp_path)
     print(result)
     assert not result.differences
     assert result.judged >= frames
-    # Most of it must have been judged, and have been worth judging. One case in which the judge has to
-    # stop early is a fifth of the small shard.
+    # Most frames must have been judged, and have tested something. One case in which the judge stops early is
+    # a fifth of the small shard.
     assert result.judged > (0.85 if frames > 1000 else 0.5) * result.frames
     assert result.outcomes["commit"] > frames / 4 and result.outcomes["reply of the drive"] > frames / 12
 
 
-# Cases in which the card was right and the judge was not.
+# Cases in which the card was right and an earlier judge was wrong.
 CASES = sorted((ROOT / "campaigns/fuzz/cases").glob("*.json"))
 
 
 @pytest.mark.rule("FC-9", "FRAME-7")
 @pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
-def test_either_of_two_right_outcomes_is_right(path):
+def test_judge_accepts_either_of_two_right_outcomes(path):
     verdict, _ = run(json.loads(path.read_text()), Target())
     assert not verdict.differences
 
 
-def behind_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
-    """A case in which the judge has to stop, as played; and what is found in it, or in a changed one."""
+def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
+    """Plays a case in which the judge stops; returns the traffic, and a check for changed traffic."""
     verdict, played = run(case, Target())
     line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
-    look = functools.partial(aftermath, case, line=line, verdict=verdict, wait=15)
-    assert verdict.unclear and not verdict.differences and not look(played)
+    check = functools.partial(aftermath, case, line=line, verdict=verdict, wait=15)
+    assert verdict.unclear and not verdict.differences and not check(played)
     assert played.judged(verdict.until) < len(played.frames)
-    return played, look
+    return played, check
 
 
 @pytest.mark.rule("SAFE-3")
-def test_where_the_judge_has_to_stop_the_last_answers_are_still_looked_at():
-    played, look = behind_the_judge(
+def test_last_answers_are_checked_after_the_judge():
+    played, check = after_the_judge(
         json.loads((ROOT / "campaigns/fuzz/cases/same-telegram-for-two.json").read_text())
     )
     mute = replace(played, replies=played.replies[:-1])
-    assert "nothing to the good request 03" in look(mute)[0]
+    assert "nothing to the good request 03" in check(mute)[0]
     twice = replace(played, replies=[*played.replies, played.replies[-1]])
-    assert " and " in look(twice)[0]
+    assert " and " in check(twice)[0]
 
 
 @pytest.mark.rule("SAFE-1", "FC-9")
 @pytest.mark.parametrize("name", ["4711/9", "4711/16", "4711/23"])
-def test_where_the_judge_has_to_stop_no_command_leaves_unasked(name):
-    """Cases with writes of coils in them, as nearly all have."""
+def test_unrequested_commands_are_found_after_the_judge(name):
+    """Cases with writes of coils, as in most random cases."""
     case = make(name)
-    played, look = behind_the_judge(case)
+    played, check = after_the_judge(case)
     command, parameter = played.telegrams[-2:]  # the last two requests'
     drive = drive_line(clk_hz(case["baud"]))
 
@@ -115,12 +115,12 @@ def test_where_the_judge_has_to_stop_no_command_leaves_unasked(name):
     before = command.rise - pause - 8 * drive.character_bits * drive.bit
     start = build_process(0x047C, 0x4000)
     for data in (start, b"\0" + start, build_process(0x047C, 0x4000, 0x20), build_parameter(2, 514, 0, 1)):
-        assert "SAFE-1" in look(with_more(data, before))[0], data.hex(" ")
-    # The last command again, behind its answer.
-    assert "SAFE-1" in look(with_more(command.data, parameter.fall + pause))[0]
+        assert "SAFE-1" in check(with_more(data, before))[0], data.hex(" ")
+    # The last command again, after its answer.
+    assert "SAFE-1" in check(with_more(command.data, parameter.fall + pause))[0]
 
 
-def test_what_could_have_been_asked_has_an_end():
+def test_possible_states_are_limited():
     """Commands of single coils, none confirmed: each may have changed the control image or not."""
     line = Line(38400, "8E1", clk_hz(38400))
     character = line.character_bits * line.bit
@@ -137,14 +137,14 @@ def test_what_could_have_been_asked_has_an_end():
 
 
 @pytest.mark.rule("FRAME-3")
-def test_the_lenient_card_keeps_the_lenient_rule(tmp_path):
+def test_lenient_card_follows_the_lenient_rule(tmp_path):
     lenient = named("lenient-t15").target()
     seed = seeded("lenient").randrange(1 << 31)
     result = shard(seed, 400, bauds=(38400,), target=lenient, folder=tmp_path, strict_t15=False)
     assert not result.differences
 
 
-# ---------------------------------------------------------------- what it is worth
+# ---------------------------------------------------------------- planted bugs
 
 
 @pytest.mark.parametrize(
@@ -161,20 +161,20 @@ def test_a_planted_bug_is_found(name, frames, tmp_path):
 
 @pytest.mark.rule("SAFE-1", "FC-5")
 def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
-    """From the function code on the one pin to bit 10 on the other, on the card as it is wired."""
+    """From the function code on one pin to bit 10 on the other, on the wired card."""
     read = {"what": "legal", "gap": ["idle", 20.0], "bytes": with_crc(bytes.fromhex("01 03 1413 0002")).hex()}
     start = {"what": "legal", "gap": ["idle", 400.0], "bytes": START.hex()}
     case = {**make("1/1", (38400,)), "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
     _, played = run({**case, "events": [read, start]}, named("command-in-a-parameter").target())
     words = [(len(burst.data), int.from_bytes(burst.data[-5:-3], "big")) for burst in played.telegrams]
-    # The parameter's two attempts have all of the planted word but bit 10; the drive refuses them.
+    # The parameter's two attempts carry the planted word without bit 10; the drive refuses them.
     assert words[:2] == [(16, 0x007C)] * 2
     assert (8, 0x047C) in words
     assert not [word for length, word in words if length == 16 and word & 0x0400]
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)
-def test_every_plant_still_finds_its_place_and_fits_there(plant, tmp_path):
+def test_every_plant_applies_and_fits(plant, tmp_path):
     if not plant.old:
         return
     changed = tmp_path / Path(plant.file).name
@@ -183,14 +183,14 @@ def test_every_plant_still_finds_its_place_and_fits_there(plant, tmp_path):
         sources = [changed if path == ROOT / plant.file else path for path in card_files()]
         check = ["iverilog", "-g2005", "-t", "null", "-s", "rtu2fc", *sources]
     else:
-        # A header is found in its folder first.
+        # A header is first searched in its own folder.
         source = changed if changed.suffix == ".c" else ROOT / "sw/src/gateway.c"
         check = ["gcc", "-std=c99", "-fsyntax-only", f"-I{tmp_path}", *INCLUDES, source]
     done = subprocess.run(check, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_path):
+def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
     target = named("no-repeat").target()
     result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)
     (found,) = result.differences
@@ -228,8 +228,8 @@ def test_a_difference_becomes_a_small_case_that_plays_again_and_a_waveform(tmp_p
         ("event: babble {}", "event 0: 'babble' cannot be"),
     ],
 )
-def test_what_is_no_case_is_not_played(tmp_path, text, complaint):
-    """Of a good case with one thing in it changed, or of a file that is none at all."""
+def test_invalid_case_is_refused(tmp_path, text, complaint):
+    """A good case with one change, or an invalid file."""
     case = {"baud": 19200, "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
     case["events"] = [{"what": "legal", "gap": ["idle", 10.0], "bytes": "0101000000087dcc"}]
     assert case_file.check(case) == case
@@ -249,7 +249,7 @@ def test_what_is_no_case_is_not_played(tmp_path, text, complaint):
         replay(path, None)
 
 
-def test_every_case_that_is_made_can_be_read_again():
+def test_generated_cases_are_valid_files():
     for number in range(300):
         case = make(f"9/{number}")
         assert case_file.check(json.loads(json.dumps(case))) == case
@@ -258,15 +258,15 @@ def test_every_case_that_is_made_can_be_read_again():
 
 
 @pytest.mark.parametrize("what", ["judged", "flips"])
-def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, what):
+def test_longer_result_of_the_same_seed_is_kept(tmp_path, what):
     path = tmp_path / "7.json"
-    fuzz.no_longer_one_is_lost(path, 100, what)
+    fuzz.refuse_to_lose_a_longer_result(path, 100, what)
     path.write_text(json.dumps({"card": fingerprint.shard(), what: 500}))
-    fuzz.no_longer_one_is_lost(path, 500, what)
+    fuzz.refuse_to_lose_a_longer_result(path, 500, what)
     with pytest.raises(fuzz.FuzzError, match="has 500 of this seed"):
-        fuzz.no_longer_one_is_lost(path, 499, what)
+        fuzz.refuse_to_lose_a_longer_result(path, 499, what)
     path.write_text(json.dumps({"card": "another", what: 500}))
-    fuzz.no_longer_one_is_lost(path, 499, what)
+    fuzz.refuse_to_lose_a_longer_result(path, 499, what)
 
 
 @pytest.mark.parametrize(
@@ -279,21 +279,21 @@ def test_a_longer_result_of_the_same_seed_is_not_lost(tmp_path, what):
         (["--wave", "x.fst"], "--wave is of a case"),
     ],
 )
-def test_what_cannot_go_together_is_refused(monkeypatch, capsys, words, said):
+def test_contradicting_options_are_refused(monkeypatch, capsys, words, said):
     monkeypatch.setattr("sys.argv", ["fuzz", *words])
     with pytest.raises(SystemExit) as stopped:
         fuzz.main()
     assert stopped.value.code == 2 and said in capsys.readouterr().err
 
 
-def test_a_shard_is_the_same_anywhere():
+def test_shard_is_reproducible():
     assert make("7/3") == make("7/3")
     assert make("7/3") != make("7/4")
     first, second = (run(make("7/3", (115200,)), Target()) for _ in range(2))
     assert (first[0].counts, first[1].end) == (second[0].counts, second[1].end)
 
 
-# ---------------------------------------------------------------- what it sends
+# ---------------------------------------------------------------- generated traffic
 
 
 HARM = (
@@ -304,8 +304,8 @@ HARM = (
 )
 
 
-def test_the_traffic_has_every_kind_of_harm():
-    """Each flaw, pulses, glitches, drifting senders, each length of a gap, each kind of drive."""
+def test_traffic_has_every_kind_of_fault():
+    """Each flaw, pulses, glitches, drifting senders, each length of a gap, each fault of the drive."""
     cases = [make(f"9/{number}") for number in range(400)]
     met: Counter = Counter()
     for case in cases:
@@ -332,7 +332,7 @@ def test_the_traffic_has_every_kind_of_harm():
     assert not {kind: met[kind] for kind in HARM if met[kind] < 20}
 
 
-# ---------------------------------------------------------------- the judge itself
+# ---------------------------------------------------------------- the judge
 
 LINE = Line(19200, "8E1", 2_000_000)
 READ = rtu.build(1, rtu.read_coils(0, 16))
@@ -352,16 +352,16 @@ def burst(line: Line, data: bytes, at: float) -> Burst:
     return Burst(round(at), round(sent[-1].end), sent)
 
 
-def judged(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
+def verdict_on(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
     card = Card()
     card.registers[DRIVE_TIMEOUT] = wait
     judge = Judge(card, LINE, 1, budget=8000)
     return judge.judge(network, list(drive), list(replies), list(telegrams), until)
 
 
-def test_the_judge_accepts_what_is_right():
+def test_judge_accepts_a_correct_exchange():
     asked = heard(LINE, READ, 1e5)
-    verdict = judged(asked, [burst(LINE, ANSWER, asked[-1].end + T35)])
+    verdict = verdict_on(asked, [burst(LINE, ANSWER, asked[-1].end + T35)])
     assert not verdict.differences and verdict.counts["function 01 answered"] == 1
 
 
@@ -374,39 +374,39 @@ def test_the_judge_accepts_what_is_right():
         (None, b"", "no reply"),
     ],
 )
-def test_the_judge_knows_a_wrong_reply(late_bits, answer, complaint):
+def test_judge_detects_a_wrong_reply(late_bits, answer, complaint):
     asked = heard(LINE, READ, 1e5)
     replies = [burst(LINE, answer, asked[-1].end + T35 + late_bits * LINE.bit)] if answer else []
-    assert complaint in judged(asked, replies).differences[0]
+    assert complaint in verdict_on(asked, replies).differences[0]
 
 
-def test_the_judge_knows_a_reply_into_traffic():
+def test_judge_detects_a_reply_into_traffic():
     asked = heard(LINE, START, 1e5)
     commit = asked[-1].end + T35
     drive = drive_line(LINE.clk_hz)
     telegram = burst(drive, build_process(0x047C, 0), commit)
     answered = heard(drive, build_process(0x0F03, 0), telegram.fall + 24 * drive.bit)
     reply = burst(LINE, STARTED, answered[-1].end)
-    assert not judged(asked, [reply], [telegram], answered).differences
+    assert not verdict_on(asked, [reply], [telegram], answered).differences
     newer = heard(LINE, b"\x55", answered[0].start)
-    assert not judged(asked + newer, [], [telegram], answered).differences
-    assert "FRAME-7" in judged(asked + newer, [reply], [telegram], answered).differences[0]
+    assert not verdict_on(asked + newer, [], [telegram], answered).differences
+    assert "FRAME-7" in verdict_on(asked + newer, [reply], [telegram], answered).differences[0]
 
 
-def test_the_judge_knows_a_telegram_that_nobody_asked_for():
+def test_judge_detects_an_unrequested_telegram():
     asked = heard(LINE, START, 1e5)
     drive = drive_line(LINE.clk_hz)
     revoked = asked + heard(LINE, b"\x01", asked[-1].end + 25 * LINE.bit)
     telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
-    assert "SAFE-1" in judged(revoked, [], [telegram]).differences[0]
-    assert "no telegram" in judged(asked).differences[0]
+    assert "SAFE-1" in verdict_on(revoked, [], [telegram]).differences[0]
+    assert "no telegram" in verdict_on(asked).differences[0]
 
 
 DRIVE = drive_line(LINE.clk_hz)
 
 
 def sent_so(whole: Burst, **changed) -> Burst:
-    """The same with `rise`, `fall` or `characters` moved, or given."""
+    """The burst with moved `rise`, `fall` or `characters`."""
     moved = {key: getattr(whole, key) + by for key, by in changed.items() if key != "characters"}
     return replace(whole, **(changed | moved))
 
@@ -439,62 +439,62 @@ def with_a_gap(whole: Burst, late: float) -> Burst:
         ("telegram", lambda b, line: burst(line, build_process(0x047D, 0), b.rise), "expected 02 06 81 04"),
     ],
 )
-def test_the_judge_looks_at_the_shape_of_all_that_is_sent(whose, change, complaint):
+def test_judge_checks_the_shape_of_frames_and_telegrams(whose, change, complaint):
     asked = heard(LINE, START, 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35 + 1000)
     answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
     reply = burst(LINE, STARTED, answered[-1].end + 1000)
-    assert not judged(asked, [reply], [telegram], answered).differences
+    assert not verdict_on(asked, [reply], [telegram], answered).differences
     sent = {"reply": (reply, LINE), "telegram": (telegram, DRIVE)}
     changed = {kind: one for kind, (one, _) in sent.items()} | {whose: change(*sent[whose])}
-    (told,) = judged(asked, [changed["reply"]], [changed["telegram"]], answered).differences
-    assert complaint in told and told.split(": ")[1].startswith(whose)
+    (difference,) = verdict_on(asked, [changed["reply"]], [changed["telegram"]], answered).differences
+    assert complaint in difference and difference.split(": ")[1].startswith(whose)
 
 
-def test_the_judge_knows_a_pause_too_short():
+def test_judge_detects_a_short_pause():
     asked = heard(LINE, START, 1e5)
     commit = asked[-1].end + T35
     for bits, short in ((22.5, False), (20.0, True)):
         noise = heard(DRIVE, b"\x55", commit - (11 + bits - 1) * DRIVE.bit)
         telegram = burst(DRIVE, build_process(0x047C, 0), noise[-1].end + bits * DRIVE.bit)
-        told = judged(asked, [], [telegram], noise, until=telegram.fall).differences
-        assert bool(told) == short and all("pause too short" in what for what in told)
+        differences = verdict_on(asked, [], [telegram], noise, until=telegram.fall).differences
+        assert bool(differences) == short and all("pause too short" in what for what in differences)
 
 
-def test_the_judge_knows_a_late_reply_of_the_drive_and_one_too_early():
+def test_judge_detects_late_and_early_replies_of_the_drive():
     asked = heard(LINE, START, 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
     answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
     for late, complaint in ((30000.0, "no reply"), (-3 * LINE.bit, "nothing asked for")):
         reply = burst(LINE, STARTED, answered[-1].end + late)
-        assert complaint in judged(asked, [reply], [telegram], answered).differences[0]
+        assert complaint in verdict_on(asked, [reply], [telegram], answered).differences[0]
 
 
 @pytest.mark.rule("FC-9")
-def test_the_judge_wants_one_repeat_of_the_newest_request_and_none_of_an_older():
+def test_judge_requires_one_repeat_of_the_newest_request_only():
     asked = heard(LINE, START, 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
     again = burst(DRIVE, telegram.data, telegram.fall + 150 * LINE.clk_hz / 1000 + 1000)
     wait = 170 * LINE.clk_hz / 1000
-    assert not judged(asked, [], [telegram, again], until=again.fall).differences
-    assert "no telegram" in judged(asked, [], [telegram], until=again.fall + wait).differences[0]
+    assert not verdict_on(asked, [], [telegram, again], until=again.fall).differences
+    assert "no telegram" in verdict_on(asked, [], [telegram], until=again.fall + wait).differences[0]
     third = burst(DRIVE, telegram.data, again.fall + 150 * LINE.clk_hz / 1000 + 1000)
-    told = judged(asked, [], [telegram, again, third], until=third.fall).differences[0]
-    assert "nothing asked for (SAFE-1)" in told
+    differences = verdict_on(asked, [], [telegram, again, third], until=third.fall).differences[0]
+    assert "nothing asked for (SAFE-1)" in differences
     newer = heard(LINE, READ, telegram.fall + 1000)
     answer = burst(LINE, rtu.build(1, bytes.fromhex("01 02 7C 04")), newer[-1].end + T35)
-    told = judged(asked + newer, [answer], [telegram, again], until=again.fall).differences[0]
-    assert "nothing asked for (SAFE-1)" in told
-    assert not judged(asked + newer, [answer], [telegram], until=again.fall + wait).differences
+    differences = verdict_on(asked + newer, [answer], [telegram, again], until=again.fall).differences[0]
+    assert "nothing asked for (SAFE-1)" in differences
+    assert not verdict_on(asked + newer, [answer], [telegram], until=again.fall + wait).differences
     to_all = heard(LINE, rtu.build(0, START[1:-2]), 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0, ADR_BROADCAST), to_all[-1].end + T35)
     again = burst(DRIVE, telegram.data, telegram.fall + 24 * DRIVE.bit)
-    assert not judged(to_all, [], [telegram], until=again.fall).differences
-    assert "nothing asked for (SAFE-1)" in judged(to_all, [], [telegram, again]).differences[0]
+    assert not verdict_on(to_all, [], [telegram], until=again.fall).differences
+    assert "nothing asked for (SAFE-1)" in verdict_on(to_all, [], [telegram, again]).differences[0]
 
 
 @pytest.mark.rule("FC-9")
-def test_the_judge_lets_a_repeat_stay_away_only_while_the_drive_talks():
+def test_judge_excuses_a_missing_repeat_only_while_the_drive_sends():
     asked = heard(LINE, START, 1e5)
     drive = drive_line(LINE.clk_hz)
     telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
@@ -503,25 +503,25 @@ def test_the_judge_lets_a_repeat_stay_away_only_while_the_drive_talks():
     talk = heard(drive, b"\x55" * 30, telegram.fall + 24 * drive.bit)
     reply = burst(LINE, silent, telegram.fall + 2.1 * wait)
     assert reply.start < talk[-1].end
-    assert not judged(asked, [reply], [telegram], talk, until=reply.fall, wait=1).differences
+    assert not verdict_on(asked, [reply], [telegram], talk, until=reply.fall, wait=1).differences
     early = burst(LINE, silent, telegram.fall + 1.5 * wait)
-    assert "nothing asked for" in judged(asked, [early], [telegram], talk, wait=1).differences[0]
-    assert "the line was free" in judged(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
-    assert "the line was free" in judged(asked, [reply], [telegram], wait=1).differences[0]
+    assert "nothing asked for" in verdict_on(asked, [early], [telegram], talk, wait=1).differences[0]
+    assert "the line was free" in verdict_on(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
+    assert "the line was free" in verdict_on(asked, [reply], [telegram], wait=1).differences[0]
 
 
-def test_the_judge_follows_either_outcome_where_the_rules_leave_it_open():
+def test_judge_follows_either_outcome_of_an_open_rule():
     asked = heard(LINE, READ[:4], 1e5)
     torn = asked + heard(LINE, READ[4:], asked[-1].end + LINE.t15_bits * LINE.bit)
-    assert judged(torn).unclear and not judged(torn).differences
+    assert verdict_on(torn).unclear and not verdict_on(torn).differences
 
 
 # ---------------------------------------------------------------- the report
 
 
 @pytest.mark.figures
-def test_the_page_is_of_this_card():
-    """Fuzz, plants and flips; the judge may have become stricter since."""
+def test_page_describes_this_card():
+    """Card and firmware of fuzz, plants and flips; the judge may have become stricter since."""
     said = " ".join((ROOT / "docs/reports/fuzz.md").read_text().split())
     card = f"card `{fingerprint.card()}`, firmware `{fingerprint.firmware()}`"
     assert said.count(card) == 3, "run `make fuzz COUNT=100000`, `make fuzz-plants` and 5,000 of `make flips`"
@@ -552,8 +552,8 @@ def test_shards_are_merged(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["fuzz_report", str(tmp_path)])
     assert fuzz_report.main() == 1
     shown = capsys.readouterr().out
-    told = "card one: 2 shards, 40 network frames in 4 cases, 38 of them judged to their end: 1 differences"
-    assert told in shown and "no reply" in shown
+    total = "card one: 2 shards, 40 network frames in 4 cases, 38 of them judged to their end: 1 differences"
+    assert total in shown and "no reply" in shown
     merged = fuzz_report.merge([result(1, 10, []), result(1, 10, []), result(2, 5, [])])
     assert merged["frames"] == 15 and merged["worst"] == {"reply": 2.0}
     assert merged["events"] == Counter(legal=15)
@@ -561,7 +561,7 @@ def test_shards_are_merged(tmp_path, capsys, monkeypatch):
         fuzz_report.merge([result(1, 10, []), result(2, 5, [], card="another")])
 
 
-def test_a_shard_keeps_what_it_has_so_far(tmp_path, monkeypatch):
+def test_shard_keeps_its_intermediate_result(tmp_path, monkeypatch):
     monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
     monkeypatch.setattr(fuzz, "KEPT_EACH_S", 0)
     frames = []
@@ -574,7 +574,7 @@ def test_a_shard_keeps_what_it_has_so_far(tmp_path, monkeypatch):
     assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
 
 
-def test_a_shard_that_is_stopped_while_it_shrinks_has_kept_the_difference(tmp_path, monkeypatch):
+def test_shard_stopped_while_shrinking_keeps_the_difference(tmp_path, monkeypatch):
     def stopped(case: dict, fails: Callable[[dict], bool]) -> dict:
         raise KeyboardInterrupt
 
@@ -588,7 +588,7 @@ def test_a_shard_that_is_stopped_while_it_shrinks_has_kept_the_difference(tmp_pa
     assert run(case, target)[0].differences == found["what"]
 
 
-def test_the_report_names_what_is_no_result(tmp_path):
+def test_report_names_an_invalid_result(tmp_path):
     (tmp_path / "1.json").write_text("{}")
     with pytest.raises(fuzz_report.ReportError, match="no result of a fuzz shard"):
         fuzz_report.load(tmp_path / "1.json")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the fuzzer's cases: requests right and wrong, times near the limits, damage, noise, bad drives.
+"""Generates the fuzzer's cases: valid and invalid requests, times near the limits, damage, noise, bad drives.
 
-Gaps keep clear of t1.5, t3.5 and the drive line's two characters by what FRAME-1 and the sender's own error
-leave open; everything else is random. A case depends on nothing but its seed.
+Gaps stay clear of t1.5, t3.5 and the drive line's two characters by the tolerance of FRAME-1 and the sender's
+error; everything else is random. A case depends only on its seed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tb.model.crc16 import with_crc
 from tb.model.fc_telegram import STX, build
 from tb.model.wire import PAUSE_BITS, UNSURE_BITS, Line
 
-# How often a rate is chosen, and how many events its cases have: at 300 bit/s a frame is a million clocks.
+# Weight of each rate, and number of events in its cases: at 300 bit/s a frame is a million clocks.
 RATES = {
     115200: (8, 40),
     38400: (44, 45),
@@ -34,9 +34,9 @@ DIALECT_PROFILES = {
     "builtin": ("vlt8000", "vlt2800"),
     "hvac_basic": ("hvac_basic",),
 }
-WAITS = (3, 3, 3, 4, 4, 2)  # register 40003, in 10 ms: short, for most of a silent drive is waiting
+WAITS = (3, 3, 3, 4, 4, 2)  # register 40003, in 10 ms: short, because a silent drive costs simulation time
 FOREIGN = (2, 7, 99, 246, 247)
-# Beyond the margin that is unsure, in bits: near the limit, or anywhere.
+# Bits beyond the uncertain margin: near the limit, or anywhere.
 NEAR_BITS = 3.0
 
 
@@ -61,7 +61,7 @@ class FuzzTraffic(Traffic):
 
 
 class Maker:
-    """Makes one case."""
+    """Generates one case."""
 
     def __init__(self, seed: str, bauds: tuple[int, ...] = ()) -> None:
         self.rng = rng = random.Random(seed)
@@ -124,7 +124,7 @@ class Maker:
         return {"what": what, "gap": self._idle(), "bytes": with_crc(bytes([unit]) + pdu).hex(), **more}
 
     def _idle(self) -> list:
-        """After the card is done: just beyond t3.5, or later."""
+        """Start when the card has finished: just beyond t3.5, or later."""
         late = self.rng.random() < 0.2
         return ["idle", round(self.rng.uniform(1, 60) if late else self.rng.uniform(0.6, NEAR_BITS), 2)]
 
@@ -132,7 +132,7 @@ class Maker:
         return UNSURE_BITS + 0.1 + CHARACTER_BITS * abs(error)
 
     def _within(self, low: float, high: float) -> float:
-        """A number of bits between two limits, often just inside one of them."""
+        """Bits between two limits, often just inside one of them."""
         choice = self.rng.random()
         if choice < 0.3:
             return round(self.rng.uniform(low, min(high, low + NEAR_BITS)), 3)
@@ -165,7 +165,7 @@ class Maker:
         return events
 
     def near_legal(self) -> dict:
-        """One thing wrong, or two, the CRC right."""
+        """One or two errors, with a correct CRC."""
         pdu = bytearray(self._pdu())
         for _ in range(self.rng.choice((1, 1, 2))):
             how = self.rng.randrange(6)
@@ -208,7 +208,7 @@ class Maker:
         return event
 
     def torn(self) -> list[dict]:
-        """Torn apart between t1.5 and t3.5, or by a whole t3.5; sometimes a good one follows at once."""
+        """Split by a silence between t1.5 and t3.5, or by t3.5; sometimes a good frame follows at once."""
         event = self._frame("torn", self._pdu())
         count = len(event["bytes"]) // 2
         long = self.rng.random() < 0.3
@@ -216,21 +216,21 @@ class Maker:
         if self.rng.random() < 0.5:
             event["gaps"] = {str(self.rng.randrange(1, count)): gap}
             return [event]
-        # What was thrown away is forgotten: the next byte is an address (FRAME-2).
+        # The card forgets a dropped part: the next byte is an address (FRAME-2).
         event["bytes"] = event["bytes"][: 2 * self.rng.randrange(1, count)]
         follower = self._frame("torn", self._pdu())
         follower["gap"] = ["own", self._long_gap() if self.rng.random() < 0.3 else self._middle_gap()]
         return [event, follower]
 
     def revoked(self) -> list[dict]:
-        """Something follows a good frame too early (FRAME-3)."""
+        """Characters follow a good frame too early (FRAME-3)."""
         event = self._frame("revoked", self._pdu())
         follower = self._frame("revoked", self._pdu())
         how = self.rng.random()
         if how < 0.4:
             follower["bytes"] = self.rng.randbytes(self.rng.randint(1, 3)).hex()
         elif how < 0.7:
-            # What follows a revoked frame is dropped, also a good frame behind a byte.
+            # Characters after a revoked frame are dropped, including a good frame after a byte.
             follower["bytes"] = self.rng.randbytes(1).hex() + follower["bytes"]
         follower["gap"] = ["own", self._short_gap() if self.rng.random() < 0.2 else self._middle_gap()]
         return [event, follower]
@@ -245,7 +245,7 @@ class Maker:
             data[place] ^= 1 << self.rng.randrange(8)
             event["flaws"] = {str(place): "parity"}
         elif flaw == "bits":
-            # Two in one character: parity does not see it.
+            # Two bits in one character: parity does not detect them.
             one, other = self.rng.sample(range(8), 2)
             data[place] ^= 1 << one | 1 << other
         else:
@@ -254,11 +254,11 @@ class Maker:
         return event
 
     def foreign(self) -> dict:
-        """For another, or the answer of another: good frames all the same."""
+        """Frames for another unit, or from another unit: good frames all the same."""
         return self._frame("foreign", self._pdu(), self.rng.choice(FOREIGN))
 
     def collision(self) -> list[dict]:
-        """A newer frame, or a few characters, while the card is about to answer or does (FRAME-7)."""
+        """A newer frame, or a few characters, before or during the card's answer (FRAME-7)."""
         event = self._frame("collision", self._pdu())
         if self.rng.random() < 0.3:
             event["drive"] = [self._manner() for _ in range(2)]
@@ -292,7 +292,7 @@ class Maker:
         return [burst, after]
 
     def glitches(self) -> dict:
-        """Pulses below a quarter bit, a bit apart at least, all over the frame."""
+        """Pulses below a quarter bit, at least a bit apart, anywhere in the frame."""
         event = self._frame("glitches", self._pdu())
         bits = len(event["bytes"]) // 2 * self.line.character_bits
         offset, found = self.rng.uniform(0.1, 20), []
@@ -314,7 +314,7 @@ class Maker:
     # ------------------------------------------------------------ the drive
 
     def bad_drive(self) -> dict:
-        """A request that needs the drive, and a drive that is slow, silent, lying or broken."""
+        """A request for the drive, and a slow, silent, wrong or broken drive."""
         pdu = self.rng.choice((self.traffic.read_number, self.traffic.write_number, self.traffic.command))()[
             0
         ][1]
@@ -325,7 +325,7 @@ class Maker:
         return event
 
     def babble(self) -> dict:
-        """Characters on the drive line that nobody asked for, from before the commit on."""
+        """Unrequested characters on the drive line, from before the commit on."""
         event = self._frame("babble", self._pdu(), self.address)
         data = self.rng.randbytes(self.rng.randint(1, 25))
         if self.rng.random() < 0.2:
@@ -334,7 +334,7 @@ class Maker:
             str(i): self._within(0, PAUSE_BITS - 1) for i in range(1, len(data)) if self.rng.random() < 0.2
         }
         if len(data) > 5 and self.rng.random() < 0.4:
-            # Once long enough for the card to begin.
+            # One gap is long enough for the card to begin.
             gaps[str(self.rng.randrange(1, len(data)))] = self._within(PAUSE_BITS + 1, PAUSE_BITS + 20)
         event["babble"] = {
             "gap": round(self.rng.uniform(0, 1.3 * len(event["bytes"]) / 2 * 11 * 9600 / self.baud), 2),
@@ -345,7 +345,7 @@ class Maker:
         return event
 
     def _manner(self) -> dict:
-        """What the drive does with one telegram."""
+        """Behaviour of the drive for one telegram."""
         rng = self.rng
         bit = 1 << rng.randrange(8)
         first = {"gap": round(rng.choice((23.0, 24.0, rng.uniform(22.5, 60), rng.uniform(22.5, 400))), 2)}
@@ -372,7 +372,7 @@ class Maker:
                 {"flaws": {str(rng.randrange(0, 8)): rng.choice(("parity", "stop"))}},
                 {"gaps": {str(rng.randrange(1, 8)): self._within(0, PAUSE_BITS - 0.5)}},
                 {"gaps": {str(rng.randrange(1, 8)): self._within(PAUSE_BITS + 0.7, PAUSE_BITS + 30)}},
-                {"gaps": {str(i): 7.0 for i in range(1, 16)}},  # each gap short, the whole too slow
+                {"gaps": {str(i): 7.0 for i in range(1, 16)}},  # short gaps, but too slow in all
                 {"gaps": {str(i): 3.5 for i in range(1, 16)}},
                 {"cut": rng.randrange(1, 8)},
                 {"before": rng.choice(("00", "ff", "02", "0206", "7f55")), "gap": 23.0},
