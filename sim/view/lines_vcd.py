@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Both lines of a waveform as a small VCD file, for sigrok-cli and logic analysers' programs.
+"""Converts both lines of a waveform to a small VCD file, for sigrok-cli and programs of logic analysers.
 
     python -m sim.view.lines_vcd WAVE.fst LINES.vcd
 
-Channels: modbus and drive, the wires as everybody on them sees them, both directions; then each direction by
-itself: master and card_modbus, drive_unit and card_drive. One sample is a microsecond: sigrok is quick then,
-the wires of 115200 bit/s still have 8 samples a bit, and samples are numbered as the log counts time.
+Channels: modbus and drive are the wires with both directions. Each direction alone is master and card_modbus,
+drive_unit and card_drive. One sample is a microsecond: sigrok is fast then, 115200 bit/s still has 8 samples
+a bit, and sample numbers are the log's times.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from vcd import VCDWriter
+
 from sim.view.wave_file import WaveFile
 
-LINES = {"modbus": "master", "drive": "drive_unit"}  # and who is at the other end
+LINES = {"modbus": "master", "drive": "drive_unit"}  # line and its other end
 PINS = ("rx", "tx", "de")
 CHANNELS = [*LINES, *(name for line, far in LINES.items() for name in (far, f"card_{line}"))]
 SAMPLE_S = 1e-6
-END_SAMPLES = 10_000  # of silence, so that the last frame ends
+END_SAMPLES = 10_000  # silence that ends the last frame
 
 
 def _channels(pins: dict[str, str]) -> dict[str, str]:
-    """Whoever pulls the pair low wins; while the card's driver is on, its pin hears itself."""
+    """A 0 from either end wins; while the card's driver is on, its receive pin has its own output."""
     shown = {}
     for line, far in LINES.items():
         driving = pins[f"{line}_de"] == "1"
@@ -39,7 +41,7 @@ def _channels(pins: dict[str, str]) -> dict[str, str]:
 
 
 def samples(wave: WaveFile) -> Iterator[tuple[int, dict[str, str]]]:
-    """Sample number and level of every channel, whenever one changes."""
+    """Sample number and levels of all channels, at each change."""
     names = [f"{line}_{pin}" for line in LINES for pin in PINS]
     missing = [name for name in names if name not in wave.signals]
     if missing:
@@ -56,18 +58,14 @@ def samples(wave: WaveFile) -> Iterator[tuple[int, dict[str, str]]]:
 
 
 def write_vcd(wave: Path, vcd: Path) -> None:
-    codes = {name: chr(ord("!") + number) for number, name in enumerate(CHANNELS)}
-    before: dict[str, str] = {}
+    at = 0
     with vcd.open("w") as file:
-        file.write("$timescale 1 us $end\n$scope module card $end\n")
-        file.writelines(f"$var wire 1 {codes[name]} {name} $end\n" for name in CHANNELS)
-        file.write("$upscope $end\n$enddefinitions $end\n")
+        writer = VCDWriter(file, timescale="1 us", date="")
+        channels = {name: writer.register_var("card", name, "wire", size=1, init="1") for name in CHANNELS}
         for at, levels in samples(WaveFile(wave)):
-            changed = [name for name in CHANNELS if levels[name] != before.get(name)]
-            if changed:
-                file.write(f"#{at}\n" + "".join(f"{levels[name]}{codes[name]}\n" for name in changed))
-            before = levels
-        file.write(f"#{at + END_SAMPLES}\n")
+            for name, level in levels.items():
+                writer.change(channels[name], at, level)
+        writer.close(at + END_SAMPLES)
 
 
 def main() -> int:
@@ -76,7 +74,7 @@ def main() -> int:
     parser.add_argument("vcd", type=Path, help="file to write")
     args = parser.parse_args()
     if not args.wave.is_file():
-        print(f"lines_vcd: {args.wave} is not there", file=sys.stderr)
+        print(f"lines_vcd: {args.wave} does not exist", file=sys.stderr)
         return 2
     try:
         write_vcd(args.wave, args.vcd)

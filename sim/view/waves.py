@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes view files for a waveform, so that it opens readable: GTKWave's .gtkw and Surfer's .sucl.
+"""Writes view files for a waveform: GTKWave's .gtkw and Surfer's .sucl.
 
-    python -m sim.view.waves WAVE.fst [TOP]     top: rtu2fc unless said otherwise
+    python -m sim.view.waves WAVE.fst [TOP]     default for TOP: rtu2fc
 
 The whole card is grouped by line: pins, decoded bytes, states by name, candidate, commit and revoke, then
 the mailbox and the firmware by function and register name. A single module shows its ports and its states.
-What is shown is a short list of patterns here; the names come from the waveform's own hierarchy, so that they
-are there. `make waves TEST=name` calls this for every waveform that it keeps.
+A short list of patterns here selects the signals; names come from the waveform's own hierarchy, so that they
+exist. `make waves TEST=name` runs this for every waveform that it keeps.
 """
 
 from __future__ import annotations
@@ -21,19 +21,21 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
+
+from vcd.gtkw import GTKWSave
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
 from sim.view.wave_file import Signal, WaveFile
 
 ROOT = Path(__file__).resolve().parents[2]
 ELF = ROOT / "build/firmware.elf"
-MAPPINGS = ".surfer/mappings"  # where Surfer looks, below the folder in which it is started
+MAPPINGS = ".surfer/mappings"  # searched by Surfer below its working folder
 ADDRESSES = "firmware"  # name of the translation from addresses to functions and registers
 
-# Trace flags of GTKWave (analyzer.h).
-HEX, DECIMAL, BIT, ASCII = 0x22, 0x24, 0x28, 0x820
-FILE_FILTER, GROUP_BEGIN, GROUP_END = 0x2000, 0x800200, 0x1000200
+# Data formats of GTKWave, by pyvcd's names, and of Surfer.
+HEX, DECIMAL, BIT, ASCII = "hex", "dec", "bin", "ascii"
 SURFER_FORMAT = {HEX: "Hexadecimal", DECIMAL: "Unsigned", BIT: "Bit", ASCII: "ASCII"}
 
 WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
@@ -41,14 +43,14 @@ WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
 
 @dataclass(frozen=True)
 class Entry:
-    """What to show: the first pattern that fits, and of the names that fit it the shortest.
+    """Selects signals: the first pattern that matches, and its shortest match.
 
-    A `*` stands for anything, levels of hierarchy included. `every`: all that fit, not only the shortest.
-    `names`: values that are addresses are shown as function or register.
+    A `*` matches any text, including levels of hierarchy. `every`: all matches, not only the shortest.
+    `names`: shows addresses as function or register.
     """
 
     patterns: tuple[str, ...]
-    flags: int = BIT
+    form: str = BIT
     alias: str = ""
     every: bool = False
     names: bool = False
@@ -66,7 +68,7 @@ class Row:
     """One line of a view."""
 
     signal: Signal
-    flags: int
+    form: str
     alias: str
     names: bool
 
@@ -84,7 +86,7 @@ def states(pattern: str) -> Entry:
 
 
 def line(port: str, pins: str) -> list[Entry]:
-    """One side of the card; both have the same shape."""
+    """One side of the card; both sides have the same signals."""
     return [
         *(bit(f"{pins}_{pin}") for pin in ("rx", "tx", "de")),
         bit(f"{port}.line", alias="rx filtered"),
@@ -123,8 +125,8 @@ CARD: dict[str, list[Entry]] = {
         bit("drive_bad", alias="reply bad"),
     ],
     "mailbox and firmware": [
-        # Whatever the core is: the address on its bus is a function while it fetches, a register of the
-        # mailbox while it talks to that. A core that tells its program counter has a row of its own.
+        # For every core: the address on its bus is a function during a fetch, and a register during an access
+        # to the mailbox. A core that shows its program counter has a row of its own.
         Entry(("core_i*.dbg_insn_addr", "core_i*.fetch_addr", "core_addr"), HEX, "function", names=True),
         Entry(("core_addr",), HEX, "bus", names=True),
         bit("core_valid", alias="access"),
@@ -139,7 +141,7 @@ CARD: dict[str, list[Entry]] = {
     ],
     "LEDs": [bit(f"led_{line}_{colour}") for line in ("modbus", "drive") for colour in ("red", "green")],
 }
-# Shown when they are there.
+# Signals that may be missing.
 OPTIONAL = ("mailbox_i*state_name",)
 
 
@@ -166,12 +168,12 @@ def rows(entries: Iterable[Entry], signals: dict[str, Signal]) -> list[Row]:
             if entry.every and "." in signal.name:
                 what = signal.leaf.removesuffix("_name").removeprefix("last_")
                 alias = signal.name.split(".")[-2].removesuffix("_i") + " " + what
-            found.append(Row(signal, entry.flags, alias, entry.names))
+            found.append(Row(signal, entry.form, alias, entry.names))
     return found
 
 
 def missing(top: str, signals: dict[str, Signal]) -> list[str]:
-    """Entries of the whole card's list that fit nothing: the list is behind the hierarchy."""
+    """Entries of the whole card's list without a signal: the list is out of date."""
     if top != "rtu2fc":
         return []
     entries = [entry for group in CARD.values() for entry in group]
@@ -184,7 +186,7 @@ def missing(top: str, signals: dict[str, Signal]) -> list[str]:
 
 # ---------------------------------------------------------------- addresses by name
 def register_names() -> dict[int, str]:
-    """Word address on the core's bus to what registers, or bytes of which frames, lie there."""
+    """Maps each word address on the core's bus to its registers or frame bytes."""
     names: dict[int, list[str]] = {}
     for name, register in REGISTERS.items():
         names.setdefault(BASE + register.offset // STRIDE * STRIDE, []).append(name)
@@ -196,7 +198,7 @@ def register_names() -> dict[int, str]:
 
 
 def function_names(elf: Path = ELF) -> dict[int, str]:
-    """Address of each instruction to the function it belongs to in the source, inlined or not."""
+    """Maps the address of each instruction to its function in the source, inlined or not."""
     if not elf.exists():
         return {}
     tool = "riscv64-unknown-elf-"
@@ -212,7 +214,7 @@ def function_names(elf: Path = ELF) -> dict[int, str]:
 
 
 def write_names(folder: Path, names: dict[int, str]) -> Path:
-    """For both programs: GTKWave's filter file, and Surfer's mapping of the same name."""
+    """Writes GTKWave's filter file, and Surfer's mapping of the same name."""
     filter_file = folder / f"{ADDRESSES}.txt"
     filter_file.write_text("".join(f"{value:08X} {name}\n" for value, name in names.items()))
     mapping = folder / MAPPINGS / f"{ADDRESSES}.txt"
@@ -224,38 +226,38 @@ def write_names(folder: Path, names: dict[int, str]) -> Path:
 
 # ---------------------------------------------------------------- the two views
 def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: Path | None) -> str:
-    lines = [
-        "[*] GTKWave save file",
-        f'[dumpfile] "{dump}"',
-        "[timestart] 0",
-        "[size] 1800 1000",
-        "[sst_expanded] 0",
-        "[signals_width] 200",
-        # The whole run: minus the binary logarithm of time units a frame.
-        f"*{-math.log2(max(1.0, span / WINDOW_FRAMES)):.6f} -1" + " -1" * 26,
-    ]
+    text = StringIO()
+    view = GTKWSave(text)
+    view.comment("GTKWave save file")
+    view.dumpfile(str(dump))
+    view.timestart(0)
+    view.size(1800, 1000)
+    view.sst_expanded(False)
+    view.signals_width(200)
+    # The whole run: minus the binary logarithm of time units a frame.
+    view.zoom_markers(-math.log2(max(1.0, span / WINDOW_FRAMES)))
     for group, found in groups.items():
-        lines += [f"@{GROUP_BEGIN:x}", f"-{group}"]
-        for row in found:
-            named = row.names and names is not None
-            lines.append(f"@{row.flags | FILE_FILTER:x}" if named else f"@{row.flags:x}")
-            lines += [f"^1 {names}"] if named else []
-            name = row.signal.path + row.signal.bits
-            lines.append(f"+{{{row.alias}}} {name}" if row.alias else name)
-        lines += [f"@{GROUP_END:x}", f"-{group}"]
-    return "\n".join(lines) + "\n"
+        with view.group(group):
+            for row in found:
+                view.trace(
+                    row.signal.path + row.signal.bits,
+                    alias=row.alias,
+                    datafmt=row.form,
+                    translate_filter_file=str(names) if row.names and names else None,
+                )
+    return text.getvalue()
 
 
 def surfer_view(groups: dict[str, list[Row]], named: bool) -> str:
-    """Everything is added first; then each row is focused by its number, in letters a to p, and formatted."""
+    """Adds all rows, then focuses each row by its number, in letters a to p, and sets its format."""
     lines, formats, count = [], [], 0
     for group, found in groups.items():
         lines.append(f"divider_add {group.replace(' ', '_')}")
         count += 1
         for row in found:
             lines.append(f"variable_add {row.signal.path}")
-            form = ADDRESSES if row.names and named else SURFER_FORMAT[row.flags]
-            if row.flags != BIT:
+            form = ADDRESSES if row.names and named else SURFER_FORMAT[row.form]
+            if row.form != BIT:
                 formats.append((count, form))
             count += 1
     for place, form in formats:
@@ -265,13 +267,13 @@ def surfer_view(groups: dict[str, list[Row]], named: bool) -> str:
 
 
 def save_file(dump: Path, top: str, elf: Path = ELF) -> Path:
-    """Writes both views beside the dump; returns GTKWave's. Surfer's has the same name, .sucl."""
+    """Writes both views beside the dump; returns GTKWave's. Surfer's has the same name with .sucl."""
     wave = WaveFile(dump)
     entries = CARD if top == "rtu2fc" else module_entries(top)
     groups = {name: rows(group, wave.signals) for name, group in entries.items()}
     groups = {name: found for name, found in groups.items() if found}
     for pattern in missing(top, wave.signals):
-        print(f"waves: nothing in {dump.name} is called {pattern}", file=sys.stderr)
+        print(f"waves: {dump.name} has no signal {pattern}", file=sys.stderr)
     names = None
     if top == "rtu2fc":
         names = write_names(dump.parent, function_names(elf) | register_names())
@@ -287,7 +289,7 @@ def main() -> int:
     parser.add_argument("top", nargs="?", default="rtu2fc", help="its top module")
     args = parser.parse_args()
     if not args.dump.is_file():
-        print(f"waves: {args.dump} is not there", file=sys.stderr)
+        print(f"waves: {args.dump} does not exist", file=sys.stderr)
         return 2
     view = save_file(args.dump.resolve(), args.top)
     command = ["gtkwave", str(args.dump), str(view)]
