@@ -200,7 +200,7 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
         raise ImageError(f"{entry.name} has no finished design yet; run `make synth BOARD={entry.name}`")
     if not up_to_date(entry):
         shown = design.relative_to(ROOT)
-        raise ImageError(f"{shown} is of other sources; run `make synth BOARD={entry.name}`")
+        raise ImageError(f"{shown} was made from other sources; run `make synth BOARD={entry.name}`")
     pattern = pattern_file(entry)
     patched = folder / f"image{suffix(entry)}"
     if entry.family == "ice40":

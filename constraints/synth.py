@@ -460,7 +460,7 @@ def stale() -> list[str]:
     if DOCS.exists() and measured_from() in DOCS.read_text():
         return []
     shown = DOCS.relative_to(ROOT) if DOCS.is_relative_to(ROOT) else DOCS
-    return [f"{shown} is of another design; run `make synth`"]
+    return [f"{shown} describes another design; run `make synth`"]
 
 
 def board_row(name: str, row: dict) -> str:

@@ -285,7 +285,9 @@ def test_a_design_of_other_sources_is_refused(finished, hex_file, monkeypatch, t
     with pytest.raises(image.ImageError) as refusal:
         image.make(entry, hex_file(sealed_image(entry, 5)), output)
     said = str(refusal.value)
-    assert said.endswith("/card_xo3_4300.config is of other sources; run `make synth BOARD=card-xo3-4300`")
+    assert said.endswith(
+        "/card_xo3_4300.config was made from other sources; run `make synth BOARD=card-xo3-4300`"
+    )
     assert not output.exists()
 
 

@@ -485,7 +485,7 @@ def test_changed_design_makes_the_table_outdated(own_copy, tmp_path, monkeypatch
     assert stale() == []
     own_copy(ROOT / path, old, new)
     (said,) = stale()
-    assert said.endswith("is of another design; run `make synth`")
+    assert said.endswith("describes another design; run `make synth`")
 
 
 def test_changed_tool_makes_the_table_outdated(monkeypatch):

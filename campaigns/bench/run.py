@@ -130,9 +130,9 @@ def last_run(of: dict[str, str]) -> Results:
         results = pickle.loads(KEPT.read_bytes())
         other = fingerprint.difference(results.fingerprint, of)
     except (pickle.UnpicklingError, AttributeError, ImportError, EOFError, TypeError):
-        raise BenchError(f"{name} is of another bench; run `make bench`") from None
+        raise BenchError(f"{name} comes from another bench; run `make bench`") from None
     if other:
-        raise BenchError(f"{name} is of another {' and another '.join(other)}; run `make bench`")
+        raise BenchError(f"{name} comes from another {' and another '.join(other)}; run `make bench`")
     return results
 
 
@@ -141,7 +141,7 @@ def of_this_tree(tree: dict[str, str]) -> str:
     other = fingerprint.difference(stated(), tree)
     if other:
         names = " and another ".join(other)
-        return f"note: docs/reports/results.md is of another {names}; `make bench` renews it"
+        return f"note: docs/reports/results.md describes another {names}; `make bench` renews it"
     return "docs/reports/results.md is of this card, firmware and bench"
 
 

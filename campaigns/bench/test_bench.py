@@ -357,9 +357,9 @@ def test_comments_and_docstrings_do_not_change_the_fingerprint(tmp_path: Path) -
     ("kept", "said"),
     [
         (None, "is missing: there was no whole run"),
-        (b"nothing that can be read", "is of another bench"),
-        ({"firmware": "000000000000"}, "is of another firmware"),
-        ({"card": "0", "bench": "0"}, "is of another bench and another card"),
+        (b"nothing that can be read", "comes from another bench"),
+        ({"firmware": "000000000000"}, "comes from another firmware"),
+        ({"card": "0", "bench": "0"}, "comes from another bench and another card"),
     ],
 )
 @pytest.mark.parametrize("option", ["--report", "--only=gate"])
@@ -386,7 +386,7 @@ def test_new_report_states_its_fingerprints(tmp_path, monkeypatch) -> None:
     assert bench_report.stated() == tree
     assert bench.of_this_tree(tree).startswith("docs/reports/results.md is of this card")
     assert bench.of_this_tree(tree | {"firmware": "0"}).startswith(
-        "note: docs/reports/results.md is of another firmware;"
+        "note: docs/reports/results.md describes another firmware;"
     )
 
 

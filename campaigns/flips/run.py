@@ -39,7 +39,7 @@ NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
 
 
 class FlipsError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def shard(seed: int, count: int, places: Places) -> dict:
@@ -92,7 +92,7 @@ def merge(results: list[dict]) -> dict:
     # At another clock the dividers have other widths, so the number of bits differs.
     rates = {(result["baud"], *result["bits"].values()) for result in results}
     if len({result["card"] for result in results}) > 1 or len(rates) > len({rate for rate, *_ in rates}):
-        raise FlipsError("the results in build/fuzz are of different cards; remove those of the older one")
+        raise FlipsError("the results in build/fuzz come from different cards; remove the older ones")
     flips_at: Counter = Counter()
     for result in results:
         flips_at[result["baud"]] += result["flips"]

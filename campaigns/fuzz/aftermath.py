@@ -113,7 +113,7 @@ def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: 
         if rightful:
             rightful[-1].sent[data] += 1
         elif at >= since:
-            found.append(f"telegram {data.hex(' ')} that nobody asked for (SAFE-1)")
+            found.append(f"telegram {data.hex(' ')} that no request asked for (SAFE-1)")
     return found
 
 

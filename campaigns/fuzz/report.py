@@ -41,7 +41,7 @@ def find(arguments: list[str]) -> list[Path]:
     found = []
     for path in map(Path, arguments or [FOLDER]):
         if not path.exists():
-            raise ReportError(f"{path} is not there; run `make fuzz` first")
+            raise ReportError(f"{path} does not exist; run `make fuzz` first")
         inside = sorted(p for p in path.iterdir() if RESULT.fullmatch(p.name)) if path.is_dir() else [path]
         found += inside
     if not found:
@@ -53,7 +53,7 @@ def merge(results: list[dict]) -> dict:
     """Merges results; of several results with one seed only one counts."""
     results = list({result["seed"]: result for result in results}.values())
     if len({result["card"] for result in results}) > 1:
-        raise ReportError("the results are of different cards; remove those of the older one")
+        raise ReportError("the results come from different cards; remove the older ones")
     merged: dict = {key: sum(result[key] for result in results) for key in SUMS}
     for key in COUNTS:
         merged[key] = sum((Counter(result[key]) for result in results), Counter())

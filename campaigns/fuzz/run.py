@@ -238,7 +238,7 @@ def main() -> int:
     if options.wave and not options.replay:
         parser.error("--wave is of a case: --replay FILE.json")
     if options.replay and (options.seed is not None or options.count is not None):
-        parser.error("--replay plays the one case: no --seed, no --count")
+        parser.error("--replay plays one case: no --seed, no --count")
     if options.wave and (options.wave.is_dir() or not options.wave.resolve().parent.is_dir()):
         parser.error(f"--wave {options.wave}: no file can be written there")
     if options.replay:

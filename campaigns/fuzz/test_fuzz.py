@@ -272,8 +272,8 @@ def test_longer_result_of_the_same_seed_is_kept(tmp_path, what):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--replay", "x.json", "--seed", "4"], "--replay plays the one case"),
-        (["--replay", "x.json", "--count", "4"], "--replay plays the one case"),
+        (["--replay", "x.json", "--seed", "4"], "--replay plays one case"),
+        (["--replay", "x.json", "--count", "4"], "--replay plays one case"),
         (["--replay", "x.json", "--wave", "nowhere/x.fst"], "no file can be written there"),
         (["--replay", "x.json", "--wave", "."], "no file can be written there"),
         (["--wave", "x.fst"], "--wave is of a case"),

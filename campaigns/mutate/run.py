@@ -457,7 +457,9 @@ def report(write: bool) -> int:
         module, of = document["module"], document["of"]
         path = next((path for path in rtl_files() if path.stem == module), None)
         if path is None or fingerprint(path) != of:
-            print(f"mutate: {file.relative_to(ROOT)} is of another {module}.v: left out", file=sys.stderr)
+            print(
+                f"mutate: {file.relative_to(ROOT)} comes from another {module}.v: left out", file=sys.stderr
+            )
             continue
         # Changes that did not compile do not count.
         invalid = sum(row["verdict"] == "invalid" for row in document["mutants"])
@@ -534,7 +536,7 @@ def main() -> int:
     known = benches()
     modules = known if options.all else options.modules
     if not modules:
-        parser.error("say which module, or --all")
+        parser.error("name a module, or use --all")
     for module in modules:
         if module not in known:
             print(f"mutate: no module {module} with a bench; there are: {', '.join(known)}", file=sys.stderr)

@@ -9,10 +9,10 @@ namespace card {
 namespace {
 
 // Characters added to the required silence, so that the next frame is certain to count as new.
-constexpr double kPoliteCharacters = 0.5;
+constexpr double kExtraCharacters = 0.5;
 
-constexpr int kPoliteTicks =
-    static_cast<int>(kPoliteCharacters * card_tables::kCharacterBits * card_tables::kTicksPerBit);
+constexpr int kExtraTicks =
+    static_cast<int>(kExtraCharacters * card_tables::kCharacterBits * card_tables::kTicksPerBit);
 
 Cycles ticks(int count, int baud, const SimClock& clock) {
   return clock.bit_parts(count, card_tables::kTicksPerBit, baud);
@@ -33,7 +33,7 @@ LineSettings network_settings(unsigned sw_baud, const SimClock& clock) {
   line.stop_bits = format.stop_bits;
   const Cycles t35 = ticks(rate.t35_ticks, line.baud, clock);
   line.silences = {ticks(rate.t15_ticks, line.baud, clock), t35, t35 * 2 / 7};
-  line.burst_gap = ticks(rate.t35_ticks + kPoliteTicks, line.baud, clock);
+  line.burst_gap = ticks(rate.t35_ticks + kExtraTicks, line.baud, clock);
   return line;
 }
 
@@ -45,7 +45,7 @@ LineSettings drive_settings(const SimClock& clock) {
   // The pause before a telegram is also the longest gap FC-8 allows inside one.
   const Cycles pause = ticks(card_tables::kDrivePauseTicks, line.baud, clock);
   line.silences = {pause, pause, pause / 2};
-  line.burst_gap = ticks(card_tables::kDrivePauseTicks + kPoliteTicks, line.baud, clock);
+  line.burst_gap = ticks(card_tables::kDrivePauseTicks + kExtraTicks, line.baud, clock);
   return line;
 }
 

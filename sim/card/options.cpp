@@ -161,7 +161,7 @@ Options parse_options(int argc, char** argv) {
 
 const char* help_text() {
   return "usage: card [options]\n"
-         "The virtual card: the Verilated rtu2fc card, firmware running, behind two serial lines.\n"
+         "The virtual card: the Verilated rtu2fc card with its firmware and two serial lines.\n"
          "\n"
          "network line (Modbus RTU master)\n"
          "  --modbus LINK          open a pty and make LINK a symbolic link to it, removed at the end\n"
@@ -169,7 +169,7 @@ const char* help_text() {
          "                         (neither: a pty without link, named in the ready line)\n"
          "drive line (FC protocol, 9600 8E1)\n"
          "  --drive sim            the simulated drive (default)\n"
-         "  --drive example        likewise, standing in the state of its document's examples\n"
+         "  --drive example        the simulated drive in the state of its document's examples\n"
          "  --trip SECONDS         let the simulated drive trip (overcurrent) after so many simulated seconds\n"
          "  --drive LINK           a pty for a foreign drive\n"
          "  --drive-device DEV     use a real serial port\n"
@@ -181,7 +181,7 @@ const char* help_text() {
          "                         (as VLT 2800, 6000, 8000 with Modbus built in), hvac_basic (as the VLT\n"
          "                         HVAC Basic Drive)\n"
          "  --sw-baud 111110000    rate and parity switches, switch 1 first, 1 = ON (default 9600 8N2)\n"
-         "  --sw-addr 10000000     address switches, likewise (default address 1)\n"
+         "  --sw-addr 10000000     address switches, switch 1 first, 1 = ON (default address 1)\n"
          "time\n"
          "  --speed real|max       real (default): simulated time follows wall time; max: as fast as it "
          "can,\n"

@@ -144,7 +144,7 @@ def integer(row: dict[str, str], column: str, low: int, high: int) -> int:
 
 def choice(row: dict[str, str], column: str, allowed: list[str]) -> str:
     if row[column] not in allowed:
-        raise TableError(f"{column} '{row[column]}' is none of {', '.join(allowed)}")
+        raise TableError(f"{column} '{row[column]}' is not one of {', '.join(allowed)}")
     return row[column]
 
 
@@ -161,7 +161,7 @@ def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter
     kind = choice(row, "type", [*RANGES, "text"])
     conversion = integer(row, "conversion", min(CONVERSIONS), max(CONVERSIONS))
     if conversion not in CONVERSIONS:
-        raise TableError(f"conversion {conversion} is none of {CONVERSIONS}")
+        raise TableError(f"conversion {conversion} is not one of {CONVERSIONS}")
     low, high = RANGES.get(kind, (0, capacity.text_max))
     minimum = integer(row, "min", low, high)
     maximum = integer(row, "max", minimum, high)

@@ -552,7 +552,7 @@ def test_the_dc_brake_holds_current_for_its_time():
     assert (drive.get(514), drive.running) == (300, False), "back to preheating"
 
 
-def test_jog_goes_to_the_jog_frequency_whatever_the_reference():
+def test_jog_overrides_the_reference():
     drive = VltDrive()
     ask(drive, fc.AK_WRITE_WORD, 209, 125)
     control(drive, JOG & ~0x0040, FULL_SPEED)
@@ -833,25 +833,25 @@ def test_a_good_table_becomes_a_c_header(tmp_path: Path):
     ("row", "message"),
     [
         ("104,x,uint16,0,24,1000,50,0,rw,0,Hz", "11 columns instead of 13"),
-        ("104,x,uint24,0,24,1000,50,0,rw,0,Hz,,memory", "type 'uint24' is none of"),
+        ("104,x,uint24,0,24,1000,50,0,rw,0,Hz,,memory", "type 'uint24' is not one of"),
         ("2048,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 2048 is outside 1 to 2047"),
         ("ten,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 'ten' is not a whole number"),
         ("104,,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "name is empty"),
-        ("104,x,uint16,5,24,1000,50,0,rw,0,Hz,,memory", "conversion 5 is none of"),
+        ("104,x,uint16,5,24,1000,50,0,rw,0,Hz,,memory", "conversion 5 is not one of"),
         ("104,x,uint8,0,24,1000,50,0,rw,0,Hz,,memory", "max 1000 is outside 24 to 255"),
         ("104,x,uint16,0,24,20,50,0,rw,0,Hz,,memory", "max 20 is outside 24 to 65535"),
         ("104,x,uint16,0,24,1000,23,0,rw,0,Hz,,memory", "default 23 is outside 24 to 1000"),
         ("104,x,uint16,0,24,1000,50.5,0,rw,0,Hz,,memory", "default '50.5' is not a whole number"),
-        ("104,x,uint16,0,24,1000,50,0,wo,0,Hz,,memory", "access 'wo' is none of rw, ro, local"),
-        ("104,x,uint16,0,24,1000,50,0,rw,Y,Hz,,memory", "while_running 'Y' is none of 0, 1"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,speed,memory", "role 'speed' is none of"),
+        ("104,x,uint16,0,24,1000,50,0,wo,0,Hz,,memory", "access 'wo' is not one of rw, ro, local"),
+        ("104,x,uint16,0,24,1000,50,0,rw,Y,Hz,,memory", "while_running 'Y' is not one of 0, 1"),
+        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,speed,memory", "role 'speed' is not one of"),
         ("104,x,uint16,0,24,1000,50,9,rw,0,Hz,jog_frequency,memory", "an array cannot have role"),
         ("104,x,text,0,0,4,HELLO,0,ro,1,,,memory", "default has 5 characters"),
         ("104,x,text,0,0,61,,0,ro,1,,,memory", "max 61 is outside 0 to 60"),
         ("100,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 100 does not follow 103"),
         ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,ramp_up,memory", "role ramp_up is given twice"),
         ("#: pnu_bits = 16", "pnu_bits 16 is outside 11 to 12"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,,rumour", "source 'rumour' is none of document, partly, "),
+        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,,rumour", "source 'rumour' is not one of document, partly, "),
         ("104,x,int16,-2,0,100,0,0,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
         ("104,x,int16,-2,0,100,0,3,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
         ("#: colour = 3", "setting must be one of"),

@@ -580,4 +580,4 @@ def test_make_wireshark_without_a_display_prints_text(recorded):
 def test_missing_recording_gives_a_one_line_error():
     command = [sys.executable, "-m", "sim.view.wireshark", "nowhere.pcapng"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "wireshark: nowhere.pcapng is not there\n")
+    assert (done.returncode, done.stderr) == (2, "wireshark: nowhere.pcapng does not exist\n")

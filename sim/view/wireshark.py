@@ -31,11 +31,11 @@ def environment(settings: Path = SETTINGS) -> dict[str, str]:
 
 def main() -> int:
     if len(sys.argv) < 2:
-        print("say which recording: make wireshark FILE=name.pcapng", file=sys.stderr)
+        print("name a recording: make wireshark FILE=name.pcapng", file=sys.stderr)
         return 2
     capture, *options = sys.argv[1:]
     if not Path(capture).is_file():
-        print(f"wireshark: {capture} is not there", file=sys.stderr)
+        print(f"wireshark: {capture} does not exist", file=sys.stderr)
         return 2
     has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     if shutil.which("wireshark") and has_display:
