@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # Simulated drive: parameter tables and the shared library for the Python side. Included by the top
-# Makefile; works by itself too (make -f sim/drive/drive.mk drive), which is how tb/model/vlt_drive.py
-# builds what it loads.
+# Makefile; also works alone (make -f sim/drive/drive.mk drive), as tb/model/vlt_drive.py uses it.
 
-# Every table here is a profile.
+# Every table in this folder is a profile.
 DRIVE_PROFILES := $(sort $(wildcard sim/drive/*.csv))
 DRIVE_TABLES := build/sim/drive_profiles.h
 DRIVE_SOURCES := sim/drive/vlt_drive.c
-# What a program needs that links the drive itself: these flags, DRIVE_SOURCES, DRIVE_TABLES made first.
+# For programs that link the drive: use these flags and DRIVE_SOURCES, and make DRIVE_TABLES first.
 DRIVE_CPPFLAGS := -Isim/drive -Ibuild/sim
 DRIVE_CFLAGS := -std=c99 -O2 -Wall -Wextra -Werror -Wconversion
 
@@ -17,7 +16,7 @@ drive: build/host/libvltdrive.so
 $(DRIVE_TABLES): $(DRIVE_PROFILES) sim/drive/drive_table.py sim/drive/vlt_drive.h sim/drive/drive.mk
 	python3 sim/drive/drive_table.py $(DRIVE_PROFILES) $@
 
-# Written beside and moved: a test running meanwhile never loads half a library.
+# Linked under another name and then moved, so that a running test never loads an incomplete library.
 build/host/libvltdrive.so: $(DRIVE_SOURCES) sim/drive/vlt_drive.h sim/drive/drive.mk $(DRIVE_TABLES)
 	@mkdir -p $(@D)
 	$(or $(HOST_CC),gcc) $(DRIVE_CFLAGS) $(DRIVE_CPPFLAGS) -fPIC -shared -o $@.partial $(DRIVE_SOURCES)
