@@ -229,7 +229,7 @@ async def image_damaged_while_running_ends_in_the_fault_within_a_second(dut, bit
     await card.quiet(4, "a request after the fault")
     assert len(card.modbus.monitor.characters) == sent and not card.drive.monitor.characters
     assert all(len(history) == 1 for history in card.leds.shown.values()), "solid, not flashing"
-    card.firmware.mend()
+    card.firmware.restore_damaged()
 
 
 # ---------------------------------------------------------------- LEDs, the first step

@@ -75,7 +75,7 @@ async def stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image(d
     card.firmware.stop()
     stopped_at = now_ps()
     at = await card.firmware.bite()
-    card.firmware.mend()
+    card.firmware.restore_damaged()
     dut._log.info("bite %.2f ms after the stop", (at - stopped_at) / MS)
     assert at - stopped_at <= BITE_PS
     await restarted(card, at)
@@ -98,7 +98,7 @@ async def telegram_on_the_wire_at_the_bite_is_completed_and_its_answer_ignored(d
     await card.master.send(adu)
     await within(20 * MS, RisingEdge(dut.drive_de), "telegram")
     await Timer(round(2.5 * MS), unit="ps")
-    at = await card.firmware.break_off()
+    at = await card.firmware.bite_now()
     assert str(dut.drive_de.value) == "1", "bitten while the telegram was being sent"
     heard = await exchange_number(card, 1)
     assert heard.telegram == telegram and heard.reply_sent is not None
@@ -117,7 +117,7 @@ async def reply_on_the_wire_at_the_bite_is_completed(dut):
     await card.master.send(adu)
     await within(20 * MS, RisingEdge(dut.modbus_de), "reply")
     await Timer(1 * MS, unit="ps")
-    at = await card.firmware.break_off()
+    at = await card.firmware.bite_now()
     frame = await card.modbus.monitor.frame(20 * MS)
     assert frame.start_ps < at < frame.end_ps
     assert frame.data == rtu.build(1, bytes([1, 16]) + bytes(16))
@@ -133,7 +133,7 @@ async def telegram_that_waits_for_the_line_at_the_bite_is_never_sent(dut):
     card.drive.source.hold(0)
     await card.master.send(rtu.build(1, control_pdu(START, REFERENCE)))
     await Timer(5 * MS, unit="ps")
-    at = await card.firmware.break_off()
+    at = await card.firmware.bite_now()
     card.drive.source.hold(1)
     await restarted(card, at)
     await card.quiet(10, "the bite")
@@ -152,7 +152,7 @@ async def bite_at_any_moment_leaves_whole_frames_and_starts_none(dut):
         # From the first bit of the request to after the answer; 29 ms in all.
         sending = cocotb.start_soon(card.master.send(adu))
         await Timer(rng.randrange(33 * MS), unit="ps")
-        at = await card.firmware.break_off()
+        at = await card.firmware.bite_now()
         await sending
         await restarted(card, at)
         await Timer(5 * MS, unit="ps")
@@ -166,7 +166,7 @@ async def bite_at_any_moment_leaves_whole_frames_and_starts_none(dut):
 async def third_bite_without_an_exchange_is_the_fault(dut):
     card = await booted(dut)
     for left in range(BITES - 1, -1, -1):
-        at = await card.firmware.break_off()
+        at = await card.firmware.bite_now()
         if left:
             await restarted(card, at)
             assert not card.leds.fault
@@ -194,7 +194,7 @@ async def bites_with_exchanges_between_never_are(dut, exchange):
             await card.master.send(rtu.build(9, rtu.read_coils(0, 8)))
             await exchange_number(card, bites + 1)
             assert not card.modbus.direction.pulses
-        await restarted(card, await card.firmware.break_off())
+        await restarted(card, await card.firmware.bite_now())
         assert not card.leds.fault
     await card.is_alive()
     card.check_lines()
@@ -216,7 +216,7 @@ async def program_damaged_for_good_ends_in_the_fault_at_the_restart(dut):
 async def trap_bites_at_once(dut):
     card = await booted(dut)
     stopped_at = now_ps()
-    at = await card.firmware.break_off()
+    at = await card.firmware.bite_now()
     dut._log.info("bite %.3f ms after the illegal instruction", (at - stopped_at) / MS)
     assert at - stopped_at < 1 * MS
     await restarted(card, at)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every bench does: inputs at known levels from the first moment, a clock, a reset, waiting.
+"""Clock, reset, input levels and waiting, for every bench.
 
-An input nobody drives is Z in Icarus and 0 in Verilator, so all inputs are given here, and the clock
-starts a period later. (Icarus 11 loses an `Immediate` write of time 0, so these are plain ones.)
+Icarus reads an undriven input as Z and Verilator as 0, so a bench drives every input from time 0. The clock
+starts one period later. Icarus 11 loses an `Immediate` write at time 0, so the initial writes are plain ones.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from tb.lib.uart_agent import now_ps
 
 
 def clock_period_ps(clk_hz: float) -> int:
-    """An even number of ps, as both halves are equal: off by at most 1 ps, 100 ppm at 100 MHz."""
+    """Clock period as an even number of ps, for equal halves: at most 1 ps off, 100 ppm at 100 MHz."""
     return 2 * round(5e11 / clk_hz)
 
 
 class Bench:
-    """A device under test with `clk`, and `rst_n` or else `rst` (active high) if it has one.
+    """A device under test with `clk`, and with `rst_n` or `rst` (active high) if it has a reset.
 
-    `period_ps` is the real length of a clock in this simulation.
+    `period_ps` is the simulated clock period after rounding.
     """
 
     def __init__(self, dut, clk_hz: float = 10e6, **inputs: int):
@@ -36,7 +36,7 @@ class Bench:
         self.clock = Clock(dut.clk, self.period_ps, unit="ps", impl="gpi")
 
     async def start(self, reset_clocks: int = 3, release: bool = True) -> Bench:
-        """Clock on, reset for some clocks; returns just after a falling edge, a clock after the release."""
+        """Starts the clock, resets and releases the reset; returns one clock later, after a falling edge."""
         await Timer(self.period_ps, unit="ps")
         self._first_edge_ps = now_ps()
         self.clock.start()
@@ -48,44 +48,44 @@ class Bench:
         return self
 
     async def clocks(self, count: float = 1) -> None:
-        """Lets `count` clocks pass with a single timer, staying just after a falling edge.
+        """Waits `count` clocks with a single timer; ends just after a falling edge.
 
-        Inputs set then are stable at the next rising edge, outputs read then belong to the last one.
+        Inputs set there are stable at the next rising edge. Outputs read there belong to the last one.
         """
         target = now_ps() + round(count * self.period_ps)
-        # The clock starts with a rising edge; 1 ps after a falling edge is the place to stay.
+        # The clock starts with a rising edge; this wait ends 1 ps after a falling edge.
         past = (target - self._first_edge_ps - self.period_ps // 2 - 1) % self.period_ps
         await Timer(max(1, target - past - now_ps()), unit="ps")
 
     def last_edge_ps(self) -> int:
-        """When the last rising edge was."""
+        """Time of the last rising edge."""
         return now_ps() - (now_ps() - self._first_edge_ps) % self.period_ps
 
     async def edge(self) -> None:
-        """Lets the next rising edge pass, from any moment."""
+        """Waits until just after the next rising edge, from any moment."""
         await RisingEdge(self.dut.clk)
         await self.clocks()
 
     async def give(self, data: bytes, prefix: str = "byte") -> None:
-        """Hands bytes to a stream <prefix>_valid, _ready, _data, always one waiting, until all are taken."""
+        """Sends bytes to a stream <prefix>_valid, _ready, _data without pauses, until all are taken."""
         valid, ready, lane = (getattr(self.dut, f"{prefix}_{part}") for part in ("valid", "ready", "data"))
         for byte in data:
             lane.value, valid.value = byte, 1
             while str(ready.value) != "1":
                 await RisingEdge(ready)
-                # To where it is steady: in a netlist it may spike.
+                # Ready may spike in a netlist; by now it is stable.
                 await self.clocks(0.75)
             await self.edge()
         valid.value = 0
 
     async def strobe(self, signal) -> None:
-        """A pulse that just one rising edge sees, from any moment."""
+        """A pulse that exactly one rising edge sees, from any moment."""
         signal.value = 1
         await self.edge()
         signal.value = 0
 
     async def line_bits(self, value: int) -> None:
-        """A byte as a check unit gets it: start_seen if there is one, then 8 bits, LSB first, one a clock."""
+        """A byte as a check unit receives it: start_seen, if present, then 8 bits, LSB first, one a clock."""
         if hasattr(self.dut, "start_seen"):
             await self.strobe(self.dut.start_seen)
         self.dut.bit_valid.value = 1
@@ -96,7 +96,7 @@ class Bench:
 
 
 class Strobes:
-    """Counts the clocks in which a strobe is high, and keeps the values of other signals then."""
+    """Records every clock in which a strobe is high, with the values of other signals in that clock."""
 
     def __init__(self, dut, strobe: str, *values: str):
         self.times_ps: list[int] = []
@@ -118,7 +118,7 @@ class Strobes:
             await RisingEdge(self._dut.clk if high_already else self._strobe)
             await ReadOnly()
             high_already = False
-            # A strobe wider than one clock shows as several.
+            # A strobe wider than one clock counts once per clock.
             while str(self._strobe.value) == "1":
                 self.times_ps.append(now_ps())
                 self.values.append(tuple(int(s.value) for s in self._signals))

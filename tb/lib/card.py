@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole card on a bench: switches set, both lines connected, firmware booted."""
+"""The whole card on a cocotb bench: switches set, both lines connected, firmware booted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MS = 1_000_000_000
 
 
 def line_formats() -> dict[str, str]:
-    """Short form, for example 8E1, to the positions of switches 4 and 5."""
+    """Format name, for example 8E1, to the positions of switches 4 and 5."""
     return {f"8{PARITY_LETTER[f.parity]}{f.stop_bits}": key for key, f in FORMATS.items()}
 
 
@@ -33,12 +33,12 @@ def baud_switches(baud: int, form: str, rest: str = "0000") -> str:
 
 
 def switch_word(positions: str) -> int:
-    """As the pins want it: index = switch number, so switch 1 is the lowest bit."""
+    """Pin value of switch positions: switch 1 is the lowest bit."""
     return int(positions[::-1], 2)
 
 
-async def looks_for_requests(dut) -> None:
-    """Until the firmware reads the register of the requests; while the image is checked it does not."""
+async def firmware_polls(dut) -> None:
+    """Waits until the firmware reads REQUEST; it does not while it checks its image at the start."""
     mailbox = dut.mailbox_i
     while True:
         await RisingEdge(mailbox.regs_valid)
@@ -48,7 +48,7 @@ async def looks_for_requests(dut) -> None:
 
 
 class Card:
-    """Device under test with a master on one side and a drive on the other."""
+    """The card with a master on the network line and a drive on the drive line."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class Card:
         self.slave = FcSlave(self.drive, model or (lambda telegram: None), manner)
 
     async def boot(self) -> Card:
-        """Power on, and until the firmware looks for requests."""
+        """Powers up and waits until the firmware polls for requests."""
         await self.power_up()
         await self._firmware_ready()
         return self
@@ -87,9 +87,9 @@ class Card:
         await self.bench.start(reset_clocks=8)
 
     async def reset(self, faulty: bool = False, **switches: int) -> None:
-        """Switches to new positions, then a reset, and until the firmware looks for requests.
+        """Sets switches, resets, and waits until the firmware polls for requests.
 
-        `faulty`: it never does, so nobody waits.
+        `faulty`: the card is expected not to start, so there is no wait.
         """
         for name, value in switches.items():
             getattr(self.dut, name).value = value
@@ -100,30 +100,30 @@ class Card:
             await self._firmware_ready()
 
     async def _firmware_ready(self) -> None:
-        """At a slow clock the firmware starts later; nobody needs to wait longer than it takes."""
+        """Waits for the firmware to start, at most as long as BOOT-1 allows at this clock."""
         limit_ps = round(boot_clocks() * self.bench.period_ps)
         if hasattr(self.dut, "mailbox_i"):
-            await with_timeout(looks_for_requests(self.dut), limit_ps, "ps")
+            await with_timeout(firmware_polls(self.dut), limit_ps, "ps")
         else:
-            # A netlist shows nothing of its inside; the poll loop's first round lights an LED (LED-1).
+            # A netlist has no readable internals; the first round of the poll loop lights an LED (LED-1).
             await with_timeout(RisingEdge(self.dut.led_drive_red), limit_ps, "ps")
-        # Both lines have been silent for long enough by then at any rate the benches use.
+        # After this wait both lines have been silent for long enough at any rate that the benches use.
         await Timer(4 * MS, unit="ps")
 
     async def use(self, baud: int, form: str) -> None:
-        """Another rate and format, by switches and reset; the master follows."""
+        """Changes rate and format by switches and reset; the master follows."""
         await self.reset(sw_baud=switch_word(baud_switches(baud, form)))
         self.modbus.set_format(Format.named(baud, form))
         self.master = ModbusMaster(self.modbus)
 
     async def quiet(self, ms: float, what: str = "") -> None:
-        """Time in which the card sends nothing on either line, after `what`."""
+        """Waits and checks that the card sends nothing on either line; errors name `what`."""
         before = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
         await Timer(round(ms * MS), unit="ps")
         after = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
-        assert after == before, f"after {what}: DE rose (modbus, drive) {before} times before, {after} now"
+        assert after == before, f"after {what}: DE rises (modbus, drive) went from {before} to {after}"
 
     def check_lines(self) -> None:
-        """What must hold after any scenario."""
+        """Checks DE on both lines, as after any scenario."""
         self.modbus.check_direction()
         self.drive.check_direction()

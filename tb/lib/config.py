@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulation of the whole card runs: its configuration, its clock; `run()` of runner.py says which.
+"""Configuration and clock of a whole-card simulation; `run()` of runner.py sets both by environment.
 
 A test with an argument `config` runs for every configuration (TOP-2). tb/lib/pytest_plugin.py says which of
 them run in `make test` and which in `make test-all`.
@@ -13,25 +13,25 @@ from rtl.sources import configuration
 
 CONFIG_VARIABLE, CLOCK_VARIABLE = "CARD_CONFIG", "CARD_CLK_HZ"
 CONFIG = os.environ.get(CONFIG_VARIABLE, "standard")
-# For the sake of the simulators: here the firmware still keeps the times that the benches look at.
+# Slower than the card, to save simulation time; the firmware still keeps the times that the benches check.
 SLOW_HZ = {"standard": 2_000_000, "tiny": 5_000_000}
 CLK_HZ = int(os.environ.get(CLOCK_VARIABLE, SLOW_HZ[CONFIG]))
-# A round of the poll loop at these clocks, in ms: so much later a time-out may be noticed.
+# Duration of a round of the poll loop at these clocks in ms: a time-out may be noticed so much later.
 ROUND_MS = {"standard": 0.5, "tiny": 5.0}[CONFIG]
-# Until the telegram of a broadcast is over, in ms, at any clock: a master's turnaround delay.
+# Time in ms until the telegram of a broadcast has been sent, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]
-# A parameter's telegram after t3.5 at 9600 bit/s and the own clock, in drive bits: SERV is not done by then.
+# Latest start of a parameter telegram in drive bits after t3.5, at 9600 bit/s and the card's own clock.
 LATEST_PARAMETER_BITS = {"standard": 1, "tiny": 6}[CONFIG]
 
-# Whether the soft core stops at what it does not know; else the watchdog sees that nothing goes on.
+# Whether the soft core traps on an illegal instruction. Otherwise only the watchdog ends the hang.
 TRAPS = {"picorv32": True, "serv": False}[configuration(CONFIG)["soft_core"]]
 
 
 def own_hz(config: str) -> int:
-    """The card's own clock."""
+    """Clock of the real card in Hz."""
     return configuration(config)["clk_hz"]
 
 
 def boot_clocks(config: str = CONFIG) -> int:
-    """BOOT-1 in clocks: a card with a slower clock needs as many, not as much time."""
+    """Boot limit (BOOT-1) in clocks: the count is the same at any clock."""
     return configuration(config)["boot_ms"] * own_hz(config) // 1000

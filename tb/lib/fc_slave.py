@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A drive on a simulated line: hears telegrams, answers through a model, misbehaves on request.
+"""A drive on a simulated line: receives telegrams, answers through a model, injects faults on request.
 
-The model is any function from a telegram to a reply or None: `VltDrive().telegram`, or a `Script` of
-pairs. What goes wrong is said per exchange with `Manner`. Times are in ps, gaps in bits. Rules: FC-1, FC-8.
+The model is any function from a telegram to a reply or None: `VltDrive().telegram`, or a `Script` of pairs.
+`Manner` sets delay, gaps and fault of one reply. Times are in ps, gaps in bits. Rules: FC-1, FC-8.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ CHARACTER_BITS = 11
 
 @dataclass(frozen=True)
 class Manner:
-    """How one telegram is answered.
+    """Timing and fault of one reply.
 
-    delay_bits      from the telegram's last stop bit to the reply's first start bit; 2 characters at least
+    delay_bits      from the telegram's last stop bit to the reply's first start bit; at least 2 characters
     gap_bits        idle time between the reply's characters
-    fault           None, or one of FAULTS
     """
 
     delay_bits: float = 2.1 * CHARACTER_BITS
@@ -47,12 +46,12 @@ def _bad_stx(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
 
 
 def _wrong_adr(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """Another drive's telegram, right in all else."""
+    """A telegram of another drive, correct in everything else."""
     return reply[:2] + bytes([reply[2] ^ 0x03]) + reply[3:-1] + bytes([reply[-1] ^ 0x03]), Flaws()
 
 
 def _wrong_lge(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """LGE says one more than there is; the BCC fits the bytes."""
+    """LGE is one too high; the BCC fits the bytes."""
     wrong = reply[1] + 1
     return bytes([reply[0], wrong]) + reply[2:-1] + bytes([reply[-1] ^ reply[1] ^ wrong]), Flaws()
 
@@ -66,7 +65,7 @@ def _framing(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
 
 
 def _garbage_before(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """A phantom character, as when the line is turned round; the reply itself is right."""
+    """A phantom character, as after a line turnaround; the reply itself is correct."""
     return b"\x00" + reply, Flaws()
 
 
@@ -75,7 +74,7 @@ def _cut_short(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
 
 
 def _slow(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """Every gap legal, the whole longer than 1.5 x its nominal time."""
+    """Every gap is legal; the whole takes longer than 1.5 times its nominal time."""
     return reply, with_gaps(len(reply), 0.65 * CHARACTER_BITS)
 
 
@@ -100,7 +99,7 @@ FAULTS: dict[str, Callable[[bytes, bytes], tuple[bytes, Flaws]]] = {
 
 @dataclass(frozen=True)
 class Heard:
-    """One telegram of the master, and when the reply to it was sent (None: no reply)."""
+    """One telegram of the card, and the time of the reply (None: no reply)."""
 
     frame: Frame
     reply: bytes | None
@@ -112,7 +111,7 @@ class Heard:
 
 
 class Script:
-    """Expected telegrams in their order, each with its reply or None; anything else is an error."""
+    """Expected telegrams in order, each with its reply or None; any other telegram is an error."""
 
     def __init__(self, pairs: Iterable[tuple[bytes, bytes | None]] = ()):
         self.left = deque(pairs)
@@ -131,13 +130,13 @@ class Script:
         return reply
 
     def check(self) -> None:
-        """All was said, and nothing else."""
+        """Checks that exactly the expected telegrams were sent."""
         assert not self.errors, "; ".join(self.errors)
         assert not self.left, f"never sent: {self.left[0][0].hex(' ')}"
 
 
 class FcSlave:
-    """Answers on `line` from now on; `heard` records every telegram."""
+    """Answers on `line`; `heard` records every telegram."""
 
     def __init__(self, line: Rs485Line, model: Callable[[bytes], bytes | None], manner: Manner | None = None):
         self.line = line
@@ -148,7 +147,7 @@ class FcSlave:
         self._task = cocotb.start_soon(self._serve())
 
     def next(self, *manners: Manner) -> None:
-        """How the next telegrams are answered, one each; then `manner` holds again."""
+        """Sets one manner for each of the next telegrams; after them `manner` applies again."""
         self._next.extend(manners)
 
     async def _serve(self) -> None:
@@ -157,7 +156,7 @@ class FcSlave:
             await self._answer(frame)
 
     async def _telegram(self) -> Frame:
-        """Characters up to the number that LGE says; a gap of 2 characters ends it early."""
+        """Receives LGE + 2 characters; a gap of 2 characters ends the telegram early."""
         monitor = self.line.monitor
         limit = (2 * CHARACTER_BITS + monitor.fmt.bits) * monitor.fmt.bit_ps
         characters = [await monitor.character()]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hands what a bench's lines and LEDs show to the recorder, when one is wanted (see recording.py)."""
+"""Passes characters and LED changes of a bench to the recorder, if one is wanted (see recording.py)."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class LineTap:
-    """Two monitors of its own on one line, so that the bench's are left alone."""
+    """Two extra monitors on one line; the monitors of the bench stay untouched."""
 
     def __init__(self, line: Rs485Line, rx: LogicObject, tx: LogicObject, recorder: Recorder):
         self._line = line
         self._recorder = recorder
         self._id = DRIVE if "drive" in rx._path else MODBUS
-        self._last: bool | None = None  # who spoke last: the card, the far end, nobody
+        self._last: bool | None = None  # last sender: True the card, False the far end, None unknown
         self._monitors = {True: UartMonitor(tx, line.fmt), False: UartMonitor(rx, line.fmt)}
         self.use(line.fmt)
         for from_card in self._monitors:
@@ -42,7 +42,7 @@ class LineTap:
         self._recorder.end_frame(self._id)
 
     def _is_echo(self, start_ps: int) -> bool:
-        """With echo the far end's pin shows the card's own characters too."""
+        """With echo, the rx pin of the card also carries the card's own characters."""
         pulses = self._line.direction.pulses
         return self._line.echo and any(
             p.rise_ps <= start_ps and (p.fall_ps is None or start_ps < p.fall_ps) for p in pulses
@@ -74,7 +74,7 @@ def tap_line(line: Rs485Line, rx: LogicObject, tx: LogicObject) -> LineTap | Non
 
 async def _watch_led(recorder: Recorder, led: int, red: LogicObject, green: LogicObject) -> None:
     while True:
-        await ReadOnly()  # both have changed that change together
+        await ReadOnly()  # both pins have settled
         recorder.led(led, str(red.value) == "1", str(green.value) == "1", now_ps())
         recorder.write(now_ps())
         await First(ValueChange(red), ValueChange(green), Timer(LED_LOOK_MS * PS_PER_MS, unit="ps"))

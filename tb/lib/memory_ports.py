@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frame memory as a module under test sees it: one side writes, one reads, each held until ready.
+"""Frame memory for a module under test: a write port and a read port, each request held until ready.
 
-Both act on the module's own valid only, so a quiet module costs nothing. `delay` gives the clocks that an
-access has to wait, anew for each. A valid that falls before ready has asked for nothing. Read data is there
-one clock after ready, and only then.
+Both ports react to the module's valid only, so an idle module costs no simulation time. `delay` gives the
+wait in clocks, drawn for each access. A valid that falls before ready makes no access. Read data is valid
+only in the clock after ready.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ def at_once() -> int:
 
 
 class WritePort:
-    """Takes <prefix>write_valid/_ready/_addr with the data signal `data`.
+    """Serves <prefix>write_valid/_ready/_addr with the data signal `data`.
 
-    `written` is every access in its order, `memory` what stands there in the end.
+    `written` lists every access in order; `memory` maps addresses to their last value.
     """
 
     def __init__(self, bench: Bench, data: str, delay: Callable[[], int] = at_once, prefix: str = ""):
@@ -42,7 +42,7 @@ class WritePort:
     async def _serve(self) -> None:
         while True:
             await RisingEdge(self._valid)
-            await ReadOnly()  # it may fall again in the same moment
+            await ReadOnly()  # valid may fall again in the same time step
             while str(self._valid.value) == "1":
                 await self._access()
 
@@ -58,7 +58,7 @@ class WritePort:
 
 
 class ReadPort:
-    """Answers <prefix>read_valid/_ready/_addr/_data from `memory`; `reads` is every address in its order."""
+    """Serves <prefix>read_valid/_ready/_addr/_data from `memory`; `reads` lists every address in order."""
 
     def __init__(
         self, bench: Bench, memory: bytes = b"", delay: Callable[[], int] = at_once, prefix: str = ""
@@ -75,7 +75,7 @@ class ReadPort:
     async def _serve(self) -> None:
         while True:
             await RisingEdge(self._valid)
-            await ReadOnly()  # it may fall again in the same moment
+            await ReadOnly()  # valid may fall again in the same time step
             while str(self._valid.value) == "1":
                 await self._access()
 
@@ -91,4 +91,4 @@ class ReadPort:
         byte = self.memory[addr] if addr < len(self.memory) else 0xEE
         self._data.value = byte
         await self._bench.clocks()
-        self._data.value = byte ^ 0xFF  # somebody else's by now
+        self._data.value = byte ^ 0xFF  # the data of another access from here on

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Modbus RTU master on a simulated line: sends an ADU, waits for the answer, measures the turnaround."""
+"""A Modbus RTU master on a simulated line: sends an ADU, waits for the reply, measures the turnaround."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tb.model.crc16 import with_crc
 
 @dataclass(frozen=True)
 class Transaction:
-    """A request as sent and the answer, None when there was none in time."""
+    """A request as sent, and the reply; None if none came in time."""
 
     sent: Sent
     reply: Frame | None
@@ -25,13 +25,13 @@ class Transaction:
 
     @property
     def gap_bits(self) -> float:
-        """From the request's last stop bit to the answer's first start bit."""
+        """Bits from the request's last stop bit to the reply's first start bit."""
         assert self.reply is not None
         return (self.reply.start_ps - self.sent.end_ps) / self.bit_ps
 
 
 class ModbusMaster:
-    """Speaks on `line`; keeps the pause of t3.5 before each request by itself."""
+    """Sends on `line`, with a pause of t3.5 before each request."""
 
     def __init__(self, line: Rs485Line):
         self.line = line
@@ -39,7 +39,7 @@ class ModbusMaster:
         self._free_ps = 0.0
 
     async def request(self, adu: bytes, timeout_ps: float, flaws: Flaws | None = None) -> Transaction:
-        """Sends a whole ADU, CRC included, and waits for the start of an answer until `timeout_ps`."""
+        """Sends an ADU with its CRC, and waits `timeout_ps` for the start of a reply."""
         sent = await self.send(adu, flaws)
         reply = await self.line.monitor.frame(timeout_ps)
         if reply is not None:
@@ -47,7 +47,7 @@ class ModbusMaster:
         return Transaction(sent, reply, self.line.fmt.bit_ps)
 
     async def send(self, adu: bytes, flaws: Flaws | None = None) -> Sent:
-        """Sends an ADU and does not wait for anything after it."""
+        """Sends an ADU without waiting for a reply."""
         await sleep_until(self._free_ps)
         self.line.monitor.forget()
         sent = await self.line.source.send(adu, flaws)
@@ -55,11 +55,11 @@ class ModbusMaster:
         return sent
 
     async def ask(self, address: int, pdu: bytes, timeout_ps: float) -> bytes | None:
-        """A PDU out, the answer's PDU back; checks address and CRC of the answer."""
+        """Sends a PDU and returns the PDU of the reply; checks its address and CRC."""
         reply = (await self.request(with_crc(bytes([address]) + pdu), timeout_ps)).reply
         if reply is None:
             return None
-        assert reply.ok, f"answer with bad characters: {reply}"
+        assert reply.ok, f"reply with bad characters: {reply}"
         adu = rtu.parse(reply.data)
-        assert adu.address == address, f"answer from {adu.address}"
+        assert adu.address == address, f"reply from {adu.address}"
         return adu.pdu

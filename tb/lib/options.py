@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of command line options that several tools have; argparse refuses what does not fit, with exit 2."""
+"""Argument types for command line options; argparse rejects a bad value with exit 2."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 
 def at_least(least: int) -> Callable[[str], int]:
-    """A whole number that is not less."""
+    """Argument type: a whole number of `least` or more."""
 
     def whole(text: str) -> int:
         if not text.removeprefix("-").isdecimal() or int(text) < least:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all benches share: simulators and configurations that a test runs on, and the seed of the run."""
+"""pytest plugin of all benches: choice of simulators and configurations, the seed, results, waveforms."""
 
 from __future__ import annotations
 
@@ -97,8 +97,8 @@ def in_make_test(item: pytest.Item) -> bool:
     return not (sim == "icarus" and config)
 
 
-# Last result of every test, for `make trace` and `make report`: outcome, commit and time. Runs add to it: a
-# part run alone takes nothing away.
+# Last result of every test with commit and time, for `make trace` and `make report`. Each run updates its
+# own tests and keeps the rest.
 RESULTS = ROOT / "build/results.json"
 results: dict[str, str] = {}
 
@@ -111,7 +111,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    # Workers report to the one process that started them.
+    # xdist workers report to the main process, which alone writes the file.
     if results and not hasattr(session.config, "workerinput"):
         known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
         where = {"commit": commit(), "at": f"{datetime.now(UTC):%Y-%m-%d %H:%M}"}

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records what the lines and LEDs of a bench show, as the virtual card records itself with --log and --pcap.
+"""Records lines and LEDs of a bench in the format of the virtual card's --log and --pcap.
 
-The recorder is the virtual card's own (sim/view): the same words, the same marks on bad frames, the same
-files, so whatever reads one reads the other. Times are simulated time, those of the waveform.
+The recorder is the virtual card's own (sim/view), so the texts, marks on bad frames and files are the same.
+Times are simulated time, those of the waveform.
 
-`RECORD=base` in the environment (`make waves` sets it) makes every Rs485Line and Card of a bench write
-base.jsonl and base.pcapng; without it nothing listens. RECORD_DIALECT: whose words. RECORD_STRICT=0: silences
-up to t3.5 may be inside a frame (STRICT_T15 = 0).
+`RECORD=base` in the environment (`make waves` sets it) makes every Rs485Line and card of a bench write
+base.jsonl and base.pcapng; otherwise nothing is recorded. RECORD_DIALECT: the dialect of the texts.
+RECORD_STRICT=0: silences up to t3.5 may be inside a frame (STRICT_T15 = 0).
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ LIBRARY = Path("build/host/librecord.so")
 MODBUS, DRIVE = 0, 1
 PS_PER_NS = 1000
 PS_PER_MS = 1_000_000_000
-LED_LOOK_MS = 5  # between two looks at the LEDs
+LED_LOOK_MS = 5  # period of LED samples
 
 
 class RecordingError(Exception):
-    """One line that tells what is wrong."""
+    """Recording failed; the message is one line."""
 
 
 @functools.cache
 def load_library() -> ctypes.CDLL:
-    """Build the library if it is missing or old, and load it. Safe under parallel test workers."""
+    """Builds the library if it is missing or old, and loads it. Safe under parallel test workers."""
     directory = ROOT / LIBRARY.parent
     directory.mkdir(parents=True, exist_ok=True)
     with (directory / ".librecord.lock").open("w") as lock:
@@ -73,7 +73,7 @@ def load_library() -> ctypes.CDLL:
 
 
 class Recorder:
-    """Writes BASE.jsonl and BASE.pcapng; knows no simulator. Times in ps; use with `with`, or close() it."""
+    """Writes BASE.jsonl and BASE.pcapng, without a simulator. Times in ps; use `with`, or call close()."""
 
     def __init__(self, base: Path, dialect: str = "card") -> None:
         self._library = load_library()
@@ -100,7 +100,7 @@ class Recorder:
                 raise RecordingError(why.value.decode())
 
     def use(self, line: int, fmt: Format, strict: bool = True) -> float:
-        """Silences of a line at this rate; returns the one that ends a frame."""
+        """Sets the silences of a line for this format; returns the silence that ends a frame, in ps."""
         if line == MODBUS:
             self._library.record_network_line(self._recorder, str(fmt).encode())
             inside, between = rtu.t15_ps(fmt.baud), rtu.t35_ps(fmt.baud)
@@ -130,13 +130,13 @@ class Recorder:
         self._library.record_led(self._recorder, led, red, green, now_ps // PS_PER_NS)
 
     def write(self, now_ps: int) -> None:
-        """What nothing older can follow any more; close() writes the rest."""
+        """Writes all entries that no older one can follow any more; close() writes the rest."""
         self._library.record_write(self._recorder, now_ps // PS_PER_NS)
 
 
 @functools.cache
 def wanted() -> Recorder | None:
-    """The recorder of this simulation, if the environment asks for one."""
+    """The recorder of this simulation, or None without RECORD."""
     base = os.environ.get("RECORD")
     if not base:
         return None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One EIA-485 line with the device under test at one end: its pins rx, tx and de.
 
-`source` is everybody else on the line, `monitor` hears what the device sends, `check_direction` holds
+`source` sends for every other station, `monitor` decodes the device's characters, `check_direction` checks
 DE against LINE-6 and FC-10. With `echo` the device hears itself while DE is high, as on a two-wire line.
 """
 
@@ -16,20 +16,20 @@ from cocotb.triggers import First, ValueChange
 from tb.lib.line_tap import tap_line
 from tb.lib.uart_agent import Format, UartMonitor, UartSource, now_ps
 
-# DE edges are compared with bit borders that drift with the device's own bit clock (LINE-4).
+# DE edges are compared with bit boundaries, which drift with the device's own bit clock (LINE-4).
 TOLERANCE_BITS = 0.02
 
 
 @dataclass(frozen=True)
 class Pulse:
-    """DE high from rise to fall; fall is None while it is still up."""
+    """DE high from rise to fall; fall is None while DE is high."""
 
     rise_ps: int
     fall_ps: int | None
 
 
 class DirectionMonitor:
-    """Keeps the times of all DE edges."""
+    """Records the times of all DE edges."""
 
     def __init__(self, de: LogicObject):
         self.pulses: list[Pulse] = []
@@ -48,14 +48,14 @@ class DirectionMonitor:
 
 
 def check_direction(pulses: list[Pulse], monitor: UartMonitor) -> None:
-    """Every character inside a DE pulse, every pulse around characters, both edges in time."""
+    """Checks that DE encloses every character, covers no silence, and has both edges in time."""
     bit = monitor.fmt.bit_ps
     slack = TOLERANCE_BITS * bit
     characters = list(monitor.characters)
     for pulse in pulses:
         assert pulse.fall_ps is not None, f"DE is still high, up since {pulse.rise_ps} ps"
         inside = [c for c in characters if pulse.rise_ps <= c.start_ps < pulse.fall_ps]
-        assert inside, f"DE was up from {pulse.rise_ps} to {pulse.fall_ps} ps and nothing was sent"
+        assert inside, f"DE was high from {pulse.rise_ps} to {pulse.fall_ps} ps without a character"
         lead = (inside[0].start_ps - pulse.rise_ps) / bit
         lag = (pulse.fall_ps - inside[-1].end_ps) / bit
         assert lead <= 1, f"DE rose {lead:.3f} bits before the first start bit"
@@ -68,7 +68,7 @@ def check_direction(pulses: list[Pulse], monitor: UartMonitor) -> None:
 
 
 class Rs485Line:
-    """The line, its far end and its checks."""
+    """The line with its far end and its checks."""
 
     def __init__(self, rx: LogicObject, tx: LogicObject, de: LogicObject, fmt: Format, echo: bool = False):
         self._rx, self._tx, self._de = rx, tx, de
@@ -86,7 +86,7 @@ class Rs485Line:
         return self.monitor.fmt
 
     def set_format(self, fmt: Format) -> None:
-        """From now on, on both ends; checks what was sent before in the old format."""
+        """Changes the format of both ends; first checks DE for everything sent in the old format."""
         self.check_direction()
         self.monitor.characters.clear()
         self.monitor.edges.clear()
@@ -100,7 +100,7 @@ class Rs485Line:
         self._update()
 
     def _update(self) -> None:
-        # Two drivers: the low one is taken to win.
+        # With two drivers, low wins.
         own = str(self._tx.value) == "0" and str(self._de.value) == "1"
         self._rx.value = 0 if self.echo and own else self._far_level
 

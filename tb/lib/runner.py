@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds a module for a simulator and runs the cocotb tests of a Python module on it.
 
-Every build lies in a folder of its own, named by everything it was made from (sources, parameters,
-tool options), so that nothing stale is reused and several pytest workers can share it.
-Environment: WAVES=1 writes build/waves/<test>.fst, and beside it what was on the lines as .pcapng and
-.jsonl, and names the files. RTL_COVERAGE=folder counts, on Verilator, what of rtl/ was run, and leaves a
-file a simulation there (campaigns/coverage/run.py).
+Every build has a folder of its own, named by everything it was made from (sources, parameters,
+tool options), so that no stale build is reused and several pytest workers can share it.
+Environment: WAVES=1 writes build/waves/<test>.fst with the line traffic as .pcapng and .jsonl, and prints
+the file names. RTL_COVERAGE=folder counts coverage of rtl/ on Verilator and leaves one file per simulation
+there (campaigns/coverage/run.py).
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
 BUILDS_KEPT = 3
 
-LINES = "lines"  # name of capture and log while a test runs
+LINES = "lines"  # base name of capture and log while a test runs
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Waveform of a test, the GTKWave view of its top, and capture and log if it has lines."""
+    """Waveform of a test, the GTKWave view of its top, and capture and log if the top has lines."""
 
     wave: Path
     view: Path
@@ -52,10 +52,10 @@ class Recording:
 
 recordings: list[Recording] = []  # of this session
 
-# Warnings are the business of `make lint`.
+# `make lint` checks warnings; a build here ignores them.
 BUILD_ARGS = {
     "icarus": [],
-    # Models large enough to be split want precompiled headers, which the packaged Verilator cannot make.
+    # A split model uses precompiled headers, which the packaged Verilator cannot make.
     "verilator": [
         "-Wno-fatal",
         "--no-timing",
@@ -67,7 +67,7 @@ BUILD_ARGS = {
         "0",
     ],
 }
-# Verilator's default, VCD, is large and slow.
+# FST, because Verilator's default, VCD, is large and slow.
 WAVES_ARGS = {
     "icarus": [],
     "verilator": ["--trace-fst"],
@@ -90,9 +90,9 @@ def run(
 ) -> None:
     """Runs the cocotb tests of `test_module` on module `top`; fails like any pytest test.
 
-    The sources are found: `top` and all modules below it, with the soft core and the firmware of `config`. A
-    bench with a wrapper in Verilog gives it as `extra_sources`, with `top` in it; `sources` replaces the
-    finding. String parameters are quoted here. `testcase` names the cocotb tests to run, parametrised ones by
+    By default the sources are `top` and all modules below it, with the soft core and firmware of `config`.
+    A bench with a Verilog wrapper passes it as `extra_sources`, with `top` in it; `sources` replaces the
+    search. String parameters are quoted here. `testcase` names the cocotb tests to run, parametrised ones by
     their function; default: all.
     """
     for tool in TOOLS[sim]:
@@ -137,12 +137,12 @@ def run(
             },
         )
     except SystemExit:
-        pass  # judged below, from the results file
+        pass  # the results file is checked below
     finally:
         if waves and dump.exists():
             _keep_recording(run_folder, dump, test_name, top, parameters)
         _keep_coverage(run_folder / "coverage.dat", test_name)
-    _judge(results)
+    _check_results(results)
 
 
 def _filter(testcase: str | Sequence[str] | None) -> str | None:
@@ -153,7 +153,7 @@ def _filter(testcase: str | Sequence[str] | None) -> str | None:
 
 
 def bench_files(wrappers: Sequence[Path], config: str = "standard") -> list[Path]:
-    """The project's files that the wrappers of a bench need."""
+    """The files of rtl/ that the wrappers of a bench need."""
     words = set(re.findall(r"\w+", "".join(Path(path).read_text() for path in wrappers)))
     tops = [path.stem for path in rtl_files() if path.stem in words]
     files = [path for top in tops for path in needed_files(top, config)]
@@ -161,7 +161,7 @@ def bench_files(wrappers: Sequence[Path], config: str = "standard") -> list[Path
 
 
 def firmware(config: str = "standard") -> Path:
-    """The image of the configuration."""
+    """The firmware image of the configuration, as .hex."""
     path = ROOT / configuration(config)["firmware_hex"]
     if not path.exists():
         pytest.fail(f"{path.relative_to(ROOT)} is missing; run `make firmware`", pytrace=False)
@@ -176,7 +176,7 @@ def _test_name() -> str:
 
 @contextmanager
 def _lock(path: Path):
-    """Holds off the other pytest workers; released by the system if this one dies."""
+    """Excludes the other pytest workers; the system releases the lock if this worker dies."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path, "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -186,7 +186,7 @@ def _lock(path: Path):
 def _build(
     runner, top: str, sim: str, sources: Sequence[Path], parameters: Mapping[str, str], waves: bool
 ) -> Path:
-    """Compiles unless this very content was compiled before; returns the folder of the build."""
+    """Compiles, unless the same content was compiled before; returns the build folder."""
     args = BUILD_ARGS[sim] + (WAVES_ARGS[sim] if waves else [])
     inputs = list(sources) + ([WAIVERS] if sim == "verilator" else [])
     if sim == "verilator" and os.environ.get("RTL_COVERAGE"):
@@ -202,11 +202,11 @@ def _build(
     done = folder / "built"
     with _lock(base / f"{folder.name}.lock"):
         if done.exists():
-            # What runner.test() wants to know of the build.
+            # runner.test() reads these attributes, which runner.build() would have set.
             runner.build_dir, runner.parameters, runner.waves = folder, dict(parameters), waves
             runner.sources = inputs
             return folder
-        # Most of a Verilator build is its run-time library, the same each time.
+        # Most of a Verilator build is its run-time library, which ccache keeps.
         if shutil.which("ccache"):
             os.environ.setdefault("OBJCACHE", "ccache")
             os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
@@ -235,7 +235,7 @@ def _forget_old_builds(base: Path, prefix: str) -> None:
 
 
 def _recording(run_folder: Path, parameters: Mapping[str, object]) -> dict[str, str]:
-    """What tb/lib/recording.py wants to know: where to write, whose words, which silences."""
+    """Environment for tb/lib/recording.py: where to write, dialect of the texts, silences."""
     image_folder = Path(str(parameters.get("FIRMWARE_HEX", ""))).parent.name
     return {
         "RECORD": str(run_folder / LINES),
@@ -247,7 +247,7 @@ def _recording(run_folder: Path, parameters: Mapping[str, object]) -> dict[str, 
 def _keep_recording(
     run_folder: Path, dump: Path, test_name: str, top: str, parameters: Mapping[str, object]
 ) -> None:
-    """Waveform, capture and log of a test under its name; a module without lines has a waveform only."""
+    """Keeps waveform, capture and log under the test's name; a module without lines has a waveform only."""
     WAVES_FOLDER.mkdir(parents=True, exist_ok=True)
     kept = WAVES_FOLDER / f"{test_name}.fst"
     shutil.move(dump, kept)
@@ -267,8 +267,8 @@ def _keep_coverage(counts: Path, test_name: str) -> None:
             shutil.copyfile(counts, kept.name)
 
 
-def _judge(results: Path) -> None:
-    """Fails the pytest test when a cocotb test failed, and also when none ran."""
+def _check_results(results: Path) -> None:
+    """Fails the pytest test if a cocotb test failed or none ran."""
     if not results.exists():
         pytest.fail("the simulator ended without results; its messages are above", pytrace=False)
     cases = list(ElementTree.parse(results).iter("testcase"))

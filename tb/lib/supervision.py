@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests of power-up, LEDs, watchdog and loop-back test share.
+"""Helpers for the tests of power-up, LEDs, watchdog and loop-back.
 
-`Leds` follows both LEDs of a simulated card, `Firmware` stops, damages and mends what runs in it,
-`WatchedCard` has both and judges every frame that left. Times are in ps, as in the simulators.
+`Leds` follows both LEDs of a simulated card. `Firmware` stops, damages and restores the running program.
+`WatchedCard` has both and checks every frame sent. Times are in ps, as in the simulators.
 Rules: LED-1 ... LED-5, WDG-1.
 """
 
@@ -26,7 +26,7 @@ from cocotb.triggers import (
 
 from sw.tools.bin2hex import with_parity
 from sw.tools.seal import SUMS
-from tb.lib.card import MS, Card, looks_for_requests
+from tb.lib.card import MS, Card, firmware_polls
 from tb.lib.config import CLK_HZ, CONFIG, TRAPS, boot_clocks
 from tb.lib.fc_slave import Script
 from tb.lib.rs485 import Rs485Line
@@ -37,43 +37,43 @@ from tb.model import fc_telegram, rtu
 COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
 LEDS = ("modbus", "drive")
 BITE_PS = 100 * MS  # WDG-1
-# Longer than any start, at any clock: a card that takes longer is dead.
+# Longer than any start at any clock; a card that takes longer is dead.
 ROUND_LIMIT_PS = 400 * MS
 FETCH_LIMIT_CLOCKS = 1000
 STATUS, FREQUENCY = 0x0607, 0x0000
 JUMP_TO_ITSELF = 0x0000006F
 ILLEGAL = 0x00000000
-IDLE_BEATS = 3  # at which the watchdog bites
+IDLE_BEATS = 3  # supervisor_i.idle_beats at which the watchdog bites
 
 
 def colour(red: int, green: int) -> str:
-    """What a two-colour LED shows."""
+    """Colour of a two-colour LED."""
     return COLOURS[red, green]
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A LED begins to show something."""
+    """A LED colour and its start."""
 
     since_ps: int
     colour: str
 
 
 def steps_ms(history: list[Shown]) -> list[tuple[str, float]]:
-    """Each colour with how long it was shown; the last one still lasts and is left out."""
+    """Each colour with its duration in ms, without the last one, which still lasts."""
     return [(now.colour, (then.since_ps - now.since_ps) / MS) for now, then in pairwise(history)]
 
 
 async def within(limit_ps: float, trigger, what: str) -> None:
-    """Waits for something that must happen in this time."""
+    """Waits for `trigger`; fails after `limit_ps`."""
     try:
         await with_timeout(trigger, max(1, round(limit_ps)), "ps")
     except SimTimeoutError:
-        raise AssertionError(f"{what}: not within {limit_ps / MS:.1f} ms") from None
+        raise AssertionError(f"{what}: did not happen within {limit_ps / MS:.1f} ms") from None
 
 
 class Leds:
-    """What both LEDs show, and since when."""
+    """History of both LEDs."""
 
     def __init__(self, dut):
         self.shown: dict[str, list[Shown]] = {led: [] for led in LEDS}
@@ -97,16 +97,16 @@ class Leds:
             self._changed.set()
 
     def show(self, led: str) -> str:
-        """What a LED shows now."""
+        """The present colour of a LED."""
         return self.shown[led][-1].colour if self.shown[led] else "off"
 
     @property
     def fault(self) -> bool:
-        """Solid red on both (LED-5), which no other moment shows but a failed loop-back test."""
+        """Solid red on both LEDs (LED-5): only a failed loop-back test shows this."""
         return all(self.show(led) == "red" for led in LEDS)
 
     def forget(self) -> None:
-        """Only what is shown from now on counts."""
+        """Clears the history up to the present colour."""
         for history in self.shown.values():
             del history[:-1]
 
@@ -116,11 +116,11 @@ class Leds:
         while not condition():
             self._changed.clear()
             await within(end - now_ps(), self._changed.wait(), what)
-        await Timer(1, unit="ps")  # past the moment in which nothing may be driven
+        await Timer(1, unit="ps")  # leave the read-only phase, so that the caller may drive signals
 
 
 def firmware_words(config: str = CONFIG) -> list[int]:
-    """The image that `make firmware` made, with its parity, without the empty memory behind it."""
+    """The firmware image with its parity, without the empty memory after it."""
     words = [int(line, 16) for line in firmware(config).read_text().split()]
     while not words[-1]:
         words.pop()
@@ -128,30 +128,31 @@ def firmware_words(config: str = CONFIG) -> list[int]:
 
 
 def constant_word(config: str = CONFIG) -> int:
-    """Place of the last word before the sums: a constant, never executed."""
+    """Index of the last word before the checksums: a constant, never executed."""
     return len(firmware_words(config)) - SUMS.size // struct.calcsize("<I") - 1
 
 
 class Firmware:
-    """The program in the card's memory: where it is in its loop, and how to break it."""
+    """The program in the card's memory: its place in the poll loop, and ways to damage it."""
 
     def __init__(self, dut):
         self._dut = dut
         self._memory = dut.ram_i.words
         self._image = firmware_words()
         self._broken: set[int] = set()
-        self.loop = -1  # a word of the poll loop that is executed in every round
+        self.loop = -1  # index of a word of the poll loop that every round executes
 
     async def round(self) -> None:
-        """Waits until the next round of the poll loop is over: the watchdog is kicked in each.
+        """Waits for the end of the next round of the poll loop, which kicks the watchdog.
 
-        Kicks while the image is checked at the start are not the loop's, which looks for requests.
+        The firmware also kicks the watchdog while it checks the image; those kicks come before the first
+        poll for requests.
         """
-        await within(ROUND_LIMIT_PS, looks_for_requests(self._dut), "a look for requests")
+        await within(ROUND_LIMIT_PS, firmware_polls(self._dut), "a poll for requests")
         await self._strobe(self._dut.watchdog_kick, ROUND_LIMIT_PS, "a round of the poll loop")
 
     async def _strobe(self, signal, limit_ps: float, what: str) -> int:
-        """Waits for a clock in which `signal` is high, not for a moment between two; returns its begin."""
+        """Waits for a clock in which `signal` is stable high, not a spike; returns the start of the pulse."""
         end = now_ps() + limit_ps
         while True:
             await within(end - now_ps(), RisingEdge(signal), what)
@@ -161,12 +162,12 @@ class Firmware:
                 return began
 
     async def find_loop(self) -> None:
-        """Looks at two rounds: the first instruction fetched after the kick must be the same in both."""
+        """Finds the first instruction fetched after the kick; it must be the same in two rounds."""
         found = set()
         for _ in range(2):
             await self.round()
             found.add(await self._next_fetch())
-        assert len(found) == 1, f"the loop goes on in different places: {found}"
+        assert len(found) == 1, f"the loop continues in different places: {found}"
         self.loop = found.pop()
 
     async def _next_fetch(self) -> int:
@@ -180,55 +181,55 @@ class Firmware:
         raise AssertionError("the processor fetches nothing")
 
     def stop(self, instruction: int = JUMP_TO_ITSELF) -> None:
-        """The processor goes no further than the poll loop; with ILLEGAL it traps there."""
+        """Stops the processor in the poll loop; with ILLEGAL it traps there."""
         self._put(self.loop, with_parity(instruction))
 
     def damage(self, word: int, *bits: int) -> None:
-        """Turns bits over. One is against the parity; two of one byte are for the sums to find."""
+        """Flips bits of a word. The parity check finds one; two of the same byte only the checksums find."""
         self._put(word, self._image[word] ^ sum(1 << bit for bit in bits))
 
     def _put(self, word: int, value: int) -> None:
         self._memory[word].value = value
         self._broken.add(word)
 
-    def mend(self) -> None:
-        """Puts back what was overwritten."""
+    def restore_damaged(self) -> None:
+        """Restores the overwritten words."""
         for word in self._broken:
             self._memory[word].value = self._image[word]
         self._broken.clear()
 
     def restore(self) -> None:
-        """Puts back all of it, after a damaged program may have written anywhere."""
+        """Restores the whole image, since a damaged program may have written anywhere."""
         self._broken.update(range(len(self._image)))
-        self.mend()
+        self.restore_damaged()
 
-    async def break_off(self) -> int:
-        """Makes the watchdog bite at once, and mends the firmware then; returns when that was."""
+    async def bite_now(self) -> int:
+        """Makes the watchdog bite at once, then restores the firmware; returns the time of the bite."""
         self.stop(ILLEGAL)
         if not TRAPS:
-            # As if nothing had been heard of the firmware for so long.
+            # As if the firmware had been idle for this long.
             self._dut.supervisor_i.idle_beats.value = IDLE_BEATS
         at = await self.bite()
-        self.mend()
+        self.restore_damaged()
         return at
 
     async def bite(self, limit_ps: float = BITE_PS) -> int:
-        """Waits for the watchdog; returns when it has bitten."""
+        """Waits for the watchdog; returns the time of the bite."""
         return await self._strobe(self._dut.core_rst, limit_ps, "bite")
 
 
 def process(control: int, reference: int) -> tuple[bytes, bytes]:
-    """An exchange of process data."""
+    """Telegram and reply of an exchange of process data."""
     return fc_telegram.build_process(control, reference), fc_telegram.build_process(STATUS, FREQUENCY)
 
 
 def control_pdu(control: int, reference: int) -> bytes:
-    """Writes coils 1 to 32."""
+    """PDU that writes coils 1 to 32."""
     return rtu.write_coils(0, [bool((control | reference << 16) >> i & 1) for i in range(32)])
 
 
 class WatchedCard(Card):
-    """A card with its LEDs and its firmware under observation, and a drive that goes by a script."""
+    """A card with LEDs and firmware under observation, and a drive that follows a script."""
 
     def __init__(self, dut, **settings):
         self.script = Script()
@@ -240,22 +241,22 @@ class WatchedCard(Card):
 
     @property
     def boot_limit_ps(self) -> float:
-        """BOOT-1 at this clock."""
+        """Time limit of BOOT-1 at this clock."""
         return boot_clocks() * self.bench.period_ps
 
     async def boot(self) -> WatchedCard:
-        """Power on, up to the first round of the poll loop."""
+        """Powers up and waits for the first round of the poll loop."""
         await self.switch_on()
         await self.firmware.round()
         return self
 
     async def switch_on(self) -> None:
-        """Power on, up to the release of the reset."""
+        """Powers up, until the release of the reset."""
         await self.bench.start(reset_clocks=8)
         self.released_ps = now_ps()
 
     async def ask(self, pdu: bytes, expected: bytes | None = None, exchanges=(), timeout_ms: float = 400):
-        """A PDU that is to cause just these exchanges, (telegram, reply) each; expected: default the echo."""
+        """Sends a PDU; checks the exchanges (telegram, reply) that follow, and the reply (default: echo)."""
         for telegram, reply in exchanges:
             self.script.expect(telegram, reply)
         done = await self.master.request(rtu.build(self.address, pdu), timeout_ms * MS)
@@ -269,14 +270,14 @@ class WatchedCard(Card):
         return await self.ask(pdu, pdu[:5], [process(control, reference)])
 
     async def is_alive(self) -> None:
-        """Answers a request that needs no drive; all of its images are 0, as after a start (MAP-4)."""
+        """Checks that the card answers a local request, with all images 0 as after a start (MAP-4)."""
         await self.ask(rtu.read_coils(0, 128), bytes([1, 16]) + bytes(16))
 
     def check_lines(self) -> None:
-        """Every rise of DE belongs to a whole, right frame, and tx has no edge beside them."""
+        """Checks that every DE pulse carries one whole, correct frame, and tx has no edge outside of them."""
         super().check_lines()
         for frame in frames_by_direction(self.modbus):
-            assert frame.ok, f"answer with bad characters: {frame}"
+            assert frame.ok, f"reply with bad characters: {frame}"
             rtu.parse(frame.data)
         for frame in frames_by_direction(self.drive):
             assert frame.ok, f"telegram with bad characters: {frame}"
@@ -284,7 +285,7 @@ class WatchedCard(Card):
 
 
 def frames_by_direction(line: Rs485Line) -> list[Frame]:
-    """What was sent, one frame for each time DE was up."""
+    """Everything sent, one frame per DE pulse."""
     characters = line.monitor.characters
     spans = [(pulse.rise_ps, pulse.fall_ps or now_ps()) for pulse in line.direction.pulses]
     return [Frame(tuple(c for c in characters if rise <= c.start_ps < fall)) for rise, fall in spans]

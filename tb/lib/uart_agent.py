@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A UART on a simulated pin: a source that can send badly on purpose, a monitor that measures exactly.
+"""A UART on a simulated pin: a source that can send faults on purpose, a monitor that measures exactly.
 
-Both work on edges and timers only, never on the clock, so an idle line costs nothing. Times are in
-picoseconds of simulated time, widths and gaps in bit times. `Format` says baud, parity and stop bits
-of a line; source and monitor each have their own, so they may differ on purpose. Rules: LINE-1 to LINE-5.
+Both use edges and timers, never the clock, so an idle line costs no simulation time. Times are picoseconds
+of simulated time, widths and gaps are bit times. `Format` is baud rate, parity and stop bits of a line;
+source and monitor have one each, so that they may differ on purpose. Rules: LINE-1 to LINE-5.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ PS_PER_S = 1_000_000_000_000
 
 
 def now_ps() -> int:
-    """Simulated time."""
+    """Simulated time in ps."""
     return round(get_sim_time(unit="ps"))
 
 
 async def sleep_until(when_ps: float) -> None:
-    """Waits for a moment; returns at once when it is past."""
+    """Waits until a time; returns at once if it has passed."""
     left = round(when_ps) - now_ps()
     if left > 0:
         await Timer(left, unit="ps")
@@ -58,7 +58,7 @@ class Format:
 
     @property
     def bits(self) -> int:
-        """Bits of one character on the line, start and stop bits included."""
+        """Bits of one character, start and stop bits included."""
         return 1 + 8 + self.parity_bits + self.stop_bits
 
     @property
@@ -69,7 +69,7 @@ class Format:
         return (byte.bit_count() + (self.parity == "O")) & 1
 
     def levels(self, byte: int) -> list[int]:
-        """The line's level in each bit of one character."""
+        """Level of the line in each bit of one character."""
         data = [byte >> i & 1 for i in range(8)]
         return [0, *data, *([self.parity_bit(byte)] * self.parity_bits), *([1] * self.stop_bits)]
 
@@ -79,16 +79,16 @@ class Format:
 
 @dataclass
 class Flaws:
-    """What is wrong with a transmission; the default is nothing.
+    """Faults of a transmission; the default is none.
 
     gaps          idle bit times put before a character, by its number
-    bad_parity    numbers of the characters whose parity bit is turned over
+    bad_parity    numbers of the characters whose parity bit is inverted
     bad_stop      numbers of the characters whose first stop bit is low
     ppm           error of the sender's clock, + is faster
-    jitter        each edge is moved by up to this part of a bit either way
-    jitter_seed   repeats the same jitter
-    low_stretch   every low part lasts longer by this part of a bit (duty distortion; - is shorter)
-    glitches      (place, width) in bits, place from the first start edge: the line is turned over there
+    jitter        each edge moves by up to this part of a bit, either way
+    jitter_seed   seed of the jitter
+    low_stretch   every low phase is longer by this part of a bit (duty distortion; negative is shorter)
+    glitches      (place, width) in bits from the first start edge: the line is inverted there
     """
 
     gaps: dict[int, float] = field(default_factory=dict)
@@ -103,7 +103,7 @@ class Flaws:
 
 @dataclass(frozen=True)
 class Sent:
-    """When a transmission began (first start edge) and ended (end of the last stop bit)."""
+    """Start (first start edge) and end (of the last stop bit) of a transmission."""
 
     start_ps: int
     end_ps: int
@@ -112,7 +112,7 @@ class Sent:
 def waveform(fmt: Format, data: Iterable[int], flaws: Flaws) -> tuple[list[tuple[float, int]], float]:
     """The line as a list of (time in ps from the first start edge, new level), and its length in ps.
 
-    No simulator in here: everything a source can do to a line is decided before the first edge.
+    Needs no simulator: every edge is decided before the first one is sent.
     """
     bit = fmt.bit_ps / (1 + flaws.ppm * 1e-6)
     level, at, edges = 1, 0.0, []
@@ -129,7 +129,7 @@ def waveform(fmt: Format, data: Iterable[int], flaws: Flaws) -> tuple[list[tuple
                 edges.append((at, value))
                 level = value
             at += 1
-        if level == 0:  # a bad only stop bit: the line comes back one bit later
+        if level == 0:  # the only stop bit is bad: the line returns to high one bit later
             edges.append((at, 1))
             level, at = 1, at + 1
     rng = random.Random(flaws.jitter_seed)
@@ -137,7 +137,7 @@ def waveform(fmt: Format, data: Iterable[int], flaws: Flaws) -> tuple[list[tuple
     for place, value in edges:
         place += rng.uniform(-flaws.jitter, flaws.jitter) if flaws.jitter else 0.0
         moved.append(place + (flaws.low_stretch if value else 0.0))
-    # A glitch turns the line over twice; edges are kept as places where the level changes.
+    # A glitch inverts the level twice; edges are kept as places where the level changes.
     toggles = sorted(moved + [t for place, width in flaws.glitches for t in (place, place + width)])
     shift = -min(0.0, toggles[0]) if toggles else 0.0
     played, level = [], 1
@@ -174,15 +174,15 @@ class UartSource:
         return await self._play([(0.0, 0), (bits * bit, 1)], (bits + idle_after) * bit)
 
     async def low_pulse(self, width_ps: float) -> Sent:
-        """One low pulse of any width, for example a glitch on an idle line."""
+        """Sends one low pulse of any width, for example a glitch on an idle line."""
         return await self._play([(0.0, 0), (width_ps, 1)], width_ps)
 
     async def idle(self, bits: float) -> None:
-        """Leaves the line alone."""
+        """Waits `bits` with the line idle."""
         await Timer(max(1, round(bits * self.fmt.bit_ps)), unit="ps")
 
     def hold(self, level: int) -> None:
-        """Puts the line at a level and leaves it there."""
+        """Holds the line at a level."""
         self._set(level)
 
     async def _play(self, edges: Sequence[tuple[float, int]], length: float) -> Sent:
@@ -201,7 +201,7 @@ class UartSource:
 
 @dataclass(frozen=True)
 class Character:
-    """One character as it stood on the line.
+    """One character as seen on the line.
 
     start_ps is its start edge, end_ps the nominal end of its last stop bit.
     """
@@ -219,7 +219,7 @@ class Character:
 
 @dataclass(frozen=True)
 class Frame:
-    """Characters with no long silence between them."""
+    """Characters without a long silence between them."""
 
     characters: tuple[Character, ...]
 
@@ -250,9 +250,9 @@ class Frame:
 
 
 class UartMonitor:
-    """Listens to one pin, decodes each character and keeps every edge with its time.
+    """Decodes each character on one pin and records every edge with its time.
 
-    `characters` holds all that was heard; `frame()` waits for the next group.
+    `characters` holds every character so far; `frame()` waits for the next group.
     """
 
     def __init__(self, pin: LogicObject, fmt: Format):
@@ -272,7 +272,7 @@ class UartMonitor:
             task.cancel()
 
     def level_at(self, when_ps: float) -> int:
-        """Level of the pin at a moment of the past (idle before the first edge)."""
+        """Level of the pin at a past time (idle before the first edge)."""
         for at, level in reversed(self.edges):
             if at <= when_ps:
                 return level
@@ -289,7 +289,7 @@ class UartMonitor:
             await FallingEdge(self.pin)
             start, fmt = now_ps(), self.fmt
             bit = fmt.bit_ps
-            # The middle of the last stop bit: the next start edge may follow half a bit later.
+            # Decode in the middle of the last stop bit: the next start edge may follow half a bit later.
             await sleep_until(start + (fmt.bits - 0.5) * bit)
             levels = [self.level_at(start + (i + 0.5) * bit) for i in range(fmt.bits)]
             byte = sum(levels[1 + i] << i for i in range(8))
@@ -303,11 +303,11 @@ class UartMonitor:
                 await ValueChange(self.pin)
 
     def forget(self) -> None:
-        """Drops the characters that nobody waited for."""
+        """Drops the characters that no call has returned yet."""
         self._fresh.clear()
 
     async def character(self, timeout_ps: float | None = None) -> Character | None:
-        """The next character, or None when none was complete in time."""
+        """The next character, or None if none was complete in time."""
         deadline = None if timeout_ps is None else now_ps() + max(1, round(timeout_ps))
         while not self._fresh:
             self._news.clear()
@@ -320,7 +320,7 @@ class UartMonitor:
         return self._fresh.popleft()
 
     async def frame(self, timeout_ps: float | None = None, gap_bits: float = 16.5) -> Frame | None:
-        """The next characters up to a silence of `gap_bits`, or None when nothing came in time.
+        """The next characters up to a silence of `gap_bits`, or None if none came in time.
 
         The default gap is 1.5 characters of 11 bits.
         """
@@ -330,7 +330,7 @@ class UartMonitor:
         characters = []
         while got is not None:
             characters.append(got)
-            # A character is reported in the middle of its last stop bit, the next one likewise.
+            # Each character is reported in the middle of its last stop bit.
             got = await self.character((gap_bits + self.fmt.bits) * self.fmt.bit_ps)
         return Frame(tuple(characters))
 
@@ -345,7 +345,7 @@ class UartMonitor:
         return [Frame(tuple(group)) for group in groups]
 
     async def pin_idle(self, for_ps: float) -> None:
-        """Waits until nothing was sent for so long, from now on."""
+        """Waits until the pin has had no edge for `for_ps`, from now on."""
         begin = now_ps()
         while now_ps() - max(begin, self.edges[-1][0] if self.edges else 0) < for_ps:
             await Timer(round(for_ps / 4), unit="ps")
@@ -355,10 +355,10 @@ class UartMonitor:
         return [(at, level) for at, level in self.edges if frame.start_ps <= at < frame.end_ps]
 
     def measure(self, frame: Frame) -> BitTiming:
-        """Bit time of gap-free characters and how far any edge is from its ideal place.
+        """Average bit time of gap-free characters, and the largest deviation of an edge.
 
-        The average comes from first to last start edge; edges are compared with places at that
-        average, so a whole-number error of one character does not hide in it.
+        The average is taken from the first to the last start edge. Edges are compared with the grid of that
+        average, so an error of whole bits within a character still shows.
         """
         characters = frame.characters
         assert len(characters) > 1, "one character is too short to measure"
@@ -373,7 +373,7 @@ class UartMonitor:
 
 @dataclass(frozen=True)
 class BitTiming:
-    """Average length of a bit and the largest distance of an edge from its place."""
+    """Average length of a bit, and the largest deviation of an edge from the grid."""
 
     average_ps: float
     worst_edge_ps: float
