@@ -369,7 +369,7 @@ def test_judge_accepts_a_correct_exchange():
     ("late_bits", "answer", "complaint"),
     [
         (0.0, ANSWER[:-1] + b"\x00", "expected"),
-        (-2.0, ANSWER, "that nothing asked for"),
+        (-2.0, ANSWER, "without a request"),
         (90.0, ANSWER, "no reply"),
         (None, b"", "no reply"),
     ],
@@ -465,7 +465,7 @@ def test_judge_detects_late_and_early_replies_of_the_drive():
     asked = heard(LINE, START, 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
     answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
-    for late, complaint in ((30000.0, "no reply"), (-3 * LINE.bit, "nothing asked for")):
+    for late, complaint in ((30000.0, "no reply"), (-3 * LINE.bit, "without a request")):
         reply = burst(LINE, STARTED, answered[-1].end + late)
         assert complaint in verdict_on(asked, [reply], [telegram], answered).differences[0]
 

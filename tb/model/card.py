@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the card must do, in plain Python: a request's PDU in, a reply's PDU or an FC telegram out.
+"""Reference model of the card's function: a request's PDU in, a reply's PDU or an FC telegram out.
 
-Written from the rules, not from the firmware, so that each can judge the other. It knows nothing of
-lines, times or CRC: a request given to it has committed, a telegram given to it had a good BCC.
+Written from the rules, independent of the firmware, so that each can check the other. Lines, times and CRC
+are outside of it: a request given to it has been committed, a telegram given to it had a good BCC.
 Telegrams here are ADR and data, without STX, LGE and BCC. Registers and coils are numbered on-wire.
 """
 
@@ -19,7 +19,7 @@ TYPE_MISMATCH = 5  # fault of the drive
 
 
 class Refused(Exception):
-    """Why a request gets an exception: a word of Dialect.codes, or a fault of the drive."""
+    """The request gets an exception. `why` is a key of Dialect.codes, or a fault number of the drive."""
 
     def __init__(self, why: str | int) -> None:
         self.why = why
@@ -27,9 +27,9 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Dialect:
-    """What one manual says otherwise than another."""
+    """The differences between the manuals."""
 
-    codes: dict[str, int]  # exception code for each mistake; "drive" where it is not the fault's number
+    codes: dict[str, int]  # exception code for each error; "drive" if not the fault number itself
     index_register: int
     highest_pnu: int
     text_by_size: bool
@@ -64,7 +64,7 @@ DIALECTS = {
 
 @dataclass
 class Step:
-    """What the card does next: answers, asks the drive, or (both None) keeps silent."""
+    """The card's next action: it replies, sends a telegram to the drive, or (both None) neither."""
 
     reply: bytes | None = None
     telegram: bytes | None = None
@@ -72,18 +72,18 @@ class Step:
 
 @dataclass
 class Question:
-    """What was asked of the drive, and what the master asked."""
+    """The open request to the drive, and the master's request that caused it."""
 
     function: int
     start: int
     operand: int
     kind: str  # process, number, text
     pnu: int = 0
-    by_text: bytes | None = None  # the telegram to try when the drive finds the number's type wrong
+    by_text: bytes | None = None  # the telegram to try next if the drive reports a wrong data type
 
 
 def word(data: bytes, at: int = 0) -> int:
-    """Sixteen bits, high byte first."""
+    """A 16-bit word, high byte first."""
     return int.from_bytes(data[at : at + 2], "big")
 
 
@@ -97,12 +97,12 @@ def word_to_bits(value: int) -> list[int]:
 
 @dataclass
 class Card:
-    """The card's images (MAP-4, MAP-5), and the question the drive has not answered yet."""
+    """The card's images (MAP-4, MAP-5), and the drive request without a reply yet."""
 
     adr: int = 0x81
     adr_broadcast: int = 0x80
     status_refresh: bool = False
-    name: str = "card"  # of the dialect
+    name: str = "card"  # key of DIALECTS
     coils: list[int] = field(default_factory=lambda: [0] * COILS)
     registers: dict[int, int] = field(init=False)  # the card's own
     question: Question | None = None
@@ -114,7 +114,7 @@ class Card:
     # ------------------------------------------------------------ requests
 
     def request(self, pdu: bytes, broadcast: bool = False) -> Step:
-        """A committed request."""
+        """Serves a committed request."""
         self.question = None
         if broadcast and pdu[0] in READS:
             return Step()
@@ -238,7 +238,7 @@ class Card:
     # ------------------------------------------------------------ the drive
 
     def drive_reply(self, telegram: bytes) -> Step:
-        """The drive's telegram, ADR and data; Step() when it is not a reply to what was asked (FC-8)."""
+        """Takes the drive's telegram, ADR and data; Step() if it is no reply to the open request (FC-8)."""
         q, data = self.question, telegram[1:]
         if q is None or telegram[0] != self.adr or not self._fits(q, data):
             return Step()
@@ -255,7 +255,7 @@ class Card:
         return Step(reply=reply)
 
     def drive_silent(self) -> Step:
-        """No good reply, not even to the repeat (FC-9)."""
+        """The drive gave no good reply, not even to the repeat (FC-9)."""
         q, self.question = self.question, None
         if "silent" not in self.dialect.codes:
             return Step()

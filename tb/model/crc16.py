@@ -27,5 +27,5 @@ def with_crc(data: bytes) -> bytes:
 
 
 def crc_good(adu: bytes) -> bool:
-    """True when `adu` is long enough for an address, a function code and a CRC, and the CRC is right."""
+    """True if `adu` has at least an address, a function code and a CRC, and the CRC is right."""
     return len(adu) >= 4 and crc16(adu) == 0

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The worked examples of Danfoss's documents, by id: requests, telegrams and replies as bytes
-(examples.json)."""
+"""The worked examples of Danfoss's documents by id, from examples.json: requests, telegrams, replies."""
 
 from __future__ import annotations
 

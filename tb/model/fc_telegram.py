@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """FC telegrams in pure Python: build, parse, describe (FC-1 to FC-4, FC-7).
 
-Written from the protocol's description, not from the C drive: each checks the other. A telegram is
-`STX LGE ADR data BCC`; LGE counts ADR, data and BCC; BCC is the XOR of everything before it; words go
+Written from the protocol's description, independent of the C drive, so that each checks the other. A telegram
+is `STX LGE ADR data BCC`; LGE counts ADR, data and BCC; BCC is the XOR of all bytes before it; words are sent
 high byte first. Three kinds by their data: process (PCD1 PCD2), parameter (PKE IND PWE PCD1 PCD2) and
 text (PKE IND characters PCD1 PCD2). PCD1/PCD2 are control word and reference in a request, status word
 and output frequency in a reply. No cocotb inside.
@@ -50,7 +50,7 @@ class TelegramError(ValueError):
 
 @dataclass(frozen=True)
 class Telegram:
-    """A good telegram, taken apart. Parts that its kind does not have are None."""
+    """The fields of a good telegram. Fields that its kind does not have are None."""
 
     adr: int
     pcd1: int
@@ -103,9 +103,9 @@ def build(data: bytes, adr: int = ADR) -> bytes:
 
 
 def without_bcc(contents: bytes) -> bytes:
-    """ADR and data of what the firmware hands over: ADR, data and BCC. TelegramError if that is wrong."""
+    """ADR and data from ADR, data and BCC, as the firmware passes them; TelegramError if the BCC is wrong."""
     if bcc(bytes([STX, len(contents)]) + contents) != 0:
-        raise TelegramError(f"wrong BCC behind {contents[:-1].hex(' ')}: {contents[-1:].hex()}")
+        raise TelegramError(f"wrong BCC after {contents[:-1].hex(' ')}: {contents[-1:].hex()}")
     return contents[:-1]
 
 
@@ -128,7 +128,7 @@ def build_parameter(
 def build_text(
     pnu: int, text: bytes, ind: int = IND_TEXT_WRITE, pcd1: int = 0, pcd2: int = 0, adr: int = ADR
 ) -> bytes:
-    """Text telegram with characters: a write request or a reply. A read request has none: build_text_read."""
+    """Text telegram with characters: a write request or a reply. build_text_read makes a read request."""
     return build(words(pke(AK_TEXT, pnu), ind) + text + words(pcd1, pcd2), adr)
 
 
@@ -138,10 +138,9 @@ def build_text_read(pnu: int, index: int = 0, adr: int = ADR) -> bytes:
 
 
 def parse(telegram: bytes, reply: bool = False) -> Telegram:
-    """Take a telegram apart; `reply` = it comes from the drive. TelegramError when it is not one.
+    """Parses a telegram; `reply` means that the drive sent it. TelegramError if it is no telegram.
 
-    With AK 15 only the direction tells text from number: a read request is a parameter telegram, a
-    write request and every reply carry characters, even four of them.
+    With AK 15 only the direction distinguishes text from number: a read request is a parameter telegram; a
     """
     if len(telegram) < 8:
         raise TelegramError(f"{len(telegram)} bytes, the shortest telegram has 8")
@@ -156,7 +155,7 @@ def parse(telegram: bytes, reply: bool = False) -> Telegram:
     if len(data) == 4:
         return Telegram(adr, pcd1, pcd2)
     if len(data) < 8:
-        raise TelegramError(f"LGE {telegram[1]:02X} is that of no telegram")
+        raise TelegramError(f"LGE {telegram[1]:02X} fits no kind of telegram")
     ak, pnu = data[0] >> 4, int.from_bytes(data[:2], "big") & 0x0FFF
     ind = int.from_bytes(data[2:4], "big")
     if ak == AK_TEXT and (reply or ind >> 8 == IND_TEXT_WRITE >> 8):
@@ -167,7 +166,7 @@ def parse(telegram: bytes, reply: bool = False) -> Telegram:
 
 
 def describe_control(word: int, reference: int) -> str:
-    """Control word in words, in the stops' order of precedence (coast, quick, DC brake, ramp)."""
+    """Control word in words, by the precedence of the stops (coast, quick, DC brake, ramp)."""
     if not word & 0x0400:
         return "no process command"
     if not word & 0x0008:
@@ -193,7 +192,7 @@ def describe_control(word: int, reference: int) -> str:
 
 
 def describe_status(word: int, frequency: int) -> str:
-    """Status word in words: what it says about the motor first."""
+    """Status word in words, the state of the motor first."""
     what = ["tripped" if word & 0x0008 else "running" if word & 0x0800 else "stopped"]
     if word & 0x0100:
         what.append("on reference")
@@ -241,7 +240,7 @@ def describe_parameter(telegram: Telegram, reply: bool) -> str:
 
 
 def describe(telegram: bytes, reply: bool = False) -> str:
-    """A telegram in one line of words; says what is wrong with a bad one."""
+    """A telegram in one line of words; for a bad one, the error."""
     try:
         parts = parse(telegram, reply)
     except TelegramError as error:

@@ -39,7 +39,7 @@ def t35_ps(baud: int) -> float:
 
 @dataclass(frozen=True)
 class Adu:
-    """A frame taken apart."""
+    """Address and PDU of a frame."""
 
     address: int
     pdu: bytes
@@ -63,7 +63,7 @@ def build(address: int, pdu: bytes) -> bytes:
 
 
 def parse(adu: bytes) -> Adu:
-    """Takes an ADU apart; ValueError when its CRC is wrong or it is too short."""
+    """Parses an ADU; ValueError if its CRC is wrong or it is too short."""
     if not crc_good(adu):
         raise ValueError(f"no good CRC in {adu.hex(' ')}")
     return Adu(adu[0], bytes(adu[1:-2]))

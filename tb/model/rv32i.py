@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small RV32I machine that runs the card's own firmware image against a mailbox played by a test.
+"""A small RV32I machine that runs the card's firmware image against a mailbox simulated by a test.
 
-It counts instructions, not clocks, and is strict where the card is: no multiplication, no unaligned
-access, registers and frame bytes in their own size, nothing outside the memory.
+It counts instructions, not clocks. Like the card it rejects multiplication, unaligned access, access to
+registers and frame bytes in another size than their own, and addresses outside the memory.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from tb.model.firmware import build, frame_memory
 
 MASK = 0xFFFFFFFF
 SP, STACK_FILL = 2, 0x5A
-# Bytes that are read or written together, by offset in the frame memory.
+# Access size in bytes by offset in the frame memory.
 SIZES = {area.at(i): area.size for area in AREAS.values() for i in range(area.length)}
 LONGEST_ROUND = 100_000  # instructions; the check of the whole image at the start is the longest
 
 
 class Hung(Exception):
-    """The firmware does not come round any more: the watchdog's business."""
+    """The firmware stopped polling; the card's watchdog would bite."""
 
 
 @functools.cache
 def image(dialect: str = "card") -> bytes:
-    """The firmware as it is loaded into the card."""
+    """The firmware image, as loaded into the card."""
     folder = "build" if dialect == "card" else f"build/{dialect}"
     return build(f"{folder}/firmware.bin").read_bytes()
 
@@ -63,7 +63,7 @@ def taken(funct3: int, a: int, b: int) -> bool:
 
 
 class Machine:
-    """Same use as firmware.Gateway: `poll` is one round of the loop, which begins with reading TIME."""
+    """Same interface as firmware.Gateway: `poll` runs one round of the loop, which starts by reading TIME."""
 
     def __init__(
         self,
@@ -85,12 +85,12 @@ class Machine:
         self.pc = 0
         self.instructions = 0
         self.lowest_sp = len(self.memory)
-        # The first reading of TIME is that of the start.
+        # The first read of TIME belongs to the start.
         self._run_to_time()
         self.poll()
 
     def poll(self) -> None:
-        self._step()  # the reading itself
+        self._step()  # the read of TIME
         self._run_to_time()
 
     def _run_to_time(self) -> None:
@@ -98,10 +98,10 @@ class Machine:
         last = self.instructions + LONGEST_ROUND
         while not self.reads_time:
             if self.instructions > last:
-                raise Hung(f"no reading of TIME for {LONGEST_ROUND} instructions, now at {self.pc:#x}")
+                raise Hung(f"no read of TIME for {LONGEST_ROUND} instructions, now at {self.pc:#x}")
             pc = self.pc
             self._step()
-        # Undo the last step: the loop stands before its reading of TIME.
+        # Undo the last step: the loop stops just before its read of TIME.
         self.pc = pc
         self.instructions -= 1
 
@@ -141,7 +141,7 @@ class Machine:
         self.memory[address : address + size] = data
 
     def _frame_access(self, address: int, size: int) -> int:
-        """The same 256 bytes end the memory, but the firmware knows them by this address alone."""
+        """Offset in the frame memory. The firmware uses only this address for the memory's last 256 bytes."""
         at = address - FRAMES
         assert SIZES.get(at) == size, f"{size} bytes of the frame memory at {at:#x}, at {self.pc - 4:#x}"
         return at

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models that judge the hardware, judged themselves: by published values and by pymodbus."""
+"""Tests of the reference models against published values and pymodbus."""
 
 import random
 
@@ -23,7 +23,7 @@ def test_crc_agrees_with_pymodbus_on_random_frames():
     rng = random.Random(seed)
     for _ in range(200):
         data = rng.randbytes(rng.randint(1, 254))
-        # pymodbus keeps its value byte-swapped, so that it can be packed high byte first.
+        # pymodbus returns the CRC byte-swapped, ready to be packed high byte first.
         assert crc16.with_crc(data) == data + FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 

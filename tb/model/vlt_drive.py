@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated drive for Python: a thin ctypes skin over sim/drive/vlt_drive.c.
+"""The simulated drive for Python: a ctypes wrapper of sim/drive/vlt_drive.c.
 
-The same code stands behind the virtual card, so every test sees one and the same drive. Values are
-raw, as transferred; times are simulated microseconds and pass only in `step()`. No cocotb inside.
+The virtual card uses the same code, so every test sees the same drive. Values are raw, as transferred.
+Times are simulated microseconds; time passes only in `step()`. No cocotb inside.
 
     drive = VltDrive()                  # a VLT 6000, powered up, stopped, status word 0607h
     drive = VltDrive("vlt2800")         # or another of PROFILES
@@ -28,7 +28,7 @@ PROFILES = tuple(sorted(table.stem for table in PROFILE_FOLDER.glob("*.csv")))
 
 
 class Outcome(IntEnum):
-    """What became of a telegram (drive_outcome_t)."""
+    """Result of a telegram (drive_outcome_t)."""
 
     REPLIED = 0
     BROADCAST = 1
@@ -37,7 +37,7 @@ class Outcome(IntEnum):
 
 
 class DriveError(ValueError):
-    """Access from outside the bus that the drive cannot do; `fault` is its number."""
+    """The drive cannot do an access from outside the bus; `fault` is its fault number."""
 
     def __init__(self, pnu: int, fault: int):
         super().__init__(f"parameter {pnu}: fault {fault}")
@@ -46,7 +46,7 @@ class DriveError(ValueError):
 
 @functools.cache
 def load_library() -> ctypes.CDLL:
-    """Build the library if it is missing or old, and load it. Safe under parallel test workers."""
+    """Builds the library if it is missing or old, and loads it. Safe under parallel test workers."""
     directory = ROOT / LIBRARY.parent
     directory.mkdir(parents=True, exist_ok=True)
     with (directory / ".libvltdrive.lock").open("w") as lock:
@@ -101,9 +101,9 @@ def load_library() -> ctypes.CDLL:
 
 
 class VltDrive:
-    """One simulated drive, `profile` one of PROFILES; ValueError when it is not.
+    """One simulated drive; `profile` is one of PROFILES, else ValueError.
 
-    `example=True` starts it in the state behind the examples of the profile's own document.
+    `example=True` starts it in the state of the examples in the profile's own document.
     """
 
     def __init__(self, profile: str = "vlt6000", example: bool = False):
@@ -118,7 +118,7 @@ class VltDrive:
             self.example_state()
 
     def init(self) -> None:
-        """Every parameter at its default, motor stopped, nothing forced."""
+        """Resets every parameter to its default; motor stopped, nothing forced."""
         self._library.drive_init(self._drive, self._profile)
 
     def power_cycle(self) -> None:
@@ -126,7 +126,7 @@ class VltDrive:
         self._library.drive_power_cycle(self._drive)
 
     def telegram(self, request: bytes) -> bytes | None:
-        """One whole telegram off the line; the reply, or None for silence (`outcome` says why)."""
+        """Takes one whole telegram; returns the reply, or None for silence (`outcome` gives the reason)."""
         reply = ctypes.create_string_buffer(REPLY_MAX)
         length = ctypes.c_size_t()
         self.outcome = Outcome(
@@ -137,18 +137,18 @@ class VltDrive:
         return reply.raw[: length.value] if self.outcome is Outcome.REPLIED else None
 
     def step(self, microseconds: int) -> None:
-        """Let simulated time pass."""
+        """Advances simulated time."""
         while microseconds > 0:
             part = min(microseconds, 0xFFFFFFFF)
             self._library.drive_step(self._drive, part)
             microseconds -= part
 
     def example_state(self) -> None:
-        """The state behind the examples of the profile's document (drive_example_state)."""
+        """Sets the state of the examples in the profile's document (drive_example_state)."""
         self._library.drive_example_state(self._drive)
 
     def force_process(self, status: int, frequency: int) -> None:
-        """Pin status and output frequency word; the motor then stands still."""
+        """Forces status and output frequency word; the motor then stands still."""
         self._library.drive_force_process(self._drive, status, frequency)
 
     def release_process(self) -> None:
@@ -159,7 +159,7 @@ class VltDrive:
             raise DriveError(pnu, fault)
 
     def set(self, pnu: int, value: int, index: int = 0) -> None:
-        """Set a value past all limits and rights, in RAM and EEPROM; pins a readout."""
+        """Sets a value in RAM and EEPROM, regardless of limits and rights; forces a readout."""
         self._done(pnu, self._library.drive_set(self._drive, pnu, index, value))
 
     def get(self, pnu: int, index: int = 0) -> int:
@@ -173,7 +173,7 @@ class VltDrive:
         return value.value
 
     def set_text(self, pnu: int, text: str) -> None:
-        """Up to 60 characters, more than fit through the card."""
+        """Sets a text of up to 60 characters, more than fit through the card."""
         self._done(pnu, self._library.drive_set_text(self._drive, pnu, text.encode("ascii")))
 
     def get_text(self, pnu: int) -> str:
@@ -182,19 +182,19 @@ class VltDrive:
         return text.value.decode("latin-1")
 
     def refuse(self, pnu: int, fault: int | None) -> None:
-        """Refuse every access to a parameter with this fault number; None: no longer."""
+        """Refuses every access to a parameter with this fault number; None ends it."""
         self._done(pnu, self._library.drive_refuse(self._drive, pnu, -1 if fault is None else fault))
 
     def trip(self, alarm: int) -> None:
-        """Trip with alarm 1 to 99."""
+        """Trips with alarm 1 to 99."""
         self._library.drive_trip(self._drive, alarm)
 
     def trip_lock(self, alarm: int) -> None:
-        """Trip with an alarm that only power_cycle() resets."""
+        """Trips with an alarm that only power_cycle() resets."""
         self._library.drive_trip_lock(self._drive, alarm)
 
     def warn(self, warnings: int) -> None:
-        """Bits of the warning word; 0 ends the warning."""
+        """Sets bits of the warning word; 0 ends the warning."""
         self._library.drive_warn(self._drive, warnings)
 
     @property

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole card as a black box with two lines: what it may send, when, and what it must send.
 
-`Judge` is given everything that was on both lines and says where the card did otherwise than the rules.
-Meaning comes from `card.Card`, framing from `wire`; here are the commit (FRAME-6), the one reply (FRAME-7,
-FRAME-8), the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served when
-several meet.
+`Judge` gets everything sent on both lines and reports where the card broke a rule. `card.Card` gives the
+content, `wire` the framing. This module adds the commit (FRAME-6), the one reply (FRAME-7, FRAME-8), the
+exchange with the drive, its repeat and its end (FC-8, FC-9), and the choice between requests that meet.
 
-Where the rules leave a choice, the judge follows what was seen if it is one of the choices: a telegram that a
-newer request overtakes before it started may be sent or not; a drive's reply within a few ms of the end of
-its wait may count or not. Unit of time: clocks.
+Where the rules allow a choice, the judge accepts any allowed one and continues from it. A telegram overtaken
+by a newer request before its start may be sent or not. A drive's reply within a few ms of the end of its
+wait may count or not. Unit of time: clocks.
 """
 
 from __future__ import annotations
@@ -36,21 +35,21 @@ from tb.model.wire import (
     heard_around,
 )
 
-# A character that begins so few clocks before the card's own cannot have been seen yet.
+# The card cannot have seen a character that began less than so many clocks before the card's own.
 SYNC_CLOCKS = 4
-# A receiver has a byte when it has looked at the middle of its stop bit.
+# A receiver samples the last bit in the middle of the stop bit: half a bit before the end, and a margin.
 STOP_BITS = 0.6
-# How much later than its time the firmware's millisecond clock may tick, and a reply's last character may
-# come.
+# Delays in ms: of a tick of the firmware's millisecond clock, and of the last character of a reply that the
+# firmware still waits for.
 TICK_MS, LAST_CHARACTER_MS = 2.2, 4.5
-# A telegram overtaken by a newer request leaves at most so late after it was queued (the pause takes 2.3).
+# A telegram overtaken by a newer request leaves at most this long after it was queued (the pause takes 2.3).
 OVERTAKEN_MS = 6.0
 NEVER = float("inf")
 
 
 @dataclass
 class Request:
-    """A committed request and what it may be answered."""
+    """A committed request and its allowed replies."""
 
     pdu: bytes
     broadcast: bool
@@ -58,12 +57,12 @@ class Request:
     question: Question | None
     telegram: bytes = b""
     answers: list[bytes] = field(default_factory=list)
-    how: str = ""  # it came to its answer
+    how: str = ""  # source of the reply, for the counters
     answer_from: float = NEVER
     answer_by: float = NEVER
-    dropped: float | None = None  # when somebody else spoke (FRAME-7)
+    dropped: float | None = None  # time of a newer character on the line (FRAME-7)
     answered: bool = False
-    overtaken: bool = False  # by a candidate, so its telegram need not leave any more
+    overtaken: bool = False  # by a candidate, so its telegram may stay unsent
 
 
 @dataclass
@@ -76,10 +75,10 @@ class Exchange:
     phase: str = "line"
     sends: int = 0
     end: float = 0.0
-    waits: tuple[int, int] = (0, 0)  # register 40003, smallest and largest since the telegram
+    waits: tuple[int, int] = (0, 0)  # smallest and largest register 40003 since the telegram
     overtaken: bool = False
-    settled: float = NEVER  # when what overtook it was committed or revoked
-    superseded: float = NEVER  # when a newer request was committed: no repeat from then on (FC-9)
+    settled: float = NEVER  # when the overtaking request was committed or revoked
+    superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
     receiver: DriveReceiver | None = None
 
 
@@ -87,18 +86,18 @@ class Exchange:
 class Verdict:
     differences: list[str] = field(default_factory=list)
     counts: Counter = field(default_factory=Counter)
-    unclear: str = ""  # why it was judged no further
-    until: float = NEVER  # than this clock
+    unclear: str = ""  # reason why the check stopped early
+    until: float = NEVER  # end of the checked time in clocks
     worst: dict[str, float] = field(default_factory=dict)  # clocks
 
 
 class Difference(Exception):
-    """The card did what it must not, or did not what it must."""
+    """The card broke a rule."""
 
 
 @dataclass
 class Judge:
-    """`budget`: clocks that the firmware may take from a frame, or a drive's reply, to its answer."""
+    """`budget`: largest time in clocks from a frame or a drive's reply to the firmware's own reply."""
 
     card: Card
     line: Line
@@ -117,12 +116,12 @@ class Judge:
         self.status_changed = -NEVER
         self.status_before = [0] * len(STATUS)
         self.doubtful = False
-        self.status_doubts: list[list[int]] = []  # what it may be if late replies of the drive did not count
-        # What the firmware does from t1.5 on is not seen unless it takes longer than until t3.5.
+        self.status_doubts: list[list[int]] = []  # status images if late replies of the drive do not count
+        # The firmware starts at t1.5 and may send from t3.5, so only its time beyond t3.5 shows on the line.
         t15_to_t35 = (self.line.t35_bits - self.line.t15_bits) * self.line.bit
         self.late = max(0.0, self.budget - t15_to_t35) + 1.3 * self.line.bit
 
-    # ------------------------------------------------------------ all that happened, in order
+    # ------------------------------------------------------------ all events in order
 
     def judge(
         self,
@@ -133,7 +132,7 @@ class Judge:
         until: float,
     ) -> Verdict:
         self.replies, self.telegrams = replies, telegrams
-        # Start, earliest and latest end of whatever is on the drive line.
+        # Start, earliest end and latest end of everything on the drive line.
         self.busy = [(h.start, h.end, h.end + h.slack) for h in drive]
         self.busy += [(float(b.rise), float(b.fall), float(b.fall)) for b in telegrams]
         items = [*self._network(network), *self._drive(drive)]
@@ -165,7 +164,7 @@ class Judge:
                 early = unsure + event.slack if event.what in ("candidate", "commit") else 0.0
                 found.append((event.at - early, 0, self._heard, event))
         except Unclear as unclear:
-            found.append((unclear.at, 2, self._give_in, unclear))
+            found.append((unclear.at, 2, self._raise, unclear))
         return found
 
     def _drive(self, heard: Iterable[Heard]) -> list[tuple]:
@@ -173,7 +172,7 @@ class Judge:
         early = STOP_BITS * self.drive.bit
         return [(h.end - early, 0, self._from_drive, h) for _, h in around if isinstance(h, Heard)]
 
-    def _give_in(self, unclear: Unclear) -> None:
+    def _raise(self, unclear: Unclear) -> None:
         raise unclear
 
     def _count(self, what: str) -> None:
@@ -222,9 +221,9 @@ class Judge:
         if step.reply is not None:
             self._answer(request, "local reply", step.reply, at, at + self.late)
             if self.status_changed > self.candidate_at - self.budget:
-                self._also(request, self.status_before)
+                self._allow_status(request, self.status_before)
             for status in self.status_doubts:
-                self._also(request, status)
+                self._allow_status(request, status)
         if step.telegram is not None:
             request.telegram = self._built(step.telegram)
             if self.exchange is None:
@@ -237,8 +236,8 @@ class Judge:
         request.answers = [with_crc(bytes([self.address]) + pdu)]
         request.answer_from, request.answer_by = at, by
 
-    def _also(self, request: Request, status: list[int]) -> None:
-        """A read of the status image that a drive's reply meets may show it as it was (FC-6)."""
+    def _allow_status(self, request: Request, status: list[int]) -> None:
+        """Allows an older status image in a read that races with a drive's reply (FC-6)."""
         if request.pdu[0] != 0x01 or not request.answers or request.answered:
             return
         now = self.card.coils[STATUS.start : STATUS.stop]
@@ -252,14 +251,14 @@ class Judge:
     def _reply(self, burst: Burst) -> None:
         request, data = self.newest, burst.data
         if request and self.pending is request and not request.answers:
-            self._take_back(burst.rise)
+            self._finish_exchange_before(burst.rise)
         exchange = self.exchange
         waits = exchange and exchange.request is request and not request.answers
-        if waits and burst.rise >= self._given_up_from(exchange):
-            self._must_have_been_held_back(exchange, burst.rise)
-            self._give_up(exchange, burst.rise)
+        if waits and burst.rise >= self._abandoned_from(exchange):
+            self._check_line_was_busy(exchange, burst.rise)
+            self._abandon(exchange, burst.rise)
         if request is None or request.broadcast or request.answered or not request.answers:
-            self._fail(burst.rise, f"reply {data.hex(' ')} that nothing asked for")
+            self._fail(burst.rise, f"reply {data.hex(' ')} without a request")
         self._shape(burst, self.line, "reply")
         if request.dropped is not None and request.dropped < burst.rise - SYNC_CLOCKS:
             self._fail(burst.rise, f"reply {data.hex(' ')} after a newer character (FRAME-7)")
@@ -282,7 +281,7 @@ class Judge:
         self._count(f"exception {data[2]}" if data[1] & 0x80 else f"function {data[1]:02X} answered")
 
     def _shape(self, burst: Burst, line: Line, what: str) -> None:
-        """Characters, gaps and driver as they must be (LINE-6, FC-8, FC-10)."""
+        """Checks characters, gaps and driver (LINE-6, FC-8, FC-10)."""
         shown = burst.data.hex(" ")
         if not burst.characters or not all(c.good for c in burst.characters):
             self._fail(burst.rise, f"{what} {shown}: a damaged character")
@@ -312,48 +311,48 @@ class Judge:
     def _wait_from(self, exchange: Exchange) -> float:
         return exchange.end + self._ms(exchange.waits[0]) - 0.2 * self.ms
 
-    def _given_up_from(self, exchange: Exchange) -> float:
-        """The first moment at which the master may be told that the drive does not answer."""
+    def _abandoned_from(self, exchange: Exchange) -> float:
+        """The earliest time at which the master may get the reply that the drive is silent."""
         if exchange.phase == "line":
             return exchange.queued_from + self._ms(exchange.waits[0]) - 0.2 * self.ms
         if exchange.sends == 2 or exchange.superseded < NEVER:
             return self._wait_from(exchange)
-        # A drive that still talks at the end of its wait keeps the repeat from the line, for as long again.
+        # A drive still sending at the end of its wait can delay the repeat by as long again.
         return self._wait_from(exchange) + self._ms(exchange.waits[0])
 
-    def _take_back(self, at: float) -> None:
-        """The newest request has its answer, so the exchange before it is over by now."""
+    def _finish_exchange_before(self, at: float) -> None:
+        """The newest request is being answered, so the exchange before it must be over."""
         exchange = self.exchange
         if exchange.phase == "wait" and at >= self._wait_from(exchange):
             self._after_wait(exchange, at)
         if self.pending and exchange.phase == "line" and exchange.overtaken:
             self._start(self.pending, exchange.queued_from, at)
 
-    def _must_have_been_held_back(self, exchange: Exchange, at: float) -> None:
-        """A telegram given up before it left: it waited for the line all that time and never had it."""
+    def _check_line_was_busy(self, exchange: Exchange, at: float) -> None:
+        """Checks an exchange abandoned before its telegram left: the line must have been busy until then."""
         if exchange.phase == "line" or exchange.sends == 1:
             start_by = self._starts_by(at - self._ms(exchange.waits[0]) + 0.2 * self.ms)
             if start_by < at:
                 wanted = exchange.request.telegram.hex(" ")
-                self._fail(start_by, f"no telegram, and the line was free; expected {wanted}")
+                self._fail(start_by, f"no telegram on a free line; expected {wanted}")
 
     def _wait_by(self, exchange: Exchange) -> float:
         slowest = self._ms(exchange.waits[1]) + (TICK_MS + LAST_CHARACTER_MS) * self.ms
         return exchange.end + slowest + self.budget
 
     def _quiet_at(self, at: float) -> float:
-        """When the drive line, as it is at this time, will have been silent for two characters."""
+        """When the drive line will have been silent for two characters, as seen at `at`."""
         last = max((end for start, _, end in self.busy if start <= at), default=0.0)
         return last + (PAUSE_BITS + 0.25) * self.drive.bit
 
     def _starts_by(self, queued: float) -> float:
-        """When a telegram that is queued by then has started; each character on the line holds it back."""
+        """Latest start of a telegram queued at `queued`; each character on the line delays it."""
         while (quiet := self._quiet_at(queued)) > queued:
             queued = quiet
         return queued + self.budget + 1.3 * self.drive.bit
 
     def _line_until(self, exchange: Exchange) -> float:
-        """The last moment at which a telegram that waits for the line may start."""
+        """Latest start of a telegram that waits for the line."""
         if exchange.overtaken:
             return max(exchange.settled, exchange.queued_by + OVERTAKEN_MS * self.ms) + self.budget
         return exchange.queued_by + self._ms(exchange.waits[1]) + TICK_MS * self.ms + self.budget
@@ -366,15 +365,15 @@ class Judge:
         held = exchange and exchange.phase == "line" and exchange.overtaken
         repeats = exchange and exchange.sends == 1 and data == exchange.request.telegram
         if held and repeats and burst.rise > exchange.superseded and self.pending is None:
-            self._fail(burst.rise, f"telegram {data.hex(' ')} repeated behind a newer request (FC-9)")
+            self._fail(burst.rise, f"telegram {data.hex(' ')} repeated after a newer request (FC-9)")
         if held and self.pending and data == exchange.request.telegram == self.pending.telegram:
-            raise Unclear(burst.rise, "a telegram that would be right for either of two requests")
+            raise Unclear(burst.rise, "a telegram that fits either of two requests")
         if held and self.pending and data != exchange.request.telegram:
-            # Taken back in favour of the newer one.
+            # The older telegram was withdrawn for the newer request.
             self._start(self.pending, exchange.queued_from, burst.rise)
             exchange = self.exchange
         if exchange is None or exchange.phase != "line":
-            self._fail(burst.rise, f"telegram {data.hex(' ')} that nothing asked for (SAFE-1)")
+            self._fail(burst.rise, f"telegram {data.hex(' ')} without a request (SAFE-1)")
         self._shape(burst, self.drive, "telegram")
         if data != exchange.request.telegram:
             wanted = exchange.request.telegram.hex(" ")
@@ -425,36 +424,36 @@ class Judge:
         self.card.question = self.newest.question if self.newest else None
 
     def _accepted(self, exchange: Exchange, at: float) -> bool:
-        """Near the end of the wait either is right: what the card did next tells."""
+        """Whether the card took a reply near the end of the wait: both are allowed, its next action tells."""
         asker = exchange.request
         if asker is self.newest and asker.dropped is None:
-            # Told at once, or once more asked; or told that the drive is silent, which looks different but
-            # for fault 255, and there it is too early for silence.
+            # Accepted: an immediate reply to the master, or a text telegram. Not accepted: a repeat, or the
+            # reply that the drive is silent. That reply looks the same for fault 255, but comes later.
             again = [b.data for b in self.telegrams if at < b.rise < self._starts_by(at + self.budget)]
             if again and again[0] != asker.telegram:
-                return True  # as a text
+                return True  # a text telegram follows
             by = at + self.budget + 1.3 * self.line.bit
-            told = [burst for burst in self.replies if at - self.drive.bit < burst.rise < by]
-            if not told:
+            replies = [burst for burst in self.replies if at - self.drive.bit < burst.rise < by]
+            if not replies:
                 return False
             silent = Card(name=self.card.name, question=asker.question).drive_silent().reply
-            return told[0].data[1:-2] != silent or told[0].rise < self._given_up_from(exchange)
+            return replies[0].data[1:-2] != silent or replies[0].rise < self._abandoned_from(exchange)
         if exchange.sends == 1:
             by = self._starts_by(self._wait_by(exchange))
             if any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams):
                 return False
-            # Overtaken, or kept from the line by this very reply, its repeat need not leave: then only the
-            # status image can tell, when it is read.
-            self.doubtful = exchange.overtaken or self._starts_by(at) > self._given_up_from(exchange)
+            # The repeat may stay unsent, as it was overtaken or this reply kept the line busy. Then only a
+            # read of the status image shows whether the reply was accepted.
+            self.doubtful = exchange.overtaken or self._starts_by(at) > self._abandoned_from(exchange)
             return True
-        raise Unclear(at, "a reply of the drive at the end of its wait, and nobody to tell")
+        raise Unclear(at, "a reply of the drive at the end of its wait, which nothing later reveals")
 
     def _answered_by_drive(self, exchange: Exchange, step: Step, at: float, doubtful: bool) -> None:
         request = exchange.request
         if step.telegram is not None and request is self.newest:
             if doubtful:
                 raise Unclear(at, "a late reply of the drive that leads to a second telegram if it counts")
-            # Once more, as a text (MAP-8 of some dialects).
+            # The second telegram reads or writes the parameter as a text (MAP-8 of some dialects).
             request.question, request.telegram = self.card.question, self._built(step.telegram)
             self._start(request, at, at + self.budget)
             self._overtake(exchange, at)
@@ -465,21 +464,21 @@ class Judge:
                 request, "drive's reply", step.reply, at - early, at + self.budget + 1.3 * self.line.bit
             )
         elif self.newest:
-            self._also(self.newest, self.card.coils[STATUS.start : STATUS.stop])
+            self._allow_status(self.newest, self.card.coils[STATUS.start : STATUS.stop])
         if doubtful:
-            # Or the wait was over before, and its repeat was given up later.
+            # Otherwise the wait ended before the reply, and the exchange was abandoned later.
             held = replace(exchange, queued_by=self._wait_by(exchange))
             self._done(max(at, self._line_until(held)), self._wait_from(exchange))
         else:
             self._done(at)
 
     def _overtake(self, before: Exchange, at: float) -> None:
-        """A candidate that came during the first telegram holds for the second too."""
+        """A candidate during the first telegram also overtakes the second."""
         if before.overtaken:
             self.exchange.overtaken, self.exchange.settled = True, min(before.settled, at)
 
     def _done(self, at: float, since: float | None = None) -> None:
-        """The drive line is free for the next: from `at` on, or perhaps `since` some earlier moment."""
+        """Frees the drive line for the next telegram: at `at`, or from `since` on if that is uncertain."""
         self.exchange = None
         if self.pending:
             self._start(self.pending, at if since is None else since, at + self.budget)
@@ -487,7 +486,7 @@ class Judge:
     # ------------------------------------------------------------ time
 
     def _advance(self, to: float) -> None:
-        """All that was due before this time."""
+        """Handles everything due before `to`."""
         while True:
             request, exchange = self.newest, self.exchange
             awaited = request and request.answers and not request.answered and request.dropped is None
@@ -505,7 +504,7 @@ class Judge:
         until = self._line_until(exchange)
         surely = exchange.queued_from + OVERTAKEN_MS / 2 * self.ms if exchange.overtaken else NEVER
         if not exchange.overtaken:
-            surely = self._given_up_from(exchange)
+            surely = self._abandoned_from(exchange)
         elif exchange.sends == 0:
             surely = -NEVER
         start_by = self._starts_by(exchange.queued_by)
@@ -518,18 +517,18 @@ class Judge:
             self._count("telegram overtaken")
             self._done(until, exchange.queued_from)
         else:
-            self._give_up(exchange, until)
+            self._abandon(exchange, until)
         return True
 
     def _after_wait(self, exchange: Exchange, at: float) -> None:
-        """The drive has not answered in time: once more, but not behind a newer request, or never (FC-9)."""
+        """The wait ended without a reply: repeat once, but not after a newer request, or abandon (FC-9)."""
         if exchange.sends == 1 and at <= exchange.superseded:
             exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
             exchange.phase, exchange.receiver = "line", None
         else:
-            self._give_up(exchange, at)
+            self._abandon(exchange, at)
 
-    def _give_up(self, exchange: Exchange, at: float) -> None:
+    def _abandon(self, exchange: Exchange, at: float) -> None:
         self._count("exchange given up")
         request = exchange.request
         self.card.question = request.question
@@ -537,5 +536,5 @@ class Judge:
         self.card.question = self.newest.question if self.newest else None
         if request is self.newest and step.reply is not None and not request.broadcast:
             by = at + self.budget + 1.3 * self.line.bit
-            self._answer(request, "given up", step.reply, self._given_up_from(exchange), by)
-        self._done(at, self._given_up_from(exchange))
+            self._answer(request, "given up", step.reply, self._abandoned_from(exchange), by)
+        self._done(at, self._abandoned_from(exchange))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two lines seen from outside, and what their rules make of the characters on them.
+"""The two lines seen from outside: frames and telegrams in the characters on them.
 
 `NetworkReceiver` finds frames by silence (FRAME-1 ... FRAME-5), `DriveReceiver` telegrams by their form
 (FC-8). Both are written from the rules. Where a rule leaves room (a silence within a quarter bit of its
-limit) they raise Unclear instead of guessing. Unit of time: clocks, as floats.
+limit) they raise Unclear. Unit of time: clocks, as floats.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from tb.model.fc_telegram import ADR, STX, TelegramError, bcc, is_broadcast, par
 
 FRAME_MIN, FRAME_MAX = 4, 256
 LGE_MIN = 6  # ADR, PCD1, PCD2, BCC
-# How near a limit a silence may come, in bits: a quarter (FRAME-1), and the clocks in which a pin is looked
-# at.
+# Silences this near to a limit in bits are unclear: a quarter bit (FRAME-1), plus the sampling of the pin in
+# clocks.
 UNSURE_BITS = 0.35
 PAUSE_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT
-# The last bits of a character that the card began to hear in its middle.
+# Longest rest in bits of a character that the card began to receive in its middle.
 GARBLED_BITS = 12.0
 
 
@@ -80,7 +80,7 @@ def drive_line(clk_hz: int) -> Line:
 
 @dataclass(frozen=True)
 class Heard:
-    """A character of a far end. `slack`: clocks by which the card may see its end elsewhere."""
+    """A character of a far end. `slack`: uncertainty in clocks of its end as the card sees it."""
 
     start: float
     end: float
@@ -91,7 +91,7 @@ class Heard:
 
 @dataclass(frozen=True)
 class Sent:
-    """A character of the card."""
+    """A character sent by the card."""
 
     start: int
     end: float
@@ -101,7 +101,7 @@ class Sent:
 
 @dataclass
 class Burst:
-    """What the card sent in one go, from driver on to driver off."""
+    """Characters the card sent from driver on to driver off."""
 
     rise: int
     fall: int
@@ -117,14 +117,14 @@ class Burst:
 
 
 def is_taken(adr: int) -> bool:
-    """By a drive with the address of FC-2, in either format."""
+    """Whether a drive with the address of FC-2 accepts this ADR, in either format."""
     return adr in (ADR, ADR & 0x1F) or is_broadcast(adr)
 
 
 def embedded(data: bytes) -> list[tuple[int, bytes]]:
-    """Every telegram for the drive in whatever was sent, and where it begins; around it may be anything.
+    """Every telegram for the drive in a byte stream, and its offset, with anything around it.
 
-    No receiver finds more: it need not keep its place, and gaps and parity do not count.
+    No receiver finds more: this search resynchronises at every byte and ignores gaps and parity.
     """
     found, at = [], 0
     while at < len(data):
@@ -140,9 +140,9 @@ def embedded(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[float, bytes]], list[bytes]]:
-    """The telegrams that a drive could have taken, with their times, and whatever else was sent.
+    """The telegrams that a drive could have accepted, with their times, and all other bytes sent.
 
-    A drive knows nothing of the card's driver: bursts without a pause between them are one for it.
+    A drive cannot see the card's driver: it reads bursts without a pause between them as one.
     """
     streams: list[list[Burst]] = []
     for burst in bursts:
@@ -164,7 +164,7 @@ def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[fl
 
 @dataclass
 class Frame:
-    """`end`: of its last stop bit, at the earliest."""
+    """`end`: earliest end of the last stop bit."""
 
     data: bytes
     end: float
@@ -182,11 +182,11 @@ class NetworkEvent:
 
 
 def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iterator[tuple[float, object]]:
-    """Both ends of one line in order: what the card hears (LINE-6, FC-10), and its own bursts as they end.
+    """Both ends of one line in order: characters the card hears (LINE-6, FC-10), and its bursts as they end.
 
-    What it hears in part, for its own driver goes off meanwhile, comes as a bad character with a long slack,
-    and so does what follows it closely: without a pause the receiver does not find back to the right start
-    bits.
+    A character that the card hears in part, because its own driver goes off meanwhile, becomes a bad
+    character with a long slack. So does a character close after it: without a pause the receiver cannot find
+    the right start bits.
     """
     garbled = GARBLED_BITS * bit
     garbled_until = -garbled
@@ -206,7 +206,7 @@ def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iter
 
 @dataclass
 class NetworkReceiver:
-    """What becomes of the characters on the network line."""
+    """Finds frames in the characters on the network line."""
 
     line: Line
     address: int
@@ -217,7 +217,7 @@ class NetworkReceiver:
     characters: list[Heard] = field(default_factory=list)
 
     def events(self, far: Iterable[Heard], own: Iterable[Burst]) -> Iterator[NetworkEvent]:
-        """All that happens, in order; Unclear where the rules leave it open."""
+        """All events in order; Unclear where the rules leave it open."""
         for at, item in heard_around(far, own, self.line.bit):
             yield from self._silence(at)
             if isinstance(item, Burst):
@@ -285,17 +285,17 @@ class DriveReceiver:
     state: str = "hunt"  # hunt, in, bad
     last_end: float = 0.0
     slack: float = 0.0
-    deaf_until: float = 0.0  # a telegram that did not fit keeps the firmware busy for a moment
+    deaf_until: float = 0.0  # the firmware is busy for a moment after a telegram that did not fit
     characters: list[Heard] = field(default_factory=list)
 
     def hears(self, heard: Heard) -> bytes | None:
-        """One more character; the telegram's ADR and data when it makes one good."""
+        """Takes one more character; returns ADR and data of a good telegram when it is complete."""
         if heard.start < self.deaf_until:
-            raise Unclear(heard.start, "a character while the firmware looks at a telegram")
+            raise Unclear(heard.start, "a character while the firmware checks a telegram")
         gap, bit = heard.start - self.last_end, self.line.bit
         if self.state != "hunt":
             unsure = UNSURE_BITS * bit + self.slack
-            # The limit stands a quarter bit behind the two characters.
+            # The limit lies a quarter bit after the two characters.
             if abs(gap - (PAUSE_BITS + 0.25) * bit) < unsure:
                 raise Unclear(heard.start, f"a gap of {gap / bit:.2f} bits on the drive line")
             if gap > PAUSE_BITS * bit:
@@ -325,5 +325,5 @@ class DriveReceiver:
         took = self.characters[-1].end - self.characters[0].start
         limit = 1.5 * CHARACTER_BITS * count * self.line.bit
         if abs(took - limit) < 1.5 * self.line.bit:
-            raise Unclear(self.characters[-1].end, "a telegram just at 1.5 times its nominal time")
+            raise Unclear(self.characters[-1].end, "a telegram at 1.5 times its nominal time")
         return took < limit
