@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loop-back test of the manual (p13) at the pins: both ports wired to each other, switches set for it.
+"""Loop-back test of the manual (p13) at the pins: both ports wired to each other, switches set for it.
 
 The transfers, 130 ms, run on both simulators. The verdict comes after the power-up show, 2 s, and stands for
 12 s: at the 25000 clocks a second of Icarus that is 20 minutes, so it is seen on the Verilated card without
@@ -36,7 +36,7 @@ CONTROL_BIT_10 = 0x0400
 
 
 async def wire(dut, sender: str, other: str) -> None:
-    """One direction of a half-duplex pair: `other` hears the sender while its DE is up, 1 else."""
+    """One direction of a half-duplex pair: `other` receives the sender's tx while its DE is high, else 1."""
     tx, de = getattr(dut, f"{sender}_tx"), getattr(dut, f"{sender}_de")
     while True:
         await First(ValueChange(tx), ValueChange(de))
@@ -44,7 +44,7 @@ async def wire(dut, sender: str, other: str) -> None:
 
 
 class Port:
-    """Hears what one port sends and what reaches it."""
+    """Monitors the sent and the received characters of one port."""
 
     def __init__(self, dut, name: str):
         self.sent = UartMonitor(getattr(dut, f"{name}_tx"), LINE)
@@ -52,7 +52,7 @@ class Port:
         self.direction = DirectionMonitor(getattr(dut, f"{name}_de"))
 
     def frame(self) -> Frame:
-        """The one frame it sent."""
+        """The single frame that the port sent."""
         assert len(self.direction.pulses) == 1, "one transmission each"
         (frame,) = self.sent.frames()
         assert frame.ok
@@ -78,12 +78,12 @@ async def each_port_sends_a_pattern_that_the_other_hears(dut):
     assert ends[0][1] < ends[1][0], "one after the other"
     check_harmless(telegram.data)
     assert crc_good(frame.data)
-    # The power-up show goes on meanwhile (LED-1).
+    # The power-up show continues meanwhile (LED-1).
     assert leds.show("drive") == "red" and leds.show("modbus") == "off"
 
 
 def check_harmless(telegram: bytes) -> None:
-    """Whatever drive may be on the line: a good telegram that commands nothing (SAFE-1)."""
+    """Checks a telegram that any drive may receive: well-formed and without a command (SAFE-1)."""
     parts = fc_telegram.parse(telegram)
     assert not parts.pcd1 & CONTROL_BIT_10
     assert parts.ak in (None, fc_telegram.AK_NONE)
@@ -93,7 +93,7 @@ def check_harmless(telegram: bytes) -> None:
 
 
 def run_to_verdict(card: FastCard) -> tuple[str, str]:
-    """Runs until well after the power-up show; what both LEDs show then (network, drive)."""
+    """Runs until well after the power-up show; returns both LEDs (network, drive)."""
     card.run_until((SHOW_MS + 150) * MS)
     for telegram in card.drive.frames():
         check_harmless(telegram.data)
@@ -101,13 +101,13 @@ def run_to_verdict(card: FastCard) -> tuple[str, str]:
 
 
 def verdict_of(history: list[Shown]) -> tuple[Shown, Shown]:
-    """The verdict and what followed it."""
+    """The verdict and the colour after it."""
     at = next(i for i, shown in enumerate(history) if shown.since_ps > (SHOW_MS - 50) * MS)
     return history[at], history[at + 1]
 
 
 def check_verdict(card: FastCard, shows: str) -> None:
-    """The verdict stands on both LEDs for its time, and no request is served in it."""
+    """Both LEDs show the verdict for its time; no request is served meanwhile."""
     assert run_to_verdict(card) == (shows, shows)
     sent = len(card.modbus.frames()), len(card.drive.frames())
     card.set(wired=0)
@@ -117,7 +117,7 @@ def check_verdict(card: FastCard, shows: str) -> None:
     for led in ("modbus", "drive"):
         verdict, then = verdict_of(card.shown[led])
         lasted = (then.since_ps - verdict.since_ps) / MS
-        # Flashing red begins with its lit half, which nothing parts from a red verdict.
+        # Flashing red starts with its lit half, which looks like more of a red verdict.
         expected = VERDICT_MS + (FLASH_MS if then.colour == "off" else 0)
         print(f"{led} LED {verdict.colour} for {lasted:.1f} ms, then {then.colour}")
         assert verdict.colour == shows and abs(lasted - expected) <= ACCURACY * VERDICT_MS
@@ -152,7 +152,7 @@ def test_the_test_needs_no_address_but_what_follows_does(config):
         assert card.request(READ_DRIVE_TIMEOUT) is None
 
 
-# A wire stuck at 1 is a wire that is always idle, for a receiver the same as a cut one.
+# For a receiver a wire stuck at 1 is the same as a cut one.
 FAULTS = {
     "wire broken, or stuck at 1": {"cut_to_modbus": 1, "cut_to_drive": 1},
     "network to drive dead": {"cut_to_drive": 1},
@@ -172,7 +172,7 @@ def test_fault_of_the_wiring_is_red(config, fault: str):
         assert run_to_verdict(card) == ("red", "red")
 
 
-# Character and data bits that are turned over. Two bits of one character leave its parity right.
+# Number of the character and its inverted data bits. Two bits of one character keep its parity right.
 FLIPS = {"first data": (3, (0,)), "last data": (11, (7,)), "parity stays right": (8, (2, 5))}
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The card from power-up on: boot time, LEDs, switches, and when it must not start at all.
+"""The card after power-up: boot time, LEDs, switches, and faults that must keep it from starting.
 
-Both simulators run the real firmware. Icarus does some 25000 clocks a second, so that it sees only the first
-step of the power-up show; all that lasts seconds runs on the Verilated card without cocotb (`FastCard`), at
-a slow clock. No timer is shortened anywhere.
+Both simulators run the real firmware. Icarus reaches about 25000 clocks a second, so it sees only the first
+step of the power-up show. Tests of several seconds run on the Verilated card without cocotb (`FastCard`), at
+a slow clock. No timer is shortened.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def near(ms: float, expected: float) -> bool:
 
 
 def assert_never_sent(card: WatchedCard) -> None:
-    """Neither DE rose nor tx fell, ever."""
+    """Checks that DE never rose and tx never fell."""
     for line in (card.modbus, card.drive):
         assert not line.direction.pulses
         assert all(level for _, level in line.monitor.edges)
@@ -81,7 +81,7 @@ async def first_request_may_end_when_the_time_to_boot_is_over(dut):
 
 @cocotb.test()
 async def nothing_runs_until_the_switches_are_read(dut):
-    """An address or a rate that is not read yet is nobody's."""
+    """The processor stays in reset until address and rate have been read."""
     card = WatchedCard(dut, baud=BAUD)
     await card.switch_on()
     clocks = 0
@@ -99,7 +99,7 @@ async def switches_moved_after_power_up_have_no_effect_until_the_next_reset(dut)
     address, baud, form = 0b0101_0101, BAUD, "8E1"
     card = await WatchedCard(dut, baud=baud, form=form, address=address).boot()
     settings = {"sw_baud": switch_word(baud_switches(baud, form)), "sw_addr": address}
-    # Each group alone, then all seventeen at once; the last is another valid setting.
+    # First each group alone, then all seventeen switches at once; the last setting is valid too.
     for moved in ({"sw_baud": 0b111}, {"sw_baud": 0b11000}, {"sw_addr": 0xFF}, ALL_SWITCHES):
         for name, bits in moved.items():
             getattr(dut, name).value = settings[name] ^ bits
@@ -110,8 +110,8 @@ async def switches_moved_after_power_up_have_no_effect_until_the_next_reset(dut)
     for name, value in other.items():
         getattr(dut, name).value = value
     await card.master.send(rtu.build(other["sw_addr"], READ_DRIVE_TIMEOUT))
-    await card.quiet(4, "a request to the address the switches show now")
-    # The next reset takes them as they are then.
+    await card.quiet(4, "a request to the address that the switches show now")
+    # The next reset reads the switches as they are then.
     dut.rst_n.value = 0
     dut.sw_baud.value = switch_word(baud_switches(BAUD, "8N2", "1111"))
     await card.bench.clocks(8)
@@ -135,7 +135,7 @@ async def invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines(du
         await Timer(1 * MS, unit="ps")
         assert card.leds.fault
         card.leds.forget()
-        # Together with the requests longer than a start takes.
+        # This wait and the requests together take longer than a start.
         await Timer(round(0.06 * card.boot_limit_ps), unit="ps")
         for to in dict.fromkeys((address, 0, 1)):
             await card.master.send(rtu.build(to, control_pdu(0x047C, 0x1999)))
@@ -157,7 +157,7 @@ async def invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines(du
 
 
 async def dies_unheard(card: WatchedCard, limit_ps: float, what: str) -> None:
-    """Solid red on both LEDs in time; no request to start the motor has any effect, before or after."""
+    """Both LEDs turn solid red in time; requests to start the motor have no effect before or after."""
     asking = cocotb.start_soon(ask_on_and_on(card))
     await card.leds.until(lambda: card.leds.fault, limit_ps, f"fault, {what}")
     card.leds.forget()
@@ -169,14 +169,14 @@ async def dies_unheard(card: WatchedCard, limit_ps: float, what: str) -> None:
 
 
 def two_of_a_byte(rng: random.Random) -> tuple[int, int]:
-    """Two flipped bits that parity does not see."""
+    """Two bits of one byte, whose flips parity does not detect."""
     byte = LANE_BITS * rng.randrange(4)
     first, second = rng.sample(range(8), 2)
     return byte + first, byte + second
 
 
 async def ask_on_and_on(card: WatchedCard) -> None:
-    """A master that starts the motor, this card's and everybody's, every few milliseconds."""
+    """A master that starts the motor every few milliseconds, by address and by broadcast."""
     while True:
         for to in (1, 0):
             await card.master.send(rtu.build(to, control_pdu(0x047C, 0x1999)))
@@ -185,7 +185,7 @@ async def ask_on_and_on(card: WatchedCard) -> None:
 
 @cocotb.test()
 async def image_damaged_in_the_file_ends_in_the_fault(dut):
-    """Sums that are wrong halt the card; against a flipped bit the watchdog bites, three times."""
+    """Wrong checksums halt the card; after a flipped bit the watchdog bites, three times."""
     card = WatchedCard(dut, baud=BAUD)
     await card.switch_on()
     await dies_unheard(card, 3 * card.boot_limit_ps, "start-up check")
@@ -193,7 +193,7 @@ async def image_damaged_in_the_file_ends_in_the_fault(dut):
 
 @cocotb.test()
 async def any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram(dut):
-    """Parity finds one; two are left to the sums, or the damaged program traps or hangs three times."""
+    """Parity finds one flip. Of two, the checksums find them, or the program traps or hangs three times."""
     rng = seeded("flipped bits of the image")
     card = WatchedCard(dut, baud=BAUD)
     await card.switch_on()
@@ -213,14 +213,14 @@ async def any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram
 @cocotb.test()
 @cocotb.parametrize(bits=[1, 2])
 async def image_damaged_while_running_ends_in_the_fault_within_a_second(dut, bits):
-    """One flipped bit is seen when the sums come by and read it, two of a byte when they do not add up."""
+    """Reading for the checksums detects one flipped bit by parity; two of a byte make a checksum wrong."""
     rng = seeded("damaged bits")
     card = await WatchedCard(dut, baud=BAUD).boot()
     await card.is_alive()
     card.firmware.damage(constant_word(), *two_of_a_byte(rng)[:bits])
     damaged_at = now_ps()
     sent = len(card.modbus.monitor.characters)
-    # SERV goes round in 0.2 s at its own 24 MHz; the 5 MHz of the bench take it over a second.
+    # SERV checks the image in 0.2 s at its own 24 MHz, and in more than a second at the bench's 5 MHz.
     limit_ms = {"standard": 1000, "tiny": 2000}[CONFIG]
     await card.leds.until(lambda: card.leds.fault, limit_ms * MS, "fault")
     dut._log.info("found %.1f ms after the damage", (now_ps() - damaged_at) / MS)
@@ -254,7 +254,7 @@ async def drive_led_is_red_for_a_quarter_second_while_requests_are_served(dut):
 
 
 def after_power_up(history: list[Shown]) -> list[Shown]:
-    """Without the clocks in which the switches are not read yet."""
+    """The history without the clocks before the switches are read."""
     return [shown for shown in history if shown.since_ps > 1 * MS]
 
 
@@ -264,7 +264,7 @@ def test_power_up_show_is_one_led_after_the_other_and_delays_nothing(config):
     with FastCard(config=config, baud=BAUD, form="8N2", drive=script) as card:
         card.run(card.boot_ms)
         while card.now_ps < 2000 * MS:
-            # Local requests and exchanges with the drive, ten a second or so.
+            # About ten local requests and exchanges with the drive per second.
             assert card.request(rtu.build(1, READ_DRIVE_TIMEOUT)).data == rtu.build(1, DRIVE_TIMEOUT)
             script.expect(*process(0x047C, 0x1999))
             pdu = control_pdu(0x047C, 0x1999)
@@ -277,10 +277,10 @@ def test_power_up_show_is_one_led_after_the_other_and_delays_nothing(config):
         assert [s.colour for s in drive][:4] == list(SHOW)
         assert [s.colour for s in modbus][:4] == list(SHOW)
         for colour, ms in [*steps_ms(drive)[:3], *steps_ms(modbus)[:4]]:
-            # A round that prepares a telegram may come before the change or after it.
+            # A round of the poll loop that prepares a telegram may fall before or after the change.
             late = {"standard": 0, "tiny": 5}[config]
             assert abs(ms - STEP_MS) <= ACCURACY * STEP_MS + late, f"{colour} for {ms:.2f} ms"
-        # The network LED's turn comes after the drive LED's, its dark quarter included.
+        # The network LED follows the drive LED's dark quarter second.
         assert near((modbus[0].since_ps - drive[3].since_ps) / MS, STEP_MS)
         assert near((modbus[3].since_ps - drive[0].since_ps) / MS, 7 * STEP_MS)
 
@@ -292,7 +292,7 @@ def test_afterwards_both_leds_flash_once_a_second_in_one_colour(config):
         for led in ("drive", "modbus"):
             steps = steps_ms([s for s in card.shown[led] if s.since_ps > 2005 * MS])
             assert len(steps) == 9
-            # Red before the first frame and the first exchange.
+            # Both are red before the first frame and the first exchange.
             assert [colour for colour, _ in steps] == ["red", "off"] * 4 + ["red"]
             assert all(near(ms, 500) for _, ms in steps), steps
         assert not card.modbus.de and not card.drive.de
@@ -304,7 +304,7 @@ def set_register(card: FastCard, register: int, value: int) -> None:
 
 
 def to_next_flash(card: FastCard, led: str = "modbus") -> None:
-    """Runs until just after a LED was lit, with half a second of light to come."""
+    """Runs until just after a LED was lit; it stays lit for half a second."""
     card.run_until(max(card.now_ps, 2005 * MS))
     if card.led(led) != "off":
         card.run_until_led(led, "off", 600)
@@ -328,7 +328,7 @@ def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_c
         turned = card.run_until_led("modbus", "red", 300)
         print(f"red {(turned - end) / MS:.2f} ms after the last stop bit")
         assert near((turned - end) / MS, 300)
-        # Anything for the card keeps it green, also what is refused, also a broadcast.
+        # Any frame for the card keeps it green, also a rejected request or a broadcast.
         to_next_flash(card)
         for adu in (rtu.build(1, b"\x2b"), rtu.build(0, rtu.write_register(0, 0)), rtu.build(1, b"\x2b")):
             card.request(adu, 5)
@@ -372,7 +372,7 @@ def test_drive_led_shows_how_the_last_exchange_ended(config):
             script.check()
             assert card.led("drive") == shows
             assert answer == rtu.build(1, rtu.exception(0x0F, 255) if shows == "red" else pdu[:5])
-        # A refusal is an answer of the drive: the exchange succeeded.
+        # A refusal by the drive is a reply, so the exchange succeeded.
         to_next_flash(card, "drive")
         assert card.led("drive") == "green"
 
@@ -429,7 +429,7 @@ def test_image_damaged_while_running(sim, config):
 
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_image_damaged_anywhere(config):
-    """On Verilator alone: some of these programs hang for three bites, which takes Icarus minutes."""
+    """On Verilator only: some of these programs hang for three bites, which takes minutes on Icarus."""
     what = "any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram"
     run_card("verilator", config, what)
 

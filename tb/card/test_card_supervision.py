@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The card when its firmware stops or its drive is silent: watchdog and time-outs.
 
-The firmware is stopped by overwriting one instruction of its poll loop in memory, and mended while the
-watchdog holds the processor in reset, as a disturbance would have passed. On Verilator this runs at the
-standard card's 12 MHz. Icarus does some 25000 clocks a second, so it runs at 2 MHz, where a start (the check
-of the image) takes as many clocks, six times as long; the watchdog's milliseconds are the same. So does SERV.
+Each test stops the firmware by overwriting one instruction of its poll loop, and restores it while the
+watchdog holds the processor in reset, as after a passing disturbance. On Verilator this runs at the standard
+card's 12 MHz. On Icarus, at about 25000 clocks a second, it runs at 2 MHz: a start, which checks the image,
+takes as many clocks and six times as long; the watchdog's milliseconds stay the same. So does SERV.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ BAUD = 38_400
 START, REFERENCE = 0x047C, 0x1999
 BITES = 3
 EXCHANGE_LIMIT_MS = 60
-# Each needs a start, which takes SERV long.
+# Number of random moments. Each needs a start, which takes SERV long.
 MOMENTS = {"standard": 20, "tiny": 6}[CONFIG]
 
 
 async def booted(dut, **settings) -> WatchedCard:
     card = WatchedCard(dut, baud=BAUD, **settings)
-    card.firmware.restore()  # the test before may have left it damaged
+    card.firmware.restore()  # an earlier test may have left damage
     await card.boot()
     await card.firmware.find_loop()
     return card
 
 
 async def restarted(card: WatchedCard, bitten_at: int) -> None:
-    """The firmware runs again, in the time of BOOT-1 or less."""
+    """Waits until the firmware runs again, within the time of BOOT-1."""
     await card.firmware.round()
     assert now_ps() - bitten_at < card.boot_limit_ps
 
 
 async def exchange_number(card: WatchedCard, number: int) -> Heard:
-    """Waits until the drive has heard, and answered, so many telegrams."""
+    """Waits for telegram number `number` and the drive's reply to it."""
     for _ in range(EXCHANGE_LIMIT_MS):
         await Timer(1 * MS, unit="ps")
         if len(card.slave.heard) >= number:
@@ -68,7 +68,7 @@ async def stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image(d
     card = await booted(dut)
     await card.write_control(START, REFERENCE)
     await card.ask(rtu.read_coils(0, 32), bytes.fromhex("01 04 7C 04 99 19"))
-    # Had the switches been read again at the bite, the card would be lost.
+    # If the bite made the card read the switches again, it would no longer answer.
     dut.sw_baud.value = switch_word(baud_switches(1200, "8O1", "1111"))
     dut.sw_addr.value = 99
     sent = len(card.modbus.direction.pulses), len(card.drive.direction.pulses)
@@ -83,8 +83,8 @@ async def stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image(d
     await card.is_alive()
     assert card.master.line.monitor.characters[-1].end_ps - at < card.boot_limit_ps, "answered in time"
     now = len(card.modbus.direction.pulses), len(card.drive.direction.pulses)
-    assert now == (sent[0] + 1, sent[1]), "nothing was sent but this answer"
-    # Starting again is the master's business.
+    assert now == (sent[0] + 1, sent[1]), "only this answer was sent"
+    # The master has to start the motor again.
     await card.write_control(START, REFERENCE)
     card.check_lines()
 
@@ -149,7 +149,7 @@ async def bite_at_any_moment_leaves_whole_frames_and_starts_none(dut):
     card.slave.model = lambda telegram: process(0, 0)[1]
     adu = rtu.build(1, control_pdu(START, REFERENCE))
     for _ in range(MOMENTS):
-        # From the first bit of the request to after the answer; 29 ms in all.
+        # Random time from the first bit of the request until after the answer; 29 ms in all.
         sending = cocotb.start_soon(card.master.send(adu))
         await Timer(rng.randrange(33 * MS), unit="ps")
         at = await card.firmware.bite_now()
@@ -182,13 +182,13 @@ async def third_bite_without_an_exchange_is_the_fault(dut):
 @cocotb.test()
 @cocotb.parametrize(exchange=["answer", "telegram"])
 async def bites_with_exchanges_between_never_are(dut, exchange):
-    """Either an answer to the master or a good telegram from the drive proves that the card works."""
+    """An answer to the master, or a good telegram from the drive, proves that the card works."""
     card = await booted(dut)
     for bites in range(BITES + 1):
         if exchange == "answer":
             await card.is_alive()
         else:
-            # A frame for somebody else follows the request, so its answer is dropped (FRAME-7).
+            # A frame for another station follows the request, so its answer is dropped (FRAME-7).
             card.script.expect(*process(START, REFERENCE))
             await card.master.send(rtu.build(1, control_pdu(START, REFERENCE)))
             await card.master.send(rtu.build(9, rtu.read_coils(0, 8)))
@@ -255,7 +255,7 @@ async def silent_drive_is_asked_again_and_then_reported_after_its_time(dut, wait
 
 
 def reply_ends_after(ms: float) -> Manner:
-    """The last stop bit of a process reply comes so long after that of the telegram."""
+    """A process reply whose last stop bit comes `ms` after that of the telegram."""
     bits = ms * 1e-3 * 9600 - 8 * 11
     return Manner(delay_bits=bits)
 
@@ -282,7 +282,7 @@ async def broadcast_waits_for_nothing_but_the_pause(dut):
     broadcast = fc_telegram.build_process(START, REFERENCE, fc_telegram.ADR_BROADCAST)
     card.script.expect(broadcast, None)
     await card.master.send(rtu.build(0, control_pdu(START, REFERENCE)))
-    # The next request is there before the broadcast has left.
+    # The next request arrives before the broadcast telegram has been sent.
     await card.ask(control_pdu(START, 0), control_pdu(START, 0)[:5], [process(START, 0)])
     first, second = (heard.frame for heard in card.slave.heard)
     pause = (second.start_ps - first.end_ps) / card.drive.fmt.bit_ps
@@ -333,7 +333,7 @@ def test_fault_by_the_watchdog(sim, config):
 
 @pytest.mark.rule("LED-5", "WDG-1")
 def test_many_bites(config):
-    """On Verilator alone: dozens of starts, which take Icarus minutes."""
+    """On Verilator only: dozens of starts, which take minutes on Icarus."""
     run_card(
         "verilator",
         config,
@@ -346,7 +346,7 @@ def test_many_bites(config):
 
 @pytest.mark.rule("WDG-1")
 def test_trap():
-    """As the standard card alone, on Verilator alone: SERV has no trap."""
+    """On the standard card and Verilator only: SERV has no trap."""
     run_card("verilator", "standard", "trap_bites_at_once")
 
 
@@ -357,11 +357,11 @@ def test_late_replies(sim, config):
 
 @pytest.mark.rule("FC-9", "MAP-5")
 def test_silent_drive(config):
-    """On Verilator alone, for the default wait of 150 ms too; Icarus sees a repeat in `test_late_replies`."""
+    """On Verilator only, with the default wait of 150 ms too; Icarus has a repeat in `test_late_replies`."""
     run_card("verilator", config, "silent_drive_is_asked_again_and_then_reported_after_its_time")
 
 
 @pytest.mark.rule("MAP-9", "FC-8")
 def test_broadcast_and_next_request(config):
-    """The small card at its own clock: a slow one has the broadcast ready after the next request only."""
+    """The tiny card runs at its own clock: at a slow one the broadcast is ready after the next request."""
     run_card("verilator", config, "broadcast_waits_for_nothing_but_the_pause", slow=config == "standard")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole card with its firmware: a Modbus master on one line, a drive on the other.
 
-Every rule is checked where both lines can be seen: what a frame in does to the frames out. The clock
-is slow, because only the time on the lines counts here and the simulators pay for every clock; the
-card's own clock is used in `test_own_clock`.
+Every rule is checked on both lines: which frames out follow from which frames in. The clock is slow, because
+only times on the lines count here and every clock costs simulation time. `test_own_clock` runs at the card's
+own clock.
 """
 
 import cocotb
@@ -37,10 +37,10 @@ CHARACTER = 11  # bits
 SILENCE = rtu.t15_ps(BAUD) / 1.5 / rtu.bit_ps(BAUD)
 
 STATUS, FREQUENCY = 0x0607, 0x0000
-REPLY_WAIT = 2  # register 40003 where a drive is to be silent, in 10 ms
+REPLY_WAIT = 2  # register 40003 in 10 ms, for tests with a silent drive
 DEFAULT_WAIT = 15
 BAD_REPLIES = [name for name in FAULTS if name not in ("silence", "garbage before")]
-# The bytes of these are right.
+# These faults leave the bytes right.
 ON_THE_LINE = ("parity error", "framing error", "slow", "long gap")
 WAIT_MS = 10 * REPLY_WAIT
 
@@ -58,7 +58,7 @@ class Scenario:
         return self
 
     async def request(self, adu: bytes, exchanges=(), timeout_ms: float = 400) -> Transaction:
-        """A request that is to cause just these exchanges, (telegram, reply) each."""
+        """Sends a request and checks the exchanges (telegram, reply) that follow."""
         for telegram, reply in exchanges:
             self.script.expect(telegram, reply)
         done = await self.card.master.request(adu, timeout_ms * MS)
@@ -66,7 +66,7 @@ class Scenario:
         return done
 
     async def ask(self, pdu: bytes, expected: bytes, exchanges=()) -> Transaction:
-        """A PDU to address 1 and the answer it must get."""
+        """Sends a PDU to address 1 and checks the answer."""
         done = await self.request(rtu.build(1, pdu), exchanges)
         assert done.data == rtu.build(1, expected), f"{pdu.hex(' ')}: {done.reply}"
         return done
@@ -76,7 +76,7 @@ class Scenario:
         await self.ask(pdu, pdu)
 
     async def write_control(self, control: int, reference: int, exchanges=None) -> Transaction:
-        """Coils 1 to 32 in one go; the drive answers with STATUS and FREQUENCY."""
+        """Writes coils 1 to 32 in one request; the drive answers with STATUS and FREQUENCY."""
         pdu, answer = control_pdu(control, reference)
         return await self.ask(pdu, answer, exchanges or [process(control, reference)])
 
@@ -96,12 +96,12 @@ def control_pdu(control: int, reference: int) -> tuple[bytes, bytes]:
 
 
 def process(control: int, reference: int) -> tuple[bytes, bytes]:
-    """An exchange of process data."""
+    """Telegram and reply of an exchange of process data."""
     return fc_telegram.build_process(control, reference), fc_telegram.build_process(STATUS, FREQUENCY)
 
 
 def read_exchange(pnu: int, value: int) -> tuple[bytes, bytes]:
-    """The exchange behind a parameter read."""
+    """Telegram and reply of a parameter read."""
     ask = fc_telegram.build_parameter(fc_telegram.AK_READ, pnu)
     return ask, fc_telegram.build_parameter(fc_telegram.REPLY_WORD, pnu, pwe=value, pcd1=STATUS)
 
@@ -114,7 +114,7 @@ def exchanges_of(example: dict) -> list[tuple[bytes, bytes | None]]:
 
 
 async def play(scene: Scenario, example: dict) -> None:
-    """One transaction of the examples, byte for byte on both lines."""
+    """Plays one transaction of the examples, byte for byte on both lines."""
     wants_reply = example["reply"] is not None
     request = bytes.fromhex(example["request"])
     done = await scene.request(request, exchanges_of(example), 400 if wants_reply else BROADCAST_MS)
@@ -123,11 +123,11 @@ async def play(scene: Scenario, example: dict) -> None:
 
 
 async def all_zero(scene: Scenario) -> None:
-    """Control image 0, status word 0607."""
+    """Sets the control image to 0 and the status word to 0607."""
     await scene.write_control(0, 0)
 
 
-# What an example takes for granted beside its own "setup" and "after".
+# State that an example assumes, in addition to its own "setup" and "after".
 BEFORE = {
     "appA-fc01": all_zero,
     "appA-fc01-status": all_zero,
@@ -179,7 +179,7 @@ async def every_format_by_switches_read_once_after_reset(dut):
     scene = await Scenario(dut).start()
     for form in ("8E1", "8O1", "8N1"):
         await scene.card.use(115_200 if form == "8N1" else BAUD, form)
-        # The switches may move now: they were read.
+        # The switches have been read and may move now.
         dut.sw_baud.value, dut.sw_addr.value = 0, 5
         scene.master = scene.card.master
         await play(scene, EXAMPLES["bad-address"])
@@ -188,7 +188,7 @@ async def every_format_by_switches_read_once_after_reset(dut):
     scene.finish()
 
 
-# ---------------------------------------------------------------- frames that are not right
+# ---------------------------------------------------------------- wrong frames
 
 
 @cocotb.test()
@@ -197,7 +197,7 @@ async def frames_of_every_length_are_answered_and_longer_than_256_dropped(dut):
     scene = await Scenario(dut, baud=115_200).start()
     model = CardModel()
     for length in (4, 8, 29, 32, 33, 255, 256, 257):
-        # Function 10h with too much in it, or shorter than any request: an exception, never silence.
+        # Function 10h with too many bytes, or a frame shorter than any request: an exception, never silence.
         body = b"\x07" if length == 4 else b"\x10\x00\x00\x00\x02\x04" + rng.randbytes(max(0, length - 9))
         adu = rtu.build(1, body[: length - 3])
         assert len(adu) == length
@@ -213,7 +213,7 @@ async def frames_of_every_length_are_answered_and_longer_than_256_dropped(dut):
 
 @cocotb.test()
 async def damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is_answered(dut):
-    """And each counts under its own name."""
+    """Each one also increments its own counter."""
     scene = await Scenario(dut, form="8E1").start()
     start = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
     spoilt = start[:8] + bytes([start[8] ^ 1]) + start[9:]
@@ -254,7 +254,7 @@ async def gap_of_1_4_characters_is_no_gap(dut):
 
 @cocotb.test()
 async def revoked_frame_does_nothing_at_all(dut):
-    """A good frame, and a character 1.6 to 3.4 character times after it (FRAME-3, FRAME-6)."""
+    """A character follows a good frame after 1.6 to 3.4 character times (FRAME-3, FRAME-6)."""
     scene = await Scenario(dut).start()
     pdu, _ = control_pdu(0x047C, 0x1999)
     adu = rtu.build(1, pdu)
@@ -264,7 +264,7 @@ async def revoked_frame_does_nothing_at_all(dut):
         await scene.card.quiet(15)
     assert len(revokes) == 3
     assert await scene.read_control() == bytes(4), "control image"
-    # A local write likewise: the register keeps its value.
+    # The same for a local write: the register keeps its value.
     adu = rtu.build(1, rtu.write_register(1, 0x1234))
     await scene.master.send(adu + b"\x01", Flaws(gaps={len(adu): 2.5 * SILENCE}))
     await scene.card.quiet(5)
@@ -288,12 +288,12 @@ async def reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked(dut
 
 @cocotb.test()
 async def newest_request_is_the_one_answered(dut):
-    """A second request to the card while the drive is asked for the first."""
+    """The card gets a second request while the drive handles the first."""
     scene = await Scenario(dut).start()
     pdu, _ = control_pdu(0x047C, 0x1999)
     scene.script.expect(*process(0x047C, 0x1999))
     await scene.master.send(rtu.build(1, pdu))
-    # At the bench's clock SERV may need longer than t3.5; what is not at the drive yet gives way (FRAME-7).
+    # At the bench's clock SERV may need longer than t3.5; a telegram not yet sent is withdrawn (FRAME-7).
     await with_timeout(RisingEdge(dut.drive_de), 20, "ms")
     done = await scene.master.request(rtu.build(1, rtu.read_registers(2, 1)), 60 * MS)
     assert done.data == rtu.build(1, bytes.fromhex("03 02 00 0F"))
@@ -313,7 +313,7 @@ async def silent_drive_is_asked_twice_and_then_reported(dut):
     await scene.ask(rtu.read_registers(5139, 1), rtu.exception(3, 255), [(question, None)] * 2)
     first, second = scene.card.slave.heard
     wait_ms = (second.frame.start_ps - first.frame.end_ps) / MS
-    # Its own wait, then the pause of two characters, which is over by then.
+    # The wait also covers the pause of two characters.
     assert WAIT_MS - 1 <= wait_ms <= WAIT_MS + 1 + ROUND_MS, f"repeat after {wait_ms:.2f} ms"
     waited_ms = (scene.card.modbus.monitor.characters[-1].end_ps - second.frame.end_ps) / MS
     assert waited_ms >= WAIT_MS - 1
@@ -345,7 +345,7 @@ async def drive_that_answers_wrong_twice_is_reported_and_the_image_keeps_what_wa
 
 @cocotb.test()
 async def slow_but_legal_drive_is_understood(dut):
-    """Late by 48 ms, gaps between its characters, a phantom character before it."""
+    """The drive is 48 ms late, has gaps between its characters, and a phantom character before the reply."""
     scene = await Scenario(dut).start()
     slow = Manner(delay_bits=48e-3 * 9600, gap_bits=0.45 * CHARACTER)
     scene.card.slave.next(slow, Manner(fault="garbage before"))
@@ -356,7 +356,7 @@ async def slow_but_legal_drive_is_understood(dut):
 
 @cocotb.test()
 async def answer_to_another_question_is_no_answer(dut):
-    """Right in every byte, but for another parameter (FC-8)."""
+    """The reply is correct, but for another parameter (FC-8)."""
     scene = await Scenario(dut).start()
     await scene.set_register(2, 5)
     question, reply = read_exchange(514, 300)
@@ -375,14 +375,14 @@ async def text_longer_than_twenty_characters_is_followed_to_its_end_and_cut(dut)
     reply = fc_telegram.build_text(621, text, ind=0x0400, pcd1=0x0F03, pcd2=0x2000)
     answer = b"\x03\x14" + text[:20]
     await scene.ask(rtu.read_registers(6209, 10), answer, [(fc_telegram.build_text_read(621), reply)])
-    # The process data behind the text are the status image.
+    # The process data after the text become the status image.
     await scene.ask(rtu.read_coils(32, 32), bytes.fromhex("01 04 03 0F 00 20"))
     scene.finish()
 
 
 @cocotb.test()
 async def telegrams_wait_for_two_characters_of_silence_and_have_no_gaps(dut):
-    """Somebody else's character on the drive line, over just when the telegram could have started."""
+    """A foreign character on the drive line ends just when the telegram could have started."""
     scene = await Scenario(dut, baud=115_200).start()
     bit = scene.card.drive.fmt.bit_ps
     pdu, _ = control_pdu(0x047C, 0x1999)
@@ -437,7 +437,7 @@ async def lines_that_are_low_at_power_up_cause_nothing(dut):
 
 @cocotb.test()
 async def manual_at_9600_and_all_turnarounds(dut):
-    """Also BOOT-1: after its time the first request has been answered."""
+    """Also BOOT-1: the first request ends with the boot time and is answered."""
     scene = Scenario(dut, baud=9600)
     await scene.card.power_up()
     begin = now_ps()
@@ -451,7 +451,7 @@ async def manual_at_9600_and_all_turnarounds(dut):
     local = await scene.request(rtu.build(1, rtu.read_coils(0, 32)))
     t35 = 3.5 * CHARACTER
     assert t35 - 0.25 <= local.gap_bits <= t35 + 1, f"{local.gap_bits:.2f} bits"
-    # Both lines run at 9600 bit/s here, so a bit is a bit.
+    # Both lines run at 9600 bit/s here, so their bits are equal.
     for request, exchanges, latest in (
         (rtu.build(1, control_pdu(0x047C, 0)[0]), [process(0x047C, 0)], 1),
         *(
@@ -470,7 +470,7 @@ async def manual_at_9600_and_all_turnarounds(dut):
 
 @cocotb.test()
 async def writes_to_everybody_right_behind_each_other_all_take_effect(dut):
-    """Nobody answers them, so the firmware has no more time for each than the master leaves it."""
+    """Broadcasts get no reply, so the master leaves the firmware no more time than its own pause."""
     scene = await Scenario(dut, baud=115_200, form="8N1").start()
     telegram = fc_telegram.build_process(0x047C, 0x1999, fc_telegram.ADR_BROADCAST)
     scene.script.expect(telegram, None)
@@ -481,7 +481,7 @@ async def writes_to_everybody_right_behind_each_other_all_take_effect(dut):
         control_pdu(0x047C, 0x1999)[0],
     ):
         await scene.master.send(rtu.build(0, pdu))
-    # The shortest frame there is, and the one that is answered; the telegram is still being sent.
+    # The shortest possible frame, and it gets a reply; the telegram is still being sent.
     done = await scene.master.request(rtu.build(1, b"\x2b"), 30 * MS)
     assert done.data == rtu.build(1, rtu.exception(0x2B, 67)), done.reply
     await scene.card.drive.monitor.pin_idle(15 * MS)
@@ -512,7 +512,7 @@ DRIVE = [
     "answer_to_another_question_is_no_answer",
     "text_longer_than_twenty_characters_is_followed_to_its_end_and_cut",
 ]
-# Where the firmware must be quick, at 115200 bit/s.
+# Tests of the firmware's speed, at 115200 bit/s.
 QUICK = [
     "telegrams_wait_for_two_characters_of_silence_and_have_no_gaps",
     "writes_to_everybody_right_behind_each_other_all_take_effect",
@@ -537,7 +537,7 @@ def run_card(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )
 def test_examples(sim, config):
-    """At the slowest clock there is: no example looks at the time."""
+    """At the slowest clock: no example depends on time."""
     run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
 
 
@@ -558,14 +558,14 @@ def test_drive(sim, config):
 
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9")
 def test_quick(sim):
-    """The tiny card at its own clock only: `test_own_clock`."""
+    """The standard card; the tiny card runs these at its own clock in `test_own_clock`."""
     run_card(sim, "standard", QUICK, 2 * SLOW_HZ["standard"])
 
 
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
 @pytest.mark.parametrize("variant", ["STRICT_T15", "PREPARE_EARLY"])
 def test_variants(variant):
-    """Built without one of them. On Verilator alone: rtu_rx shows both variants on both simulators."""
+    """Each variant sets one parameter to 0. On Verilator only: rtu_rx tests both on both simulators."""
     what = [
         "gap_of_1_4_characters_is_no_gap",
         "reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked",
@@ -577,7 +577,7 @@ def test_variants(variant):
 
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9", "TOP-2")
 def test_own_clock(config):
-    """On Verilator alone: so many clocks would take Icarus minutes, and both agree at a slow clock."""
+    """On Verilator only: so many clocks take minutes on Icarus, and both agree at a slow clock."""
     run_card("verilator", config, QUICK, own_hz(config))
 
 

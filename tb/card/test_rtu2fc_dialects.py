@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole card with the firmware of each later dialect: the documents' examples on both lines.
+"""The whole card with the firmware of each further dialect: the documents' examples on both lines.
 
-Every frame is written out whole, with its CRC or BCC. `S2` and `S3` as in test_firmware_dialects.py.
+Every frame is written in full, with its CRC or BCC. `S2` and `S3` as in test_firmware_dialects.py.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ IN_ONE = {
             "parameter 4095",
             "01 03 9F F5 00 01 BA 2C",
             "01 03 02 00 2A 39 9B",
-            # The index stays until it is written again.
+            # The index remains until it is written again.
             (
                 (
                     "02 0E 81 1F FF 00 08 00 00 00 00 00 00 00 00 65",
@@ -141,7 +141,7 @@ async def play(scene: Scenario, example: Example) -> None:
 @cocotb.test()
 async def examples_of_the_documents(dut):
     scene = await Scenario(dut).start()
-    # The text comes before the index is set: its telegram carries index 0.
+    # The text example runs before the index is set, so its telegram carries index 0.
     for example in [*IN_BOTH, *IN_ONE[os.environ["DIALECT"]]]:
         await play(scene, example)
     scene.finish()
@@ -172,7 +172,7 @@ async def silent_drive_means_a_silent_card(dut):
 async def newer_request_takes_the_place_of_the_second_exchange(dut):
     scene = await Scenario(dut).start()
     scene.script.expect(H(ASK_NUMBER), H(NO_NUMBER))
-    # The master asks again while the drive still answers: 16 + 16 characters take 37 ms.
+    # The master sends its next request while the drive still answers: 16 + 16 characters take 37 ms.
     done = await scene.master.request(H("01 03 18 41 00 02 92 BF"), 25_000_000_000)
     assert done.data is None
     await play(scene, IN_BOTH[0])
@@ -209,7 +209,7 @@ spoken_in_each = pytest.mark.parametrize(
 @pytest.mark.rule("FC-8", "FRAME-7")
 @pytest.mark.rule("DIALECT-BUILTIN")
 def test_second_exchange(sim: str, config: str):
-    """In one dialect: both make it in the same way."""
+    """In one dialect only: the code for the second exchange is common to both."""
     testcase = ["one_request_two_exchanges", "newer_request_takes_the_place_of_the_second_exchange"]
     run_card(sim, config, "builtin", testcase)
 
@@ -217,5 +217,5 @@ def test_second_exchange(sim: str, config: str):
 @pytest.mark.rule("FC-9")
 @spoken_in_each
 def test_documents(config: str, dialect: str):
-    """On Verilator alone: more than a second on the lines would take Icarus minutes."""
+    """On Verilator only: more than a second on the lines takes minutes on Icarus."""
     run_card("verilator", config, dialect, ["examples_of_the_documents", "silent_drive_means_a_silent_card"])
