@@ -62,7 +62,7 @@ class Port:
 
 
 @cocotb.test()
-async def each_port_sends_a_pattern_that_the_other_hears(dut):
+async def each_port_sends_a_pattern_that_the_other_receives(dut):
     bench = Bench(dut, CLK_HZ, sw_baud=switch_word(SWITCHES), sw_addr=1, modbus_rx=1, drive_rx=1)
     for sender, other in (("modbus", "drive"), ("drive", "modbus")):
         cocotb.start_soon(wire(dut, sender, other))
@@ -124,7 +124,7 @@ def check_verdict(card: FastCard, shows: str) -> None:
 
 
 @pytest.mark.rule("LOOP-1", "LED-2")
-def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works(config):
+def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=1) as card:
         check_verdict(card, "orange")
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
@@ -135,14 +135,14 @@ def test_pass_is_orange_for_twelve_seconds_and_then_the_card_works(config):
 
 
 @pytest.mark.rule("LOOP-1", "LED-2")
-def test_failure_is_red_for_twelve_seconds_and_then_the_card_works(config):
+def test_a_failed_loopback_test_is_red_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=0) as card:
         check_verdict(card, "red")
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
 @pytest.mark.rule("LOOP-1", "LINE-7", "LED-5")
-def test_the_test_needs_no_address_but_what_follows_does(config):
+def test_the_loopback_test_needs_no_address_but_the_start_after_it_does(config):
     with FastCard(SWITCHES, config=config, wired=1, address=0) as card:
         check_verdict(card, "orange")
         assert {card.led("modbus"), card.led("drive")} == {"red"}
@@ -167,7 +167,7 @@ FAULTS = {
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.parametrize("fault", FAULTS)
-def test_fault_of_the_wiring_is_red(config, fault: str):
+def test_a_wiring_fault_is_red(config, fault: str):
     with FastCard(SWITCHES, config=config, wired=1, **FAULTS[fault]) as card:
         assert run_to_verdict(card) == ("red", "red")
 
@@ -179,7 +179,7 @@ FLIPS = {"first data": (3, (0,)), "last data": (11, (7,)), "parity stays right":
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.parametrize("flips", FLIPS)
 @pytest.mark.parametrize("sender", ["drive", "modbus"])
-def test_bit_turned_over_on_the_wire_is_red(config, sender: str, flips: str):
+def test_a_flipped_bit_on_the_wire_is_red(config, sender: str, flips: str):
     character, bits = FLIPS[flips]
     other = {"drive": "modbus", "modbus": "drive"}[sender]
     with FastCard(SWITCHES, config=config, wired=1) as card:
@@ -192,7 +192,7 @@ def test_bit_turned_over_on_the_wire_is_red(config, sender: str, flips: str):
 
 
 @pytest.mark.rule("LOOP-1")
-def test_other_switches_do_not_ask_for_the_test(config):
+def test_other_switch_settings_do_not_start_the_loopback_test(config):
     for switch in range(9):
         moved = SWITCHES[:switch] + "10"[int(SWITCHES[switch])] + SWITCHES[switch + 1 :]
         with FastCard(moved, config=config, wired=1) as card:

@@ -59,7 +59,7 @@ def assert_never_sent(card: WatchedCard) -> None:
 
 
 @cocotb.test()
-async def first_request_may_end_when_the_time_to_boot_is_over(dut):
+async def first_request_that_ends_after_the_boot_time_is_answered(dut):
     card = WatchedCard(dut, baud=115_200)
     await card.switch_on()
     adu = rtu.build(1, READ_DRIVE_TIMEOUT)
@@ -80,7 +80,7 @@ async def first_request_may_end_when_the_time_to_boot_is_over(dut):
 
 
 @cocotb.test()
-async def nothing_runs_until_the_switches_are_read(dut):
+async def processor_stays_in_reset_until_the_switches_are_read(dut):
     """The processor stays in reset until address and rate have been read."""
     card = WatchedCard(dut, baud=BAUD)
     await card.switch_on()
@@ -91,7 +91,7 @@ async def nothing_runs_until_the_switches_are_read(dut):
         await card.bench.clocks()
     assert clocks > 100
     await card.firmware.round()
-    await card.is_alive()
+    await card.check_alive()
 
 
 @cocotb.test()
@@ -124,7 +124,7 @@ async def switches_moved_after_power_up_have_no_effect_until_the_next_reset(dut)
 
 
 @cocotb.test()
-async def invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines(dut):
+async def invalid_address_turns_both_leds_red_and_keeps_both_lines_silent(dut):
     card = WatchedCard(dut, baud=BAUD, address=0)
     await card.switch_on()
     for address in (0, 248, 255):
@@ -156,9 +156,9 @@ async def invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines(du
 # ---------------------------------------------------------------- damaged image
 
 
-async def dies_unheard(card: WatchedCard, limit_ps: float, what: str) -> None:
+async def faults_silently(card: WatchedCard, limit_ps: float, what: str) -> None:
     """Both LEDs turn solid red in time; requests to start the motor have no effect before or after."""
-    asking = cocotb.start_soon(ask_on_and_on(card))
+    asking = cocotb.start_soon(request_continuously(card))
     await card.leds.until(lambda: card.leds.fault, limit_ps, f"fault, {what}")
     card.leds.forget()
     await Timer(20 * MS, unit="ps")
@@ -168,14 +168,14 @@ async def dies_unheard(card: WatchedCard, limit_ps: float, what: str) -> None:
     assert_never_sent(card)
 
 
-def two_of_a_byte(rng: random.Random) -> tuple[int, int]:
+def two_bits_of_a_byte(rng: random.Random) -> tuple[int, int]:
     """Two bits of one byte, whose flips parity does not detect."""
     byte = LANE_BITS * rng.randrange(4)
     first, second = rng.sample(range(8), 2)
     return byte + first, byte + second
 
 
-async def ask_on_and_on(card: WatchedCard) -> None:
+async def request_continuously(card: WatchedCard) -> None:
     """A master that starts the motor every few milliseconds, by address and by broadcast."""
     while True:
         for to in (1, 0):
@@ -188,7 +188,7 @@ async def image_damaged_in_the_file_ends_in_the_fault(dut):
     """Wrong checksums halt the card; after a flipped bit the watchdog bites, three times."""
     card = WatchedCard(dut, baud=BAUD)
     await card.switch_on()
-    await dies_unheard(card, 3 * card.boot_limit_ps, "start-up check")
+    await faults_silently(card, 3 * card.boot_limit_ps, "start-up check")
 
 
 @cocotb.test()
@@ -199,7 +199,7 @@ async def any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram
     await card.switch_on()
     for _ in range(12):
         word = rng.randrange(len(firmware_words()))
-        bits = rng.choice((two_of_a_byte(rng), (rng.randrange(WORD_BITS),)))
+        bits = rng.choice((two_bits_of_a_byte(rng), (rng.randrange(WORD_BITS),)))
         dut.rst_n.value = 0
         await card.bench.clocks(8)
         card.firmware.restore()
@@ -207,7 +207,7 @@ async def any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram
         await card.bench.clocks(8)
         dut.rst_n.value = 1
         await Timer(1 * MS, unit="ps")
-        await dies_unheard(card, 3 * (BITE_PS + card.boot_limit_ps), f"word {word} bits {bits}")
+        await faults_silently(card, 3 * (BITE_PS + card.boot_limit_ps), f"word {word} bits {bits}")
 
 
 @cocotb.test()
@@ -216,8 +216,8 @@ async def image_damaged_while_running_ends_in_the_fault_within_a_second(dut, bit
     """Reading for the checksums detects one flipped bit by parity; two of a byte make a checksum wrong."""
     rng = seeded("damaged bits")
     card = await WatchedCard(dut, baud=BAUD).boot()
-    await card.is_alive()
-    card.firmware.damage(constant_word(), *two_of_a_byte(rng)[:bits])
+    await card.check_alive()
+    card.firmware.damage(constant_word(), *two_bits_of_a_byte(rng)[:bits])
     damaged_at = now_ps()
     sent = len(card.modbus.monitor.characters)
     # SERV checks the image in 0.2 s at its own 24 MHz, and in more than a second at the bench's 5 MHz.
@@ -240,7 +240,7 @@ async def drive_led_is_red_for_a_quarter_second_while_requests_are_served(dut):
     card = await WatchedCard(dut, baud=BAUD).boot()
     await card.leds.until(lambda: card.leds.show("drive") == "red", 2 * MS, "drive LED red")
     card.leds.forget()
-    await card.is_alive()
+    await card.check_alive()
     await card.write_control(0x047C, 0x1999)
     await card.leds.until(lambda: card.leds.show("drive") == "green", 260 * MS, "drive LED green")
     ((shown, ms),) = steps_ms(card.leds.shown["drive"])
@@ -259,7 +259,7 @@ def after_power_up(history: list[Shown]) -> list[Shown]:
 
 
 @pytest.mark.rule("LED-1")
-def test_power_up_show_is_one_led_after_the_other_and_delays_nothing(config):
+def test_power_up_show_lights_one_led_after_the_other_and_delays_nothing(config):
     script = Script()
     with FastCard(config=config, baud=BAUD, form="8N2", drive=script) as card:
         card.run(card.boot_ms)
@@ -286,7 +286,7 @@ def test_power_up_show_is_one_led_after_the_other_and_delays_nothing(config):
 
 
 @pytest.mark.rule("LED-2", "LED-3", "LED-4")
-def test_afterwards_both_leds_flash_once_a_second_in_one_colour(config):
+def test_both_leds_flash_once_a_second_after_the_power_up_show(config):
     with FastCard(config=config) as card:
         card.run(7000)
         for led in ("drive", "modbus"):
@@ -395,16 +395,16 @@ def run_card(sim: str, config: str, testcase: str | list[str], **parameters: obj
 def test_boot(sim, config):
     """At the card's own clock."""
     assert configuration(config)["boot_ms"] == {"standard": 20, "tiny": 60}[config]
-    what = "first_request_may_end_when_the_time_to_boot_is_over"
+    what = "first_request_that_ends_after_the_boot_time_is_answered"
     run_card(sim, config, what, CLK_HZ=own_hz(config))
 
 
 @pytest.mark.rule("LINE-2", "LINE-3", "LINE-7", "LINE-8", "LED-5")
 def test_switches(sim, config):
     what = [
-        "nothing_runs_until_the_switches_are_read",
+        "processor_stays_in_reset_until_the_switches_are_read",
         "switches_moved_after_power_up_have_no_effect_until_the_next_reset",
-        "invalid_address_is_solid_red_on_both_leds_and_silence_on_both_lines",
+        "invalid_address_turns_both_leds_red_and_keeps_both_lines_silent",
     ]
     run_card(sim, config, what)
 
@@ -413,7 +413,7 @@ def test_switches(sim, config):
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_image_damaged_in_the_file(sim, config, bits):
     words = firmware_words(config)
-    for bit in two_of_a_byte(seeded("damaged bits of the file"))[:bits]:
+    for bit in two_bits_of_a_byte(seeded("damaged bits of the file"))[:bits]:
         words[constant_word(config)] ^= 1 << bit
     file = ROOT / f"build/tests/damaged-{bits}-{sim}-{config}.hex"
     file.parent.mkdir(parents=True, exist_ok=True)

@@ -64,7 +64,7 @@ async def exchange_number(card: WatchedCard, number: int) -> Heard:
 
 
 @cocotb.test()
-async def stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image(dut):
+async def stopped_firmware_restarts_in_time_with_a_cleared_control_image(dut):
     card = await booted(dut)
     await card.write_control(START, REFERENCE)
     await card.ask(rtu.read_coils(0, 32), bytes.fromhex("01 04 7C 04 99 19"))
@@ -80,7 +80,7 @@ async def stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image(d
     assert at - stopped_at <= BITE_PS
     await restarted(card, at)
     dut._log.info("firmware runs again %.2f ms after the bite", (now_ps() - at) / MS)
-    await card.is_alive()
+    await card.check_alive()
     assert card.master.line.monitor.characters[-1].end_ps - at < card.boot_limit_ps, "answered in time"
     now = len(card.modbus.direction.pulses), len(card.drive.direction.pulses)
     assert now == (sent[0] + 1, sent[1]), "only this answer was sent"
@@ -105,7 +105,7 @@ async def telegram_on_the_wire_at_the_bite_is_completed_and_its_answer_ignored(d
     assert heard.frame.start_ps < at < heard.frame.end_ps
     await card.firmware.round()
     assert not card.modbus.direction.pulses, "the request is forgotten"
-    await card.is_alive()
+    await card.check_alive()
     card.script.check()
     card.check_lines()
 
@@ -123,7 +123,7 @@ async def reply_on_the_wire_at_the_bite_is_completed(dut):
     assert frame.data == rtu.build(1, bytes([1, 16]) + bytes(16))
     await Timer(round(rtu.t35_ps(BAUD)), unit="ps")
     await restarted(card, at)
-    await card.is_alive()
+    await card.check_alive()
     card.check_lines()
 
 
@@ -137,7 +137,7 @@ async def telegram_that_waits_for_the_line_at_the_bite_is_never_sent(dut):
     card.drive.source.hold(1)
     await restarted(card, at)
     await card.quiet(10, "the bite")
-    await card.is_alive()
+    await card.check_alive()
     assert not card.drive.direction.pulses
     card.check_lines()
 
@@ -158,12 +158,12 @@ async def bite_at_any_moment_leaves_whole_frames_and_starts_none(dut):
         await Timer(5 * MS, unit="ps")
         for line in (card.modbus, card.drive):
             assert not [pulse for pulse in line.direction.pulses if pulse.rise_ps > at]
-        await card.is_alive()
+        await card.check_alive()
     card.check_lines()
 
 
 @cocotb.test()
-async def third_bite_without_an_exchange_is_the_fault(dut):
+async def third_bite_without_an_exchange_causes_the_fault(dut):
     card = await booted(dut)
     for left in range(BITES - 1, -1, -1):
         at = await card.firmware.bite_now()
@@ -181,12 +181,12 @@ async def third_bite_without_an_exchange_is_the_fault(dut):
 
 @cocotb.test()
 @cocotb.parametrize(exchange=["answer", "telegram"])
-async def bites_with_exchanges_between_never_are(dut, exchange):
+async def bites_with_exchanges_between_them_never_cause_the_fault(dut, exchange):
     """An answer to the master, or a good telegram from the drive, proves that the card works."""
     card = await booted(dut)
     for bites in range(BITES + 1):
         if exchange == "answer":
-            await card.is_alive()
+            await card.check_alive()
         else:
             # A frame for another station follows the request, so its answer is dropped (FRAME-7).
             card.script.expect(*process(START, REFERENCE))
@@ -196,12 +196,12 @@ async def bites_with_exchanges_between_never_are(dut, exchange):
             assert not card.modbus.direction.pulses
         await restarted(card, await card.firmware.bite_now())
         assert not card.leds.fault
-    await card.is_alive()
+    await card.check_alive()
     card.check_lines()
 
 
 @cocotb.test()
-async def program_damaged_for_good_ends_in_the_fault_at_the_restart(dut):
+async def permanently_damaged_program_ends_in_the_fault_at_the_restart(dut):
     card = await booted(dut)
     card.firmware.stop()
     at = await card.firmware.bite()
@@ -213,14 +213,14 @@ async def program_damaged_for_good_ends_in_the_fault_at_the_restart(dut):
 
 
 @cocotb.test()
-async def trap_bites_at_once(dut):
+async def trap_triggers_the_watchdog_at_once(dut):
     card = await booted(dut)
     stopped_at = now_ps()
     at = await card.firmware.bite_now()
     dut._log.info("bite %.3f ms after the illegal instruction", (at - stopped_at) / MS)
     assert at - stopped_at < 1 * MS
     await restarted(card, at)
-    await card.is_alive()
+    await card.check_alive()
     card.check_lines()
 
 
@@ -234,7 +234,7 @@ async def set_drive_timeout(card: WatchedCard, tens_of_ms: int) -> None:
 
 @cocotb.test()
 @cocotb.parametrize(wait=[3, None])
-async def silent_drive_is_asked_again_and_then_reported_after_its_time(dut, wait):
+async def silent_drive_gets_one_repeat_and_is_reported_after_the_wait(dut, wait):
     card = await WatchedCard(dut, baud=BAUD).boot()
     if wait is not None:
         await set_drive_timeout(card, wait)
@@ -261,7 +261,7 @@ def reply_ends_after(ms: float) -> Manner:
 
 
 @cocotb.test()
-async def reply_that_ends_within_the_time_is_taken_and_a_later_one_is_not(dut):
+async def reply_that_ends_within_the_wait_is_accepted_and_a_later_one_is_not(dut):
     card = await WatchedCard(dut, baud=BAUD).boot()
     await set_drive_timeout(card, 2)
     card.slave.next(reply_ends_after(19.7))
@@ -277,7 +277,7 @@ async def reply_that_ends_within_the_time_is_taken_and_a_later_one_is_not(dut):
 
 
 @cocotb.test()
-async def broadcast_waits_for_nothing_but_the_pause(dut):
+async def request_after_a_broadcast_waits_only_for_the_pause(dut):
     card = await WatchedCard(dut, baud=BAUD).boot()
     broadcast = fc_telegram.build_process(START, REFERENCE, fc_telegram.ADR_BROADCAST)
     card.script.expect(broadcast, None)
@@ -311,7 +311,7 @@ def slowly(sim: str, config: str) -> bool:
 
 @pytest.mark.rule("WDG-1", "LINE-8", "MAP-4")
 def test_watchdog(sim, config):
-    what = "stopped_firmware_is_back_in_time_and_has_forgotten_the_control_image"
+    what = "stopped_firmware_restarts_in_time_with_a_cleared_control_image"
     run_card(sim, config, what, slow=slowly(sim, config))
 
 
@@ -328,7 +328,7 @@ def test_lines_at_the_bite(sim, config):
 
 @pytest.mark.rule("LED-5", "WDG-1")
 def test_fault_by_the_watchdog(sim, config):
-    run_card(sim, config, "third_bite_without_an_exchange_is_the_fault", slow=slowly(sim, config))
+    run_card(sim, config, "third_bite_without_an_exchange_causes_the_fault", slow=slowly(sim, config))
 
 
 @pytest.mark.rule("LED-5", "WDG-1")
@@ -339,29 +339,31 @@ def test_many_bites(config):
         config,
         "reply_on_the_wire_at_the_bite_is_completed",
         "bite_at_any_moment_leaves_whole_frames_and_starts_none",
-        "bites_with_exchanges_between_never_are",
-        "program_damaged_for_good_ends_in_the_fault_at_the_restart",
+        "bites_with_exchanges_between_them_never_cause_the_fault",
+        "permanently_damaged_program_ends_in_the_fault_at_the_restart",
     )
 
 
 @pytest.mark.rule("WDG-1")
 def test_trap():
     """On the standard card and Verilator only: SERV has no trap."""
-    run_card("verilator", "standard", "trap_bites_at_once")
+    run_card("verilator", "standard", "trap_triggers_the_watchdog_at_once")
 
 
 @pytest.mark.rule("FC-9")
 def test_late_replies(sim, config):
-    run_card(sim, config, "reply_that_ends_within_the_time_is_taken_and_a_later_one_is_not")
+    run_card(sim, config, "reply_that_ends_within_the_wait_is_accepted_and_a_later_one_is_not")
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
 def test_silent_drive(config):
     """On Verilator only, with the default wait of 150 ms too; Icarus has a repeat in `test_late_replies`."""
-    run_card("verilator", config, "silent_drive_is_asked_again_and_then_reported_after_its_time")
+    run_card("verilator", config, "silent_drive_gets_one_repeat_and_is_reported_after_the_wait")
 
 
 @pytest.mark.rule("MAP-9", "FC-8")
 def test_broadcast_and_next_request(config):
     """The tiny card runs at its own clock: at a slow one the broadcast is ready after the next request."""
-    run_card("verilator", config, "broadcast_waits_for_nothing_but_the_pause", slow=config == "standard")
+    run_card(
+        "verilator", config, "request_after_a_broadcast_waits_only_for_the_pause", slow=config == "standard"
+    )

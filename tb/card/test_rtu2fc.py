@@ -142,7 +142,7 @@ BEFORE = {
 }
 
 
-async def play_with_its_beginnings(scene: Scenario, name: str) -> None:
+async def play_with_setup(scene: Scenario, name: str) -> None:
     example = EXAMPLES[name]
     if name in BEFORE:
         await BEFORE[name](scene)
@@ -161,13 +161,13 @@ async def every_example_is_right_byte_for_byte_on_both_lines(dut):
     scene = await Scenario(dut).start()
     assert len(EXAMPLES) >= 23
     for name in EXAMPLES:
-        await play_with_its_beginnings(scene, name)
+        await play_with_setup(scene, name)
     scene.finish()
     dut._log.info("%d examples right", len(EXAMPLES))
 
 
 @cocotb.test()
-async def own_echo_on_both_lines_disturbs_nothing(dut):
+async def own_echo_on_both_lines_has_no_effect(dut):
     scene = await Scenario(dut, echo=True).start()
     for name in ("ex1-start-40", "bad-address", "ex5-read-514", "bcast-start"):
         await play(scene, EXAMPLES[name])
@@ -212,7 +212,7 @@ async def frames_of_every_length_are_answered_and_longer_than_256_dropped(dut):
 
 
 @cocotb.test()
-async def damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is_answered(dut):
+async def damaged_foreign_and_cut_off_frames_have_no_effect_and_the_next_good_one_is_answered(dut):
     """Each one also increments its own counter."""
     scene = await Scenario(dut, form="8E1").start()
     start = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
@@ -241,7 +241,7 @@ async def damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is
 
 
 @cocotb.test()
-async def gap_of_1_4_characters_is_no_gap(dut):
+async def frame_with_gaps_of_1_4_characters_is_accepted(dut):
     scene = await Scenario(dut).start()
     request = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
     for telegram, reply in exchanges_of(EXAMPLES["ex1-start-40"]):
@@ -253,7 +253,7 @@ async def gap_of_1_4_characters_is_no_gap(dut):
 
 
 @cocotb.test()
-async def revoked_frame_does_nothing_at_all(dut):
+async def revoked_frame_has_no_effect(dut):
     """A character follows a good frame after 1.6 to 3.4 character times (FRAME-3, FRAME-6)."""
     scene = await Scenario(dut).start()
     pdu, _ = control_pdu(0x047C, 0x1999)
@@ -273,7 +273,7 @@ async def revoked_frame_does_nothing_at_all(dut):
 
 
 @cocotb.test()
-async def reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked(dut):
+async def reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive(dut):
     scene = await Scenario(dut).start()
     pdu, _ = control_pdu(0x047C, 0x1999)
     scene.script.expect(*process(0x047C, 0x1999))
@@ -287,7 +287,7 @@ async def reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked(dut
 
 
 @cocotb.test()
-async def newest_request_is_the_one_answered(dut):
+async def only_the_newest_request_is_answered(dut):
     """The card gets a second request while the drive handles the first."""
     scene = await Scenario(dut).start()
     pdu, _ = control_pdu(0x047C, 0x1999)
@@ -306,7 +306,7 @@ async def newest_request_is_the_one_answered(dut):
 
 
 @cocotb.test()
-async def silent_drive_is_asked_twice_and_then_reported(dut):
+async def silent_drive_gets_the_telegram_twice_and_is_then_reported(dut):
     scene = await Scenario(dut).start()
     await scene.set_register(2, REPLY_WAIT)
     question, _ = read_exchange(514, 0)
@@ -321,7 +321,7 @@ async def silent_drive_is_asked_twice_and_then_reported(dut):
 
 
 @cocotb.test()
-async def bad_reply_is_no_reply_and_the_repeat_is_answered(dut):
+async def bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted(dut):
     scene = await Scenario(dut).start()
     await scene.set_register(2, REPLY_WAIT)
     for number, fault in enumerate(BAD_REPLIES):
@@ -333,7 +333,7 @@ async def bad_reply_is_no_reply_and_the_repeat_is_answered(dut):
 
 
 @cocotb.test()
-async def drive_that_answers_wrong_twice_is_reported_and_the_image_keeps_what_was_written(dut):
+async def two_bad_replies_are_reported_and_the_image_keeps_the_written_value(dut):
     scene = await Scenario(dut).start()
     await scene.set_register(2, REPLY_WAIT)
     scene.card.slave.next(Manner(fault="bad BCC"), Manner(fault="cut short"))
@@ -344,7 +344,7 @@ async def drive_that_answers_wrong_twice_is_reported_and_the_image_keeps_what_wa
 
 
 @cocotb.test()
-async def slow_but_legal_drive_is_understood(dut):
+async def slow_but_legal_reply_is_accepted(dut):
     """The drive is 48 ms late, has gaps between its characters, and a phantom character before the reply."""
     scene = await Scenario(dut).start()
     slow = Manner(delay_bits=48e-3 * 9600, gap_bits=0.45 * CHARACTER)
@@ -355,7 +355,7 @@ async def slow_but_legal_drive_is_understood(dut):
 
 
 @cocotb.test()
-async def answer_to_another_question_is_no_answer(dut):
+async def reply_for_another_parameter_is_ignored(dut):
     """The reply is correct, but for another parameter (FC-8)."""
     scene = await Scenario(dut).start()
     await scene.set_register(2, 5)
@@ -368,7 +368,7 @@ async def answer_to_another_question_is_no_answer(dut):
 
 
 @cocotb.test()
-async def text_longer_than_twenty_characters_is_followed_to_its_end_and_cut(dut):
+async def text_longer_than_twenty_characters_is_received_in_full_and_cut(dut):
     scene = await Scenario(dut).start()
     await scene.set_register(0, 0x0400)
     text = b"A TEXT OF TWENTY-NINE LETTERS"
@@ -419,7 +419,7 @@ async def invalid_address_keeps_the_card_silent_on_both_lines(dut):
 
 
 @cocotb.test()
-async def lines_that_are_low_at_power_up_cause_nothing(dut):
+async def lines_low_at_power_up_have_no_effect(dut):
     scene = Scenario(dut)
     scene.card.modbus.source.hold(0)
     scene.card.drive.source.hold(0)
@@ -436,7 +436,7 @@ async def lines_that_are_low_at_power_up_cause_nothing(dut):
 
 
 @cocotb.test()
-async def manual_at_9600_and_all_turnarounds(dut):
+async def manual_examples_at_9600_meet_all_turnarounds(dut):
     """Also BOOT-1: the first request ends with the boot time and is answered."""
     scene = Scenario(dut, baud=9600)
     await scene.card.power_up()
@@ -447,7 +447,7 @@ async def manual_at_9600_and_all_turnarounds(dut):
     await play(scene, EXAMPLES["bad-address"])
     print(f"answered {(now_ps() - begin) / MS:.1f} ms after the reset")
     for name in ("ex1-start-40", "ex5-read-514", "ex6b-text-533", "refused-17"):
-        await play_with_its_beginnings(scene, name)
+        await play_with_setup(scene, name)
     local = await scene.request(rtu.build(1, rtu.read_coils(0, 32)))
     t35 = 3.5 * CHARACTER
     assert t35 - 0.25 <= local.gap_bits <= t35 + 1, f"{local.gap_bits:.2f} bits"
@@ -469,7 +469,7 @@ async def manual_at_9600_and_all_turnarounds(dut):
 
 
 @cocotb.test()
-async def writes_to_everybody_right_behind_each_other_all_take_effect(dut):
+async def back_to_back_broadcast_writes_all_take_effect(dut):
     """Broadcasts get no reply, so the master leaves the firmware no more time than its own pause."""
     scene = await Scenario(dut, baud=115_200, form="8N1").start()
     telegram = fc_telegram.build_process(0x047C, 0x1999, fc_telegram.ADR_BROADCAST)
@@ -493,29 +493,29 @@ async def writes_to_everybody_right_behind_each_other_all_take_effect(dut):
 
 
 NETWORK = [
-    "own_echo_on_both_lines_disturbs_nothing",
+    "own_echo_on_both_lines_has_no_effect",
     "every_format_by_switches_read_once_after_reset",
     "frames_of_every_length_are_answered_and_longer_than_256_dropped",
-    "damaged_foreign_and_cut_off_frames_do_nothing_and_the_next_good_one_is_answered",
-    "gap_of_1_4_characters_is_no_gap",
-    "revoked_frame_does_nothing_at_all",
-    "reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked",
-    "newest_request_is_the_one_answered",
+    "damaged_foreign_and_cut_off_frames_have_no_effect_and_the_next_good_one_is_answered",
+    "frame_with_gaps_of_1_4_characters_is_accepted",
+    "revoked_frame_has_no_effect",
+    "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
+    "only_the_newest_request_is_answered",
     "invalid_address_keeps_the_card_silent_on_both_lines",
-    "lines_that_are_low_at_power_up_cause_nothing",
+    "lines_low_at_power_up_have_no_effect",
 ]
 DRIVE = [
-    "silent_drive_is_asked_twice_and_then_reported",
-    "bad_reply_is_no_reply_and_the_repeat_is_answered",
-    "drive_that_answers_wrong_twice_is_reported_and_the_image_keeps_what_was_written",
-    "slow_but_legal_drive_is_understood",
-    "answer_to_another_question_is_no_answer",
-    "text_longer_than_twenty_characters_is_followed_to_its_end_and_cut",
+    "silent_drive_gets_the_telegram_twice_and_is_then_reported",
+    "bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted",
+    "two_bad_replies_are_reported_and_the_image_keeps_the_written_value",
+    "slow_but_legal_reply_is_accepted",
+    "reply_for_another_parameter_is_ignored",
+    "text_longer_than_twenty_characters_is_received_in_full_and_cut",
 ]
 # Tests of the firmware's speed, at 115200 bit/s.
 QUICK = [
     "telegrams_wait_for_two_characters_of_silence_and_have_no_gaps",
-    "writes_to_everybody_right_behind_each_other_all_take_effect",
+    "back_to_back_broadcast_writes_all_take_effect",
 ]
 
 
@@ -567,10 +567,10 @@ def test_quick(sim):
 def test_variants(variant):
     """Each variant sets one parameter to 0. On Verilator only: rtu_rx tests both on both simulators."""
     what = [
-        "gap_of_1_4_characters_is_no_gap",
-        "reply_is_dropped_when_a_character_arrives_while_the_drive_is_asked",
-        "newest_request_is_the_one_answered",
-        "silent_drive_is_asked_twice_and_then_reported",
+        "frame_with_gaps_of_1_4_characters_is_accepted",
+        "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
+        "only_the_newest_request_is_answered",
+        "silent_drive_gets_the_telegram_twice_and_is_then_reported",
     ]
     run_card("verilator", "standard", what, **{variant: 0})
 
@@ -583,4 +583,4 @@ def test_own_clock(config):
 
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
 def test_manual_at_own_clock(config):
-    run_card("verilator", config, ["manual_at_9600_and_all_turnarounds"], own_hz(config))
+    run_card("verilator", config, ["manual_examples_at_9600_meet_all_turnarounds"], own_hz(config))

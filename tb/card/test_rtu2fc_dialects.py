@@ -139,7 +139,7 @@ async def play(scene: Scenario, example: Example) -> None:
 
 
 @cocotb.test()
-async def examples_of_the_documents(dut):
+async def examples_of_the_documents_are_right_on_both_lines(dut):
     scene = await Scenario(dut).start()
     # The text example runs before the index is set, so its telegram carries index 0.
     for example in [*IN_BOTH, *IN_ONE[os.environ["DIALECT"]]]:
@@ -148,14 +148,14 @@ async def examples_of_the_documents(dut):
 
 
 @cocotb.test()
-async def one_request_two_exchanges(dut):
+async def one_request_causes_two_exchanges(dut):
     scene = await Scenario(dut).start()
     await play(scene, TEXT_OF_2)
     scene.finish()
 
 
 @cocotb.test()
-async def silent_drive_means_a_silent_card(dut):
+async def card_stays_silent_when_the_drive_is_silent(dut):
     scene = await Scenario(dut).start()
     await scene.set_register(2, WAIT_MS // 10)
     for exchanges in (
@@ -169,7 +169,7 @@ async def silent_drive_means_a_silent_card(dut):
 
 
 @cocotb.test()
-async def newer_request_takes_the_place_of_the_second_exchange(dut):
+async def newer_request_replaces_the_second_exchange(dut):
     scene = await Scenario(dut).start()
     scene.script.expect(H(ASK_NUMBER), H(NO_NUMBER))
     # The master sends its next request while the drive still answers: 16 + 16 characters take 37 ms.
@@ -210,7 +210,7 @@ spoken_in_each = pytest.mark.parametrize(
 @pytest.mark.rule("DIALECT-BUILTIN")
 def test_second_exchange(sim: str, config: str):
     """In one dialect only: the code for the second exchange is common to both."""
-    testcase = ["one_request_two_exchanges", "newer_request_takes_the_place_of_the_second_exchange"]
+    testcase = ["one_request_causes_two_exchanges", "newer_request_replaces_the_second_exchange"]
     run_card(sim, config, "builtin", testcase)
 
 
@@ -218,4 +218,9 @@ def test_second_exchange(sim: str, config: str):
 @spoken_in_each
 def test_documents(config: str, dialect: str):
     """On Verilator only: more than a second on the lines takes minutes on Icarus."""
-    run_card("verilator", config, dialect, ["examples_of_the_documents", "silent_drive_means_a_silent_card"])
+    run_card(
+        "verilator",
+        config,
+        dialect,
+        ["examples_of_the_documents_are_right_on_both_lines", "card_stays_silent_when_the_drive_is_silent"],
+    )

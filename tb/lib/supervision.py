@@ -269,7 +269,7 @@ class WatchedCard(Card):
         pdu = control_pdu(control, reference)
         return await self.ask(pdu, pdu[:5], [process(control, reference)])
 
-    async def is_alive(self) -> None:
+    async def check_alive(self) -> None:
         """Checks that the card answers a local request, with all images 0 as after a start (MAP-4)."""
         await self.ask(rtu.read_coils(0, 128), bytes([1, 16]) + bytes(16))
 
