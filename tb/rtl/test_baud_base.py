@@ -78,7 +78,7 @@ def test_baud_base_at_many_clocks(sim):
         "baud_bank",
         "tb.rtl.test_baud_base",
         sim=sim,
-        extra_sources=[HERE / "hdl/baud_bank.v"],
+        extra_sources=[HERE / "baud_bank.v"],
         parameters={"COUNT": len(CLOCKS), "CLOCKS": LogicArray(packed, 32 * len(CLOCKS))},
         testcase="rate_is_right_within_a_tenth_of_a_percent_at_every_clock",
     )

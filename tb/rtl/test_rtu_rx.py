@@ -422,7 +422,7 @@ def run_receiver(sim: str, testcase: list[str], **parameters: int) -> None:
         "rtu_rx_crc",
         "tb.rtl.test_rtu_rx",
         sim=sim,
-        extra_sources=[HERE / "hdl/rtu_rx_crc.v"],
+        extra_sources=[HERE / "rtu_rx_crc.v"],
         parameters=parameters,
         testcase=testcase,
     )

@@ -142,4 +142,4 @@ async def reset_while_sending_lets_go_of_the_line(dut):
 
 @pytest.mark.rule("FRAME-4", "LINE-1", "LINE-6", "SAFE-2")
 def test_rtu_tx(sim):
-    run("rtu_tx_line", "tb.rtl.test_rtu_tx", sim=sim, extra_sources=[HERE / "hdl/rtu_tx_line.v"])
+    run("rtu_tx_line", "tb.rtl.test_rtu_tx", sim=sim, extra_sources=[HERE / "rtu_tx_line.v"])
