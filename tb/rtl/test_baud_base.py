@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""baud_base: 1.8432 MHz on average from any clock, every tick within one clock of its place."""
+"""baud_base: 1.8432 MHz on average from any clock, every tick within one clock of its ideal time."""
 
 from pathlib import Path
 
@@ -12,10 +12,10 @@ from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 
 HERE = Path(__file__).parent
-# Both ends of the allowed range, usual crystals, and values that no divider likes.
+# Both ends of the allowed range, usual crystals, and frequencies without a simple ratio.
 CLOCKS = (2_000_000, 2_097_152, 3_686_400, 7_372_800, 12_000_000, 13_560_000, 25_175_000)
 CLOCKS += (33_333_333, 48_000_000, 66_666_667, 99_999_999, 100_000_000)
-# A 16-bit accumulator repeats after this many clocks, whatever its step.
+# A 16-bit accumulator repeats after this many clocks, with any step.
 CYCLE = 1 << 16
 UNEVEN_HZ = 48_000_000
 
@@ -34,7 +34,7 @@ async def rate_is_right_within_a_tenth_of_a_percent_at_every_clock(dut):
         error = ticks / CYCLE * clock_hz / BASE_HZ - 1
         print(f"{clock_hz} Hz: {error:+.5%}")
         assert abs(error) <= 0.001, f"{clock_hz} Hz: {error:+.4%}"
-        # The step as near as 16 bits can be: after a whole cycle the phase is where it was.
+        # The step is the nearest 16-bit value: after a whole cycle the phase repeats.
         assert ticks == round(CYCLE * BASE_HZ / clock_hz), f"{clock_hz} Hz"
 
 
@@ -52,7 +52,7 @@ async def no_tick_is_more_than_a_clock_from_its_place(dut):
 
 @cocotb.test()
 async def a_reset_begins_the_phase_anew_and_gives_no_tick(dut):
-    """The step is odd at this clock, so the phase takes every value there is."""
+    """The step is odd at this clock, so the phase takes every value."""
     step = round(CYCLE * BASE_HZ / UNEVEN_HZ)
     assert step % 2
     bench = Bench(dut)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""baud_divider: one tick of 1/16 bit for every `ratio` base ticks, for each port its own."""
+"""baud_divider: one tick of 1/16 bit for every `ratio` base ticks, for each port separately."""
 
 import cocotb
 import pytest
@@ -14,7 +14,7 @@ DRIVE = 12
 
 @cocotb.test()
 async def every_tick_since_power_up_is_where_the_count_says(dut):
-    """First of all, for there is no reset: the count begins at 0. Base ticks come at random."""
+    """Runs first: there is no reset, and the count starts at 0 at power-up. Base ticks are random."""
     rng = seeded("since power-up")
     rates = list(RATES.values())
     bench = await Bench(dut, **levels(rates[0], tick_base=0)).start()

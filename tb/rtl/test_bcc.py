@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""bcc: the exclusive or of all bytes since the clearing, against the model."""
+"""bcc: the exclusive or of all bytes since the last clear, against the model."""
 
 import cocotb
 import pytest
@@ -41,7 +41,7 @@ async def after_any_number_of_bytes_the_bcc_is_what_the_model_says(dut):
         for end in (1, 2, rng.randrange(3, len(telegram)), len(telegram) - 1):
             await check.clear()
             await check.feed(telegram[:end])
-            # Without a bit it stays.
+            # The value holds while there is no bit.
             dut.bit_data.value = rng.randint(0, 1)
             await check.bench.clocks(rng.randint(0, 3))
             bcc = fc_telegram.bcc(telegram[:end])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""bus_arbiter: one access a clock, the lines first, and no way round the lock of the telegram."""
+"""bus_arbiter: one access per clock, lines before the core, and the lock of the telegram frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INPUTS = (
     *("modbus_write_data", "drive_write_data"),
 )
 TELEGRAM = AREAS["TELEGRAM_FRAME"]
-# Slot of address 0 of each line, and the byte that it writes; a read takes lane 0.
+# Slot of address 0 of each line, and the lane that it writes; reads use lane 0.
 FIRST_SLOT = {
     "modbus_write": AREAS["REQUEST_FRAME_0"].slot,
     "modbus_read": AREAS["REPLY_FRAME"].slot,
@@ -43,7 +43,7 @@ class Arbiter:
         return self
 
     def word(self, address: int) -> int:
-        """The word of the memory that an address of the soft core means."""
+        """The memory word that an address of the soft core selects."""
         address &= 8191
         if address >= self.size:
             address -= 2048
@@ -60,7 +60,7 @@ class Arbiter:
         dut.core_wstrb.value, dut.core_wdata.value = strobes, data
 
     async def done(self) -> int:
-        """The offered access to its end; returns how many clocks it took."""
+        """Waits for the end of the offered access; returns its clocks."""
         clocks = 0
         while True:
             await self.bench.clocks()
@@ -72,7 +72,7 @@ class Arbiter:
         return clocks
 
     async def seen(self) -> dict[str, int]:
-        """The memory's side within this clock, inputs settled."""
+        """The signals of the memory side within this clock, after the inputs have settled."""
         await Timer(self.bench.period_ps // 4, unit="ps")
         names = ("ram_enable", "ram_word", "ram_wdata", "ram_wstrb", "regs_valid", "telegram_touched")
         return {name: int(getattr(self.dut, name).value) for name in names}
@@ -88,7 +88,7 @@ async def every_set_of_askers_has_one_winner_and_the_lines_come_first(dut):
 
 
 async def one_clock(arbiter: Arbiter, rng: random.Random, asking: set[str], core: int) -> None:
-    """Each port either writes or reads; whoever asks, one is served, with its own address and data."""
+    """One clock with a set of requests: exactly one is served, with its own address and data."""
     if {"modbus_write", "modbus_read"} <= asking or {"drive_write", "drive_read"} <= asking:
         return
     dut = arbiter.dut
@@ -192,7 +192,7 @@ async def what_is_read_comes_from_whichever_was_asked(dut):
 
 
 def aliases(size: int) -> list[int]:
-    """Every way to say the first address of the telegram frame, bits above the memory included."""
+    """All aliases of the first address of the telegram frame, also with address bits above the memory."""
     first = TELEGRAM.offset
     found = [FRAMES + first, size - FRAMES_BYTES + first, 8192 - FRAMES_BYTES + first]
     return [
@@ -255,7 +255,7 @@ async def what_waits_for_its_turn_has_touched_nothing_yet(dut):
     assert seen["telegram_touched"] and seen["ram_wstrb"] == 1
     await arbiter.bench.clocks()
     seen = await arbiter.seen()
-    assert not seen["telegram_touched"] and not seen["ram_wstrb"], "the same access once more"
+    assert not seen["telegram_touched"] and not seen["ram_wstrb"], "the access happened twice"
 
 
 @cocotb.test()

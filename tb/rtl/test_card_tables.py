@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Module card_tables: every pattern of switches 1 to 5 against the tables of the source."""
+"""card_tables: every pattern of switches 1 to 5 against the tables of the source."""
 
 from __future__ import annotations
 

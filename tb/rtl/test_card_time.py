@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""card_time: 128 ticks of the drive port are 1/1200 s, so twelve of these are 10 ms exactly."""
+"""card_time: 128 ticks of the drive port are 1/1200 s, so twelve counts are exactly 10 ms."""
 
 import cocotb
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""crc16_modbus: against the model, bit by bit; it shifts itself out; residue 0 after an undamaged frame."""
+"""crc16_modbus: compared with the model bit by bit; shifts its CRC out; residue 0 after a good frame."""
 
 import cocotb
 import pytest
@@ -22,7 +22,7 @@ async def feed(bench: Bench, data: bytes) -> None:
 
 
 async def shifted_out(dut, bench: Bench) -> int:
-    """The CRC as it leaves: each bit is sent and taken in again."""
+    """Shifts the CRC out; each bit is fed back as it is sent."""
     value = 0
     dut.bit_valid.value = 1
     for n in range(16):
@@ -48,11 +48,11 @@ async def random_bytes_agree_with_the_model(dut):
     for _ in range(40):
         data = rng.randbytes(rng.randint(1, 40))
         await feed(bench, data)
-        # Without a bit it stays.
+        # The value holds while there is no bit.
         dut.bit_data.value = rng.randint(0, 1)
         await bench.clocks(rng.randint(0, 3))
         assert await shifted_out(dut, bench) == crc16(data)
-        assert dut.good.value == 1, "a CRC that was sent leaves nothing"
+        assert dut.good.value == 1, "residue 0 after the CRC was shifted out"
         await bench.strobe(dut.clear)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""drive_port at its pins: telegrams out, replies in, pauses and direction, good and bad drives.
+"""drive_port at its pins: telegrams, replies, pauses and direction, with good and bad drives.
 
-The slowest clock allowed drives it, where a tick is coarsest. Times on the line are in bits of 9600 bit/s.
+The clock is the slowest allowed, where a tick is coarsest. Times on the line are in bits of 9600 bit/s.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ WRAPPER = ROOT / "tb/rtl/drive_line.v"
 
 
 def contents(telegram: bytes) -> bytes:
-    """What the firmware puts into the telegram frame: ADR, data and BCC."""
+    """Contents of the telegram frame as the firmware writes them: ADR, data and BCC."""
     return telegram[2:]
 
 
@@ -43,12 +43,12 @@ def kept(reply: bytes) -> dict[int, int]:
 
 
 def evenly(count: int, total_bits: float) -> Flaws:
-    """The same gaps everywhere, so that `count` characters take `total_bits`."""
+    """Equal gaps, so that `count` characters take `total_bits`."""
     return with_gaps(count, (total_bits - CHARACTER_BITS * count) / (count - 1))
 
 
 class Port:
-    """The port between its frame memory and a drive line on which it hears itself."""
+    """The port with its frame memory and a drive line that echoes."""
 
     def __init__(self, dut, delay: Callable[[], int] = at_once):
         self.dut = dut
@@ -62,7 +62,7 @@ class Port:
         self.goods = DirectionMonitor(dut.good)
 
     async def start(self, listening: bool = False) -> Port:
-        """With `listening` a telegram has been sent, and the port waits for a reply."""
+        """With `listening`: sends a telegram, so that the port waits for a reply."""
         await self.bench.start()
         if listening:
             await self.send(COMMAND)
@@ -72,7 +72,7 @@ class Port:
         return bool(int(getattr(self.dut, name).value))
 
     async def quiet(self) -> int:
-        """Waits for the pause to be over; returns when it was."""
+        """Waits for the end of the pause; returns its time."""
         if not self.on("quiet"):
             await RisingEdge(self.dut.quiet)
         at = now_ps()
@@ -80,7 +80,7 @@ class Port:
         return at
 
     async def begin(self, telegram: bytes, no_reply: int = 0) -> None:
-        """Starts a telegram as soon as it may."""
+        """Starts a telegram after the pause."""
         await self.quiet()
         self.telegram.memory = contents(telegram)
         self.dut.telegram_length.value = len(contents(telegram))
@@ -88,7 +88,7 @@ class Port:
         await self.bench.strobe(self.dut.telegram_start)
 
     async def send(self, telegram: bytes, no_reply: int = 0) -> Frame:
-        """A whole telegram, as it was heard on the line."""
+        """Sends a whole telegram; returns it as seen on the line."""
         heard = len(self.line.monitor.characters)
         await self.begin(telegram, no_reply)
         assert self.on("sending")
@@ -102,16 +102,16 @@ class Port:
     async def hear(
         self, reply: bytes, flaws: Flaws | None = None, delay: float = 1.0, fmt: Format | None = None
     ) -> Sent:
-        """The drive sends something; returns after its last stop bit."""
+        """The drive sends characters; returns after its last stop bit."""
         await self.line.source.idle(delay)
         sent = await self.line.source.send(reply, flaws, fmt)
-        # A fast sender's stop bit is judged after its end.
+        # The port samples a fast sender's stop bit after the end of that bit.
         await self.line.source.idle(0.5)
         await self.bench.clocks()
         return sent
 
     async def takes(self, reply: bytes, flaws: Flaws | None = None, fmt: Format | None = None) -> bool:
-        """Whether this is a reply, forgotten afterwards; after a silence, so that it has its chance."""
+        """Whether the port accepts this reply after a silence; afterwards the port listens again."""
         bad = len(self.bad)
         self.drive_frame.written.clear()
         await self.hear(reply, flaws, PAUSE + 1, fmt)
@@ -141,13 +141,13 @@ async def telegrams_go_out_byte_for_byte_without_gaps_inside_de(dut):
     port.line.check_direction()
     for pulse in port.line.direction.pulses:
         first = min(c.start_ps for c in port.line.monitor.characters if c.start_ps > pulse.rise_ps)
-        assert first - pulse.rise_ps > 0.15 * LINE.bit_ps, "the driver needs a moment"
+        assert first - pulse.rise_ps > 0.15 * LINE.bit_ps, "DE must rise before the start bit"
 
 
 @cocotb.test()
 @cocotb.parametrize(control=[0, 1])
 async def bit_10_leaves_only_with_the_leave_to_command(dut, control):
-    """Whatever the frame memory has (SAFE-1)."""
+    """Holds for any contents of the frame memory (SAFE-1)."""
     port = await Port(dut).start()
     dut.telegram_control.value = control
     for telegram in (COMMAND, build(bytes.fromhex("1202 0000 0000 0000 FFFF FFFF"))):
@@ -168,7 +168,7 @@ async def two_characters_of_silence_lie_before_each_telegram(dut):
     begun.append((await port.send(COMMAND)).start_ps)  # after a stray character
     for end, start in zip(ends, begun, strict=True):
         pause = (start - end) / LINE.bit_ps
-        # A quarter of a bit is the driver's lead, up to a quarter the silence's own accuracy.
+        # The driver's lead takes a quarter bit; the silence is accurate to a quarter bit.
         assert PAUSE <= pause <= PAUSE + 0.75, f"{pause:.2f} bits"
 
 
@@ -184,7 +184,7 @@ async def quiet_is_two_characters_without_anything_on_the_line(dut):
     await port.quiet()
     await after((await port.hear(STATUS)).end_ps)
     await after((await port.hear(b"\x00\xff")).end_ps)
-    # Low for long: not a character, but not a silence either.
+    # A long low level is neither a character nor a silence.
     broken = await port.line.source.send_break(3 * PAUSE, idle_after=0)
     assert not port.on("quiet")
     await after(broken.end_ps, late=1.0)
@@ -278,7 +278,7 @@ async def its_own_echo_is_not_heard(dut):
 async def whatever_comes_while_it_sends_is_not_heard(dut):
     port = await Port(dut).start()
     await port.hear(STATUS, delay=PAUSE + 5)
-    assert not port.on("listening") and not port.on("good")  # nothing was asked yet
+    assert not port.on("listening") and not port.on("good")  # no telegram was sent yet
     port.line.echo = False
     await port.begin(build(bytes(28)))
     await port.hear(STATUS, delay=4 * CHARACTER_BITS)
@@ -298,7 +298,7 @@ async def a_character_begun_while_it_sends_is_not_heard(dut):
     port.line.echo = False
     await port.begin(COMMAND)
     await RisingEdge(dut.de)
-    # DE is up for a quarter of a bit and the telegram: it falls in the middle of the reply's STX.
+    # DE is high for a quarter bit and the telegram; it falls in the middle of the reply's STX.
     await port.hear(STATUS, delay=0.25 + CHARACTER_BITS * len(COMMAND) - 5)
     assert not port.on("sending") and not port.on("good")
     await port.line.source.idle(PAUSE + 1)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""fc_rx, byte by byte: which telegrams are a reply, where their data goes, and what happens to the others.
+"""fc_rx byte by byte: which telegrams are a reply, where their data goes, how all others are handled.
 
-tick16 is held high, so a clock is a tick of 1/16 bit; the silence is told by the bench.
+tick16 is held high, so a clock is a tick of 1/16 bit. The bench drives the silence strobe.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ INPUTS = """
     bit_valid bit_data byte_valid byte_data byte_parity_error byte_framing_error start_seen long_reached
     listen_start listen_stop
 """.split()  # noqa: SIM905 (a table reads better than a list)
-BITS = 9  # clocks that the bits of a byte take before it
-BRISK = 20  # ticks from byte to byte where time does not matter
+BITS = 9  # clocks for the bits of a byte, before its strobe
+BRISK = 20  # ticks from byte to byte in tests that do not depend on time
 STATUS = build_process(0x0F07, 0x2000)
 NUMBER = build_parameter(1, 518, 0, 0x0001_86A0, 0x0F07, 0x2000)
 LGE_PLACE = 28
@@ -40,12 +40,12 @@ def broken_bcc(telegram: bytes, mask: int = 1) -> bytes:
 
 
 def place(index: int) -> int:
-    """Where data byte `index` is kept."""
+    """Address of data byte `index` in the drive frame."""
     return index if index < 24 else 24 + index % 4
 
 
 def accesses(telegram: bytes) -> list[tuple[int, int]]:
-    """What a telegram writes to the drive frame, in its order."""
+    """Writes of a telegram to the drive frame, in order."""
     return [(LGE_PLACE, telegram[1]), *((place(i), byte) for i, byte in enumerate(telegram[3:-1]))]
 
 
@@ -55,7 +55,7 @@ def image(telegram: bytes) -> dict[int, int]:
 
 
 class Receiver:
-    """fc_rx listening for ADR; `after` is (candidate, good) after each byte of the last telegram."""
+    """fc_rx, listening for ADR; `after` holds (candidate, good) after each byte of the last telegram."""
 
     def __init__(self, dut, delay: Callable[[], int] = at_once):
         self.dut = dut
@@ -77,7 +77,7 @@ class Receiver:
         await self.bench.strobe(self.dut.listen_stop)
 
     async def silence(self) -> None:
-        """More than two characters."""
+        """A silence of more than two characters."""
         await self.bench.strobe(self.dut.long_reached)
         await self.bench.clocks(2)
 
@@ -89,7 +89,7 @@ class Receiver:
         framing_error: int = 0,
         listen: bool = False,
     ) -> None:
-        """One byte, `ticks` from it to the next one if that follows at once; `listen` begins inside it."""
+        """Receives one byte; `ticks` is the distance to the next one. `listen` starts listening inside it."""
         await self.bench.line_bits(value)
         if listen:
             await self.listen()
@@ -109,7 +109,7 @@ class Receiver:
         parity_error: int | None = None,
         framing_error: int | None = None,
     ) -> bool:
-        """A whole telegram, flaws by the byte's number; returns whether it was good."""
+        """Receives a whole telegram, with flaws at byte numbers; returns whether it was good."""
         self.after = []
         for n, value in enumerate(data):
             step = ticks if isinstance(ticks, int) else [*ticks, BRISK][n]
@@ -125,10 +125,10 @@ class Receiver:
         return bool(int(self.dut.listening.value))
 
     async def must_recover(self, bad: int) -> None:
-        """The bad telegram was counted, and is forgotten after a silence and not before."""
+        """Checks that the bad telegram was counted once, and is forgotten after a silence, not before."""
         assert not self.good and not int(self.dut.candidate.value)
         assert len(self.bad) == bad
-        assert not await self.telegram(STATUS), "taken without a silence before it"
+        assert not await self.telegram(STATUS), "accepted without a silence before it"
         await self.silence()
         assert await self.telegram(NUMBER)
         assert self.drive_frame.memory.items() >= image(NUMBER).items()
@@ -200,7 +200,7 @@ async def an_answer_from_another_address_is_bad(dut):
     for n, adr in enumerate((ADR_BROADCAST, ADR ^ 0x02, ADR & 0x7F, 0x00, 0xFF), 1):
         assert not await rx.telegram(build_process(0x0F07, 0, adr))
         await rx.must_recover(bad=n)
-    dut.adr.value = 0x21  # whatever was sent must come back
+    dut.adr.value = 0x21  # the reply must carry the ADR that was sent
     assert await rx.telegram(build_process(0x0F07, 0, 0x21))
 
 
@@ -222,7 +222,7 @@ async def every_wrong_bit_of_the_bcc_and_of_the_data_is_found(dut):
     for count, (n, bit) in enumerate(wrong, 1):
         damaged = NUMBER[:n] + bytes([NUMBER[n] ^ 1 << bit]) + NUMBER[n + 1 :]
         assert not await rx.telegram(damaged), f"byte {n}, bit {bit}"
-        # The firmware could prepare, but what it prepared must not leave.
+        # The firmware may have prepared a reply; it must not be sent.
         assert rx.after[-2:] == [(1, 0), (0, 0)]
         await rx.must_recover(bad=count)
 
@@ -250,9 +250,9 @@ async def silences_before_and_after_a_telegram_change_nothing(dut):
 
 
 def steps(telegram: bytes, total: int, where: str) -> list[int]:
-    """Ticks from byte to byte, so that from first start bit to last stop bit the telegram takes `total`.
+    """Ticks from byte to byte, so that the telegram takes `total` from first start bit to last stop bit.
 
-    The time above the nominal one goes into gaps of up to 2 characters: first, last or the same everywhere.
+    The time beyond the nominal one goes into gaps of up to 2 characters: first, last or everywhere.
     """
     count = len(telegram) - 1
     spare = total - CHARACTER * len(telegram)
@@ -294,7 +294,7 @@ async def the_longest_telegram_may_come_at_once_or_just_in_time(dut):
 
 @cocotb.test()
 async def time_runs_on_however_long_noise_keeps_the_line_busy(dut):
-    """Noise may keep up the line without a character: no silence, and no end to what is too late."""
+    """Noise without a character prevents a silence; the time limit must expire all the same."""
     rx = await Receiver(dut).start()
     for slots in (100, 600, 1000, 1100):
         for value in STATUS[:-1]:
@@ -307,7 +307,7 @@ async def time_runs_on_however_long_noise_keeps_the_line_busy(dut):
 
 @cocotb.test()
 async def a_hunt_that_begins_inside_stx_still_checks_the_whole_telegram(dut):
-    """The firmware may listen again while the next telegram's first byte is on the line."""
+    """The firmware may start listening while the next telegram's first byte is on the line."""
     rx = await Receiver(dut).start()
     assert await rx.telegram(NUMBER)
     await rx.byte(0x5A)
@@ -363,7 +363,7 @@ async def a_good_telegram_stands_until_the_next_listen_start(dut):
     rx = await Receiver(dut).start()
     assert await rx.telegram(STATUS)
     kept = list(rx.drive_frame.written)
-    assert await rx.telegram(NUMBER), "the first one still is"
+    assert await rx.telegram(NUMBER), "the first one is still good"
     await rx.telegram(broken_bcc(NUMBER))
     assert rx.good and rx.drive_frame.written == kept
     await rx.listen()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""fc_tx on its line: the telegram it makes of the frame memory, byte for byte and without a gap."""
+"""fc_tx on its line: sends the telegram from the frame memory, byte for byte and without a gap."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COMMAND = build_process(0x047C, 0x2000)[2:]
 
 
 class Sender:
-    """fc_tx and UART on a line that becomes ready `lead` clocks after it is asked for."""
+    """fc_tx and UART on a line that becomes ready `lead` clocks after its request."""
 
     def __init__(self, dut, delay: Callable[[], int] = at_once, lead: int = 4):
         self.dut = dut
@@ -53,7 +53,7 @@ class Sender:
         await self.bench.strobe(self.dut.start)
 
     async def end(self) -> bytes:
-        """What the line carried since the beginning."""
+        """The characters on the line since begin()."""
         before = len(self.ended)
         frame = await self.monitor.frame(1e12, gap_bits=3)
         assert frame.ok
@@ -80,7 +80,7 @@ async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
 
 @cocotb.test()
 async def without_leave_no_command_is_sent(dut):
-    """Bit 10 of the control word leaves as 0, nothing else changes, and the BCC is not mended (SAFE-1)."""
+    """Bit 10 of the control word is sent as 0; all other bits and the BCC stay unchanged (SAFE-1)."""
     rng = seeded("contents")
     tx = await Sender(dut).start()
     dut.control.value = 0
@@ -135,7 +135,7 @@ async def sending_lasts_until_the_last_stop_bit_and_sent_marks_its_end(dut):
         assert int(dut.line_request.value)
         await tx.bench.clocks()
     await tx.bench.clocks(CHARACTER)
-    # The line is kept by its being busy alone from here on.
+    # From here on only `line_busy` holds the line.
     assert not int(dut.line_request.value)
     while int(dut.line_busy.value):
         assert int(dut.sending.value) and not len(tx.ended)
@@ -160,7 +160,7 @@ async def a_start_during_a_telegram_does_not_disturb_it(dut):
 
 @cocotb.test()
 async def a_damaged_byte_goes_out_with_the_bcc_it_had_before(dut):
-    """So the drive refuses the telegram (SAFE-4)."""
+    """The drive therefore rejects the telegram (SAFE-4)."""
     tx = await Sender(dut).start()
     whole = build_process(0x047C, 0x2000)
     for at in range(2, len(whole)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""firmware_ram: holds its image, takes byte writes, answers a clock later only, and sees flipped bits."""
+"""firmware_ram: holds its image, takes byte writes, reads in one clock, and detects flipped bits."""
 
 import os
 from pathlib import Path
@@ -16,7 +16,7 @@ WORDS = int(os.environ.get("WORDS", 48))  # not a power of two
 
 
 def image(words: int = WORDS) -> list[int]:
-    """Words with their parity; bit N of word N is turned over, as long as there are bits."""
+    """Words with their parity; bit N of word N is flipped, as far as a word has bits."""
     good = [with_parity((0x01000193 * (n + 1) ^ 0x811C9DC5) & 0xFFFFFFFF) for n in range(words)]
     return [word ^ 1 << n if n < WORD_BITS else word for n, word in enumerate(good)]
 
@@ -31,16 +31,16 @@ class Memory:
         self.bench = Bench(dut, enable=0, word=0, wdata=0, wstrb=0)
 
     async def access(self, word: int, data: int = 0, strobes: int = 0) -> tuple[int, int]:
-        """The word that is read, and whether it is damaged."""
+        """Returns the word read, and whether it is damaged."""
         dut = self.dut
         dut.word.value, dut.wdata.value, dut.wstrb.value = word, data, strobes
         dut.enable.value = 1
         await self.bench.clocks()
         read = dut.rdata.value.to_unsigned()
-        assert not int(dut.damaged.value), "by a word before"
+        assert not int(dut.damaged.value), "damaged comes one clock after the data"
         dut.enable.value = dut.wstrb.value = 0
         await self.bench.clocks()
-        assert not dut.rdata.value.to_unsigned(), "what nobody asked for"
+        assert not dut.rdata.value.to_unsigned(), "data without an access"
         damaged = int(dut.damaged.value)
         await self.bench.clocks()
         return read, damaged
@@ -63,7 +63,7 @@ async def the_image_is_there_and_byte_writes_change_their_bytes_only(dut):
         n, data, strobes = rng.randrange(WORDS), rng.getrandbits(32), rng.randrange(16)
         read = await memory.access(n, data, strobes)
         assert read == ((0, 0) if strobes else as_read(kept[n])), "a word that is written is not read"
-        # What is written is good from then on, its parity too.
+        # A written byte is good from then on, with its parity.
         mask = sum(0x1FF << LANE_BITS * lane for lane in range(4) if strobes >> lane & 1)
         kept[n] = kept[n] & ~mask | with_parity(data) & mask
         n = rng.randrange(WORDS)

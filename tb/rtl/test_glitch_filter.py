@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""glitch_filter: less than a quarter bit never passes, real edges are all delayed alike."""
+"""glitch_filter: pulses up to a quarter bit never pass, real edges all have the same delay."""
 
 import cocotb
 import pytest
@@ -12,7 +12,7 @@ QUARTER = 4  # ticks of 1/16 bit
 
 
 class Model:
-    """The filter in words: the level that most of the last nine ticks had."""
+    """Model of the filter: the majority of the last nine ticks."""
 
     def __init__(self):
         self.last = [1] * 9
@@ -27,7 +27,7 @@ async def ready(dut) -> Bench:
 
 
 async def heard(dut, bench: Bench, levels: list[int]) -> list[int]:
-    """The filter's output after each of the levels, a tick each."""
+    """The filter's output after each level, one tick per level."""
     out = []
     for level in levels:
         dut.raw.value = level

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""network_port: real characters in at every rate and format, silences measured from the pin, replies out.
+"""network_port: characters at every rate and format, silences measured from the pin, replies.
 
-The clock is the baud base itself, so that a rate of 115200 bit/s costs 16 clocks a bit.
+The clock equals the baud base, so that a rate of 115200 bit/s takes 16 clocks a bit.
 """
 
 from itertools import accumulate
@@ -24,17 +24,17 @@ OWN = 7
 SLOWEST_HZ = 2_000_000
 FORMATS = ("8N1", "8N2", "8E1", "8O1")
 COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
-SHORT = rtu.build(OWN, b"\x07")  # the shortest frame there is
+SHORT = rtu.build(OWN, b"\x07")  # the shortest possible frame
 GOOD = rtu.build(OWN, rtu.read_coils(0, 16))
 FOREIGN = rtu.build(OWN + 1, rtu.read_coils(0, 16))
-# FRAME-1 leaves a quarter bit either way. At 115200 bit/s the clocks that a level takes to get in are
-# most of that, and this bench's clock is slower than the slowest allowed.
+# FRAME-1 allows a quarter bit either way. At 115200 bit/s the clocks that a level takes to get in are most of
+# it, and this bench's clock is slower than the slowest allowed.
 ACCURACY = 0.25 * SLOWEST_HZ / BASE_HZ
-START = 1  # of the UART's states
+START = 1  # a state of the UART
 
 
 class Port:
-    """The port with its line, its frame memory, and everything it reports."""
+    """The port with its line, its frame memory, and all its outputs."""
 
     def __init__(self, dut, baud: int = 19_200, form: str = "8E1", echo: bool = False):
         self.dut = dut
@@ -61,20 +61,20 @@ class Port:
         return self
 
     async def silence(self, characters: float = 3.8) -> None:
-        """Idle line, in character times of FRAME-1."""
+        """Keeps the line idle for so many character times of FRAME-1."""
         await self.line.source.idle(self.bits(characters))
 
     def bits(self, characters: float) -> float:
-        """A silence of so many character times in bits at the rate in use."""
+        """Converts character times of FRAME-1 to bits at the present rate."""
         fmt = self.line.fmt
         return characters * rtu.t15_ps(fmt.baud) / 1.5 / fmt.bit_ps
 
     async def send(self, data: bytes, flaws: Flaws | None = None) -> int:
-        """Returns the end of the last stop bit in ps."""
+        """Sends characters; returns the end of the last stop bit in ps."""
         return (await self.line.source.send(data, flaws)).end_ps
 
     async def frame(self, data: bytes, flaws: Flaws | None = None) -> int:
-        """A frame and the silence behind it."""
+        """Sends a frame and the silence after it."""
         end = await self.send(data, flaws)
         await self.silence()
         return end
@@ -88,7 +88,7 @@ class Port:
         return frame.data
 
     def outcome(self) -> tuple[int, int, int]:
-        """Candidates, commits, revokes so far."""
+        """Number of candidates, commits and revokes."""
         return len(self.candidates), len(self.commits), len(self.revokes)
 
     def counted(self) -> dict[str, int]:
@@ -100,7 +100,7 @@ class Port:
 
 
 def late_bits(port: Port, strobes: Strobes, end_ps: int, limit_ps: float) -> float:
-    """How long after the limit the strobe came, in bits, and that it came once."""
+    """Checks that the strobe came once; returns its delay after the limit in bits."""
     assert len(strobes) == 1, f"{port.line.fmt}: {len(strobes)} strobes"
     return (strobes.times_ps[0] - end_ps - limit_ps) / port.line.fmt.bit_ps
 
@@ -108,7 +108,7 @@ def late_bits(port: Port, strobes: Strobes, end_ps: int, limit_ps: float) -> flo
 @cocotb.test()
 @cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
 async def both_silences_are_exact_from_the_pin_at_every_rate(dut, baud):
-    """In every format where the simulators can afford it, at the slow rates in one."""
+    """In every format at the fast rates; in one at the slow rates, to save simulation time."""
     port = await Port(dut, 115_200).start()
     for form in FORMATS if baud >= 9600 else ("8O1",) if baud > 300 else ("8N2",):
         await use(port, baud, form)
@@ -121,7 +121,7 @@ async def both_silences_are_exact_from_the_pin_at_every_rate(dut, baud):
 
 
 async def use(port: Port, baud: int, form: str) -> None:
-    """Other switches, as after a reset."""
+    """Changes the switches and resets."""
     port.dut.sw_baud.value = switch_word(baud_switches(baud, form)) & 0x1F
     port.line.set_format(Format.named(baud, form))
     await port.bench.strobe(port.dut.rst)
@@ -174,8 +174,8 @@ async def strict_silence_after_a_good_frame(dut, baud):
         (port.bits(1.4), (0, 0, 0), "1.4 characters: one frame, too long to be good"),
         (t15 - 0.3, (0, 0, 0), "just below 1.5"),
         (t15 + 0.3, (1, 0, 1), "just above 1.5"),
-        (port.bits(1.6), (1, 0, 1), "1.6: revoked, and what follows is dropped"),
-        (port.bits(3.4), (1, 0, 1), "3.4: likewise"),
+        (port.bits(1.6), (1, 0, 1), "1.6: revoked, and the second frame is dropped"),
+        (port.bits(3.4), (1, 0, 1), "3.4: the same"),
         (t35 - 0.3, (1, 0, 1), "just below 3.5"),
         (t35 + 0.3, (2, 2, 0), "just above 3.5: two frames"),
         (port.bits(3.6), (2, 2, 0), "3.6: two frames"),
@@ -199,9 +199,9 @@ async def strict_all_up_to_the_next_silence_of_t35_is_dropped_after_a_revoke(dut
 
 @cocotb.test()
 async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut):
-    """Each bit of its counts and levels, between t1.5 and t3.5 (SAFE-4).
+    """Flips each bit of its counts and levels between t1.5 and t3.5 (SAFE-4).
 
-    A commit counts on a quiet line only (commit_gate).
+    A commit is valid on a quiet line only (commit_gate).
     """
     port = await Port(dut, 115_200).start()
     commits = Strobes(dut, "commit", "quiet")
@@ -220,14 +220,14 @@ async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut
             assert (1,) not in commits.values, f"{name} bit {bit}"
             await port.silence()
             await port.frame(GOOD)
-            assert commits.values[-1:] == [(1,)] and len(port.candidates) == 1, "the next one is taken"
+            assert commits.values[-1:] == [(1,)] and len(port.candidates) == 1, "the next frame is accepted"
             flipped += 1
     assert flipped == 15
 
 
 @cocotb.test()
 async def strict_a_bit_that_flips_in_the_uart_hides_no_start_bit(dut):
-    """Of the character that revokes, a FFh of the fastest sender, at each tick up to the vote (SAFE-4)."""
+    """The revoking character is FFh of the fastest sender; flips at each tick up to the vote (SAFE-4)."""
     port = await Port(dut, 115_200).start()
     uart = dut.port_i.uart_i
     for register, mask in ((uart.driving, 1), (uart.phase, 8)):
@@ -327,7 +327,7 @@ async def glitches_in_the_silence_neither_revoke_nor_start_anything(dut):
     await port.line.source.low_pulse(0.24 * port.line.fmt.bit_ps)
     await port.silence(2)
     assert port.outcome() == (1, 1, 0)
-    # The silence is as much longer as the glitch lasted, no more.
+    # The silence lengthens at most by the glitch.
     late = late_bits(port, port.commits, end, rtu.t35_ps(19_200))
     assert -ACCURACY <= late <= ACCURACY + 0.24
 
@@ -360,7 +360,7 @@ async def foreign_frames_and_broadcasts(dut):
 
 @cocotb.test()
 async def own_reply_is_not_heard_as_a_request(dut):
-    """The echo of a reply that would be a good frame to this very card."""
+    """The reply's echo would be a good request to this card."""
     port = await Port(dut, echo=True).start()
     await port.frame(GOOD)
     port.clear()
@@ -380,7 +380,7 @@ async def port_is_quiet_only_after_t35_without_anybody_sending(dut):
     await port.line.source.idle(1)
     quiet_clocks = Strobes(dut, "quiet")
     end = await sending
-    assert len(quiet_clocks) == 0, "not for a single clock between two bytes"
+    assert len(quiet_clocks) == 0, "quiet between two bytes"
     while dut.quiet.value == 0:
         await port.bench.clocks()
     late = (now_ps() - end - rtu.t35_ps(19_200)) / port.line.fmt.bit_ps

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""reset_sync: asserts at once and without a clock, is released in step with the clock."""
+"""reset_sync: asserts at once without a clock; the release is synchronous."""
 
 import cocotb
 import pytest

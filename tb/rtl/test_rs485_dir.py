@@ -23,13 +23,13 @@ class Direction:
         return self
 
     async def clock(self, tick: int = 0) -> tuple[int, int]:
-        """One clock; (de, ready) after it."""
+        """Waits one clock; returns (de, ready) after it."""
         self.dut.tick16.value = tick
         await self.bench.clocks()
         return int(self.dut.de.value), int(self.dut.ready.value)
 
     async def ticks(self, count: int, clocks_each: int = 5) -> list[tuple[int, int]]:
-        """(de, ready) after each of some ticks."""
+        """Waits `count` ticks; returns (de, ready) after each."""
         after = []
         for _ in range(count):
             for _ in range(clocks_each - 1):
@@ -64,7 +64,7 @@ async def the_driver_goes_off_when_the_request_is_gone_and_the_sender_idle(dut):
         (dut.request if request_first else dut.tx_busy).value = 0
         assert set(await line.ticks(30)) == {(1, 1)}
         (dut.tx_busy if request_first else dut.request).value = 0
-        # In the very next clock: whatever comes later is lost time for the other side.
+        # Off in the very next clock: any delay shortens the time of the far end.
         assert (await line.clock())[0] == 0
         assert set(await line.ticks(20)) == {(0, 0)}
 

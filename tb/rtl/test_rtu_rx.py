@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rtu_rx: frames judged by silence, CRC and address; candidate, commit, revoke; what is counted.
+"""rtu_rx: checks frames by silence, CRC and address; gives candidate, commit, revoke and counts errors.
 
-Bytes and silences are given as strobes here, one event every few clocks. The same with real
-characters and gaps: test_network_port.py. The CRC unit is the real one.
+The bench gives bytes and silences as strobes, one event every few clocks. test_network_port.py does the same
+with real characters and gaps. The CRC unit is the real one.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
 
 
 class Receiver:
-    """rtu_rx and its CRC unit, the frame memory played by a dictionary."""
+    """rtu_rx and its CRC unit; a list stands in for the frame memory."""
 
     def __init__(self, dut):
         self.dut = dut
@@ -58,7 +58,7 @@ class Receiver:
             strobes.clear()
 
     async def byte(self, value: int, parity: int = 0, framing: int = 0, wait_clocks: int = 0) -> None:
-        """One received byte; the frame memory takes it `wait_clocks` later."""
+        """Receives one byte; the frame memory accepts it `wait_clocks` later."""
         dut = self.dut
         dut.byte_data.value = value
         dut.byte_parity_error.value, dut.byte_framing_error.value = parity, framing
@@ -77,12 +77,12 @@ class Receiver:
             await self.byte(value)
 
     async def short(self) -> None:
-        """1.5 characters have passed."""
+        """Strobe: 1.5 characters of silence."""
         await self.bench.strobe(self.dut.short_reached)
         await self.bench.clocks(2)
 
     async def long(self) -> None:
-        """3.5 characters have passed."""
+        """Strobe: 3.5 characters of silence."""
         await self.bench.strobe(self.dut.long_reached)
         await self.bench.clocks(2)
 
@@ -95,7 +95,7 @@ class Receiver:
         await self.silence()
 
     def stored(self, length: int) -> bytes:
-        """What lies in the bank of the newest candidate."""
+        """Contents of the newest candidate's bank."""
         base = 32 * int(self.dut.frame_bank.value)
         return bytes(self.memory[base : base + length])
 
@@ -147,7 +147,7 @@ async def foreign_address_is_ignored_and_broadcast_is_marked(dut):
 
 @cocotb.test()
 async def only_functions_05_and_15_write_coils(dut):
-    """Told with the candidate and kept until the next one, whoever else is heard meanwhile (SAFE-1)."""
+    """The flag comes with the candidate and holds until the next one, with any traffic between (SAFE-1)."""
     rng = seeded("rest of the frame")
     rx = await Receiver(dut).start()
     for address in (OWN, 0):
@@ -265,7 +265,7 @@ async def strict_character_after_a_good_frame_revokes_it_and_all_up_to_t35_is_dr
     await rx.short()
     await rx.bytes(OTHER)
     await rx.silence()
-    assert rx.outcome() == (1, 0, 1), "nothing is a frame before the silence of 3.5 characters"
+    assert rx.outcome() == (1, 0, 1), "no frame before the silence of 3.5 characters"
     await rx.frame(OTHER)
     assert rx.outcome() == (2, 1, 1) and rx.stored(len(OTHER)) == OTHER
 
@@ -273,7 +273,7 @@ async def strict_character_after_a_good_frame_revokes_it_and_all_up_to_t35_is_dr
 @cocotb.test()
 @cocotb.parametrize(seen=["start_seen", "byte_valid"])
 async def strict_a_character_revokes_whichever_end_of_it_was_lost(dut, seen):
-    """So no bit that flips in the UART while it comes in commits the frame (SAFE-4)."""
+    """A flipped bit in the UART during the character therefore cannot commit the frame (SAFE-4)."""
     rx = await Receiver(dut).start()
     await rx.bytes(GOOD)
     await rx.short()
@@ -286,7 +286,7 @@ async def strict_a_character_revokes_whichever_end_of_it_was_lost(dut, seen):
 
 @cocotb.test()
 async def whatever_state_a_flip_puts_it_into_it_comes_back(dut):
-    """Into those, too, that it does not have (SAFE-3, SAFE-4)."""
+    """Including undefined states (SAFE-3, SAFE-4)."""
     rx = await Receiver(dut).start()
     for state in range(8):
         dut.rx_i.state.value = state
@@ -301,7 +301,7 @@ async def whatever_state_a_flip_puts_it_into_it_comes_back(dut):
 
 @cocotb.test()
 async def strict_no_flip_of_the_state_takes_a_revoked_frame_again(dut):
-    """Behind a 00 its CRC is good, too (SAFE-4)."""
+    """The CRC residue stays good after a 00 byte (SAFE-4)."""
     rx = await Receiver(dut).start()
     for bit in range(3):
         rx.clear()
@@ -342,7 +342,7 @@ async def strict_gap_inside_a_frame_splits_it(dut):
 
 @cocotb.test()
 async def strict_foreign_frame_with_a_byte_behind_it_is_dropped_too(dut):
-    """A frame that goes on after t1.5 is in error for whomever it was, also when the rest looks good."""
+    """A frame that continues after t1.5 is bad at any address, even if the rest looks good."""
     rx = await Receiver(dut).start()
     await rx.bytes(rtu.build(OWN ^ 1, rtu.read_coils(0, 16)))
     await rx.short()
@@ -369,7 +369,7 @@ async def lenient_gap_below_t35_inside_a_frame_is_no_gap(dut):
 
 @cocotb.test()
 async def lenient_revoked_candidate_goes_on_growing(dut):
-    """A frame whose beginning happens to be a good frame of its own."""
+    """The start of the frame happens to be a good frame."""
     rx = await Receiver(dut).start()
     whole = rtu.with_crc(GOOD + b"\x42\x43")
     await rx.bytes(GOOD)
@@ -413,7 +413,7 @@ async def late_candidate_and_commit_come_together_at_t35(dut):
     assert rx.outcome()[:2] == (1, 1)
 
 
-# Those without a setting in their name hold with each.
+# Tests without a setting in their name run with every setting.
 COMMON = r"(?!strict_|lenient_|late_)\w+"
 
 

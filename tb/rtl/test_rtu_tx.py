@@ -21,7 +21,7 @@ LONGEST = 31
 
 
 class Sender:
-    """rtu_tx with CRC unit, direction and UART; `monitor` hears the line."""
+    """rtu_tx with CRC unit, direction control and UART; `monitor` decodes the line."""
 
     def __init__(self, dut, form: str = "8E1"):
         self.dut = dut
@@ -45,7 +45,7 @@ class Sender:
         return self
 
     async def reply(self, contents: bytes, length: int | None = None) -> bytes:
-        """Starts a reply and returns what was heard until DE fell."""
+        """Starts a reply and returns the bytes sent until DE fell."""
         self.memory.memory = contents
         self.dut.length.value = len(contents) if length is None else length
         await self.bench.strobe(self.dut.start)
@@ -84,7 +84,7 @@ async def replies_of_every_length_leave_without_a_gap(dut):
 async def slow_frame_memory_makes_no_gap(dut):
     rng = seeded("waits")
     tx = await Sender(dut).start()
-    # The arbiter lets nobody wait for more than three clocks; here a character has 176.
+    # The arbiter delays an access by at most three clocks; a character has 176 here.
     tx.memory.delay = lambda: rng.randint(0, 9)
     contents = rng.randbytes(20)
     assert await tx.reply(contents) == with_crc(contents)
@@ -117,7 +117,7 @@ async def start_while_sending_changes_nothing(dut):
 
 @cocotb.test()
 async def reply_whose_length_shrinks_ends_after_the_whole_memory(dut):
-    """Past the length already: 32 bytes and their CRC, not the memory round and round (SAFE-2)."""
+    """The count has already passed the new length: 32 bytes and their CRC are sent, and no more (SAFE-2)."""
     rng = seeded("shrinks")
     tx = await Sender(dut).start()
     contents = rng.randbytes(32)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""silence_timer: two limits counted in half characters, stopped by activity, cleared by a character.
+"""silence_timer: two limits counted in half characters, paused by activity, restarted by a character.
 
-The limits as seen from the pin are measured in test_network_port.py and test_drive_port.py.
+test_network_port.py and test_drive_port.py measure the limits from the pin.
 """
 
 import cocotb
@@ -13,7 +13,7 @@ from tb.lib.runner import run
 
 HALF = 14
 SHORT, LONG = 3 * HALF, 7 * HALF
-# From the vote on the stop bit to the line's end of character as the port sees it; see the module.
+# Ticks from the vote on the stop bit to the end of the character as the port sees it; see the module.
 ONE_STOP_TICKS = 2
 TWO_STOP_TICKS = ONE_STOP_TICKS + 16
 
@@ -45,7 +45,7 @@ class Timer:
         return self
 
     async def restart(self) -> None:
-        """A character has just been received."""
+        """Restarts the timer, as after a received character."""
         self.dut.restart.value = 1
         await self.bench.clocks()
         self.dut.restart.value = 0
@@ -54,7 +54,7 @@ class Timer:
         self.long.clear()
 
     def ticks(self, strobes: Strobes) -> list[int]:
-        """When the strobes came, in ticks since the restart."""
+        """Times of the strobes in ticks since the restart."""
         return [round((t - self.begun_ps) / self.bench.period_ps) for t in strobes.times_ps]
 
 
@@ -113,7 +113,7 @@ async def held_restart_reaches_nothing(dut):
 @cocotb.test()
 @cocotb.parametrize(two_stop=(0, 1))
 async def after_the_card_s_own_sending_the_silence_counts_from_its_very_end(dut, two_stop):
-    """DE falls with the last stop bit, so nothing of a character is left, whatever the format."""
+    """DE falls with the last stop bit, so the count starts there in every format."""
     timer = await Timer(dut, two_stop).start()
     dut.sending.value = 1
     await timer.bench.clocks(2 * LONG)
@@ -139,7 +139,7 @@ async def limits_of_every_rate_are_those_of_its_table(dut, baud):
 
 @cocotb.test()
 async def guarded_a_flipped_bit_begins_the_count_anew(dut):
-    """Each bit, early and late in a count, and once it is over (SAFE-4)."""
+    """Flips each bit early and late in a count, and after it (SAFE-4)."""
     timer = await Timer(dut).start()
     for register in (dut.ticks, dut.halves, dut.g_guarded.guard_i.odd):
         for bit in range(len(register)):

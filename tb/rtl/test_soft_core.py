@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""soft_core with its memory: a small program in machine code, its mailbox played by the bench.
+"""soft_core with its memory: runs a small program in machine code; the bench simulates the mailbox.
 
-The program sets a stack pointer, tries bytes, half-words and words of the memory, copies between
-mailbox words, and then waits for a command that makes it do something that no RV32I core can. PicoRV32
-must trap there; SERV goes on, and a reset, which the watchdog would bring, must be enough.
+The program sets a stack pointer, tries bytes, half-words and words of the memory, and copies between mailbox
+words. Then it waits for a command to execute an instruction that RV32I does not have. PicoRV32 must trap
+there. SERV continues, and a reset, as by the watchdog, must recover it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STACK, BYTES, WORD, SOURCE, TARGET, COMMAND, ALIVE = 0, 1, 5, 8, 9, 16, 17
 ILLEGAL, MISALIGNED, MULTIPLY, BREAKPOINT = 1, 2, 3, 4
 DATA = 512
 X0, MAILBOX, SP, A, B = 0, 1, 2, 3, 4
-# The whole program takes SERV a third of this.
+# SERV needs a third of these clocks for the whole program.
 UNTIL_CLOCKS = 40_000
 
 
@@ -96,12 +96,12 @@ def program() -> list[int]:
         mailbox_write(B, BYTES + 1),
         load("lhu", B, X0, DATA + 2),
         mailbox_write(B, BYTES + 2),
-        # One byte and one half-word changed: the others stay.
+        # Change one byte and one half-word; the others must stay.
         store("sb", MAILBOX, X0, DATA + 1),
         store("sh", SP, X0, DATA + 2),
         load("lw", B, X0, DATA),
         mailbox_write(B, WORD),
-        # From one mailbox word to another, plus one.
+        # Copy one mailbox word to another, plus one.
         mailbox_read(A, SOURCE),
         addi(A, A, 1),
         mailbox_write(A, TARGET),
@@ -120,7 +120,7 @@ def program() -> list[int]:
 
 
 class Core:
-    """The core running; `written` are its mailbox writes as (word, all 32 bits)."""
+    """The running core; `written` lists its mailbox writes as (word, all 32 bits)."""
 
     def __init__(self, dut, delay: Callable[[], int] = lambda: 0):
         self.dut = dut
@@ -142,7 +142,7 @@ class Core:
         await self.bench.clocks()
 
     async def _mailbox(self) -> None:
-        """Answers like the mailbox: ready one clock wide, a clock or more after valid."""
+        """Acts as the mailbox: ready is one clock wide, one or more clocks after valid."""
         dut = self.dut
         while True:
             if str(dut.mailbox_valid.value) != "1":
@@ -167,12 +167,12 @@ class Core:
         raise AssertionError(f"never: {what}")
 
     async def alive(self, times: int = 3) -> None:
-        """The program goes round its loop."""
+        """Waits until the program has run its loop `times` times."""
         target = sum(word == ALIVE for word, _ in self.written) + times
         await self.until(lambda: sum(word == ALIVE for word, _ in self.written) >= target, "the loop")
 
     def once(self) -> list[tuple[int, int]]:
-        """What was written before the loop, the last time the program began."""
+        """Writes before the loop, since the last start of the program."""
         starts = [n for n, (word, _) in enumerate(self.written) if word == STACK]
         return [entry for entry in self.written[starts[-1] :] if entry[0] != ALIVE]
 
@@ -260,7 +260,7 @@ async def a_reset_at_any_moment_starts_it_anew(dut):
     core = await Core(dut).start()
     for _ in range(20):
         await core.bench.clocks(rng.randint(1, 2000))
-        # An answer under way is over after two clocks.
+        # A mailbox answer in progress ends within two clocks.
         dut.rst.value = 1
         await core.bench.clocks(4)
         core.written.clear()
@@ -299,7 +299,7 @@ OWN = {
 
 
 def image_file(sim: str, config: str) -> Path:
-    """The image at a path of its own that stays the same, so that the simulation is built once."""
+    """Writes the image to a constant path per configuration and simulator, so that builds are reused."""
     path = ROOT / f"build/tests/soft_core.{config}.{sim}.hex"
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_suffix(f".{os.getpid()}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""supervisor: bites a silent firmware, halts on a fault, keeps the door of the loop-back test."""
+"""supervisor: resets a silent firmware, halts on a fault, enables the loop-back test."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from tb.lib.bench import Bench
 from tb.lib.runner import run
 
-# Beats without a kick after which it bites, and beats that are not enough.
+# Number of beats without a kick at which the watchdog bites.
 BITES_AT = 3
 LOOPBACK = 0b1_1110_0111  # switch 9 ... switch 1
 NORMAL = 0b0_0001_1111
@@ -27,7 +27,7 @@ INPUTS = {
 
 
 class Watched:
-    """The supervisor, and the firmware it watches: a beat comes every ten clocks."""
+    """The supervisor and the firmware it watches; a beat comes every ten clocks."""
 
     def __init__(self, dut, **inputs: int):
         self.dut = dut
@@ -38,7 +38,7 @@ class Watched:
         return self
 
     async def beats(self, count: int, kicking: bool = False) -> int:
-        """Lets time pass; returns after how many of the beats the soft core was reset."""
+        """Waits `count` beats; returns how many of them reset the soft core."""
         resets = 0
         for _ in range(count):
             self.dut.beat.value = 1 - int(self.dut.beat.value)
@@ -70,8 +70,8 @@ async def a_silent_firmware_is_reset_for_a_moment_at_the_third_beat(dut):
     assert await watched.beats(BITES_AT - 1) == 0
     assert await watched.beats(1) == 1
     assert int(dut.bites.value) == 1 and not watched.fault
-    assert await watched.beats(10, kicking=True) == 0, "and may run on"
-    assert await watched.beats(BITES_AT - 1) == 0, "counted from the last kick on"
+    assert await watched.beats(10, kicking=True) == 0, "the firmware runs on"
+    assert await watched.beats(BITES_AT - 1) == 0, "beats count from the last kick"
     assert await watched.beats(1) == 1
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""switch_sampler: both DIP switches are read once after reset; which addresses are valid."""
+"""switch_sampler: reads both DIP switches once after reset; marks valid addresses."""
 
 import cocotb
 import pytest
@@ -11,7 +11,7 @@ SETTLE_CLOCKS = 20
 
 
 async def sample(dut, bench: Bench, baud: int, addr: int) -> None:
-    """Another reset with these switches, until the card has read them."""
+    """Resets with these switches and waits until the card has read them."""
     dut.sw_baud.value, dut.sw_addr.value = baud, addr
     await bench.strobe(dut.rst)
     await bench.clocks(SETTLE_CLOCKS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""sync_2ff: two clocks of delay, idle level through a reset."""
+"""sync_2ff: delays by two clocks; outputs the idle level during a reset."""
 
 import cocotb
 import pytest

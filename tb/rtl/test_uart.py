@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""uart: formats both ways, errors that travel with their byte, bad senders at the pin (LINE-5), gap-free
-sending, and the bit time measured on the pin at every rate (LINE-4)."""
+"""uart: all formats in both directions, error flags per byte, bad senders at the pin (LINE-5), sending
+without gaps, and the bit time on the pin at every rate (LINE-4)."""
 
 import math
 import os
@@ -21,9 +21,9 @@ BAUD = 9600
 TICKS_HZ = 16 * BAUD  # with tick16 held high a clock is a tick
 LINE_4 = 0.001
 TICK = 1 / 16
-# The fewest bytes that show every bit level and both parities, with one more to measure against.
+# The shortest data with every bit level and both parities, plus one byte to measure against.
 MEASURED = b"\x55\x01\xfe"
-# Edges stand on clocks: over this many one clock is a quarter of what LINE-4 allows.
+# Edges lie on clocks: over this many clocks, one clock is a quarter of the error that LINE-4 allows.
 CLOCKS_MEASURED = 4000
 QUIET = {"send_valid": 0, "send_data": 0, "send_check": 0, "check_bit": 0, "line_ready": 1, "line": 1}
 
@@ -49,7 +49,7 @@ def set_format(dut, form: str) -> None:
 
 
 class Receiver:
-    """The UART alone, its line driven by a source; `bytes` and `flags` are what came out."""
+    """The UART with a source on its line; `bytes` and `flags` are its outputs."""
 
     def __init__(self, dut, form: str, clocks_a_tick: int = 1):
         self.dut = dut
@@ -118,7 +118,7 @@ async def other_parity_of_the_sender_is_an_error_in_every_byte(dut):
 @cocotb.parametrize(form=FORMATS)
 async def missing_stop_bit_is_reported_with_its_own_byte(dut, form):
     rx = await Receiver(dut, form).start()
-    gaps = {2: 3.0}  # the line must have come back before the next character
+    gaps = {2: 3.0}  # the line must be high again before the next character
     await rx.source.send(b"\x11\x22\x33", Flaws(bad_stop=(1,), gaps=gaps))
     await rx.source.idle(2)
     assert rx.bytes == b"\x11\x22\x33"
@@ -175,7 +175,7 @@ async def single_bad_sample_in_the_middle_of_each_bit_is_outvoted(dut):
 
 @cocotb.test()
 async def the_three_samples_of_a_bit_are_a_tick_apart(dut):
-    """A pulse shorter than a tick can spoil one of them at most, wherever it lies."""
+    """A pulse shorter than a tick can affect only one of them, wherever it lies."""
     rx = await Receiver(dut, "8E1", clocks_a_tick=8).start()
     data = b"\x35"
     places = [6 + step / 8 for step in range(32)]
@@ -207,7 +207,7 @@ async def reset_in_the_middle_of_a_byte_forgets_it(dut):
 
 
 class Chain:
-    """The way from the pin: synchroniser, filter, receiver, on a real clock."""
+    """Synchroniser, filter and receiver, on a real clock."""
 
     def __init__(self, dut):
         self.dut = dut
@@ -221,7 +221,7 @@ class Chain:
         set_rate(self.dut, next(rate for rate in RATES.values() if rate.baud == baud))
         set_format(self.dut, form)
         self.source.fmt = Format.named(baud, form)
-        # The divider may still have most of a long tick before it.
+        # The divider may still be early in a long tick.
         await self.bench.clocks(500)
         await self.source.idle(2)
 
@@ -242,7 +242,7 @@ async def sender_off_by_four_percent_is_understood(dut):
     for rate in RATES.values():
         if not slowest <= rate.baud <= fastest:
             continue
-        # Back to back, as only then does an error of the start edge go on into the next character.
+        # Back to back, so that an error of the start edge carries over into the next character.
         data = b"\x00\x55" if rate.baud < 2400 else b"\x00\x55\xff\x7e\x01\x80"
         for form in FORMATS:
             await chain.use(rate.baud, form)
@@ -295,7 +295,7 @@ async def line_low_from_power_up_is_never_taken_for_a_character(dut):
     dut.rst.value = 0
     await chain.use(19200, "8E1")
     await chain.source.idle(40)
-    # A line that stays low is a break: reported once, and as an error.
+    # A line that stays low is a break: one byte with a framing error.
     assert [v[2] for v in chain.out.values] == [1]
     chain.source.hold(1)
     await chain.source.idle(2)
@@ -360,7 +360,7 @@ async def byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
 async def next_byte_is_taken_from_the_parity_or_first_stop_bit_on(dut, form):
-    """The shift register is free then, and whoever answers has a bit's time."""
+    """The shift register is free then, and the sender has one bit time to supply the next byte."""
     bench, _ = await ready_bench(dut, form)
     ready = Strobes(dut, "send_ready")
     await bench.give(b"\x00", "send")
@@ -386,7 +386,7 @@ async def nothing_is_sent_before_the_line_is_ready(dut):
 @cocotb.test()
 @cocotb.parametrize(form=("8N1", "8E1", "8O1"))
 async def check_bits_go_out_in_place_of_the_data_with_their_own_parity(dut, form):
-    """The check unit moves on with each bit that it is told of."""
+    """The check unit advances with each bit strobe."""
     value = 0xB4
     bench, monitor = await ready_bench(dut, form)
     dut.send_check.value = 1
@@ -420,7 +420,7 @@ async def every_data_bit_is_told_to_the_check_unit_both_ways(dut):
     await rx.bench.give(data, "send")
     await rx.bench.clocks(16 * 12)
     assert [bit for (bit,) in told.values] == bits
-    assert rx.bytes == data and len(rx.starts) == len(data), "its own characters are not heard"
+    assert rx.bytes == data and len(rx.starts) == len(data), "its own characters are not received"
 
 
 @cocotb.test()
@@ -459,7 +459,7 @@ def judge(monitor: UartMonitor, frame: Frame, what: str) -> None:
 
 @cocotb.test()
 async def bit_time_on_the_pin(dut):
-    """Every rate from SLOWEST on, in every format of FORMS."""
+    """Measures every rate from SLOWEST on, in every format of FORMS."""
     bench = Bench(
         dut, int(os.environ["CLK_HZ"]), rx=1, undivided=1, mask=0, tx_valid=0, tx_data=0, **levels_of("8N1")
     )
@@ -535,7 +535,7 @@ def test_uart(sim):
     [(2_000_000, 300, 19_200), (7_372_800, 38_400, 115_200)],
 )
 def test_baud_error(sim, clk_hz, slowest, fastest):
-    """The fastest rate has a clock of just 64 x it in the second case, the least the rule asks for."""
+    """In the second case the clock is 64 times the fastest rate, the least that the rule allows."""
     run_chain(
         sim,
         clk_hz,
