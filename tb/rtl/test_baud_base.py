@@ -39,7 +39,7 @@ async def rate_is_right_within_a_tenth_of_a_percent_at_every_clock(dut):
 
 
 @cocotb.test()
-async def no_tick_is_more_than_a_clock_from_its_place(dut):
+async def every_tick_is_within_a_clock_of_its_ideal_time(dut):
     bench = await Bench(dut).start()
     ticks = Strobes(dut, "tick_base")
     await bench.clocks(20_000)
@@ -51,7 +51,7 @@ async def no_tick_is_more_than_a_clock_from_its_place(dut):
 
 
 @cocotb.test()
-async def a_reset_begins_the_phase_anew_and_gives_no_tick(dut):
+async def a_reset_restarts_the_phase_without_a_tick(dut):
     """The step is odd at this clock, so the phase takes every value."""
     step = round(CYCLE * BASE_HZ / UNEVEN_HZ)
     assert step % 2
@@ -88,8 +88,8 @@ def test_baud_base_at_many_clocks(sim):
 @pytest.mark.parametrize(
     ("clk_hz", "testcase"),
     [
-        (12_000_000, "no_tick_is_more_than_a_clock_from_its_place"),
-        (UNEVEN_HZ, "a_reset_begins_the_phase_anew_and_gives_no_tick"),
+        (12_000_000, "every_tick_is_within_a_clock_of_its_ideal_time"),
+        (UNEVEN_HZ, "a_reset_restarts_the_phase_without_a_tick"),
     ],
 )
 def test_baud_base(sim, clk_hz, testcase):

@@ -13,7 +13,7 @@ DRIVE = 12
 
 
 @cocotb.test()
-async def every_tick_since_power_up_is_where_the_count_says(dut):
+async def ticks_since_power_up_follow_the_count(dut):
     """Runs first: there is no reset, and the count starts at 0 at power-up. Base ticks are random."""
     rng = seeded("since power-up")
     rates = list(RATES.values())
@@ -54,7 +54,7 @@ async def ticks_come_every_ratio_base_ticks(dut, rate):
 
 
 @cocotb.test()
-async def drive_ticks_are_those_of_its_rate_whatever_the_switches_say(dut):
+async def drive_ticks_do_not_depend_on_the_switches(dut):
     assert DRIVE * DRIVE_BAUD * TICKS_PER_BIT == BASE_HZ
     bench = await Bench(dut, **levels(RATES["000"], tick_base=1)).start()
     ticks = Strobes(dut, "tick16_drive")
@@ -67,7 +67,7 @@ async def drive_ticks_are_those_of_its_rate_whatever_the_switches_say(dut):
 
 
 @cocotb.test()
-async def uneven_base_ticks_are_counted_not_timed(dut):
+async def divider_counts_uneven_base_ticks(dut):
     rng = seeded("base ticks")
     bench = await Bench(dut, **levels(RATES["100"], tick_base=0)).start()
     ticks, given = Strobes(dut, "tick16_modbus"), 0

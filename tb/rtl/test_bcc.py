@@ -33,7 +33,7 @@ class Check:
 
 
 @cocotb.test()
-async def after_any_number_of_bytes_the_bcc_is_what_the_model_says(dut):
+async def bcc_agrees_with_the_model_after_any_number_of_bytes(dut):
     rng = seeded("telegrams")
     check = await Check(dut).start()
     for length in (4, 12, 28, 251):
@@ -53,7 +53,7 @@ async def after_any_number_of_bytes_the_bcc_is_what_the_model_says(dut):
 
 
 @cocotb.test()
-async def good_after_an_undamaged_telegram_and_never_after_a_damaged_one(dut):
+async def good_is_set_after_an_undamaged_telegram_and_never_after_a_damaged_one(dut):
     rng = seeded("telegrams")
     check = await Check(dut).start()
     for spoil in (False, True) * 8:
@@ -66,7 +66,7 @@ async def good_after_an_undamaged_telegram_and_never_after_a_damaged_one(dut):
 
 
 @cocotb.test()
-async def clear_begins_anew_from_any_value(dut):
+async def clear_restarts_from_any_value(dut):
     check = await Check(dut).start()
     await check.feed(b"\x77")
     assert not check.good

@@ -79,7 +79,7 @@ class Arbiter:
 
 
 @cocotb.test()
-async def every_set_of_askers_has_one_winner_and_the_lines_come_first(dut):
+async def any_set_of_requests_has_one_winner_and_lines_come_first(dut):
     rng = seeded("askers")
     arbiter = await Arbiter(dut).start()
     for _ in range(6):
@@ -131,7 +131,7 @@ async def one_clock(arbiter: Arbiter, rng: random.Random, asking: set[str], core
 
 
 @cocotb.test()
-async def an_access_happens_once_however_long_it_waits(dut):
+async def an_access_happens_once_after_any_wait(dut):
     rng = seeded("waits")
     arbiter = await Arbiter(dut).start()
     for _ in range(100):
@@ -153,7 +153,7 @@ async def an_access_happens_once_however_long_it_waits(dut):
 
 
 @cocotb.test()
-async def registers_and_memory_answer_at_their_own_addresses(dut):
+async def registers_and_memory_respond_at_their_own_addresses(dut):
     rng = seeded("addresses")
     arbiter = await Arbiter(dut).start()
     for register in REGISTERS.values():
@@ -179,7 +179,7 @@ async def registers_and_memory_answer_at_their_own_addresses(dut):
 
 
 @cocotb.test()
-async def what_is_read_comes_from_whichever_was_asked(dut):
+async def read_data_comes_from_memory_or_registers(dut):
     rng = seeded("data")
     await Arbiter(dut).start()
     for _ in range(50):
@@ -204,7 +204,7 @@ def aliases(size: int) -> list[int]:
 
 
 @cocotb.test()
-async def the_telegram_is_touched_by_every_address_and_locked_while_it_is_sent(dut):
+async def writes_by_any_alias_touch_the_telegram_and_are_blocked_while_it_is_sent(dut):
     arbiter = await Arbiter(dut).start()
     for sending in (0, 1):
         dut.telegram_sending.value = sending
@@ -220,7 +220,7 @@ async def the_telegram_is_touched_by_every_address_and_locked_while_it_is_sent(d
 
 
 @cocotb.test()
-async def no_other_byte_of_the_memory_is_the_telegrams(dut):
+async def writes_elsewhere_never_touch_the_telegram(dut):
     arbiter = await Arbiter(dut).start()
     telegram = range(arbiter.frames + TELEGRAM.slot, arbiter.frames + TELEGRAM.slot + TELEGRAM.length)
     dut.telegram_sending.value = 1
@@ -242,7 +242,7 @@ async def no_other_byte_of_the_memory_is_the_telegrams(dut):
 
 
 @cocotb.test()
-async def what_waits_for_its_turn_has_touched_nothing_yet(dut):
+async def a_waiting_write_does_not_touch_the_telegram_yet(dut):
     arbiter = await Arbiter(dut).start()
     dut.drive_read_valid.value = 1
     arbiter.offer(FRAMES + TELEGRAM.offset, 1)
@@ -259,7 +259,7 @@ async def what_waits_for_its_turn_has_touched_nothing_yet(dut):
 
 
 @cocotb.test()
-async def a_reset_takes_the_answer_back(dut):
+async def a_reset_clears_ready(dut):
     arbiter = await Arbiter(dut).start()
     arbiter.offer(0, 0)
     dut.rst.value = 1

@@ -12,7 +12,7 @@ from tb.lib.runner import run
 
 
 @cocotb.test
-async def every_pattern(dut):
+async def every_switch_pattern_selects_its_table_entry(dut):
     for bits in range(32):
         switches = f"{bits:05b}"[::-1]
         dut.sw_baud.value = bits

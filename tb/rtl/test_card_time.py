@@ -11,12 +11,12 @@ from tb.lib.runner import run
 TICKS16_PER_TICK = 128
 
 
-def test_the_unit_is_exact():
+def test_unit_of_time_is_exact():
     assert DRIVE_BAUD * TICKS_PER_BIT == 1200 * TICKS16_PER_TICK
 
 
 @cocotb.test()
-async def it_counts_from_the_reset_on_and_wraps_round(dut):
+async def count_starts_at_the_reset_and_wraps(dut):
     bench = await Bench(dut, tick16=1).start()
     await bench.strobe(dut.rst)
     for tick in range(300):
@@ -27,7 +27,7 @@ async def it_counts_from_the_reset_on_and_wraps_round(dut):
 
 
 @cocotb.test()
-async def time_stands_still_without_ticks_and_starts_at_0(dut):
+async def count_holds_without_ticks_and_starts_at_0(dut):
     bench = await Bench(dut, tick16=1).start()
     await bench.clocks(6.5 * TICKS16_PER_TICK)
     dut.tick16.value = 0

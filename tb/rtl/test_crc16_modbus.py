@@ -35,7 +35,7 @@ async def shifted_out(dut, bench: Bench) -> int:
 
 
 @cocotb.test()
-async def published_check_value(dut):
+async def crc_has_the_published_check_value(dut):
     bench = await cleared(dut)
     await feed(bench, CHECK_INPUT)
     assert await shifted_out(dut, bench) == CHECK_VALUE
@@ -57,7 +57,7 @@ async def random_bytes_agree_with_the_model(dut):
 
 
 @cocotb.test()
-async def residue_is_zero_after_a_good_frame_and_never_after_a_spoilt_one(dut):
+async def residue_is_zero_after_a_good_frame_and_never_after_a_damaged_one(dut):
     rng = seeded("frames")
     bench = await cleared(dut)
     for spoil in (False, True) * 8:
@@ -70,7 +70,7 @@ async def residue_is_zero_after_a_good_frame_and_never_after_a_spoilt_one(dut):
 
 
 @cocotb.test()
-async def clear_begins_anew_from_any_value(dut):
+async def clear_restarts_from_any_value(dut):
     bench = await cleared(dut)
     await feed(bench, b"\x77\x12")
     await bench.strobe(dut.clear)

@@ -127,7 +127,7 @@ class Port:
 
 
 @cocotb.test()
-async def telegrams_go_out_byte_for_byte_without_gaps_inside_de(dut):
+async def telegrams_are_sent_byte_for_byte_without_gaps_inside_de(dut):
     rng = seeded("telegrams")
     port = await Port(dut, delay=lambda: rng.randint(0, 9)).start()
     for length in (4, 12, 28):
@@ -146,7 +146,7 @@ async def telegrams_go_out_byte_for_byte_without_gaps_inside_de(dut):
 
 @cocotb.test()
 @cocotb.parametrize(control=[0, 1])
-async def bit_10_leaves_only_with_the_leave_to_command(dut, control):
+async def control_bit_10_is_sent_only_when_commands_are_allowed(dut, control):
     """Holds for any contents of the frame memory (SAFE-1)."""
     port = await Port(dut).start()
     dut.telegram_control.value = control
@@ -157,7 +157,7 @@ async def bit_10_leaves_only_with_the_leave_to_command(dut, control):
 
 
 @cocotb.test()
-async def two_characters_of_silence_lie_before_each_telegram(dut):
+async def each_telegram_follows_two_characters_of_silence(dut):
     port = await Port(dut).start()
     ends = []
     ends.append((await port.send(COMMAND)).end_ps)
@@ -173,7 +173,7 @@ async def two_characters_of_silence_lie_before_each_telegram(dut):
 
 
 @cocotb.test()
-async def quiet_is_two_characters_without_anything_on_the_line(dut):
+async def quiet_follows_two_characters_of_silence(dut):
     port = await Port(dut).start()
     bit = LINE.bit_ps
 
@@ -208,7 +208,7 @@ async def quiet_ends_with_a_start_edge_and_while_the_port_itself_sends(dut):
 
 
 @cocotb.test()
-async def replies_of_every_kind_are_good_however_soon_or_late_they_come(dut):
+async def replies_of_every_kind_are_good_after_any_delay(dut):
     rng = seeded("replies")
     port = await Port(dut, delay=lambda: rng.randint(0, 9)).start()
     text = build_text(533, b"twenty characters ok", 0x0400, 0x0F07, 0x2000)
@@ -221,7 +221,7 @@ async def replies_of_every_kind_are_good_however_soon_or_late_they_come(dut):
 
 
 @cocotb.test()
-async def the_last_four_bytes_of_a_long_text_are_there(dut):
+async def the_last_four_bytes_of_a_long_text_are_kept(dut):
     port = await Port(dut).start(listening=True)
     await port.hear(TEXT)
     data = TEXT[3:-1]
@@ -232,7 +232,7 @@ async def the_last_four_bytes_of_a_long_text_are_there(dut):
 
 
 @cocotb.test()
-async def the_candidate_leaves_the_firmware_the_time_of_the_bcc(dut):
+async def candidate_comes_one_character_before_good(dut):
     port = await Port(dut).start(listening=True)
     sent = await port.hear(NUMBER)
     (candidate,), (good,) = port.candidates.pulses, port.goods.pulses
@@ -263,7 +263,7 @@ async def a_reply_may_take_one_and_a_half_times_its_nominal_time(dut, reply):
 
 
 @cocotb.test()
-async def its_own_echo_is_not_heard(dut):
+async def the_echo_of_a_telegram_is_ignored(dut):
     port = await Port(dut).start()
     for telegram in (COMMAND, NUMBER):
         await port.send(telegram)
@@ -275,7 +275,7 @@ async def its_own_echo_is_not_heard(dut):
 
 
 @cocotb.test()
-async def whatever_comes_while_it_sends_is_not_heard(dut):
+async def characters_received_while_sending_are_ignored(dut):
     port = await Port(dut).start()
     await port.hear(STATUS, delay=PAUSE + 5)
     assert not port.on("listening") and not port.on("good")  # no telegram was sent yet
@@ -293,7 +293,7 @@ async def whatever_comes_while_it_sends_is_not_heard(dut):
 
 
 @cocotb.test()
-async def a_character_begun_while_it_sends_is_not_heard(dut):
+async def a_character_begun_while_sending_is_ignored(dut):
     port = await Port(dut).start()
     port.line.echo = False
     await port.begin(COMMAND)
@@ -307,7 +307,7 @@ async def a_character_begun_while_it_sends_is_not_heard(dut):
 
 
 @cocotb.test()
-async def after_a_broadcast_nobody_is_listened_to(dut):
+async def replies_to_a_broadcast_are_ignored(dut):
     port = await Port(dut).start()
     frame = await port.send(build_process(0x047C, 0x2000, ADR_BROADCAST), no_reply=1)
     assert frame.data == build_process(0x047C, 0x2000, ADR_BROADCAST)
@@ -320,7 +320,7 @@ async def after_a_broadcast_nobody_is_listened_to(dut):
 
 
 @cocotb.test()
-async def a_telegram_ends_the_listening_to_the_one_before(dut):
+async def a_new_telegram_ends_listening_for_the_older_reply(dut):
     port = await Port(dut).start(listening=True)
     await port.hear(STATUS)
     assert port.on("good")
@@ -333,7 +333,7 @@ async def a_telegram_ends_the_listening_to_the_one_before(dut):
 
 @cocotb.test()
 @cocotb.parametrize(fault=("bad BCC", "wrong ADR", "wrong LGE", "parity error", "framing error", "cut short"))
-async def a_faulty_reply_counts_once_and_the_next_one_is_taken(dut, fault):
+async def a_faulty_reply_counts_once_and_the_next_one_is_accepted(dut, fault):
     port = await Port(dut).start(listening=True)
     data, flaws = FAULTS[fault](NUMBER, COMMAND)
     assert not await port.takes(data, flaws)
@@ -341,7 +341,7 @@ async def a_faulty_reply_counts_once_and_the_next_one_is_taken(dut, fault):
 
 
 @cocotb.test()
-async def phantom_characters_when_the_line_is_turned_round_do_no_harm(dut):
+async def phantom_characters_at_line_turnaround_are_ignored(dut):
     port = await Port(dut).start()
     for phantom in (b"\x00", b"\xff", b"\xfe\x80"):
         await port.send(COMMAND)
@@ -355,7 +355,7 @@ async def phantom_characters_when_the_line_is_turned_round_do_no_harm(dut):
 
 
 @cocotb.test()
-async def glitches_shorter_than_a_quarter_bit_do_no_harm(dut):
+async def glitches_shorter_than_a_quarter_bit_are_ignored(dut):
     rng = seeded("glitches")
     port = await Port(dut).start(listening=True)
     for reply in (STATUS, NUMBER, STATUS):
@@ -366,7 +366,7 @@ async def glitches_shorter_than_a_quarter_bit_do_no_harm(dut):
 
 @cocotb.test()
 @cocotb.parametrize(percent=(-4, 4))
-async def a_drive_whose_clock_is_off_is_understood(dut, percent):
+async def a_drive_with_a_clock_error_of_4_percent_is_received(dut, percent):
     rng = seeded("replies")
     port = await Port(dut).start(listening=True)
     for _ in range(3):
@@ -374,7 +374,7 @@ async def a_drive_whose_clock_is_off_is_understood(dut, percent):
 
 
 @cocotb.test()
-async def the_firmware_may_ask_for_another_reply_or_give_up(dut):
+async def the_firmware_can_listen_again_or_stop(dut):
     port = await Port(dut).start(listening=True)
     await port.hear(NUMBER)
     assert port.on("good")
@@ -405,7 +405,7 @@ async def noise_between_exchanges_never_stops_the_port(dut):
 
 
 @cocotb.test()
-async def a_reset_takes_the_driver_off_the_line_at_any_moment(dut):
+async def a_reset_turns_the_driver_off_at_any_moment(dut):
     rng = seeded("moments")
     port = await Port(dut).start()
     for _ in range(3):

@@ -149,7 +149,7 @@ async def process_and_parameter_replies_are_good_and_their_data_is_kept(dut):
 
 @cocotb.test()
 @cocotb.parametrize(length=TEXT_LENGTHS)
-async def texts_of_any_length_are_followed_to_their_end(dut, length):
+async def texts_of_any_length_are_received_in_full(dut, length):
     telegram = text_reply(length)
     rx = await Receiver(dut).start()
     assert await rx.telegram(telegram)
@@ -195,7 +195,7 @@ async def a_length_below_6_is_bad(dut):
 
 
 @cocotb.test()
-async def an_answer_from_another_address_is_bad(dut):
+async def a_reply_from_another_address_is_bad(dut):
     rx = await Receiver(dut).start()
     for n, adr in enumerate((ADR_BROADCAST, ADR ^ 0x02, ADR & 0x7F, 0x00, 0xFF), 1):
         assert not await rx.telegram(build_process(0x0F07, 0, adr))
@@ -228,7 +228,7 @@ async def every_wrong_bit_of_the_bcc_and_of_the_data_is_found(dut):
 
 
 @cocotb.test()
-async def a_silence_inside_a_telegram_ends_it_and_the_next_one_is_taken_at_once(dut):
+async def a_silence_inside_a_telegram_ends_it_and_the_next_one_is_accepted_at_once(dut):
     rx = await Receiver(dut).start()
     for n in range(1, len(STATUS)):
         await rx.telegram(STATUS[:n])
@@ -240,7 +240,7 @@ async def a_silence_inside_a_telegram_ends_it_and_the_next_one_is_taken_at_once(
 
 
 @cocotb.test()
-async def silences_before_and_after_a_telegram_change_nothing(dut):
+async def silences_before_and_after_a_telegram_have_no_effect(dut):
     rx = await Receiver(dut).start()
     for _ in range(3):
         await rx.silence()
@@ -280,7 +280,7 @@ async def a_telegram_may_take_one_and_a_half_times_its_nominal_time_and_no_tick_
 
 
 @cocotb.test()
-async def the_longest_telegram_may_come_at_once_or_just_in_time(dut):
+async def the_longest_telegram_is_good_without_gaps_or_just_in_time(dut):
     telegram = build(bytes(range(251)) + b"\x0f\x07")
     assert telegram[1] == 0xFF
     rx = await Receiver(dut).start()
@@ -293,7 +293,7 @@ async def the_longest_telegram_may_come_at_once_or_just_in_time(dut):
 
 
 @cocotb.test()
-async def time_runs_on_however_long_noise_keeps_the_line_busy(dut):
+async def time_limit_expires_while_noise_keeps_the_line_busy(dut):
     """Noise without a character prevents a silence; the time limit must expire all the same."""
     rx = await Receiver(dut).start()
     for slots in (100, 600, 1000, 1100):
@@ -318,7 +318,7 @@ async def a_hunt_that_begins_inside_stx_still_checks_the_whole_telegram(dut):
 
 
 @cocotb.test()
-async def time_is_counted_in_ticks_alone(dut):
+async def time_is_counted_in_ticks_only(dut):
     rng = seeded("clocks without a tick")
     rx = await Receiver(dut).start()
     limit = CHARACTER * len(STATUS) * 3 // 2
@@ -333,7 +333,7 @@ async def time_is_counted_in_ticks_alone(dut):
 
 
 @cocotb.test()
-async def nothing_is_heard_before_listen_start_nor_after_listen_stop(dut):
+async def telegrams_before_listen_start_and_after_listen_stop_are_ignored(dut):
     rx = await Receiver(dut).start(listen=False)
     assert not rx.listening and not await rx.telegram(STATUS)
     await rx.listen()
@@ -344,7 +344,7 @@ async def nothing_is_heard_before_listen_start_nor_after_listen_stop(dut):
 
 
 @cocotb.test()
-async def listen_stop_gives_up_a_telegram_half_way(dut):
+async def listen_stop_abandons_a_telegram_half_way(dut):
     rx = await Receiver(dut).start()
     for n in range(1, len(STATUS)):
         await rx.telegram(STATUS[:n])
@@ -359,7 +359,7 @@ async def listen_stop_gives_up_a_telegram_half_way(dut):
 
 
 @cocotb.test()
-async def a_good_telegram_stands_until_the_next_listen_start(dut):
+async def good_holds_until_the_next_listen_start(dut):
     rx = await Receiver(dut).start()
     assert await rx.telegram(STATUS)
     kept = list(rx.drive_frame.written)
@@ -375,7 +375,7 @@ async def a_good_telegram_stands_until_the_next_listen_start(dut):
 
 
 @cocotb.test()
-async def listen_start_ends_the_waiting_for_a_silence(dut):
+async def listen_start_ends_the_wait_for_a_silence(dut):
     rx = await Receiver(dut).start()
     await rx.telegram(broken_bcc(STATUS))
     await rx.listen()
@@ -393,7 +393,7 @@ async def reset_stops_listening_and_storing(dut):
 
 
 @cocotb.test()
-async def a_memory_that_answers_late_gets_every_byte_once(dut):
+async def a_slow_memory_gets_every_byte_once(dut):
     rng = seeded("delays")
     rx = await Receiver(dut, delay=lambda: rng.randint(0, BRISK - 4)).start()
     for length in (0, 20, 21, 60):
@@ -405,7 +405,7 @@ async def a_memory_that_answers_late_gets_every_byte_once(dut):
 
 
 @cocotb.test()
-async def random_good_and_bad_telegrams_are_told_apart(dut):
+async def random_good_and_bad_telegrams_are_distinguished(dut):
     rng = seeded("telegrams")
     rx = await Receiver(dut, delay=lambda: rng.randint(0, 5)).start()
     bad = 0

@@ -67,7 +67,7 @@ class Sender:
 
 
 @cocotb.test()
-async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
+async def telegrams_of_every_length_agree_with_the_model(dut):
     rng = seeded("contents")
     tx = await Sender(dut).start()
     for length in range(6, 31):
@@ -79,7 +79,7 @@ async def telegrams_of_every_length_are_framed_as_the_model_says(dut):
 
 
 @cocotb.test()
-async def without_leave_no_command_is_sent(dut):
+async def without_control_no_command_is_sent(dut):
     """Bit 10 of the control word is sent as 0; all other bits and the BCC stay unchanged (SAFE-1)."""
     rng = seeded("contents")
     tx = await Sender(dut).start()
@@ -96,7 +96,7 @@ async def without_leave_no_command_is_sent(dut):
 
 
 @cocotb.test()
-async def the_adr_that_was_sent_is_kept(dut):
+async def adr_holds_the_address_that_was_sent(dut):
     tx = await Sender(dut).start()
     for adr in (ADR, ADR_BROADCAST, 0x21):
         await tx.telegram(build(bytes(4), adr)[2:])
@@ -106,7 +106,7 @@ async def the_adr_that_was_sent_is_kept(dut):
 
 
 @cocotb.test()
-async def a_memory_that_answers_late_makes_no_gap(dut):
+async def a_slow_memory_makes_no_gap(dut):
     rng = seeded("delays")
     # A stop bit has 16 clocks here; the memory answers within two.
     tx = await Sender(dut, delay=lambda: rng.randint(0, 9)).start()
@@ -159,7 +159,7 @@ async def a_start_during_a_telegram_does_not_disturb_it(dut):
 
 
 @cocotb.test()
-async def a_damaged_byte_goes_out_with_the_bcc_it_had_before(dut):
+async def a_damaged_byte_is_sent_with_its_original_bcc(dut):
     """The drive therefore rejects the telegram (SAFE-4)."""
     tx = await Sender(dut).start()
     whole = build_process(0x047C, 0x2000)
@@ -170,7 +170,7 @@ async def a_damaged_byte_goes_out_with_the_bcc_it_had_before(dut):
 
 
 @cocotb.test()
-async def reset_gives_the_line_back_and_the_next_telegram_is_whole(dut):
+async def reset_releases_the_line_and_the_next_telegram_is_whole(dut):
     tx = await Sender(dut).start()
     for at in range(0, 8 * CHARACTER, 97):
         await tx.begin(COMMAND)

@@ -51,7 +51,7 @@ def as_read(word: int) -> tuple[int, int]:
 
 
 @cocotb.test()
-async def the_image_is_there_and_byte_writes_change_their_bytes_only(dut):
+async def image_is_loaded_and_byte_writes_change_only_their_bytes(dut):
     memory = Memory(dut)
     await memory.bench.start()
     kept = image()

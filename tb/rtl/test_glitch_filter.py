@@ -37,7 +37,7 @@ async def heard(dut, bench: Bench, levels: list[int]) -> list[int]:
 
 
 @cocotb.test()
-async def pulses_up_to_a_quarter_bit_vanish_longer_ones_keep_their_width(dut):
+async def pulses_up_to_a_quarter_bit_vanish_and_longer_ones_keep_their_width(dut):
     bench = await ready(dut)
     for rest in (1, 0):
         await heard(dut, bench, [rest] * 20)
@@ -55,7 +55,7 @@ async def both_edges_are_delayed_by_five_ticks(dut):
 
 
 @cocotb.test()
-async def glitch_beside_an_edge_moves_it_by_no_more_than_its_own_width(dut):
+async def glitch_next_to_an_edge_moves_it_by_no_more_than_its_own_width(dut):
     bench = await ready(dut)
     for new in (0, 1):
         for width in range(1, QUARTER + 1):
@@ -68,7 +68,7 @@ async def glitch_beside_an_edge_moves_it_by_no_more_than_its_own_width(dut):
 
 
 @cocotb.test()
-async def muted_filter_shows_idle_and_forgets_what_it_counted(dut):
+async def muted_filter_outputs_idle_and_clears_its_count(dut):
     bench = await ready(dut)
     await heard(dut, bench, [0] * 10)
     dut.mute.value = 1
@@ -78,7 +78,7 @@ async def muted_filter_shows_idle_and_forgets_what_it_counted(dut):
 
 
 @cocotb.test()
-async def nothing_moves_without_a_tick(dut):
+async def filter_holds_without_a_tick(dut):
     bench = await ready(dut)
     dut.tick16.value = 0
     assert set(await heard(dut, bench, [0] * 30)) == {1}

@@ -130,7 +130,7 @@ async def use(port: Port, baud: int, form: str) -> None:
 
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
-async def frame_goes_to_the_memory_and_its_reply_comes_back(dut, form):
+async def frame_is_stored_and_its_reply_is_sent(dut, form):
     rng = seeded("frames")
     port = await Port(dut, 115_200, form).start()
     port.written.delay = port.memory.delay = lambda: rng.randint(0, 9)
@@ -150,7 +150,7 @@ async def frame_goes_to_the_memory_and_its_reply_comes_back(dut, form):
 
 
 @cocotb.test()
-async def long_frames_to_the_last_byte(dut):
+async def frames_of_up_to_256_bytes_are_candidates(dut):
     rng = seeded("frames")
     port = await Port(dut, 115_200, "8N1").start()
     for length in (255, 256, 257):
@@ -167,7 +167,7 @@ async def long_frames_to_the_last_byte(dut):
 
 @cocotb.test()
 @cocotb.parametrize(baud=(19_200, 38_400))
-async def strict_silence_after_a_good_frame(dut, baud):
+async def strict_character_after_a_good_frame_revokes_it_before_t35(dut, baud):
     port = await Port(dut, baud).start()
     t15, t35 = port.bits(1.5), port.bits(3.5)
     for gap, outcome, what in (
@@ -189,7 +189,7 @@ async def strict_silence_after_a_good_frame(dut, baud):
 
 
 @cocotb.test()
-async def strict_all_up_to_the_next_silence_of_t35_is_dropped_after_a_revoke(dut):
+async def strict_characters_after_a_revoke_are_dropped_until_t35(dut):
     port = await Port(dut).start()
     parts = [GOOD, b"\x55", GOOD, GOOD]
     starts = accumulate(len(part) for part in parts[:-1])
@@ -198,7 +198,7 @@ async def strict_all_up_to_the_next_silence_of_t35_is_dropped_after_a_revoke(dut
 
 
 @cocotb.test()
-async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut):
+async def strict_a_flipped_bit_in_the_silence_timer_causes_no_early_commit(dut):
     """Flips each bit of its counts and levels between t1.5 and t3.5 (SAFE-4).
 
     A commit is valid on a quiet line only (commit_gate).
@@ -226,7 +226,7 @@ async def strict_a_bit_that_flips_in_the_silence_timer_commits_nothing_early(dut
 
 
 @cocotb.test()
-async def strict_a_bit_that_flips_in_the_uart_hides_no_start_bit(dut):
+async def strict_a_flipped_bit_in_the_uart_hides_no_start_bit(dut):
     """The revoking character is FFh of the fastest sender; flips at each tick up to the vote (SAFE-4)."""
     port = await Port(dut, 115_200).start()
     uart = dut.port_i.uart_i
@@ -246,7 +246,7 @@ async def strict_a_bit_that_flips_in_the_uart_hides_no_start_bit(dut):
 
 
 @cocotb.test()
-async def strict_cut_off_frame_and_a_good_one_behind_it(dut):
+async def strict_good_frame_after_a_cut_off_frame_is_a_candidate_after_t15(dut):
     port = await Port(dut).start()
     for gap, outcome, counted in (
         (1.4, (0, 0, 0), {"crc": 1}),
@@ -260,7 +260,7 @@ async def strict_cut_off_frame_and_a_good_one_behind_it(dut):
 
 
 @cocotb.test()
-async def strict_gaps_inside_a_frame(dut):
+async def strict_gaps_above_t15_inside_a_frame_reject_it(dut):
     port = await Port(dut).start()
     await port.frame(GOOD, Flaws(gaps=dict.fromkeys(range(1, len(GOOD)), port.bits(1.4))))
     assert port.outcome() == (1, 1, 0)
@@ -271,7 +271,7 @@ async def strict_gaps_inside_a_frame(dut):
 
 
 @cocotb.test()
-async def lenient_silence_after_a_good_frame(dut):
+async def lenient_characters_after_a_good_frame_extend_it(dut):
     port = await Port(dut).start()
     whole = rtu.with_crc(GOOD + b"\x11\x22")
     for gap, outcome in ((1.4, (1, 1, 0)), (1.6, (2, 1, 1)), (3.4, (2, 1, 1))):
@@ -285,7 +285,7 @@ async def lenient_silence_after_a_good_frame(dut):
 
 
 @cocotb.test()
-async def lenient_gaps_inside_a_frame(dut):
+async def lenient_gaps_below_t35_inside_a_frame_are_accepted(dut):
     port = await Port(dut).start()
     for gap in (1.4, 1.6, 3.4):
         port.clear()
@@ -300,7 +300,7 @@ async def lenient_gaps_inside_a_frame(dut):
 
 
 @cocotb.test()
-async def errors_of_a_character_reject_the_frame_under_their_own_name(dut):
+async def character_errors_reject_the_frame_and_are_counted_by_kind(dut):
     port = await Port(dut).start()
     for place in (0, 3, len(GOOD) - 1):
         for name, flaws in (
@@ -320,7 +320,7 @@ async def errors_of_a_character_reject_the_frame_under_their_own_name(dut):
 
 
 @cocotb.test()
-async def glitches_in_the_silence_neither_revoke_nor_start_anything(dut):
+async def glitches_in_the_silence_neither_revoke_nor_start_a_frame(dut):
     port = await Port(dut).start()
     end = await port.send(GOOD)
     await port.silence(2)
@@ -347,7 +347,7 @@ async def line_low_at_power_up_is_no_frame(dut):
 
 
 @cocotb.test()
-async def foreign_frames_and_broadcasts(dut):
+async def foreign_frames_are_ignored_and_broadcasts_are_accepted(dut):
     port = await Port(dut).start()
     await port.frame(FOREIGN)
     assert port.outcome() == (0, 0, 0) and port.counted() == {}
@@ -359,7 +359,7 @@ async def foreign_frames_and_broadcasts(dut):
 
 
 @cocotb.test()
-async def own_reply_is_not_heard_as_a_request(dut):
+async def echo_of_the_own_reply_is_no_request(dut):
     """The reply's echo would be a good request to this card."""
     port = await Port(dut, echo=True).start()
     await port.frame(GOOD)
@@ -373,7 +373,7 @@ async def own_reply_is_not_heard_as_a_request(dut):
 
 
 @cocotb.test()
-async def port_is_quiet_only_after_t35_without_anybody_sending(dut):
+async def port_is_quiet_only_after_t35_of_silence(dut):
     port = await Port(dut).start()
     assert dut.quiet.value == 1
     sending = cocotb.start_soon(port.send(GOOD))
@@ -398,7 +398,7 @@ async def port_is_quiet_only_after_t35_without_anybody_sending(dut):
 
 
 @cocotb.test()
-async def bytes_that_arrive_while_the_port_sends_are_not_heard(dut):
+async def bytes_received_while_sending_are_ignored(dut):
     port = await Port(dut).start()
     replying = cocotb.start_soon(port.reply(bytes(20)))
     await port.bench.clocks(200)
@@ -410,16 +410,16 @@ async def bytes_that_arrive_while_the_port_sends_are_not_heard(dut):
 
 COMMON = [
     "both_silences_are_exact_from_the_pin_at_every_rate",
-    "frame_goes_to_the_memory_and_its_reply_comes_back",
-    "long_frames_to_the_last_byte",
+    "frame_is_stored_and_its_reply_is_sent",
+    "frames_of_up_to_256_bytes_are_candidates",
     "strict_.*",
-    "errors_of_a_character_reject_the_frame_under_their_own_name",
-    "glitches_in_the_silence_neither_revoke_nor_start_anything",
+    "character_errors_reject_the_frame_and_are_counted_by_kind",
+    "glitches_in_the_silence_neither_revoke_nor_start_a_frame",
     "line_low_at_power_up_is_no_frame",
-    "foreign_frames_and_broadcasts",
-    "own_reply_is_not_heard_as_a_request",
-    "port_is_quiet_only_after_t35_without_anybody_sending",
-    "bytes_that_arrive_while_the_port_sends_are_not_heard",
+    "foreign_frames_are_ignored_and_broadcasts_are_accepted",
+    "echo_of_the_own_reply_is_no_request",
+    "port_is_quiet_only_after_t35_of_silence",
+    "bytes_received_while_sending_are_ignored",
 ]
 
 

@@ -32,7 +32,7 @@ async def pin_asserts_without_a_clock(dut):
 
 
 @cocotb.test()
-async def pulse_shorter_than_a_clock_is_a_whole_reset(dut):
+async def pulse_shorter_than_a_clock_makes_a_full_reset(dut):
     bench = await Bench(dut, CLK_HZ).start()
     await bench.clocks(5)
     assert dut.rst.value == 0

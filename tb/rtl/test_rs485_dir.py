@@ -54,7 +54,7 @@ async def ready_comes_four_ticks_after_the_driver_is_on(dut, clocks_each):
 
 
 @cocotb.test()
-async def the_driver_goes_off_when_the_request_is_gone_and_the_sender_idle(dut):
+async def the_driver_goes_off_when_the_request_ends_and_the_sender_is_idle(dut):
     line = await Direction(dut).start()
     for request_first in (True, False):
         dut.request.value = 1
@@ -70,7 +70,7 @@ async def the_driver_goes_off_when_the_request_is_gone_and_the_sender_idle(dut):
 
 
 @cocotb.test()
-async def each_turn_has_its_own_lead(dut):
+async def each_request_gets_the_full_lead(dut):
     line = await Direction(dut).start()
     for _ in range(5):
         dut.request.value = 1
@@ -94,7 +94,7 @@ async def reset_switches_the_driver_off_at_once(dut):
 
 
 @cocotb.test()
-async def the_driver_is_never_off_while_wanted_and_never_on_without_a_reason(dut):
+async def the_driver_is_on_exactly_while_requested_or_still_sending(dut):
     rng = seeded("requests")
     line = await Direction(dut).start()
     de = request = busy = ticks = 0

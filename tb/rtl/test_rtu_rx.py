@@ -153,11 +153,11 @@ async def only_functions_05_and_15_write_coils(dut):
     for address in (OWN, 0):
         for function in range(256):
             await rx.frame(with_crc(bytes([address, function]) + rng.randbytes(4)))
-            told = int(dut.frame_writes_coils.value)
-            assert told == (function in (5, 15)), f"function {function}"
+            writes_coils = int(dut.frame_writes_coils.value)
+            assert writes_coils == (function in (5, 15)), f"function {function}"
             await rx.frame(with_crc(bytes([OWN ^ 1, 20 - function % 21]) + rng.randbytes(4)))
-            await rx.bytes(bytes([OWN, 15 if not told else 3]))
-            assert int(dut.frame_writes_coils.value) == told, f"function {function}, later"
+            await rx.bytes(bytes([OWN, 15 if not writes_coils else 3]))
+            assert int(dut.frame_writes_coils.value) == writes_coils, f"function {function}, later"
             await rx.silence()
     assert rx.outcome() == (512, 512, 0)
 
@@ -176,7 +176,7 @@ async def frames_of_every_length_show_their_length_and_first_32_bytes(dut):
 
 
 @cocotb.test()
-async def longer_than_256_bytes_is_an_overrun(dut):
+async def frame_longer_than_256_bytes_is_an_overrun(dut):
     rng = seeded("frames")
     rx = await Receiver(dut).start()
     for length in (257, 258, 512, 600):
@@ -189,7 +189,7 @@ async def longer_than_256_bytes_is_an_overrun(dut):
 
 
 @cocotb.test()
-async def too_short_to_be_a_frame(dut):
+async def frame_shorter_than_4_bytes_is_ignored(dut):
     rx = await Receiver(dut).start()
     await rx.frame(bytes([OWN]))
     await rx.frame(rtu.with_crc(b"\x11")[:3])
@@ -197,7 +197,7 @@ async def too_short_to_be_a_frame(dut):
 
 
 @cocotb.test()
-async def each_fault_is_counted_once_under_its_own_name(dut):
+async def each_error_is_counted_once_by_kind(dut):
     rx = await Receiver(dut).start()
     spoilt = bytearray(GOOD)
     spoilt[3] ^= 0x40
@@ -216,7 +216,7 @@ async def each_fault_is_counted_once_under_its_own_name(dut):
 
 
 @cocotb.test()
-async def slow_frame_memory_loses_nothing(dut):
+async def slow_frame_memory_loses_no_byte(dut):
     rx = await Receiver(dut).start()
     for i, value in enumerate(GOOD):
         await rx.byte(value, wait_clocks=i % 4)
@@ -225,7 +225,7 @@ async def slow_frame_memory_loses_nothing(dut):
 
 
 @cocotb.test()
-async def deaf_port_hears_nothing_and_waits_for_silence_afterwards(dut):
+async def deaf_port_ignores_bytes_and_then_waits_for_silence(dut):
     rx = await Receiver(dut).start()
     dut.deaf.value = 1
     await rx.frame(GOOD)
@@ -239,7 +239,7 @@ async def deaf_port_hears_nothing_and_waits_for_silence_afterwards(dut):
 
 
 @cocotb.test()
-async def newest_candidate_is_never_overwritten_by_the_next_frame_coming_in(dut):
+async def newest_candidate_is_never_overwritten_by_the_next_frame(dut):
     rx = await Receiver(dut).start()
     await rx.frame(GOOD)
     await rx.bytes(OTHER)
@@ -272,7 +272,7 @@ async def strict_character_after_a_good_frame_revokes_it_and_all_up_to_t35_is_dr
 
 @cocotb.test()
 @cocotb.parametrize(seen=["start_seen", "byte_valid"])
-async def strict_a_character_revokes_whichever_end_of_it_was_lost(dut, seen):
+async def strict_the_start_or_the_end_of_a_character_revokes(dut, seen):
     """A flipped bit in the UART during the character therefore cannot commit the frame (SAFE-4)."""
     rx = await Receiver(dut).start()
     await rx.bytes(GOOD)
@@ -285,7 +285,7 @@ async def strict_a_character_revokes_whichever_end_of_it_was_lost(dut, seen):
 
 
 @cocotb.test()
-async def whatever_state_a_flip_puts_it_into_it_comes_back(dut):
+async def receiver_recovers_from_any_state(dut):
     """Including undefined states (SAFE-3, SAFE-4)."""
     rx = await Receiver(dut).start()
     for state in range(8):
@@ -300,7 +300,7 @@ async def whatever_state_a_flip_puts_it_into_it_comes_back(dut):
 
 
 @cocotb.test()
-async def strict_no_flip_of_the_state_takes_a_revoked_frame_again(dut):
+async def strict_no_flip_of_the_state_accepts_a_revoked_frame(dut):
     """The CRC residue stays good after a 00 byte (SAFE-4)."""
     rx = await Receiver(dut).start()
     for bit in range(3):
@@ -316,7 +316,7 @@ async def strict_no_flip_of_the_state_takes_a_revoked_frame_again(dut):
 
 
 @cocotb.test()
-async def strict_cut_off_frame_is_forgotten_at_t15_and_the_next_byte_is_an_address(dut):
+async def strict_cut_off_frame_is_dropped_at_t15_and_the_next_byte_is_an_address(dut):
     rx = await Receiver(dut).start()
     await rx.bytes(GOOD[:5])
     await rx.short()
@@ -341,7 +341,7 @@ async def strict_gap_inside_a_frame_splits_it(dut):
 
 
 @cocotb.test()
-async def strict_foreign_frame_with_a_byte_behind_it_is_dropped_too(dut):
+async def strict_foreign_frame_with_bytes_after_it_is_dropped(dut):
     """A frame that continues after t1.5 is bad at any address, even if the rest looks good."""
     rx = await Receiver(dut).start()
     await rx.bytes(rtu.build(OWN ^ 1, rtu.read_coils(0, 16)))
@@ -357,7 +357,7 @@ async def strict_foreign_frame_with_a_byte_behind_it_is_dropped_too(dut):
 
 
 @cocotb.test()
-async def lenient_gap_below_t35_inside_a_frame_is_no_gap(dut):
+async def lenient_gap_below_t35_inside_a_frame_is_accepted(dut):
     rx = await Receiver(dut).start()
     for value in GOOD:
         await rx.byte(value)
@@ -368,7 +368,7 @@ async def lenient_gap_below_t35_inside_a_frame_is_no_gap(dut):
 
 
 @cocotb.test()
-async def lenient_revoked_candidate_goes_on_growing(dut):
+async def lenient_revoked_candidate_continues_to_grow(dut):
     """The start of the frame happens to be a good frame."""
     rx = await Receiver(dut).start()
     whole = rtu.with_crc(GOOD + b"\x42\x43")

@@ -105,7 +105,7 @@ async def sending_lasts_to_the_end_of_the_last_stop_bit(dut):
 
 
 @cocotb.test()
-async def start_while_sending_changes_nothing(dut):
+async def start_while_sending_is_ignored(dut):
     tx = await Sender(dut).start()
     contents = b"\x01\x03\x02\x12\x34"
     sending = cocotb.start_soon(tx.reply(contents))
@@ -130,7 +130,7 @@ async def reply_whose_length_shrinks_ends_after_the_whole_memory(dut):
 
 
 @cocotb.test()
-async def reset_while_sending_lets_go_of_the_line(dut):
+async def reset_while_sending_releases_the_line(dut):
     tx = await Sender(dut).start()
     cocotb.start_soon(tx.reply(bytes(10)))
     await tx.bench.clocks(600)

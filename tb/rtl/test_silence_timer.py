@@ -80,7 +80,7 @@ async def silence_is_a_level_until_the_next_character(dut):
 
 
 @cocotb.test()
-async def activity_stops_the_count_for_as_long_as_it_lasts(dut):
+async def activity_pauses_the_count(dut):
     timer = await Timer(dut).start()
     await timer.bench.clocks(10)
     dut.busy.value = 1
@@ -103,7 +103,7 @@ async def character_just_before_a_limit_starts_the_count_again(dut):
 
 
 @cocotb.test()
-async def held_restart_reaches_nothing(dut):
+async def held_restart_reaches_no_limit(dut):
     timer = await Timer(dut).start()
     dut.restart.value = 1
     await timer.bench.clocks(3 * LONG)
@@ -112,7 +112,7 @@ async def held_restart_reaches_nothing(dut):
 
 @cocotb.test()
 @cocotb.parametrize(two_stop=(0, 1))
-async def after_the_card_s_own_sending_the_silence_counts_from_its_very_end(dut, two_stop):
+async def silence_counts_from_the_end_of_the_cards_own_reply(dut, two_stop):
     """DE falls with the last stop bit, so the count starts there in every format."""
     timer = await Timer(dut, two_stop).start()
     dut.sending.value = 1
@@ -126,7 +126,7 @@ async def after_the_card_s_own_sending_the_silence_counts_from_its_very_end(dut,
 
 @cocotb.test()
 @cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
-async def limits_of_every_rate_are_those_of_its_table(dut, baud):
+async def limits_of_every_rate_match_the_table(dut, baud):
     """1.5 and 3.5 characters, above 19200 bit/s 750 and 1750 us, to two ticks."""
     rate = next(rate for rate in RATES.values() if rate.baud == baud)
     levels = {"half_end": half_end(rate.half_ticks), "half_uneven": rate.half_uneven}
@@ -138,7 +138,7 @@ async def limits_of_every_rate_are_those_of_its_table(dut, baud):
 
 
 @cocotb.test()
-async def guarded_a_flipped_bit_begins_the_count_anew(dut):
+async def guarded_a_flipped_bit_restarts_the_count(dut):
     """Flips each bit early and late in a count, and after it (SAFE-4)."""
     timer = await Timer(dut).start()
     for register in (dut.ticks, dut.halves, dut.g_guarded.guard_i.odd):

@@ -193,7 +193,7 @@ EXPECTED = [
 
 
 @cocotb.test()
-async def after_reset_it_runs_from_address_0_and_not_before(dut):
+async def core_starts_at_address_0_after_the_reset(dut):
     core = await Core(dut).start(release=False)
     for _ in range(20):
         await core.bench.clocks()
@@ -212,7 +212,7 @@ async def bytes_half_words_and_words_of_the_memory_and_the_mailbox_are_right(dut
 
 
 @cocotb.test()
-async def a_mailbox_that_answers_late_changes_nothing(dut):
+async def a_slow_mailbox_does_not_change_the_results(dut):
     rng = seeded("delays")
     core = await Core(dut, delay=lambda: rng.randint(0, 12)).start()
     await core.alive(times=20)
@@ -221,7 +221,7 @@ async def a_mailbox_that_answers_late_changes_nothing(dut):
 
 @cocotb.test()
 @cocotb.parametrize(command=(ILLEGAL, MISALIGNED, MULTIPLY, BREAKPOINT))
-async def what_it_does_not_know_ends_in_a_trap_until_a_reset(dut, command):
+async def unsupported_instructions_trap_until_a_reset(dut, command):
     core = await Core(dut).start()
     await core.alive()
     await core.trapped(command)
@@ -238,7 +238,7 @@ async def what_it_does_not_know_ends_in_a_trap_until_a_reset(dut, command):
 
 @cocotb.test()
 @cocotb.parametrize(command=(ILLEGAL, MISALIGNED, MULTIPLY, BREAKPOINT))
-async def whatever_it_makes_of_what_it_does_not_know_a_reset_helps(dut, command):
+async def a_reset_recovers_from_unsupported_instructions(dut, command):
     core = await Core(dut).start()
     await core.alive()
     core.words[COMMAND] = command
@@ -255,7 +255,7 @@ async def whatever_it_makes_of_what_it_does_not_know_a_reset_helps(dut, command)
 
 
 @cocotb.test()
-async def a_reset_at_any_moment_starts_it_anew(dut):
+async def a_reset_at_any_moment_restarts_the_program(dut):
     rng = seeded("moments")
     core = await Core(dut).start()
     for _ in range(20):
@@ -270,7 +270,7 @@ async def a_reset_at_any_moment_starts_it_anew(dut):
 
 
 @cocotb.test()
-async def a_reset_helps_when_an_access_is_never_answered(dut):
+async def a_reset_ends_an_access_without_an_answer(dut):
     core = await Core(dut).start()
     await core.alive()
     core.silent = True
@@ -286,15 +286,15 @@ async def a_reset_helps_when_an_access_is_never_answered(dut):
 
 
 COMMON = [
-    "after_reset_it_runs_from_address_0_and_not_before",
+    "core_starts_at_address_0_after_the_reset",
     "bytes_half_words_and_words_of_the_memory_and_the_mailbox_are_right",
-    "a_mailbox_that_answers_late_changes_nothing",
-    "a_reset_at_any_moment_starts_it_anew",
-    "a_reset_helps_when_an_access_is_never_answered",
+    "a_slow_mailbox_does_not_change_the_results",
+    "a_reset_at_any_moment_restarts_the_program",
+    "a_reset_ends_an_access_without_an_answer",
 ]
 OWN = {
-    "picorv32": "what_it_does_not_know_ends_in_a_trap_until_a_reset",
-    "serv": "whatever_it_makes_of_what_it_does_not_know_a_reset_helps",
+    "picorv32": "unsupported_instructions_trap_until_a_reset",
+    "serv": "a_reset_recovers_from_unsupported_instructions",
 }
 
 

@@ -58,14 +58,14 @@ class Watched:
 
 
 @cocotb.test()
-async def a_firmware_that_kicks_is_left_alone(dut):
+async def a_kicking_firmware_is_never_reset(dut):
     watched = await Watched(dut).start()
     assert await watched.beats(50, kicking=True) == 0
     assert not watched.fault
 
 
 @cocotb.test()
-async def a_silent_firmware_is_reset_for_a_moment_at_the_third_beat(dut):
+async def a_silent_firmware_is_reset_once_at_the_third_beat(dut):
     watched = await Watched(dut).start()
     assert await watched.beats(BITES_AT - 1) == 0
     assert await watched.beats(1) == 1
@@ -76,7 +76,7 @@ async def a_silent_firmware_is_reset_for_a_moment_at_the_third_beat(dut):
 
 
 @cocotb.test()
-async def the_third_bite_halts_for_good(dut):
+async def the_third_bite_halts_until_a_reset(dut):
     watched = await Watched(dut).start()
     await watched.beats(3 * BITES_AT)
     assert watched.fault and int(dut.core_rst.value)
@@ -88,7 +88,7 @@ async def the_third_bite_halts_for_good(dut):
 
 @cocotb.test()
 @cocotb.parametrize(evidence=["reply_start", "drive_good"])
-async def an_exchange_in_between_forgives(dut, evidence):
+async def an_exchange_clears_the_count_of_bites(dut, evidence):
     watched = await Watched(dut).start()
     for _ in range(4):
         await watched.beats(BITES_AT)
@@ -98,14 +98,14 @@ async def an_exchange_in_between_forgives(dut, evidence):
 
 
 @cocotb.test()
-async def an_old_exchange_that_still_stands_forgives_nothing(dut):
+async def a_constant_drive_good_does_not_clear_the_count_of_bites(dut):
     watched = await Watched(dut, drive_good=1).start()
     await watched.beats(3 * BITES_AT)
     assert watched.fault
 
 
 @cocotb.test()
-async def a_reply_in_the_very_moment_of_the_halt_undoes_nothing(dut):
+async def a_reply_at_the_time_of_the_halt_does_not_clear_the_fault(dut):
     watched = await Watched(dut).start()
     for _ in range(2):
         await watched.bench.strobe(dut.core_trap)
@@ -117,7 +117,7 @@ async def a_reply_in_the_very_moment_of_the_halt_undoes_nothing(dut):
 
 
 @cocotb.test()
-async def a_trap_bites_at_once(dut):
+async def a_trap_resets_the_core_at_once(dut):
     watched = await Watched(dut).start()
     for bites in (1, 2, 3):
         await watched.bench.strobe(dut.core_trap)
@@ -134,7 +134,7 @@ async def a_firmware_that_reports_its_image_damaged_is_halted(dut):
 
 
 @cocotb.test()
-async def an_invalid_address_is_a_fault_but_not_during_the_loop_back_test(dut):
+async def an_invalid_address_is_a_fault_except_during_the_loopback_test(dut):
     watched = await Watched(dut, address_valid=0).start()
     assert watched.fault
     dut.sw_baud.value = LOOPBACK
@@ -145,7 +145,7 @@ async def an_invalid_address_is_a_fault_but_not_during_the_loop_back_test(dut):
 
 
 @cocotb.test()
-async def the_loop_back_test_is_open_for_its_switches_alone_and_never_again(dut):
+async def the_loopback_test_opens_only_for_its_switches_and_only_once(dut):
     watched = await Watched(dut).start()
     for bit in range(9):
         dut.sw_baud.value = LOOPBACK ^ 1 << bit

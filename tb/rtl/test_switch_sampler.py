@@ -26,7 +26,7 @@ async def running(dut) -> Bench:
 
 
 @cocotb.test()
-async def every_switch_arrives_in_its_place(dut):
+async def every_switch_sets_its_own_bit(dut):
     bench = await running(dut)
     for n in range(9):
         await sample(dut, bench, 1 << n, 1 << n & 0xFF)

@@ -85,7 +85,7 @@ class Receiver:
 
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
-async def bytes_of_every_format_come_out_back_to_back(dut, form):
+async def back_to_back_bytes_are_received_in_every_format(dut, form):
     rng = seeded("bytes")
     rx = await Receiver(dut, form).start()
     data = b"\x00\xff\x55\xaa\x01\x80" + rng.randbytes(20)
@@ -107,7 +107,7 @@ async def parity_error_is_reported_with_its_own_byte(dut, form):
 
 
 @cocotb.test()
-async def other_parity_of_the_sender_is_an_error_in_every_byte(dut):
+async def wrong_parity_of_the_sender_is_an_error_in_every_byte(dut):
     rx = await Receiver(dut, "8E1").start()
     await rx.source.send(bytes(range(8)), fmt=Format.named(BAUD, "8O1"))
     await rx.source.idle(2)
@@ -148,7 +148,7 @@ async def break_is_one_zero_with_framing_error_and_receiving_until_it_ends(dut):
 
 
 @cocotb.test()
-async def low_of_less_than_half_a_bit_is_no_start_bit(dut):
+async def low_pulse_below_half_a_bit_is_no_start_bit(dut):
     rx = await Receiver(dut, "8E1").start()
     for ticks in range(1, 8):
         await rx.source.low_pulse(ticks * TICK * rx.source.fmt.bit_ps)
@@ -196,7 +196,7 @@ async def receiving_ends_with_the_byte_in_the_middle_of_the_stop_bit(dut):
 
 
 @cocotb.test()
-async def reset_in_the_middle_of_a_byte_forgets_it(dut):
+async def reset_in_the_middle_of_a_byte_drops_it(dut):
     rx = await Receiver(dut, "8E1").start()
     sending = cocotb.start_soon(rx.source.send(b"\xfe"))
     await rx.source.idle(4)
@@ -235,7 +235,7 @@ class Chain:
 
 
 @cocotb.test()
-async def sender_off_by_four_percent_is_understood(dut):
+async def sender_with_a_rate_error_of_four_percent_is_received(dut):
     chain = Chain(dut)
     await chain.bench.start()
     slowest, fastest = (int(os.environ[name]) for name in ("SLOWEST", "FASTEST"))
@@ -251,7 +251,7 @@ async def sender_off_by_four_percent_is_understood(dut):
 
 
 @cocotb.test()
-async def jitter_and_unequal_slopes_are_understood(dut):
+async def jitter_and_unequal_slopes_are_tolerated(dut):
     rng = seeded("jitter")
     chain = Chain(dut)
     await chain.bench.start()
@@ -287,7 +287,7 @@ async def glitches_on_the_idle_line_are_ignored(dut):
 
 
 @cocotb.test()
-async def line_low_from_power_up_is_never_taken_for_a_character(dut):
+async def line_low_from_power_up_is_a_break_and_no_character(dut):
     chain = Chain(dut)
     chain.source.hold(0)
     await chain.bench.start(reset_clocks=200, release=False)
@@ -313,7 +313,7 @@ async def ready_bench(dut, form: str) -> tuple[Bench, UartMonitor]:
 
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
-async def bytes_arrive_in_the_format_without_gaps(dut, form):
+async def bytes_are_sent_in_every_format_without_gaps(dut, form):
     rng = seeded("bytes")
     data = b"\x00\xff\x55\xaa" + rng.randbytes(12)
     bench, monitor = await ready_bench(dut, form)
@@ -328,7 +328,7 @@ async def bytes_arrive_in_the_format_without_gaps(dut, form):
 
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
-async def sending_from_the_start_bit_to_the_end_of_the_last_stop_bit(dut, form):
+async def sending_is_set_from_the_start_bit_to_the_end_of_the_last_stop_bit(dut, form):
     bench, monitor = await ready_bench(dut, form)
     await bench.clocks(20)
     assert dut.sending.value == 0
@@ -385,17 +385,17 @@ async def nothing_is_sent_before_the_line_is_ready(dut):
 
 @cocotb.test()
 @cocotb.parametrize(form=("8N1", "8E1", "8O1"))
-async def check_bits_go_out_in_place_of_the_data_with_their_own_parity(dut, form):
+async def check_bits_are_sent_in_place_of_the_data_with_their_own_parity(dut, form):
     """The check unit advances with each bit strobe."""
     value = 0xB4
     bench, monitor = await ready_bench(dut, form)
     dut.send_check.value = 1
-    told = Strobes(dut, "bit_valid", "bit_data")
+    bits_shown = Strobes(dut, "bit_valid", "bit_data")
 
     async def check_unit() -> None:
         for n in range(8):
             dut.check_bit.value = value >> n & 1
-            while len(told) <= n:
+            while len(bits_shown) <= n:
                 await bench.clocks()
             await bench.clocks()
 
@@ -403,28 +403,28 @@ async def check_bits_go_out_in_place_of_the_data_with_their_own_parity(dut, form
     await bench.give(b"\x00", "send")
     frame = await monitor.frame(1e12)
     assert frame.ok and frame.data == bytes([value])
-    assert [bit for (bit,) in told.values] == [value >> n & 1 for n in range(8)]
+    assert [bit for (bit,) in bits_shown.values] == [value >> n & 1 for n in range(8)]
 
 
 @cocotb.test()
-async def every_data_bit_is_told_to_the_check_unit_both_ways(dut):
+async def every_data_bit_reaches_the_check_unit_in_both_directions(dut):
     rng = seeded("bytes")
     data = rng.randbytes(6)
     bits = [byte >> n & 1 for byte in data for n in range(8)]
     rx = await Receiver(dut, "8E1").start()
-    told = Strobes(dut, "bit_valid", "bit_data")
+    bits_shown = Strobes(dut, "bit_valid", "bit_data")
     await rx.source.send(data)
     await rx.source.idle(2)
-    assert [bit for (bit,) in told.values] == bits
-    told.clear()
+    assert [bit for (bit,) in bits_shown.values] == bits
+    bits_shown.clear()
     await rx.bench.give(data, "send")
     await rx.bench.clocks(16 * 12)
-    assert [bit for (bit,) in told.values] == bits
+    assert [bit for (bit,) in bits_shown.values] == bits
     assert rx.bytes == data and len(rx.starts) == len(data), "its own characters are not received"
 
 
 @cocotb.test()
-async def second_byte_late_by_a_tick_waits_for_no_border_but_starts_at_once(dut):
+async def late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary(dut):
     bench, monitor = await ready_bench(dut, "8E1")
     await bench.clocks(5)
     await bench.give(b"\x12", "send")
@@ -437,7 +437,7 @@ async def second_byte_late_by_a_tick_waits_for_no_border_but_starts_at_once(dut)
 
 
 @cocotb.test()
-async def idle_level_through_reset_even_while_sending(dut):
+async def reset_while_sending_returns_the_line_to_idle(dut):
     bench, _ = await ready_bench(dut, "8N1")
     await bench.give(b"\x00", "send")
     await bench.clocks(30)
@@ -447,7 +447,7 @@ async def idle_level_through_reset_even_while_sending(dut):
     assert dut.txd.value == 1 and dut.sending.value == 0
 
 
-def judge(monitor: UartMonitor, frame: Frame, what: str) -> None:
+def check_bit_time(monitor: UartMonitor, frame: Frame, what: str) -> None:
     fmt = monitor.fmt
     assert frame.ok, f"{what}: {frame}"
     timing = monitor.measure(frame)
@@ -458,7 +458,7 @@ def judge(monitor: UartMonitor, frame: Frame, what: str) -> None:
 
 
 @cocotb.test()
-async def bit_time_on_the_pin(dut):
+async def bit_time_on_the_pin_is_right_at_every_rate(dut):
     """Measures every rate from SLOWEST on, in every format of FORMS."""
     bench = Bench(
         dut, int(os.environ["CLK_HZ"]), rx=1, undivided=1, mask=0, tx_valid=0, tx_data=0, **levels_of("8N1")
@@ -479,36 +479,36 @@ async def bit_time_on_the_pin(dut):
             await bench.give(data, "tx")
             frame = await monitor.frame(1e12, gap_bits=2)
             assert frame.data == data
-            judge(monitor, frame, f"{dut.CLK_HZ.value.to_unsigned()} Hz, {monitor.fmt}")
+            check_bit_time(monitor, frame, f"{dut.CLK_HZ.value.to_unsigned()} Hz, {monitor.fmt}")
 
 
 UNIT_TESTS = [
-    "bytes_of_every_format_come_out_back_to_back",
+    "back_to_back_bytes_are_received_in_every_format",
     "parity_error_is_reported_with_its_own_byte",
-    "other_parity_of_the_sender_is_an_error_in_every_byte",
+    "wrong_parity_of_the_sender_is_an_error_in_every_byte",
     "missing_stop_bit_is_reported_with_its_own_byte",
     "one_stop_bit_is_enough_where_two_are_usual",
     "break_is_one_zero_with_framing_error_and_receiving_until_it_ends",
-    "low_of_less_than_half_a_bit_is_no_start_bit",
+    "low_pulse_below_half_a_bit_is_no_start_bit",
     "single_bad_sample_in_the_middle_of_each_bit_is_outvoted",
     "the_three_samples_of_a_bit_are_a_tick_apart",
     "receiving_ends_with_the_byte_in_the_middle_of_the_stop_bit",
-    "reset_in_the_middle_of_a_byte_forgets_it",
-    "bytes_arrive_in_the_format_without_gaps",
-    "sending_from_the_start_bit_to_the_end_of_the_last_stop_bit",
+    "reset_in_the_middle_of_a_byte_drops_it",
+    "bytes_are_sent_in_every_format_without_gaps",
+    "sending_is_set_from_the_start_bit_to_the_end_of_the_last_stop_bit",
     "byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap",
     "next_byte_is_taken_from_the_parity_or_first_stop_bit_on",
     "nothing_is_sent_before_the_line_is_ready",
-    "check_bits_go_out_in_place_of_the_data_with_their_own_parity",
-    "every_data_bit_is_told_to_the_check_unit_both_ways",
-    "second_byte_late_by_a_tick_waits_for_no_border_but_starts_at_once",
-    "idle_level_through_reset_even_while_sending",
+    "check_bits_are_sent_in_place_of_the_data_with_their_own_parity",
+    "every_data_bit_reaches_the_check_unit_in_both_directions",
+    "late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary",
+    "reset_while_sending_returns_the_line_to_idle",
 ]
 PIN_TESTS = [
-    "jitter_and_unequal_slopes_are_understood",
+    "jitter_and_unequal_slopes_are_tolerated",
     "glitch_of_less_than_a_quarter_bit_anywhere_in_a_character_is_ignored",
     "glitches_on_the_idle_line_are_ignored",
-    "line_low_from_power_up_is_never_taken_for_a_character",
+    "line_low_from_power_up_is_a_break_and_no_character",
 ]
 
 
@@ -539,7 +539,7 @@ def test_baud_error(sim, clk_hz, slowest, fastest):
     run_chain(
         sim,
         clk_hz,
-        "sender_off_by_four_percent_is_understood",
+        "sender_with_a_rate_error_of_four_percent_is_received",
         SLOWEST=str(slowest),
         FASTEST=str(fastest),
     )
@@ -567,5 +567,5 @@ def test_bit_time(sim, clk_hz, slowest, forms):
         extra_sources=[HERE / "uart_chain.v"],
         parameters={"CLK_HZ": clk_hz},
         extra_env={"CLK_HZ": str(clk_hz), "SLOWEST": str(slowest), "FORMS": " ".join(forms)},
-        testcase="bit_time_on_the_pin",
+        testcase="bit_time_on_the_pin_is_right_at_every_rate",
     )
