@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates everything that is derived from regs/mailbox.rdl, regs/card.toml and configs.toml.
+"""Generates all files derived from regs/mailbox.rdl, regs/card.toml and configs.toml.
 
-    python -m regs.regs            writes the generated files
-    python -m regs.regs --check    exits 1 and names every file that differs from what would be written
+    python -m regs.regs            writes the files
+    python -m regs.regs --check    exits 1 and names every file that is not up to date
 
 From the mailbox map: C header, linker symbols, Verilog constants, Python constants, Markdown page.
 From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
-From the configurations: a file of Verilog macros each, the defaults of the top's parameters (TOP-2).
+From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 """
 
 import argparse
@@ -29,7 +29,7 @@ RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
 CONFIGS = "configs.toml"
 WORD_BYTES = 4
-# What silence_timer's count begins a half character with; the module says why.
+# Start value of silence_timer's count at each half character; the module gives the reason.
 SILENCE_START = 18
 
 
@@ -44,7 +44,7 @@ def banner(comment: str, source: str) -> str:
 
 
 class Map:
-    """The elaborated map: the registers, and what lies in the frame memory."""
+    """The elaborated map: the registers, and the areas of the frame memory."""
 
     def __init__(self) -> None:
         compiler = RDLCompiler()
@@ -67,7 +67,7 @@ class Map:
 
 
 def area_length(area: RegNode) -> int:
-    """Elements of a frame, or 1."""
+    """Number of elements: 1 unless it is a frame."""
     return area.array_dimensions[0] if area.is_array else 1
 
 
@@ -78,7 +78,7 @@ def field_access(field: FieldNode) -> str:
 
 
 def field_reset(field: FieldNode) -> int | None:
-    """The reset value, or None where there is none."""
+    """The reset value, or None if the field has none."""
     reset = field.get_property("reset")
     return reset if isinstance(reset, int) else None
 
@@ -95,10 +95,10 @@ def c_header(registers: Map) -> str:
             instantiate=True,
         )
         text = path.read_text()
-    # Every member lies at a multiple of its size, so the layout needs no packing; packed, the compiler
-    # must assume alignment 1 and would write every word byte by byte.
+    # Every member lies at a multiple of its size, so the struct needs no packing. In a packed struct the
+    # compiler must assume alignment 1 and would write each word byte by byte.
     text = text.replace("struct __attribute__ ((__packed__))", "struct")
-    # The frame memory, which no struct can show: its lanes are interleaved.
+    # The frame memory is no struct, because its lanes are interleaved.
     lines = ["// Addresses in the frame memory; the bytes of a frame are FRAME_STRIDE apart."]
     lines += [f"#define FRAMES_address 0x{registers.frames_base:08x}u"]
     lines += [f"#define FRAMES_bytes {registers.frames_bytes}u", f"#define FRAME_STRIDE {WORD_BYTES}u"]
@@ -126,7 +126,7 @@ def markdown_page(registers: Map) -> str:
     text = re.sub(r"\A\s*<!-.*?-->\n", "", text, flags=re.DOTALL)
     text = re.sub(r"</?p>", "", text)
     text = re.sub(r"\n{3,}", "\n\n", text)
-    # The exporter would give every byte of a frame a chapter.
+    # Written here, because the exporter makes a chapter of every byte of a frame.
     lines = ["## Frame memory", "", squeeze(registers.frames.get_property("desc")), ""]
     lines += [
         f"From 0x{registers.frames_base:08X} on. The bytes of a frame are {WORD_BYTES} bytes apart.",
@@ -146,7 +146,7 @@ def markdown_page(registers: Map) -> str:
 
 
 def squeeze(text: str) -> str:
-    """A description without its line ends."""
+    """A description on one line."""
     return " ".join(text.split())
 
 
@@ -189,7 +189,7 @@ def python_constants(registers: Map) -> str:
         "",
         "@dataclass(frozen=True)",
         "class Field:",
-        '    """One field; reset is None where there is none."""',
+        '    """One field; reset is None if it has none."""',
         "",
         "    bit: int",
         "    width: int",
@@ -223,7 +223,7 @@ def python_constants(registers: Map) -> str:
         "",
         "@dataclass(frozen=True)",
         "class Area:",
-        '    """A frame or a counter: element i has `size` bytes at `offset` + i * STRIDE from FRAMES."""',
+        '    """A frame or a counter: element i has `size` bytes at FRAMES + `offset` + i * STRIDE."""',
         "",
         "    offset: int",
         "    length: int",
@@ -274,8 +274,8 @@ def python_constants(registers: Map) -> str:
 # ---------------------------------------------------------------- card tables
 
 
-class Card:
-    """card.toml, checked and with what follows from it."""
+class CardTables:
+    """card.toml, checked, and the values derived from it."""
 
     def __init__(self) -> None:
         data = tomllib.loads((ROOT / CARD).read_text())
@@ -305,7 +305,7 @@ class Card:
         return ratio
 
     def mask(self, rate: int) -> int:
-        """The bits of baud_divider's count that a ratio of 3 x a power of 2 needs; 0 for ratio 1 too."""
+        """Count mask of baud_divider for a ratio of 3 times a power of 2: that power minus 1; else 0."""
         ratio = self.ratio(rate)
         halvings, rest = divmod(ratio, 3)
         if ratio != 1 and (rest or halvings.bit_count() != 1 or halvings > 128):
@@ -319,13 +319,13 @@ class Card:
         return self.line[f"{name}_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
 
     def silence_ticks(self, rate: int, name: str) -> int:
-        """The same, rounded up to a whole tick."""
+        """t15 or t35, rounded up to a whole tick."""
         return math.ceil(self.exact_silence_ticks(rate, name))
 
     def half_ticks(self, rate: int) -> tuple[int, bool]:
-        """A third of t1.5, a seventh of t3.5 in oversampling ticks: half a character, 250 us above 19200.
+        """Half a character of FRAME-1 in oversampling ticks: a third of t1.5, a seventh of t3.5.
 
-        With True it is no whole number: rounded up, and every second one is a tick shorter.
+        Rounded up. True: the exact value is no whole number, and every second half is a tick shorter.
         """
         exact = self.exact_silence_ticks(rate, "t15") / 3
         if not math.isclose(exact, self.exact_silence_ticks(rate, "t35") / 7):
@@ -337,7 +337,7 @@ class Card:
         return self.drive["pause_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
 
 
-def card_constants(card: Card) -> str:
+def card_constants(card: CardTables) -> str:
     drive = card.drive
     constants = {
         "CARD_BASE_HZ": card.line["base_hz"],
@@ -369,7 +369,7 @@ def card_constants(card: Card) -> str:
 
 
 def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict]) -> list[str]:
-    """An always block that looks all outputs up by `width` switch bits, complete over all patterns."""
+    """An always block with a case of all patterns of `width` switch bits for all outputs."""
     lines = ["  always @* begin", f"    case ({select})"]
     for bits, row in sorted(rows.items()):
         label = "default" if bits == max(rows) else f"{width}'b{bits:0{width}b}"
@@ -380,7 +380,7 @@ def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[in
     return [*lines, "    endcase", "  end"]
 
 
-def card_verilog(card: Card) -> str:
+def card_verilog(card: CardTables) -> str:
     rates = {}
     for bits, rate in card.rates.items():
         half, uneven = card.half_ticks(rate)
@@ -401,9 +401,10 @@ def card_verilog(card: Card) -> str:
     lines = [
         banner("//", CARD).rstrip(),
         "//",
-        "// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.",
-        "// How baud_divider makes the rate (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer",
-        "// counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.",
+        "// Settings of the network line by the baud and parity switches. Combinational; 1 = ON.",
+        "// Index = switch. Rate by baud_divider (LINE-2), format (LINE-1, LINE-3). half_end: end value of",
+        "// silence_timer's count of half a character (FRAME-1); half_uneven: every second half is one tick",
+        "// shorter.",
         "",
         "`default_nettype none",
         "",
@@ -435,7 +436,7 @@ def card_verilog(card: Card) -> str:
     return "\n".join(lines) + "\n"
 
 
-def card_python(card: Card) -> str:
+def card_python(card: CardTables) -> str:
     lines = [
         banner("#", CARD).rstrip(),
         '"""Rates, formats, silences by switches, first switch first, 1 = ON (LINE-2, LINE-3, FRAME-1)."""',
@@ -447,9 +448,9 @@ def card_python(card: Card) -> str:
         "class Rate:",
         '    """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.',
         "",
-        "    mask: how baud_divider makes the ratio, if it is not 1.",
+        "    mask: count mask of baud_divider for the ratio; 0 for ratio 1.",
         "    half_ticks: half a character of FRAME-1.",
-        "    half_uneven: every second half, from the second on, is a tick shorter.",
+        "    half_uneven: the second, fourth ... half is a tick shorter.",
         '    """',
         "",
         "    baud: int",
@@ -489,7 +490,7 @@ def card_python(card: Card) -> str:
     return "\n".join(lines) + "\n"
 
 
-def card_cpp(card: Card) -> str:
+def card_cpp(card: CardTables) -> str:
     letters = {"none": "N", "odd": "O", "even": "E"}
     lines = [
         banner("//", CARD).rstrip(),
@@ -552,7 +553,7 @@ def config_macros(name: str, entry: dict) -> str:
 def generate() -> dict[str, str]:
     """Path (from the repository's root) -> text of every generated file."""
     registers = Map()
-    card = Card()
+    card = CardTables()
     configs = tomllib.loads((ROOT / CONFIGS).read_text())
     return {
         "regs/generated/mailbox.h": c_header(registers),

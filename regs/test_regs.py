@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The register map and the card tables: one source each, and everything derived from them agrees."""
+"""Tests of the register map and the card tables: each has one source, and all derived files agree."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ COMPILER = "riscv64-unknown-elf-gcc"
 
 
 @pytest.fixture(scope="module")
-def the_map() -> regs.Map:
+def register_map() -> regs.Map:
     return regs.Map()
 
 
 @pytest.fixture(scope="module")
-def c_values(tmp_path_factory, the_map) -> dict[str, int]:
-    """What the firmware's compiler makes of the header: offsets of registers, addresses of frames."""
+def c_values(tmp_path_factory, register_map) -> dict[str, int]:
+    """Values of the header as the firmware's compiler sees them: register offsets, frame addresses."""
     folder = tmp_path_factory.mktemp("header")
-    values = {reg.inst_name: f"offsetof(MAILBOX_t, {reg.inst_name})" for reg in the_map.registers}
-    values |= {area.inst_name: f"{area.inst_name}_address" for area in the_map.areas}
-    # One more each, for a zero alone makes another directive of the assembler.
+    values = {reg.inst_name: f"offsetof(MAILBOX_t, {reg.inst_name})" for reg in register_map.registers}
+    values |= {area.inst_name: f"{area.inst_name}_address" for area in register_map.areas}
+    # Add one to each: a zero alone would make another assembler directive.
     lines = ["#include <stddef.h>", '#include "mailbox.h"', "const unsigned values[] = {"]
     lines += [f"  1 + {value}," for value in values.values()]
     source = folder / "values.c"
@@ -53,13 +53,13 @@ def verilog_value(literal: str) -> int:
     return int(rest[1:], {"h": 16, "d": 10, "b": 2}[rest[0]]) if quote else int(literal)
 
 
-def test_nothing_has_drifted():
+def test_generated_files_are_up_to_date():
     for name, text in regs.generate().items():
         assert (ROOT / name).read_text() == text, f"{name} differs; run `make regs`"
 
 
-def test_drift_is_noticed(tmp_path):
-    """The check itself can fail: a copy with one digit changed is refused and named."""
+def test_an_outdated_generated_file_is_found(tmp_path):
+    """The check can fail: a copy with one digit changed is rejected by name."""
     for folder in ("regs", "docs"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "configs.toml", tmp_path)
@@ -72,11 +72,11 @@ def test_drift_is_noticed(tmp_path):
     assert "regs/generated/card_defs.v differs" in done.stderr
 
 
-def test_every_register_is_everywhere(the_map, c_values):
-    """Name and place of every register in C, Verilog, Python and Markdown."""
+def test_every_register_is_the_same_in_all_languages(register_map, c_values):
+    """Name and offset of every register in C, Verilog, Python and Markdown."""
     macros = verilog_macros("mailbox_defs.v")
     page = (ROOT / "docs/reference/registers.md").read_text()
-    for reg in the_map.registers:
+    for reg in register_map.registers:
         name, offset = reg.inst_name, reg.address_offset
         assert c_values[name] == offset
         assert f"{name} " in page
@@ -84,12 +84,12 @@ def test_every_register_is_everywhere(the_map, c_values):
         assert (mailbox.REGISTERS[name].offset, mailbox.REGISTERS[name].size) == (offset, reg.size)
 
 
-def test_every_frame_and_counter_is_everywhere(the_map, c_values):
+def test_every_frame_and_counter_is_the_same_in_all_languages(register_map, c_values):
     macros = verilog_macros("mailbox_defs.v")
     page = (ROOT / "docs/reference/registers.md").read_text()
-    for area in the_map.areas:
+    for area in register_map.areas:
         name, offset = area.inst_name, area.raw_absolute_address
-        assert c_values[name] == the_map.frames_base + offset
+        assert c_values[name] == register_map.frames_base + offset
         assert f"| 0x{c_values[name]:08X} | {regs.area_length(area) * area.size} | {name} |" in page
         slot, lane = (verilog_value(macros[f"MBX_{name}_{part}"]) for part in ("SLOT", "LANE"))
         assert 4 * slot + lane == mailbox.AREAS[name].offset == offset
@@ -107,8 +107,8 @@ def test_no_two_frames_share_bytes():
     assert max(taken) < mailbox.FRAMES_BYTES
 
 
-def test_what_hardware_takes_for_granted_of_the_frames():
-    """Banks that a bit apart tells, one lane for a port's two banks and one for what both ports send."""
+def test_frames_lie_where_the_hardware_expects_them():
+    """Banks differ in one bit; a port's two banks share a lane, and so do the frames of both senders."""
     areas = mailbox.AREAS
     first, second = areas["REQUEST_FRAME_0"], areas["REQUEST_FRAME_1"]
     assert (first.slot, second.slot, first.lane) == (0, 32, second.lane)
@@ -117,8 +117,8 @@ def test_what_hardware_takes_for_granted_of_the_frames():
     assert all(areas[f"{name}_FRAME"].slot % 32 == 0 for name in ("REPLY", "TELEGRAM", "DRIVE"))
 
 
-def test_counters_stand_in_the_order_of_the_events():
-    """The firmware walks along both."""
+def test_counters_are_in_the_order_of_the_events():
+    """The firmware indexes both in one loop."""
     counters = [area.offset for name, area in mailbox.AREAS.items() if name.startswith("COUNT_")]
     assert counters == list(range(counters[0], counters[0] + 4 * len(counters), 4))
     events = sorted(mailbox.REGISTERS["EVENTS"].fields.items(), key=lambda item: item[1].bit)
@@ -127,12 +127,12 @@ def test_counters_stand_in_the_order_of_the_events():
         assert mailbox.AREAS[f"COUNT_{name.upper()}"].offset == counters[about.bit]
 
 
-def test_every_field_is_everywhere(the_map):
+def test_every_field_is_the_same_in_all_languages(register_map):
     """Bits, reset value and access of every field in C, Verilog and Python; name in Markdown."""
     macros = verilog_macros("mailbox_defs.v")
     header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "regs/generated/mailbox.h").read_text(), re.M))
     page = (ROOT / "docs/reference/registers.md").read_text()
-    fields = [(reg, field) for reg in the_map.registers for field in reg.fields()]
+    fields = [(reg, field) for reg in register_map.registers for field in reg.fields()]
     assert len(fields) > 25
     for reg, field in fields:
         verilog = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
@@ -152,15 +152,15 @@ def test_every_field_is_everywhere(the_map):
             assert int(header[f"{c}_reset"], 16) == reset
 
 
-def test_no_two_share_bits(the_map):
-    for reg in the_map.registers:
+def test_no_two_fields_share_bits(register_map):
+    for reg in register_map.registers:
         taken = [bit for field in reg.fields() for bit in range(field.low, field.high + 1)]
         assert len(taken) == len(set(taken))
         assert max(taken) < 12, "only the lowest bits of a register exist"
 
 
 def test_the_map_ends_with_the_address_space():
-    """Both in reach of one instruction, and on different sides of address bit 10."""
+    """One instruction reaches both, and address bit 10 distinguishes them."""
     assert mailbox.BASE == 0xFFFF_F800
     assert mailbox.FRAMES + mailbox.FRAMES_BYTES == 1 << 32
     assert all(register.offset < 32 for register in mailbox.REGISTERS.values())
@@ -168,7 +168,7 @@ def test_the_map_ends_with_the_address_space():
 
 @pytest.mark.rule("LINE-2", "LINE-4")
 def test_rates_of_the_manual_and_exact_division():
-    """The rates of LINE-2 by switch pattern; each divides the base without a rest (LINE-4)."""
+    """The rates of LINE-2 by switch pattern; each divides the base exactly (LINE-4)."""
     rates = {pattern: rate.baud for pattern, rate in card_tables.RATES.items()}
     manual = {"000": 300, "001": 1200, "010": 2400, "011": 4800, "111": 9600, "101": 19200}
     assert rates == manual | {"100": 38400, "110": 115200}
@@ -197,7 +197,7 @@ def test_silences_within_a_quarter_bit():
 
 @pytest.mark.rule("FRAME-1")
 def test_three_and_seven_half_characters_are_the_silences():
-    """Within 2 ticks of 1/16 bit, half of what the rule allows."""
+    """Within 2 ticks of 1/16 bit, half of the tolerance of the rule."""
     for rate in card_tables.RATES.values():
         for halves, limit_us, bits in ((3, 750, 16.5), (7, 1750, 38.5)):
             exact = limit_us * rate.baud * 16 / 1e6 if rate.baud > 19200 else 16 * bits

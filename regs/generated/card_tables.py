@@ -9,9 +9,9 @@ from dataclasses import dataclass
 class Rate:
     """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.
 
-    mask: how baud_divider makes the ratio, if it is not 1.
+    mask: count mask of baud_divider for the ratio; 0 for ratio 1.
     half_ticks: half a character of FRAME-1.
-    half_uneven: every second half, from the second on, is a tick shorter.
+    half_uneven: the second, fourth ... half is a tick shorter.
     """
 
     baud: int

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
-// What the baud/parity switches select on the network line. Combinational; 1 = ON, index = switch.
-// How baud_divider makes the rate (LINE-2), format (LINE-1, LINE-3). half_end: what silence_timer
-// counts to in half a character (FRAME-1); half_uneven: every second half is a tick shorter.
+// Settings of the network line by the baud and parity switches. Combinational; 1 = ON.
+// Index = switch. Rate by baud_divider (LINE-2), format (LINE-1, LINE-3). half_end: end value of
+// silence_timer's count of half a character (FRAME-1); half_uneven: every second half is one tick
+// shorter.
 
 `default_nettype none
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Field:
-    """One field; reset is None where there is none."""
+    """One field; reset is None if it has none."""
 
     bit: int
     width: int
@@ -41,7 +41,7 @@ class Register:
 
 @dataclass(frozen=True)
 class Area:
-    """A frame or a counter: element i has `size` bytes at `offset` + i * STRIDE from FRAMES."""
+    """A frame or a counter: element i has `size` bytes at FRAMES + `offset` + i * STRIDE."""
 
     offset: int
     length: int
