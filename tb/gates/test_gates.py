@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modules after synthesis, cell by cell, under their own benches: that what was mapped is what was written.
+"""Modules after synthesis, as cells, with their own benches: the mapping kept their function.
 
-The whole card takes minutes a family: `make test-gates` (tb/gates/all.py).
+`make test-gates` runs the whole card (tb/gates/all.py), which takes minutes for each family.
 """
 
 import itertools
@@ -18,14 +18,14 @@ from tb.lib.seeds import seeded
 from tb.rtl import test_firmware_ram as ram
 from tb.rtl.test_uart import UNIT_TESTS
 
-# The gate's tests but for those that turn over a register by its name in the Verilog.
+# All tests of the gate except those that flip a register by its name in the Verilog.
 BY_PORTS = r"(?!no_single_bit)\w+"
 
 each_family = pytest.mark.parametrize("family", COUNTED_ON)
 
 
 def run_gates(family: str, top: str, parameters=None, config: str = "standard", **more) -> None:
-    """On Icarus, which knows x: a flip-flop without a defined start would show."""
+    """Runs on Icarus, where x shows a flip-flop without a defined start value."""
     parameters = parameters or {}
     bench = ".".join(bench_file(top).with_suffix("").parts)
     sources = netlist(family, top, config, parameters)
@@ -47,7 +47,7 @@ def test_uart_in_cells(family):
 @pytest.mark.rule("TOP-1")
 @each_family
 def test_firmware_memory_in_block_rams(family, tmp_path):
-    """As large as the small card's, so that it is mapped to block RAMs."""
+    """As large as the tiny card's memory, so that it is mapped to block RAMs."""
     words = 1536
     hex_file = tmp_path / "image.hex"
     ram.write_image(hex_file, words)
@@ -60,8 +60,8 @@ def test_firmware_memory_in_block_rams(family, tmp_path):
 
 
 @each_family
-def test_a_wrong_look_up_table_is_noticed(family, tmp_path):
-    """The first content in the netlist upside down."""
+def test_a_wrong_look_up_table_is_found(family, tmp_path):
+    """Inverts the first look-up table of the netlist."""
     cells, gates = netlist(family, "commit_gate", "standard", {})
     upside_down = {": 0;": ": 1;", ": 1;": ": 0;"}
     wrong = re.sub(
@@ -80,7 +80,7 @@ def test_a_wrong_look_up_table_is_noticed(family, tmp_path):
         )
 
 
-# ---------------------------------------------------------------- the cells that are written anew
+# ---------------------------------------------------------------- the fast cell models
 
 FLIP_FLOPS = {
     "ice40": [
@@ -109,7 +109,7 @@ STIMULI = 4000
 
 
 def instance(cell: str, parameters: dict[str, str], name: str, pins: dict[str, str]) -> str:
-    """As Yosys writes it."""
+    """An instance as written by Yosys."""
     sets, joins = (
         ",\n".join(f"    .{name}({value})" for name, value in part.items()) for part in (parameters, pins)
     )
@@ -117,7 +117,7 @@ def instance(cell: str, parameters: dict[str, str], name: str, pins: dict[str, s
 
 
 def each_cell(family: str, inits: list[int]) -> tuple[str, int]:
-    """A netlist of two flip-flops of each kind and of look-up tables, as Yosys writes it; its outputs."""
+    """A netlist of two flip-flops of each kind and of look-up tables, as by Yosys; number of outputs."""
     lines, outputs = "", 0
     for cell, parameters, data, pins in FLIP_FLOPS[family]:
         quoted = {name: f'"{value}"' for name, value in parameters.items()}
@@ -134,7 +134,7 @@ def each_cell(family: str, inits: list[int]) -> tuple[str, int]:
 
 
 def differences(family: str, tmp_path, spoil=lambda text: text) -> int:
-    """How often the cells for Icarus and the package's differ, x counting as a value, under random inputs."""
+    """Number of differences of fast and package models under random inputs; x counts as a value."""
     rng = seeded("cells")
     text, outputs = each_cell(family, [0, 0xFFFF, 0x6996, *rng.sample(range(1 << 16), 20)])
     fast = with_joined_flip_flops(with_fast_tables(family, text))
@@ -177,7 +177,7 @@ endmodule
 
 
 @each_family
-def test_cells_for_icarus_do_what_the_package_s_do(family, tmp_path):
+def test_fast_cells_are_equivalent_to_those_of_the_package(family, tmp_path):
     assert differences(family, tmp_path) == 0
 
 
@@ -186,5 +186,5 @@ def test_cells_for_icarus_do_what_the_package_s_do(family, tmp_path):
     [("if (r) begin", "if (!r) begin"), ("= 1'b1;", "= 1'b0;"), ("q1 <= d1;", "q1 <= d0;"), (": 1;", ": 0;")],
 )
 @each_family
-def test_a_wrong_cell_for_icarus_is_noticed(family, old, new, tmp_path):
+def test_a_wrong_fast_cell_is_found(family, old, new, tmp_path):
     assert differences(family, tmp_path, lambda text: text.replace(old, new)) > 0
