@@ -20,9 +20,9 @@ from sim.harness import registers
 from sim.harness.library import Target
 from sim.harness.registers import Register
 from tb.model import fc_telegram, rtu
-from tb.model.card import Card
+from tb.model.card import CardModel
 from tb.model.crc16 import crc_good, with_crc
-from tb.model.whole_card import Judge, Verdict
+from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import Line, drive_line, taken_by_a_drive
 
 ADDRESS = 1
@@ -253,8 +253,8 @@ def trial(
         played = player.played()
     finally:
         player.pins.close()
-    judge = Judge(Card(), player.line, ADDRESS, BUDGET_CLOCKS)
-    verdict = judge.judge(played.network, played.drive, played.replies, played.telegrams, played.end)
+    judge = LineJudge(CardModel(), player.line, ADDRESS, BUDGET_CLOCKS)
+    verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
     return classify(flip, played, verdict, player, lit), case, played, verdict
 
 
@@ -379,7 +379,7 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[s
         confirmed = data[0] == ADDRESS and any(r[:2] == data[:2] and crc_good(r) for r in replies[:1])
         changed, found = [], set()
         for image in images:
-            card = Card()
+            card = CardModel()
             card.coils[:32] = image
             step = card.request(data[1:-2], data[0] == 0)
             changed.append(card.coils[:32])

@@ -13,7 +13,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from tb.model import fc_telegram
-from tb.model.card import Card
+from tb.model.card import CardModel
 from tb.model.crc16 import crc_good
 from tb.model.wire import FRAME_MAX, FRAME_MIN, UNSURE_BITS, Burst, Heard, Line, drive_line, taken_by_a_drive
 

@@ -23,10 +23,10 @@ from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, NETWORK, Pins
 from tb.model import fc_telegram, rtu
-from tb.model.card import DIALECTS, DRIVE_TIMEOUT, Card, word
+from tb.model.card import DIALECTS, DRIVE_TIMEOUT, CardModel, word
 from tb.model.crc16 import crc_good
 from tb.model.vlt_drive import VltDrive
-from tb.model.whole_card import Judge, Verdict
+from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import GARBLED_BITS, Burst, Heard, Line
 
 # Clock for a rate, in Hz: at least 64 times the rate (LINE-5) and 2 MHz (TOP-1); no more, because each clock
@@ -355,8 +355,10 @@ def run(
     """Plays and judges a case."""
     player = Player(case, target, wave)
     played = player.play()
-    judge = Judge(Card(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15)
-    verdict = judge.judge(played.network, played.drive, played.replies, played.telegrams, played.end)
+    judge = LineJudge(
+        CardModel(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15
+    )
+    verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
     if verdict.unclear:
         verdict.differences += aftermath(case, played, player.line, verdict, player.wait)
     return verdict, played

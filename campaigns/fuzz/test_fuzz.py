@@ -32,10 +32,10 @@ from sim.harness.library import Target
 from sw.test.host import INCLUDES
 from tb.lib.seeds import seeded
 from tb.model import rtu
-from tb.model.card import DRIVE_TIMEOUT, Card
+from tb.model.card import DRIVE_TIMEOUT, CardModel
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
-from tb.model.whole_card import Judge
+from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 
 # Frames and rates of each shard: cheap rates, and a shard with all rates.
@@ -355,8 +355,8 @@ def burst(line: Line, data: bytes, at: float) -> Burst:
 def verdict_on(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
     card = Card()
     card.registers[DRIVE_TIMEOUT] = wait
-    judge = Judge(card, LINE, 1, budget=8000)
-    return judge.judge(network, list(drive), list(replies), list(telegrams), until)
+    judge = LineJudge(card, LINE, 1, budget=8000)
+    return judge.evaluate(network, list(drive), list(replies), list(telegrams), until)
 
 
 def test_judge_accepts_a_correct_exchange():

@@ -18,7 +18,7 @@ from campaigns.line_quality.waveform import Badness, edges
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, NETWORK, Pins
 from tb.model import rtu
-from tb.model.card import FUNCTIONS, Card
+from tb.model.card import FUNCTIONS, CardModel
 from tb.model.vlt_drive import VltDrive
 from tb.model.wire import Line
 
@@ -79,7 +79,7 @@ class Prober:
         self.characters += len(data)
         wave, end = edges(self.line, data, begin, bad, rng)
         self.pins.play(NETWORK, wave)
-        right = self._reply(end) == rtu.build(ADDRESS, Card().request(pdu).reply)
+        right = self._reply(end) == rtu.build(ADDRESS, CardModel().request(pdu).reply)
         if not right:
             self.pins.run(self.pins.now + RECOVERY_BITS * self.line.bit)
         return right

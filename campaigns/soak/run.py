@@ -24,7 +24,7 @@ from sim.card.masters import Pymodbus
 from sim.card.run_card import CardError, Frame, RunningCard
 from sim.drive.drive_bench import NUMBERS, Row, first_index, table
 from tb.model import fc_telegram as fc
-from tb.model.card import DIALECTS, DRIVE_TIMEOUT, NETWORK_TIMEOUT, Card, Step
+from tb.model.card import DIALECTS, DRIVE_TIMEOUT, NETWORK_TIMEOUT, CardModel, Step
 from tb.model.crc16 import with_crc
 from tb.model.vlt_drive import PROFILES, VltDrive
 
@@ -197,7 +197,7 @@ class Traffic:
 class SoakJudge:
     """Compares both lines and the master's replies with the models."""
 
-    card: Card
+    card: CardModel
     drive: VltDrive
     frames: list[Frame]
     mismatches: list[str] = field(default_factory=list)

@@ -433,7 +433,7 @@ async def good_damaged_revoked_and_refused(dut):
     from tb.lib.uart_agent import Flaws
 
     start, status = fc_telegram.build_process(0x047C, 0x1999), fc_telegram.build_process(0x0F03, 0x2000)
-    card = await Card(dut, CLK_HZ, {start: status}.get, baud=FAST, form="8E1").boot()
+    card = await CardBench(dut, CLK_HZ, {start: status}.get, baud=FAST, form="8E1").boot()
     done = await card.master.request(bytes.fromhex("01 0F 00 00 00 20 04 7C 04 99 19 37 43"), 100 * MS)
     assert done.data == bytes.fromhex("01 0F 00 00 00 20 54 13")
     await card.master.send(READ_CONTROL, Flaws(bad_parity=(3,)))

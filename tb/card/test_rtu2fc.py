@@ -11,7 +11,7 @@ import pytest
 from cocotb.triggers import RisingEdge, Timer, with_timeout
 
 from tb.lib.bench import Strobes
-from tb.lib.card import MS, Card
+from tb.lib.card import MS, CardBench
 from tb.lib.config import (
     BROADCAST_MS,
     CLK_HZ,
@@ -27,7 +27,7 @@ from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.lib.uart_agent import Flaws, now_ps, sleep_until
 from tb.model import fc_telegram, rtu
-from tb.model.card import Card as CardModel
+from tb.model.card import CardModel
 from tb.model.examples import EXAMPLES
 
 LOWEST_HZ = 2_000_000  # TOP-1
@@ -50,7 +50,7 @@ class Scenario:
 
     def __init__(self, dut, clk_hz: int = CLK_HZ, baud: int = BAUD, **settings):
         self.script = Script()
-        self.card = Card(dut, clk_hz, self.script, baud=baud, **settings)
+        self.card = CardBench(dut, clk_hz, self.script, baud=baud, **settings)
         self.master = self.card.master
 
     async def start(self) -> "Scenario":

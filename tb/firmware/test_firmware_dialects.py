@@ -17,7 +17,7 @@ import pytest
 from tb.firmware.test_firmware_gateway import DRIVE_GREEN, DRIVE_RED, Bench, instructions_until, lit
 from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
 from tb.lib.seeds import seeded
-from tb.model.card import Card
+from tb.model.card import CardModel
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Gateway, Transaction, Translator
 from tb.model.rv32i import Machine
 
@@ -700,7 +700,7 @@ def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
         yield telling(rng.choice([1, 2]), value)
 
 
-def play_exchange(rng: random.Random, txn: Transaction, model: Card, telegram: bytes) -> int:
+def play_exchange(rng: random.Random, txn: Transaction, model: CardModel, telegram: bytes) -> int:
     """Until the request is answered, or the drive falls silent; returns the number of exchanges."""
     exchanges = 1
     for data in some_drive_replies(rng, telegram):
@@ -721,7 +721,7 @@ def play_exchange(rng: random.Random, txn: Transaction, model: Card, telegram: b
 
 @in_all
 def test_random_requests_agree_with_the_model(card: Translator):
-    rng, model = seeded(f"dialect {card.dialect} against model"), Card(name=card.dialect)
+    rng, model = seeded(f"dialect {card.dialect} against model"), CardModel(name=card.dialect)
     exchanges = [0, 0, 0]
     for _ in range(20000):
         pdu, broadcast = some_request(rng), rng.random() < 0.1

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from tb.lib.seeds import seeded
-from tb.model.card import Card, Step
+from tb.model.card import CardModel, Step
 from tb.model.examples import EXAMPLES
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Transaction, Translator
 
@@ -859,7 +859,7 @@ def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
         yield bytes([ak << 4 | head[0] & 0xF]) + head[1:] + (text if ak == 15 else value) + status
 
 
-def play_exchange(rng: random.Random, txn: Transaction, model: Card, telegram: bytes) -> None:
+def play_exchange(rng: random.Random, txn: Transaction, model: CardModel, telegram: bytes) -> None:
     for data in some_drive_replies(rng, telegram):
         expected = model.drive_reply(telegram[:1] + data) if len(data) >= 4 else Step()
         if expected.reply is None:
@@ -884,7 +884,7 @@ MODELS = {
 @pytest.mark.rule("EXC", "FRAME-6", "MAP-1", "MAP-2", "MAP-3", "MAP-6", "MAP-7", "MAP-8", "MAP-9")
 @pytest.mark.parametrize("option", MODELS)
 def test_random_requests_agree_with_the_model(option: str):
-    rng, card, model = seeded("firmware against model"), Translator(option), Card(**MODELS[option])
+    rng, card, model = seeded("firmware against model"), Translator(option), CardModel(**MODELS[option])
     exchanges = 0
     for _ in range(20000):
         pdu, broadcast = some_request(rng), rng.random() < 0.1

@@ -47,7 +47,7 @@ async def firmware_polls(dut) -> None:
             return
 
 
-class Card:
+class CardBench:
     """The card with a master on the network line and a drive on the drive line."""
 
     def __init__(
@@ -77,7 +77,7 @@ class Card:
         self.master = ModbusMaster(self.modbus)
         self.slave = FcSlave(self.drive, model or (lambda telegram: None), manner)
 
-    async def boot(self) -> Card:
+    async def boot(self) -> CardBench:
         """Powers up and waits until the firmware polls for requests."""
         await self.power_up()
         await self._firmware_ready()

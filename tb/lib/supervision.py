@@ -26,7 +26,7 @@ from cocotb.triggers import (
 
 from sw.tools.bin2hex import with_parity
 from sw.tools.seal import SUMS
-from tb.lib.card import MS, Card, firmware_polls
+from tb.lib.card import MS, CardBench, firmware_polls
 from tb.lib.config import CLK_HZ, CONFIG, TRAPS, boot_clocks
 from tb.lib.fc_slave import Script
 from tb.lib.rs485 import Rs485Line
@@ -228,7 +228,7 @@ def control_pdu(control: int, reference: int) -> bytes:
     return rtu.write_coils(0, [bool((control | reference << 16) >> i & 1) for i in range(32)])
 
 
-class WatchedCard(Card):
+class WatchedCard(CardBench):
     """A card with LEDs and firmware under observation, and a drive that follows a script."""
 
     def __init__(self, dut, **settings):

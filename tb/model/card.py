@@ -96,7 +96,7 @@ def word_to_bits(value: int) -> list[int]:
 
 
 @dataclass
-class Card:
+class CardModel:
     """The card's images (MAP-4, MAP-5), and the drive request without a reply yet."""
 
     adr: int = 0x81

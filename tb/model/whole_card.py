@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole card as a black box with two lines: what it may send, when, and what it must send.
 
-`Judge` gets everything sent on both lines and reports where the card broke a rule. `card.Card` gives the
-content, `wire` the framing. This module adds the commit (FRAME-6), the one reply (FRAME-7, FRAME-8), the
+`LineJudge` gets everything sent on both lines and reports where the card broke a rule. `card.CardModel` gives
+the content, `wire` the framing. This module adds the commit (FRAME-6), the one reply (FRAME-7, FRAME-8), the
 exchange with the drive, its repeat and its end (FC-8, FC-9), and the choice between requests that meet.
 
 Where the rules allow a choice, the judge accepts any allowed one and continues from it. A telegram overtaken
@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from tb.model import fc_telegram
-from tb.model.card import DRIVE_TIMEOUT, STATUS, Card, Question, Step
+from tb.model.card import DRIVE_TIMEOUT, STATUS, CardModel, Question, Step
 from tb.model.crc16 import with_crc
 from tb.model.wire import (
     GARBLED_BITS,
@@ -96,10 +96,10 @@ class Difference(Exception):
 
 
 @dataclass
-class Judge:
+class LineJudge:
     """`budget`: largest time in clocks from a frame or a drive's reply to the firmware's own reply."""
 
-    card: Card
+    card: CardModel
     line: Line
     address: int
     budget: float
@@ -123,7 +123,7 @@ class Judge:
 
     # ------------------------------------------------------------ all events in order
 
-    def judge(
+    def evaluate(
         self,
         network: Sequence[Heard],
         drive: Sequence[Heard],
@@ -436,7 +436,7 @@ class Judge:
             replies = [burst for burst in self.replies if at - self.drive.bit < burst.rise < by]
             if not replies:
                 return False
-            silent = Card(name=self.card.name, question=asker.question).drive_silent().reply
+            silent = CardModel(name=self.card.name, question=asker.question).drive_silent().reply
             return replies[0].data[1:-2] != silent or replies[0].rise < self._abandoned_from(exchange)
         if exchange.sends == 1:
             by = self._starts_by(self._wait_by(exchange))
