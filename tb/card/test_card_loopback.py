@@ -204,6 +204,6 @@ def test_other_switch_settings_do_not_start_the_loopback_test(config):
 
 
 @pytest.mark.rule("LOOP-1", "SAFE-1")
-def test_transfers(sim, config):
+def test_loopback_transfers(sim, config):
     parameters = {"CLK_HZ": SLOW_HZ[config]}
     run("rtu2fc", "tb.card.test_card_loopback", sim=sim, config=config, parameters=parameters)

@@ -15,7 +15,7 @@ from cocotb.triggers import RisingEdge, Timer
 
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import CONFIG, ROUND_MS, SLOW_HZ, own_hz
-from tb.lib.fc_slave import Heard, Manner
+from tb.lib.fc_slave import HeardTelegram, Manner
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.lib.supervision import (
@@ -51,7 +51,7 @@ async def restarted(card: WatchedCard, bitten_at: int) -> None:
     assert now_ps() - bitten_at < card.boot_limit_ps
 
 
-async def exchange_number(card: WatchedCard, number: int) -> Heard:
+async def exchange_number(card: WatchedCard, number: int) -> HeardTelegram:
     """Waits for telegram number `number` and the drive's reply to it."""
     for _ in range(EXCHANGE_LIMIT_MS):
         await Timer(1 * MS, unit="ps")
@@ -332,7 +332,7 @@ def test_fault_by_the_watchdog(sim, config):
 
 
 @pytest.mark.rule("LED-5", "WDG-1")
-def test_many_bites(config):
+def test_repeated_bites(config):
     """On Verilator only: dozens of starts, which take minutes on Icarus."""
     run_card(
         "verilator",

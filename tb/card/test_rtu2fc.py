@@ -216,9 +216,9 @@ async def damaged_foreign_and_cut_off_frames_have_no_effect_and_the_next_good_on
     """Each one also increments its own counter."""
     scene = await Scenario(dut, form="8E1").start()
     start = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
-    spoilt = start[:8] + bytes([start[8] ^ 1]) + start[9:]
+    bad_crc = start[:8] + bytes([start[8] ^ 1]) + start[9:]
     damaged = {
-        "CRC": (spoilt, Flaws(), ["crc"]),
+        "CRC": (bad_crc, Flaws(), ["crc"]),
         "parity": (start, Flaws(bad_parity=(4,)), ["parity"]),
         "stop bit": (start, Flaws(bad_stop=(4,), gaps={5: 1.0}), ["framing"]),
         "foreign": (rtu.build(2, start[1:-2]), Flaws(), []),

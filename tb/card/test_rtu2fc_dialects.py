@@ -113,7 +113,7 @@ IN_ONE = {
         Example("parameter 4095", "01 03 9F F5 00 01 BA 2C", "01 83 40 40 C0"),
     ],
     "hvac_basic": [
-        Example("whatever the drive refuses", "01 03 17 C9 00 01 51 80", "01 83 04 40 F3", REFUSED_6),
+        Example("an access that the drive refuses", "01 03 17 C9 00 01 51 80", "01 83 04 40 F3", REFUSED_6),
         Example("no parameter starts there", "01 03 18 42 00 01 22 BE", "01 83 02 C0 F1"),
         Example("a coil neither on nor off", "01 05 00 00 12 34 C0 BD", "01 85 03 02 91"),
         Example(

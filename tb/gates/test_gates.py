@@ -71,12 +71,16 @@ def test_a_wrong_look_up_table_is_found(family, tmp_path):
         count=1,
         flags=re.MULTILINE,
     )
-    spoilt = tmp_path / gates.name
-    spoilt.write_text(wrong)
+    broken = tmp_path / gates.name
+    broken.write_text(wrong)
     assert wrong != gates.read_text()
     with pytest.raises(pytest.fail.Exception, match=r"of \d+ cocotb tests failed"):
         run(
-            "commit_gate", "tb.rtl.test_commit_gate", sim="icarus", sources=[cells, spoilt], testcase=BY_PORTS
+            "commit_gate",
+            "tb.rtl.test_commit_gate",
+            sim="icarus",
+            sources=[cells, broken],
+            testcase=BY_PORTS,
         )
 
 
@@ -133,7 +137,7 @@ def each_cell(family: str, inits: list[int]) -> tuple[str, int]:
     return f"module netlist(input c, e, r, input [3:0] d, {ports});\n{lines}endmodule\n", outputs
 
 
-def differences(family: str, tmp_path, spoil=lambda text: text) -> int:
+def differences(family: str, tmp_path, change=lambda text: text) -> int:
     """Number of differences of fast and package models under random inputs; x counts as a value."""
     rng = seeded("cells")
     text, outputs = each_cell(family, [0, 0xFFFF, 0x6996, *rng.sample(range(1 << 16), 20)])
@@ -147,7 +151,7 @@ def differences(family: str, tmp_path, spoil=lambda text: text) -> int:
     (tmp_path / "bench.v").write_text(
         cells(family)
         + text
-        + spoil(fast).replace("module netlist(", "module fast(")
+        + change(fast).replace("module netlist(", "module fast(")
         + f"""module bench;
   reg c = 0, e = 0, r = 0;
   reg [3:0] d = 0;

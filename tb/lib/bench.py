@@ -66,7 +66,7 @@ class Bench:
         await RisingEdge(self.dut.clk)
         await self.clocks()
 
-    async def give(self, data: bytes, prefix: str = "byte") -> None:
+    async def send_stream(self, data: bytes, prefix: str = "byte") -> None:
         """Sends bytes to a stream <prefix>_valid, _ready, _data without pauses, until all are taken."""
         valid, ready, lane = (getattr(self.dut, f"{prefix}_{part}") for part in ("valid", "ready", "data"))
         for byte in data:

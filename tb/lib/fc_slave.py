@@ -98,7 +98,7 @@ FAULTS: dict[str, Callable[[bytes, bytes], tuple[bytes, Flaws]]] = {
 
 
 @dataclass(frozen=True)
-class Heard:
+class HeardTelegram:
     """One telegram of the card, and the time of the reply (None: no reply)."""
 
     frame: Frame
@@ -142,7 +142,7 @@ class FcSlave:
         self.line = line
         self.model = model
         self.manner = manner or Manner()
-        self.heard: list[Heard] = []
+        self.heard: list[HeardTelegram] = []
         self._next: deque[Manner] = deque()
         self._task = cocotb.start_soon(self._serve())
 
@@ -181,4 +181,4 @@ class FcSlave:
                 await sleep_until(frame.end_ps + manner.delay_bits * self.line.fmt.bit_ps)
                 sent = await self.line.source.send(data, flaws)
             reply = data or None
-        self.heard.append(Heard(frame, reply, sent))
+        self.heard.append(HeardTelegram(frame, reply, sent))

@@ -120,7 +120,7 @@ def waveform(fmt: Format, data: Iterable[int], flaws: Flaws) -> tuple[list[tuple
         at += flaws.gaps.get(number, 0.0) if number else 0.0
         bits = fmt.levels(byte)
         if number in flaws.bad_parity:
-            assert fmt.parity_bits, f"{fmt} has no parity bit to spoil"
+            assert fmt.parity_bits, f"{fmt} has no parity bit"
             bits[9] ^= 1
         if number in flaws.bad_stop:
             bits[9 + fmt.parity_bits] = 0

@@ -32,9 +32,9 @@ def test_residue_is_zero_and_any_single_bit_error_is_seen():
     adu = rtu.build(1, rtu.write_coils(0, [True] * 32))
     assert crc16.crc_good(adu)
     for bit in range(8 * len(adu)):
-        spoilt = bytearray(adu)
-        spoilt[bit // 8] ^= 1 << (bit % 8)
-        assert not crc16.crc_good(bytes(spoilt))
+        damaged = bytearray(adu)
+        damaged[bit // 8] ^= 1 << (bit % 8)
+        assert not crc16.crc_good(bytes(damaged))
 
 
 def test_crc_printed_in_the_manual():

@@ -56,12 +56,12 @@ async def bcc_agrees_with_the_model_after_any_number_of_bytes(dut):
 async def good_is_set_after_an_undamaged_telegram_and_never_after_a_damaged_one(dut):
     rng = seeded("telegrams")
     check = await Check(dut).start()
-    for spoil in (False, True) * 8:
+    for damage in (False, True) * 8:
         telegram = bytearray(fc_telegram.build(rng.randbytes(rng.choice((4, 12, 28)))))
-        if spoil:
+        if damage:
             telegram[rng.randrange(len(telegram))] ^= 1 << rng.randrange(8)
         await check.feed(telegram)
-        assert check.good == (not spoil)
+        assert check.good == (not damage)
         await check.clear()
 
 

@@ -80,22 +80,22 @@ class Arbiter:
 
 @cocotb.test()
 async def any_set_of_requests_has_one_winner_and_lines_come_first(dut):
-    rng = seeded("askers")
+    rng = seeded("requests")
     arbiter = await Arbiter(dut).start()
     for _ in range(6):
         for who in range(2 ** (len(LINES) + 1)):
             await one_clock(arbiter, rng, {line for n, line in enumerate(LINES) if who >> n & 1}, who >> 4)
 
 
-async def one_clock(arbiter: Arbiter, rng: random.Random, asking: set[str], core: int) -> None:
+async def one_clock(arbiter: Arbiter, rng: random.Random, requests: set[str], core: int) -> None:
     """One clock with a set of requests: exactly one is served, with its own address and data."""
-    if {"modbus_write", "modbus_read"} <= asking or {"drive_write", "drive_read"} <= asking:
+    if {"modbus_write", "modbus_read"} <= requests or {"drive_write", "drive_read"} <= requests:
         return
     dut = arbiter.dut
     addr = {line: rng.randrange(64 if line == "modbus_write" else 32) for line in LINES}
     data = {line: rng.randrange(256) for line in LANES}
     for line in LINES:
-        getattr(dut, f"{line}_valid").value = int(line in asking)
+        getattr(dut, f"{line}_valid").value = int(line in requests)
         getattr(dut, f"{line}_addr").value = addr[line]
     for line, byte in data.items():
         getattr(dut, f"{line}_data").value = byte
@@ -103,7 +103,7 @@ async def one_clock(arbiter: Arbiter, rng: random.Random, asking: set[str], core
     address = rng.randrange(0, 4096, 4)
     arbiter.offer(address, strobes, word, core)
     seen = await arbiter.seen()
-    winner = next((line for line in LINES if line in asking), None)
+    winner = next((line for line in LINES if line in requests), None)
     ready = {line for line in LINES if int(getattr(dut, f"{line}_ready").value)}
     assert ready == ({winner} if winner else set())
     assert seen["ram_enable"] == bool(winner or core)

@@ -60,12 +60,12 @@ async def random_bytes_agree_with_the_model(dut):
 async def residue_is_zero_after_a_good_frame_and_never_after_a_damaged_one(dut):
     rng = seeded("frames")
     bench = await cleared(dut)
-    for spoil in (False, True) * 8:
+    for damage in (False, True) * 8:
         frame = bytearray(with_crc(rng.randbytes(rng.randint(2, 30))))
-        if spoil:
+        if damage:
             frame[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
         await feed(bench, frame)
-        assert dut.good.value == (not spoil)
+        assert dut.good.value == (not damage)
         await bench.strobe(dut.clear)
 
 

@@ -99,7 +99,7 @@ class Port:
     async def listen_again(self) -> None:
         await self.bench.strobe(self.dut.listen_again)
 
-    async def hear(
+    async def drive_sends(
         self, reply: bytes, flaws: Flaws | None = None, delay: float = 1.0, fmt: Format | None = None
     ) -> Sent:
         """The drive sends characters; returns after its last stop bit."""
@@ -110,11 +110,11 @@ class Port:
         await self.bench.clocks()
         return sent
 
-    async def takes(self, reply: bytes, flaws: Flaws | None = None, fmt: Format | None = None) -> bool:
+    async def accepts(self, reply: bytes, flaws: Flaws | None = None, fmt: Format | None = None) -> bool:
         """Whether the port accepts this reply after a silence; afterwards the port listens again."""
         bad = len(self.bad)
         self.drive_frame.written.clear()
-        await self.hear(reply, flaws, PAUSE + 1, fmt)
+        await self.drive_sends(reply, flaws, PAUSE + 1, fmt)
         good = self.on("good")
         await self.line.source.idle(PAUSE + 1)
         assert self.on("good") == good
@@ -162,9 +162,9 @@ async def each_telegram_follows_two_characters_of_silence(dut):
     ends = []
     ends.append((await port.send(COMMAND)).end_ps)
     begun = [(await port.send(NUMBER)).start_ps]  # after its own telegram
-    ends.append((await port.hear(STATUS)).end_ps)
+    ends.append((await port.drive_sends(STATUS)).end_ps)
     begun.append((await port.send(COMMAND)).start_ps)  # after a reply
-    ends.append((await port.hear(b"\x55", delay=PAUSE + 5)).end_ps)
+    ends.append((await port.drive_sends(b"\x55", delay=PAUSE + 5)).end_ps)
     begun.append((await port.send(COMMAND)).start_ps)  # after a stray character
     for end, start in zip(ends, begun, strict=True):
         pause = (start - end) / LINE.bit_ps
@@ -182,8 +182,8 @@ async def quiet_follows_two_characters_of_silence(dut):
         assert PAUSE <= pause <= PAUSE + late, f"{pause:.2f} bits"
 
     await port.quiet()
-    await after((await port.hear(STATUS)).end_ps)
-    await after((await port.hear(b"\x00\xff")).end_ps)
+    await after((await port.drive_sends(STATUS)).end_ps)
+    await after((await port.drive_sends(b"\x00\xff")).end_ps)
     # A long low level is neither a character nor a silence.
     broken = await port.line.source.send_break(3 * PAUSE, idle_after=0)
     assert not port.on("quiet")
@@ -215,7 +215,7 @@ async def replies_of_every_kind_are_good_after_any_delay(dut):
     for reply, delay in ((STATUS, 1.0), (NUMBER, PAUSE), (STATUS, 20 * CHARACTER_BITS), (text, 3.0)):
         await port.send(COMMAND)
         assert port.on("listening")
-        await port.hear(reply, delay=delay)
+        await port.drive_sends(reply, delay=delay)
         assert port.on("good") and port.drive_frame.memory.items() >= kept(reply).items()
     assert not len(port.bad)
 
@@ -223,7 +223,7 @@ async def replies_of_every_kind_are_good_after_any_delay(dut):
 @cocotb.test()
 async def the_last_four_bytes_of_a_long_text_are_kept(dut):
     port = await Port(dut).start(listening=True)
-    await port.hear(TEXT)
+    await port.drive_sends(TEXT)
     data = TEXT[3:-1]
     assert port.on("good") and len(data) == 29
     memory = port.drive_frame.memory
@@ -234,7 +234,7 @@ async def the_last_four_bytes_of_a_long_text_are_kept(dut):
 @cocotb.test()
 async def candidate_comes_one_character_before_good(dut):
     port = await Port(dut).start(listening=True)
-    sent = await port.hear(NUMBER)
+    sent = await port.drive_sends(NUMBER)
     (candidate,), (good,) = port.candidates.pulses, port.goods.pulses
     ahead = (good.rise_ps - candidate.rise_ps) / LINE.bit_ps
     assert abs(ahead - CHARACTER_BITS) < 0.1, f"{ahead:.2f} bits"
@@ -249,7 +249,7 @@ async def gaps_of_up_to_two_characters_are_allowed_in_a_reply(dut, characters):
     port = await Port(dut).start(listening=True)
     for place in (rng.randrange(1, len(STATUS) - 1), len(STATUS) - 1):
         flaws = Flaws(gaps={place: characters * CHARACTER_BITS})
-        assert await port.takes(STATUS, flaws) == (characters <= 2), f"before byte {place}"
+        assert await port.accepts(STATUS, flaws) == (characters <= 2), f"before byte {place}"
 
 
 @cocotb.test()
@@ -257,9 +257,9 @@ async def gaps_of_up_to_two_characters_are_allowed_in_a_reply(dut, characters):
 async def a_reply_may_take_one_and_a_half_times_its_nominal_time(dut, reply):
     port = await Port(dut).start(listening=True)
     limit = 1.5 * CHARACTER_BITS * len(reply)
-    assert await port.takes(reply, evenly(len(reply), limit - 0.5))
-    assert not await port.takes(reply, evenly(len(reply), limit + 0.5))
-    assert await port.takes(reply)
+    assert await port.accepts(reply, evenly(len(reply), limit - 0.5))
+    assert not await port.accepts(reply, evenly(len(reply), limit + 0.5))
+    assert await port.accepts(reply)
 
 
 @cocotb.test()
@@ -270,25 +270,25 @@ async def the_echo_of_a_telegram_is_ignored(dut):
         assert port.on("listening")
         await port.line.source.idle(PAUSE + 2)
         assert not port.on("good") and not len(port.bad) and not port.drive_frame.written
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good")
 
 
 @cocotb.test()
 async def characters_received_while_sending_are_ignored(dut):
     port = await Port(dut).start()
-    await port.hear(STATUS, delay=PAUSE + 5)
+    await port.drive_sends(STATUS, delay=PAUSE + 5)
     assert not port.on("listening") and not port.on("good")  # no telegram was sent yet
     port.line.echo = False
     await port.begin(build(bytes(28)))
-    await port.hear(STATUS, delay=4 * CHARACTER_BITS)
-    await port.hear(b"\x02\x06\x00", delay=2 * CHARACTER_BITS)
+    await port.drive_sends(STATUS, delay=4 * CHARACTER_BITS)
+    await port.drive_sends(b"\x02\x06\x00", delay=2 * CHARACTER_BITS)
     assert port.on("de")
     await FallingEdge(dut.sending)
     await port.line.source.idle(PAUSE + 2)
     assert port.on("listening") and not port.on("good")
     assert not len(port.bad) and not port.drive_frame.written
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good")
 
 
@@ -299,10 +299,10 @@ async def a_character_begun_while_sending_is_ignored(dut):
     await port.begin(COMMAND)
     await RisingEdge(dut.de)
     # DE is high for a quarter bit and the telegram; it falls in the middle of the reply's STX.
-    await port.hear(STATUS, delay=0.25 + CHARACTER_BITS * len(COMMAND) - 5)
+    await port.drive_sends(STATUS, delay=0.25 + CHARACTER_BITS * len(COMMAND) - 5)
     assert not port.on("sending") and not port.on("good")
     await port.line.source.idle(PAUSE + 1)
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good")
 
 
@@ -311,8 +311,8 @@ async def replies_to_a_broadcast_are_ignored(dut):
     port = await Port(dut).start()
     frame = await port.send(build_process(0x047C, 0x2000, ADR_BROADCAST), no_reply=1)
     assert frame.data == build_process(0x047C, 0x2000, ADR_BROADCAST)
-    await port.hear(build_process(0x0F07, 0, ADR_BROADCAST))
-    await port.hear(STATUS, Flaws(bad_parity=(4,)), delay=PAUSE + 5)
+    await port.drive_sends(build_process(0x0F07, 0, ADR_BROADCAST))
+    await port.drive_sends(STATUS, Flaws(bad_parity=(4,)), delay=PAUSE + 5)
     assert not port.on("listening") and not port.on("good")
     assert not len(port.bad) and not port.drive_frame.written
     await port.send(COMMAND)
@@ -322,7 +322,7 @@ async def replies_to_a_broadcast_are_ignored(dut):
 @cocotb.test()
 async def a_new_telegram_ends_listening_for_the_older_reply(dut):
     port = await Port(dut).start(listening=True)
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good")
     await port.begin(COMMAND)
     assert not port.on("good") and not port.on("listening")
@@ -336,8 +336,8 @@ async def a_new_telegram_ends_listening_for_the_older_reply(dut):
 async def a_faulty_reply_counts_once_and_the_next_one_is_accepted(dut, fault):
     port = await Port(dut).start(listening=True)
     data, flaws = FAULTS[fault](NUMBER, COMMAND)
-    assert not await port.takes(data, flaws)
-    assert await port.takes(STATUS)
+    assert not await port.accepts(data, flaws)
+    assert await port.accepts(STATUS)
 
 
 @cocotb.test()
@@ -345,12 +345,12 @@ async def phantom_characters_at_line_turnaround_are_ignored(dut):
     port = await Port(dut).start()
     for phantom in (b"\x00", b"\xff", b"\xfe\x80"):
         await port.send(COMMAND)
-        await port.hear(phantom, delay=0.5)
-        await port.hear(STATUS, delay=0.5)
+        await port.drive_sends(phantom, delay=0.5)
+        await port.drive_sends(STATUS, delay=0.5)
         assert port.on("good")
     await port.send(COMMAND)
     await port.line.source.send_break(14)
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good") and not len(port.bad)
 
 
@@ -361,7 +361,7 @@ async def glitches_shorter_than_a_quarter_bit_are_ignored(dut):
     for reply in (STATUS, NUMBER, STATUS):
         places = [CHARACTER_BITS * n + rng.uniform(0.3, CHARACTER_BITS - 0.6) for n in range(-1, len(reply))]
         glitches = tuple((place, rng.uniform(0.02, 0.24)) for place in places)
-        assert await port.takes(reply, Flaws(glitches=glitches))
+        assert await port.accepts(reply, Flaws(glitches=glitches))
 
 
 @cocotb.test()
@@ -370,21 +370,21 @@ async def a_drive_with_a_clock_error_of_4_percent_is_received(dut, percent):
     rng = seeded("replies")
     port = await Port(dut).start(listening=True)
     for _ in range(3):
-        assert await port.takes(build(rng.randbytes(rng.choice((4, 12)))), Flaws(ppm=percent * 1e4))
+        assert await port.accepts(build(rng.randbytes(rng.choice((4, 12)))), Flaws(ppm=percent * 1e4))
 
 
 @cocotb.test()
 async def the_firmware_can_listen_again_or_stop(dut):
     port = await Port(dut).start(listening=True)
-    await port.hear(NUMBER)
+    await port.drive_sends(NUMBER)
     assert port.on("good")
     await port.listen_again()
     assert port.on("listening") and not port.on("good")
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good") and port.drive_frame.memory.items() >= kept(STATUS).items()
     await port.bench.strobe(dut.listen_stop)
     assert not port.on("listening") and not port.on("good")
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert not port.on("good") and not len(port.bad)
 
 
@@ -399,7 +399,7 @@ async def noise_between_exchanges_never_stops_the_port(dut):
             await port.line.source.idle(rng.uniform(0.1, 15))
         await port.line.source.idle(PAUSE + 1)
         await port.send(COMMAND)
-        await port.hear(STATUS)
+        await port.drive_sends(STATUS)
         assert port.on("good")
     port.line.check_direction()
 
@@ -416,7 +416,7 @@ async def a_reset_turns_the_driver_off_at_any_moment(dut):
         assert not port.on("quiet")
     frame = await port.send(COMMAND)
     assert frame.data[-len(COMMAND) :] == COMMAND
-    await port.hear(STATUS)
+    await port.drive_sends(STATUS)
     assert port.on("good")
 
 

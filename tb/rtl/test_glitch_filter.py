@@ -26,7 +26,7 @@ async def ready(dut) -> Bench:
     return await Bench(dut, raw=1, tick16=1, mute=0).start()
 
 
-async def heard(dut, bench: Bench, levels: list[int]) -> list[int]:
+async def filtered(dut, bench: Bench, levels: list[int]) -> list[int]:
     """The filter's output after each level, one tick per level."""
     out = []
     for level in levels:
@@ -40,9 +40,9 @@ async def heard(dut, bench: Bench, levels: list[int]) -> list[int]:
 async def pulses_up_to_a_quarter_bit_vanish_and_longer_ones_keep_their_width(dut):
     bench = await ready(dut)
     for rest in (1, 0):
-        await heard(dut, bench, [rest] * 20)
+        await filtered(dut, bench, [rest] * 20)
         for width in range(1, 9):
-            got = await heard(dut, bench, [1 - rest] * width + [rest] * 20)
+            got = await filtered(dut, bench, [1 - rest] * width + [rest] * 20)
             expected = 0 if width <= QUARTER else width
             assert got.count(1 - rest) == expected, f"{width} ticks of {1 - rest}"
 
@@ -50,7 +50,7 @@ async def pulses_up_to_a_quarter_bit_vanish_and_longer_ones_keep_their_width(dut
 @cocotb.test()
 async def both_edges_are_delayed_by_five_ticks(dut):
     bench = await ready(dut)
-    got = await heard(dut, bench, [0] * 16 + [1] * 16)
+    got = await filtered(dut, bench, [0] * 16 + [1] * 16)
     assert got == [1] * 4 + [0] * 16 + [1] * 12
 
 
@@ -60,8 +60,8 @@ async def glitch_next_to_an_edge_moves_it_by_no_more_than_its_own_width(dut):
     for new in (0, 1):
         for width in range(1, QUARTER + 1):
             for after in range(12):
-                await heard(dut, bench, [1 - new] * 20)
-                got = await heard(dut, bench, [new] * after + [1 - new] * width + [new] * 20)
+                await filtered(dut, bench, [1 - new] * 20)
+                got = await filtered(dut, bench, [new] * after + [1 - new] * width + [new] * 20)
                 late = got.index(new) - 4
                 assert 0 <= late <= width, f"{width} ticks, {after} after the edge: {late} late"
                 assert set(got[got.index(new) :]) == {new}, f"{width} ticks, {after} after the edge"
@@ -70,18 +70,18 @@ async def glitch_next_to_an_edge_moves_it_by_no_more_than_its_own_width(dut):
 @cocotb.test()
 async def muted_filter_outputs_idle_and_clears_its_count(dut):
     bench = await ready(dut)
-    await heard(dut, bench, [0] * 10)
+    await filtered(dut, bench, [0] * 10)
     dut.mute.value = 1
-    assert set(await heard(dut, bench, [0] * 10)) == {1}
+    assert set(await filtered(dut, bench, [0] * 10)) == {1}
     dut.mute.value = 0
-    assert await heard(dut, bench, [0] * 5) == [1] * 4 + [0]
+    assert await filtered(dut, bench, [0] * 5) == [1] * 4 + [0]
 
 
 @cocotb.test()
 async def filter_holds_without_a_tick(dut):
     bench = await ready(dut)
     dut.tick16.value = 0
-    assert set(await heard(dut, bench, [0] * 30)) == {1}
+    assert set(await filtered(dut, bench, [0] * 30)) == {1}
 
 
 @cocotb.test()
@@ -90,7 +90,7 @@ async def random_levels_agree_with_the_model(dut):
     bench, model = await ready(dut), Model()
     for _ in range(150):
         levels = [rng.randint(0, 1)] * rng.randint(1, 9)
-        assert await heard(dut, bench, levels) == [model.tick(level) for level in levels]
+        assert await filtered(dut, bench, levels) == [model.tick(level) for level in levels]
 
 
 @pytest.mark.rule("LINE-5", "LINE-6", "FC-10")

@@ -199,9 +199,9 @@ async def frame_shorter_than_4_bytes_is_ignored(dut):
 @cocotb.test()
 async def each_error_is_counted_once_by_kind(dut):
     rx = await Receiver(dut).start()
-    spoilt = bytearray(GOOD)
-    spoilt[3] ^= 0x40
-    await rx.frame(bytes(spoilt))
+    damaged = bytearray(GOOD)
+    damaged[3] ^= 0x40
+    await rx.frame(bytes(damaged))
     assert rx.outcome() == (0, 0, 0) and rx.counted() == {"crc": 1}
     for fault, flags in (("parity", (1, 0)), ("framing", (0, 1))):
         for place in (0, 3, len(GOOD) - 1):

@@ -171,7 +171,7 @@ class Core:
         target = sum(word == ALIVE for word, _ in self.written) + times
         await self.until(lambda: sum(word == ALIVE for word, _ in self.written) >= target, "the loop")
 
-    def once(self) -> list[tuple[int, int]]:
+    def writes_before_loop(self) -> list[tuple[int, int]]:
         """Writes before the loop, since the last start of the program."""
         starts = [n for n, (word, _) in enumerate(self.written) if word == STACK]
         return [entry for entry in self.written[starts[-1] :] if entry[0] != ALIVE]
@@ -207,7 +207,7 @@ async def core_starts_at_address_0_after_the_reset(dut):
 async def bytes_half_words_and_words_of_the_memory_and_the_mailbox_are_right(dut):
     core = await Core(dut).start()
     await core.alive()
-    assert core.once() == EXPECTED
+    assert core.writes_before_loop() == EXPECTED
     assert not int(dut.trap.value)
 
 
@@ -216,7 +216,7 @@ async def a_slow_mailbox_does_not_change_the_results(dut):
     rng = seeded("delays")
     core = await Core(dut, delay=lambda: rng.randint(0, 12)).start()
     await core.alive(times=20)
-    assert core.once() == EXPECTED
+    assert core.writes_before_loop() == EXPECTED
 
 
 @cocotb.test()
@@ -233,7 +233,7 @@ async def unsupported_instructions_trap_until_a_reset(dut, command):
     await core.bench.strobe(dut.rst)
     assert not int(dut.trap.value)
     await core.alive()
-    assert core.once() == EXPECTED
+    assert core.writes_before_loop() == EXPECTED
 
 
 @cocotb.test()
@@ -251,7 +251,7 @@ async def a_reset_recovers_from_unsupported_instructions(dut, command):
     core.written.clear()
     await core.release()
     await core.alive()
-    assert core.once() == EXPECTED
+    assert core.writes_before_loop() == EXPECTED
 
 
 @cocotb.test()
@@ -266,7 +266,7 @@ async def a_reset_at_any_moment_restarts_the_program(dut):
         core.written.clear()
         await core.release()
         await core.alive(times=1)
-        assert core.once() == EXPECTED
+        assert core.writes_before_loop() == EXPECTED
 
 
 @cocotb.test()
@@ -282,7 +282,7 @@ async def a_reset_ends_an_access_without_an_answer(dut):
     core.silent = False
     await core.release()
     await core.alive()
-    assert core.once() == EXPECTED
+    assert core.writes_before_loop() == EXPECTED
 
 
 COMMON = [

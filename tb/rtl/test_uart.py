@@ -319,7 +319,7 @@ async def bytes_are_sent_in_every_format_without_gaps(dut, form):
     bench, monitor = await ready_bench(dut, form)
     await bench.clocks(40)
     assert dut.txd.value == 1, "idle"
-    await bench.give(data, "send")
+    await bench.send_stream(data, "send")
     frame = await monitor.frame(1e12)
     assert frame.ok and frame.data == data
     assert frame.largest_gap_ps < 0.01 * monitor.fmt.bit_ps
@@ -332,7 +332,7 @@ async def sending_is_set_from_the_start_bit_to_the_end_of_the_last_stop_bit(dut,
     bench, monitor = await ready_bench(dut, form)
     await bench.clocks(20)
     assert dut.sending.value == 0
-    await bench.give(b"\xff", "send")
+    await bench.send_stream(b"\xff", "send")
     await bench.clocks()
     assert dut.sending.value == 0 and dut.txd.value == 1, "it begins at a tick"
     await bench.clocks()
@@ -348,10 +348,10 @@ async def sending_is_set_from_the_start_bit_to_the_end_of_the_last_stop_bit(dut,
 async def byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap(dut, form):
     bench, monitor = await ready_bench(dut, form)
     await bench.clocks(5)
-    await bench.give(b"\x12", "send")
+    await bench.send_stream(b"\x12", "send")
     await bench.clocks(16 * monitor.fmt.bits - 1)
     assert dut.send_ready.value == 1
-    await bench.give(b"\x34", "send")
+    await bench.send_stream(b"\x34", "send")
     frame = await monitor.frame(1e12)
     assert frame.ok and frame.data == b"\x12\x34"
     assert frame.largest_gap_ps < 0.01 * monitor.fmt.bit_ps
@@ -363,7 +363,7 @@ async def next_byte_is_taken_from_the_parity_or_first_stop_bit_on(dut, form):
     """The shift register is free then, and the sender has one bit time to supply the next byte."""
     bench, _ = await ready_bench(dut, form)
     ready = Strobes(dut, "send_ready")
-    await bench.give(b"\x00", "send")
+    await bench.send_stream(b"\x00", "send")
     ready.clear()
     begun = bench.last_edge_ps()
     await bench.clocks(16 * 12)
@@ -375,7 +375,7 @@ async def next_byte_is_taken_from_the_parity_or_first_stop_bit_on(dut, form):
 async def nothing_is_sent_before_the_line_is_ready(dut):
     bench, monitor = await ready_bench(dut, "8E1")
     dut.line_ready.value = 0
-    await bench.give(b"\x5a", "send")
+    await bench.send_stream(b"\x5a", "send")
     await bench.clocks(100)
     assert dut.sending.value == 0 and dut.txd.value == 1 and not monitor.characters
     dut.line_ready.value = 1
@@ -400,7 +400,7 @@ async def check_bits_are_sent_in_place_of_the_data_with_their_own_parity(dut, fo
             await bench.clocks()
 
     cocotb.start_soon(check_unit())
-    await bench.give(b"\x00", "send")
+    await bench.send_stream(b"\x00", "send")
     frame = await monitor.frame(1e12)
     assert frame.ok and frame.data == bytes([value])
     assert [bit for (bit,) in bits_shown.values] == [value >> n & 1 for n in range(8)]
@@ -417,7 +417,7 @@ async def every_data_bit_reaches_the_check_unit_in_both_directions(dut):
     await rx.source.idle(2)
     assert [bit for (bit,) in bits_shown.values] == bits
     bits_shown.clear()
-    await rx.bench.give(data, "send")
+    await rx.bench.send_stream(data, "send")
     await rx.bench.clocks(16 * 12)
     assert [bit for (bit,) in bits_shown.values] == bits
     assert rx.bytes == data and len(rx.starts) == len(data), "its own characters are not received"
@@ -427,9 +427,9 @@ async def every_data_bit_reaches_the_check_unit_in_both_directions(dut):
 async def late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary(dut):
     bench, monitor = await ready_bench(dut, "8E1")
     await bench.clocks(5)
-    await bench.give(b"\x12", "send")
+    await bench.send_stream(b"\x12", "send")
     await bench.clocks(16 * 11 + 7)
-    await bench.give(b"\x34", "send")
+    await bench.send_stream(b"\x34", "send")
     frame = await monitor.frame(1e12)
     assert frame.data == b"\x12\x34"
     gap_ticks = frame.largest_gap_ps / (monitor.fmt.bit_ps * TICK)
@@ -439,7 +439,7 @@ async def late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary(dut
 @cocotb.test()
 async def reset_while_sending_returns_the_line_to_idle(dut):
     bench, _ = await ready_bench(dut, "8N1")
-    await bench.give(b"\x00", "send")
+    await bench.send_stream(b"\x00", "send")
     await bench.clocks(30)
     assert dut.txd.value == 0
     dut.rst.value = 1
@@ -476,7 +476,7 @@ async def bit_time_on_the_pin_is_right_at_every_rate(dut):
             await bench.clocks(3 * rate.ratio)
             clocks = (len(MEASURED) - 1) * monitor.fmt.character_ps / bench.period_ps
             data = MEASURED * math.ceil(CLOCKS_MEASURED / clocks)
-            await bench.give(data, "tx")
+            await bench.send_stream(data, "tx")
             frame = await monitor.frame(1e12, gap_bits=2)
             assert frame.data == data
             check_bit_time(monitor, frame, f"{dut.CLK_HZ.value.to_unsigned()} Hz, {monitor.fmt}")
