@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Block RAM of MachXO2 and MachXO3 for simulations of the netlist: Yosys has none.
+// Block RAM of MachXO2 and MachXO3 for netlist simulations; Yosys has no model of it.
 //
-// What Yosys maps to it and no more: no output registers, no chip select decoding.
+// Models only the features that Yosys uses: no output registers, no chip select decoding.
 // 1024 words of 9 bits; narrower ports use 8 of them, the 18-bit port two words, then
 // with ADA0 and ADA1 as byte enables. Ports and parameters are the vendor's.
 `default_nettype none
@@ -181,11 +181,11 @@ module DP8KC #(
     INITVAL_00
   };
 
-  // Two words stand in 20 bits.
+  // Two words are stored in 20 bits.
   integer i;
   initial #0 for (i = 0; i < 1024; i = i + 1) words[i] = content[i/2*20+i%2*9+:9];
 
-  // A word with the bits that a port of this width writes, and what such a port reads.
+  // The bits of a word that a port of this width writes, and the bits that it reads.
   function [8:0] merged(input integer width, input [2:0] low, input [8:0] old, input [8:0] data);
     begin
       merged = old;
@@ -248,7 +248,7 @@ module DP8KC #(
   assign {DOA8, DOA7, DOA6, DOA5, DOA4, DOA3, DOA2, DOA1, DOA0} = clear_a ? 9'd0 : out_a;
   assign {DOB8, DOB7, DOB6, DOB5, DOB4, DOB3, DOB2, DOB1, DOB0} = clear_b ? 9'd0 : out_b;
 
-  // What would need more than is modelled.
+  // Rejects parameters beyond the model.
   initial
     if (REGMODE_A != "NOREG" || REGMODE_B != "NOREG" ||
         CSDECODE_A != "0b000" || CSDECODE_B != "0b000") begin
