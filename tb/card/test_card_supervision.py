@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The card when its firmware stops or its drive is silent: watchdog and time-outs.
 
-Each test stops the firmware by overwriting one instruction of its poll loop, and restores it while the
-watchdog holds the processor in reset, as after a passing disturbance. On Verilator this runs at the standard
-card's 12 MHz. On Icarus, at about 25000 clocks a second, it runs at 2 MHz: a start, which checks the image,
-takes as many clocks and six times as long; the watchdog's milliseconds stay the same. So does SERV.
+Each test stops the firmware by overwriting one instruction of its poll loop. It restores the instruction
+while the watchdog holds the processor in reset, as after a passing disturbance. On Verilator this runs at the
+standard card's 12 MHz. On Icarus, at about 25000 clocks a second, it runs at 2 MHz: a start, which checks the
+image, takes as many clocks and six times as long; the watchdog's milliseconds stay the same. SERV also runs
+at a slow clock.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds a module for a simulator and runs the cocotb tests of a Python module on it.
 
-Every build has a folder of its own, named by everything it was made from (sources, parameters,
-tool options), so that no stale build is reused and several pytest workers can share it.
+Every build has a folder named by everything it was made from: sources, parameters, tool options. No stale
+build is reused, and several pytest workers can share it.
 Environment: WAVES=1 writes build/waves/<test>.fst with the line traffic as .pcapng and .jsonl, and prints
 the file names. RTL_COVERAGE=folder counts coverage of rtl/ on Verilator and leaves one file per simulation
 there (campaigns/coverage/run.py).

@@ -2,8 +2,8 @@
 """The whole card as a black box with two lines: what it may send, when, and what it must send.
 
 `LineJudge` gets everything sent on both lines and reports where the card broke a rule. `card.CardModel` gives
-the content, `wire` the framing. This module adds the commit (FRAME-6), the one reply (FRAME-7, FRAME-8), the
-exchange with the drive, its repeat and its end (FC-8, FC-9), and the choice between requests that meet.
+the content, `wire` the framing. This module adds the commit (FRAME-6) and the one reply (FRAME-7, FRAME-8).
+It also adds the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served.
 
 Where the rules allow a choice, the judge accepts any allowed one and continues from it. A telegram overtaken
 by a newer request before its start may be sent or not. A drive's reply within a few ms of the end of its

@@ -27,8 +27,8 @@ COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
 SHORT = rtu.build(OWN, b"\x07")  # the shortest possible frame
 GOOD = rtu.build(OWN, rtu.read_coils(0, 16))
 FOREIGN = rtu.build(OWN + 1, rtu.read_coils(0, 16))
-# FRAME-1 allows a quarter bit either way. At 115200 bit/s the clocks that a level takes to get in are most of
-# it, and this bench's clock is slower than the slowest allowed.
+# FRAME-1 allows a quarter bit either way. At 115200 bit/s the input delay in clocks is most of it, and this
+# bench's clock is slower than the slowest allowed.
 ACCURACY = 0.25 * SLOWEST_HZ / BASE_HZ
 START = 1  # a state of the UART
 

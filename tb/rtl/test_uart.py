@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """uart: all formats in both directions, error flags per byte, bad senders at the pin (LINE-5), sending
-without gaps, and the bit time on the pin at every rate (LINE-4)."""
+without gaps. Bit time on the pin at every rate (LINE-4)."""
 
 import math
 import os
