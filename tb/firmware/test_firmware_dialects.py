@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The firmware in each of its dialects (docs/guide/dialects.md): translation core and poll loop. Bytes are
-hex.
+"""The firmware in each dialect (docs/guide/dialects.md): translation core and poll loop. Bytes are hex.
 
 `S2` is the manual of the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA (MG.10.S2.02), `S3` the
 design guide of the VLT HVAC Basic Drive (MG.18.C2.02).
@@ -25,7 +24,7 @@ RULES = {"card": "DIALECT-CARD", "builtin": "DIALECT-BUILTIN", "hvac_basic": "DI
 
 
 def spoken_in(*dialects: str) -> pytest.MarkDecorator:
-    """The test runs in these dialects and shows their rules."""
+    """Runs the test in these dialects and marks it with their rules."""
     return pytest.mark.parametrize(
         "card",
         [pytest.param(name, marks=pytest.mark.rule(RULES[name]), id=name) for name in dialects],
@@ -47,7 +46,7 @@ def card(request: pytest.FixtureRequest) -> Translator:
 
 
 def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
-    """A request sent as a number, which the drive refuses with fault 5: now its second telegram."""
+    """A request sent as a number, which the drive rejects with fault 5; its second telegram is next."""
     txn = card.do(H(pdu))
     assert txn.outcome == EXCHANGE
     assert txn.telegram == H(number)
@@ -124,8 +123,8 @@ def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
 @pytest.mark.parametrize(
     ("pdu", "codes", "what"),
     [
-        ("07 0000 0001", (67, 67, 1), "a function that is not there"),
-        ("2B", (67, 67, 1), "a function that is not there, alone"),
+        ("07 0000 0001", (67, 67, 1), "an unknown function"),
+        ("2B", (67, 67, 1), "an unknown function without data"),
         ("03 1413", (65, 65, 3), "a request too short"),
         ("05 0000 FF00 00", (65, 65, 3), "a request too long"),
         ("10 0419 0002 04 0000 02", (65, 65, 3), "a byte less than counted"),
@@ -148,7 +147,7 @@ def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
         ("10 0001 0002 04 0001 0000", (2, 66, 3), "a drive time-out of 0 in a run"),
     ],
 )
-def test_a_mistake_of_the_master_gets_the_code_of_the_dialect(
+def test_an_invalid_request_gets_the_code_of_the_dialect(
     card: Translator, pdu: str, codes: tuple[int, int, int], what: str
 ):
     before = card.state()
@@ -160,7 +159,7 @@ def test_a_mistake_of_the_master_gets_the_code_of_the_dialect(
 @in_all
 @pytest.mark.parametrize("fault", [0, 1, 2, 3, 4, 6, 7, 11, 17, 18, 130, 131, 254, 255])
 @pytest.mark.parametrize("pdu", ["03 1413 0001", "06 1413 0001", "10 1413 0002 04 0000 0001"])
-def test_a_fault_of_the_drive_is_told_unchanged_or_as_4(card: Translator, fault: int, pdu: str):
+def test_a_drive_fault_is_reported_unchanged_or_as_4(card: Translator, fault: int, pdu: str):
     code = 4 if card.dialect == "hvac_basic" else fault
     assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(code, H(pdu)[0])
 
@@ -187,7 +186,7 @@ def test_a_silent_drive_gets_255_or_silence(card: Translator, pdu: str):
 
 
 @in_later
-def test_the_index_is_in_register_9_and_the_time_outs_where_they_were(card: Translator):
+def test_the_index_is_in_register_9_and_the_time_outs_keep_their_registers(card: Translator):
     assert same(reply_to(card, "03 0008 0001"), "03 02 0000")
     assert same(reply_to(card, "03 0001 0002"), "03 04 03E8 000F")
     assert same(reply_to(card, "06 0008 0102"), "06 0008 0102")
@@ -216,7 +215,7 @@ def test_the_index_is_in_register_9_and_the_time_outs_where_they_were(card: Tran
         *(f"06 {register:04x} 0001" for register in range(3, 8)),
     ],
 )
-def test_no_other_register_below_10_is_there(card: Translator, pdu: str):
+def test_no_other_register_below_10_exists(card: Translator, pdu: str):
     before = card.state()
     code = {"builtin": 64, "hvac_basic": 2}[card.dialect]
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0])
@@ -225,7 +224,7 @@ def test_no_other_register_below_10_is_there(card: Translator, pdu: str):
 
 @in_later
 @pytest.mark.parametrize("value", ["0003", "0103", "0403", "0503"])
-def test_only_the_index_of_register_9_goes_out(card: Translator, value: str):
+def test_only_the_index_of_register_9_is_sent(card: Translator, value: str):
     reply_to(card, f"06 0008 {value}")
     assert same(sent_for(card, "03 17C9 0002"), "81 1261 0003 0000 0000 0000 0000")
     assert same(sent_for(card, "06 17C9 0102"), "81 2261 0003 0000 0102 0000 0000")
@@ -234,7 +233,7 @@ def test_only_the_index_of_register_9_goes_out(card: Translator, value: str):
 
 
 @in_later
-def test_a_broadcast_sets_the_index_in_silence(card: Translator):
+def test_a_broadcast_sets_the_index_without_a_reply(card: Translator):
     assert card.do(H("06 0008 0102"), broadcast=True).outcome == SILENT
     assert same(reply_to(card, "03 0008 0001"), "03 02 0102")
 
@@ -296,7 +295,7 @@ def test_1_or_2_registers_that_the_drive_refuses_with_5_are_tried_as_text(
 @in_later
 @pytest.mark.parametrize("fault", [0, 1, 3, 5, 130])
 @pytest.mark.parametrize("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
-def test_what_the_drive_says_to_the_text_is_told_and_not_tried_again(card: Translator, fault: int, pdu: str):
+def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, fault: int, pdu: str):
     number = {"03": "1215 0000 0000 0000", "10": "3215 0000 4142 4344"}[pdu[:2]]
     txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
     assert txn.drive_reply(H(f"7215 0400 0000 00{fault:02x} {RUNNING}")) == REPLY
@@ -312,14 +311,14 @@ def test_what_the_drive_says_to_the_text_is_told_and_not_tried_again(card: Trans
         ("10 14D1 0003 06 414243444546", "it was a text already"),
     ],
 )
-def test_fault_5_is_told_where_there_is_nothing_else_to_try(card: Translator, pdu: str, why: str):
+def test_fault_5_is_reported_when_no_text_can_be_tried(card: Translator, pdu: str, why: str):
     code = 4 if card.dialect == "hvac_basic" else 5
     assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(code, H(pdu)[0]), why
 
 
 @spoken_in("card")
 @pytest.mark.parametrize("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
-def test_the_card_itself_tries_nothing_twice(card: Translator, pdu: str):
+def test_the_card_dialect_never_tries_a_text(card: Translator, pdu: str):
     assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(5, H(pdu)[0])
 
 
@@ -334,7 +333,7 @@ def test_a_refusal_whose_bcc_was_wrong_changes_nothing(card: Translator):
 
 
 @in_later
-def test_the_answer_to_the_text_is_a_text(card: Translator):
+def test_the_reply_to_a_text_must_be_a_text(card: Translator):
     txn = tried_as_text(card, "03 1841 0001", "81 126D 0000 0000 0000 0000 0000")
     for misfit in (f"126D 0000 0000 0001 {RUNNING}", f"F26E 0400 4142 {RUNNING}", RUNNING):
         assert txn.drive_reply(H(misfit)) == NOT_A_REPLY
@@ -397,13 +396,13 @@ START, SEND_START = H("05 0006 FF00"), H("81 0040 0000")
     ]
 )
 def bench(request: pytest.FixtureRequest) -> Bench:
-    """The same sources twice: compiled for the host, and the dialect's own image on an RV32I machine."""
+    """The same sources twice: compiled for the host, and as the dialect's image on an RV32I machine."""
     dialect, firmware = request.param
     return Bench(functools.partial(firmware, dialect=dialect))
 
 
 def refused_number(bench: Bench, pdu: bytes = READ_TEXT) -> None:
-    """A request whose number the drive has just refused."""
+    """Sends a request whose number the drive rejects."""
     bench.request(pdu)
     bench.telegram_ends()
     bench.drive(bytes([0x70 | pdu_head(bench)[0] & 0xF]) + pdu_head(bench)[1:] + H(f"0000 0005 {RUNNING}"))
@@ -415,7 +414,7 @@ def pdu_head(bench: Bench) -> bytes:
 
 
 @pytest.mark.rule("FC-6")
-def test_the_text_is_asked_for_after_the_number_and_answers_the_request(bench: Bench):
+def test_the_text_is_requested_after_the_number_and_answers_the_request(bench: Bench):
     refused_number(bench)
     assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
     assert bench.replies == []
@@ -436,7 +435,7 @@ def test_a_text_is_written_after_the_number_was_refused(bench: Bench):
 
 
 @pytest.mark.rule("PERF-3")
-def test_nothing_is_queued_for_the_master_by_the_first_exchange(bench: Bench):
+def test_the_first_exchange_queues_no_reply(bench: Bench):
     bench.request(READ_TEXT)
     bench.telegram_ends()
     bench.mailbox.drive_data(NO_NUMBER)
@@ -517,7 +516,7 @@ def test_a_newer_request_that_is_revoked_ends_the_older_one_too(bench: Bench):
 
 @pytest.mark.rule("FRAME-7", "FRAME-6")
 def test_a_newer_request_that_the_firmware_did_not_see_ends_the_older_one_too(bench: Bench):
-    """Good BCC, candidate and revoke between two rounds of the poll loop."""
+    """Good BCC, candidate and revoke fall between two rounds of the poll loop."""
     bench.request(READ_TEXT)
     bench.telegram_ends()
     bench.mailbox.drive_data(NO_NUMBER)
@@ -567,7 +566,7 @@ def test_a_newer_request_during_the_second_exchange_waits_for_it(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7")
-def test_a_request_nobody_may_answer_any_more_is_still_finished(bench: Bench):
+def test_an_exchange_whose_reply_was_dropped_is_still_completed(bench: Bench):
     bench.request(WRITE_TEXT)
     bench.telegram_ends()
     bench.character()
@@ -582,7 +581,7 @@ def test_a_request_nobody_may_answer_any_more_is_still_finished(bench: Bench):
 
 
 @pytest.mark.rule("FC-9")
-def test_a_silent_drive_is_asked_once_more_and_the_master_hears_nothing(bench: Bench):
+def test_a_silent_drive_gets_one_repeat_and_the_master_no_reply(bench: Bench):
     bench.request(START)
     for attempt in (1, 2):
         assert len(bench.telegrams) == attempt
@@ -612,7 +611,7 @@ def test_the_second_exchange_has_a_repeat_of_its_own(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "LED-4")
-def test_a_drive_silent_in_the_second_exchange_leaves_the_master_without_an_answer(bench: Bench):
+def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
     refused_number(bench)
     for _ in range(2):
         bench.telegram_ends()
@@ -634,7 +633,7 @@ def test_a_drive_silent_in_the_second_exchange_leaves_the_master_without_an_answ
     ],
 )
 def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
-    """Two characters of the drive line are 2290 us: 27500 clocks at 4 to 5 an instruction."""
+    """Two characters of the drive line take 2290 us: 27500 clocks, 4 to 5 per instruction."""
     bench = Bench(functools.partial(Machine, dialect=dialect))
     bench.request(READ_TEXT)
     bench.telegram_ends()
@@ -655,7 +654,7 @@ def some_number(rng: random.Random) -> int:
 
 
 def some_request(rng: random.Random) -> bytes:
-    """Mostly sensible, sometimes wrong in one place, seldom all noise."""
+    """A mostly valid request, sometimes with one error, rarely random bytes."""
     if rng.random() < 0.05:
         return rng.randbytes(rng.randint(1, 40))
     function = rng.choice([1, 3, 3, 5, 6, 0x0F, 0x10, 0x10])
@@ -676,7 +675,7 @@ def some_request(rng: random.Random) -> bytes:
 
 
 def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
-    """Telegram data of the drive: misfits, and nearly always a reply that fits in the end."""
+    """Telegram data of the drive: first misfits, then nearly always a reply that fits."""
     head, status = telegram[1:5], rng.randbytes(4)
     value = rng.choice([bytes(4), b"\xff" * 4, b"\0\0" + rng.randbytes(2), rng.randbytes(4)])
     fault = bytes(3) + bytes([rng.choice([0, 5, 5, 5, 17, rng.randrange(256)])])
@@ -701,7 +700,7 @@ def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
 
 
 def play_exchange(rng: random.Random, txn: Transaction, model: CardModel, telegram: bytes) -> int:
-    """Until the request is answered, or the drive falls silent; returns the number of exchanges."""
+    """Plays until the request is answered or the drive falls silent; returns the number of exchanges."""
     exchanges = 1
     for data in some_drive_replies(rng, telegram):
         expected = model.drive_reply(telegram[:1] + data)
@@ -726,7 +725,7 @@ def test_random_requests_agree_with_the_model(card: Translator):
     for _ in range(20000):
         pdu, broadcast = some_request(rng), rng.random() < 0.1
         txn = card.request(pdu, broadcast=broadcast)
-        if rng.random() < 0.1:  # revoked: as if it had never been
+        if rng.random() < 0.1:  # revoked: must have no effect
             continue
         txn.commit()
         expected = model.request(pdu, broadcast)
@@ -759,7 +758,7 @@ def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str)
         mailbox = bench.mailbox
         committed: list[bytes] = []
         for _ in range(rng.randrange(250)):
-            # A request is begun seldom and its exchange goes on often, or none would get as far as a second.
+            # Requests are rare and exchanges usually continue, so that some reach the second telegram.
             event = rng.choice("rccctttddddbbbbwqx")
             if event == "r" and not mailbox.is_candidate:
                 pdu = rng.choice([READ_TEXT, READ_TEXT, READ_INDEX, H("05 000A FF00"), WRITE_TEXT, H("07")])
@@ -770,8 +769,8 @@ def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str)
             elif event == "t":
                 mailbox.telegram_ends()
             elif event == "d":
-                told = [NO_NUMBER, NO_NUMBER, TELL_TEXT, H(RUNNING), rng.randbytes(12)]
-                mailbox.drive_data(rng.choice(told))
+                sent = [NO_NUMBER, NO_NUMBER, TELL_TEXT, H(RUNNING), rng.randbytes(12)]
+                mailbox.drive_data(rng.choice(sent))
             elif event == "b":
                 mailbox.bcc(rng.random() < 0.8)
             elif event == "w":
@@ -784,7 +783,7 @@ def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str)
                 bench.gateway.poll()
         assert not (H("81 0400 0000") in bench.telegrams and H("05 000A FF00") not in committed)
         second += bench.telegrams.count(ASK_TEXT)
-        # The lines come to rest.
+        # Let both lines become idle.
         mailbox.character()
         for _ in range(6):
             mailbox.pause_over()

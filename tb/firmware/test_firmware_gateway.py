@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The poll loop of the firmware behind a mailbox played by the test. Bytes are hex, times in ms."""
+"""The poll loop of the firmware with a simulated mailbox. Bytes are hex, times in ms."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NETWORK_RED, NETWORK_GREEN, DRIVE_RED, DRIVE_GREEN = 1, 2, 4, 8
 
 
 class Bench:
-    """Gateway and mailbox, and what happens in a scenario; the firmware polls after every event."""
+    """Gateway, mailbox and the steps of a scenario; the firmware polls after every event."""
 
     def __init__(self, firmware: type = Gateway, address: int = 1) -> None:
         self.mailbox = FakeMailbox(address)
@@ -34,12 +34,12 @@ class Bench:
         self.gateway = self.firmware(self.mailbox.read, self.mailbox.write)
 
     def poll(self) -> None:
-        # Once for the event, once more for what the first one set going.
+        # One round for the event, one for its consequences.
         self.gateway.poll()
         self.gateway.poll()
 
     def offer(self, pdu: bytes, broadcast: bool = False) -> None:
-        """A request as far as t1.5."""
+        """A request until t1.5."""
         self.mailbox.candidate(pdu, broadcast)
         self.poll()
 
@@ -72,7 +72,7 @@ class Bench:
             self.gateway.poll()
 
     def local(self, pdu: bytes) -> None:
-        """A request that the card must answer by itself, at once."""
+        """A local request; checks that the card answers at once."""
         before = len(self.replies)
         self.request(pdu)
         assert len(self.replies) == before + 1
@@ -88,7 +88,7 @@ class Bench:
 
 @pytest.fixture(params=[Gateway, Machine], ids=["host", "card"])
 def bench(request: pytest.FixtureRequest) -> Bench:
-    """The same sources twice: compiled for the host, and the card's own image on an RV32I machine."""
+    """The same sources twice: compiled for the host, and as the card's image on an RV32I machine."""
     return Bench(request.param)
 
 
@@ -96,7 +96,7 @@ def bench(request: pytest.FixtureRequest) -> Bench:
 
 
 @pytest.mark.rule("FRAME-6", "PERF-1")
-def test_a_local_reply_is_queued_at_t15_and_leaves_at_t35(bench: Bench):
+def test_a_local_reply_is_queued_at_t15_and_sent_at_t35(bench: Bench):
     bench.offer(READ_IND)
     assert bench.mailbox.reply_queued
     assert bench.replies == []
@@ -105,7 +105,7 @@ def test_a_local_reply_is_queued_at_t15_and_leaves_at_t35(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-6", "PERF-2")
-def test_a_telegram_is_queued_at_t15_and_leaves_at_t35(bench: Bench):
+def test_a_telegram_is_queued_at_t15_and_sent_at_t35(bench: Bench):
     bench.offer(READ_514)
     assert bench.mailbox.telegram_queued
     assert bench.telegrams == []
@@ -127,7 +127,7 @@ def test_the_end_of_an_exchange_ends_its_licence(bench: Bench, end: str):
         bench.wait(400)
     assert len(bench.telegrams) == (2 if end == "silent" else 1)
     mailbox = bench.mailbox
-    # The hardware sends nothing of it again, whatever the firmware queues.
+    # The hardware does not repeat it, even if the firmware queues a repeat.
     mailbox._write_telegram(length=0, no_reply=0, repeat=1, ticket=mailbox.ticket)
     assert not mailbox.licensed and not mailbox.telegram_queued
     assert mailbox.spent
@@ -139,32 +139,32 @@ COMMAND = H("0F 0000 0020 04 7C04 9919")
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize("places", [(7,), (8,), (9,), (10,), (7, 9), (8, 10), (7, 8), (9, 10), (7, 8, 9, 10)])
 @pytest.mark.parametrize("bit", [0, 2, 7])
-def test_a_telegram_that_came_out_differently_the_second_time_never_leaves(
+def test_a_telegram_that_differs_in_its_second_pass_is_never_sent(
     bench: Bench, places: tuple[int, ...], bit: int
 ):
-    """Bits of the request flip between the two times that the firmware makes the telegram.
+    """Bits of the request flip between the firmware's two passes over it.
 
-    One in each of two bytes has the same BCC; one in a low byte changes BCC and guard word alike.
+    One flip in each of two bytes keeps the BCC; one in a low byte changes BCC and guard word alike.
     """
     mailbox = bench.mailbox
-    looks = []
+    passes = []
 
     def flip() -> int:
-        looks.append(mailbox.length)
-        if len(looks) == 2:
+        passes.append(mailbox.length)
+        if len(passes) == 2:
             for place in places:
                 frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(place)] ^= 1 << bit
         return mailbox.length
 
     mailbox._read_length = flip
     if isinstance(bench.gateway, Machine):
-        with pytest.raises(Hung):  # the watchdog makes an end of it
+        with pytest.raises(Hung):  # the watchdog would bite
             bench.request(COMMAND)
     else:
         bench.request(COMMAND)
         bench.wait(400)
         bench.request(READ_IND)
-    assert len(looks) == 2 + isinstance(bench.gateway, Gateway)
+    assert len(passes) == 2 + isinstance(bench.gateway, Gateway)
     assert bench.telegrams == [] and bench.replies == []
 
 
@@ -189,13 +189,13 @@ def test_a_parameter_write_that_differs_in_its_second_pass_is_not_queued(bench: 
 
 
 @pytest.mark.rule("FRAME-6", "SAFE-1")
-@pytest.mark.parametrize("looks", [1, 2, 3])
-def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench, looks: int):
-    """It comes while the older one, committed already, is prepared, and is revoked."""
+@pytest.mark.parametrize("reads", [1, 2, 3])
+def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench, reads: int):
+    """It comes while the firmware prepares the older, committed request, and is revoked."""
     mailbox = bench.mailbox
     mailbox.candidate(COMMAND)
     mailbox.commit()
-    plain, left = mailbox._read_request, [looks]
+    plain, left = mailbox._read_request, [reads]
 
     def newer() -> int:
         word = plain()
@@ -211,12 +211,12 @@ def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench,
     bench.telegram_ends()
     bench.wait(400)
     bench.request(H("05 0009 0000"))
-    assert bench.telegrams[-1] in (H("81 0000 0000"), H("81 047C 1999")), "of the revoked one"
+    assert bench.telegrams[-1] in (H("81 0000 0000"), H("81 047C 1999")), "bits of the revoked request"
 
 
 @pytest.mark.rule("FRAME-6", "SAFE-4")
-def test_a_request_that_reads_as_both_is_a_candidate_yet(bench: Bench):
-    """A bit of the word has flipped on its way, and the request is revoked then."""
+def test_a_request_that_reads_as_candidate_and_committed_is_a_candidate(bench: Bench):
+    """A bit of the register flips on the way to the firmware, and the request is revoked then."""
     mailbox = bench.mailbox
     plain = mailbox._read_request
     mailbox.candidate(COMMAND)
@@ -231,17 +231,17 @@ def test_a_request_that_reads_as_both_is_a_candidate_yet(bench: Bench):
 
 
 @pytest.mark.rule("SAFE-4", "LOOP-1")
-def test_the_loop_back_test_s_door_is_closed_at_every_other_start(bench: Bench):
+def test_the_loopback_test_is_closed_at_every_normal_start(bench: Bench):
     written = []
     bench.mailbox._write_supervisor = lambda **fields: written.append(fields)
     bench.restart()
-    assert written == [{"halt": 0, "loopback": 1}], "nor does a flipped switch open it later"
+    assert written == [{"halt": 0, "loopback": 1}], "a flipped switch cannot open it later either"
 
 
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize("write", core_flips.WRITES)
-def test_adr_is_the_last_of_a_telegram_to_be_written(write):
-    """Until then no drive takes what lies there, whole or not."""
+def test_adr_of_a_telegram_is_written_last(write):
+    """Until then ADR is 0, and no drive accepts the telegram, complete or not."""
     slots = AREAS["TELEGRAM_FRAME"]
     places = [FRAMES + slots.at(i) for i in range(slots.length)]
     stored = []
@@ -261,7 +261,7 @@ def test_adr_is_the_last_of_a_telegram_to_be_written(write):
     bench.offer(write)
     order = [place for place, _ in stored]
     assert order == list(range(len(order) - 1, -1, -1)) and len(order) in (6, 14)
-    assert not any(adr for _, adr in stored), "it was 0 all the time"
+    assert not any(adr for _, adr in stored), "ADR must be 0 until then"
 
 
 @pytest.mark.rule("SAFE-4")
@@ -273,7 +273,7 @@ def test_a_bit_that_flips_in_the_core_alters_no_command():
 
 
 @pytest.mark.rule("FRAME-6")
-def test_candidate_and_commit_seen_together(bench: Bench):
+def test_candidate_and_commit_in_one_round_are_served(bench: Bench):
     bench.mailbox.candidate(H("06 0000 0102"))
     bench.mailbox.commit()
     bench.poll()
@@ -290,13 +290,13 @@ def test_a_revoked_request_changes_nothing_and_sends_nothing(bench: Bench):
     bench.local(H("01 0000 0041"))
     assert bench.replies == [REPLY_IND, H("01 01 09") + bytes(9)]
     assert bench.telegrams == []
-    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "nor was the drive silent"
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "no exchange may time out"
     bench.request(READ_514)
-    assert bench.telegrams == [ASK_514], "and the drive line is free again"
+    assert bench.telegrams == [ASK_514], "the drive line must be free again"
 
 
 @pytest.mark.rule("FRAME-6", "FRAME-7")
-def test_effects_stay_when_the_reply_comes_too_late(bench: Bench):
+def test_a_committed_write_stays_when_its_reply_is_dropped(bench: Bench):
     bench.mailbox.candidate(H("06 0000 0102"))
     bench.mailbox.commit()
     bench.mailbox.character()
@@ -352,7 +352,7 @@ def test_an_over_long_request_gets_its_exception(bench: Bench, size: int, code: 
 
 
 @pytest.mark.rule("PERF-3", "FC-6")
-def test_the_reply_is_ready_before_the_bcc_and_leaves_with_it(bench: Bench):
+def test_the_reply_is_queued_before_the_bcc_and_sent_with_it(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.mailbox.drive_data(TELL_514)
@@ -367,7 +367,7 @@ def test_the_reply_is_ready_before_the_bcc_and_leaves_with_it(bench: Bench):
 
 
 @pytest.mark.rule("FC-8", "FC-6")
-def test_data_and_bcc_seen_together(bench: Bench):
+def test_data_and_bcc_in_one_round_are_answered(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.mailbox.drive_data(TELL_514)
@@ -377,7 +377,7 @@ def test_data_and_bcc_seen_together(bench: Bench):
 
 
 @pytest.mark.rule("FC-8")
-def test_each_exchange_judges_its_own_telegram(bench: Bench):
+def test_each_exchange_checks_its_own_telegram(bench: Bench):
     for value in ("0001", "0002"):
         bench.request(READ_514)
         bench.mailbox.telegram_ends()
@@ -401,8 +401,8 @@ def test_after_a_wrong_bcc_the_next_good_telegram_is_answered(bench: Bench):
 
 
 @pytest.mark.rule("FC-8", "SAFE-4")
-def test_a_reply_prepared_too_late_for_its_wrong_bcc_never_leaves(bench: Bench):
-    """The BCC turns out wrong between the firmware's look and its queueing."""
+def test_a_reply_prepared_too_late_for_its_wrong_bcc_is_never_sent(bench: Bench):
+    """The wrong BCC arrives between the firmware's check and its queueing."""
     mailbox = bench.mailbox
     plain_write = mailbox._write_reply
 
@@ -427,7 +427,7 @@ def test_a_reply_prepared_too_late_for_its_wrong_bcc_never_leaves(bench: Bench):
 @pytest.mark.parametrize(
     "misfit", ["0F03 2000", f"1203 0000 0000 0001 {STATUS}", f"0202 0000 0000 0001 {STATUS}"]
 )
-def test_a_good_telegram_that_does_not_fit_is_passed_over(bench: Bench, misfit: str):
+def test_a_good_telegram_that_does_not_fit_is_ignored(bench: Bench, misfit: str):
     bench.request(READ_514)
     bench.telegram_ends()
     for _ in range(3):
@@ -450,7 +450,7 @@ def test_a_refusal_is_passed_on(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "EXC")
-def test_a_silent_drive_is_asked_once_more_then_255(bench: Bench):
+def test_a_silent_drive_gets_one_repeat_then_the_master_gets_255(bench: Bench):
     bench.request(READ_514)
     bench.wait(500)
     assert bench.telegrams == [ASK_514], "the wait begins when the telegram is out"
@@ -520,7 +520,7 @@ def test_the_repeat_may_still_be_answered(bench: Bench):
 
 
 @pytest.mark.rule("FC-9")
-def test_misfits_do_not_make_the_wait_longer(bench: Bench):
+def test_misfits_do_not_extend_the_wait(bench: Bench):
     bench.request(READ_514)
     for attempt in (1, 2):
         bench.telegram_ends()
@@ -533,7 +533,7 @@ def test_misfits_do_not_make_the_wait_longer(bench: Bench):
 
 
 @pytest.mark.rule("FC-9")
-def test_a_bcc_on_its_way_is_waited_for_at_the_end(bench: Bench):
+def test_the_wait_extends_for_a_bcc_in_progress(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.wait(150)
@@ -546,7 +546,7 @@ def test_a_bcc_on_its_way_is_waited_for_at_the_end(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "FRAME-7")
-def test_a_reply_after_giving_up_is_not_heard(bench: Bench):
+def test_a_reply_after_the_last_wait_is_ignored(bench: Bench):
     bench.request(READ_514)
     for _ in range(2):
         bench.telegram_ends()
@@ -561,7 +561,7 @@ def test_a_reply_after_giving_up_is_not_heard(bench: Bench):
 
 
 @pytest.mark.rule("MAP-3", "FC-9")
-def test_the_control_image_holds_what_the_drive_did_not_confirm(bench: Bench):
+def test_the_control_image_keeps_an_unconfirmed_write(bench: Bench):
     bench.request(H("05 0006 FF00"))
     for _ in range(2):
         bench.telegram_ends()
@@ -622,7 +622,7 @@ def test_an_old_time_out_does_not_touch_a_newer_reply_that_waits(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7")
-def test_sixteen_newer_requests_bring_the_ticket_round_but_not_the_old_reply(bench: Bench):
+def test_a_ticket_that_wraps_does_not_release_the_old_reply(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     for _ in range(15):
@@ -647,7 +647,7 @@ def test_a_newer_request_for_the_drive_waits_for_the_older_exchange(bench: Bench
 
 
 @pytest.mark.rule("FRAME-7", "FRAME-6")
-def test_a_waiting_request_that_is_revoked_is_forgotten(bench: Bench):
+def test_a_revoked_waiting_request_is_dropped(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.offer(H("05 0006 FF00"))
@@ -660,7 +660,7 @@ def test_a_waiting_request_that_is_revoked_is_forgotten(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "FRAME-6")
-def test_a_waiting_candidate_leaves_only_after_its_commit(bench: Bench):
+def test_a_waiting_candidate_is_sent_only_after_its_commit(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.offer(H("05 0006 FF00"))
@@ -677,7 +677,7 @@ def test_of_several_waiting_requests_the_newest_is_served(bench: Bench):
     bench.request(H("05 0006 FF00"))
     bench.request(H("05 0001 FF00"))
     bench.drive(TELL_514)
-    # The first write was committed, so its bit goes out too.
+    # The first write was committed, so its bit is sent too.
     assert bench.telegrams == [ASK_514, H("81 0042 0000")]
     bench.telegram_ends()
     bench.drive(H(STATUS))
@@ -685,7 +685,7 @@ def test_of_several_waiting_requests_the_newest_is_served(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "FC-9")
-def test_no_older_telegram_is_repeated_behind_a_newer_request(bench: Bench):
+def test_no_older_telegram_is_repeated_after_a_newer_request(bench: Bench):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.request(H("05 0006 FF00"))
@@ -695,7 +695,7 @@ def test_no_older_telegram_is_repeated_behind_a_newer_request(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "FC-8")
-def test_a_telegram_that_waits_for_its_pause_leaves_before_a_newer_one(bench: Bench):
+def test_a_telegram_that_waits_for_its_pause_is_sent_before_a_newer_one(bench: Bench):
     bench.mailbox.quiet = False
     bench.request(H("05 0006 FF00"))
     bench.request(H("05 0001 FF00"))
@@ -709,7 +709,7 @@ def test_a_telegram_that_waits_for_its_pause_leaves_before_a_newer_one(bench: Be
 
 
 @pytest.mark.rule("FRAME-6", "SAFE-3")
-def test_a_telegram_that_came_too_late_frees_the_drive_line(bench: Bench):
+def test_a_telegram_queued_too_late_frees_the_drive_line(bench: Bench):
     mailbox, plain = bench.mailbox, bench.mailbox._write_telegram
 
     def too_late(**fields: int) -> None:
@@ -730,7 +730,7 @@ def test_a_telegram_that_came_too_late_frees_the_drive_line(bench: Bench):
 
 
 @pytest.mark.rule("MAP-9", "FC-9")
-def test_a_broadcast_waits_for_nothing_but_its_own_sending(bench: Bench):
+def test_a_broadcast_exchange_ends_with_its_telegram(bench: Bench):
     bench.request(H("05 0006 FF00"), broadcast=True)
     assert bench.telegrams == [H("80 0040 0000")]
     assert bench.mailbox.no_reply
@@ -746,7 +746,7 @@ def test_a_broadcast_waits_for_nothing_but_its_own_sending(bench: Bench):
 
 
 @pytest.mark.rule("MAP-9")
-def test_a_broadcast_to_the_card_is_done_and_not_answered(bench: Bench):
+def test_a_broadcast_to_local_registers_is_executed_without_a_reply(bench: Bench):
     bench.request(H("06 0000 0102"), broadcast=True)
     bench.request(H("03 0000 0001"), broadcast=True)
     assert bench.replies == []
@@ -758,7 +758,7 @@ def test_a_broadcast_to_the_card_is_done_and_not_answered(bench: Bench):
 
 
 def shown(bench: Bench, ms: int) -> list[tuple[int, int]]:
-    """The LED states of the next `ms`, each with how long it stayed."""
+    """The LED states of the next `ms`, each with its duration."""
     states: list[tuple[int, int]] = []
     for _ in range(ms):
         bench.wait(1)
@@ -778,7 +778,7 @@ def test_power_up_shows_each_colour_of_each_led_then_both_flash_red(bench: Bench
     orange_drive, orange_network = DRIVE_RED | DRIVE_GREEN, NETWORK_RED | NETWORK_GREEN
     colours = [DRIVE_RED, DRIVE_GREEN, orange_drive, 0, NETWORK_RED, NETWORK_GREEN, orange_network, 0]
     assert [state for state, _ in show[:8]] == colours
-    # The first tick shows the first state, so it is seen a ms shorter.
+    # The first tick sets the first state, which therefore counts one ms less.
     assert [ms for _, ms in show[:8]] == [249] + [250] * 7
     red = DRIVE_RED | NETWORK_RED
     assert show[8:12] == [(red, 500), (0, 500), (red, 500), (0, 500)]
@@ -791,7 +791,7 @@ def test_requests_are_answered_during_the_show(bench: Bench):
 
 
 def lit(bench: Bench) -> int:
-    """What is lit in the next flash."""
+    """The LEDs lit in the next flash."""
     return max(state for state, _ in shown(bench, 1000))
 
 
@@ -810,7 +810,7 @@ def test_network_led_is_green_while_good_frames_come_often_enough(bench: Bench):
 
 
 @pytest.mark.rule("LED-3", "MAP-5")
-def test_network_led_turns_red_to_the_millisecond(bench: Bench):
+def test_network_led_turns_red_exactly_at_the_time_out(bench: Bench):
     bench.wait(2100)
     bench.local(H("06 0001 012C"))
     bench.wait(2999)
@@ -827,7 +827,7 @@ def test_network_time_out_0_means_never(bench: Bench):
 
 
 @pytest.mark.rule("LED-3", "FRAME-6")
-def test_a_revoked_frame_is_no_good_frame(bench: Bench):
+def test_a_revoked_frame_does_not_turn_the_network_led_green(bench: Bench):
     bench.wait(3000)
     bench.offer(READ_IND)
     bench.character()
@@ -835,19 +835,19 @@ def test_a_revoked_frame_is_no_good_frame(bench: Bench):
 
 
 @pytest.mark.rule("LED-4")
-def test_drive_led_tells_how_the_last_exchange_ended(bench: Bench):
+def test_drive_led_shows_the_result_of_the_last_exchange(bench: Bench):
     bench.wait(3000)
     assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
     bench.request(H("06 040F 003C"))
     bench.telegram_ends()
-    bench.drive(H(f"7068 0000 0000 0011 {STATUS}"))  # a refusal is an answer
+    bench.drive(H(f"7068 0000 0000 0011 {STATUS}"))  # a refusal is a reply
     assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_GREEN
     bench.request(READ_514)
     for _ in range(2):
         bench.telegram_ends()
         bench.wait(151)
     assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
-    bench.request(H("05 0006 FF00"), broadcast=True)  # tells nothing
+    bench.request(H("05 0006 FF00"), broadcast=True)  # does not change the LED
     bench.telegram_ends()
     assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
 
@@ -887,7 +887,7 @@ def test_after_any_sequence_of_events_the_next_request_is_answered():
             if rng.random() < 0.7:
                 bench.gateway.poll()
         assert not (H("81 0400 0000") in bench.telegrams and H("05 000A FF00") not in committed)
-        # The lines come to rest.
+        # Let both lines become idle.
         mailbox.character()
         for _ in range(4):
             mailbox.pause_over()
@@ -918,10 +918,10 @@ IDLE_ROUND = 150  # instructions, at most
 
 
 def instructions_until(bench: Bench, happened: str) -> int:
-    """Instructions until the mailbox's flag is set, when the poll loop has just missed the event."""
+    """Instructions until the mailbox's flag is set, if the poll loop has just missed the event."""
     machine = bench.gateway
     start = machine.instructions
-    bench.mailbox.time += 1  # so that the LEDs are on the way too
+    bench.mailbox.time += 1  # so that the LEDs are updated too
     while not getattr(bench.mailbox, happened):
         machine._step()
         assert machine.instructions < start + 20000
@@ -930,8 +930,8 @@ def instructions_until(bench: Bench, happened: str) -> int:
 
 @pytest.mark.rule("PERF-1", "PERF-2")
 @pytest.mark.parametrize("what", WORST_REQUESTS)
-def test_whatever_a_request_needs_is_queued_in_time(what: str):
-    """From t1.5 to t3.5 there are 1000 us at the highest rates: 12000 clocks, 4 to 5 an instruction."""
+def test_every_request_is_queued_in_time(what: str):
+    """At the highest rates t1.5 to t3.5 take 1000 us: 12000 clocks, 4 to 5 per instruction."""
     bench = Bench(Machine)
     bench.local(H("06 0000 0500"))
     bench.mailbox.candidate(WORST_REQUESTS[what])
@@ -981,7 +981,7 @@ def test_the_stack_stays_far_from_the_variables():
 
 
 @pytest.mark.rule("FC-8", "FC-9", "LED-4")
-def test_a_telegram_that_cannot_leave_is_given_up_after_the_wait(bench: Bench):
+def test_a_telegram_that_cannot_be_sent_is_abandoned_after_the_wait(bench: Bench):
     bench.mailbox.quiet = False
     bench.request(READ_514)
     bench.wait(150)
@@ -991,13 +991,13 @@ def test_a_telegram_that_cannot_leave_is_given_up_after_the_wait(bench: Bench):
     assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
     bench.mailbox.pause_over()
     bench.wait(500)
-    assert bench.telegrams == [], "not even when the line is free at last"
+    assert bench.telegrams == [], "not sent even when the line becomes free"
     bench.request(READ_514)
     assert bench.telegrams == [ASK_514]
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-1")
-def test_a_start_that_could_not_leave_never_follows_its_stop(bench: Bench):
+def test_an_unsent_start_never_follows_a_newer_stop(bench: Bench):
     start, stop = H("0F 0000 0020 04 7C049919"), H("0F 0000 0020 04 3C040000")
     bench.mailbox.quiet = False
     bench.request(start)
@@ -1015,7 +1015,7 @@ def test_a_start_that_could_not_leave_never_follows_its_stop(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-1")
-def test_a_start_that_could_not_leave_is_withdrawn_behind_a_newer_one_that_is_revoked(bench: Bench):
+def test_an_unsent_start_is_withdrawn_after_a_newer_revoked_request(bench: Bench):
     bench.mailbox.quiet = False
     bench.request(COMMAND)
     bench.wait(60)
@@ -1030,8 +1030,8 @@ def test_a_start_that_could_not_leave_is_withdrawn_behind_a_newer_one_that_is_re
 
 
 @pytest.mark.rule("FRAME-6", "FC-9")
-def test_a_slow_commit_is_no_wait_for_the_drive_line(bench: Bench):
-    """At 300 bit/s a candidate stands 73 ms before it is committed; 40003 may be 10 ms."""
+def test_a_slow_commit_does_not_count_as_a_wait_for_the_drive_line(bench: Bench):
+    """At 300 bit/s a candidate waits 73 ms for its commit; register 40003 may be 10 ms."""
     bench.local(H("06 0002 0001"))
     bench.offer(READ_514)
     bench.wait(73)
@@ -1040,7 +1040,7 @@ def test_a_slow_commit_is_no_wait_for_the_drive_line(bench: Bench):
 
 
 @pytest.mark.rule("FC-8", "MAP-9")
-def test_the_pause_does_not_cost_a_broadcast_its_telegram(bench: Bench):
+def test_a_broadcast_telegram_is_sent_after_the_pause(bench: Bench):
     bench.mailbox.quiet = False
     bench.request(H("0F 0000 0020 04 3C040000"), broadcast=True)
     bench.wait(2)
@@ -1051,7 +1051,7 @@ def test_the_pause_does_not_cost_a_broadcast_its_telegram(bench: Bench):
 
 
 @pytest.mark.rule("LED-5")
-def test_the_poll_loop_is_idle_only_while_nothing_is_under_way():
+def test_the_poll_loop_is_idle_only_without_a_request_or_exchange():
     bench = Bench()
 
     def idle() -> bool:
@@ -1077,7 +1077,7 @@ def test_the_poll_loop_is_idle_only_while_nothing_is_under_way():
 
 
 @pytest.mark.rule("FC-9")
-def test_the_firmware_s_counters_have_sixteen_bits():
+def test_the_firmware_counters_have_sixteen_bits():
     bench = Bench()
     bench.local(H("06 0002 0001"))
     for _ in range(257):
@@ -1089,11 +1089,11 @@ def test_the_firmware_s_counters_have_sixteen_bits():
     assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 257
 
 
-# ---------------------------------------------------------------- what goes on beside
+# ---------------------------------------------------------------- status, watchdog, events
 
 
 @pytest.mark.rule("FC-6", "EXC")
-def test_a_refusal_is_a_good_reply_and_brings_the_status(bench: Bench):
+def test_a_refusal_is_a_good_reply_and_updates_the_status(bench: Bench):
     bench.request(H("06 040F 003C"))
     bench.telegram_ends()
     bench.drive(H("7068 0000 0000 0011 0607 1234"))
@@ -1103,7 +1103,7 @@ def test_a_refusal_is_a_good_reply_and_brings_the_status(bench: Bench):
 
 
 @pytest.mark.rule("WDG-1")
-def test_the_watchdog_is_kicked_whatever_is_under_way():
+def test_the_watchdog_is_kicked_in_every_state():
     bench = Bench(Machine)
 
     def kicks(ms: int) -> int:
@@ -1124,7 +1124,7 @@ EVENTS = ("crc", "parity", "framing", "t15", "overrun", "revoked", "drive_bad")
 
 @pytest.mark.rule("FRAME-4", "FC-8")
 def test_each_event_is_counted_in_its_own_counter(bench: Bench):
-    """Those of one round, however many, as one of each kind."""
+    """Several events of one kind in one round count once."""
     for n, event in enumerate(EVENTS, 1):
         for _ in range(n):
             bench.mailbox.event(event)
@@ -1156,7 +1156,7 @@ def test_an_event_between_reading_and_clearing_is_not_lost(bench: Bench):
 
 
 @pytest.mark.rule("WDG-1")
-def test_counters_outlive_a_restart_and_are_counted_during_the_loop_back_test(bench: Bench):
+def test_counters_survive_a_restart_and_count_during_the_loopback_test(bench: Bench):
     bench.mailbox.event("crc")
     bench.poll()
     bench.mailbox.loopback = True

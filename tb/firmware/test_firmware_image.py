@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the firmware does besides serving requests: image check, watchdog, loop-back test."""
+"""The firmware's other tasks: image check, watchdog, loop-back test."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from tb.model.rv32i import Hung, Machine, image
 
 ORANGE, RED = 0xF, 0b0101
 SHOW_MS, VERDICT_MS = 2000, 12000
-# What the other port hears of each test frame.
+# Test frames, and their bytes as the other port receives them.
 TELEGRAM = bytes.fromhex("81 0000 0000 55AA FF01 0000 0000")
 HEARD_BY_NETWORK = bytes.fromhex("02 0E") + TELEGRAM + bytes.fromhex("8C")
 FRAME = bytes.fromhex("02 0E 81 55 AA 00 FF 01 80 7F FE 33 00 38")
 HEARD_BY_DRIVE = FRAME[3:] + bytes.fromhex("E2")
 
 
-class Card:
-    """The card's image on a machine, behind a mailbox with or without the switches of the loop-back test."""
+class BootedFirmware:
+    """The firmware with a mailbox, with or without the switch setting of the loop-back test."""
 
     firmware: type = Machine
 
@@ -45,8 +45,8 @@ class Card:
 
 @pytest.fixture(params=[Gateway, Machine], ids=["host", "card"])
 def both(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same sources twice: compiled for the host, and the card's own image on an RV32I machine."""
-    monkeypatch.setattr(Card, "firmware", request.param)
+    """The same sources twice: compiled for the host, and as the card's image on an RV32I machine."""
+    monkeypatch.setattr(BootedFirmware, "firmware", request.param)
 
 
 def checked_bits() -> int:
@@ -56,23 +56,23 @@ def checked_bits() -> int:
 # ---------------------------------------------------------------- the image
 
 
-def test_the_sums_are_of_the_words_and_of_their_running_sums():
+def test_checksums_cover_the_words_and_their_running_sums():
     words = [1, 2, 0xFFFFFFFF]
     sealed = seal(struct.pack("<5I", *words, 0, 0))
     assert struct.unpack("<5I", sealed)[3:] == (2, 1 + 3 + 2)
 
 
 @pytest.mark.rule("LED-5")
-def test_a_whole_image_never_halts():
-    card = Card()
+def test_an_intact_image_never_halts():
+    card = BootedFirmware()
     card.wait(1000)
     assert not card.mailbox.halted
 
 
 @pytest.mark.rule("LED-5", "SAFE-4")
 @pytest.mark.parametrize("fate", ["revoked", "committed"])
-def test_the_image_is_checked_on_after_a_request_of_any_fate(fate: str):
-    card = Card()
+def test_the_image_check_continues_after_a_revoked_or_committed_request(fate: str):
+    card = BootedFirmware()
     card.mailbox.candidate(bytes.fromhex("03 0000 0001"))
     card.wait(2)
     card.mailbox.character() if fate == "revoked" else card.mailbox.commit()
@@ -86,16 +86,16 @@ def test_the_image_is_checked_on_after_a_request_of_any_fate(fate: str):
 def test_an_image_damaged_while_idle_halts_within_a_second():
     rng = seeded("damaged bits")
     for _ in range(8):
-        card = Card()
+        card = BootedFirmware()
         card.wait(3)
-        # Constants, not code: what the damage does to the running loop is not the question here.
+        # Damage constants, not code, so that the running loop itself is not affected.
         card.machine.memory[checked_bits() // 8 - 1 - rng.randrange(8)] ^= 1 << rng.randrange(8)
         card.wait(1000)
         assert card.mailbox.halted
 
 
 class Check:
-    """The check compiled for the host, over words of the test."""
+    """The image check compiled for the host, on words of the test."""
 
     def __init__(self, words: list[int]) -> None:
         self.words = (ctypes.c_uint32 * len(words))(*words)
@@ -113,7 +113,7 @@ SEALED = struct.unpack("<9I", seal(struct.pack("<9I", *SUMMED, 0, 0)))
 
 @pytest.mark.rule("LED-5")
 @pytest.mark.parametrize("words", [1, 2, 3, 4, 7, 8, 0xFFFFFFFF])
-def test_a_whole_image_adds_up_in_every_round_and_step(words: int):
+def test_an_intact_image_passes_every_round_at_every_step_size(words: int):
     check = Check(SEALED)
     assert all(check.step(words) for _ in range(50))
 
@@ -140,7 +140,7 @@ class Halted(Exception):
 
 
 class HaltingMailbox(FakeMailbox):
-    """For damaged code: as on the card, nothing is read or written where there is no register."""
+    """A mailbox for damaged code: as on the card, accesses outside the registers have no effect."""
 
     def read(self, offset: int) -> int:
         return super().read(offset) if offset in BY_OFFSET else 0
@@ -155,10 +155,10 @@ class HaltingMailbox(FakeMailbox):
 
 
 @pytest.mark.rule("LED-5", "SAFE-4")
-def test_an_image_damaged_before_the_start_ends_before_anything_is_served():
-    """Halted by itself, or trapped or hung, which the watchdog turns into the same (WDG-1, LED-5).
+def test_an_image_damaged_before_the_start_halts_before_any_reply():
+    """The firmware halts, traps or hangs; the watchdog turns the last two into a halt (WDG-1, LED-5).
 
-    A few bits are those of the halt itself: with one of them wrong the card must serve as if nothing was.
+    A few bits belong to the halt code itself: with one of them flipped the card must serve as usual.
     """
     rng = seeded("damaged bits")
     ends = {"halted": 0, "stopped": 0, "serves": 0}
@@ -191,12 +191,12 @@ def test_an_image_damaged_before_the_start_ends_before_anything_is_served():
 
 
 @pytest.mark.rule("WDG-1", "SAFE-4")
-def test_a_flipped_bit_of_what_was_written_leaves_the_firmware_to_the_watchdog():
+def test_a_flipped_bit_in_the_settings_hangs_the_firmware_for_the_watchdog():
     command = ["riscv64-unknown-elf-nm", ROOT / "build/firmware.elf"]
     symbols = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     settings = int(re.search(r"^(\w+) b gateway\.", symbols, re.MULTILINE).group(1), 16)
     for at in range(24):
-        card = Card()
+        card = BootedFirmware()
         card.wait(3)
         card.machine.memory[settings + at] ^= 0x10
         with pytest.raises(Hung):
@@ -206,7 +206,7 @@ def test_a_flipped_bit_of_what_was_written_leaves_the_firmware_to_the_watchdog()
 
 @pytest.mark.rule("WDG-1")
 def test_every_round_kicks_the_watchdog():
-    card = Card()
+    card = BootedFirmware()
     before = card.mailbox.kicks
     card.wait(100)
     assert card.mailbox.kicks == before + 100
@@ -221,9 +221,9 @@ def card_with(
     good: bool = True,
     lge: int | None = None,
     bank: int = 0,
-) -> Card:
-    """A card after both transfers, which arrived as said."""
-    card = Card(loopback=True)
+) -> BootedFirmware:
+    """A card after both transfers, with the given bytes received."""
+    card = BootedFirmware(loopback=True)
     card.mailbox.bank = bank
     card.wait(12)
     assert card.mailbox.telegrams == [TELEGRAM]
@@ -237,7 +237,7 @@ def card_with(
     return card
 
 
-def shown(card: Card) -> int:
+def shown(card: BootedFirmware) -> int:
     """The LEDs in the middle of the verdict."""
     card.wait(SHOW_MS + 1000 - card.mailbox.time)
     assert card.mailbox.loopback
@@ -246,7 +246,7 @@ def shown(card: Card) -> int:
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-def test_both_ways_intact_is_orange_for_12_seconds_then_normal():
+def test_two_intact_transfers_are_orange_for_12_seconds_then_the_card_serves():
     card = card_with()
     assert shown(card) == ORANGE
     card.wait(SHOW_MS + VERDICT_MS - 10 - card.mailbox.time)
@@ -262,7 +262,7 @@ def test_both_ways_intact_is_orange_for_12_seconds_then_normal():
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
 @pytest.mark.parametrize("place", range(len(HEARD_BY_NETWORK)))
-def test_a_byte_wrong_on_the_way_to_the_network_port_is_red(place: int):
+def test_a_wrong_byte_at_the_network_port_is_red(place: int):
     wrong = bytearray(HEARD_BY_NETWORK)
     wrong[place] ^= 0x10
     assert shown(card_with(to_network=bytes(wrong))) == RED
@@ -271,7 +271,7 @@ def test_a_byte_wrong_on_the_way_to_the_network_port_is_red(place: int):
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
 @pytest.mark.parametrize("place", range(len(HEARD_BY_DRIVE)))
-def test_a_byte_wrong_on_the_way_to_the_drive_port_is_red(place: int):
+def test_a_wrong_byte_at_the_drive_port_is_red(place: int):
     wrong = bytearray(HEARD_BY_DRIVE)
     wrong[place] ^= 0x01
     assert shown(card_with(to_drive=bytes(wrong))) == RED
@@ -280,14 +280,14 @@ def test_a_byte_wrong_on_the_way_to_the_drive_port_is_red(place: int):
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
 @pytest.mark.parametrize("bank", [0, 1])
-def test_the_frame_may_come_into_either_bank(bank: int):
+def test_the_frame_may_arrive_in_either_bank(bank: int):
     assert shown(card_with(bank=bank)) == ORANGE
 
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
 @pytest.mark.parametrize("lge", [0x0D, 0x0F, 0x06])
-def test_a_wrong_length_on_the_way_to_the_drive_port_is_red(lge: int):
+def test_a_wrong_length_at_the_drive_port_is_red(lge: int):
     assert shown(card_with(lge=lge)) == RED
 
 
@@ -300,7 +300,7 @@ def test_a_dead_wire_in_either_direction_is_red():
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-def test_no_request_is_served_during_the_test_nor_after_it_if_it_came_before():
+def test_a_request_during_the_loopback_test_is_never_served():
     card = card_with()
     card.mailbox.candidate(bytes.fromhex("03 0000 0001"))
     card.mailbox.commit()

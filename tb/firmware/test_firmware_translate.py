@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The translation core of the firmware: PDU in, PDU or telegram out. Bytes are hex, worked out by hand."""
+"""The translation core of the firmware: PDU in, PDU or telegram out. Bytes are hex, by hand."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def card(request: pytest.FixtureRequest) -> Translator:
     return card
 
 
-# What no dialect does differently is shown in each of them: they are builds of their own.
+# Tests of common behaviour run in every dialect, because each dialect is a build of its own.
 in_every_dialect = pytest.mark.parametrize("card", ["card", "builtin", "hvac_basic"], indirect=True)
 
 
@@ -34,21 +34,21 @@ def refused(code: int, function: int) -> bytes:
 
 
 def reply_to(card: Translator, pdu: str) -> str:
-    """A request that the card answers by itself."""
+    """Sends a local request; returns the reply."""
     txn = card.do(H(pdu))
     assert txn.outcome == REPLY
     return txn.reply.hex()
 
 
 def sent_for(card: Translator, pdu: str, broadcast: bool = False) -> str:
-    """A request that goes to the drive: the telegram's ADR and data."""
+    """Sends a request for the drive; returns ADR and data of the telegram."""
     txn = card.do(H(pdu), broadcast=broadcast)
     assert txn.outcome == EXCHANGE
     return txn.telegram.hex()
 
 
 def answered(card: Translator, pdu: str, drive: str) -> bytes:
-    """A request that the drive answers with good telegram data."""
+    """Sends a request that the drive answers with good telegram data; returns the reply."""
     txn = card.do(H(pdu))
     assert txn.outcome == EXCHANGE
     assert txn.drive_reply(H(drive)) == REPLY
@@ -70,12 +70,12 @@ EVERYTHING_WRITTEN = (
 
 @in_every_dialect
 @pytest.mark.rule("SAFE-4")
-def test_no_command_is_built_on_a_flipped_bit_of_what_was_written_before(card: Translator):
+def test_a_flipped_bit_in_the_settings_prevents_every_command(card: Translator):
     for pdu in EVERYTHING_WRITTEN:
         assert card.sound
         card.do(H(pdu))
     assert card.sound
-    # The last word is the drive's status: nothing is built on that.
+    # Skip the last word, the drive's status: no command depends on it.
     for bit in range(8 * (len(card.state()) - 4)):
         at, mask = bit // 8, 1 << bit % 8
         before = card.memory[at][0]
@@ -91,7 +91,7 @@ def test_no_command_is_built_on_a_flipped_bit_of_what_was_written_before(card: T
 
 @in_every_dialect
 @pytest.mark.rule("SAFE-4")
-def test_a_bit_that_flips_between_request_and_commit_is_seen_at_the_next_request(card: Translator):
+def test_a_flip_between_request_and_commit_is_detected_at_the_next_request(card: Translator):
     txn = card.request(H("05 0000 FF00"))
     for at in range(24):
         txn.memory[at] = txn.memory[at][0] ^ 0x40
@@ -106,7 +106,7 @@ def test_a_bit_that_flips_between_request_and_commit_is_seen_at_the_next_request
 
 
 def play(card: Translator, example: dict) -> None:
-    """One example, and before it what it builds on; every byte of both lines that the core decides."""
+    """Plays one example after those it depends on; checks every byte that the core decides."""
     if "after" in example:
         play(card, EXAMPLES[example["after"]])
     for step in example.get("setup", []):
@@ -140,7 +140,7 @@ def test_example_of_the_manuals(card: Translator, name: str):
 
 @pytest.mark.rule("EXC")
 @pytest.mark.parametrize("function", [f for f in range(256) if f not in (1, 3, 5, 6, 0x0F, 0x10)])
-def test_unknown_function_gets_67_whatever_follows(card: Translator, function: int):
+def test_unknown_function_gets_67_at_any_length(card: Translator, function: int):
     assert card.do(bytes([function])).reply == refused(67, function)
     assert card.do(bytes([function]) + H("0000 0001")).reply == refused(67, function)
 
@@ -166,18 +166,20 @@ def test_wrong_length_of_a_plain_request_gets_65(card: Translator, function: int
         ("10 0001 0002 00", 66, "counts no bytes and has none: the length is right, the count is not"),
     ],
 )
-def test_counted_request_is_measured_by_its_byte_count(card: Translator, pdu: str, code: int, what: str):
+def test_length_of_a_counted_request_is_checked_by_its_byte_count(
+    card: Translator, pdu: str, code: int, what: str
+):
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
 
 
 @pytest.mark.rule("EXC", "FRAME-5")
 def test_request_longer_than_the_memory_kept_gets_its_exception(card: Translator):
-    # 123 registers, 246 bytes of data: right by its byte count, so the quantity is what is wrong.
+    # 123 registers, 246 bytes of data: the byte count is right, so the quantity is wrong.
     pdu = H("10 1413 007B F6") + bytes(246)
     assert len(pdu) == 252
     assert card.do(pdu).reply == refused(66, 0x10)
     assert card.do(pdu[:-1]).reply == refused(65, 0x10)
-    # 32 bytes of ADU are kept: 10 registers of text come whole, a byte more than the frame says does not.
+    # 32 bytes of ADU are kept: 10 registers of text are complete, one byte more is not.
     assert card.request(H("10 1413 000A 14") + bytes(20), length=27).reply == refused(65, 0x10)
 
 
@@ -242,7 +244,7 @@ def test_quantity_or_byte_count_gets_66(card: Translator, pdu: str, what: str):
         ("10 1414 0002 04 0000 0001", "not aligned"),
     ],
 )
-def test_address_that_is_not_there_gets_64(card: Translator, pdu: str, what: str):
+def test_unknown_address_gets_64(card: Translator, pdu: str, what: str):
     before = card.state()
     assert card.do(H(pdu)).reply == refused(64, H(pdu)[0]), what
     assert card.state() == before
@@ -266,7 +268,7 @@ def test_address_that_is_not_there_gets_64(card: Translator, pdu: str, what: str
         ("10 0002 0002 04 0000 0000", 64, "address before value"),
     ],
 )
-def test_the_first_mistake_found_is_the_one_told(card: Translator, pdu: str, code: int, what: str):
+def test_only_the_first_error_is_reported(card: Translator, pdu: str, code: int, what: str):
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
 
 
@@ -329,7 +331,7 @@ def test_any_run_of_coils_reads_from_the_image(card: Translator, address: str, q
         ("05 001F FF00", "047C 9999"),
         ("05 0010 0000", "047C 1998"),
         ("0F 0000 000A 02 FF 03", "07FF 1999"),
-        ("0F 0000 000A 02 FF FF", "07FF 1999"),  # bits beyond the quantity mean nothing
+        ("0F 0000 000A 02 FF FF", "07FF 1999"),  # bits beyond the quantity are ignored
         ("0F 000C 0008 01 A5", "547C 199A"),
         ("0F 0010 0010 02 00 40", "047C 4000"),
         ("0F 001F 0001 01 FF", "047C 9999"),
@@ -357,7 +359,7 @@ def test_a_written_coil_stays_written_when_the_drive_fails(card: Translator):
 @pytest.mark.parametrize(
     ("on", "off"), [("05 0040 FF00", "05 0040 0000"), ("0F 0040 0001 01 FF", "0F 0040 0001 01 FE")]
 )
-def test_coil_65_is_written_alone_and_asks_no_drive(card: Translator, on: str, off: str):
+def test_coil_65_is_written_locally_without_a_telegram(card: Translator, on: str, off: str):
     assert card.do(H(on)).reply == H(on)[:5]
     assert same(reply_to(card, "01 0040 0001"), "01 01 01")
     assert card.do(H(off)).reply == H(off)[:5]
@@ -466,7 +468,7 @@ def test_one_register_never_shows_a_cut_double_word(
 @pytest.mark.rule("EXC", "FC-4")
 @pytest.mark.parametrize("fault", [0, 1, 2, 3, 4, 5, 6, 17, 18, 130, 131, 254, 255])
 @pytest.mark.parametrize("pdu", ["03 1413 0002", "06 1413 0001", "10 1413 0002 04 0000 0001"])
-def test_what_the_drive_refuses_is_told_unchanged(card: Translator, fault: int, pdu: str):
+def test_a_drive_fault_is_reported_unchanged(card: Translator, fault: int, pdu: str):
     assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(fault, H(pdu)[0])
 
 
@@ -482,14 +484,14 @@ def test_a_silent_drive_gives_255(card: Translator, pdu: str):
 
 @pytest.mark.rule("MAP-8")
 @pytest.mark.parametrize("ind", ["0007", "0107", "0507", "FF07"])
-def test_the_index_goes_out_with_every_read_by_number(card: Translator, ind: str):
+def test_the_index_is_sent_with_every_read_by_number(card: Translator, ind: str):
     reply_to(card, f"06 0000 {ind}")
     assert same(sent_for(card, "03 17C9 0001"), "81 1261 0007 0000 0000 0000 0000")
 
 
 @pytest.mark.rule("MAP-8")
 @pytest.mark.parametrize("ind", ["0007", "0407", "FF07"])
-def test_the_index_goes_out_with_every_write_by_number(card: Translator, ind: str):
+def test_the_index_is_sent_with_every_write_by_number(card: Translator, ind: str):
     reply_to(card, f"06 0000 {ind}")
     assert same(sent_for(card, "06 17C9 0102"), "81 2261 0007 0000 0102 0000 0000")
     assert same(sent_for(card, "10 17C9 0002 04 0001 0002"), "81 3261 0007 0001 0002 0000 0000")
@@ -535,7 +537,7 @@ def test_text_is_filled_with_spaces_or_cut(card: Translator, stored: str, regist
     drive = f"F26D 0400 {stored.encode().hex()} 0607 1234"
     pdu = f"03 1841 {registers:04x}"
     assert answered(card, pdu, drive) == bytes([3, 2 * registers]) + H(data)
-    # PCD lies behind the text, wherever that ends.
+    # PCD follows the text, at any length.
     assert same(reply_to(card, "01 0020 0020"), "01 04 07 06 34 12")
 
 
@@ -563,14 +565,14 @@ def test_text_has_ten_registers_at_most(card: Translator):
 
 
 @pytest.mark.rule("MAP-8", "EXC", "FC-4")
-def test_a_refused_text_comes_as_a_parameter_telegram(card: Translator):
+def test_a_refused_text_is_answered_by_a_parameter_telegram(card: Translator):
     reply_to(card, "06 0000 0400")
     assert answered(card, "03 1841 0004", f"726D 0400 0000 0005 {RUNNING}") == H("83 05")
     reply_to(card, "06 0000 0500")
     assert answered(card, "10 14D1 0002 04 31323334", f"7215 0500 0000 0001 {RUNNING}") == H("90 01")
 
 
-# ---------------------------------------------------------------- what is a reply, and what is not
+# ---------------------------------------------------------------- fitting and misfitting replies
 
 
 NUMBER, TEXT, PROCESS = "03 1413 0002", "03 1841 0004", "05 0000 FF00"
@@ -607,7 +609,7 @@ def test_a_telegram_that_does_not_fit_is_no_reply(card: Translator, pdu: str, dr
     before = card.state()
     assert txn.drive_reply(H(drive)) == NOT_A_REPLY, what
     assert card.state() == before
-    # The right one is still taken.
+    # The fitting telegram is still accepted.
     right = {
         NUMBER: (f"1202 0000 0000 0001 {RUNNING}", "03 04 0000 0001"),
         TEXT: (f"F26D 0400 414243 {RUNNING}", "03 08 4142432020202020"),
@@ -670,7 +672,7 @@ def test_a_request_changes_nothing_until_it_commits(card: Translator, pdu: str):
 
 @in_every_dialect
 @pytest.mark.rule("FRAME-6")
-def test_a_revoked_coil_write_leaves_no_bit_behind(card: Translator):
+def test_a_revoked_coil_write_changes_no_bit(card: Translator):
     card.request(H("05 0000 FF00"))
     assert same(sent_for(card, "05 0001 FF00"), "81 0002 0000")
 
@@ -722,7 +724,7 @@ def test_a_broadcast_coil_write_stays_in_the_image(card: Translator):
 
 @pytest.mark.rule("MAP-9", "MAP-5")
 @pytest.mark.parametrize("pdu", ["06 0000 0102", "10 0000 0002 04 0102 03E8"])
-def test_a_broadcast_to_local_registers_is_done_in_silence(card: Translator, pdu: str):
+def test_a_broadcast_write_to_local_registers_gets_no_reply(card: Translator, pdu: str):
     assert card.do(H(pdu), broadcast=True).outcome == SILENT
     assert same(reply_to(card, "03 0000 0003"), "03 06 0102 03E8 000F")
     assert card.do(H("05 0040 FF00"), broadcast=True).outcome == SILENT
@@ -748,7 +750,7 @@ def test_a_broadcast_to_local_registers_is_done_in_silence(card: Translator, pdu
         "10 0000 0003 06 0102 0304 0000",
     ],
 )
-def test_a_broadcast_read_or_mistake_does_nothing_in_silence(card: Translator, pdu: str):
+def test_a_broadcast_read_or_invalid_request_has_no_effect_and_no_reply(card: Translator, pdu: str):
     before = card.state()
     assert card.do(H(pdu), broadcast=True).outcome == SILENT
     assert card.state() == before
@@ -788,13 +790,13 @@ def test_with_status_refresh_a_read_of_the_status_asks_the_drive_first(
 
 
 @pytest.mark.rule("MAP-1", "MAP-3")
-def test_with_status_refresh_a_coil_write_is_confirmed_as_ever():
+def test_with_status_refresh_a_coil_write_is_confirmed_as_usual():
     assert answered(Translator("STATUS_REFRESH"), "05 0006 FF00", RUNNING) == H("05 0006 FF00")
 
 
 @pytest.mark.rule("MAP-1")
 @pytest.mark.parametrize("run", ["0000 0020", "0040 0001", "0040 0040", "001F 0001"])
-def test_with_status_refresh_other_reads_still_ask_no_drive(run: str):
+def test_with_status_refresh_other_reads_are_still_local(run: str):
     assert Translator("STATUS_REFRESH").do(H(f"01 {run}")).outcome == REPLY
 
 
@@ -814,7 +816,7 @@ def some_address(rng: random.Random) -> int:
 
 
 def some_request(rng: random.Random) -> bytes:
-    """Mostly sensible, sometimes wrong in one place, seldom all noise."""
+    """A mostly valid request, sometimes with one error, rarely random bytes."""
     if rng.random() < 0.05:
         return rng.randbytes(rng.randint(1, 40))
     function = rng.choice([1, 3, 5, 6, 0x0F, 0x10])
@@ -837,7 +839,7 @@ def some_request(rng: random.Random) -> bytes:
 
 
 def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
-    """Telegram data of the drive: misfits, and nearly always a reply that fits in the end."""
+    """Telegram data of the drive: first misfits, then nearly always a reply that fits."""
     head, status = telegram[1:5], rng.randbytes(4)
     value = rng.choice([bytes(4), b"\xff" * 4, b"\0\0" + rng.randbytes(2), rng.randbytes(4)])
     text = rng.randbytes(rng.choice([0, 4, 6, 19, 20, 21, rng.randrange(246)]))
@@ -889,7 +891,7 @@ def test_random_requests_agree_with_the_model(option: str):
     for _ in range(20000):
         pdu, broadcast = some_request(rng), rng.random() < 0.1
         txn = card.request(pdu, broadcast=broadcast)
-        if rng.random() < 0.1:  # revoked: as if it had never been
+        if rng.random() < 0.1:  # revoked: must have no effect
             continue
         txn.commit()
         expected = model.request(pdu, broadcast)
@@ -905,4 +907,4 @@ def test_random_requests_agree_with_the_model(option: str):
             assert txn.reply == expected.reply, context
         else:
             assert txn.outcome == SILENT, context
-    assert exchanges > 2000, "too few requests reached the drive to mean anything"
+    assert exchanges > 2000, "too few requests reached the drive"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The firmware's own C sources on the host, through ctypes. No simulator inside.
 
-`Translator` is the translation core (PDU in, PDU or telegram out), `Gateway` the poll loop behind a
-mailbox that the test plays.
+`Translator` is the translation core (PDU in, PDU or telegram out). `Gateway` is the poll loop with a mailbox
+simulated by the test.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from tb.model.fc_telegram import without_bcc
 ROOT = Path(__file__).resolve().parents[2]
 NOT_A_REPLY, SILENT, REPLY, EXCHANGE = range(4)  # enum outcome
 KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
-JUNK = 0xA5  # in every frame byte that the hardware did not write
+JUNK = 0xA5  # value of every frame byte that the hardware did not write
 
 ReadHook = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
 WriteHook = ctypes.CFUNCTYPE(None, ctypes.c_uint32, ctypes.c_uint32)
 
 
 def build(file: str, *variables: str) -> Path:
-    """Makes a file of sw/firmware.mk from today's sources; test processes take turns."""
+    """Makes a file of sw/firmware.mk from the present sources; test processes take turns."""
     (ROOT / "build").mkdir(exist_ok=True)
     with open(ROOT / "build/firmware.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -39,9 +39,9 @@ def build(file: str, *variables: str) -> Path:
 
 @functools.cache
 def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
-    """The host library of a dialect, or of the card's with `option` of sw/include/options.h set to 1.
+    """The host library of a dialect, or of the card's dialect with `option` of sw/include/options.h set to 1.
 
-    FIRMWARE_LIBRARIES=folder: those made there already, measured or mutated, instead of today's sources.
+    FIRMWARE_LIBRARIES=folder: use measured or mutated libraries from there instead of the present sources.
     """
     if made := os.environ.get("FIRMWARE_LIBRARIES"):
         file = Path(made) / (option or dialect) / "libtranslate.so"
@@ -78,14 +78,14 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
 
 
 def frame(data: bytes, slots: int = 32) -> ctypes.Array:
-    """Bytes as they lie in the frame memory: one every four, others in between."""
+    """Bytes as laid out in the frame memory: one in every four, junk between."""
     memory = (ctypes.c_uint8 * (STRIDE * slots))(*[JUNK] * (STRIDE * slots))
     memory[: STRIDE * len(data) : STRIDE] = list(data)
     return memory
 
 
 def drive_frame(data: bytes) -> ctypes.Array:
-    """Telegram data as the receiver stores them: from byte 24 on, only the last four stay (FC-7)."""
+    """Telegram data as stored by the receiver: from byte 24 on, only the last four remain (FC-7)."""
     kept = frame(data[:24], 28)
     for i in range(24, len(data)):
         kept[STRIDE * (24 + i % 4)] = data[i]
@@ -94,7 +94,7 @@ def drive_frame(data: bytes) -> ctypes.Array:
 
 @dataclass
 class Transaction:
-    """One request on its way: what translate_request said, and what may follow."""
+    """One request in progress: the outcome of translate_request, and the calls that may follow."""
 
     translator: Translator
     memory: ctypes.Array = field(repr=False)
@@ -111,7 +111,7 @@ class Transaction:
 
     @property
     def telegram(self) -> bytes:
-        """ADR and data of the telegram, whose BCC must be right."""
+        """ADR and data of the telegram; fails on a wrong BCC."""
         return without_bcc(self._bytes(self.translator.lib.host_telegram))
 
     def commit(self) -> Transaction:
@@ -119,7 +119,7 @@ class Transaction:
         return self
 
     def drive_reply(self, data: bytes, lge: int | None = None) -> int:
-        """The drive's telegram data, without ADR and BCC."""
+        """Passes on the drive's telegram data, without ADR and BCC."""
         self.outcome = self.translator.lib.translate_drive_reply(
             self.translator.memory, self.memory, drive_frame(data), len(data) + 2 if lge is None else lge
         )
@@ -130,18 +130,18 @@ class Transaction:
         return self
 
     def drive_again(self) -> Transaction:
-        """Prepares the second telegram that drive_reply asked for."""
+        """Prepares the second telegram, after drive_reply returned EXCHANGE."""
         self.translator.lib.translate_drive_again(self.memory)
         return self
 
     def drive_silent(self) -> bytes:
-        """The reply PDU, unless the outcome is to keep silent."""
+        """Ends the exchange; returns the reply PDU, which is valid unless the outcome is SILENT."""
         self.outcome = self.translator.lib.translate_drive_silent(self.memory)
         return self.reply
 
 
 class Translator:
-    """The card's images and what can be asked of them."""
+    """The translation core with the card's images."""
 
     def __init__(self, option: str = "", dialect: str = "card") -> None:
         self.lib = library(option, dialect)
@@ -154,7 +154,7 @@ class Translator:
         return self.lib.translate_is_sound(self.memory)
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
-        """Prepares a request; `length` is the true length where it is not that of `pdu`."""
+        """Prepares a request; `length` is the true length if it differs from that of `pdu`."""
         memory = ctypes.create_string_buffer(self.lib.host_size_of_transaction())
         length = len(pdu) if length is None else length
         outcome = self.lib.translate_request(self.memory, memory, frame(pdu[:KEPT]), length, broadcast)
@@ -165,12 +165,12 @@ class Translator:
         return self.request(pdu, broadcast=broadcast).commit()
 
     def state(self) -> bytes:
-        """All images, to see whether anything changed."""
+        """The bytes of all images, to compare."""
         return self.memory.raw
 
 
 class FrameMemory:
-    """Where frames and counters lie: in the library last connected."""
+    """Address of frames and counters: in the library connected last."""
 
     address = 0
 
@@ -183,7 +183,7 @@ class FrameMemory:
 
 
 class Gateway:
-    """The poll loop; `read(offset)` and `write(offset, value)` play the registers."""
+    """The poll loop; `read(offset)` and `write(offset, value)` simulate the registers."""
 
     def __init__(
         self, read: Callable[[int], int], write: Callable[[int, int], None], dialect: str = "card"
@@ -200,7 +200,7 @@ class Gateway:
 
 
 def frame_memory() -> ctypes.Array:
-    """All of it, to read and to write."""
+    """The whole frame memory, readable and writable."""
     if not FrameMemory.address:
         FrameMemory.move_to(library())
     return (ctypes.c_uint8 * FRAMES_BYTES).from_address(FrameMemory.address)
