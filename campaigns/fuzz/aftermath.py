@@ -67,7 +67,7 @@ def possible_frames(network: list[Heard], line: Line, address: int) -> list[Poss
 
 def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
     """Finds answer and possible telegrams of each frame; False if there are too many possibilities."""
-    states = [Card(name=dialect)]
+    states = [CardModel(name=dialect)]
     for number, frame in enumerate(frames):
         until = frames[number + 1].start if number + 1 < len(frames) else float("inf")
         here = [reply for reply in replies if frame.end < reply.rise < until]

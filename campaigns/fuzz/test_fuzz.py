@@ -353,7 +353,7 @@ def burst(line: Line, data: bytes, at: float) -> Burst:
 
 
 def verdict_on(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
-    card = Card()
+    card = CardModel()
     card.registers[DRIVE_TIMEOUT] = wait
     judge = LineJudge(card, LINE, 1, budget=8000)
     return judge.evaluate(network, list(drive), list(replies), list(telegrams), until)

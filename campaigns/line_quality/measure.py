@@ -57,7 +57,7 @@ class Prober:
         self.pins.run(BOOT_S * self.line.clk_hz)
         self.characters = 0
         # Model of the card's memory, which does not change here.
-        self.model = Card()
+        self.model = CardModel()
 
     def close(self) -> None:
         self.pins.close()

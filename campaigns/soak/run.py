@@ -310,7 +310,7 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Res
         if card.stop() != 0:
             raise CardError("build/card does not end with code 0")
         entries, frames = card.entries(), card.frames()
-    judge = SoakJudge(Card(name=dialect), VltDrive(profile), frames)
+    judge = SoakJudge(CardModel(name=dialect), VltDrive(profile), frames)
     judge.check_all(done)
     return Result(done, judge.mismatches, judge.replies, wall, entries[-1]["t"])
 

@@ -73,7 +73,7 @@ def exchange_of_104() -> dict[tuple[str, str], bytes]:
 
 def mismatches_of(seen: dict[tuple[str, str], bytes], received: bytes) -> list[str]:
     frames = [frame(*where, data) for where, data in seen.items()]
-    judge = SoakJudge(Card(), VltDrive(), frames)
+    judge = SoakJudge(CardModel(), VltDrive(), frames)
     judge.check_all([Transaction("read", 1, READ_104, received)])
     return judge.mismatches
 
@@ -88,7 +88,7 @@ def test_judge_finds_a_wrong_frame(where, how):
     seen = exchange_of_104()
     if how == "twice":
         frames = [frame(*at, data) for at, data in [*seen.items(), (where, seen[where])]]
-        judge = SoakJudge(Card(), VltDrive(), frames)
+        judge = SoakJudge(CardModel(), VltDrive(), frames)
         judge.check_all([Transaction("read", 1, READ_104, REPLY_104)])
         assert any(f"{where[0]} line, {where[1]}: not expected" in text for text in judge.mismatches)
         return

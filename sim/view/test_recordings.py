@@ -429,7 +429,7 @@ BENCH_WAVE = WAVES_FOLDER / "test_recordings.test_files_of_a_bench_agree.fst"
 @cocotb.test
 async def good_damaged_revoked_and_refused(dut):
     """One transaction of each kind, on a whole card."""
-    from tb.lib.card import MS, Card
+    from tb.lib.card import MS, CardBench
     from tb.lib.uart_agent import Flaws
 
     start, status = fc_telegram.build_process(0x047C, 0x1999), fc_telegram.build_process(0x0F03, 0x2000)

@@ -265,7 +265,7 @@ def test_adr_of_a_telegram_is_written_last(write):
 
 
 @pytest.mark.rule("SAFE-4")
-def test_a_bit_that_flips_in_the_core_alters_no_command():
+def test_a_flipped_bit_in_the_core_alters_no_command():
     """A register's bit, at any instruction from the candidate to the commit."""
     results, altered = core_flips.flip_registers(seed=1, count=500)
     assert not altered, altered
