@@ -94,6 +94,7 @@ def test_explanations_name_existing_lines():
         assert entry["code"] in code, entry
 
 
+@pytest.mark.figures
 def test_every_module_is_in_the_page_and_has_its_bench_run():
     page = coverage_rtl.PAGE.read_text()
     counted = set(re.findall(r"^\| `(\w+)` \| \d+ of", page, re.MULTILINE)) | set(

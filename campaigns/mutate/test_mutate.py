@@ -166,6 +166,7 @@ def test_document_is_of_this_module(module):
     assert proof + test >= mutate.ENOUGH * (total - alike)
 
 
+@pytest.mark.figures
 def test_every_reason_belongs_to_a_survivor():
     listed = [found.groups() for found in SURVIVOR.finditer(mutate.DOCUMENT.read_text())]
     known = tomllib.loads(mutate.SURVIVORS.read_text())
