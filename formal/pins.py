@@ -3,7 +3,7 @@
 
 The twin of a `prove` task has the same files, defines and parameters. It assumes each promise and helper
 instead of asserting it, and covers both values of every pin, in the second clock from any state on. A pin
-that cannot move shows an assumption that is too strong; campaigns/mutate/unseen.toml lists the intended ones.
+that cannot move shows an assumption that is too strong; formal/unseen.toml lists the intended ones.
 """
 
 from __future__ import annotations
@@ -13,17 +13,36 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-UNSEEN = ROOT / "campaigns/mutate/unseen.toml"
-PORT = re.compile(r"^    (?:input|output)\s+(?:wire|reg)\s*(?:\[[^\]]*\])?\s*(\w+),?$", re.M)
+UNSEEN = ROOT / "formal/unseen.toml"
+DEFINES = [ROOT / f"regs/generated/{name}_defs.v" for name in ("card", "mailbox")]
+PORT = re.compile(r"^    (?:input|output)\s+(?:wire|reg)\s*(?:\[\s*([^\]]*)\])?\s*(\w+),?$", re.M)
+VECTOR = re.compile(r"`(\w+)_BITS$")  # a vector with named fields
+FIELD = re.compile(r"^`define (\w+)_BITS ", re.M)
 STEPS = 3  # any state, the next state, and one more
 # Steps count from the first one, in which every other register may have any value.
 FIRST = "state 0\nassume (= [g_step] #b00)\n"
 
 
+def pins(rtl: str) -> dict[str, str]:
+    """Pin to its Verilog expression; a vector with named fields counts as one pin a field."""
+    fields = [name for path in DEFINES for name in FIELD.findall(path.read_text())]
+    found = {}
+    for bits, pin in PORT.findall(re.sub(r"\s*//.*", "", rtl)):
+        vector = VECTOR.match(bits.strip())
+        named = [name for name in fields if vector and name.startswith(f"{vector[1]}_")]
+        for name in named:
+            found[f"{pin}_{name.removeprefix(f'{vector[1]}_').lower()}"] = f"{pin}[`{name}_BITS]"
+        if pin.endswith("events") and not named:
+            count = int(bits.split(":")[0]) + 1
+            found |= {f"{pin}_{bit}": f"{pin}[{bit}]" for bit in range(count)}
+        elif not named and pin != "clk":
+            found[pin] = pin
+    return found
+
+
 def values(rtl: str) -> list[str]:
     """`pin = value` for both values of each pin; for several bits: not all 0, not all 1."""
-    pins = [pin for pin in PORT.findall(re.sub(r"\s*//.*", "", rtl)) if pin != "clk"]
-    return [f"{pin} = {value}" for pin in pins for value in (0, 1)]
+    return [f"{pin} = {value}" for pin in pins(rtl) for value in (0, 1)]
 
 
 def unseen(module: str, task: str) -> set[str]:
@@ -33,9 +52,11 @@ def unseen(module: str, task: str) -> set[str]:
 def with_covers(joined: str, rtl: str) -> str:
     """The module with its properties and a cover for each value."""
     lines = ["reg [1:0] g_step;", "always @(posedge clk) g_step <= g_step + 2'd1;"]
+    expressions = pins(rtl)
     for value in values(rtl):
         pin, level = value.split(" = ")
-        taken = f"|{pin}" if level == "1" else f"!(&{pin})"
+        signal = expressions[pin]
+        taken = f"|{signal}" if level == "1" else f"!(&{signal})"
         running = "" if pin == "rst" else " && !rst"
         # Covered one clock later, after the assumptions of this clock have been checked at its end.
         lines.append(f"reg g_{pin}_{level};\nalways @(posedge clk) g_{pin}_{level} <= {taken}{running};")

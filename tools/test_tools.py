@@ -8,6 +8,7 @@ import re
 import shutil
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -76,13 +77,21 @@ def one_line(text: str) -> str:
     return lines[0]
 
 
-def test_make_alone_lists_every_target():
-    done = command("make")
+def listed(*words: str) -> list[str]:
+    done = command("make", *words)
     assert done.returncode == 0
-    listed = re.findall(r"^make ([a-z-]+) +\S", done.stdout, re.MULTILINE)
-    phony = re.findall(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    assert sorted(listed) == sorted(" ".join(phony).split())
-    assert {"demo", "test", "run", "card", "firmware", "sources", "lint", "waves"} <= set(listed)
+    return re.findall(r"^  make ([a-z-]+) +\S", done.stdout, re.MULTILINE)
+
+
+def test_help_all_lists_every_target():
+    phony = re.findall(r"^\.PHONY: ([a-z -]*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert sorted(["help", *listed("help-all")]) == sorted(" ".join(phony).split())
+
+
+def test_make_alone_lists_at_most_fifteen_commands():
+    daily = listed()
+    assert len(daily) <= 15
+    assert {"demo", "run", "test", "test-all", "lint", "synth"} <= set(daily) <= set(listed("help-all"))
 
 
 def test_unknown_target():
@@ -154,7 +163,8 @@ def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
 @pytest.fixture
 def poor_machine(tmp_path) -> Path:
     """A folder for PATH with system commands and compilers, but without iverilog and apt-get."""
-    needs = re.findall(r'^  "command +(\S+)', (ROOT / "tools/setup.sh").read_text(), re.MULTILINE)
+    text = (ROOT / "tools/setup.sh").read_text()
+    needs = re.findall(r'^  "(?:demo|test) +command +(\S+)', text, re.MULTILINE)
     for name in {*BASE_COMMANDS, "perl", *needs} - {"iverilog"}:
         (tmp_path / name).symlink_to(
             shutil.which(name, path="/usr/local/bin:/usr/bin:/bin:" + os.environ["PATH"])
@@ -163,7 +173,7 @@ def poor_machine(tmp_path) -> Path:
 
 
 def test_missing_tool_is_named(poor_machine):
-    done = command("make", "lint", env={"PATH": str(poor_machine)})
+    done = command("make", "trace", env={"PATH": str(poor_machine)})
     assert done.returncode == 2
     assert one_line(done.stderr) == (
         "setup: missing: iverilog; there is no apt-get here, install them by hand"
@@ -176,23 +186,30 @@ def test_missing_tool_without_root(poor_machine):
         (poor_machine / name).unlink(missing_ok=True)
         (poor_machine / name).write_text(f"#!/bin/sh\n{script}\n")
         (poor_machine / name).chmod(0o755)
-    done = command("tools/setup.sh", env={"PATH": str(poor_machine)})
+    done = command("tools/setup.sh", "test", env={"PATH": str(poor_machine)})
     assert done.returncode == 2
     assert one_line(done.stderr) == "setup: missing: iverilog; as root: apt-get install iverilog"
 
 
 def test_second_setup_does_nothing():
-    assert command("make", "setup").returncode == 0
-    done = command("make", "setup")
+    assert command("make", "setup-test").returncode == 0
+    done = command("make", "setup-test")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def test_an_empty_test_run_fails():
-    """A name that selects no test is an error (pytest's exit code 5)."""
-    done = command("make", "waves", "TEST=no_such_test_at_all")
-    assert done.returncode != 0
-    assert "deselected" in done.stdout
-    assert one_line(done.stderr) == "waves: no test of that name runs on icarus: no_such_test_at_all"
+def test_an_unknown_layer_is_named():
+    done = command("tools/setup.sh", "nosuch")
+    assert done.returncode == 2
+    assert one_line(done.stderr).startswith("setup: no layer 'nosuch'; there are: ")
+
+
+@pytest.mark.parametrize("target", ["test", "test-all", "waves"])
+def test_a_name_that_fits_no_test_is_one_line_within_seconds(target):
+    began = time.monotonic()
+    done = command("make", target, "TEST=test_comit_gate")
+    assert done.returncode == 2 and done.stdout == ""
+    assert one_line(done.stderr).startswith(f"{target}: no test has 'test_comit_gate' in its name; near it: ")
+    assert time.monotonic() - began < 15
 
 
 def test_figures_of_the_readme_equal_the_report_of_make_bench():

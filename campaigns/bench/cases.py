@@ -92,7 +92,7 @@ class Model:
     """Runs the model of the card beside the bench: required results, from the drive's real replies."""
 
     def __init__(self) -> None:
-        self.card = card_model.Card()
+        self.card = card_model.CardModel()
 
     @property
     def wait_s(self) -> float:
@@ -333,7 +333,7 @@ def gate(baud: int, form: str, quick: bool) -> Outcome:
     for what, pdu in unchanged.items():
         talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu))
         outcome.add(measure(bench, talk, "gate"), f"{what} at {baud} {form}")
-        reply = rtu.build(UNIT_ADDRESS, card_model.Card().request(pdu).reply)
+        reply = rtu.build(UNIT_ADDRESS, card_model.CardModel().request(pdu).reply)
         outcome.compare(talk, [], reply, f"{what} at {baud} {form}")
     outcome.check(bench.drive.control_word == 0, f"the drive heard something at {baud} {form}")
     return outcome.finish(bench)

@@ -77,7 +77,7 @@ def conformance(baud: int, form: str) -> Outcome:
         if talk.request != FOREIGN_READ:
             where = f"{talk.request.hex(' ')} {here}"
             outcome.add(measure(bench, talk, "conformance", error), where)
-            due = rtu.build(UNIT_ADDRESS, card_model.Card().request(talk.request[1:-2]).reply)
+            due = rtu.build(UNIT_ADDRESS, card_model.CardModel().request(talk.request[1:-2]).reply)
             outcome.compare(talk, [], due if talk.answers else None, where)
         return bool(talk.answers)
 

@@ -204,7 +204,7 @@ def _any_pdu(rng: random.Random, longest: int) -> bytes:
 
 def _may_shorten_the_wait(pdu: bytes) -> bool:
     """True if it could set register 40003 so low that a healthy drive answers too late."""
-    trial = card_model.Card()
+    trial = card_model.CardModel()
     trial.request(pdu)
     return trial.registers[card_model.DRIVE_TIMEOUT] < SHORTEST_WAIT
 

@@ -480,17 +480,17 @@ def test_judge_requires_one_repeat_of_the_newest_request_only():
     assert "no telegram" in verdict_on(asked, [], [telegram], until=again.fall + wait).differences[0]
     third = burst(DRIVE, telegram.data, again.fall + 150 * LINE.clk_hz / 1000 + 1000)
     differences = verdict_on(asked, [], [telegram, again, third], until=third.fall).differences[0]
-    assert "nothing asked for (SAFE-1)" in differences
+    assert "without a request (SAFE-1)" in differences
     newer = heard(LINE, READ, telegram.fall + 1000)
     answer = burst(LINE, rtu.build(1, bytes.fromhex("01 02 7C 04")), newer[-1].end + T35)
     differences = verdict_on(asked + newer, [answer], [telegram, again], until=again.fall).differences[0]
-    assert "nothing asked for (SAFE-1)" in differences
+    assert "without a request (SAFE-1)" in differences
     assert not verdict_on(asked + newer, [answer], [telegram], until=again.fall + wait).differences
     to_all = heard(LINE, rtu.build(0, START[1:-2]), 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0, ADR_BROADCAST), to_all[-1].end + T35)
     again = burst(DRIVE, telegram.data, telegram.fall + 24 * DRIVE.bit)
     assert not verdict_on(to_all, [], [telegram], until=again.fall).differences
-    assert "nothing asked for (SAFE-1)" in verdict_on(to_all, [], [telegram, again]).differences[0]
+    assert "without a request (SAFE-1)" in verdict_on(to_all, [], [telegram, again]).differences[0]
 
 
 @pytest.mark.rule("FC-9")
@@ -505,9 +505,9 @@ def test_judge_excuses_a_missing_repeat_only_while_the_drive_sends():
     assert reply.start < talk[-1].end
     assert not verdict_on(asked, [reply], [telegram], talk, until=reply.fall, wait=1).differences
     early = burst(LINE, silent, telegram.fall + 1.5 * wait)
-    assert "nothing asked for" in verdict_on(asked, [early], [telegram], talk, wait=1).differences[0]
-    assert "the line was free" in verdict_on(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
-    assert "the line was free" in verdict_on(asked, [reply], [telegram], wait=1).differences[0]
+    assert "without a request" in verdict_on(asked, [early], [telegram], talk, wait=1).differences[0]
+    assert "on a free line" in verdict_on(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
+    assert "on a free line" in verdict_on(asked, [reply], [telegram], wait=1).differences[0]
 
 
 def test_judge_follows_either_outcome_of_an_open_rule():

@@ -511,7 +511,7 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))
     text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(listed) or "None.")
     DOCUMENT.write_text(text)
-    print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+    print(f"wrote {DOCUMENT}")
 
 
 def benches() -> list[str]:

@@ -15,7 +15,7 @@ CARD_DIR := $(CARD_FOLDER)/card_objects
 # What make run, demo, soak and test start.
 export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
-CARD_RTL := $(shell find rtl regs/generated -name "*.v") rtl/rtl.f configs.toml rtl/sources.py requirements.txt \
+CARD_RTL := $(wildcard rtl/*.v rtl/*/*.v regs/generated/*.v) rtl/rtl.f configs.toml rtl/sources.py requirements.txt \
 	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o

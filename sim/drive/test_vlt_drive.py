@@ -125,7 +125,7 @@ def test_the_python_model_parses_the_hand_made_telegrams():
         ("03 06 81 04 7C 19 99 7C", "starts with 03"),
         ("02 07 81 04 7C 19 99 7C", "LGE 07"),
         ("02 06 81 04 7C 19 99 7E", "BCC 7E instead of 7D"),
-        ("02 08 81 04 7C 19 99 00 00 73", "no telegram"),
+        ("02 08 81 04 7C 19 99 00 00 73", "fits no kind of telegram"),
         ("02 0D 81 12 02 00 00 00 00 00 00 00 00 00 9E", "with AK 1"),
     ],
 )
