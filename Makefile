@@ -126,10 +126,10 @@ mutate: firmware | setup-test ## change modules on purpose; proofs and benches m
 ##@ Measure
 # Built by content: at once if nothing has changed.
 .PHONY: bench-card bench-tiny
-bench-card: firmware | setup-test
+bench-card: firmware | setup-test ## the simulated cards of the bench, with and without "prepare early"
 	@$(RUN) sim.harness.library bench
 
-bench-tiny: firmware | setup-test
+bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
 .PHONY: bench bench-fast line-quality soak coverage-rtl figures

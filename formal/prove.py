@@ -244,7 +244,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
     if options.write and not (options.modules or options.task or failed):
         DOCUMENT.write_text(document(tasks, took, options.jobs))
-        print(f"wrote docs/{DOCUMENT.name}")
+        print(f"wrote {DOCUMENT.relative_to(ROOT)}")
     return 1 if failed else 0
 
 
