@@ -244,7 +244,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
     if options.write and not (options.modules or options.task or failed):
         DOCUMENT.write_text(document(tasks, took, options.jobs))
-        print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+        print(f"wrote {DOCUMENT}")
     return 1 if failed else 0
 
 

@@ -47,7 +47,9 @@ EVERYWHERE = (
 
 
 @pytest.mark.rule(*EVERYWHERE)
-@pytest.mark.parametrize("number", range(len(SHARDS)))
+@pytest.mark.parametrize(
+    "number", [0, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2, 3)), 4]
+)
 def test_random_lines_and_drives_show_no_difference(number, tmp_path):
     frames, bauds = SHARDS[number]
     result = shard(seeded(f"fuzz {number}").randrange(1 << 31), frames, bauds=bauds, folder=tmp_path)
@@ -149,7 +151,12 @@ def test_lenient_card_follows_the_lenient_rule(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "frames"),
-    [("lenient-t15", 1500), ("newest-not-served", 2500), ("any-pnu", 2500), ("short-adr", 500)],
+    [
+        ("lenient-t15", 1500),
+        ("newest-not-served", 2500),
+        pytest.param("any-pnu", 2500, marks=pytest.mark.slow),
+        ("short-adr", 500),
+    ],
 )
 def test_a_planted_bug_is_found(name, frames, tmp_path):
     result = shard(

@@ -103,6 +103,7 @@ def test_check_without_end_counts_as_caught(tmp_path, monkeypatch):
     assert tree.run("bash", "-c", "sleep 60 & wait") == (False, "no end within 0 s")
 
 
+@pytest.mark.slow
 def test_verdicts_of_a_tree(tmp_path, monkeypatch):
     """A mutant that every text of a bench would catch, one without effect, and one that does not compile."""
     monkeypatch.setattr(mutate, "WORK", tmp_path)

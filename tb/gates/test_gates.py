@@ -45,6 +45,7 @@ def test_uart_in_cells(family):
 
 
 @pytest.mark.rule("TOP-1")
+@pytest.mark.slow
 @each_family
 def test_firmware_memory_in_block_rams(family, tmp_path):
     """As large as the tiny card's memory, so that it is mapped to block RAMs."""

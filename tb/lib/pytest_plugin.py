@@ -92,7 +92,10 @@ def in_make_test(item: pytest.Item) -> bool:
     if item.get_closest_marker("all_cards"):
         return True
     sim, config = place(item)
-    if item.get_closest_marker("slow") or item.get_closest_marker("needs") or config == "tiny":
+    slow = item.get_closest_marker("slow")
+    if slow and (not slow.args or sim in slow.args):
+        return False
+    if item.get_closest_marker("needs") or config == "tiny":
         return False
     return not (sim == "icarus" and config)
 

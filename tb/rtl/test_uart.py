@@ -529,6 +529,7 @@ def test_uart(sim):
     run("uart", "tb.rtl.test_uart", sim=sim, testcase=UNIT_TESTS)
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize(
     ("clk_hz", "slowest", "fastest"),
@@ -550,6 +551,7 @@ def test_bad_lines(sim):
     run_chain(sim, 2_000_000, PIN_TESTS)
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("LINE-2", "LINE-4")
 @pytest.mark.parametrize(
     ("clk_hz", "slowest", "forms"),
