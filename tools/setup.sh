@@ -15,7 +15,7 @@ venv=$root/.venv
 PATH=${PATH//"$venv/bin:"/}
 
 declare -A below=(
-  [demo]="" [test]="demo" [views]="demo test" [pages]="demo test" [lint]="demo test" [firmware]="demo test"
+  [demo]="" [test]="demo" [views]="demo test" [pages]="demo test" [lint]="demo test synth" [firmware]="demo test"
   [synth]="demo test" [all]="demo test views pages lint firmware synth"
 )
 
