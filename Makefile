@@ -95,8 +95,9 @@ test: | setup-test ## * every rule once, every module on both simulators (6 min;
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
 
-test-all: | setup-all ## * every test: both cards, both simulators, boards, pages
-	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(TEST)' $(if $(SIM),--sim=$(SIM))
+test-all: | setup-test ## * every test: both cards, both simulators, boards, pages
+	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
+	@tools/setup.sh all
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) --all
 
