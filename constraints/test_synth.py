@@ -35,9 +35,8 @@ from constraints.synth import (
     without_loose_inputs,
 )
 from rtl.sources import card_files, needed_files
-from tb.card.test_rtu2fc import LOWEST_HZ
 from tb.gates import netlists as gates
-from tb.gates.netlists import netlist
+from tb.gates.netlists import GATES_HZ, netlist
 from tb.lib.runner import ROOT, firmware
 
 pytestmark = pytest.mark.needs("synth")
@@ -82,7 +81,7 @@ def test_every_input_goes_to_one_flip_flop_first(config):
 @pytest.mark.parametrize(("family", "card_config"), [("ice40", "standard"), ("machxo2", "tiny")])
 def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
     """Mapping moved no logic before a synchroniser; uses the netlists of `make test-gates`."""
-    parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card_config))}
+    parameters = {"CLK_HZ": GATES_HZ[family], "FIRMWARE_HEX": str(firmware(card_config))}
     folder = netlist(family, "rtu2fc", card_config, parameters)[0].parent
     module = json.loads((folder / "raw.json").read_text())["modules"]["rtu2fc"]
     assert loose_inputs(module, MAPPED[family]) == []

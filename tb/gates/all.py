@@ -7,7 +7,7 @@ A netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an 
 
 import pytest
 
-from tb.card.test_rtu2fc import LOWEST_HZ
+from tb.gates.netlists import GATES_HZ
 from tb.gates.test_gates import run_gates
 from tb.lib.runner import firmware
 
@@ -17,8 +17,8 @@ NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), (
 @pytest.mark.rule("TOP-1", "TOP-2", "PERF-4")
 @pytest.mark.parametrize(("family", "card"), NETLISTS)
 def test_every_example(family, card):
-    """At the slowest clock, as in tb/card/test_rtu2fc.py."""
-    parameters = {"CLK_HZ": LOWEST_HZ, "FIRMWARE_HEX": str(firmware(card))}
+    """At the slowest clock that the mapper takes (GATES_HZ)."""
+    parameters = {"CLK_HZ": GATES_HZ[family], "FIRMWARE_HEX": str(firmware(card))}
     run_gates(
         family,
         "rtu2fc",
