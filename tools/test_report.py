@@ -119,7 +119,7 @@ def test_a_failed_test_is_named(text: str):
 
 def test_results_say_of_what_they_are(text: str):
     """How many of all, of which commit; what is gone is not shown, what is old is marked."""
-    assert '<b class="bad">3 of 4</b><span>tests run</span>' in text
+    assert '<b class="">3 of 4</b><span>tests run</span>' in text
     words = "3 of 4 tests have been run, the newest of commit <code>abc1234</code>"
     assert f"{words} on 2026-01-02 03:04 to 2026-01-02 03:04 UTC; 1 more on other cards or netlists." in text
     assert '<span class="bad">1 older, of commit <code>0dd0123</code>.</span>' in text
