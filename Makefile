@@ -3,7 +3,7 @@
 # tools that it needs and that are missing (tools/setup.sh).
 #
 # Lines `##@` name the groups of the lists. `## text` after a target describes it; `## * text` puts it into the list
-# of `make`. Durations are for two idle cores and warm tools.
+# of `make`. Durations were measured on two idle cores with warm tools; a command without one was not measured.
 
 CONFIG ?= standard
 SIM ?=
@@ -69,13 +69,13 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 
 ##@ Use the card
 .PHONY: demo run card firmware
-demo: card ## * the manual's examples, asked by real Modbus masters (10 s)
+demo: card ## * the manual's examples, asked by real Modbus masters (15 s)
 	@$(RUN) sim.card.demo
 
 run: card ## * the virtual card with a simulated drive: a panel in the terminal
 	@exec $(RUN) sim.card.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
-card: ## * build/card, the virtual card as a program (1 min; build/card --help)
+card: ## * build/card, the virtual card as a program (build/card --help)
 
 firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a dialect
 
@@ -90,7 +90,7 @@ wireshark: | setup-views ## open a recording, both lines decoded: make wireshark
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report
-test: | setup-test ## * every rule once, every module on both simulators (6 min; TEST=name: a part)
+test: | setup-test ## * every rule once, every module on both simulators (8 min from a clean clone; TEST=name: a part)
 	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
@@ -110,15 +110,15 @@ lint: | setup-lint ## * every static check (1 min)
 format: | setup-lint ## * lay out Verilog and Python; mark the pages of an older card
 	@$(RUN) tools.lint --format
 
-trace: | setup-test ## * which test shows which rule, and its last result (15 s)
+trace: | setup-test ## * which test shows which rule, and its last result (8 s)
 	@$(RUN) tools.trace
 
-report: | setup-test ## * tests, rules, figures and pictures in one page: build/report.html (20 s)
+report: | setup-test ## * tests, rules, figures and pictures in one page: build/report.html (13 s)
 	@$(RUN) tools.report
 
 ##@ Prove
 .PHONY: formal mutate
-formal: | setup-test ## * prove the promises of formal/ (3 min; MODULE=name: one module)
+formal: | setup-test ## * prove the promises of formal/ (2 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 mutate: firmware | setup-test ## change modules on purpose; proofs and benches must notice (hours; MODULE=)
@@ -134,7 +134,7 @@ bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
 .PHONY: bench bench-fast line-quality soak coverage-rtl figures
-bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (35 min)
+bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
 bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
