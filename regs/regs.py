@@ -83,6 +83,13 @@ def field_reset(field: FieldNode) -> int | None:
     return reset if isinstance(reset, int) else None
 
 
+def enum_members(field: FieldNode) -> list[tuple[str, int, str]]:
+    """Name, value and description of each named value of a field; empty if it has none."""
+    enum = field.get_property("encode")
+    members = enum.members.values() if enum else []
+    return [(member.name, member.value, squeeze(member.rdl_desc or "")) for member in members]
+
+
 def c_header(registers: Map) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mailbox.h"
@@ -105,6 +112,11 @@ def c_header(registers: Map) -> str:
     for area in registers.areas:
         address = registers.frames_base + area.raw_absolute_address
         lines.append(f"#define {area.inst_name}_address 0x{address:08x}u")
+    lines += ["", "// Named values of fields."]
+    for reg in registers.registers:
+        for field in reg.fields():
+            name = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
+            lines += [f"#define {name}__{value.upper()} {number}u" for value, number, _ in enum_members(field)]
     head, tail = text.split("#include <stdint.h>\n", 1)
     text = f"{head}#include <stdint.h>\n\n" + "\n".join(lines) + "\n" + tail
     return banner("//", RDL) + text.rstrip() + "\n"
@@ -126,6 +138,12 @@ def markdown_page(registers: Map) -> str:
     text = re.sub(r"\A\s*<!-.*?-->\n", "", text, flags=re.DOTALL)
     text = re.sub(r"</?p>", "", text)
     text = re.sub(r"\n{3,}", "\n\n", text)
+    for field in (field for reg in registers.registers for field in reg.fields()):
+        if members := enum_members(field):
+            head, found, tail = text.partition(f"#### {field.inst_name} field\n")
+            about, rest = tail.lstrip("\n").split("\n\n", 1)
+            rows = "\n".join(f"| {value} | `{name}` | {desc} |" for name, value, desc in members)
+            text = f"{head}{found}\n{about}\n\n| Value | Name | Meaning |\n|---|---|---|\n{rows}\n\n{rest}"
     # Written here, because the exporter makes a chapter of every byte of a frame.
     lines = ["## Frame memory", "", squeeze(registers.frames.get_property("desc")), ""]
     lines += [
@@ -158,6 +176,7 @@ def verilog_constants(registers: Map) -> str:
         "// MBX_x_WORD: word address of register x inside the mailbox, 3 bits.",
         "// MBX_x_BITS: all bits of register x that have a field.",
         "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
+        "// MBX_x_y_IS_z: value z of field y of x.",
         "// MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.",
         "",
     ]
@@ -171,6 +190,8 @@ def verilog_constants(registers: Map) -> str:
             lines.append(f"`define {name}_WIDTH {field.width}")
             if (reset := field_reset(field)) is not None:
                 lines.append(f"`define {name}_RESET {field.width}'h{reset:x}")
+            for value, number, _ in enum_members(field):
+                lines.append(f"`define {name}_IS_{value.upper()} {field.width}'h{number:x}")
         lines.append("")
     for area in registers.areas:
         slot, lane = divmod(area.raw_absolute_address, WORD_BYTES)
@@ -261,6 +282,12 @@ def python_constants(registers: Map) -> str:
                 f'Field({field.low}, {field.width}, "{field_access(field)}", {reset_text}),'
             )
         lines += ["        },", "    ),"]
+    lines += ["}", "", "# Named values of the field of a register.", "VALUES = {"]
+    for reg in registers.registers:
+        for field in reg.fields():
+            if members := enum_members(field):
+                values = ", ".join(f'"{name}": {value}' for name, value, _ in members)
+                lines.append(f'    ("{reg.inst_name}", "{field.inst_name}"): {{{values}}},')
     lines += ["}", "", "AREAS = {"]
     for area in registers.areas:
         size = area.get_property("regwidth") // 8

@@ -152,6 +152,21 @@ def test_every_field_is_the_same_in_all_languages(register_map):
             assert int(header[f"{c}_reset"], 16) == reset
 
 
+def test_named_values_are_the_same_in_all_languages(register_map):
+    macros = verilog_macros("mailbox_defs.v")
+    header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "regs/generated/mailbox.h").read_text(), re.M))
+    page = (ROOT / "docs/reference/registers.md").read_text()
+    named = {(reg.inst_name, field.inst_name): field for reg in register_map.registers for field in reg.fields()}
+    named = {name: regs.enum_members(field) for name, field in named.items() if regs.enum_members(field)}
+    assert mailbox.VALUES == {key: {name: value for name, value, _ in found} for key, found in named.items()}
+    assert list(mailbox.VALUES["TELEGRAM", "action"]) == ["first", "repeat", "waiting", "keep"]
+    for (reg, field), members in named.items():
+        for name, value, about in members:
+            assert verilog_value(macros[f"MBX_{reg}_{field.upper()}_IS_{name.upper()}"]) == value
+            assert int(header[f"MAILBOX__{reg}__{field.upper()}__{name.upper()}"].rstrip("u")) == value
+            assert f"| {value} | `{name}` | {about} |" in page
+
+
 def test_no_two_fields_share_bits(register_map):
     for reg in register_map.registers:
         taken = [bit for field in reg.fields() for bit in range(field.low, field.high + 1)]

@@ -197,7 +197,7 @@ module mailbox #(
       .reply_empty(core_wdata[`MBX_REPLY_LENGTH_BITS] == 5'd0),
       .reply_after_drive(core_wdata[`MBX_REPLY_AFTER_DRIVE_BITS]),
       .queue_telegram(queue_telegram),
-      .telegram_repeat(core_wdata[`MBX_TELEGRAM_REPEAT_BITS]),
+      .telegram_repeat(core_wdata[`MBX_TELEGRAM_ACTION_BITS] == `MBX_TELEGRAM_ACTION_IS_REPEAT),
       .telegram_touched(telegram_touched),
       .queue_ticket(core_wdata[`MBX_REPLY_TICKET_BITS]),
       // configuration

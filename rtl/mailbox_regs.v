@@ -73,7 +73,7 @@ module mailbox_regs (
     flags <= (flags & ~(wdata[6:0] &{7{clear}})) | events;
 
     if (queue_reply) reply_length <= wdata[`MBX_REPLY_LENGTH_BITS];
-    if (queue_telegram && !wdata[`MBX_TELEGRAM_REPEAT_BITS]) begin
+    if (queue_telegram && wdata[`MBX_TELEGRAM_ACTION_BITS] != `MBX_TELEGRAM_ACTION_IS_REPEAT) begin
       telegram_length   <= wdata[`MBX_TELEGRAM_LENGTH_BITS];
       telegram_no_reply <= wdata[`MBX_TELEGRAM_NO_REPLY_BITS];
     end

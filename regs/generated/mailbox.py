@@ -132,7 +132,7 @@ REGISTERS = {
         {
             "length": Field(0, 5, "wo", None),
             "no_reply": Field(5, 1, "wo", None),
-            "repeat": Field(6, 1, "wo", None),
+            "action": Field(6, 2, "wo", None),
             "ticket": Field(8, 4, "wo", None),
         },
     ),
@@ -168,6 +168,11 @@ REGISTERS = {
             "loopback": Field(1, 1, "wo", None),
         },
     ),
+}
+
+# Named values of the field of a register.
+VALUES = {
+    ("TELEGRAM", "action"): {"first": 0, "repeat": 1, "waiting": 2, "keep": 3},
 }
 
 AREAS = {

@@ -5,6 +5,7 @@
 // MBX_x_WORD: word address of register x inside the mailbox, 3 bits.
 // MBX_x_BITS: all bits of register x that have a field.
 // MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.
+// MBX_x_y_IS_z: value z of field y of x.
 // MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.
 
 `define MBX_REQUEST_WORD 3'h0
@@ -97,8 +98,12 @@
 `define MBX_TELEGRAM_LENGTH_WIDTH 5
 `define MBX_TELEGRAM_NO_REPLY_BITS 5
 `define MBX_TELEGRAM_NO_REPLY_WIDTH 1
-`define MBX_TELEGRAM_REPEAT_BITS 6
-`define MBX_TELEGRAM_REPEAT_WIDTH 1
+`define MBX_TELEGRAM_ACTION_BITS 7:6
+`define MBX_TELEGRAM_ACTION_WIDTH 2
+`define MBX_TELEGRAM_ACTION_IS_FIRST 2'h0
+`define MBX_TELEGRAM_ACTION_IS_REPEAT 2'h1
+`define MBX_TELEGRAM_ACTION_IS_WAITING 2'h2
+`define MBX_TELEGRAM_ACTION_IS_KEEP 2'h3
 `define MBX_TELEGRAM_TICKET_BITS 11:8
 `define MBX_TELEGRAM_TICKET_WIDTH 4
 

@@ -105,7 +105,7 @@ static void repeat_or_abandon(struct gateway *g)
     }
     g->repeated = true;
     (*mailbox_counter(COUNT_DRIVE_REPEAT))++;
-    queue_telegram(g, MAILBOX__TELEGRAM__REPEAT_bm);
+    queue_telegram(g, MAILBOX__TELEGRAM__ACTION__REPEAT << MAILBOX__TELEGRAM__ACTION_bp);
 }
 
 /* After the pause of FC-8 only a line that is not silent holds a telegram back. The telegram is revoked at the

@@ -408,7 +408,7 @@ static void queue_telegram(uint32_t value)
     held = 0;
     m.started = false;
     end_touched_licence();
-    if (value & MAILBOX__TELEGRAM__REPEAT_bm) {
+    if (value & MAILBOX__TELEGRAM__ACTION_bm) {
         m.repeats++;
         m.queued = m.licensed && m.begun && m.repeatable;
         return;

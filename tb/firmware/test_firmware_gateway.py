@@ -128,7 +128,7 @@ def test_the_end_of_an_exchange_ends_its_licence(bench: Bench, end: str):
     assert len(bench.telegrams) == (2 if end == "silent" else 1)
     mailbox = bench.mailbox
     # The hardware does not repeat it, even if the firmware queues a repeat.
-    mailbox._write_telegram(length=0, no_reply=0, repeat=1, ticket=mailbox.ticket)
+    mailbox._write_telegram(length=0, no_reply=0, action=1, ticket=mailbox.ticket)
     assert not mailbox.licensed and not mailbox.telegram_queued
     assert mailbox.spent
 

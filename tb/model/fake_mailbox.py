@@ -10,7 +10,7 @@ Frames on the network side are address and PDU (no CRC), on the drive side ADR a
 
 from __future__ import annotations
 
-from regs.generated.mailbox import AREAS, REGISTERS
+from regs.generated.mailbox import AREAS, REGISTERS, VALUES
 from tb.model.fc_telegram import without_bcc
 from tb.model.firmware import JUNK, frame_memory
 
@@ -135,10 +135,10 @@ class FakeMailbox:
         self.reply = self.memory("REPLY_FRAME", length)
         self.spent |= ticket == self.ticket and self.is_broadcast
 
-    def _write_telegram(self, length: int, no_reply: int, repeat: int, ticket: int) -> None:
+    def _write_telegram(self, length: int, no_reply: int, action: int, ticket: int) -> None:
         self.started = False
         self._take_back_what_was_touched()
-        if repeat:
+        if action == VALUES["TELEGRAM", "action"]["repeat"]:
             self.telegram_queued = self.licensed and self.begun and self.repeatable
             return
         assert not self.sending, "the telegram on the line was overwritten"

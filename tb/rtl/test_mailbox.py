@@ -403,7 +403,7 @@ async def a_changed_telegram_needs_a_new_licence(dut):
     dut.drive_sending.value = 1
     await mailbox.poke(TELEGRAM, 12, 4)
     dut.drive_sending.value = 0
-    await mailbox.write("TELEGRAM", repeat=1)
+    await mailbox.write("TELEGRAM", action=1)
     assert await mailbox.settle() == (0, 2), "nothing was changed while it was sent"
     assert mailbox.telegrams.values[1] == (13, 0, 0), "a repeat is the same telegram"
     ticket = await mailbox.request()
@@ -411,7 +411,7 @@ async def a_changed_telegram_needs_a_new_licence(dut):
     await mailbox.pulse("commit")
     assert await mailbox.settle() == (0, 3)
     await mailbox.poke(TELEGRAM, 12, 4)
-    await mailbox.write("TELEGRAM", repeat=1)
+    await mailbox.write("TELEGRAM", action=1)
     assert await mailbox.settle() == (0, 3)
 
 
@@ -456,7 +456,7 @@ async def a_restart_of_the_firmware_drops_what_it_queued_and_nothing_else(dut):
     await mailbox.pulse("commit")
     await mailbox.pulse("core_rst", "count_crc")
     dut.drive_quiet.value = dut.modbus_quiet.value = 1
-    await mailbox.write("TELEGRAM", repeat=1)
+    await mailbox.write("TELEGRAM", action=1)
     await mailbox.write("TELEGRAM", length=5, ticket=ticket)
     await mailbox.write("REPLY", length=6, ticket=ticket)
     assert await mailbox.settle() == (0, 0)

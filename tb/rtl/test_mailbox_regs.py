@@ -178,7 +178,7 @@ async def each_command_comes_once_and_from_its_register_alone(dut):
     await firmware.write("TELEGRAM", length=13, no_reply=1)
     assert seen() == {"queue_reply": 1, "queue_telegram": 1}
     assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
-    await firmware.write("TELEGRAM", repeat=1)  # the same telegram: its length and kind stay
+    await firmware.write("TELEGRAM", action=1)  # the same telegram: its length and kind stay
     assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
     await firmware.write("LISTEN", on=1)
     await firmware.write("LISTEN", on=0)
