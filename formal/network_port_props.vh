@@ -3,6 +3,9 @@
 // format. It falls with the reply and stays for 34 characters and one bit at most (SAFE-2, FRAME-1, FRAME-8, LINE-6).
 // Filter, UART, silence timer, sender and direction are proved as wired.
 //
+// LINE-5: pulses on an idle line cost no request. On a line that is calm since the last character no character begins,
+// t3.5 comes within a bound, and the commit of a candidate comes on a silent line. docs/guide/proofs.md, The whole way.
+//
 // Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
 // either side. A low that is too short for a start bit stops the count and does not restart it.
 //
@@ -12,6 +15,7 @@
 // The fields of the vectors.
 wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
 wire commit = request[`CARD_REQUEST_COMMIT_BITS];
+wire g_line_silent = request[`CARD_REQUEST_SILENT_BITS];
 wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
 wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
 wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
@@ -41,6 +45,10 @@ initial assume (rst);
 (* hierconn *) wire \uart_i.driving ;
 (* hierconn *) wire \uart_i.loaded ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
+(* hierconn *) wire [7:0] \filter_i.history ;
+(* hierconn *) wire [2:0] \rtu_rx_i.state ;
+(* hierconn *) wire [2:0] \rtu_rx_i.unit ;
+(* hierconn *) wire \rtu_rx_i.begun_bank ;
 (* hierconn *) wire \rtu_rx_i.candidate ;
 (* hierconn *) wire \rtu_rx_i.commit ;
 (* hierconn *) wire \rtu_rx_i.revoke ;
@@ -132,8 +140,11 @@ always @(posedge clk) begin
   if (g_past) begin
     // SAFE-2: a quiet line is silent and has been for 3.5 characters.
     a_silent : assert (!quiet || (synced && g_silent >= g_limit + g_head));
-    // commit_gate relies on this.
-    a_begun : assert (!(start_seen && quiet));
+    // FRAME-6: and so is the line at a commit, whose pin may be low for a moment (LINE-5).
+    a_commit_silent : assert (!g_line_silent || g_silent >= g_limit + g_head);
+    // commit_gate relies on these.
+    a_begun : assert (!(start_seen && g_line_silent));
+    a_quiet : assert (quiet == (g_line_silent && synced));
     // DE rises only two clocks after a start, and that start was in such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= g_limit));
     // DE falls with the reply, and the receiver is deaf to the reply (LINE-6).
@@ -146,10 +157,87 @@ always @(posedge clk) begin
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_deaf : assert (!de || !(rx_valid || start_seen));
-    a_not_quiet : assert (!(de || rx_busy || rx_valid) || !quiet);
+    a_not_quiet : assert (!(de || rx_busy || rx_valid) || !g_line_silent);
     // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
     a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_reported);
-    a_reset : assert (!g_rst || !(de || sending || quiet || candidate || commit || revoke));
+    a_reset : assert (!g_rst || !(de || sending || g_line_silent || candidate || commit || revoke));
+  end
+end
+
+// ---- pulses on an idle line (LINE-5)
+// Calm: since a character with a good stop bit, the last nine samples of the pin have always been those of a high line
+// with pulses below a quarter bit (at most four samples) that are at least 5/16 bit apart (five samples).
+function g_pulses(input [8:0] w);
+  integer i;
+  begin
+    g_pulses = 1'b1;
+    for (i = 0; i < 5; i = i + 1) if (w[i+:5] == 5'b00000) g_pulses = 1'b0;
+    for (i = 0; i < 7; i = i + 1) if (w[i+:3] == 3'b010) g_pulses = 1'b0;
+    for (i = 0; i < 6; i = i + 1) if (w[i+:4] == 4'b0110) g_pulses = 1'b0;
+    for (i = 0; i < 5; i = i + 1) if (w[i+:5] == 5'b01110) g_pulses = 1'b0;
+    for (i = 0; i < 4; i = i + 1) if (w[i+:6] == 6'b011110) g_pulses = 1'b0;
+  end
+endfunction
+
+reg [8:0] g_samples = 9'h1FF;  // of the pin, the newest is bit 0
+wire [8:0] g_samples_next = tick16 ? {g_samples[7:0], synced} : g_samples;
+reg g_calm = 1'b0;
+reg [12:0] g_highs = 13'd0;  // ticks since then with the pin high
+reg [12:0] g_lows = 13'd0;
+reg g_awaits = 1'b0;  // a candidate is neither committed nor revoked
+reg g_long = 1'b0;  // t3.5 was over in the clock before
+always @(posedge clk) begin
+  g_samples <= rst || de ? 9'h1FF : g_samples_next;
+  if (tick16 && g_calm) begin
+    if (synced) g_highs <= g_highs + 13'd1;
+    else g_lows <= g_lows + 13'd1;
+  end
+  if (!g_pulses(g_samples_next) || reply_start || sending || de) g_calm <= 1'b0;
+  else if (rx_valid) g_calm <= !rx_framing_error && g_pulses(g_samples);
+  if (rx_valid) {g_highs, g_lows} <= 26'd0;
+  g_awaits <= candidate ? !commit : g_awaits && !commit && !revoke;
+  g_long <= long_silent && !rx_valid;
+  if (de) g_awaits <= 1'b0;  // no reply starts then (commit_gate)
+  if (rst) {g_calm, g_awaits, g_long} <= 3'd0;
+  if (g_highs[12] || g_lows[12]) g_calm <= 1'b0;
+end
+
+// The samples end with so many lows, or so many highs up to five.
+wire [3:0] g_run = g_samples[0] ? 4'd0 : g_samples[1] ? 4'd1 : g_samples[2] ? 4'd2 : g_samples[3] ? 4'd3 : 4'd4;
+wire [3:0] g_gap = !g_samples[0] ? 4'd0 : !g_samples[1] ? 4'd1 : !g_samples[2] ? 4'd2 : !g_samples[3] ? 4'd3 :
+    !g_samples[4] ? 4'd4 : 4'd5;
+wire [15:0] g_lows_5 = {3'd0, g_lows} * 16'd5;
+wire [15:0] g_highs_4 = {3'd0, g_highs} * 16'd4;
+wire [15:0] g_ticks_5 = ({3'd0, g_highs} + {3'd0, g_lows}) * 16'd5;
+wire [15:0] g_most_5 = ({3'd0, g_limit_most} + {3'd0, g_head}) * 16'd9 + 16'd20;
+wire [12:0] g_limit_most = 13'd7 * g_half - (half_uneven ? 13'd3 : 13'd0);
+wire [3:0] g_ones = {3'd0, g_samples[0]} + {3'd0, g_samples[1]} + {3'd0, g_samples[2]} + {3'd0, g_samples[3]} +
+    {3'd0, g_samples[4]} + {3'd0, g_samples[5]} + {3'd0, g_samples[6]} + {3'd0, g_samples[7]} + {3'd0, g_samples[8]};
+always @(posedge clk) begin
+  if (g_past && g_calm) begin
+    // No pulse begins a character, ends the silence, or keeps the port from being quiet once its pin is high.
+    a_calm : assert (line && !rx_busy && !rx_valid && !start_seen);
+    a_calm_quiet : assert (!long_silent || quiet == synced);
+    // t3.5 is over after at most 9/5 of its ticks and four more.
+    a_calm_bound : assert (long_silent || g_ticks_5 <= g_most_5);
+    // The commit comes on a silent line, two clocks after t3.5 at the latest.
+    a_calm_commit : assert (!commit || g_line_silent);
+    a_calm_in_time : assert (!(g_awaits && !commit) || !g_long);
+    i_calm_state : assert (g_uart == 5'd0 && !g_driving && !sending && g_pulses(g_samples));
+    i_calm_highs : assert (long_silent || g_silent == g_highs);
+    i_calm_lows : assert (g_lows_5 <= g_highs_4 + (g_run != 4'd0 ? {12'd0, g_run} * 16'd5 : 16'd20 - {12'd0, g_gap} * 16'd4));
+  end
+  if (g_past) begin
+    i_history : assert (\filter_i.history == g_samples[7:0]);
+    i_clean : assert (line == (g_ones >= 4'd5));
+    i_valid : assert (!rx_valid || rx_framing_error || (g_uart == 5'd0 && !g_driving));
+    i_own : assert (!(g_calm && !long_silent) || !g_own);
+    i_long : assert (!long_reached || long_silent);
+    i_short : assert (!short_reached || (g_halves == 3'd3 && !long_silent));
+    i_commit : assert (!(g_calm && commit) || long_silent);
+    i_hold : assert (!(g_calm && \rtu_rx_i.state == 3'd3) || !long_silent || long_reached);
+    i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || (\rtu_rx_i.state == 3'd3 &&
+        (\rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101) && \rtu_rx_i.begun_bank != frame_bank));
   end
 end
 

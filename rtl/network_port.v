@@ -4,6 +4,9 @@
 // Receive: sync_2ff, glitch_filter, uart, silence_timer, crc16_modbus, rtu_rx. Send: rtu_tx,
 // crc16_modbus, rs485_dir, uart. One UART and one CRC unit serve both directions, because the
 // receiver is deaf while DE is high. This module only wires; drive_port has the same shape.
+// silent: t3.5 is over and no character has begun, which a commit asks for. A pulse below a
+// quarter bit stops the count of silence and does not end it, so it costs no commit (LINE-5).
+// quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
 // format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
 // Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
 `default_nettype none
@@ -65,7 +68,9 @@ module network_port #(
   wire line_ready;
 
   assign write_data = rx_data;
-  assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
+  wire silent = long_silent && !rx_busy && !rx_valid && !de;
+  assign quiet = silent && synced;
+  assign request[`CARD_REQUEST_SILENT_BITS] = silent;
 
   sync_2ff #(
       .RESET_VALUE(1'b1)

@@ -4,7 +4,8 @@
 `default_nettype none
 
 module network_line #(
-    parameter [0:0] STRICT_T15 = 1'b1
+    parameter [0:0] STRICT_T15 = 1'b1,
+    parameter [0:0] PREPARE_EARLY = 1'b1
 ) (
     input  wire       clk,
     input  wire       rst,
@@ -39,6 +40,7 @@ module network_line #(
     output wire       frame_broadcast,
     output wire       frame_writes_coils,
     output wire       frame_bank,
+    output wire       silent,
     output wire       count_crc,
     output wire       count_parity,
     output wire       count_framing,
@@ -68,7 +70,8 @@ module network_line #(
   );
 
   network_port #(
-      .STRICT_T15(STRICT_T15)
+      .STRICT_T15(STRICT_T15),
+      .PREPARE_EARLY(PREPARE_EARLY)
   ) port_i (
       .clk(clk),
       .rst(rst),
@@ -91,7 +94,9 @@ module network_line #(
       .sending(sending),
       .quiet(quiet),
       .start_seen(start_seen),
-      .request({frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate}),
+      .request({
+        silent, frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate
+      }),
       .events({revoke, count_overrun, count_t15, count_framing, count_parity, count_crc})
   );
 

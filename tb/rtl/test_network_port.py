@@ -4,7 +4,7 @@
 The clock equals the baud base, so that a rate of 115200 bit/s takes 16 clocks a bit.
 """
 
-from itertools import accumulate
+import itertools
 
 import cocotb
 import pytest
@@ -192,7 +192,7 @@ async def strict_character_after_a_good_frame_revokes_it_before_t35(dut, baud):
 async def strict_characters_after_a_revoke_are_dropped_until_t35(dut):
     port = await Port(dut).start()
     parts = [GOOD, b"\x55", GOOD, GOOD]
-    starts = accumulate(len(part) for part in parts[:-1])
+    starts = itertools.accumulate(len(part) for part in parts[:-1])
     await port.frame(b"".join(parts), Flaws(gaps=dict.fromkeys(starts, port.bits(1.7))))
     assert port.outcome() == (1, 0, 1)
 
@@ -201,10 +201,10 @@ async def strict_characters_after_a_revoke_are_dropped_until_t35(dut):
 async def strict_a_flipped_bit_in_the_silence_timer_causes_no_early_commit(dut):
     """Flips each bit of its counts and levels between t1.5 and t3.5 (SAFE-4).
 
-    A commit is valid on a quiet line only (commit_gate).
+    A commit is valid on a silent line only (commit_gate).
     """
     port = await Port(dut, 115_200).start()
-    commits = Strobes(dut, "commit", "quiet")
+    commits = Strobes(dut, "commit", "silent")
     timer = dut.port_i.silence_i
     flipped = 0
     registers = {name: getattr(timer, name) for name in ("ticks", "halves", "long_reached", "long_silent")}
@@ -333,6 +333,24 @@ async def glitches_in_the_silence_neither_revoke_nor_start_a_frame(dut):
 
 
 @cocotb.test()
+async def a_pulse_at_the_commit_leaves_the_line_silent(dut):
+    """A pulse of any width below a quarter bit, at every tick around t3.5 (LINE-5)."""
+    port = await Port(dut, 115_200).start()
+    commits = Strobes(dut, "commit", "silent", "quiet")
+    low = 0
+    for tick, width in itertools.product(range(-8, 6), (1 / 16, 3.9 / 16)):
+        port.clear()
+        commits.clear()
+        await port.send(GOOD)
+        await port.line.source.idle(port.bits(3.5) + tick / 16)
+        await port.line.source.low_pulse(width * port.line.fmt.bit_ps)
+        await port.silence()
+        assert port.outcome() == (1, 1, 0) and commits.values[0][0] == 1, f"tick {tick}, {width} bits"
+        low += commits.values[0] == (1, 0)
+    assert low >= 2, "the pin was never low at a commit"
+
+
+@cocotb.test()
 async def line_low_at_power_up_is_no_frame(dut):
     port = Port(dut)
     port.line.source.hold(0)
@@ -415,6 +433,7 @@ COMMON = [
     "strict_.*",
     "character_errors_reject_the_frame_and_are_counted_by_kind",
     "glitches_in_the_silence_neither_revoke_nor_start_a_frame",
+    "a_pulse_at_the_commit_leaves_the_line_silent",
     "line_low_at_power_up_is_no_frame",
     "foreign_frames_are_ignored_and_broadcasts_are_accepted",
     "echo_of_the_own_reply_is_no_request",
@@ -425,7 +444,7 @@ COMMON = [
 
 @pytest.mark.rule(
     *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
-    *("FRAME-6", "FRAME-8", "SAFE-2"),
+    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2"),
 )
 def test_network_port(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=COMMON)
@@ -440,5 +459,17 @@ def test_network_port_lenient(sim):
         sim=sim,
         extra_sources=[WRAPPER],
         parameters=parameters,
-        testcase="lenient_.*",
+        testcase=["lenient_.*", "a_pulse_at_the_commit_leaves_the_line_silent"],
+    )
+
+
+@pytest.mark.rule("LINE-5")
+def test_a_pulse_at_the_commit_of_a_port_that_does_not_prepare_early(sim):
+    run(
+        "network_line",
+        "tb.rtl.test_network_port",
+        sim=sim,
+        extra_sources=[WRAPPER],
+        parameters={"PREPARE_EARLY": 0},
+        testcase="a_pulse_at_the_commit_leaves_the_line_silent",
     )
