@@ -295,7 +295,7 @@ PORT |= {
     "baud_divider",
 }
 MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit"}
-MAILBOX |= {"commit_gate", "request_fate", "reply_slot", "telegram_slot", "loopback_end"}
+MAILBOX |= {"commit_gate", "request_fate", "reply_slot", "telegram_slot", "waiting_place", "loopback_end"}
 OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor"}
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}

@@ -6,7 +6,8 @@
 //
 // Assumed of rtu_rx, and proved there: never revoke with candidate or commit; a newer candidate has begun with a
 // start bit; the status of a request stays until the next candidate. Assumed of the ports: neither line reads and
-// writes at once, the drive port sends after a start only, and a line on which a character begins is not quiet.
+// writes at once, the drive port sends after a start only, a line on which a character begins is not silent, and a
+// quiet line is.
 // Nothing is assumed of the firmware.
 
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
@@ -18,6 +19,7 @@ wire commit = request[`CARD_REQUEST_COMMIT_BITS];
 wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
 wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
 wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
+wire modbus_silent = request[`CARD_REQUEST_SILENT_BITS];
 wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
 wire revoke = network_events[`MBX_EVENTS_REVOKED_BITS];
 wire drive_quiet = exchange[`CARD_EXCHANGE_QUIET_BITS];
@@ -42,6 +44,17 @@ initial assume (core_rst);
 (* hierconn *) wire \gate_i.request_i.answerable ;
 (* hierconn *) wire \gate_i.request_i.spent ;
 (* hierconn *) wire \gate_i.reply_i.wait_drive ;
+(* hierconn *) wire \gate_i.kept ;
+(* hierconn *) wire \gate_i.request_i.to_keep ;
+(* hierconn *) wire \gate_i.broadcast_control ;
+(* hierconn *) wire \gate_i.unicast_control ;
+(* hierconn *) wire \gate_i.broadcast_i.valid_i.held ;
+(* hierconn *) wire \gate_i.broadcast_i.valid_i.opposite ;
+`ifdef SMALL
+`else
+(* hierconn *) wire \gate_i.g_unicast.unicast_i.valid_i.held ;
+(* hierconn *) wire \gate_i.g_unicast.unicast_i.valid_i.opposite ;
+`endif
 (* hierconn *) wire [6:0] \regs_i.flags ;
 // Such a name loses its power-up value; the others are reset.
 initial assume (\regs_i.flags == 7'd0);
@@ -55,13 +68,16 @@ wire g_gate_begun = \gate_i.telegram_i.begun ;
 wire g_gate_open = \gate_i.loopback_i.was_open ;
 wire g_gate_answerable = \gate_i.request_i.answerable ;
 wire g_gate_spent = \gate_i.request_i.spent ;
+wire g_kept = \gate_i.kept ;  // the licence of the newest request moves to its place
 
 reg [3:0] g_ticket = 4'd0;  // every candidate has the next number (FRAME-5)
 
 // ---- what the firmware does, from the bus and the memory's pins
 wire g_order = regs_valid && core_wstrb != 4'd0;  // a write to a register
-wire g_order_telegram = g_order && core_addr[4:2] == 3'd3 && !drive_sending;
+wire g_order_keep = g_order && core_addr[4:2] == 3'd3 && core_wdata[7:6] == 2'd3;
+wire g_order_telegram = g_order && core_addr[4:2] == 3'd3 && !drive_sending && !g_order_keep;
 wire g_queued = g_order_telegram && !core_wdata[6];
+wire g_waiting = g_queued && core_wdata[7];  // with the licence of a write that waits
 wire g_order_reply = g_order && core_addr[4:2] == 3'd2;
 wire g_current = core_wdata[11:8] == g_ticket;
 // The telegram: 32 words of the last 64, their lowest bytes.
@@ -79,8 +95,16 @@ reg g_licensed = 1'b0;  // and that one was committed
 reg g_control = 1'b0;  // and writes coils
 reg g_open = 1'b0;  // the loop-back test sends without a request (LOOP-1)
 // FRAME-6: at t3.5 the candidate commits, unless a character has begun.
-wire g_commit = commit && (candidate || g_candidate);
-wire g_revoke = revoke || modbus_start_seen;
+wire g_commit = commit && modbus_silent && (candidate || g_candidate);
+wire g_revoke = revoke || modbus_start_seen || (commit && !modbus_silent);
+// ---- the requests whose licences wait: 1 a broadcast, 0 a unicast write (FRAME-7)
+reg [1:0] g_there = 2'b00;
+reg [1:0] g_place_coils = 2'b00;
+reg g_wish = 1'b0;  // ordered for the candidate
+wire [1:0] g_filled = {g_kept && frame_broadcast, g_kept && !frame_broadcast};
+wire [1:0] g_taken = {g_waiting && core_wdata[5], g_waiting && !core_wdata[5]};
+wire g_keep = g_order_keep && g_current;
+wire g_may_keep = !candidate && (g_commit ? g_wish || g_keep : g_keep && g_committed && !g_spent);
 reg [5:0] g_ordered = 6'd0;  // length and kind, as that order gave them
 reg [4:0] g_answer = 5'd0;
 reg g_was_sending = 1'b0;
@@ -122,7 +146,7 @@ always @(posedge clk) begin
   if (core_rst) g_started <= 1'b0;
 
   if (candidate) begin
-    g_candidate <= !g_commit;
+    g_candidate <= !commit;
     g_committed <= g_commit;
     g_heard <= 1'b0;
   end else if (g_commit) begin
@@ -133,13 +157,21 @@ always @(posedge clk) begin
     if (g_revoke) g_candidate <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
-  if (g_commit) g_spent <= 1'b0;
-  else if (reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
+  if (candidate || g_commit || g_revoke) g_wish <= 1'b0;
+  else if (g_keep && g_candidate) g_wish <= 1'b1;
+  g_there <= (g_there & ~g_taken) | g_filled;
+  g_place_coils <= (g_place_coils & ~g_filled) | (g_filled & {2{frame_writes_coils}});
+  if (g_commit) g_spent <= g_kept;
+  else if (g_kept || reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
 
   if (candidate) g_reply_ours <= 1'b0;
   else if (g_order_reply) g_reply_ours <= g_current;
 
-  if (g_queued) begin
+  if (g_waiting) begin
+    {g_here, g_ours} <= 2'b10;
+    g_licensed <= (g_there & g_taken) != 2'b00;
+    g_control <= (g_there & g_taken & g_place_coils) != 2'b00;
+  end else if (g_queued) begin
     g_here <= 1'b1;
     g_ours <= g_current && !candidate && !(g_revoke && g_candidate) && (g_candidate || (g_committed && !g_spent));
     g_licensed <= g_current && !candidate && !(g_revoke && g_candidate) && ((g_committed && !g_spent) || g_commit);
@@ -165,14 +197,14 @@ always @(posedge clk) begin
     g_here <= 1'b0;
     g_ours <= 1'b0;
     g_licensed <= 1'b0;
+    {g_there, g_wish} <= 3'd0;
   end
 end
 
 always @* begin
   assume (!(revoke && (candidate || commit)));
-  assume (!(modbus_start_seen && modbus_quiet));
-  // Against LINE-5: a pulse in the clock of the commit loses the request today. So no pulse is assumed there.
-  n_line_5 : assume (!commit || modbus_quiet);
+  assume (!(modbus_start_seen && modbus_silent));
+  assume (!modbus_quiet || modbus_silent);
   assume (!candidate || !g_committed || g_heard);
   assume (!(modbus_read_valid && modbus_write_valid));
   assume (!(drive_read_valid && drive_write_valid));
@@ -188,6 +220,8 @@ always @(posedge clk) begin
     a_licensed : assert (!telegram_start || (g_licensed && g_here && !g_touched));
     // SAFE-1: and only a write of coils may command the drive.
     a_control : assert (!(telegram_start && telegram_control) || g_control);
+    // FRAME-7: a licence waits only for a committed request, as ordered.
+    a_kept : assert (!g_kept || g_may_keep);
     // FRAME-6, FRAME-7, MAP-9
     a_reply : assert (!reply_start || (g_committed && !g_heard && !frame_broadcast && g_reply_ours));
   end
@@ -254,6 +288,17 @@ always @(posedge clk) begin
     i_queued : assert (!telegram_queued || g_gate_licensed || (g_here && g_ours && g_candidate));
     i_reply_ours : assert (!reply_queued || g_reply_ours || g_open);
     i_reply : assert (!reply_queued || !frame_broadcast || candidate || g_open);
+    i_wish : assert (!\gate_i.request_i.to_keep || (g_wish && g_candidate));
+    i_place : assert (\gate_i.broadcast_i.valid_i.held == g_there[1] &&
+        \gate_i.broadcast_i.valid_i.opposite == !g_there[1]);
+    i_place_coils : assert ((!g_there[1] || \gate_i.broadcast_control == g_place_coils[1]) &&
+        (!g_there[0] || \gate_i.unicast_control == g_place_coils[0]));
+`ifdef SMALL
+    i_place_none : assert (!g_there[0] && !(\gate_i.request_i.to_keep && !frame_broadcast && !candidate));
+`else
+    i_place_unicast : assert (\gate_i.g_unicast.unicast_i.valid_i.held == g_there[0] &&
+        \gate_i.g_unicast.unicast_i.valid_i.opposite == !g_there[0]);
+`endif
     i_not_yet : assert (!(g_candidate && g_ours && g_licensed));
     i_control : assert (!(g_gate_licensed && telegram_control) || g_open || g_control);
     i_spent : assert (g_gate_spent || !g_spent);
@@ -265,7 +310,8 @@ end
 always @(posedge clk) begin
   if (g_sound) begin
     c_telegram : cover (telegram_start && telegram_length == 5'd14);
-    c_repeat : cover (telegram_start && $past(g_order_telegram && core_wdata[6]) && $past(g_was_sending, 2));
+    c_repeat : cover (telegram_start && $past(g_order_telegram && core_wdata[7:6] == 2'd1) && $past(g_was_sending, 2));
+    c_waiting : cover (telegram_start && $past(g_waiting));
     c_reply : cover (reply_start && $past(core_ready, 2));
     c_dropped : cover (drive_sending && ram_enable && core_wstrb[0] && core_addr == 32'hFFFFFF80);
   end

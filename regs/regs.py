@@ -116,7 +116,8 @@ def c_header(registers: Map) -> str:
     for reg in registers.registers:
         for field in reg.fields():
             name = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
-            lines += [f"#define {name}__{value.upper()} {number}u" for value, number, _ in enum_members(field)]
+            for value, number, _ in enum_members(field):
+                lines.append(f"#define {name}__{value.upper()} {number}u")
     head, tail = text.split("#include <stdint.h>\n", 1)
     text = f"{head}#include <stdint.h>\n\n" + "\n".join(lines) + "\n" + tail
     return banner("//", RDL) + text.rstrip() + "\n"
@@ -568,11 +569,13 @@ def config_macros(name: str, entry: dict) -> str:
     lines = [
         banner("//", CONFIGS).rstrip(),
         "//",
-        f"// Configuration {name}: defaults of the top's parameters. Clock in Hz, memory in bytes.",
+        f"// Configuration {name}: defaults of the top's parameters. Clock in Hz, memory in bytes,",
+        "// PLACES: committed writes that can wait (FRAME-7).",
         "",
         f"`define CONFIG_CLK_HZ {entry['clk_hz']}",
         f"`define CONFIG_SOFT_CORE 2'd{entry['soft_core_id']}  // {entry['soft_core']}",
         f"`define CONFIG_MEMORY_BYTES {entry['memory_bytes']}",
+        f"`define CONFIG_PLACES 2'd{entry['waiting_places']}",
     ]
     return "\n".join(lines) + "\n"
 

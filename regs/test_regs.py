@@ -156,9 +156,11 @@ def test_named_values_are_the_same_in_all_languages(register_map):
     macros = verilog_macros("mailbox_defs.v")
     header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "regs/generated/mailbox.h").read_text(), re.M))
     page = (ROOT / "docs/reference/registers.md").read_text()
-    named = {(reg.inst_name, field.inst_name): field for reg in register_map.registers for field in reg.fields()}
-    named = {name: regs.enum_members(field) for name, field in named.items() if regs.enum_members(field)}
-    assert mailbox.VALUES == {key: {name: value for name, value, _ in found} for key, found in named.items()}
+    fields = [(reg, field) for reg in register_map.registers for field in reg.fields()]
+    members = {(reg.inst_name, field.inst_name): regs.enum_members(field) for reg, field in fields}
+    named = {key: found for key, found in members.items() if found}
+    values = {key: {name: value for name, value, _ in found} for key, found in named.items()}
+    assert values == mailbox.VALUES
     assert list(mailbox.VALUES["TELEGRAM", "action"]) == ["first", "repeat", "waiting", "keep"]
     for (reg, field), members in named.items():
         for name, value, about in members:

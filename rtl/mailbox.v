@@ -4,12 +4,14 @@
 // The network port writes requests and reads replies, the drive port reads telegrams
 // and writes the drive's replies, the firmware sees all of it through one bus, and
 // the commit gate decides what leaves. Only wires in here. request, telegram, exchange:
-// vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. Clock domain: clk.
+// vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
+// commit_gate. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1.
 `default_nettype none
 
 module mailbox #(
-    parameter MEMORY_BYTES = 8192
+    parameter MEMORY_BYTES = 8192,
+    parameter [1:0] PLACES = 2'd2
 ) (
     input  wire                              clk,
     input  wire                              core_rst,
@@ -71,6 +73,9 @@ module mailbox #(
   wire [31:0] regs_rdata;
   wire queue_reply;
   wire queue_telegram;
+  wire use_waiting;
+  wire repeat_telegram;
+  wire keep_write;
   wire telegram_touched;
   wire [3:0] ticket;
   wire is_candidate;
@@ -160,6 +165,9 @@ module mailbox #(
       // commands
       .queue_reply(queue_reply),
       .queue_telegram(queue_telegram),
+      .use_waiting(use_waiting),
+      .repeat_telegram(repeat_telegram),
+      .keep_write(keep_write),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
       .watchdog_kick(watchdog_kick),
@@ -177,7 +185,9 @@ module mailbox #(
       .ticks(ticks)
   );
 
-  commit_gate gate_i (
+  commit_gate #(
+      .PLACES(PLACES)
+  ) gate_i (
       .clk(clk),
       .rst(core_rst),
       // network request
@@ -187,6 +197,7 @@ module mailbox #(
       .broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
       .writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
       .modbus_start_seen(modbus_start_seen),
+      .modbus_silent(request[`CARD_REQUEST_SILENT_BITS]),
       .modbus_quiet(modbus_quiet),
       // drive line
       .drive_good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
@@ -197,7 +208,10 @@ module mailbox #(
       .reply_empty(core_wdata[`MBX_REPLY_LENGTH_BITS] == 5'd0),
       .reply_after_drive(core_wdata[`MBX_REPLY_AFTER_DRIVE_BITS]),
       .queue_telegram(queue_telegram),
-      .telegram_repeat(core_wdata[`MBX_TELEGRAM_ACTION_BITS] == `MBX_TELEGRAM_ACTION_IS_REPEAT),
+      .use_waiting(use_waiting),
+      .waiting_to_all(core_wdata[`MBX_TELEGRAM_NO_REPLY_BITS]),
+      .repeat_telegram(repeat_telegram),
+      .keep_write(keep_write),
       .telegram_touched(telegram_touched),
       .queue_ticket(core_wdata[`MBX_REPLY_TICKET_BITS]),
       // configuration

@@ -5,7 +5,9 @@
 // repeat over the whole map: word 0 with request, exchange, length and time, word 1
 // with the events in place of the request. rdata is 0 unless a word was read a clock
 // before. Any write strobe writes the whole word. An event that comes while its flag
-// is being cleared is kept. Clock domain: clk. Rules: FRAME-4, FRAME-5, FC-8.
+// is being cleared is kept. queue_telegram, use_waiting, repeat_telegram and keep_write are
+// the actions of TELEGRAM; the last one needs no line, the others none that sends.
+// Clock domain: clk. Rules: FRAME-4, FRAME-5, FRAME-7, FC-8.
 `default_nettype none
 
 module mailbox_regs (
@@ -20,6 +22,9 @@ module mailbox_regs (
     // commands
     output wire                      queue_reply,
     output wire                      queue_telegram,
+    output wire                      use_waiting,
+    output wire                      repeat_telegram,
+    output wire                      keep_write,
     output wire                      listen_again,
     output wire                      listen_stop,
     output wire                      watchdog_kick,
@@ -45,10 +50,15 @@ module mailbox_regs (
   wire write_listen = write_now && word == `MBX_LISTEN_WORD;
   wire write_supervisor = write_now && word == `MBX_SUPERVISOR_WORD;
   wire show_events = word[0] == 1'b1;
+  wire write_telegram = write_now && word == `MBX_TELEGRAM_WORD;
+  wire order = write_telegram && !exchange[`MBX_EXCHANGE_SENDING_BITS];
+  wire [1:0] action = wdata[`MBX_TELEGRAM_ACTION_BITS];
 
   assign queue_reply = write_now && word == `MBX_REPLY_WORD;
-  assign queue_telegram = write_now && word == `MBX_TELEGRAM_WORD &&
-      !exchange[`MBX_EXCHANGE_SENDING_BITS];
+  assign queue_telegram = order && action == `MBX_TELEGRAM_ACTION_IS_FIRST;
+  assign use_waiting = order && action == `MBX_TELEGRAM_ACTION_IS_WAITING;
+  assign repeat_telegram = order && action == `MBX_TELEGRAM_ACTION_IS_REPEAT;
+  assign keep_write = write_telegram && action == `MBX_TELEGRAM_ACTION_IS_KEEP;
   assign listen_again = write_listen && wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = write_listen && !wdata[`MBX_LISTEN_ON_BITS];
   assign halt = write_supervisor && wdata[`MBX_SUPERVISOR_HALT_BITS];
@@ -73,7 +83,7 @@ module mailbox_regs (
     flags <= (flags & ~(wdata[6:0] &{7{clear}})) | events;
 
     if (queue_reply) reply_length <= wdata[`MBX_REPLY_LENGTH_BITS];
-    if (queue_telegram && wdata[`MBX_TELEGRAM_ACTION_BITS] != `MBX_TELEGRAM_ACTION_IS_REPEAT) begin
+    if (queue_telegram || use_waiting) begin
       telegram_length   <= wdata[`MBX_TELEGRAM_LENGTH_BITS];
       telegram_no_reply <= wdata[`MBX_TELEGRAM_NO_REPLY_BITS];
     end

@@ -16,6 +16,7 @@ rtl/gate/loopback_end.v
 rtl/gate/reply_slot.v
 rtl/gate/request_fate.v
 rtl/gate/telegram_slot.v
+rtl/gate/waiting_place.v
 rtl/glitch_filter.v
 rtl/mailbox.v
 rtl/mailbox_regs.v

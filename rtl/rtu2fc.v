@@ -7,7 +7,8 @@
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults come from the configuration, regs/generated/config_<name>.v, which is
-// the first of its list of files. SOFT_CORE: see soft_core. Rules: TOP-1, TOP-2.
+// the first of its list of files. SOFT_CORE: see soft_core. PLACES: committed writes that can
+// wait, see commit_gate. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
@@ -15,6 +16,7 @@ module rtu2fc #(
     parameter FIRMWARE_HEX = "firmware.hex",
     parameter [1:0] SOFT_CORE = `CONFIG_SOFT_CORE,
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
+    parameter [1:0] PLACES = `CONFIG_PLACES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1
 ) (
@@ -233,7 +235,8 @@ module rtu2fc #(
   );
 
   mailbox #(
-      .MEMORY_BYTES(MEMORY_BYTES)
+      .MEMORY_BYTES(MEMORY_BYTES),
+      .PLACES(PLACES)
   ) mailbox_i (
       .clk(clk),
       .core_rst(core_rst),

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from configs.toml by `make regs`; edit that file, not this one.
 //
-// Configuration tiny: defaults of the top's parameters. Clock in Hz, memory in bytes.
+// Configuration tiny: defaults of the top's parameters. Clock in Hz, memory in bytes,
+// PLACES: committed writes that can wait (FRAME-7).
 
 `define CONFIG_CLK_HZ 24000000
 `define CONFIG_SOFT_CORE 2'd1  // serv
 `define CONFIG_MEMORY_BYTES 6144
+`define CONFIG_PLACES 2'd1

@@ -7,7 +7,14 @@
 //   request_fate   candidate, committed or revoked, spent; what an order may still do
 //   reply_slot     the reply: once, on a silent line, never after another character
 //   telegram_slot  the telegram: only with a licence, at most once more as a repeat
+//   waiting_place  the licence of a committed write that waits for a running exchange
 //   loopback_end   end of the loop-back test, the one exception: no master is there (LOOP-1)
+//
+// keep_write moves the licence of the newest request to the place of its kind as soon as that
+// request is committed, and use_waiting orders a telegram with the licence of a place
+// (FRAME-7). A licence stays until it is used, a newer one of its kind takes its place, or
+// rst. PLACES: 2, one for a broadcast and one for a unicast write; 1, only the broadcast's,
+// and keep_write for a unicast write is ignored.
 //
 // Without a committed request no telegram starts, and without a committed write of coils
 // none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
@@ -15,7 +22,9 @@
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
 
-module commit_gate (
+module commit_gate #(
+    parameter [1:0] PLACES = 2'd2
+) (
     input  wire       clk,
     input  wire       rst,
     // network request
@@ -25,6 +34,7 @@ module commit_gate (
     input  wire       broadcast,
     input  wire       writes_coils,
     input  wire       modbus_start_seen,
+    input  wire       modbus_silent,
     input  wire       modbus_quiet,
     // drive line
     input  wire       drive_good,
@@ -35,7 +45,10 @@ module commit_gate (
     input  wire       reply_empty,
     input  wire       reply_after_drive,
     input  wire       queue_telegram,
-    input  wire       telegram_repeat,
+    input  wire       use_waiting,
+    input  wire       waiting_to_all,
+    input  wire       repeat_telegram,
+    input  wire       keep_write,
     input  wire       telegram_touched,
     input  wire [3:0] queue_ticket,
     // configuration
@@ -60,7 +73,13 @@ module commit_gate (
   wire licenses;
   wire commits;
   wire withdrawn;
+  wire kept;
+  wire own;
   wire command_left;
+  wire broadcast_valid;
+  wire broadcast_control;
+  wire unicast_valid;
+  wire unicast_control;
   wire closing;
 
   request_fate request_i (
@@ -72,11 +91,13 @@ module commit_gate (
       .revoke(revoke),
       .broadcast(broadcast),
       .start_seen(modbus_start_seen),
-      .quiet(modbus_quiet),
+      .silent(modbus_silent),
       // firmware
       .queue_reply(queue_reply),
+      .keep(keep_write && (PLACES == 2'd2 || broadcast)),
       .queue_ticket(queue_ticket),
       // departures
+      .used(own),
       .reply_left(reply_start),
       .command_left(command_left),
       // status
@@ -89,7 +110,8 @@ module commit_gate (
       .takes_telegram(takes_telegram),
       .licenses(licenses),
       .commits(commits),
-      .withdrawn(withdrawn)
+      .withdrawn(withdrawn),
+      .kept(kept)
   );
 
   reply_slot reply_i (
@@ -124,8 +146,9 @@ module commit_gate (
       .clk(clk),
       .rst(rst),
       // firmware
-      .queue(queue_telegram && !telegram_repeat),
-      .again(queue_telegram && telegram_repeat),
+      .queue(queue_telegram),
+      .use_place(use_waiting),
+      .again(repeat_telegram),
       .touched(telegram_touched),
       // newest request
       .current(current),
@@ -137,6 +160,11 @@ module commit_gate (
       .commits(commits),
       .withdrawn(withdrawn),
       .reply_left(reply_start),
+      // waiting writes
+      .place_valid(waiting_to_all ? broadcast_valid : unicast_valid),
+      .place_control(waiting_to_all ? broadcast_control : unicast_control),
+      .place_to_all(waiting_to_all),
+      .others_wait(broadcast_valid || unicast_valid),
       // drive line
       .quiet(drive_quiet),
       // loop-back test
@@ -147,9 +175,43 @@ module commit_gate (
       .control(telegram_control),
       // status
       .command_left(command_left),
+      .own(own),
       .queued(telegram_queued),
       .started(telegram_started)
   );
+
+  waiting_place broadcast_i (
+      .clk(clk),
+      .rst(rst),
+      // newest request
+      .fill(kept && broadcast),
+      .writes_coils(writes_coils),
+      // firmware
+      .take(use_waiting && waiting_to_all),
+      // status
+      .valid(broadcast_valid),
+      .control(broadcast_control)
+  );
+
+  generate
+    if (PLACES == 2'd2) begin : g_unicast
+      waiting_place unicast_i (
+          .clk(clk),
+          .rst(rst),
+          // newest request
+          .fill(kept && !broadcast),
+          .writes_coils(writes_coils),
+          // firmware
+          .take(use_waiting && !waiting_to_all),
+          // status
+          .valid(unicast_valid),
+          .control(unicast_control)
+      );
+    end else begin : g_no_unicast
+      assign unicast_valid   = 1'b0;
+      assign unicast_control = 1'b0;
+    end
+  endgenerate
 
   loopback_end loopback_i (
       .clk(clk),

@@ -3,15 +3,21 @@
 //
 // A candidate gets the next ticket, modulo 16. It ends with a revoke, or with the start
 // bit of any character, whatever rtu_rx makes of it (FRAME-6). A commit needs a candidate
-// and a silent line; both come in one clock with PREPARE_EARLY = 0. A committed request
-// stays committed until the next candidate, also for the firmware, which reads
-// is_committed: hence a guarded bit (SAFE-4).
+// and a silent line; both come in one clock with PREPARE_EARLY = 0. A commit on a line that
+// is not silent withdraws the candidate, which would wait for ever; only a flipped bit or a
+// low of more than a quarter bit brings that about. A committed request stays committed
+// until the next candidate, also for the firmware, which reads is_committed: hence a
+// guarded bit (SAFE-4).
 // answerable: committed, and since then no character has begun and no reply has left.
 // spent: the request licenses no further telegram. Its reply spends it, so does its write
 // of coils when that leaves, and for a broadcast the firmware's answer, which sends nothing.
 // takes_reply, takes_telegram, licenses: rights of an order with queue_ticket. An order
 // with the ticket of an older request has none. A broadcast takes no reply (MAP-9).
-// commits, withdrawn, reply_left, command_left: strobes.
+// keep: the firmware orders that the request's licence waits. It does so from the commit on
+// (kept), which spends the request; its reply stays (FRAME-7). keep for a candidate is
+// remembered until the commit and forgotten with the candidate. A request that licenses the
+// telegram in telegram_slot (used) has no second licence to keep.
+// commits, withdrawn, kept, reply_left, command_left: strobes.
 // Clock domain: clk. Rules: FRAME-6, FRAME-7, MAP-9, FC-9, SAFE-4.
 `default_nettype none
 
@@ -24,11 +30,13 @@ module request_fate (
     input  wire       revoke,
     input  wire       broadcast,
     input  wire       start_seen,
-    input  wire       quiet,
+    input  wire       silent,
     // firmware
     input  wire       queue_reply,
+    input  wire       keep,
     input  wire [3:0] queue_ticket,
     // departures
+    input  wire       used,
     input  wire       reply_left,
     input  wire       command_left,
     // status
@@ -41,18 +49,23 @@ module request_fate (
     output wire       takes_telegram,
     output wire       licenses,
     output wire       commits,
-    output wire       withdrawn
+    output wire       withdrawn,
+    output wire       kept
 );
 
   reg  spent = 1'b0;
+  reg  to_keep = 1'b0;  // ordered for the candidate
   wire fault;
 
   assign current = queue_ticket == ticket;
   assign takes_reply = current && !broadcast && (is_candidate || (is_committed && answerable));
   assign takes_telegram = current && (is_candidate || (is_committed && !spent));
   assign licenses = current && is_committed && !spent;
-  assign commits = commit && quiet && (is_candidate || candidate);
-  assign withdrawn = is_candidate && (revoke || start_seen);
+  assign commits = commit && silent && (is_candidate || candidate);
+  assign withdrawn = is_candidate && (revoke || start_seen || (commit && !silent));
+
+  // In the clock of a candidate, broadcast and writes_coils are those of the candidate.
+  assign kept = !candidate && !used && (commits ? to_keep || (keep && current) : keep && licenses);
 
   initial begin
     ticket = 4'd0;
@@ -75,15 +88,19 @@ module request_fate (
     if (candidate) ticket <= ticket + 4'd1;
 
     if (rst || commits) is_candidate <= 1'b0;
-    else if (candidate) is_candidate <= 1'b1;
+    else if (candidate) is_candidate <= !commit;
     else if (withdrawn) is_candidate <= 1'b0;
 
     if (rst) answerable <= 1'b0;
     else if (commits) answerable <= 1'b1;
     else if (candidate || reply_left || (start_seen && is_committed)) answerable <= 1'b0;
 
-    if (rst || commits) spent <= 1'b0;
-    else if (reply_left || command_left || (queue_reply && current && broadcast)) spent <= 1'b1;
+    if (rst || candidate || withdrawn || commits) to_keep <= 1'b0;
+    else if (keep && current && is_candidate) to_keep <= 1'b1;
+
+    if (rst || commits) spent <= kept && !rst;
+    else if (kept || reply_left || command_left || (queue_reply && current && broadcast))
+      spent <= 1'b1;
   end
 
   // For waveforms only.

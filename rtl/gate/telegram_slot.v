@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The place of the one telegram that waits to leave, and its licence.
 //
-// queue fills the place with a new telegram; again fills it with the one that has left.
-// Only a licence lets a telegram start: a guarded bit (SAFE-1, SAFE-4). A committed request
-// licenses it, at once or with the commit; then the telegram must be queued and must never
-// have left (begun). The licence outlives newer requests until the telegram has left, and
-// is good for one repeat then. The repeat is lost with the reply, with a newer committed
-// request and at once for a broadcast (FC-9). A write to the telegram's memory (touched) and
-// the end of the loop-back test take licence and telegram. While that test is open, every
-// order has a licence, but no command (LOOP-1).
+// queue and use_place fill the place with a new telegram; again fills it with the one that
+// has left. Only a licence lets a telegram start: a guarded bit (SAFE-1, SAFE-4). For queue a
+// committed request gives it, at once or with the commit; then the telegram must be queued
+// and must never have left (begun). For use_place it comes from a waiting_place, at once; an
+// empty one gives none (FRAME-7). The licence outlives newer requests until the telegram has
+// left, and is good for one repeat then. The repeat is lost with the reply, with a newer
+// write that waits (others_wait), with a newer committed request unless the licence came
+// from a place, and at once for a broadcast (FC-9). A write to the telegram's memory
+// (touched) and the end of the loop-back test take licence and telegram. While that test is
+// open, every order of queue has a licence, but no command (LOOP-1).
 // control: the licensed request writes coils, so bit 10 of the control word may be 1.
 // command_left: the write of coils of the newest request leaves in this clock.
+// own: from this clock on the newest request licenses the telegram here.
 // In the clock of any order no telegram starts. Clock domain: clk.
 // Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4.
 `default_nettype none
@@ -20,6 +23,7 @@ module telegram_slot (
     input  wire rst,
     // firmware
     input  wire queue,
+    input  wire use_place,
     input  wire again,
     input  wire touched,
     // newest request
@@ -32,6 +36,11 @@ module telegram_slot (
     input  wire commits,
     input  wire withdrawn,
     input  wire reply_left,
+    // waiting writes
+    input  wire place_valid,
+    input  wire place_control,
+    input  wire place_to_all,
+    input  wire others_wait,
     // drive line
     input  wire quiet,
     // loop-back test
@@ -42,26 +51,32 @@ module telegram_slot (
     output reg  control,
     // status
     output wire command_left,
+    output wire own,
     output reg  queued,
     output reg  started
 );
 
-  reg  newest = 1'b0;  // no other request was committed since the telegram was queued
-  reg  repeatable = 1'b0;  // newest, and no broadcast
-  reg  begun = 1'b0;  // it has left once, or there is none
+  reg newest = 1'b0;  // no other request was committed since the telegram was queued
+  reg repeatable = 1'b0;  // no broadcast, and no newer commit unless from_place
+  reg begun = 1'b0;  // it has left once, or there is none
+  reg from_place = 1'b0;  // the last order used a place
 
   wire licensed;
   wire fault;
-  wire dropped = (candidate || withdrawn) && (queue || !licensed);
-  wire overtaken = commits && licensed && !queue;
-  wire ended = touched || closing || (overtaken && begun);
-  wire granted = commits && !candidate && (queue ? current : !licensed && queued && !begun);
-  wire at_once = queue && !candidate && (loopback_open || licenses);
+  wire order = queue || use_place;
+  wire dropped = (candidate || withdrawn) && (queue || !licensed) && !use_place;
+  wire overtaken = commits && licensed && !order;
+  wire passed_over = others_wait || (overtaken && !from_place);
+  wire ended = touched || closing || (begun && !order && passed_over);
+  wire granted = commits && !candidate && !use_place &&
+      (queue ? current : !licensed && queued && !begun);
+  wire at_once = use_place ? place_valid : queue && !candidate && (loopback_open || licenses);
   wire answered = reply_left && newest && !loopback_open;
   wire left_last = (start && (begun || !repeatable)) || answered;
 
-  assign start = queued && licensed && quiet && !queue && !again && !touched && !closing;
+  assign start = queued && licensed && quiet && !order && !again && !touched && !closing;
   assign command_left = start && newest && control;
+  assign own = granted || (licensed && newest && !commits);
 
   initial {queued, started, control} = 3'd0;
 
@@ -69,7 +84,7 @@ module telegram_slot (
       .clk  (clk),
       .rst  (rst),
       // next value
-      .load (ended || granted || queue || left_last),
+      .load (ended || granted || order || left_last),
       .data (!ended && (granted || at_once)),
       // status
       .value(licensed),
@@ -78,21 +93,23 @@ module telegram_slot (
 
   always @(posedge clk) begin
     if (rst || ended || dropped) queued <= 1'b0;
-    else if (queue) queued <= loopback_open || takes_telegram;
+    else if (order) queued <= use_place ? place_valid : loopback_open || takes_telegram;
     else if (again) queued <= licensed && begun && repeatable && !answered;
     else if (start || answered) queued <= 1'b0;
 
-    if (rst || queue || again) started <= 1'b0;
+    if (rst || order || again) started <= 1'b0;
     else if (start) started <= 1'b1;
 
-    if (queue) begun <= 1'b0;
+    if (order) begun <= 1'b0;
     else if (start || (!queued && !licensed)) begun <= 1'b1;
 
-    if (queue) {newest, repeatable} <= {1'b1, !broadcast};
-    else if (overtaken) {newest, repeatable} <= 2'b00;
+    if (queue) {newest, repeatable, from_place} <= {1'b1, !broadcast, 1'b0};
+    else if (use_place)
+      {newest, repeatable, from_place} <= {current && !candidate, !place_to_all, 1'b1};
+    else if (overtaken) {newest, repeatable} <= {1'b0, repeatable && from_place};
 
     if (granted) control <= writes_coils;
-    else if (queue) control <= writes_coils && licenses;
+    else if (order) control <= use_place ? place_control : writes_coils && licenses;
   end
 
   // For waveforms only.

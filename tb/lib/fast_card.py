@@ -3,8 +3,8 @@
 
 The same Verilog and the same firmware image as elsewhere, Verilated and run by sim/harness:
 about 5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from
-power-up; the resolution is a clock of the slow card of tb/lib/config.py. A drive answers through any model
-(fc_slave.py).
+power-up; the resolution is a clock, by default of the slow card of tb/lib/config.py. A drive answers through
+any model (fc_slave.py).
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ REPLY_DELAY_BITS = 23
 
 
 @functools.cache
-def library(config: str) -> Path:
-    """The slow card of the configuration, built unless this very content was built before."""
+def library(config: str, clk_hz: int) -> Path:
+    """The card of the configuration, built unless this very content was built before."""
     try:
-        return build(SLOW_HZ[config], config=config)
+        return build(clk_hz, config=config)
     except BuildError as error:
         pytest.fail(str(error), pytrace=False)
 
@@ -100,12 +100,14 @@ class FastCard:
         address: int = 1,
         drive: Callable[[bytes], bytes | None] = lambda telegram: None,
         config: str = "standard",
+        clk_hz: int | None = None,
         **wires: int,
     ):
-        self.period_ps = round(1e12 / SLOW_HZ[config])
+        clk_hz = clk_hz or SLOW_HZ[config]
+        self.period_ps = round(1e12 / clk_hz)
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = SimulatedCard(
-            library(config),
+            library(config, clk_hz),
             firmware(config).parent,
             switch_word(switches or baud_switches(baud, form)),
             address,

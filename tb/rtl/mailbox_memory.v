@@ -34,6 +34,7 @@ module mailbox_memory #(
     input  wire        frame_broadcast,
     input  wire        frame_writes_coils,
     input  wire        frame_bank,
+    input  wire        modbus_silent,
     // drive port
     input  wire        drive_write_valid,
     output wire        drive_write_ready,
@@ -103,7 +104,15 @@ module mailbox_memory #(
       .reply_length(reply_length),
       .modbus_quiet(modbus_quiet),
       .modbus_start_seen(modbus_start_seen),
-      .request({frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate}),
+      .request({
+        modbus_silent,
+        frame_length,
+        frame_bank,
+        frame_writes_coils,
+        frame_broadcast,
+        commit,
+        candidate
+      }),
       .network_events({revoke, count_overrun, count_t15, count_framing, count_parity, count_crc}),
       .drive_write_valid(drive_write_valid),
       .drive_write_ready(drive_write_ready),

@@ -14,9 +14,10 @@ from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
 INPUTS = """
-    candidate commit revoke broadcast writes_coils modbus_start_seen modbus_quiet
+    candidate commit revoke broadcast writes_coils modbus_start_seen modbus_silent modbus_quiet
     drive_good drive_bad drive_quiet
-    queue_reply reply_empty reply_after_drive queue_telegram telegram_repeat telegram_touched queue_ticket
+    queue_reply reply_empty reply_after_drive queue_telegram use_waiting waiting_to_all repeat_telegram
+    keep_write telegram_touched queue_ticket
     loopback_open
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
@@ -57,7 +58,7 @@ class Gate:
 
     async def start(self) -> Gate:
         await self.bench.start()
-        self.dut.modbus_quiet.value = 1
+        self.dut.modbus_silent.value = self.dut.modbus_quiet.value = 1
         self.dut.drive_quiet.value = 1
         return self
 
@@ -79,7 +80,24 @@ class Gate:
         await self.pulse("queue_reply", queue_ticket=ticket, reply_after_drive=after_drive, reply_empty=empty)
 
     async def queue_telegram(self, ticket: int, repeat: int = 0) -> None:
-        await self.pulse("queue_telegram", queue_ticket=ticket, telegram_repeat=repeat)
+        await self.pulse("repeat_telegram" if repeat else "queue_telegram", queue_ticket=ticket)
+
+    async def keep(self, ticket: int) -> None:
+        await self.pulse("keep_write", queue_ticket=ticket)
+
+    async def use(self, ticket: int, to_all: int = 0) -> None:
+        """Orders a telegram with the licence of a write that waits."""
+        await self.pulse("use_waiting", queue_ticket=ticket, waiting_to_all=to_all)
+
+    async def kept(self, early: bool = True, **kind: int) -> int:
+        """A committed write whose licence waits; returns its ticket."""
+        ticket = await self.candidate(**kind)
+        if early:
+            await self.keep(ticket)
+        await self.pulse("commit")
+        if not early:
+            await self.keep(ticket)
+        return ticket
 
     async def settle(self) -> tuple[int, int]:
         """How many replies and telegrams have started so far, some clocks on."""
@@ -134,7 +152,7 @@ async def the_next_commit_lets_nothing_of_an_uncommitted_request_out(dut, end):
 async def a_stale_telegram_queued_in_the_very_clock_of_the_commit_is_not_licensed(dut):
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
-    await gate.pulse("commit", "queue_telegram", queue_ticket=(ticket - 1) % 16, telegram_repeat=0)
+    await gate.pulse("commit", "queue_telegram", queue_ticket=(ticket - 1) % 16)
     await gate.queue_telegram(ticket, repeat=1)
     assert await gate.settle() == (0, 0)
 
@@ -365,12 +383,26 @@ async def a_commit_counts_on_a_silent_line_and_for_a_candidate_only(dut):
     assert await gate.settle() == (0, 0)
     ticket = await gate.candidate()
     await gate.queue_telegram(ticket)
+    dut.modbus_silent.value = dut.modbus_quiet.value = 0
+    await gate.pulse("commit")
+    dut.modbus_silent.value = dut.modbus_quiet.value = 1
+    assert dut.is_candidate.value == 0, "it would wait for ever"
+    await gate.pulse("commit")
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def a_pulse_in_the_clock_of_the_commit_costs_nothing(dut):
+    """The line is silent, its pin is low (LINE-5)."""
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate()
+    await gate.queue_telegram(ticket)
+    await gate.queue_reply(ticket)
     dut.modbus_quiet.value = 0
     await gate.pulse("commit")
-    dut.modbus_quiet.value = 1
-    assert await gate.settle() == (0, 0)
-    await gate.pulse("commit")
     assert await gate.settle() == (0, 1)
+    dut.modbus_quiet.value = 1
+    assert await gate.settle() == (1, 1)
 
 
 @cocotb.test()
@@ -379,9 +411,9 @@ async def a_start_bit_is_enough_to_revoke(dut):
     ticket = await gate.candidate()
     await gate.queue_telegram(ticket)
     await gate.queue_reply(ticket)
-    dut.modbus_quiet.value = 0
+    dut.modbus_silent.value = dut.modbus_quiet.value = 0
     await gate.pulse("modbus_start_seen")
-    dut.modbus_quiet.value = 1
+    dut.modbus_silent.value = dut.modbus_quiet.value = 1
     assert dut.is_candidate.value == 0 and dut.is_committed.value == 0
     await gate.pulse("commit")
     assert await gate.settle() == (0, 0)
@@ -659,10 +691,21 @@ ODDS = {
     "revoke": 0.03,
     "modbus_start_seen": 0.03,
     "drive_bad": 0.03,
-    "queue_reply": 0.2,
-    "queue_telegram": 0.2,
+    "queue_reply": 0.1,
+    "queue_telegram": 0.3,
     "telegram_touched": 0.05,
 }
+ORDERS = ("queue_telegram", "repeat_telegram", "use_waiting", "keep_write")
+ORDER_ODDS = (4, 3, 3, 3)
+
+
+class Licence:
+    """A committed request's right to one telegram, as far as a history from the inputs alone shows it."""
+
+    def __init__(self, command: int, to_all: int):
+        self.command, self.to_all = command, to_all
+        self.commands = 0  # telegrams with control that it caused, without repeats
+        self.asked = False  # the firmware gave an order for it after the commit
 
 
 @cocotb.test()
@@ -670,13 +713,15 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
     """Against the promise told from the inputs alone: who may leave in this clock, not who must."""
     rng = seeded("gate history")
     gate = await Gate(dut).start()
-    pending, committed, fresh, licence, queued_mine, spent = False, False, False, False, False, False
+    pending, fresh = False, False
+    newest: Licence | None = None  # of the newest request, once it has committed
+    slot: Licence | None = None  # of the telegram in the memory
+    ordered_for_candidate = wish = False
+    sends = 0
+    places: dict[int, Licence | None] = {0: None, 1: None}
     current = dut.ticket.value.to_unsigned()  # a reset does not set it back
-    may_command = False  # of the telegram that is queued
-    commands = 0
-    sends, newest_telegram = 0, False
-    left = {"reply": 0, "telegram": 0}
-    for step in range(9000):
+    left = {"reply": 0, "telegram": 0, "waiting": 0, "command": 0}
+    for step in range(20000):
         names = {name for name, odds in ODDS.items() if rng.random() < odds}
         # The receiver never gives two of these at once, and commits only what is pending.
         fate = [n for n in ("candidate", "commit", "revoke", "modbus_start_seen") if n in names]
@@ -684,70 +729,280 @@ async def no_random_history_lets_anything_out_without_its_commit(dut):
         if not pending:
             names.discard("commit")
         levels = {name: rng.randint(0, 1) for name in ("modbus_quiet", "drive_quiet", "drive_good")}
-        levels["modbus_quiet"] |= "commit" in names and rng.random() < 0.8
-        if not levels["modbus_quiet"]:
-            names.discard("commit")
-        repeat = int(rng.random() < 0.3)
+        if "modbus_start_seen" in names:
+            levels["modbus_quiet"] = 0
+        silent = levels["modbus_silent"] = int(
+            "modbus_start_seen" not in names and (levels["modbus_quiet"] or rng.random() < 0.7)
+        )
+        order = rng.choices(ORDERS, ORDER_ODDS)[0] if "queue_telegram" in names else ""
+        names -= {"queue_telegram"} | ({"queue_reply", "telegram_touched"} if order else set())
+        to_all = rng.randint(0, 1)
         ticket = current if rng.random() < 0.8 else rng.randrange(16)
+        mine = ticket == current
+        # Two rights of one request: which of them counts is shown by other tests.
+        if order == "keep_write" and mine and (ordered_for_candidate or (newest and newest.asked)):
+            order = ""
+        if order == "queue_telegram" and mine and wish:
+            order = ""
         for name, value in levels.items():
             getattr(dut, name).value = value
         dut.queue_ticket.value = ticket
-        dut.telegram_repeat.value = repeat
+        dut.waiting_to_all.value = to_all
+        for name in ORDERS:
+            getattr(dut, name).value = int(name == order)
         if "candidate" in names:
             dut.writes_coils.value = rng.randint(0, 1)
+            dut.broadcast.value = int(rng.random() < 0.3)
         dut.reply_after_drive.value = rng.randint(0, 1)
         dut.reply_empty.value = int(rng.random() < 0.1)
         for name in ODDS:
-            getattr(dut, name).value = int(name in names)
+            if name not in ORDERS:
+                getattr(dut, name).value = int(name in names)
         await Timer(1, unit="ns")
         reply, telegram = int(dut.reply_start.value), int(dut.telegram_start.value)
+        control = int(dut.telegram_control.value)
         assert not reply or (fresh and levels["modbus_quiet"]), f"reply in step {step}"
-        assert not telegram or (licence and levels["drive_quiet"]), f"telegram in step {step}"
+        if telegram:
+            assert slot and levels["drive_quiet"], f"telegram in step {step}"
+            assert order in ("", "keep_write"), f"telegram in the clock of an order, step {step}"
+            assert sends < (1 if slot.to_all else 2), f"repeat in step {step}"
+            assert control <= slot.command, f"command in step {step}"
+            slot.commands += control and not sends
+            assert slot.commands <= 1, f"second command in step {step}"
+            sends += 1
+            left["telegram"] += 1
+            left["command"] += control
+            left["waiting"] += slot is not newest
         left["reply"] += reply
-        left["telegram"] += telegram
-        assert not telegram or int(dut.telegram_control.value) == may_command, f"command in step {step}"
-        commands += telegram and may_command
+        kind = (int(dut.writes_coils.value), int(dut.broadcast.value))
         await gate.bench.clocks()
 
         if reply or "modbus_start_seen" in names:
             fresh = False
-        was_spent, spent = spent, spent or bool(reply)
-        if telegram:
-            sends += 1
-            spent |= bool(may_command) and newest_telegram
-            licence &= sends == 1 and newest_telegram
-        licence &= not (reply and newest_telegram)
-        # A new telegram is licensed if its request is committed; what changes is not licensed any more.
-        if "queue_telegram" in names and not repeat:
-            queued_mine = ticket == current and (committed or pending)
-            queued_mine &= pending or not was_spent
-            licence = queued_mine and committed
-            may_command = bool(int(dut.writes_coils.value))
-            sends, newest_telegram = 0, True
-        new = "queue_telegram" in names and not repeat
-        if "candidate" in names and new:
-            licence = False
-        if ("candidate" in names or ("revoke" in names and pending)) and (new or not licence):
-            queued_mine = False
-        if "candidate" in names:
-            current, pending, committed, fresh = (current + 1) % 16, True, False, False
-        if "commit" in names:
-            pending, committed, fresh, spent = False, True, True, False
-            if licence and not new:
-                newest_telegram = False
-                licence = not sends
-            else:
-                licence = licence or queued_mine
-        if "revoke" in names:
-            pending = False
+        commits = "commit" in names and pending and silent
+        if newest and mine and (order or "queue_reply" in names):
+            newest.asked = True
         if "telegram_touched" in names:
-            licence = queued_mine = False
-    dut._log.info("%s, %d commands", left, commands)
-    assert min(left.values()) > 100 and 20 < commands < left["telegram"] - 20, (
+            slot, ordered_for_candidate = None, False
+        if "candidate" in names:
+            current, pending, fresh, newest = (current + 1) % 16, True, False, None
+            ordered_for_candidate = wish = False
+            if order == "queue_telegram":
+                slot = None
+        elif order == "queue_telegram":
+            slot, ordered_for_candidate, sends = (newest if mine else None), mine and pending, 0
+        elif order == "keep_write" and mine:
+            wish = pending
+            if newest:
+                places[kind[1]] = newest
+        if order == "use_waiting":
+            slot, sends, ordered_for_candidate = places[to_all], 0, False
+            places[to_all] = None
+        if commits:
+            newest, pending, fresh = Licence(*kind), False, True
+            if ordered_for_candidate:
+                slot, sends, newest.asked = newest, 0, True
+            if wish:
+                places[kind[1]], newest.asked = newest, True
+            ordered_for_candidate = wish = False
+        elif {"commit", "revoke", "modbus_start_seen"} & names and pending:
+            pending = ordered_for_candidate = wish = False
+    dut._log.info("%s", left)
+    assert min(left.values()) > 40 and left["command"] < left["telegram"] - 20, (
         "the history was too dull to show anything"
     )
 
 
+# ---------------------------------------------------------------- committed writes that wait (FRAME-7)
+
+
+@cocotb.test()
+@cocotb.parametrize(to_all=[0, 1], early=[False, True], writes_coils=[0, 1])
+async def a_kept_write_leaves_after_newer_requests(dut, to_all, early, writes_coils):
+    gate = await Gate(dut).start()
+    ticket = await gate.kept(early, broadcast=to_all, writes_coils=writes_coils)
+    await gate.queue_telegram(ticket)
+    assert await gate.settle() == (0, 0), "its right is in the place"
+    newer = await gate.candidate(writes_coils=1 - writes_coils)
+    await gate.pulse("commit")
+    await gate.queue_reply(newer)
+    assert await gate.settle() == (1, 0)
+    await gate.candidate()
+    await gate.use(ticket, to_all)
+    assert await gate.settle() == (1, 1) and gate.telegrams.values == [(writes_coils,)]
+    await gate.use(ticket, to_all)
+    assert await gate.settle() == (1, 1), "once"
+
+
+@cocotb.test()
+async def a_kept_write_that_is_still_the_newest_has_its_reply(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.kept(writes_coils=1)
+    await gate.use(ticket)
+    assert await gate.settle() == (0, 1)
+    await gate.queue_reply(ticket)
+    assert await gate.settle() == (1, 1)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (1, 1), "answered"
+
+
+@cocotb.test()
+@cocotb.parametrize(end=["revoke", "modbus_start_seen", "a newer candidate", "an uncommitted use"])
+async def what_was_kept_for_a_candidate_goes_with_it(dut, end):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=1)
+    await gate.keep(ticket)
+    if end in ("revoke", "modbus_start_seen"):
+        dut.modbus_silent.value = dut.modbus_quiet.value = int(end == "revoke")
+        await gate.pulse(end)
+        dut.modbus_silent.value = dut.modbus_quiet.value = 1
+    if end != "an uncommitted use":
+        await gate.candidate()
+        await gate.pulse("commit")
+    await gate.use(ticket)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+@cocotb.parametrize(by=["a stale ticket", "a reply", "a command"])
+async def a_request_that_has_no_right_left_keeps_none(dut, by):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=1)
+    await gate.pulse("commit")
+    if by == "a reply":
+        await gate.queue_reply(ticket)
+    elif by == "a command":
+        await gate.queue_telegram(ticket)
+    before = await gate.settle()
+    await gate.keep((ticket - 1) % 16 if by == "a stale ticket" else ticket)
+    await gate.use(ticket)
+    assert await gate.settle() == before
+
+
+@cocotb.test()
+async def a_request_whose_telegram_waits_already_keeps_no_second_one(dut):
+    gate = await Gate(dut).start()
+    dut.drive_quiet.value = 0
+    ticket = await gate.candidate(writes_coils=1)
+    await gate.queue_telegram(ticket)
+    await gate.keep(ticket)
+    await gate.pulse("commit")
+    await gate.keep(ticket)
+    dut.drive_quiet.value = 1
+    assert await gate.settle() == (0, 1)
+    await gate.use(ticket)
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+async def one_broadcast_and_one_unicast_write_wait_and_a_newer_one_of_a_kind_takes_the_place(dut):
+    gate = await Gate(dut).start()
+    dut.drive_quiet.value = 0
+    older = await gate.candidate(writes_coils=0)
+    await gate.queue_telegram(older)
+    await gate.pulse("commit")
+    await gate.kept(broadcast=1, writes_coils=1)
+    await gate.kept(writes_coils=0)
+    unicast = await gate.kept(early=False, writes_coils=1)
+    assert int(dut.telegram_queued.value), "the telegram that waits for the line stays"
+    dut.drive_quiet.value = 1
+    assert await gate.settle() == (0, 1)
+    await gate.use(unicast, to_all=1)
+    assert await gate.settle() == (0, 2)
+    await gate.use(unicast)
+    assert await gate.settle() == (0, 3)
+    assert gate.telegrams.values == [(0,), (1,), (1,)]
+    for to_all in (0, 1):
+        await gate.use(unicast, to_all)
+    assert await gate.settle() == (0, 3), "both places are empty"
+
+
+@cocotb.test()
+async def a_write_that_had_waited_is_repeated_once_behind_a_reading_and_not_before_another_write(dut):
+    for other_write in (False, True):
+        gate = await Gate(dut).start()
+        before = len(gate.telegrams)
+        ticket = await gate.kept(writes_coils=1)
+        await gate.candidate()
+        await gate.pulse("commit")
+        await gate.use(ticket)
+        if other_write:
+            await gate.kept()
+        assert await gate.settle() == (0, before + 1)
+        await gate.queue_telegram(ticket, repeat=1)
+        assert await gate.settle() == (0, before + 2 - other_write)
+        await gate.queue_telegram(ticket, repeat=1)
+        assert await gate.settle() == (0, before + 2 - other_write)
+
+
+@cocotb.test()
+async def a_broadcast_that_had_waited_is_not_repeated(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.kept(broadcast=1)
+    await gate.use(ticket, to_all=1)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 0), "taken back before it left"
+    ticket = await gate.kept(broadcast=1)
+    await gate.use(ticket, to_all=1)
+    assert await gate.settle() == (0, 1)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 1)
+
+
+@cocotb.test()
+@cocotb.parametrize(by=["candidate", "revoke"])
+async def a_candidate_takes_nobodys_place(dut, by):
+    """Nor does it in the very clock of the order."""
+    gate = await Gate(dut).start()
+    ticket = await gate.kept(writes_coils=1)
+    newer = await gate.candidate()
+    await gate.keep(newer)
+    await gate.pulse(by, "use_waiting", queue_ticket=ticket, waiting_to_all=0)
+    assert await gate.settle() == (0, 1) and gate.telegrams.values == [(1,)]
+
+
+@cocotb.test()
+async def a_restart_empties_both_places(dut):
+    gate = await Gate(dut).start()
+    ticket = await gate.kept(broadcast=1, writes_coils=1)
+    ticket = await gate.kept(writes_coils=1)
+    await gate.pulse("rst")
+    for to_all in (0, 1):
+        await gate.use(ticket, to_all)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+@cocotb.parametrize(half=["held", "opposite"], writes_coils=[0, 1])
+async def no_single_bit_makes_a_licence_that_waits(dut, half, writes_coils):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(broadcast=1, writes_coils=writes_coils)
+    await gate.pulse("commit")
+    bit = getattr(dut.broadcast_i.valid_i, half)
+    bit.value = 1 - int(bit.value)
+    await gate.bench.clocks()
+    await gate.use(ticket, to_all=1)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def small_keeps_the_broadcast_alone(dut):
+    gate = await Gate(dut).start()
+    broadcast = await gate.kept(broadcast=1, writes_coils=1)
+    unicast = await gate.kept(writes_coils=1)
+    await gate.use(unicast)
+    assert await gate.settle() == (0, 0)
+    await gate.queue_telegram(unicast)
+    assert await gate.settle() == (0, 1), "the order to keep was ignored"
+    await gate.use(broadcast, to_all=1)
+    assert await gate.settle() == (0, 2)
+
+
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1", "SAFE-4")
 def test_commit_gate(sim):
-    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim)
+    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, testcase=r"(?!small_)\w+")
+
+
+@pytest.mark.rule("FRAME-7")
+def test_commit_gate_with_one_place(sim):
+    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, parameters={"PLACES": 1}, testcase="small_.*")

@@ -10,7 +10,7 @@ import cocotb
 import pytest
 from cocotb.triggers import Timer
 
-from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, Area
+from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, VALUES, Area
 from sw.tools.bin2hex import hex_line
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import ROOT, run
@@ -19,7 +19,7 @@ from tb.lib.seeds import seeded
 INPUTS = """
     core_valid core_addr core_wdata core_wstrb
     modbus_write_valid modbus_write_addr modbus_write_data modbus_read_valid modbus_read_addr
-    modbus_quiet modbus_start_seen candidate commit revoke
+    modbus_silent modbus_quiet modbus_start_seen candidate commit revoke
     frame_length frame_broadcast frame_writes_coils frame_bank
     drive_write_valid drive_write_addr drive_write_data drive_read_valid drive_read_addr
     drive_sending drive_quiet drive_candidate drive_good drive_bad
@@ -48,6 +48,7 @@ EVENTS = {
     "drive_bad": "drive_bad",
 }
 WRAPPER = ROOT / "tb/rtl/mailbox_memory.v"
+ACTIONS = VALUES["TELEGRAM", "action"]
 REPLY, TELEGRAM, DRIVE = (AREAS[f"{name}_FRAME"] for name in ("REPLY", "TELEGRAM", "DRIVE"))
 LGE = AREAS["DRIVE_LGE"]
 REQUEST_BANKS = (AREAS["REQUEST_FRAME_0"], AREAS["REQUEST_FRAME_1"])
@@ -70,7 +71,8 @@ class Mailbox:
     async def start(self) -> Mailbox:
         await self.bench.start()
         self.dut.core_rst.value = 0
-        self.dut.modbus_quiet.value = self.dut.drive_quiet.value = 1
+        for name in ("modbus_silent", "modbus_quiet", "drive_quiet"):
+            getattr(self.dut, name).value = 1
         await self.bench.clocks()
         return self
 
@@ -413,6 +415,34 @@ async def a_changed_telegram_needs_a_new_licence(dut):
     await mailbox.poke(TELEGRAM, 12, 4)
     await mailbox.write("TELEGRAM", action=1)
     assert await mailbox.settle() == (0, 3)
+
+
+@cocotb.test()
+@cocotb.parametrize(to_all=[0, 1])
+async def a_write_waits_for_a_running_exchange_and_leaves_after_newer_requests(dut, to_all):
+    """FRAME-7, with the licence that the firmware keeps while a telegram is on the line."""
+    mailbox = await Mailbox(dut).start()
+    ticket = await mailbox.request()
+    await mailbox.write("TELEGRAM", length=13, ticket=ticket)
+    await mailbox.pulse("commit")
+    assert await mailbox.settle() == (0, 1)
+    dut.drive_sending.value = 1
+    dut.frame_broadcast.value, dut.frame_writes_coils.value = to_all, 1
+    ticket = await mailbox.request()
+    await mailbox.pulse("commit")
+    await mailbox.write("TELEGRAM", action=ACTIONS["keep"], length=9, ticket=ticket)
+    exchange = await mailbox.read("EXCHANGE")
+    assert exchange["sending"] and exchange["started"] and not exchange["queued"]
+    dut.frame_broadcast.value = dut.frame_writes_coils.value = 0
+    await mailbox.request()
+    await mailbox.pulse("commit")
+    dut.drive_sending.value = 0
+    await mailbox.put(TELEGRAM, bytes(6))
+    await mailbox.write("TELEGRAM", action=ACTIONS["waiting"], length=6, no_reply=1 - to_all, ticket=ticket)
+    assert await mailbox.settle() == (0, 1), "of the other kind none waits"
+    await mailbox.write("TELEGRAM", action=ACTIONS["waiting"], length=6, no_reply=to_all, ticket=ticket)
+    assert await mailbox.settle() == (0, 2)
+    assert mailbox.telegrams.values == [(13, 0, 0), (6, to_all, 1)]
 
 
 @cocotb.test()

@@ -7,7 +7,7 @@ import cocotb
 import pytest
 from cocotb.triggers import RisingEdge
 
-from regs.generated.mailbox import REGISTERS, Register
+from regs.generated.mailbox import REGISTERS, VALUES, Register
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
@@ -22,8 +22,10 @@ SOURCES = {
 READ = {name: register for name, register in REGISTERS.items() if register.size == 1}
 EVENTS = REGISTERS["EVENTS"].fields
 COMMANDS = """
-    queue_reply queue_telegram listen_again listen_stop watchdog_kick halt loopback_close
+    queue_reply queue_telegram use_waiting repeat_telegram keep_write
+    listen_again listen_stop watchdog_kick halt loopback_close
 """.split()  # noqa: SIM905
+ACTIONS = VALUES["TELEGRAM", "action"]
 KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
 
@@ -178,14 +180,33 @@ async def each_command_comes_once_and_from_its_register_alone(dut):
     await firmware.write("TELEGRAM", length=13, no_reply=1)
     assert seen() == {"queue_reply": 1, "queue_telegram": 1}
     assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
-    await firmware.write("TELEGRAM", action=1)  # the same telegram: its length and kind stay
-    assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
+    for action in (ACTIONS["repeat"], ACTIONS["keep"]):  # the same telegram: its length and kind stay
+        await firmware.write("TELEGRAM", action=action)
+        assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
+    await firmware.write("TELEGRAM", action=ACTIONS["waiting"], length=7)
+    assert int(dut.telegram_length.value) == 7 and int(dut.telegram_no_reply.value) == 0
     await firmware.write("LISTEN", on=1)
     await firmware.write("LISTEN", on=0)
-    assert seen() == {"queue_reply": 1, "queue_telegram": 2, "listen_again": 1, "listen_stop": 1}
+    orders = {"queue_telegram": 1, "use_waiting": 1, "repeat_telegram": 1, "keep_write": 1}
+    assert seen() == {"queue_reply": 1, **orders, "listen_again": 1, "listen_stop": 1}
     for name in READ:
         await firmware.read(name)
-    assert seen() == {"queue_reply": 1, "queue_telegram": 2, "listen_again": 1, "listen_stop": 1}
+    assert seen() == {"queue_reply": 1, **orders, "listen_again": 1, "listen_stop": 1}
+
+
+@cocotb.test()
+async def while_a_telegram_is_sent_only_keep_counts(dut):
+    firmware = await Firmware(dut).start()
+    strobes = {name: Strobes(dut, name) for name in COMMANDS}
+    await firmware.write("TELEGRAM", length=13)
+    dut.exchange.value = REGISTERS["EXCHANGE"].pack(sending=1)
+    for action in ACTIONS.values():
+        await firmware.write("TELEGRAM", action=action, length=5, no_reply=1)
+    assert {name: len(strobe) for name, strobe in strobes.items() if len(strobe)} == {
+        "queue_telegram": 1,
+        "keep_write": 1,
+    }
+    assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 0
 
 
 @cocotb.test()

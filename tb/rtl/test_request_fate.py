@@ -7,10 +7,12 @@ import cocotb
 import pytest
 from cocotb.triggers import Timer
 
-from tb.lib.bench import Bench
+from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 
-STROBES = ["candidate", "commit", "revoke", "start_seen", "queue_reply", "reply_left", "command_left"]
+STROBES = """
+    candidate commit revoke start_seen queue_reply keep used reply_left command_left
+""".split()  # noqa: SIM905
 
 
 class Fate:
@@ -18,7 +20,7 @@ class Fate:
 
     def __init__(self, dut):
         self.dut = dut
-        self.bench = Bench(dut, broadcast=0, quiet=1, queue_ticket=0, **dict.fromkeys(STROBES, 0))
+        self.bench = Bench(dut, broadcast=0, silent=1, queue_ticket=0, **dict.fromkeys(STROBES, 0))
 
     async def start(self) -> Fate:
         await self.bench.start()
@@ -67,9 +69,9 @@ async def a_candidate_may_prepare_and_a_committed_request_licenses(dut):
 async def a_character_takes_a_candidate_back(dut, by):
     fate = await Fate(dut).start()
     await fate.candidate()
-    dut.quiet.value = 0
+    dut.silent.value = 0
     await fate.pulse(by)
-    dut.quiet.value = 1
+    dut.silent.value = 1
     await fate.pulse("commit")
     assert not fate.status and not fate.rights
 
@@ -79,10 +81,13 @@ async def a_commit_needs_a_silent_line_and_a_candidate(dut):
     fate = await Fate(dut).start()
     await fate.pulse("commit")
     assert not fate.status
-    await fate.candidate()
-    dut.quiet.value = 0
-    await fate.pulse("commit")
-    assert fate.status == {"is_candidate"}
+    for early in (True, False):
+        dut.silent.value = int(early)
+        await fate.candidate(*([] if early else ["commit"]))
+        dut.silent.value = 0
+        if early:
+            await fate.pulse("commit")
+        assert not fate.status, "a candidate whose commit has passed would stay for ever"
 
 
 @cocotb.test()
@@ -97,7 +102,7 @@ async def a_character_after_the_commit_ends_the_answer_and_not_the_licence(dut):
     fate = await Fate(dut).start()
     await fate.candidate()
     await fate.pulse("commit")
-    dut.quiet.value = 0
+    dut.silent.value = 0
     await fate.pulse("start_seen")
     assert fate.status == {"is_committed"} and fate.rights == {"takes_telegram", "licenses"}
 
@@ -138,6 +143,56 @@ async def an_older_ticket_has_no_rights(dut):
             dut.queue_ticket.value = (number - older) % 16
             await Timer(1, unit="ns")
             assert not fate.rights and not int(dut.current.value)
+
+
+@cocotb.test()
+@cocotb.parametrize(order=["before", "with", "after"])
+async def a_licence_is_kept_at_the_commit_or_later_and_once(dut, order):
+    """It spends the request, whose reply stays (FRAME-7)."""
+    fate = await Fate(dut).start()
+    kept = Strobes(dut, "kept")
+    await fate.candidate()
+    if order == "before":
+        await fate.pulse("keep")
+        assert not len(kept), "a candidate has no licence"
+    await fate.pulse("commit", *(["keep"] if order == "with" else []))
+    assert len(kept) == (order != "after")
+    for _ in range(2):
+        await fate.pulse("keep")
+        assert len(kept) == 1
+    assert fate.rights == {"takes_reply"} and "answerable" in fate.status
+
+
+@cocotb.test()
+@cocotb.parametrize(by=["revoke", "start_seen", "commit", "candidate", "rst"])
+async def what_ends_a_candidate_ends_the_order_to_keep(dut, by):
+    fate = await Fate(dut).start()
+    kept = Strobes(dut, "kept")
+    await fate.candidate()
+    await fate.pulse("keep")
+    dut.silent.value = int(by in ("candidate", "rst"))
+    await fate.pulse(by)
+    dut.silent.value = 1
+    if by != "candidate":
+        await fate.candidate()
+    await fate.pulse("commit")
+    assert "is_committed" in fate.status and not len(kept)
+
+
+@cocotb.test()
+async def a_request_with_a_telegram_of_its_own_keeps_nothing(dut):
+    fate = await Fate(dut).start()
+    kept = Strobes(dut, "kept")
+    await fate.candidate()
+    await fate.pulse("keep")
+    await fate.pulse("commit", "used")
+    await fate.pulse("keep", "used")
+    dut.queue_ticket.value = (int(dut.ticket.value) - 1) % 16
+    await fate.pulse("keep")
+    assert not len(kept) and "licenses" not in fate.rights
+    dut.queue_ticket.value = int(dut.ticket.value)
+    await fate.pulse("keep")
+    assert len(kept) == 1
 
 
 @cocotb.test()

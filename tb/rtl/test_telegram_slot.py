@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import cocotb
 import pytest
+from cocotb.triggers import Timer
 
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 
-STROBES = ["queue", "again", "touched", "candidate", "commits", "withdrawn", "reply_left", "closing"]
-LEVELS = {"broadcast": 0, "writes_coils": 0, "quiet": 1, "loopback_open": 0}
+STROBES = "queue use_place again touched candidate commits withdrawn reply_left closing".split()  # noqa: SIM905
+PLACE = {"place_valid": 0, "place_control": 0, "place_to_all": 0, "others_wait": 0}
+LEVELS = {"broadcast": 0, "writes_coils": 0, "quiet": 1, "loopback_open": 0, **PLACE}
 # Rights of the newest request, as request_fate gives them.
 NOBODY = {"current": 0, "takes_telegram": 0, "licenses": 0}
 CANDIDATE = {"current": 1, "takes_telegram": 1, "licenses": 0}
@@ -134,7 +136,7 @@ async def only_a_write_of_coils_has_control(dut, writes, early):
 
 
 @cocotb.test()
-@cocotb.parametrize(order=["queue", "again", "touched"])
+@cocotb.parametrize(order=["queue", "use_place", "again", "touched"])
 async def no_telegram_starts_in_the_clock_of_an_order(dut, order):
     slot = await Slot(dut).start()
     slot.levels(quiet=0)
@@ -143,6 +145,67 @@ async def no_telegram_starts_in_the_clock_of_an_order(dut, order):
     slot.levels(quiet=1)
     await slot.pulse(order)
     assert not len(slot.starts)
+
+
+@cocotb.test()
+@cocotb.parametrize(valid=[0, 1], control=[0, 1], also=["", "candidate", "withdrawn", "commits"])
+async def a_licence_from_a_place_counts_at_once_whatever_a_candidate_does(dut, valid, control, also):
+    slot = await Slot(dut).start()
+    slot.levels(**NOBODY, writes_coils=1 - control, place_valid=valid, place_control=control)
+    await slot.pulse("use_place", *([also] if also else []))
+    assert await slot.left() == valid and slot.starts.values == [(control,)] * valid
+
+
+@cocotb.test()
+@cocotb.parametrize(
+    ended_by=[
+        *("nothing", "a newer commit", "another that waits", "to all", "touched"),
+        *("reply_left", "reply to it"),
+    ]
+)
+async def what_came_from_a_place_has_one_repeat_and_can_lose_it(dut, ended_by):
+    slot = await Slot(dut).start()
+    slot.levels(**(COMMITTED if ended_by == "reply to it" else NOBODY), place_valid=1)
+    slot.levels(place_to_all=int(ended_by == "to all"))
+    await slot.pulse("use_place")
+    slot.levels(place_valid=0)
+    assert await slot.left() == 1
+    if ended_by == "a newer commit":
+        await slot.newer(commits=True)
+    elif ended_by == "another that waits":
+        slot.levels(others_wait=1)
+    elif ended_by in ("touched", "reply_left"):
+        await slot.pulse(ended_by)
+    elif ended_by == "reply to it":
+        await slot.pulse("reply_left")
+    for _ in range(2):
+        await slot.pulse("again")
+        # The reply to a newer request is none to this one.
+        assert await slot.left() == 1 + (ended_by in ("nothing", "a newer commit", "reply_left"))
+
+
+@cocotb.test()
+async def own_shows_that_the_newest_request_licenses_the_telegram_here(dut):
+    async def own() -> int:
+        await Timer(1, unit="ns")
+        return int(dut.own.value)
+
+    slot = await Slot(dut).start()
+    slot.levels(quiet=0)
+    await slot.pulse("queue")
+    assert not await own(), "a candidate has no licence"
+    dut.commits.value = 1
+    assert await own(), "in the clock of the commit"
+    await slot.committed()
+    assert await own()
+    await slot.pulse("candidate")
+    slot.levels(**CANDIDATE)
+    dut.commits.value = 1
+    assert not await own(), "the newest request is another"
+    await slot.committed()
+    assert not await own()
+    slot.levels(quiet=1)
+    assert await slot.left() == 1
 
 
 @cocotb.test()

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pulses below a quarter bit after a request cost no request, no reply and no broadcast (LINE-5).
+
+One pulse in each request, at every moment from the last stop bit to the reply. The moments of the commit are
+tried clock by clock. Widths: one clock, and the widest below a quarter bit.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import pytest
+
+from regs.generated.card_tables import TICKS_PER_BIT
+from tb.lib.card import MS
+from tb.lib.fast_card import FastCard
+from tb.lib.fc_slave import Script
+from tb.model import rtu
+
+REQUEST = rtu.build(1, rtu.read_registers(2, 1))
+REPLY = rtu.build(1, bytes.fromhex("03 02 00 0F"))
+STOP = rtu.build(0, rtu.write_coils(0, [bool(0x043C >> i & 1) for i in range(16)]))
+FORMATS = ("8E1", "8O1", "8N2", "8N1")
+# A pulse stops the count of silence for the ticks that it covers. Each request begins anywhere in a tick.
+LATE_TICKS = 2
+
+
+class Pulses:
+    """A card and the moments of pulses, in ps after the end of a request's last stop bit."""
+
+    def __init__(self, card: FastCard):
+        self.card = card
+        self.bit_ps = card.modbus.fmt.bit_ps
+        self.tick_ps = self.bit_ps / TICKS_PER_BIT
+        self.commit_ps = rtu.t35_ps(card.modbus.fmt.baud)
+        quarter = int((self.bit_ps / 4 - 1) // card.period_ps)
+        self.widths_ps = sorted({card.period_ps, quarter * card.period_ps})
+
+    def around_the_commit(self) -> Iterator[float]:
+        """Every clock from two ticks before the commit to one after it."""
+        moment = self.commit_ps - 2 * self.tick_ps
+        while moment < self.commit_ps + self.tick_ps:
+            yield moment
+            moment += self.card.period_ps
+
+    def after_the_request(self, step: int, until_ps: float) -> Iterator[float]:
+        """Every `step` ticks from the beginning of the last stop bit on."""
+        moment = -self.bit_ps
+        while moment < until_ps:
+            yield moment
+            moment += step * self.tick_ps
+
+    def send(self, request: bytes, pulse: tuple[float, float] | None) -> int:
+        """Sends a request with a pulse (moment, width) after it; returns the end of its last stop bit."""
+        end = self.card.modbus.send(request, 1.1 * rtu.t35_ps(self.card.modbus.fmt.baud))
+        if pulse:
+            moment, width = pulse
+            self.card.plan(end + moment, "flip_to_modbus", 1)
+            self.card.plan(end + moment + width, "flip_to_modbus", 0)
+        return end
+
+    def reply_ps(self, pulse: tuple[float, float] | None) -> int:
+        """Time from the request to DE."""
+        end = self.send(REQUEST, pulse)
+        before = len(self.card.modbus.frames())
+        assert self.card.run_until(end + self.commit_ps + 20 * MS, "modbus_de"), f"no reply, pulse {pulse}"
+        rose = self.card.now_ps
+        assert self.card.run_until(rose + 400 * self.bit_ps, "modbus_de")
+        frames = self.card.modbus.frames()
+        assert len(frames) == before + 1 and frames[-1].data == REPLY
+        # The record would grow, and with it the time to read it. The next request comes after the last DE.
+        self.card.recorded["modbus_tx"].clear()
+        del self.card.recorded["modbus_de"][:-2]
+        return rose - end
+
+
+def check_replies(clk_hz: int, baud: int, form: str, step: int) -> int:
+    """Tries the pulses on a request that the card answers itself; returns how many."""
+    with FastCard(baud=baud, form=form, clk_hz=clk_hz) as card:
+        card.run(card.boot_ms)
+        pulses = Pulses(card)
+        plain = [pulses.reply_ps(None) for _ in range(8)]
+        moments = [*pulses.around_the_commit(), *pulses.after_the_request(step, max(plain))]
+        for pulse in itertools.product(moments, pulses.widths_ps):
+            late = pulses.reply_ps(pulse) - max(plain)
+            assert late <= pulse[1] + LATE_TICKS * pulses.tick_ps, f"{late} ps late, pulse {pulse}"
+        return len(moments) * len(pulses.widths_ps)
+
+
+def check_broadcasts(clk_hz: int, baud: int, form: str) -> None:
+    """Tries the pulses around the commit of a broadcast, which the drive must get."""
+    drive = Script()
+    with FastCard(baud=baud, form=form, clk_hz=clk_hz, drive=drive) as card:
+        card.run(card.boot_ms)
+        pulses = Pulses(card)
+        for count, pulse in enumerate(itertools.product(pulses.around_the_commit(), pulses.widths_ps)):
+            end = pulses.send(STOP, pulse)
+            card.run_until(end + pulses.commit_ps + 30 * MS)
+            sent = [frame.data for frame in card.drive.frames()]
+            assert len(sent) == count + 1, f"no telegram, pulse {pulse}"
+            assert sent[-1][:3] == bytes.fromhex("02 06 80") and sent[-1][3:5] == b"\x04\x3c"
+
+
+@pytest.mark.rule("LINE-5", "FRAME-6")
+@pytest.mark.parametrize(("form", "baud"), [("8E1", 19_200), ("8N2", 9600)])
+def test_a_pulse_after_a_request_costs_no_reply(form, baud):
+    assert check_replies(2_400_000, baud, form, step=40) > 60
+
+
+@pytest.mark.rule("LINE-5", "FRAME-6")
+def test_a_pulse_at_the_commit_costs_no_broadcast():
+    check_broadcasts(2_400_000, 19_200, "8E1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clk_hz", [2_400_000, 12_000_000])
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize(("baud", "step"), [(4800, 1), (19_200, 1), (38_400, 1), (115_200, 5)])
+def test_every_pulse_after_a_request_costs_no_reply(form, baud, step, clk_hz):
+    assert check_replies(clk_hz, baud, form, step) > 1000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("baud", [4800, 38_400, 115_200])
+def test_a_pulse_at_the_commit_costs_no_broadcast_at_any_rate(form, baud):
+    check_broadcasts(12_000_000, baud, form)
