@@ -3,6 +3,8 @@
 // telegram (SAFE-2, FC-8, FC-10). After a broadcast the receiver does not listen. Filter, UART, silence timer, sender
 // and direction are proved as wired.
 //
+// LINE-5: pulses on an idle line put a telegram off by a bounded time. docs/guide/proofs.md, The whole way.
+//
 // Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
 // either side. A low that is too short for a start bit stops the count and does not restart it.
 //
@@ -36,6 +38,7 @@ initial assume (rst);
 (* hierconn *) wire [4:0] \fc_tx_i.index ;
 (* hierconn *) wire \fc_tx_i.begun ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
+(* hierconn *) wire [7:0] \filter_i.history ;
 wire [4:0] g_uart = \uart_i.state ;
 wire [3:0] g_phase = \uart_i.phase ;
 wire [2:0] g_bits = \uart_i.bits_done ;
@@ -220,6 +223,71 @@ always @(posedge clk) begin
     i_start : assert (!(g_start || g_start_before) || g_silent_start >= G_PAUSE);
     i_started : assert (!g_start || (g_uart[4:1] == 4'd0 && g_phase <= 4'd1));
     i_phase : assert (!(g_sender == G_LGE && !g_driving && g_uart[0]) || (g_phase <= 4'd7 && g_phase <= g_high + 16'd2));
+  end
+end
+
+// ---- pulses on an idle line (LINE-5)
+// Calm, as in network_port_props.vh: since a character with a good stop bit, or since DE fell, the last nine samples of
+// the pin have always been those of a high line with pulses below a quarter bit that are at least 5/16 bit apart.
+function g_pulses(input [8:0] w);
+  integer i;
+  begin
+    g_pulses = 1'b1;
+    for (i = 0; i < 5; i = i + 1) if (w[i+:5] == 5'b00000) g_pulses = 1'b0;
+    for (i = 0; i < 7; i = i + 1) if (w[i+:3] == 3'b010) g_pulses = 1'b0;
+    for (i = 0; i < 6; i = i + 1) if (w[i+:4] == 4'b0110) g_pulses = 1'b0;
+    for (i = 0; i < 5; i = i + 1) if (w[i+:5] == 5'b01110) g_pulses = 1'b0;
+    for (i = 0; i < 4; i = i + 1) if (w[i+:6] == 6'b011110) g_pulses = 1'b0;
+  end
+endfunction
+
+reg [8:0] g_samples = 9'h1FF;  // of the pin, the newest is bit 0
+wire [8:0] g_samples_next = tick16 ? {g_samples[7:0], synced} : g_samples;
+reg g_calm = 1'b0;
+reg [9:0] g_highs = 10'd0;  // ticks since then with the pin high
+reg [9:0] g_lows = 10'd0;
+wire g_fell = g_de && !de;
+always @(posedge clk) begin
+  g_samples <= rst || de ? 9'h1FF : g_samples_next;
+  if (tick16 && g_calm) begin
+    if (synced) g_highs <= g_highs + 10'd1;
+    else g_lows <= g_lows + 10'd1;
+  end
+  if (g_fell) {g_highs, g_lows} <= {9'd0, tick16 && synced, 9'd0, tick16 && !synced};
+  if (!g_pulses(g_samples_next) || telegram_start || sending || de) g_calm <= 1'b0;
+  else if (rx_valid) g_calm <= !rx_framing_error && g_pulses(g_samples);
+  else if (g_fell) g_calm <= 1'b1;
+  if (rx_valid) {g_highs, g_lows} <= 20'd0;
+  if (rst || g_highs[9] || g_lows[9]) g_calm <= 1'b0;
+end
+
+// The samples end with so many lows, or so many highs up to five.
+wire [3:0] g_run = g_samples[0] ? 4'd0 : g_samples[1] ? 4'd1 : g_samples[2] ? 4'd2 : g_samples[3] ? 4'd3 : 4'd4;
+wire [3:0] g_gap = !g_samples[0] ? 4'd0 : !g_samples[1] ? 4'd1 : !g_samples[2] ? 4'd2 : !g_samples[3] ? 4'd3 :
+    !g_samples[4] ? 4'd4 : 4'd5;
+wire [15:0] g_lows_5 = {6'd0, g_lows} * 16'd5;
+wire [15:0] g_highs_4 = {6'd0, g_highs} * 16'd4;
+wire [15:0] g_ticks_5 = ({6'd0, g_highs} + {6'd0, g_lows}) * 16'd5;
+wire [15:0] g_most_5 = ({6'd0, G_PAUSE} + 16'd4 + {3'd0, g_head}) * 16'd9 + 16'd20;
+wire [3:0] g_ones = {3'd0, g_samples[0]} + {3'd0, g_samples[1]} + {3'd0, g_samples[2]} + {3'd0, g_samples[3]} +
+    {3'd0, g_samples[4]} + {3'd0, g_samples[5]} + {3'd0, g_samples[6]} + {3'd0, g_samples[7]} + {3'd0, g_samples[8]};
+always @(posedge clk) begin
+  if (g_past && g_calm) begin
+    // No pulse begins a character, ends the pause, or keeps the port from being quiet once its pin is high.
+    a_calm : assert (line && !rx_busy && !rx_valid && !start_seen);
+    a_calm_quiet : assert (!long_silent || quiet == synced);
+    // The pause is over after at most 9/5 of its ticks and four more.
+    a_calm_bound : assert (long_silent || g_ticks_5 <= g_most_5);
+    i_calm_state : assert (g_uart == 5'd0 && !g_driving && !sending && g_pulses(g_samples));
+    i_calm_highs : assert (long_silent || g_silent == g_highs);
+    i_calm_lows : assert (g_lows_5 <= g_highs_4 + (g_run != 4'd0 ? {12'd0, g_run} * 16'd5 : 16'd20 - {12'd0, g_gap} * 16'd4));
+  end
+  if (g_past) begin
+    i_history : assert (\filter_i.history == g_samples[7:0]);
+    i_clean : assert (line == (g_ones >= 4'd5));
+    i_valid : assert (!rx_valid || rx_framing_error || (g_uart == 5'd0 && !g_driving));
+    // The port is idle when DE falls, so the line is calm from then on, too.
+    a_calm_after : assert (!g_fell || g_rst || (g_uart == 5'd0 && !g_driving && !sending && !rx_valid));
   end
 end
 
