@@ -5,9 +5,10 @@
 the content, `wire` the framing. This module adds the commit (FRAME-6) and the one reply (FRAME-7, FRAME-8).
 It also adds the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served.
 
-Where the rules allow a choice, the judge accepts any allowed one and continues from it. A telegram overtaken
-by a newer request before its start may be sent or not. A drive's reply within a few ms of the end of its
-wait may count or not. Unit of time: clocks.
+Committed writes keep their places while an exchange runs, and leave in the order of commit (FRAME-7).
+Where the rules allow a choice, the judge accepts any allowed one and continues from it. The telegram of a reading
+that is overtaken by a newer request before its start may be sent or not. A drive's reply within a few ms of the
+end of its wait may count or not. Unit of time: clocks.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from tb.model import fc_telegram
-from tb.model.card import DRIVE_TIMEOUT, STATUS, CardModel, Question, Step
+from tb.model.card import DRIVE_TIMEOUT, READS, STATUS, CardModel, Question, Step
 from tb.model.crc16 import with_crc
 from tb.model.wire import (
     GARBLED_BITS,
@@ -42,8 +43,10 @@ STOP_BITS = 0.6
 # Delays in ms: of a tick of the firmware's millisecond clock, and of the last character of a reply that the
 # firmware still waits for.
 TICK_MS, LAST_CHARACTER_MS = 2.2, 4.5
-# A telegram overtaken by a newer request leaves at most this long after it was queued (the pause takes 2.3).
+# A reading's telegram that a newer request overtakes may leave or not, from this long after it was queued on.
 OVERTAKEN_MS = 6.0
+# FC-9: in 10 ms, the longest wait for the drive while a newer committed request has a telegram that waits.
+GIVE_UP = 15
 NEVER = float("inf")
 
 
@@ -62,7 +65,11 @@ class Request:
     answer_by: float = NEVER
     dropped: float | None = None  # time of a newer character on the line (FRAME-7)
     answered: bool = False
-    overtaken: bool = False  # by a candidate, so its telegram may stay unsent
+    overtaken: bool = False  # a reading, by a candidate, so its telegram may stay unsent
+
+    @property
+    def writes(self) -> bool:
+        return self.pdu[0] not in READS
 
 
 @dataclass
@@ -76,6 +83,7 @@ class Exchange:
     sends: int = 0
     end: float = 0.0
     waits: tuple[int, int] = (0, 0)  # smallest and largest register 40003 since the telegram
+    wanted: float = NEVER  # when a newer request with a telegram was committed (FC-9)
     overtaken: bool = False
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
@@ -97,20 +105,24 @@ class Difference(Exception):
 
 @dataclass
 class LineJudge:
-    """`budget`: largest time in clocks from a frame or a drive's reply to the firmware's own reply."""
+    """`budget`: largest time in clocks from a frame or a drive's reply to the firmware's own reply.
+
+    `places`: 2, a broadcast and another write can wait; 1, a broadcast only (FRAME-7).
+    """
 
     card: CardModel
     line: Line
     address: int
     budget: float
     strict_t15: bool = True
+    places: int = 2
 
     def __post_init__(self) -> None:
         self.drive = drive_line(self.line.clk_hz)
         self.ms = self.line.clk_hz / 1000
         self.verdict = Verdict()
         self.newest: Request | None = None
-        self.pending: Request | None = None
+        self.queue: list[Request] = []  # their telegrams wait for the end of the exchange, in this order
         self.exchange: Exchange | None = None
         self.candidate_at = 0.0
         self.status_changed = -NEVER
@@ -196,9 +208,9 @@ class LineJudge:
         self._count(event.what)
         if event.what == "candidate":
             self.candidate_at = event.at
-            if self.pending:
-                self.pending.overtaken = True
-            if self.exchange:
+            for request in self.queue:
+                request.overtaken = not self._keeps_place(request)
+            if self.exchange and not self.exchange.request.writes:
                 self.exchange.overtaken, self.exchange.settled = True, NEVER
         elif self.exchange and self.exchange.overtaken:
             self.exchange.settled = event.at
@@ -209,6 +221,19 @@ class LineJudge:
                 )
             self._commit(event.frame, event.at)
 
+    def _keeps_place(self, request: Request) -> bool:
+        return request.broadcast or (request.writes and self.places > 1)
+
+    def _wait_behind(self, exchange: Exchange, request: Request, at: float) -> None:
+        """A newer write takes the place of an older one of its kind; a reading waits for nothing newer."""
+        self.queue = [
+            older
+            for older in self.queue
+            if self._keeps_place(older) and not (request.writes and older.broadcast == request.broadcast)
+        ]
+        self.queue.append(request)
+        exchange.wanted = min(exchange.wanted, at)
+
     def _commit(self, frame: Frame, at: float) -> None:
         pdu = frame.data[1:-2]
         step = self.card.request(pdu, frame.broadcast)
@@ -217,7 +242,8 @@ class LineJudge:
             now = self.card.registers[DRIVE_TIMEOUT]
             self.exchange.waits = min(low, now), max(high, now)
         request = Request(pdu, frame.broadcast, frame.end, self.card.question)
-        self.newest, self.pending = request, None
+        self.newest = request
+        self.queue = [older for older in self.queue if self._keeps_place(older)]
         if step.reply is not None:
             self._answer(request, "local reply", step.reply, at, at + self.late)
             if self.status_changed > self.candidate_at - self.budget:
@@ -229,7 +255,7 @@ class LineJudge:
             if self.exchange is None:
                 self._start(request, at, at + self.late)
             else:
-                self.pending = request
+                self._wait_behind(self.exchange, request, at)
 
     def _answer(self, request: Request, how: str, pdu: bytes, at: float, by: float) -> None:
         request.how = how
@@ -250,7 +276,7 @@ class LineJudge:
 
     def _reply(self, burst: Burst) -> None:
         request, data = self.newest, burst.data
-        if request and self.pending is request and not request.answers:
+        if request and request in self.queue and not request.answers:
             self._finish_exchange_before(burst.rise)
         exchange = self.exchange
         waits = exchange and exchange.request is request and not request.answers
@@ -303,30 +329,36 @@ class LineJudge:
         self.exchange = Exchange(request, at, by, waits=(wait, wait), overtaken=request.overtaken)
         if request.overtaken:
             self.exchange.settled = at
-        self.pending = None
+        if self.queue:
+            self.exchange.wanted = at
 
     def _ms(self, tens: int) -> float:
         return 10 * tens * self.ms
 
     def _wait_from(self, exchange: Exchange) -> float:
-        return exchange.end + self._ms(exchange.waits[0]) - 0.2 * self.ms
+        alone = exchange.end + self._ms(exchange.waits[0])
+        wanted = max(exchange.end + self._ms(GIVE_UP), exchange.wanted)
+        return min(alone, wanted) - 0.2 * self.ms
 
     def _abandoned_from(self, exchange: Exchange) -> float:
         """The earliest time at which the master may get the reply that the drive is silent."""
         if exchange.phase == "line":
-            return exchange.queued_from + self._ms(exchange.waits[0]) - 0.2 * self.ms
+            return exchange.queued_from + self._ms(self._least(exchange)) - 0.2 * self.ms
         if exchange.sends == 2 or exchange.superseded < NEVER:
             return self._wait_from(exchange)
         # A drive still sending at the end of its wait can delay the repeat by as long again.
-        return self._wait_from(exchange) + self._ms(exchange.waits[0])
+        return self._wait_from(exchange) + self._ms(self._least(exchange))
+
+    def _least(self, exchange: Exchange) -> int:
+        return exchange.waits[0] if exchange.wanted == NEVER else min(exchange.waits[0], GIVE_UP)
 
     def _finish_exchange_before(self, at: float) -> None:
         """The newest request is being answered, so the exchange before it must be over."""
         exchange = self.exchange
         if exchange.phase == "wait" and at >= self._wait_from(exchange):
             self._after_wait(exchange, at)
-        if self.pending and exchange.phase == "line" and exchange.overtaken:
-            self._start(self.pending, exchange.queued_from, at)
+        if self.queue and exchange.phase == "line" and exchange.overtaken:
+            self._start(self.queue.pop(0), exchange.queued_from, at)
 
     def _check_line_was_busy(self, exchange: Exchange, at: float) -> None:
         """Checks an exchange abandoned before its telegram left: the line must have been busy until then."""
@@ -337,8 +369,10 @@ class LineJudge:
                 self._fail(start_by, f"no telegram on a free line; expected {wanted}")
 
     def _wait_by(self, exchange: Exchange) -> float:
-        slowest = self._ms(exchange.waits[1]) + (TICK_MS + LAST_CHARACTER_MS) * self.ms
-        return exchange.end + slowest + self.budget
+        slowest = (TICK_MS + LAST_CHARACTER_MS) * self.ms + self.budget
+        alone = exchange.end + self._ms(exchange.waits[1])
+        wanted = max(exchange.end + self._ms(GIVE_UP), exchange.wanted)
+        return min(alone, wanted) + slowest
 
     def _quiet_at(self, at: float) -> float:
         """When the drive line will have been silent for two characters, as seen at `at`."""
@@ -353,9 +387,10 @@ class LineJudge:
 
     def _line_until(self, exchange: Exchange) -> float:
         """Latest start of a telegram that waits for the line."""
-        if exchange.overtaken:
-            return max(exchange.settled, exchange.queued_by + OVERTAKEN_MS * self.ms) + self.budget
-        return exchange.queued_by + self._ms(exchange.waits[1]) + TICK_MS * self.ms + self.budget
+        most = self._ms(exchange.waits[1])
+        if exchange.wanted < NEVER:
+            most = min(most, max(self._ms(GIVE_UP), exchange.wanted - exchange.queued_by))
+        return exchange.queued_by + most + TICK_MS * self.ms + self.budget
 
     def _telegram(self, burst: Burst) -> None:
         data, exchange = burst.data, self.exchange
@@ -364,13 +399,13 @@ class LineJudge:
             exchange = self.exchange
         held = exchange and exchange.phase == "line" and exchange.overtaken
         repeats = exchange and exchange.sends == 1 and data == exchange.request.telegram
-        if held and repeats and burst.rise > exchange.superseded and self.pending is None:
+        if held and repeats and burst.rise > exchange.superseded and not self.queue:
             self._fail(burst.rise, f"telegram {data.hex(' ')} repeated after a newer request (FC-9)")
-        if held and self.pending and data == exchange.request.telegram == self.pending.telegram:
+        if held and self.queue and data == exchange.request.telegram == self.queue[0].telegram:
             raise Unclear(burst.rise, "a telegram that fits either of two requests")
-        if held and self.pending and data != exchange.request.telegram:
+        if held and self.queue and data != exchange.request.telegram:
             # The older telegram was withdrawn for the newer request.
-            self._start(self.pending, exchange.queued_from, burst.rise)
+            self._start(self.queue.pop(0), exchange.queued_from, burst.rise)
             exchange = self.exchange
         if exchange is None or exchange.phase != "line":
             self._fail(burst.rise, f"telegram {data.hex(' ')} without a request (SAFE-1)")
@@ -480,8 +515,8 @@ class LineJudge:
     def _done(self, at: float, since: float | None = None) -> None:
         """Frees the drive line for the next telegram: at `at`, or from `since` on if that is uncertain."""
         self.exchange = None
-        if self.pending:
-            self._start(self.pending, at if since is None else since, at + self.budget)
+        if self.queue:
+            self._start(self.queue.pop(0), at if since is None else since, at + self.budget)
 
     # ------------------------------------------------------------ time
 
