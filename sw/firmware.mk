@@ -10,9 +10,9 @@ FIRMWARE_DIALECTS := builtin hvac_basic
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
 
-# Bytes. Code, variables and stack fit the smallest memory of configs.toml, so every configuration runs this image.
-FIRMWARE_MEMORY := $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
-	print(min(c["memory_bytes"] for c in tomllib.load(open("configs.toml", "rb")).values()))')
+# Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,places).
+firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
+	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
 FIRMWARE_STACK := 160
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
@@ -23,27 +23,33 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/gene
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Iregs/generated
-# Without a C library, loops must not become calls of memcpy and the like. The other three optimisations are off
-# because they lengthen this code.
+# Without a C library, loops must not become calls of memcpy and the like. The last three options shorten this code,
+# so that it fits the memory of the small card.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
-	-fno-tree-loop-distribute-patterns -fno-if-conversion -fno-thread-jumps -fno-forward-propagate
-FIRMWARE_LDFLAGS := -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
+	-fno-tree-loop-distribute-patterns -fira-loop-pressure -fno-inline-small-functions -fno-ipa-vrp
+FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
 .PHONY: firmware firmware-size firmware-sources
-FIRMWARE_ELFS := build/firmware.elf $(FIRMWARE_DIALECTS:%=build/%/firmware.elf)
-FIRMWARE_TINY := $(FIRMWARE_ELFS:build/%.elf=build/tiny/%.hex)
-firmware: $(FIRMWARE_ELFS:.elf=.hex) $(FIRMWARE_TINY)
+FIRMWARE_STANDARD := build/firmware.elf $(FIRMWARE_DIALECTS:%=build/%/firmware.elf)
+FIRMWARE_TINY := $(FIRMWARE_STANDARD:build/%=build/tiny/%)
+FIRMWARE_ELFS := $(FIRMWARE_STANDARD) $(FIRMWARE_TINY)
+$(FIRMWARE_STANDARD) $(FIRMWARE_STANDARD:.elf=.hex): FIRMWARE_CONFIG := standard
+$(FIRMWARE_TINY) $(FIRMWARE_TINY:.elf=.hex): FIRMWARE_CONFIG := tiny
+FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
+FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),places)
+firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD
-build/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
-build/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
+build/builtin/% build/tiny/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
+build/hvac_basic/% build/tiny/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_DEFINES)
 
 $(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
 		regs/generated/frames.ld sw/firmware.mk configs.toml | $(SETUP)
 	@mkdir -p $(@D)
-	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) $(FIRMWARE_OPTIONS) $(FIRMWARE_LDFLAGS) \
+	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) -DPLACES=$(FIRMWARE_PLACES) $(FIRMWARE_OPTIONS) \
+		$(FIRMWARE_LDFLAGS) \
 		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)
 
 $(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf sw/tools/seal.py
@@ -51,12 +57,7 @@ $(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf sw/tools/seal.py
 	$(FIRMWARE_PYTHON) sw/tools/seal.py $@.unsealed $@
 
 $(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin sw/tools/bin2hex.py
-	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config standard $< $@
-
-# The same images in files of the tiny card's memory size.
-$(FIRMWARE_TINY): build/tiny/%.hex: build/%.bin sw/tools/bin2hex.py
-	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config tiny $< $@
-	cp $(<:.bin=.elf) $(@D)
+	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config $(FIRMWARE_CONFIG) $< $@
 
 # The list for tools that compile the sources themselves.
 firmware-sources:

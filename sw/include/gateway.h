@@ -10,6 +10,7 @@
 
 #include "leds.h"
 #include "loopback.h"
+#include "options.h"
 #include "translate.h"
 
 /* The exchange with the drive. */
@@ -19,16 +20,21 @@ enum exchange_stage {
     EXCHANGE_WAITING, /* for the drive's reply (FC-9) */
 };
 
+/* The places of committed writes that wait for the end of an exchange (FRAME-7). The first PLACES of them exist. */
+enum place { PLACE_BROADCAST, PLACE_UNICAST };
+
 struct gateway {
     struct translator translator;
-    struct transaction transactions[2];
-    struct transaction *newest;   /* the newest request */
-    struct transaction *at_drive; /* the last one sent to the drive, maybe the newest */
+    struct transaction transactions[PLACES + 2];
+    struct transaction *newest;          /* the newest request */
+    struct transaction *at_drive;        /* the last one sent to the drive, maybe the newest */
+    struct transaction *waiting[PLACES]; /* by enum place; 0: nothing waits there */
     uint32_t now;                 /* ticks (ticks.h), as the next two */
     uint32_t committed_at;        /* last commit */
     uint32_t wait_start;          /* start of the wait for the line, then for the drive */
     uint8_t ticket;               /* of newest */
     uint8_t exchange;             /* enum exchange_stage */
+    uint8_t next;                 /* the place of the older waiting write, if any waits */
     bool uncommitted;             /* newest has not taken effect yet (FRAME-6) */
     bool wants_drive;             /* the telegram of newest is still to be sent */
     uint8_t reply_outcome;        /* enum outcome: of the telegram received for at_drive */

@@ -6,6 +6,8 @@
  *                 DIALECT_BUILTIN, those of the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA;
  *                 DIALECT_HVAC_BASIC, those of the VLT HVAC Basic Drive.
  * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
+ * PLACES          committed writes that can wait for the end of an exchange (FRAME-7): 2, a broadcast and another
+ *                 write; 1, a broadcast only. The same as `places` in configs.toml.
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  *
  * The image must fit the smallest memory of configs.toml; the linker reports an error if it does not.
@@ -27,6 +29,13 @@
 
 #ifndef STATUS_REFRESH
 #define STATUS_REFRESH 0
+#endif
+
+#ifndef PLACES
+#define PLACES 2
+#endif
+#if PLACES < 1 || PLACES > 2
+#error "PLACES: 1 or 2"
 #endif
 
 #ifndef ADR_SHORT

@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "options.h"
+
 enum {
     REPLY_PDU_MAX = 22, /* function, byte count, 10 registers of text */
     TELEGRAM_MAX = 30,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2, BCC */
@@ -17,6 +19,9 @@ enum outcome {
     OUTCOME_REPLY,       /* the reply PDU is ready */
     OUTCOME_EXCHANGE,    /* the drive is asked first: telegram ready, or translate_drive_again needed */
 };
+
+/* Defaults of the local registers, in 10 ms (MAP-5). */
+enum { DEFAULT_NETWORK_TIMEOUT = 1000, DEFAULT_DRIVE_TIMEOUT = 15 };
 
 /* The settings that a master can write, one word each. The first three are the local registers 40001-40003 (MAP-5);
  * some dialects have IND in another register (docs/guide/dialects.md). */
@@ -38,21 +43,32 @@ struct settings {
 struct translator {
     struct settings settings;
     uint32_t status; /* coils 33-64: STW, and MAV in the high half */
+    /* Prepared: the settings after the commit of the newest request, the status after a good BCC of the drive. */
+    struct settings next;
+    uint32_t next_status;
 };
 
+/* The reply takes the place of its telegram, where no second telegram is made from the first (text_by_size). */
+#if DIALECT == DIALECT_CARD
+#define OUT_FRAMES union
+#else
+#define OUT_FRAMES struct
+#endif
+
 struct transaction {
-    struct settings settings; /* settings after the commit of this request */
-    uint32_t status;          /* PCD of the drive's reply */
-    uint16_t address;         /* first coil or register, on-wire */
-    uint16_t operand;         /* quantity, or the value of 05 and 06 */
+    uint16_t address; /* first coil or register, on-wire */
+    uint16_t operand; /* quantity, or the value of 05 and 06 */
     uint16_t pnu;
     uint8_t function;
     uint8_t expects; /* enum expectation */
     bool broadcast;
     uint8_t reply_length;
     uint8_t telegram_length;
-    uint8_t reply[REPLY_PDU_MAX];
-    uint8_t telegram[TELEGRAM_MAX];
+    OUT_FRAMES
+    {
+        uint8_t reply[REPLY_PDU_MAX];
+        uint8_t telegram[TELEGRAM_MAX];
+    } out;
 };
 
 #endif

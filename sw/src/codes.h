@@ -48,6 +48,6 @@ static inline uint16_t word_at(frame_byte *bytes)
 }
 
 /* Handles one function code. data: the PDU after address and quantity. */
-typedef enum outcome handler(const struct translator *t, struct transaction *txn, frame_byte *data);
+typedef enum outcome handler(struct translator *t, struct transaction *txn, frame_byte *data);
 
 #endif

@@ -16,8 +16,8 @@ enum outcome coils_answer(const struct translator *t, struct transaction *txn, u
     uint32_t coil = txn->address;
     uint32_t i;
 
-    txn->reply[0] = txn->function;
-    txn->reply[1] = (uint8_t)bytes;
+    txn->out.reply[0] = txn->function;
+    txn->out.reply[1] = (uint8_t)bytes;
     for (i = 0; i < bytes; i++, coil += 8) {
         const uint32_t *word = &image[coil >> 5];
         const uint32_t shift = coil & 31u;
@@ -25,15 +25,15 @@ enum outcome coils_answer(const struct translator *t, struct transaction *txn, u
 
         if (shift > 24)
             bits |= word[1] << (32 - shift);
-        txn->reply[2 + i] = (uint8_t)bits;
+        txn->out.reply[2 + i] = (uint8_t)bits;
     }
     if (txn->operand & 7u)
-        txn->reply[1 + bytes] &= (uint8_t)((1u << (txn->operand & 7u)) - 1u);
+        txn->out.reply[1 + bytes] &= (uint8_t)((1u << (txn->operand & 7u)) - 1u);
     txn->reply_length = (uint8_t)(2 + bytes);
     return OUTCOME_REPLY;
 }
 
-enum outcome coils_read(const struct translator *t, struct transaction *txn, frame_byte *data)
+enum outcome coils_read(struct translator *t, struct transaction *txn, frame_byte *data)
 {
     const uint32_t end = (uint32_t)txn->address + txn->operand;
 
@@ -54,13 +54,13 @@ static bool writable(const struct transaction *txn, uint32_t quantity)
 }
 
 /* Writes `quantity` coils, the lowest bit first, into the settings that the commit brings. */
-static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32_t bits)
+static enum outcome write_run(struct translator *t, struct transaction *txn, uint32_t quantity, uint32_t bits)
 {
-    uint32_t *control = &txn->settings.word[CONTROL];
+    uint32_t *control = &t->next.word[CONTROL];
     uint32_t mask;
 
     if (txn->address == COIL_EEPROM) {
-        txn->settings.word[EEPROM] = bits & 1u;
+        t->next.word[EEPROM] = bits & 1u;
         return reply_confirm(txn);
     }
     /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): decode() admits 1 to 32 (EXC 3) */
@@ -69,26 +69,24 @@ static enum outcome write_run(struct transaction *txn, uint32_t quantity, uint32
     return telegram_process(txn, *control);
 }
 
-enum outcome coil_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+enum outcome coil_write(struct translator *t, struct transaction *txn, frame_byte *data)
 {
-    (void)t;
     (void)data;
     if (!writable(txn, 1))
         return reply_exception(txn, TRAITS.bad_address);
     if (txn->operand != 0 && txn->operand != 0xFF00)
         return reply_exception(txn, TRAITS.bad_value);
-    return write_run(txn, 1, txn->operand != 0);
+    return write_run(t, txn, 1, txn->operand != 0);
 }
 
-enum outcome coils_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+enum outcome coils_write(struct translator *t, struct transaction *txn, frame_byte *data)
 {
     uint32_t bits = 0;
     uint32_t shift;
 
-    (void)t;
     if (!writable(txn, txn->operand))
         return reply_exception(txn, TRAITS.bad_address);
     for (shift = 0; shift < txn->operand; shift += 8)
         bits |= (uint32_t)data++->byte << shift;
-    return write_run(txn, txn->operand, bits);
+    return write_run(t, txn, txn->operand, bits);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "gateway.h"
 
+#include "codes.h"
 #include "dialect.h"
 #include "guard.h"
 #include "mailbox_port.h"
@@ -12,7 +13,7 @@
 static void queue_reply(const struct gateway *g, const struct transaction *txn, uint32_t after_drive)
 {
     volatile struct frame_slot *frame = mailbox_frame(REPLY_FRAME);
-    const uint8_t *from = txn->reply;
+    const uint8_t *from = txn->out.reply;
     const uint8_t *const end = from + txn->reply_length;
 
     if (txn != g->newest)
@@ -36,9 +37,16 @@ static void cancel_reply(const struct gateway *g)
 /* The pause before a telegram (FC-8) is 2.3 ms; this wait is longer. */
 enum { PAUSE = TICKS(5) };
 
+#define ACTION(name) (MAILBOX__TELEGRAM__ACTION__##name << MAILBOX__TELEGRAM__ACTION_bp)
+
+/* The ticket shows the gate whether the telegram is of the newest request; STALE makes it another's. */
+enum { STALE = 8 };
+
 static void queue_telegram(struct gateway *g, uint32_t options)
 {
-    mailbox_write(TELEGRAM, options | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
+    const uint32_t ticket = g->at_drive == g->newest ? g->ticket : g->ticket ^ STALE;
+
+    mailbox_write(TELEGRAM, options | ticket << MAILBOX__TELEGRAM__TICKET_bp);
     g->reply_outcome = OUTCOME_NOT_A_REPLY;
     g->exchange = EXCHANGE_LEAVING;
     g->wait_start = g->now;
@@ -48,29 +56,59 @@ static void queue_telegram(struct gateway *g, uint32_t options)
 static void copy_telegram(const struct transaction *txn)
 {
     volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + txn->telegram_length;
-    const uint8_t *from = txn->telegram + txn->telegram_length;
+    const uint8_t *from = txn->out.telegram + txn->telegram_length;
 
-    while (from != txn->telegram)
+    while (from != txn->out.telegram)
         (--frame)->byte = *--from;
 }
 
-static void start_exchange(struct gateway *g)
+static void start_exchange(struct gateway *g, struct transaction *txn, uint32_t action)
 {
-    const struct transaction *txn = g->newest;
-
     copy_telegram(txn);
-    g->wants_drive = false;
     g->repeated = false;
-    g->at_drive = g->newest;
+    g->at_drive = txn;
     queue_telegram(g, (uint32_t)txn->telegram_length << MAILBOX__TELEGRAM__LENGTH_bp |
-                          (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u));
+                          (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u) | action);
 }
 
-/* FC-9: the time-out for the drive's reply, and for a line that is never silent. '>' guarantees the full wait,
- * however early in a tick wait_start was sampled. */
-static bool timed_out(const struct gateway *g)
+/* The only functions below a write's are the two that read. */
+static bool is_write(const struct transaction *txn)
 {
-    return g->now - g->wait_start > ticks_of_tens(g->translator.settings.word[LOCAL_DRIVE_TIMEOUT]);
+    return txn->function > READ_REGISTERS;
+}
+
+static uint32_t place_of(const struct transaction *txn)
+{
+    return txn->broadcast ? PLACE_BROADCAST : PLACE_UNICAST;
+}
+
+static uint32_t other(uint32_t place)
+{
+    return PLACES - 1 - place;
+}
+
+/* The place of the waiting write that was committed first. */
+static struct transaction **first_waiting(struct gateway *g)
+{
+    return &g->waiting[PLACES == 1 ? 0 : g->next];
+}
+
+/* A committed request has a telegram that waits for the end of the exchange. */
+static bool drive_is_wanted(struct gateway *g)
+{
+    return *first_waiting(g) || (g->wants_drive && !g->uncommitted);
+}
+
+/* FC-9: the time-out for the drive's reply, and for a line that is never silent. A dead drive holds up nobody: the
+ * time-out is the default at most while a telegram waits. '>' guarantees the full wait, however early in a tick
+ * wait_start was sampled. */
+static bool timed_out(struct gateway *g)
+{
+    uint32_t tens = g->translator.settings.word[LOCAL_DRIVE_TIMEOUT];
+
+    if (tens > DEFAULT_DRIVE_TIMEOUT && drive_is_wanted(g))
+        tens = DEFAULT_DRIVE_TIMEOUT;
+    return g->now - g->wait_start > ticks_of_tens(tens);
 }
 
 /* Cancels a queued telegram and clears its address (docs/hardening.md, Licence ends with the exchange). */
@@ -94,29 +132,33 @@ static void abandon_exchange(struct gateway *g)
     end_exchange(g);
 }
 
-/* FC-9 allows one repeat. After a newer request there is none: that request must not wait for an older command, and
- * the commit gate blocks the repeat once it is committed (FRAME-7). */
+/* FC-9 allows one repeat. While a telegram waits there is none. The gate refuses that of an older reading. */
 static void repeat_or_abandon(struct gateway *g)
 {
     mailbox_write(LISTEN, 0);
-    if (g->repeated || g->at_drive != g->newest) {
+    if (g->repeated || drive_is_wanted(g)) {
         abandon_exchange(g);
         return;
     }
     g->repeated = true;
     (*mailbox_counter(COUNT_DRIVE_REPEAT))++;
-    queue_telegram(g, MAILBOX__TELEGRAM__ACTION__REPEAT << MAILBOX__TELEGRAM__ACTION_bp);
+    queue_telegram(g, ACTION(REPEAT));
 }
 
-/* After the pause of FC-8 only a line that is not silent holds a telegram back. The telegram is revoked at the
- * time-out, and after the commit of a newer request, unless it starts first. */
+/* A newer write of the same kind takes the place of a telegram that never left (FRAME-7). */
+static bool is_replaced(struct gateway *g)
+{
+    const uint32_t place = place_of(g->at_drive);
+
+    return place < PLACES ? g->waiting[place] != 0 : drive_is_wanted(g);
+}
+
+/* After the pause of FC-8 only a line that is not silent holds a telegram back. */
 static void poll_queued(struct gateway *g)
 {
-    const bool newest = g->at_drive == g->newest;
-
-    if (newest && g->uncommitted)
+    if (g->at_drive == g->newest && g->uncommitted)
         g->wait_start = g->now;
-    else if (timed_out(g) || (!newest && !g->uncommitted && g->now - g->wait_start > PAUSE))
+    else if (timed_out(g) || (is_replaced(g) && g->now - g->wait_start > PAUSE))
         revoke_telegram();
 }
 
@@ -126,9 +168,7 @@ static void poll_leaving(struct gateway *g, uint32_t state)
         poll_queued(g);
         return;
     }
-    if (state & MAILBOX__EXCHANGE__SENDING_bm)
-        return;
-    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && g->now - g->wait_start > PAUSE) {
+    if (!(state & MAILBOX__EXCHANGE__STARTED_bm) && (g->repeated || g->now - g->wait_start > PAUSE)) {
         abandon_exchange(g);
         return;
     }
@@ -154,7 +194,7 @@ static void evaluate_reply(struct gateway *g)
 
 static void finish_exchange(struct gateway *g)
 {
-    translate_drive_commit(&g->translator, g->at_drive);
+    translate_drive_commit(&g->translator);
     g->drive_online = true;
     end_exchange(g);
     /* Only the newest request gets its second telegram (FRAME-7): the gate licenses no other. */
@@ -186,14 +226,40 @@ static void poll_waiting(struct gateway *g, uint32_t state)
         repeat_or_abandon(g);
 }
 
+/* Waiting writes leave in the order of commit, before the telegram of the newest request (FRAME-7). The gate refuses
+ * the telegram of a request that was revoked meanwhile. */
+static void start_next(struct gateway *g)
+{
+    struct transaction *txn = *first_waiting(g);
+    uint32_t action = ACTION(WAITING);
+
+    if (txn) {
+        *first_waiting(g) = 0;
+        if (PLACES > 1)
+            g->next = (uint8_t)other(g->next);
+    } else {
+        txn = g->newest;
+        action = ACTION(FIRST);
+        if (!g->wants_drive)
+            return;
+        g->wants_drive = false;
+    }
+    start_exchange(g, txn, action);
+}
+
 static void poll_exchange(struct gateway *g)
 {
     const uint32_t state = mailbox_read(EXCHANGE);
 
+    /* Also a telegram that began before a restart of the firmware (WDG-1). */
+    if (state & MAILBOX__EXCHANGE__SENDING_bm)
+        return;
     if (g->exchange == EXCHANGE_LEAVING)
         poll_leaving(g, state);
     else if (g->exchange == EXCHANGE_WAITING)
         poll_waiting(g, state);
+    if (g->exchange == EXCHANGE_IDLE)
+        start_next(g);
 }
 
 /* ---- requests from the network */
@@ -232,11 +298,21 @@ static enum outcome translate_twice(struct gateway *g)
         if (outcome != OUTCOME_EXCHANGE)
             return outcome;
         first = second;
-        second = guard_of(g->newest);
+        second = guard_of(&g->translator, g->newest);
     } while (--passes != 0);
     g->wants_drive = first == second;
-    guard_require_equal(g->newest, first, second);
+    guard_require_equal(&g->translator.next, first, second);
     return OUTCOME_EXCHANGE;
+}
+
+/* A slot that is neither at the drive, where an exchange may go on, nor waits. There is one more than these. */
+static struct transaction *free_slot(struct gateway *g)
+{
+    struct transaction *txn = g->transactions;
+
+    while (txn == g->at_drive || txn == g->waiting[0] || txn == g->waiting[PLACES - 1])
+        txn++;
+    return txn;
 }
 
 static void prepare(struct gateway *g, uint8_t ticket)
@@ -244,8 +320,7 @@ static void prepare(struct gateway *g, uint8_t ticket)
     g->ticket = ticket;
     g->uncommitted = true;
     g->wants_drive = false;
-    /* The slot that is not at the drive, where an exchange may go on. */
-    g->newest = &g->transactions[g->at_drive == &g->transactions[0]];
+    g->newest = free_slot(g);
     if (translate_twice(g) == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
 }
@@ -258,12 +333,28 @@ static bool is_committed(uint32_t request)
     return (request & both) == MAILBOX__REQUEST__COMMITTED_bm;
 }
 
+/* The committed write takes the place of its kind; a write that waited there is replaced (FRAME-7). */
+static void keep(struct gateway *g)
+{
+    const uint32_t place = place_of(g->newest);
+
+    if (place >= PLACES)
+        return;
+    mailbox_write(TELEGRAM, ACTION(KEEP) | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp);
+    g->wants_drive = false;
+    g->waiting[place] = g->newest;
+    if (PLACES > 1)
+        g->next = (uint8_t)(g->waiting[other(place)] ? other(place) : place);
+}
+
 static void commit(struct gateway *g)
 {
     g->uncommitted = false;
-    translate_commit(&g->translator, g->newest);
+    translate_commit(&g->translator);
     g->committed_at = g->now;
     g->network_online = true;
+    if (g->wants_drive && is_write(g->newest))
+        keep(g);
 }
 
 static void poll_request(struct gateway *g)
@@ -281,8 +372,6 @@ static void poll_request(struct gateway *g)
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }
-    if (g->wants_drive && g->exchange == EXCHANGE_IDLE)
-        start_exchange(g);
     if (is_committed(request) && g->uncommitted)
         commit(g);
 }

@@ -20,14 +20,14 @@ void guard_seal(struct settings *settings)
 
 /* One flipped bit of the control word changes one bit of the BCC and a run of bits of the guard word. The BCC enters
  * at two places, so XOR cannot cancel the difference. */
-uint32_t guard_of(const struct transaction *txn)
+uint32_t guard_of(const struct translator *t, const struct transaction *txn)
 {
-    const uint32_t bcc = txn->telegram[txn->telegram_length - 1];
+    const uint32_t bcc = txn->out.telegram[txn->telegram_length - 1];
 
-    return txn->settings.word[GUARD] ^ bcc ^ bcc << CHAR_BIT;
+    return t->next.word[GUARD] ^ bcc ^ bcc << CHAR_BIT;
 }
 
-void guard_require_equal(struct transaction *txn, uint32_t first, uint32_t second)
+void guard_require_equal(struct settings *settings, uint32_t first, uint32_t second)
 {
-    txn->settings.word[GUARD] ^= first ^ second;
+    settings->word[GUARD] ^= first ^ second;
 }

@@ -11,10 +11,10 @@ uint32_t guard_copy(struct settings *to, const struct settings *from);
 /* Sets the guard word after a change of the settings. */
 void guard_seal(struct settings *settings);
 
-/* A check word of the telegram and the settings of txn (docs/hardening.md, Telegram made twice). */
-uint32_t guard_of(const struct transaction *txn);
+/* A check word of the telegram of txn and of the next settings (docs/hardening.md, Telegram made twice). */
+uint32_t guard_of(const struct translator *t, const struct transaction *txn);
 
-/* Invalidates the guard word of the settings of txn if two check words differ. */
-void guard_require_equal(struct transaction *txn, uint32_t first, uint32_t second);
+/* Invalidates the guard word of the settings if two check words differ. */
+void guard_require_equal(struct settings *settings, uint32_t first, uint32_t second);
 
 #endif

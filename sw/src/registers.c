@@ -67,8 +67,8 @@ static bool find_parameter(struct transaction *txn)
 /* Puts a register at offset `at` of the reply; returns the offset after it. */
 static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t value)
 {
-    txn->reply[at] = (uint8_t)(value >> 8);
-    txn->reply[at + 1] = (uint8_t)value;
+    txn->out.reply[at] = (uint8_t)(value >> 8);
+    txn->out.reply[at + 1] = (uint8_t)value;
     return at + 2;
 }
 
@@ -77,8 +77,8 @@ static void begin_answer(struct transaction *txn)
 {
     const uint32_t bytes = (uint32_t)txn->operand << 1;
 
-    txn->reply[0] = txn->function;
-    txn->reply[1] = (uint8_t)bytes;
+    txn->out.reply[0] = txn->function;
+    txn->out.reply[1] = (uint8_t)bytes;
     txn->reply_length = (uint8_t)(2 + bytes);
 }
 
@@ -100,8 +100,8 @@ enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, ui
     uint32_t i;
 
     begin_answer(txn);
-    for (i = 0; i < txn->reply[1]; i++)
-        txn->reply[2 + i] = i < characters ? text[i].byte : ' ';
+    for (i = 0; i < txn->out.reply[1]; i++)
+        txn->out.reply[2 + i] = i < characters ? text[i].byte : ' ';
     return OUTCOME_REPLY;
 }
 
@@ -119,7 +119,7 @@ static enum outcome read_local(const struct translator *t, struct transaction *t
     return OUTCOME_REPLY;
 }
 
-enum outcome registers_read(const struct translator *t, struct transaction *txn, frame_byte *data)
+enum outcome registers_read(struct translator *t, struct transaction *txn, frame_byte *data)
 {
     const uint32_t index = t->settings.word[LOCAL_IND] & IND_INDEX;
 
@@ -132,7 +132,7 @@ enum outcome registers_read(const struct translator *t, struct transaction *txn,
     return telegram_parameter(txn, AK_READ, index, PWE_BYTES, data, 0);
 }
 
-static enum outcome write_local(struct transaction *txn, frame_byte *data, uint32_t quantity)
+static enum outcome write_local(struct translator *t, struct transaction *txn, frame_byte *data, uint32_t quantity)
 {
     uint32_t i = find_local(txn, quantity);
     const uint32_t end = i + quantity;
@@ -143,12 +143,12 @@ static enum outcome write_local(struct transaction *txn, frame_byte *data, uint3
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
         return reply_exception(txn, TRAITS.bad_value);
     for (; i < end; i++, data += 2)
-        txn->settings.word[i] = word_at(data);
+        t->next.word[i] = word_at(data);
     return reply_confirm(txn);
 }
 
 /* Writes `quantity` registers from data, to the card or to a parameter. */
-static enum outcome write_run(const struct translator *t, struct transaction *txn, frame_byte *data,
+static enum outcome write_run(struct translator *t, struct transaction *txn, frame_byte *data,
                               uint32_t quantity)
 {
     const uint32_t index = t->settings.word[LOCAL_IND] & IND_INDEX;
@@ -157,7 +157,7 @@ static enum outcome write_run(const struct translator *t, struct transaction *tx
     uint32_t ak;
 
     if (is_local(txn))
-        return write_local(txn, data, quantity);
+        return write_local(t, txn, data, quantity);
     if (!find_parameter(txn))
         return reply_exception(txn, TRAITS.bad_address);
     if (is_text(t, txn))
@@ -169,12 +169,12 @@ static enum outcome write_run(const struct translator *t, struct transaction *tx
     return telegram_parameter(txn, ak, index, PWE_BYTES - bytes, data, bytes);
 }
 
-enum outcome register_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+enum outcome register_write(struct translator *t, struct transaction *txn, frame_byte *data)
 {
     return write_run(t, txn, data, 1);
 }
 
-enum outcome registers_write(const struct translator *t, struct transaction *txn, frame_byte *data)
+enum outcome registers_write(struct translator *t, struct transaction *txn, frame_byte *data)
 {
     return write_run(t, txn, data, txn->operand);
 }

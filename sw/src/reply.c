@@ -5,8 +5,8 @@
 
 enum outcome reply_exception(struct transaction *txn, uint32_t code)
 {
-    txn->reply[0] = txn->function | 0x80u;
-    txn->reply[1] = (uint8_t)code;
+    txn->out.reply[0] = txn->function | 0x80u;
+    txn->out.reply[1] = (uint8_t)code;
     txn->reply_length = 2;
     return OUTCOME_REPLY;
 }
@@ -18,11 +18,11 @@ enum outcome reply_fault(struct transaction *txn, uint32_t fault)
 
 enum outcome reply_confirm(struct transaction *txn)
 {
-    txn->reply[0] = txn->function;
-    txn->reply[1] = (uint8_t)(txn->address >> 8);
-    txn->reply[2] = (uint8_t)txn->address;
-    txn->reply[3] = (uint8_t)(txn->operand >> 8);
-    txn->reply[4] = (uint8_t)txn->operand;
+    txn->out.reply[0] = txn->function;
+    txn->out.reply[1] = (uint8_t)(txn->address >> 8);
+    txn->out.reply[2] = (uint8_t)txn->address;
+    txn->out.reply[3] = (uint8_t)(txn->operand >> 8);
+    txn->out.reply[4] = (uint8_t)txn->operand;
     txn->reply_length = 5;
     return OUTCOME_REPLY;
 }

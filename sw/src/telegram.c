@@ -13,15 +13,15 @@ static uint8_t *put_word(uint8_t *at, uint32_t value)
 
 static uint8_t *begin(struct transaction *txn, enum expectation expects)
 {
-    txn->telegram[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
+    txn->out.telegram[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
     txn->expects = (uint8_t)expects;
-    return txn->telegram + 1;
+    return txn->out.telegram + 1;
 }
 
 /* Adds PCD and BCC, which end every telegram (docs/hardening.md, BCC made with the telegram). */
 static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uint32_t pcd2)
 {
-    const uint8_t *from = txn->telegram;
+    const uint8_t *from = txn->out.telegram;
     uint32_t bcc;
 
     at = put_word(put_word(at, pcd1), pcd2);
@@ -59,14 +59,14 @@ void telegram_as_text(struct transaction *txn)
 {
     const bool read = txn->function == READ_REGISTERS;
     const uint32_t bytes = read ? PWE_BYTES : (uint32_t)txn->operand << 1;
-    uint8_t *at = txn->telegram + AT_VALUE;
+    uint8_t *at = txn->out.telegram + AT_VALUE;
     uint32_t i;
 
     txn->expects = EXPECT_TEXT;
-    txn->telegram[AT_PKE] |= AK_TEXT << 4;
-    txn->telegram[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
+    txn->out.telegram[AT_PKE] |= AK_TEXT << 4;
+    txn->out.telegram[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
     /* A text has no leading zeros. */
     for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++)
-        *at++ = txn->telegram[AT_VALUE + i];
+        *at++ = txn->out.telegram[AT_VALUE + i];
     end(txn, at, 0, 0);
 }

@@ -32,8 +32,6 @@ static const struct function {
 /* Offsets in a PDU, and the length of a PDU without a byte count. */
 enum { AT_ADDRESS = 1, AT_OPERAND = 3, AT_COUNT = 5, AT_DATA = 6, PDU_PLAIN = 5 };
 
-enum { DEFAULT_NETWORK_TIMEOUT = 1000, DEFAULT_DRIVE_TIMEOUT = 15 };
-
 void translate_init(struct translator *t)
 {
     t->settings.word[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
@@ -71,7 +69,7 @@ static bool quantity_fits(const struct translator *t, const struct transaction *
     return function->form != FORM_COUNTED || pdu[AT_COUNT].byte == bytes;
 }
 
-static enum outcome decode(const struct translator *t, struct transaction *txn, frame_byte *pdu,
+static enum outcome decode(struct translator *t, struct transaction *txn, frame_byte *pdu,
                            uint32_t pdu_length)
 {
     const struct function *function = find_function(txn->function);
@@ -93,26 +91,26 @@ static enum outcome decode(const struct translator *t, struct transaction *txn, 
     return function->handle(t, txn, pdu + (function->form == FORM_SINGLE ? AT_OPERAND : AT_DATA));
 }
 
-enum outcome translate_request(const struct translator *t, struct transaction *txn, frame_byte *pdu,
+enum outcome translate_request(struct translator *t, struct transaction *txn, frame_byte *pdu,
                                uint32_t pdu_length, bool broadcast)
 {
     enum outcome outcome;
 
-    if (guard_copy(&txn->settings, &t->settings) != 0)
+    if (guard_copy(&t->next, &t->settings) != 0)
         return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     outcome = decode(t, txn, pdu, pdu_length);
     /* A read leaves the settings alone; sealing them would hide a flipped bit (docs/hardening.md, Guarded settings). */
     if (txn->function > READ_REGISTERS)
-        guard_seal(&txn->settings);
+        guard_seal(&t->next);
     /* A broadcast is never answered (MAP-9). */
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }
 
-void translate_commit(struct translator *t, const struct transaction *txn)
+void translate_commit(struct translator *t)
 {
-    guard_copy(&t->settings, &txn->settings);
+    guard_copy(&t->settings, &t->next);
 }
 
 /* The PCD at the end of the data: STW, and MAV in the high half. */
@@ -133,7 +131,7 @@ static enum outcome answer_process(const struct translator *t, struct transactio
 {
     if (lge != LGE_PROCESS)
         return OUTCOME_NOT_A_REPLY;
-    return STATUS_REFRESH && txn->function == READ_COILS ? coils_answer(t, txn, txn->status) : reply_confirm(txn);
+    return STATUS_REFRESH && txn->function == READ_COILS ? coils_answer(t, txn, t->next_status) : reply_confirm(txn);
 }
 
 /* The parameter may be a text although a number was asked for. 06 never writes text. */
@@ -162,18 +160,18 @@ static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, 
     return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : reply_confirm(txn);
 }
 
-enum outcome translate_drive_reply(const struct translator *t, struct transaction *txn, frame_byte *data,
+enum outcome translate_drive_reply(struct translator *t, struct transaction *txn, frame_byte *data,
                                    uint32_t lge)
 {
-    txn->status = status_of(data, lge - 2);
+    t->next_status = status_of(data, lge - 2);
     if (txn->expects == EXPECT_PROCESS)
         return answer_process(t, txn, lge);
     return answer_parameter(txn, data, lge);
 }
 
-void translate_drive_commit(struct translator *t, const struct transaction *txn)
+void translate_drive_commit(struct translator *t)
 {
-    t->status = txn->status;
+    t->status = t->next_status;
 }
 
 void translate_drive_again(struct transaction *txn)

@@ -5,8 +5,8 @@
  * follows the rules of rtl/gate/commit_gate.v. The image check runs as in main.c.
  *
  * Checked: a process telegram carries the coils of its own committed request, and is sent twice at most. No other
- * telegram carries coils. A held telegram does not leave long after a newer commit. A reply fits its request,
- * confirms only commands that the drive has answered, and never answers a broadcast. The settings are those of the
+ * telegram carries coils. A write that waits in its place leaves unless a newer one of its kind replaces it. A held
+ * telegram does not leave long after the commit of a newer one. A reply fits its request, confirms only commands that the drive has answered, and never answers a broadcast. The settings are those of the
  * committed requests. After the last event a new request is answered and reaches the drive.
  */
 #include <string.h>
@@ -19,8 +19,10 @@
 #include "ticks.h"
 
 enum { EVENTS = 300, ADDRESS = 85, FRAME_MAX = 32, CRC_BYTES = 2, EVENT_FLAGS = 7 };
-/* Ticks. A telegram of 32 bytes takes 37 ms. */
-enum { HELD = TICKS(6), SENDING = TICKS(40) };
+/* Ticks. FC-9 gives up a telegram 150 ms after a newer one waits. A telegram of 32 bytes takes 37 ms. */
+enum { HELD = TICKS(150) + 6, SENDING = TICKS(40) };
+/* Requests at once: at the drive, one in each place, the newest, and one that it replaced. */
+enum { REQUESTS = PLACES + 3 };
 /* As in main.c, with a smaller image. */
 enum { IMAGE_WORDS = 300, IDLE_WORDS = 2, START_WORDS = 64 };
 
@@ -49,6 +51,8 @@ static struct {
     uint32_t reply_length, replies;
     /* drive side */
     bool queued, licensed, begun, newest, repeatable, control;
+    struct request *waiting[PLACES]; /* committed writes, by enum place */
+    bool kept;                       /* the candidate is to wait once it is committed */
     bool started, sending, no_reply, quiet, listening, drive_candidate, drive_good;
     uint8_t telegram[FRAME_MAX];
     uint32_t telegram_length, telegrams, sent_at;
@@ -56,7 +60,7 @@ static struct {
 
 static struct gateway g;
 static struct model model;
-static struct request requests[2];
+static struct request requests[REQUESTS];
 static struct request *newest, *at_drive;
 static uint32_t held; /* ticks that the queued telegram was held after the commit of a newer request */
 static bool polled;   /* the firmware has had its rounds since the last candidate, commit or restart */
@@ -98,6 +102,11 @@ static void drop_unlicensed(void)
 
 /* ---- transmissions */
 
+static bool is_write(const struct request *request)
+{
+    return request->intent == INTENT_PROCESS || request->intent == INTENT_WRITE;
+}
+
 static void check_telegram(void)
 {
     const uint8_t *pcd = m.telegram + m.telegram_length - 5;
@@ -115,9 +124,9 @@ static void check_telegram(void)
     HOLDS(m.no_reply == at_drive->broadcast);
     HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
     HOLDS(held <= HELD);
-    /* A repeat is never a broadcast, and never follows the commit of a newer request. */
-    HOLDS(at_drive->sent == 1 || BY_SIZE ||
-          ((at_drive == newest || !newest->committed) && !at_drive->broadcast));
+    /* A repeat is never a broadcast. That of a reading never follows the commit of a newer request. */
+    HOLDS(at_drive->sent == 1 || !at_drive->broadcast);
+    HOLDS(at_drive->sent == 1 || BY_SIZE || at_drive == newest || !newest->committed || is_write(at_drive));
     if (m.telegram_length == 6) {
         HOLDS(at_drive->intent == INTENT_PROCESS);
         HOLDS(control == model_word(&at_drive->after, 0) && reference == model_word(&at_drive->after, 16));
@@ -175,11 +184,35 @@ static void release(void)
 
 /* ---- events */
 
+static struct request *free_request(void)
+{
+    struct request *request = requests;
+
+    while (request == at_drive || request == m.waiting[0] || request == m.waiting[PLACES - 1])
+        request++;
+    return request;
+}
+
+static uint32_t place(const struct request *request)
+{
+    return request->broadcast ? PLACE_BROADCAST : PLACE_UNICAST;
+}
+
+/* The newest request gives its licence to the place of its kind. A telegram that is repeated there ends its own. */
+static void keep(void)
+{
+    if (place(newest) >= PLACES)
+        return;
+    HOLDS(is_write(newest));
+    m.waiting[place(newest)] = newest;
+    m.spent = true;
+}
+
 static void event_candidate(void)
 {
     uint32_t i;
 
-    newest = at_drive == requests ? requests + 1 : requests;
+    newest = free_request();
     memset(newest, 0, sizeof *newest);
     newest->length = take_request(input, newest->pdu);
     newest->broadcast = (take(input) & 7) == 7;
@@ -200,7 +233,7 @@ static void event_candidate(void)
     m.length = newest->length + 1 + CRC_BYTES;
     m.ticket = (m.ticket + 1) & MAILBOX__REQUEST__TICKET_bm;
     m.candidate = true;
-    m.committed = m.answerable = m.reply_queued = false;
+    m.committed = m.answerable = m.reply_queued = m.kept = false;
     m.broadcast = newest->broadcast;
     drop_unlicensed();
     polled = false;
@@ -218,6 +251,9 @@ static void event_commit(void)
         m.licensed = true;
         m.control = newest->intent == INTENT_PROCESS;
     }
+    if (m.kept)
+        keep();
+    m.kept = false;
     newest->committed = true;
     if (!newest->ignored) {
         model = newest->after;
@@ -231,7 +267,7 @@ static void event_character(void)
 {
     m.answerable = m.reply_queued = false;
     if (m.candidate) {
-        m.candidate = false;
+        m.candidate = m.kept = false;
         drop_unlicensed();
     }
 }
@@ -401,32 +437,51 @@ static void queue_reply(uint32_t value)
 static void queue_telegram(uint32_t value)
 {
     const uint32_t ticket = (value & MAILBOX__TELEGRAM__TICKET_bm) >> MAILBOX__TELEGRAM__TICKET_bp;
+    const uint32_t action = (value & MAILBOX__TELEGRAM__ACTION_bm) >> MAILBOX__TELEGRAM__ACTION_bp;
     const bool mine = ticket == m.ticket;
+    struct request *asker = newest;
     uint32_t i;
 
+    if (action == MAILBOX__TELEGRAM__ACTION__KEEP) {
+        m.kept = mine && m.candidate;
+        if (mine && m.committed && !m.spent)
+            keep();
+        return;
+    }
     HOLDS(!m.sending);
     held = 0;
     m.started = false;
     end_touched_licence();
-    if (value & MAILBOX__TELEGRAM__ACTION_bm) {
+    if (action == MAILBOX__TELEGRAM__ACTION__REPEAT) {
         m.repeats++;
         m.queued = m.licensed && m.begun && m.repeatable;
         return;
     }
-    m.licensed = (mine && m.committed && !m.spent) || m.loopback;
-    m.queued = m.licensed || (mine && m.candidate);
-    m.control = m.licensed && !m.loopback && newest->intent == INTENT_PROCESS;
-    m.newest = true;
-    m.repeatable = !m.broadcast;
     m.begun = false;
     m.no_reply = (value & MAILBOX__TELEGRAM__NO_REPLY_bm) != 0;
+    if (action == MAILBOX__TELEGRAM__ACTION__WAITING) {
+        struct request **from = &m.waiting[m.no_reply ? PLACE_BROADCAST : PLACES - 1];
+
+        asker = *from;
+        *from = NULL;
+        m.licensed = m.queued = asker != NULL;
+        m.control = asker && asker->intent == INTENT_PROCESS;
+        m.newest = mine;
+        m.repeatable = !m.no_reply;
+    } else {
+        m.licensed = (mine && m.committed && !m.spent) || m.loopback;
+        m.queued = m.licensed || (mine && m.candidate);
+        m.control = m.licensed && !m.loopback && newest->intent == INTENT_PROCESS;
+        m.newest = true;
+        m.repeatable = !m.broadcast;
+    }
     m.telegram_length = (value & MAILBOX__TELEGRAM__LENGTH_bm) >> MAILBOX__TELEGRAM__LENGTH_bp;
     HOLDS(m.telegram_length == 6 || (m.telegram_length >= 12 && m.telegram_length <= TELEGRAM_MAX));
     HOLDS(!(m.telegram_length & 1));
     for (i = 0; i < m.telegram_length; i++)
         m.telegram[i] = mailbox_frame(TELEGRAM_FRAME)[i].byte;
     if (m.queued)
-        at_drive = newest;
+        at_drive = asker;
 }
 
 static void count_events(uint32_t flags)
@@ -500,7 +555,9 @@ static void seal_image(void)
 
 static void restart(void)
 {
-    m.queued = m.licensed = m.reply_queued = m.sending = m.listening = false;
+    m.queued = m.licensed = m.reply_queued = m.kept = m.listening = m.started = false;
+    memset(m.waiting, 0, sizeof m.waiting);
+    m.sending = m.sending && !m.loopback;
     newest = at_drive = NULL;
     if (m.candidate || m.committed) {
         newest = requests;
@@ -551,8 +608,8 @@ static void wait(uint32_t polls, uint32_t step)
 {
     for (; polls != 0; polls--) {
         m.time += step;
-        if (step != 0 && m.queued && newest != at_drive && m.committed && !rounds_to_commit)
-            held++;
+        if (step != 0 && m.queued && m.waiting[g.next] && !rounds_to_commit)
+            held += step;
         if (m.sending && m.time - m.sent_at > SENDING)
             event_telegram_ends();
         poll();
@@ -641,7 +698,7 @@ static void come_to_rest(void)
         wait(3, 1);
     }
     HOLDS(!g.testing && !m.loopback && gateway_is_idle(&g));
-    HOLDS(!m.queued && !m.sending);
+    HOLDS(!m.queued && !m.sending && !m.waiting[0] && !m.waiting[PLACES - 1]);
 }
 
 /* Plays a committed request made from the bytes of pdu; returns the number of replies sent. */

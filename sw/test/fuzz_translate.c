@@ -60,13 +60,13 @@ static void check_coils(const struct bench *b, const uint8_t *pdu, const struct 
     uint32_t i;
 
     HOLDS(first + quantity <= 128);
-    HOLDS(txn->reply[1] == (quantity + 7) / 8);
-    for (i = 0; i < 8u * txn->reply[1]; i++) {
+    HOLDS(txn->out.reply[1] == (quantity + 7) / 8);
+    for (i = 0; i < 8u * txn->out.reply[1]; i++) {
         const bool status = first + i >= 32 && first + i < 64;
         const bool is = i < quantity && (status ? b->t.status >> (first + i - 32) & 1
                                                 : b->model.coils[first + i]);
 
-        HOLDS((txn->reply[2 + i / 8] >> i % 8 & 1) == is);
+        HOLDS((txn->out.reply[2 + i / 8] >> i % 8 & 1) == is);
     }
 }
 
@@ -76,28 +76,28 @@ static void check_reply(const struct bench *b, const struct slot *slot)
 
     HOLDS(!txn->broadcast);
     HOLDS(txn->reply_length >= 2 && txn->reply_length <= REPLY_PDU_MAX);
-    if (txn->reply[0] & 0x80) {
-        HOLDS(txn->reply[0] == (slot->pdu[0] | 0x80));
+    if (txn->out.reply[0] & 0x80) {
+        HOLDS(txn->out.reply[0] == (slot->pdu[0] | 0x80));
         HOLDS(txn->reply_length == 2);
         return;
     }
-    HOLDS(txn->reply[0] == slot->pdu[0]);
-    if (txn->reply[0] == READ_COILS || txn->reply[0] == READ_REGISTERS) {
-        HOLDS(txn->reply_length == 2 + txn->reply[1]);
-        if (txn->reply[0] == READ_COILS)
+    HOLDS(txn->out.reply[0] == slot->pdu[0]);
+    if (txn->out.reply[0] == READ_COILS || txn->out.reply[0] == READ_REGISTERS) {
+        HOLDS(txn->reply_length == 2 + txn->out.reply[1]);
+        if (txn->out.reply[0] == READ_COILS)
             check_coils(b, slot->pdu, txn);
         else
-            HOLDS(txn->reply[1] == 2u * slot->pdu[4]);
+            HOLDS(txn->out.reply[1] == 2u * slot->pdu[4]);
     } else {
         HOLDS(txn->reply_length == 5);
-        HOLDS(!memcmp(txn->reply, slot->pdu, 5));
+        HOLDS(!memcmp(txn->out.reply, slot->pdu, 5));
     }
 }
 
 static void check_parameter_telegram(const struct slot *slot, const struct model *after, enum intent intent)
 {
     const struct transaction *txn = slot->txn;
-    const uint8_t *data = txn->telegram + 1;
+    const uint8_t *data = txn->out.telegram + 1;
     const uint32_t length = txn->telegram_length - 2u;
     const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
     const uint32_t pnu = ((uint32_t)data[0] << 8 | data[1]) & 0x0FFF;
@@ -132,13 +132,13 @@ static void check_parameter_telegram(const struct slot *slot, const struct model
 static void check_telegram(const struct slot *slot, const struct model *after, enum intent intent)
 {
     const struct transaction *txn = slot->txn;
-    const uint8_t *data = txn->telegram + 1;
+    const uint8_t *data = txn->out.telegram + 1;
     const uint32_t length = txn->telegram_length - 2u;
     const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
 
     HOLDS(txn->telegram_length <= TELEGRAM_MAX);
-    HOLDS(bcc_fits(txn->telegram, txn->telegram_length));
-    HOLDS(txn->telegram[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
+    HOLDS(bcc_fits(txn->out.telegram, txn->telegram_length));
+    HOLDS(txn->out.telegram[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
     if (length == 4) {
         HOLDS(intent == INTENT_PROCESS);
         HOLDS(pcd == model_word(after, 0));
@@ -167,7 +167,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     HOLDS(outcome == OUTCOME_REPLY || outcome == OUTCOME_SILENT || outcome == OUTCOME_EXCHANGE);
     HOLDS(outcome != OUTCOME_SILENT || broadcast);
     intent = model_request(&after, slot->pdu, length);
-    check_settings(&slot->txn->settings, &after);
+    check_settings(&b->t.next, &after);
     HOLDS(outcome == OUTCOME_EXCHANGE || intent != INTENT_PROCESS);
     if (outcome == OUTCOME_REPLY)
         check_reply(b, slot);
@@ -177,7 +177,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     slot->at_drive = false;
     if (how & 0x10) /* revoked */
         return;
-    translate_commit(&b->t, slot->txn);
+    translate_commit(&b->t);
     b->model = after;
     check_settings(&b->t.settings, &b->model);
     slot->at_drive = outcome == OUTCOME_EXCHANGE && !broadcast;
@@ -188,12 +188,12 @@ static void second_telegram(const struct bench *b, struct slot *slot)
     struct model now = b->model;
 
     /* The index is that of the first telegram, even if it was written since. */
-    now.ind = slot->txn->telegram[4];
+    now.ind = slot->txn->out.telegram[4];
     HOLDS(BY_SIZE && !slot->again);
     slot->again = true;
     translate_drive_again(slot->txn);
     check_telegram(slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
-    HOLDS(slot->txn->telegram[1] >> 4 == AK_TEXT);
+    HOLDS(slot->txn->out.telegram[1] >> 4 == AK_TEXT);
 }
 
 static void drive_reply(struct bench *b, struct input *in, uint32_t how)
@@ -208,20 +208,20 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
 
     if (!slot->at_drive)
         return;
-    memcpy(telegram, slot->txn->telegram, sizeof telegram);
+    memcpy(telegram, slot->txn->out.telegram, sizeof telegram);
     length = take_telegram(in, telegram, slot->txn->telegram_length, data);
     for (i = 0; i < length; i++)
         b->drive_bank[place_of(i)].byte = data[i];
     outcome = translate_drive_reply(&b->t, slot->txn, b->drive_bank, length + 2);
     HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
-    HOLDS(!memcmp(telegram, slot->txn->telegram, sizeof telegram));
+    HOLDS(!memcmp(telegram, slot->txn->out.telegram, sizeof telegram));
     HOLDS(outcome == OUTCOME_NOT_A_REPLY || outcome == OUTCOME_REPLY || outcome == OUTCOME_EXCHANGE);
     if (outcome == OUTCOME_REPLY)
         check_reply(b, slot);
     if (outcome == OUTCOME_NOT_A_REPLY || how & 0x10) /* its BCC is wrong */
         return;
     HOLDS(length >= 4);
-    translate_drive_commit(&b->t, slot->txn);
+    translate_drive_commit(&b->t);
     HOLDS(b->t.status == ((uint32_t)data[length - 2] << 24 | (uint32_t)data[length - 1] << 16 |
                           (uint32_t)data[length - 4] << 8 | data[length - 3]));
     HOLDS(same_settings(&before.settings, &b->t.settings));
@@ -250,7 +250,7 @@ static void flip(struct bench *b, struct input *in)
     *word ^= 1u << (which >> 3);
     HOLDS(!translate_is_sound(&b->t));
     HOLDS(translate_request(&b->t, txn, b->bank, length, false) == OUTCOME_SILENT);
-    translate_commit(&b->t, txn);
+    translate_commit(&b->t);
     HOLDS(!translate_is_sound(&b->t));
     *word = right;
     HOLDS(translate_is_sound(&b->t));
@@ -267,7 +267,7 @@ static void drive_silent(struct bench *b, uint32_t how)
     HOLDS(outcome == (BY_SIZE ? OUTCOME_SILENT : OUTCOME_REPLY));
     if (outcome == OUTCOME_REPLY) {
         check_reply(b, slot);
-        HOLDS(slot->txn->reply[1] == 255);
+        HOLDS(slot->txn->out.reply[1] == 255);
     }
     slot->at_drive = false;
 }

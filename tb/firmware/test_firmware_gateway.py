@@ -31,6 +31,7 @@ class Bench:
         self.restart()
 
     def restart(self) -> None:
+        self.mailbox.restart()
         self.gateway = self.firmware(self.mailbox.read, self.mailbox.write)
 
     def poll(self) -> None:
@@ -684,6 +685,146 @@ def test_of_several_waiting_requests_the_newest_is_served(bench: Bench):
     assert bench.replies == [H("01 05 0001 FF00")]
 
 
+# ---------------------------------------------------------------- committed writes that wait
+
+START, STOP = H("0F 0000 0020 04 7C04 9919"), H("0F 0000 0020 04 3C04 0000")
+TELEGRAM_OF_START, TELEGRAM_OF_STOP = H("047C 1999"), H("043C 0000")
+SET_PARAMETER, TELL_SET = H("06 081B 0064"), H(f"10CF 0000 0000 0064 {STATUS}")
+
+
+def to(unit: str, data: bytes) -> bytes:
+    return bytes([0x80 if unit == "all" else 0x81]) + data
+
+
+@pytest.mark.rule("FRAME-7", "MAP-9")
+@pytest.mark.parametrize("unit", ["all", "us"])
+@pytest.mark.parametrize("newer", ["local", "reading", "revoked", "invalid"])
+def test_a_committed_write_waits_for_the_exchange_whatever_comes_after_it(bench: Bench, unit: str, newer: str):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(START, broadcast=unit == "all")
+    if newer == "revoked":
+        bench.offer(STOP, broadcast=unit == "all")
+        bench.character()
+    else:
+        bench.request({"local": READ_IND, "reading": H("03 1405 0002"), "invalid": H("07")}[newer])
+    assert bench.telegrams == [ASK_514]
+    bench.drive(TELL_514)
+    assert bench.telegrams[1:] == [to(unit, TELEGRAM_OF_START)]
+
+
+@pytest.mark.rule("FRAME-7", "MAP-9")
+@pytest.mark.parametrize("first", ["all", "us"])
+def test_waiting_writes_leave_in_the_order_of_commit(bench: Bench, first: str):
+    second = "us" if first == "all" else "all"
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(START, broadcast=first == "all")
+    bench.request(STOP, broadcast=second == "all")
+    bench.request(READ_514)
+    bench.drive(TELL_514)
+    for _ in range(3):
+        bench.telegram_ends()
+        if not bench.mailbox.no_reply:
+            bench.drive(TELL_514 if bench.telegrams[-1] == ASK_514 else H(STATUS))
+    expected = [ASK_514, to(first, TELEGRAM_OF_START), to(second, TELEGRAM_OF_STOP), ASK_514]
+    assert bench.telegrams == expected
+    assert bench.replies == [REPLY_514], "the newest request is answered"
+
+
+@pytest.mark.rule("FRAME-7")
+@pytest.mark.parametrize("unit", ["all", "us"])
+def test_a_newer_write_of_the_same_kind_takes_the_place_of_the_older(bench: Bench, unit: str):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(START, broadcast=unit == "all")
+    bench.request(STOP, broadcast=unit == "all")
+    bench.drive(TELL_514)
+    bench.telegram_ends()
+    if unit == "us":
+        bench.drive(H(STATUS))
+    bench.wait(400)
+    assert bench.telegrams == [ASK_514, to(unit, TELEGRAM_OF_STOP)]
+    assert bench.replies == ([H("01 0F 0000 0020")] if unit == "us" else [])
+
+
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_a_write_that_waited_is_answered_and_repeated_like_any_other(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(START)
+    bench.drive(TELL_514)
+    bench.telegram_ends()
+    bench.wait(151)
+    assert bench.telegrams[1:] == [to("us", TELEGRAM_OF_START)] * 2
+    bench.telegram_ends()
+    bench.drive(H(STATUS))
+    assert bench.replies == [H("01 0F 0000 0020")]
+
+
+@pytest.mark.rule("FC-9")
+@pytest.mark.parametrize("before", ["reading", "repeated", "text", "write", "broadcast"])
+@pytest.mark.parametrize("unit", ["all", "us"])
+def test_a_dead_drive_holds_up_a_stop_for_150_ms_at_most(bench: Bench, before: str, unit: str):
+    bench.local(H("06 0002 03E8"))  # 10 s
+    if before == "text":
+        bench.local(H("06 0000 0400"))
+    request = {"text": H("03 14D1 000A"), "write": START, "broadcast": START}.get(before, READ_514)
+    bench.request(request, broadcast=before == "broadcast")
+    bench.telegram_ends()
+    if before == "repeated":
+        bench.wait(10001)
+        bench.telegram_ends()
+    bench.request(READ_514)
+    if before == "broadcast":
+        bench.telegram_ends()
+    count = len(bench.telegrams)
+    bench.wait(20)
+    bench.request(STOP, broadcast=unit == "all")
+    for _ in range(2):
+        bench.wait(131)
+        bench.telegram_ends()
+    assert to(unit, TELEGRAM_OF_STOP) in bench.telegrams[count - 1 : count + 1]
+    assert len(bench.telegrams) <= count + 1, "nothing is repeated while it waits"
+
+
+@pytest.mark.rule("FC-9")
+def test_a_late_stop_ends_a_long_wait_at_once(bench: Bench):
+    bench.local(H("06 0002 03E8"))
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(5000)
+    bench.request(STOP)
+    bench.wait(1)
+    assert bench.telegrams == [ASK_514, to("us", TELEGRAM_OF_STOP)]
+
+
+@pytest.mark.rule("FC-9", "MAP-5")
+def test_a_local_request_does_not_shorten_the_wait(bench: Bench):
+    bench.local(H("06 0002 03E8"))
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.local(READ_IND)
+    bench.wait(9000)
+    bench.drive(TELL_514)
+    bench.local(H("01 0020 0010"))
+    assert bench.replies[-1] == H("01 01 02 03 0F"), "the drive was still listened to"
+
+
+@pytest.mark.rule("WDG-1", "FRAME-7")
+def test_a_write_after_a_restart_waits_for_the_telegram_on_the_line(bench: Bench):
+    bench.request(START)
+    bench.restart()
+    bench.request(STOP)
+    assert bench.telegrams == [to("us", TELEGRAM_OF_START)], "nothing touches the telegram on the line"
+    bench.telegram_ends()
+    bench.wait(10)
+    assert bench.telegrams[1:] == [to("us", TELEGRAM_OF_STOP)]
+    bench.telegram_ends()
+    bench.drive(H(STATUS))
+    assert bench.replies == [H("01 0F 0000 0020")]
+
+
 @pytest.mark.rule("FRAME-7", "FC-9")
 def test_no_older_telegram_is_repeated_after_a_newer_request(bench: Bench):
     bench.request(READ_514)
@@ -914,7 +1055,7 @@ WORST_REQUESTS = {
 }
 
 
-IDLE_ROUND = 150  # instructions, at most
+IDLE_ROUND = 170  # instructions, at most
 
 
 def instructions_until(bench: Bench, happened: str) -> int:
@@ -1015,15 +1156,27 @@ def test_an_unsent_start_never_follows_a_newer_stop(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-1")
-def test_an_unsent_start_is_withdrawn_after_a_newer_revoked_request(bench: Bench):
+@pytest.mark.parametrize("newer", ["revoked", "local", "reading"])
+def test_an_unsent_write_keeps_its_place_against_other_requests(bench: Bench, newer: str):
     bench.mailbox.quiet = False
     bench.request(COMMAND)
     bench.wait(60)
-    bench.offer(READ_IND)
-    assert bench.mailbox.telegram_queued
-    bench.character()
-    bench.wait(6)
-    assert not bench.mailbox.telegram_queued
+    bench.offer(READ_514 if newer == "reading" else READ_IND)
+    if newer == "revoked":
+        bench.character()
+    else:
+        bench.commit()
+    bench.wait(60)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [H("81 047C 1999")]
+
+
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_a_line_that_is_never_silent_holds_a_write_until_the_time_out(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(COMMAND)
+    bench.wait(160)
     bench.mailbox.pause_over()
     bench.wait(400)
     assert bench.telegrams == []

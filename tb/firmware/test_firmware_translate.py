@@ -93,11 +93,12 @@ def test_a_flipped_bit_in_the_settings_prevents_every_command(card: Translator):
 @pytest.mark.rule("SAFE-4")
 def test_a_flip_between_request_and_commit_is_detected_at_the_next_request(card: Translator):
     txn = card.request(H("05 0000 FF00"))
-    for at in range(24):
-        txn.memory[at] = txn.memory[at][0] ^ 0x40
+    prepared = len(card.state())
+    for at in range(prepared, prepared + 24):
+        card.memory[at] = card.memory[at][0] ^ 0x40
         txn.commit()
         assert not card.sound
-        txn.memory[at] = txn.memory[at][0] ^ 0x40
+        card.memory[at] = card.memory[at][0] ^ 0x40
         txn.commit()
         assert card.sound
 

@@ -4,7 +4,8 @@
 Rules as in rtl/gate/: what is queued for a request leaves after its commit, never after a revoke;
 a committed telegram is licensed, and may be repeated once while no newer request is committed, its own has
 no reply, it is no broadcast and its memory is not written; a request that has its reply, or has sent its
-write of coils, licenses nothing more; during the loop-back test all may leave. Times in ms.
+write of coils, licenses nothing more; during the loop-back test all may leave. A committed request that is
+kept gives its licence to the place of its kind, for one telegram, and to its repeat (FRAME-7). Times in ms.
 Frames on the network side are address and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
 """
 
@@ -17,12 +18,16 @@ from tb.model.firmware import JUNK, frame_memory
 BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
 CRC_BYTES = 2
 TICKS_IN_10_MS = 12
+FIRST, REPEAT, WAITING, KEEP = (VALUES["TELEGRAM", "action"][name] for name in ("first", "repeat", "waiting", "keep"))
 WATCHDOG_KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
 
 class FakeMailbox:
-    def __init__(self, address: int = 1) -> None:
+    def __init__(self, address: int = 1, places: int = 2) -> None:
         self.address = address
+        # Waiting writes by kind, broadcast or not: whether they write coils; None: nothing waits.
+        self.waiting: dict[bool, bool | None] = dict.fromkeys([True, False][:places])
+        self.kept = False  # waits for its commit
         self.time = 0
         self.led = 0
         self.kicks = 0
@@ -48,6 +53,13 @@ class FakeMailbox:
         self.events = 0
         memory = frame_memory()
         memory[:] = bytes(len(memory))
+
+    def restart(self) -> None:
+        """The watchdog resets the soft core and the gate; a telegram on the line goes on (WDG-1)."""
+        self._end_licence()
+        self.started = self.reply_queued = self.kept = False
+        self.is_candidate = self.is_committed = self.answerable = False
+        self.waiting = dict.fromkeys(self.waiting)
 
     # ------------------------------------------------------------ memory
 
@@ -136,21 +148,39 @@ class FakeMailbox:
         self.spent |= ticket == self.ticket and self.is_broadcast
 
     def _write_telegram(self, length: int, no_reply: int, action: int, ticket: int) -> None:
+        mine = ticket == self.ticket
+        if action == KEEP:
+            self.kept = mine and self.is_candidate
+            if mine and self.is_committed and not self.spent:
+                self._keep()
+            return
         self.started = False
         self._take_back_what_was_touched()
-        if action == VALUES["TELEGRAM", "action"]["repeat"]:
+        if action == REPEAT:
             self.telegram_queued = self.licensed and self.begun and self.repeatable
             return
         assert not self.sending, "the telegram on the line was overwritten"
-        mine = ticket == self.ticket
-        licensed = (mine and self.is_committed and not self.spent) or self.loopback
-        self.telegram_queued = licensed or (mine and self.is_candidate)
-        self.licensed = licensed
-        self.control = self.writes_coils and licensed and not self.loopback
-        self.newest, self.repeatable, self.begun = True, not self.is_broadcast, False
+        if action == WAITING:
+            control = self.waiting.get(bool(no_reply))
+            licensed = queued = control is not None
+            if licensed:
+                self.waiting[bool(no_reply)] = None
+            self.newest, self.repeatable = mine, not no_reply
+        else:
+            control = self.writes_coils
+            licensed = (mine and self.is_committed and not self.spent) or self.loopback
+            queued = licensed or (mine and self.is_candidate)
+            self.newest, self.repeatable = True, not self.is_broadcast
+        self.telegram_queued, self.licensed, self.begun = queued, licensed, False
+        self.control = bool(control) and licensed and not self.loopback
         self.no_reply = bool(no_reply)
         self.contents = self.memory("TELEGRAM_FRAME", length)
         self.telegram = without_bcc(self.contents)
+
+    def _keep(self) -> None:
+        if self.is_broadcast in self.waiting:
+            self.waiting[self.is_broadcast] = self.writes_coils
+            self.spent = True
 
     def _write_listen(self, on: int) -> None:
         self.listening = bool(on)
@@ -171,7 +201,7 @@ class FakeMailbox:
         self.ticket = (self.ticket + 1) & 15
         self.is_candidate, self.is_committed, self.is_broadcast = True, False, broadcast
         self.writes_coils = pdu[:1] in (b"\x05", b"\x0f")
-        self.answerable = self.reply_queued = False
+        self.answerable = self.reply_queued = self.kept = False
         self._drop_unlicensed()
 
     def commit(self) -> None:
@@ -183,13 +213,16 @@ class FakeMailbox:
                 self._end_licence()
         elif self.telegram_queued:
             self.licensed, self.control = True, self.writes_coils
+        if self.kept:
+            self._keep()
+        self.kept = False
         self._release()
 
     def character(self) -> None:
         """A character: revokes a candidate, makes a committed request too late to answer."""
         self.answerable = self.reply_queued = False
         if self.is_candidate:
-            self.is_candidate = False
+            self.is_candidate = self.kept = False
             self._drop_unlicensed()
 
     def _drop_unlicensed(self) -> None:

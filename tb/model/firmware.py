@@ -58,15 +58,16 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
         ("translate_init", None, pointer),
         ("translate_is_sound", ctypes.c_bool, pointer),
         ("translate_request", ctypes.c_int, pointer, pointer, pointer, u32, ctypes.c_bool),
-        ("translate_commit", None, pointer, pointer),
+        ("translate_commit", None, pointer),
         ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
-        ("translate_drive_commit", None, pointer, pointer),
+        ("translate_drive_commit", None, pointer),
         ("translate_drive_again", None, pointer),
         ("translate_drive_silent", ctypes.c_int, pointer),
         ("gateway_init", None, pointer),
         ("gateway_poll", None, pointer),
         ("host_connect", None, ReadHook, WriteHook),
         ("host_size_of_translator", u32),
+        ("host_size_of_images", u32),
         ("host_size_of_transaction", u32),
         ("host_size_of_gateway", u32),
         ("host_reply", pointer, pointer, ctypes.POINTER(u32)),
@@ -115,7 +116,7 @@ class Transaction:
         return without_bcc(self._bytes(self.translator.lib.host_telegram))
 
     def commit(self) -> Transaction:
-        self.translator.lib.translate_commit(self.translator.memory, self.memory)
+        self.translator.lib.translate_commit(self.translator.memory)
         return self
 
     def drive_reply(self, data: bytes, lge: int | None = None) -> int:
@@ -126,7 +127,7 @@ class Transaction:
         return self.outcome
 
     def drive_commit(self) -> Transaction:
-        self.translator.lib.translate_drive_commit(self.translator.memory, self.memory)
+        self.translator.lib.translate_drive_commit(self.translator.memory)
         return self
 
     def drive_again(self) -> Transaction:
@@ -165,8 +166,8 @@ class Translator:
         return self.request(pdu, broadcast=broadcast).commit()
 
     def state(self) -> bytes:
-        """The bytes of all images, to compare."""
-        return self.memory.raw
+        """The bytes of all images, to compare; not those that are prepared."""
+        return self.memory.raw[: self.lib.host_size_of_images()]
 
 
 class FrameMemory:

@@ -69,7 +69,7 @@ class Machine:
         self,
         read: Callable[[int], int],
         write: Callable[[int, int], None],
-        memory: int = 6144,
+        memory: int = 8192,
         damaged_bit: int | None = None,
         dialect: str = "card",
         program: bytes | None = None,

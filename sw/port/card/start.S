@@ -7,8 +7,8 @@ _start:
     .option push
     .option norelax
     la gp, __global_pointer$
+    la sp, _stack_top /* may be too far from gp */
     .option pop
-    la sp, _stack_top
     la a0, _bss_start
     la a1, _bss_end
 1:  bgeu a0, a1, 2f

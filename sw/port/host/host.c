@@ -30,6 +30,11 @@ uint32_t host_size_of_translator(void)
     return sizeof(struct translator);
 }
 
+uint32_t host_size_of_images(void)
+{
+    return offsetof(struct translator, next);
+}
+
 uint32_t host_size_of_transaction(void)
 {
     return sizeof(struct transaction);
@@ -43,11 +48,11 @@ uint32_t host_size_of_gateway(void)
 const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)
 {
     *length = txn->reply_length;
-    return txn->reply;
+    return txn->out.reply;
 }
 
 const uint8_t *host_telegram(const struct transaction *txn, uint32_t *length)
 {
     *length = txn->telegram_length;
-    return txn->telegram;
+    return txn->out.telegram;
 }

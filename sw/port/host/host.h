@@ -13,6 +13,7 @@ void host_connect(host_read_hook *on_read, host_write_hook *on_write);
 
 /* Sizes in bytes. */
 uint32_t host_size_of_translator(void);
+uint32_t host_size_of_images(void); /* settings and status, the first in struct translator */
 uint32_t host_size_of_transaction(void);
 uint32_t host_size_of_gateway(void);
 
