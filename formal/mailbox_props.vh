@@ -135,7 +135,7 @@ always @(posedge clk) begin
   g_status <= {
     ticks,
     frame_length,
-    2'b00, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
+    1'b0, modbus_quiet && drive_quiet, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
     core_addr[2] ? {1'b0, g_events} : {frame_bank, frame_broadcast, g_committed, g_candidate, g_ticket}
   };
   if (candidate) g_ticket <= g_ticket + 4'd1;

@@ -42,7 +42,7 @@ always @(posedge clk) begin
   g_seen <= {
     ticks,
     request_length,
-    2'b00, exchange,
+    1'b0, exchange,
     request
   };
   if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];

@@ -105,6 +105,8 @@ module mailbox #(
     exchange_status[`MBX_EXCHANGE_CANDIDATE_BITS] = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
     exchange_status[`MBX_EXCHANGE_GOOD_BITS] = exchange[`CARD_EXCHANGE_GOOD_BITS];
     exchange_status[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
+    exchange_status[`MBX_EXCHANGE_SILENT_BITS] =
+        modbus_quiet && exchange[`CARD_EXCHANGE_QUIET_BITS];
   end
 
   bus_arbiter #(

@@ -77,7 +77,7 @@ module mailbox_regs (
 
   always @(posedge clk) begin
     if (valid)
-      rdata <= {ticks, request_length, 2'b00, exchange, show_events ? {1'b0, flags} : request};
+      rdata <= {ticks, request_length, 1'b0, exchange, show_events ? {1'b0, flags} : request};
     else rdata <= 32'd0;
 
     flags <= (flags & ~(wdata[6:0] &{7{clear}})) | events;

@@ -8,7 +8,8 @@
 // quarter bit stops the count of silence and does not end it, so it costs no commit (LINE-5).
 // quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
 // format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
-// Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8.
+// loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
+// frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
 `default_nettype none
 
 module network_port #(
@@ -37,6 +38,7 @@ module network_port #(
     // configuration
     input  wire [   `CARD_LINE_BITS] format,
     input  wire [               7:0] own_address,
+    input  wire                      loopback_open,
     // status
     output wire                      sending,
     output wire                      quiet,
@@ -115,7 +117,7 @@ module network_port #(
       // check
       .bit_valid(bit_valid),
       .bit_data(bit_data),
-      .check_bit(crc_bit),
+      .check_bit(crc_bit != loopback_open),
       // direction
       .line_ready(line_ready),
       // configuration

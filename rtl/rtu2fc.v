@@ -198,6 +198,7 @@ module rtu2fc #(
       // configuration
       .format(format),
       .own_address(addr),
+      .loopback_open(loopback_open),
       // status
       .sending(modbus_sending),
       .quiet(modbus_quiet),

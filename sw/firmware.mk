@@ -4,8 +4,11 @@
 
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
-# Each dialect has an image in a folder of its own; the image of the card dialect is in build.
+# Each dialect has an image in a folder of its own; the image of the card dialect is in build. The same with
+# STATUS_REFRESH (MAP-1) is below build/refresh.
 FIRMWARE_DIALECTS := builtin hvac_basic
+FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%)
+FIRMWARE_FOLDERS += $(FIRMWARE_FOLDERS:build%=build/refresh%)
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
@@ -13,7 +16,7 @@ FIRMWARE_HOST_DIR ?= build/host
 # Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,places).
 firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
-FIRMWARE_STACK := 160
+FIRMWARE_STACK := 176
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
 	translate.c coils.c registers.c telegram.c reply.c guard.c gateway.c leds.c loopback.c image.c)
@@ -31,19 +34,19 @@ FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-s
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
 .PHONY: firmware firmware-size firmware-sources
-FIRMWARE_STANDARD := build/firmware.elf $(FIRMWARE_DIALECTS:%=build/%/firmware.elf)
-FIRMWARE_TINY := $(FIRMWARE_STANDARD:build/%=build/tiny/%)
-FIRMWARE_ELFS := $(FIRMWARE_STANDARD) $(FIRMWARE_TINY)
-$(FIRMWARE_STANDARD) $(FIRMWARE_STANDARD:.elf=.hex): FIRMWARE_CONFIG := standard
-$(FIRMWARE_TINY) $(FIRMWARE_TINY:.elf=.hex): FIRMWARE_CONFIG := tiny
+FIRMWARE_TINY := build/tiny/firmware
+FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
+FIRMWARE_CONFIG := standard
+$(FIRMWARE_TINY).elf $(FIRMWARE_TINY).hex: FIRMWARE_CONFIG := tiny
 FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
 FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),places)
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD
-build/builtin/% build/tiny/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
-build/hvac_basic/% build/tiny/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
-FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_DEFINES)
+build/builtin/% build/refresh/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
+build/hvac_basic/% build/refresh/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
+build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
+FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
 
 $(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
 		regs/generated/frames.ld sw/firmware.mk configs.toml | $(SETUP)

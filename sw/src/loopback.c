@@ -5,28 +5,28 @@
 #include "ticks.h"
 
 enum stage {
-    STAGE_SETTLE,     /* waits until both lines have been silent */
+    STAGE_OVER,       /* no test, or its result was shown */
+    STAGE_LISTEN,     /* for somebody else's characters */
     STAGE_TO_NETWORK, /* the drive port sends */
     STAGE_TO_DRIVE,   /* the network port sends */
-    STAGE_SHOW_WAIT,  /* the result is known, the power-up show still runs */
     STAGE_RESULT,     /* the LEDs show the result */
 };
 
-enum { SETTLE = TICKS(10), TRANSFER = TICKS(40), RESULT = TICKS(12000) };
+/* UNHEARD: from the start of a stage until the lines are silent again, if nobody else sends. */
+enum { UNHEARD = TICKS(30), LISTEN = UNHEARD + TICKS(1000), TRANSFER = TICKS(40), RESULT = TICKS(12000) };
 
-enum { ADR = 0x81, TELEGRAM_LENGTH = 14, RECEIVED_LENGTH = 16, FRAME_LENGTH = 14, GOOD_LGE = 0x0E };
+/* The drive port sends the 16 bytes, with LENGTH as LGE. The last one is a wrong BCC, and no CRC fits: neither a drive
+ * nor a slave accepts the pattern. The network port sends them with a larger LGE, LONGER, and a wrong CRC
+ * (rtl/network_port.v): for a drive the telegram never ends. FILLER, before and after, shows what was received. */
+enum { AT_LGE = 1, AT_ADR = 2, AT_DATA = 3, PATTERN = 16, CRC = 2, LENGTH = PATTERN - AT_ADR, LONGER = 30 };
+enum { FILLER = 0x5A };
 
-/* As the network port receives it: STX, LGE, ADR, twelve data bytes, BCC. It commands nothing if a drive receives
- * it: AK is 0, and bit 10 of the control word is 0. */
-static const uint8_t telegram[RECEIVED_LENGTH] = {0x02, 0x0E, ADR,  0x00, 0x00, 0x00, 0x00, 0x55,
-                                                  0xAA, 0xFF, 0x01, 0x00, 0x00, 0x00, 0x00, 0x8C};
+/* After the pattern: the CRC of the longer one, inverted bit by bit as it is sent, and the byte that is stored no
+ * more. */
+static const uint8_t pattern[PATTERN + CRC + 1] = {0x02, LENGTH, 0x81, 0x00, 0x00, 0x00, 0x00, 0x55, 0xAA,  0xFF,
+                                                   0x01, 0x00,   0x00, 0x00, 0x00, 0x73, 0x27, 0xB7, FILLER};
 
-/* A frame that is also a telegram: its CRC is E2 64, and 64 is the BCC of the bytes before. */
-static const uint8_t frame[FRAME_LENGTH] = {0x02, 0x0E, ADR,  0x55, 0xAA, 0x00, 0xFF,
-                                            0x01, 0x80, 0x7F, 0xFE, 0x33, 0x00, 0x38};
-enum { FRAME_CRC_LOW = 0xE2 };
-
-/* The bank of the next request, where the hardware stores the telegram. */
+/* The bank of the next request, where the hardware stores the pattern. */
 static volatile struct frame_slot *free_bank(void)
 {
     return mailbox_read(REQUEST) & MAILBOX__REQUEST__BANK_bm ? mailbox_frame(REQUEST_FRAME_0)
@@ -47,11 +47,11 @@ static void fill(volatile struct frame_slot *to, const uint8_t *from, uint32_t b
         to[i].byte = from[i];
 }
 
-static bool same(frame_byte *received, const uint8_t *sent, uint32_t bytes)
+static bool same(frame_byte *received, const uint8_t *sent)
 {
     uint32_t i;
 
-    for (i = 0; i < bytes; i++)
+    for (i = 0; i < PATTERN; i++)
         if (received[i].byte != sent[i])
             return false;
     return true;
@@ -62,84 +62,104 @@ static void send_to_network(void)
     volatile struct frame_slot *bank = free_bank();
     uint32_t i;
 
-    for (i = 0; i < RECEIVED_LENGTH; i++)
-        bank[i].byte = 0x5A; /* the result of an earlier test must not count */
-    fill(mailbox_frame(TELEGRAM_FRAME), telegram + 2, TELEGRAM_LENGTH);
-    mailbox_write(TELEGRAM, TELEGRAM_LENGTH << MAILBOX__TELEGRAM__LENGTH_bp | MAILBOX__TELEGRAM__NO_REPLY_bm);
+    for (i = 0; i <= PATTERN; i++)
+        bank[i].byte = mailbox_frame(DRIVE_FRAME)[i].byte = FILLER;
+    fill(mailbox_frame(TELEGRAM_FRAME), pattern + AT_ADR, LENGTH);
+    mailbox_write(TELEGRAM, LENGTH << MAILBOX__TELEGRAM__LENGTH_bp | MAILBOX__TELEGRAM__NO_REPLY_bm);
+}
+
+static bool network_received(void)
+{
+    frame_byte *bank = free_bank();
+
+    return same(bank, pattern) && bank[PATTERN].byte == FILLER;
 }
 
 static void send_to_drive(void)
 {
     mailbox_write(LISTEN, MAILBOX__LISTEN__ON_bm);
-    fill(mailbox_frame(REPLY_FRAME), frame, FRAME_LENGTH);
-    mailbox_write(REPLY, FRAME_LENGTH << MAILBOX__REPLY__LENGTH_bp);
+    fill(mailbox_frame(REPLY_FRAME), pattern, PATTERN);
+    mailbox_frame(REPLY_FRAME)[AT_LGE].byte = LONGER;
+    mailbox_write(REPLY, PATTERN << MAILBOX__REPLY__LENGTH_bp);
 }
 
+/* The receiver stored the data only if STX and ADR were right (rtl/fc_rx.v). */
 static bool drive_received(void)
 {
-    frame_byte *data = mailbox_frame(DRIVE_FRAME);
+    return mailbox_frame(DRIVE_LGE)->byte == LONGER && same(mailbox_frame(DRIVE_FRAME), pattern + AT_DATA);
+}
 
-    return mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__GOOD_bm &&
-           mailbox_frame(DRIVE_LGE)->byte == GOOD_LGE && same(data, frame + 3, FRAME_LENGTH - 3) &&
-           data[FRAME_LENGTH - 3].byte == FRAME_CRC_LOW;
+static void close(void)
+{
+    mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__LOOPBACK_bm);
+}
+
+/* A card that was set to the test by mistake works at once. */
+static void finish(struct loopback *l, bool passed, uint32_t now)
+{
+    l->passed = passed;
+    mailbox_write(LISTEN, 0);
+    if (!passed)
+        close();
+    enter(l, STAGE_RESULT, now);
 }
 
 bool loopback_init(struct loopback *l, uint32_t now)
 {
-    l->passed = false;
-    enter(l, STAGE_SETTLE, now);
-    return (mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;
+    if (!(mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__LOOPBACK_bm)) {
+        close(); /* until the next reset (docs/hardening.md, Loop-back test locked) */
+        return false;
+    }
+    enter(l, STAGE_LISTEN, now);
+    return true;
 }
 
-static void start_to_network(struct loopback *l, uint32_t now)
+static void show_result(struct loopback *l, uint32_t now, bool show_over)
 {
-    send_to_network();
-    enter(l, STAGE_TO_NETWORK, now);
+    if (!show_over)
+        l->stage_start = now;
+    if (now - l->stage_start < RESULT)
+        return;
+    close();
+    l->stage = STAGE_OVER;
 }
 
-static void start_to_drive(struct loopback *l, uint32_t now)
+static void advance(struct loopback *l, uint32_t now, uint32_t passed)
 {
-    l->passed = same(free_bank(), telegram, RECEIVED_LENGTH);
-    send_to_drive();
-    enter(l, STAGE_TO_DRIVE, now);
-}
-
-static void finish_transfers(struct loopback *l, uint32_t now)
-{
-    l->passed = l->passed && drive_received();
-    mailbox_write(LISTEN, 0);
-    enter(l, STAGE_SHOW_WAIT, now);
+    if (l->stage == STAGE_LISTEN) {
+        if (passed > LISTEN) {
+            send_to_network();
+            enter(l, STAGE_TO_NETWORK, now);
+        }
+    } else if (passed <= TRANSFER) {
+        /* the pattern is on the line */
+    } else if (l->stage == STAGE_TO_DRIVE) {
+        finish(l, drive_received(), now);
+    } else if (network_received()) {
+        send_to_drive();
+        enter(l, STAGE_TO_DRIVE, now);
+    } else {
+        finish(l, false, now);
+    }
 }
 
 bool loopback_poll(struct loopback *l, uint32_t now, bool show_over)
 {
     const uint32_t passed = now - l->stage_start;
+    const bool result = l->stage == STAGE_RESULT;
+    uint32_t state;
 
-    switch (l->stage) {
-    case STAGE_SETTLE:
-        if (passed > SETTLE)
-            start_to_network(l, now);
-        break;
-    case STAGE_TO_NETWORK:
-        if (passed > TRANSFER)
-            start_to_drive(l, now);
-        break;
-    case STAGE_TO_DRIVE:
-        if (passed > TRANSFER)
-            finish_transfers(l, now);
-        break;
-    case STAGE_SHOW_WAIT:
-        if (show_over)
-            enter(l, STAGE_RESULT, now);
-        break;
-    default:
-        if (passed >= RESULT) {
-            mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__LOOPBACK_bm);
-            return false;
-        }
-        break;
-    }
-    return true;
+    if (l->stage == STAGE_OVER)
+        return false;
+    state = mailbox_read(EXCHANGE);
+    if (state & MAILBOX__EXCHANGE__LOOPBACK_bm && !(state & MAILBOX__EXCHANGE__SILENT_bm) &&
+        (result || passed > UNHEARD))
+        finish(l, false, now);
+    else if (result)
+        show_result(l, now, show_over);
+    else
+        advance(l, now, passed);
+    return (state & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;
 }
 
 uint32_t loopback_leds(const struct loopback *l)
@@ -147,5 +167,7 @@ uint32_t loopback_leds(const struct loopback *l)
     const uint32_t red = MAILBOX__LED__MODBUS_RED_bm | MAILBOX__LED__DRIVE_RED_bm;
     const uint32_t green = MAILBOX__LED__MODBUS_GREEN_bm | MAILBOX__LED__DRIVE_GREEN_bm;
 
+    if (l->stage != STAGE_RESULT)
+        return 0;
     return l->passed ? red | green : red;
 }

@@ -113,7 +113,7 @@ static void check_telegram(void)
     const uint32_t control = (uint32_t)pcd[0] << 8 | pcd[1];
     const uint32_t reference = (uint32_t)pcd[2] << 8 | pcd[3];
 
-    HOLDS(bcc_fits(m.telegram, m.telegram_length));
+    HOLDS(bcc_fits(m.telegram, m.telegram_length) == !m.loopback);
     if (m.loopback) {
         HOLDS(m.telegram_length == 14 && !(control & 0x0400));
         HOLDS(m.telegram[1] == 0); /* AK 0 */
@@ -216,7 +216,7 @@ static void event_candidate(void)
     memset(newest, 0, sizeof *newest);
     newest->length = take_request(input, newest->pdu);
     newest->broadcast = (take(input) & 7) == 7;
-    newest->ignored = g.testing;
+    newest->ignored = m.loopback;
     newest->after = model;
     newest->intent = model_request(&newest->after, newest->pdu, newest->length);
     m.bank ^= 1;
@@ -325,16 +325,18 @@ static void hear_telegram(void)
 
 static void hear_frame(void)
 {
-    static const uint8_t crc_low = 0xE2;
+    static const uint8_t wrong_crc[] = {0x27, 0xB7};
     const uint32_t damage = take(input);
-    uint8_t heard[FRAME_MAX];
+    uint8_t heard[FRAME_MAX + sizeof wrong_crc];
 
     memcpy(heard, m.reply, m.reply_length);
-    heard[m.reply_length] = crc_low;
+    memcpy(heard + m.reply_length, wrong_crc, sizeof wrong_crc);
     if (damage & 0x80)
         heard[3 + (damage & 7)] ^= 0x10;
-    if (m.reply_length > 3)
-        event_drive_data(heard + 3, m.reply_length - 2);
+    if (m.reply_length > 3) {
+        event_drive_data(heard + 3, m.reply_length - 1);
+        mailbox_frame(DRIVE_LGE)->byte = heard[1];
+    }
 }
 
 static void hear_drive(void)
@@ -411,7 +413,8 @@ static uint32_t on_read(uint32_t offset)
                (m.started ? MAILBOX__EXCHANGE__STARTED_bm : 0u) |
                (m.drive_candidate ? MAILBOX__EXCHANGE__CANDIDATE_bm : 0u) |
                (m.drive_good ? MAILBOX__EXCHANGE__GOOD_bm : 0u) |
-               (m.loopback ? MAILBOX__EXCHANGE__LOOPBACK_bm : 0u);
+               (m.loopback ? MAILBOX__EXCHANGE__LOOPBACK_bm : 0u) |
+               (m.quiet && !m.sending && !m.candidate ? MAILBOX__EXCHANGE__SILENT_bm : 0u);
     default:
         NEVER("a register that the firmware reads");
     }

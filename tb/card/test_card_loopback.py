@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loop-back test of the manual (p13) at the pins: both ports wired to each other, switches set for it.
 
-The transfers, 130 ms, run on both simulators. The verdict comes after the power-up show, 2 s, and stands for
-12 s: at the 25000 clocks a second of Icarus that is 20 minutes, so it is seen on the Verilated card without
-cocotb (`FastCard`), where sim/harness/line_player.h is the wire.
+The second of listening and the transfers run on both simulators. The verdict comes after the power-up show, 2 s,
+and stands for 12 s: at the 25000 clocks a second of Icarus that is 20 minutes, so it is seen on the Verilated
+card without cocotb (`FastCard`), where sim/harness/line_player.h is the wire.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from __future__ import annotations
 import cocotb
 import pytest
 from cocotb.triggers import First, Timer, ValueChange
+from cocotb.utils import get_sim_time
 
 from tb.lib.bench import Bench
 from tb.lib.card import MS, switch_word
 from tb.lib.config import CLK_HZ, SLOW_HZ, boot_clocks
-from tb.lib.fast_card import FastCard
+from tb.lib.fast_card import FastCard, Line
 from tb.lib.rs485 import DirectionMonitor
 from tb.lib.runner import run
 from tb.lib.supervision import Leds, Shown
@@ -26,10 +27,12 @@ from tb.model.crc16 import crc_good
 SWITCHES = "111001111"
 LINE = Format.named(9600, "8E1")
 SHOW_MS, VERDICT_MS, FLASH_MS = 2000, 12_000, 500
+LISTEN_MS, TRANSFERS_MS = 1000, 120
 ACCURACY = 0.01
 READ_DRIVE_TIMEOUT = rtu.build(1, rtu.read_registers(2, 1))
 DRIVE_TIMEOUT = rtu.build(1, bytes.fromhex("03 02 00 0F"))
-CONTROL_BIT_10 = 0x0400
+CONTROL_BIT_10 = 0x04
+CRC_BYTES = 2
 
 
 # ---------------------------------------------------------------- the transfers, on both simulators
@@ -69,24 +72,28 @@ async def each_port_sends_a_pattern_that_the_other_receives(dut):
     network, drive = Port(dut, "modbus"), Port(dut, "drive")
     leds = Leds(dut)
     await bench.start(reset_clocks=8)
-    # A start takes less than half of BOOT-1, the transfers 70 ms, the first step of the show 250 ms.
-    await Timer(round(70 * MS + boot_clocks() / 2 * bench.period_ps), unit="ps")
+    released_ps = get_sim_time("ps")
+    await Timer(round((LISTEN_MS + TRANSFERS_MS) * MS + boot_clocks() / 2 * bench.period_ps), unit="ps")
     telegram, frame = drive.frame(), network.frame()
+    assert telegram.start_ps >= released_ps + LISTEN_MS * MS
     for sent, other in ((telegram, network), (frame, drive)):
         assert [c.byte for c in other.heard.characters] == list(sent.data)
     ends = sorted([(telegram.start_ps, telegram.end_ps), (frame.start_ps, frame.end_ps)])
     assert ends[0][1] < ends[1][0], "one after the other"
     check_harmless(telegram.data)
-    assert crc_good(frame.data)
-    # The power-up show continues meanwhile (LED-1).
-    assert leds.show("drive") == "red" and leds.show("modbus") == "off"
+    check_harmless(frame.data)
+    # The power-up show continues meanwhile: its fifth step (LED-1).
+    assert leds.show("drive") == "off" and leds.show("modbus") == "red"
 
 
-def check_harmless(telegram: bytes) -> None:
-    """Checks a telegram that any drive may receive: well-formed and without a command (SAFE-1)."""
-    parts = fc_telegram.parse(telegram)
-    assert not parts.pcd1 & CONTROL_BIT_10
-    assert parts.ak in (None, fc_telegram.AK_NONE)
+def check_harmless(pattern: bytes) -> None:
+    """Checks that no slave and no drive accepts any part of a pattern (LOOP-1, SAFE-1)."""
+    for begin in range(len(pattern)):
+        for end in range(begin + 2 + CRC_BYTES, len(pattern) + 1):
+            assert not crc_good(pattern[begin:end]), "a Modbus frame"
+        with pytest.raises(fc_telegram.TelegramError):
+            fc_telegram.parse(pattern[begin : begin + 2 + (pattern[begin + 1 : begin + 2] or b"\0")[0]])
+    assert not pattern[-5] & CONTROL_BIT_10, "a command, if its BCC were right"
 
 
 # ---------------------------------------------------------------- the verdict
@@ -95,8 +102,9 @@ def check_harmless(telegram: bytes) -> None:
 def run_to_verdict(card: FastCard) -> tuple[str, str]:
     """Runs until well after the power-up show; returns both LEDs (network, drive)."""
     card.run_until((SHOW_MS + 150) * MS)
-    for telegram in card.drive.frames():
-        check_harmless(telegram.data)
+    for frame in card.drive.frames() + card.modbus.frames():
+        assert frame.start_ps >= LISTEN_MS * MS
+        check_harmless(frame.data)
     return card.led("modbus"), card.led("drive")
 
 
@@ -107,11 +115,14 @@ def verdict_of(history: list[Shown]) -> tuple[Shown, Shown]:
 
 
 def check_verdict(card: FastCard, shows: str) -> None:
-    """Both LEDs show the verdict for its time; no request is served meanwhile."""
+    """Both LEDs show the verdict for its time."""
     assert run_to_verdict(card) == (shows, shows)
+    check_verdict_lasts(card, shows)
+
+
+def check_verdict_lasts(card: FastCard, shows: str) -> None:
     sent = len(card.modbus.frames()), len(card.drive.frames())
     card.set(wired=0)
-    assert card.request(READ_DRIVE_TIMEOUT) is None
     card.run_until((SHOW_MS + VERDICT_MS + 700) * MS)
     assert (len(card.modbus.frames()), len(card.drive.frames())) == sent
     for led in ("modbus", "drive"):
@@ -173,7 +184,7 @@ def test_a_wiring_fault_is_red(config, fault: str):
 
 
 # Number of the character and its inverted data bits. Two bits of one character keep its parity right.
-FLIPS = {"first data": (3, (0,)), "last data": (11, (7,)), "parity stays right": (8, (2, 5))}
+FLIPS = {"first data": (3, (0,)), "last": (15, (7,)), "parity stays right": (8, (2, 5))}
 
 
 @pytest.mark.rule("LOOP-1")
@@ -183,7 +194,7 @@ def test_a_flipped_bit_on_the_wire_is_red(config, sender: str, flips: str):
     character, bits = FLIPS[flips]
     other = {"drive": "modbus", "modbus": "drive"}[sender]
     with FastCard(SWITCHES, config=config, wired=1) as card:
-        assert card.run_until(200 * MS, f"{sender}_de") and card.run_until(200 * MS, f"{sender}_tx")
+        assert card.run_until(1500 * MS, f"{sender}_de") and card.run_until(1500 * MS, f"{sender}_tx")
         start = card.now_ps + character * LINE.character_ps
         for bit in bits:
             card.plan(start + (1 + bit) * LINE.bit_ps, f"flip_to_{other}", 1)
@@ -191,12 +202,120 @@ def test_a_flipped_bit_on_the_wire_is_red(config, sender: str, flips: str):
         assert run_to_verdict(card) == ("red", "red")
 
 
+# ---------------------------------------------------------------- a live bus (a card set to the test by mistake)
+
+REQUEST = rtu.build(2, rtu.read_registers(5139, 2))
+ANSWER = rtu.build(2, bytes.fromhex("03 04 0000 012C"))
+BROADCAST = rtu.build(0, bytes.fromhex("05 000A FF00"))
+FOREIGN = {
+    "unit 2 polled": (REQUEST, ANSWER),
+    "unit 200 and a broadcast": (rtu.build(200, rtu.read_registers(5139, 2)), BROADCAST),
+    "one character": (b"\x55",),
+    "one character, the memory's filler": (b"\x5a",),
+    "drive telegrams": (bytes.fromhex("02 06 82 0000 0000 86"), bytes.fromhex("02 06 82 0F03 2000 AA")),
+    "our own pattern": (bytes.fromhex("02 0E 81 0000 0000 55AA FF01 0000 0000 73"),),
+}
+RATES = [(9600, "8E1"), (9600, "8N2"), (19200, "8E1"), (2400, "8O1"), (300, "8E1"), (38400, "8N2"), (115200, "8E1")]
+
+
+def play_traffic(
+    card: FastCard, name: str, fmt: Format, frames: tuple[bytes, ...], until_ms: float, period_ms: float = 150
+) -> None:
+    """Someone else's frames on a line, one after the other, until a time."""
+    line = Line(card, name, fmt)
+    while card.now_ps < until_ms * MS:
+        for data in frames:
+            line.send(data, 5 * fmt.character_ps)
+        card.run_until(min(until_ms * MS, card.now_ps + period_ms * MS))
+
+
+def check_untouched(card: FastCard) -> None:
+    assert not card.modbus.de and not card.drive.de, "nothing is ever sent"
+    assert run_to_verdict(card) == ("red", "red")
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("rate", RATES, ids=lambda rate: "{}-{}".format(*rate))
+@pytest.mark.parametrize("name", ["modbus", "drive"])
+def test_nothing_is_sent_into_a_live_bus_at_any_rate(config, name: str, rate: tuple[int, str]):
+    with FastCard(SWITCHES, config=config) as card:
+        play_traffic(card, name, Format.named(*rate), FOREIGN["unit 2 polled"], 1500)
+        check_untouched(card)
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("kind", FOREIGN)
+@pytest.mark.parametrize("name", ["modbus", "drive"])
+def test_any_character_of_the_second_before_is_a_failure(config, name: str, kind: str):
+    """It comes once, near the end of that second."""
+    with FastCard(SWITCHES, config=config, wired=1) as card:
+        card.run_until(940 * MS)
+        Line(card, name, LINE).send(FOREIGN[kind][0])
+        card.run_until(1500 * MS)
+        check_untouched(card)
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("at_ms", [0, 300, 700])
+def test_a_card_set_to_the_test_by_mistake_serves_at_once(config, at_ms: float):
+    """The first request that it hears is another unit's, the second its own; both LEDs are red for 12 s."""
+    with FastCard(SWITCHES, config=config) as card:
+        card.run_until(max(at_ms, card.boot_ms) * MS)
+        card.modbus.send(REQUEST)
+        card.modbus.send(ANSWER, 5 * LINE.character_ps)
+        assert card.request(READ_DRIVE_TIMEOUT, timeout_ms=150).data == DRIVE_TIMEOUT
+        assert len(card.modbus.frames()) == 1 and not card.drive.de
+        assert run_past_the_show(card) == ("red", "red")
+        assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
+        assert (card.led("modbus"), card.led("drive")) == ("red", "red"), "while it serves"
+        check_verdict_lasts(card, "red")
+
+
+def run_past_the_show(card: FastCard) -> tuple[str, str]:
+    card.run_until((SHOW_MS + 150) * MS)
+    return card.led("modbus"), card.led("drive")
+
+
+@pytest.mark.rule("LOOP-1")
+def test_a_failed_test_is_over_at_once(config):
+    """A bus that was silent for longer than the card listens: the first request is answered."""
+    with FastCard(SWITCHES, config=config) as card:
+        assert run_to_verdict(card) == ("red", "red")
+        assert len(card.drive.frames()) == 1 and not card.modbus.de, "only what was heard goes on"
+        assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("name", ["modbus", "drive"])
+@pytest.mark.parametrize("after_ms", [0.0, 1.0, 6.0])
+def test_a_character_between_the_transfers_stops_the_test(config, name: str, after_ms: float):
+    with FastCard(SWITCHES, config=config, wired=1) as card:
+        card.run_until(1500 * MS, "drive_de")
+        assert card.drive.driven and card.run_until(1500 * MS, "drive_de")
+        Line(card, name, LINE).send(b"\x55", after_ms * MS)
+        assert run_to_verdict(card) == ("red", "red")
+        assert not card.modbus.de
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("name", ["modbus", "drive"])
+def test_a_character_after_a_passed_test_makes_it_a_failed_one(config, name: str):
+    with FastCard(SWITCHES, config=config, wired=1) as card:
+        assert run_to_verdict(card) == ("orange", "orange")
+        Line(card, name, LINE).send(b"\x55")
+        card.run(50)
+        assert (card.led("modbus"), card.led("drive")) == ("red", "red")
+        card.set(wired=0)
+        card.run(50)
+        assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
+
+
 @pytest.mark.rule("LOOP-1")
 def test_other_switch_settings_do_not_start_the_loopback_test(config):
     for switch in range(9):
         moved = SWITCHES[:switch] + "10"[int(SWITCHES[switch])] + SWITCHES[switch + 1 :]
         with FastCard(moved, config=config, wired=1) as card:
-            card.run(120)
+            card.run(LISTEN_MS + TRANSFERS_MS)
             assert not card.modbus.de and not card.drive.de, moved
 
 

@@ -20,11 +20,14 @@ from tb.model.rv32i import Hung, Machine, image
 
 ORANGE, RED = 0xF, 0b0101
 SHOW_MS, VERDICT_MS = 2000, 12000
-# Test frames, and their bytes as the other port receives them.
+LISTEN_MS = 1030
+# The loop-back test's patterns, and their bytes as the other port receives them.
 TELEGRAM = bytes.fromhex("81 0000 0000 55AA FF01 0000 0000")
-HEARD_BY_NETWORK = bytes.fromhex("02 0E") + TELEGRAM + bytes.fromhex("8C")
-FRAME = bytes.fromhex("02 0E 81 55 AA 00 FF 01 80 7F FE 33 00 38")
-HEARD_BY_DRIVE = FRAME[3:] + bytes.fromhex("E2")
+WRONG_BCC = bytes.fromhex("73")
+HEARD_BY_NETWORK = bytes.fromhex("02 0E") + TELEGRAM + WRONG_BCC
+FRAME = bytes.fromhex("02 1E") + TELEGRAM + WRONG_BCC
+HEARD_BY_DRIVE = FRAME[3:] + bytes.fromhex("27 B7")  # and a wrong CRC
+LGE = FRAME[1]
 
 
 class BootedFirmware:
@@ -215,24 +218,37 @@ def test_every_round_kicks_the_watchdog():
 # ---------------------------------------------------------------- the loop-back test
 
 
+def sent_telegrams(card: BootedFirmware) -> list[bytes]:
+    """Every telegram, its BCC as it is."""
+    return [bytes(card.mailbox.contents)] if card.mailbox.telegrams else []
+
+
+def hear_at_drive(card: BootedFirmware, data: bytes, lge: int = LGE) -> None:
+    """What the receiver stores of a telegram that never ends."""
+    card.mailbox._store("DRIVE_LGE", bytes([lge]))
+    card.mailbox._store("DRIVE_FRAME", data)
+
+
 def card_with(
     to_network: bytes = HEARD_BY_NETWORK,
     to_drive: bytes = HEARD_BY_DRIVE,
-    good: bool = True,
-    lge: int | None = None,
+    lge: int = LGE,
     bank: int = 0,
 ) -> BootedFirmware:
     """A card after both transfers, with the given bytes received."""
     card = BootedFirmware(loopback=True)
     card.mailbox.bank = bank
-    card.wait(12)
-    assert card.mailbox.telegrams == [TELEGRAM]
+    card.wait(LISTEN_MS - 2)
+    assert sent_telegrams(card) == [], "a second of listening comes first"
+    card.wait(5)
+    assert sent_telegrams(card) == [TELEGRAM + WRONG_BCC]
+    card.wait(20)
     card.mailbox.telegram_ends()
     card.mailbox._store(f"REQUEST_FRAME_{1 - card.mailbox.bank}", to_network)
-    card.wait(45)
-    assert card.mailbox.replies == [FRAME]
-    card.mailbox.drive_data(to_drive, lge)
-    card.mailbox.bcc(good)
+    card.wait(25)
+    if card.mailbox.replies:
+        assert card.mailbox.replies == [FRAME]
+        hear_at_drive(card, to_drive, lge)
     card.wait(45)
     return card
 
@@ -240,7 +256,7 @@ def card_with(
 def shown(card: BootedFirmware) -> int:
     """The LEDs in the middle of the verdict."""
     card.wait(SHOW_MS + 1000 - card.mailbox.time)
-    assert card.mailbox.loopback
+    assert card.mailbox.loopback == (card.mailbox.led == ORANGE), "after a failure the card works at once"
     return card.mailbox.led
 
 
@@ -294,16 +310,53 @@ def test_a_wrong_length_at_the_drive_port_is_red(lge: int):
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
 def test_a_dead_wire_in_either_direction_is_red():
-    assert shown(card_with(to_network=b"")) == RED
-    assert shown(card_with(good=False)) == RED
+    card = card_with(to_network=b"")
+    assert card.mailbox.replies == [], "nothing more is sent"
+    assert shown(card) == RED
+    assert shown(card_with(to_drive=b"")) == RED
 
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-def test_a_request_during_the_loopback_test_is_never_served():
-    card = card_with()
-    card.mailbox.candidate(bytes.fromhex("03 0000 0001"))
-    card.mailbox.commit()
+def test_a_byte_after_a_pattern_is_red():
+    assert shown(card_with(to_network=HEARD_BY_NETWORK + b"\x55")) == RED
+    assert shown(card_with(to_drive=HEARD_BY_DRIVE + b"\x55")) == RED
+
+
+def served(card: BootedFirmware) -> bool:
     replies = len(card.mailbox.replies)
-    card.wait(SHOW_MS + VERDICT_MS + 200 - card.mailbox.time)
-    assert not card.mailbox.loopback and len(card.mailbox.replies) == replies
+    card.mailbox.candidate(bytes.fromhex("03 0000 0001"))
+    card.wait(2)
+    card.mailbox.commit()
+    card.wait(2)
+    return card.mailbox.replies[replies:] == [bytes.fromhex("01 03 02 0000")]
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.usefixtures("both")
+@pytest.mark.parametrize("at_ms", [32, 500, LISTEN_MS - 2, LISTEN_MS + 35, LISTEN_MS + 75, 1500, 9000])
+def test_a_character_of_somebody_else_ends_the_test_at_any_time(at_ms: int):
+    card = BootedFirmware(loopback=True)
+    card.mailbox.bank = 1
+    for _ in range(at_ms):
+        card.wait(1)
+        if card.mailbox.sending and card.mailbox.time > LISTEN_MS + 22:
+            card.mailbox.telegram_ends()
+            card.mailbox._store("REQUEST_FRAME_0", HEARD_BY_NETWORK)
+        if card.mailbox.replies and card.mailbox.listening:
+            hear_at_drive(card, HEARD_BY_DRIVE)
+            card.mailbox.listening = False
+    assert card.mailbox.loopback
+    sent = len(card.mailbox.telegrams), len(card.mailbox.replies)
+    card.mailbox.silent = False
+    card.wait(2)
+    card.mailbox.silent = True
+    assert not card.mailbox.loopback and served(card)
+    sent = sent[0], sent[1] + 1
+    card.wait(max(SHOW_MS, card.mailbox.time) + 100 - card.mailbox.time)
+    assert card.mailbox.led == RED
+    card.wait(VERDICT_MS - 300)
+    assert card.mailbox.led == RED
+    card.wait(1000)
+    assert card.mailbox.led != RED
+    assert (len(card.mailbox.telegrams), len(card.mailbox.replies)) == sent and served(card)

@@ -62,6 +62,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def wanted(item: pytest.Item, config: pytest.Config) -> bool:
+    cards = item.get_closest_marker("cards")
+    if cards and place(item)[1] not in cards.args:
+        return False
     if config.getoption("--figures") or item.get_closest_marker("figures"):
         return config.getoption("--figures") and item.get_closest_marker("figures") is not None
     if config.getoption("--card"):

@@ -29,6 +29,7 @@ module network_line #(
     // configuration
     input  wire [5:1] sw_baud,
     input  wire [7:0] own_address,
+    input  wire       loopback_open,
     // status
     output wire       sending,
     output wire       quiet,
@@ -91,6 +92,7 @@ module network_line #(
       .de(de),
       .format(format),
       .own_address(own_address),
+      .loopback_open(loopback_open),
       .sending(sending),
       .quiet(quiet),
       .start_seen(start_seen),

@@ -36,6 +36,7 @@ SOURCES = {
     ("EXCHANGE", "candidate"): "drive_candidate",
     ("EXCHANGE", "good"): "drive_good",
     ("EXCHANGE", "loopback"): "loopback_open",
+    ("EXCHANGE", "silent"): "modbus_quiet",
 }
 # What is flagged by hardware, and the strobe that says so.
 EVENTS = {

@@ -44,6 +44,7 @@ class Port:
             tick_base=1,
             sw_baud=switch_word(baud_switches(baud, form)) & 0x1F,
             own_address=OWN,
+            loopback_open=0,
             reply_start=0,
             reply_length=0,
         )
@@ -391,6 +392,18 @@ async def echo_of_the_own_reply_is_no_request(dut):
 
 
 @cocotb.test()
+async def the_loopback_tests_pattern_has_a_wrong_crc(dut):
+    port = await Port(dut).start()
+    dut.loopback_open.value = 1
+    pattern = await port.reply(GOOD[:-2])
+    assert pattern[:-2] == GOOD[:-2] and len(pattern) == len(GOOD)
+    assert all(byte != right for byte, right in zip(pattern[-2:], GOOD[-2:], strict=True))
+    dut.loopback_open.value = 0
+    await port.silence(4)
+    assert await port.reply(GOOD[:-2]) == GOOD
+
+
+@cocotb.test()
 async def port_is_quiet_only_after_t35_of_silence(dut):
     port = await Port(dut).start()
     assert dut.quiet.value == 1
@@ -437,6 +450,7 @@ COMMON = [
     "line_low_at_power_up_is_no_frame",
     "foreign_frames_are_ignored_and_broadcasts_are_accepted",
     "echo_of_the_own_reply_is_no_request",
+    "the_loopback_tests_pattern_has_a_wrong_crc",
     "port_is_quiet_only_after_t35_of_silence",
     "bytes_received_while_sending_are_ignored",
 ]
@@ -444,7 +458,7 @@ COMMON = [
 
 @pytest.mark.rule(
     *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
-    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2"),
+    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "LOOP-1"),
 )
 def test_network_port(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=COMMON)
