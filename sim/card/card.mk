@@ -22,10 +22,13 @@ CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_d
 # Changes whenever the clock does: everything that has it built in depends on this file.
 CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
 
-# The image is read at start-up, from the folder of the program or its dialect's below: a new one needs no
-# new build.
+# The image is read at start-up, from the folder of the program, its dialect's below, or the same below refresh: a
+# new one needs no new build. The small card has one image.
 CARD_FIRMWARE := firmware.hex
-CARD_IMAGES := $(addprefix $(CARD_FOLDER)/,$(CARD_FIRMWARE) $(FIRMWARE_DIALECTS:%=%/$(CARD_FIRMWARE)))
+CARD_IMAGES := $(CARD_FOLDER)/$(CARD_FIRMWARE)
+ifeq ($(CARD_FOLDER),build)
+CARD_IMAGES := $(FIRMWARE_FOLDERS:%=%/$(CARD_FIRMWARE))
+endif
 
 CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
 	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/harness -Iregs/generated $(DRIVE_CPPFLAGS)

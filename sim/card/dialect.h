@@ -16,6 +16,9 @@ struct Dialect {
   bool standard_exceptions;  // codes 1 to 4 mean what the Modbus standard says
 };
 
+// The images with STATUS_REFRESH (MAP-1), relative to this program's folder, dialect by dialect below it.
+constexpr const char* kStatusRefreshFolder = "/refresh";
+
 // nullptr when there is no such dialect.
 const Dialect* find_dialect(const std::string& name);
 const Dialect& default_dialect();

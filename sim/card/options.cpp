@@ -118,6 +118,7 @@ Options parse_options(int argc, char** argv) {
       {"--drive-device", true, text(options.drive_device)},
       {"--profile", true, [&](const std::string& v) { options.profile = profile("--profile", v); }},
       {"--dialect", true, [&](const std::string& v) { options.dialect = dialect("--dialect", v); }},
+      {"--status-refresh", false, flag(options.status_refresh)},
       {"--sw-baud", true,
        [&](const std::string& v) { options.sw_baud = baud_switches("--sw-baud", v); }},
       {"--sw-addr", true,
@@ -180,6 +181,7 @@ const char* help_text() {
          "  --dialect NAME         firmware of the card: card (default, the option card's own), builtin\n"
          "                         (as VLT 2800, 6000, 8000 with Modbus built in), hvac_basic (as the VLT\n"
          "                         HVAC Basic Drive)\n"
+         "  --status-refresh       a read of coils 33-64 asks the drive first (an image of its own)\n"
          "  --sw-baud 111110000    rate and parity switches, switch 1 first, 1 = ON (default 9600 8N2)\n"
          "  --sw-addr 10000000     address switches, switch 1 first, 1 = ON (default address 1)\n"
          "time\n"

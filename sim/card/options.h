@@ -19,6 +19,7 @@ struct Options {
   double trip_seconds = 0;  // when the simulated drive trips, 0: never
   std::string drive_device;
   const Dialect* dialect = nullptr;
+  bool status_refresh = false;  // the image that asks the drive for coils 33-64 (MAP-1)
   const drive_profile_t* profile = nullptr;
   unsigned sw_baud = 0;  // bit n-1 = switch n, 1 = ON
   unsigned sw_addr = 0;

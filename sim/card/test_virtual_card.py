@@ -38,7 +38,7 @@ MANUAL = [
 ]
 OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
-    *("--dialect", "--profile", "--speed", "--for", "--wave", "--pcap", "--log", "--quiet", "--control"),
+    *("--status-refresh", "--dialect", "--profile", "--speed", "--for", "--wave", "--pcap", "--log", "--quiet", "--control"),
 ]
 READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
 CHARACTER_S = 11 / 9600
@@ -240,8 +240,12 @@ def test_a_failed_second_line_leaves_no_link_of_the_first(tmp_path):
 def test_missing_image_is_reported_with_its_path(tmp_path):
     """The images lie beside the program: a program moved away from them finds none."""
     lonely = shutil.copy(CARD, tmp_path / "card")
-    for dialect, image in (("card", "firmware.hex"), ("builtin", "builtin/firmware.hex")):
-        run = subprocess.run([lonely, "--dialect", dialect], capture_output=True, text=True, check=False)
+    for options, image in (
+        (["--dialect", "card"], "firmware.hex"),
+        (["--dialect", "builtin"], "builtin/firmware.hex"),
+        (["--dialect", "builtin", "--status-refresh"], "refresh/builtin/firmware.hex"),
+    ):
+        run = subprocess.run([lonely, *options], capture_output=True, text=True, check=False)
         assert run.returncode == 2
         assert run.stderr.count("\n") == 1
         assert str(tmp_path / image) in run.stderr
@@ -389,6 +393,38 @@ def test_the_drive_trips_on_demand(tmp_path):
         client.close()
     assert readings[-1][0] & 0x0808 == 8, "tripped, not running"
     assert readings[-1][1] == 0
+
+
+def read_status_coils(client) -> int:
+    reply = client.read_coils(32, count=16, device_id=1)
+    assert not reply.isError()
+    return sum(bit << i for i, bit in enumerate(reply.bits))
+
+
+@pytest.mark.rule("MAP-1")
+@pytest.mark.parametrize("dialect", ["card", "builtin", "hvac_basic"])
+def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_path, dialect):
+    options = ("--dialect", dialect, "--profile", "vlt6000", "--status-refresh")
+    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5", *options) as card:
+        client = pymodbus_client(card)
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        assert read_status_coils(client) & 0x0808 == 0x0800, "running, no trip"
+        for _ in range(500):
+            if (status := read_status_coils(client)) & 8:
+                break
+        client.close()
+    assert status & 0x0808 == 8, "tripped, not running"
+
+
+@pytest.mark.rule("MAP-1")
+def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path):
+    with RunningCard(tmp_path, "--speed", "max", "--trip", "0.5", "--log", str(tmp_path / "log")) as card:
+        client = pymodbus_client(card)
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        for _ in range(100):
+            assert read_status_coils(client) & 0x0808 == 0x0800
+        assert read_drive(client)[0] & 8, "it had tripped"
+        client.close()
 
 
 @pytest.mark.rule("FC-6", "MAP-1", "MAP-3")
