@@ -13,7 +13,7 @@ FIRMWARE_FOLDERS += $(FIRMWARE_FOLDERS:build%=build/refresh%)
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
 
-# Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,places).
+# Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,waiting_places).
 firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
 FIRMWARE_STACK := 176
@@ -39,7 +39,7 @@ FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
 FIRMWARE_CONFIG := standard
 $(FIRMWARE_TINY).elf $(FIRMWARE_TINY).hex: FIRMWARE_CONFIG := tiny
 FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
-FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),places)
+FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),waiting_places)
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD

@@ -7,7 +7,7 @@
  *                 DIALECT_HVAC_BASIC, those of the VLT HVAC Basic Drive.
  * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
  * PLACES          committed writes that can wait for the end of an exchange (FRAME-7): 2, a broadcast and another
- *                 write; 1, a broadcast only. The same as `places` in configs.toml.
+ *                 write; 1, a broadcast only. The same as `waiting_places` in configs.toml.
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  *
  * The small card runs DIALECT_CARD only: build/firmware.elf must fit the smallest memory of configs.toml, and
