@@ -99,8 +99,6 @@ class Places:
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
         known = configurations()
-        # The firmware fits the smallest memory of all configurations; frames and counters lie at its end.
-        end = min(entry["memory_bytes"] for entry in known.values()) // BYTES_PER_WORD
         words = known["standard"]["memory_bytes"] // BYTES_PER_WORD
         frames = FRAMES_BYTES // BYTES_PER_WORD
         self.by_part: dict[str, list[tuple[Register, range, int]]] = {part: [] for part in PARTS}
@@ -112,7 +110,7 @@ class Places:
                 self._add("core registers", register, range(1, 32))
             else:
                 self._add("code", register, range(image))
-                self._add("data", register, range(image, end - frames))
+                self._add("data", register, range(image, words - frames))
                 self._add("frame memory", register, range(words - frames, words))
 
     def _add(self, part: str, register: Register, words: range) -> None:

@@ -13,7 +13,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from tb.model import fc_telegram
-from tb.model.card import CardModel
+from tb.model.card import READS, CardModel
 from tb.model.crc16 import crc_good
 from tb.model.wire import FRAME_MAX, FRAME_MIN, UNSURE_BITS, Burst, Heard, Line, drive_line, taken_by_a_drive
 
@@ -108,7 +108,10 @@ def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: 
         rightful = [
             frame
             for frame in before
-            if data in frame.telegrams and frame.sent[data] < frame.most and frame.end > newest_answered
+            if data in frame.telegrams
+            and frame.sent[data] < frame.most
+            # A write may wait in its place while newer requests are answered (FRAME-7).
+            and (frame.end > newest_answered or frame.data[1] not in READS)
         ]
         if rightful:
             rightful[-1].sent[data] += 1
