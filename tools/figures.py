@@ -61,7 +61,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "results": (bench, "make bench"),
     "coverage": (one_card, "make coverage-rtl"),
     "line-quality": (one_card, "make line-quality"),
-    "fuzz": (one_card, "make fuzz, make fuzz-plants and make flips"),
+    "fuzz": (one_card, "make fuzz, fuzz-plants, flips, core-flips and fuzz-page"),
     "mutants": (mutants, "make mutate"),
     "synthesis": (synthesis, "make synth"),
 }

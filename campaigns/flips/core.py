@@ -4,19 +4,23 @@
     python -m campaigns.flips.core [--seed N] [--count FLIPS] [--image FILE]   # make core-flips
 
 The card's image runs on the RV32I machine of the tests. Each flip inverts one bit of x1 to x31 before one
-instruction between a candidate and its commit. Exit 0: no telegram with control word bit 10 = 1 was altered
-(SAFE-4); 1: at least one was; 2: an invalid command line.
+instruction between a candidate and its commit. A run of the card's own image writes
+build/fuzz/core-flips.json. Exit 0: no telegram with control word bit 10 = 1 was altered (SAFE-4); 1: at least
+one was; 2: an invalid command line.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from campaigns.bench import fingerprint
+from campaigns.fuzz.run import FOLDER
 from tb.lib.options import at_least
 from tb.model import rtu
 from tb.model.fake_mailbox import FakeMailbox
@@ -36,6 +40,8 @@ EARLIER = H("0F 0000 0020 04 7D04 1122")
 DRIVE_SAYS = H("0F03 2000")
 VALID = 0x04  # bit 10, in the control word's upper byte
 RESULTS = ("as asked", "altered, bit 10 = 1", "altered, bit 10 = 0", "refused by its BCC", "none")
+FILE = FOLDER / "core-flips.json"
+KEYS = {"seed", "count", "card", "results"}  # keys of that file
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,10 @@ def main() -> int:
         print(f"core_flips: {options.image}: {error.strerror}", file=sys.stderr)
         return 2
     results, altered = flip_registers(options.seed, options.count, image)
+    if image is None:
+        kept = {"seed": options.seed, "count": options.count, "card": fingerprint.shard(), "results": results}
+        FILE.parent.mkdir(parents=True, exist_ok=True)
+        FILE.write_text(json.dumps(kept, indent=1) + "\n")
     print(f"seed {options.seed}, {options.count} flips")
     for result in RESULTS:
         print(f"{results[result]:7}  {result}")

@@ -108,12 +108,15 @@ def merge(results: list[dict]) -> dict:
     }
 
 
-def report(merged: dict) -> str:
-    """Table of the effects by part."""
+def rates(merged: dict) -> str:
+    """Number of flips at each rate, in words."""
+    return ", ".join(f"{count} at {baud} bit/s {FORMS[baud]}" for baud, count in merged["flips_at"].items())
+
+
+def table(merged: dict) -> list[str]:
+    """Effects by part, a row each."""
     parts = [part for part in PARTS if any(merged["bits"][part])]
-    rates = ", ".join(f"{count} at {baud} bit/s {FORMS[baud]}" for baud, count in merged["flips_at"].items())
-    lines = [f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates}", ""]
-    lines.append("| became | " + " | ".join(parts) + " | all |")
+    lines = ["| outcome | " + " | ".join(parts) + " | all |"]
     lines.append("|---|" + "---|" * (len(parts) + 1))
     for what in OUTCOMES:
         row = [merged["counts"].get(f"{part}: {what}", 0) for part in parts]
@@ -121,7 +124,16 @@ def report(merged: dict) -> str:
     flips = [sum(n for k, n in merged["counts"].items() if k.startswith(f"{part}: ")) for part in parts]
     lines.append("| flips | " + " | ".join(map(str, [*flips, sum(flips)])) + " |")
     there = [" or ".join(map(str, merged["bits"][part])) for part in parts]
-    lines.append("| bits there | " + " | ".join(there) + " | |")
+    return [*lines, "| bits there | " + " | ".join(there) + " | |"]
+
+
+def report(merged: dict) -> str:
+    """Table of the effects, and a line for each notable flip."""
+    lines = [
+        f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates(merged)}",
+        "",
+    ]
+    lines += table(merged)
     lines += [f"{e['trial']}: {e['flip']}: {e['what']}: {e['why']}" for e in merged["notable"]]
     return "\n".join(lines)
 

@@ -35,6 +35,7 @@ class Plant:
     new: str = ""
     parameters: tuple[tuple[str, int], ...] = ()
     defines: str = ""
+    description: str = ""  # rule and mistake, for the report
 
     @property
     def firmware(self) -> bool:
@@ -86,13 +87,19 @@ class Plant:
 
 
 PLANTS = (
-    Plant("lenient-t15", ("FRAME-3",), parameters=(("STRICT_T15", 0),)),
+    Plant(
+        "lenient-t15",
+        ("FRAME-3",),
+        parameters=(("STRICT_T15", 0),),
+        description="FRAME-3: built with STRICT_T15 = 0",
+    ),
     Plant(
         "reply-into-traffic",
         ("FRAME-7",),
         "rtl/gate/reply_slot.v",
         "wire heard = start_seen && is_committed;",
         "wire heard = 1'b0;",
+        description="FRAME-7: the gate no longer drops a reply after a newer character",
     ),
     Plant(
         "address-of-a-revoked",
@@ -100,6 +107,7 @@ PLANTS = (
         "rtl/rtu_rx.v",
         "if (spoilt) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;",
         "if (byte_valid) state <= S_SUSPECT;",
+        description="FRAME-3: a new frame may begin after a revoked one",
     ),
     Plant(
         "no-new-address",
@@ -107,18 +115,39 @@ PLANTS = (
         "rtl/rtu_rx.v",
         "else if (short_reached && STRICT_T15) state <= S_SUSPECT;",
         "else if (short_reached) state <= S_WAIT;",
+        description="FRAME-2: the bytes after an incomplete frame are dropped",
     ),
-    Plant("parity-ignored", ("FRAME-4",), "rtl/rtu_rx.v", "if (byte_parity_error) parity_bad <= 1'b1;", ""),
     Plant(
-        "stop-bit-ignored", ("FRAME-4",), "rtl/rtu_rx.v", "if (byte_framing_error) framing_bad <= 1'b1;", ""
+        "parity-ignored",
+        ("FRAME-4",),
+        "rtl/rtu_rx.v",
+        "if (byte_parity_error) parity_bad <= 1'b1;",
+        "",
+        description="FRAME-4: a parity error is ignored",
     ),
-    Plant("crc-ignored", ("FRAME-4",), "rtl/rtu_rx.v", "crc_good && clean", "clean"),
+    Plant(
+        "stop-bit-ignored",
+        ("FRAME-4",),
+        "rtl/rtu_rx.v",
+        "if (byte_framing_error) framing_bad <= 1'b1;",
+        "",
+        description="FRAME-4: a missing stop bit is ignored",
+    ),
+    Plant(
+        "crc-ignored",
+        ("FRAME-4",),
+        "rtl/rtu_rx.v",
+        "crc_good && clean",
+        "clean",
+        description="FRAME-4: the CRC is not checked",
+    ),
     Plant(
         "length-257",
         ("FRAME-5",),
         "rtl/rtu_rx.v",
         "if (length[8]) overrun <= 1'b1;",
         "if (1'b0) overrun <= 1'b1;",
+        description="FRAME-5: no end at 256",
     ),
     Plant(
         "t35-early",
@@ -126,14 +155,23 @@ PLANTS = (
         "rtl/silence_timer.v",
         "wire half_over = counting && ticks == half_end;",
         "wire half_over = counting && ticks == half_end - 2'd2;",
+        description="FRAME-1: each half character is two ticks short",
     ),
-    Plant("half-a-glitch", ("LINE-5",), "rtl/glitch_filter.v", "ones >= 4'd5", "ones >= 4'd8"),
+    Plant(
+        "half-a-glitch",
+        ("LINE-5",),
+        "rtl/glitch_filter.v",
+        "ones >= 4'd5",
+        "ones >= 4'd8",
+        description="LINE-5: the filter wants eight of nine samples",
+    ),
     Plant(
         "drive-gap-forgiven",
         ("FC-8",),
         "rtl/drive_port.v",
         ".long_reached(long_reached),\n      // frame memory",
         ".long_reached(1'b0),\n      // frame memory",
+        description="FC-8: a reply may pause",
     ),
     Plant(
         "slow-telegram-forgiven",
@@ -141,8 +179,16 @@ PLANTS = (
         "rtl/fc_rx.v",
         "(!check_good || ahead < 10'sd0)",
         "(!check_good)",
+        description="FC-8: a slow reply is accepted",
     ),
-    Plant("bcc-ignored", ("FC-8",), "rtl/fc_rx.v", "(!check_good || ahead < 10'sd0)", "(ahead < 10'sd0)"),
+    Plant(
+        "bcc-ignored",
+        ("FC-8",),
+        "rtl/fc_rx.v",
+        "(!check_good || ahead < 10'sd0)",
+        "(ahead < 10'sd0)",
+        description="FC-8: the BCC is not checked",
+    ),
     Plant(
         "adr-ignored",
         (
@@ -152,6 +198,7 @@ PLANTS = (
         "rtl/fc_rx.v",
         "(state == S_ADR && byte_data != adr) ||",
         "",
+        description="FC-2, FC-8: the address of a reply is not checked",
     ),
     Plant(
         "no-pause",
@@ -159,6 +206,7 @@ PLANTS = (
         "rtl/drive_port.v",
         "CARD_DRIVE_PAUSE_TICKS + 12'd4",
         "CARD_DRIVE_PAUSE_TICKS / 12'd4",
+        description="FC-8: no two characters before a telegram",
     ),
     Plant(
         "no-repeat",
@@ -166,6 +214,7 @@ PLANTS = (
         "sw/src/gateway.c",
         "if (g->repeated || g->at_drive != g->newest) {",
         "if (1) {",
+        description="FC-9: no repeat",
     ),
     Plant(
         "command-in-a-parameter",
@@ -173,16 +222,39 @@ PLANTS = (
         "sw/src/telegram.c",
         "    return end(txn, at, 0, 0);",
         "    return end(txn, at, 0x047C, 0);",
+        description="SAFE-1: every parameter telegram starts the motor; the gate takes bit 10 away",
     ),
-    Plant("endless-repeat", ("FC-9",), "sw/src/gateway.c", "g->repeated = true;", "g->repeated = false;"),
-    Plant("other-wait", ("FC-9",), "sw/include/ticks.h", "(tens << 3) + (tens << 2)", "(tens << 3)"),
-    Plant("any-pnu", ("FC-8",), "sw/src/translate.c", "(word_at(data) & 0x0FFF) != txn->pnu", "0"),
+    Plant(
+        "endless-repeat",
+        ("FC-9",),
+        "sw/src/gateway.c",
+        "g->repeated = true;",
+        "g->repeated = false;",
+        description="FC-9: repeats without end",
+    ),
+    Plant(
+        "other-wait",
+        ("FC-9",),
+        "sw/include/ticks.h",
+        "(tens << 3) + (tens << 2)",
+        "(tens << 3)",
+        description="FC-9: 8 instead of 12 in the length of a wait",
+    ),
+    Plant(
+        "any-pnu",
+        ("FC-8",),
+        "sw/src/translate.c",
+        "(word_at(data) & 0x0FFF) != txn->pnu",
+        "0",
+        description="FC-8: a reply with another PNU is accepted",
+    ),
     Plant(
         "newest-not-served",
         ("FRAME-7",),
         "sw/src/gateway.c",
         "    if (txn != g->newest)\n        return;\n",
         "",
+        description="FRAME-7: an older reply takes the place of the newer one",
     ),
     Plant(
         "wrong-order",
@@ -191,6 +263,7 @@ PLANTS = (
         "    if (!quantity_fits(",
         "    if (txn->address >> 15) return reply_exception(txn, TRAITS.bad_address);\n"
         "    if (!quantity_fits(",
+        description="EXC: address before quantity",
     ),
     Plant(
         "changed-before-commit",
@@ -199,10 +272,28 @@ PLANTS = (
         "    g->uncommitted = true;\n",
         "    g->uncommitted = true;\n    uint32_t *word = g->translator.settings.word;\n"
         "    word[GUARD] += word[LOCAL_IND];\n    word[LOCAL_IND] = 0;\n",
+        description="FRAME-6: a register changes with the candidate",
     ),
-    Plant("cut-value", ("MAP-7",), "sw/src/registers.c", "high == 0xFFFF && low >= 0x8000", "high == 0xFFFF"),
-    Plant("short-adr", ("FC-2",), defines="-DADR_SHORT=1"),
-    Plant("status-asked", ("MAP-1",), defines="-DSTATUS_REFRESH=1"),
+    Plant(
+        "cut-value",
+        ("MAP-7",),
+        "sw/src/registers.c",
+        "high == 0xFFFF && low >= 0x8000",
+        "high == 0xFFFF",
+        description="MAP-7: a value below -32768 is cut, not refused",
+    ),
+    Plant(
+        "short-adr",
+        ("FC-2",),
+        defines="-DADR_SHORT=1",
+        description="FC-2: a firmware built with another option",
+    ),
+    Plant(
+        "status-asked",
+        ("MAP-1",),
+        defines="-DSTATUS_REFRESH=1",
+        description="MAP-1: a firmware built with another option",
+    ),
 )
 
 

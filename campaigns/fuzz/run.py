@@ -43,6 +43,8 @@ from tb.model import fc_telegram
 from tb.model.whole_card import Verdict
 
 FOLDER = ROOT / "build/fuzz"
+PLANTS_FILE = FOLDER / "plants.json"
+PLANTS_KEYS = {"seed", "count", "card", "frames"}  # keys of that file
 OWN = Target()
 Play = Callable[..., tuple[Verdict, Played]]
 KEPT_EACH_S = 20
@@ -205,8 +207,9 @@ def replay(path: Path, wave: Path | None) -> int:
 
 
 def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> int:
-    """Searches for each planted bug; 1 if one is not found in `count` frames."""
-    lived = []
+    """Searches for each planted bug; 1 if one is not found in `count` frames. All bugs write PLANTS_FILE."""
+    lived: list[str] = []
+    frames: dict[str, int | None] = {}
     for plant in [named(name) for name in names] or PLANTS:
         with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
             result = shard(
@@ -221,6 +224,11 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
         what = result.differences[0]["what"][0] if result.differences else "NOT FOUND"
         print(f"{plant.name:24} {result.frames:6} frames  {what}", flush=True)
         lived += [] if result.differences else [plant.name]
+        frames[plant.name] = result.frames if result.differences else None
+    if not names:
+        kept = {"seed": seed, "count": count, "card": fingerprint.shard(), "frames": frames}
+        PLANTS_FILE.parent.mkdir(parents=True, exist_ok=True)
+        PLANTS_FILE.write_text(json.dumps(kept, indent=1) + "\n")
     print(f"fuzz: {len(lived)} planted bugs not found {' '.join(lived)}".rstrip())
     return 1 if lived else 0
 

@@ -19,7 +19,9 @@ from pathlib import Path
 import pytest
 
 from campaigns.bench import fingerprint
+from campaigns.flips.trial import PARTS
 from campaigns.fuzz import case_file
+from campaigns.fuzz import page as fuzz_page
 from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.aftermath import asked, possible_frames
@@ -528,10 +530,10 @@ def test_judge_follows_either_outcome_of_an_open_rule():
 
 @pytest.mark.figures
 def test_page_describes_this_card():
-    """Card and firmware of fuzz, plants and flips; the judge may have become stricter since."""
+    """The judge may have become stricter since."""
     said = " ".join((ROOT / "docs/reports/fuzz.md").read_text().split())
     card = f"card `{fingerprint.card()}`, firmware `{fingerprint.firmware()}`"
-    assert said.count(card) == 3, "run `make fuzz COUNT=100000`, `make fuzz-plants` and 5,000 of `make flips`"
+    assert card in said, "run `make fuzz COUNT=100000`, fuzz-plants, 5,000 of flips, core-flips and fuzz-page"
 
 
 def result(seed: int, frames: int, differences: list[dict], card: str = "one") -> dict:
@@ -602,3 +604,78 @@ def test_report_names_an_invalid_result(tmp_path):
     (tmp_path / "1.json").unlink()
     with pytest.raises(fuzz_report.ReportError, match="make fuzz"):
         fuzz_report.find([str(tmp_path)])
+
+
+def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
+    """Result files of fuzz, plants, core-flips and flips."""
+    for seed in (7, 8):
+        (folder / f"{seed}.json").write_text(json.dumps(result(seed, 1000 * seed, [], card)))
+    frames = {plant.name: 33 for plant in PLANTS} | {"cut-value": 12345, "wrong-order": None}
+    plants = {"seed": 5, "count": 20000, "card": card, "frames": frames}
+    (folder / "plants.json").write_text(json.dumps(plants))
+    core = {"seed": 2, "count": 4000, "card": card, "results": {"as asked": 3999, "none": 1}}
+    (folder / "core-flips.json").write_text(json.dumps(core))
+    shard = {
+        "seed": 9,
+        "card": card,
+        "baud": 9600,
+        "bits": dict.fromkeys(PARTS, 8),
+        "flips": 4,
+        "wall_s": 120.0,
+    }
+    shard |= {"counts": {"card: no effect": 4}, "notable": []}
+    (folder / "flips-9-9600.json").write_text(json.dumps(shard))
+
+
+def test_page_states_the_results_of_all_campaigns(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    text = fuzz_page.page(tmp_path)
+    for said in (
+        "card `one`, firmware `two`, judge `three`",
+        "seeds 7, 8: 15,000 frames in 4 cases",
+        "| 14,998 judged to their end | no difference |",
+        "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
+        "| wrong-order | EXC: address before quantity | not found |",
+        "| as asked | 3999 |",
+        "4 flips, 4 at 9600 bit/s 8O1, in 2 minutes",
+        "| no effect | 4 |",
+    ):
+        assert said in text
+    assert all(f"| {plant.name} | {plant.rules[0]}" in text for plant in PLANTS)
+
+
+def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    difference = {"case": "22/1", "what": ["no reply"]}
+    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [difference], "one two three")))
+    text = fuzz_page.page(tmp_path)
+    assert "| differences: 1 |" in text and "no difference" not in text and fuzz_page.UNJUDGED not in text
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "complaint"),
+    [
+        ("plants.json", None, "run `make fuzz-plants` first"),
+        (
+            "plants.json",
+            {"seed": 1, "count": 2, "card": "one two three", "frames": {}},
+            "no result of lenient-t15",
+        ),
+        ("core-flips.json", {"seed": 1, "count": 2, "card": "a b c", "results": {}}, "different cards"),
+        ("core-flips.json", {"seed": 1}, "no result of `make core-flips`"),
+    ],
+)
+def test_page_needs_all_results_of_one_card(tmp_path, file, content, complaint):
+    results_of_all_campaigns(tmp_path)
+    (tmp_path / file).unlink()
+    if content is not None:
+        (tmp_path / file).write_text(json.dumps(content))
+    with pytest.raises(fuzz_page.PageError, match=complaint):
+        fuzz_page.page(tmp_path)
+
+
+def test_template_has_the_headings_that_other_pages_link_to():
+    headings = [
+        re.findall(r"^#+ .*", path.read_text(), re.M) for path in (fuzz_page.TEMPLATE, fuzz_page.PAGE)
+    ]
+    assert headings[0] == headings[1]

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes docs/reports/fuzz.md from the results in build/fuzz; `make fuzz-page`.
+
+    python -m campaigns.fuzz.page
+
+Four campaigns must have run on one card, firmware and judge: the fuzzer, the planted bugs, the flips of the
+whole card, and those of the core alone. Exit 2: a result is missing, or is of another card.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from campaigns.flips import core
+from campaigns.flips import run as flips
+from campaigns.fuzz import report as fuzz
+from campaigns.fuzz import run as fuzz_run
+from campaigns.fuzz.plants import PLANTS
+from rtl.sources import ROOT
+
+TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
+PAGE = ROOT / "docs/reports/fuzz.md"
+# campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
+UNJUDGED = "no unrequested telegram; every last request answered"
+
+
+class PageError(Exception):
+    """Error for the user, in one line."""
+
+
+def read(path: Path, command: str, keys: set[str]) -> dict:
+    """One result file; PageError names the command that writes it."""
+    if not path.exists():
+        raise PageError(f"{path.name} is missing in {path.parent}; run `{command}` first")
+    try:
+        result = json.loads(path.read_text())
+        if not keys <= result.keys():
+            raise ValueError
+    except (ValueError, AttributeError) as error:
+        raise PageError(f"{path} is no result of `{command}`") from error
+    return result
+
+
+def seeds(results: list[dict]) -> str:
+    return ", ".join(str(seed) for seed in sorted({result["seed"] for result in results}))
+
+
+def minutes(seconds: float) -> str:
+    return f"{seconds / 60:.0f}"
+
+
+def plant_rows(found: dict[str, int | None]) -> list[str]:
+    """A row for each planted bug, in the order of plants.py."""
+    lacking = [plant.name for plant in PLANTS if plant.name not in found]
+    if lacking:
+        raise PageError(f"no result of {', '.join(lacking)}; run `make fuzz-plants` again")
+    return [
+        f"| {plant.name} | {plant.description} | "
+        + ("not found" if found[plant.name] is None else f"{found[plant.name]:,}")
+        + " |"
+        for plant in PLANTS
+    ]
+
+
+def page(folder: Path) -> str:
+    """The text of the page, from the results in `folder`."""
+    shards = [fuzz.load(path) for path in fuzz.find([str(folder)])]
+    random_frames = fuzz.merge(shards)
+    plants = read(folder / "plants.json", "make fuzz-plants", fuzz_run.PLANTS_KEYS)
+    core_flips = read(folder / "core-flips.json", "make core-flips", core.KEYS)
+    flip_shards = flips.load(folder)
+    all_flips = flips.merge(flip_shards)
+    cards = {result["card"] for result in (random_frames, plants, core_flips, all_flips)}
+    if len(cards) > 1:
+        raise PageError("the results come from different cards; remove the older ones")
+    card, firmware, judge = random_frames["card"].split()
+    differences = len(random_frames["differences"])
+    return TEMPLATE.read_text().format(
+        measured_on=f"card `{card}`, firmware `{firmware}`, judge `{judge}`",
+        fuzz_seeds=seeds(shards),
+        frames=f"{random_frames['frames']:,}",
+        cases=f"{random_frames['cases']:,}",
+        fuzz_minutes=minutes(random_frames["wall_s"]),
+        judged=f"{random_frames['judged']:,}",
+        differences=f"differences: {differences}" if differences else "no difference",
+        others="with the differences above" if differences else UNJUDGED,
+        plants_seed=plants["seed"],
+        plants_count=f"{plants['count']:,}",
+        plants="\n".join(plant_rows(plants["frames"])),
+        core_seed=core_flips["seed"],
+        core_count=core_flips["count"],
+        core="\n".join(f"| {what} | {core_flips['results'].get(what, 0)} |" for what in core.RESULTS),
+        flips_seeds=seeds(flip_shards),
+        flips=f"{all_flips['flips']:,}",
+        flips_at=flips.rates(all_flips),
+        flips_minutes=minutes(all_flips["wall_s"]),
+        flips_table="\n".join(flips.table(all_flips)),
+    )
+
+
+def main() -> int:
+    PAGE.write_text(page(fuzz.FOLDER))
+    print(f"wrote {PAGE.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except (PageError, fuzz.ReportError, flips.FlipsError) as error:
+        print(f"fuzz-page: {error}", file=sys.stderr)
+        sys.exit(2)
