@@ -193,10 +193,11 @@ module rtu_rx #(
   always @* begin
     case (state)
       S_WAIT: state_name = "WAIT";
+      S_IDLE: state_name = "IDLE";
       S_RECEIVE: state_name = "RECEIVE";
       S_HOLD: state_name = "HOLD";
       S_SUSPECT: state_name = "SUSPECT";
-      default: state_name = "IDLE";
+      default: state_name = "UNDEF";
     endcase
   end
 `endif

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cocotb
 import pytest
+from cocotb.triggers import Timer
 
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
@@ -18,6 +19,7 @@ from tb.model.crc16 import with_crc
 
 HERE = Path(__file__).parent
 OWN = 0x11
+STATES = ("WAIT", "IDLE", "RECEIVE", "HOLD", "SUSPECT")
 COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
 
 
@@ -286,10 +288,13 @@ async def strict_the_start_or_the_end_of_a_character_revokes(dut, seen):
 
 @cocotb.test()
 async def receiver_recovers_from_any_state(dut):
-    """Including undefined states (SAFE-3, SAFE-4)."""
+    """Including undefined states, which a waveform names as such (SAFE-3, SAFE-4)."""
     rx = await Receiver(dut).start()
     for state in range(8):
         dut.rx_i.state.value = state
+        await Timer(1, unit="ps")
+        shown = int(dut.rx_i.state_name.value).to_bytes(7, "big").strip(b"\0").decode()
+        assert shown == (STATES[state] if state < len(STATES) else "UNDEF")
         await rx.silence()
         await rx.bytes(GOOD)
         await rx.silence()
