@@ -36,7 +36,7 @@ COMMAND = re.compile(
 )
 
 BOOTED_MS = 25.0
-POLITE_MS = 20.0  # pause of a well-behaved master between two requests
+PAUSE_MS = 20.0  # silence of a correct master before a request
 PS_PER_US = 1_000_000
 # Register addresses on the wire; the reference numbers are one higher.
 ENERGY = 10 * 514 - 1
@@ -71,7 +71,7 @@ class Bus(FastCard):
         return reply and self.drive_spoils(reply)
 
     def say(
-        self, data: bytes, pause_ms: float = POLITE_MS, fmt: Format | None = None, flaws: Flaws | None = None
+        self, data: bytes, pause_ms: float = PAUSE_MS, fmt: Format | None = None, flaws: Flaws | None = None
     ) -> float:
         """Sends on the network line, `pause_ms` after the last traffic there; returns the end."""
         edges, length = waveform(fmt or self.modbus.fmt, data, flaws or Flaws())
@@ -82,7 +82,7 @@ class Bus(FastCard):
         self._said_ps = start + length
         return self._said_ps
 
-    def ask(self, adu: bytes, pause_ms: float = POLITE_MS, wait_ms: float = 60.0, **how) -> bool:
+    def ask(self, adu: bytes, pause_ms: float = PAUSE_MS, wait_ms: float = 60.0, **how) -> bool:
         """Sends a request; waits for the reply's last bit, or `wait_ms`. True: there was a reply."""
         limit = self.say(adu, pause_ms, **how) + wait_ms * MS
         before = len(self.modbus.de)

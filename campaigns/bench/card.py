@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The measuring bench: a card at its own clock, its two lines, a master and a drive.
 
-The simulated card (sim/harness) takes edges and gives edges; everything here is made of them, so what is
-measured is what an oscilloscope on the pins would show. Unit of time: cycles of the card's clock since the
-release of the reset, as floats where a bit is no whole number of them.
+The simulated card (sim/harness) takes edges on its inputs and returns the edges of its outputs. Every
+measured time is between such edges, as on an oscilloscope at the pins. Unit of time: cycles of the card's
+clock since the release of the reset. Times on a line are floats, because a bit need not be a whole number of
+cycles.
 
     bench = Bench(Line.of(19200, "8E1"))
     talk = bench.ask(rtu.build(1, rtu.read_coils(0, 16)))
@@ -37,27 +38,27 @@ UNIT_ADDRESS = 1
 BOOT_MS = 20  # BOOT-1, unless the configuration says otherwise
 # The shortest response time a drive may have: two characters, as long as the pause (FC-8).
 SHORTEST_DELAY_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT
-# What a master leaves beyond t3.5: what that may be off by (FRAME-1); conformance.py finds the limit itself.
-POLITE_BITS = 0.25
+# Silence that the master adds to t3.5: the tolerance of FRAME-1. conformance.py measures the limit itself.
+EXTRA_SILENCE_BITS = 0.25
 DRIVERS, PROBES = ("modbus_de", "drive_de"), SIGNALS[4:]
-# How long after the last moment it may the card is waited for, in bits of the network and in s: without
-# 'prepare early', and with a slower core, the firmware's time comes on top.
+# The bench waits this long after the card's deadline, in bits of the network line and in s. Without 'prepare
+# early', or with a slower core, the firmware's time comes on top.
 MARGIN_BITS = 4
 MARGIN_S, SLOW_MARGIN_S = 0.0003, 0.005
-# FC-9's wait is counted in whole milliseconds, and the repeat may have to wait for the pause.
+# The card counts the wait of FC-9 in whole milliseconds, and the repeat may have to wait for the pause.
 WAIT_MARGIN_S = 0.006
 DEFAULT_WAIT_S = 0.15  # register 40003
-LATE_S = 0.004  # how long before the end of the wait a late reply starts; the shortest one lasts twice that
-PUNCTUAL_S = 0.002  # how long before it the last moment is
+# Before the end of the wait: start of a late reply (the shortest reply lasts twice that), end of a last one.
+LATE_S, PUNCTUAL_S = 0.004, 0.002
 
 
 class BenchError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 @dataclass(frozen=True)
 class Build:
-    """Which card: a configuration of configs.toml, with 'prepare early' or without."""
+    """A card to measure: a configuration of configs.toml, with 'prepare early' or without."""
 
     config: str = "standard"
     early: bool = True
@@ -68,7 +69,7 @@ class Build:
 
     @functools.cached_property
     def library(self) -> Path:
-        """The library with the card; it is built if it is missing or its sources have changed."""
+        """The library with the card. It is built when it is missing or its sources have changed."""
         parameters = {} if self.early else {"PREPARE_EARLY": 0}
         return library.build(self.clk_hz, config=self.config, parameters=parameters)
 
@@ -92,29 +93,29 @@ STANDARD, LATE, TINY = Build(), Build(early=False), Build("tiny")
 
 
 @dataclass(frozen=True)
-class Manners:
-    """How the drive answers one telegram, and whether the card has to take that as the reply (FC-8)."""
+class DriveAnswer:
+    """The drive's way to answer one telegram. `is_reply`: the card must accept it as the reply (FC-8)."""
 
     name: str = "at once"
     is_reply: bool = True
-    # What it says instead of its reply, None for nothing at all.
-    says: Callable[[bytes], bytes | None] = lambda reply: reply
-    # How that gets onto the line: bytes, and what send() takes besides.
+    # The correct reply to the reply that the drive sends; None: it sends nothing.
+    content: Callable[[bytes], bytes | None] = lambda reply: reply
+    # The reply to the bytes on the line, and more arguments of send().
     wire: Callable[[bytes], tuple[bytes, dict]] = lambda reply: (reply, {})
-    # None: after drive_delay_bits. "ends" or "starts": it does so just before the card's wait is over.
+    # None: the reply starts after drive_delay_bits. Else it "starts" or "ends" just before the wait ends.
     at_the_end: str | None = None
 
 
-PROPER = Manners()
+CORRECT = DriveAnswer()
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """A telegram and what the drive made of it. Times in cycles; `end` is that of the last traffic."""
+    """A telegram and the drive's answer. Times in cycles; `end`: end of the last traffic."""
 
     telegram: list[Character]
     broadcast: bool
-    manners: Manners
+    answer: DriveAnswer
     start: float
     end: float
     reply: bytes | None = None
@@ -125,12 +126,12 @@ class Exchange:
 
     @property
     def answered(self) -> bool:
-        return self.reply is not None and self.manners.is_reply
+        return self.reply is not None and self.answer.is_reply
 
 
 @dataclass
 class Talk:
-    """A request and what came of it. Times in cycles, None where nothing happened."""
+    """A request, and the traffic that it caused. Times in cycles."""
 
     request: bytes
     request_start: float
@@ -140,8 +141,8 @@ class Talk:
     answers: list[list[Character]] = field(default_factory=list)
     marks: dict[str, list[int]] = field(default_factory=dict)  # rising edges of the probes
     de: dict[str, wave.Spans] = field(default_factory=dict)  # driver on, off
-    form: list[str] = field(default_factory=list)  # what is wrong with the shape of what the card sent
-    quiet_since: float = float("-inf")  # the drive line, when the request was sent
+    form: list[str] = field(default_factory=list)  # faults in the bits and drivers of the card
+    quiet_since: float = float("-inf")  # end of the last traffic on the drive line before the request
     wait: float = 0.0  # FC-9, in cycles
 
     @property
@@ -165,7 +166,7 @@ class Talk:
         return self.answers[0][-1].end
 
     def clocks(self, after: str, until: str) -> int | None:
-        """Clocks from the first strobe of one probe to the next one of another."""
+        """Clocks from the first strobe of one probe to the next strobe of another; None without either."""
         first = next(iter(self.marks.get(after, [])), None)
         if first is None:
             return None
@@ -182,9 +183,9 @@ class Bench:
         self.drive = drive
         self.drive_wait_s = DEFAULT_WAIT_S
         self.drive_delay_bits = SHORTEST_DELAY_BITS
-        # How the drive answers the telegrams to come, in turn; from then on as it should.
-        self.manners: list[Manners] = []
-        self.unasked: list[str] = []  # what the card sent when nothing was to be sent
+        # The drive's answers to the next telegrams, in turn. Later telegrams are answered correctly.
+        self.drive_answers: list[DriveAnswer] = []
+        self.unasked: list[str] = []  # traffic of the card while nothing was due
         self._margin_s = build.margin_s
         switches = sum(int(on) << i for i, on in enumerate(line.switches()))
         self._card = SimulatedCard(build.library, build.image_folder, switches, UNIT_ADDRESS, watched=SIGNALS)
@@ -193,7 +194,7 @@ class Bench:
         self.silent_since = [0.0, 0.0]  # end of the last traffic, network and drive line
         self._stepped_us = 0
         self.idle_until(build.boot_s * self.clk_hz)
-        # The card has listened since its own start, some time after the reset.
+        # The card counts silence from its own start, some time after the reset.
         self.silent_since[MODBUS] = float(self.now)
 
     def close(self) -> None:
@@ -219,7 +220,7 @@ class Bench:
     # ------------------------------------------------------------ waveforms
 
     def play(self, where: int, edges: Iterable[tuple[float, int]]) -> None:
-        """Puts levels onto a line, each from its time on."""
+        """Sets levels of a line, each from its time on."""
         self._card.play(where, [(round(at), level) for at, level in edges])
 
     def send(
@@ -233,10 +234,10 @@ class Bench:
         bad_parity: int | None = None,
         bad_stop: int | None = None,
     ) -> float:
-        """Puts a frame onto a line; returns the end of its last stop bit.
+        """Sends a frame on a line; returns the end of its last stop bit.
 
-        error: the sender's rate is (1 + error) times the nominal one. gaps: idle bits before a character, by
-        its number. bad_parity, bad_stop: number of the character that is damaged.
+        error: the sender's rate is (1 + error) times the nominal rate. gaps: number of a character to the
+        idle bits before it. bad_parity, bad_stop: number of the damaged character.
         """
         line = self.line if where == MODBUS else self.drive_line
         bit = line.bit / (1 + error)
@@ -255,7 +256,7 @@ class Bench:
 
     @staticmethod
     def _differs(edges: list[tuple[float, int]], i: int) -> bool:
-        """An edge at the same time as its successor is none."""
+        """Whether an edge lasts: an edge at the time of the next one is left out."""
         return round(edges[i][0]) != round(edges[i + 1][0])
 
     def run(self, until: float, stops: Iterable[str] = ()) -> int:
@@ -266,12 +267,12 @@ class Bench:
         return now
 
     def forget(self) -> None:
-        """Drops the edges seen so far; the lines are silent."""
+        """Drops all recorded edges. The lines must be silent."""
         for edges in self.edges.values():
             edges.clear()
 
     def idle_until(self, time: float) -> None:
-        """Nothing is due until then: what the card sends meanwhile is unasked for. The past is forgotten."""
+        """Runs to `time` while nothing is due. Traffic of the card until then goes to `unasked`."""
         self.forget()
         self.run(time - 1)
         for name in SIGNALS[:4]:
@@ -286,7 +287,7 @@ class Bench:
         return wave.bursts(self.drive_line, self.edges["drive_tx"], self.spans("drive_de"))
 
     def spans(self, name: str) -> wave.Spans:
-        """Times of a signal's rise and fall; one that is still high ends now."""
+        """Times of a signal's rise and fall. A signal that is still high ends now."""
         rises = [at for at, level in self.edges[name] if level]
         falls = [at for at, level in self.edges[name] if not level]
         return list(zip(rises, [*falls, self.now][: len(rises)], strict=True))
@@ -298,14 +299,14 @@ class Bench:
         return max(self.now + 1, self.silent_since[MODBUS] + self.line.t35 + idle_bits * self.line.bit)
 
     def ask(self, request: bytes, *, start: float | None = None, **how: object) -> Talk:
-        """Sends a request and waits until the card has answered, or surely does not."""
-        start = self.next_start(POLITE_BITS) if start is None else start
+        """Sends a request and waits for the answer, or until no answer can come any more."""
+        start = self.next_start(EXTRA_SILENCE_BITS) if start is None else start
         self.idle_until(start)
         return self.follow(Talk(request, start, self.send(MODBUS, request, start, **how)))
 
     def ask_and_leave(self, request: bytes) -> Talk:
-        """Sends a request and comes back when the drive's reply to it is about to start."""
-        start = self.next_start(POLITE_BITS)
+        """Sends a request and returns when the drive's reply to it is about to start."""
+        start = self.next_start(EXTRA_SILENCE_BITS)
         self.idle_until(start)
         talk = Talk(request, start, self.send(MODBUS, request, start), quiet_since=self.silent_since[DRIVE])
         self.run(talk.request_end + self.line.t35 + 0.1 * self.clk_hz, ["drive_de"])
@@ -315,7 +316,7 @@ class Bench:
         return talk
 
     def follow(self, talk: Talk, *, until: float = 0.0) -> Talk:
-        """Waits for the answer to a request on its way, and at least to `until`."""
+        """Waits for the answer to a request that is being sent, and at least to `until`."""
         talk.quiet_since = self.silent_since[DRIVE]
         pause_over = talk.quiet_since + SHORTEST_DELAY_BITS * self.drive_line.bit
         deadline = max(talk.request_end + self.line.t35, pause_over) + self._margin()
@@ -324,7 +325,7 @@ class Bench:
         return talk
 
     def _take(self, talk: Talk) -> None:
-        """What was seen on the lines goes to the talk."""
+        """Copies the recorded traffic into the talk."""
         talk.answers, talk.telegrams = self.bursts(MODBUS), self.bursts(DRIVE)
         talk.de = {name: self.spans(name) for name in DRIVERS}
         talk.marks = {name: [at for at, level in self.edges[name] if level] for name in PROBES}
@@ -353,7 +354,7 @@ class Bench:
                     deadline = max(deadline, self._drive_answers(talk))
 
     def _drive_answers(self, talk: Talk) -> float:
-        """The drive has the telegram just ended; returns when the card must have reacted."""
+        """Sends the drive's answer to the telegram that just ended; returns the deadline of the card."""
         burst = self.bursts(DRIVE)[-1]
         end = self.silent_since[DRIVE] = burst[-1].end
         request = bytes(c.value for c in burst)
@@ -361,29 +362,29 @@ class Bench:
         if self.drive and broadcast:
             self.drive.telegram(request)
         if self.drive is None or broadcast:
-            talk.exchanges.append(Exchange(burst, broadcast, PROPER, end, end))
+            talk.exchanges.append(Exchange(burst, broadcast, CORRECT, end, end))
             return end + self._margin()
         now_us = int(end / self.clk_hz * 1e6)
         self.drive.step(now_us - self._stepped_us)
         self._stepped_us = now_us
-        manners = self.manners.pop(0) if self.manners else PROPER
+        answer = self.drive_answers.pop(0) if self.drive_answers else CORRECT
         reply = self.drive.telegram(request)
-        reply = reply and manners.says(reply)
+        reply = reply and answer.content(reply)
         wait_over = end + (self.drive_wait_s + WAIT_MARGIN_S) * self.clk_hz
         if not reply:
-            talk.exchanges.append(Exchange(burst, False, manners, end, end))
+            talk.exchanges.append(Exchange(burst, False, answer, end, end))
             return wait_over + self._margin()
-        data, how = manners.wire(reply)
+        data, how = answer.wire(reply)
         start = end + self.drive_delay_bits * self.drive_line.bit
-        if manners.at_the_end == "starts":
+        if answer.at_the_end == "starts":
             start = end + (self.drive_wait_s - LATE_S) * self.clk_hz
-        elif manners.at_the_end == "ends":
+        elif answer.at_the_end == "ends":
             length = len(data) * self.drive_line.character_bits * self.drive_line.bit
             start = end + (self.drive_wait_s - PUNCTUAL_S) * self.clk_hz - length
         done = self.send(DRIVE, data, start, **how)
-        talk.exchanges.append(Exchange(burst, False, manners, start, done, reply))
+        talk.exchanges.append(Exchange(burst, False, answer, start, done, reply))
         pause = SHORTEST_DELAY_BITS * self.drive_line.bit
-        return (done if manners.is_reply else max(wait_over, done + pause)) + self._margin()
+        return (done if answer.is_reply else max(wait_over, done + pause)) + self._margin()
 
     def _level(self, name: str) -> int:
         edges = self.edges[name]

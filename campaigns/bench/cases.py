@@ -12,14 +12,14 @@ import random
 from dataclasses import dataclass
 
 from campaigns.bench.card import (
+    CORRECT,
+    EXTRA_SILENCE_BITS,
     MODBUS,
-    POLITE_BITS,
-    PROPER,
     STANDARD,
     UNIT_ADDRESS,
     Bench,
     Build,
-    Manners,
+    DriveAnswer,
     Talk,
 )
 from campaigns.bench.judge import Outcome, measure
@@ -34,7 +34,7 @@ from campaigns.bench.traffic import (
     example_drive,
     parameter,
     refusal,
-    some_manners,
+    some_answers,
     some_request,
 )
 from campaigns.bench.wave import Line
@@ -143,7 +143,9 @@ def turnaround(
 
     def ask(pdu: bytes, name: str, local: bool) -> None:
         step = model.ask(pdu)
-        talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu), start=bench.next_start(POLITE_BITS + rng.random() * 3))
+        talk = bench.ask(
+            rtu.build(UNIT_ADDRESS, pdu), start=bench.next_start(EXTRA_SILENCE_BITS + rng.random() * 3)
+        )
         sample = measure(bench, talk, name)
         where = f"{name} at {baud} {form}"
         outcome.add(sample, where)
@@ -225,11 +227,11 @@ def random_requests(baud: int, form: str, count: int, seed: int, settled: bool =
         step = card_model.Step()
         if not request.harm and request.address != FOREIGN:
             step = model.ask(request.pdu, broadcast=request.address == 0)
-        bench.manners = []
+        bench.drive_answers = []
         # The wait for a failing drive must not take minutes.
         if step.telegram and model.wait_s <= 0.2 and rng.random() < 0.25:
-            bench.manners = some_manners(rng, process=len(step.telegram) == 5)
-        talk = _say(bench, request, bench.next_start(POLITE_BITS + rng.random() * rng.choice((1, 40))))
+            bench.drive_answers = some_answers(rng, process=len(step.telegram) == 5)
+        talk = _say(bench, request, bench.next_start(EXTRA_SILENCE_BITS + rng.random() * rng.choice((1, 40))))
         where = f"random request {number} at {baud} {form} (seed {seed}), {talk.request.hex(' ')}"
         outcome.add(measure(bench, talk, "random"), where)
         due = model.due(step, talk)
@@ -237,7 +239,7 @@ def random_requests(baud: int, form: str, count: int, seed: int, settled: bool =
         outcome.became[_became(request, due, talk)] += 1
         for turn, exchange in zip(("first", "repeat"), talk.exchanges, strict=False):
             if not exchange.broadcast:
-                outcome.drive_did[exchange.manners.name, turn] += 1
+                outcome.drive_did[exchange.answer.name, turn] += 1
     outcome.stack_bytes = stack_used(bench)
     return outcome.finish(bench)
 
@@ -255,7 +257,7 @@ ASKED = {"process": rtu.write_coils(0, START_MOTOR), "parameter": rtu.read_regis
 SHORT_WAIT = 4  # register 40003: just enough for the exchanges here
 
 
-def manners(baud: int, form: str, quick: bool) -> Outcome:
+def drive_faults(baud: int, form: str, quick: bool) -> Outcome:
     """FC-8, FC-9: each invalid answer gets one repeat; each slow answer within the rules is accepted.
 
     The second failure gives 255, and the drive's own fault numbers are passed on."""
@@ -263,16 +265,16 @@ def manners(baud: int, form: str, quick: bool) -> Outcome:
     model = Model()
     outcome = Outcome()
 
-    def ask(pdu: bytes, how: list[Manners], what: str) -> None:
+    def ask(pdu: bytes, how: list[DriveAnswer], what: str) -> None:
         bench.drive_wait_s = model.wait_s
-        bench.manners = list(how)
+        bench.drive_answers = list(how)
         step = model.ask(pdu)
         talk = bench.ask(rtu.build(UNIT_ADDRESS, pdu))
         due = model.due(step, talk)
         where = f"{what}: {', '.join(m.name for m in how)} at {baud} {form}"
-        outcome.add(measure(bench, talk, "manners"), where)
+        outcome.add(measure(bench, talk, "drive_faults"), where)
         outcome.compare(talk, due.telegrams, due.reply, where)
-        outcome.check(not bench.manners, f"{where}: nothing came of it")
+        outcome.check(not bench.drive_answers, f"{where}: nothing came of it")
 
     ask(rtu.write_register(card_model.DRIVE_TIMEOUT, SHORT_WAIT), [], "wait")
     for what, pdu in ASKED.items():
@@ -281,7 +283,7 @@ def manners(baud: int, form: str, quick: bool) -> Outcome:
         unfit = (UNFIT,) if what == "parameter" else ()
         for one in (*REFUSED, *unfit):
             if not quick or (one.name in ("no answer", "too late", "wrong BCC")) or what == "parameter":
-                ask(pdu, [one, PROPER], what)
+                ask(pdu, [one, CORRECT], what)
         for one, two in ((REFUSED[0], REFUSED[2]), (REFUSED[2], TAKEN[2]), (REFUSED[1], REFUSED[0])):
             if not quick or what == "process":
                 ask(pdu, [one, two], what)
@@ -299,7 +301,7 @@ def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) ->
     """A good frame, followed by one more character after so many bits: the card must not react."""
     line = bench.line
     request = Request(UNIT_ADDRESS, pdu, "another character", then=(0, extra_bits))
-    talk = _say(bench, request, bench.next_start(POLITE_BITS))
+    talk = _say(bench, request, bench.next_start(EXTRA_SILENCE_BITS))
     where = f"{pdu.hex(' ')} at {line.baud} {line.name}, another character after {extra_bits:.1f} bits"
     outcome.add(measure(bench, talk, "gate"), where)
     outcome.compare(talk, [], None, where)

@@ -34,7 +34,7 @@ LOCAL = tuple(name for name, case in CASES.items() if case.local)
 EXCHANGES = tuple(name for name, case in CASES.items() if not case.local)
 SHOWN_BAUD = 19200
 DRIVE_LINE = Line.of_drive()
-JUDGED = ("early", "random", "manners", "gate", "overtaken", "conformance")
+JUDGED = ("early", "random", "drive_faults", "gate", "overtaken", "conformance")
 
 # Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Measured once
 # and recorded here; their code is not part of this project.
@@ -182,7 +182,7 @@ def summary(results: Results) -> str:
     for kind, name in (
         ("early", "cases: right bytes and bits on both lines"),
         ("random", "random: right bytes and bits on both lines, silence where due"),
-        ("manners", "a drive that answers wrong, late or not at all: one repeat, then 255"),
+        ("drive_faults", "a drive that answers wrong, late or not at all: one repeat, then 255"),
         ("gate", "a character between t1.5 and t3.5: nothing sent, nothing changed"),
         ("overtaken", "another frame while the drive answers: newest served, exchange finished"),
         ("conformance", "conformance rows"),
@@ -363,7 +363,7 @@ def outcomes(results: Results) -> str:
 def drive_table(results: Results) -> str:
     """Answers of the drive, and which of them the card had to accept."""
     did = counted(results, "drive_did")
-    refused = {manners.name for manners in (*REFUSED, UNFIT)}
+    refused = {answer.name for answer in (*REFUSED, UNFIT)}
     names = sorted({name for name, _ in did}, key=lambda name: (name in refused, name != "at once", name))
     rows = [
         [name, "no" if name in refused else "yes", did[name, "first"] or "-", did[name, "repeat"] or "-"]

@@ -19,7 +19,7 @@ import pytest
 from campaigns.bench import fingerprint
 from campaigns.bench import report as bench_report
 from campaigns.bench import run as bench
-from campaigns.bench.card import LATE, POLITE_BITS, UNIT_ADDRESS, Bench
+from campaigns.bench.card import EXTRA_SILENCE_BITS, LATE, UNIT_ADDRESS, Bench
 from campaigns.bench.cases import CASES, Model, turnaround
 from campaigns.bench.conformance import boundary
 from campaigns.bench.judge import Outcome, Sample, measure
@@ -84,7 +84,7 @@ def test_conformance_rows(piece: Piece) -> None:
 
 
 @pytest.mark.rule("FC-8", "FC-9", "EXC")
-@pieces("manners")
+@pieces("drive_faults")
 def test_faults_of_the_drive(piece: Piece) -> None:
     run(piece)
 
@@ -243,7 +243,7 @@ def verdict_on(change: Callable[[Edges], None]) -> str:
     with Tampered(LINE, drive=example_drive()) as tampered:
         tampered.change = change
         step = model.ask(case.pdu)
-        talk = tampered.ask(rtu.build(UNIT_ADDRESS, case.pdu), start=tampered.next_start(POLITE_BITS))
+        talk = tampered.ask(rtu.build(UNIT_ADDRESS, case.pdu), start=tampered.next_start(EXTRA_SILENCE_BITS))
         outcome.add(measure(tampered, talk, case.name), "here")
         due = model.due(step, talk)
         outcome.compare(talk, due.telegrams, due.reply, "here")

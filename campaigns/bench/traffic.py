@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from campaigns.bench.card import PROPER, UNIT_ADDRESS, Manners
+from campaigns.bench.card import CORRECT, UNIT_ADDRESS, DriveAnswer
 from campaigns.bench.wave import Line
 from tb.model import card as card_model
 from tb.model import fc_telegram, rtu
@@ -70,36 +70,36 @@ GARBAGE = bytes([0x55] * 7)
 REFUSALS = (0, 1, 2, 3, 4, 5, 17, 130, 131, 200)
 
 TAKEN = (
-    Manners("a gap of 1.8 characters", wire=lambda reply: (reply, {"gaps": {4: SHORT_GAP_BITS}})),
-    Manners("a stray character before it", wire=lambda reply: (b"\xff" + reply, {})),
-    Manners("at the last moment of the wait", at_the_end="ends"),
+    DriveAnswer("a gap of 1.8 characters", wire=lambda reply: (reply, {"gaps": {4: SHORT_GAP_BITS}})),
+    DriveAnswer("a stray character before it", wire=lambda reply: (b"\xff" + reply, {})),
+    DriveAnswer("at the last moment of the wait", at_the_end="ends"),
 )
 REFUSED = (
-    Manners("no answer", False, says=lambda reply: None),
-    Manners("too late", False, at_the_end="starts"),
-    Manners("wrong BCC", False, wire=_with_bad_bcc),
-    Manners("wrong ADR", False, says=_from_another),
-    Manners("LGE too great", False, says=_with_long_lge),
-    Manners("parity error", False, wire=lambda reply: (reply, {"bad_parity": len(reply) // 2})),
-    Manners("bad stop bit", False, wire=lambda reply: (reply, {"bad_stop": len(reply) - 2})),
-    Manners("a gap of 2.5 characters", False, wire=lambda reply: (reply, {"gaps": {4: LONG_GAP_BITS}})),
-    Manners(
+    DriveAnswer("no answer", False, content=lambda reply: None),
+    DriveAnswer("too late", False, at_the_end="starts"),
+    DriveAnswer("wrong BCC", False, wire=_with_bad_bcc),
+    DriveAnswer("wrong ADR", False, content=_from_another),
+    DriveAnswer("LGE too great", False, content=_with_long_lge),
+    DriveAnswer("parity error", False, wire=lambda reply: (reply, {"bad_parity": len(reply) // 2})),
+    DriveAnswer("bad stop bit", False, wire=lambda reply: (reply, {"bad_stop": len(reply) - 2})),
+    DriveAnswer("a gap of 2.5 characters", False, wire=lambda reply: (reply, {"gaps": {4: LONG_GAP_BITS}})),
+    DriveAnswer(
         "dragging, 1.7 times the time",
         False,
         wire=lambda reply: (reply, {"gaps": dict.fromkeys(range(1, len(reply)), DRAGGING_BITS)}),
     ),
-    Manners("garbage", False, says=lambda reply: GARBAGE),
+    DriveAnswer("garbage", False, content=lambda reply: GARBAGE),
 )
 # Only after a request for a parameter.
-UNFIT = Manners("another parameter's reply", False, says=_of_another_parameter)
+UNFIT = DriveAnswer("another parameter's reply", False, content=_of_another_parameter)
 
 
-def refusal(fault: int) -> Manners:
-    return Manners(f"fault telegram, {fault}", says=_refusal(fault))
+def refusal(fault: int) -> DriveAnswer:
+    return DriveAnswer(f"fault telegram, {fault}", content=_refusal(fault))
 
 
-def some_manners(rng: random.Random, process: bool) -> list[Manners]:
-    """Behaviour for a telegram and its repeat; at least the first one is faulty."""
+def some_answers(rng: random.Random, process: bool) -> list[DriveAnswer]:
+    """The drive's answers to a telegram and its repeat; the first answer, at least, is a special one."""
     refused = REFUSED if process else (*REFUSED, UNFIT)
     roll = rng.random()
     if roll < 0.25:
@@ -107,7 +107,7 @@ def some_manners(rng: random.Random, process: bool) -> list[Manners]:
     if roll < 0.45 and not process:
         return [refusal(rng.choice(REFUSALS))]
     second = rng.random()
-    again = PROPER if second < 0.55 else rng.choice(refused) if second < 0.9 else rng.choice(TAKEN)
+    again = CORRECT if second < 0.55 else rng.choice(refused) if second < 0.9 else rng.choice(TAKEN)
     return [rng.choice(refused), again]
 
 

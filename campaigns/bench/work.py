@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from campaigns.bench.card import LATE, STANDARD, TINY, Build
-from campaigns.bench.cases import CASES, gate, manners, overtaken, random_requests, turnaround
+from campaigns.bench.cases import CASES, drive_faults, gate, overtaken, random_requests, turnaround
 from campaigns.bench.conformance import conformance
 from campaigns.bench.judge import Outcome
 from campaigns.bench.wave import BAUDS, FORMAT_NAMES
@@ -23,7 +23,7 @@ CONFORMANCE = (
     *((baud, FORM) for baud in BAUDS if baud >= 2400 and baud != 19200),
 )
 # The drive line has one rate: slow networks would only cost time here.
-MANNERS = (9600, 19200, 115200)
+DRIVE_FAULTS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
@@ -60,7 +60,7 @@ class Piece:
 
 
 KINDS = {STANDARD: "early", LATE: "late", TINY: "tiny"}
-KINDS_OF_WORK = (*KINDS.values(), "random", "manners", "gate", "overtaken", "conformance")
+KINDS_OF_WORK = (*KINDS.values(), "random", "drive_faults", "gate", "overtaken", "conformance")
 
 
 def _turnaround(
@@ -95,8 +95,8 @@ def whole(seed: int) -> Iterator[Piece]:
         yield _turnaround(baud, FORM, seed, repeats, names, LATE)
         yield _turnaround(baud, FORM, seed, repeats, names, TINY)
         yield from _random(baud, seed)
-    for baud in MANNERS:
-        yield Piece("manners", baud, FORM, manners, {"quick": False}, 60 / baud)
+    for baud in DRIVE_FAULTS:
+        yield Piece("drive_faults", baud, FORM, drive_faults, {"quick": False}, 60 / baud)
     for baud, form in CONFORMANCE:
         yield Piece("conformance", baud, form, conformance, cost=80 / baud)
 
@@ -113,7 +113,7 @@ def fast(seed: int) -> Iterator[Piece]:
             for form in FORMAT_NAMES:
                 yield _turnaround(baud, form, seed, 1, names)
         yield Piece("overtaken", baud, FORM, overtaken, {"quick": True}, 3 / baud)
-    yield Piece("manners", 115200, FORM, manners, {"quick": True})
+    yield Piece("drive_faults", 115200, FORM, drive_faults, {"quick": True})
     for baud, form, count in FAST_RANDOM:
         yield Piece(
             "random", baud, form, random_requests, {"count": count, "seed": seed, "settled": baud > 19200}
