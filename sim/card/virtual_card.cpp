@@ -18,9 +18,9 @@ namespace card {
 
 namespace {
 
-std::string wave_trouble;  // what is said then
+std::string wave_trouble;  // message for a full disk
 
-constexpr int kSliceUs = 250;  // how often far ends, silences and LEDs are looked at
+constexpr int kSliceUs = 250;  // period for far ends, silences and LEDs
 constexpr int kResetCycles = 16;
 
 constexpr unsigned level(unsigned pins, harness::Signal signal) { return pins >> signal & 1u; }
@@ -60,16 +60,17 @@ void VirtualCard::connect(FarEnd& master, FarEnd& drive) {
   drive_.far_end = &drive;
 }
 
-// The writer of waveforms ends the program with abort() and words of its own when the disk is full.
+// When the disk is full, the waveform writer prints its own message and calls abort(). The handler prints one
+// line instead and ends the program with exit code 2.
 void VirtualCard::open_wave(const std::string& path) {
-  // The waveform writer does not tell when it cannot create its file.
+  // The waveform writer does not report a file that it cannot create.
   const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) throw system_error("cannot write " + path);
   close(file);
   wave_trouble = "card: cannot write " + path + ": the disk is full\n";
   signal(SIGABRT, [](int) {
-    const ssize_t told = write(STDERR_FILENO, wave_trouble.data(), wave_trouble.size());
-    _exit(told < 0 ? 3 : 2);
+    const ssize_t written = write(STDERR_FILENO, wave_trouble.data(), wave_trouble.size());
+    _exit(written < 0 ? 3 : 2);
   });
   std::cerr.rdbuf(nullptr);
   model_->open_wave(path.c_str());
@@ -95,8 +96,8 @@ void VirtualCard::load_firmware(const std::string& folder) {
   if (!back) throw system_error("cannot go back to the working directory");
 }
 
-// Both lines idle high from the first moment: a simulator's inputs start at 0, which would be a break. The
-// waveform begins at the release, so that its times are those of the log.
+// Both lines are high before the first clock: a simulator's inputs start at 0, which would be a break. The
+// waveform begins at the release of the reset, so its times equal those of the log.
 void VirtualCard::reset() {
   model_->reset(true);
   now_ = -kResetCycles;
@@ -106,7 +107,7 @@ void VirtualCard::reset() {
   next_event_ = 0;
 }
 
-// The firmware image stays: it begins anew at each reset.
+// The memory keeps the firmware image. The firmware starts again after each reset.
 void VirtualCard::power_cycle(unsigned sw_baud, unsigned sw_addr) {
   model_->reset(true);
   model_->pins().sw_baud = static_cast<SData>(sw_baud);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Verilated card with its two lines: steps the clock, moves bits between the pins and the lines, samples
-// the LEDs, and can write a waveform. Knows nothing of wall time, files' formats or command lines.
+// the LEDs, and can write a waveform. Other files handle wall time, file formats and command lines.
 
 #ifndef VIRTUAL_CARD_H
 #define VIRTUAL_CARD_H
@@ -24,8 +24,8 @@ struct CardSetup {
   SimClock clock;
   unsigned sw_baud = 0;
   unsigned sw_addr = 0;
-  std::string firmware_folder;  // where FIRMWARE_HEX of the build lies
-  std::string wave_file;        // empty: none
+  std::string firmware_folder;  // the folder with the file FIRMWARE_HEX
+  std::string wave_file;        // empty: no waveform
 };
 
 class VirtualCard {
@@ -39,14 +39,14 @@ class VirtualCard {
   // Time since the release of the reset.
   Cycles now() const { return now_; }
   void run(Cycles cycles);
-  // Everything that began before this has been handed to the listeners.
+  // The listeners have been called for all frames and LED changes that began before this time.
   Cycles settled() const;
-  // Power off and on: everything on the lines is lost, the switches are read anew. Time goes on.
+  // Power off and on: frames on the lines are lost, and the card reads the switches again. Time continues.
   void power_cycle(unsigned sw_baud, unsigned sw_addr);
   UartLine& line(LineId which) { return which == LineId::kModbus ? modbus_.line : drive_.line; }
-  // What an LED shows at this moment.
+  // Present colour of an LED.
   const char* led(LineId which) const;
-  // Ends frames still open and the waveform; nothing may run afterwards.
+  // Ends open frames and the waveform. Nothing may run after it.
   void finish();
 
  private:

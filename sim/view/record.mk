@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# The recorder of the virtual card as a library for the test benches (tb/lib/recording.py builds it on
-# demand). Included by the top Makefile; also works alone: make -f sim/view/record.mk recorder.
+# The recorder of the virtual card, as a library for the test benches; tb/lib/recording.py builds it when it is
+# needed. Included by the top Makefile; also works alone: make -f sim/view/record.mk recorder.
 
 ifndef DRIVE_TABLES
 include sim/drive/drive.mk

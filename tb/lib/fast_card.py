@@ -43,7 +43,7 @@ def library(config: str, clk_hz: int) -> Path:
 
 
 class Line:
-    """One port as its line sees it: what it sent, and everybody else's way to speak."""
+    """One line of the card: the frames that the card sent on it, and transmissions to the card."""
 
     def __init__(self, card: FastCard, name: str, fmt: Format):
         self.card, self.name, self.fmt = card, name, fmt
@@ -66,7 +66,7 @@ class Line:
         return self._free_ps
 
     def frames(self) -> list[Frame]:
-        """What was sent, one frame for each time DE was up."""
+        """Frames of the card, one for each time that DE was high."""
         found = []
         for (rise, _), (fall, _) in zip(self.de[::2], self.de[1::2], strict=False):
             found.append(Frame(tuple(self._characters(rise, fall))))
@@ -120,7 +120,7 @@ class FastCard:
         self.drive_model = drive
         self.modbus = Line(self, "modbus", Format.named(baud, form))
         self.drive = Line(self, "drive", Format.named(DRIVE_BAUD, "8E1"))
-        # What each LED shows since when.
+        # Colours of each LED, with the time of each change.
         self.shown: dict[str, list[Shown]] = {led: [Shown(0, "off")] for led in ("modbus", "drive")}
         self._lit = dict.fromkeys(LEDS, 0)
         self.set(rst_n=0, wired=0)
@@ -154,7 +154,7 @@ class FastCard:
     # ------------------------------------------------------------ time
 
     def run_until(self, when_ps: float, *stop: str) -> bool:
-        """Lets time pass, and the drive answer; True if one of the outputs `stop` changed first."""
+        """Runs the card; the drive answers. True if one of the outputs `stop` changed before `when_ps`."""
         until = round(when_ps / self.period_ps)
         mask = simulated_card.mask({*stop, "drive_de"})
         while self._clock < until:
@@ -195,28 +195,28 @@ class FastCard:
         if reply is not None:
             self.drive.send(reply, REPLY_DELAY_BITS * self.drive.fmt.bit_ps)
 
-    # ------------------------------------------------------------ what tests ask for
+    # ------------------------------------------------------------ for tests
 
     def recorded_so_far(self) -> dict[str, list[tuple[int, int]]]:
         """Every change of every output until now, as (ps, new level)."""
         return {name: list(changes) for name, changes in self.recorded.items()}
 
     def led(self, which: str) -> str:
-        """What a LED shows now."""
+        """Present colour of an LED."""
         return self.shown[which][-1].colour
 
     def run_until_led(self, which: str, shows: str, limit_ms: float) -> int:
-        """Runs until a LED begins to show a colour; returns when."""
+        """Runs until an LED changes to a colour; returns the time of the change."""
         limit = self.now_ps + limit_ms * MS
         pins = (f"led_{which}_red", f"led_{which}_green")
         while self.run_until(limit, *pins):
             last = self.shown[which][-1]
             if last.colour == shows and last.since_ps >= self.now_ps - self.period_ps:
                 return last.since_ps
-        raise AssertionError(f"{which} LED never began to show {shows} in {limit_ms} ms")
+        raise AssertionError(f"{which} LED did not change to {shows} in {limit_ms} ms")
 
     def request(self, adu: bytes, timeout_ms: float = 100) -> Frame | None:
-        """Sends a request and returns the answer, None when there was none in time."""
+        """Sends a request; returns the answer, or None after the time-out."""
         end = self.modbus.send(adu, 1.05 * rtu.t35_ps(self.modbus.fmt.baud))
         before = len(self.modbus.frames())
         limit = end + timeout_ms * MS

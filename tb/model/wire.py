@@ -27,7 +27,7 @@ GARBLED_BITS = 12.0
 
 
 class Unclear(Exception):
-    """The rules allow more than one outcome from this time on."""
+    """From the time `at` on, the rules allow more than one outcome."""
 
     def __init__(self, at: float, why: str) -> None:
         super().__init__(why)
@@ -36,7 +36,7 @@ class Unclear(Exception):
 
 @dataclass(frozen=True)
 class Line:
-    """Rate and format of one line; `bit` in clocks, silences in bits (FRAME-1)."""
+    """Rate and format of one line. `bit`: length of a bit in clocks. Silences are in bits (FRAME-1)."""
 
     baud: int
     form: str
@@ -52,7 +52,7 @@ class Line:
 
     @functools.cached_property
     def character_bits(self) -> int:
-        """Bits of a character as it is sent."""
+        """Length in bits of a sent character, start and stop bits included."""
         return 1 + 8 + self.parity + int(self.form[2])
 
     @functools.cached_property
@@ -67,7 +67,7 @@ class Line:
         return byte.bit_count() & 1 ^ (self.form[1] == "O")
 
     def levels(self, byte: int, flaw: str = "") -> list[int]:
-        """A character, one level a bit. Flaws: `parity`, `stop` (the first stop bit is 0)."""
+        """Levels of a character, one for each bit. Flaws: `parity`, `stop` (the first stop bit is 0)."""
         bits = [0, *(byte >> i & 1 for i in range(8))]
         if self.parity:
             bits.append(self.parity_bit(byte) ^ (flaw == "parity"))
@@ -80,7 +80,7 @@ def drive_line(clk_hz: int) -> Line:
 
 @dataclass(frozen=True)
 class Heard:
-    """A character of a far end. `slack`: uncertainty in clocks of its end as the card sees it."""
+    """A character sent to the card. `slack`: uncertainty, in clocks, of its end as seen by the card."""
 
     start: float
     end: float
@@ -101,7 +101,7 @@ class Sent:
 
 @dataclass
 class Burst:
-    """Characters the card sent from driver on to driver off."""
+    """The characters that the card sent from driver on to driver off."""
 
     rise: int
     fall: int
@@ -122,9 +122,9 @@ def is_taken(adr: int) -> bool:
 
 
 def embedded(data: bytes) -> list[tuple[int, bytes]]:
-    """Every telegram for the drive in a byte stream, and its offset, with anything around it.
+    """Offset and bytes of every telegram for the drive in a byte stream.
 
-    No receiver finds more: this search resynchronises at every byte and ignores gaps and parity.
+    No receiver finds more telegrams: this search resynchronises at every byte and ignores gaps and parity.
     """
     found, at = [], 0
     while at < len(data):
@@ -140,9 +140,9 @@ def embedded(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[float, bytes]], list[bytes]]:
-    """The telegrams that a drive could have accepted, with their times, and all other bytes sent.
+    """The telegrams that a drive could have accepted, with their times, and all other bytes of the card.
 
-    A drive cannot see the card's driver: it reads bursts without a pause between them as one.
+    A drive cannot see the card's driver. It reads bursts without a pause between them as one stream.
     """
     streams: list[list[Burst]] = []
     for burst in bursts:
@@ -164,7 +164,7 @@ def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[fl
 
 @dataclass
 class Frame:
-    """`end`: earliest end of the last stop bit."""
+    """A good frame for this card. `end`: earliest end of its last stop bit."""
 
     data: bytes
     end: float
@@ -182,11 +182,11 @@ class NetworkEvent:
 
 
 def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iterator[tuple[float, object]]:
-    """Both ends of one line in order: characters the card hears (LINE-6, FC-10), and its bursts as they end.
+    """Traffic of one line in order: characters that the card receives (LINE-6, FC-10), ends of its bursts.
 
-    A character that the card hears in part, because its own driver goes off meanwhile, becomes a bad
-    character with a long slack. So does a character close after it: without a pause the receiver cannot find
-    the right start bits.
+    The driver of the card may go off in the middle of a character. Such a character becomes a bad one with a
+    long slack. So does a character close after it, because without a pause the receiver cannot find the right
+    start bits.
     """
     garbled = GARBLED_BITS * bit
     garbled_until = -garbled
@@ -217,7 +217,7 @@ class NetworkReceiver:
     characters: list[Heard] = field(default_factory=list)
 
     def events(self, far: Iterable[Heard], own: Iterable[Burst]) -> Iterator[NetworkEvent]:
-        """All events in order; Unclear where the rules leave it open."""
+        """All events in order. Raises Unclear where the rules allow more than one."""
         for at, item in heard_around(far, own, self.line.bit):
             yield from self._silence(at)
             if isinstance(item, Burst):
@@ -278,18 +278,18 @@ class NetworkReceiver:
 
 @dataclass
 class DriveReceiver:
-    """Finds telegrams after the card's own one (FC-8)."""
+    """Finds the drive's telegrams after a telegram of the card (FC-8)."""
 
     line: Line
     adr: int
     state: str = "hunt"  # hunt, in, bad
     last_end: float = 0.0
     slack: float = 0.0
-    deaf_until: float = 0.0  # the firmware is busy for a moment after a telegram that did not fit
+    deaf_until: float = 0.0  # the firmware is busy after a telegram that does not fit
     characters: list[Heard] = field(default_factory=list)
 
     def hears(self, heard: Heard) -> bytes | None:
-        """Takes one more character; returns ADR and data of a good telegram when it is complete."""
+        """Processes one more character; returns ADR and data of a complete, good telegram, else None."""
         if heard.start < self.deaf_until:
             raise Unclear(heard.start, "a character while the firmware checks a telegram")
         gap, bit = heard.start - self.last_end, self.line.bit
