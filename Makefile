@@ -24,7 +24,8 @@ RUN := $(PY) -m
 SETUP := setup-demo
 
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
-export PYTHONDONTWRITEBYTECODE := 1
+# Compiled Python outside the sources. A simulation starts in half the time with it.
+export PYTHONPYCACHEPREFIX := $(CURDIR)/$(BUILD)/pycache
 export OBJCACHE := ccache
 export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
 # The random tests of pytest: the same seed in each run, unless SEED= gives another.

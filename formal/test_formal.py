@@ -106,12 +106,18 @@ def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
     ("more", "errors"),
     [
         ("", ""),
-        ("always @* assume (!tick16);", "the assumptions never allow tick16 = 1"),
+        pytest.param(
+            "always @* assume (!tick16);",
+            "the assumptions never allow tick16 = 1",
+            marks=pytest.mark.slow,
+        ),
         (
             "always @* assume (format[`CARD_LINE_TWO_STOP_BITS] == format[`CARD_LINE_PARITY_ENABLE_BITS]);",
             "never allow format_parity_enable = 1\n",
         ),
-        ("always @* assume (rx && !rx);", "never allow request_commit = 0\n"),
+        pytest.param(
+            "always @* assume (rx && !rx);", "never allow request_commit = 0\n", marks=pytest.mark.slow
+        ),
         ("always @(posedge clk) if (g_past) assume (!rx_valid && !sending);", "never allow de = 1"),
     ],
 )

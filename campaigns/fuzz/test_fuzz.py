@@ -40,8 +40,8 @@ from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, Heard, Line, Sent, drive_line
 
-# Frames and rates of each shard: cheap rates, and a shard with all rates.
-SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()))
+# Frames and rates of each shard: cheap rates, and a shard with all rates. `make test` runs the last two.
+SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()), (300, (38400, 19200)))
 EVERYWHERE = (
     *("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
     *("FC-1", "FC-8", "FC-9", "FC-10", "EXC", "MAP-3", "LINE-5", "LINE-6", "SAFE-1", "SAFE-2", "SAFE-3"),
@@ -50,7 +50,7 @@ EVERYWHERE = (
 
 @pytest.mark.rule(*EVERYWHERE)
 @pytest.mark.parametrize(
-    "number", [0, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2, 3)), 4]
+    "number", [*(pytest.param(number, marks=pytest.mark.slow) for number in (0, 1, 2, 3)), 4, 5]
 )
 def test_random_lines_and_drives_show_no_difference(number, tmp_path):
     frames, bauds = SHARDS[number]
@@ -199,6 +199,7 @@ def test_every_plant_applies_and_fits(plant, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
     target = named("no-repeat").target()
     result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)

@@ -336,6 +336,7 @@ def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_c
             assert card.led("modbus") == "green"
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LED-3", "MAP-5")
 def test_network_time_out_is_ten_seconds_by_default_and_never_with_40002_at_0(config):
     with FastCard(config=config, baud=BAUD, form="8N2") as card:

@@ -556,6 +556,7 @@ def test_drive(sim, config):
     run_card(sim, config, DRIVE)
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FC-8", "FRAME-6")
 def test_telegrams_leave_in_time(sim):
     """The standard card; the tiny card runs this at its own clock in `test_own_clock`."""
@@ -569,10 +570,14 @@ def test_broadcasts_follow_each_other(sim):
     run_card(sim, "standard", QUICK[1:], 2 * SLOW_HZ["standard"])
 
 
+@pytest.mark.slow
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
 @pytest.mark.parametrize("variant", ["STRICT_T15", "PREPARE_EARLY"])
 def test_variants(variant):
-    """Each variant sets one parameter to 0. On Verilator only: rtu_rx tests both on both simulators."""
+    """Each variant sets one parameter to 0. On Verilator only: rtu_rx tests both on both simulators.
+
+    `make test` has both on the whole card, too: in campaigns/fuzz and in campaigns/bench.
+    """
     what = [
         "frame_with_gaps_of_1_4_characters_is_accepted",
         "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
@@ -588,6 +593,7 @@ def test_own_clock(config):
     run_card("verilator", config, QUICK, own_hz(config))
 
 
+@pytest.mark.slow
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
 def test_manual_at_own_clock(config):
     run_card("verilator", config, ["manual_examples_at_9600_meet_all_turnarounds"], own_hz(config))

@@ -266,11 +266,12 @@ def test_adr_of_a_telegram_is_written_last(write):
 
 
 @pytest.mark.rule("SAFE-4")
-def test_a_flipped_bit_in_the_core_alters_no_command():
+@pytest.mark.parametrize("count", [200, pytest.param(500, marks=pytest.mark.slow)])
+def test_a_flipped_bit_in_the_core_alters_no_command(count: int):
     """A register's bit, at any instruction from the candidate to the commit."""
-    results, altered = core_flips.flip_registers(seed=1, count=500)
+    results, altered = core_flips.flip_registers(seed=1, count=count)
     assert not altered, altered
-    assert results["as asked"] > 250 and results["none"] > 50, results
+    assert results["as asked"] > count / 2 and results["none"] > count / 10, results
 
 
 @pytest.mark.rule("FRAME-6")

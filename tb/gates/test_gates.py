@@ -22,6 +22,14 @@ from tb.rtl.test_uart import UNIT_TESTS
 BY_PORTS = r"(?!no_single_bit|small_)\w+"
 
 each_family = pytest.mark.parametrize("family", COUNTED_ON)
+# `make test` runs the benches of modules on the cells of one family.
+first_family = pytest.mark.parametrize(
+    "family",
+    [
+        pytest.param(family, marks=[pytest.mark.slow] if number else [])
+        for number, family in enumerate(COUNTED_ON)
+    ],
+)
 
 
 def run_gates(family: str, top: str, parameters=None, config: str = "standard", **more) -> None:
@@ -33,13 +41,13 @@ def run_gates(family: str, top: str, parameters=None, config: str = "standard", 
 
 
 @pytest.mark.rule("FRAME-6", "FRAME-7")
-@each_family
+@first_family
 def test_commit_gate_in_cells(family):
     run_gates(family, "commit_gate", testcase=BY_PORTS)
 
 
 @pytest.mark.rule("LINE-1", "LINE-5")
-@each_family
+@first_family
 def test_uart_in_cells(family):
     run_gates(family, "uart", testcase=UNIT_TESTS)
 

@@ -32,6 +32,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     # The simulators lie beside the interpreter; a plain `.venv/bin/pytest` must find them too.
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    # For the Python inside each simulation, which imports all of cocotb.
+    os.environ.setdefault("PYTHONPYCACHEPREFIX", str(ROOT / "build/pycache"))
     # Set before xdist starts its workers, so that one number repeats the whole run.
     os.environ.setdefault("COCOTB_RANDOM_SEED", str(FIXED_SEED))
 

@@ -38,6 +38,7 @@ WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
 BUILDS_KEPT = 3
 
+IMAGE = "firmware.hex"  # name of the firmware image for the card while a test runs
 LINES = "lines"  # base name of capture and log while a test runs
 
 
@@ -106,7 +107,9 @@ def run(
     sources = [*sources, *extra_sources]
     if top == "rtu2fc":
         parameters.setdefault("FIRMWARE_HEX", str(firmware(config)))
-    literals = {name: as_sv_literal(value) for name, value in parameters.items()}
+    # The image is no part of a build: each simulation reads it by this name in its own folder.
+    image = {"FIRMWARE_HEX": IMAGE} if top == "rtu2fc" else {}
+    literals = {name: as_sv_literal(value) for name, value in (parameters | image).items()}
     test_name = _test_name()
     run_folder = ROOT / "build/tests" / test_name
     shutil.rmtree(run_folder, ignore_errors=True)
@@ -116,6 +119,8 @@ def run(
     build_folder = _build(runner, top, sim, sources, literals, waves)
     results = run_folder / "results.xml"
     dump = run_folder / ("dump.fst" if sim == "verilator" else "icarus.fst")
+    if image:
+        (run_folder / IMAGE).symlink_to(parameters["FIRMWARE_HEX"])
     try:
         runner.test(
             hdl_toplevel=top,

@@ -420,14 +420,38 @@ async def a_reset_turns_the_driver_off_at_any_moment(dut):
     assert port.on("good")
 
 
+# Scenarios of many exchanges, each of tens of thousands of clocks.
+MANY_REPLIES = (
+    "a_faulty_reply_counts_once_and_the_next_one_is_accepted",
+    "gaps_of_up_to_two_characters_are_allowed_in_a_reply",
+    "a_drive_with_a_clock_error_of_4_percent_is_received",
+    "a_reply_may_take_one_and_a_half_times_its_nominal_time",
+    "noise_between_exchanges_never_stops_the_port",
+    "phantom_characters_at_line_turnaround_are_ignored",
+    "replies_of_every_kind_are_good_after_any_delay",
+    "glitches_shorter_than_a_quarter_bit_are_ignored",
+)
+
+
 @pytest.mark.rule(
     "LINE-4", "LINE-5", "FC-1", "FC-2", "FC-7", "FC-8", "FC-9", "FC-10", "SAFE-1", "SAFE-2", "SAFE-3"
 )
 def test_drive_port(sim):
+    run_port(sim, rf"(?!{'|'.join(MANY_REPLIES)})\w+")
+
+
+@pytest.mark.slow("icarus")
+@pytest.mark.rule("LINE-5", "FC-8")
+def test_many_replies(sim):
+    run_port(sim, *MANY_REPLIES)
+
+
+def run_port(sim: str, *testcase: str) -> None:
     run(
         "drive_line",
         "tb.rtl.test_drive_port",
         sim=sim,
         extra_sources=[WRAPPER],
         parameters={"CLK_HZ": CLK_HZ},
+        testcase=testcase,
     )

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import cocotb
 import pytest
+from cocotb.triggers import First, ValueChange
 
 from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import ReadPort, at_once
@@ -39,12 +40,13 @@ class Sender:
         return self
 
     async def _line(self) -> None:
+        request, busy, ready = self.dut.line_request, self.dut.line_busy, self.dut.line_ready
         while True:
-            wanted = int(self.dut.line_request.value)
-            if wanted and not int(self.dut.line_ready.value):
+            await First(ValueChange(request), ValueChange(busy))
+            await self.bench.clocks(0.75)
+            if int(request.value) and not int(ready.value):
                 await self.bench.clocks(self.lead)
-            self.dut.line_ready.value = int(self.dut.line_request.value or self.dut.line_busy.value)
-            await self.bench.clocks()
+            ready.value = int(request.value or busy.value)
 
     async def begin(self, contents: bytes, length: int | None = None) -> None:
         self.monitor.forget()

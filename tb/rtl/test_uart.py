@@ -557,7 +557,7 @@ def test_bad_lines(sim):
     ("clk_hz", "slowest", "forms"),
     [
         (2_000_000, 300, FORMATS),
-        (12_000_000, 300, ("8N2",)),
+        pytest.param(12_000_000, 300, ("8N2",), marks=pytest.mark.slow),
         (100_000_000, 9600, ("8E1",)),
     ],
 )
