@@ -91,9 +91,9 @@ wireshark: | setup-views ## open a recording, both lines decoded: make wireshark
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report
-test: | setup-test ## * every rule once, every module on both simulators (8 min from a clean clone; TEST=name: a part)
+test: | setup-test ## * every rule once, large modules on both simulators (8 min from a clean clone; TEST=name: a part)
 	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
-	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
+	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
 
 test-all: | setup-test ## * every test: both cards, both simulators, boards, pages

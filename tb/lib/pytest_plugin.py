@@ -88,11 +88,11 @@ def costly(item: pytest.Item) -> bool:
 
 
 def in_make_test(item: pytest.Item) -> bool:
-    """Every module on both simulators; the whole card once, on the simulator that takes the least time.
+    """Large modules on both simulators, small ones on Icarus, the whole card on Verilator.
 
-    Verilator compiles for long and runs fast: the whole card runs there. Tests marked `all_cards` run as both
-    cards on both simulators. Tests marked `slow` show nothing that another test does not show in less time.
-    Tests marked `needs` wait for tools that `make test` does not install.
+    Verilator compiles for long and runs fast. It runs every small module as a part of the card. Tests marked
+    `all_cards` run as both cards on both simulators. Tests marked `slow` show nothing that another test does
+    not show in less time. Tests marked `needs` wait for tools that `make test` does not install.
     """
     if item.get_closest_marker("all_cards"):
         return True
@@ -102,7 +102,22 @@ def in_make_test(item: pytest.Item) -> bool:
         return False
     if item.get_closest_marker("needs") or config == "tiny":
         return False
+    # SIM=verilator asks for all of them.
+    if sim == "verilator" and item.path.name in SMALL and not item.config.getoption("--sim"):
+        return False
     return not (sim == "icarus" and config)
+
+
+# Benches that take less time on Icarus than Verilator takes to compile the module.
+SMALL = {
+    f"test_{module}.py"
+    for module in (
+        *("baud_base", "baud_divider", "bcc", "bus_arbiter", "card_tables", "card_time", "crc16_modbus"),
+        *("firmware_ram", "glitch_filter", "guarded_bit", "loopback_end", "mailbox_regs", "parity_guard"),
+        *("reset_sync", "reply_slot", "request_fate", "rs485_dir", "rtu_tx", "silence_timer", "supervisor"),
+        *("switch_sampler", "sync_2ff", "telegram_slot"),
+    )
+}
 
 
 # Last result of every test with commit and time, for `make trace` and `make report`. Each run updates its
