@@ -42,11 +42,11 @@ from tb.model import rtu
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.whole_card import Verdict
-from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
 RTL = ROOT / "rtl"
 BAUD = BAUDS[0]
-LINE = Line(BAUD, FORMS[BAUD], clk_hz(BAUD))
+LINE = LineFormat(BAUD, FORMS[BAUD], clk_hz(BAUD))
 START = bytes.fromhex("010f 0000 0010 02 7c04")  # only coils 1 to 16
 COMMAND = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
 CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
@@ -267,14 +267,17 @@ def test_a_number_always_gives_the_same_flip(places):
 # ---------------------------------------------------------------- verdicts
 
 
-def heard(data: bytes, at: float) -> list[Heard]:
+def heard(data: bytes, at: float) -> list[FarCharacter]:
     character = LINE.character_bits * LINE.bit
-    return [Heard(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
+    return [FarCharacter(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
 
 
-def burst(line: Line, data: bytes, at: float) -> Burst:
+def burst(line: LineFormat, data: bytes, at: float) -> Burst:
     character = line.character_bits * line.bit
-    sent = [Sent(round(at + i * character), at + (i + 1) * character, b, True) for i, b in enumerate(data)]
+    sent = [
+        CardCharacter(round(at + i * character), at + (i + 1) * character, b, True)
+        for i, b in enumerate(data)
+    ]
     return Burst(round(at), round(sent[-1].end), sent)
 
 

@@ -23,7 +23,7 @@ from tb.model import fc_telegram, rtu
 from tb.model.card import CardModel
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.whole_card import LineJudge, Verdict
-from tb.model.wire import Line, drive_line, taken_by_a_drive
+from tb.model.wire import LineFormat, drive_line, taken_by_a_drive
 
 ADDRESS = 1
 # Formats by rate; the first rate is the default. At the slowest rate the firmware queues its telegram long
@@ -94,7 +94,7 @@ class Places:
 
     def __post_init__(self) -> None:
         sources = tuple(self.target.sources or card_files())
-        self.line = Line(self.baud, FORMS[self.baud], clk_hz(self.baud))
+        self.line = LineFormat(self.baud, FORMS[self.baud], clk_hz(self.baud))
         self.registers = registers.registers(sources, self.line.clk_hz)
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
@@ -127,12 +127,12 @@ class Places:
         return Flip(at, register.path, rng.choice(words), rng.choice(register.bits), part)
 
 
-def too_early(line: Line, when: float = 0.5) -> float:
+def too_early(line: LineFormat, when: float = 0.5) -> float:
     """Bits after a frame at which another character revokes it: from t1.5 (0) to t3.5 (1), clear of both."""
     return line.t15_bits + CLEAR_BITS + when * (line.t35_bits - line.t15_bits - 2 * CLEAR_BITS)
 
 
-def traffic(rng: random.Random, line: Line) -> list[dict]:
+def traffic(rng: random.Random, line: LineFormat) -> list[dict]:
     """Commands with and without bit 10 and other traffic of a plant; the last command starts the motor."""
 
     def frame(what: str, pdu: bytes, unit: int = ADDRESS) -> dict:
@@ -287,7 +287,7 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     return Outcome(flip, reply_effect(played), why)
 
 
-def longest(line: Line) -> float:
+def longest(line: LineFormat) -> float:
     """Longest time in clocks for which a driver may be on, with a flipped bit."""
     return LONGEST_CHARACTERS * line.character_bits * line.bit
 
@@ -301,7 +301,7 @@ def reply_effect(played: Played) -> str:
     return "wrong reply"
 
 
-def telegrams(flip: Flip, played: Played, line: Line) -> tuple[str, str]:
+def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
     """Compares telegrams that a drive would accept with the requests."""
     frames = asked(played, line)
     causes = expected(frames, played)
@@ -345,7 +345,7 @@ def _rightful(
     return True
 
 
-def asked(played: Played, line: Line) -> list[tuple[float, float, bytes]]:
+def asked(played: Played, line: LineFormat) -> list[tuple[float, float, bytes]]:
     """The committed frames for the card: start, end, ADU."""
     found: list[tuple[float, float, bytes]] = []
     characters: list = []

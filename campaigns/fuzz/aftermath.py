@@ -15,7 +15,16 @@ from dataclasses import dataclass, field
 from tb.model import fc_telegram
 from tb.model.card import READS, CardModel
 from tb.model.crc16 import crc_good
-from tb.model.wire import FRAME_MAX, FRAME_MIN, UNSURE_BITS, Burst, Heard, Line, drive_line, taken_by_a_drive
+from tb.model.wire import (
+    FRAME_MAX,
+    FRAME_MIN,
+    UNSURE_BITS,
+    Burst,
+    FarCharacter,
+    LineFormat,
+    drive_line,
+    taken_by_a_drive,
+)
 
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
 WRITES = (
@@ -43,7 +52,7 @@ class Possible:
         return 1 if self.data[0] == 0 else 2
 
 
-def possible_frames(network: list[Heard], line: Line, address: int) -> list[Possible]:
+def possible_frames(network: list[FarCharacter], line: LineFormat, address: int) -> list[Possible]:
     """Every run of good characters between possible silences that is a frame for the card."""
     starts, ends = [], []
     for number, heard in enumerate(network):
@@ -121,7 +130,7 @@ def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: 
 
 
 def unanswered(
-    last: list[bytes], network: list[Heard], replies: list[Burst], until: float, count: int | None
+    last: list[bytes], network: list[FarCharacter], replies: list[Burst], until: float, count: int | None
 ) -> list[str]:
     """The first `count` of the last requests: each must have one fitting reply."""
     heard, found = list(network), []

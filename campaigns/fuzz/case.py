@@ -27,7 +27,7 @@ from tb.model.card import DIALECTS, DRIVE_TIMEOUT, CardModel, word
 from tb.model.crc16 import crc_good
 from tb.model.vlt_drive import VltDrive
 from tb.model.whole_card import LineJudge, Verdict
-from tb.model.wire import GARBLED_BITS, Burst, Heard, Line
+from tb.model.wire import GARBLED_BITS, Burst, FarCharacter, LineFormat
 
 # Clock for a rate, in Hz: at least 64 times the rate (LINE-5) and 2 MHz (TOP-1); no more, because each clock
 # costs simulation time.
@@ -71,8 +71,8 @@ def probes(dialect: str) -> list[dict]:
 class Played:
     """All traffic on the two lines."""
 
-    network: list[Heard]
-    drive: list[Heard]
+    network: list[FarCharacter]
+    drive: list[FarCharacter]
     replies: list[Burst]
     telegrams: list[Burst]
     end: int
@@ -90,12 +90,12 @@ class Player:
         self.case = case
         clock = clk_hz(case["baud"])
         library = target.library(clock, "waves" if wave else extra)
-        self.line = Line(case["baud"], case["form"], clock)
+        self.line = LineFormat(case["baud"], case["form"], clock)
         self.pins = Pins(library, target.image_folder(case["dialect"]), self.line, case["address"], wave)
         self.drive_line = self.pins.lines[DRIVE]
         self.model = VltDrive(case["profile"])
-        self.network: list[Heard] = []
-        self.drive: list[Heard] = []
+        self.network: list[FarCharacter] = []
+        self.drive: list[FarCharacter] = []
         self.network_start = self.network_end = self.drive_end = 0.0
         self.stepped_us = 0
         self.manners: list[dict] = []
@@ -179,7 +179,7 @@ class Player:
             at, level = at + bits * self.line.bit, 1 - level
         edges.append((at, 1))
         self.pins.play(NETWORK, edges)
-        self.network.append(Heard(start, at, 0, False, GARBLED_BITS * self.line.bit))
+        self.network.append(FarCharacter(start, at, 0, False, GARBLED_BITS * self.line.bit))
         self.network_end = at
 
     def _send(self, event: dict, start: float) -> None:
@@ -192,7 +192,7 @@ class Player:
             self._notice_wait(data)
 
     def _characters(
-        self, where: int, line: Line, data: bytes, start: float, how: dict, heard: list[Heard]
+        self, where: int, line: LineFormat, data: bytes, start: float, how: dict, heard: list[FarCharacter]
     ) -> float:
         """Puts characters onto a line; returns the end of the last one."""
         bit = line.bit / (1 + how.get("error", 0.0))
@@ -211,7 +211,7 @@ class Player:
                 abs(len(levels) * (bit - line.bit)) + stretched + (1.5 * line.bit if flaw == "stop" else 0)
             )
             good = not flaw or (flaw == "parity" and not line.parity)
-            heard.append(Heard(at, end, byte, good, slack))
+            heard.append(FarCharacter(at, end, byte, good, slack))
             at = end
             if flaw == "stop":
                 # The receiver waits for a high line before it accepts a start bit.
@@ -220,7 +220,7 @@ class Player:
         return heard[-1].end if data else start
 
     def _with_glitches(
-        self, edges: list[tuple[float, int]], start: float, line: Line, glitches: list[list[float]]
+        self, edges: list[tuple[float, int]], start: float, line: LineFormat, glitches: list[list[float]]
     ) -> list[tuple[float, int]]:
         """Inverts the line for less than a quarter bit at some places (LINE-5)."""
         for offset, width in glitches:
@@ -364,7 +364,7 @@ def run(
     return verdict, played
 
 
-def aftermath(case: dict, played: Played, line: Line, verdict: Verdict, wait: int) -> list[str]:
+def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wait: int) -> list[str]:
     """Errors after the end of the judge; `wait`: last value of register 40003 that may count."""
     found = []
     frames = possible_frames(played.network, line, case["address"])

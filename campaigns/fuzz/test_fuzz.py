@@ -38,7 +38,7 @@ from tb.model.card import DRIVE_TIMEOUT, CardModel
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import LineJudge
-from tb.model.wire import Burst, Heard, Line, Sent, drive_line
+from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
 # Frames and rates of each shard: cheap rates, and a shard with all rates. `make test` runs the last two.
 SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()), (300, (38400, 19200)))
@@ -78,7 +78,7 @@ def test_judge_accepts_either_of_two_right_outcomes(path):
 def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
     """Plays a case in which the judge stops; returns the traffic, and a check for changed traffic."""
     verdict, played = run(case, Target())
-    line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
+    line = LineFormat(case["baud"], case["form"], clk_hz(case["baud"]))
     check = functools.partial(aftermath, case, line=line, verdict=verdict, wait=15)
     assert verdict.unclear and not verdict.differences and not check(played)
     assert played.judged(verdict.until) < len(played.frames)
@@ -108,7 +108,9 @@ def test_unrequested_commands_are_found_after_the_judge(name):
     def sent(data: bytes, at: float) -> Burst:
         character = drive.character_bits * drive.bit
         ends = [at + (i + 1) * character for i in range(len(data))]
-        characters = [Sent(round(e - character), e, b, True) for e, b in zip(ends, data, strict=True)]
+        characters = [
+            CardCharacter(round(e - character), e, b, True) for e, b in zip(ends, data, strict=True)
+        ]
         return Burst(round(at), round(ends[-1]), characters)
 
     def with_more(data: bytes, at: float) -> Played:
@@ -126,11 +128,11 @@ def test_unrequested_commands_are_found_after_the_judge(name):
 
 def test_possible_states_are_limited():
     """Commands of single coils, none confirmed: each may have changed the control image or not."""
-    line = Line(38400, "8E1", clk_hz(38400))
+    line = LineFormat(38400, "8E1", clk_hz(38400))
     character = line.character_bits * line.bit
     data = [rtu.build(1, bytes([5, 0, coil, 0xFF, 0])) for coil in range(12)]
     heard = [
-        Heard(at := (30 * n + k) * character, at + character, byte)
+        FarCharacter(at := (30 * n + k) * character, at + character, byte)
         for n, frame in enumerate(data)
         for k, byte in enumerate(frame)
     ]
@@ -319,7 +321,7 @@ def test_traffic_has_every_kind_of_fault():
     cases = [make(f"9/{number}") for number in range(400)]
     met: Counter = Counter()
     for case in cases:
-        line = Line(case["baud"], case["form"], clk_hz(case["baud"]))
+        line = LineFormat(case["baud"], case["form"], clk_hz(case["baud"]))
         for event in case["events"]:
             drives = [part for manner in event.get("drive", []) for part in manner.get("parts", [manner])]
             met.update(f"flaw {flaw}" for flaw in event.get("flaws", {}).values())
@@ -344,7 +346,7 @@ def test_traffic_has_every_kind_of_fault():
 
 # ---------------------------------------------------------------- the judge
 
-LINE = Line(19200, "8E1", 2_000_000)
+LINE = LineFormat(19200, "8E1", 2_000_000)
 READ = rtu.build(1, rtu.read_coils(0, 16))
 ANSWER = rtu.build(1, bytes.fromhex("01 02 00 00"))
 START = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
@@ -352,13 +354,13 @@ STARTED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
 T35 = LINE.t35_bits * LINE.bit
 
 
-def heard(line: Line, data: bytes, at: float) -> list[Heard]:
+def heard(line: LineFormat, data: bytes, at: float) -> list[FarCharacter]:
     character = line.character_bits * line.bit
-    return [Heard(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
+    return [FarCharacter(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
 
 
-def burst(line: Line, data: bytes, at: float) -> Burst:
-    sent = [Sent(round(c.start), c.end, c.byte, True) for c in heard(line, data, at + line.bit / 4)]
+def burst(line: LineFormat, data: bytes, at: float) -> Burst:
+    sent = [CardCharacter(round(c.start), c.end, c.byte, True) for c in heard(line, data, at + line.bit / 4)]
     return Burst(round(at), round(sent[-1].end), sent)
 
 
@@ -421,7 +423,7 @@ def sent_so(whole: Burst, **changed) -> Burst:
     return replace(whole, **(changed | moved))
 
 
-def damaged(whole: Burst) -> list[Sent]:
+def damaged(whole: Burst) -> list[CardCharacter]:
     return [replace(c, good=i != 2) for i, c in enumerate(whole.characters)]
 
 

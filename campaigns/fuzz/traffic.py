@@ -16,7 +16,7 @@ from sim.harness.pins import BAUDS, FORMS
 from tb.model.card import DRIVE_TIMEOUT, NETWORK_TIMEOUT
 from tb.model.crc16 import with_crc
 from tb.model.fc_telegram import STX, build
-from tb.model.wire import PAUSE_BITS, UNSURE_BITS, Line
+from tb.model.wire import PAUSE_BITS, UNSURE_BITS, LineFormat
 
 # Weight of each rate, and number of events in its cases: at 300 bit/s a frame is a million clocks.
 RATES = {
@@ -68,7 +68,7 @@ class Maker:
         rates = {baud: RATES[baud] for baud in bauds or BAUDS}
         (self.baud,) = rng.choices(list(rates), [weight / events for weight, events in rates.values()])
         self.form = rng.choice(list(FORMS))
-        self.line = Line(self.baud, self.form, clk_hz(self.baud))
+        self.line = LineFormat(self.baud, self.form, clk_hz(self.baud))
         self.address = rng.choice((1, 1, 247, rng.randint(1, 247)))
         self.dialect = rng.choices(list(DIALECT_PROFILES), (8, 2, 1))[0]
         self.profile = rng.choice(DIALECT_PROFILES[self.dialect])

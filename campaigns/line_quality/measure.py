@@ -20,7 +20,7 @@ from sim.harness.pins import DRIVE, NETWORK, Pins
 from tb.model import rtu
 from tb.model.card import FUNCTIONS, CardModel
 from tb.model.vlt_drive import VltDrive
-from tb.model.wire import Line
+from tb.model.wire import LineFormat
 
 ADDRESS = 1
 OWN = Target()
@@ -47,7 +47,7 @@ def request(rng: random.Random) -> bytes:
 class Prober:
     """A card after power-up, and its master."""
 
-    line: Line
+    line: LineFormat
     target: Target = OWN
     line_name = "network"
 
@@ -208,7 +208,7 @@ def limit(prober: Prober, quantity: Quantity, characters: int, seed: int) -> Lim
 
 
 def measured(
-    line: Line,
+    line: LineFormat,
     *,
     of_drive: bool = False,
     characters: int,
@@ -221,7 +221,7 @@ def measured(
         return [limit(prober, QUANTITIES[name], characters, seed) for name in quantities]
 
 
-def jitter_at(line: Line, error: float, characters: int, seed: int, target: Target = OWN) -> float:
+def jitter_at(line: LineFormat, error: float, characters: int, seed: int, target: Target = OWN) -> float:
     """The greatest jitter of a line whose sender's rate is off."""
     with Prober(line, target) as prober:
 

@@ -18,10 +18,10 @@ from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
 from campaigns.line_quality.measure import Limit, Prober, halve, holds
 from campaigns.line_quality.waveform import Badness, edges
 from campaigns.line_quality.work import FAST, FORM, Piece, whole
-from tb.model.wire import Line
+from tb.model.wire import LineFormat
 
 SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
-LINE = Line(115200, FORM, clk_hz(115200))
+LINE = LineFormat(115200, FORM, clk_hz(115200))
 
 
 def names(piece: Piece) -> str:
@@ -43,7 +43,7 @@ def test_limits_keep_the_promise(piece: Piece):
 def test_all_formats_tolerate_a_rate_error_of_4_percent(error: float):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
     for form in ALL_FORMS:
-        with Prober(Line(115200, form, clk_hz(115200))) as prober:
+        with Prober(LineFormat(115200, form, clk_hz(115200))) as prober:
             assert holds(prober, Badness(error=error), 500, f"{SEED}/{form}"), form
 
 

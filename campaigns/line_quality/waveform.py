@@ -6,7 +6,7 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 
-from tb.model.wire import Line
+from tb.model.wire import LineFormat
 
 # "Beside an edge" means within the filter's window.
 BESIDE_BITS = 0.3
@@ -33,7 +33,7 @@ class Badness:
 
 
 def edges(
-    line: Line, data: bytes, start: float, bad: Badness, rng: random.Random
+    line: LineFormat, data: bytes, start: float, bad: Badness, rng: random.Random
 ) -> tuple[list[tuple[float, int]], float]:
     """The edges of these characters without gaps, and the end of the last character."""
     bit, at, level = line.bit / (1 + bad.error), start, 1
@@ -58,7 +58,7 @@ def edges(
     return [(when, i % 2) for i, when in enumerate(toggles)], at
 
 
-def _glitch(line: Line, start: float, own: list[float], width: float, rng: random.Random) -> float:
+def _glitch(line: LineFormat, start: float, own: list[float], width: float, rng: random.Random) -> float:
     """Start of a glitch: from the start bit to the end of the first stop bit, or beside or across an edge."""
     bits = 10 + line.parity
     if rng.random() < 0.5:

@@ -12,7 +12,7 @@ from campaigns.line_quality.measure import OWN, Limit, Target, jitter_at, measur
 from regs.generated.card_tables import DRIVE_BAUD
 from rtl.sources import configurations
 from sim.harness.pins import BAUDS
-from tb.model.wire import Line
+from tb.model.wire import LineFormat
 
 CARD_HZ = configurations()["standard"]["clk_hz"]
 FORM = "8E1"  # the longest character, where one format is enough
@@ -37,7 +37,7 @@ EYE_ERRORS = tuple(percent / 100 for percent in (-5, -4, -3, -2, -1, 0, 1, 2, 3,
 class Piece:
     """All limits of a line, as a unit of work for a process."""
 
-    line: Line
+    line: LineFormat
     characters: int
     of_drive: bool = False
     quantities: tuple[str, ...] = tuple(QUANTITIES)
@@ -68,14 +68,16 @@ class Eye:
     cost = 0.0
 
     def run(self, seed: int) -> list[tuple[str, float, float]]:
-        line = Line(EYE_BAUD, self.form, clk_hz(EYE_BAUD))
+        line = LineFormat(EYE_BAUD, self.form, clk_hz(EYE_BAUD))
         return [(self.form, self.error, jitter_at(line, self.error, EYE_CHARACTERS, seed))]
 
 
 def _piece(baud: int, form: str, clock: int, of_drive: bool = False) -> Piece:
     characters = POINT_CLOCKS / (clock / (DRIVE_BAUD if of_drive else baud) * CHARACTER_BITS)
     quantities = PROMISED if baud == SLOWEST and clock == CARD_HZ else tuple(QUANTITIES)
-    return Piece(Line(baud, form, clock), round(min(max(characters, FEWEST), MOST)), of_drive, quantities)
+    return Piece(
+        LineFormat(baud, form, clock), round(min(max(characters, FEWEST), MOST)), of_drive, quantities
+    )
 
 
 def whole() -> Iterator[Piece | Eye]:
@@ -93,10 +95,10 @@ def whole() -> Iterator[Piece | Eye]:
 
 # 64 clocks a bit; the clocks a bit of 115200 bit/s at 12 MHz; the drive line.
 FAST = (
-    *(Piece(Line(115200, form, clk_hz(115200)), FAST_CHARACTERS) for form in ("8E1", "8N1")),
-    Piece(Line(19200, "8N2", clk_hz(19200)), FAST_CHARACTERS),
+    *(Piece(LineFormat(115200, form, clk_hz(115200)), FAST_CHARACTERS) for form in ("8E1", "8N1")),
+    Piece(LineFormat(19200, "8N2", clk_hz(19200)), FAST_CHARACTERS),
     Piece(
-        Line(DRIVE_NETWORK_BAUD, FORM, clk_hz(DRIVE_NETWORK_BAUD)),
+        LineFormat(DRIVE_NETWORK_BAUD, FORM, clk_hz(DRIVE_NETWORK_BAUD)),
         FAST_DRIVE_CHARACTERS,
         of_drive=True,
         quantities=PROMISED,

@@ -13,7 +13,7 @@ from pathlib import Path
 from regs.generated.card_tables import FORMATS, RATES
 from sim.harness import simulated_card
 from sim.harness.simulated_card import SimulatedCard
-from tb.model.wire import Burst, Line, Sent, drive_line
+from tb.model.wire import Burst, CardCharacter, LineFormat, drive_line
 
 SIGNALS = simulated_card.SIGNALS[:8]
 NETWORK, DRIVE = 0, 1
@@ -32,7 +32,7 @@ class Pins:
 
     library: Path
     folder: Path
-    network: Line
+    network: LineFormat
     address: int
     wave: Path | None = None
     edges: dict[int, list[tuple[int, int]]] = field(
@@ -125,7 +125,7 @@ class Pins:
         self._card.flip(variable, word, bit)
 
 
-def decode(line: Line, edges: Sequence[tuple[int, int]], rise: int) -> list[Sent]:
+def decode(line: LineFormat, edges: Sequence[tuple[int, int]], rise: int) -> list[CardCharacter]:
     """The characters in the edges of a transmit pin, each bit sampled in its middle."""
     found, i, count = [], 0, len(edges)
     while i < count:
@@ -142,5 +142,5 @@ def decode(line: Line, edges: Sequence[tuple[int, int]], rise: int) -> list[Sent
             levels.append(level)
         byte = sum(bit << k for k, bit in enumerate(levels[1:9]))
         end = start + line.character_bits * line.bit
-        found.append(Sent(start, end, byte, levels == line.levels(byte)))
+        found.append(CardCharacter(start, end, byte, levels == line.levels(byte)))
     return found

@@ -26,10 +26,10 @@ from tb.model.wire import (
     UNSURE_BITS,
     Burst,
     DriveReceiver,
-    Frame,
-    Heard,
-    Line,
+    FarCharacter,
+    LineFormat,
     NetworkEvent,
+    NetworkFrame,
     NetworkReceiver,
     Unclear,
     drive_line,
@@ -111,7 +111,7 @@ class LineJudge:
     """
 
     card: CardModel
-    line: Line
+    line: LineFormat
     address: int
     budget: float
     strict_t15: bool = True
@@ -137,8 +137,8 @@ class LineJudge:
 
     def evaluate(
         self,
-        network: Sequence[Heard],
-        drive: Sequence[Heard],
+        network: Sequence[FarCharacter],
+        drive: Sequence[FarCharacter],
         replies: Sequence[Burst],
         telegrams: Sequence[Burst],
         until: float,
@@ -166,7 +166,7 @@ class LineJudge:
             self.verdict.differences.append(str(difference))
         return self.verdict
 
-    def _network(self, heard: Iterable[Heard]) -> list[tuple]:
+    def _network(self, heard: Iterable[FarCharacter]) -> list[tuple]:
         unsure = UNSURE_BITS * self.line.bit
         found: list[tuple] = []
         try:
@@ -179,10 +179,10 @@ class LineJudge:
             found.append((unclear.at, 2, self._raise, unclear))
         return found
 
-    def _drive(self, heard: Iterable[Heard]) -> list[tuple]:
+    def _drive(self, heard: Iterable[FarCharacter]) -> list[tuple]:
         around = heard_around(heard, self.telegrams, self.drive.bit)
         early = STOP_BITS * self.drive.bit
-        return [(h.end - early, 0, self._from_drive, h) for _, h in around if isinstance(h, Heard)]
+        return [(h.end - early, 0, self._from_drive, h) for _, h in around if isinstance(h, FarCharacter)]
 
     def _raise(self, unclear: Unclear) -> None:
         raise unclear
@@ -234,7 +234,7 @@ class LineJudge:
         self.queue.append(request)
         exchange.wanted = min(exchange.wanted, at)
 
-    def _commit(self, frame: Frame, at: float) -> None:
+    def _commit(self, frame: NetworkFrame, at: float) -> None:
         pdu = frame.data[1:-2]
         step = self.card.request(pdu, frame.broadcast)
         if self.exchange:
@@ -306,7 +306,7 @@ class LineJudge:
         self._measure(request.how, burst.start - request.answer_from)
         self._count(f"exception {data[2]}" if data[1] & 0x80 else f"function {data[1]:02X} answered")
 
-    def _shape(self, burst: Burst, line: Line, what: str) -> None:
+    def _shape(self, burst: Burst, line: LineFormat, what: str) -> None:
         """Checks characters, gaps and driver (LINE-6, FC-8, FC-10)."""
         shown = burst.data.hex(" ")
         if not burst.characters or not all(c.good for c in burst.characters):
@@ -430,7 +430,7 @@ class LineJudge:
         else:
             exchange.receiver = DriveReceiver(self.drive, data[2], last_end=float(burst.fall))
 
-    def _from_drive(self, heard: Heard) -> None:
+    def _from_drive(self, heard: FarCharacter) -> None:
         exchange = self.exchange
         if not exchange or exchange.phase != "wait" or not exchange.receiver:
             self._count("character of the drive unasked")

@@ -35,7 +35,7 @@ class Unclear(Exception):
 
 
 @dataclass(frozen=True)
-class Line:
+class LineFormat:
     """Rate and format of one line. `bit`: length of a bit in clocks. Silences are in bits (FRAME-1)."""
 
     baud: int
@@ -74,12 +74,12 @@ class Line:
         return bits + [int(flaw != "stop")] + [1] * (int(self.form[2]) - 1)
 
 
-def drive_line(clk_hz: int) -> Line:
-    return Line(DRIVE_BAUD, "8E1", clk_hz)
+def drive_line(clk_hz: int) -> LineFormat:
+    return LineFormat(DRIVE_BAUD, "8E1", clk_hz)
 
 
 @dataclass(frozen=True)
-class Heard:
+class FarCharacter:
     """A character sent to the card. `slack`: uncertainty, in clocks, of its end as seen by the card."""
 
     start: float
@@ -90,7 +90,7 @@ class Heard:
 
 
 @dataclass(frozen=True)
-class Sent:
+class CardCharacter:
     """A character sent by the card."""
 
     start: int
@@ -105,7 +105,7 @@ class Burst:
 
     rise: int
     fall: int
-    characters: list[Sent]
+    characters: list[CardCharacter]
 
     @property
     def data(self) -> bytes:
@@ -139,7 +139,9 @@ def embedded(data: bytes) -> list[tuple[int, bytes]]:
     return found
 
 
-def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[float, bytes]], list[bytes]]:
+def taken_by_a_drive(
+    bursts: Iterable[Burst], line: LineFormat
+) -> tuple[list[tuple[float, bytes]], list[bytes]]:
     """The telegrams that a drive could have accepted, with their times, and all other bytes of the card.
 
     A drive cannot see the card's driver. It reads bursts without a pause between them as one stream.
@@ -163,7 +165,7 @@ def taken_by_a_drive(bursts: Iterable[Burst], line: Line) -> tuple[list[tuple[fl
 
 
 @dataclass
-class Frame:
+class NetworkFrame:
     """A good frame for this card. `end`: earliest end of its last stop bit."""
 
     data: bytes
@@ -177,11 +179,13 @@ class NetworkEvent:
 
     at: float
     what: str
-    frame: Frame | None = None
+    frame: NetworkFrame | None = None
     slack: float = 0.0
 
 
-def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iterator[tuple[float, object]]:
+def heard_around(
+    far: Iterable[FarCharacter], own: Iterable[Burst], bit: float
+) -> Iterator[tuple[float, object]]:
     """Traffic of one line in order: characters that the card receives (LINE-6, FC-10), ends of its bursts.
 
     The driver of the card may go off in the middle of a character. Such a character becomes a bad one with a
@@ -197,7 +201,7 @@ def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iter
         if deaf is not None and heard.end <= deaf:
             continue
         if deaf is not None or heard.start < garbled_until + garbled:
-            heard = Heard(max(heard.start, deaf or 0.0), heard.end, 0, False, garbled)
+            heard = FarCharacter(max(heard.start, deaf or 0.0), heard.end, 0, False, garbled)
         if heard.slack >= garbled:
             garbled_until = heard.end
         items.append((heard.start, heard))
@@ -208,15 +212,15 @@ def heard_around(far: Iterable[Heard], own: Iterable[Burst], bit: float) -> Iter
 class NetworkReceiver:
     """Finds frames in the characters on the network line."""
 
-    line: Line
+    line: LineFormat
     address: int
     strict_t15: bool = True
     state: str = "wait"  # wait, idle, frame, hold, suspect
     silent_from: float = 0.0
     slack: float = 0.0
-    characters: list[Heard] = field(default_factory=list)
+    characters: list[FarCharacter] = field(default_factory=list)
 
-    def events(self, far: Iterable[Heard], own: Iterable[Burst]) -> Iterator[NetworkEvent]:
+    def events(self, far: Iterable[FarCharacter], own: Iterable[Burst]) -> Iterator[NetworkEvent]:
         """All events in order. Raises Unclear where the rules allow more than one."""
         for at, item in heard_around(far, own, self.line.bit):
             yield from self._silence(at)
@@ -252,7 +256,7 @@ class NetworkReceiver:
                 yield from self._event("commit", self.silent_from + t35 * self.line.bit)
             self.state = "idle"
 
-    def _character(self, heard: Heard) -> Iterator[NetworkEvent]:
+    def _character(self, heard: FarCharacter) -> Iterator[NetworkEvent]:
         if self.state == "hold":
             yield from self._event("revoke", heard.end)
             self.state = "wait" if self.strict_t15 else "frame"
@@ -272,7 +276,7 @@ class NetworkReceiver:
     def _event(self, what: str, at: float) -> Iterator[NetworkEvent]:
         data = self._data()
         if data[0] in (0, self.address):
-            frame = Frame(data, self.characters[-1].end - self.slack, data[0] == 0)
+            frame = NetworkFrame(data, self.characters[-1].end - self.slack, data[0] == 0)
             yield NetworkEvent(at, what, frame, self.slack)
 
 
@@ -280,15 +284,15 @@ class NetworkReceiver:
 class DriveReceiver:
     """Finds the drive's telegrams after a telegram of the card (FC-8)."""
 
-    line: Line
+    line: LineFormat
     adr: int
     state: str = "hunt"  # hunt, in, bad
     last_end: float = 0.0
     slack: float = 0.0
     deaf_until: float = 0.0  # the firmware is busy after a telegram that does not fit
-    characters: list[Heard] = field(default_factory=list)
+    characters: list[FarCharacter] = field(default_factory=list)
 
-    def hears(self, heard: Heard) -> bytes | None:
+    def hears(self, heard: FarCharacter) -> bytes | None:
         """Processes one more character; returns ADR and data of a complete, good telegram, else None."""
         if heard.start < self.deaf_until:
             raise Unclear(heard.start, "a character while the firmware checks a telegram")
@@ -308,7 +312,7 @@ class DriveReceiver:
             return self._more(heard)
         return None
 
-    def _more(self, heard: Heard) -> bytes | None:
+    def _more(self, heard: FarCharacter) -> bytes | None:
         self.characters.append(heard)
         data = bytes(c.byte for c in self.characters)
         count = len(data)
