@@ -26,6 +26,7 @@ SETUP := setup-demo
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 # Compiled Python outside the sources. A simulation starts in half the time with it.
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(BUILD)/pycache
+unexport PYTHONDONTWRITEBYTECODE
 export OBJCACHE := ccache
 export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
 # The random tests of pytest: the same seed in each run, unless SEED= gives another.

@@ -34,6 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     # For the Python inside each simulation, which imports all of cocotb.
     os.environ.setdefault("PYTHONPYCACHEPREFIX", str(ROOT / "build/pycache"))
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     # Set before xdist starts its workers, so that one number repeats the whole run.
     os.environ.setdefault("COCOTB_RANDOM_SEED", str(FIXED_SEED))
 
