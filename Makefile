@@ -156,7 +156,7 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
 
 ##@ Attack
-.PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips fuzz-page
+.PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
 fuzz: firmware drive | setup-test ## * random lines and drives against the models (COUNT=frames; REPLAY=case)
 	@$(RUN) campaigns.fuzz.run $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 
@@ -175,6 +175,7 @@ flips-report: | setup-test ## all shards of flips in build/fuzz as one table
 core-flips: firmware | setup-test ## flipped registers of the core alone, while it makes a telegram
 	@$(RUN) campaigns.flips.core $(SEEDED)
 
+.PHONY: fuzz-page
 fuzz-page: | setup-test ## docs/reports/fuzz.md from the results of these four in build/fuzz
 	@$(RUN) campaigns.fuzz.page
 

@@ -21,8 +21,9 @@ BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
 MODELS = ("card", "crc16", "fc_telegram", "rtu", "vlt_drive")
 HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
 HARNESS_PYTHON = [ROOT / "sim/harness" / name for name in ("pins.py", "registers.py", "simulated_card.py")]
-NO_JUDGES = ("plants", "shrink", "page", "report", "fake_mailbox", "firmware", "rv32i")
+NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
 DIGITS = 12
+TEXTS = ("page", "report")  # of the fuzzer; they change no verdict
 
 
 def _digest(parts: list[tuple[str, str]]) -> str:
@@ -59,7 +60,8 @@ def firmware(config: str = "standard") -> str:
 def judge() -> str:
     """Actions of the fuzzer and the flips on the card, and their verdicts."""
     folders = [ROOT / "campaigns/fuzz", ROOT / "tb/model"]
-    python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in NO_JUDGES)
+    others = (*NO_JUDGES, *TEXTS)
+    python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in others)
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
     return _digest([*map(_python, [*python, *HARNESS_PYTHON]), *map(_code, [*HARNESS, *drive])])
 
