@@ -4,9 +4,10 @@
 //
 // The ghosts count characters and ticks of the telegram as in FC-8, without the module's slots.
 //
-// Assumed of the neighbours: a character begins with start_seen and ends with byte_valid, and the pause does not end in
-// between; the memory takes a character before the next character or the pause; listening does not restart inside a
-// character that began inside a telegram (it restarts after a good telegram or after sending).
+// Assumed of the neighbours:
+// - A character begins with start_seen and ends with byte_valid. The pause does not end in between.
+// - The memory takes a character before the next character or the pause.
+// - Listening restarts after a good telegram or after sending, so never inside a character of a telegram.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;

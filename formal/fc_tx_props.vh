@@ -2,8 +2,10 @@
 // A telegram is STX, LGE and then exactly the bytes of the frame memory, each once and in order (FC-1). Only a start
 // begins one (SAFE-1).
 //
-// Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit, length is
-// steady while a telegram is sent (mailbox_regs), the memory answers one clock after it was ready.
+// Assumed of the neighbours:
+// - The UART is ready until it gets a byte, and busy from then to its last stop bit.
+// - The length is steady while a telegram is sent (mailbox_regs).
+// - The memory answers one clock after it was ready.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;

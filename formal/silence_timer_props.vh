@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Both limits are reached after exactly their number of silent ticks, in whatever way the line falls silent, and not
-// again before the next restart (FRAME-1, FC-8).
+// Both limits are reached after exactly their number of silent ticks, in whatever way the line falls silent. Neither
+// is reached again before the next restart (FRAME-1, FC-8).
 //
 // The ghost counts silent ticks in one number, without the module's halves.
 

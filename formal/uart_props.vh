@@ -4,8 +4,8 @@
 // RECEIVE: the sender's clock is up to 4 % slow or fast and may wander within that range (LINE-5). A bit is 1600 units
 // long. At each tick of the receiver the sender advances by any number of 96 to 104 units. A character begins at any
 // moment between two ticks, immediately after the last stop bit or later. It has any byte, every format, a correct or
-// wrong parity bit, and its first stop bit or none (then the line is high for a bit before the next character). Each
-// character arrives once and unchanged, with parity error and framing error if and only if it had them. Nothing else
+// wrong parity bit, and its first stop bit or none. Without a stop bit the line is high for a bit before the next
+// character. Each character arrives once and unchanged, with parity error and framing error if and only if it had them. Nothing else
 // arrives. Noise is left out: that is the glitch filter's task.
 //
 // SEND: every character is well-formed in every format (LINE-1, LINE-3, FC-1). The ghost keeps the byte that was taken

@@ -3,9 +3,9 @@
 //
 // Listening begins with listen_start, after the card's own telegram. It ends with listen_stop,
 // which also comes with the next own telegram. Before STX, any other byte is ignored: a line
-// that changes direction may produce a phantom character. From STX on everything must be right:
-// LGE >= 6, the ADR that was sent, parity, stop bits and BCC, gaps of at most 2 characters, at
-// most 1.5 x the nominal time (FC-8). A telegram that fails is counted once with bad. The
+// that changes direction may produce a phantom character. From STX on everything must be right
+// (FC-8): LGE >= 6, the ADR that was sent, parity, stop bits and BCC. A gap is at most 2
+// characters, and the whole takes at most 1.5 times the nominal time. A telegram that fails is counted once with bad. The
 // receiver looks for STX again after 2 characters of silence.
 //
 // candidate: level, all data bytes are stored and only the BCC is missing. The firmware may

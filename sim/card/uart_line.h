@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One half-duplex RS-485 pair in simulated time: serialises the bytes of the far end onto the card's receive
-// pin and reads the bytes the card sends, bit by bit (LINE-1). All times in cycles of the card's clock.
+// One half-duplex RS-485 pair in simulated time. It sends the bytes of the far end to the card's receive pin,
+// bit by bit, and reads the bytes that the card sends (LINE-1). All times in cycles of the card's clock.
 
 #ifndef UART_LINE_H
 #define UART_LINE_H

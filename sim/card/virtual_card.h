@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The Verilated card with its two lines: steps the clock, moves bits between the pins and the lines, samples
+// The Verilated card with its two lines. It steps the clock, moves bits between the pins and the lines, samples
 // the LEDs, and can write a waveform. Other files handle wall time, file formats and command lines.
 
 #ifndef VIRTUAL_CARD_H
