@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every access is answered, each line reaches its own frames only, and every write to the telegram is reported
-// (FRAME-5, SAFE-1). The soft core reaches memory by every address that is not a register.
+// (FRAME-5, SAFE-1). The soft core reaches memory by every address that is not a register, and nothing while it is
+// in reset, whatever its bus shows (SAFE-5).
 //
 // Assumed: the soft core holds an access until ready; a line never reads and writes at once.
 
@@ -39,15 +40,21 @@ always @* begin
   end
 end
 
+// From the first clock on, with any contents of the registers.
+always @* begin
+  a_reset : assert (!rst || !(regs_valid || g_core_has_ram || telegram_touched));
+  a_reset_writes : assert (!rst || ram_wstrb == 4'b0000 || modbus_write_ready || drive_write_ready);
+end
+
 always @(posedge clk) begin
   if (g_past) begin
     // Each access of the soft core is answered once, one clock after it was served.
     a_answer : assert (core_ready == (g_served && !g_rst));
     a_once : assert (!core_ready || !(regs_valid || g_core_has_ram));
-    a_served : assert (!core_valid || core_ready || g_modbus_asks || g_drive_asks || regs_valid || ram_enable);
+    a_served : assert (!core_valid || rst || core_ready || g_modbus_asks || g_drive_asks || regs_valid || ram_enable);
     a_one_place : assert (!regs_valid || !ram_enable);
     // Registers lie from 80000000h on, unless bit 10 is set; everything else is memory.
-    a_place : assert (!g_modbus_asks && !g_drive_asks && core_valid && !core_ready ?
+    a_place : assert (!g_modbus_asks && !g_drive_asks && core_valid && !core_ready && !rst ?
         regs_valid == (core_addr[31] && !core_addr[10]) : !regs_valid);
     // An access has the soft core's address, data and strobes; the last addresses are the frame memory.
     a_core_word : assert (!g_core_has_ram || core_addr >= MEMORY_BYTES || ram_word == core_addr[WORD_BITS+1:2]);

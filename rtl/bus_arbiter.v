@@ -7,7 +7,9 @@
 // while a line asks.
 // Each line has its own byte lane in the 64 words of the frame memory (regs/mailbox.rdl): the
 // network line writes lane 1, the drive line writes lane 2, both read lane 0.
-// A soft core access takes at least two clocks: valid, then ready with the data.
+// A soft core access takes at least two clocks: valid, then ready with the data. rst is the soft
+// core's reset: with it high the soft core reaches neither memory nor registers. The lines do,
+// because a restart of the soft core does not stop them (WDG-1).
 // Addresses from 80000000h on are registers, unless bit 10 is set. All other addresses are
 // memory, repeated over the address space. MEMORY_BYTES is a power of two or three quarters of
 // one; in the latter case the last quarter appears twice, so that the last address is always
@@ -15,7 +17,7 @@
 // The frame memory is the last 256 bytes of the memory. A write by the soft core to the telegram
 // is dropped while that telegram is on the wire. At any other time telegram_touched reports it,
 // by whatever address it came, because it ends the licence (SAFE-1).
-// Clock domain: clk. Rules: FRAME-5, SAFE-1.
+// Clock domain: clk. Rules: FRAME-5, SAFE-1, SAFE-5.
 `default_nettype none
 
 module bus_arbiter #(
@@ -79,7 +81,8 @@ module bus_arbiter #(
       drive_write_valid ? {DRIVE[5], drive_write_addr} : {TELEGRAM[5], drive_read_addr};
   wire [5:0] line_slot = modbus_valid ? modbus_slot : drive_slot;
 
-  wire core_turn = core_valid && !core_ready && !line_valid;
+  // In reset the soft core's bus may show a write, whatever its registers hold (SAFE-5).
+  wire core_turn = core_valid && !core_ready && !line_valid && !rst;
   wire to_regs = core_addr[31] && !core_addr[10];
   wire to_ram = core_turn && !to_regs;
   // With three quarters of a power of two, the fourth quarter is mapped to the third.
@@ -123,7 +126,7 @@ module bus_arbiter #(
 
   initial core_ready = 1'b0;
 
-  always @(posedge clk) core_ready <= core_turn && !rst;
+  always @(posedge clk) core_ready <= core_turn;
 
   wire unused = &{1'b0, core_addr[30:WORD_BITS+2], core_addr[1:0]};
 

@@ -79,6 +79,25 @@ class Arbiter:
 
 
 @cocotb.test()
+async def soft_core_in_reset_reaches_neither_memory_nor_registers(dut):
+    """Whatever its bus shows from the first moment on (SAFE-5); the lines are served (WDG-1)."""
+    rng = seeded("bus of a soft core in reset")
+    arbiter = Arbiter(dut)
+    arbiter.offer(0, 15, 0xFFFFFFFF)
+    await arbiter.start()
+    for _ in range(200):
+        dut.rst.value = 1
+        arbiter.offer(rng.getrandbits(32), rng.randrange(16), rng.getrandbits(32))
+        dut.drive_write_valid.value = line = rng.randrange(2)
+        seen = await arbiter.seen()
+        assert (seen["ram_enable"], seen["ram_wstrb"]) == ((1, 4) if line else (0, 0))
+        assert not seen["regs_valid"] and not seen["telegram_touched"]
+        assert int(dut.drive_write_ready.value) == line
+        await arbiter.bench.clocks()
+        assert not int(dut.core_ready.value)
+
+
+@cocotb.test()
 async def any_set_of_requests_has_one_winner_and_lines_come_first(dut):
     rng = seeded("requests")
     arbiter = await Arbiter(dut).start()
