@@ -156,7 +156,10 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
 
 ##@ Attack
-.PHONY: fuzz fuzz-plants fuzz-report flips flips-report core-flips
+.PHONY: starts fuzz fuzz-plants fuzz-report flips flips-report core-flips
+starts: firmware | setup-test ## power-up with random register contents, reset at any clock (COUNT=, SEED=, CONFIG=)
+	@$(RUN) campaigns.starts.run --config $(CONFIG) $(SEEDED)
+
 fuzz: firmware drive | setup-test ## * random lines and drives against the models (COUNT=frames; REPLAY=case)
 	@$(RUN) campaigns.fuzz.run $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 

@@ -20,7 +20,9 @@ from rtl.sources import ROOT, SourcesError, card_files, configurations, without_
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
 MODELS = ("card", "crc16", "fc_telegram", "rtu", "vlt_drive")
 HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
-HARNESS_PYTHON = [ROOT / "sim/harness" / name for name in ("pins.py", "registers.py", "simulated_card.py")]
+HARNESS_PYTHON = [
+    ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
+]
 NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
 DIGITS = 12
 TEXTS = ("page", "report")  # of the fuzzer; they change no verdict

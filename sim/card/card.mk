@@ -16,7 +16,7 @@ CARD_DIR := $(CARD_FOLDER)/card_objects
 export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
 CARD_RTL := $(wildcard rtl/*.v rtl/*/*.v regs/generated/*.v) rtl/rtl.f configs.toml rtl/sources.py requirements.txt \
-	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py
+	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py sim/harness/power_up.py
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
 # A file named after the clock. Everything that is built for one clock depends on it.

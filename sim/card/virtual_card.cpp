@@ -47,7 +47,7 @@ VirtualCard::VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame
              FrameGrouper(LineId::kDrive, drive_settings(clock_).silences, on_frame), nullptr},
       modbus_led_("modbus", clock_, on_led),
       drive_led_("drive", clock_, on_led) {
-  model_ = std::make_unique<harness::CardModel>(harness::PowerUp{setup.sw_baud, setup.sw_addr, 0});
+  model_ = std::make_unique<harness::CardModel>(harness::PowerUp{setup.sw_baud, setup.sw_addr});
   if (!setup.wave_file.empty()) open_wave(setup.wave_file);
   load_firmware(setup.firmware_folder);
   reset();

@@ -60,8 +60,9 @@ constexpr unsigned kProbes = ((1u << kSignals) - 1u) & ~((1u << kCandidate) - 1u
 struct PowerUp {
   unsigned sw_baud = 0;
   unsigned sw_addr = 0;
-  // Initial contents of registers and memories, in a build with --x-initial unique: 0 for zeros, else random.
-  int seed = 0;
+  // Of what the registers hold at power-up, the soft core's register file too; 0: zeros. Each run has the same
+  // contents, unless the caller chooses. The firmware memory holds the image.
+  int seed = 1;
 };
 
 // A register or a memory: `words` elements of `bits` bits, `stride` bytes apart.
@@ -96,8 +97,12 @@ class CardModel {
   Vrtu2fc& pins() { return *top_; }
   const Vrtu2fc& pins() const { return *top_; }
 
-  // Runs the initial blocks.
+  // Fills the registers, reads the firmware image, and holds rst_n at 0 before the first clock. A simulator
+  // clears reset_sync with the edge of rst_n only, hence the edge.
   void power_on() {
+    top_->rst_n = 1;
+    top_->eval();
+    top_->rst_n = 0;
     top_->eval();
     on_ = true;
   }

@@ -29,11 +29,13 @@ from pathlib import Path
 
 from rtl.sources import ROOT, SourcesError, card_files, configurations
 from sim.harness import registers
+from sim.harness.power_up import copies_without_values
 
 HERE = ROOT / "sim/harness"
 BUILD = ROOT / "build/harness"
 LIBRARY = HERE / "card_library.cpp"
 HEADERS = (HERE / "card_model.h", HERE / "line_player.h")
+POWER_UP = HERE / "power_up.py"
 WAIVERS = (ROOT / "tools/verilator.vlt", HERE / "probes.vlt")
 IMAGE = "firmware.hex"  # read from the working directory when a card is switched on
 KEPT, KEPT_S = 24, 3600  # builds; more only while they are young
@@ -57,14 +59,13 @@ FLAGS = (
     f'-GFIRMWARE_HEX="{IMAGE}"',
 )
 # waves: can write a waveform. flips: registers can be flipped. program: the virtual card's, waves without
-# the inside of the soft core. random: a seed decides the initial contents of registers and memories.
-FAST = ("--x-initial", "fast")
+# the inside of the soft core. In each a seed decides what registers hold at power-up (SAFE-5).
+RANDOM = ("--x-initial", "unique")
 EXTRA = {
-    "": FAST,
-    "waves": (*FAST, "--trace-fst"),
-    "flips": FAST,
-    "program": (*FAST, "--trace-fst"),
-    "random": ("--x-initial", "unique"),
+    "": RANDOM,
+    "waves": (*RANDOM, "--trace-fst"),
+    "flips": RANDOM,
+    "program": (*RANDOM, "--trace-fst"),
 }
 DEFINES = {"waves": "-DCARD_WAVES", "flips": "-DCARD_FLIPS", "program": "-DCARD_WAVES"}
 # All of a library's names stay its own: several are loaded into one process.
@@ -140,7 +141,7 @@ def _folder(
     if extra == "program":
         waivers.append(HERE / "wave.vlt")
     content = hashlib.sha256(f"{ROOT} {sorted(settings.items())} {extra} {FLAGS} {EXTRA} {LINK}".encode())
-    for path in (*sources, *waivers, *((LIBRARY, *HEADERS) if library else ())):
+    for path in (*sources, *waivers, POWER_UP, *((LIBRARY, *HEADERS) if library else ())):
         content.update(path.name.encode() + b"\0" + path.read_bytes())
     folder = BUILD / content.hexdigest()[:16]
     done = folder / "built"
@@ -148,7 +149,8 @@ def _folder(
         if not done.exists():
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
-            _verilate(folder, [*waivers, *sources], settings, extra)
+            copies = copies_without_values(sources, folder / "sources")
+            _verilate(folder, [*waivers, *copies], settings, extra)
             if library:
                 _link(folder, extra)
             done.touch()
@@ -189,7 +191,9 @@ def _link(folder: Path, extra: str) -> None:
         *(folder / "libVrtu2fc.a", folder / "libverilated.a", "-llz4", "-lz", "-lpthread"),
     )
     for path in folder.iterdir():
-        if path.name != "libcard.so":
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.name != "libcard.so":
             path.unlink()
 
 

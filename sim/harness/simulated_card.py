@@ -70,8 +70,7 @@ class SimulatedCard:
 
     `folder`: where its firmware image lies. `watched`: names of the signals whose edges are kept. `reset`:
     the card goes through its reset here, else the caller drives rst_n. `wave`: FST file, in a build with
-    waves. `seed`: of the initial contents of registers and memories, in a build with extra="random"; 0: all
-    zeros.
+    waves. `seed`: of what every register holds at power-up; 0: zeros.
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class SimulatedCard:
         watched: Iterable[str] = SIGNALS,
         reset: bool = True,
         wave: Path | None = None,
-        seed: int = 0,
+        seed: int = 1,
     ) -> None:
         self._library = load(library)
         self._room = (Edge * ROOM)()

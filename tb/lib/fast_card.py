@@ -22,13 +22,14 @@ from sim.harness.simulated_card import APART, CROSSED, INPUTS, SimulatedCard
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import SLOW_HZ, boot_clocks
 from tb.lib.runner import firmware
+from tb.lib.seeds import seeded
 from tb.lib.supervision import Shown, colour
 from tb.lib.uart_agent import Character, Flaws, Format, Frame, waveform
 from tb.model import rtu
 
 OUTPUTS = tuple(name for name in simulated_card.SIGNALS if name not in ("queue_reply", "queue_telegram"))
 LEDS = OUTPUTS[4:8]
-RESET_CLOCKS = 8
+RESET_CLOCKS = 10  # SAFE-5
 # From the telegram's last stop bit to the reply's start bit: the pause of two characters and a little more.
 REPLY_DELAY_BITS = 23
 
@@ -65,6 +66,10 @@ class Line:
         self._free_ps = round(start + length)
         return self._free_ps
 
+    def be_silent(self) -> None:
+        """Forgets the transmissions that were planned."""
+        self._free_ps = self.card.now_ps
+
     def frames(self) -> list[Frame]:
         """Frames of the card, one for each time that DE was high."""
         found = []
@@ -90,7 +95,10 @@ class Line:
 
 
 class FastCard:
-    """A card that was just switched on. `drive`: telegram to reply, None for silence."""
+    """A card that was just switched on. `drive`: telegram to reply, None for silence.
+
+    `seed`: of what the registers hold at power-up (SAFE-5). Without it each card draws one and prints it.
+    """
 
     def __init__(
         self,
@@ -101,9 +109,14 @@ class FastCard:
         drive: Callable[[bytes], bytes | None] = lambda telegram: None,
         config: str = "standard",
         clk_hz: int | None = None,
+        seed: int | None = None,
+        reset_clocks: int = RESET_CLOCKS,
         **wires: int,
     ):
+        if seed is None:
+            seed = seeded("register contents at power-up").randrange(1, 1 << 31)
         clk_hz = clk_hz or SLOW_HZ[config]
+        self.config = config
         self.period_ps = round(1e12 / clk_hz)
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = SimulatedCard(
@@ -113,6 +126,7 @@ class FastCard:
             address,
             watched=OUTPUTS,
             reset=False,
+            seed=seed,
         )
         self._clock = 0
         # Every change of every output, as (ps, new level).
@@ -125,7 +139,7 @@ class FastCard:
         self._lit = dict.fromkeys(LEDS, 0)
         self.set(rst_n=0, wired=0)
         self.set(**wires)
-        self.plan(RESET_CLOCKS * self.period_ps, "rst_n", 1)
+        self.plan(reset_clocks * self.period_ps, "rst_n", 1)
 
     def close(self) -> None:
         self._card.close()
@@ -150,6 +164,16 @@ class FastCard:
     def set(self, **pins: int) -> None:
         for pin, value in pins.items():
             self.plan(self.now_ps, pin, value)
+
+    def reset(self, clocks: int = RESET_CLOCKS) -> int:
+        """Resets the card, with both far ends silent from now on; returns when the reset was released."""
+        for number, line in enumerate((self.modbus, self.drive)):
+            self._card.hush(number)
+            line.be_silent()
+        self.set(rst_n=0)
+        self.run_until(self.now_ps + clocks * self.period_ps)
+        self.set(rst_n=1)
+        return self.now_ps
 
     # ------------------------------------------------------------ time
 
@@ -196,6 +220,10 @@ class FastCard:
             self.drive.send(reply, REPLY_DELAY_BITS * self.drive.fmt.bit_ps)
 
     # ------------------------------------------------------------ for tests
+
+    def memory_word(self, word: int) -> int:
+        """A word of the firmware memory, without its parity."""
+        return self._card.memory_word(word)
 
     def recorded_so_far(self) -> dict[str, list[tuple[int, int]]]:
         """Every change of every output until now, as (ps, new level)."""

@@ -27,12 +27,15 @@ import pytest
 from cocotb_tools.runner import as_sv_literal, get_runner
 
 from rtl.sources import ROOT, configuration, needed_files, rtl_files
+from sim.harness.power_up import copies_without_values
 from sim.view.waves import save_file
 from tb.lib.config import CLOCK_VARIABLE, CONFIG_VARIABLE
+from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS
 
 SIMULATORS = ("icarus", "verilator")
 WAIVERS = ROOT / "tools/verilator.vlt"
+POWER_UP = ROOT / "sim/harness/power_up.py"
 COVERAGE_OFF = ROOT / "tb/lib/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
@@ -115,8 +118,14 @@ def run(
     shutil.rmtree(run_folder, ignore_errors=True)
     run_folder.mkdir(parents=True)
 
+    # Coverage is counted by file, so it takes the files as they are.
+    random_contents = top == "rtu2fc" and sim == "verilator" and not os.environ.get("RTL_COVERAGE")
+    plusargs = _random_contents() if random_contents else []
+    if waves and sim == "icarus":
+        plusargs.append(f"+dumpfile_path={run_folder / 'icarus.fst'}")
+
     runner = get_runner(sim)
-    build_folder = _build(runner, top, sim, sources, literals, waves)
+    build_folder = _build(runner, top, sim, sources, literals, waves, random_contents)
     results = run_folder / "results.xml"
     dump = run_folder / ("dump.fst" if sim == "verilator" else "icarus.fst")
     if image:
@@ -130,7 +139,7 @@ def run(
             build_dir=build_folder,
             test_dir=run_folder,
             results_xml=str(results),
-            plusargs=[f"+dumpfile_path={dump}"] if waves and sim == "icarus" else [],
+            plusargs=plusargs,
             timescale=TIMESCALE,
             waves=waves,
             extra_env={
@@ -188,18 +197,41 @@ def _lock(path: Path):
         yield
 
 
+def _random_contents() -> list[str]:
+    """Arguments of a Verilator simulation whose registers hold anything at power-up (SAFE-5)."""
+    seed = seeded("register contents at power-up").randrange(1, 1 << 31)
+    return ["+verilator+rand+reset+2", f"+verilator+seed+{seed}"]
+
+
+def _without_values(path: Path, folder: Path) -> Path:
+    kept = path == WAIVERS or path.stem == "reset_sync"
+    return path if kept else copies_without_values([path], folder)[0]
+
+
 def _build(
-    runner, top: str, sim: str, sources: Sequence[Path], parameters: Mapping[str, str], waves: bool
+    runner,
+    top: str,
+    sim: str,
+    sources: Sequence[Path],
+    parameters: Mapping[str, str],
+    waves: bool,
+    random_contents: bool,
 ) -> Path:
-    """Compiles, unless the same content was compiled before; returns the build folder."""
+    """Compiles, unless the same content was compiled before; returns the build folder.
+
+    `random_contents`: the registers get no value at power-up. reset_sync keeps its own, because a simulator
+    clears it by an edge of rst_n only, and a bench begins with rst_n at 0.
+    """
     args = BUILD_ARGS[sim] + (WAVES_ARGS[sim] if waves else [])
     inputs = list(sources) + ([WAIVERS] if sim == "verilator" else [])
     if sim == "verilator" and os.environ.get("RTL_COVERAGE"):
         args += COVERAGE_ARGS
         inputs.append(COVERAGE_OFF)
-    setup = f"{top} {sorted(parameters.items())} {args} {waves} {sys.version} {ROOT}".encode()
+    setup = (
+        f"{top} {sorted(parameters.items())} {args} {waves} {random_contents} {sys.version} {ROOT}".encode()
+    )
     content = hashlib.sha256(setup)
-    for path in inputs:
+    for path in [*inputs, POWER_UP]:
         content.update(str(path).encode() + b"\0" + Path(path).read_bytes())
     variant = hashlib.sha256(setup).hexdigest()[:8]
     base = ROOT / "build/bench" / sim
@@ -211,6 +243,9 @@ def _build(
             runner.build_dir, runner.parameters, runner.waves = folder, dict(parameters), waves
             runner.sources = inputs
             return folder
+        shutil.rmtree(folder, ignore_errors=True)
+        if random_contents:
+            inputs = [_without_values(Path(path), folder / "sources") for path in inputs]
         # Most of a Verilator build is its run-time library, which ccache keeps.
         if shutil.which("ccache"):
             os.environ.setdefault("OBJCACHE", "ccache")
@@ -224,7 +259,6 @@ def _build(
                 build_dir=folder,
                 timescale=TIMESCALE,
                 waves=waves,
-                clean=folder.exists(),
             )
         except RuntimeError:
             pytest.fail(f"{sim} could not build {top}; its messages are above", pytrace=False)
