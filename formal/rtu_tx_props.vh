@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A reply is exactly the bytes of the frame memory, each once and in order, then two CRC bytes (FRAME-4). Only a start
-// begins one.
+// begins one. Damage in the memory inverts the CRC of the reply that is sent (SAFE-4).
 //
 // Assumed of the neighbours: the UART is ready until it gets a byte and busy from then to its last stop bit, the memory
 // answers one clock after it was ready. Task `prove` only: length is steady while a reply is sent and is not 0
@@ -20,6 +20,7 @@ reg g_offered = 1'b0;  // the UART was ready, and no byte was offered
 reg g_took = 1'b0;
 reg g_was_busy = 1'b0;
 reg [4:0] g_length = 5'd1;
+reg g_damaged = 1'b0;  // while this reply is sent
 
 wire g_take = send_valid && send_ready;
 wire g_read = read_valid && read_ready;
@@ -33,6 +34,7 @@ always @(posedge clk) begin
   g_was_busy <= line_busy;
   g_length <= length;
   g_answers <= g_read;
+  g_damaged <= sending && (g_damaged || read_damaged);
   if (!sending || rst) begin
     g_bytes <= 6'd0;
     g_reads <= 6'd0;
@@ -60,6 +62,8 @@ always @(posedge clk) begin
     a_longest : assert (g_bytes <= 6'd34 && (!g_take || g_bytes < 6'd34));
     // The line is held until the last stop bit is over (SAFE-2).
     a_kept : assert (!g_sending || sending || g_rst || !g_was_busy);
+    // SAFE-4: after damage each bit of the CRC is inverted, to the end of the reply.
+    a_spoils : assert (check_bit == (crc_bit ^ g_damaged));
     a_asked : assert (!send_valid || line_request);
 `ifdef STABLE_LENGTH
     // The UART takes the memory's answer of the clock before, for the next address.
@@ -78,6 +82,7 @@ end
 always @(posedge clk) begin
   if (g_past) begin
     i_known : assert (state <= S_DRAIN);
+    i_spoilt : assert (spoilt == g_damaged);
     i_idle : assert (state != S_IDLE || g_bytes == 6'd0 || g_sending);
     i_fetch : assert (state != S_FETCH || (g_reads == {1'b0, index} && g_bytes == g_reads));
     // After the 32nd byte the index is 0 again.

@@ -28,6 +28,7 @@ module network_port #(
     input  wire                      read_ready,
     output wire [               4:0] read_addr,
     input  wire [               7:0] read_data,
+    input  wire                      read_damaged,
     // stream in
     input  wire                      reply_start,
     input  wire [               4:0] reply_length,
@@ -59,6 +60,7 @@ module network_port #(
   wire long_silent;
   wire crc_clear;
   wire crc_bit;
+  wire check_bit;
   wire crc_good;
   wire bit_valid;
   wire bit_data;
@@ -117,7 +119,7 @@ module network_port #(
       // check
       .bit_valid(bit_valid),
       .bit_data(bit_data),
-      .check_bit(crc_bit != loopback_open),
+      .check_bit(check_bit),
       // direction
       .line_ready(line_ready),
       // configuration
@@ -210,10 +212,14 @@ module network_port #(
       .read_valid(read_valid),
       .read_ready(read_ready),
       .read_addr(read_addr),
+      .read_damaged(read_damaged || loopback_open),
       // stream out, its data straight from the frame memory
       .send_valid(tx_valid),
       .send_ready(tx_ready),
       .send_check(tx_check),
+      // check
+      .crc_bit(crc_bit),
+      .check_bit(check_bit),
       // direction
       .line_request(line_request),
       .line_busy(tx_busy),

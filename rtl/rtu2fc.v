@@ -107,6 +107,8 @@ module rtu2fc #(
   wire loopback_close;
   wire loopback_open;
   wire fault;
+  wire modbus_driven;
+  wire drive_driven;
   wire [`MBX_LED_BITS] lit;
 
   // On a fault both LEDs are red, whatever the firmware has set (LED-5).
@@ -114,6 +116,10 @@ module rtu2fc #(
   assign led_modbus_green = lit[`MBX_LED_MODBUS_GREEN_BITS] && !fault;
   assign led_drive_red = lit[`MBX_LED_DRIVE_RED_BITS] || fault;
   assign led_drive_green = lit[`MBX_LED_DRIVE_GREEN_BITS] && !fault;
+
+  // rst_pin rises with rst_n, without a clock, and falls while both drivers are off (SAFE-6).
+  assign modbus_de = modbus_driven && !rst_pin;
+  assign drive_de = drive_driven && !rst_pin;
 
   reset_sync reset_i (
       .clk  (clk),
@@ -188,13 +194,14 @@ module rtu2fc #(
       .read_ready(modbus_read_ready),
       .read_addr(modbus_read_addr),
       .read_data(frame_read_data),
+      .read_damaged(ram_damaged),
       // stream in
       .reply_start(reply_start),
       .reply_length(reply_length),
       // pins
       .rx(modbus_rx),
       .tx(modbus_tx),
-      .de(modbus_de),
+      .de(modbus_driven),
       // configuration
       .format(format),
       .own_address(addr),
@@ -226,7 +233,7 @@ module rtu2fc #(
       // pins
       .rx(drive_rx),
       .tx(drive_tx),
-      .de(drive_de),
+      .de(drive_driven),
       // configuration
       .listen_again(listen_again),
       .listen_stop(listen_stop),

@@ -3,7 +3,10 @@
 //
 // start begins the reply and clears the CRC unit; the commit gate decides on start.
 // line_request asks for DE. Bytes follow without a gap if the memory answers within one bit. The
-// CRC goes low byte first (FRAME-4); send_check makes the UART send the bits of the CRC unit.
+// CRC goes low byte first (FRAME-4); send_check makes the UART send check_bit, which is crc_bit.
+// read_damaged: the memory found a damaged byte, two clocks after it was ready. Then check_bit is
+// the inverse of crc_bit to the end of the reply. Any read of the memory counts, also one by
+// the soft core. docs/hardening.md, Damaged reply (SAFE-4)
 // sending: level, from start to the end of the last stop bit. length: address and PDU, 2 to 31
 // bytes. With any other length the reply ends after the memory's 32 bytes at the latest.
 // Clock domain: clk. Rules: FRAME-4, LINE-6, SAFE-2, SAFE-4.
@@ -19,10 +22,14 @@ module rtu_tx (
     output wire       read_valid,
     input  wire       read_ready,
     output wire [4:0] read_addr,
+    input  wire       read_damaged,
     // stream out, its data straight from the frame memory
     output wire       send_valid,
     input  wire       send_ready,
     output wire       send_check,
+    // check
+    input  wire       crc_bit,
+    output wire       check_bit,
     // direction
     output wire       line_request,
     input  wire       line_busy,
@@ -39,15 +46,18 @@ module rtu_tx (
 
   reg [2:0] state = S_IDLE;
   reg [4:0] index = 5'd0;
+  reg spoilt = 1'b0;
 
   assign read_valid = state == S_FETCH && send_ready;
   assign read_addr = index;
   assign send_valid = state == S_SEND || state == S_CRC_LOW || state == S_CRC_HIGH;
   assign send_check = state == S_CRC_HIGH || state == S_DRAIN;
+  assign check_bit = crc_bit != spoilt;
   assign line_request = sending && state != S_DRAIN;
   assign sending = state != S_IDLE;
 
   always @(posedge clk) begin
+    spoilt <= sending && (spoilt || read_damaged);
     case (state)
       S_FETCH:
       if (read_valid && read_ready) begin

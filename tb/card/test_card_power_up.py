@@ -12,12 +12,13 @@ import random
 
 import cocotb
 import pytest
-from cocotb.triggers import Timer
+from cocotb.triggers import RisingEdge, Timer
 
 from rtl.sources import ROOT, configuration
 from sw.tools.bin2hex import LANE_BITS, WORD_BITS, hex_line
+from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
-from tb.lib.config import CONFIG, SLOW_HZ, own_hz
+from tb.lib.config import CLK_HZ, CONFIG, SLOW_HZ, own_hz
 from tb.lib.fast_card import FastCard
 from tb.lib.fc_slave import Script
 from tb.lib.runner import run
@@ -31,6 +32,7 @@ from tb.lib.supervision import (
     firmware_words,
     process,
     steps_ms,
+    within,
 )
 from tb.lib.uart_agent import Format, now_ps, sleep_until
 from tb.model import rtu
@@ -74,6 +76,55 @@ async def first_request_that_ends_after_the_boot_time_is_answered(dut):
     assert done.data == rtu.build(1, DRIVE_TIMEOUT)
     assert not card.drive.direction.pulses
     card.check_lines()
+
+
+# ---------------------------------------------------------------- drivers without a clock
+
+
+async def off_without_a_clock(dut) -> None:
+    """Stops the clock, then asserts rst_n: both drivers are off at once and stay off."""
+    dut.rst_n.value = 0
+    for _ in range(3):
+        await Timer(1, unit="ns")
+        assert not int(dut.modbus_de.value) and not int(dut.drive_de.value)
+
+
+@cocotb.test()
+async def reset_switches_both_drivers_off_without_a_clock(dut):
+    """The registers behind DE may hold anything when there was no clock yet (SAFE-6)."""
+    bench = await Bench(dut, CLK_HZ, sw_baud=0, sw_addr=1, modbus_rx=1, drive_rx=1).start(reset_clocks=10)
+    await bench.clocks(10)
+    for drivers in ((1, 0), (0, 1), (1, 1)):
+        bench.clock.stop()
+        dut.network_i.dir_i.de.value, dut.drive_i.dir_i.de.value = drivers
+        await Timer(1, unit="ns")
+        assert (int(dut.modbus_de.value), int(dut.drive_de.value)) == drivers
+        await off_without_a_clock(dut)
+        bench.clock.start()
+        await bench.clocks(4)
+        dut.rst_n.value = 1
+        for _ in range(20):
+            await bench.clocks()
+            assert not int(dut.modbus_de.value) and not int(dut.drive_de.value)
+
+
+@cocotb.test()
+async def reset_in_the_middle_of_a_frame_switches_its_driver_off_without_a_clock(dut):
+    card = await WatchedCard(dut, baud=BAUD).boot()
+    for adu, driver in (
+        (rtu.build(1, READ_DRIVE_TIMEOUT), dut.modbus_de),
+        (rtu.build(1, control_pdu(0x047C, 0x1999)), dut.drive_de),
+    ):
+        await card.master.send(adu)
+        await within(40 * MS, RisingEdge(driver), "DE")
+        await Timer(0.5 * MS, unit="ps")
+        assert int(driver.value)
+        card.bench.clock.stop()
+        await off_without_a_clock(dut)
+        card.bench.clock.start()
+        await card.bench.clocks(10)
+        dut.rst_n.value = 1
+        await card.firmware.round()
 
 
 # ---------------------------------------------------------------- switches
@@ -398,6 +449,18 @@ def test_boot(sim, config):
     assert configuration(config)["boot_ms"] == {"standard": 20, "tiny": 60}[config]
     what = "first_request_that_ends_after_the_boot_time_is_answered"
     run_card(sim, config, what, CLK_HZ=own_hz(config))
+
+
+@pytest.mark.all_cards
+@pytest.mark.rule("SAFE-6")
+def test_drivers_in_reset(sim, config):
+    run_card(sim, config, "reset_switches_both_drivers_off_without_a_clock")
+
+
+@pytest.mark.rule("SAFE-6")
+def test_drivers_in_reset_while_they_send(sim, config):
+    what = "reset_in_the_middle_of_a_frame_switches_its_driver_off_without_a_clock"
+    run_card(sim, config, what)
 
 
 @pytest.mark.rule("LINE-2", "LINE-3", "LINE-7", "LINE-8", "LED-5")

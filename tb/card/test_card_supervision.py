@@ -14,6 +14,7 @@ import cocotb
 import pytest
 from cocotb.triggers import RisingEdge, Timer
 
+from regs.generated.mailbox import AREAS, FRAMES_BYTES
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import CONFIG, ROUND_MS, SLOW_HZ, own_hz
 from tb.lib.fc_slave import HeardTelegram, Manner
@@ -29,6 +30,7 @@ from tb.lib.supervision import (
 )
 from tb.lib.uart_agent import now_ps
 from tb.model import fc_telegram, rtu
+from tb.model.crc16 import crc_good
 
 BAUD = 38_400
 START, REFERENCE = 0x047C, 0x1999
@@ -228,6 +230,76 @@ async def trap_triggers_the_watchdog_at_once(dut):
 # ---------------------------------------------------------------- drive time-out
 
 
+def flip_in_frame(dut, area: str, byte: int, bit: int) -> None:
+    """Flips a bit of a byte that waits in the frame memory to be sent; bit 8 is its parity."""
+    words = dut.ram_i.words
+    word = words[len(words) - FRAMES_BYTES // 4 + AREAS[area].slot + byte]
+    word.value = word.value.to_unsigned() ^ 1 << bit
+
+
+async def loses_one_answer(card: WatchedCard, pdu: bytes, reply: bytes, byte: int, bit: int) -> None:
+    dut = card.dut
+    await card.firmware.round()
+    await card.master.send(rtu.build(1, pdu))
+    if not int(dut.mailbox_i.reply_queued.value):
+        await within(20 * MS, RisingEdge(dut.mailbox_i.reply_queued), "reply")
+    flip_in_frame(dut, "REPLY_FRAME", byte, bit)
+    frame = await card.modbus.monitor.frame(40 * MS)
+    assert len(frame.data) == len(reply), f"byte {byte} bit {bit}: the reply keeps its length"
+    assert not crc_good(frame.data), f"byte {byte} bit {bit}: {frame.data.hex(' ')} has a good CRC"
+    # Each byte shares its word with a byte of the request. Were it not mended, the next request would restart
+    # the firmware again, before it writes the reply.
+    flip_in_frame(dut, "REPLY_FRAME", byte, bit)
+    await Timer(round(rtu.t35_ps(BAUD)), unit="ps")
+    await card.firmware.round()
+    done = await card.master.request(rtu.build(1, pdu), 20 * MS)
+    assert done.data == reply
+
+
+@cocotb.test()
+async def reply_byte_damaged_in_memory_leaves_with_a_wrong_crc(dut):
+    """Each byte of a short reply; of a long one the first and the last that fill the reply's memory."""
+    rng = seeded("damaged reply bytes")
+    card = await booted(dut)
+    short = rtu.read_registers(2, 1)
+    answer = rtu.build(1, bytes.fromhex("03 02 00 0F"))
+    for byte in range(len(answer) - 2):
+        await loses_one_answer(card, short, answer, byte, rng.randrange(9))
+    coils = rtu.read_coils(0, 128)
+    answer = rtu.build(1, bytes([1, 16]) + bytes(16))
+    for byte in (0, 2, len(answer) - 3):
+        await loses_one_answer(card, coils, answer, byte, rng.randrange(9))
+    assert not card.drive.direction.pulses
+    card.modbus.check_direction()
+
+
+@cocotb.test()
+async def telegram_byte_damaged_in_memory_leaves_with_a_wrong_bcc(dut):
+    """The BCC was made with the telegram, so no damaged byte fits it."""
+    rng = seeded("damaged telegram bytes")
+    card = await booted(dut)
+    telegram, reply = process(START, REFERENCE)
+    pdu = control_pdu(START, REFERENCE)
+    for byte in range(telegram[1]):
+        bit = rng.randrange(8)
+        await card.firmware.round()
+        before = len(card.drive.monitor.characters)
+        await card.master.send(rtu.build(1, pdu))
+        await within(40 * MS, RisingEdge(dut.telegram_start), "telegram")
+        flip_in_frame(dut, "TELEGRAM_FRAME", byte, bit)
+        await Timer(15 * MS, unit="ps")
+        sent = bytes(character.byte for character in card.drive.monitor.characters[before:])
+        assert len(sent) == len(telegram) and sent[: 2 + byte] == telegram[: 2 + byte]
+        flip_in_frame(dut, "TELEGRAM_FRAME", byte, bit)
+        assert fc_telegram.bcc(sent[:-1]) != sent[-1], (
+            f"byte {byte} bit {bit}: {sent.hex(' ')} has a good BCC"
+        )
+        await card.firmware.round()
+        card.script.expect(telegram, reply)
+        done = await card.master.request(rtu.build(1, pdu), 60 * MS)
+        assert done.data == rtu.build(1, pdu[:5])
+
+
 async def set_drive_timeout(card: WatchedCard, tens_of_ms: int) -> None:
     pdu = rtu.write_register(2, tens_of_ms)
     await card.ask(pdu, pdu)
@@ -324,6 +396,16 @@ def test_lines_at_the_bite(sim, config):
         "telegram_on_the_wire_at_the_bite_is_completed_and_its_answer_ignored",
         "telegram_that_waits_for_the_line_at_the_bite_is_never_sent",
         slow=slowly(sim, config),
+    )
+
+
+@pytest.mark.rule("SAFE-4")
+def test_bytes_damaged_in_memory(sim, config):
+    run_card(
+        sim,
+        config,
+        "reply_byte_damaged_in_memory_leaves_with_a_wrong_crc",
+        "telegram_byte_damaged_in_memory_leaves_with_a_wrong_bcc",
     )
 
 

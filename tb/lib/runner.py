@@ -35,6 +35,9 @@ from tb.model.card import DIALECTS
 
 SIMULATORS = ("icarus", "verilator")
 WAIVERS = ROOT / "tools/verilator.vlt"
+# A simulator clears reset_sync by an edge of rst_n only, and a bench begins with rst_n at 0. The monitors
+# follow tx from the first moment on, with DE or without.
+KEEP_VALUES = ("reset_sync", "uart")
 POWER_UP = ROOT / "sim/harness/power_up.py"
 COVERAGE_OFF = ROOT / "tb/lib/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
@@ -204,8 +207,7 @@ def _random_contents() -> list[str]:
 
 
 def _without_values(path: Path, folder: Path) -> Path:
-    kept = path == WAIVERS or path.stem == "reset_sync"
-    return path if kept else copies_without_values([path], folder)[0]
+    return path if path == WAIVERS or path.stem in KEEP_VALUES else copies_without_values([path], folder)[0]
 
 
 def _build(
@@ -219,8 +221,7 @@ def _build(
 ) -> Path:
     """Compiles, unless the same content was compiled before; returns the build folder.
 
-    `random_contents`: the registers get no value at power-up. reset_sync keeps its own, because a simulator
-    clears it by an edge of rst_n only, and a bench begins with rst_n at 0.
+    `random_contents`: the registers get no value at power-up.
     """
     args = BUILD_ARGS[sim] + (WAVES_ARGS[sim] if waves else [])
     inputs = list(sources) + ([WAIVERS] if sim == "verilator" else [])

@@ -19,6 +19,7 @@ module network_line #(
     input  wire       read_ready,
     output wire [4:0] read_addr,
     input  wire [7:0] read_data,
+    input  wire       read_damaged,
     // stream in
     input  wire       reply_start,
     input  wire [4:0] reply_length,
@@ -85,6 +86,7 @@ module network_line #(
       .read_ready(read_ready),
       .read_addr(read_addr),
       .read_data(read_data),
+      .read_damaged(read_damaged),
       .reply_start(reply_start),
       .reply_length(reply_length),
       .rx(rx),

@@ -14,6 +14,7 @@ module rtu_tx_line (
     input  wire       read_ready,
     output wire [4:0] read_addr,
     input  wire [7:0] read_data,
+    input  wire       read_damaged,
     // pins
     output wire       tx,
     output wire       de,
@@ -27,6 +28,7 @@ module rtu_tx_line (
 
   wire bit_valid;
   wire bit_data;
+  wire crc_bit;
   wire check_bit;
   wire send_valid;
   wire send_ready;
@@ -40,7 +42,7 @@ module rtu_tx_line (
       .clear(start && !sending),
       .bit_valid(bit_valid),
       .bit_data(bit_data),
-      .check_bit(check_bit),
+      .check_bit(crc_bit),
       .good()
   );
 
@@ -52,9 +54,12 @@ module rtu_tx_line (
       .read_valid(read_valid),
       .read_ready(read_ready),
       .read_addr(read_addr),
+      .read_damaged(read_damaged),
       .send_valid(send_valid),
       .send_ready(send_ready),
       .send_check(send_check),
+      .crc_bit(crc_bit),
+      .check_bit(check_bit),
       .line_request(line_request),
       .line_busy(tx_busy),
       .sending(sending)

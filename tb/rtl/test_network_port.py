@@ -47,6 +47,7 @@ class Port:
             loopback_open=0,
             reply_start=0,
             reply_length=0,
+            read_damaged=0,
         )
         self.line = Rs485Line(dut.rx, dut.tx, dut.de, Format.named(baud, form), echo)
         self.written = WritePort(self.bench, "write_data")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cocotb
 import pytest
+from cocotb.triggers import RisingEdge
 
 from tb.lib.bench import Bench
 from tb.lib.memory_ports import ReadPort
@@ -12,7 +13,7 @@ from tb.lib.rs485 import DirectionMonitor, check_direction
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.lib.uart_agent import Format, UartMonitor, now_ps
-from tb.model.crc16 import with_crc
+from tb.model.crc16 import crc_good, with_crc
 
 HERE = Path(__file__).parent
 BAUD = 9600
@@ -32,6 +33,7 @@ class Sender:
             tick16=1,
             start=0,
             length=0,
+            read_damaged=0,
             parity_enable=form[1] != "N",
             parity_odd=form[1] == "O",
             two_stop=form[2] == "2",
@@ -92,6 +94,29 @@ async def slow_frame_memory_makes_no_gap(dut):
 
 
 @cocotb.test()
+async def damage_at_any_time_in_a_reply_spoils_its_crc_and_no_other(dut):
+    """The bytes leave as they were read, whenever the memory finds one damaged (SAFE-4)."""
+    rng = seeded("damage")
+    tx = await Sender(dut).start()
+    contents = rng.randbytes(4)
+    good = with_crc(contents)
+    character = round(tx.fmt.character_ps / tx.bench.period_ps)
+    await tx.bench.strobe(dut.read_damaged)  # of an earlier access
+    assert await tx.reply(contents) == good
+    # The first byte, each later one, and the first bits of the CRC.
+    for clocks in (2, *(n * character + rng.randrange(character) for n in range(4)), 4 * character + 20):
+        sending = cocotb.start_soon(tx.reply(contents))
+        await RisingEdge(dut.sending)
+        await tx.bench.clocks(clocks)
+        await tx.bench.strobe(dut.read_damaged)
+        sent = await sending
+        assert sent[:4] == contents and len(sent) == len(good)
+        assert not crc_good(sent), f"damage {clocks} clocks after the start: {sent.hex(' ')}"
+        assert await tx.reply(contents) == good
+    tx.check()
+
+
+@cocotb.test()
 async def sending_lasts_to_the_end_of_the_last_stop_bit(dut):
     tx = await Sender(dut, "8N2").start()
     assert dut.sending.value == 0
@@ -140,6 +165,6 @@ async def reset_while_sending_releases_the_line(dut):
     assert dut.de.value == 0 and dut.tx.value == 1 and dut.sending.value == 0
 
 
-@pytest.mark.rule("FRAME-4", "LINE-1", "LINE-6", "SAFE-2")
+@pytest.mark.rule("FRAME-4", "LINE-1", "LINE-6", "SAFE-2", "SAFE-4")
 def test_rtu_tx(sim):
     run("rtu_tx_line", "tb.rtl.test_rtu_tx", sim=sim, extra_sources=[HERE / "rtu_tx_line.v"])
