@@ -296,7 +296,7 @@ PORT |= {
 }
 MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit"}
 MAILBOX |= {"commit_gate", "request_fate", "reply_slot", "telegram_slot", "waiting_place", "loopback_end"}
-OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor"}
+OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor", "driver_limit"}
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}
 FRONT_END = "**front end**: both ports, framing and mailbox"

@@ -255,8 +255,11 @@ always @(posedge clk) begin
     // What the firmware gets is that or the registers, never a mixture, and those as they were in one clock.
     a_core_read : assert (!core_ready || g_asked_regs || core_rdata == ram_rdata);
     a_status : assert (!(core_ready && g_asked_regs) || core_rdata == (ram_rdata | g_status));
-    a_served : assert (!core_valid || core_ready || modbus_write_valid || modbus_read_valid || drive_write_valid ||
-        drive_read_valid || regs_valid || (ram_enable && ram_wdata == core_wdata));
+    a_served : assert (!core_valid || core_rst || core_ready || modbus_write_valid || modbus_read_valid ||
+        drive_write_valid || drive_read_valid || regs_valid || (ram_enable && ram_wdata == core_wdata));
+    // SAFE-5: in reset the bus of the soft core reaches nothing.
+    a_reset : assert (!core_rst || !(core_ready && g_core_rst) && !regs_valid &&
+        (ram_wstrb == 4'b0000 || modbus_write_ready || drive_write_ready));
     a_which : assert (!regs_valid || (core_addr[31] && !core_addr[10]));
     // A restart of the firmware takes back what it had queued, and its lamps.
     a_restart : assert (!g_core_rst || !(reply_start || telegram_start || telegram_queued || reply_queued || core_ready));

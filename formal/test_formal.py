@@ -17,10 +17,11 @@ from rtl.sources import ROOT
 MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
 RULES = {
     "bcc": ["FC-1"],
-    "bus_arbiter": ["FRAME-5"],
+    "bus_arbiter": ["FRAME-5", "SAFE-5"],
     "commit_gate": ["FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "SAFE-4"],
     "crc16_modbus": ["FRAME-4"],
     "drive_port": ["SAFE-1", "SAFE-2", "FC-8", "FC-10"],
+    "driver_limit": ["SAFE-2", "SAFE-6"],
     "fc_rx": ["FC-1", "FC-2", "FC-7", "FC-8"],
     "fc_tx": ["FC-1"],
     "guarded_bit": ["SAFE-4"],
@@ -33,7 +34,7 @@ RULES = {
     "request_fate": ["FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1"],
     "rs485_dir": ["LINE-6", "FC-10"],
     "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],
-    "rtu_tx": ["FRAME-4", "SAFE-2"],
+    "rtu_tx": ["FRAME-4", "SAFE-2", "SAFE-4"],
     "silence_timer": ["FRAME-1", "FC-8"],
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "telegram_slot": ["SAFE-1", "SAFE-4", "FC-8", "FC-9", "LOOP-1"],

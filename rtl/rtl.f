@@ -8,6 +8,7 @@ rtl/bus_arbiter.v
 rtl/card_time.v
 rtl/crc16_modbus.v
 rtl/drive_port.v
+rtl/driver_limit.v
 rtl/fc_rx.v
 rtl/fc_tx.v
 rtl/firmware_ram.v

@@ -8,7 +8,8 @@
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults come from the configuration, regs/generated/config_<name>.v, which is
 // the first of its list of files. SOFT_CORE: see soft_core. PLACES: committed writes that can
-// wait, see commit_gate. Rules: TOP-1, TOP-2.
+// wait, see commit_gate. DE_LIMIT: see driver_limit; the part of the small card has no cells for
+// it. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
@@ -18,7 +19,8 @@ module rtu2fc #(
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
     parameter [1:0] PLACES = `CONFIG_PLACES,
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1
+    parameter [0:0] PREPARE_EARLY = 1'b1,
+    parameter [0:0] DE_LIMIT = SOFT_CORE == 2'd0
 ) (
     input  wire       clk,
     input  wire       rst_n,
@@ -116,10 +118,6 @@ module rtu2fc #(
   assign led_modbus_green = lit[`MBX_LED_MODBUS_GREEN_BITS] && !fault;
   assign led_drive_red = lit[`MBX_LED_DRIVE_RED_BITS] || fault;
   assign led_drive_green = lit[`MBX_LED_DRIVE_GREEN_BITS] && !fault;
-
-  // rst_pin rises with rst_n, without a clock, and falls while both drivers are off (SAFE-6).
-  assign modbus_de = modbus_driven && !rst_pin;
-  assign drive_de = drive_driven && !rst_pin;
 
   reset_sync reset_i (
       .clk  (clk),
@@ -240,6 +238,36 @@ module rtu2fc #(
       // status
       .listening(drive_listening),
       .exchange(exchange)
+  );
+
+  driver_limit #(
+      .LIMIT(DE_LIMIT)
+  ) modbus_limit_i (
+      .clk(clk),
+      .rst(rst_pin),
+      // time, in 1/1200 s
+      .ticks(ticks[6:0]),
+      // configuration
+      .mask(baud_mask),
+      // direction
+      .driven(modbus_driven),
+      // pin
+      .de(modbus_de)
+  );
+
+  driver_limit #(
+      .LIMIT(DE_LIMIT)
+  ) drive_limit_i (
+      .clk(clk),
+      .rst(rst_pin),
+      // time, in 1/1200 s
+      .ticks(ticks[6:0]),
+      // configuration
+      .mask(`CARD_DRIVE_MASK),
+      // direction
+      .driven(drive_driven),
+      // pin
+      .de(drive_de)
   );
 
   mailbox #(

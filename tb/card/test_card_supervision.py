@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import cocotb
 import pytest
-from cocotb.triggers import RisingEdge, Timer
+from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
+from regs.generated.card_tables import DRIVE_BAUD
 from regs.generated.mailbox import AREAS, FRAMES_BYTES
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import CONFIG, ROUND_MS, SLOW_HZ, own_hz
@@ -35,6 +36,8 @@ from tb.model.crc16 import crc_good
 BAUD = 38_400
 START, REFERENCE = 0x047C, 0x1999
 BITES = 3
+# The longest time of DE that is proved, and the limit of driver_limit up to 38400 bit/s.
+LONGEST_BITS, LIMIT_BITS = 375, 482
 EXCHANGE_LIMIT_MS = 60
 # Number of random moments. Each needs a start, which takes SERV long.
 MOMENTS = {"standard": 20, "tiny": 6}[CONFIG]
@@ -300,6 +303,44 @@ async def telegram_byte_damaged_in_memory_leaves_with_a_wrong_bcc(dut):
         assert done.data == rtu.build(1, pdu[:5])
 
 
+async def cut_and_alive_again(card: WatchedCard, adu: bytes, sender, driver, baud: int) -> None:
+    """A sender that always begins anew, as one whose index flips again and again, loses the line in time."""
+    await card.firmware.round()
+    await card.master.send(adu)
+    await within(40 * MS, RisingEdge(driver), "DE")
+    rose = now_ps()
+    stuck = cocotb.start_soon(begin_anew(sender))
+    await within(2 * LONGEST_BITS * 1e12 / baud, FallingEdge(driver), "the driver to be switched off")
+    bits = (now_ps() - rose) * baud / 1e12
+    assert LONGEST_BITS <= bits <= LIMIT_BITS, f"DE was high for {bits:.0f} bits"
+    # The sender goes on, the driver stays off.
+    await Timer(20 * MS, unit="ps")
+    assert int(sender.sending.value) and not int(driver.value)
+    stuck.cancel()
+    # The end of the frame and 3.5 characters.
+    await Timer(30 * MS, unit="ps")
+    assert not int(sender.sending.value)
+
+
+async def begin_anew(sender) -> None:
+    while True:
+        sender.index.value = 1
+        await Timer(1 * MS, unit="ps")
+
+
+@cocotb.test()
+async def sender_that_never_ends_loses_its_driver_and_the_card_goes_on(dut):
+    card = await WatchedCard(dut, baud=9600).boot()
+    local = rtu.read_registers(2, 1)
+    await cut_and_alive_again(card, rtu.build(1, local), dut.network_i.rtu_tx_i, dut.modbus_de, 9600)
+    command = rtu.build(1, control_pdu(START, REFERENCE))
+    await cut_and_alive_again(card, command, dut.drive_i.fc_tx_i, dut.drive_de, DRIVE_BAUD)
+    await card.firmware.round()
+    await Timer(400 * MS, unit="ps")
+    done = await card.master.request(rtu.build(1, local), 60 * MS)
+    assert done.data == rtu.build(1, bytes.fromhex("03 02 00 0F"))
+
+
 async def set_drive_timeout(card: WatchedCard, tens_of_ms: int) -> None:
     pdu = rtu.write_register(2, tens_of_ms)
     await card.ask(pdu, pdu)
@@ -396,6 +437,19 @@ def test_lines_at_the_bite(sim, config):
         "telegram_on_the_wire_at_the_bite_is_completed_and_its_answer_ignored",
         "telegram_that_waits_for_the_line_at_the_bite_is_never_sent",
         slow=slowly(sim, config),
+    )
+
+
+@pytest.mark.rule("SAFE-2", "SAFE-4")
+def test_endless_sender(sim, config):
+    """Also as the small card, which has no limit by default."""
+    run(
+        "rtu2fc",
+        "tb.card.test_card_supervision",
+        sim=sim,
+        config=config,
+        parameters={"CLK_HZ": SLOW_HZ[config], "DE_LIMIT": 1},
+        testcase="sender_that_never_ends_loses_its_driver_and_the_card_goes_on",
     )
 
 

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// DE is off in reset, follows the direction for 14 beats of every frame, and is off from the 15th beat to the end of
+// the request (SAFE-2, SAFE-6).
+//
+// Assumed: nothing. A tick that jumps or an uneven mask makes other beats, and each of them counts.
+
+reg g_past = 1'b0;
+always @(posedge clk) g_past <= 1'b1;
+
+reg g_tick = 1'b0;
+reg [3:0] g_beats = 4'd0;  // since driven rose, up to 15
+reg g_off = 1'b0;  // switched off in this frame
+wire g_beat = ticks[0] != g_tick && (ticks & mask) == mask;
+
+always @(posedge clk) begin
+  g_tick <= ticks[0];
+  if (!driven) g_beats <= 4'd0;
+  else if (g_beat && g_beats != 4'd15) g_beats <= g_beats + 4'd1;
+  g_off <= driven && (g_off || (g_past && !rst && !de));
+end
+
+// From the first moment on and without a clock.
+always @* a_reset : assert (!rst || !de);
+always @* a_only : assert (!de || driven);
+
+always @(posedge clk) begin
+  if (g_past) begin
+    a_follows : assert (rst || g_beats == 4'd15 || de == driven);
+    a_limit : assert (g_beats != 4'd15 || !driven || !de);
+    a_stays_off : assert (!g_off || !driven || !de);
+  end
+end
+
+// ---- helpers for induction
+always @(posedge clk) begin
+  if (g_past) begin
+    i_beats : assert (g_limit.beats == g_beats && g_limit.tick_before == g_tick);
+    i_off : assert (!g_off || g_beats == 4'd15);
+  end
+end
+
+// ---- covers
+always @(posedge clk) begin
+  c_off : cover (g_past && driven && !rst && !de && mask == 7'd1);
+  c_again : cover (g_past && de && $past(!driven) && g_tick);
+end
