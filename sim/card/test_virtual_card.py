@@ -38,7 +38,18 @@ MANUAL = [
 ]
 OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
-    *("--status-refresh", "--dialect", "--profile", "--speed", "--for", "--wave", "--pcap", "--log", "--quiet", "--control"),
+    *(
+        "--status-refresh",
+        "--dialect",
+        "--profile",
+        "--speed",
+        "--for",
+        "--wave",
+        "--pcap",
+        "--log",
+        "--quiet",
+        "--control",
+    ),
 ]
 READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
 CHARACTER_S = 11 / 9600

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The short replies: exceptions, and the confirmation of a write. Each makes txn->reply and returns OUTCOME_REPLY. */
+/* The short replies: exceptions, and the confirmation of a write. Each makes the reply and returns OUTCOME_REPLY. */
 #ifndef REPLY_H
 #define REPLY_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Makes FC telegrams (FC-3) in txn->telegram, from ADR to BCC. The two that start an exchange return
+/* Makes FC telegrams (FC-3) in the transaction, from ADR to BCC. The two that start an exchange return
  * OUTCOME_EXCHANGE. */
 #ifndef TELEGRAM_H
 #define TELEGRAM_H

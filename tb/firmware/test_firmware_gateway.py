@@ -700,7 +700,7 @@ def to(unit: str, data: bytes) -> bytes:
 @pytest.mark.rule("FRAME-7", "MAP-9")
 @pytest.mark.parametrize("unit", ["all", "us"])
 @pytest.mark.parametrize("newer", ["local", "reading", "revoked", "invalid"])
-def test_a_committed_write_waits_for_the_exchange_whatever_comes_after_it(bench: Bench, unit: str, newer: str):
+def test_a_committed_write_waits_whatever_comes_after_it(bench: Bench, unit: str, newer: str):
     bench.request(READ_514)
     bench.telegram_ends()
     bench.request(START, broadcast=unit == "all")

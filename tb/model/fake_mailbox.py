@@ -18,7 +18,8 @@ from tb.model.firmware import JUNK, frame_memory
 BY_OFFSET = {register.offset: name for name, register in REGISTERS.items()}
 CRC_BYTES = 2
 TICKS_IN_10_MS = 12
-FIRST, REPEAT, WAITING, KEEP = (VALUES["TELEGRAM", "action"][name] for name in ("first", "repeat", "waiting", "keep"))
+ACTIONS = VALUES["TELEGRAM", "action"]
+FIRST, REPEAT, WAITING, KEEP = (ACTIONS[name] for name in ("first", "repeat", "waiting", "keep"))
 WATCHDOG_KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
 

@@ -6,9 +6,9 @@ the content, `wire` the framing. This module adds the commit (FRAME-6) and the o
 It also adds the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served.
 
 Committed writes keep their places while an exchange runs, and leave in the order of commit (FRAME-7).
-Where the rules allow a choice, the judge accepts any allowed one and continues from it. The telegram of a reading
-that is overtaken by a newer request before its start may be sent or not. A drive's reply within a few ms of the
-end of its wait may count or not. Unit of time: clocks.
+Where the rules allow a choice, the judge accepts any allowed one and continues from it. A reading's telegram
+that a newer request overtakes before its start may be sent or not. A drive's reply within a few ms of the end
+of its wait may count or not. Unit of time: clocks.
 """
 
 from __future__ import annotations
