@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loop-back test of the manual (p13) at the pins: both ports wired to each other, switches set for it.
 
-The second of listening and the transfers run on both simulators. The verdict comes after the power-up show, 2 s,
-and stands for 12 s: at the 25000 clocks a second of Icarus that is 20 minutes, so it is seen on the Verilated
-card without cocotb (`FastCard`), where sim/harness/line_player.h is the wire.
+The second of listening and the transfers run on both simulators. The verdict comes after the power-up show of
+2 s and stands for 12 s. Icarus would need 20 minutes for that, at 25000 clocks a second. The Verilated card
+without cocotb (`FastCard`) shows it instead; sim/harness/line_player.h is the wire.
 """
 
 from __future__ import annotations
