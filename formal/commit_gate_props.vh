@@ -276,7 +276,7 @@ always @(posedge clk) begin
     i_command : assert (!(g_gate_licensed && telegram_control) || g_open || g_command);
     i_repeatable : assert (!(g_gate_licensed && \telegram_i.repeatable ) || g_open ||
         ((g_newest || g_placed) && !g_to_all));
-    i_placed : assert (!(g_gate_licensed || g_cause == G_PENDING) || \telegram_i.from_place == g_placed);
+    i_placed : assert (!(g_gate_licensed || g_cause == G_PENDING) || \telegram_i.from_place == (g_placed && !g_to_all));
     i_wish : assert (\request_i.to_keep == g_wish && (!g_wish || g_pending));
     i_place : assert (\broadcast_i.valid_i.held == g_there[1] && \broadcast_i.valid_i.opposite == !g_there[1]);
     i_place_command : assert ((!g_there[1] || broadcast_control == g_place_command[1]) &&

@@ -97,7 +97,7 @@ always @(posedge clk) begin
     i_fresh : assert (!(queued && !g_licensed) || (!begun && newest && g_newest && g_sends == 2'd0 && !g_answered && repeatable == !g_to_all));
     i_begun : assert (!g_licensed || begun == (g_sends != 2'd0));
     i_repeatable : assert (!(g_licensed && repeatable) || ((g_newest || g_placed) && !g_to_all));
-    i_placed : assert (from_place == g_placed);
+    i_placed : assert (from_place == (g_placed && !g_to_all));
     i_prepared : assert (!g_prepared || !g_first || (queued && !g_licensed && !begun));
     i_first : assert (!(g_first && g_right && g_here && !g_answered) || (queued && g_licensed && !begun));
     i_waited : assert (!(g_licensed && begun) || !g_waited || g_sends == 2'd1);

@@ -163,7 +163,7 @@ module commit_gate #(
       // waiting writes
       .place_valid(waiting_to_all ? broadcast_valid : unicast_valid),
       .place_control(waiting_to_all ? broadcast_control : unicast_control),
-      .place_to_all(waiting_to_all),
+      .place_to_all(waiting_to_all || PLACES == 2'd1),
       .others_wait(broadcast_valid || unicast_valid),
       // drive line
       .quiet(drive_quiet),

@@ -59,7 +59,7 @@ module telegram_slot (
   reg newest = 1'b0;  // no other request was committed since the telegram was queued
   reg repeatable = 1'b0;  // no broadcast, and no newer commit unless from_place
   reg begun = 1'b0;  // it has left once, or there is none
-  reg from_place = 1'b0;  // the last order used a place
+  reg from_place = 1'b0;  // the last order used the place of a unicast write
 
   wire licensed;
   wire fault;
@@ -105,7 +105,7 @@ module telegram_slot (
 
     if (queue) {newest, repeatable, from_place} <= {1'b1, !broadcast, 1'b0};
     else if (use_place)
-      {newest, repeatable, from_place} <= {current && !candidate, !place_to_all, 1'b1};
+      {newest, repeatable, from_place} <= {current && !candidate, {2{!place_to_all}}};
     else if (overtaken) {newest, repeatable} <= {1'b0, repeatable && from_place};
 
     if (granted) control <= writes_coils;
