@@ -55,11 +55,11 @@ initial assume (core_rst);
 (* hierconn *) wire \gate_i.g_unicast.unicast_i.valid_i.held ;
 (* hierconn *) wire \gate_i.g_unicast.unicast_i.valid_i.opposite ;
 `endif
-(* hierconn *) wire [6:0] \regs_i.flags ;
+(* hierconn *) wire [7:0] \regs_i.flags ;
 // Such a name loses its power-up value; the others are reset.
-initial assume (\regs_i.flags == 7'd0);
+initial assume (\regs_i.flags == 8'd0);
 wire g_gate_waits = \gate_i.reply_i.wait_drive ;
-wire [6:0] g_flags = \regs_i.flags ;
+wire [7:0] g_flags = \regs_i.flags ;
 wire g_gate_licensed = \gate_i.telegram_i.licence_i.held ;
 wire g_gate_unlicensed = \gate_i.telegram_i.licence_i.opposite ;
 wire g_gate_committed = \gate_i.request_i.committed_i.held ;
@@ -118,7 +118,7 @@ reg g_waits = 1'b0;  // the reply was queued to wait for the drive's
 reg g_asked_regs = 1'b0;
 reg g_core_rst = 1'b1;
 reg [31:0] g_status = 32'd0;  // what the firmware asked for, as it was then
-reg [6:0] g_events = 7'd0;  // that happened and were not cleared
+reg [7:0] g_events = 8'd0;  // that happened and were not cleared
 
 always @(posedge clk) begin
   g_open <= loopback_open;
@@ -136,10 +136,10 @@ always @(posedge clk) begin
     ticks,
     frame_length,
     1'b0, modbus_quiet && drive_quiet, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
-    core_addr[2] ? {1'b0, g_events} : {frame_bank, frame_broadcast, g_committed, g_candidate, g_ticket}
+    core_addr[2] ? g_events : {frame_bank, frame_broadcast, g_committed, g_candidate, g_ticket}
   };
   if (candidate) g_ticket <= g_ticket + 4'd1;
-  g_events <= (g_order && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[6:0] : g_events) |
+  g_events <= (g_order && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[7:0] : g_events) |
       {drive_bad, network_events};
   if (g_order_telegram) g_started <= 1'b0;
   else if (telegram_start) g_started <= 1'b1;

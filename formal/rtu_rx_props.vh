@@ -179,9 +179,10 @@ always @(posedge clk) begin
     a_parity : assert (count_parity == (g_ended && !g_framing && g_parity));
     a_overrun : assert (count_overrun == (g_ended && !g_framing && !g_parity && g_count == 9'd257));
     a_crc : assert (count_crc == (g_ended && !g_framing && !g_parity && g_count != 9'd257));
-    a_t15 : assert (count_t15 == (byte_valid && g_forgotten));
+    a_t15 : assert (count_t15 == ((byte_valid && g_forgotten) || (g_continued && STRICT_T15 && !g_ours)));
+    a_foreign : assert (count_foreign == (long_reached && g_good && !g_ours && !g_continued));
     a_one_cause : assert (g_counted <= 3'd1);
-    a_good_not_counted : assert (!(candidate || commit) || g_counted == 3'd0);
+    a_good_not_counted : assert (!(candidate || commit || count_foreign) || g_counted == 3'd0);
   end
 end
 
@@ -232,6 +233,7 @@ always @(posedge clk) begin
     c_broadcast : cover (commit && frame_broadcast);
     c_revoked : cover (revoke);
     c_thrown_away : cover (count_t15);
+    c_foreign : cover (count_foreign);
     c_other_bank : cover (write_valid && g_held && write_addr[5] != g_held_bank && $past(commit, 3));
   end
 end

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates all files derived from regs/mailbox.rdl, regs/card.toml and configs.toml.
+"""Generates all files derived from regs/mailbox.rdl, regs/card.toml, configs.toml and VERSION.
 
     python -m regs.regs            writes the files
     python -m regs.regs --check    exits 1 and names every file that is not up to date
@@ -7,6 +7,7 @@
 From the mailbox map: C header, linker symbols, Verilog constants, Python constants, Markdown page.
 From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
+From the version of the release: a C header (MAP-10).
 """
 
 import argparse
@@ -28,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
 CONFIGS = "configs.toml"
+VERSION = "VERSION"
 WORD_BYTES = 4
 # Start value of silence_timer's count at each half character; the module gives the reason.
 SILENCE_START = 18
@@ -580,6 +582,15 @@ def config_macros(name: str, entry: dict) -> str:
     return "\n".join(lines) + "\n"
 
 
+def version_header() -> str:
+    version = (ROOT / VERSION).read_text().strip()
+    return (
+        "/* SPDX-License-Identifier: Apache-2.0 */\n"
+        f"/* Generated from {VERSION} by `make regs`; edit that file, not this one. */\n"
+        "\n#ifndef VERSION_H\n#define VERSION_H\n\n" + f'#define CARD_VERSION "{version}"\n\n#endif\n'
+    )
+
+
 def generate() -> dict[str, str]:
     """Path (from the repository's root) -> text of every generated file."""
     registers = Map()
@@ -595,6 +606,7 @@ def generate() -> dict[str, str]:
         "regs/generated/card_tables.v": card_verilog(card),
         "regs/generated/card_tables.py": card_python(card),
         "regs/generated/card_tables.h": card_cpp(card),
+        "regs/generated/version.h": version_header(),
     } | {f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()}
 
 

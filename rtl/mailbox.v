@@ -41,7 +41,7 @@ module mailbox #(
     input  wire                              modbus_quiet,
     input  wire                              modbus_start_seen,
     input  wire [        `CARD_REQUEST_BITS] request,
-    input  wire [                       5:0] network_events,
+    input  wire [                       6:0] network_events,
     // drive port
     input  wire                              drive_write_valid,
     output wire                              drive_write_ready,
@@ -92,7 +92,7 @@ module mailbox #(
 
   // What the firmware reads.
   always @* begin
-    events[5:0] = network_events;
+    events[6:0] = network_events;
     events[`MBX_EVENTS_DRIVE_BAD_BITS] = exchange[`CARD_EXCHANGE_BAD_BITS];
     request_status[`MBX_REQUEST_TICKET_BITS] = ticket;
     request_status[`MBX_REQUEST_CANDIDATE_BITS] = is_candidate;

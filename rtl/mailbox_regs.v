@@ -42,7 +42,7 @@ module mailbox_regs (
     input  wire [               7:0] ticks
 );
 
-  reg [6:0] flags = 7'd0;
+  reg [7:0] flags = 8'd0;
 
   wire write_now = valid && write;
   wire clear = write_now && word == `MBX_EVENTS_WORD;
@@ -77,10 +77,10 @@ module mailbox_regs (
 
   always @(posedge clk) begin
     if (valid)
-      rdata <= {ticks, request_length, 1'b0, exchange, show_events ? {1'b0, flags} : request};
+      rdata <= {ticks, request_length, 1'b0, exchange, show_events ? flags : request};
     else rdata <= 32'd0;
 
-    flags <= (flags & ~(wdata[6:0] &{7{clear}})) | events;
+    flags <= (flags & ~(wdata &{8{clear}})) | events;
 
     if (queue_reply) reply_length <= wdata[`MBX_REPLY_LENGTH_BITS];
     if (queue_telegram || use_waiting) begin

@@ -45,7 +45,7 @@ module network_port #(
     output wire                      quiet,
     output wire                      start_seen,
     output wire [`CARD_REQUEST_BITS] request,
-    output wire [               5:0] events
+    output wire [               6:0] events
 );
 
   wire synced;
@@ -199,7 +199,8 @@ module network_port #(
       .count_parity(events[`MBX_EVENTS_PARITY_BITS]),
       .count_framing(events[`MBX_EVENTS_FRAMING_BITS]),
       .count_t15(events[`MBX_EVENTS_T15_BITS]),
-      .count_overrun(events[`MBX_EVENTS_OVERRUN_BITS])
+      .count_overrun(events[`MBX_EVENTS_OVERRUN_BITS]),
+      .count_foreign(events[`MBX_EVENTS_FOREIGN_BITS])
   );
 
   rtu_tx rtu_tx_i (

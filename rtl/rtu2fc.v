@@ -86,7 +86,7 @@ module rtu2fc #(
   wire modbus_quiet;
   wire modbus_start_seen;
   wire [`CARD_REQUEST_BITS] request;
-  wire [5:0] network_events;
+  wire [6:0] network_events;
 
   wire drive_write_valid;
   wire drive_write_ready;

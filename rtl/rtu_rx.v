@@ -16,7 +16,7 @@
 //
 // Each discarded frame counts one event, for the first that applies of framing error, parity
 // error, over-length and CRC error. A frame that is continued between t1.5 and t3.5 counts
-// count_t15 instead. frame_writes_coils: the function is 05 or 15, the only ones that may
+// count_t15 instead. count_foreign: a good frame for another unit. frame_writes_coils: the function is 05 or 15, the only ones that may
 // command the drive.
 // Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.
 `default_nettype none
@@ -57,7 +57,8 @@ module rtu_rx #(
     output wire       count_parity,
     output wire       count_framing,
     output wire       count_t15,
-    output wire       count_overrun
+    output wire       count_overrun,
+    output wire       count_foreign
 );
 
   localparam [2:0] S_WAIT = 3'd0;  // ignore all characters until t3.5 of silence
@@ -111,7 +112,8 @@ module rtu_rx #(
   assign count_parity = ended_bad && parity_bad && !framing_bad;
   assign count_overrun = ended_bad && overrun && !parity_bad && !framing_bad;
   assign count_crc = ended_bad && clean;
-  assign count_t15 = byte_valid && state == S_SUSPECT;
+  assign count_t15 = (byte_valid && state == S_SUSPECT) || (spoilt && STRICT_T15 && !mine);
+  assign count_foreign = state == S_HOLD && long_reached && !spoilt && !mine;
 
   initial begin
     candidate = 1'b0;

@@ -27,9 +27,13 @@ extern "C" {
 #define COUNT_T15_address 0xffffff8eu
 #define COUNT_OVERRUN_address 0xffffff92u
 #define COUNT_REVOKED_address 0xffffff96u
-#define COUNT_DRIVE_BAD_address 0xffffff9au
-#define COUNT_DRIVE_NO_REPLY_address 0xffffff9eu
-#define COUNT_DRIVE_REPEAT_address 0xffffffa2u
+#define COUNT_FOREIGN_address 0xffffff9au
+#define COUNT_DRIVE_BAD_address 0xffffff9eu
+#define COUNT_DRIVE_NO_REPLY_address 0xffffffa2u
+#define COUNT_DRIVE_REPEAT_address 0xffffffa6u
+#define COUNT_REQUESTS_address 0xffffffaau
+#define COUNT_EXCEPTIONS_address 0xffffffaeu
+#define COUNT_COMPLETED_address 0xffffffb2u
 
 // Named values of fields.
 #define MAILBOX__TELEGRAM__ACTION__FIRST 0u
@@ -126,8 +130,12 @@ extern "C" {
 #define MAILBOX__EVENTS__REVOKED_bp 5
 #define MAILBOX__EVENTS__REVOKED_bw 1
 #define MAILBOX__EVENTS__REVOKED_reset 0x0
-#define MAILBOX__EVENTS__DRIVE_BAD_bm 0x40
-#define MAILBOX__EVENTS__DRIVE_BAD_bp 6
+#define MAILBOX__EVENTS__FOREIGN_bm 0x40
+#define MAILBOX__EVENTS__FOREIGN_bp 6
+#define MAILBOX__EVENTS__FOREIGN_bw 1
+#define MAILBOX__EVENTS__FOREIGN_reset 0x0
+#define MAILBOX__EVENTS__DRIVE_BAD_bm 0x80
+#define MAILBOX__EVENTS__DRIVE_BAD_bp 7
 #define MAILBOX__EVENTS__DRIVE_BAD_bw 1
 #define MAILBOX__EVENTS__DRIVE_BAD_reset 0x0
 

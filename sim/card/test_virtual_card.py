@@ -22,7 +22,7 @@ import pytest
 from pymodbus.client import ModbusSerialClient
 
 from sim.card.run_card import CARD, Frame, RunningCard
-from tb.model.card import DIALECTS
+from tb.model.card import DIALECTS, VERSION
 from tb.model.crc16 import with_crc
 from tb.model.examples import EXAMPLES
 from tb.model.vlt_drive import PROFILES
@@ -439,6 +439,50 @@ def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path):
         for _ in range(100):
             assert read_status_coils(client) & 0x0808 == 0x0800
         assert read_drive(client)[0] & 8, "it had tripped"
+        client.close()
+
+
+@pytest.mark.rule("MAP-10")
+def test_pymodbus_reads_every_diagnosis(tmp_path):
+    """Its own requests, as any master sends them."""
+    version = VERSION
+    with RunningCard(tmp_path, "--speed", "max", "--dialect", "hvac_basic") as card:
+        client = pymodbus_client(card)
+        assert client.diag_query_data(b"\x12\x34", device_id=1).message in (b"\x12\x34", [0x1234], 0x1234)
+        assert not client.diag_clear_counters(device_id=1).isError()
+        assert not client.read_coils(0, count=16, device_id=1).isError()
+        assert client.read_input_registers(0, count=1, device_id=1).exception_code == 1
+        assert client.diag_read_bus_message_count(device_id=1).message == 3
+        assert client.diag_read_device_message_count(device_id=1).message == 4
+        assert client.diag_read_bus_comm_error_count(device_id=1).message == 0
+        assert client.diag_read_bus_exception_error_count(device_id=1).message == 1
+        assert client.diag_read_diagnostic_register(device_id=1).message == 0
+        assert client.diag_get_comm_event_counter(device_id=1).count == 6
+        identity = client.report_device_id(device_id=1)
+        assert identity.identifier == f"rtu2fc {version}".encode() and identity.status
+        information = client.read_device_information(device_id=1)
+        assert information.information == {0: b"rtu2fc", 1: b"card", 2: version.encode()}
+        assert information.more_follows == 0 and information.conformity == 0x81
+        one = client.read_device_information(read_code=4, object_id=2, device_id=1)
+        assert one.information == {2: version.encode()}
+        assert client.read_device_information(read_code=4, object_id=3, device_id=1).exception_code == 2
+        assert not client.diag_restart_communication(True, device_id=1).isError()
+        assert client.diag_read_device_message_count(device_id=1).message == 1
+        client.close()
+
+
+@pytest.mark.rule("MAP-10")
+@pytest.mark.parametrize("dialect", ["card", "builtin"])
+def test_without_the_option_pymodbus_gets_exception_67(tmp_path, dialect):
+    with RunningCard(tmp_path, "--speed", "max", "--dialect", dialect) as card:
+        client = pymodbus_client(card)
+        for reply in (
+            client.diag_query_data(b"\x12\x34", device_id=1),
+            client.diag_get_comm_event_counter(device_id=1),
+            client.report_device_id(device_id=1),
+            client.read_device_information(device_id=1),
+        ):
+            assert reply.exception_code == 67
         client.close()
 
 

@@ -9,7 +9,8 @@
 #include "options.h"
 
 enum {
-    REPLY_PDU_MAX = 22, /* function, byte count, 10 registers of text */
+    /* Function, byte count, 10 registers of text; or an identification. */
+    REPLY_PDU_MAX = DIAGNOSTICS ? 30 : 22,
     TELEGRAM_MAX = 30,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2, BCC */
 };
 

@@ -2,6 +2,7 @@
 #include "gateway.h"
 
 #include "codes.h"
+#include "diagnostics.h"
 #include "dialect.h"
 #include "guard.h"
 #include "mailbox_port.h"
@@ -127,8 +128,11 @@ static void abandon_exchange(struct gateway *g)
 {
     (*mailbox_counter(COUNT_DRIVE_NO_REPLY))++;
     g->drive_online = false;
-    if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY)
+    if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY) {
         queue_reply(g, g->at_drive, 0);
+        if (DIAGNOSTICS && g->at_drive == g->newest)
+            diagnostics_done(g->at_drive);
+    }
     end_exchange(g);
 }
 
@@ -180,6 +184,8 @@ static void poll_leaving(struct gateway *g, uint32_t state)
     /* A broadcast was sent, or the telegram was dropped with its request. For the broadcast this marks the request
      * spent (docs/hardening.md, Spent requests). */
     cancel_reply(g);
+    if (DIAGNOSTICS && state & MAILBOX__EXCHANGE__STARTED_bm)
+        diagnostics_done(g->at_drive);
     end_exchange(g);
 }
 
@@ -196,6 +202,8 @@ static void finish_exchange(struct gateway *g)
 {
     translate_drive_commit(&g->translator);
     g->drive_online = true;
+    if (DIAGNOSTICS && g->reply_outcome == OUTCOME_REPLY && g->at_drive == g->newest)
+        diagnostics_done(g->at_drive);
     end_exchange(g);
     /* Only the newest request gets its second telegram (FRAME-7): the gate licenses no other. */
     if (TRAITS.text_by_size && g->reply_outcome == OUTCOME_EXCHANGE && g->at_drive == g->newest) {
@@ -351,6 +359,8 @@ static void commit(struct gateway *g)
 {
     g->uncommitted = false;
     translate_commit(&g->translator);
+    if (DIAGNOSTICS)
+        diagnostics_commit(g->newest);
     g->committed_at = g->now;
     g->network_online = true;
     if (g->wants_drive && is_write(g->newest))

@@ -3,6 +3,7 @@
 #include "translate.h"
 
 #include "coils.h"
+#include "diagnostics.h"
 #include "dialect.h"
 #include "guard.h"
 #include "registers.h"
@@ -76,7 +77,7 @@ static enum outcome decode(struct translator *t, struct transaction *txn, frame_
     uint32_t expected = PDU_PLAIN;
 
     if (!function)
-        return reply_exception(txn, TRAITS.bad_function);
+        return DIAGNOSTICS ? diagnostics_serve(txn, pdu, pdu_length) : reply_exception(txn, TRAITS.bad_function);
     if (txn->broadcast && function->form == FORM_READ)
         return OUTCOME_SILENT;
     /* Too short for a byte count is too short for any value that is read in its place. */
@@ -100,6 +101,8 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
         return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
+    if (DIAGNOSTICS)
+        txn->reply_length = 0; /* without a reply there is none to count (MAP-10) */
     outcome = decode(t, txn, pdu, pdu_length);
     /* A read leaves the settings alone; sealing them would hide a flipped bit (docs/hardening.md, Guarded settings). */
     if (txn->function > READ_REGISTERS)

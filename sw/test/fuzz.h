@@ -61,6 +61,12 @@ uint32_t model_word(const struct model *m, uint32_t first);
 /* Applies a committed request to m. */
 enum intent model_request(struct model *m, const uint8_t *pdu, uint32_t length);
 
+/* True for a function of MAP-10, whose replies have forms of their own. */
+static inline bool diagnoses(uint32_t function)
+{
+    return DIAGNOSTICS && (function == 0x08 || function == 0x0B || function == 0x11 || function == 0x2B);
+}
+
 /* The largest parameter number. */
 #if DIALECT == DIALECT_HVAC_BASIC
 enum { PNU_MAX = 4095 };

@@ -15,7 +15,7 @@ FUZZ_CFLAGS := -std=c99 -g -Wall -Wextra -Werror -Wconversion -Wstrict-prototype
 FUZZ_DIALECTS := card builtin hvac_basic
 FUZZ_TARGETS := translate gateway
 FUZZERS := $(foreach dialect,$(FUZZ_DIALECTS),$(FUZZ_TARGETS:%=$(FUZZ_DIR)/$(dialect)/fuzz_%))
-FUZZ_CORE := translate coils registers telegram reply guard
+FUZZ_CORE := translate coils registers diagnostics telegram reply guard
 FUZZ_ALL := $(FUZZ_CORE) gateway leds loopback image
 FUZZ_SOURCES := $(wildcard $(FUZZ_TREE)/sw/src/*) $(wildcard $(FUZZ_TREE)/sw/*/*.h) $(wildcard $(FUZZ_TREE)/sw/port/host/*) \
 	$(wildcard sw/test/*.[ch]) sw/test/loops.toml sw/test/fuzz.mk sw/test/loops.py
@@ -32,7 +32,7 @@ fuzz_dialect = $(shell echo $(notdir $(patsubst %/,%,$(dir $@))) | tr a-z A-Z)
 $(FUZZ_DIR)/%/fuzz_translate: $(FUZZ_DIR)/src/counting
 	@mkdir -p $(@D)
 	$(FUZZ_CC) $(FUZZ_CFLAGS) -I$(FUZZ_DIR)/src $(FUZZ_FLAGS) $(FUZZ_SANITIZERS) -DDIALECT=DIALECT_$(fuzz_dialect) -o $@ \
-		sw/test/fuzz_translate.c sw/test/fuzz.c sw/test/loops.c $(FUZZ_CORE:%=$(FUZZ_DIR)/src/%.c)
+		sw/test/fuzz_translate.c sw/test/fuzz.c sw/test/loops.c $(FUZZ_TREE)/sw/port/host/host.c $(FUZZ_CORE:%=$(FUZZ_DIR)/src/%.c)
 
 $(FUZZ_DIR)/%/fuzz_gateway: $(FUZZ_DIR)/src/counting
 	@mkdir -p $(@D)

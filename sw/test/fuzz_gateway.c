@@ -18,7 +18,7 @@
 #include "mailbox_port.h"
 #include "ticks.h"
 
-enum { EVENTS = 300, ADDRESS = 85, FRAME_MAX = 32, CRC_BYTES = 2, EVENT_FLAGS = 7 };
+enum { EVENTS = 300, ADDRESS = 85, FRAME_MAX = 32, CRC_BYTES = 2, EVENT_FLAGS = 8 };
 /* Ticks. FC-9 gives up a telegram 150 ms after a newer one waits. A telegram of 32 bytes takes 37 ms. */
 enum { HELD = TICKS(150) + 6, SENDING = TICKS(40) };
 /* Requests at once: at the drive, one in each place, the newest, and one that it replaced. */
@@ -152,6 +152,8 @@ static void check_reply(void)
         return;
     }
     HOLDS(pdu[0] == newest->pdu[0]);
+    if (diagnoses(pdu[0]))
+        return;
     if (pdu[0] == 0x01 || pdu[0] == 0x03)
         HOLDS(m.reply_length == 3u + pdu[1]);
     else

@@ -82,6 +82,8 @@ static void check_reply(const struct bench *b, const struct slot *slot)
         return;
     }
     HOLDS(txn->out.reply[0] == slot->pdu[0]);
+    if (diagnoses(txn->out.reply[0]))
+        return;
     if (txn->out.reply[0] == READ_COILS || txn->out.reply[0] == READ_REGISTERS) {
         HOLDS(txn->reply_length == 2 + txn->out.reply[1]);
         if (txn->out.reply[0] == READ_COILS)

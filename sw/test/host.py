@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DIALECTS = ("card", "builtin", "hvac_basic")
 # Name and preprocessor symbols of each build.
 BUILDS = {name: [f"-DDIALECT=DIALECT_{name.upper()}"] for name in DIALECTS} | {
-    option: ["-DDIALECT=DIALECT_CARD", f"-D{option}=1"] for option in ("STATUS_REFRESH", "ADR_SHORT")
+    option: ["-DDIALECT=DIALECT_CARD", f"-D{option}=1"]
+    for option in ("STATUS_REFRESH", "ADR_SHORT", "DIAGNOSTICS")
 }
 # The translation core: the files that decide the content of telegrams and replies.
 CORE = (

@@ -85,7 +85,8 @@ def functions(elf: Path = ELF) -> dict[str, Function]:
 
 def pointed_at(elf: Path, names: set[str]) -> set[str]:
     """Functions whose address is a word of the constants or an initial value of a variable."""
-    at = {address: name for name, address in symbols(elf).items() if name in names}
+    # A constant 0 is no pointer to the entry, which is at address 0.
+    at = {address: name for name, address in symbols(elf).items() if name in names - {ENTRY}}
     words, counts = set(), False
     for line in _tool("objdump", "-s", elf).splitlines():
         if section := re.match(r"^Contents of section (\S+):", line):

@@ -1273,7 +1273,7 @@ def test_the_watchdog_is_kicked_in_every_state():
     assert kicks(400) == 400, "a silent drive"
 
 
-EVENTS = ("crc", "parity", "framing", "t15", "overrun", "revoked", "drive_bad")
+EVENTS = ("crc", "parity", "framing", "t15", "overrun", "revoked", "foreign", "drive_bad")
 
 
 @pytest.mark.rule("FRAME-4", "FC-8")
@@ -1284,11 +1284,11 @@ def test_each_event_is_counted_in_its_own_counter(bench: Bench):
             bench.mailbox.event(event)
             bench.mailbox.event(event)
             bench.poll()
-    assert [bench.mailbox.counter(f"COUNT_{event.upper()}") for event in EVENTS] == list(range(1, 8))
+    assert [bench.mailbox.counter(f"COUNT_{event.upper()}") for event in EVENTS] == list(range(1, 9))
     for event in EVENTS:
         bench.mailbox.event(event)
     bench.poll()
-    assert [bench.mailbox.counter(f"COUNT_{event.upper()}") for event in EVENTS] == list(range(2, 9))
+    assert [bench.mailbox.counter(f"COUNT_{event.upper()}") for event in EVENTS] == list(range(2, 10))
     assert bench.mailbox.events == 0
 
 

@@ -36,7 +36,7 @@ REPLY_DELAY_BITS = 23
 
 @functools.cache
 def library(config: str, clk_hz: int) -> Path:
-    """The card of the configuration, built unless this very content was built before."""
+    """The card of the configuration at a clock, built unless this very content was built before."""
     try:
         return build(clk_hz, config=config)
     except BuildError as error:
@@ -56,9 +56,9 @@ class Line:
     def driven(self) -> bool:
         return bool(self.de) and self.de[-1][1] == 1
 
-    def send(self, data: bytes, delay_ps: float = 0) -> int:
+    def send(self, data: bytes, delay_ps: float = 0, flaws: Flaws | None = None) -> int:
         """Plans a transmission `delay_ps` after the last one on the line; returns its last stop bit's end."""
-        edges, length = waveform(self.fmt, data, Flaws())
+        edges, length = waveform(self.fmt, data, flaws or Flaws())
         busy_until = max(self._free_ps, self.de[-1][0] if self.de else 0)
         start = max(self.card.now_ps, busy_until + delay_ps)
         for at, level in edges:
@@ -95,9 +95,10 @@ class Line:
 
 
 class FastCard:
-    """A card that was just switched on. `drive`: telegram to reply, None for silence.
+    """A card that was just switched on.
 
-    `seed`: of what the registers hold at power-up (SAFE-5). Without it each card draws one and prints it.
+    drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of what the registers
+    hold at power-up (SAFE-5). Without it each card draws one and prints it.
     """
 
     def __init__(
@@ -111,6 +112,7 @@ class FastCard:
         clk_hz: int | None = None,
         seed: int | None = None,
         reset_clocks: int = RESET_CLOCKS,
+        dialect: str = "",
         **wires: int,
     ):
         if seed is None:
@@ -121,7 +123,7 @@ class FastCard:
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = SimulatedCard(
             library(config, clk_hz),
-            firmware(config).parent,
+            firmware(config).parent / dialect,
             switch_word(switches or baud_switches(baud, form)),
             address,
             watched=OUTPUTS,

@@ -8,7 +8,9 @@ Telegrams here are ADR and data, without STX, LGE and BCC. Registers and coils a
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 
 CONTROL, STATUS, EEPROM, COILS = range(0, 32), range(32, 64), 64, 128
 NETWORK_TIMEOUT, DRIVE_TIMEOUT = 1, 2
@@ -16,6 +18,28 @@ FUNCTIONS = {0x01, 0x03, 0x05, 0x06, 0x0F, 0x10}
 READS = {0x01, 0x03}
 COUNTED = {0x0F, 0x10}
 TYPE_MISMATCH = 5  # fault of the drive
+
+# MAP-10. Functions 08, 0B, 11 and 2B/0E; sub-functions of 08.
+DIAGNOSTIC, EVENT_COUNTER, SERVER_ID, IDENTIFICATION = 0x08, 0x0B, 0x11, 0x2B
+DIAGNOSTICS = {DIAGNOSTIC, EVENT_COUNTER, SERVER_ID, IDENTIFICATION}
+ECHO, RESTART, REGISTER, CLEAR, MESSAGES, ERRORS, EXCEPTIONS, REQUESTS = 0, 1, 2, 10, 11, 12, 13, 14
+COUNTED_BY_SUB = {REGISTER, MESSAGES, ERRORS, EXCEPTIONS, REQUESTS}
+# Faults of both lines; the number is the bit of the diagnostic register. Sub-function 12 adds up the first six.
+FAULTS = {
+    **{"crc": 0, "parity": 1, "framing": 2, "t15": 3, "overrun": 4, "revoked": 5},
+    **{"drive_bad": 7, "drive_silent": 8, "repeat": 9},
+}
+VERSION = (Path(__file__).resolve().parents[2] / "VERSION").read_text().strip()
+OBJECTS = (b"rtu2fc", b"card", VERSION.encode())
+
+
+def without_counts(pdu: bytes) -> bytes:
+    """A reply's PDU with its counts set to 0: they depend on all of the line's traffic before."""
+    if len(pdu) == 5 and (
+        pdu[0] == EVENT_COUNTER or (pdu[0] == DIAGNOSTIC and word(pdu, 1) in COUNTED_BY_SUB)
+    ):
+        return pdu[:3] + bytes(2)
+    return pdu
 
 
 class Refused(Exception):
@@ -106,9 +130,14 @@ class CardModel:
     coils: list[int] = field(default_factory=lambda: [0] * COILS)
     registers: dict[int, int] = field(init=False)  # the card's own
     question: Question | None = None
+    diagnostics: bool | None = None  # MAP-10; None: as the dialect has it
+    # What was counted: faults, "foreign", "requests", "exceptions", "completed".
+    counts: Counter = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         self.dialect = DIALECTS[self.name]
+        if self.diagnostics is None:
+            self.diagnostics = self.name == "hvac_basic"
         self.registers = {self.dialect.index_register: 0, NETWORK_TIMEOUT: 1000, DRIVE_TIMEOUT: 15}
 
     # ------------------------------------------------------------ requests
@@ -116,16 +145,85 @@ class CardModel:
     def request(self, pdu: bytes, broadcast: bool = False) -> Step:
         """Serves a committed request."""
         self.question = None
-        if broadcast and pdu[0] in READS:
+        ignored = READS | DIAGNOSTICS if self.diagnostics else READS
+        if broadcast and pdu[0] in ignored:
+            self.counts["requests"] += 1
             return Step()
         try:
-            step = self._serve(pdu, broadcast)
+            diagnosed = self.diagnostics and pdu[0] in DIAGNOSTICS
+            step = Step(reply=self._diagnose(pdu)) if diagnosed else self._serve(pdu, broadcast)
         except Refused as refusal:
             step = Step(reply=bytes([pdu[0] | 0x80, self.dialect.code(refusal.why)]))
+        self.counts["requests"] += 1
+        if step.reply or broadcast:
+            self._done(pdu[0], step.reply)
+        if (
+            step.reply
+            and pdu[0] == DIAGNOSTIC
+            and step.reply[0] == DIAGNOSTIC
+            and word(pdu, 1) in (RESTART, CLEAR)
+        ):
+            self.counts.clear()
         if broadcast:
             self.question = None
             step.reply = None
         return step
+
+    def _done(self, function: int, reply: bytes | None) -> None:
+        """A request is over, by its reply or as a broadcast."""
+        if reply and reply[0] & 0x80:
+            self.counts["exceptions"] += 1
+        elif function != EVENT_COUNTER:
+            self.counts["completed"] += 1
+
+    def _diagnose(self, pdu: bytes) -> bytes:
+        """MAP-10, from the Modbus application protocol, 6.8, 6.9, 6.13, 6.21."""
+        if pdu[0] == DIAGNOSTIC:
+            return self._diagnostic(pdu)
+        if len(pdu) != (4 if pdu[0] == IDENTIFICATION else 1):
+            raise Refused("length")
+        if pdu[0] == EVENT_COUNTER:
+            return pdu + bytes(2) + (self.counts["completed"] & 0xFFFF).to_bytes(2, "big")
+        if pdu[0] == SERVER_ID:
+            text = b"rtu2fc " + VERSION.encode() + b"\xff"
+            return pdu + bytes([len(text)]) + text
+        _, kind, code, first = pdu
+        if kind != 0x0E:
+            raise Refused("function")
+        if not 1 <= code <= 4:
+            raise Refused("value")
+        if code == 4 and first >= len(OBJECTS):
+            raise Refused("address")
+        first = first if first < len(OBJECTS) else 0
+        wanted = range(first, first + 1 if code == 4 else len(OBJECTS))
+        listed = b"".join(bytes([i, len(OBJECTS[i])]) + OBJECTS[i] for i in wanted)
+        return bytes([0x2B, 0x0E, code, 0x81, 0, 0, len(wanted)]) + listed
+
+    def _diagnostic(self, pdu: bytes) -> bytes:
+        if len(pdu) < 5:
+            raise Refused("length")
+        sub, data = word(pdu, 1), word(pdu, 3)
+        if sub == ECHO:
+            if len(pdu) > 30 or len(pdu) % 2 == 0:
+                raise Refused("length")
+            return pdu
+        if sub not in COUNTED_BY_SUB | {RESTART, CLEAR}:
+            raise Refused("function")
+        if len(pdu) != 5:
+            raise Refused("length")
+        if data != 0 and (sub, data) != (RESTART, 0xFF00):
+            raise Refused("value")
+        if sub not in COUNTED_BY_SUB:
+            return pdu
+        requests = self.counts["requests"] + 1  # this one included
+        value = {
+            REGISTER: sum(1 << bit for name, bit in FAULTS.items() if self.counts[name]),
+            MESSAGES: requests + self.counts["foreign"],
+            ERRORS: sum(self.counts[name] for name, bit in FAULTS.items() if bit < 6),
+            EXCEPTIONS: self.counts["exceptions"],
+            REQUESTS: requests,
+        }[sub]
+        return pdu[:3] + (value & 0xFFFF).to_bytes(2, "big")
 
     def _serve(self, pdu: bytes, broadcast: bool) -> Step:
         function = pdu[0]
@@ -252,6 +350,7 @@ class CardModel:
                 return Step(telegram=telegram)
             reply = bytes([q.function | 0x80, self.dialect.code(refusal.why)])
         self.question = None
+        self._done(q.function, reply)
         return Step(reply=reply)
 
     def drive_silent(self) -> Step:
@@ -259,6 +358,7 @@ class CardModel:
         q, self.question = self.question, None
         if "silent" not in self.dialect.codes:
             return Step()
+        self.counts["exceptions"] += 1
         return Step(reply=bytes([q.function | 0x80, self.dialect.code("silent")]))
 
     @staticmethod

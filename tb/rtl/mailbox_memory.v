@@ -68,6 +68,7 @@ module mailbox_memory #(
     input  wire        count_framing,
     input  wire        count_t15,
     input  wire        count_overrun,
+    input  wire        count_foreign,
     output wire [ 3:0] leds
 );
 
@@ -113,7 +114,7 @@ module mailbox_memory #(
         commit,
         candidate
       }),
-      .network_events({revoke, count_overrun, count_t15, count_framing, count_parity, count_crc}),
+      .network_events({count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc}),
       .drive_write_valid(drive_write_valid),
       .drive_write_ready(drive_write_ready),
       .drive_write_addr(drive_write_addr),

@@ -47,7 +47,8 @@ module network_line #(
     output wire       count_parity,
     output wire       count_framing,
     output wire       count_t15,
-    output wire       count_overrun
+    output wire       count_overrun,
+    output wire       count_foreign
 );
 
   wire tick16;
@@ -101,7 +102,7 @@ module network_line #(
       .request({
         silent, frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate
       }),
-      .events({revoke, count_overrun, count_t15, count_framing, count_parity, count_crc})
+      .events({count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc})
   );
 
 endmodule

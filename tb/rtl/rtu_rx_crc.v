@@ -37,7 +37,8 @@ module rtu_rx_crc #(
     output wire       count_parity,
     output wire       count_framing,
     output wire       count_t15,
-    output wire       count_overrun
+    output wire       count_overrun,
+    output wire       count_foreign
 );
 
   wire crc_clear;
@@ -83,7 +84,8 @@ module rtu_rx_crc #(
       .count_parity(count_parity),
       .count_framing(count_framing),
       .count_t15(count_t15),
-      .count_overrun(count_overrun)
+      .count_overrun(count_overrun),
+      .count_foreign(count_foreign)
   );
 
 endmodule

@@ -24,7 +24,7 @@ INPUTS = """
     drive_write_valid drive_write_addr drive_write_data drive_read_valid drive_read_addr
     drive_sending drive_quiet drive_candidate drive_good drive_bad
     loopback_open ticks
-    count_crc count_parity count_framing count_t15 count_overrun
+    count_crc count_parity count_framing count_t15 count_overrun count_foreign
 """.split()  # noqa: SIM905 (a table reads better than a list)
 # Field of the map to the input that feeds it, as far as it needs no request.
 SOURCES = {
@@ -46,6 +46,7 @@ EVENTS = {
     "t15": "count_t15",
     "overrun": "count_overrun",
     "revoked": "revoke",
+    "foreign": "count_foreign",
     "drive_bad": "drive_bad",
 }
 WRAPPER = ROOT / "tb/rtl/mailbox_memory.v"

@@ -1,0 +1,219 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Modbus application protocol V1.1b3, 6.8, 6.9, 6.13, 6.21. A reply is prepared before its request is committed
+ * (FRAME-6), so the counts of requests are told with that request, one more than is counted yet.
+ */
+#include "diagnostics.h"
+
+#include "dialect.h"
+#include "mailbox_port.h"
+#include "reply.h"
+#include "version.h"
+
+enum { DIAGNOSTIC = 0x08, EVENT_COUNTER = 0x0B, SERVER_ID = 0x11, ENCAPSULATED = 0x2B, IDENTIFICATION = 0x0E };
+
+enum sub_function {
+    SUB_ECHO = 0,
+    SUB_RESTART = 1,
+    SUB_REGISTER = 2,
+    SUB_CLEAR = 10,
+    SUB_MESSAGES = 11,
+    SUB_ERRORS = 12,
+    SUB_EXCEPTIONS = 13,
+    SUB_REQUESTS = 14,
+};
+
+enum { AT_SUB = 1, AT_DATA = 3, PDU_DIAGNOSTIC = 5, PDU_CODE_ONLY = 1, PDU_IDENTIFICATION = 4 };
+
+/* Basic objects as a stream, or one object (6.21). */
+enum { READ_BASIC = 1, READ_EXTENDED = 3, READ_ONE = 4, CONFORMITY = 0x81, OBJECTS = 3, AT_OBJECTS = 7 };
+
+/* One answer holds all three. */
+static const struct object {
+    uint8_t length;
+    const char *text;
+} objects[OBJECTS] = {
+    {6, "rtu2fc"},
+    {4, "card"},
+    {sizeof CARD_VERSION - 1, CARD_VERSION},
+};
+
+static const char server_id[] = "rtu2fc " CARD_VERSION "\xFF"; /* the last byte: it runs */
+
+enum { COUNTERS = (COUNT_COMPLETED_address - COUNT_CRC_address) / FRAME_STRIDE + 1 };
+
+static volatile uint16_t *counter_at(uint32_t i)
+{
+    return mailbox_counter(COUNT_CRC) + i * (FRAME_STRIDE / sizeof(uint16_t));
+}
+
+/* The faults of the network line: a message that was none. */
+static uint32_t errors(void)
+{
+    return (uint32_t)*mailbox_counter(COUNT_CRC) + *mailbox_counter(COUNT_PARITY) + *mailbox_counter(COUNT_FRAMING) +
+           *mailbox_counter(COUNT_T15) + *mailbox_counter(COUNT_OVERRUN) + *mailbox_counter(COUNT_REVOKED);
+}
+
+/* The diagnostic register: bit i is 1 if counter i is not 0, for the faults of both lines. */
+static uint32_t faults(void)
+{
+    const uint32_t foreign = (COUNT_FOREIGN_address - COUNT_CRC_address) / FRAME_STRIDE;
+    const uint32_t end = (COUNT_DRIVE_REPEAT_address - COUNT_CRC_address) / FRAME_STRIDE + 1;
+    uint32_t found = 0;
+    uint32_t i;
+
+    for (i = 0; i < end; i++)
+        if (i != foreign && *counter_at(i) != 0)
+            found |= 1u << i;
+    return found;
+}
+
+static uint32_t value_of(uint32_t sub)
+{
+    const uint32_t requests = *mailbox_counter(COUNT_REQUESTS) + 1u;
+
+    switch (sub) {
+    case SUB_REGISTER:
+        return faults();
+    case SUB_MESSAGES:
+        return requests + *mailbox_counter(COUNT_FOREIGN);
+    case SUB_ERRORS:
+        return errors();
+    case SUB_EXCEPTIONS:
+        return *mailbox_counter(COUNT_EXCEPTIONS);
+    case SUB_REQUESTS:
+        return requests;
+    default:
+        return 0;
+    }
+}
+
+static enum outcome finish(struct transaction *txn, uint32_t length)
+{
+    txn->out.reply[0] = txn->function;
+    txn->reply_length = (uint8_t)length;
+    return OUTCOME_REPLY;
+}
+
+static void put_word(struct transaction *txn, uint32_t at, uint32_t value)
+{
+    txn->out.reply[at] = (uint8_t)(value >> 8);
+    txn->out.reply[at + 1] = (uint8_t)value;
+}
+
+static enum outcome echo(struct transaction *txn, frame_byte *pdu, uint32_t length)
+{
+    uint32_t i;
+
+    for (i = AT_SUB; i < length; i++)
+        txn->out.reply[i] = pdu[i].byte;
+    return finish(txn, length);
+}
+
+static enum outcome diagnose(struct transaction *txn, frame_byte *pdu, uint32_t length)
+{
+    uint32_t data;
+
+    if (length < PDU_DIAGNOSTIC)
+        return reply_exception(txn, TRAITS.bad_length);
+    txn->address = word_at(pdu + AT_SUB);
+    data = word_at(pdu + AT_DATA);
+    if (txn->address == SUB_ECHO)
+        return length <= REPLY_PDU_MAX && length & 1u ? echo(txn, pdu, length)
+                                                      : reply_exception(txn, TRAITS.bad_length);
+    if (txn->address > SUB_REQUESTS || (txn->address > SUB_REGISTER && txn->address < SUB_CLEAR))
+        return reply_exception(txn, TRAITS.bad_function);
+    if (length != PDU_DIAGNOSTIC)
+        return reply_exception(txn, TRAITS.bad_length);
+    if (data != 0 && !(txn->address == SUB_RESTART && data == 0xFF00))
+        return reply_exception(txn, TRAITS.bad_value);
+    (void)echo(txn, pdu, length);
+    if (txn->address != SUB_RESTART && txn->address != SUB_CLEAR)
+        put_word(txn, AT_DATA, value_of(txn->address));
+    return OUTCOME_REPLY;
+}
+
+static uint32_t put_text(struct transaction *txn, uint32_t at, const char *text, uint32_t length)
+{
+    uint32_t i;
+
+    for (i = 0; i < length; i++)
+        txn->out.reply[at + i] = (uint8_t)text[i];
+    return at + length;
+}
+
+static enum outcome identify(struct transaction *txn, frame_byte *pdu)
+{
+    const uint32_t code = pdu[2].byte;
+    uint32_t id = pdu[3].byte;
+    uint32_t at = AT_OBJECTS;
+    uint32_t end = OBJECTS;
+
+    if (pdu[1].byte != IDENTIFICATION)
+        return reply_exception(txn, TRAITS.bad_function);
+    if (code < READ_BASIC || code > READ_ONE)
+        return reply_exception(txn, TRAITS.bad_value);
+    if (id >= OBJECTS) {
+        if (code == READ_ONE)
+            return reply_exception(txn, TRAITS.bad_address);
+        id = 0;
+    }
+    if (code == READ_ONE)
+        end = id + 1;
+    txn->out.reply[1] = IDENTIFICATION;
+    txn->out.reply[2] = (uint8_t)code;
+    txn->out.reply[3] = CONFORMITY;
+    txn->out.reply[6] = (uint8_t)(end - id);
+    for (; id < end; id++) {
+        txn->out.reply[at] = (uint8_t)id;
+        txn->out.reply[at + 1] = objects[id].length;
+        at = put_text(txn, at + 2, objects[id].text, objects[id].length);
+    }
+    put_word(txn, 4, 0); /* nothing follows */
+    return finish(txn, at);
+}
+
+enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_t pdu_length)
+{
+    const uint32_t fixed = txn->function == ENCAPSULATED ? PDU_IDENTIFICATION : PDU_CODE_ONLY;
+
+    if (txn->function != DIAGNOSTIC && txn->function != EVENT_COUNTER && txn->function != SERVER_ID &&
+        txn->function != ENCAPSULATED)
+        return reply_exception(txn, TRAITS.bad_function);
+    if (txn->broadcast)
+        return OUTCOME_SILENT; /* no write (MAP-9) */
+    if (txn->function == DIAGNOSTIC)
+        return diagnose(txn, pdu, pdu_length);
+    if (pdu_length != fixed)
+        return reply_exception(txn, TRAITS.bad_length);
+    if (txn->function == ENCAPSULATED)
+        return identify(txn, pdu);
+    if (txn->function == SERVER_ID) {
+        txn->out.reply[1] = sizeof server_id - 1;
+        return finish(txn, put_text(txn, 2, server_id, sizeof server_id - 1));
+    }
+    put_word(txn, 1, 0); /* not busy */
+    put_word(txn, 3, *mailbox_counter(COUNT_COMPLETED));
+    return finish(txn, 5);
+}
+
+void diagnostics_commit(const struct transaction *txn)
+{
+    uint32_t i;
+
+    ++*mailbox_counter(COUNT_REQUESTS);
+    if (txn->reply_length == 0)
+        return; /* the drive is asked, or nobody */
+    diagnostics_done(txn);
+    if (txn->out.reply[0] == DIAGNOSTIC && (txn->address == SUB_RESTART || txn->address == SUB_CLEAR))
+        for (i = 0; i < COUNTERS; i++)
+            *counter_at(i) = 0;
+}
+
+void diagnostics_done(const struct transaction *txn)
+{
+    if (txn->reply_length != 0 && txn->out.reply[0] & 0x80)
+        ++*mailbox_counter(COUNT_EXCEPTIONS);
+    else if (txn->function != EVENT_COUNTER)
+        ++*mailbox_counter(COUNT_COMPLETED);
+}

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Functions 08, 0B, 11 and 2B/0E (MAP-10), and the counters that they tell. Only with the option DIAGNOSTICS. */
+#ifndef DIAGNOSTICS_H
+#define DIAGNOSTICS_H
+
+#include "codes.h"
+
+/* Serves a function that is in no other table, or refuses it (EXC 1). pdu_length: the length received. */
+enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_t pdu_length);
+
+/* Counts a committed request, and its reply if that needs no drive. Clears the counters if it asked for that. */
+void diagnostics_commit(const struct transaction *txn);
+
+/* Counts the reply that txn->reply holds, or a broadcast that was sent to the drive. */
+void diagnostics_done(const struct transaction *txn);
+
+#endif
