@@ -202,7 +202,7 @@ def test_a_flipped_bit_on_the_wire_is_red(config, sender: str, flips: str):
         assert run_to_verdict(card) == ("red", "red")
 
 
-# ---------------------------------------------------------------- a live bus (a card set to the test by mistake)
+# ---------------------------------------------------------------- a live bus
 
 REQUEST = rtu.build(2, rtu.read_registers(5139, 2))
 ANSWER = rtu.build(2, bytes.fromhex("03 04 0000 012C"))

@@ -24,7 +24,7 @@ DIAGNOSTIC, EVENT_COUNTER, SERVER_ID, IDENTIFICATION = 0x08, 0x0B, 0x11, 0x2B
 DIAGNOSTICS = {DIAGNOSTIC, EVENT_COUNTER, SERVER_ID, IDENTIFICATION}
 ECHO, RESTART, REGISTER, CLEAR, MESSAGES, ERRORS, EXCEPTIONS, REQUESTS = 0, 1, 2, 10, 11, 12, 13, 14
 COUNTED_BY_SUB = {REGISTER, MESSAGES, ERRORS, EXCEPTIONS, REQUESTS}
-# Faults of both lines; the number is the bit of the diagnostic register. Sub-function 12 adds up the first six.
+# Faults of both lines and their bits in the diagnostic register. Sub-function 12 adds up the first six.
 FAULTS = {
     **{"crc": 0, "parity": 1, "framing": 2, "t15": 3, "overrun": 4, "revoked": 5},
     **{"drive_bad": 7, "drive_silent": 8, "repeat": 9},
