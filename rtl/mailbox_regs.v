@@ -76,8 +76,7 @@ module mailbox_regs (
   end
 
   always @(posedge clk) begin
-    if (valid)
-      rdata <= {ticks, request_length, 1'b0, exchange, show_events ? flags : request};
+    if (valid) rdata <= {ticks, request_length, 1'b0, exchange, show_events ? flags : request};
     else rdata <= 32'd0;
 
     flags <= (flags & ~(wdata &{8{clear}})) | events;

@@ -68,6 +68,14 @@ static uint32_t faults(void)
     return found;
 }
 
+static void clear(void)
+{
+    uint32_t i;
+
+    for (i = 0; i < COUNTERS; i++)
+        *counter_at(i) = 0;
+}
+
 static uint32_t value_of(uint32_t sub)
 {
     const uint32_t requests = *mailbox_counter(COUNT_REQUESTS) + 1u;
@@ -199,15 +207,12 @@ enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_
 
 void diagnostics_commit(const struct transaction *txn)
 {
-    uint32_t i;
-
     ++*mailbox_counter(COUNT_REQUESTS);
     if (txn->reply_length == 0)
         return; /* the drive is asked, or nobody */
     diagnostics_done(txn);
     if (txn->out.reply[0] == DIAGNOSTIC && (txn->address == SUB_RESTART || txn->address == SUB_CLEAR))
-        for (i = 0; i < COUNTERS; i++)
-            *counter_at(i) = 0;
+        clear();
 }
 
 void diagnostics_done(const struct transaction *txn)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of MAP-10 against the traffic on the network line, at the pins of the card at its own clock.
 
-The traffic names what each frame is; the counts that the card tells must be the same. Frames follow each other
-as closely as the standard allows. The image is `hvac_basic`, which has diagnostics by default.
+The traffic names what each frame is; the counts that the card tells must be the same. Frames follow
+each other as closely as the standard allows. The image is `hvac_basic`, which has diagnostics by default.
 """
 
 from __future__ import annotations

@@ -114,7 +114,9 @@ module mailbox_memory #(
         commit,
         candidate
       }),
-      .network_events({count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc}),
+      .network_events({
+        count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc
+      }),
       .drive_write_valid(drive_write_valid),
       .drive_write_ready(drive_write_ready),
       .drive_write_addr(drive_write_addr),

@@ -102,7 +102,9 @@ module network_line #(
       .request({
         silent, frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate
       }),
-      .events({count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc})
+      .events({
+        count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc
+      })
   );
 
 endmodule
