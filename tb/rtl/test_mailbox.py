@@ -232,11 +232,15 @@ async def the_counters_are_the_firmwares_own_and_no_part_of_the_telegram(dut):
     for n, area in enumerate(counters.values()):
         await mailbox.poke(area, 0, 0xA000 + n)
     dut.drive_sending.value = 0
-    assert [await mailbox.peek(area, 0) for area in counters.values()] == [0xA000 + n for n in range(9)]
+    assert [await mailbox.peek(area, 0) for area in counters.values()] == [
+        0xA000 + n for n in range(len(counters))
+    ]
     for n, area in enumerate(counters.values()):
         await mailbox.poke(area, 0, 0xB000 + n)
     assert not len(touched)
-    assert [await mailbox.peek(area, 0) for area in counters.values()] == [0xB000 + n for n in range(9)]
+    assert [await mailbox.peek(area, 0) for area in counters.values()] == [
+        0xB000 + n for n in range(len(counters))
+    ]
     assert await mailbox.get(TELEGRAM) == telegram
 
 
@@ -341,6 +345,14 @@ async def each_line_holds_back_what_has_to_wait_for_its_silence(dut):
     assert await mailbox.settle() == (1, 0), "the telegram before it is not over"
     dut.drive_sending.value = 0
     assert await mailbox.settle() == (1, 1)
+
+
+@cocotb.test()
+async def the_exchange_shows_when_both_lines_are_silent(dut):
+    mailbox = await Mailbox(dut).start()
+    for network, drive in ((1, 1), (0, 1), (1, 0), (0, 0)):
+        dut.modbus_quiet.value, dut.drive_quiet.value = network, drive
+        assert (await mailbox.read("EXCHANGE"))["silent"] == (network and drive)
 
 
 @cocotb.test()

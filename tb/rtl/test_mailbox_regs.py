@@ -116,11 +116,11 @@ async def an_event_stays_until_it_is_cleared_and_clears_no_other(dut):
         await firmware.write("EVENTS", **dict.fromkeys(EVENTS, 1))
         assert await firmware.read("EVENTS") == 0
     for _ in range(100):
-        flags, cleared = rng.randrange(128), rng.randrange(128)
+        flags, cleared = rng.randrange(256), rng.randrange(256)
         await firmware.event(flags)
         await firmware.access(REGISTERS["EVENTS"].offset // 4, cleared)
         assert await firmware.read("EVENTS") == flags & ~cleared
-        await firmware.access(REGISTERS["EVENTS"].offset // 4, 0x7F)
+        await firmware.access(REGISTERS["EVENTS"].offset // 4, 0xFF)
     assert await firmware.read("EVENTS") == 0
 
 
@@ -129,8 +129,8 @@ async def an_event_in_the_clock_of_its_clearing_is_kept(dut):
     firmware = await Firmware(dut).start()
     for about in EVENTS.values():
         flag = 1 << about.bit
-        await firmware.event(0x7F)
-        dut.word.value, dut.write.value, dut.wdata.value = REGISTERS["EVENTS"].offset // 4, 1, 0x7F
+        await firmware.event(0xFF)
+        dut.word.value, dut.write.value, dut.wdata.value = REGISTERS["EVENTS"].offset // 4, 1, 0xFF
         dut.valid.value = 1
         await firmware.event(flag)
         dut.valid.value = 0
@@ -146,7 +146,7 @@ async def events_outlive_a_restart_of_the_firmware(dut):
     await firmware.event(0x2A)
     dut.rst.value = 0
     await firmware.bench.clocks()
-    assert await firmware.read("EVENTS") == 0x7F
+    assert await firmware.read("EVENTS") == 0xFF
 
 
 @cocotb.test()
