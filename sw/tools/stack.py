@@ -80,6 +80,9 @@ def functions(elf: Path = ELF) -> dict[str, Function]:
             if target and (target[2] != current or mnemonic in CALLS):
                 function.callees.add(target[2])
             function.by_pointer |= mnemonic in INDIRECT and operands != "ra"
+    # The linker's constants, such as STACK_SIZE, also name an address inside a function.
+    for function in found.values():
+        function.callees &= found.keys()
     return found
 
 

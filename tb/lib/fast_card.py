@@ -97,8 +97,8 @@ class Line:
 class FastCard:
     """A card that was just switched on.
 
-    drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of what the registers
-    hold at power-up (SAFE-5). Without it each card draws one and prints it.
+    drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of the registers
+    at power-up (SAFE-5); without it each card draws one and prints it.
     """
 
     def __init__(
