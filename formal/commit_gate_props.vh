@@ -4,7 +4,7 @@
 // The ghosts (g_*) follow the rules from the strobes alone: the fate of the newest request, the reply ordered for it,
 // the request that caused the telegram in the memory, and the requests whose licences wait. One committed request,
 // whichever, is marked, and all that it causes is followed. SMALL: PLACES = 1. Assumed of rtu_rx, and proved there: no revoke together
-// with candidate or commit; a newer candidate began with a start bit; broadcast stays until the next candidate.
+// with candidate or commit; a newer candidate began with a start bit; broadcast and writes_coils stay until the next candidate.
 // Assumed of network_port: a line on which a character begins is not silent, a quiet line is. Assumed of mailbox_regs:
 // one order in a clock. Not assumed is a candidate for each
 // commit or revoke: a restart of the firmware resets the gate alone.
@@ -102,9 +102,9 @@ always @(posedge clk) begin
     if (g_revoked) g_pending <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
-  if (g_commits) {g_spent, g_command_left} <= {kept, 1'b0};
+  if (g_commits) {g_spent, g_command_left} <= {kept && writes_coils, 1'b0};
   else begin
-    if (kept) g_spent <= 1'b1;
+    if (kept && writes_coils) g_spent <= 1'b1;
     if (reply_start || g_broadcast_done) g_spent <= 1'b1;
     if (telegram_start && telegram_control && g_newest) {g_spent, g_command_left} <= 2'b11;
   end
@@ -155,7 +155,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- one committed request, and the commands that it caused
+// ---- one committed write of coils, and the commands that it caused
 (* anyseq *) reg g_pick;
 reg g_marked = 1'b0;  // a request was marked as it was committed
 reg g_mark_newest = 1'b0;  // it is still the newest that has committed
@@ -163,7 +163,7 @@ reg g_mark_own = 1'b0;  // the telegram in the memory was ordered for it
 reg g_mark_kept = 1'b0;  // its licence was kept
 reg [1:0] g_mark_there = 2'b00;  // and waits
 reg g_mark_left = 1'b0;  // a command that it caused has left
-wire g_mark = g_commits && g_pick && !g_marked;
+wire g_mark = g_commits && g_pick && !g_marked && writes_coils;
 wire g_mark_kept_now = kept && (g_commits ? g_mark : g_mark_newest);
 always @(posedge clk) begin
   if (g_mark) g_marked <= 1'b1;
@@ -181,7 +181,8 @@ always @(posedge clk) begin
 end
 
 reg g_broadcast = 1'b0;
-always @(posedge clk) g_broadcast <= broadcast;
+reg g_coils = 1'b0;
+always @(posedge clk) {g_broadcast, g_coils} <= {broadcast, writes_coils};
 always @* begin
   if (g_past) begin
     assume (!(revoke && (candidate || commit)));
@@ -190,7 +191,7 @@ always @* begin
     assume ({2'd0, queue_telegram} + {2'd0, use_waiting} + {2'd0, repeat_telegram} + {2'd0, keep_write} +
         {2'd0, queue_reply} <= 3'd1);
     assume (!candidate || !g_committed || g_heard);
-    if (!candidate) assume (broadcast == g_broadcast);
+    if (!candidate) assume (broadcast == g_broadcast && writes_coils == g_coils);
   end
 end
 
@@ -296,6 +297,7 @@ always @(posedge clk) begin
     i_twice : assert (!g_gate_licensed || g_open || (g_sends < 2'd2 && !g_answered));
     i_repeat : assert (!(telegram_queued && g_gate_licensed && g_gate_begun) || g_open || \telegram_i.repeatable );
     i_one : assert (!(g_gate_licensed && telegram_control && g_mark_own && !g_gate_begun) || g_open || !g_mark_left);
+    i_mark_coils : assert (!(g_mark_newest && g_committed) || g_coils);
     i_mark_kept : assert (!(g_mark_newest && (g_mark_kept || g_mark_left)) || !g_committed || g_spent);
     i_mark_placed : assert (!(g_mark_own && g_placed) || g_mark_kept);
     i_mark_either : assert (!(g_mark_own && g_gate_licensed && !g_placed && g_mark_kept));

@@ -161,8 +161,8 @@ always @(posedge clk) begin
   else if (g_keep && g_candidate) g_wish <= 1'b1;
   g_there <= (g_there & ~g_taken) | g_filled;
   g_place_coils <= (g_place_coils & ~g_filled) | (g_filled & {2{frame_writes_coils}});
-  if (g_commit) g_spent <= g_kept;
-  else if (g_kept || reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
+  if (g_commit) g_spent <= g_kept && frame_writes_coils;
+  else if ((g_kept && frame_writes_coils) || reply_start || (g_order_reply && g_current && frame_broadcast)) g_spent <= 1'b1;
 
   if (candidate) g_reply_ours <= 1'b0;
   else if (g_order_reply) g_reply_ours <= g_current;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // request_fate: one fate for each request, and rights for its own ticket only (FRAME-6, FRAME-7, MAP-9, FC-9).
 //
-// Assumed: no revoke together with candidate or commit, no start bit on a silent line.
+// Assumed: no revoke together with candidate or commit, no start bit on a silent line; writes_coils changes with
+// a candidate only.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -27,21 +28,27 @@ wire g_keeps = !candidate && !used && (g_order || g_wish) &&
 
 always @(posedge clk) begin
   if (candidate) g_number <= g_number + 4'd1;
-  if (g_commits) {g_fate, g_ended, g_spent, g_kept} <= {G_COMMITTED, 1'b0, {2{g_keeps}}};
+  if (g_commits) {g_fate, g_ended, g_spent, g_kept} <= {G_COMMITTED, 1'b0, g_keeps && writes_coils, g_keeps};
   else begin
     // The line was not silent at the commit: no second one comes.
     if (candidate) {g_fate, g_ended} <= {commit ? G_NONE : G_CANDIDATE, 1'b0};
     else if (g_fate == G_CANDIDATE && (revoke || start_seen || commit)) g_fate <= G_NONE;
     else if (start_seen || reply_left) g_ended <= 1'b1;
     if (reply_left || command_left || (queue_reply && broadcast && queue_ticket == ticket)) g_spent <= 1'b1;
-    if (g_keeps) {g_spent, g_kept} <= 2'b11;
+    if (candidate) g_kept <= 1'b0;
+    if (g_keeps) g_kept <= 1'b1;
+    if (g_keeps && writes_coils) g_spent <= 1'b1;
   end
   if (candidate || g_commits || withdrawn) g_wish <= 1'b0;
   else if (g_order && g_fate == G_CANDIDATE) g_wish <= 1'b1;
   if (rst) {g_fate, g_spent, g_wish, g_kept} <= {G_NONE, 3'b000};
 end
 
+reg g_coils = 1'b0;
+always @(posedge clk) g_coils <= writes_coils;
+
 always @* begin
+  if (g_past && !candidate) assume (writes_coils == g_coils);
   assume (!(revoke && (candidate || commit)));
   assume (!(start_seen && silent));
 end
@@ -68,11 +75,12 @@ always @(posedge clk) begin
     // SAFE-1, FC-9: only a committed request licenses, until it is spent; a candidate may prepare.
     a_licenses : assert (licenses == (current && is_committed && !g_spent));
     a_prepares : assert (takes_telegram == (licenses || (current && is_candidate)));
-    // FRAME-7: a licence waits only from the commit on, once, as ordered, and then licenses nothing else.
+    // FRAME-7: a licence waits only from the commit on, as ordered. That of a write of coils does so once, and then
+    // the request licenses nothing else (SAFE-4).
     a_kept : assert (kept == g_keeps);
     a_kept_committed : assert (!kept || g_commits || is_committed);
-    a_kept_once : assert (!kept || g_commits || !g_kept);
-    a_kept_spends : assert (!(licenses && g_kept));
+    a_kept_once : assert (!kept || g_commits || !g_kept || !writes_coils);
+    a_kept_spends : assert (!(licenses && g_kept && g_coils));
   end
   a_ticket : assert (ticket == g_number);
 end
@@ -81,7 +89,7 @@ end
 always @(posedge clk) begin
   if (g_past) begin
     i_halves : assert (\committed_i.opposite == !\committed_i.held );
-    i_spent : assert (spent == g_spent && (!g_kept || g_spent));
+    i_spent : assert (spent == g_spent && (!g_kept || g_spent || !g_coils));
     i_wish : assert (to_keep == g_wish && (!g_wish || g_fate == G_CANDIDATE));
     i_fate : assert (g_fate != 2'd3);
   end

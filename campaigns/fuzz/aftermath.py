@@ -34,6 +34,7 @@ WRITES = (
     fc_telegram.AK_EEPROM_WORD,
 )
 STATES_MAX = 64  # possible states of the card; above, the checks end
+EXCHANGE_S = 0.04  # the longest telegram
 
 
 @dataclass
@@ -105,8 +106,12 @@ def acts(data: bytes) -> bool:
     return bool(telegram.pcd1 & VALID) or text or telegram.ak in WRITES
 
 
-def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: float) -> list[str]:
-    """Telegrams from `since` on that no frame explains."""
+def unasked(
+    frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: float, wait: int
+) -> list[str]:
+    """Telegrams from `since` on that no frame explains; `wait`: last value of register 40003."""
+    # A write may wait for the exchange before it, with its repeat, and for another write (FRAME-7).
+    waits = 4 * (wait / 100 + EXCHANGE_S) * clk_hz
     found = []
     seen, _ = taken_by_a_drive(telegrams, drive_line(clk_hz))
     for at, data in seen:
@@ -119,8 +124,8 @@ def unasked(frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: 
             for frame in before
             if data in frame.telegrams
             and frame.sent[data] < frame.most
-            # A write may wait in its place while newer requests are answered (FRAME-7).
-            and (frame.end > newest_answered or frame.data[1] not in READS)
+            and (frame.end > newest_answered or (frame.data[1] not in READS and at < frame.end + waits))
+            and frame.answered >= at
         ]
         if rightful:
             rightful[-1].sent[data] += 1

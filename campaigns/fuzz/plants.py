@@ -212,7 +212,7 @@ PLANTS = (
         "no-repeat",
         ("FC-9",),
         "sw/src/gateway.c",
-        "if (g->repeated || g->at_drive != g->newest) {",
+        "if (g->repeated || drive_is_wanted(g)) {",
         "if (1) {",
         description="FC-9: no repeat",
     ),

@@ -87,9 +87,7 @@ def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
 
 @pytest.mark.rule("SAFE-3")
 def test_last_answers_are_checked_after_the_judge():
-    played, check = after_the_judge(
-        json.loads((ROOT / "campaigns/fuzz/cases/same-telegram-for-two.json").read_text())
-    )
+    played, check = after_the_judge(make("4711/9"))
     mute = replace(played, replies=played.replies[:-1])
     assert "nothing to the good request 03" in check(mute)[0]
     twice = replace(played, replies=[*played.replies, played.replies[-1]])

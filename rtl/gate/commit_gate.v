@@ -90,6 +90,7 @@ module commit_gate #(
       .commit(commit),
       .revoke(revoke),
       .broadcast(broadcast),
+      .writes_coils(writes_coils),
       .start_seen(modbus_start_seen),
       .silent(modbus_silent),
       // firmware

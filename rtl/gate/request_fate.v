@@ -14,8 +14,9 @@
 // takes_reply, takes_telegram, licenses: rights of an order with queue_ticket. An order
 // with the ticket of an older request has none. A broadcast takes no reply (MAP-9).
 // keep: the firmware orders that the request's licence waits. It does so from the commit on
-// (kept), which spends the request; its reply stays (FRAME-7). keep for a candidate is
-// remembered until the commit and forgotten with the candidate. A request that licenses the
+// (kept), which spends a write of coils; its reply stays (FRAME-7). Another write may need a
+// second telegram while it is the newest request (MAP-8). keep for a candidate is remembered
+// until the commit and forgotten with the candidate. A request that licenses the
 // telegram in telegram_slot (used) has no second licence to keep.
 // commits, withdrawn, kept, reply_left, command_left: strobes.
 // Clock domain: clk. Rules: FRAME-6, FRAME-7, MAP-9, FC-9, SAFE-4.
@@ -29,6 +30,7 @@ module request_fate (
     input  wire       commit,
     input  wire       revoke,
     input  wire       broadcast,
+    input  wire       writes_coils,
     input  wire       start_seen,
     input  wire       silent,
     // firmware
@@ -98,8 +100,9 @@ module request_fate (
     if (rst || candidate || withdrawn || commits) to_keep <= 1'b0;
     else if (keep && current && is_candidate) to_keep <= 1'b1;
 
-    if (rst || commits) spent <= kept && !rst;
-    else if (kept || reply_left || command_left || (queue_reply && current && broadcast))
+    if (rst || commits) spent <= kept && writes_coils && !rst;
+    else if ((kept && writes_coils) || reply_left || command_left ||
+             (queue_reply && current && broadcast))
       spent <= 1'b1;
   end
 

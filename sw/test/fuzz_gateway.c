@@ -207,7 +207,7 @@ static void keep(void)
         return;
     HOLDS(is_write(newest));
     m.waiting[place(newest)] = newest;
-    m.spent = true;
+    m.spent |= newest->intent == INTENT_PROCESS;
 }
 
 static void event_candidate(void)

@@ -184,7 +184,7 @@ class FakeMailbox:
     def _keep(self) -> None:
         if self.is_broadcast in self.waiting:
             self.waiting[self.is_broadcast] = self.writes_coils
-            self.spent = True
+            self.spent |= self.writes_coils
 
     def _write_listen(self, on: int) -> None:
         self.listening = bool(on)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 
 from tb.model import fc_telegram
 from tb.model.card import DRIVE_TIMEOUT, READS, STATUS, CardModel, Question, Step, without_counts
-from tb.model.crc16 import with_crc
+from tb.model.crc16 import crc_good, with_crc
 from tb.model.wire import (
     GARBLED_BITS,
     PAUSE_BITS,
@@ -289,7 +289,9 @@ class LineJudge:
         if request.dropped is not None and request.dropped < burst.rise - SYNC_CLOCKS:
             self._fail(burst.rise, f"reply {data.hex(' ')} after a newer character (FRAME-7)")
         counts_aside = [without_counts(answer[1:-2]) for answer in request.answers]
-        if data not in request.answers and without_counts(data[1:-2]) not in counts_aside:
+        if data not in request.answers and not (
+            crc_good(data) and without_counts(data[1:-2]) in counts_aside
+        ):
             wanted = " or ".join(answer.hex(" ") for answer in request.answers)
             self._fail(burst.rise, f"reply {data.hex(' ')}, expected {wanted}, to {request.pdu.hex(' ')}")
         earliest = request.end + (self.line.t35_bits - UNSURE_BITS) * self.line.bit

@@ -20,7 +20,9 @@ class Fate:
 
     def __init__(self, dut):
         self.dut = dut
-        self.bench = Bench(dut, broadcast=0, silent=1, queue_ticket=0, **dict.fromkeys(STROBES, 0))
+        self.bench = Bench(
+            dut, broadcast=0, writes_coils=1, silent=1, queue_ticket=0, **dict.fromkeys(STROBES, 0)
+        )
 
     async def start(self) -> Fate:
         await self.bench.start()

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Committed writes that wait for a running exchange, and a drive that is dead, at the pins (FRAME-7, FC-9).
+
+The tests state the rule from the two lines alone. A write that the card has committed reaches the drive line,
+whatever came after it, and no dead drive holds it up for longer than 150 ms and the pause.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from tb.lib.card import MS
+from tb.lib.config import own_hz
+from tb.lib.fast_card import FastCard
+from tb.lib.fc_slave import Script
+from tb.model import rtu
+
+# Readings for the drive and for the card, and writes of the card's own registers.
+READ = rtu.build(1, rtu.read_registers(5139, 2))
+LOCAL = rtu.build(1, rtu.read_registers(0, 1))
+REPLY_LOCAL = rtu.build(1, bytes.fromhex("03 02 0000"))
+NETWORK_TIMEOUT = rtu.build(1, bytes.fromhex("06 0001 03E8"))
+DRIVE_TIMEOUT_10_S = rtu.build(1, bytes.fromhex("06 0002 03E8"))
+READ_TEXT = rtu.build(1, rtu.read_registers(5329, 10))
+WRITES = 4
+ASKED, BROADCAST = 0x81, 0x80
+GIVE_UP_MS = 150
+# Longest telegram of these, 14 or 16 characters of 11 bits, and the pause of 2 characters.
+TELEGRAM_MS, PAUSE_MS = 18.4, 2.5
+# The ticks of the firmware's clock, its rounds, and the t3.5 of the network line.
+MARGIN_MS = 4.0
+
+
+def coils(control: int, unit: int) -> bytes:
+    return rtu.build(unit, rtu.write_coils(0, [bool(control >> i & 1) for i in range(16)]))
+
+
+def sent(card: FastCard) -> list[bytes]:
+    return [frame.data for frame in card.drive.frames()]
+
+
+def process(control: int, adr: int) -> bytes:
+    """The beginning of the telegram of a write of coils, up to the control word."""
+    return bytes([0x02, 0x06, adr]) + control.to_bytes(2, "big")
+
+
+def clock(config: str) -> int | None:
+    """The small card's firmware needs its own clock at this rate; the standard card's does not."""
+    return own_hz(config) if config == "tiny" else None
+
+
+def finish(card: FastCard, requests: list[bytes]) -> int:
+    """Sends the requests one after the other without waiting; returns the end of the last."""
+    gap = 1.2 * rtu.t35_ps(card.modbus.fmt.baud)
+    return [card.modbus.send(request, gap) for request in requests][-1]
+
+
+AFTER = {"a local reading": LOCAL, "a reading": READ, "a local write": NETWORK_TIMEOUT}
+MORE = [pytest.param(after, marks=pytest.mark.slow) for after in list(AFTER)[1:]]
+
+
+@pytest.mark.all_cards
+@pytest.mark.rule("FRAME-7", "MAP-9")
+@pytest.mark.parametrize("after", [*list(AFTER)[:1], *MORE])
+def test_no_broadcast_is_lost_after_an_exchange(config: str, after: str):
+    """The drive answers late, so that each broadcast and the request after it fall into the exchange."""
+    with FastCard(baud=19_200, config=config, drive=Script(), clk_hz=clock(config)) as card:
+        card.run(card.boot_ms)
+        for number in range(WRITES):
+            control = 0x0400 | number
+            end = finish(card, [READ, coils(control, 0), AFTER[after]])
+            card.run_until(end + 600 * MS)
+            assert process(control, BROADCAST) in [data[:5] for data in sent(card)], (
+                f"broadcast {number} was lost"
+            )
+
+
+@pytest.mark.rule("FRAME-7", "TOP-2")
+@pytest.mark.parametrize("after", [*list(AFTER)[:1], *MORE])
+def test_no_unicast_write_is_lost_after_an_exchange(after: str):
+    with FastCard(baud=19_200, drive=Script()) as card:
+        card.run(card.boot_ms)
+        for number in range(WRITES):
+            control = 0x0400 | number
+            end = finish(card, [READ, coils(control, 1), AFTER[after]])
+            card.run_until(end + 600 * MS)
+            assert process(control, ASKED) in [data[:5] for data in sent(card)], f"write {number} was lost"
+
+
+@pytest.mark.rule("FRAME-7")
+@pytest.mark.parametrize("first", ["broadcast", "unicast"])
+def test_both_kinds_wait_and_leave_in_the_order_of_commit(first: str):
+    units = (0, 1) if first == "broadcast" else (1, 0)
+    with FastCard(baud=19_200) as card:
+        card.run(card.boot_ms)
+        end = finish(card, [READ, coils(0x0401, units[0]), coils(0x0402, units[1]), LOCAL])
+        card.run_until(end + 800 * MS)
+        adrs = [BROADCAST if unit == 0 else ASKED for unit in units]
+        writes = [data[:5] for data in sent(card) if data[1] == 6]
+        assert list(dict.fromkeys(writes)) == [process(0x0401, adrs[0]), process(0x0402, adrs[1])]
+        assert [frame.data for frame in card.modbus.frames()] == [REPLY_LOCAL], (
+            "the newest request is answered"
+        )
+
+
+@pytest.mark.rule("FRAME-7")
+@pytest.mark.parametrize("unit", [0, 1])
+def test_a_newer_write_of_its_kind_takes_the_place(unit: int):
+    with FastCard(baud=19_200) as card:
+        card.run(card.boot_ms)
+        end = finish(card, [READ, coils(0x047C, unit), coils(0x043C, unit)])
+        card.run_until(end + 800 * MS)
+        writes = {data[:5] for data in sent(card) if data[1] == 6}
+        assert writes == {process(0x043C, BROADCAST if unit == 0 else ASKED)}
+
+
+BEFORE = {"a reading": [READ], "a text": [READ_TEXT], "a write": [coils(0x047C, 1)]}
+
+
+@pytest.mark.rule("FC-9", "FRAME-7")
+@pytest.mark.parametrize("unit", [0, 1])
+@pytest.mark.parametrize("before", [*BEFORE, "a broadcast", pytest.param("a repeat", marks=pytest.mark.slow)])
+def test_a_dead_drive_does_not_hold_up_a_stop(before: str, unit: int):
+    """40003 is 10 s, the drive is silent, a reading waits, the master sends a stop."""
+    with FastCard(baud=19_200) as card:
+        card.run(card.boot_ms)
+        assert card.request(DRIVE_TIMEOUT_10_S)
+        if before == "a text":
+            assert card.request(rtu.build(1, bytes.fromhex("06 0000 0400")))
+        first = [coils(0x047C, 0), READ] if before == "a broadcast" else BEFORE.get(before, [READ])
+        finish(card, first)
+        if before == "a repeat":
+            card.run(10_100)
+        count = len(sent(card))
+        end = finish(card, [READ, coils(0x043C, unit)])
+        # A telegram may begin with the first request or be on the line when the stop comes.
+        card.run_until(end + (GIVE_UP_MS + TELEGRAM_MS + 2 * PAUSE_MS + 2 * MARGIN_MS + TELEGRAM_MS) * MS)
+        stop = process(0x043C, BROADCAST if unit == 0 else ASKED)
+        late = [data[:5] for data in sent(card)[count:]]
+        assert stop in late, f"no stop: {late}"
