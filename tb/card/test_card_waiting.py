@@ -7,13 +7,18 @@ whatever came after it, and no dead drive holds it up for longer than 150 ms and
 
 from __future__ import annotations
 
+import re
+import subprocess
+
 import pytest
 
+from rtl.sources import ROOT
 from tb.lib.card import MS
 from tb.lib.config import own_hz
 from tb.lib.fast_card import FastCard
 from tb.lib.fc_slave import Script
 from tb.model import rtu
+from tb.model.fc_telegram import bcc
 
 # Readings for the drive and for the card, and writes of the card's own registers.
 READ = rtu.build(1, rtu.read_registers(5139, 2))
@@ -63,7 +68,7 @@ MORE = [pytest.param(after, marks=pytest.mark.slow) for after in list(AFTER)[1:]
 @pytest.mark.rule("FRAME-7", "MAP-9")
 @pytest.mark.parametrize("after", [*list(AFTER)[:1], *MORE])
 def test_no_broadcast_is_lost_after_an_exchange(config: str, after: str):
-    """The drive answers late, so that each broadcast and the request after it fall into the exchange."""
+    """The drive is silent, so that each broadcast and the request after it fall into the exchange."""
     with FastCard(baud=19_200, config=config, drive=Script(), clk_hz=clock(config)) as card:
         card.run(card.boot_ms)
         for number in range(WRITES):
@@ -138,3 +143,39 @@ def test_a_dead_drive_does_not_hold_up_a_stop(before: str, unit: int):
         stop = process(0x043C, BROADCAST if unit == 0 else ASKED)
         late = [data[:5] for data in sent(card)[count:]]
         assert stop in late, f"no stop: {late}"
+
+
+# ---------------------------------------------------------------- a bite in the middle of a telegram
+
+
+def first_variable() -> int:
+    """The word of the memory at which the firmware's variables begin, from its symbols."""
+    listing = subprocess.run(
+        ["riscv64-unknown-elf-nm", ROOT / "build/firmware.elf"], capture_output=True, text=True, check=True
+    ).stdout
+    return int(re.search(r"^(\w+) \w _bss_start$", listing, re.MULTILINE)[1], 16) // 4
+
+
+@pytest.mark.slow
+@pytest.mark.rule("WDG-1", "FRAME-7")
+@pytest.mark.parametrize("bitten_ms", [1, 5, 12])
+def test_a_write_after_a_bite_follows_the_telegram_on_the_line(bitten_ms: float):
+    """A text write takes 39 ms on the drive line. Damaged variables restart the firmware meanwhile, and the
+    master sends a new command at once."""
+    text = rtu.build(1, rtu.write_registers(5329, [0x4142] * 10))
+    with FastCard(baud=115_200, clk_hz=own_hz("standard"), extra="flips") as card:
+        card.run(card.boot_ms)
+        assert card.request(rtu.build(1, bytes.fromhex("06 0000 0500")))
+        card.modbus.send(text, 5 * MS)
+        assert card.run_until(card.now_ps + 30 * MS, "drive_de")
+        card.run(bitten_ms)
+        first = first_variable()
+        for word in range(first, first + 60):
+            card.flip("ram_i.words", word, 0)
+        card.run(card.boot_ms)
+        assert card.drive.driven, "the old telegram is still on the line"
+        card.modbus.send(coils(0x047C, 1), 5 * MS)
+        card.run(100)
+        old, new = sent(card)[:2]
+        assert old[:3] == bytes.fromhex("02 1E 81") and len(old) == 32 and bcc(old) == 0, "it was not touched"
+        assert new[:5] == process(0x047C, ASKED) and bcc(new) == 0, "and the new one follows"

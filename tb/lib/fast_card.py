@@ -35,10 +35,10 @@ REPLY_DELAY_BITS = 23
 
 
 @functools.cache
-def library(config: str, clk_hz: int) -> Path:
+def library(config: str, clk_hz: int, extra: str = "") -> Path:
     """The card of the configuration at a clock, built unless this very content was built before."""
     try:
-        return build(clk_hz, config=config)
+        return build(clk_hz, config=config, extra=extra)
     except BuildError as error:
         pytest.fail(str(error), pytrace=False)
 
@@ -98,7 +98,7 @@ class FastCard:
     """A card that was just switched on.
 
     drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of the registers
-    at power-up (SAFE-5); without it each card draws one and prints it.
+    at power-up (SAFE-5); without it each card draws one and prints it. extra: "flips" for `flip`.
     """
 
     def __init__(
@@ -113,6 +113,7 @@ class FastCard:
         seed: int | None = None,
         reset_clocks: int = RESET_CLOCKS,
         dialect: str = "",
+        extra: str = "",
         **wires: int,
     ):
         if seed is None:
@@ -122,7 +123,7 @@ class FastCard:
         self.period_ps = round(1e12 / clk_hz)
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = SimulatedCard(
-            library(config, clk_hz),
+            library(config, clk_hz, extra),
             firmware(config).parent / dialect,
             switch_word(switches or baud_switches(baud, form)),
             address,
@@ -226,6 +227,11 @@ class FastCard:
     def memory_word(self, word: int) -> int:
         """A word of the firmware memory, without its parity."""
         return self._card.memory_word(word)
+
+    def flip(self, name: str, word: int, bit: int) -> None:
+        """Flips a bit of a register or memory."""
+        names = [variable for variable, _, _ in self._card.variables()]
+        self._card.flip(names.index(f"TOP.rtu2fc.{name}"), word, bit)
 
     def recorded_so_far(self) -> dict[str, list[tuple[int, int]]]:
         """Every change of every output until now, as (ps, new level)."""
