@@ -296,6 +296,7 @@ PORT |= {
 }
 MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit"}
 MAILBOX |= {"commit_gate", "request_fate", "reply_slot", "telegram_slot", "waiting_place", "loopback_end"}
+MAILBOX |= {"master_loss"}
 OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor", "driver_limit"}
 CORE = {"soft_core"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | {"firmware_ram"}

@@ -3,8 +3,9 @@
 //
 // The ghosts (g_*) follow the rules from the strobes alone: the fate of the newest request, the reply ordered for it,
 // the request that caused the telegram in the memory, and the requests whose licences wait. One committed request,
-// whichever, is marked, and all that it causes is followed. SMALL: PLACES = 1. Assumed of rtu_rx, and proved there: no revoke together
-// with candidate or commit; a newer candidate began with a start bit; broadcast and writes_coils stay until the next candidate.
+// whichever, is marked, and all that it causes is followed. SMALL: PLACES = 1. STOP: MASTER_LOSS_STOP = 1. Assumed of
+// rtu_rx, and proved there: no revoke together with candidate or commit; a newer candidate began with a start bit;
+// broadcast and writes_coils stay until the next candidate.
 // Assumed of network_port: a line on which a character begins is not silent, a quiet line is. Assumed of mailbox_regs:
 // one order in a clock. Not assumed is a candidate for each
 // commit or revoke: a restart of the firmware resets the gate alone.
@@ -73,6 +74,60 @@ reg g_open = 1'b0;
 // An order of the loop-back test has no request (LOOP-1). One in the clock in which a request ends is for that one.
 wire g_for_newest = queue_ticket == ticket && !loopback_open && !candidate && !g_revoked;
 
+// ---- the stop when the master is lost (SAFE-7)
+`ifdef STOP
+(* hierconn *) wire \g_loss.loss_i.beat_before ;
+(* hierconn *) wire [19:0] \g_loss.loss_i.limit ;
+(* hierconn *) wire [19:0] \g_loss.loss_i.left ;
+(* hierconn *) wire \g_loss.loss_i.armed_i.held ;
+(* hierconn *) wire \g_loss.loss_i.armed_i.opposite ;
+(* hierconn *) wire \g_loss.loss_i.over_i.held ;
+(* hierconn *) wire \g_loss.loss_i.over_i.opposite ;
+initial assume (!\g_loss.loss_i.beat_before );
+wire g_for_stop = waiting_stop;
+wire g_watch = watch && queue_ticket == ticket && g_committed && !candidate;
+reg g_beat = 1'b0;
+reg g_start = 1'b0;  // a write of coils with the start bit 1 was committed, and no stop was licensed since
+reg g_known = 1'b0;
+reg [19:0] g_limit = 20'd0;
+reg [20:0] g_since = 21'd0;  // ticks since the last commit and the last order to watch
+always @(posedge clk) begin
+  g_beat <= beat;
+  if (g_watch) {g_known, g_limit} <= {1'b1, period};
+  if (g_watch && writes_coils) g_start <= running;
+  else if (use_waiting && waiting_stop && stop_due) g_start <= 1'b0;
+  if (g_commits || g_watch) g_since <= 21'd0;
+  else if (beat != g_beat && !g_since[20]) g_since <= g_since + 21'd1;
+  if (rst) {g_known, g_start} <= 2'b00;
+end
+always @(posedge clk) begin
+  if (g_past) begin
+    // None is licensed without a committed start, or before the time without a commit has passed.
+    a_stop_due : assert (stop_due == (g_start && g_limit != 20'd0 && g_since > {1'b0, g_limit} && !g_commits));
+    i_stop_beat : assert (\g_loss.loss_i.beat_before == g_beat);
+    i_stop_armed : assert (\g_loss.loss_i.armed_i.held == g_start && \g_loss.loss_i.armed_i.opposite == !g_start);
+    i_stop_over : assert (\g_loss.loss_i.over_i.opposite == !\g_loss.loss_i.over_i.held );
+    i_stop_known : assert (g_known || !g_start);
+    i_stop_limit : assert (!g_known || \g_loss.loss_i.limit == g_limit);
+    i_stop_left : assert (!g_known || (g_since <= {1'b0, g_limit} ?
+        {1'b0, \g_loss.loss_i.left } == {1'b0, g_limit} - g_since : \g_loss.loss_i.left == 20'd0));
+    i_stop_passed : assert (!(g_known && g_start) ||
+        \g_loss.loss_i.over_i.held == (g_limit != 20'd0 && g_since > {1'b0, g_limit}));
+    i_stop_most : assert (!g_since[20] || g_since[19:0] == 20'd0);
+  end
+  if (g_past && !rst) c_stop : cover (telegram_start && telegram_stop);
+end
+`else
+wire g_for_stop = 1'b0;
+always @(posedge clk) if (g_past) a_no_stop : assert (!stop_due && !telegram_stop);
+`endif
+reg g_stops = 1'b0;  // the telegram in the memory was ordered as the stop
+always @(posedge clk) begin
+  if (queue_telegram || use_waiting) g_stops <= use_waiting && g_for_stop;
+  // From this way no telegram has the start bit 1: fc_tx sends it as 0 with telegram_stop.
+  if (g_past) a_stops : assert (telegram_stop == g_stops);
+end
+
 // ---- the licences that wait: 1 of a broadcast, 0 of a unicast write (FRAME-7)
 reg [1:0] g_there = 2'b00;
 reg [1:0] g_place_command = 2'b00;  // that request writes coils
@@ -87,8 +142,9 @@ wire g_may_keep = !candidate && (g_commits ? g_wish || g_keep : g_keep && g_comm
 wire g_own_now = queue_telegram && g_for_newest;
 wire g_has_own = g_commits ? g_own_now || g_cause == G_PENDING : g_cause == G_COMMITTED && g_newest;
 wire [1:0] g_filled = {kept && broadcast, kept && !broadcast};
-wire [1:0] g_taken = {use_waiting && waiting_to_all, use_waiting && !waiting_to_all};
-wire g_use = use_waiting && g_there[waiting_to_all];
+wire g_take = use_waiting && !g_for_stop;
+wire [1:0] g_taken = {g_take && waiting_to_all, g_take && !waiting_to_all};
+wire g_use = use_waiting && (g_for_stop ? stop_due : g_there[waiting_to_all]);
 
 wire g_order = queue_telegram || use_waiting;
 wire g_lost = telegram_touched || (g_open && !loopback_open);
@@ -126,7 +182,8 @@ always @(posedge clk) begin
   if (use_waiting) begin
     g_cause <= g_use ? G_COMMITTED : G_NO_CAUSE;
     {g_command, g_newest, g_to_all, g_answered, g_sends} <= {
-      g_place_command[waiting_to_all], queue_ticket == ticket && !candidate, waiting_to_all, 1'b0, 2'd0
+      g_for_stop || g_place_command[waiting_to_all], queue_ticket == ticket && !candidate,
+      waiting_to_all && !g_for_stop, 1'b0, 2'd0
     };
     g_placed <= 1'b1;
   end else if (g_order) begin
@@ -170,7 +227,7 @@ always @(posedge clk) begin
   if (g_commits) g_mark_newest <= g_mark;
   if (g_mark_kept_now) g_mark_kept <= 1'b1;
   g_mark_there <= (g_mark_there & ~g_taken & ~g_filled) | (g_filled & {2{g_mark_kept_now}});
-  if (use_waiting) g_mark_own <= g_mark_there[waiting_to_all];
+  if (use_waiting) g_mark_own <= !g_for_stop && g_mark_there[waiting_to_all];
   else if (queue_telegram) g_mark_own <= g_for_newest && (g_commits ? g_mark : g_committed && !g_spent && g_mark_newest);
   else if (g_mark) g_mark_own <= g_cause == G_PENDING && !candidate;
   if (telegram_start && telegram_control && g_mark_own) g_mark_left <= 1'b1;
@@ -189,7 +246,7 @@ always @* begin
     assume (!(modbus_start_seen && modbus_silent));
     assume (!modbus_quiet || modbus_silent);
     assume ({2'd0, queue_telegram} + {2'd0, use_waiting} + {2'd0, repeat_telegram} + {2'd0, keep_write} +
-        {2'd0, queue_reply} <= 3'd1);
+        {2'd0, queue_reply} + {2'd0, watch} <= 3'd1);
     assume (!candidate || !g_committed || g_heard);
     if (!candidate) assume (broadcast == g_broadcast && writes_coils == g_coils);
   end
@@ -198,10 +255,10 @@ end
 wire g_sound = g_past && !rst && !loopback_open && !g_open;
 always @(posedge clk) begin
   if (g_past && !rst && !loopback_open) begin
-    // SAFE-1, SAFE-4: what leaves was ordered for a request that has committed, and its memory was not written since,
+    // SAFE-1, SAFE-4: what leaves was ordered for a request that has committed or as the stop, and its memory was not written since,
     // nor is in this clock.
     a_caused : assert (!telegram_start || (g_cause == G_COMMITTED && !telegram_touched));
-    // SAFE-1: only a write of coils commands the drive.
+    // SAFE-1: only a write of coils commands the drive, and the stop.
     a_command : assert (!(telegram_start && telegram_control) || g_command);
     // FC-9: one repeat, and only of the newest request that has committed, or of one that had waited; without a
     // reply yet, not of a broadcast, and not while another write waits.

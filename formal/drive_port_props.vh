@@ -19,6 +19,7 @@ wire bad = exchange[`CARD_EXCHANGE_BAD_BITS];
 wire [4:0] telegram_length = telegram[`CARD_TELEGRAM_LENGTH_BITS];
 wire telegram_no_reply = telegram[`CARD_TELEGRAM_NO_REPLY_BITS];
 wire telegram_control = telegram[`CARD_TELEGRAM_CONTROL_BITS];
+wire telegram_stop = telegram[`CARD_TELEGRAM_STOP_BITS];
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -144,6 +145,9 @@ always @(posedge clk) begin
     // that may command the drive.
     a_control : assert (!(tx_valid && tx_ready && g_given + 6'd3 == {1'b0, telegram_length} && g_given > 6'd1) ||
         telegram_control || !tx_data[2]);
+    // SAFE-7: bit 6, the start, in the byte after it, is never 1 in the stop.
+    a_stop : assert (!(tx_valid && tx_ready && g_given + 6'd2 == {1'b0, telegram_length} && g_given > 6'd1) ||
+        !telegram_stop || !tx_data[6]);
     a_reset : assert (!g_rst || !(de || sending || quiet || listening || good || candidate));
   end
 end

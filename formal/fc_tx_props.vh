@@ -27,6 +27,8 @@ reg g_adr_known = 1'b0;
 wire g_take = send_valid && send_ready;
 // Upper byte of PCD1: before its lower byte, PCD2 and the BCC.
 wire g_control_byte = g_bytes >= 6'd2 && g_bytes + 6'd3 == {1'b0, length};
+// Its lower byte.
+wire g_run_byte = g_bytes >= 6'd2 && g_bytes + 6'd2 == {1'b0, length};
 wire g_read = read_valid && read_ready;
 
 always @(posedge clk) begin
@@ -75,9 +77,12 @@ always @(posedge clk) begin
     a_lge : assert (!g_take || g_bytes != 6'd1 || send_data == {3'd0, length});
     // Every later byte is the memory's answer of the clock before, for the next address.
     a_data : assert (!g_take || g_bytes < 6'd2 || (g_answers && g_reads == g_bytes - 6'd1 &&
-        send_data == (g_control_byte && !control ? read_data & 8'hFB : read_data)));
+        send_data == (g_control_byte && !control ? read_data & 8'hFB :
+            g_run_byte && stop ? read_data & 8'hBF : read_data)));
     // SAFE-1: bit 10 of the control word is 0 unless this telegram may command the drive.
     a_control : assert (!g_take || !g_control_byte || control || !send_data[2]);
+    // SAFE-7: bit 6, the start, is 0 in the stop.
+    a_stop : assert (!g_take || !g_run_byte || !stop || !send_data[6]);
     a_address : assert (!g_read || read_addr == g_reads[4:0]);
     // No byte is lost between memory and UART.
     a_none_lost : assert (!g_answers || !sending || g_rst || g_take);

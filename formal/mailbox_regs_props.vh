@@ -41,7 +41,7 @@ always @(posedge clk) begin
   g_seen <= {
     ticks,
     request_length,
-    1'b0, exchange,
+    exchange,
     request
   };
   if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];
@@ -72,9 +72,10 @@ always @(posedge clk) begin
     a_kick : assert (watchdog_kick == (g_write && g_address == 5'h18 && wdata == 8'hA5));
     a_halt : assert (halt == (g_write && g_address == 5'h1C && wdata[0]));
     a_close : assert (loopback_close == (g_write && g_address == 5'h1C && wdata[1]));
+    a_watch : assert (watch_master == (g_write && g_address == 5'h1C && wdata[2]));
     a_one_command : assert ({2'd0, queue_reply} + {2'd0, queue_telegram} + {2'd0, use_waiting} +
         {2'd0, repeat_telegram} + {2'd0, keep_write} + {2'd0, listen_again} +
-        {2'd0, listen_stop} + {2'd0, watchdog_kick} + {2'd0, halt || loopback_close} <= 3'd1);
+        {2'd0, listen_stop} + {2'd0, watchdog_kick} + {2'd0, halt || loopback_close || watch_master} <= 3'd1);
     // What is written is kept until the next such write; a telegram's length while it is on the wire (FC-1).
     a_reply_length : assert (reply_length == g_reply_length);
     a_telegram_length : assert ({telegram_no_reply, telegram_length} == g_telegram);

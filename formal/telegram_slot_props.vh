@@ -19,12 +19,14 @@ reg g_newest = 1'b0;  // no other request committed since
 reg g_placed = 1'b0;  // its licence came from a place
 reg g_waited = 1'b0;  // in the clock before another write waited
 reg g_to_all = 1'b0;
+reg g_stop = 1'b0;  // ordered under the licence of the stop
 reg g_answered = 1'b0;
 reg g_first = 1'b0;  // not sent yet, and no repeat ordered
 reg [1:0] g_sends = 2'd0;
 
 always @(posedge clk) begin
   g_waited <= others_wait;
+  if (queue || use_place) g_stop <= use_place && place_stop;
   if (use_place) begin
     {g_here, g_prepared, g_right, g_command} <= {2'b10, place_valid, place_control};
     {g_newest, g_to_all, g_answered, g_sends} <= {current && !candidate, place_to_all, 1'b0, 2'd0};
@@ -83,6 +85,8 @@ always @(posedge clk) begin
   if (start) g_started <= 1'b1;
   if (queue || again || use_place || rst) g_started <= 1'b0;
   if (g_past) a_started : assert (started == g_started);
+  // SAFE-7: the stop, and no other telegram, leaves without the start bit.
+  if (g_past) a_stop : assert (stop == g_stop);
 end
 
 // ---- what induction needs to know

@@ -193,6 +193,7 @@ module drive_port (
       .start(telegram_start),
       .length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
       .control(telegram[`CARD_TELEGRAM_CONTROL_BITS]),
+      .stop(telegram[`CARD_TELEGRAM_STOP_BITS]),
       // frame memory
       .read_valid(read_valid),
       .read_ready(read_ready),

@@ -7,10 +7,11 @@
 // control, steady while sending: 1 allows bit 10 of the control word to be 1. Otherwise this bit
 // leaves as 0. The drive then ignores the command, because of bit 10 and because the BCC no
 // longer matches (SAFE-1).
+// stop, steady likewise: bit 6 of the control word, the start, leaves as 0 (SAFE-7).
 // sending: level, from start to the end of the last stop bit. sent: one clock, at that end.
 // length: ADR, data and BCC, 6 to 30 bytes; it is sent as LGE (FC-1). adr keeps the ADR that
 // was sent, which the reply must echo (FC-2). Clock domain: clk.
-// Rules: FC-1, FC-10, SAFE-1, SAFE-2, SAFE-4.
+// Rules: FC-1, FC-10, SAFE-1, SAFE-2, SAFE-4, SAFE-7.
 `default_nettype none
 
 module fc_tx (
@@ -20,6 +21,7 @@ module fc_tx (
     input  wire       start,
     input  wire [4:0] length,
     input  wire       control,
+    input  wire       stop,
     // frame memory
     output wire       read_valid,
     input  wire       read_ready,
@@ -40,6 +42,7 @@ module fc_tx (
 
   localparam [7:0] STX = 8'h02;
   localparam [7:0] VALID = 8'h04;  // control word bit 10, in its upper byte
+  localparam [7:0] RUN = 8'h40;  // control word bit 6, in its lower byte
 
   localparam [2:0] S_IDLE = 3'd0;
   localparam [2:0] S_STX = 3'd1;
@@ -56,8 +59,10 @@ module fc_tx (
 
   // Three data bytes and the BCC follow the upper byte of the control word.
   wire control_byte = index + 5'd4 == length;
-  // docs/hardening.md, Command bit (SAFE-1)
-  wire [7:0] kept = control_byte && !control ? read_data & ~VALID : read_data;
+  wire run_byte = index + 5'd3 == length;
+  // docs/hardening.md, Command bit (SAFE-1), Loss of the master (SAFE-7)
+  wire [7:0] kept = control_byte && !control ? read_data & ~VALID :
+      run_byte && stop ? read_data & ~RUN : read_data;
 
   assign read_valid = begun && state == S_FETCH && send_ready;
   assign read_addr = index;

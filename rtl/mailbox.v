@@ -5,13 +5,14 @@
 // and writes the drive's replies, the firmware sees all of it through one bus, and
 // the commit gate decides what leaves. Only wires in here. request, telegram, exchange:
 // vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
-// commit_gate. Clock domain: clk.
-// Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1.
+// commit_gate, like MASTER_LOSS_STOP. Clock domain: clk.
+// Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
 
 module mailbox #(
     parameter MEMORY_BYTES = 8192,
-    parameter [1:0] PLACES = 2'd2
+    parameter [1:0] PLACES = 2'd2,
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire                              clk,
     input  wire                              core_rst,
@@ -76,6 +77,7 @@ module mailbox #(
   wire use_waiting;
   wire repeat_telegram;
   wire keep_write;
+  wire watch_master;
   wire telegram_touched;
   wire [3:0] ticket;
   wire is_candidate;
@@ -83,6 +85,7 @@ module mailbox #(
   wire reply_queued;
   wire telegram_queued;
   wire telegram_started;
+  wire stop_due;
 
   reg [`MBX_EVENTS_BITS] events;
   reg [`MBX_REQUEST_BITS] request_status;
@@ -107,6 +110,7 @@ module mailbox #(
     exchange_status[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
     exchange_status[`MBX_EXCHANGE_SILENT_BITS] =
         modbus_quiet && exchange[`CARD_EXCHANGE_QUIET_BITS];
+    exchange_status[`MBX_EXCHANGE_STOP_DUE_BITS] = stop_due;
   end
 
   bus_arbiter #(
@@ -175,6 +179,7 @@ module mailbox #(
       .watchdog_kick(watchdog_kick),
       .halt(halt),
       .loopback_close(loopback_close),
+      .watch_master(watch_master),
       .reply_length(reply_length),
       .telegram_length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
       .telegram_no_reply(telegram[`CARD_TELEGRAM_NO_REPLY_BITS]),
@@ -188,10 +193,12 @@ module mailbox #(
   );
 
   commit_gate #(
-      .PLACES(PLACES)
+      .PLACES(PLACES),
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) gate_i (
       .clk(clk),
       .rst(core_rst),
+      .beat(ticks[0]),
       // network request
       .candidate(request[`CARD_REQUEST_CANDIDATE_BITS]),
       .commit(request[`CARD_REQUEST_COMMIT_BITS]),
@@ -212,23 +219,29 @@ module mailbox #(
       .queue_telegram(queue_telegram),
       .use_waiting(use_waiting),
       .waiting_to_all(core_wdata[`MBX_TELEGRAM_NO_REPLY_BITS]),
+      .waiting_stop(core_wdata[`MBX_TELEGRAM_STOP_BITS]),
       .repeat_telegram(repeat_telegram),
       .keep_write(keep_write),
       .telegram_touched(telegram_touched),
       .queue_ticket(core_wdata[`MBX_REPLY_TICKET_BITS]),
+      .watch(watch_master),
+      .running(core_wdata[`MBX_SUPERVISOR_RUNNING_BITS]),
+      .period(core_wdata[`MBX_SUPERVISOR_PERIOD_BITS]),
       // configuration
       .loopback_open(loopback_open),
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),
       .telegram_control(telegram[`CARD_TELEGRAM_CONTROL_BITS]),
+      .telegram_stop(telegram[`CARD_TELEGRAM_STOP_BITS]),
       // status
       .ticket(ticket),
       .is_candidate(is_candidate),
       .is_committed(is_committed),
       .reply_queued(reply_queued),
       .telegram_queued(telegram_queued),
-      .telegram_started(telegram_started)
+      .telegram_started(telegram_started),
+      .stop_due(stop_due)
   );
 
   // For waveforms only.

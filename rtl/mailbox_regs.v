@@ -30,6 +30,7 @@ module mailbox_regs (
     output wire                      watchdog_kick,
     output wire                      halt,
     output wire                      loopback_close,
+    output wire                      watch_master,
     output reg  [               4:0] reply_length,
     output reg  [               4:0] telegram_length,
     output reg                       telegram_no_reply,
@@ -62,6 +63,7 @@ module mailbox_regs (
   assign listen_again = write_listen && wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = write_listen && !wdata[`MBX_LISTEN_ON_BITS];
   assign halt = write_supervisor && wdata[`MBX_SUPERVISOR_HALT_BITS];
+  assign watch_master = write_supervisor && wdata[`MBX_SUPERVISOR_WATCH_BITS];
   assign loopback_close = write_supervisor && wdata[`MBX_SUPERVISOR_LOOPBACK_BITS];
   // A key, so that a firmware that writes at random does not keep itself alive.
   assign watchdog_kick = write_now && word == `MBX_WATCHDOG_WORD &&
@@ -76,7 +78,7 @@ module mailbox_regs (
   end
 
   always @(posedge clk) begin
-    if (valid) rdata <= {ticks, request_length, 1'b0, exchange, show_events ? flags : request};
+    if (valid) rdata <= {ticks, request_length, exchange, show_events ? flags : request};
     else rdata <= 32'd0;
 
     flags <= (flags & ~(wdata &{8{clear}})) | events;

@@ -14,6 +14,7 @@ rtl/fc_tx.v
 rtl/firmware_ram.v
 rtl/gate/commit_gate.v
 rtl/gate/loopback_end.v
+rtl/gate/master_loss.v
 rtl/gate/reply_slot.v
 rtl/gate/request_fate.v
 rtl/gate/telegram_slot.v

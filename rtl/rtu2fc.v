@@ -9,7 +9,8 @@
 // The parameters' defaults come from the configuration, regs/generated/config_<name>.v, which is
 // the first of its list of files. SOFT_CORE: see soft_core. PLACES: committed writes that can
 // wait, see commit_gate. DE_LIMIT: see driver_limit; the part of the small card has no cells for
-// it. Rules: TOP-1, TOP-2.
+// it. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the firmware has
+// the option of that name; see master_loss and docs/guide/master-loss.md. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
@@ -20,7 +21,8 @@ module rtu2fc #(
     parameter [1:0] PLACES = `CONFIG_PLACES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1,
-    parameter [0:0] DE_LIMIT = SOFT_CORE == 2'd0
+    parameter [0:0] DE_LIMIT = SOFT_CORE == 2'd0,
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,
     input  wire       rst_n,
@@ -272,7 +274,8 @@ module rtu2fc #(
 
   mailbox #(
       .MEMORY_BYTES(MEMORY_BYTES),
-      .PLACES(PLACES)
+      .PLACES(PLACES),
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) mailbox_i (
       .clk(clk),
       .core_rst(core_rst),

@@ -5,10 +5,11 @@
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
 # Each dialect has an image in a folder of its own; the image of the card dialect is in build. The same with
-# STATUS_REFRESH (MAP-1) is below build/refresh.
+# STATUS_REFRESH (MAP-1) is below build/refresh, with MASTER_LOSS_STOP (SAFE-7) below build/stop; that of
+# hvac_basic does not fit.
 FIRMWARE_DIALECTS := builtin hvac_basic
 FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%)
-FIRMWARE_FOLDERS += $(FIRMWARE_FOLDERS:build%=build/refresh%)
+FIRMWARE_FOLDERS += $(FIRMWARE_FOLDERS:build%=build/refresh%) build/stop build/stop/builtin
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
@@ -43,9 +44,10 @@ FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),waiting_places)
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD
-build/builtin/% build/refresh/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
+build/builtin/% build/refresh/builtin/% build/stop/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
 build/hvac_basic/% build/refresh/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
 build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
+build/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
 
 $(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \

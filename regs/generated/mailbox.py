@@ -89,6 +89,7 @@ REGISTERS = {
             "good": Field(4, 1, "ro", 0x0),
             "loopback": Field(5, 1, "ro", 0x0),
             "silent": Field(6, 1, "ro", 0x0),
+            "stop_due": Field(7, 1, "ro", 0x0),
         },
     ),
     "LENGTH": Register(
@@ -136,6 +137,7 @@ REGISTERS = {
             "no_reply": Field(5, 1, "wo", None),
             "action": Field(6, 2, "wo", None),
             "ticket": Field(8, 4, "wo", None),
+            "stop": Field(12, 1, "wo", None),
         },
     ),
     "LED": Register(
@@ -168,6 +170,10 @@ REGISTERS = {
         {
             "halt": Field(0, 1, "wo", None),
             "loopback": Field(1, 1, "wo", None),
+            "watch": Field(2, 1, "wo", None),
+            "running": Field(3, 1, "wo", None),
+            "ticket": Field(8, 4, "wo", None),
+            "period": Field(12, 20, "wo", None),
         },
     ),
 }

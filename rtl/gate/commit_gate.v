@@ -9,12 +9,16 @@
 //   telegram_slot  the telegram: only with a licence, at most once more as a repeat
 //   waiting_place  the licence of a committed write that waits for a running exchange
 //   loopback_end   end of the loop-back test, the one exception: no master is there (LOOP-1)
+//   master_loss    the licence of the stop that leaves when the master is lost (SAFE-7)
 //
 // keep_write moves the licence of the newest request to the place of its kind as soon as that
 // request is committed, and use_waiting orders a telegram with the licence of a place
 // (FRAME-7). A licence stays until it is used, a newer one of its kind takes its place, or
 // rst. PLACES: 2, one for a broadcast and one for a unicast write; 1, only the broadcast's,
 // and keep_write for a unicast write is ignored.
+//
+// MASTER_LOSS_STOP: 1, use_waiting with waiting_stop orders the telegram under the licence of
+// master_loss, which leaves with telegram_stop; 0, there is none and waiting_stop is ignored.
 //
 // Without a committed request no telegram starts, and without a committed write of coils
 // none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
@@ -23,10 +27,12 @@
 `default_nettype none
 
 module commit_gate #(
-    parameter [1:0] PLACES = 2'd2
+    parameter [1:0] PLACES = 2'd2,
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,
     input  wire       rst,
+    input  wire       beat,
     // network request
     input  wire       candidate,
     input  wire       commit,
@@ -47,23 +53,29 @@ module commit_gate #(
     input  wire       queue_telegram,
     input  wire       use_waiting,
     input  wire       waiting_to_all,
+    input  wire       waiting_stop,
     input  wire       repeat_telegram,
     input  wire       keep_write,
     input  wire       telegram_touched,
     input  wire [3:0] queue_ticket,
+    input  wire       watch,
+    input  wire       running,
+    input  wire [19:0] period,
     // configuration
     input  wire       loopback_open,
     // stream out
     output wire       reply_start,
     output wire       telegram_start,
     output wire       telegram_control,
+    output wire       telegram_stop,
     // status
     output wire [3:0] ticket,
     output wire       is_candidate,
     output wire       is_committed,
     output wire       reply_queued,
     output wire       telegram_queued,
-    output wire       telegram_started
+    output wire       telegram_started,
+    output wire       stop_due
 );
 
   wire answerable;
@@ -81,6 +93,10 @@ module commit_gate #(
   wire unicast_valid;
   wire unicast_control;
   wire closing;
+
+  wire for_stop = MASTER_LOSS_STOP && waiting_stop;
+  wire waiting_valid = waiting_to_all ? broadcast_valid : unicast_valid;
+  wire waiting_control = waiting_to_all ? broadcast_control : unicast_control;
 
   request_fate request_i (
       .clk(clk),
@@ -162,9 +178,10 @@ module commit_gate #(
       .withdrawn(withdrawn),
       .reply_left(reply_start),
       // waiting writes
-      .place_valid(waiting_to_all ? broadcast_valid : unicast_valid),
-      .place_control(waiting_to_all ? broadcast_control : unicast_control),
-      .place_to_all(waiting_to_all || PLACES == 2'd1),
+      .place_valid(for_stop ? stop_due : waiting_valid),
+      .place_control(for_stop || waiting_control),
+      .place_to_all(!for_stop && (waiting_to_all || PLACES == 2'd1)),
+      .place_stop(for_stop),
       .others_wait(broadcast_valid || unicast_valid),
       // drive line
       .quiet(drive_quiet),
@@ -174,6 +191,7 @@ module commit_gate #(
       // stream out
       .start(telegram_start),
       .control(telegram_control),
+      .stop(telegram_stop),
       // status
       .command_left(command_left),
       .own(own),
@@ -188,7 +206,7 @@ module commit_gate #(
       .fill(kept && broadcast),
       .writes_coils(writes_coils),
       // firmware
-      .take(use_waiting && waiting_to_all),
+      .take(use_waiting && waiting_to_all && !for_stop),
       // status
       .valid(broadcast_valid),
       .control(broadcast_control)
@@ -203,7 +221,7 @@ module commit_gate #(
           .fill(kept && !broadcast),
           .writes_coils(writes_coils),
           // firmware
-          .take(use_waiting && !waiting_to_all),
+          .take(use_waiting && !waiting_to_all && !for_stop),
           // status
           .valid(unicast_valid),
           .control(unicast_control)
@@ -211,6 +229,30 @@ module commit_gate #(
     end else begin : g_no_unicast
       assign unicast_valid   = 1'b0;
       assign unicast_control = 1'b0;
+    end
+  endgenerate
+
+  generate
+    if (MASTER_LOSS_STOP) begin : g_loss
+      master_loss loss_i (
+          .clk(clk),
+          .rst(rst),
+          .beat(beat),
+          // newest request
+          .commits(commits),
+          .rights(current && is_committed && !candidate),
+          .writes_coils(writes_coils),
+          // firmware
+          .watch(watch),
+          .running(running),
+          .period(period),
+          .take(use_waiting && waiting_stop),
+          // status
+          .due(stop_due)
+      );
+    end else begin : g_no_loss
+      assign stop_due = 1'b0;
+      wire unused = &{1'b0, beat, watch, running, period, waiting_stop};
     end
   endgenerate
 

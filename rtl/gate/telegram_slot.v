@@ -12,10 +12,11 @@
 // (touched) and the end of the loop-back test take licence and telegram. While that test is
 // open, every order of queue has a licence, but no command (LOOP-1).
 // control: the licensed request writes coils, so bit 10 of the control word may be 1.
+// stop: the licence was that of master_loss (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
 // command_left: the write of coils of the newest request leaves in this clock.
 // own: from this clock on the newest request licenses the telegram here.
 // In the clock of any order no telegram starts. Clock domain: clk.
-// Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4.
+// Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4, SAFE-7.
 `default_nettype none
 
 module telegram_slot (
@@ -40,6 +41,7 @@ module telegram_slot (
     input  wire place_valid,
     input  wire place_control,
     input  wire place_to_all,
+    input  wire place_stop,
     input  wire others_wait,
     // drive line
     input  wire quiet,
@@ -49,6 +51,7 @@ module telegram_slot (
     // stream out
     output wire start,
     output reg  control,
+    output reg  stop,
     // status
     output wire command_left,
     output wire own,
@@ -78,7 +81,7 @@ module telegram_slot (
   assign command_left = start && newest && control;
   assign own = granted || (licensed && newest && !commits);
 
-  initial {queued, started, control} = 3'd0;
+  initial {queued, started, control, stop} = 4'd0;
 
   guarded_bit licence_i (
       .clk  (clk),
@@ -110,6 +113,8 @@ module telegram_slot (
 
     if (granted) control <= writes_coils;
     else if (order) control <= use_place ? place_control : writes_coils && licenses;
+
+    if (order) stop <= use_place && place_stop;
   end
 
   // For waveforms only.

@@ -25,7 +25,7 @@ enum place { PLACE_BROADCAST, PLACE_UNICAST };
 
 struct gateway {
     struct translator translator;
-    struct transaction transactions[PLACES + 2];
+    struct transaction transactions[PLACES + 2 + MASTER_LOSS_STOP]; /* the last one may be the stop's (SAFE-7) */
     struct transaction *newest;          /* the newest request */
     struct transaction *at_drive;        /* the last one sent to the drive, maybe the newest */
     struct transaction *waiting[PLACES]; /* by enum place; 0: nothing waits there */

@@ -9,11 +9,15 @@
  * PLACES          committed writes that can wait for the end of an exchange (FRAME-7): 2, a broadcast and another
  *                 write; 1, a broadcast only. The same as `waiting_places` in configs.toml.
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
+ * MASTER_LOSS_STOP
+ *                 1: one stop for the drive after 40002 x 10 ms without a good frame (SAFE-7); the card needs the
+ *                 parameter MASTER_LOSS_STOP of rtl/rtu2fc.v, too (docs/guide/master-loss.md).
  * DIAGNOSTICS     1: the functions 08, 0B, 11 and 2B/0E (MAP-10); default 1 with DIALECT_HVAC_BASIC, else 0.
  *
  * The small card runs DIALECT_CARD only: build/firmware.elf must fit the smallest memory of configs.toml, and
- * STATUS_REFRESH and DIAGNOSTICS do not fit there. Every other image must fit the standard card's memory. The linker reports an error
- * if one does not. build/refresh has the images with STATUS_REFRESH, one for each dialect.
+ * STATUS_REFRESH, MASTER_LOSS_STOP and DIAGNOSTICS do not fit there. Every other image must fit the standard card's
+ * memory. The linker reports an error if one does not. build/refresh has the images with STATUS_REFRESH, one for each
+ * dialect, build/stop those with MASTER_LOSS_STOP, which fits there without DIAGNOSTICS only.
  */
 #ifndef OPTIONS_H
 #define OPTIONS_H
@@ -42,6 +46,10 @@
 
 #ifndef ADR_SHORT
 #define ADR_SHORT 0
+#endif
+
+#ifndef MASTER_LOSS_STOP
+#define MASTER_LOSS_STOP 0
 #endif
 
 #ifndef DIAGNOSTICS

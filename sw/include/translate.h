@@ -48,4 +48,11 @@ void translate_drive_again(struct transaction *txn);
 
 enum outcome translate_drive_silent(struct transaction *txn);
 
+/* The start bit of the control image is 1 (SAFE-7). */
+bool translate_is_running(const struct translator *t);
+
+/* Prepares the stop: the control image with the start bit 0 and the data-valid bit 1, which translate_commit makes
+ * valid. No request may be prepared. False if a bit of the settings flipped (SAFE-7). */
+bool translate_stop(struct translator *t, struct transaction *txn);
+
 #endif

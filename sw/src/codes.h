@@ -19,6 +19,9 @@ enum function_code {
     WRITE_REGISTERS = 0x10,
 };
 
+/* Bits of the control word: coils 7 and 11 (SAFE-7). */
+enum { CONTROL_START = 1 << 6, CONTROL_VALID = 1 << 10 };
+
 /* Kind of the telegram sent (FC-3), which the reply must match. */
 enum expectation { EXPECT_PROCESS, EXPECT_NUMBER, EXPECT_TEXT };
 

@@ -94,10 +94,19 @@ static struct transaction **first_waiting(struct gateway *g)
     return &g->waiting[PLACES == 1 ? 0 : g->next];
 }
 
-/* A committed request has a telegram that waits for the end of the exchange. */
+/* SAFE-7: the stop waits for the end of the exchange. The gate's clock and the firmware's must agree on the loss
+ * (docs/hardening.md, Loss of the master). A candidate decides first: with its commit the master is back. */
+static bool stop_is_due(const struct gateway *g)
+{
+    return !g->network_online && !g->uncommitted && translate_is_running(&g->translator) &&
+           mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STOP_DUE_bm;
+}
+
+/* A committed request, or the loss of the master, has a telegram that waits for the end of the exchange. */
 static bool drive_is_wanted(struct gateway *g)
 {
-    return *first_waiting(g) || (g->wants_drive && !g->uncommitted);
+    return *first_waiting(g) || (g->wants_drive && !g->uncommitted) ||
+           (MASTER_LOSS_STOP && stop_is_due(g));
 }
 
 /* FC-9: the time-out for the drive's reply, and for a line that is never silent. A dead drive holds up nobody: the
@@ -234,8 +243,27 @@ static void poll_waiting(struct gateway *g, uint32_t state)
         repeat_or_abandon(g);
 }
 
-/* Waiting writes leave in the order of commit, before the telegram of the newest request (FRAME-7). The gate refuses
- * the telegram of a request that was revoked meanwhile. */
+/* Made twice, as a request's telegram (docs/hardening.md, Telegram made twice); if the two differ, the next round tries
+ * again. The image shows the stop only if the gate took the order: with a commit just now the licence is gone. */
+static void start_stop(struct gateway *g)
+{
+    struct transaction *txn = g->transactions + PLACES + 2;
+    bool same = translate_stop(&g->translator, txn);
+    const uint32_t first = guard_of(&g->translator, txn);
+
+    same &= translate_stop(&g->translator, txn);
+    same &= guard_of(&g->translator, txn) == first;
+    if (!same)
+        return;
+    start_exchange(g, txn, ACTION(WAITING) | MAILBOX__TELEGRAM__STOP_bm);
+    if (mailbox_read(EXCHANGE) & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__STARTED_bm))
+        translate_commit(&g->translator);
+    else
+        end_exchange(g);
+}
+
+/* Waiting writes leave in the order of commit, before the stop and the telegram of the newest request (FRAME-7). The
+ * gate refuses the telegram of a request that was revoked meanwhile. */
 static void start_next(struct gateway *g)
 {
     struct transaction *txn = *first_waiting(g);
@@ -245,6 +273,9 @@ static void start_next(struct gateway *g)
         *first_waiting(g) = 0;
         if (PLACES > 1)
             g->next = (uint8_t)other(g->next);
+    } else if (MASTER_LOSS_STOP && stop_is_due(g)) {
+        start_stop(g);
+        return;
     } else {
         txn = g->newest;
         action = ACTION(FIRST);
@@ -355,10 +386,22 @@ static void keep(struct gateway *g)
         g->next = (uint8_t)(g->waiting[other(place)] ? other(place) : place);
 }
 
+/* Each commit gives the gate its wait, and a write of coils whether the drive runs (SAFE-7). */
+static void watch_master(const struct gateway *g)
+{
+    const uint32_t period = ticks_of_tens(g->translator.settings.word[LOCAL_NETWORK_TIMEOUT]);
+
+    mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__WATCH_bm | period << MAILBOX__SUPERVISOR__PERIOD_bp |
+                                  (uint32_t)g->ticket << MAILBOX__SUPERVISOR__TICKET_bp |
+                                  (translate_is_running(&g->translator) ? MAILBOX__SUPERVISOR__RUNNING_bm : 0u));
+}
+
 static void commit(struct gateway *g)
 {
     g->uncommitted = false;
     translate_commit(&g->translator);
+    if (MASTER_LOSS_STOP)
+        watch_master(g);
     if (DIAGNOSTICS)
         diagnostics_commit(g->newest);
     g->committed_at = g->now;

@@ -186,3 +186,22 @@ enum outcome translate_drive_silent(struct transaction *txn)
 {
     return TRAITS.drive_silent ? reply_exception(txn, TRAITS.drive_silent) : OUTCOME_SILENT;
 }
+
+bool translate_is_running(const struct translator *t)
+{
+    return (t->settings.word[CONTROL] & CONTROL_START) != 0;
+}
+
+bool translate_stop(struct translator *t, struct transaction *txn)
+{
+    uint32_t *control = &t->next.word[CONTROL];
+
+    if (guard_copy(&t->next, &t->settings) != 0)
+        return false; /* (docs/hardening.md, Guarded settings) */
+    *control = (*control & ~(uint32_t)CONTROL_START) | CONTROL_VALID;
+    guard_seal(&t->next);
+    txn->function = WRITE_COIL;
+    txn->broadcast = false;
+    telegram_process(txn, *control);
+    return true;
+}

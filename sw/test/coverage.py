@@ -41,7 +41,8 @@ FLAGS = [
     *(f"-fno-{name}" for name in ("ipa-pure-const", "ipa-sra", "ssa-phiopt", "tree-pta")),
 ]
 # Functions that a build never calls; the linker drops them from its image.
-UNCALLED = {"card": ["translate_drive_again", "telegram_as_text"]}
+STOP = ["translate_is_running", "translate_stop"]
+UNCALLED = {"card": ["translate_drive_again", "telegram_as_text", *STOP], "builtin": STOP, "hvac_basic": STOP}
 WIDTH = 12
 
 Holes = dict[str, list[int]]

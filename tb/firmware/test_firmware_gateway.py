@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import functools
+
 import pytest
 
 from campaigns.flips import core as core_flips
@@ -236,7 +239,8 @@ def test_the_loopback_test_is_closed_at_every_normal_start(bench: Bench):
     written = []
     bench.mailbox._write_supervisor = lambda **fields: written.append(fields)
     bench.restart()
-    assert written == [{"halt": 0, "loopback": 1}], "a flipped switch cannot open it later either"
+    asked = [{name for name, value in fields.items() if value} for fields in written]
+    assert asked == [{"loopback"}], "a flipped switch cannot open it later either"
 
 
 @pytest.mark.rule("SAFE-4")
@@ -1318,3 +1322,115 @@ def test_counters_survive_a_restart_and_count_during_the_loopback_test(bench: Be
     bench.mailbox.event("crc")
     bench.poll()
     assert bench.mailbox.counter("COUNT_CRC") == 2
+
+
+# ---------------------------------------------------------------- loss of the master
+
+START_40 = H("0F 0000 0020 04 7C04 9919")
+SEND_START, SEND_STOP = H("81 047C 1999"), H("81 043C 1999")
+SET_TIMEOUT, TIMEOUT_MS = H("06 0001 0008"), 80
+READ_CONTROL = H("01 0000 0010")
+
+
+@pytest.fixture
+def running() -> Bench:
+    """A card with MASTER_LOSS_STOP, 40002 set and the drive started."""
+    bench = Bench(functools.partial(Gateway, option="MASTER_LOSS_STOP"))
+    bench.local(SET_TIMEOUT)
+    bench.request(START_40)
+    answer(bench)
+    assert bench.telegrams == [SEND_START]
+    return bench
+
+
+def answer(bench: Bench) -> None:
+    bench.telegram_ends()
+    bench.drive(H(STATUS))
+
+
+@pytest.mark.rule("SAFE-7")
+def test_the_stop_is_sent_once_after_the_time(running: Bench):
+    running.wait(TIMEOUT_MS)
+    assert running.telegrams == [SEND_START]
+    running.wait(5)
+    assert running.telegrams == [SEND_START, SEND_STOP]
+    answer(running)
+    replies = len(running.replies)
+    running.wait(1000)
+    assert running.telegrams == [SEND_START, SEND_STOP]
+    assert len(running.replies) == replies, "nobody asked"
+    running.local(READ_CONTROL)
+    assert running.replies[-1] == H("01 01 02 3C04")
+
+
+@pytest.mark.rule("SAFE-7", "FC-9")
+def test_the_stop_is_repeated_once(running: Bench):
+    running.wait(TIMEOUT_MS + 5)
+    running.telegram_ends()
+    running.wait(160)
+    running.telegram_ends()
+    running.wait(1000)
+    assert running.telegrams == [SEND_START, SEND_STOP, SEND_STOP]
+
+
+@pytest.mark.rule("SAFE-7")
+def test_the_image_keeps_the_start_if_the_gate_has_no_licence_any_more(running: Bench):
+    write = running.mailbox._write_telegram
+
+    def refused(**order: int) -> None:
+        if order["stop"]:
+            running.mailbox.since = running.mailbox.time
+        write(**order)
+
+    running.mailbox._write_telegram = refused
+    running.wait(TIMEOUT_MS + 5)
+    assert running.telegrams == [SEND_START]
+    running.local(READ_CONTROL)
+    assert running.replies[-1] == H("01 01 02 7C04")
+
+
+@pytest.mark.rule("SAFE-7")
+@pytest.mark.parametrize("end", ["commit", "revoke"])
+def test_a_candidate_decides_first(running: Bench, end: str):
+    running.wait(TIMEOUT_MS - 5)
+    running.offer(READ_IND)
+    running.wait(20)
+    assert running.telegrams == [SEND_START]
+    if end == "commit":
+        running.commit()
+    else:
+        running.character()
+    running.wait(20)
+    assert running.telegrams == [SEND_START, SEND_STOP][: 1 + (end == "revoke")]
+
+
+@pytest.mark.rule("SAFE-7", "FC-9")
+def test_the_stop_ends_the_wait_for_a_dead_drive(running: Bench):
+    running.local(H("06 0002 03E8"))
+    running.request(READ_514)
+    running.telegram_ends()
+    running.wait(140)
+    assert len(running.telegrams) == 2
+    running.wait(20)
+    assert running.telegrams == [SEND_START, ASK_514, SEND_STOP]
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-7")
+def test_settings_with_a_flipped_bit_make_no_stop(running: Bench):
+    settings = (ctypes.c_uint32 * 4).from_buffer(running.gateway.memory)
+    assert settings[3] == 0x1999_047C
+    settings[3] ^= 1 << 20
+    running.wait(1000)
+    assert running.telegrams == [SEND_START]
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-7")
+@pytest.mark.parametrize("early", ["gate", "firmware"])
+def test_one_clock_alone_sends_no_stop(running: Bench, early: str):
+    """A flipped bit of a count: the other clock does not agree (docs/hardening.md, Loss of the master)."""
+    if early == "gate":
+        running.mailbox.limit = 3
+    else:
+        running.mailbox.limit = 1 << 19
+    running.wait(TIMEOUT_MS - 2 if early == "gate" else 2000)
+    assert running.telegrams == [SEND_START]

@@ -901,6 +901,7 @@ MODELS = {
     "STATUS_REFRESH": {"status_refresh": True},
     "ADR_SHORT": {"adr": 0x01, "adr_broadcast": 0x20},
     "DIAGNOSTICS": {"diagnostics": True},
+    "MASTER_LOSS_STOP": {},
 }
 
 

@@ -35,10 +35,12 @@ REPLY_DELAY_BITS = 23
 
 
 @functools.cache
-def library(config: str, clk_hz: int, extra: str = "") -> Path:
+def library(
+    config: str, clk_hz: int, extra: str = "", parameters: tuple[tuple[str, int], ...] = ()
+) -> Path:
     """The card of the configuration at a clock, built unless this very content was built before."""
     try:
-        return build(clk_hz, config=config, extra=extra)
+        return build(clk_hz, config=config, parameters=dict(parameters), extra=extra)
     except BuildError as error:
         pytest.fail(str(error), pytrace=False)
 
@@ -99,6 +101,8 @@ class FastCard:
 
     drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of the registers
     at power-up (SAFE-5); without it each card draws one and prints it. extra: "flips" for `flip`.
+    dialect: folder of the image below that of the configuration. parameters: of rtl/rtu2fc.v, beside the
+    configuration's.
     """
 
     def __init__(
@@ -114,6 +118,7 @@ class FastCard:
         reset_clocks: int = RESET_CLOCKS,
         dialect: str = "",
         extra: str = "",
+        parameters: tuple[tuple[str, int], ...] = (),
         **wires: int,
     ):
         if seed is None:
@@ -123,7 +128,7 @@ class FastCard:
         self.period_ps = round(1e12 / clk_hz)
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = SimulatedCard(
-            library(config, clk_hz, extra),
+            library(config, clk_hz, extra, parameters),
             firmware(config).parent / dialect,
             switch_word(switches or baud_switches(baud, form)),
             address,

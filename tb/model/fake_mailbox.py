@@ -6,6 +6,8 @@ a committed telegram is licensed, and may be repeated once while no newer reques
 no reply, it is no broadcast and its memory is not written; a request that has its reply, or has sent its
 write of coils, licenses nothing more; during the loop-back test all may leave. A committed request that is
 kept gives its licence to the place of its kind, for one telegram, and to its repeat (FRAME-7). Times in ms.
+With a card that stops the drive (SAFE-7), a committed write of coils arms the stop, and it is due when
+the time that the firmware gave has passed without a commit.
 Frames on the network side are address and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
 """
 
@@ -20,6 +22,7 @@ CRC_BYTES = 2
 TICKS_IN_10_MS = 12
 ACTIONS = VALUES["TELEGRAM", "action"]
 FIRST, REPEAT, WAITING, KEEP = (ACTIONS[name] for name in ("first", "repeat", "waiting", "keep"))
+START = 1 << 6  # of the control word, in its lower byte
 WATCHDOG_KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
 
@@ -31,6 +34,8 @@ class FakeMailbox:
         self.kept = False  # waits for its commit
         self.time = 0
         self.led = 0
+        self.armed = False
+        self.limit = self.since = 0  # ticks; ms of the last commit
         self.kicks = 0
         self.halted = False
         self.loopback = False
@@ -59,7 +64,7 @@ class FakeMailbox:
     def restart(self) -> None:
         """The watchdog resets the soft core and the gate; a telegram on the line goes on (WDG-1)."""
         self._end_licence()
-        self.started = self.reply_queued = self.kept = False
+        self.started = self.reply_queued = self.kept = self.armed = False
         self.is_candidate = self.is_committed = self.answerable = False
         self.waiting = dict.fromkeys(self.waiting)
 
@@ -127,7 +132,13 @@ class FakeMailbox:
             good=self.drive_good,
             loopback=self.loopback,
             silent=self.silent and not self.sending,
+            stop_due=self.stop_due,
         )
+
+    @property
+    def stop_due(self) -> bool:
+        passed = (self.time - self.since) * TICKS_IN_10_MS // 10
+        return self.armed and self.limit != 0 and passed > self.limit
 
     def _write_led(self, modbus_red: int, modbus_green: int, drive_red: int, drive_green: int) -> None:
         self.led = modbus_red | modbus_green << 1 | drive_red << 2 | drive_green << 3
@@ -136,8 +147,14 @@ class FakeMailbox:
         assert key == WATCHDOG_KEY
         self.kicks += 1
 
-    def _write_supervisor(self, halt: int, loopback: int) -> None:
+    def _write_supervisor(
+        self, halt: int, loopback: int, watch: int = 0, running: int = 0, ticket: int = 0, period: int = 0
+    ) -> None:
         self.halted |= bool(halt)
+        if watch and ticket == self.ticket and self.is_committed:
+            self.limit, self.since = period, self.time
+            if self.writes_coils:
+                self.armed = bool(running)
         if self.loopback and loopback:
             self.loopback = self.reply_queued = False
             self._end_licence()
@@ -150,7 +167,7 @@ class FakeMailbox:
         self.reply = self.memory("REPLY_FRAME", length)
         self.spent |= ticket == self.ticket and self.is_broadcast
 
-    def _write_telegram(self, length: int, no_reply: int, action: int, ticket: int) -> None:
+    def _write_telegram(self, length: int, no_reply: int, action: int, ticket: int, stop: int = 0) -> None:
         mine = ticket == self.ticket
         if action == KEEP:
             self.kept = mine and self.is_candidate
@@ -163,7 +180,12 @@ class FakeMailbox:
             self.telegram_queued = self.licensed and self.begun and self.repeatable
             return
         assert not self.sending, "the telegram on the line was overwritten"
-        if action == WAITING:
+        if action == WAITING and stop:
+            licensed = queued = control = self.stop_due
+            self.armed &= not licensed
+            self.newest, self.repeatable = mine, True
+            assert not self.memory("TELEGRAM_FRAME", length)[2] & START, "a stop that starts"
+        elif action == WAITING:
             control = self.waiting.get(bool(no_reply))
             licensed = queued = control is not None
             if licensed:
@@ -211,6 +233,7 @@ class FakeMailbox:
     def commit(self) -> None:
         """t3.5 of silence."""
         self.is_candidate, self.is_committed, self.answerable, self.spent = False, True, True, False
+        self.since = self.time
         if self.licensed:
             self.newest = self.repeatable = False
             if self.begun:

@@ -187,9 +187,13 @@ class Gateway:
     """The poll loop; `read(offset)` and `write(offset, value)` simulate the registers."""
 
     def __init__(
-        self, read: Callable[[int], int], write: Callable[[int, int], None], dialect: str = "card"
+        self,
+        read: Callable[[int], int],
+        write: Callable[[int, int], None],
+        dialect: str = "card",
+        option: str = "",
     ) -> None:
-        self.lib = library(dialect=dialect)
+        self.lib = library(option, dialect)
         FrameMemory.move_to(self.lib)
         self._hooks = ReadHook(read), WriteHook(write)  # must outlive the calls
         self.memory = ctypes.create_string_buffer(self.lib.host_size_of_gateway())

@@ -26,6 +26,7 @@ module drive_line #(
     input  wire [4:0] telegram_length,
     input  wire       telegram_no_reply,
     input  wire       telegram_control,
+    input  wire       telegram_stop,
     // configuration
     input  wire       listen_again,
     input  wire       listen_stop,
@@ -71,7 +72,7 @@ module drive_line #(
       .read_addr(read_addr),
       .read_data(read_data),
       .telegram_start(telegram_start),
-      .telegram({telegram_control, telegram_no_reply, telegram_length}),
+      .telegram({telegram_stop, telegram_control, telegram_no_reply, telegram_length}),
       .rx(rx),
       .tx(tx),
       .de(de),

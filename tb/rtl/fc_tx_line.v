@@ -11,6 +11,7 @@ module fc_tx_line (
     input  wire       start,
     input  wire [4:0] length,
     input  wire       control,
+    input  wire       stop,
     // frame memory
     output wire       read_valid,
     input  wire       read_ready,
@@ -38,6 +39,7 @@ module fc_tx_line (
       .start(start),
       .length(length),
       .control(control),
+      .stop(stop),
       .read_valid(read_valid),
       .read_ready(read_ready),
       .read_addr(read_addr),

@@ -18,6 +18,7 @@ INPUTS = """
     drive_good drive_bad drive_quiet
     queue_reply reply_empty reply_after_drive queue_telegram use_waiting waiting_to_all repeat_telegram
     keep_write telegram_touched queue_ticket
+    beat waiting_stop watch running period
     loopback_open
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
@@ -1010,11 +1011,137 @@ async def small_keeps_the_broadcast_alone(dut):
     assert await gate.settle() == (0, 2)
 
 
+# ---------------------------------------------------------------- the stop when the master is lost (SAFE-7)
+
+PERIOD = 4
+
+
+async def ticks(gate, count: int) -> None:
+    for _ in range(count):
+        await gate.pulse(beat=1 - int(gate.dut.beat.value))
+
+
+async def watched(gate, **kind: int) -> int:
+    """A committed request, and the order to watch the master from then on."""
+    ticket = await gate.candidate(**{"writes_coils": 1, **kind})
+    await gate.pulse("commit")
+    await gate.pulse("watch", queue_ticket=ticket, running=1, period=PERIOD)
+    return ticket
+
+
+async def use_stop(gate, ticket: int = 0, to_all: int = 0) -> None:
+    await gate.pulse("use_waiting", queue_ticket=ticket, waiting_to_all=to_all, waiting_stop=1)
+    gate.dut.waiting_stop.value = 0
+
+
+@cocotb.test()
+@cocotb.parametrize(to_all=[0, 1])
+async def stop_leaves_once_without_the_start_bit_after_the_time(dut, to_all):
+    gate = await Gate(dut).start()
+    stops = Strobes(dut, "telegram_start", "telegram_control", "telegram_stop")
+    ticket = await watched(gate, broadcast=to_all)
+    await ticks(gate, PERIOD)
+    await use_stop(gate, ticket ^ 8, to_all)
+    assert await gate.settle() == (0, 0) and not int(dut.stop_due.value)
+    await ticks(gate, 1)
+    assert int(dut.stop_due.value)
+    await use_stop(gate, ticket ^ 8, to_all)
+    assert await gate.settle() == (0, 1) and stops.values == [(1, 1)]
+    await gate.queue_telegram(ticket, repeat=1)
+    await gate.queue_telegram(ticket, repeat=1)
+    assert await gate.settle() == (0, 2) and stops.values == [(1, 1)] * 2, "one repeat"
+    await ticks(gate, 3 * PERIOD)
+    await use_stop(gate, ticket ^ 8, to_all)
+    assert await gate.settle() == (0, 2), "once"
+
+
+@cocotb.test()
+@cocotb.parametrize(
+    without=[{"running": 0}, {"writes_coils": 0}, {"period": 0}, {"late": 1}, {"stale": 1}, {"early": 1}]
+)
+async def stop_has_no_licence_without_a_committed_start_and_its_time(dut, without):
+    gate = await Gate(dut).start()
+    ticket = await gate.candidate(writes_coils=without.get("writes_coils", 1))
+    order = {"running": 1, "period": PERIOD} | {k: v for k, v in without.items() if k in ("running", "period")}
+    if "early" not in without:
+        await gate.pulse("commit")
+    if "late" in without:
+        await gate.candidate()
+    await gate.pulse("watch", queue_ticket=ticket ^ 8 * ("stale" in without), **order)
+    await ticks(gate, 3 * PERIOD)
+    assert not int(dut.stop_due.value)
+    await use_stop(gate, ticket)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def stop_and_the_writes_that_wait_keep_their_places(dut):
+    gate = await Gate(dut).start()
+    stops = Strobes(dut, "telegram_start", "telegram_stop")
+    await watched(gate)
+    await gate.kept(broadcast=1, writes_coils=1)
+    ticket = await gate.kept(writes_coils=1)
+    await ticks(gate, PERIOD + 1)
+    await use_stop(gate, ticket ^ 8)
+    assert await gate.settle() == (0, 1)
+    for to_all in (0, 1):
+        await gate.use(ticket, to_all)
+        assert await gate.settle() == (0, 2 + to_all)
+    assert stops.values == [(1,), (0,), (0,)]
+
+
+@cocotb.test()
+async def stop_is_refused_in_the_clock_of_a_commit(dut):
+    gate = await Gate(dut).start()
+    await watched(gate)
+    await ticks(gate, PERIOD + 1)
+    await gate.candidate()
+    await gate.pulse("commit", "use_waiting", waiting_stop=1)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+async def stop_is_forgotten_by_a_restart(dut):
+    gate = await Gate(dut).start()
+    await watched(gate)
+    await ticks(gate, PERIOD + 1)
+    await gate.pulse("rst")
+    await use_stop(gate)
+    assert await gate.settle() == (0, 0)
+
+
+@cocotb.test()
+@cocotb.parametrize(
+    bit=["armed_i.held", "armed_i.opposite", "over_i.held", "over_i.opposite"],
+    state=["no start", "not yet"],
+)
+async def stop_is_not_licensed_by_a_single_bit(dut, bit, state):
+    gate = await Gate(dut).start()
+    if state == "not yet":
+        await watched(gate)
+        await ticks(gate, 2)
+    half = reduce(getattr, bit.split("."), dut.g_loss.loss_i)
+    half.value = 1 - int(half.value)
+    await use_stop(gate)
+    assert await gate.settle() == (0, 0)
+
+
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1", "SAFE-4")
 def test_commit_gate(sim):
-    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, testcase=r"(?!small_)\w+")
+    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, testcase=r"(?!small_|stop_)\w+")
 
 
 @pytest.mark.rule("FRAME-7")
 def test_commit_gate_with_one_place(sim):
     run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, parameters={"PLACES": 1}, testcase="small_.*")
+
+
+@pytest.mark.rule("SAFE-7", "SAFE-4")
+def test_commit_gate_with_the_stop(sim):
+    run(
+        "commit_gate",
+        "tb.rtl.test_commit_gate",
+        sim=sim,
+        parameters={"MASTER_LOSS_STOP": 1},
+        testcase="stop_.*",
+    )

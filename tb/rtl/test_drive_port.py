@@ -53,7 +53,7 @@ class Port:
     def __init__(self, dut, delay: Callable[[], int] = at_once):
         self.dut = dut
         commands = ("telegram_start", "telegram_length", "telegram_no_reply", "listen_again", "listen_stop")
-        self.bench = Bench(dut, CLK_HZ, telegram_control=1, **dict.fromkeys(commands, 0))
+        self.bench = Bench(dut, CLK_HZ, telegram_control=1, telegram_stop=0, **dict.fromkeys(commands, 0))
         self.line = Rs485Line(dut.rx, dut.tx, dut.de, LINE, echo=True)
         self.telegram = ReadPort(self.bench, delay=delay)
         self.drive_frame = WritePort(self.bench, "write_data", delay)
@@ -154,6 +154,17 @@ async def control_bit_10_is_sent_only_when_commands_are_allowed(dut, control):
         wanted = bytearray(telegram)
         wanted[-5] &= 0xFF if control else 0xFB
         assert (await port.send(telegram)).data == wanted
+
+
+@cocotb.test()
+async def the_start_bit_is_never_sent_in_the_stop(dut):
+    """Holds for any contents of the frame memory (SAFE-7)."""
+    port = await Port(dut).start()
+    dut.telegram_stop.value = 1
+    wanted = bytearray(COMMAND)
+    wanted[-4] &= 0xBF
+    assert wanted != COMMAND
+    assert (await port.send(COMMAND)).data == wanted
 
 
 @cocotb.test()

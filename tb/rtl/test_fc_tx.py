@@ -28,7 +28,7 @@ class Sender:
 
     def __init__(self, dut, delay: Callable[[], int] = at_once, lead: int = 4):
         self.dut = dut
-        self.bench = Bench(dut, TICKS_HZ, tick16=1, start=0, length=0, control=1, line_ready=0)
+        self.bench = Bench(dut, TICKS_HZ, tick16=1, start=0, length=0, control=1, stop=0, line_ready=0)
         self.memory = ReadPort(self.bench, delay=delay)
         self.monitor = UartMonitor(dut.tx, LINE)
         self.ended = Strobes(dut, "sent", "line_busy", "line_request")
@@ -94,6 +94,23 @@ async def without_control_no_command_is_sent(dut):
             telegram = bytearray(build(bytes(data)))
             contents = bytes(telegram[2:])
             telegram[-5] &= ~0x04
+            assert await tx.telegram(contents) == telegram
+
+
+@cocotb.test()
+async def the_stop_never_has_the_start_bit(dut):
+    """Bit 6 of the control word is sent as 0; all other bits and the BCC stay unchanged (SAFE-7)."""
+    rng = seeded("contents")
+    tx = await Sender(dut).start()
+    dut.stop.value = 1
+    for length in range(6, 31):
+        data = bytearray(rng.randbytes(length - 2))
+        for start in (0, 1):
+            at = len(data) - 3
+            data[at] = data[at] & ~0x40 | start << 6
+            telegram = bytearray(build(bytes(data)))
+            contents = bytes(telegram[2:])
+            telegram[-4] &= ~0x40
             assert await tx.telegram(contents) == telegram
 
 

@@ -23,7 +23,7 @@ READ = {name: register for name, register in REGISTERS.items() if register.size 
 EVENTS = REGISTERS["EVENTS"].fields
 COMMANDS = """
     queue_reply queue_telegram use_waiting repeat_telegram keep_write
-    listen_again listen_stop watchdog_kick halt loopback_close
+    listen_again listen_stop watchdog_kick halt loopback_close watch_master
 """.split()  # noqa: SIM905
 ACTIONS = VALUES["TELEGRAM", "action"]
 KEY = REGISTERS["WATCHDOG"].fields["key"].reset
@@ -226,6 +226,11 @@ async def the_supervisor_is_told_one_thing_at_a_time(dut):
     assert (len(halts), len(closes)) == (0, 0)
     await firmware.write("SUPERVISOR", loopback=1)
     assert (len(halts), len(closes)) == (0, 1)
+    watches = Strobes(dut, "watch_master")
+    await firmware.write("SUPERVISOR", watch=1, running=1, period=0xFFFFF, ticket=15)
+    assert (len(halts), len(closes), len(watches)) == (0, 1, 1)
+    await firmware.write("SUPERVISOR", running=1, period=0xFFFFF, ticket=15)
+    assert len(watches) == 1
     await firmware.write("SUPERVISOR", halt=1)
     assert (len(halts), len(closes)) == (1, 1)
 

@@ -11,7 +11,7 @@ from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 
 STROBES = "queue use_place again touched candidate commits withdrawn reply_left closing".split()  # noqa: SIM905
-PLACE = {"place_valid": 0, "place_control": 0, "place_to_all": 0, "others_wait": 0}
+PLACE = {"place_valid": 0, "place_control": 0, "place_to_all": 0, "place_stop": 0, "others_wait": 0}
 LEVELS = {"broadcast": 0, "writes_coils": 0, "quiet": 1, "loopback_open": 0, **PLACE}
 # Rights of the newest request, as request_fate gives them.
 NOBODY = {"current": 0, "takes_telegram": 0, "licenses": 0}
@@ -185,6 +185,24 @@ async def what_came_from_a_place_has_one_repeat_and_can_lose_it(dut, ended_by):
 
 
 @cocotb.test()
+async def the_stop_is_shown_until_the_next_order(dut):
+    slot = await Slot(dut).start()
+    slot.levels(**NOBODY, place_valid=1, place_control=1, place_stop=1)
+    await slot.pulse("use_place")
+    slot.levels(place_stop=0)
+    await slot.pulse("candidate")
+    await slot.pulse("commits")
+    assert await slot.left() == 1 and int(dut.stop.value)
+    await slot.pulse("again")
+    assert await slot.left() == 2 and int(dut.stop.value), "its repeat, too"
+    await slot.pulse("use_place")
+    assert not int(dut.stop.value)
+    slot.levels(**COMMITTED, place_stop=1)
+    await slot.pulse("queue")
+    assert not int(dut.stop.value), "an order of a request is no stop"
+
+
+@cocotb.test()
 async def own_shows_that_the_newest_request_licenses_the_telegram_here(dut):
     async def own() -> int:
         await Timer(1, unit="ns")
@@ -222,6 +240,6 @@ async def the_loop_back_test_has_licence_and_no_command_and_its_end_takes_all(du
     assert await slot.left() == 1
 
 
-@pytest.mark.rule("FRAME-6", "FC-8", "FC-9", "LOOP-1", "SAFE-1")
+@pytest.mark.rule("FRAME-6", "FC-8", "FC-9", "LOOP-1", "SAFE-1", "SAFE-7")
 def test_telegram_slot(sim):
     run("telegram_slot", "tb.rtl.test_telegram_slot", sim=sim)

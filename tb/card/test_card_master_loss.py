@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The card stops the drive once when no good frame comes for the time of 40002 (SAFE-7), at the pins.
+
+The option is a parameter of the card and an image of the firmware: both are needed.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from tb.lib.card import MS
+from tb.lib.config import ROUND_MS
+from tb.lib.fast_card import FastCard
+from tb.model import rtu
+from tb.model.fc_telegram import build
+
+pytestmark = pytest.mark.rule("SAFE-7")
+OPTION = (("MASTER_LOSS_STOP", 1),)
+START, REFERENCE = 0x047C, 0x1999
+STATUS = bytes.fromhex("0F03 2000")
+TICK_MS = 1000 / 1200
+# 40002, in 10 ms.
+TENS = 8
+# The gate rounds up to a tick, so does the firmware, and it acts in its next round.
+LATE_MS = 3 * TICK_MS + ROUND_MS
+# From the commit of a write to the end of its reply.
+REPLIED_MS = 35
+
+
+def telegram(control: int, reference: int = REFERENCE, adr: int = 0x81) -> bytes:
+    return build(control.to_bytes(2, "big") + reference.to_bytes(2, "big"), adr)
+
+
+STOP = telegram(0x043C)
+
+
+class Drive:
+    """Keeps the telegrams; answers unless it is silent."""
+
+    def __init__(self) -> None:
+        self.heard: list[bytes] = []
+        self.silent = False
+
+    def __call__(self, sent: bytes) -> bytes | None:
+        self.heard.append(sent)
+        return None if self.silent or sent[2] != 0x81 else build(STATUS)
+
+
+class Master:
+    """A master, its card and the drive, after power-up, with 40002 set."""
+
+    def __init__(self, tens: int = TENS, option: bool = True, image: str = "stop"):
+        self.drive = Drive()
+        self.card = FastCard(
+            drive=self.drive, dialect=image, parameters=OPTION if option else ()
+        )
+        self.card.run(self.card.boot_ms)
+        self.pause_ps = 1.1 * rtu.t35_ps(self.card.modbus.fmt.baud)
+        if tens != 1000:
+            self.ask(b"\x06\x00\x01" + tens.to_bytes(2, "big"))
+
+    def __enter__(self) -> Master:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.card.close()
+
+    def send(self, adu: bytes) -> float:
+        """Sends a frame; returns the time of its commit in ps, which is passed then."""
+        end = self.card.modbus.send(adu, self.pause_ps)
+        commit = end + rtu.t35_ps(self.card.modbus.fmt.baud)
+        self.card.run_until(commit + 0.2 * MS)
+        return commit
+
+    def ask(self, pdu: bytes, timeout_ms: float = 400) -> bytes:
+        reply = self.card.request(rtu.build(1, pdu), timeout_ms)
+        assert reply, pdu.hex(" ")
+        return reply.data[1:-2]
+
+    def write(self, control: int, unit: int = 1) -> float:
+        """Writes coils 1-32; returns the time of the commit."""
+        both = control | REFERENCE << 16
+        pdu = rtu.write_coils(0, [bool(both >> i & 1) for i in range(32)])
+        return self.send(rtu.build(unit, pdu))
+
+    def heard(self) -> list[bytes]:
+        """What the drive heard since the last call."""
+        heard, self.drive.heard = self.drive.heard, []
+        return heard
+
+    def image(self) -> int:
+        """Coils 1-16."""
+        return int.from_bytes(self.ask(bytes.fromhex("01 0000 0010"))[2:], "little")
+
+    def started(self, **how: int) -> float:
+        commit = self.write(START, **how)
+        self.card.run(REPLIED_MS)
+        assert self.heard() == [telegram(START, adr=0x81 if how.get("unit", 1) else 0x80)]
+        return commit
+
+    def stop_ms(self, commit_ps: float, limit_ms: float = 200) -> float:
+        """Runs until the card sends on the drive line; returns the time since a commit."""
+        limit = self.card.now_ps + limit_ms * MS
+        assert self.card.run_until(limit, "drive_de"), "no stop"
+        return (self.card.now_ps - commit_ps) / MS
+
+
+@pytest.mark.parametrize("unit", [1, 0])
+def test_one_stop_leaves_after_the_time_and_the_image_shows_it(unit: int):
+    with Master() as master:
+        commit = master.started(unit=unit)
+        passed = master.stop_ms(commit)
+        assert 10 * TENS <= passed <= 10 * TENS + LATE_MS
+        master.card.run(1000)
+        assert master.heard() == [STOP], "once"
+        assert master.image() == 0x043C
+        master.card.run(500)
+        assert master.heard() == [], "nor after the next silence"
+        commit = master.started()
+        assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
+        master.card.run(300)
+        assert master.heard() == [STOP], "again after the next start"
+
+
+def test_the_stop_is_repeated_once_when_the_drive_is_silent():
+    with Master() as master:
+        master.started()
+        master.drive.silent = True
+        master.card.run(1500)
+        assert master.heard() == [STOP, STOP]
+        assert master.card.led("drive") in ("red", "off")
+
+
+def test_without_a_time_there_is_no_stop():
+    with Master(tens=0) as master:
+        master.started()
+        master.card.run(12_000)
+        assert master.heard() == []
+        master.ask(b"\x06\x00\x01" + TENS.to_bytes(2, "big"))
+        master.card.run(10 * TENS + 20)
+        assert master.heard() == [STOP], "a time that is set later counts for the drive that runs"
+
+
+def test_the_default_time_is_10_s():
+    with Master(tens=1000) as master:
+        commit = master.started()
+        assert 10_000 <= master.stop_ms(commit, 10_100) <= 10_000 + LATE_MS
+
+
+@pytest.mark.parametrize("control", [0x043C, 0x0000, None])
+def test_without_a_start_there_is_none(control: int | None):
+    with Master() as master:
+        if control is None:
+            master.ask(bytes.fromhex("05 0040 FF00"))
+            master.ask(bytes.fromhex("03 0000 0001"))
+        else:
+            master.write(control)
+            master.card.run(25)
+            assert len(master.heard()) == 1
+        master.card.run(1000)
+        assert master.heard() == []
+
+
+def test_a_written_stop_ends_the_watch():
+    with Master() as master:
+        master.started()
+        master.write(0x0434)
+        master.card.run(1000)
+        assert master.heard() == [telegram(0x0434)], "the master's own"
+        assert master.image() == 0x0434
+
+
+READING = bytes.fromhex("03 0000 0001")
+
+
+@pytest.mark.parametrize(("unit", "keeps"), [(1, True), (0, True), (7, False)])
+def test_good_frames_for_this_card_or_all_keep_the_drive_running(unit: int, keeps: bool):
+    with Master() as master:
+        master.started()
+        for _ in range(12):
+            commit = master.send(rtu.build(unit, READING))
+            master.card.run(5 * TENS)
+        assert master.heard() == ([] if keeps else [STOP])
+        if keeps:
+            assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
+
+
+def test_damaged_frames_do_not_keep_it_running():
+    with Master() as master:
+        master.started()
+        bad = bytearray(rtu.build(1, READING))
+        bad[-1] ^= 1
+        for _ in range(6):
+            master.send(bytes(bad))
+            master.card.run(3 * TENS)
+        assert master.heard() == [STOP]
+
+
+def test_a_running_exchange_with_a_dead_drive_holds_it_up_150_ms_at_most():
+    with Master() as master:
+        master.ask(bytes.fromhex("06 0002 03E8"))  # 40003 = 1000: 10 s
+        master.started()
+        master.drive.silent = True
+        commit = master.send(rtu.build(1, bytes.fromhex("03 1413 0002")))
+        master.card.run(20)
+        sent = master.card.drive.frames()[-1].end_ps
+        assert len(master.heard()) == 1
+        master.stop_ms(commit)
+        assert master.card.now_ps - sent <= 155 * MS
+        master.card.run(50)
+        assert master.heard() == [STOP]
+
+
+@pytest.mark.parametrize(("option", "image"), [(False, "stop"), (True, ""), (False, "")])
+def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
+    with Master(option=option, image=image) as master:
+        master.started()
+        master.card.run(1500)
+        assert master.heard() == []
+        assert master.image() == START
