@@ -51,7 +51,15 @@ def run(*arguments: str, **options) -> subprocess.CompletedProcess:
 
 # `make test` proves the modules that decide what leaves; `make formal` and `make test-all` prove all.
 DECIDING = (
-    *("commit_gate", "request_fate", "reply_slot", "telegram_slot", "waiting_place", "loopback_end", "master_loss"),
+    *(
+        "commit_gate",
+        "request_fate",
+        "reply_slot",
+        "telegram_slot",
+        "waiting_place",
+        "loopback_end",
+        "master_loss",
+    ),
     *("supervisor", "bcc"),
 )
 

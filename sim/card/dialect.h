@@ -18,6 +18,8 @@ struct Dialect {
 
 // The images with STATUS_REFRESH (MAP-1), relative to this program's folder, dialect by dialect below it.
 constexpr const char* kStatusRefreshFolder = "/refresh";
+// Those with MASTER_LOSS_STOP (SAFE-7).
+constexpr const char* kMasterLossStopFolder = "/stop";
 
 // nullptr when there is no such dialect.
 const Dialect* find_dialect(const std::string& name);

@@ -20,6 +20,7 @@ struct Options {
   std::string drive_device;
   const Dialect* dialect = nullptr;
   bool status_refresh = false;  // the image that asks the drive for coils 33-64 (MAP-1)
+  bool master_loss_stop = false;  // the image that stops the drive when the master is lost (SAFE-7)
   const drive_profile_t* profile = nullptr;
   unsigned sw_baud = 0;  // bit n-1 = switch n, 1 = ON
   unsigned sw_addr = 0;

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import select
@@ -40,6 +41,7 @@ OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
     *(
         "--status-refresh",
+        "--master-loss-stop",
         "--dialect",
         "--profile",
         "--speed",
@@ -170,6 +172,8 @@ def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProce
         (["--modbus", "a", "--modbus-device", "b"], "exclude"),
         (["--drive", "a", "--drive-device", "b"], "exclude"),
         (["--drive", "example", "--drive-device", "b"], "exclude"),
+        (["--status-refresh", "--master-loss-stop"], "exclude"),
+        (["--dialect", "hvac_basic", "--master-loss-stop"], "no image"),
         (["--modbus", "a", "--drive", "a"], "two different links"),
         (["--speed", "max", "--modbus-device", "/dev/null"], "max"),
         (["--modbus-device", "/dev/null"], "/dev/null is not a serial port"),
@@ -259,6 +263,7 @@ def test_missing_image_is_reported_with_its_path(tmp_path):
         (["--dialect", "card"], "firmware.hex"),
         (["--dialect", "builtin"], "builtin/firmware.hex"),
         (["--dialect", "builtin", "--status-refresh"], "refresh/builtin/firmware.hex"),
+        (["--dialect", "builtin", "--master-loss-stop"], "stop/builtin/firmware.hex"),
     ):
         run = subprocess.run([lonely, *options], capture_output=True, text=True, check=False)
         assert run.returncode == 2
@@ -440,6 +445,27 @@ def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path):
             assert read_status_coils(client) & 0x0808 == 0x0800
         assert read_drive(client)[0] & 8, "it had tripped"
         client.close()
+
+
+@pytest.mark.rule("SAFE-7")
+@pytest.mark.parametrize("option", [(), ("--master-loss-stop",)])
+def test_only_with_the_option_a_stop_leaves_when_the_master_is_lost(tmp_path, option):
+    """The master of a motor falls silent for 1.5 s, with 40002 = 20 (200 ms)."""
+    log = tmp_path / "log"
+    with RunningCard(tmp_path, "--log", str(log), *option) as card:
+        client = pymodbus_client(card)
+        assert not client.write_register(1, 20, device_id=1).isError()
+        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
+        time.sleep(1.5)
+        control = client.read_coils(0, count=16, device_id=1).bits
+        client.close()
+        assert card.stop() == 0
+    assert control == coils(0x043C if option else 0x047C, 0)[:16]
+    frames = [json.loads(line) for line in log.read_text().splitlines()]
+    stops = [
+        frame for frame in frames if frame.get("bytes", "").replace(" ", "").lower() == "020681043c19993d"
+    ]
+    assert len(stops) == len(option)
 
 
 @pytest.mark.rule("MAP-10")

@@ -120,8 +120,12 @@ def build(
 
 
 def model(clk_hz: int, config: str) -> Path:
-    """The folder with headers and archives of the virtual card's model."""
-    return _folder(clk_hz, config, None, None, "program", library=False)
+    """The folder with headers and archives of the virtual card's model.
+
+    The firmware alone decides there whether the loss of the master stops the drive (SAFE-7).
+    """
+    stop = {"MASTER_LOSS_STOP": 1} if config == "standard" else None
+    return _folder(clk_hz, config, None, stop, "program", library=False)
 
 
 def _folder(

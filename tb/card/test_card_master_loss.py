@@ -51,9 +51,7 @@ class Master:
 
     def __init__(self, tens: int = TENS, option: bool = True, image: str = "stop"):
         self.drive = Drive()
-        self.card = FastCard(
-            drive=self.drive, dialect=image, parameters=OPTION if option else ()
-        )
+        self.card = FastCard(drive=self.drive, dialect=image, parameters=OPTION if option else ())
         self.card.run(self.card.boot_ms)
         self.pause_ps = 1.1 * rtu.t35_ps(self.card.modbus.fmt.baud)
         if tens != 1000:

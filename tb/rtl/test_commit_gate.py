@@ -1062,7 +1062,9 @@ async def stop_leaves_once_without_the_start_bit_after_the_time(dut, to_all):
 async def stop_has_no_licence_without_a_committed_start_and_its_time(dut, without):
     gate = await Gate(dut).start()
     ticket = await gate.candidate(writes_coils=without.get("writes_coils", 1))
-    order = {"running": 1, "period": PERIOD} | {k: v for k, v in without.items() if k in ("running", "period")}
+    order = {"running": 1, "period": PERIOD} | {
+        k: v for k, v in without.items() if k in ("running", "period")
+    }
     if "early" not in without:
         await gate.pulse("commit")
     if "late" in without:
