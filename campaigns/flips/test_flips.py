@@ -80,8 +80,9 @@ def test_all_state_is_found_and_can_be_flipped(places):
         assert max(register.bits) < bits, register
 
 
-def test_every_register_of_the_verilog_can_be_flipped(places):
-    """Compares with the text of the modules, not with the output of Yosys."""
+def test_every_register_of_the_verilog_can_be_flipped():
+    """Compares with the text of the modules, not with the output of Yosys. The card has every option."""
+    places = Places(Target(parameters=(("MASTER_LOSS_STOP", 1),)))
     can = {(register.module, register.name) for register in places.registers}
     there = {(path.stem, name) for path in RTL.rglob("*.v") for name in clocked(path)}
     assert len(there) > 70

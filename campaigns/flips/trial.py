@@ -95,7 +95,7 @@ class Places:
     def __post_init__(self) -> None:
         sources = tuple(self.target.sources or card_files())
         self.line = LineFormat(self.baud, FORMS[self.baud], clk_hz(self.baud))
-        self.registers = registers.registers(sources, self.line.clk_hz)
+        self.registers = registers.registers(sources, self.line.clk_hz, self.target.parameters)
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
         known = configurations()

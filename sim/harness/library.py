@@ -140,8 +140,10 @@ def _folder(
     settings = {"CLK_HZ": clk_hz, **(parameters or {})}
     waivers = list(WAIVERS)
     if extra == "flips":
-        found = registers.registers(tuple(sources), clk_hz)
-        waivers.append(registers.public(found, registers.FOLDER / f"{clk_hz}.vlt"))
+        more = tuple(sorted((parameters or {}).items()))
+        found = registers.registers(tuple(sources), clk_hz, more)
+        name = "-".join([str(clk_hz), *(f"{parameter}={value}" for parameter, value in more)])
+        waivers.append(registers.public(found, registers.FOLDER / f"{name}.vlt"))
     if extra == "program":
         waivers.append(HERE / "wave.vlt")
     content = hashlib.sha256(f"{ROOT} {sorted(settings.items())} {extra} {FLAGS} {EXTRA} {LINK}".encode())

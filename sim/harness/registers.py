@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,8 +44,12 @@ class RegistersError(Exception):
 
 
 @functools.cache
-def registers(sources: Sequence[Path], clk_hz: int) -> tuple[Register, ...]:
-    design = json.loads(_netlist(sources, clk_hz).read_text())["modules"]
+def registers(
+    sources: Sequence[Path], clk_hz: int, parameters: tuple[tuple[str, int], ...] = ()
+) -> tuple[Register, ...]:
+    """`parameters`: of the top, beside its clock."""
+    netlist = _netlist(sources, {"CLK_HZ": clk_hz, **dict(parameters)})
+    design = json.loads(netlist.read_text())["modules"]
     top = next(name for name, module in design.items() if "top" in module["attributes"])
     modules = {word: path.read_text() for path in sources for word in _modules(path)}
     return tuple(_below(design, modules, top, ""))
@@ -55,8 +59,8 @@ def _modules(path: Path) -> list[str]:
     return re.findall(r"^\s*module\s+(\w+)", path.read_text(), re.MULTILINE)
 
 
-def _netlist(sources: Sequence[Path], clk_hz: int) -> Path:
-    content = hashlib.sha256(str(clk_hz).encode() + Path(__file__).read_bytes())
+def _netlist(sources: Sequence[Path], settings: Mapping[str, int]) -> Path:
+    content = hashlib.sha256(str(sorted(settings.items())).encode() + Path(__file__).read_bytes())
     for path in sources:
         content.update(path.read_bytes())
     made = FOLDER / f"{content.hexdigest()[:16]}.json"
@@ -72,9 +76,10 @@ def _netlist(sources: Sequence[Path], clk_hz: int) -> Path:
         for number, path in enumerate(sources):
             copies.append(folder / f"{number:02}-{path.name}")
             (ROOT / copies[-1]).write_bytes(path.read_bytes())
+        given = " ".join(f"-set {name} {value}" for name, value in settings.items())
         script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
         script += [
-            f'chparam -set CLK_HZ {clk_hz} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
+            f'chparam {given} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
             f"hierarchy -top {TOP}",
             *("proc", "opt -full", "memory_collect", "opt_clean"),
             f"write_json {folder}/netlist.json",

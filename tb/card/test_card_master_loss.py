@@ -49,9 +49,11 @@ class Drive:
 class Master:
     """A master, its card and the drive, after power-up, with 40002 set."""
 
-    def __init__(self, tens: int = TENS, option: bool = True, image: str = "stop"):
+    def __init__(self, tens: int = TENS, option: bool = True, image: str = "stop", extra: str = ""):
         self.drive = Drive()
-        self.card = FastCard(drive=self.drive, dialect=image, parameters=OPTION if option else ())
+        self.card = FastCard(
+            drive=self.drive, dialect=image, parameters=OPTION if option else (), extra=extra
+        )
         self.card.run(self.card.boot_ms)
         self.pause_ps = 1.1 * rtu.t35_ps(self.card.modbus.fmt.baud)
         if tens != 1000:
@@ -216,3 +218,41 @@ def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
         master.card.run(1500)
         assert master.heard() == []
         assert master.image() == START
+
+
+LICENCE = "mailbox_i.gate_i.g_loss.loss_i."
+HALVES = ("armed_i.held", "armed_i.opposite", "over_i.held", "over_i.opposite")
+COUNTS = ("left", "limit")
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("started", [False, True])
+def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
+    """Both halves of a pair at once, too: then the firmware's clock alone holds the stop back."""
+    with Master(extra="flips") as master:
+        pairs = [("armed_i.held", "armed_i.opposite"), ("over_i.held", "over_i.opposite")]
+        flips = [*((half,) for half in HALVES), *pairs, *((count,) for count in COUNTS)]
+        for names in flips:
+            if started:
+                master.started()
+            for name in names:
+                for bit in (0, 1, 5, 6) if name in COUNTS else (0,):
+                    master.card.flip(LICENCE + name, 0, bit)
+            master.card.run(3 * TENS if started else 30 * TENS)
+            assert master.heard() == [], names
+            master.write(0)
+            master.card.run(REPLIED_MS)
+            master.heard()
+
+
+@pytest.mark.rule("SAFE-4")
+def test_after_a_flip_the_next_start_is_watched_as_ever():
+    with Master(extra="flips") as master:
+        for half in HALVES:
+            master.started()
+            master.card.flip(LICENCE + half, 0, 0)
+            master.card.run(5)
+            commit = master.started()
+            assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
+            master.card.run(50)
+            assert master.heard() == [STOP]

@@ -35,9 +35,7 @@ REPLY_DELAY_BITS = 23
 
 
 @functools.cache
-def library(
-    config: str, clk_hz: int, extra: str = "", parameters: tuple[tuple[str, int], ...] = ()
-) -> Path:
+def library(config: str, clk_hz: int, extra: str = "", parameters: tuple[tuple[str, int], ...] = ()) -> Path:
     """The card of the configuration at a clock, built unless this very content was built before."""
     try:
         return build(clk_hz, config=config, parameters=dict(parameters), extra=extra)
