@@ -354,6 +354,32 @@ def test_an_over_long_request_gets_its_exception(bench: Bench, size: int, code: 
     assert bench.replies == [bytes([1, 0x83, code])]
 
 
+@pytest.mark.rule("FRAME-5", "EXC")
+def test_a_request_of_256_bytes_is_judged_by_its_whole_length(bench: Bench):
+    """LENGTH has eight bits. With the right byte count the length is right, so the quantity is wrong."""
+    for missing, code in ((0, 0x42), (1, 0x41)):
+        bench.request(H("10 1413 007B F7") + bytes(247 - missing))
+        assert bench.mailbox.length == 256 - missing
+        assert bench.replies[-1] == bytes([1, 0x90, code])
+
+
+@pytest.mark.rule("MAP-1", "MAP-8")
+def test_a_reply_holds_nothing_of_an_earlier_one(bench: Bench):
+    """Every slot of a transaction has held a text before it holds the largest answer about coils."""
+    bench.local(H("06 0000 0400"))
+    for _ in range(4):
+        bench.request(H("03 1841 000A"))
+        bench.telegram_ends()
+        bench.drive(H("F26D 0400") + b"12345678901234567890" + H("FFFF FFFF"))
+        assert bench.replies[-1] == b"\x01\x03\x14" + b"12345678901234567890"
+        for _ in range(3):
+            bench.request(H("05 0000 FF00"))
+            bench.telegram_ends()
+            bench.drive(H(STATUS))
+            bench.local(H("01 0000 0080"))
+            assert bench.replies[-1] == H("01 01 10 0100 0000 030F 0020") + bytes(8)
+
+
 # ---------------------------------------------------------------- an exchange with the drive
 
 
@@ -564,6 +590,26 @@ def test_a_reply_after_the_last_wait_is_ignored(bench: Bench):
     bench.telegram_ends()
     bench.drive(TELL_514)
     assert bench.replies == [H("01 83 FF"), REPLY_514]
+
+
+@pytest.mark.rule("FC-6", "MAP-1", "FC-9")
+@pytest.mark.parametrize("pdu", [READ_514, H("05 0006 FF00"), H("06 040F 003C")], ids=bytes.hex)
+def test_the_status_image_outlives_the_drive(bench: Bench, pdu: bytes):
+    """A good reply updates it, and nothing else changes it."""
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.drive(H("1202 0000 0000 012C 8421 C0DE"))
+    for _ in range(2):
+        bench.request(pdu)
+        for _ in range(2):
+            bench.telegram_ends()
+            bench.wait(151)
+        assert bench.replies[-1] == bytes([1, pdu[0] | 0x80, 0xFF])
+        bench.local(H("01 0020 0020"))
+        assert bench.replies[-1] == H("01 01 04 21 84 DE C0")
+    bench.drive(H("0000 0000"))
+    bench.local(H("01 0020 0020"))
+    assert bench.replies[-1] == H("01 01 04 21 84 DE C0"), "nobody listened"
 
 
 @pytest.mark.rule("MAP-3", "FC-9")
@@ -805,6 +851,19 @@ def test_a_late_stop_ends_a_long_wait_at_once(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
+@pytest.mark.parametrize("unit", ["all", "us"])
+def test_a_write_that_waits_never_lengthens_the_wait(bench: Bench, unit: str):
+    bench.local(H("06 0002 0005"))  # 50 ms
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(STOP, broadcast=unit == "all")
+    bench.wait(50)
+    assert bench.telegrams == [ASK_514]
+    bench.wait(1)
+    assert bench.telegrams == [ASK_514, to(unit, TELEGRAM_OF_STOP)]
+
+
+@pytest.mark.rule("FC-9", "MAP-5")
 def test_a_local_request_does_not_shorten_the_wait(bench: Bench):
     bench.local(H("06 0002 03E8"))
     bench.request(READ_514)
@@ -972,6 +1031,53 @@ def test_network_time_out_0_means_never(bench: Bench):
     assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_GREEN
 
 
+FRAMES_FOR_US_OR_ALL = {
+    "a local reading": (READ_IND, False),
+    "a reading": (READ_514, False),
+    "an unknown function": (H("2B"), False),
+    "a wrong length": (H("03 00"), False),
+    "a broadcast to the card": (H("06 0000 0001"), True),
+    "a broadcast to the drives": (H("05 0006 FF00"), True),
+    "a broadcast reading": (READ_IND, True),
+}
+
+
+@pytest.mark.rule("LED-3", "MAP-9")
+@pytest.mark.parametrize("what", FRAMES_FOR_US_OR_ALL)
+def test_every_good_frame_feeds_the_network_led(bench: Bench, what: str):
+    """A good frame for this card or for all: it turns the LED green, and restarts the time-out."""
+    colours = NETWORK_RED | NETWORK_GREEN
+    bench.local(H("06 0001 012C"))  # 300 x 10 ms
+    bench.wait(4000)
+    assert lit(bench) & colours == NETWORK_RED
+    pdu, broadcast = FRAMES_FOR_US_OR_ALL[what]
+    for _ in range(2):
+        bench.request(pdu, broadcast=broadcast)
+        bench.telegram_ends()
+        bench.wait(1700)
+        assert lit(bench) & colours == NETWORK_GREEN
+    bench.wait(400)
+    assert lit(bench) & colours == NETWORK_RED
+
+
+@pytest.mark.rule("LED-3", "MAP-5")
+@pytest.mark.parametrize("tens", [5462, 6000, 0xFFFF])
+def test_long_network_time_outs_are_kept(bench: Bench, tens: int):
+    """5462 x 10 ms are the first that do not fit 16 bits of ticks. The register TIME wraps after 213 ms."""
+
+    def pass_by(ms: int) -> None:
+        for _ in range(ms // 200):
+            bench.mailbox.time += 200
+            bench.gateway.poll()
+
+    bench.wait(3000)
+    bench.local(H("06 0001") + tens.to_bytes(2, "big"))
+    pass_by(10 * tens - 1500)
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_GREEN
+    bench.wait(800)
+    assert lit(bench) & (NETWORK_RED | NETWORK_GREEN) == NETWORK_RED
+
+
 @pytest.mark.rule("LED-3", "FRAME-6")
 def test_a_revoked_frame_does_not_turn_the_network_led_green(bench: Bench):
     bench.wait(3000)
@@ -996,6 +1102,23 @@ def test_drive_led_shows_the_result_of_the_last_exchange(bench: Bench):
     bench.request(H("05 0006 FF00"), broadcast=True)  # does not change the LED
     bench.telegram_ends()
     assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+
+
+@pytest.mark.rule("LED-4", "FC-9")
+def test_drive_led_is_green_again_when_the_repeat_is_answered(bench: Bench):
+    bench.wait(3000)
+    for pdu, answer in ((READ_514, TELL_514), (H("05 0006 FF00"), H(STATUS))):
+        bench.request(READ_514)
+        for _ in range(2):
+            bench.telegram_ends()
+            bench.wait(151)
+        assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+        bench.request(pdu)
+        bench.telegram_ends()
+        bench.wait(151)
+        bench.telegram_ends()
+        bench.drive(answer)
+        assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_GREEN
 
 
 # ---------------------------------------------------------------- any sequence of events

@@ -273,6 +273,25 @@ def test_only_the_first_error_is_reported(card: Translator, pdu: str, code: int,
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
 
 
+@pytest.mark.rule("EXC", "MAP-8")
+@pytest.mark.parametrize(
+    ("ind", "pdu", "code", "what"),
+    [
+        ("0400", "03 1842 000A 00", 65, "length before address"),
+        ("0400", "03 1842 000B", 66, "quantity before address"),
+        ("0500", "10 14D2 000B 16" + "31" * 22, 66, "quantity before address"),
+        ("0500", "10 14D2 000A 13" + "31" * 19, 66, "byte count before address"),
+        ("0400", "03 1842 000A", 64, "the largest text, not aligned"),
+        ("0500", "10 14D2 000A 14" + "31" * 20, 64, "the largest text, not aligned"),
+    ],
+)
+def test_only_the_first_error_of_a_text_is_reported(
+    card: Translator, ind: str, pdu: str, code: int, what: str
+):
+    reply_to(card, f"06 0000 {ind}")
+    assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
+
+
 @pytest.mark.rule("EXC")
 @pytest.mark.parametrize("value", ["FF01", "0001", "00FF", "FFFF", "0100", "FE00"])
 def test_single_coil_takes_0000_and_ff00_only(card: Translator, value: str):
@@ -513,6 +532,26 @@ def test_ind_stays_until_the_master_clears_it_and_local_registers_stay_readable(
     assert same(reply_to(card, "03 0000 0004"), "83 42")
     reply_to(card, "06 0000 0000")
     assert same(sent_for(card, "03 1841 0002"), "81 126D 0000 0000 0000 0000 0000")
+
+
+@pytest.mark.rule("MAP-7", "MAP-8")
+def test_ind_and_coil_65_stay_as_written(card: Translator):
+    """Whatever request comes between, until the master writes them again."""
+    reply_to(card, "05 0040 FF00")
+    for ind, pdu, telegram in (
+        ("0503", "10 14D1 0001 02 4142", "F215 0503 4142"),
+        ("0403", "03 1841 0004", "F26D 0403 0000 0000"),
+        ("0003", "06 040F 003C", "E068 0003 0000 003C"),
+        ("0003", "10 040F 0002 04 0001 003C", "D068 0003 0001 003C"),
+    ):
+        reply_to(card, f"06 0000 {ind}")
+        for _ in range(2):
+            txn = card.do(H(pdu))
+            assert txn.telegram == H(f"81 {telegram} 0000 0000")
+            txn.drive_silent()
+            assert card.do(H("05 0006 FF00")).outcome == EXCHANGE
+            assert same(reply_to(card, "03 0000 0001"), f"03 02 {ind}")
+            assert same(reply_to(card, "01 0040 0001"), "01 01 01")
 
 
 @pytest.mark.rule("MAP-8", "FC-7")

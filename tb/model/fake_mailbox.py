@@ -223,6 +223,7 @@ class FakeMailbox:
         self.bank ^= 1
         adu = bytes([0 if broadcast else self.address]) + pdu + bytes([JUNK] * CRC_BYTES)
         self._store(f"REQUEST_FRAME_{self.bank}", adu[:32])
+        self._store("REPLY_FRAME", bytes([JUNK] * AREAS["REPLY_FRAME"].length))
         self.length = len(adu)
         self.ticket = (self.ticket + 1) & 15
         self.is_candidate, self.is_committed, self.is_broadcast = True, False, broadcast

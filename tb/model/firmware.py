@@ -16,13 +16,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from regs.generated.mailbox import FRAMES_BYTES, STRIDE
+from regs.generated.mailbox import FRAMES_BYTES, REGISTERS, STRIDE
 from tb.model.fc_telegram import without_bcc
 
 ROOT = Path(__file__).resolve().parents[2]
 NOT_A_REPLY, SILENT, REPLY, EXCHANGE = range(4)  # enum outcome
+LONGEST = 30  # bytes of a reply PDU or a telegram
 KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
-JUNK = 0xA5  # value of every frame byte that the hardware did not write
+JUNK = (
+    0xA5  # value of every frame byte that the hardware did not write, and of every result before it is made
+)
 
 ReadHook = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
 WriteHook = ctypes.CFUNCTYPE(None, ctypes.c_uint32, ctypes.c_uint32)
@@ -70,6 +73,7 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
         ("host_size_of_images", u32),
         ("host_size_of_transaction", u32),
         ("host_size_of_gateway", u32),
+        ("host_soil", None, pointer, ctypes.c_uint8),
         ("host_reply", pointer, pointer, ctypes.POINTER(u32)),
         ("host_telegram", pointer, pointer, ctypes.POINTER(u32)),
     ]:
@@ -103,7 +107,9 @@ class Transaction:
 
     def _bytes(self, getter: Callable) -> bytes:
         length = ctypes.c_uint32()
-        return ctypes.string_at(getter(self.memory, ctypes.byref(length)), length.value)
+        start = getter(self.memory, ctypes.byref(length))
+        assert length.value <= LONGEST, "a length that was never written"
+        return ctypes.string_at(start, length.value)
 
     @property
     def reply(self) -> bytes:
@@ -136,9 +142,9 @@ class Transaction:
         return self
 
     def drive_silent(self) -> bytes:
-        """Ends the exchange; returns the reply PDU, which is valid unless the outcome is SILENT."""
+        """Ends the exchange; returns the reply PDU, empty if the outcome is SILENT."""
         self.outcome = self.translator.lib.translate_drive_silent(self.memory)
-        return self.reply
+        return b"" if self.outcome == SILENT else self.reply
 
 
 class Translator:
@@ -156,7 +162,8 @@ class Translator:
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
         """Prepares a request; `length` is the true length if it differs from that of `pdu`."""
-        memory = ctypes.create_string_buffer(self.lib.host_size_of_transaction())
+        size = self.lib.host_size_of_transaction()
+        memory = ctypes.create_string_buffer(bytes([JUNK] * size), size)
         length = len(pdu) if length is None else length
         outcome = self.lib.translate_request(self.memory, memory, frame(pdu[:KEPT]), length, broadcast)
         return Transaction(self, memory, outcome)
@@ -195,7 +202,14 @@ class Gateway:
     ) -> None:
         self.lib = library(option, dialect)
         FrameMemory.move_to(self.lib)
-        self._hooks = ReadHook(read), WriteHook(write)  # must outlive the calls
+
+        def on_read(offset: int) -> int:
+            # The length is read at the beginning of each translation.
+            if offset == REGISTERS["LENGTH"].offset:
+                self.lib.host_soil(self.memory, JUNK)
+            return read(offset)
+
+        self._hooks = ReadHook(on_read), WriteHook(write)  # must outlive the calls
         self.memory = ctypes.create_string_buffer(self.lib.host_size_of_gateway())
         self.lib.host_connect(*self._hooks)
         self.lib.gateway_init(self.memory)

@@ -2,6 +2,8 @@
 /* Access for tests on the host: a mailbox with registers of the test, and the content of the core's structs. */
 #include "host.h"
 
+#include <string.h>
+
 #include "mailbox_port.h"
 
 volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
@@ -43,6 +45,11 @@ uint32_t host_size_of_transaction(void)
 uint32_t host_size_of_gateway(void)
 {
     return sizeof(struct gateway);
+}
+
+void host_soil(struct gateway *g, uint8_t value)
+{
+    memset(g->newest, value, sizeof *g->newest);
 }
 
 const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)
