@@ -379,6 +379,29 @@ async def foreign_frames_are_ignored_and_broadcasts_are_accepted(dut):
 
 
 @cocotb.test()
+@cocotb.parametrize(baud=(9600, 19_200, 38_400, 115_200))
+async def first_bit_of_a_reply_is_never_early_for_any_sender(dut, baud):
+    """The reply starts in the first clock of a committed, quiet line; senders are up to 4 % off (FRAME-8)."""
+    port = await Port(dut, 115_200).start()
+    for form in FORMATS:
+        await use(port, baud, form)
+        dut.reply_length.value = 3
+        port.memory.memory = b"\x07\x83\x40"
+        for ppm in (-40_000, 0, 40_000):
+            end = await port.send(SHORT, Flaws(ppm=ppm))
+            await port.line.source.idle(port.bits(3.2))
+            while dut.quiet.value != 1:
+                await port.bench.clocks()
+            await port.bench.strobe(dut.reply_start)
+            reply = await port.line.monitor.frame(1e12, gap_bits=3)
+            early = (end + rtu.t35_ps(baud) - reply.start_ps) / port.line.fmt.bit_ps
+            print(f"{port.line.fmt}, sender {ppm / 10_000:+.0f} %: first bit {-early:+.3f} bits after t3.5")
+            assert early <= 0, f"{port.line.fmt}, {ppm} ppm"
+            await port.silence(4)
+    port.line.check_direction()
+
+
+@cocotb.test()
 async def echo_of_the_own_reply_is_no_request(dut):
     """The reply's echo would be a good request to this card."""
     port = await Port(dut, echo=True).start()
@@ -469,6 +492,12 @@ def test_network_port(sim):
 def test_silences_at_every_rate(sim):
     """A character at 300 bit/s takes 70,000 clocks."""
     what = "both_silences_are_exact_from_the_pin_at_every_rate"
+    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
+
+
+@pytest.mark.rule("FRAME-8", "LINE-5")
+def test_reply_to_a_slow_sender(sim):
+    what = "first_bit_of_a_reply_is_never_early_for_any_sender"
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
