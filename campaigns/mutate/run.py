@@ -64,6 +64,9 @@ COPIED = (
     "regs",
     "sim",
     "sw",
+    "docs/guide",
+    "docs/reference",
+    "VERSION",
     "configs.toml",
     "pyproject.toml",
     "requirements.txt",
@@ -198,25 +201,30 @@ def mutants(module: str, path: Path) -> list[Mutant]:
     return found
 
 
+def copy_project(root: Path) -> None:
+    """Copies the sources, the pages that tests compare, and the images; shares the tools."""
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir(parents=True)
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, root / name, ignore=shutil.ignore_patterns("__pycache__"))
+        elif source.exists():
+            shutil.copy(source, root / name)
+    (root / ".venv").symlink_to(ROOT / ".venv")
+    for image in ("firmware.hex", "tiny/firmware.hex"):
+        made = ROOT / "build" / image
+        if made.exists():
+            (root / "build" / image).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(made, root / "build" / image)
+
+
 class Tree:
     """A copy of the project in which one module is changed."""
 
     def __init__(self, number: int, module: str) -> None:
         self.root = WORK / f"tree-{module}-{number}"
-        shutil.rmtree(self.root, ignore_errors=True)
-        self.root.mkdir(parents=True)
-        for name in COPIED:
-            source = ROOT / name
-            if source.is_dir():
-                shutil.copytree(source, self.root / name, ignore=shutil.ignore_patterns("__pycache__"))
-            elif source.exists():
-                shutil.copy(source, self.root / name)
-        (self.root / ".venv").symlink_to(ROOT / ".venv")
-        for image in ("firmware.hex", "tiny/firmware.hex"):
-            made = ROOT / "build" / image
-            if made.exists():
-                (self.root / "build" / image).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(made, self.root / "build" / image)
+        copy_project(self.root)
         self.checks: list[str] = []
         self.longest_s: float = LONGEST_S
         self.child: subprocess.Popen | None = None
