@@ -78,8 +78,8 @@ BUGS = {
     ),
     "a held telegram that is not taken back": (
         "gateway.c",
-        "|| (!newest && !g->uncommitted && g->now - g->wait_start > PAUSE)",
-        "",
+        "timed_out(g) || (is_replaced(g) && g->now - g->wait_start > PAUSE)",
+        "is_replaced(g) && timed_out(g) && g->now == 0",
         "gateway",
     ),
     "a licence that outlives its exchange": (
