@@ -48,6 +48,26 @@ static uint32_t least(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
+/* A request of MAP-10: 08 with any sub-function, 0B, 11, 2B/0E. pdu is filled with PATTERN. */
+static uint32_t take_diagnosis(struct input *in, uint8_t *pdu, uint32_t how)
+{
+    static const uint8_t functions[8] = {0x08, 0x08, 0x08, 0x08, 0x0B, 0x11, 0x2B, 0x2B};
+
+    pdu[0] = functions[how & 7];
+    if (pdu[0] == 0x0B || pdu[0] == 0x11)
+        return 1;
+    if (pdu[0] == 0x2B) {
+        pdu[1] = 0x0E;
+        pdu[2] = take(in) & 7;
+        pdu[3] = take(in) & 7;
+        return 4;
+    }
+    pdu[1] = 0;
+    pdu[2] = take(in) & 15;
+    pdu[3] = pdu[4] = 0;
+    return pdu[2] == 0 ? 29 : 5;
+}
+
 uint32_t take_request(struct input *in, uint8_t *pdu)
 {
     static const uint8_t functions[8] = {0x01, 0x03, 0x05, 0x06, 0x0F, 0x10, 0x03, 0x10};
@@ -63,6 +83,8 @@ uint32_t take_request(struct input *in, uint8_t *pdu)
         take_bytes(in, pdu, 0, least(length, PDU_KEPT));
         return length;
     }
+    if (DIAGNOSTICS && (how & 0xF8) == 0xB8)
+        return take_diagnosis(in, pdu, how);
     pdu[0] = functions[how & 7];
     address = take_address(in, how >> 3 & 3);
     operand = how & 0x20 ? take_word(in) : 1 + take(in) % 33;

@@ -503,6 +503,8 @@ static void check_counters(void)
     const volatile uint16_t *counter = mailbox_counter(COUNT_CRC);
     uint32_t i;
 
+    if (DIAGNOSTICS) /* a master may clear them (MAP-10) */
+        return;
     for (i = 0; i < EVENT_FLAGS; i++, counter += FRAME_STRIDE / sizeof *counter)
         HOLDS(*counter == m.counted[i]);
     HOLDS(*mailbox_counter(COUNT_DRIVE_REPEAT) == m.repeats);
