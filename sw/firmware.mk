@@ -50,8 +50,14 @@ build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
 build/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
 
+# Written only when it changes: other options are a reason to build.
+.PHONY: firmware-options
+build/firmware.options: firmware-options
+	@mkdir -p $(@D)
+	@echo '$(FIRMWARE_DEFINES)' | cmp -s - $@ || echo '$(FIRMWARE_DEFINES)' >$@
+
 $(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
-		regs/generated/frames.ld sw/firmware.mk configs.toml | $(SETUP)
+		regs/generated/frames.ld sw/firmware.mk configs.toml build/firmware.options | $(SETUP)
 	@mkdir -p $(@D)
 	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) -DPLACES=$(FIRMWARE_PLACES) $(FIRMWARE_OPTIONS) \
 		$(FIRMWARE_LDFLAGS) \

@@ -6,8 +6,10 @@ from __future__ import annotations
 import ctypes
 import functools
 import re
+import shutil
 import struct
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -360,3 +362,20 @@ def test_a_character_of_somebody_else_ends_the_test_at_any_time(at_ms: int):
     card.wait(1000)
     assert card.mailbox.led != RED
     assert (len(card.mailbox.telegrams), len(card.mailbox.replies)) == sent and served(card)
+
+
+def test_an_image_is_built_again_for_other_options(tmp_path: Path):
+    """FIRMWARE_DEFINES counts like a source: other options make the image anew, and so does their end."""
+    for folder in ("sw", "regs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "configs.toml", tmp_path)
+    (tmp_path / "build").mkdir()
+
+    def built(*defines: str) -> str:
+        command = ["make", "-s", "-f", "sw/firmware.mk", "build/firmware.hex", *defines]
+        subprocess.run(command, cwd=tmp_path, check=True)
+        return (tmp_path / "build/firmware.hex").read_text()
+
+    plain = built()
+    assert built("FIRMWARE_DEFINES=-DADR_SHORT=1") != plain
+    assert built() == plain
