@@ -9,13 +9,18 @@ from __future__ import annotations
 
 import functools
 import random
+import re
 from collections.abc import Iterator
 
 import pytest
 
+from campaigns.fuzz.traffic import DIALECT_PROFILES
+from rtl.sources import ROOT
+from sw.test.host import DIALECTS as HOST_DIALECTS
 from tb.firmware.test_firmware_gateway import DRIVE_GREEN, DRIVE_RED, Bench, instructions_until, lit
 from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
 from tb.lib.seeds import seeded
+from tb.model.card import DIALECTS as MODEL_DIALECTS
 from tb.model.card import OBJECTS, VERSION, CardModel, without_counts
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Gateway, Transaction, Translator
 from tb.model.rv32i import Machine
@@ -53,6 +58,27 @@ def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
     head = txn.telegram[1:5]
     assert txn.drive_reply(bytes([0x70 | head[0] & 0xF]) + head[1:] + H(f"0000 0005 {RUNNING}")) == EXCHANGE
     return txn.drive_commit().drive_again()
+
+
+def test_every_list_names_the_same_dialects():
+    """The places where CONTRIBUTING.md adds a dialect. The card dialect is the default of some of them."""
+
+    def words(path: str, pattern: str) -> set[str]:
+        found = re.findall(pattern, (ROOT / path).read_text(), re.MULTILINE)
+        return {word.lower() for line in found for word in line.split()}
+
+    found = {
+        "options.h": words("sw/include/options.h", r"^#define DIALECT_(\w+) \d+$"),
+        "dialect.h": words("sw/src/dialect.h", r"^    \[DIALECT_(\w+)\] = "),
+        "firmware.mk": {"card"} | words("sw/firmware.mk", r"^FIRMWARE_DIALECTS := (.*)$"),
+        "rules of firmware.mk": words("sw/firmware.mk", r"FIRMWARE_DIALECT := (\w+)$"),
+        "fuzz.mk": words("sw/test/fuzz.mk", r"^FUZZ_DIALECTS := (.*)$"),
+        "dialect.cpp": words("sim/card/dialect.cpp", r'^    \{"(\w+)", '),
+        "host.py": set(HOST_DIALECTS),
+        "traffic.py": set(DIALECT_PROFILES),
+        "rules": set(RULES),
+    }
+    assert found == {name: set(MODEL_DIALECTS) for name in found}
 
 
 # ---------------------------------------------------------------- the documents' examples

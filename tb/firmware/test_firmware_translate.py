@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Iterator
 
 import pytest
 
+from rtl.sources import ROOT
+from sw.test.host import BUILDS, DIALECTS
 from tb.lib.seeds import seeded
 from tb.model.card import CardModel, Step, without_counts
 from tb.model.examples import EXAMPLES
@@ -942,6 +945,16 @@ MODELS = {
     "DIAGNOSTICS": {"diagnostics": True},
     "MASTER_LOSS_STOP": {},
 }
+# Options with other values than 0 and 1. The dialects and the configurations set them.
+NO_SWITCHES = {"DIALECT", "PLACES"}
+
+
+def test_every_option_has_a_build_and_a_model():
+    """A branch of an option without a build is folded away, so the coverage does not miss it."""
+    text = (ROOT / "sw/include/options.h").read_text()
+    switches = set(re.findall(r"^#ifndef (\w+)\n#define \1 ", text, re.MULTILINE)) - NO_SWITCHES
+    assert set(MODELS) - {""} == switches
+    assert set(BUILDS) - set(DIALECTS) == switches
 
 
 @pytest.mark.rule("EXC", "FRAME-6", "MAP-1", "MAP-2", "MAP-3", "MAP-6", "MAP-7", "MAP-8", "MAP-9")
