@@ -94,7 +94,7 @@ def main() -> int:
     for page, (check, command) in PAGES.items():
         path = path_of(page)
         text = path.read_text()
-        older = check(text)
+        older = check(without_notice(text))
         right = marked(text, older, command)
         if options.mark:
             if right != text:
