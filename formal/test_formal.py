@@ -141,7 +141,7 @@ def test_an_assumption_that_is_too_strong_is_found(more, errors, monkeypatch) ->
 def test_a_proof_holds_only_with_its_twin(errors, monkeypatch) -> None:
     monkeypatch.setattr(formal, "sby", lambda *about: (True, ""))
     monkeypatch.setattr(formal, "check_pins", lambda task: errors)
-    proof, _, cover = formal.tasks_of(ROOT / "formal/commit_gate.sby")
+    proof, *_, cover = formal.tasks_of(ROOT / "formal/commit_gate.sby")
     formal.run(proof)
     assert proof.passed == (not errors) and proof.errors == errors
     assert formal.run(cover).passed, "a cover needs no twin: it assumes the same as its proof"
