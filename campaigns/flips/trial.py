@@ -20,7 +20,7 @@ from sim.harness import registers
 from sim.harness.library import Target
 from sim.harness.registers import Register
 from tb.model import fc_telegram, rtu
-from tb.model.card import CardModel
+from tb.model.card import READS, CardModel
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import LineFormat, drive_line, taken_by_a_drive
@@ -333,16 +333,23 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
 def _rightful(
     played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, at: float, data: bytes
 ) -> bool:
-    """The newest request's telegram, or its one repeat: not yet answered, and no broadcast (FC-9)."""
-    number = len(wanted) - 1
-    if number < 0 or data not in wanted[number]:
-        return False
-    _, end, adu = frames[number]
-    reply_sent = any(end < reply.rise < at for reply in played.replies)
-    if reply_sent or sent[number] > (adu[0] != 0):
-        return False
-    sent[number] += 1
-    return True
+    """The newest request's telegram, or its one repeat: not yet answered, and no broadcast (FC-9).
+
+    An older write may have waited for an exchange, the newest of its kind (FRAME-7).
+    """
+    passed: set[bool] = set()  # kinds of the newer writes: to all, or not
+    for number in range(len(wanted) - 1, -1, -1):
+        _, end, adu = frames[number]
+        newest = number == len(wanted) - 1
+        if (newest or (adu[1] not in READS and (adu[0] == 0) not in passed)) and data in wanted[number]:
+            until = min(at, frames[number + 1][0]) if number + 1 < len(frames) else at
+            reply_sent = any(end < reply.rise < until for reply in played.replies)
+            if not reply_sent and sent[number] <= (adu[0] != 0):
+                sent[number] += 1
+                return True
+        if adu[1] not in READS:
+            passed.add(adu[0] == 0)
+    return False
 
 
 def asked(played: Played, line: LineFormat) -> list[tuple[float, float, bytes]]:

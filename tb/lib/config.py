@@ -17,7 +17,8 @@ CONFIG = os.environ.get(CONFIG_VARIABLE, "standard")
 SLOW_HZ = {"standard": 2_000_000, "tiny": 5_000_000}
 CLK_HZ = int(os.environ.get(CLOCK_VARIABLE, SLOW_HZ[CONFIG]))
 # Duration of a round of the poll loop at these clocks in ms: a time-out may be noticed so much later.
-ROUND_MS = {"standard": 0.5, "tiny": 5.0}[CONFIG]
+ROUNDS_MS = {"standard": 0.5, "tiny": 5.0}
+ROUND_MS = ROUNDS_MS[CONFIG]
 # Time in ms until the telegram of a broadcast has been sent, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]
 # Latest start of a parameter telegram in drive bits after t3.5, at 9600 bit/s and the card's own clock.
