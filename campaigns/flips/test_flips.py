@@ -372,6 +372,15 @@ def test_broadcast_and_older_request_have_no_repeat():
     assert verdict_of(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 120)], [], newer) == FORBIDDEN[0]
 
 
+@pytest.mark.rule("FRAME-7")
+def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request():
+    newer = heard(rtu.build(1, rtu.read_coils(0, 8)), 70 * LINE.clk_hz / 1000)
+    once, twice = [(TELEGRAM, 120)], [(TELEGRAM, 120), (TELEGRAM, 280)]
+    assert verdict_of(COMMAND, once, [], newer) == ""
+    assert verdict_of(COMMAND, twice, [], newer) == "telegram again or late"
+    assert verdict_of(COMMAND, [*twice, (TELEGRAM, 440)], [], newer) == FORBIDDEN[0]
+
+
 @pytest.mark.rule("SAFE-2")
 @pytest.mark.parametrize(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
 def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):

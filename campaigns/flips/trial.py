@@ -9,7 +9,7 @@ than the watchdog time, and sends a request once more.
 from __future__ import annotations
 
 import random
-from collections import Counter
+from collections import defaultdict
 from dataclasses import dataclass, field
 
 from campaigns.fuzz.case import BOOT_S, BUDGET_CLOCKS, Played, Player, clk_hz
@@ -306,7 +306,7 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
     frames = asked(played, line)
     causes = expected(frames, played)
     found: dict[str, str] = {}
-    sent: Counter = Counter()
+    sent: dict[int, list[float]] = defaultdict(list)  # times of the telegrams of each request
     # Until a newer request is committed, the older one's telegram may still leave.
     commit = 0.9 * line.t35_bits * line.bit
     taken, rest = taken_by_a_drive(played.telegrams, drive_line(line.clk_hz))
@@ -316,8 +316,10 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
         before = [number for number, (_, end, _) in enumerate(frames) if end + commit < at]
         number = before[-1] if before else -1
         wanted = causes[: number + 1]
-        if _rightful(played, frames, wanted, sent, at, data):
-            if sent[number] == 2:  # the drive of this traffic always answers
+        cause = _requested_by(played, frames, wanted, sent, at, data)
+        if cause is not None:
+            sent[cause].append(at)
+            if len(sent[cause]) == 2:  # the drive of this traffic always answers
                 found.setdefault("telegram again or late", f"{data.hex(' ')} once more")
             continue
         early = "flip before the request" if number >= 0 and flip.at < frames[number][0] else "flip during it"
@@ -330,26 +332,31 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
     return what, found.get(what, "")
 
 
-def _rightful(
-    played: Played, frames: list, wanted: list[set[bytes]], sent: Counter, at: float, data: bytes
-) -> bool:
-    """The newest request's telegram, or its one repeat: not yet answered, and no broadcast (FC-9).
+def _requested_by(
+    played: Played, frames: list, wanted: list[set[bytes]], sent: dict[int, list], at: float, data: bytes
+) -> int | None:
+    """Number of the request that this telegram may belong to: the newest, or a write that waited.
 
-    An older write may have waited for an exchange, the newest of its kind (FRAME-7).
+    A telegram leaves once, and is repeated once: not after the reply, and none to all drives (FC-9). A write
+    may have waited for an exchange, the newest of its kind (FRAME-7). It has a repeat only if it left after
+    the newer request: a telegram that had left before is not repeated.
     """
     passed: set[bool] = set()  # kinds of the newer writes: to all, or not
     for number in range(len(wanted) - 1, -1, -1):
         _, end, adu = frames[number]
         newest = number == len(wanted) - 1
-        if (newest or (adu[1] not in READS and (adu[0] == 0) not in passed)) and data in wanted[number]:
-            until = min(at, frames[number + 1][0]) if number + 1 < len(frames) else at
-            reply_sent = any(end < reply.rise < until for reply in played.replies)
-            if not reply_sent and sent[number] <= (adu[0] != 0):
-                sent[number] += 1
-                return True
-        if adu[1] not in READS:
-            passed.add(adu[0] == 0)
-    return False
+        to_all = adu[0] == 0
+        write = adu[1] not in READS
+        if (newest or (write and to_all not in passed)) and data in wanted[number]:
+            newer_start, newer_end, _ = frames[number + 1] if number + 1 < len(frames) else (at, at, b"")
+            reply_sent = any(end < reply.rise < min(at, newer_start) for reply in played.replies)
+            left = sent[number]
+            repeat = len(left) == 1 and not to_all and (newest or left[0] > newer_end)
+            if not reply_sent and (not left or repeat):
+                return number
+        if write:
+            passed.add(to_all)
+    return None
 
 
 def asked(played: Played, line: LineFormat) -> list[tuple[float, float, bytes]]:
