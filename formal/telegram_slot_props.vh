@@ -68,7 +68,7 @@ always @(posedge clk) begin
     a_command : assert (!(start && control) || g_command);
     // The memory is as it was ordered in this very clock, and no order comes in it.
     a_clear : assert (!start || !(queue || again || use_place || touched || closing));
-    // FRAME-7: what was ordered and has its right leaves, unless its request is answered first.
+    // FRAME-7: a telegram that was ordered and has a licence leaves, unless its request is answered first.
     a_leaves : assert (start || !(g_first && g_right && g_here && !g_answered && quiet) ||
         queue || again || use_place || touched || closing);
     // FC-8, FC-9

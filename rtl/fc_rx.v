@@ -5,8 +5,8 @@
 // which also comes with the next own telegram. Before STX, any other byte is ignored: a line
 // that changes direction may produce a phantom character. From STX on everything must be right
 // (FC-8): LGE >= 6, the ADR that was sent, parity, stop bits and BCC. A gap is at most 2
-// characters, and the whole takes at most 1.5 times the nominal time. A telegram that fails is counted once with bad. The
-// receiver looks for STX again after 2 characters of silence.
+// characters, and the whole takes at most 1.5 times the nominal time. A telegram that fails is
+// counted once with bad. The receiver looks for STX again after 2 characters of silence.
 //
 // candidate: level, all data bytes are stored and only the BCC is missing. The firmware may
 // prepare its answer. good: level, the BCC was correct. The telegram stays in the frame memory

@@ -16,8 +16,8 @@
 //
 // Each discarded frame counts one event, for the first that applies of framing error, parity
 // error, over-length and CRC error. A frame that is continued between t1.5 and t3.5 counts
-// count_t15 instead. count_foreign: a good frame for another unit. frame_writes_coils: the function is 05 or 15, the only ones that may
-// command the drive.
+// count_t15 instead. count_foreign: a good frame for another unit. frame_writes_coils: the
+// function is 05 or 15, the only ones that may command the drive.
 // Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.
 `default_nettype none
 

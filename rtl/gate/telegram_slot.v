@@ -12,7 +12,7 @@
 // (touched) and the end of the loop-back test take licence and telegram. While that test is
 // open, every order of queue has a licence, but no command (LOOP-1).
 // control: the licensed request writes coils, so bit 10 of the control word may be 1.
-// stop: the licence was that of master_loss (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
+// stop: master_loss gave the licence (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
 // command_left: the write of coils of the newest request leaves in this clock.
 // own: from this clock on the newest request licenses the telegram here.
 // In the clock of any order no telegram starts. Clock domain: clk.

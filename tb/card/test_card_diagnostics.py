@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of MAP-10 against the traffic on the network line, at the pins of the card at its own clock.
 
-The traffic names what each frame is; the counts that the card tells must be the same. Frames follow
+A model counts every frame that the traffic sends. The card must report the same counts. Frames follow
 each other as closely as the standard allows. The image is `hvac_basic`, which has diagnostics by default.
 """
 
@@ -30,7 +30,7 @@ DIAGNOSES = [bytes([8, 0, sub, 0, 0]) for sub in (REGISTER, MESSAGES, 12, EXCEPT
 
 
 class Traffic:
-    """Frames on the network line, and the model that is told what each was."""
+    """Sends frames on the network line, and counts each of them in the model."""
 
     def __init__(self, card: FastCard, rng: random.Random):
         self.card, self.rng = card, rng
