@@ -24,7 +24,8 @@ initial assume (rst);
 (* hierconn *) wire \telegram_i.licence_i.opposite ;
 (* hierconn *) wire \telegram_i.newest ;
 (* hierconn *) wire \telegram_i.repeatable ;
-(* hierconn *) wire \telegram_i.begun ;
+(* hierconn *) wire \telegram_i.fresh_i.held ;
+(* hierconn *) wire \telegram_i.fresh_i.opposite ;
 (* hierconn *) wire \telegram_i.from_place ;
 (* hierconn *) wire \request_i.to_keep ;
 (* hierconn *) wire \broadcast_i.valid_i.held ;
@@ -39,7 +40,7 @@ initial assume (rst);
 initial assume (\reply_i.wait_drive == 1'b0);
 wire g_gate_licensed = \telegram_i.licence_i.held ;
 wire g_gate_newest = \telegram_i.newest ;
-wire g_gate_begun = \telegram_i.begun ;
+wire g_gate_begun = !\telegram_i.fresh_i.held ;
 
 // ---- the newest request (FRAME-6): raised as a candidate, then committed, or revoked by a character
 reg g_pending = 1'b0;
@@ -315,6 +316,7 @@ always @(posedge clk) begin
   if (g_past) begin
     i_committed : assert (\request_i.committed_i.held == g_committed && \request_i.committed_i.opposite == !g_committed);
     i_opposite : assert (\telegram_i.licence_i.opposite == !g_gate_licensed);
+    i_fresh_halves : assert (\telegram_i.fresh_i.opposite == g_gate_begun);
     i_answerable : assert (\request_i.answerable == (g_committed && !g_heard));
     i_spent : assert (\request_i.spent == g_spent);
     i_open : assert (\loopback_i.was_open == g_open);

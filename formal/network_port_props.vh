@@ -46,7 +46,7 @@ initial assume (rst);
 (* hierconn *) wire \uart_i.loaded ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
 (* hierconn *) wire [7:0] \filter_i.history ;
-(* hierconn *) wire [2:0] \rtu_rx_i.state ;
+(* hierconn *) wire [3:0] \rtu_rx_i.state ;
 (* hierconn *) wire [2:0] \rtu_rx_i.unit ;
 (* hierconn *) wire \rtu_rx_i.begun_bank ;
 (* hierconn *) wire \rtu_rx_i.candidate ;
@@ -56,6 +56,11 @@ initial assume (rst);
 (* hierconn *) wire \rtu_rx_i.frame_broadcast ;
 (* hierconn *) wire \rtu_rx_i.frame_writes_coils ;
 (* hierconn *) wire \rtu_rx_i.frame_bank ;
+(* hierconn *) wire \rtu_rx_i.bank_i.held ;
+(* hierconn *) wire \rtu_rx_i.bank_i.opposite ;
+(* hierconn *) wire [3:0] \watch_i.lows ;
+(* hierconn *) wire \watch_i.low_seen ;
+(* hierconn *) wire \silence_i.long_over ;
 wire [8:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
 wire g_damaged = \silence_i.damaged ;
@@ -157,6 +162,8 @@ always @(posedge clk) begin
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_deaf : assert (!de || !(rx_valid || start_seen));
+    // request_fate relies on this, for the start bits that the UART saw and for those that start_watch saw.
+    a_start_not_silent : assert (!(start_seen && g_line_silent));
     a_not_quiet : assert (!(de || rx_busy || rx_valid) || !g_line_silent);
     // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
     a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_reported);
@@ -232,11 +239,19 @@ always @(posedge clk) begin
     i_clean : assert (line == (g_ones >= 4'd5));
     i_valid : assert (!rx_valid || rx_framing_error || (g_uart == 5'd0 && !g_driving));
     i_own : assert (!(g_calm && !long_silent) || !g_own);
-    i_long : assert (!long_reached || long_silent);
+    i_long : assert (!\silence_i.long_over || long_silent);
+    i_bank_halves : assert (\rtu_rx_i.bank_i.opposite == !\rtu_rx_i.bank_i.held );
+    i_watch : assert (\watch_i.lows < 4'd2 || g_rst || (g_uart != 5'd0 && !g_driving && (line || g_votes == 2'b00)));
+    i_watch_start : assert (!g_start || \watch_i.lows <= 4'd3);
+    i_watch_de : assert (!de || \watch_i.lows <= (g_high <= 16'd2 ? 4'd4 + {2'd0, g_high[1:0]} : 4'd0));
+    i_watch_vote : assert (\watch_i.lows == 4'd0 || !g_votes[0]);
+    i_driving_deaf : assert (!g_driving || line);
+    i_low_seen : assert (!\watch_i.low_seen || (g_uart != 5'd0 && !g_driving && !de));
+    i_calm_watch : assert (!g_calm || \watch_i.lows == 4'd0);
     i_short : assert (!short_reached || (g_halves == 3'd3 && !long_silent));
     i_commit : assert (!(g_calm && commit) || long_silent);
-    i_hold : assert (!(g_calm && \rtu_rx_i.state == 3'd3) || !long_silent || long_reached);
-    i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || (\rtu_rx_i.state == 3'd3 &&
+    i_hold : assert (!(g_calm && \rtu_rx_i.state == 4'b0110) || !long_silent || long_reached);
+    i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || (\rtu_rx_i.state == 4'b0110 &&
         (\rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101) && \rtu_rx_i.begun_bank != frame_bank));
   end
 end

@@ -2,6 +2,8 @@
 // A request is handed over only if all its characters were good; once, at its time, with its full length. No byte that
 // the firmware may be reading is overwritten (FRAME-1 ... FRAME-6, SAFE-1).
 //
+// No flipped bit is modelled here: fault stays low, and the bank's halves stay opposite.
+//
 // The ghosts follow the line by the rules: the number of characters of the frame, the errors of any of them, and the
 // silences after it. EARLY: PREPARE_EARLY = 1.
 //
@@ -13,6 +15,9 @@
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
+
+(* hierconn *) wire \bank_i.held ;
+(* hierconn *) wire \bank_i.opposite ;
 
 reg g_character = 1'b0;  // a character is on the line
 reg g_pending = 1'b0;  // a character was accepted and is not stored or dropped yet
@@ -182,6 +187,7 @@ always @(posedge clk) begin
     a_t15 : assert (count_t15 == ((byte_valid && g_forgotten) || (g_continued && STRICT_T15 && !g_ours)));
     a_foreign : assert (count_foreign == (long_reached && g_good && !g_ours && !g_continued));
     a_one_cause : assert (g_counted <= 3'd1);
+    a_no_fault : assert (!fault);
     a_good_not_counted : assert (!(candidate || commit || count_foreign) || g_counted == 3'd0);
   end
 end
@@ -189,7 +195,12 @@ end
 // ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
-    i_known : assert (state <= S_SUSPECT);
+    i_known : assert (state == S_WAIT || state == S_IDLE || state == S_RECEIVE || state == S_HOLD || state == S_SUSPECT);
+    i_halves : assert (\bank_i.opposite == !\bank_i.held );
+    i_flawed : assert (g_count == 9'd0 || flawed == (g_parity || g_framing));
+    // Characters that began: those of the frame, and the present one.
+    i_starts : assert (g_count == 9'd0 || g_first || g_count == 9'd257 || starts == g_count[7:0] + {7'd0, g_character});
+    i_first_start : assert (!(g_first && g_character) || starts == 8'd1);
     i_wait : assert ((state == S_WAIT) == g_lost);
     i_idle : assert ((state == S_IDLE) == (!g_lost && g_count == 9'd0));
     i_hold : assert ((state == S_HOLD) == g_good);

@@ -10,6 +10,8 @@ initial assume (rst);
 
 (* hierconn *) wire \licence_i.held ;
 (* hierconn *) wire \licence_i.opposite ;
+(* hierconn *) wire \fresh_i.held ;
+(* hierconn *) wire \fresh_i.opposite ;
 
 reg g_here = 1'b0;  // the memory holds what was ordered
 reg g_prepared = 1'b0;  // ordered for a candidate that is still one
@@ -91,9 +93,10 @@ end
 
 // ---- what induction needs to know
 wire g_licensed = \licence_i.held ;
+wire begun = !\fresh_i.held ;
 always @(posedge clk) begin
   if (g_past) begin
-    i_halves : assert (\licence_i.opposite == !g_licensed);
+    i_halves : assert (\licence_i.opposite == !g_licensed && \fresh_i.opposite == begun);
     i_either : assert (!(g_prepared && g_right));
     i_right : assert (!g_licensed || (g_here && g_right));
     i_queued : assert (!queued || g_licensed || (g_here && g_prepared));

@@ -3,8 +3,8 @@
 //
 // The network port writes requests and reads replies, the drive port reads telegrams
 // and writes the drive's replies, the firmware sees all of it through one bus, and
-// the commit gate decides what leaves. Only wires in here. request, telegram, exchange:
-// vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
+// the commit gate decides what leaves. Only wires in here. request, telegram, exchange,
+// supervision: vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
 // commit_gate, like MASTER_LOSS_STOP. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
@@ -59,9 +59,7 @@ module mailbox #(
     // both ports
     output wire [                       7:0] read_data,
     // supervisor
-    output wire                              watchdog_kick,
-    output wire                              halt,
-    output wire                              loopback_close,
+    output wire [    `CARD_SUPERVISION_BITS] supervision,
     input  wire                              loopback_open,
     // status
     input  wire [                       7:0] ticks,
@@ -176,9 +174,9 @@ module mailbox #(
       .keep_write(keep_write),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .watchdog_kick(watchdog_kick),
-      .halt(halt),
-      .loopback_close(loopback_close),
+      .watchdog_kick(supervision[`CARD_SUPERVISION_KICK_BITS]),
+      .halt(supervision[`CARD_SUPERVISION_HALT_BITS]),
+      .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
       .watch_master(watch_master),
       .reply_length(reply_length),
       .telegram_length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
@@ -241,7 +239,8 @@ module mailbox #(
       .reply_queued(reply_queued),
       .telegram_queued(telegram_queued),
       .telegram_started(telegram_started),
-      .stop_due(stop_due)
+      .stop_due(stop_due),
+      .fault(supervision[`CARD_SUPERVISION_FAULT_BITS])
   );
 
   // For waveforms only.

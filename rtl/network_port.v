@@ -7,6 +7,8 @@
 // silent: t3.5 is over and no character has begun, which a commit asks for. A pulse below a
 // quarter bit stops the count of silence and does not end it, so it costs no commit (LINE-5).
 // quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
+// start_seen: the UART or start_watch saw a start bit, so one flipped bit hides none from the
+// gate. fault: see rtu_rx.
 // format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
 // loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
@@ -45,7 +47,8 @@ module network_port #(
     output wire                      quiet,
     output wire                      start_seen,
     output wire [`CARD_REQUEST_BITS] request,
-    output wire [               6:0] events
+    output wire [               6:0] events,
+    output wire                      fault
 );
 
   wire synced;
@@ -70,10 +73,13 @@ module network_port #(
   wire tx_busy;
   wire line_request;
   wire line_ready;
+  wire uart_start;
+  wire low_seen;
 
   assign write_data = rx_data;
   wire silent = long_silent && !rx_busy && !rx_valid && !de;
   assign quiet = silent && synced;
+  assign start_seen = uart_start || low_seen;
   assign request[`CARD_REQUEST_SILENT_BITS] = silent;
 
   sync_2ff #(
@@ -129,7 +135,17 @@ module network_port #(
       // status
       .receiving(rx_busy),
       .sending(tx_busy),
-      .start_seen(start_seen)
+      .start_seen(uart_start)
+  );
+
+  start_watch watch_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // line activity
+      .line(line),
+      // status
+      .low_seen(low_seen)
   );
 
   silence_timer #(
@@ -174,7 +190,7 @@ module network_port #(
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
-      .start_seen(start_seen),
+      .start_seen(uart_start),
       .short_reached(short_reached),
       .long_reached(long_reached),
       // frame memory, 32 bytes a bank
@@ -200,7 +216,8 @@ module network_port #(
       .count_framing(events[`MBX_EVENTS_FRAMING_BITS]),
       .count_t15(events[`MBX_EVENTS_T15_BITS]),
       .count_overrun(events[`MBX_EVENTS_OVERRUN_BITS]),
-      .count_foreign(events[`MBX_EVENTS_FOREIGN_BITS])
+      .count_foreign(events[`MBX_EVENTS_FOREIGN_BITS]),
+      .fault(fault)
   );
 
   rtu_tx rtu_tx_i (

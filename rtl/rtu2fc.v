@@ -106,14 +106,16 @@ module rtu2fc #(
 
   wire [7:0] frame_read_data;
 
-  wire watchdog_kick;
-  wire halt;
-  wire loopback_close;
+  wire [`CARD_SUPERVISION_BITS] supervision;
+  wire network_fault;
   wire loopback_open;
   wire fault;
   wire modbus_driven;
   wire drive_driven;
   wire [`MBX_LED_BITS] lit;
+
+  // docs/hardening.md, Faults of guarded bits, Memory parity (SAFE-4)
+  wire flipped = ram_damaged || network_fault || supervision[`CARD_SUPERVISION_FAULT_BITS];
 
   // On a fault both LEDs are red, whatever the firmware has set (LED-5).
   assign led_modbus_red = lit[`MBX_LED_MODBUS_RED_BITS] || fault;
@@ -211,7 +213,8 @@ module rtu2fc #(
       .quiet(modbus_quiet),
       .start_seen(modbus_start_seen),
       .request(request),
-      .events(network_events)
+      .events(network_events),
+      .fault(network_fault)
   );
 
   drive_port drive_i (
@@ -322,9 +325,7 @@ module rtu2fc #(
       // both ports
       .read_data(frame_read_data),
       // supervisor
-      .watchdog_kick(watchdog_kick),
-      .halt(halt),
-      .loopback_close(loopback_close),
+      .supervision(supervision),
       .loopback_open(loopback_open),
       // status
       .ticks(ticks),
@@ -336,10 +337,10 @@ module rtu2fc #(
       .rst(rst),
       .beat(ticks[5]),
       // firmware
-      .kick(watchdog_kick),
-      .halt(halt),
-      .loopback_close(loopback_close),
-      .core_trap(core_trap || ram_damaged),
+      .kick(supervision[`CARD_SUPERVISION_KICK_BITS]),
+      .halt(supervision[`CARD_SUPERVISION_HALT_BITS]),
+      .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
+      .core_trap(core_trap || flipped),
       // configuration
       .sw_baud(baud),
       .address_valid(addr_valid),

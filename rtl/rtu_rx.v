@@ -9,6 +9,9 @@
 // (FRAME-5). Two banks alternate. The bank of the newest candidate is not written before a newer
 // candidate exists, so the firmware never reads a mixture of two frames.
 //
+// A frame is good only if as many characters began (start_seen) as were stored, so a byte that
+// a flipped bit loses or repeats spoils it. docs/hardening.md, Characters counted twice (SAFE-4)
+//
 // STRICT_T15 = 1: a frame that is not good at t1.5 is discarded, and the next byte is an address
 // (FRAME-2). A character after a good frame spoils everything up to the next t3.5 (FRAME-3).
 // STRICT_T15 = 0: a frame grows until t3.5.
@@ -52,20 +55,22 @@ module rtu_rx #(
     output reg  [7:0] frame_length,
     output reg        frame_broadcast,
     output reg        frame_writes_coils,
-    output reg        frame_bank,
+    output wire       frame_bank,
     output wire       count_crc,
     output wire       count_parity,
     output wire       count_framing,
     output wire       count_t15,
     output wire       count_overrun,
-    output wire       count_foreign
+    output wire       count_foreign,
+    output wire       fault
 );
 
-  localparam [2:0] S_WAIT = 3'd0;  // ignore all characters until t3.5 of silence
-  localparam [2:0] S_IDLE = 3'd1;  // silence: the next character starts a frame
-  localparam [2:0] S_RECEIVE = 3'd2;  // inside a frame
-  localparam [2:0] S_HOLD = 3'd3;  // good at t1.5, ends at t3.5
-  localparam [2:0] S_SUSPECT = 3'd4;  // not good at t1.5 and discarded
+  // docs/hardening.md, State codes of the receiver (SAFE-4)
+  localparam [3:0] S_WAIT = 4'b0000;  // ignore all characters until t3.5 of silence
+  localparam [3:0] S_IDLE = 4'b0011;  // silence: the next character starts a frame
+  localparam [3:0] S_RECEIVE = 4'b0101;  // inside a frame
+  localparam [3:0] S_HOLD = 4'b0110;  // good at t1.5, ends at t3.5
+  localparam [3:0] S_SUSPECT = 4'b1001;  // not good at t1.5 and discarded
 
   localparam [7:0] WRITE_COIL = 8'd5;
   localparam [7:0] WRITE_COILS = 8'd15;
@@ -75,8 +80,9 @@ module rtu_rx #(
   localparam [2:0] TO_ALL = 3'b101;
   localparam [2:0] TO_OTHERS = 3'b110;
 
-  reg [2:0] state = S_WAIT;
+  reg [3:0] state = S_WAIT;
   reg [8:0] length = 9'd0;
+  reg [7:0] starts = 8'd0;  // characters of the frame that have begun
   reg storing = 1'b0;
   reg [2:0] unit = TO_OTHERS;
   reg begun_bank = 1'b0;
@@ -84,10 +90,12 @@ module rtu_rx #(
   reg writes_coils = 1'b0;
   reg parity_bad = 1'b0;
   reg framing_bad = 1'b0;
+  reg flawed = 1'b0;  // any character was bad: says again what the two before say
   reg overrun = 1'b0;
 
   wire clean = !parity_bad && !framing_bad && !overrun;
-  wire good = crc_good && clean && length[8:2] != 7'd0;
+  wire whole = starts == length[7:0] && length[8:2] != 7'd0;
+  wire good = crc_good && clean && !flawed && whole;
   wire mine = unit == TO_US || unit == TO_ALL;
   // docs/hardening.md, Frame bank (SAFE-4)
   wire in_place = frame_bank == begun_bank;
@@ -105,6 +113,7 @@ module rtu_rx #(
                                       : state == S_HOLD && long_reached);
   // docs/hardening.md, Revoke twice (SAFE-4)
   wire spoilt = state == S_HOLD && (start_seen || byte_valid);
+  wire next_bank = raise || (spoilt && mine && PREPARE_EARLY);
 
   // A bad frame is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
@@ -122,8 +131,20 @@ module rtu_rx #(
     frame_length = 8'd0;
     frame_broadcast = 1'b0;
     frame_writes_coils = 1'b0;
-    frame_bank = 1'b0;
   end
+
+  // A flip between commit and firmware would show an older frame. It ends in bank 0 and reports
+  // a fault, which restarts the firmware. docs/hardening.md, Frame bank (SAFE-4)
+  guarded_bit bank_i (
+      .clk  (clk),
+      .rst  (rst),
+      // next value
+      .load (next_bank || fault),
+      .data (next_bank && !frame_bank),
+      // status
+      .value(frame_bank),
+      .fault(fault)
+  );
 
   always @(posedge clk) begin
     candidate <= raise;
@@ -135,6 +156,7 @@ module rtu_rx #(
       if (length[8]) overrun <= 1'b1;
       else length <= length + 9'd1;
     end
+    if (start_seen) starts <= first ? 8'd1 : starts + 8'd1;
     if (accept) begin
       storing <= 1'b1;
       function_next <= first;
@@ -146,9 +168,11 @@ module rtu_rx #(
         begun_bank <= frame_bank;
         parity_bad <= byte_parity_error;
         framing_bad <= byte_framing_error;
+        flawed <= byte_parity_error || byte_framing_error;
       end else begin
         if (byte_parity_error) parity_bad <= 1'b1;
         if (byte_framing_error) framing_bad <= 1'b1;
+        if (byte_parity_error || byte_framing_error) flawed <= 1'b1;
       end
     end
     // A 00 byte appended to a good frame leaves the CRC remainder good, so a flipped state could
@@ -162,7 +186,6 @@ module rtu_rx #(
       frame_broadcast <= unit == TO_ALL;
       frame_writes_coils <= writes_coils;
     end
-    if (raise || (spoilt && mine && PREPARE_EARLY)) frame_bank <= !frame_bank;
 
     case (state)
       S_WAIT: if (long_reached) state <= S_IDLE;
@@ -176,14 +199,14 @@ module rtu_rx #(
       S_SUSPECT:
       if (byte_valid) state <= S_RECEIVE;
       else if (long_reached) state <= S_IDLE;
-      default: if (byte_valid) state <= S_RECEIVE;
+      S_IDLE: if (byte_valid) state <= S_RECEIVE;
+      default: state <= S_WAIT;
     endcase
 
     if (deaf) state <= S_WAIT;
     if (rst) begin
       state <= S_WAIT;
       storing <= 1'b0;
-      frame_bank <= 1'b0;
       candidate <= 1'b0;
       commit <= 1'b0;
       revoke <= 1'b0;

@@ -40,7 +40,7 @@ module silence_timer #(
     input  wire             two_stop,
     // status
     output reg              short_reached,
-    output reg              long_reached,
+    output wire             long_reached,
     output reg              long_silent
 );
 
@@ -53,6 +53,7 @@ module silence_timer #(
   reg [2:0] halves = 3'd0;  // halves that are over
   reg [WIDTH-1:0] ticks_next;
   reg [2:0] halves_next;
+  reg long_over = 1'b0;  // one clock: the long limit was reached
   wire damaged;
 
   wire counting = tick16 && !busy && !long_silent;
@@ -81,9 +82,11 @@ module silence_timer #(
 
   initial begin
     short_reached = 1'b0;
-    long_reached  = 1'b0;
     long_silent   = 1'b0;
   end
+
+  // docs/hardening.md, End of silence (SAFE-4)
+  assign long_reached = long_over && long_silent;
 
   always @* begin
     ticks_next  = ticks;
@@ -103,11 +106,11 @@ module silence_timer #(
     ticks <= ticks_next;
     halves <= halves_next;
     short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
-    long_reached <= half_over && halves == LONG_HALVES - 3'd1;
+    long_over <= half_over && halves == LONG_HALVES - 3'd1;
     if (half_over && halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
     if (again) begin
       short_reached <= 1'b0;
-      long_reached  <= 1'b0;
+      long_over     <= 1'b0;
       long_silent   <= 1'b0;
     end
   end

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Watches the firmware, restarts it when it stops, and halts the card on a fault.
 //
-// Watchdog (WDG-1): it bites at the third beat without a kick, or on a trap. A bite resets the
-// soft core and the queued reply and telegram. The lines and the switch settings are not reset,
-// so a telegram on the wire is finished. Three bites are a fault if in between neither a reply
-// was sent nor a good telegram came from the drive.
+// Watchdog (WDG-1): it bites at the third beat without a kick, or on core_trap: a trap of the
+// soft core, or a flipped bit that the memory or a guarded bit reports. A bite resets the soft
+// core and the queued reply and telegram. The lines and the switch settings are not reset, so a
+// telegram on the wire is finished. Three bites are a fault if in between neither a reply was
+// sent nor a good telegram came from the drive.
 // Fault (LED-5): an invalid unit address, a firmware image with a wrong checksum, or the third
 // bite. Until the next reset the soft core is stopped, both ports are in reset (both DE low) and
 // both LEDs are red.

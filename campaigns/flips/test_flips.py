@@ -149,12 +149,12 @@ def test_no_flip_of_the_receiver_changes_a_command(places):
     assert len(played.telegrams) == 4, "the last one is that of the probe"
     starts = [h.start for n, h in enumerate(played.network) if n % 13 == 0]
     character = LINE.character_bits * LINE.bit
-    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.frame_bank"):
+    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.bank_i.held"):
         register = next(register for register in places.registers if register.path == f"network_i.{path}")
         moments = [moment * character for moment in (3.2, 9.3, 13.0 + 2.5 * 11 / LINE.character_bits)]
         if path == "uart_i.shift":
             moments = [0.5 * character, 0.8 * character]
-        elif path.endswith("_bank"):
+        elif "bank" in path:
             # The frame is a candidate, and the firmware is about to read it.
             moments.append(13 * character + LINE.t15_bits * LINE.bit + 200)
         for bit in register.bits:
@@ -200,6 +200,30 @@ def test_no_flip_of_the_gate_or_the_sender_makes_a_command(places, moment):
             flip = Flip(round(at), register.path, 0, bit, "card")
             outcome, *_ = trial("test", places, flip, events)
             assert outcome.what not in FORBIDDEN, outcome
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("half", ["held", "opposite"])
+def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, half):
+    """A start, a stop, then the reference alone: that telegram must not carry the start again.
+
+    After a restart the control word is 0. The probes at the end of the trial start the motor, at reference 0.
+    """
+    stop = rtu.build(1, bytes.fromhex("0f 0000 0010 02 3c04"))
+    reference = rtu.build(1, bytes.fromhex("0f 0010 0010 02 2222"))
+    events = [
+        *commands((1, 0x1111)),
+        *({"what": "", "gap": ["idle", 20.0], "bytes": data.hex()} for data in (stop, reference)),
+    ]
+    path = f"mailbox_i.gate_i.request_i.committed_i.{half}"
+    _, _, played, _ = trial("test", places, Flip(10**9, path, 0, 0, "card"), events)
+    end = played.network[13 + 10].end
+    assert played.telegrams[1].rise > end and len(played.telegrams) == 4, "the last one is that of the probe"
+    for after in range(20, 400, 20):
+        at = round(end + LINE.t35_bits * LINE.bit + after)
+        _, _, played, _ = trial("test", places, Flip(at, path, 0, 0, "card"), events)
+        later = {burst.data for burst in played.telegrams if burst.rise > end} - {TELEGRAM}
+        assert all(data[3:5] in (b"\x04\x3c", b"\0\0") for data in later), f"{after} clocks after t3.5"
 
 
 # Modules that detect the end of a frame and react to it.

@@ -23,6 +23,8 @@
 // Without a committed request no telegram starts, and without a committed write of coils
 // none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
 // docs/hardening.md describes what one flipped bit can do (SAFE-4).
+// fault: a guarded bit of the gate has flipped; the supervisor then restarts the firmware
+// (docs/hardening.md, Faults of guarded bits).
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none
 
@@ -75,7 +77,8 @@ module commit_gate #(
     output wire        reply_queued,
     output wire        telegram_queued,
     output wire        telegram_started,
-    output wire        stop_due
+    output wire        stop_due,
+    output wire        fault
 );
 
   wire answerable;
@@ -93,6 +96,13 @@ module commit_gate #(
   wire unicast_valid;
   wire unicast_control;
   wire closing;
+  wire request_fault;
+  wire telegram_fault;
+  wire broadcast_fault;
+  wire unicast_fault;
+  wire loss_fault;
+
+  assign fault = request_fault || telegram_fault || broadcast_fault || unicast_fault || loss_fault;
 
   wire for_stop = MASTER_LOSS_STOP && waiting_stop;
   wire waiting_valid = waiting_to_all ? broadcast_valid : unicast_valid;
@@ -128,7 +138,8 @@ module commit_gate #(
       .licenses(licenses),
       .commits(commits),
       .withdrawn(withdrawn),
-      .kept(kept)
+      .kept(kept),
+      .fault(request_fault)
   );
 
   reply_slot reply_i (
@@ -196,7 +207,8 @@ module commit_gate #(
       .command_left(command_left),
       .own(own),
       .queued(telegram_queued),
-      .started(telegram_started)
+      .started(telegram_started),
+      .fault(telegram_fault)
   );
 
   waiting_place broadcast_i (
@@ -209,7 +221,8 @@ module commit_gate #(
       .take(use_waiting && waiting_to_all && !for_stop),
       // status
       .valid(broadcast_valid),
-      .control(broadcast_control)
+      .control(broadcast_control),
+      .fault(broadcast_fault)
   );
 
   generate
@@ -224,11 +237,13 @@ module commit_gate #(
           .take(use_waiting && !waiting_to_all && !for_stop),
           // status
           .valid(unicast_valid),
-          .control(unicast_control)
+          .control(unicast_control),
+          .fault(unicast_fault)
       );
     end else begin : g_no_unicast
       assign unicast_valid   = 1'b0;
       assign unicast_control = 1'b0;
+      assign unicast_fault   = 1'b0;
     end
   endgenerate
 
@@ -248,10 +263,12 @@ module commit_gate #(
           .period(period),
           .take(use_waiting && waiting_stop),
           // status
-          .due(stop_due)
+          .due(stop_due),
+          .fault(loss_fault)
       );
     end else begin : g_no_loss
-      assign stop_due = 1'b0;
+      assign stop_due   = 1'b0;
+      assign loss_fault = 1'b0;
       wire unused = &{1'b0, beat, watch, running, period, waiting_stop};
     end
   endgenerate

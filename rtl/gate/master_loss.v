@@ -9,6 +9,7 @@
 // and orders only if both agree (docs/hardening.md, Loss of the master).
 // rights: the order is for the newest request, which is committed; that never comes with commits.
 // Units: period counts changes of beat, 1/1200 s; at most 1 more passes.
+// fault: a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // rst disarms. Clock domain: clk. Rules: SAFE-7, SAFE-4.
 `default_nettype none
 
@@ -26,7 +27,8 @@ module master_loss (
     input  wire [19:0] period,
     input  wire        take,
     // status
-    output wire        due
+    output wire        due,
+    output wire        fault
 );
 
   reg  [19:0] limit = 20'd0;
@@ -43,7 +45,8 @@ module master_loss (
   wire        begins = commits || accepted;
   wire        ends = tick && left == 20'd0 && limit != 20'd0;
 
-  assign due = armed && over && !commits;
+  assign due   = armed && over && !commits;
+  assign fault = armed_fault || over_fault;
 
   guarded_bit armed_i (
       .clk  (clk),
@@ -73,9 +76,6 @@ module master_loss (
     if (begins) left <= accepted ? period : limit;
     else if (tick && left != 20'd0) left <= left - 20'd1;
   end
-
-  // For waveforms only.
-  wire unused = &{1'b0, armed_fault, over_fault};
 
 endmodule
 

@@ -18,6 +18,7 @@
 // second telegram while it is the newest request (MAP-8). keep for a candidate is remembered
 // until the commit and forgotten with the candidate. A request that licenses the
 // telegram in telegram_slot (used) has no second licence to keep.
+// fault: a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // commits, withdrawn, kept, reply_left, command_left: strobes.
 // Clock domain: clk. Rules: FRAME-6, FRAME-7, MAP-9, FC-9, SAFE-4.
 `default_nettype none
@@ -52,12 +53,12 @@ module request_fate (
     output wire       licenses,
     output wire       commits,
     output wire       withdrawn,
-    output wire       kept
+    output wire       kept,
+    output wire       fault
 );
 
-  reg  spent = 1'b0;
-  reg  to_keep = 1'b0;  // ordered for the candidate
-  wire fault;
+  reg spent = 1'b0;
+  reg to_keep = 1'b0;  // ordered for the candidate
 
   assign current = queue_ticket == ticket;
   assign takes_reply = current && !broadcast && (is_candidate || (is_committed && answerable));
@@ -105,9 +106,6 @@ module request_fate (
              (queue_reply && current && broadcast))
       spent <= 1'b1;
   end
-
-  // For waveforms only.
-  wire unused = &{1'b0, fault};
 
 endmodule
 

@@ -4,7 +4,7 @@
 // queue and use_place fill the place with a new telegram; again fills it with the one that
 // has left. Only a licence lets a telegram start: a guarded bit (SAFE-1, SAFE-4). For queue a
 // committed request gives it, at once or with the commit; then the telegram must be queued
-// and must never have left (begun). For use_place it comes from a waiting_place, at once; an
+// and must be fresh: it has never left. For use_place it comes from a waiting_place, at once; an
 // empty one gives none (FRAME-7). The licence outlives newer requests until the telegram has
 // left, and is good for one repeat then. The repeat is lost with the reply, with a newer
 // write that waits (others_wait), with a newer committed request unless the licence came
@@ -14,6 +14,7 @@
 // control: the licensed request writes coils, so bit 10 of the control word may be 1.
 // stop: master_loss gave the licence (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
 // command_left: the write of coils of the newest request leaves in this clock.
+// fault: a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // own: from this clock on the newest request licenses the telegram here.
 // In the clock of any order no telegram starts. Clock domain: clk.
 // Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4, SAFE-7.
@@ -56,30 +57,34 @@ module telegram_slot (
     output wire command_left,
     output wire own,
     output reg  queued,
-    output reg  started
+    output reg  started,
+    output wire fault
 );
 
   reg newest = 1'b0;  // no other request was committed since the telegram was queued
   reg repeatable = 1'b0;  // no broadcast, and no newer commit unless from_place
-  reg begun = 1'b0;  // it has left once, or there is none
   reg from_place = 1'b0;  // the last order used the place of a unicast write
 
   wire licensed;
-  wire fault;
+  wire fresh;  // it has not left yet; 0 if there is none
+  wire licence_fault;
+  wire fresh_fault;
   wire order = queue || use_place;
   wire dropped = (candidate || withdrawn) && (queue || !licensed) && !use_place;
   wire overtaken = commits && licensed && !order;
   wire passed_over = others_wait || (overtaken && !from_place);
-  wire ended = touched || closing || (begun && !order && passed_over);
+  wire ended = touched || closing || (!fresh && !order && passed_over);
   wire granted = commits && !candidate && !use_place &&
-      (queue ? current : !licensed && queued && !begun);
+      (queue ? current : !licensed && queued && fresh);
   wire at_once = use_place ? place_valid : queue && !candidate && (loopback_open || licenses);
   wire answered = reply_left && newest && !loopback_open;
-  wire left_last = (start && (begun || !repeatable)) || answered;
+  wire left_last = (start && (!fresh || !repeatable)) || answered;
 
   assign start = queued && licensed && quiet && !order && !again && !touched && !closing;
   assign command_left = start && newest && control;
   assign own = granted || (licensed && newest && !commits);
+
+  assign fault = licence_fault || fresh_fault;
 
   initial {queued, started, control, stop} = 4'd0;
 
@@ -91,20 +96,28 @@ module telegram_slot (
       .data (!ended && (granted || at_once)),
       // status
       .value(licensed),
-      .fault(fault)
+      .fault(licence_fault)
+  );
+
+  guarded_bit fresh_i (
+      .clk  (clk),
+      .rst  (rst),
+      // next value
+      .load (order || start || (!queued && !licensed)),
+      .data (order),
+      // status
+      .value(fresh),
+      .fault(fresh_fault)
   );
 
   always @(posedge clk) begin
     if (rst || ended || dropped) queued <= 1'b0;
     else if (order) queued <= use_place ? place_valid : loopback_open || takes_telegram;
-    else if (again) queued <= licensed && begun && repeatable && !answered;
+    else if (again) queued <= licensed && !fresh && repeatable && !answered;
     else if (start || answered) queued <= 1'b0;
 
     if (rst || order || again) started <= 1'b0;
     else if (start) started <= 1'b1;
-
-    if (order) begun <= 1'b0;
-    else if (start || (!queued && !licensed)) begun <= 1'b1;
 
     if (queue) {newest, repeatable, from_place} <= {1'b1, !broadcast, 1'b0};
     else if (use_place)
@@ -116,9 +129,6 @@ module telegram_slot (
 
     if (order) stop <= use_place && place_stop;
   end
-
-  // For waveforms only.
-  wire unused = &{1'b0, fault};
 
 endmodule
 

@@ -5,7 +5,7 @@
 // that is there goes. take: an order uses the licence. fill wins over take. valid is a
 // guarded bit: one flipped bit never makes a licence (docs/hardening.md, Waiting writes,
 // SAFE-4). control: the request writes coils, so bit 10 of the control word may be 1.
-// rst empties the place. Clock domain: clk. Rules: FRAME-7, SAFE-1, SAFE-4.
+// fault: valid has flipped (docs/hardening.md, Faults of guarded bits). rst empties the place. Clock domain: clk. Rules: FRAME-7, SAFE-1, SAFE-4.
 `default_nettype none
 
 module waiting_place (
@@ -18,10 +18,9 @@ module waiting_place (
     input  wire take,
     // status
     output wire valid,
-    output reg  control
+    output reg  control,
+    output wire fault
 );
-
-  wire fault;
 
   initial control = 1'b0;
 
@@ -37,9 +36,6 @@ module waiting_place (
   );
 
   always @(posedge clk) if (fill) control <= writes_coils;
-
-  // For waveforms only.
-  wire unused = &{1'b0, fault};
 
 endmodule
 

@@ -414,6 +414,8 @@ static void poll_request(struct gateway *g)
 {
     const uint32_t request = mailbox_read(REQUEST);
 
+    if (mailbox_read(REQUEST) != request)
+        return; /* (docs/hardening.md, Request read twice) */
     /* None yet, or revoked. The ticket of a revoked request never returns, so its transaction is dropped. */
     if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
         g->uncommitted = false;

@@ -22,6 +22,7 @@ ASK_514 = H("81 1202 0000 0000 0000 0000 0000")
 TELL_514 = H(f"1202 0000 0000 012C {STATUS}")
 REPLY_514 = H("01 03 04 0000 012C")
 READ_IND, REPLY_IND = H("03 0000 0001"), H("01 03 02 0000")
+VALID_HIGH = 0x04  # bit 10 of the control word, in its upper byte
 NETWORK_RED, NETWORK_GREEN, DRIVE_RED, DRIVE_GREEN = 1, 2, 4, 8
 
 
@@ -1183,7 +1184,7 @@ WORST_REQUESTS = {
 }
 
 
-IDLE_ROUND = 170  # instructions, at most
+IDLE_ROUND = 172  # instructions, at most
 
 
 def instructions_until(bench: Bench, happened: str) -> int:
@@ -1355,6 +1356,43 @@ def test_the_poll_loop_is_idle_only_without_a_request_or_exchange():
 
 
 # ---------------------------------------------------------------- counters
+
+
+@pytest.mark.rule("SAFE-4", "FRAME-6")
+@pytest.mark.parametrize("bit", range(8))
+def test_a_flip_in_a_reading_of_the_request_commands_nothing(bit: int):
+    """A start that is revoked, a stop, a reference alone; one reading of REQUEST in turn has a flipped bit.
+
+    A telegram may stay out. A control word that was not ordered has bit 10 = 0: the settings were cleared.
+    """
+
+    def scenario(flipped: int) -> tuple[list[bytes], int]:
+        bench = Bench()
+        readings = 0
+
+        def read(offset: int) -> int:
+            nonlocal readings
+            value = bench.mailbox.read(offset)
+            if offset != REGISTERS["REQUEST"].offset:
+                return value
+            readings += 1
+            return value ^ (readings == flipped) << bit
+
+        bench.gateway = Gateway(read, bench.mailbox.write)
+        bench.offer(H("0F 0000 0020 04 7C 04 11 11"))
+        bench.character()
+        for pdu in (H("0F 0000 0010 02 3C 04"), H("0F 0010 0010 02 22 22")):
+            bench.request(pdu)
+            bench.telegram_ends()
+            bench.drive(H("0F03 0000"))
+        return bench.telegrams, readings
+
+    expected, readings = scenario(0)
+    assert len(expected) == 2 and readings > 10
+    for flipped in range(1, readings + 1):
+        telegrams, _ = scenario(flipped)
+        others = [telegram for telegram in telegrams if telegram not in expected]
+        assert not any(telegram[1] & VALID_HIGH for telegram in others), f"reading {flipped}"
 
 
 @pytest.mark.rule("FC-9")

@@ -149,7 +149,7 @@ class Firmware:
         poll for requests.
         """
         await within(ROUND_LIMIT_PS, firmware_polls(self._dut), "a poll for requests")
-        await self._strobe(self._dut.watchdog_kick, ROUND_LIMIT_PS, "a round of the poll loop")
+        await self._strobe(self._dut.supervisor_i.kick, ROUND_LIMIT_PS, "a round of the poll loop")
 
     async def _strobe(self, signal, limit_ps: float, what: str) -> int:
         """Waits for a clock in which `signal` is stable high, not a spike; returns the start of the pulse."""

@@ -61,6 +61,7 @@ module mailbox_memory #(
     output wire        watchdog_kick,
     output wire        halt,
     output wire        loopback_close,
+    output wire        fault,
     input  wire        loopback_open,
     // status
     input  wire [ 7:0] ticks,
@@ -131,9 +132,7 @@ module mailbox_memory #(
       .listen_stop(listen_stop),
       .exchange({drive_bad, drive_good, drive_candidate, drive_quiet, drive_sending}),
       .read_data(read_data),
-      .watchdog_kick(watchdog_kick),
-      .halt(halt),
-      .loopback_close(loopback_close),
+      .supervision({fault, loopback_close, halt, watchdog_kick}),
       .loopback_open(loopback_open),
       .ticks(ticks),
       .leds(leds)

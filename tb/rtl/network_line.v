@@ -48,7 +48,8 @@ module network_line #(
     output wire       count_framing,
     output wire       count_t15,
     output wire       count_overrun,
-    output wire       count_foreign
+    output wire       count_foreign,
+    output wire       fault
 );
 
   wire tick16;
@@ -104,7 +105,8 @@ module network_line #(
       }),
       .events({
         count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc
-      })
+      }),
+      .fault(fault)
   );
 
 endmodule

@@ -38,7 +38,8 @@ module rtu_rx_crc #(
     output wire       count_framing,
     output wire       count_t15,
     output wire       count_overrun,
-    output wire       count_foreign
+    output wire       count_foreign,
+    output wire       fault
 );
 
   wire crc_clear;
@@ -85,7 +86,8 @@ module rtu_rx_crc #(
       .count_framing(count_framing),
       .count_t15(count_t15),
       .count_overrun(count_overrun),
-      .count_foreign(count_foreign)
+      .count_foreign(count_foreign),
+      .fault(fault)
   );
 
 endmodule

@@ -8,6 +8,7 @@ import itertools
 
 import cocotb
 import pytest
+from cocotb.triggers import FallingEdge
 
 from regs.generated.card_tables import BASE_HZ, RATES
 from tb.lib.bench import Bench, Strobes
@@ -209,7 +210,7 @@ async def strict_a_flipped_bit_in_the_silence_timer_causes_no_early_commit(dut):
     commits = Strobes(dut, "commit", "silent")
     timer = dut.port_i.silence_i
     flipped = 0
-    registers = {name: getattr(timer, name) for name in ("ticks", "halves", "long_reached", "long_silent")}
+    registers = {name: getattr(timer, name) for name in ("ticks", "halves", "long_over", "long_silent")}
     for name, register in (registers | {"odd": timer.g_guarded.guard_i.odd}).items():
         for bit in range(len(register)):
             await port.send(GOOD)
@@ -245,6 +246,48 @@ async def strict_a_flipped_bit_in_the_uart_hides_no_start_bit(dut):
             await port.silence()
             assert port.outcome() == (0, 0, 1), f"{register._name}, tick {tick}"
             await port.silence()
+
+
+@cocotb.test()
+async def strict_no_flip_of_the_state_of_the_uart_hides_a_start_bit(dut):
+    """start_seen comes before the commit, whatever the UART makes of the character (SAFE-4)."""
+    port = await Port(dut, 115_200).start()
+    uart = dut.port_i.uart_i
+    seen = Strobes(dut, "start_seen")
+    commits = Strobes(dut, "commit", "silent")
+    for bit in range(len(uart.state)):
+        for tick in range(13):  # from the fall of the filtered line on; a tick is a clock here
+            await port.send(GOOD)
+            await port.line.source.idle(port.bits(2.5))
+            for strobes in (seen, commits):
+                strobes.clear()
+            sent = cocotb.start_soon(port.send(b"\xff", Flaws(ppm=40_000)))
+            await FallingEdge(dut.port_i.line)
+            for _ in range(tick):
+                await port.bench.clocks()
+            uart.state.value = int(uart.state.value) ^ 1 << bit
+            await sent
+            await port.silence()
+            revoked = len(seen) and (not commits.times_ps or seen.times_ps[0] < commits.times_ps[0])
+            assert revoked or (1,) not in commits.values, f"bit {bit}, tick {tick}"
+            await port.silence()
+
+
+@cocotb.test()
+async def strict_no_flip_of_the_long_limit_ends_a_revoked_frame_early(dut):
+    """Another good frame that follows within t3.5 is dropped (FRAME-3, SAFE-4)."""
+    port = await Port(dut, 115_200).start()
+    timer = dut.port_i.silence_i
+    for name in ("long_over", "long_silent"):
+        await port.frame(GOOD + b"\0", Flaws(gaps={len(GOOD): port.bits(2.5)}))
+        await port.send(GOOD + b"\0", Flaws(gaps={len(GOOD): port.bits(2.5)}))
+        port.clear()
+        await port.line.source.idle(port.bits(1))
+        getattr(timer, name).value = 1
+        await port.line.source.idle(port.bits(1))
+        await port.frame(GOOD)
+        assert port.outcome() == (0, 0, 0), name
+        await port.silence()
 
 
 @cocotb.test()

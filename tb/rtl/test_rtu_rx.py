@@ -19,7 +19,7 @@ from tb.model.crc16 import with_crc
 
 HERE = Path(__file__).parent
 OWN = 0x11
-STATES = ("WAIT", "IDLE", "RECEIVE", "HOLD", "SUSPECT")
+STATES = {0b0000: "WAIT", 0b0011: "IDLE", 0b0101: "RECEIVE", 0b0110: "HOLD", 0b1001: "SUSPECT"}
 COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
 
 
@@ -106,6 +106,10 @@ class Receiver:
 
     def outcome(self) -> tuple[int, int, int]:
         return len(self.candidates), len(self.commits), len(self.revokes)
+
+
+def flip(register, bit: int) -> None:
+    register.value = int(register.value) ^ 1 << bit
 
 
 GOOD = rtu.build(OWN, rtu.read_coils(0, 16))
@@ -290,11 +294,11 @@ async def strict_the_start_or_the_end_of_a_character_revokes(dut, seen):
 async def receiver_recovers_from_any_state(dut):
     """Including undefined states, which a waveform names as such (SAFE-3, SAFE-4)."""
     rx = await Receiver(dut).start()
-    for state in range(8):
+    for state in range(16):
         dut.rx_i.state.value = state
         await Timer(1, unit="ps")
         shown = int(dut.rx_i.state_name.value).to_bytes(7, "big").strip(b"\0").decode()
-        assert shown == (STATES[state] if state < len(STATES) else "UNDEF")
+        assert shown == STATES.get(state, "UNDEF")
         await rx.silence()
         await rx.bytes(GOOD)
         await rx.silence()
@@ -308,16 +312,104 @@ async def receiver_recovers_from_any_state(dut):
 async def strict_no_flip_of_the_state_accepts_a_revoked_frame(dut):
     """The CRC residue stays good after a 00 byte (SAFE-4)."""
     rx = await Receiver(dut).start()
-    for bit in range(3):
+    for bit in range(len(dut.rx_i.state)):
         rx.clear()
         await rx.bytes(GOOD)
         await rx.short()
         await rx.byte(0)
         assert rx.outcome() == (1, 0, 1)
-        dut.rx_i.state.value = int(dut.rx_i.state.value) ^ 1 << bit
+        flip(dut.rx_i.state, bit)
         await rx.silence()
         await rx.silence()
         assert rx.outcome() == (1, 0, 1), f"bit {bit}"
+
+
+@cocotb.test()
+async def strict_no_flip_of_the_state_ends_a_revoked_frame_early(dut):
+    """Another good frame that follows within t3.5 is dropped (FRAME-3, SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for bit in range(len(dut.rx_i.state)):
+        await rx.bytes(GOOD)
+        await rx.short()
+        await rx.byte(0)
+        rx.clear()
+        flip(dut.rx_i.state, bit)
+        await rx.bytes(OTHER)
+        await rx.silence()
+        assert rx.outcome() == (0, 0, 0), f"bit {bit}"
+
+
+@cocotb.test()
+async def no_flip_of_a_count_moves_or_drops_a_byte(dut):
+    """Flipped in each character: the frame is dropped, or it is stored as it was received (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for name in ("length", "starts", "storing"):
+        register = getattr(dut.rx_i, name)
+        for bit in range(len(register)):
+            for at in range(1, len(GOOD)):
+                rx.clear()
+                await rx.bytes(GOOD[:at])
+                flip(register, bit)
+                await rx.bench.clocks(2)
+                await rx.bytes(GOOD[at:])
+                await rx.silence()
+                if len(rx.candidates):
+                    whole = (rx.candidates.values, rx.stored(len(GOOD)))
+                    assert whole == ([(len(GOOD), 0)], GOOD), f"{name} bit {bit} before byte {at}"
+                await rx.silence()
+
+
+@cocotb.test()
+@cocotb.parametrize(strobes=[0, 2])
+async def a_byte_that_is_lost_or_comes_twice_spoils_the_frame(dut, strobes):
+    """The CRC unit had all bits; byte_valid flipped in its one clock (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for at in range(1, len(GOOD)):
+        rx.clear()
+        await rx.bytes(GOOD[:at])
+        await rx.bench.line_bits(GOOD[at])
+        dut.byte_data.value = GOOD[at]
+        for _ in range(strobes):
+            await rx.bench.strobe(dut.byte_valid)
+            await rx.bench.clocks(2)
+        await rx.bytes(GOOD[at + 1 :])
+        await rx.silence()
+        assert rx.outcome() == (0, 0, 0), f"byte {at}"
+        await rx.silence()
+
+
+@cocotb.test()
+@cocotb.parametrize(fault=["parity", "framing"])
+async def no_flip_forgives_a_bad_character(dut, fault):
+    """In a frame with a good CRC (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    for name in (f"{fault}_bad", "flawed"):
+        rx.clear()
+        await rx.bytes(GOOD[:3])
+        await rx.byte(GOOD[3], **{fault: 1})
+        flip(getattr(dut.rx_i, name), 0)
+        await rx.bytes(GOOD[4:])
+        await rx.silence()
+        assert rx.outcome() == (0, 0, 0), name
+        await rx.silence()
+
+
+@cocotb.test()
+async def a_flipped_bank_is_a_fault_and_ends_by_itself(dut):
+    """The firmware would see an older frame; instead it restarts (SAFE-4)."""
+    rx = await Receiver(dut).start()
+    faults = Strobes(dut, "fault")
+    for half in ("held", "opposite"):
+        for _ in range(2):
+            rx.clear()
+            faults.clear()
+            await rx.frame(GOOD)
+            assert rx.outcome() == (1, 1, 0) and not len(faults)
+            flip(getattr(dut.rx_i.bank_i, half), 0)
+            await rx.bench.clocks(4)
+            assert len(faults) == 1, f"{half}: one clock"
+    await rx.frame(GOOD)
+    assert rx.stored(len(GOOD)) == GOOD
 
 
 @cocotb.test()

@@ -240,6 +240,26 @@ async def the_loop_back_test_has_licence_and_no_command_and_its_end_takes_all(du
     assert await slot.left() == 1
 
 
+@cocotb.test()
+@cocotb.parametrize(half=["held", "opposite"])
+async def a_flip_lets_no_repeat_pass_a_newer_request(dut, half):
+    """The repeat waits for a busy line. Its licence has gone with the newer commit (FC-9, SAFE-4)."""
+    slot = await Slot(dut).start()
+    await slot.pulse("queue")
+    await slot.committed()
+    assert await slot.left() == 1
+    slot.levels(quiet=0)
+    await slot.pulse("again")
+    await slot.newer(commits=False)
+    bit = getattr(dut.fresh_i, half)
+    bit.value = 1 - int(bit.value)
+    await Timer(1, unit="ps")
+    assert int(dut.fault.value)
+    await slot.committed()
+    slot.levels(quiet=1)
+    assert await slot.left() == 1
+
+
 @pytest.mark.rule("FRAME-6", "FC-8", "FC-9", "LOOP-1", "SAFE-1", "SAFE-7")
 def test_telegram_slot(sim):
     run("telegram_slot", "tb.rtl.test_telegram_slot", sim=sim)
