@@ -5,9 +5,9 @@
 
 The design was placed and routed with random words in the firmware memory (constraints/synth.py). These words
 locate the memory's bits: icebram does so on iCE40, this program on MachXO2/3 and ECP5, in nextpnr's text
-configuration. No other bits change, so the bitstream equals that of a full build with that firmware. Exit 2,
-with one line, for an image that the card would refuse, wrong check sums, or a design from other Verilog, pins
-or tools.
+configuration. No other bits change, so the bitstream equals that of a full build with that firmware. A
+MachXO2 gets a .jed for its own flash beside the bitstream. Exit 2, with one line, for an image that the card
+would refuse, wrong check sums, or a design from other Verilog, pins or tools.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import time
 from functools import cache
 from pathlib import Path
 
+from constraints import jedec
 from constraints.boards import Board, board
 from rtl.sources import ROOT, SourcesError
 from sw.tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
@@ -29,7 +30,13 @@ from sw.tools.seal import adds_up
 BUILD = ROOT / "build/synth"
 SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config"}
 PACKED = {"ice40": ".bin", "machxo2": ".bit", "ecp5": ".bit"}
-PACK = {"ice40": "yowasp-icepack", "machxo2": "yowasp-xo2pack", "ecp5": "yowasp-ecppack"}
+# The MachXO2's flash takes compressed streams only. Its .bit is the same stream, so that a trial in the
+# configuration memory tries what the flash will hold.
+PACK = {
+    "ice40": ("yowasp-icepack",),
+    "machxo2": ("yowasp-xo2pack", "--compress"),
+    "ecp5": ("yowasp-ecppack",),
+}
 WORD = re.compile(rf"[0-9a-fA-F]{{{WORD_BITS // 4}}}")
 # A memory in nextpnr's text configuration: rows of 9-bit words.
 MEMORY = re.compile(r"^(\.bram_init \d+\n)((?:[0-9a-f]{3}[ \n])+)", re.MULTILINE)
@@ -50,6 +57,11 @@ def suffix(entry: Board) -> str:
 def result_suffix(entry: Board) -> str:
     """File suffix of the bitstream."""
     return PACKED[entry.family] if entry.packs else suffix(entry)
+
+
+def results(entry: Board, output: Path) -> list[Path]:
+    """The bitstream, and beside it what goes into the part's own flash if it has one."""
+    return [output, output.with_suffix(".jed")] if jedec.flash_of(entry) else [output]
 
 
 def pattern_file(entry: Board) -> Path:
@@ -186,8 +198,21 @@ def icebram(design: Path, old: Path, new: Path, patched: Path) -> None:
         raise ImageError(f"yowasp-icebram: {done.stderr.strip().splitlines()[-1]}")
 
 
+def pack(entry: Board, design: Path, packed: Path) -> None:
+    """Turns a routed design into a bitstream, and into a JEDEC file for a part with its own flash."""
+    tool(*PACK[entry.family], design, packed)
+    if jedec.flash_of(entry):
+        try:
+            content = jedec.jedec(packed.read_bytes(), entry)
+        except jedec.JedecError as error:
+            raise ImageError(f"{packed.relative_to(ROOT)}: {error}") from None
+        packed.with_suffix(".jed").write_bytes(content)
+
+
 def make(entry: Board, firmware: Path, output: Path) -> Path:
-    """Makes the bitstream of a board with an image; `output` is written only on success."""
+    """Makes the bitstream of a board with an image; all of `results` are written only on success."""
+    if output in results(entry, output)[1:]:
+        raise ImageError(f"{output}: name the bitstream; the .jed is written beside it")
     folder = BUILD / entry.name
     design = folder / f"{entry.top}{suffix(entry)}"
     new = read_words(firmware, entry)
@@ -212,9 +237,10 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
         patched.write_text(replace(design.read_text(), read_words(pattern, entry), new))
     packed = folder / f"image{result_suffix(entry)}"
     if entry.packs:
-        tool(PACK[entry.family], patched, packed)
+        pack(entry, patched, packed)
     output.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(packed, output)
+    for made, wanted in zip(results(entry, packed), results(entry, output), strict=True):
+        shutil.copyfile(made, wanted)
     return output
 
 
@@ -232,8 +258,9 @@ def main() -> int:
     except (ImageError, SourcesError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
-    shown = output.relative_to(ROOT) if output.is_relative_to(ROOT) else output
-    print(f"{shown}: {entry.name} with {args.firmware}, {time.monotonic() - begin:.1f} s")
+    shown = [path.relative_to(ROOT) if path.is_relative_to(ROOT) else path for path in results(entry, output)]
+    made = " and ".join(map(str, shown))
+    print(f"{made}: {entry.name} with {args.firmware}, {time.monotonic() - begin:.1f} s")
     return 0
 
 

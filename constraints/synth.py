@@ -246,7 +246,7 @@ def build(entry: Board) -> dict:
     }
     image.made_from_file(entry).write_text(f"{sources}\n")
     firmware = ROOT / configurations()[entry.config]["firmware_hex"]
-    bitstream = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
+    output = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
     return {
         "config": entry.config,
         "part": entry.part,
@@ -260,7 +260,7 @@ def build(entry: Board) -> dict:
         "clk_mhz": entry.clk_hz / 1e6,
         "seed": seed,
         "seconds": round(time.monotonic() - begin),
-        "bitstream": str(bitstream.relative_to(ROOT)),
+        "files": [str(path.relative_to(ROOT)) for path in image.results(entry, output)],
     }
 
 
@@ -516,7 +516,7 @@ def main() -> int:
         except (SynthError, SourcesError, image.ImageError) as error:
             wrong.append(str(error))
             continue
-        print(f"{line(entry.name, row)}\n{'':<14} {row['bitstream']}", flush=True)
+        print("\n".join([line(entry.name, row), *(f"{'':<14} {name}" for name in row["files"])]), flush=True)
         results["boards"][entry.name] = row
         wrong += too_big(entry.name, row)
     if not args.boards and not wrong:

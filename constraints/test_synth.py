@@ -377,7 +377,7 @@ def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch, w
 
 
 ROW = {"cells": 10, "cells_of": 10, "brams": 3, "brams_of": 3, "lut4": 1, "ff": 1, "fmax_mhz": 2.0}
-ROW |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny", "bitstream": "x.bit"}
+ROW |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny", "files": ["x.bit"]}
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ needs=(
   "lint     command cppcheck                 cppcheck"
   "firmware command clang-14                 clang-14"
   "firmware clangrt fuzzer                   libclang-rt-14-dev"
+  "synth    command openFPGALoader           openfpgaloader"
 )
 
 die() {
