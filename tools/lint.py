@@ -17,10 +17,21 @@ from pathlib import Path
 
 import grimp
 
-from rtl.sources import FILE_LIST, ROOT, SourcesError, card_files, configurations, macros_file, rtl_files
+from rtl.sources import (
+    FILE_LIST,
+    ROOT,
+    SourcesError,
+    card_files,
+    configurations,
+    macros_file,
+    needed_files,
+    rtl_files,
+)
+from tools import cores
 
 TOP = "rtu2fc"
-FOLDERS = ("campaigns", "constraints", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
+EXAMPLE = cores.EXAMPLE.with_suffix(".v")
+FOLDERS = ("campaigns", "constraints", "docs", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
 # From the top down: a module may import what stands below it or in its own line.
 LAYERS = (
     ("tools",),
@@ -50,6 +61,7 @@ SUFFIXES = {
     ".mk",
     ".toml",
     ".lua",
+    ".core",
     ".lpf",
     ".pcf",
 }
@@ -63,12 +75,15 @@ def source_files() -> list[Path]:
     """Every text file of our own that carries code."""
     found = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES]
     found += [ROOT / name for name in ("Makefile", "configs.toml", "pyproject.toml", ".ci/run")]
+    found += cores.core_files()
     return sorted(path for path in found if "__pycache__" not in path.parts)
 
 
 def hand_written_verilog() -> list[Path]:
     others = [
-        path for folder in ("constraints", "sim", "tb") for path in sorted((ROOT / folder).rglob("*.v"))
+        path
+        for folder in ("constraints", "docs", "sim", "tb")
+        for path in sorted((ROOT / folder).rglob("*.v"))
     ]
     return [path for path in rtl_files() if "generated" not in path.parts] + others
 
@@ -99,13 +114,14 @@ def file_list() -> list[str]:
 
 
 def verilator() -> list[str]:
-    """Every whole card, all warnings on; tools/verilator.vlt says which are waived and why."""
+    """Every whole card and the example, all warnings on; the waivers are in tools/verilator.vlt."""
     command = ["verilator", "--lint-only", "-Wall", "--no-timing", "--quiet", "--top-module", TOP]
     wrong = []
     for config in configurations():
         files = [ROOT / "tools/verilator.vlt", *card_files(config)]
         wrong += [f"{config}: {line}" for line in tool(*command, *files)]
-    return wrong
+    files = [ROOT / "tools/verilator.vlt", *needed_files("network_port"), EXAMPLE]
+    return wrong + tool(*command[:-1], EXAMPLE.stem, *files)
 
 
 def icarus() -> list[str]:
@@ -203,6 +219,7 @@ def firmware() -> list[str]:
 
 CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("rtl/rtl.f complete", file_list),
+    (".core files complete", cores.check),
     ("generated files current", registers),
     ("verilator -Wall", verilator),
     ("iverilog -g2005 -Wall", icarus),

@@ -41,6 +41,7 @@ needs=(
   "pages    command chromium                 chromium"
   "lint     command clang-tidy-14            clang-tidy-14"
   "lint     command cppcheck                 cppcheck"
+  "synth    command tclsh                    tcl"
   "firmware command clang-14                 clang-14"
   "firmware clangrt fuzzer                   libclang-rt-14-dev"
   "synth    command openFPGALoader           openfpgaloader"

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The .core files: FuseSoC checks and synthesises each, from copies alone, and no file is forgotten."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rtl.sources import ROOT, core_files
+from tb.lib.runner import firmware
+from tools import cores
+
+TOPS = ("network_port", "drive_port", "holding_registers", "rtu2fc")
+PICORV32 = "::picorv32:0-r1"
+
+
+def test_core_files_fit_the_list_of_files():
+    assert cores.check() == []
+
+
+@pytest.mark.parametrize(
+    ("stem", "found", "instead", "wrong"),
+    [
+        ("rtu2fc", "      - rtl/mailbox.v\n", "", "rtl/mailbox.v is in no core"),
+        ("line", "rtl/uart.v", "rtl/uarts.v", "rtl/uarts.v is in a core, but not in rtl/rtl.f"),
+        ("drive_port", "rtl/bcc.v\n", "rtl/bcc.v\n      - rtl/uart.v\n", "rtl/uart.v is in two cores"),
+        ("network_port", "rtl/rtu_rx.v", "rtl/fc_rx.v", "network_port.core: rtl/rtu_rx.v is missing"),
+        ("line", "rtl/uart.v", "rtl/rtu2fc.v", "drive_port.core: rtl/rtu2fc.v is of no use"),
+        ("line", "mailbox_defs.v", "card_tables.v", "line.core: the first files are not"),
+        ("line", "line:0.", "line:9.", "line.core: the name is :rtu2fc:line:9.2.0"),
+        ("rtu2fc", "drive_port:0.", "drive_port:9.", "rtu2fc.core: =:rtu2fc:drive_port:9.2.0 is no core"),
+        ("rtu2fc", "config_tiny", "config_standard", "rtu2fc.core: the fileset tiny is not that"),
+        ("rtu2fc", "::serv:", "::servant:", "rtu2fc.core: the fileset tiny is not that"),
+    ],
+)
+def test_wrong_core_file_is_named(stem, found, instead, wrong, tmp_path):
+    for path in cores.core_files():
+        copy = tmp_path / path.relative_to(ROOT)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, copy)
+    changed = tmp_path / f"{stem}.core"
+    text = changed.read_text()
+    assert found in text
+    changed.write_text(text.replace(found, instead))
+    assert any(line.startswith(wrong) for line in cores.check(tmp_path)), cores.check(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory) -> Path:
+    """What another project has: the files that the cores name, and the soft cores. FuseSoC refuses an empty
+    entry of PicoRV32's own core file."""
+    folder = tmp_path_factory.mktemp("library")
+    for path in cores.core_files():
+        filesets = cores.read(path)["filesets"].values()
+        named = [
+            next(iter(file)) if isinstance(file, dict) else file for s in filesets for file in s["files"]
+        ]
+        for file in (path, *(path.parent / file for file in named)):
+            copy = folder / "parts" / file.relative_to(ROOT)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)
+    for config, core in (("standard", "picorv32"), ("tiny", "serv")):
+        home = next(path for path in core_files(config)[0].parents if (path / f"{core}.core").exists())
+        shutil.copytree(
+            home, folder / core, ignore=shutil.ignore_patterns("picosoc", "*serving*", "servant*")
+        )
+    picorv32 = folder / "picorv32/picorv32.core"
+    lines = picorv32.read_text().splitlines(keepends=True)
+    picorv32.write_text("".join(line for line in lines if line.strip() != "depend:"))
+    return folder
+
+
+def fusesoc(library: Path, *words: str) -> str:
+    """Runs FuseSoC in `library`; returns what it prints."""
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+        "EDALIZE_LAUNCHER": f"{sys.executable} -m tools.launcher",
+    }
+    command = [sys.executable, "-m", "fusesoc.main", "--cores-root", ".", "run", *words]
+    done = subprocess.run(command, cwd=library, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.needs("synth")
+@pytest.mark.parametrize("top", [*TOPS, "rtu2fc, tiny"])
+def test_lint_target(top, library):
+    name, _, flag = top.partition(", ")
+    said = fusesoc(library, "--target=lint", *([f"--flag={flag}"] if flag else []), name)
+    assert "Verilator" in said and "%Warning" not in said
+
+
+@pytest.mark.needs("synth")
+def test_lint_target_finds_a_mistake(library, tmp_path):
+    copy = tmp_path / "library"
+    shutil.copytree(library, copy, ignore=shutil.ignore_patterns("build"))
+    changed = copy / "parts/rtl/bcc.v"
+    changed.write_text(changed.read_text().replace("endmodule", "wire nothing;\nendmodule"))
+    with pytest.raises(AssertionError, match="Signal is not driven, nor used: 'nothing'"):
+        fusesoc(copy, "--target=lint", "drive_port")
+
+
+@pytest.mark.needs("synth")
+@pytest.mark.parametrize("top", TOPS)
+def test_synth_target(top, library):
+    """The netlist has all pins, flip-flops, no latch and no cell that is not one of the part."""
+    words = [f"--FIRMWARE_HEX={firmware()}"] if top == "rtu2fc" else []
+    fusesoc(library, "--target=synth", top, *words)
+    (netlist,) = library.glob(f"build/rtu2fc_{top}_*/synth/*.json")
+    module = json.loads(netlist.read_text())["modules"][top]
+    assert {"clk", "modbus_rx" if top == "rtu2fc" else "rx"} <= set(module["ports"])
+    used = {cell["type"] for cell in module["cells"].values()} - {"$scopeinfo"}
+    assert {"SB_LUT4", "SB_CARRY", "SB_DFFESR"} <= used
+    assert all(cell.startswith("SB_") for cell in used), sorted(used)
+    assert ("SB_RAM40_4K" in used) == (top == "rtu2fc")
