@@ -19,6 +19,7 @@ import argparse
 import json
 import re
 import sys
+import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -33,6 +34,7 @@ from wavedrom.waveform import WaveDrom
 
 from regs.generated.card_tables import CHARACTER_BITS
 from rtl.sources import ROOT
+from sim.view.wave_file import WaveFile
 from tb.lib.card import MS, baud_switches
 from tb.lib.fast_card import FastCard
 from tb.lib.uart_agent import Format
@@ -356,14 +358,79 @@ class Recorded:
 class Run(FastCard):
     """The card after its start, with a drive in the state of the manual's examples."""
 
-    def __init__(self) -> None:
+    def __init__(self, wave: Path | None = None) -> None:
         drive = VltDrive(example=True)
-        super().__init__(baud_switches(LINE.baud, "8E1"), form="8E1", drive=drive.telegram)
+        super().__init__(baud_switches(LINE.baud, "8E1"), form="8E1", drive=drive.telegram, wave=wave)
         self.run(BOOTED_MS)
 
     def recorded_now(self, ms_more: float = 5.0) -> Recorded:
         self.run(ms_more)
         return Recorded(self)
+
+
+VECTORS = {
+    name.lower(): int(bit)
+    for name, bit in re.findall(
+        r"`define CARD_(\w+)_BITS (\d+)$", (ROOT / "regs/generated/card_defs.v").read_text(), re.MULTILINE
+    )
+}
+
+
+class Port(Recorded):
+    """The ports of one module of the card during a request, from a waveform; `clock`: length of a clock.
+
+    Bits of vectors are signals of their own, such as `request_commit`.
+    """
+
+    def __init__(self, instance: str, request: bytes) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            wave = Path(folder) / "run.fst"
+            with Run(wave) as card:
+                card.request(request, timeout_ms=60)
+                card.run(5)
+            file = WaveFile(wave)
+            # The waveform has two times a clock, in ns, and another beginning than the recording.
+            self.clock = card.period_ps
+            first = next(when for when, value in file.changes("modbus_de") if value == "1")
+            begin = card.recorded["modbus_de"][0][0] - round(first * 1e9) * self.clock // 2
+            self.values: dict[str, Edges] = {}
+            for signal in (name for name in file.signals if name.rpartition(".")[0] == instance):
+                changes = [
+                    (begin + round(when * 1e9) * self.clock // 2, int(value))
+                    for when, value in file.changes(signal)
+                ]
+                # Registers hold anything at power-up (SAFE-5).
+                booted = BOOTED_MS * MS
+                before = [value for at, value in changes if at <= booted]
+                later = [change for change in changes if change[0] > booted]
+                self.values[signal.rpartition(".")[2]] = [(booted, before[-1]), *later]
+        self.edges = dict(self.values)
+        for name, bit in VECTORS.items():
+            if (vector := name.split("_")[0]) in self.values:
+                self.edges[name] = [(at, value >> bit & 1) for at, value in self.values[vector]]
+
+    def value(self, name: str, when: float) -> int:
+        return next(value for at, value in reversed(self.values[name]) if at <= when)
+
+    def accesses(self, kind: str) -> list[tuple[float, int, int]]:
+        """End of the clock, place and byte of each access; the byte of a read comes in the next clock."""
+        found = []
+        for rise, fall in self.pulses(f"{kind}_ready"):
+            if self.value(f"{kind}_valid", rise):
+                late = self.clock if kind == "read" else 0
+                found.append(
+                    (fall, self.value(f"{kind}_addr", rise), self.value(f"{kind}_data", rise + late))
+                )
+        return found
+
+    def memory(self, drawing: Drawing, kind: str, fill: str) -> None:
+        """Each access of one kind, with its text until the next one."""
+        drawing.level(f"{kind}_valid", self.edges[f"{kind}_valid"])
+        long = 10.5 * BIT
+        blocks = [
+            Block(at, at + long, f"{place}:{byte:02X}", fill) for at, place, byte in self.accesses(kind)
+        ]
+        drawing.blocks(f"{kind}, place:byte", blocks, between="0")
 
 
 # ---------------------------------------------------------------- the diagrams
@@ -604,6 +671,107 @@ def power_up() -> Drawing:
     return drawing
 
 
+def network_port() -> Drawing:
+    """The ports of network_port at the end of a request and the beginning of its reply."""
+    seen = Port("network_i", REGISTER)
+    end = request_end(seen, REGISTER, "rx")
+    reply = seen.characters("tx")
+    drawing = Drawing(
+        "network_port: the end of a request and its reply",
+        end - 25 * BIT,
+        reply[1].end + 3 * BIT,
+        BIT,
+        "2 bits",
+    )
+    drawing.group("pins")
+    drawing.blocks("rx", [Block(c.start, c.end, c.text, FROM_OUTSIDE) for c in seen.characters("rx")])
+    drawing.level("de", seen.edges["de"])
+    drawing.blocks("tx", [Block(c.start, c.end, c.text, FROM_CARD) for c in reply])
+    drawing.group("memory")
+    seen.memory(drawing, "write", FROM_OUTSIDE)
+    seen.memory(drawing, "read", FROM_CARD)
+    drawing.group("request")
+    for name in ("candidate", "commit", "silent"):
+        drawing.level(name, seen.edges[f"request_{name}"])
+    drawing.group("control")
+    for name in ("start_seen", "quiet", "reply_start", "sending"):
+        drawing.level(name, seen.edges[name])
+    candidate, committed = (seen.after(f"request_{name}", end) for name in ("candidate", "commit"))
+    started = seen.after("reply_start", end)
+    t15 = drawing.say("candidate after the request", bits(candidate - end))
+    t35 = drawing.say("commit after the request", bits(committed - end))
+    lead = drawing.say("first bit after reply_start", bits(reply[0].start - started))
+    drawing.arrows((end, candidate, f"t1.5: {t15}"))
+    drawing.arrows((end, committed, f"t3.5: {t35}"))
+    drawing.foot = f"The first start bit leaves {lead} after reply_start."
+    return drawing
+
+
+def handshake(kind: str, title: str, filling: str) -> Drawing:
+    """The second access of one kind that network_port makes for a request, clock by clock."""
+    seen = Port("network_i", REGISTER)
+    begin = seen.characters("rx")[0].start
+    end, place, byte = [access for access in seen.accesses(kind) if access[0] > begin][1]
+    rise = max(rise for rise, _ in seen.pulses(f"{kind}_valid") if rise < end)
+    drawing = Drawing(title, rise - 2 * seen.clock, end + 4 * seen.clock, seen.clock / 8, "¼ clock")
+    drawing.level("clk", [(at, level) for at, level in seen.values["clk"] if at >= drawing.start], idle=1)
+    for name in ("valid", "ready"):
+        drawing.level(f"{kind}_{name}", seen.edges[f"{kind}_{name}"])
+    # The other values change with the firmware, and nobody may use them.
+    drawing.blocks(f"{kind}_addr", [Block(rise, end, str(place), FROM_CARD)], between="x")
+    first, last = (rise, end) if kind == "write" else (end, end + seen.clock)
+    drawing.blocks(f"{kind}_data", [Block(first, last, f"{byte:02X}", filling)], between="x")
+    waits = drawing.say("valid", f"{(end - rise) / seen.clock:.0f} clock")
+    when = "in the clock of ready" if kind == "write" else "in the clock after ready"
+    drawing.foot = f"Place {place}, byte {byte:02X}h {when}. Valid for {waits}: this memory is ready at once."
+    assert waits == "1 clock"
+    return drawing
+
+
+def memory_write() -> Drawing:
+    return handshake("write", "network_port: a byte goes to the frame memory", FROM_CARD)
+
+
+def memory_read() -> Drawing:
+    return handshake("read", "network_port: a byte comes from the frame memory", FROM_OUTSIDE)
+
+
+def drive_port() -> Drawing:
+    """The ports of drive_port during a telegram and its reply."""
+    seen = Port("drive_i", START)
+    telegram, answer = seen.characters("tx"), seen.characters("rx")
+    started = seen.after("telegram_start", 0)
+    good = next(at for at, level in seen.edges["exchange_good"] if level)
+    drawing = Drawing(
+        "drive_port: a telegram and its reply",
+        started - 12 * BIT,
+        answer[-1].end + 26 * BIT,
+        2.5 * BIT,
+        "5 bits",
+    )
+    drawing.group("pins")
+    drawing.level("de", seen.edges["de"])
+    drawing.blocks("tx", [Block(c.start, c.end, c.text, FROM_CARD) for c in telegram])
+    drawing.blocks("rx", [Block(c.start, c.end, c.text, FROM_OUTSIDE) for c in answer])
+    drawing.group("memory")
+    seen.memory(drawing, "read", FROM_CARD)
+    seen.memory(drawing, "write", FROM_OUTSIDE)
+    drawing.group("exchange")
+    for name in ("sending", "quiet", "candidate", "good"):
+        drawing.level(name, seen.edges[f"exchange_{name}"])
+    drawing.group("control")
+    for name in ("telegram_start", "listening"):
+        drawing.level(name, seen.edges[name])
+    first = drawing.say("first bit after telegram_start", bits(telegram[0].start - started))
+    right = drawing.say("good before the end of the reply", bits(answer[-1].end - good))
+    pause = drawing.say("reply after the telegram", bits(answer[0].start - telegram[-1].end))
+    drawing.arrows((telegram[-1].end, answer[0].start, f"drive's delay: {pause}"))
+    drawing.foot = (
+        f"The first start bit leaves {first} after telegram_start. good comes {right} before the end."
+    )
+    return drawing
+
+
 DRAWINGS: dict[str, Callable[[], Drawing]] = {
     "character": character,
     "commit": commit,
@@ -613,6 +781,10 @@ DRAWINGS: dict[str, Callable[[], Drawing]] = {
     "broadcast": broadcast,
     "loop-back": loop_back,
     "power-up": power_up,
+    "network-port": network_port,
+    "memory-write": memory_write,
+    "memory-read": memory_read,
+    "drive-port": drive_port,
 }
 
 

@@ -11,6 +11,7 @@ import sys
 import pytest
 
 from rtl.sources import ROOT
+from sim.view.wave_file import WaveFile
 from tb.lib.fast_card import FastCard
 from tools import chromium, diagrams
 from tools.diagrams import BIT, DIAGRAMS, DRAWINGS, difference, svg
@@ -116,8 +117,9 @@ def test_misplaced_text_is_found(name, found, instead, wrong, tmp_path):
     assert any(wrong in one for one in misplaced({name: picture}, tmp_path, ("DejaVu Sans",)))
 
 
-def test_page_shows_every_diagram_and_the_folder_holds_no_other_file():
-    shown = re.findall(r"\(\.\./diagrams/([\w-]+)\.svg\)", (ROOT / "docs/guide/timing.md").read_text())
+def test_pages_show_every_diagram_and_the_folder_holds_no_other_file():
+    pages = "".join((ROOT / f"docs/guide/{page}.md").read_text() for page in ("timing", "integration"))
+    shown = re.findall(r"\(\.\./diagrams/([\w-]+)\.svg\)", pages)
     assert shown == list(DRAWINGS)
     assert sorted(path.stem for path in DIAGRAMS.iterdir()) == sorted(DRAWINGS)
 
@@ -140,6 +142,30 @@ def test_late_strobe_changes_picture_and_figure(figure, monkeypatch):
     assert difference(svg(right), svg(wrong)) is not None
     changed = float(wrong.figures[figure].split()[0]) - float(right.figures[figure].split()[0])
     assert changed == pytest.approx(2, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "figure"),
+    [
+        ("network-port", "network_i.request", "candidate after the request"),
+        ("network-port", "network_i.reply_start", "first bit after reply_start"),
+        ("drive-port", "drive_i.exchange", "good before the end of the reply"),
+    ],
+)
+def test_late_signal_of_a_port_changes_picture_and_figure(name, signal, figure, monkeypatch):
+    right = DRAWINGS[name]()
+    found = WaveFile.changes
+
+    def late(file, wanted):
+        moved = 2 * BIT * 1e-12 if wanted == signal else 0
+        # The times of the file are two a clock, in ns.
+        return ((when + moved * 4e-3, value) for when, value in found(file, wanted))
+
+    monkeypatch.setattr(WaveFile, "changes", late)
+    wrong = DRAWINGS[name]()
+    assert difference(svg(right), svg(wrong)) is not None
+    moved = float(wrong.figures[figure].split()[0]) - float(right.figures[figure].split()[0])
+    assert abs(moved) == pytest.approx(2, abs=0.1)
 
 
 def test_unknown_name_gives_one_line_and_exit_2():

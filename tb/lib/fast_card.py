@@ -99,6 +99,7 @@ class FastCard:
 
     drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of the registers
     at power-up (SAFE-5); without it each card draws one and prints it. extra: "flips" for `flip`.
+    wave: FST file, closed with the card.
     dialect: folder of the image below that of the configuration. parameters: of rtl/rtu2fc.v, beside the
     configuration's.
     """
@@ -117,6 +118,7 @@ class FastCard:
         dialect: str = "",
         extra: str = "",
         parameters: tuple[tuple[str, int], ...] = (),
+        wave: Path | None = None,
         **wires: int,
     ):
         if seed is None:
@@ -126,12 +128,13 @@ class FastCard:
         self.period_ps = round(1e12 / clk_hz)
         self.boot_ms = boot_clocks(config) * self.period_ps / MS
         self._card = SimulatedCard(
-            library(config, clk_hz, extra, parameters),
+            library(config, clk_hz, "waves" if wave else extra, parameters),
             firmware(config).parent / dialect,
             switch_word(switches or baud_switches(baud, form)),
             address,
             watched=OUTPUTS,
             reset=False,
+            wave=wave,
             seed=seed,
         )
         self._clock = 0
