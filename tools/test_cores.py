@@ -121,3 +121,44 @@ def test_synth_target(top, library):
     assert {"SB_LUT4", "SB_CARRY", "SB_DFFESR"} <= used
     assert all(cell.startswith("SB_") for cell in used), sorted(used)
     assert ("SB_RAM40_4K" in used) == (top == "rtu2fc")
+
+
+def launcher(folder: Path, *words: str, **environment: str):
+    return subprocess.run(
+        [sys.executable, "-m", "tools.launcher", *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.needs("synth")
+@pytest.mark.parametrize(
+    ("script", "wrong"), [("set x [lindex]\n", "wrong # args"), (None, "couldn't read file")]
+)
+def test_wrong_script_of_yosys_is_one_line(script, wrong, tmp_path):
+    if script:
+        (tmp_path / "wrong.tcl").write_text(script)
+    done = launcher(tmp_path, "yosys", "-p", "tcl wrong.tcl")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"launcher: wrong.tcl: {wrong}") and done.stderr.count("\n") == 1
+
+
+@pytest.mark.needs("synth")
+def test_launcher_passes_the_tools_exit_code_on(tmp_path):
+    assert launcher(tmp_path, "sh", "-c", "exit 7").returncode == 7
+    (tmp_path / "wrong.tcl").write_text("yosys -import\nset file nothing.v\nread_verilog $file\n")
+    done = launcher(tmp_path, "yosys", "-p", "tcl wrong.tcl")
+    assert done.returncode == 1 and "nothing.v" in done.stderr
+    assert (tmp_path / "wrong.ys").read_text() == "read_verilog nothing.v\n"
+
+
+def test_missing_command_is_one_line(tmp_path):
+    done = launcher(tmp_path, "verilator", "-f", "x.vc", PATH=str(tmp_path))
+    assert (done.returncode, done.stderr) == (2, "launcher: verilator is missing; run `make setup-synth`\n")
+    done = launcher(tmp_path, "yosys", "-p", "tcl x.tcl", PATH=str(tmp_path))
+    assert (done.returncode, done.stderr) == (2, "launcher: tclsh is missing; run `make setup-synth`\n")
+    done = launcher(tmp_path)
+    assert (done.returncode, done.stderr) == (2, "launcher: name a command\n")
