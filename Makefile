@@ -66,6 +66,8 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   FILE=name     a recording (wireshark); FIRMWARE=file: an image (image); SHARD=I/N: a part (mutate-firmware)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
+#:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
+#:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
 #:   V=1           show the commands
 
@@ -194,7 +196,7 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 ##@ Build for hardware
-.PHONY: synth image pins sources
+.PHONY: synth image pins sources selftest
 synth: firmware | setup-synth ## * bitstreams and resource use (BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
@@ -205,6 +207,15 @@ image: firmware | setup-synth ## another firmware into a finished bitstream (BOA
 
 pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
 	@$(RUN) constraints.boards
+
+selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; 6 s, starts no motor)
+	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }
+	@exec $(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
+		$(call selftest_option,$(option),$(call upper,$(option))))
+
+# --name "value" for a variable that was given to make itself: the environment's START or ROW starts nothing.
+selftest_option = $(if $(filter command,$(origin $(2))),--$(1) "$($(2))")
+upper = $(shell tr a-z A-Z <<<'$(1)')
 
 sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFIG=)
 	@$(RUN) rtl.sources $(CONFIG)

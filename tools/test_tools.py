@@ -109,6 +109,19 @@ def test_waves_needs_a_name():
     assert one_line(done.stderr) == "say which test: make waves TEST=name"
 
 
+def test_selftest_needs_a_port():
+    done = command("make", "selftest", "PORT=")
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "say which port: make selftest PORT=/dev/ttyUSB0"
+
+
+def test_selftest_starts_a_motor_by_the_command_line_only():
+    """A variable of the environment may have any name."""
+    options = ("make", "-n", "selftest", "PORT=here", "DRIVE=yes")
+    assert "--start" not in command(*options, env={"START": "10"}).stdout
+    assert '--start "10"' in command(*options, "START=10").stdout
+
+
 @pytest.mark.rule("TOP-2")
 def test_unknown_configuration():
     done = command("make", "-s", "sources", "CONFIG=nosuch")

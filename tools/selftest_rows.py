@@ -1,0 +1,371 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rows of `make selftest`: each asks a card what one of its documents promises.
+
+A row is one declaration. Its asks run in order; the first unexpected answer makes the row a cross. Requests
+are PDUs with on-wire numbers (coil 65 is 64, register 40003 is 2). `needs` names the row's other condition:
+
+    ""          nothing
+    "no drive"  no drive that answers
+    "drive"     a drive; every telegram has control word 0, which commands nothing (FC-5)
+
+No row here has the start bit or bit 10 of the control word = 1, so none starts or stops a motor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tb.model.card import DIALECTS, EEPROM
+from tb.model.rtu import (
+    exception,
+    read_coils,
+    read_registers,
+    write_coil,
+    write_coils,
+    write_register,
+    write_registers,
+)
+
+# On-wire register numbers.
+IND, NETWORK_TIMEOUT, DRIVE_TIMEOUT, INDEX, RESERVED = 0, 1, 2, 8, 3
+UNKNOWN_FUNCTION = 0x41
+LANGUAGE = 1  # parameter "language", in every drive of these documents
+NO_PARAMETER = 2047  # in no drive of these documents
+DRIVE_TYPE = {"card": 621, "builtin": 621, "hvac_basic": 1540}  # text parameter with the drive's type
+VALUES = (0x04D2, 0x0010)  # written to 40002 and 40003 and taken back
+TEXT_REGISTERS = 10
+
+# Takes the reply's PDU. Returns a remark to print, or raises Unexpected.
+Check = Callable[[bytes], str]
+Request = bytes | Callable[[bytes], bytes]  # made from the reply before, if that decides
+
+
+class Unexpected(Exception):
+    """The reply is not the promised one, in words."""
+
+
+@dataclass(frozen=True)
+class Ask:
+    """A request and its promised reply.
+
+    The reply is a PDU, an error of tb/model/card.py by its name, a fault of the drive by its number, a check,
+    or None for silence.
+    """
+
+    request: Request
+    reply: bytes | str | int | Check | None
+    to_all: bool = False
+    damaged: bool = False  # with a wrong CRC
+
+
+@dataclass(frozen=True)
+class Row:
+    rule: str
+    title: str
+    asks: tuple[Ask, ...]
+    needs: str = ""
+    dialects: tuple[str, ...] = tuple(DIALECTS)
+
+
+def parameter(number: int, count: int) -> bytes:
+    """Reads the registers of a drive's parameter (MAP-6)."""
+    return read_registers(10 * number - 1, count)
+
+
+def echo(pdu: bytes) -> bytes:
+    """The reply to a write (section 6 of the rules): its first five bytes."""
+    return pdu[:5]
+
+
+def done(pdu: bytes, **how: bool) -> Ask:
+    """A write that is carried out."""
+    return Ask(pdu, None if how.get("to_all") else echo(pdu), **how)
+
+
+def registers(*values: int) -> bytes:
+    return bytes([3, 2 * len(values)]) + b"".join(value.to_bytes(2, "big") for value in values)
+
+
+def coil_65(on: bool) -> Ask:
+    return Ask(read_coils(EEPROM, 1), bytes([1, 1, on]))
+
+
+def words(reply: bytes) -> list[int]:
+    """The registers of a reply to function 03."""
+    if reply[0] != 3 or len(reply) != 2 + reply[1] or reply[1] % 2:
+        raise Unexpected(f"{reply.hex(' ')} is no reply of registers")
+    return [int.from_bytes(reply[i : i + 2], "big") for i in range(2, len(reply), 2)]
+
+
+# ---------------------------------------------------------------- checks
+
+
+def has_drive_timeout(reply: bytes) -> str:
+    (value,) = words(reply)
+    if value == 0:
+        raise Unexpected("40003 = 0")
+    return f"40003 = {value}"
+
+
+def has_128_coils(reply: bytes) -> str:
+    if len(reply) != 18 or reply[:2] != bytes([1, 16]):
+        raise Unexpected(f"{reply.hex(' ')} is no reply of 128 coils")
+    if reply[10] & 0xFE or any(reply[11:]):
+        raise Unexpected(f"a reserved coil of 66-128 is 1: {reply[10:].hex(' ')}")
+    return f"control word {reply[3]:02X}{reply[2]:02X}h"
+
+
+def has_language(reply: bytes) -> str:
+    value = int.from_bytes(reply[2:], "big")
+    words(reply)
+    return f"language = {value}"
+
+
+def wrote_language(reply: bytes) -> str:
+    value = int.from_bytes(reply[3:], "big")
+    if reply != write_register(10 * LANGUAGE - 1, value):
+        raise Unexpected(f"{reply.hex(' ')} is no echo of the write")
+    return f"language = {value}"
+
+
+def has_text(reply: bytes) -> str:
+    words(reply)
+    text = reply[2:]
+    if not text.isascii() or not text.strip() or not text.decode().isprintable():
+        raise Unexpected(f"{text.hex(' ')} is no text")
+    return f"'{text.decode().strip()}'"
+
+
+def has_status(reply: bytes) -> str:
+    if reply[:2] != bytes([1, 4]) or len(reply) != 6:
+        raise Unexpected(f"{reply.hex(' ')} is no reply of 32 coils")
+    status, frequency = (int.from_bytes(reply[at : at + 2], "little") for at in (2, 4))
+    if status == 0:
+        raise Unexpected("the status word is 0000h")
+    return f"status word {status:04X}h, output frequency {frequency:04X}h"
+
+
+def has_server_id(reply: bytes) -> str:
+    text = reply[2:-1]
+    if len(reply) != reply[1] + 2 or not text.startswith(b"rtu2fc ") or reply[-1] != 0xFF:
+        raise Unexpected(f"{reply.hex(' ')} is not the id of a running rtu2fc")
+    return text.decode("ascii", "replace")
+
+
+def has_identification(reply: bytes) -> str:
+    if reply[:7] != bytes.fromhex("2B 0E 01 81 00 00 03"):
+        raise Unexpected(f"{reply.hex(' ')} is no list of three objects")
+    objects, rest = [], reply[7:]
+    while len(rest) > 1:
+        objects.append(rest[2 : 2 + rest[1]].decode("ascii", "replace"))
+        rest = rest[2 + rest[1] :]
+    if len(objects) != 3 or objects[0] != "rtu2fc":
+        raise Unexpected(f"the objects are {', '.join(objects)}")
+    return ", ".join(objects)
+
+
+# ---------------------------------------------------------------- rows
+CARD, BUILT_IN, DIAGNOSED = ("card",), ("builtin", "hvac_basic"), ("hvac_basic",)
+NOT_DIAGNOSED = tuple(name for name in DIALECTS if name not in DIAGNOSED)
+TEXT_READS = bytes.fromhex("10 0000 0001 02 0400")  # IND = 0400h: function 03 reads texts (MAP-8)
+
+
+def diagnostic(sub: int, value: int = 0) -> bytes:
+    return bytes([8]) + sub.to_bytes(2, "big") + value.to_bytes(2, "big")
+
+
+def index_rows() -> tuple[Row, ...]:
+    """The index register is 40001 or 40009, by dialect."""
+    places = ((IND, "40001", CARD), (INDEX, "40009", BUILT_IN))
+    return tuple(
+        Row(
+            "MAP-5",
+            f"{name} holds the index that is written",
+            (
+                done(write_register(at, 0x0007)),
+                Ask(read_registers(at, 1), registers(7)),
+                done(write_register(at, 0)),
+            ),
+            dialects=dialects,
+        )
+        for at, name, dialects in places
+    )
+
+
+def no_drive_rows() -> tuple[Row, ...]:
+    ask = parameter(LANGUAGE, 1)
+    return (
+        Row("FC-9", "exception 255 to a reading without a drive", (Ask(ask, 255),), "no drive", CARD),
+        Row("FC-9", "silence to a reading without a drive", (Ask(ask, None),), "no drive", BUILT_IN),
+        Row(
+            "SAFE-3",
+            "a local request after it is answered",
+            (Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout),),
+            "no drive",
+        ),
+    )
+
+
+def text_rows() -> tuple[Row, ...]:
+    def of(dialect: str, before: tuple[Ask, ...], after: tuple[Ask, ...]) -> Row:
+        ask = Ask(parameter(DRIVE_TYPE[dialect], TEXT_REGISTERS), has_text)
+        return Row("FC-7", "a text is read", (*before, ask, *after), "drive", (dialect,))
+
+    return (
+        of("card", (done(TEXT_READS),), (done(write_register(IND, 0)),)),
+        of("builtin", (), ()),
+        of("hvac_basic", (), ()),
+    )
+
+
+ROWS: tuple[Row, ...] = (
+    # Functions, on what the card itself holds: no telegram goes to the drive.
+    Row("MAP-1", "01 reads 128 coils, 66-128 are 0", (Ask(read_coils(0, 128), has_128_coils),)),
+    Row(
+        "MAP-2",
+        "05 sets and clears coil 65",
+        (
+            done(write_coil(EEPROM, True)),
+            coil_65(True),
+            done(write_coil(EEPROM, False)),
+            coil_65(False),
+        ),
+    ),
+    Row(
+        "MAP-2",
+        "0F sets and clears coil 65",
+        (
+            done(write_coils(EEPROM, [True])),
+            coil_65(True),
+            done(write_coils(EEPROM, [False])),
+            coil_65(False),
+        ),
+    ),
+    Row(
+        "MAP-5",
+        "06 writes 40002, 03 reads it",
+        (
+            done(write_register(NETWORK_TIMEOUT, VALUES[0])),
+            Ask(read_registers(NETWORK_TIMEOUT, 1), registers(VALUES[0])),
+        ),
+    ),
+    Row(
+        "MAP-5",
+        "10 writes 40002 and 40003, 03 reads both",
+        (
+            done(write_registers(NETWORK_TIMEOUT, list(VALUES))),
+            Ask(read_registers(NETWORK_TIMEOUT, 2), registers(*VALUES)),
+        ),
+    ),
+    *index_rows(),
+    # Exceptions, in the order of their checks.
+    Row("EXC", "unknown function", (Ask(bytes([UNKNOWN_FUNCTION]), "function"),)),
+    Row("EXC", "frame one byte too long", (Ask(read_registers(DRIVE_TIMEOUT, 1) + b"\0", "length"),)),
+    Row("EXC", "129 coils", (Ask(read_coils(0, 129), "quantity"),)),
+    Row("EXC", "0 registers", (Ask(read_registers(DRIVE_TIMEOUT, 0), "quantity"),)),
+    Row(
+        "EXC",
+        "byte count that does not match",
+        (Ask(bytes.fromhex("0F 0040 0001 02 0000"), "quantity"), coil_65(False)),
+    ),
+    Row("EXC", "coils beyond 128", (Ask(read_coils(100, 30), "address"),)),
+    Row("MAP-2", "write of coil 33, which is read-only", (Ask(write_coil(32, False), "address"),)),
+    Row("EXC", "reserved register 40004", (Ask(read_registers(RESERVED, 1), "address"),)),
+    Row("MAP-6", "register 5141, where no parameter starts", (Ask(read_registers(5140, 1), "address"),)),
+    Row(
+        "EXC",
+        "coil 65 = 1234h, neither on nor off",
+        (Ask(bytes.fromhex("05 0040 1234"), "value"), coil_65(False)),
+    ),
+    Row("MAP-5", "40003 = 0", (Ask(write_register(DRIVE_TIMEOUT, 0), "value"),)),
+    # Silence. Each write sets coil 65, and the next ask reads whether it was carried out.
+    Row(
+        "FRAME-4",
+        "a write with a wrong CRC: silence, and nothing is written",
+        (Ask(write_coil(EEPROM, True), None, damaged=True), coil_65(False)),
+    ),
+    Row(
+        "MAP-9",
+        "a write to all: silence, and it is carried out",
+        (
+            done(write_coil(EEPROM, True), to_all=True),
+            coil_65(True),
+            done(write_coil(EEPROM, False), to_all=True),
+            coil_65(False),
+        ),
+    ),
+    Row("MAP-9", "a reading from all: silence", (Ask(read_coils(0, 8), None, to_all=True),)),
+    Row(
+        "FRAME-5",
+        "a frame of 300 bytes: silence, and the next one is answered",
+        (
+            Ask(bytes([0x10]) + bytes(296), None),
+            Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout),
+        ),
+    ),
+    # Diagnostics. The counts are of the asks in this row, so a frame of somebody else's is a cross.
+    Row(
+        "MAP-10", "08/0 returns its data", (Ask(diagnostic(0, 0xA55A), diagnostic(0, 0xA55A)),), "", DIAGNOSED
+    ),
+    Row(
+        "MAP-10",
+        "08/10 clears, 08/2 and 08/11-14 and 0B count exactly",
+        (
+            Ask(diagnostic(10), diagnostic(10)),
+            Ask(diagnostic(14), diagnostic(14, 1)),
+            Ask(write_coil(EEPROM, True), None, damaged=True),
+            Ask(diagnostic(12), diagnostic(12, 1)),
+            Ask(diagnostic(2), diagnostic(2, 1)),
+            Ask(bytes([UNKNOWN_FUNCTION]), "function"),
+            Ask(diagnostic(13), diagnostic(13, 1)),
+            Ask(bytes([0x0B]), bytes.fromhex("0B 0000 0004")),
+            Ask(diagnostic(11), diagnostic(11, 7)),
+        ),
+        "",
+        DIAGNOSED,
+    ),
+    Row("MAP-10", "08/99 is unknown", (Ask(diagnostic(99), "function"),), "", DIAGNOSED),
+    Row("MAP-10", "11 names the card and its version", (Ask(bytes([0x11]), has_server_id),), "", DIAGNOSED),
+    Row(
+        "MAP-10",
+        "2B/0E lists vendor, product, version",
+        (Ask(bytes.fromhex("2B 0E 01 00"), has_identification),),
+        "",
+        DIAGNOSED,
+    ),
+    Row(
+        "MAP-10",
+        "08, 0B, 11 and 2B/0E are unknown in this dialect",
+        tuple(
+            Ask(pdu, "function") for pdu in (diagnostic(0), b"\x0b", b"\x11", bytes.fromhex("2B 0E 01 00"))
+        ),
+        "",
+        NOT_DIAGNOSED,
+    ),
+    # The drive.
+    *no_drive_rows(),
+    Row("MAP-7", "parameter 1 is read", (Ask(parameter(LANGUAGE, 2), has_language),), "drive"),
+    Row("EXC", "parameter 2047, in no drive, is refused", (Ask(parameter(NO_PARAMETER, 1), 0),), "drive"),
+    *text_rows(),
+    Row(
+        "FC-4",
+        "parameter 1 is written with the value that it has",
+        (
+            Ask(parameter(LANGUAGE, 1), has_language),
+            Ask(lambda reply: write_register(10 * LANGUAGE - 1, words(reply)[0]), wrote_language),
+        ),
+        "drive",
+    ),
+    Row(
+        "FC-6",
+        "0F writes coils 1-32 = 0, no command; coils 33-64 show the drive's state",
+        (done(write_coils(0, [False] * 32)), Ask(read_coils(32, 32), has_status)),
+        "drive",
+    ),
+)
+
+
+def refusal(function: int, why: str | int, dialect: str) -> bytes:
+    """The exception's PDU in a dialect; a number is what the drive says."""
+    return exception(function, DIALECTS[dialect].code(why))

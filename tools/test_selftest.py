@@ -1,0 +1,525 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make selftest`: each row can be a tick and a cross; whatever goes wrong outside is one line.
+
+ModelLine stands in for the serial port: the models of card and drive answer at once. The virtual card answers
+where the port itself, time or faults of the lines matter.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from sim.card.run_card import ROOT, RunningCard
+from tb.model import fc_telegram as fc
+from tb.model.card import DIALECTS, CardModel
+from tb.model.crc16 import crc_good, with_crc
+from tb.model.vlt_drive import VltDrive
+from tools import selftest
+from tools.selftest import Card, Options, PortError, Selftest
+from tools.selftest_rows import ROWS, Row
+
+T35_S, CHARACTER_S = 0.004, 0.001
+DRIVES = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}
+UNIT = 5
+READ_40003 = with_crc(bytes([UNIT, 3, 0, 2, 0, 1]))
+STARTS, STOPS = bytes.fromhex("0F 0000 0020 04 7C04 6606"), bytes.fromhex("0F 0000 0020 04 3C04 0000")
+
+
+def options(**given: object) -> Options:
+    usual = {"port": "port", "unit": UNIT, "baud": 9600, "format": "8N2", "dialect": "card", "row": ""}
+    return Options(**usual | {"drive": False, "boot": False, "start": 0} | given)
+
+
+class ModelLine:
+    """As selftest.Line, with a card and its drive behind it. `lie` changes a reply's PDU."""
+
+    def __init__(self, dialect: str, drive: VltDrive | None, unit: int = UNIT, lie=lambda pdu: pdu) -> None:
+        self.card, self.drive, self.unit, self.lie = CardModel(name=dialect), drive, unit, lie
+        self.character_s, self.t35_s = CHARACTER_S, T35_S
+        self.echoes, self.stray = False, b""
+        self.took_s = T35_S
+        self.asked: list[bytes] = []
+
+    def exchange(self, frame: bytes, wait_s: float) -> tuple[bytes, float]:
+        self.asked.append(frame)
+        if not crc_good(frame):
+            self.card.counts["crc"] += 1
+            return b"", 0.0
+        if frame[0] not in (0, self.unit):
+            self.card.counts["foreign"] += 1
+            return b"", 0.0
+        step = self.card.request(frame[1:-2], frame[0] == 0) if len(frame) <= 256 else None
+        while step and step.telegram:
+            reply = self.drive and self.drive.telegram(fc.build(step.telegram[1:], step.telegram[0]))
+            step = self.card.drive_reply(fc.without_bcc(reply[2:])) if reply else self.card.drive_silent()
+        if self.drive:
+            self.drive.step(1_000_000)
+        answer = self.lie(step.reply) if step and step.reply and frame[0] else None
+        return (with_crc(bytes([self.unit]) + answer) if answer else b""), self.took_s
+
+    def stray_after(self, seconds: float) -> bytes:
+        return self.stray
+
+
+def rows_of(output: str) -> dict[str, str]:
+    """Title and remark of each printed row to its mark."""
+    return {text: mark for mark, text in re.findall(r"^  ([✓✗-]) \S+ +(.*)$", output, re.MULTILINE)}
+
+
+def ask(line: ModelLine, **given: object) -> None:
+    Selftest(Card(line, options(**given))).rows()
+
+
+def with_drive(dialect: str) -> VltDrive:
+    return VltDrive(DRIVES[dialect])
+
+
+def known_rows() -> set[tuple[str, str]]:
+    others = [("LINE-7", "unit 1 answers"), ("LINE-7", selftest.OTHERS), ("DIALECT", selftest.SPEAKS)]
+    ends = [*selftest.TIMES, selftest.BOOT, *selftest.MOTOR]
+    return {*others, *ends, *((row.rule, row.title) for row in ROWS if "card" in row.dialects)}
+
+
+def test_the_guide_shows_the_rows_as_they_are():
+    guide = (ROOT / "docs/guide/bring-up.md").read_text()
+    shown = re.findall(r"^  [✓✗-] (\S+) +(.*)$", guide, re.MULTILINE)
+    known = known_rows()
+    found = {
+        (r, t) for r, t in known for rule, text in shown if rule == r and f"{text}: ".startswith(f"{t}: ")
+    }
+    assert found == known
+    strangers = [text for rule, text in shown if not any(r == rule and text.startswith(t) for r, t in known)]
+    assert strangers == []
+
+
+# ---------------------------------------------------------------- against the models
+
+
+@pytest.mark.parametrize("drive", [False, True])
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_models_pass_every_row(dialect, drive, capsys):
+    ask(ModelLine(dialect, with_drive(dialect) if drive else None), dialect=dialect, drive=drive)
+    marks = list(rows_of(capsys.readouterr().out).values())
+    asked = [
+        row for row in ROWS if dialect in row.dialects and row.needs != ("no drive" if drive else "drive")
+    ]
+    assert marks.count("✗") == 0
+    assert marks.count("✓") == len(asked) + 5, "and the five rows that are no table"
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_no_row_commands_a_motor(dialect, capsys):
+    """No request writes coils 1-32 with anything but 0, and the drive never sees bit 10 (SAFE-1)."""
+    drive = with_drive(dialect)
+    line = ModelLine(dialect, drive)
+    drive_telegram, telegrams = drive.telegram, []
+    drive.telegram = lambda telegram: telegrams.append(telegram) or drive_telegram(telegram)
+    ask(line, dialect=dialect, drive=True)
+    assert telegrams
+    assert {telegram[-5:-1] for telegram in telegrams} == {bytes(4)}, "control word and reference"
+    writes = [
+        frame
+        for frame in line.asked
+        if frame[1] in (0x05, 0x0F) and crc_good(frame) and frame[2:4] < b"\0\x20"
+    ]
+    assert writes == [with_crc(bytes([UNIT]) + bytes.fromhex("0F 0000 0020 04 00000000"))]
+
+
+def cases() -> list:
+    """Every row of the table, in each dialect that has it."""
+    return [
+        pytest.param(row, dialect, id=f"{dialect}: {row.title}") for row in ROWS for dialect in row.dialects
+    ]
+
+
+@pytest.mark.parametrize(("row", "dialect"), cases())
+def test_every_row_is_a_cross_for_a_card_that_does_otherwise(row: Row, dialect):
+    """Each ask of the row in turn: the card answers it wrongly, or at all where silence is promised."""
+    for wrong in range(len(row.asks)):
+        test = Selftest(
+            Card(
+                ModelLine(dialect, with_drive(dialect) if row.needs == "drive" else None),
+                options(dialect=dialect),
+            )
+        )
+        exchange, count = test.line.exchange, iter(range(1000))
+
+        def lying(frame, wait_s, exchange=exchange, count=count, wrong=wrong):
+            heard, took = exchange(frame, wait_s)
+            if next(count) != wrong:
+                return heard, took
+            return with_crc(
+                heard[:1] + bytes([heard[1] ^ 0x10]) + heard[2:-2] if heard else b"\x05\x81\x40"
+            ), took
+
+        test.line.exchange = lying
+        with pytest.raises(selftest.Unexpected):
+            test.table_row(row)
+
+
+def crosses(output: str) -> list[str]:
+    return [text for text, mark in rows_of(output).items() if mark == "✗"]
+
+
+@pytest.mark.parametrize("unit", [1, 64, 160])
+def test_a_wrong_unit_address_is_found(unit, capsys):
+    """Switch 3 is stuck, one switch alone is on, the switches are in the reverse order."""
+    ask(ModelLine("card", None, unit=unit))
+    output = capsys.readouterr().out
+    assert crosses(output) == ["unit 5 answers: no answer", f"{selftest.OTHERS}: unit {unit} answers"]
+    assert len(rows_of(output)) == 2, "the other rows are not asked"
+
+
+def test_a_second_unit_on_the_bus_is_found(capsys):
+    line = ModelLine("card", None)
+    exchange = line.exchange
+    line.exchange = lambda frame, wait_s: (
+        (with_crc(b"\x04\x03\x02\0\1"), 0) if frame[0] == 4 else exchange(frame, wait_s)
+    )
+    ask(line)
+    assert crosses(capsys.readouterr().out) == [f"{selftest.OTHERS}: unit 4 answers"]
+
+
+@pytest.mark.parametrize("asked", DIALECTS)
+@pytest.mark.parametrize("spoken", DIALECTS)
+def test_a_card_of_another_dialect_is_one_line(spoken, asked, capsys):
+    ask(ModelLine(spoken, None), dialect=asked)
+    answer = f"the card speaks {spoken}, not {asked}: ask again with DIALECT={spoken}"
+    expected = [f"the card speaks this dialect: {answer}"]
+    assert crosses(capsys.readouterr().out) == ([] if spoken == asked else expected)
+
+
+def test_a_foreign_device_is_of_no_dialect(capsys):
+    ask(ModelLine("hvac_basic", None, lie=lambda pdu: bytes([pdu[0], 11]) if pdu[0] & 0x80 else pdu))
+    assert crosses(capsys.readouterr().out) == [
+        "the card speaks this dialect: exception 11 to an unknown function is of no dialect"
+    ]
+
+
+def test_a_drive_that_is_not_announced_is_a_cross(capsys):
+    ask(ModelLine("card", with_drive("card")))
+    (cross,) = crosses(capsys.readouterr().out)
+    assert cross.endswith(
+        "instead of exception 255 (no answer from the drive); if a drive is connected, ask with DRIVE=yes"
+    )
+
+
+def test_a_silent_drive_is_a_cross_in_each_row_that_needs_one(capsys):
+    ask(ModelLine("card", None), drive=True)
+    found = crosses(capsys.readouterr().out)
+    needing = [row.title for row in ROWS if row.needs == "drive" and "card" in row.dialects]
+    assert [text.split(":")[0] for text in found] == [title.split(":")[0] for title in needing]
+    assert all("exception 255 (no answer from the drive)" in text for text in found)
+
+
+@pytest.mark.parametrize(
+    ("took_s", "says"),
+    [(T35_S - 1.5 * CHARACTER_S, "too early"), (T35_S + 0.06, "too late"), (T35_S + 0.02, "")],
+)
+def test_answers_before_t35_and_late_ones_are_a_cross(took_s, says, capsys):
+    line = ModelLine("card", None)
+    line.took_s = took_s
+    ask(line)
+    found = crosses(capsys.readouterr().out)
+    assert len(found) == bool(says)
+    assert all(says in text for text in found)
+
+
+def test_lost_answers_and_stray_bytes_are_a_cross(capsys):
+    line = ModelLine("card", None)
+    exchange, turn = line.exchange, iter(range(10_000))
+
+    def lossy(frame: bytes, wait_s: float) -> tuple[bytes, float]:
+        if frame == READ_40003 and wait_s < selftest.ANSWER_S and next(turn) % 25 == 10:
+            return b"", 0
+        return exchange(frame, wait_s)
+
+    line.exchange = lossy
+    line.stray = b"\0\xff"
+    ask(line)
+    assert crosses(capsys.readouterr().out) == [
+        "answers come after t3.5 and not late: 2 of 50 answers are missing or damaged",
+        "no byte between the frames: 2 bytes: 00 ff",
+    ]
+
+
+def test_the_card_is_left_as_it_was_found(capsys):
+    line = ModelLine("card", None)
+    line.card.registers[1], line.card.registers[2] = 500, 40
+    test = Selftest(Card(line, options()))
+    test.rows()
+    assert line.card.registers[1] != 500
+    test.write_back()
+    assert line.card.registers == {0: 0, 1: 500, 2: 40}
+    assert not any(line.card.coils)
+
+
+# ---------------------------------------------------------------- the motor
+
+
+def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
+    monkeypatch.setattr(selftest, "TURN_S", 0.01)
+    line = ModelLine("card", with_drive("card"))
+    ask(line, drive=True, start=40)
+    output = capsys.readouterr().out
+    assert crosses(output) == []
+    assert re.search(r"✓ FC-5 +the motor turns: status word 0[EF]03h, output frequency \d", output)
+    assert line.drive.frequency_word == 0 and not line.drive.running
+    pdus = [frame[1:-2] for frame in line.asked]
+    first = next(i for i, pdu in enumerate(pdus) if pdu[:5] == STARTS[:5] and pdu[6:8] == STARTS[6:8])
+    assert pdus[first] == bytes.fromhex("0F 0000 0020 04 7C04 9919"), "40 %"
+    assert STOPS in pdus[first:]
+
+
+def test_a_motor_that_does_not_turn_gets_its_stop(capsys, monkeypatch):
+    monkeypatch.setattr(selftest, "TURN_S", 0.01)
+    drive = with_drive("card")
+    drive.trip(13)
+    line = ModelLine("card", drive)
+    ask(line, drive=True, start=10)
+    (cross,) = crosses(capsys.readouterr().out)
+    assert cross.startswith("the motor turns: status word")
+    assert line.asked[-1][1:-2] == STOPS or STOPS in [frame[1:-2] for frame in line.asked[-4:]]
+
+
+def test_a_stop_that_nobody_answers_is_said(monkeypatch):
+    line = ModelLine("card", None)
+    test = Selftest(Card(line, options(drive=True, start=10)))
+    assert test.stop_motor() == "THE MOTOR'S STOP WAS NOT ANSWERED: use the drive's own stop"
+    assert [frame[1:-2] for frame in line.asked] == [STOPS] * 3
+
+
+# ---------------------------------------------------------------- the port
+
+
+class Adapter(threading.Thread):
+    """A pty with a model of the card on it, as an adapter shows it: with an echo, or with a stray byte."""
+
+    def __init__(self, echo: bool = False, stray: bytes = b"") -> None:
+        super().__init__(daemon=True)
+        self.ours, port = os.openpty()
+        self.name = os.ttyname(port)
+        self.held = port  # the other end stays open, so that a read does not fail
+        self.echo, self.after = echo, stray
+        self.line = ModelLine("card", None, unit=1)
+        self.start()
+
+    def run(self) -> None:
+        heard = b""
+        while True:
+            try:
+                heard += os.read(self.ours, 400)
+            except OSError:
+                return
+            if len(heard) < 4 or not (crc_good(heard) or len(heard) in (8, 300)):
+                continue
+            frame, heard = heard, b""
+            time.sleep(0.02)
+            answer = self.line.exchange(frame, 0)[0]
+            os.write(self.ours, (frame if self.echo else b"") + answer)
+            if answer and self.after:
+                time.sleep(0.002)
+                os.write(self.ours, self.after)
+
+    def close(self) -> None:
+        os.close(self.held)
+        os.close(self.ours)
+
+
+def start(*arguments: object) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "tools.selftest", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    process = start(*arguments)
+    output, errors = process.communicate(timeout=60)
+    return process.returncode, output, errors
+
+
+def test_an_adapter_that_echoes_is_understood():
+    """Else each write of one coil would seem answered by its own echo."""
+    adapter = Adapter(echo=True)
+    code, output, _ = run(adapter.name, "--row", "coil 65")
+    assert "the adapter hears its own bytes" in output
+    assert code == 0 and crosses(output) == [] and len(rows_of(output)) > 4
+    adapter.line.unit = 99  # the card is gone, the echo stays
+    code, output, _ = run(adapter.name, "--row", "coil 65")
+    assert code == 1 and "unit 1 answers: no answer" in crosses(output)
+    adapter.close()
+
+
+def test_a_byte_after_the_answers_is_seen():
+    adapter = Adapter(stray=b"\0")
+    code, output, _ = run(adapter.name, "--row", "no byte")
+    assert code == 1 and crosses(output)
+    alone, with_answer = (
+        r"no byte between the frames: \d+ bytes: 00[ 0]*",
+        r".*: damaged answer [ 0-9a-f]* 00",
+    )
+    assert all(re.fullmatch(f"{alone}|{with_answer}", text) for text in crosses(output))
+    adapter.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["no/such/port"], "there is no no/such/port"),
+        (["/dev/null"], "/dev/null is no serial port that can be opened"),
+        (["README.md"], "README.md is no serial port that can be opened"),
+        (["docs"], "docs is no serial port that can be opened"),
+        (["p", "--unit", "248"], "the unit is 1 to 247, not '248'"),
+        (["p", "--unit", "one"], "the unit is 1 to 247, not 'one'"),
+        (
+            ["p", "--baud", "9601"],
+            "the rate is 300, 1200, 2400, 4800, 9600, 19200, 38400, 115200, not '9601'",
+        ),
+        (["p", "--format", "7E1"], "the format is 8E1, 8N1, 8O1, 8N2, not '7E1'"),
+        (["p", "--dialect", "klingon"], "the dialect is card, builtin, hvac_basic, not 'klingon'"),
+        (["p", "--drive", "perhaps"], "the answer is yes, no, not 'perhaps'"),
+        (["p", "--start", "10"], "--start takes --drive yes"),
+        (["p", "--start", "101"], "the speed is 1 to 100, not '101'"),
+        ([], "port"),
+    ],
+)
+def test_wrong_options_and_ports_are_one_line(arguments, says):
+    code, output, errors = run(*arguments)
+    assert (code, output, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith("selftest: ") and says in errors
+
+
+def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
+    def refuses(number: int):
+        def opens(*_: object, **__: object):
+            raise OSError(number, "")
+
+        return opens
+
+    for number, says in ((13, "no permission for port"), (22, "port refuses 9600 8N2"), (16, "in use")):
+        monkeypatch.setattr(selftest.serial, "Serial", refuses(number))
+        with pytest.raises(PortError, match=says):
+            selftest.Line(options())
+
+
+def test_a_port_in_use_is_one_line():
+    adapter = Adapter()
+    first = selftest.Line(options(port=adapter.name))
+    code, output, errors = run(adapter.name)
+    assert (code, output, errors) == (2, "", f"selftest: {adapter.name} is in use by another program\n")
+    first.close()
+    adapter.close()
+
+
+# ---------------------------------------------------------------- against the virtual card
+
+
+def slow_computer(text: str) -> bool:
+    """The virtual card falls behind on a busy machine."""
+    return "too late" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dialect", "drive"), [("card", "yes"), ("builtin", "no"), ("hvac_basic", "yes")])
+def test_the_virtual_card_passes(tmp_path, dialect, drive):
+    line = ("--drive", str(tmp_path / "drive")) if drive == "no" else ()
+    with RunningCard(tmp_path, "--dialect", dialect, "--quiet", *line) as card:
+        code, output, errors = run(card.link, "--dialect", dialect, "--drive", drive)
+        assert errors == ""
+        assert [text for text in crosses(output) if not slow_computer(text)] == []
+        assert code == (1 if crosses(output) else 0)
+        assert re.search(r"^\d\d passed, ", output, re.MULTILINE)
+        commands = [f.what for f in card.frames() if (f.line, f.sender) == ("drive", "card")]
+    assert commands and all("control 0000h, reference 0000h" in what for what in commands)
+
+
+def start_until(text: str, *arguments: object) -> subprocess.Popen:
+    """The program, as soon as it has printed a line with `text`."""
+    process = start(*arguments)
+    while text not in (line := process.stdout.readline()):
+        assert line, process.stderr.read()
+    return process
+
+
+def test_the_virtual_card_without_its_drive(tmp_path):
+    with RunningCard(tmp_path, "--control", "--quiet") as card:
+        code, output, _ = run(card.link, "--drive", "yes", "--row", "parameter 1 is read")
+        assert code == 0 and "parameter 1 is read: language = 0" in output
+        assert card.command("cut drive on") == "ok"
+        code, output, _ = run(card.link, "--drive", "yes", "--row", "parameter 1 is read")
+        assert code == 1
+        assert crosses(output) == ["parameter 1 is read: exception 255 (no answer from the drive)"]
+
+
+def test_a_power_cycle_is_seen(tmp_path):
+    with RunningCard(tmp_path, "--control", "--quiet") as card:
+        test = start_until("switch the card off", card.link, "--boot", "yes", "--row", "off and on")
+        assert card.command("power-cycle") == "ok"
+        output, _ = test.communicate(timeout=30)
+    assert "all coils 0; silent for" in output and test.returncode == 0
+
+
+def test_nobody_switches_the_card_off(capsys, monkeypatch):
+    monkeypatch.setattr(selftest, "BOOT_S", 0.01)
+    ask(ModelLine("card", None), boot=True)
+    (cross,) = crosses(capsys.readouterr().out)
+    assert cross.startswith(f"{selftest.BOOT[1]}: 40002 never was 1000 again")
+
+
+def test_a_noisy_line_is_a_cross(tmp_path):
+    with RunningCard(tmp_path, "--control", "--quiet") as card:
+        test = start_until("this dialect", card.link, "--row", "answers come")
+        assert card.command("noise modbus 10") == "ok"
+        output, _ = test.communicate(timeout=60)
+    assert test.returncode == 1
+    (cross,) = crosses(output)
+    assert re.fullmatch(r"answers come after .*: \d+ of 50 answers are missing or damaged", cross)
+
+
+def test_a_port_that_goes_away_is_one_line(tmp_path):
+    with RunningCard(tmp_path, "--quiet") as card:
+        test = start_until("this dialect", card.link)
+        card.stop(signal.SIGKILL)
+        _, errors = test.communicate(timeout=30)
+        assert (test.returncode, errors.count("\n")) == (2, 1)
+        assert errors.startswith(
+            f"{card.link} went away, not written back: 40002 and 40003, the index, coil 65: "
+        )
+
+
+def test_ctrl_c_is_one_line_and_writes_back():
+    adapter = Adapter()
+    test = start_until("unknown function", adapter.name)
+    assert adapter.line.card.registers[1] != 1000
+    test.send_signal(signal.SIGINT)
+    output, errors = test.communicate(timeout=30)
+    assert (test.returncode, errors) == (130, "")
+    assert re.fullmatch(r"stopped by Ctrl-C: \d+ passed, 0 failed, 0 not asked", output.splitlines()[-1])
+    assert adapter.line.card.registers[1] == 1000
+    adapter.close()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_stops_the_motor(tmp_path, how):
+    with RunningCard(tmp_path, "--quiet") as card:
+        test = start(card.link, "--drive", "yes", "--start", "40", "--row", "motor turns")
+        while not any("control 047Ch" in frame.what for frame in card.frames()):
+            assert test.poll() is None
+            time.sleep(0.05)
+        test.send_signal(how)
+        output, _ = test.communicate(timeout=30)
+        assert "stopped by Ctrl-C, the motor's stop was sent and answered" in output
+        commands = [f.what for f in card.frames() if (f.line, f.sender) == ("drive", "card")]
+        assert any("control 043Ch, reference 0000h" in what for what in commands[-1:])
