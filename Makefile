@@ -196,7 +196,7 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 ##@ Build for hardware
-.PHONY: synth image pins sources selftest
+.PHONY: synth image pins sources selftest metastability
 synth: firmware | setup-synth ## * bitstreams and resource use (BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
@@ -216,6 +216,9 @@ selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a
 # --name "value" for a variable that was given to make itself: the environment's START or ROW starts nothing.
 selftest_option = $(if $(filter command,$(origin $(2))),--$(1) "$($(2))")
 upper = $(shell tr a-z A-Z <<<'$(1)')
+
+metastability: | setup-demo ## how seldom the two flip-flops of an input are not enough, by clock
+	@$(RUN) constraints.metastability
 
 sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFIG=)
 	@$(RUN) rtl.sources $(CONFIG)
