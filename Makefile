@@ -210,8 +210,9 @@ pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
 
 selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; 6 s, starts no motor)
 	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }
-	@exec $(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
-		$(call selftest_option,$(option),$(call upper,$(option))))
+	@$(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
+		$(call selftest_option,$(option),$(call upper,$(option)))) || \
+		{ code=$$?; [ $$code = 130 ] || exit $$code; } # after Ctrl-C make adds no line of its own
 
 # --name "value" for a variable that was given to make itself: the environment's START or ROW starts nothing.
 selftest_option = $(if $(filter command,$(origin $(2))),--$(1) "$($(2))")

@@ -18,10 +18,12 @@ import argparse
 import contextlib
 import errno
 import os
+import select
 import signal
 import sys
 import termios
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from types import FrameType
 
@@ -130,10 +132,17 @@ class Line:
         self.port.close()
 
     def exchange(self, frame: bytes, wait_s: float) -> tuple[bytes, float]:
-        """Bytes that came within `wait_s` after the frame's end or directly after each other, and their time:
-        from the call to the last byte, less the characters on the line."""
-        try:
+        """What came within `wait_s` after the frame's end or directly after each other, and its time.
+
+        The time is from the call to the last byte, less the characters on the line.
+        """
+        with self._there():
             return self._exchange(frame, wait_s)
+
+    @contextlib.contextmanager
+    def _there(self) -> Iterator[None]:
+        try:
+            yield
         except (OSError, termios.error):
             raise PortError(f"{self.name} went away") from None
 
@@ -146,11 +155,9 @@ class Line:
         end = began + len(frame) * self.character_s + wait_s
         heard = b""
         while (left := end - time.monotonic()) > 0:
-            self.port.timeout = left
-            part = self.port.read(max(1, self.port.in_waiting))
-            if not part:
+            if not select.select([self.port], [], [], left)[0]:
                 break
-            heard, last = heard + part, time.monotonic()
+            heard, last = heard + self.port.read(max(1, self.port.in_waiting)), time.monotonic()
             if len(heard) > own + 4 and crc_good(heard[own:]):
                 break
             if len(heard) > own:
@@ -162,7 +169,8 @@ class Line:
 
     def stray_after(self, seconds: float) -> bytes:
         time.sleep(seconds)
-        self.stray += self.port.read(self.port.in_waiting)
+        with self._there():
+            self.stray += self.port.read(self.port.in_waiting)
         return self.stray
 
 
@@ -260,10 +268,15 @@ class Selftest:
     # ------------------------------------------------------------ rows that are no table
 
     def answers(self) -> str:
-        ask = Ask(read_registers(NETWORK_TIMEOUT, 2), words_of_two)
-        reply, _ = self.card.ask(ask)
+        """A second request if the first is lost: without this answer nothing else is asked."""
+        ask, at = Ask(read_registers(NETWORK_TIMEOUT, 2), words_of_two), ""
+        try:
+            reply, _ = self.card.ask(ask)
+        except Unexpected as unexpected:
+            at = f"; to the first request: {unexpected}"
+            reply, _ = self.card.ask(ask)
         self.before = words(reply)
-        return has_drive_timeout(registers(self.before[1]))
+        return has_drive_timeout(registers(self.before[1])) + at
 
     def other_units(self) -> str:
         """The addresses that a stuck switch or a bad joint would make of this one (LINE-7).

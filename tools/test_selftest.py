@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -178,6 +179,16 @@ def test_a_wrong_unit_address_is_found(unit, capsys):
     assert len(rows_of(output)) == 2, "the other rows are not asked"
 
 
+def test_a_lost_first_request_is_said(capsys):
+    line = ModelLine("card", None)
+    exchange, turn = line.exchange, iter(range(10_000))
+    line.exchange = lambda frame, wait_s: (b"", 0) if next(turn) == 1 else exchange(frame, wait_s)
+    ask(line)
+    output = capsys.readouterr().out
+    assert crosses(output) == []
+    assert "unit 5 answers: 40003 = 15; to the first request: no answer" in output
+
+
 def test_a_second_unit_on_the_bus_is_found(capsys):
     line = ModelLine("card", None)
     exchange = line.exchange
@@ -301,14 +312,14 @@ def test_a_stop_that_nobody_answers_is_said(monkeypatch):
 
 
 class Adapter(threading.Thread):
-    """A pty with a model of the card on it, as an adapter shows it: with an echo, or with a stray byte."""
+    """A pty with a model of the card on it, and with an adapter's echo if asked for."""
 
-    def __init__(self, echo: bool = False, stray: bytes = b"") -> None:
+    def __init__(self, echo: bool = False) -> None:
         super().__init__(daemon=True)
         self.ours, port = os.openpty()
         self.name = os.ttyname(port)
         self.held = port  # the other end stays open, so that a read does not fail
-        self.echo, self.after = echo, stray
+        self.echo = echo
         self.line = ModelLine("card", None, unit=1)
         self.start()
 
@@ -325,9 +336,6 @@ class Adapter(threading.Thread):
             time.sleep(0.02)
             answer = self.line.exchange(frame, 0)[0]
             os.write(self.ours, (frame if self.echo else b"") + answer)
-            if answer and self.after:
-                time.sleep(0.002)
-                os.write(self.ours, self.after)
 
     def close(self) -> None:
         os.close(self.held)
@@ -362,16 +370,17 @@ def test_an_adapter_that_echoes_is_understood():
     adapter.close()
 
 
-def test_a_byte_after_the_answers_is_seen():
-    adapter = Adapter(stray=b"\0")
-    code, output, _ = run(adapter.name, "--row", "no byte")
-    assert code == 1 and crosses(output)
-    alone, with_answer = (
-        r"no byte between the frames: \d+ bytes: 00[ 0]*",
-        r".*: damaged answer [ 0-9a-f]* 00",
-    )
-    assert all(re.fullmatch(f"{alone}|{with_answer}", text) for text in crosses(output))
-    adapter.close()
+def test_bytes_between_the_frames_are_kept():
+    ours, port = os.openpty()
+    line = selftest.Line(options(port=os.ttyname(port)))
+    os.write(ours, b"\0")
+    assert select.select([line.port], [], [], 5)[0], "a pty takes a moment"
+    assert line.exchange(READ_40003, 0.01)[0] == b""
+    os.write(ours, b"\xff")
+    assert line.stray_after(0.2) == b"\0\xff"
+    line.close()
+    os.close(port)
+    os.close(ours)
 
 
 @pytest.mark.parametrize(
@@ -447,9 +456,10 @@ def test_the_virtual_card_passes(tmp_path, dialect, drive):
 
 def start_until(text: str, *arguments: object) -> subprocess.Popen:
     """The program, as soon as it has printed a line with `text`."""
-    process = start(*arguments)
-    while text not in (line := process.stdout.readline()):
-        assert line, process.stderr.read()
+    process, printed = start(*arguments), [""]
+    while text not in printed[-1]:
+        printed.append(process.stdout.readline())
+        assert printed[-1], "".join(printed) + process.stderr.read()
     return process
 
 
@@ -521,5 +531,6 @@ def test_ctrl_c_stops_the_motor(tmp_path, how):
         test.send_signal(how)
         output, _ = test.communicate(timeout=30)
         assert "stopped by Ctrl-C, the motor's stop was sent and answered" in output
+        card.stop()  # its log is complete then
         commands = [f.what for f in card.frames() if (f.line, f.sender) == ("drive", "card")]
         assert any("control 043Ch, reference 0000h" in what for what in commands[-1:])
