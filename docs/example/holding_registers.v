@@ -91,7 +91,8 @@ module holding_registers #(
       .quiet(quiet),
       .start_seen(start_seen),
       .request(request),
-      .events()
+      .events(),
+      .fault()
   );
 endmodule
 
