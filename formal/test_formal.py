@@ -37,6 +37,7 @@ RULES = {
     "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],
     "rtu_tx": ["FRAME-4", "SAFE-2", "SAFE-4"],
     "silence_timer": ["FRAME-1", "FC-8"],
+    "start_watch": ["FRAME-6", "SAFE-4"],
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "telegram_slot": ["SAFE-1", "SAFE-4", "FC-8", "FC-9", "LOOP-1"],
     "waiting_place": ["FRAME-7", "SAFE-4"],

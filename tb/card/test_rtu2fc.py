@@ -543,6 +543,7 @@ def run_card(
 
 
 @pytest.mark.slow
+@pytest.mark.examples
 @pytest.mark.rule(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )

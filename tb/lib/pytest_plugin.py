@@ -73,7 +73,7 @@ def wanted(item: pytest.Item, config: pytest.Config) -> bool:
     if config.getoption("--card"):
         return "config" in getattr(item, "fixturenames", ())
     if config.getoption("--all"):
-        return not costly(item)
+        return not costly(item, config)
     return in_make_test(item)
 
 
@@ -83,9 +83,19 @@ def place(item: pytest.Item) -> tuple[str | None, str | None]:
     return parameters.get("sim"), parameters.get("config")
 
 
-def costly(item: pytest.Item) -> bool:
-    """The small card on Icarus: SERV takes ten times the clocks. `--card=tiny --sim=icarus` asks for it."""
-    return place(item) == ("icarus", "tiny") and item.get_closest_marker("all_cards") is None
+def costly(item: pytest.Item, config: pytest.Config) -> bool:
+    """Tests of the whole card that take minutes on Icarus; `SIM=icarus` and `CARD=` ask for them.
+
+    Those are all tests of the small card, because SERV takes ten times the clocks, and the slow tests of the
+    standard card. The manual's examples remain (marked `examples`).
+    """
+    sim, card = place(item)
+    if sim != "icarus" or card is None or item.get_closest_marker("all_cards"):
+        return False
+    if card == "tiny":
+        return True
+    slow = item.get_closest_marker("slow") and not item.get_closest_marker("examples")
+    return bool(slow) and not config.getoption("--sim")
 
 
 def in_make_test(item: pytest.Item) -> bool:
@@ -116,7 +126,7 @@ SMALL = {
         *("baud_base", "baud_divider", "bcc", "bus_arbiter", "card_tables", "card_time", "crc16_modbus"),
         *("firmware_ram", "glitch_filter", "guarded_bit", "loopback_end", "mailbox_regs", "parity_guard"),
         *("reset_sync", "reply_slot", "request_fate", "rs485_dir", "rtu_tx", "silence_timer", "supervisor"),
-        *("switch_sampler", "sync_2ff", "telegram_slot", "holding_registers"),
+        *("start_watch", "switch_sampler", "sync_2ff", "telegram_slot", "holding_registers"),
     )
 }
 
