@@ -283,6 +283,8 @@ def each_seed(entry: Board) -> dict[int, float | None]:
 # Modules that stay; the ports of all others become pins. A part is packed to count its cells, but not routed.
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
+    "guarded_bit",
+    "start_watch",
     "parity_guard",
     "card_tables",
     "crc16_modbus",
