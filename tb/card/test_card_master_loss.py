@@ -57,7 +57,7 @@ class Master:
         self.card.run(self.card.boot_ms)
         self.pause_ps = 1.1 * rtu.t35_ps(self.card.modbus.fmt.baud)
         if tens != 1000:
-            self.ask(b"\x06\x00\x01" + tens.to_bytes(2, "big"))
+            self.set_wait(tens)
 
     def __enter__(self) -> Master:
         return self
@@ -76,6 +76,10 @@ class Master:
         reply = self.card.request(rtu.build(1, pdu), timeout_ms)
         assert reply, pdu.hex(" ")
         return reply.data[1:-2]
+
+    def set_wait(self, tens: int) -> None:
+        """Writes register 40002."""
+        self.ask(b"\x06\x00\x01" + tens.to_bytes(2, "big"))
 
     def write(self, control: int, unit: int = 1) -> float:
         """Writes coils 1-32; returns the time of the commit."""
@@ -247,11 +251,13 @@ def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
 
 @pytest.mark.rule("SAFE-4")
 def test_after_a_flip_the_next_start_is_watched_as_ever():
+    """The flip of a half restarts the firmware."""
     with Master(extra="flips") as master:
         for half in HALVES:
             master.started()
             master.card.flip(LICENCE + half, 0, 0)
-            master.card.run(5)
+            master.card.run(master.card.boot_ms)
+            master.set_wait(TENS)
             commit = master.started()
             assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
             master.card.run(50)
