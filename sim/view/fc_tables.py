@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates the texts of the FC protocol for the Wireshark dissector and the virtual card.
+"""Generates the texts of the FC protocol for dissector, decoder and virtual card.
 
     python -m sim.view.fc_tables            writes the generated files
     python -m sim.view.fc_tables --check    exits 1 and names every outdated file
 
-Sources: regs/fc.toml and the drives' parameter tables sim/drive/*.csv. Results: the tables of the dissector
-and the fault names of the virtual card.
+Sources: regs/fc.toml and the drives' parameter tables sim/drive/*.csv. Results: the tables of the Wireshark
+dissector and of the sigrok decoder, and the fault names of the virtual card.
 """
 
 from __future__ import annotations
@@ -20,6 +20,11 @@ from sim.drive.drive_table import Profile, read_capacity, read_profile
 ROOT = Path(__file__).resolve().parents[2]
 WORDS = "regs/fc.toml"
 DRIVES = "sim/drive"
+# The decoder's tables lie in its folder: libsigrokdecode loads a decoder as one folder.
+SIGROK = "sim/view/sigrok/vltfc/tables.py"
+# Texts of a bit that mean nothing without its name, and those that only deny.
+BARE = ("1", "yes", "on", "ready", "possible", "warning", "at the limit", "in range")
+DENIALS = ("0", "off", "out of range")
 
 
 def banner(comment: str) -> str:
@@ -44,6 +49,28 @@ def profiles() -> list[Profile]:
     return found
 
 
+def kinds(profile: Profile) -> tuple[str, str]:
+    """Which of the bits with `only` the drive has."""
+    two_ramps = any(p.role == "ramp_up_2" for p in profile.parameters)
+    return (
+        "fc_status" if profile.setting("fc_status") else "vlt_status",
+        "two_ramps" if two_ramps else "one_ramp",
+    )
+
+
+def pnu_mask(profile: Profile) -> int:
+    return (1 << profile.setting("pnu_bits")) - 1
+
+
+def phrase(bit: dict, text: str) -> str:
+    """What a bit says in a list of bits: nothing when it denies, its name when the text is bare."""
+    if text in DENIALS or text.split()[0] in ("no", "not"):
+        return ""
+    if text not in BARE:
+        return text
+    return f"bit {bit['bit']}" if bit["name"] in ("Not in use", "No function") else bit["name"]
+
+
 def lua(words: dict) -> str:
     lines = [banner("--").rstrip(), "", "local t = {}", ""]
     for name in ("request", "reply", "fault"):
@@ -61,20 +88,43 @@ def lua(words: dict) -> str:
         lines += ["}", ""]
     lines += ["-- Parameters: number, then name, type, conversion index, unit.", "t.drives = {"]
     for profile in profiles():
-        two_ramps = any(p.role == "ramp_up_2" for p in profile.parameters)
-        kinds = (
-            "fc_status" if profile.setting("fc_status") else "vlt_status",
-            "two_ramps" if two_ramps else "one_ramp",
-        )
         lines.append(f"  {profile.name} = {{")
-        lines.append(f"    pnu_mask = {(1 << profile.setting('pnu_bits')) - 1},")
-        lines.append("    kinds = { " + ", ".join(f"{kind} = true" for kind in kinds) + " },")
+        lines.append(f"    pnu_mask = {pnu_mask(profile)},")
+        lines.append("    kinds = { " + ", ".join(f"{kind} = true" for kind in kinds(profile)) + " },")
         lines.append("    parameters = {")
         for p in profile.parameters:
             row = f"{quoted(p.name)}, {quoted(p.type)}, {p.conversion}, {quoted(p.unit)}"
             lines.append(f"      [{p.pnu}] = {{ {row} }},")
         lines += ["    },", "  },"]
     lines += ["}", "", "return t"]
+    return "\n".join(lines) + "\n"
+
+
+def python(words: dict) -> str:
+    lines = [banner("#").rstrip(), ""]
+    for name in ("request", "reply", "fault"):
+        lines.append(f"{name.upper()} = {{")
+        lines += [f"    {number}: {quoted(text)}," for number, text in words[name].items()]
+        lines += ["}", ""]
+    lines.append('# Bit, the kind of drive that has it, the phrases for 0 and 1; "" says nothing.')
+    for name in ("control", "status"):
+        lines.append(f"{name.upper()} = (")
+        for bit in words[name].values():
+            only = quoted(bit["only"]) if "only" in bit else "None"
+            phrases = ", ".join(quoted(phrase(bit, bit[value])) for value in ("zero", "one"))
+            lines.append(f"    ({bit['bit']}, {only}, {phrases}),")
+        lines += [")", ""]
+    lines += ["# Parameters: number, then name, type, conversion index, unit.", "DRIVES = {"]
+    for profile in profiles():
+        lines.append(f"    {quoted(profile.name)}: {{")
+        lines.append(f'        "pnu_mask": {pnu_mask(profile)},')
+        lines.append(f'        "kinds": ({", ".join(map(quoted, kinds(profile)))}),')
+        lines.append('        "parameters": {')
+        for p in profile.parameters:
+            row = f"{quoted(p.name)}, {quoted(p.type)}, {p.conversion}, {quoted(p.unit)}"
+            lines.append(f"            {p.pnu}: ({row}),")
+        lines += ["        },", "    },"]
+    lines.append("}")
     return "\n".join(lines) + "\n"
 
 
@@ -106,7 +156,11 @@ def cpp(words: dict) -> str:
 def generate() -> dict[str, str]:
     """Maps the path of each generated file, relative to the repository, to its text."""
     words = tomllib.loads((ROOT / WORDS).read_text())
-    return {"regs/generated/fc_tables.lua": lua(words), "regs/generated/fc_words.h": cpp(words)}
+    return {
+        "regs/generated/fc_tables.lua": lua(words),
+        "regs/generated/fc_words.h": cpp(words),
+        SIGROK: python(words),
+    }
 
 
 def main() -> int:
