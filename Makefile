@@ -63,12 +63,13 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips, core-flips); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
-#:   FILE=name     a recording (wireshark); FIRMWARE=file: an image (image); SHARD=I/N: a part (mutate-firmware)
+#:   FILE=name     a recording (wireshark, telegrams); FIRMWARE=file: an image (image); SHARD=I/N: a part (mutate-firmware)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
+#:   TELEGRAMS_ARGS=...   more options of sim.view.telegrams (telegrams): --channel, --invert, --baud, --drive, --fields
 #:   V=1           show the commands
 
 ##@ Use the card
@@ -83,7 +84,7 @@ card: ## * build/card, the virtual card as a program (build/card --help)
 
 firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a dialect
 
-.PHONY: waves wireshark
+.PHONY: waves wireshark telegrams
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@$(RUN) tools.names waves '$(TEST)' --sim=$(or $(SIM),icarus)
@@ -91,6 +92,10 @@ waves: firmware | setup-test ## * waveform, capture and log of a test: make wave
 
 wireshark: | setup-views ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
 	@$(RUN) sim.view.wireshark $(FILE)
+
+telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's file: make telegrams FILE=card.fst
+	@[ -n "$(FILE)" ] || { echo "say which file: make telegrams FILE=card.fst" >&2; exit 2; }
+	@$(RUN) sim.view.telegrams "$(FILE)" $(TELEGRAMS_ARGS)
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report

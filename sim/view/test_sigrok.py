@@ -14,6 +14,7 @@ import random
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -394,6 +395,15 @@ def test_a_spoilt_reply_is_bad_and_the_next_telegram_is_good(tmp_path, reply, sa
 
 
 @pytest.mark.rule("FC-8")
+def test_after_a_bad_telegram_the_decoder_waits_for_silence(tmp_path):
+    """As the card's receiver: an STX without a pause may be a byte of the bad telegram."""
+    bad = Sent(STATUS[:-1] + b"\xa8")
+    shown = decode(draw(tmp_path / "lines.vcd", [bad, Sent(START, 1.0), Sent(START, 2.2)]))
+    assert [s.name for s in telegrams(shown)] == ["bad", "request"]
+    assert warnings(shown) == [("no-stx", "No STX: 02 06 81 04 7C 19 99 7D")]
+
+
+@pytest.mark.rule("FC-8")
 @pytest.mark.parametrize(
     ("reply", "warned"),
     [
@@ -444,8 +454,10 @@ def test_the_last_request_may_have_no_reply(tmp_path):
     assert sorted(names_of(tmp_path, [Sent(START)], end=140)) == ["no-reply", "request"]
 
 
-def test_a_broadcast_has_no_reply(tmp_path):
-    to_all = fc_telegram.build_process(0x047C, 0x1999, fc_telegram.ADR_BROADCAST)
+@pytest.mark.rule("FC-2")
+@pytest.mark.parametrize("adr", [0x80, 0x20, 0x3F])
+def test_a_broadcast_has_no_reply(tmp_path, adr):
+    to_all = fc_telegram.build_process(0x047C, 0x1999, adr)
     shown = decode(draw(tmp_path / "lines.vcd", [Sent(to_all), Sent(START, 2.1)], end=100))
     assert [s.text.split(":")[0] for s in telegrams(shown)] == ["To all", "Request"]
     assert warnings(shown) == []
@@ -510,3 +522,93 @@ def test_the_decoder_has_the_syntax_of_an_old_python():
     assert len(files) == 3
     for path in files:
         ast.parse(path.read_text(), str(path), feature_version=(3, 4))
+
+
+# ---------------------------------------------------------------- the command
+def printed(*options: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "sim.view.telegrams", *map(str, options)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_the_command_prints_telegrams_with_times(tmp_path):
+    spoilt = Sent(STATUS[:5], 2.1)
+    vcd = draw(
+        tmp_path / "mine.vcd", [Sent(START, at=0.1), spoilt, Sent(READ_514, at=1.0), Sent(IS_300, 2.1)]
+    )
+    done = printed(vcd)
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert lines[0] == "    0.1000  Request: control 047Ch (start, data valid), reference 40.0 %"
+    assert lines[1] == "    0.1000  ! No reply"
+    assert lines[2].endswith("  Bad: cut after 5 of 8 bytes")
+    assert lines[3].startswith("    1.0000  Request: read 514 Readout: Motor current; ")
+    assert "  Reply: double word 514 Readout: Motor current = 3.00 A; " in lines[4] and len(lines) == 5
+    fields = printed(vcd, "--fields", "--drive", "vlt5000").stdout
+    assert len(re.findall("^ +[0-9.]+      BCC [0-9A-F]{2}h right$", fields, re.MULTILINE)) == 3
+
+
+def test_the_command_takes_a_waveform_of_the_card(recorded):
+    done = printed(recorded.wave)
+    frames = [frame for frame in recorded.frames if frame.line == "drive"]
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [float(line.split()[0]) for line in done.stdout.splitlines()] == [
+        pytest.approx(frame.start, abs=1e-4) for frame in frames
+    ]
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--channel", "D7"], 2, "no channel D7; there are drive"),
+        (
+            ["--drive", "vlt9000"],
+            2,
+            "no drive vlt9000; choose one of hvac_basic, vlt2800, vlt5000, vlt6000, vlt8000",
+        ),
+        (["--baud", "0"], 2, "0 bit/s is not within 300 and 115200"),
+        (["--baud", "19200"], 1, "no good telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
+        (["--invert"], 1, "no good telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
+    ],
+)
+def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, code, words):
+    vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
+    done = printed(vcd, *options)
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", f"telegrams: {vcd}: {words}\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("none.vcd", None, "no such file"),
+        ("no.sr", b"no capture", "sigrok-cli says: no input module found for this file."),
+        ("no.fst", b"no waveform", "unknown file format, only GHW, FST and VCD are supported"),
+    ],
+)
+def test_the_command_refuses_a_file_that_is_no_recording(tmp_path, name, content, words):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    done = printed(path)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {path}: {words}\n")
+
+
+def test_the_documented_commands_show_the_telegrams(recorded, tmp_path):
+    """In a plain shell without the tools of .venv."""
+    write_vcd(recorded.wave, tmp_path / "lines.vcd")
+    (tmp_path / "sim").symlink_to(ROOT / "sim")
+    section = (ROOT / "docs/guide/recordings.md").read_text().split("### FC telegrams\n")[1]
+    commands = re.findall(r"```\n(.*?)```", section, re.DOTALL)[1]
+    done = subprocess.run(
+        ["sh", "-e", "-c", commands],
+        cwd=tmp_path,
+        env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    senders = [frame.sender for frame in recorded.frames if frame.line == "drive"]
+    assert done.stdout.count("vltfc-1: Reply: ") == 2 * senders.count("drive") > 0
+    assert done.stdout.count("vltfc-1: Request: ") == 2 * senders.count("card") > 0
+    assert done.stdout.count("vltfc-1: STX\n") == len(senders), "fields in one of both commands"
+    assert "License: apache-2.0" in done.stdout
