@@ -431,6 +431,32 @@ def test_a_reply_is_good_with_short_gaps_and_after_phantom_characters(tmp_path, 
     assert warnings(shown) == warned
 
 
+def test_noise_ends_nothing_and_no_character_is_lost(tmp_path):
+    """Random bytes, many of them of telegrams: each is in exactly one telegram or outside of all."""
+    seed = os.environ.get("COCOTB_RANDOM_SEED") or "1"
+    print("seed", seed)
+    rng = random.Random(seed)
+    usual = [*b"\x02\x02\x06\x0e\x81\xf2\x72\x05", *START]
+    sent = [
+        Sent(
+            bytes(rng.choice([*usual, rng.randrange(256)]) for _ in range(rng.randrange(1, 30))),
+            rng.choice((0.5, 1.9, 2.2, 5.0, 140.0)),
+            bad_parity=(rng.randrange(60),),
+        )
+        for _ in range(60)
+    ]
+    shown = decode(draw(tmp_path / "lines.vcd", sent))
+    spans = [s for s in shown if s.name in (*TELEGRAMS, "phantom", "no-stx")]
+    ends, now = [], 0.0
+    for telegram in sent:
+        now += telegram.after * CHARACTER
+        for _ in telegram.data:
+            ends.append((now + CHARACTER / 2) * SAMPLE_S)
+            now += CHARACTER
+    assert [sum(s.start_s < middle < s.end_s for s in spans) for middle in ends] == [1] * len(ends)
+    assert {s.name for s in spans} >= {"bad", "no-stx"}
+
+
 # ---------------------------------------------------------------- request and reply on one wire
 def names_of(tmp_path: Path, sent: list[Sent], end: float = 10.0) -> list[str]:
     shown = decode(draw(tmp_path / "lines.vcd", sent, end=end))
