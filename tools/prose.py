@@ -21,7 +21,7 @@ from rtl.sources import ROOT
 WORDS = ROOT / "tools/words.txt"
 # Generated tables, recorded bytes and pictures are no prose.
 NO_PROSE = re.compile(
-    r"^regs/generated/|^sw/test/corpus/|^docs/recordings/|^campaigns/fuzz/cases/|\.(svg|csv|png|pcapng|bin)$"
+    r"^regs/generated/|^sw/test/corpus/|^docs/recordings/|^campaigns/fuzz/cases/|\.(svg|csv|png|pcapng|bin|sr)$"
 )
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
 CODE = re.compile(r"`[^`\n]*`")
