@@ -63,7 +63,9 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips, core-flips); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
-#:   FILE=name     a recording (wireshark, telegrams); FIRMWARE=file: an image (image); SHARD=I/N: a part (mutate-firmware)
+#:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
+#:                 (mutate-firmware)
+#:   UNIT=, RATE=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
@@ -84,7 +86,7 @@ card: ## * build/card, the virtual card as a program (build/card --help)
 
 firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a dialect
 
-.PHONY: waves wireshark telegrams
+.PHONY: waves wireshark telegrams replay
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@$(RUN) tools.names waves '$(TEST)' --sim=$(or $(SIM),icarus)
@@ -96,6 +98,12 @@ wireshark: | setup-views ## open a recording, both lines decoded: make wireshark
 telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's file: make telegrams FILE=card.fst
 	@[ -n "$(FILE)" ] || { echo "say which file: make telegrams FILE=card.fst" >&2; exit 2; }
 	@$(RUN) sim.view.telegrams "$(FILE)" $(TELEGRAMS_ARGS)
+
+replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
+	@[ -n "$(FILE)" ] && [ -n "$(UNIT)" ] && [ -n "$(RATE)" ] || \
+		{ echo "say which: make replay FILE=bus.sr UNIT=1 RATE=9600" >&2; exit 2; }
+	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit rate channel format invert replies,\
+		$(call given,$(option),$(call upper,$(option))))
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report
@@ -216,11 +224,11 @@ pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
 selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; 6 s, starts no motor)
 	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }
 	@$(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
-		$(call selftest_option,$(option),$(call upper,$(option)))) || \
+		$(call given,$(option),$(call upper,$(option)))) || \
 		{ code=$$?; [ $$code = 130 ] || exit $$code; } # after Ctrl-C make adds no line of its own
 
 # --name "value" for a variable that was given to make itself: the environment's START or ROW starts nothing.
-selftest_option = $(if $(filter command,$(origin $(2))),--$(1) "$($(2))")
+given = $(if $(filter command,$(origin $(2))),--$(1) "$($(2))")
 upper = $(shell tr a-z A-Z <<<'$(1)')
 
 metastability: | setup-demo ## how seldom the two flip-flops of an input are not enough, by clock

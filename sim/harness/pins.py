@@ -28,7 +28,10 @@ BAUDS = {rate.baud: switches for switches, rate in RATES.items()}
 
 @dataclass
 class Pins:
-    """A card that was just switched on. `folder`: where its firmware image lies."""
+    """A card that was just switched on. `folder`: where its firmware image lies.
+
+    `more`: signals of the harness whose edges are kept, beside SIGNALS.
+    """
 
     library: Path
     folder: Path
@@ -36,15 +39,16 @@ class Pins:
     address: int
     wave: Path | None = None
     edges: dict[int, list[tuple[int, int]]] = field(
-        default_factory=lambda: {i: [] for i in range(len(SIGNALS))}
+        default_factory=lambda: {i: [] for i in range(len(simulated_card.SIGNALS))}
     )
+    more: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self.lines = {NETWORK: self.network, DRIVE: drive_line(self.network.clk_hz)}
         switches = BAUDS[self.network.baud] + FORMS[self.network.form]
         positions = sum(int(on) << i for i, on in enumerate(switches))
         self._card = SimulatedCard(
-            self.library, self.folder, positions, self.address, watched=SIGNALS, wave=self.wave
+            self.library, self.folder, positions, self.address, watched=SIGNALS + self.more, wave=self.wave
         )
         self._card.run(1)
         self.bursts: dict[int, list[Burst]] = {NETWORK: [], DRIVE: []}
@@ -103,6 +107,10 @@ class Pins:
             edges = self.edges[TX[line]]
             self.bursts[line].append(Burst(rise, at, decode(self.lines[line], edges, rise)))
             edges.clear()
+
+    def memory_word(self, word: int) -> int:
+        """A word of the firmware memory, without its parity."""
+        return self._card.memory_word(word)
 
     def variables(self) -> list[tuple[str, int, int]]:
         """Name, words and bits of each public variable; only in a build with flips."""

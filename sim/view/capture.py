@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the channels of a logic analyser's recording: a sigrok session (.sr) or a VCD file.
+
+    capture = open_capture(Path("bus.sr"))
+    capture.names                  # every channel
+    capture.edges("RX", 2_000_000) # (time, level) of each change; first the level at time 0
+
+An .sr file is a zip archive: `metadata` names channels and sample rate. The files logic-1-1, logic-1-2, ...
+hold one sample after the other, `unitsize` bytes each. Times are counted in a clock that the caller names.
+`characters` decodes the edges as a receiver does, each bit sampled in its middle. Errors: CaptureError, one
+line. Rules: LINE-1, FRAME-1.
+"""
+
+from __future__ import annotations
+
+import configparser
+import itertools
+import re
+import zipfile
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim.view.wave_file import WaveFile
+from tb.model.crc16 import crc_good
+from tb.model.wire import FRAME_MAX, FRAME_MIN, FarCharacter, LineFormat
+
+HERTZ = {"Hz": 1, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
+DATA_BITS = 8
+# Of an archive, a part in it, or its metadata; the last two: packed in a way that Python does not know.
+DAMAGED = (KeyError, ValueError, configparser.Error, zipfile.BadZipFile, zlib.error, EOFError, OSError)
+DAMAGED += (NotImplementedError, RuntimeError)
+
+
+class CaptureError(Exception):
+    """One line that tells the user what is wrong with a recording."""
+
+
+class SigrokFile:
+    """A sigrok session."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            with zipfile.ZipFile(path) as archive:
+                self._read_metadata(archive)
+        except DAMAGED:
+            raise CaptureError(f"{path}: no sigrok recording with logic channels") from None
+
+    def _read_metadata(self, archive: zipfile.ZipFile) -> None:
+        metadata = configparser.ConfigParser(delimiters=("=",), interpolation=None, strict=False)
+        metadata.read_string(archive.read("metadata").decode())
+        device = metadata["device 1"]
+        rate = re.fullmatch(r"([\d.]+)\s*([kMG]?Hz)?", device["samplerate"])
+        if rate is None:
+            raise ValueError
+        self._sample_hz = float(rate[1]) * HERTZ[rate[2] or "Hz"]
+        self._unit = int(device["unitsize"])
+        if self._sample_hz <= 0 or self._unit <= 0:
+            raise ValueError
+        self._bits = {
+            name: int(key.removeprefix("probe")) - 1
+            for key, name in device.items()
+            if re.fullmatch(r"probe\d+", key)
+        }
+        base = device["capturefile"]
+        parts = [name for name in archive.namelist() if re.fullmatch(rf"{re.escape(base)}(-\d+)?", name)]
+        # The tenth part follows the ninth.
+        self._parts = sorted(parts, key=lambda name: (len(name), name))
+        if not parts or any(bit >= 8 * self._unit for bit in self._bits.values()):
+            raise ValueError
+
+    @property
+    def names(self) -> list[str]:
+        return list(self._bits)
+
+    def changes(self, name: str) -> list[tuple[float, int]]:
+        """Seconds and level of each change."""
+        byte, bit = divmod(self._bits[name], 8)
+        levels = bytes(value >> bit & 1 for value in range(256))
+        found: list[tuple[float, int]] = []
+        first, level = 0, -1
+        try:
+            with zipfile.ZipFile(self._path) as archive:
+                for part in self._parts:
+                    samples = archive.read(part)[byte :: self._unit].translate(levels)
+                    at = 0
+                    if level < 0 and samples:
+                        level = samples[0]
+                        found.append((0.0, level))
+                    while (at := samples.find(1 - level, at)) >= 0:
+                        level = samples[at]
+                        found.append(((first + at) / self._sample_hz, level))
+                    first += len(samples)
+        except DAMAGED:
+            raise CaptureError(f"{self._path}: the recording is damaged") from None
+        return found
+
+
+class VcdFile:
+    """The one-bit signals of a VCD file. A level that is neither 0 nor 1 keeps the one before."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._wave = WaveFile(path)
+            self._wires = {
+                signal.name: name for name, signal in self._wave.signals.items() if signal.width == 1
+            }
+        except (RuntimeError, TypeError, KeyError):
+            raise CaptureError(f"{path}: no readable VCD file") from None
+
+    @property
+    def names(self) -> list[str]:
+        return list(self._wires)
+
+    def changes(self, name: str) -> list[tuple[float, int]]:
+        found: list[tuple[float, int]] = []
+        for time, value in self._wave.changes(self._wires[name]):
+            if value in ("0", "1") and (not found or found[-1][1] != int(value)):
+                found.append((time, int(value)))
+        return found
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A recording. `path` is for messages."""
+
+    path: Path
+    source: SigrokFile | VcdFile
+
+    @property
+    def names(self) -> list[str]:
+        return self.source.names
+
+    def edges(self, name: str, hz: float, *, invert: bool = False) -> list[tuple[int, int]]:
+        """Each change of a channel, its time counted in a clock of `hz`; first the level at 0."""
+        if name not in self.names:
+            raise CaptureError(f"{self.path} has no channel {name}; there are: {', '.join(self.names)}")
+        return [(round(time * hz), level ^ invert) for time, level in self.source.changes(name)]
+
+    def only_channel(self) -> str:
+        """The channel that changes, if there is one alone."""
+        busy = [name for name in self.names if len(self.source.changes(name)) > 1]
+        if len(busy) != 1:
+            among = f"these change: {', '.join(busy)}" if busy else "none changes"
+            raise CaptureError(f"{self.path}: name a channel; {among}")
+        return busy[0]
+
+
+def open_capture(path: Path) -> Capture:
+    try:
+        start = path.open("rb").read(4096)
+    except OSError as error:
+        raise CaptureError(f"{path}: {error.strerror}") from None
+    if zipfile.is_zipfile(path) or start[:2] == b"PK":
+        return Capture(path, SigrokFile(path))
+    if start.lstrip()[:1] == b"$":
+        return Capture(path, VcdFile(path))
+    raise CaptureError(f"{path} is no recording: neither a sigrok session (.sr) nor a VCD file")
+
+
+# ---------------------------------------------------------------- characters and frames
+
+
+@dataclass(frozen=True)
+class Heard(FarCharacter):
+    """A character of a recording. `fault`: parity or stop bit."""
+
+    fault: str = ""
+
+
+def characters(edges: Sequence[tuple[int, int]], line: LineFormat) -> list[Heard]:
+    """The characters in the edges of a line, in the unit of `line`. The first stop bit is enough (LINE-1)."""
+    found: list[Heard] = []
+    i, count, level = 0, len(edges), 1
+    free = 0.0
+    while i < count:
+        start, now = edges[i]
+        i += 1
+        fell, level = level == 1 and now == 0 and start >= free, now
+        if not fell:
+            continue
+        values = []
+        for number in range(1 + DATA_BITS + line.parity + 1):
+            middle = start + (number + 0.5) * line.bit
+            while i < count and edges[i][0] <= middle:
+                level = edges[i][1]
+                i += 1
+            values.append(level)
+        if values[0]:
+            continue  # a glitch
+        byte = sum(bit << k for k, bit in enumerate(values[1:9]))
+        fault = "stop bit" if not values[-1] else ""
+        if line.parity and values[9] != line.parity_bit(byte):
+            fault = fault or "parity"
+        end = start + line.character_bits * line.bit
+        slack = 0.0
+        if not values[-1]:
+            # A low stop bit lasts until the line is high again.
+            end, slack = max(end, edges[i][0] if i < count else end), 1.5 * line.bit
+        free = start + (len(values) - 0.5) * line.bit
+        found.append(Heard(start, end, byte, not fault, slack, fault))
+    return found
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Characters without a silence of 1.5 characters between them: a frame, or a part of a broken one."""
+
+    heard: tuple[Heard, ...]
+
+    @property
+    def start(self) -> float:
+        return self.heard[0].start
+
+    @property
+    def end(self) -> float:
+        return self.heard[-1].end
+
+    @property
+    def data(self) -> bytes:
+        return bytes(character.byte for character in self.heard)
+
+    @property
+    def fault(self) -> str:
+        """Why this is no good frame; empty for a good one (FRAME-4)."""
+        for number, character in enumerate(self.heard, 1):
+            if character.fault:
+                return f"{character.fault} of byte {number}"
+        if not FRAME_MIN <= len(self.heard) <= FRAME_MAX:
+            return "too short" if len(self.heard) < FRAME_MIN else "too long"
+        return "" if crc_good(self.data) else "CRC"
+
+    @property
+    def begins_good(self) -> bool:
+        """Whether its first characters are a good frame, whatever follows."""
+        fine = list(itertools.takewhile(lambda character: not character.fault, self.heard))
+        data = bytes(character.byte for character in fine)
+        return any(crc_good(data[:end]) for end in range(FRAME_MIN, min(len(data), FRAME_MAX) + 1))
+
+
+def pieces(heard: Iterable[Heard], line: LineFormat) -> list[Piece]:
+    found: list[list[Heard]] = []
+    for character in heard:
+        if found and character.start - found[-1][-1].end < line.t15_bits * line.bit:
+            found[-1].append(character)
+        else:
+            found.append([character])
+    return [Piece(tuple(part)) for part in found]

@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a recorded bus to the whole card and prints what the card made of it, a line per frame.
+
+    python -m sim.view.replay FILE --unit 1 --rate 9600 [--channel RX] [--format 8N1] [--invert yes]
+                              [--replies no]
+
+FILE: a recording of a logic analyser (capture.py). Its edges reach the network pin of a card at their own
+times.
+The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before the
+recording does.
+
+Rows: `bus`, a frame of the recording, or a part of one before a silence of 1.5 characters; `reply` and
+`telegram`, sent by the card. Columns: time in s of the recording, silence on the network line before it in
+characters of 11 bits (negative: both send), row, what the card made of it, bytes. The reason of a drop is the
+counter that went up before the next frame. --replies no: replies of the recorded slave of this unit are left
+out, as if the card were there in its place.
+Exit code: 2 for a wrong option or recording. Rules: FRAME-1 ... FRAME-8.
+"""
+
+from __future__ import annotations
+
+import argparse
+import bisect
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from regs.generated.card_tables import CHARACTER_BITS
+from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
+from rtl.sources import configuration
+from sim.harness.library import BuildError, Target
+from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
+from sim.harness.simulated_card import NUMBER
+from sim.view.capture import Capture, CaptureError, Piece, characters, open_capture, pieces
+from tb.model.vlt_drive import VltDrive
+from tb.model.wire import Burst, FarCharacter, LineFormat
+
+CONFIG = "standard"
+STROBES = ("candidate", "commit", "revoke")
+# Counter and its words. Revoked candidates have a strobe.
+REASONS = {
+    "COUNT_CRC": "dropped: CRC wrong",
+    "COUNT_PARITY": "dropped: parity",
+    "COUNT_FRAMING": "dropped: stop bit",
+    "COUNT_T15": "dropped: continued before 3.5 characters",
+    "COUNT_OVERRUN": "dropped: more than 256 bytes",
+    "COUNT_FOREIGN": "for another unit",
+}
+LANE_BITS = 8
+# Silence in characters before the recording; the card waits for 3.5 after its start.
+LEAD = 4
+# A frame's events are over three characters after the start of the next: its own come later than that.
+LATE = 3
+# Time in s for the last exchange.
+REST_S = 0.1
+DRIVE_DELAY_BITS = 24.0  # FC-8
+READS = {1: 8, 2: 8, 3: 0.5, 4: 0.5}  # function: values that one byte of its reply holds
+ECHOES, COUNTED_WRITES = (5, 6), (15, 16)
+HEAD = 6  # bytes that the reply to a write of several repeats
+WIDTH = 42
+EXCEPTION, EXCEPTION_BYTES = 0x80, 5
+
+
+@dataclass
+class Fate:
+    """What the card made of a piece: clocks of its strobes, counters that went up."""
+
+    piece: Piece
+    is_reply: bool = False  # it fits the request before it
+    left_out: bool = False
+    strobes: dict[str, list[int]] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    unheard: bool = False  # the card was sending
+    unanswered: bool = False  # the next frame began before a reply could (FRAME-7)
+
+    def __str__(self) -> str:
+        if self.left_out:
+            return "left out: the recorded slave's reply"
+        words = [word for word in STROBES if self.strobes.get(word)]
+        said = ", ".join({"commit": "committed", "revoke": "revoked"}.get(word, word) for word in words)
+        if said:
+            said += "; not answered in time" if self.unanswered else ""
+            return said + ("; a slave's reply by its form" if self.is_reply else "")
+        said = ", ".join(REASONS[name] for name in REASONS if self.counts[name])
+        if said:
+            return said
+        return "not heard: the card was sending" if self.unheard else "ignored: no 3.5 characters before it"
+
+
+def is_reply(request: bytes, data: bytes) -> bool:
+    """Whether a good frame fits the one before it as its reply. No slave can know it for certain."""
+    code = request[1]
+    if data[0] != request[0]:
+        return False
+    if data[1] == code | EXCEPTION and not code & EXCEPTION:
+        return len(data) == EXCEPTION_BYTES
+    if data[1] != code:
+        return False
+    if code in READS and len(request) == 8:
+        size = -(-int.from_bytes(request[4:6], "big") // READS[code])
+        return data[2] == size and len(data) == size + EXCEPTION_BYTES
+    if code in COUNTED_WRITES:
+        return len(data) == HEAD + 2 < len(request) and data[:HEAD] == request[:HEAD]
+    return code in ECHOES and data == request
+
+
+class Replay:
+    """A recording and a card that was just switched on. Unit of time: clocks since the card's start.
+
+    `edges`: time in clocks since the start of the recording, and level; first the level at 0.
+    """
+
+    def __init__(
+        self, edges: Sequence[tuple[int, int]], line: LineFormat, unit: int, *, replies: bool = True
+    ) -> None:
+        self.line, self.unit = line, unit
+        config = configuration(CONFIG)
+        self.character = CHARACTER_BITS * line.bit
+        self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD * self.character)
+        edges = [(at + self.origin, level) for at, level in edges]
+        self.fates = self._fates(pieces(characters(edges, line), line), replies)
+        edges = self._kept(edges)
+        self.network = [heard for fate in self.fates if not fate.left_out for heard in fate.piece.heard]
+        self.drive_sent: list[FarCharacter] = []
+        target = Target()
+        self.pins = Pins(target.library(line.clk_hz), target.image_folder("card"), line, unit, more=STROBES)
+        self.pins.play(NETWORK, edges)
+        self.model, self._stepped_us = VltDrive(), 0
+        self._first_counter = config["memory_bytes"] // STRIDE - FRAMES_BYTES // STRIDE
+        self._taken: dict[str, int] = dict.fromkeys(STROBES, 0)
+
+    def close(self) -> None:
+        self.pins.close()
+
+    def __enter__(self) -> Replay:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------ the recording
+
+    def _fates(self, found: Sequence[Piece], replies: bool) -> list[Fate]:
+        fates, request = [], b""
+        for piece in found:
+            good = not piece.fault
+            reply = good and bool(request) and is_reply(request, piece.data)
+            request = piece.data if good and not reply else b""
+            own = reply and piece.data[0] == self.unit
+            fates.append(Fate(piece, reply, own and not replies))
+        return fates
+
+    def _kept(self, edges: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """The edges without those of the pieces that are left out."""
+        times = [at for at, _ in edges]
+        ends = [fate.piece.start for fate in self.fates[1:]] + [float("inf")]
+        for fate, end in reversed(list(zip(self.fates, ends, strict=False))):
+            if fate.left_out:
+                first, last = (bisect.bisect_left(times, at) for at in (fate.piece.start, end))
+                del edges[first:last]
+        return edges
+
+    # ------------------------------------------------------------ the card
+
+    @property
+    def replies(self) -> list[Burst]:
+        return self.pins.sent(NETWORK)
+
+    @property
+    def telegrams(self) -> list[Burst]:
+        return self.pins.sent(DRIVE)
+
+    def strobes(self, name: str) -> list[int]:
+        """Clocks at which the card has raised a strobe."""
+        return [at for at, level in self.pins.edges[NUMBER[name]] if level]
+
+    def counters(self) -> Counter[str]:
+        """The firmware's counters (docs/reference/registers.md)."""
+        found: Counter[str] = Counter()
+        for name in REASONS:
+            word = self.pins.memory_word(self._first_counter + AREAS[name].slot)
+            found[name] = word >> LANE_BITS * AREAS[name].lane & 0xFFFF
+        return found
+
+    def play(self) -> list[Fate]:
+        """Plays the recording to its end; returns what the card made of each piece."""
+        self._run(self.origin)
+        before = self.counters()
+        starts = [fate.piece.start for fate in self.fates[1:]] + [float("inf")]
+        for fate, start in zip(self.fates, starts, strict=False):
+            last = fate.piece.end + REST_S * self.line.clk_hz
+            self._run(min(start + LATE * self.character, last))
+            now = self.counters()
+            fate.counts = Counter({name: now[name] - before[name] & 0xFFFF for name in REASONS})
+            before = now
+            for name in STROBES:
+                strobes = self.strobes(name)
+                fate.strobes[name] = strobes[self._taken[name] :]
+                self._taken[name] = len(strobes)
+        while self.pins.sending(NETWORK) or self.pins.sending(DRIVE):
+            self._run(self.pins.now + LEAD * self.character)
+        for fate, start in zip(self.fates, starts, strict=False):
+            self._compare(fate, start)
+        return self.fates
+
+    def _compare(self, fate: Fate, next_start: float) -> None:
+        """Compares a piece with all that the card has sent on the network line."""
+        first, last = fate.piece.start, fate.piece.end
+        fate.unheard = any(burst.rise < last and first < burst.fall for burst in self.replies)
+        asked = fate.strobes["commit"] and fate.piece.data[0] == self.unit
+        fate.unanswered = bool(asked) and not any(last < burst.rise < next_start for burst in self.replies)
+
+    def _run(self, until: float) -> None:
+        while self.pins.now < round(until):
+            for line, level in self.pins.run(until):
+                if line == DRIVE and not level:
+                    self._answer(self.pins.bursts[DRIVE][-1])
+
+    def _answer(self, burst: Burst) -> None:
+        now_us = int(burst.fall / self.line.clk_hz * 1e6)
+        self.model.step(now_us - self._stepped_us)
+        self._stepped_us = now_us
+        line = self.pins.lines[DRIVE]
+        at, edges = burst.fall + DRIVE_DELAY_BITS * line.bit, []
+        for byte in self.model.telegram(burst.data) or b"":
+            levels = line.levels(byte)
+            edges += [(at + i * line.bit, level) for i, level in enumerate(levels)]
+            end = at + len(levels) * line.bit
+            self.drive_sent.append(FarCharacter(at, end, byte))
+            at = end
+        self.pins.play(DRIVE, edges)
+
+
+# ---------------------------------------------------------------- text
+
+
+def table(replay: Replay) -> Iterator[str]:
+    """The rows, all at the end of the run."""
+    fates = replay.play()
+    rows = [(fate.piece.start, "bus", str(fate), fate.piece) for fate in fates]
+    rows += [(float(burst.start), "reply", "", burst) for burst in replay.replies]
+    rows += [(float(burst.start), "telegram", "", burst) for burst in replay.telegrams]
+    yield f"{'time s':>9}  {'silence':>7}  {'row':<8}  {'fate':<{WIDTH}}  bytes"
+    silent_from = None
+    for start, row, said, source in sorted(rows, key=lambda row: row[0]):
+        silence = ""
+        if row != "telegram":
+            if silent_from is not None:
+                silence = f"{(start - silent_from) / replay.character:.2f}"
+            silent_from = max(silent_from or 0.0, source.end if row == "bus" else source.fall)
+        if isinstance(source, Piece) and source.fault not in ("", "CRC"):
+            said += f" ({source.fault})"
+        time = (start - replay.origin) / replay.line.clk_hz
+        yield f"{time:9.4f}  {silence:>7}  {row:<8}  {said:<{WIDTH}}  {source.data.hex(' ').upper()}"
+    yield from summary(replay)
+
+
+def summary(replay: Replay) -> Iterator[str]:
+    totals: Counter[str] = Counter()
+    for fate in replay.fates:
+        totals += fate.counts
+    good = sum(not fate.piece.fault for fate in replay.fates)
+    candidates, commits, revokes = (len(replay.strobes(name)) for name in STROBES)
+    dropped = sum(totals[name] for name in REASONS if name != "COUNT_FOREIGN")
+    foreign = totals["COUNT_FOREIGN"]
+    yield f"{len(replay.fates)} frames or parts, {good} good; {foreign} for other units, {dropped} dropped"
+    yield f"unit {replay.unit}: {candidates} candidates, {commits} committed, {revokes} revoked"
+    yield f"sent: {len(replay.replies)} replies, {len(replay.telegrams)} telegrams"
+
+
+def right_checks(capture: Capture, channel: str, invert: bool, line: LineFormat) -> int:
+    """Number of pieces that are a good frame or begin with one: noise may follow a frame."""
+    found = pieces(characters(capture.edges(channel, line.clk_hz, invert=invert), line), line)
+    return sum(piece.begins_good for piece in found)
+
+
+def check_line(capture: Capture, channel: str, invert: bool, line: LineFormat) -> None:
+    """A recording without a right CRC is refused, with the setting that gives most of them."""
+    if right_checks(capture, channel, invert, line):
+        return
+    tried = {
+        (baud, form, other): right_checks(capture, channel, other, LineFormat(baud, form, line.clk_hz))
+        for baud in BAUDS
+        for form in FORMS
+        for other in (invert, not invert)
+    }
+    baud, form, other = best = max(tried, key=tried.__getitem__)
+    hint = f"{tried[best]} at {baud} {form}, invert {'yes' if other else 'no'}"
+    raise CaptureError(
+        f"{capture.path}: no frame with a right CRC on channel {channel} at {line.baud} {line.form}; "
+        + (hint if tried[best] else "none at any other rate or format of the card either")
+    )
+
+
+class Parser(argparse.ArgumentParser):
+    """One line for a wrong option."""
+
+    def error(self, message: str) -> None:
+        print(f"replay: {message}", file=sys.stderr)
+        sys.exit(2)
+
+
+def arguments(words: Sequence[str] | None) -> argparse.Namespace:
+    parser = Parser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", type=Path, metavar="FILE", help="a sigrok session (.sr) or a VCD file")
+    parser.add_argument("--unit", type=int, required=True, metavar="1...247", help="address of the card")
+    parser.add_argument("--rate", type=int, required=True, choices=sorted(BAUDS), help="bit/s")
+    parser.add_argument("--channel", help="name of the channel; without it the only one that changes")
+    parser.add_argument("--format", default="8E1", choices=sorted(FORMS), help="default: 8E1")
+    parser.add_argument("--invert", default="no", choices=("yes", "no"), help="the channel is low in silence")
+    parser.add_argument(
+        "--replies", default="yes", choices=("yes", "no"), help="no: without those of the recorded slave"
+    )
+    options = parser.parse_args(words)
+    if not 1 <= options.unit <= 247:
+        parser.error(f"unit {options.unit} is no address of a card: 1 to 247")
+    return options
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    options = arguments(words)
+    line = LineFormat(options.rate, options.format, configuration(CONFIG)["clk_hz"])
+    invert = options.invert == "yes"
+    try:
+        capture = open_capture(options.file)
+        channel = options.channel or capture.only_channel()
+        edges = capture.edges(channel, line.clk_hz, invert=invert)
+        check_line(capture, channel, invert, line)
+        with Replay(edges, line, options.unit, replies=options.replies == "yes") as replay:
+            for text in table(replay):
+                print(text, flush=True)
+    except (CaptureError, BuildError) as error:
+        print(f"replay: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader of the output has stopped
+        sys.stderr.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reader of recordings and `make replay`: what is read and printed, and one line for each bad input.
+
+tb/card/test_card_recorded_buses.py checks the card itself with the same recordings.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import zipfile
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from vcd import VCDWriter
+
+from rtl.sources import ROOT
+from sim.view import replay
+from sim.view.capture import characters, open_capture, pieces
+from sim.view.replay import is_reply, main
+from tb.model import rtu
+from tb.model.crc16 import with_crc
+from tb.model.wire import LineFormat
+
+CAPTURES = ROOT / "tb/captures"
+MODULE = CAPTURES / "brainchild-io-16do.sr"
+FLOATING = CAPTURES / "wizmodbus.sr"
+US = 1_000_000  # the unit of time here, in Hz
+METADATA = "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=A\nprobe2=B\nunitsize=1\n"
+ASKED = ["--unit", "1", "--rate", "19200"]
+
+
+def sigrok_file(path: Path, metadata: str = METADATA, **parts: bytes) -> Path:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("version", "2")
+        archive.writestr("metadata", metadata)
+        for name, data in parts.items():
+            archive.writestr(name.replace("_", "-"), data)
+    return path
+
+
+def vcd_file(path: Path, **channels: list[tuple[int, int]]) -> Path:
+    changes = sorted((at, name, level) for name, edges in channels.items() for at, level in edges)
+    with path.open("w") as file:
+        writer = VCDWriter(file, timescale="1 us", date="")
+        wires = {name: writer.register_var("logic", name, "wire", size=1, init="1") for name in channels}
+        for at, name, level in changes:
+            writer.change(wires[name], at, level)
+        writer.close()
+    return path
+
+
+# ---------------------------------------------------------------- the reader
+
+
+def test_parts_of_a_session_follow_by_number(tmp_path):
+    """Ten parts, the tenth after the ninth; the level holds over their borders."""
+    parts = {f"logic_1_{number}": bytes([number % 3 == 0, 2]) for number in range(1, 11)}
+    capture = open_capture(sigrok_file(tmp_path / "a.sr", **parts))
+    assert capture.names == ["A", "B"]
+    changes = [(0, 0)]
+    for number in (3, 6, 9):
+        changes += [(2 * number - 2, 1), (2 * number - 1, 0)]
+    assert capture.edges("A", US) == changes
+    assert capture.edges("B", US)[:3] == [(0, 0), (1, 1), (2, 0)]
+    assert capture.edges("B", 2 * US, invert=True)[:2] == [(0, 1), (2, 0)]
+
+
+def test_samples_of_two_bytes(tmp_path):
+    metadata = METADATA.replace("unitsize=1", "unitsize=2").replace("probe2", "probe9")
+    file = sigrok_file(tmp_path / "a.sr", metadata, logic_1=bytes.fromhex("0000 0001 0100 0001"))
+    assert open_capture(file).edges("B", US) == [(0, 0), (1, 1), (2, 0), (3, 1)]
+    assert open_capture(file).edges("A", US) == [(0, 0), (2, 1), (3, 0)]
+
+
+def test_a_vcd_file_has_the_same_edges(tmp_path):
+    edges = open_capture(MODULE).edges("1", US)
+    copy = open_capture(vcd_file(tmp_path / "a.vcd", bus=edges, other=[(0, 1)]))
+    assert copy.edges("bus", US) == edges
+    assert copy.names == ["bus", "other"] and copy.only_channel() == "bus"
+
+
+@pytest.mark.rule("LINE-1")
+def test_parity_and_stop_bits_are_told():
+    line = LineFormat(9600, "8E1", US)
+    edges, at = [(0, 1)], 1000.0
+    for byte, flaw in ((0x55, ""), (0x03, "parity"), (0x00, "stop"), (0xF0, "")):
+        levels = line.levels(byte, flaw)
+        edges += [(round(at + i * line.bit), level) for i, level in enumerate(levels)]
+        edges.append((round(at + len(levels) * line.bit), 1))
+        at += (len(levels) + 2) * line.bit
+    changed = [edge for last, edge in pairwise(edges) if edge[1] != last[1]]
+    heard = characters([edges[0], *changed], line)
+    assert [(c.byte, c.fault) for c in heard] == [(0x55, ""), (3, "parity"), (0, "stop bit"), (0xF0, "")]
+    assert pieces(heard, line)[0].fault == "parity of byte 2"
+
+
+@pytest.mark.needs("views")
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "channel", "baud", "form", "more"),
+    [
+        ("brainchild-io-16do", "0", 19200, "8E1", ":parity=even:invert_rx=yes"),
+        ("brainchild-io-16do", "1", 19200, "8E1", ":parity=even:invert_rx=yes"),
+        ("flowmeter_target0_val0", "RXTX", 9600, "8N1", ""),
+        ("wizmodbus", "RX", 9600, "8N1", ""),
+        ("wizmodbus", "TX", 9600, "8N1", ""),
+    ],
+)
+def test_sigrok_decodes_the_same_characters(name, channel, baud, form, more):
+    file = CAPTURES / f"{name}.sr"
+    decoder = f"uart:rx={channel}:baudrate={baud}{more}"
+    done = subprocess.run(
+        ["sigrok-cli", "-i", file, "-P", decoder, "-A", "uart=rx-data"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    theirs = [int(line.split()[-1], 16) for line in done.stdout.splitlines()]
+    line = LineFormat(baud, form, 4 * US)
+    ours = characters(open_capture(file).edges(channel, 4 * US, invert=bool(more)), line)
+    assert [c.byte for c in ours] == theirs and len(theirs) > 100
+    assert not any(c.fault for c in ours)
+
+
+# ---------------------------------------------------------------- requests and replies
+
+
+@pytest.mark.parametrize(
+    ("request_pdu", "pdu", "expected"),
+    [
+        (rtu.read_registers(1000, 2), "03 04 5266 5707", True),
+        (rtu.read_registers(1000, 2), "03 03EA 0002", False),
+        (rtu.read_registers(1000, 2), "03 02 5266", False),
+        (rtu.read_registers(1000, 2), "83 02", True),
+        (rtu.read_coils(3, 9), "01 02 0001", True),
+        (bytes.fromhex("06 0001 0055"), "06 0001 0055", True),
+        (bytes.fromhex("06 0001 0055"), "06 0001 0056", False),
+        (bytes.fromhex("0F 0002 0001 01 01"), "0F 0002 0001", True),
+        (bytes.fromhex("0F 0002 0001 01 01"), "0F 0002 0001 01 01", False),
+        (bytes.fromhex("83 02"), "83 02", False),
+    ],
+)
+def test_a_reply_fits_its_request(request_pdu, pdu, expected):
+    data = bytes.fromhex(pdu)
+    assert is_reply(rtu.build(1, request_pdu), rtu.build(1, data)) is expected
+    assert not is_reply(rtu.build(2, request_pdu), rtu.build(1, data))
+
+
+# ---------------------------------------------------------------- the command
+
+
+def rows(text: str) -> list[list[str]]:
+    return [re.split(r"  +", line.strip()) for line in text.splitlines()]
+
+
+def test_replay_prints_a_row_for_each_frame(capsys):
+    options = [*ASKED, "--channel", "1", "--invert", "yes"]
+    assert main([str(MODULE), *options]) == 0
+    text = capsys.readouterr().out
+    found = rows(text)
+    assert found[0] == ["time s", "silence", "row", "fate", "bytes"]
+    bus = [row for row in found if "bus" in row]
+    assert len(bus) == 15 and all(row[-2].startswith("candidate, committed") for row in bus)
+    assert bus[0] == ["0.0311", "bus", "candidate, committed", "01 01 00 03 00 01 0D CA"]
+    assert found[2][2:] == ["reply", "01 01 01 00 51 88"]
+    # A request to the drive, and a master that asks again 14 ms later (FRAME-7).
+    assert bus[2][-2:] == ["candidate, committed; not answered in time", "01 03 00 63 00 01 74 14"]
+    assert found[6][1:] == ["telegram", "02 0E 81 10 0A 00 00 00 00 00 00 00 00 00 00 97"]
+    assert text.splitlines()[-3:] == [
+        "15 frames or parts, 15 good; 0 for other units, 0 dropped",
+        "unit 1: 15 candidates, 15 committed, 0 revoked",
+        "sent: 10 replies, 6 telegrams",
+    ]
+
+
+def flawed(tmp_path: Path) -> Path:
+    """One good frame, a wrong CRC, a wrong parity, a gap of 2 characters, a frame continued after 2."""
+    line = LineFormat(19200, "8E1", US)
+    good = rtu.build(1, rtu.read_registers(1, 1))
+    edges, at = [(0, 1)], 5000.0
+
+    def send(data: bytes, gap: float, flaw: str = "") -> None:
+        nonlocal at
+        at += gap * 11 * line.bit
+        for byte in data:
+            levels = line.levels(byte, flaw)
+            edges.extend((round(at + i * line.bit), level) for i, level in enumerate(levels))
+            at += len(levels) * line.bit
+
+    send(good, 0)
+    send(good[:-2] + good[:-3:-1], 20)
+    send(good, 20, "parity")
+    send(good[:4], 20)
+    send(good[4:], 2)
+    send(good, 20)
+    send(b"\0", 2)
+    send(with_crc(b"\x07\x03\x00"), 20)
+    changed = [edge for last, edge in pairwise(edges) if edge[1] != last[1]]
+    return vcd_file(tmp_path / "flawed.vcd", bus=[edges[0], *changed])
+
+
+def test_replay_names_the_reason_of_each_drop(tmp_path, capsys):
+    assert main([str(flawed(tmp_path)), *ASKED]) == 0
+    text = capsys.readouterr().out
+    assert [row[-2] for row in rows(text) if "bus" in row] == [
+        "candidate, committed",
+        "dropped: CRC wrong",
+        "dropped: parity (parity of byte 1)",
+        "dropped: continued before 3.5 characters",
+        "dropped: CRC wrong",
+        "candidate, revoked",
+        "ignored: no 3.5 characters before it (too short)",
+        "for another unit",
+    ]
+    assert text.splitlines()[-2:] == [
+        "unit 1: 2 candidates, 1 committed, 1 revoked",
+        "sent: 1 replies, 0 telegrams",
+    ]
+
+
+@pytest.mark.slow
+def test_replies_of_the_recorded_slave_can_be_left_out(capsys):
+    file = CAPTURES / "flowmeter_target0_val0.sr"
+    options = ["--unit", "247", "--rate", "9600", "--format", "8N1", "--replies", "no"]
+    assert main([str(file), *options]) == 0
+    text = capsys.readouterr().out
+    assert text.count("left out: the recorded slave's reply") == 37
+    assert text.splitlines()[-1] == "sent: 37 replies, 0 telegrams"
+
+
+# ---------------------------------------------------------------- bad input
+
+
+@pytest.fixture
+def never_played(monkeypatch):
+    monkeypatch.setattr(replay, "Replay", None)
+
+
+def refused(capsys, file: object, *options: str) -> str:
+    try:
+        code = main([str(file), *(options or ASKED)])
+    except SystemExit as end:
+        code = end.code
+    said = capsys.readouterr()
+    assert (code, said.out) == (2, "") and said.err.count("\n") == 1
+    return said.err.strip()
+
+
+def no_metadata(path: Path) -> Path:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("logic-1", b"\0\1")
+    return path
+
+
+BAD_FILES = {
+    "absent": (lambda path: path / "bus.sr", "No such file or directory"),
+    "a folder": (lambda path: path, "Is a directory"),
+    "empty": (lambda path: _written(path / "a.sr", b""), "is no recording: neither"),
+    "a page": (lambda path: ROOT / "README.md", "is no recording: neither"),
+    "a zip": (lambda path: no_metadata(path / "a.sr"), "no sigrok recording with logic channels"),
+    "half a zip": (
+        lambda path: _written(path / "a.sr", MODULE.read_bytes()[:3000]),
+        "no sigrok recording with logic channels",
+    ),
+    "analog": (
+        lambda path: sigrok_file(path / "a.sr", "[device 1]\nsamplerate=1 MHz\ntotal analog=1\n"),
+        "no sigrok recording with logic channels",
+    ),
+    "no rate": (
+        lambda path: sigrok_file(path / "a.sr", METADATA.replace("1 MHz", "fast"), logic_1=b"\0"),
+        "no sigrok recording with logic channels",
+    ),
+    "half a VCD": (lambda path: _written(path / "a.vcd", b"$date x $end $timescale"), "no readable VCD file"),
+    "no change": (lambda path: sigrok_file(path / "a.sr", logic_1=bytes(50)), "name a channel; none changes"),
+}
+
+
+def _written(path: Path, data: bytes) -> Path:
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("what", BAD_FILES)
+def test_a_file_that_is_no_recording(what, tmp_path, capsys, never_played):
+    make, expected = BAD_FILES[what]
+    assert expected in refused(capsys, make(tmp_path))
+
+
+def test_damaged_samples(tmp_path, capsys, never_played):
+    data = bytearray(MODULE.read_bytes())
+    with zipfile.ZipFile(MODULE) as archive:
+        info = archive.getinfo("logic-1-5")
+    at = info.header_offset + 30 + len(info.filename) + 10
+    data[at : at + 40] = bytes(40)
+    file = _written(tmp_path / "a.sr", bytes(data))
+    assert refused(capsys, file, *ASKED, "--channel", "1").endswith("the recording is damaged")
+
+
+def test_a_channel_that_is_not_there(capsys, never_played):
+    said = refused(capsys, FLOATING, "--unit", "1", "--rate", "9600", "--channel", "A")
+    assert said.endswith("has no channel A; there are: RX, DE, BA+, TX, /RE, CCIFG, CCIE")
+
+
+def test_several_channels_and_none_named(capsys, never_played):
+    assert refused(capsys, FLOATING).endswith("name a channel; these change: RX, DE, BA+, TX, /RE, CCIE")
+
+
+@pytest.mark.rule("LINE-2")
+def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
+    options = ["--unit", "1", "--rate", "9600", "--channel", "1"]
+    said = refused(capsys, MODULE, *options)
+    assert said.endswith("no frame with a right CRC on channel 1 at 9600 8E1; 15 at 19200 8E1, invert yes")
+    noise = sigrok_file(tmp_path / "a.sr", logic_1=bytes([1] * 900 + [0] * 300 + [1] * 900))
+    said = refused(capsys, noise, "--unit", "1", "--rate", "9600")
+    assert said.endswith("none at any other rate or format of the card either")
+
+
+@pytest.mark.rule("LINE-7")
+@pytest.mark.parametrize(
+    "options", [["--unit", "0"], ["--unit", "248"], ["--unit", "x"], ["--rate", "9601"], ["--format", "7E1"]]
+)
+def test_a_wrong_option(options, capsys, never_played):
+    assert refused(capsys, MODULE, *ASKED, *options).startswith("replay: ")
