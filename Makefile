@@ -65,7 +65,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
-#:   UNIT=, RATE=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no   docs/guide/debugging.md (replay)
+#:   UNIT=, RATE=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no, FOR=s   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
@@ -102,7 +102,7 @@ telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's
 replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
 	@[ -n "$(FILE)" ] && [ -n "$(UNIT)" ] && [ -n "$(RATE)" ] || \
 		{ echo "say which: make replay FILE=bus.sr UNIT=1 RATE=9600" >&2; exit 2; }
-	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit rate channel format invert replies,\
+	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit rate channel format invert replies for,\
 		$(call given,$(option),$(call upper,$(option))))
 
 ##@ Test

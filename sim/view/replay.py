@@ -2,7 +2,7 @@
 """Plays a recorded bus to the whole card and prints what the card made of it, a line per frame.
 
     python -m sim.view.replay FILE --unit 1 --rate 9600 [--channel RX] [--format 8N1] [--invert yes]
-                              [--replies no]
+                              [--replies no] [--for SECONDS]
 
 FILE: a recording of a logic analyser (capture.py). Its edges reach the network pin of a card at their own
 times.
@@ -33,7 +33,7 @@ from rtl.sources import configuration
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
-from sim.view.capture import Capture, CaptureError, Piece, characters, open_capture, pieces
+from sim.view.capture import CaptureError, Piece, characters, open_capture, pieces
 from tb.model.vlt_drive import VltDrive
 from tb.model.wire import Burst, FarCharacter, LineFormat
 
@@ -270,18 +270,20 @@ def summary(replay: Replay) -> Iterator[str]:
     yield f"sent: {len(replay.replies)} replies, {len(replay.telegrams)} telegrams"
 
 
-def right_checks(capture: Capture, channel: str, invert: bool, line: LineFormat) -> int:
+def right_checks(edges: Sequence[tuple[int, int]], line: LineFormat) -> int:
     """Number of pieces that are a good frame or begin with one: noise may follow a frame."""
-    found = pieces(characters(capture.edges(channel, line.clk_hz, invert=invert), line), line)
-    return sum(piece.begins_good for piece in found)
+    return sum(piece.begins_good for piece in pieces(characters(edges, line), line))
 
 
-def check_line(capture: Capture, channel: str, invert: bool, line: LineFormat) -> None:
+def check_line(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool) -> None:
     """A recording without a right CRC is refused, with the setting that gives most of them."""
-    if right_checks(capture, channel, invert, line):
+    if right_checks(edges, line):
         return
+    inverted = [(at, 1 - level) for at, level in edges]
     tried = {
-        (baud, form, other): right_checks(capture, channel, other, LineFormat(baud, form, line.clk_hz))
+        (baud, form, other): right_checks(
+            edges if other == invert else inverted, LineFormat(baud, form, line.clk_hz)
+        )
         for baud in BAUDS
         for form in FORMS
         for other in (invert, not invert)
@@ -289,9 +291,15 @@ def check_line(capture: Capture, channel: str, invert: bool, line: LineFormat) -
     baud, form, other = best = max(tried, key=tried.__getitem__)
     hint = f"{tried[best]} at {baud} {form}, invert {'yes' if other else 'no'}"
     raise CaptureError(
-        f"{capture.path}: no frame with a right CRC on channel {channel} at {line.baud} {line.form}; "
+        f"no frame with a right CRC at {line.baud} {line.form}; "
         + (hint if tried[best] else "none at any other rate or format of the card either")
     )
+
+
+def first_seconds(edges: list[tuple[int, int]], clocks: float) -> list[tuple[int, int]]:
+    """The beginning of a recording; the line is idle after it."""
+    kept = [edge for edge in edges if edge[0] < clocks]
+    return kept if len(kept) == len(edges) else [*kept, (round(clocks), 1)]
 
 
 class Parser(argparse.ArgumentParser):
@@ -313,6 +321,9 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--replies", default="yes", choices=("yes", "no"), help="no: without those of the recorded slave"
     )
+    parser.add_argument(
+        "--for", type=float, default=float("inf"), dest="seconds", help="only so many s of the recording"
+    )
     options = parser.parse_args(words)
     if not 1 <= options.unit <= 247:
         parser.error(f"unit {options.unit} is no address of a card: 1 to 247")
@@ -327,7 +338,11 @@ def main(words: Sequence[str] | None = None) -> int:
         capture = open_capture(options.file)
         channel = options.channel or capture.only_channel()
         edges = capture.edges(channel, line.clk_hz, invert=invert)
-        check_line(capture, channel, invert, line)
+        edges = first_seconds(edges, options.seconds * line.clk_hz)
+        try:
+            check_line(edges, line, invert)
+        except CaptureError as error:
+            raise CaptureError(f"{options.file}, channel {channel}: {error}") from None
         with Replay(edges, line, options.unit, replies=options.replies == "yes") as replay:
             for text in table(replay):
                 print(text, flush=True)

@@ -220,6 +220,14 @@ def test_replay_names_the_reason_of_each_drop(tmp_path, capsys):
     ]
 
 
+def test_only_the_beginning_can_be_played(capsys):
+    assert main([str(MODULE), *ASKED, "--channel", "1", "--invert", "yes", "--for", "0.05"]) == 0
+    assert [row[2:] for row in rows(capsys.readouterr().out) if "bus" in row] == [
+        ["candidate, committed", "01 01 00 03 00 01 0D CA"],
+        ["bus", "candidate, committed", "01 02 00 00 00 01 B9 CA"],
+    ]
+
+
 @pytest.mark.slow
 def test_replies_of_the_recorded_slave_can_be_left_out(capsys):
     file = CAPTURES / "flowmeter_target0_val0.sr"
@@ -311,7 +319,7 @@ def test_several_channels_and_none_named(capsys, never_played):
 def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
     options = ["--unit", "1", "--rate", "9600", "--channel", "1"]
     said = refused(capsys, MODULE, *options)
-    assert said.endswith("no frame with a right CRC on channel 1 at 9600 8E1; 15 at 19200 8E1, invert yes")
+    assert said.endswith("channel 1: no frame with a right CRC at 9600 8E1; 15 at 19200 8E1, invert yes")
     noise = sigrok_file(tmp_path / "a.sr", logic_1=bytes([1] * 900 + [0] * 300 + [1] * 900))
     said = refused(capsys, noise, "--unit", "1", "--rate", "9600")
     assert said.endswith("none at any other rate or format of the card either")
