@@ -32,7 +32,9 @@ from tb.model.vlt_drive import VltDrive
 RECORDINGS = ROOT / "docs/recordings"
 GUIDE = ROOT / "docs/guide/debugging.md"
 COMMAND = re.compile(
-    r"^```\n\$ \.venv/bin/python (-m sim\.view\.(?:frames docs/recordings|replay tb/captures)/.*)\n(?:.*\n)*?```$", re.MULTILINE
+    r"^```\n\$ \.venv/bin/python (-m sim\.view\.(?:frames docs/recordings|replay tb/captures)/.*)\n"
+    r"(?:.*\n)*?```$",
+    re.MULTILINE,
 )
 
 BOOTED_MS = 25.0

@@ -115,6 +115,14 @@ def test_selftest_needs_a_port():
     assert one_line(done.stderr) == "say which port: make selftest PORT=/dev/ttyUSB0"
 
 
+def test_replay_needs_a_file_a_unit_and_a_rate():
+    done = command("make", "replay", "FILE=bus.sr", "UNIT=1")
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "say which: make replay FILE=bus.sr UNIT=1 RATE=9600"
+    options = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "RATE=9600", "INVERT=yes").stdout
+    assert '"bus.sr"' in options and '--unit "1"' in options and '--invert "yes"' in options
+
+
 def test_selftest_starts_a_motor_by_the_command_line_only():
     """A variable of the environment may have any name."""
     options = ("make", "-n", "selftest", "PORT=here", "DRIVE=yes")
