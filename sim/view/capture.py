@@ -18,16 +18,17 @@ import itertools
 import re
 import zipfile
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.view.wave_file import WaveFile
+from sim.view.wave_file import UNITS
 from tb.model.crc16 import crc_good
 from tb.model.wire import FRAME_MAX, FRAME_MIN, FarCharacter, LineFormat
 
 HERTZ = {"Hz": 1, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
 DATA_BITS = 8
+DUMPS = ("$dumpvars", "$dumpall", "$dumpon", "$dumpoff", "$end")  # they only group levels of a VCD file
 # Of an archive, a part in it, or its metadata; the last two: packed in a way that Python does not know.
 DAMAGED = (KeyError, ValueError, configparser.Error, zipfile.BadZipFile, zlib.error, EOFError, OSError)
 DAMAGED += (NotImplementedError, RuntimeError)
@@ -102,24 +103,65 @@ class VcdFile:
     """The one-bit signals of a VCD file. A level that is neither 0 nor 1 keeps the one before."""
 
     def __init__(self, path: Path) -> None:
+        self._codes: dict[str, str] = {}  # by name
+        self._changes: dict[str, list[tuple[float, int]]] = {}  # by code
         try:
-            self._wave = WaveFile(path)
-            self._wires = {
-                signal.name: name for name, signal in self._wave.signals.items() if signal.width == 1
-            }
-        except (RuntimeError, TypeError, KeyError):
+            words = (found[0] for found in re.finditer(r"\S+", path.read_text()))
+            self._read_levels(words, self._read_header(words))
+        except (*DAMAGED, IndexError, StopIteration):
             raise CaptureError(f"{path}: no readable VCD file") from None
+
+    def _read_header(self, words: Iterator[str]) -> float:
+        """Names the signals; returns the unit of time in s. Of two with one name the second has its scope."""
+        scopes, unit_s = [], 0.0
+        for keyword in words:
+            if not keyword.startswith("$"):
+                raise ValueError
+            body = list(itertools.takewhile(lambda word: word != "$end", words))
+            if keyword == "$enddefinitions":
+                break
+            if keyword == "$timescale":
+                scale = re.fullmatch(r"(\d+)([munpf]?s)", "".join(body))
+                unit_s = int(scale[1]) * UNITS[scale[2]] if scale else 0.0
+            elif keyword == "$scope":
+                scopes.append(body[-1])
+            elif keyword == "$upscope":
+                scopes.pop()
+            elif keyword == "$var":
+                _, width, code, name = body[:4]
+                self._changes.setdefault(code, [])
+                if width == "1":
+                    name = name + "".join(body[4:])
+                    self._codes[".".join([*scopes, name]) if name in self._codes else name] = code
+        if not unit_s:
+            raise ValueError
+        return unit_s
+
+    def _read_levels(self, words: Iterator[str], unit_s: float) -> None:
+        now = 0
+        for word in words:
+            if word[0] == "#":
+                later = int(word[1:])
+                if later < now:
+                    raise ValueError
+                now = later
+            elif word[0] in "bBrR":
+                next(words)
+            elif word == "$comment":
+                list(itertools.takewhile(lambda other: other != "$end", words))
+            elif word[0] in "01xXzZ":
+                changes = self._changes[word[1:]]
+                if word[0] in "01" and (not changes or changes[-1][1] != int(word[0])):
+                    changes.append((now * unit_s, int(word[0])))
+            elif word not in DUMPS:
+                raise ValueError
 
     @property
     def names(self) -> list[str]:
-        return list(self._wires)
+        return list(self._codes)
 
     def changes(self, name: str) -> list[tuple[float, int]]:
-        found: list[tuple[float, int]] = []
-        for time, value in self._wave.changes(self._wires[name]):
-            if value in ("0", "1") and (not found or found[-1][1] != int(value)):
-                found.append((time, int(value)))
-        return found
+        return self._changes[self._codes[name]]
 
 
 @dataclass(frozen=True)
@@ -150,7 +192,8 @@ class Capture:
 
 def open_capture(path: Path) -> Capture:
     try:
-        start = path.open("rb").read(4096)
+        with path.open("rb") as file:
+            start = file.read(4096)
     except OSError as error:
         raise CaptureError(f"{path}: {error.strerror}") from None
     if zipfile.is_zipfile(path) or start[:2] == b"PK":

@@ -327,6 +327,8 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     options = parser.parse_args(words)
     if not 1 <= options.unit <= 247:
         parser.error(f"unit {options.unit} is no address of a card: 1 to 247")
+    if not options.seconds > 0:
+        parser.error("--for wants a number of seconds above 0")
     return options
 
 

@@ -28,6 +28,9 @@ MODULE = CAPTURES / "brainchild-io-16do.sr"
 FLOATING = CAPTURES / "wizmodbus.sr"
 US = 1_000_000  # the unit of time here, in Hz
 METADATA = "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=A\nprobe2=B\nunitsize=1\n"
+VCD_HEADER = """$timescale 10 ns $end $scope module l $end $var wire 1 ! A $end $var wire 4 % V [3:0] $end
+$scope module m $end $var wire 1 " A $end $upscope $end $upscope $end $enddefinitions $end
+"""
 ASKED = ["--unit", "1", "--rate", "19200"]
 
 
@@ -79,6 +82,15 @@ def test_a_vcd_file_has_the_same_edges(tmp_path):
     copy = open_capture(vcd_file(tmp_path / "a.vcd", bus=edges, other=[(0, 1)]))
     assert copy.edges("bus", US) == edges
     assert copy.names == ["bus", "other"] and copy.only_channel() == "bus"
+
+
+def test_a_vcd_file_of_a_simulator(tmp_path):
+    """Unknown levels, vectors, comments, a name in two scopes."""
+    levels = '$dumpvars x! bxxxx % 1" $end #100 1! b1010 % $comment 0! $end #150 x! #300 0! 1! #400 0!'
+    capture = open_capture(_written(tmp_path / "a.vcd", (VCD_HEADER + levels).encode()))
+    assert capture.names == ["A", "l.m.A"]
+    assert capture.edges("A", US) == [(1, 1), (3, 0), (3, 1), (4, 0)]
+    assert capture.edges("l.m.A", US) == [(0, 1)]
 
 
 @pytest.mark.rule("LINE-1")
@@ -281,6 +293,23 @@ BAD_FILES = {
         "no sigrok recording with logic channels",
     ),
     "half a VCD": (lambda path: _written(path / "a.vcd", b"$date x $end $timescale"), "no readable VCD file"),
+    **{
+        f"VCD with {what}": (
+            lambda path, text=text: _written(path / "a.vcd", (VCD_HEADER + text).encode()),
+            "no readable VCD file",
+        )
+        for what, text in (
+            ("rubbish", "#0 1! #1 rubbish"),
+            ("an unknown signal", "#0 1?"),
+            ("no number", "#0 1! #x 0!"),
+            ("times that go back", "#5 1! #4 0!"),
+            ("half a vector", "#0 1! #1 b101"),
+        )
+    },
+    "VCD without a unit": (
+        lambda path: _written(path / "a.vcd", b"$var wire 1 ! A $end $enddefinitions $end #0 1!"),
+        "no readable VCD file",
+    ),
     "no change": (lambda path: sigrok_file(path / "a.sr", logic_1=bytes(50)), "name a channel; none changes"),
 }
 
@@ -327,7 +356,15 @@ def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
 
 @pytest.mark.rule("LINE-7")
 @pytest.mark.parametrize(
-    "options", [["--unit", "0"], ["--unit", "248"], ["--unit", "x"], ["--rate", "9601"], ["--format", "7E1"]]
+    "options",
+    [
+        ["--unit", "0"],
+        ["--unit", "248"],
+        ["--unit", "x"],
+        ["--rate", "9601"],
+        ["--format", "7E1"],
+        ["--for", "nan"],
+    ],
 )
 def test_a_wrong_option(options, capsys, never_played):
     assert refused(capsys, MODULE, *ASKED, *options).startswith("replay: ")
