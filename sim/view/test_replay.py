@@ -187,30 +187,34 @@ def test_replay_prints_a_row_for_each_frame(capsys):
     ]
 
 
-def flawed(tmp_path: Path) -> Path:
-    """One good frame, a wrong CRC, a wrong parity, a gap of 2 characters, a frame continued after 2."""
+def bus_file(path: Path, *frames: tuple[float, bytes, str]) -> Path:
+    """Frames at 19200 8E1, each after so many characters of silence, with a flaw in each byte or none."""
     line = LineFormat(19200, "8E1", US)
-    good = rtu.build(1, rtu.read_registers(1, 1))
     edges, at = [(0, 1)], 5000.0
-
-    def send(data: bytes, gap: float, flaw: str = "") -> None:
-        nonlocal at
+    for gap, data, flaw in frames:
         at += gap * 11 * line.bit
         for byte in data:
             levels = line.levels(byte, flaw)
-            edges.extend((round(at + i * line.bit), level) for i, level in enumerate(levels))
+            edges += [(round(at + i * line.bit), level) for i, level in enumerate(levels)]
             at += len(levels) * line.bit
-
-    send(good, 0)
-    send(good[:-2] + good[:-3:-1], 20)
-    send(good, 20, "parity")
-    send(good[:4], 20)
-    send(good[4:], 2)
-    send(good, 20)
-    send(b"\0", 2)
-    send(with_crc(b"\x07\x03\x00"), 20)
     changed = [edge for last, edge in pairwise(edges) if edge[1] != last[1]]
-    return vcd_file(tmp_path / "flawed.vcd", bus=[edges[0], *changed])
+    return vcd_file(path / "bus.vcd", bus=[edges[0], *changed])
+
+
+def flawed(path: Path) -> Path:
+    """One good frame, a wrong CRC, a wrong parity, a gap of 2 characters, a frame continued after 2."""
+    good = rtu.build(1, rtu.read_registers(1, 1))
+    return bus_file(
+        path,
+        (0, good, ""),
+        (20, good[:-2] + good[:-3:-1], ""),
+        (20, good, "parity"),
+        (20, good[:4], ""),
+        (2, good[4:], ""),
+        (20, good, ""),
+        (2, b"\0", ""),
+        (20, with_crc(b"\x07\x03\x00"), ""),
+    )
 
 
 def test_replay_names_the_reason_of_each_drop(tmp_path, capsys):
@@ -229,6 +233,18 @@ def test_replay_names_the_reason_of_each_drop(tmp_path, capsys):
     assert text.splitlines()[-2:] == [
         "unit 1: 2 candidates, 1 committed, 1 revoked",
         "sent: 1 replies, 0 telegrams",
+    ]
+
+
+def test_a_reply_to_our_own_unit_is_named(tmp_path, capsys):
+    """The reply to a write is the same bytes: the card writes once more and answers."""
+    write = rtu.build(1, bytes.fromhex("06 0001 0055"))
+    assert main([str(bus_file(tmp_path, (0, write, ""), (20, write, ""))), *ASKED]) == 0
+    assert [row[-2] for row in rows(capsys.readouterr().out)[1:5]] == [
+        "candidate, committed",
+        "reply",
+        "candidate, committed; a slave's reply by its form",
+        "reply",
     ]
 
 
