@@ -115,9 +115,9 @@ def test_a_pulse_at_the_commit_costs_no_broadcast():
 
 # Each format and each kind of rate once, at the lowest clock; one case at a card's clock.
 EVERY = [
-    (4800, 1, 2_400_000, "8N2"),
+    (4800, 4, 2_400_000, "8N2"),
     (19_200, 1, 2_400_000, "8E1"),
-    (38_400, 1, 2_400_000, "8O1"),
+    (38_400, 2, 2_400_000, "8O1"),
     (115_200, 5, 2_400_000, "8N1"),
     (19_200, 5, 12_000_000, "8E1"),
 ]
