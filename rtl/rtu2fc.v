@@ -8,9 +8,9 @@
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults come from the configuration, regs/generated/config_<name>.v, which is
 // the first of its list of files. SOFT_CORE: see soft_core. PLACES: committed writes that can
-// wait, see commit_gate. DE_LIMIT: see driver_limit; the part of the small card has no cells for
-// it. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the firmware has
-// the option of that name; see master_loss and docs/guide/master-loss.md. Rules: TOP-1, TOP-2.
+// wait, see commit_gate. DE_LIMIT: LIMIT of driver_limit. MASTER_LOSS_STOP: 1, the card may stop
+// the drive when the master is lost, if the firmware has the option of that name; see master_loss
+// and docs/guide/master-loss.md. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
@@ -21,7 +21,7 @@ module rtu2fc #(
     parameter [1:0] PLACES = `CONFIG_PLACES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1,
-    parameter [0:0] DE_LIMIT = SOFT_CORE == 2'd0,
+    parameter [0:0] DE_LIMIT = 1'b1,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,

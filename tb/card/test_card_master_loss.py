@@ -237,6 +237,7 @@ def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
         pairs = [("armed_i.held", "armed_i.opposite"), ("over_i.held", "over_i.opposite")]
         flips = [*((half,) for half in HALVES), *pairs, *((count,) for count in COUNTS)]
         for names in flips:
+            master.set_wait(TENS)  # the flip of one half restarted the firmware
             if started:
                 master.started()
             for name in names:
@@ -244,6 +245,7 @@ def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
                     master.card.flip(LICENCE + name, 0, bit)
             master.card.run(3 * TENS if started else 30 * TENS)
             assert master.heard() == [], names
+            master.card.run(master.card.boot_ms)
             master.write(0)
             master.card.run(REPLIED_MS)
             master.heard()
@@ -262,3 +264,24 @@ def test_after_a_flip_the_next_start_is_watched_as_ever():
             assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
             master.card.run(50)
             assert master.heard() == [STOP]
+
+
+GATE = "mailbox_i.gate_i."
+PAIRS = (
+    *(f"{GATE}{pair}" for pair in ("request_i.committed_i", "telegram_i.licence_i", "telegram_i.fresh_i")),
+    *(f"{GATE}{pair}" for pair in ("broadcast_i.valid_i", "g_unicast.unicast_i.valid_i")),
+    *(f"{LICENCE}{pair}" for pair in ("armed_i", "over_i")),
+    "network_i.rtu_rx_i.bank_i",
+)
+
+
+@pytest.mark.rule("SAFE-4", "WDG-1")
+@pytest.mark.parametrize("pair", PAIRS)
+def test_a_flipped_half_of_any_guarded_bit_restarts_the_firmware(pair: str):
+    """Register 40002 then has its default again."""
+    with Master(extra="flips") as master:
+        for half in ("held", "opposite"):
+            master.set_wait(TENS)
+            master.card.flip(f"{pair}.{half}", 0, 0)
+            master.card.run(master.card.boot_ms)
+            assert master.ask(bytes.fromhex("03 0001 0001"))[2:] == (1000).to_bytes(2, "big"), half

@@ -442,15 +442,7 @@ def test_lines_at_the_bite(sim, config):
 
 @pytest.mark.rule("SAFE-2", "SAFE-4")
 def test_endless_sender(sim, config):
-    """Also as the small card, which has no limit by default."""
-    run(
-        "rtu2fc",
-        "tb.card.test_card_supervision",
-        sim=sim,
-        config=config,
-        parameters={"CLK_HZ": SLOW_HZ[config], "DE_LIMIT": 1},
-        testcase="sender_that_never_ends_loses_its_driver_and_the_card_goes_on",
-    )
+    run_card(sim, config, "sender_that_never_ends_loses_its_driver_and_the_card_goes_on")
 
 
 @pytest.mark.rule("SAFE-4")

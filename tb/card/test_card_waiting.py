@@ -127,7 +127,17 @@ BEFORE = {"a reading": [READ], "a text": [READ_TEXT], "a write": [coils(0x047C, 
 @pytest.mark.parametrize("before", [*BEFORE, "a broadcast", pytest.param("a repeat", marks=pytest.mark.slow)])
 def test_a_dead_drive_does_not_hold_up_a_stop(before: str, unit: int):
     """40003 is 10 s, the drive is silent, a reading waits, the master sends a stop."""
-    with FastCard(baud=19_200) as card:
+    check_stop("standard", before, unit)
+
+
+@pytest.mark.rule("FC-9", "FRAME-7", "TOP-2")
+@pytest.mark.parametrize("unit", [1, pytest.param(0, marks=pytest.mark.slow)])
+def test_a_dead_drive_does_not_hold_up_a_stop_of_the_small_card(unit: int):
+    check_stop("tiny", "a reading", unit)
+
+
+def check_stop(config: str, before: str, unit: int) -> None:
+    with FastCard(baud=19_200, config=config, clk_hz=clock(config)) as card:
         card.run(card.boot_ms)
         assert card.request(DRIVE_TIMEOUT_10_S)
         if before == "a text":
