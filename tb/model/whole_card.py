@@ -224,6 +224,15 @@ class LineJudge:
     def _keeps_place(self, request: Request) -> bool:
         return request.broadcast or (request.writes and self.places > 1)
 
+    def _is_replaced(self, exchange: Exchange) -> bool:
+        """A write whose telegram never left, for a busy line, has lost its place to a newer one (FRAME-7)."""
+        older = exchange.request
+        return (
+            exchange.sends == 0
+            and older.writes
+            and any(newer.writes and newer.broadcast == older.broadcast for newer in self.queue)
+        )
+
     def _wait_behind(self, exchange: Exchange, request: Request, at: float) -> None:
         """A newer write takes the place of an older one of its kind; a reading waits for nothing newer."""
         self.queue = [
@@ -406,7 +415,8 @@ class LineJudge:
             self._fail(burst.rise, f"telegram {data.hex(' ')} repeated after a newer request (FC-9)")
         if held and self.queue and data == exchange.request.telegram == self.queue[0].telegram:
             raise Unclear(burst.rise, "a telegram that fits either of two requests")
-        if held and self.queue and data != exchange.request.telegram:
+        replaced = exchange and exchange.phase == "line" and self._is_replaced(exchange)
+        if (held or replaced) and self.queue and data != exchange.request.telegram:
             # The older telegram was withdrawn for the newer request.
             self._start(self.queue.pop(0), exchange.queued_from, burst.rise)
             exchange = self.exchange
