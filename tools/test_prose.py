@@ -65,6 +65,7 @@ def test_a_citation_needs_its_page_and_its_heading():
     assert prose.dead_citations("a.v", "// docs/nothing.md", known) == ["a.v: docs/nothing.md: no such file"]
 
 
+@pytest.mark.needs("lint")
 def test_a_misspelt_word_is_found(tmp_path: Path):
     page = tmp_path / "page.md"
     page.write_text("One word here is rec" + "ieved.\n")  # in two, because this file is checked as well
