@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a recorded bus to the whole card and prints what the card made of it, a line per frame.
+"""Plays a recorded bus to the whole card; prints one line per frame: candidate, committed, or dropped and why.
 
     python -m sim.view.replay FILE --unit 1 --rate 9600 [--channel RX] [--format 8N1] [--invert yes]
                               [--replies no] [--for SECONDS]
 
 FILE: a recording of a logic analyser (capture.py). Its edges reach the network pin of a card at their own
-times.
-The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before the
+times. The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before the
 recording does.
 
 Rows: `bus`, a frame of the recording, or a part of one before a silence of 1.5 characters; `reply` and
 `telegram`, sent by the card. Columns: time in s of the recording, silence on the network line before it in
-characters of 11 bits (negative: both send), row, what the card made of it, bytes. The reason of a drop is the
+characters of 11 bits (negative: both send), row, what became of the frame, bytes. The reason of a drop is the
 counter that went up before the next frame. --replies no: replies of the recorded slave of this unit are left
 out, as if the card were there in its place.
 Exit code: 2 for a wrong option or recording. Rules: FRAME-1 ... FRAME-8.

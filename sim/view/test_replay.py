@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reader of recordings and `make replay`: what is read and printed, and one line for each bad input.
+"""The reader of recordings and `make replay`: edges read, rows printed, one line for each bad input.
 
 tb/card/test_card_recorded_buses.py checks the card itself with the same recordings.
 """

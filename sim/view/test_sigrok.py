@@ -375,7 +375,7 @@ GAP = ("gap", "Gap of 3.0 characters in a telegram, at most 2")
     ],
 )
 def test_a_spoilt_reply_is_bad_and_the_next_telegram_is_good(tmp_path, reply, said, warned):
-    """The decoder calls bad exactly what the model calls no telegram, or what a line spoilt."""
+    """A reply is shown as bad if the model of the protocol refuses it or the line damaged it, and only then."""
     shown = decode(draw(tmp_path / "lines.vcd", [Sent(START), reply, Sent(READ_514), Sent(IS_300, 2.1)]))
     lines = telegrams(shown)
     assert [s.text for s in lines if s.name == "bad"] == ([f"Bad: {said}"] if said else [])
