@@ -66,6 +66,7 @@ class Request:
     dropped: float | None = None  # time of a newer character on the line (FRAME-7)
     answered: bool = False
     overtaken: bool = False  # a reading, by a candidate, so its telegram may stay unsent
+    waited: bool = False  # for the end of an exchange (FRAME-7)
 
     @property
     def writes(self) -> bool:
@@ -233,6 +234,14 @@ class LineJudge:
             and any(newer.writes and newer.broadcast == older.broadcast for newer in self.queue)
         )
 
+    def _keeps_its_repeat(self, exchange: Exchange) -> bool:
+        """A write that waited may be repeated after a newer request without a telegram (FC-9, FRAME-7).
+
+        It need not be: the exchange before it may have ended before the firmware gave it a place.
+        """
+        request = exchange.request
+        return request.waited and self._keeps_place(request) and not request.broadcast and not self.queue
+
     def _wait_behind(self, exchange: Exchange, request: Request, at: float) -> None:
         """A newer write takes the place of an older one of its kind; a reading waits for nothing newer."""
         self.queue = [
@@ -240,6 +249,7 @@ class LineJudge:
             for older in self.queue
             if self._keeps_place(older) and not (request.writes and older.broadcast == request.broadcast)
         ]
+        request.waited = True
         self.queue.append(request)
         exchange.wanted = min(exchange.wanted, at)
 
@@ -341,8 +351,8 @@ class LineJudge:
         self.exchange = Exchange(request, at, by, waits=(wait, wait), overtaken=request.overtaken)
         if request.overtaken:
             self.exchange.settled = at
-        if self.queue:
-            self.exchange.wanted = at
+        if self.queue:  # newer requests, committed before this telegram could leave
+            self.exchange.wanted = self.exchange.superseded = at
 
     def _ms(self, tens: int) -> float:
         return 10 * tens * self.ms
@@ -411,7 +421,8 @@ class LineJudge:
             exchange = self.exchange
         held = exchange and exchange.phase == "line" and exchange.overtaken
         repeats = exchange and exchange.sends == 1 and data == exchange.request.telegram
-        if held and repeats and burst.rise > exchange.superseded and not self.queue:
+        may_repeat = not repeats or self._keeps_its_repeat(exchange)
+        if held and not may_repeat and burst.rise > exchange.superseded and not self.queue:
             self._fail(burst.rise, f"telegram {data.hex(' ')} repeated after a newer request (FC-9)")
         if held and self.queue and data == exchange.request.telegram == self.queue[0].telegram:
             raise Unclear(burst.rise, "a telegram that fits either of two requests")
@@ -570,7 +581,9 @@ class LineJudge:
 
     def _after_wait(self, exchange: Exchange, at: float) -> None:
         """The wait ended without a reply: repeat once, but not after a newer request, or abandon (FC-9)."""
-        if exchange.sends == 1 and at <= exchange.superseded:
+        superseded = at > exchange.superseded
+        if exchange.sends == 1 and (not superseded or self._keeps_its_repeat(exchange)):
+            exchange.overtaken |= superseded
             exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
             exchange.phase, exchange.receiver = "line", None
         else:
