@@ -67,6 +67,8 @@ class Request:
     answered: bool = False
     overtaken: bool = False  # a reading, by a candidate, so its telegram may stay unsent
     waited: bool = False  # for the end of an exchange (FRAME-7)
+    committed: float = NEVER
+    replaced: Request | None = None  # the write whose place it took
 
     @property
     def writes(self) -> bool:
@@ -234,6 +236,16 @@ class LineJudge:
             and any(newer.writes and newer.broadcast == older.broadcast for newer in self.queue)
         )
 
+    def _left_before_its_replacement(self, exchange: Exchange, data: bytes) -> bool:
+        """The drive line became free while the firmware still looked at the newer write of the same kind."""
+        older = exchange.request.replaced
+        just_then = exchange.queued_from - exchange.request.committed < self.late
+        if exchange.sends > 0 or older is None or not just_then or data != older.telegram:
+            return False
+        if data == exchange.request.telegram:
+            raise Unclear(exchange.queued_from, "a telegram that fits either of two requests")
+        return True
+
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
         """A write that waited may be repeated after a newer request without a telegram (FC-9, FRAME-7).
 
@@ -244,11 +256,10 @@ class LineJudge:
 
     def _wait_behind(self, exchange: Exchange, request: Request, at: float) -> None:
         """A newer write takes the place of an older one of its kind; a reading waits for nothing newer."""
-        self.queue = [
-            older
-            for older in self.queue
-            if self._keeps_place(older) and not (request.writes and older.broadcast == request.broadcast)
-        ]
+        kept = [older for older in self.queue if self._keeps_place(older)]
+        same = [older for older in kept if request.writes and older.broadcast == request.broadcast]
+        self.queue = [older for older in kept if older not in same]
+        request.replaced = same[0] if same else None
         request.waited = True
         self.queue.append(request)
         exchange.wanted = min(exchange.wanted, at)
@@ -260,7 +271,7 @@ class LineJudge:
             low, high = self.exchange.waits
             now = self.card.registers[DRIVE_TIMEOUT]
             self.exchange.waits = min(low, now), max(high, now)
-        request = Request(pdu, frame.broadcast, frame.end, self.card.question)
+        request = Request(pdu, frame.broadcast, frame.end, self.card.question, committed=at)
         self.newest = request
         self.queue = [older for older in self.queue if self._keeps_place(older)]
         if step.reply is not None:
@@ -430,6 +441,10 @@ class LineJudge:
         if (held or replaced) and self.queue and data != exchange.request.telegram:
             # The older telegram was withdrawn for the newer request.
             self._start(self.queue.pop(0), exchange.queued_from, burst.rise)
+            exchange = self.exchange
+        if exchange and exchange.phase == "line" and self._left_before_its_replacement(exchange, data):
+            self.queue.insert(0, exchange.request)
+            self._start(exchange.request.replaced, exchange.queued_from, exchange.queued_by)
             exchange = self.exchange
         if exchange is None or exchange.phase != "line":
             self._fail(burst.rise, f"telegram {data.hex(' ')} without a request (SAFE-1)")
