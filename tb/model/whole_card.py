@@ -88,6 +88,7 @@ class Exchange:
     waits: tuple[int, int] = (0, 0)  # smallest and largest register 40003 since the telegram
     wanted: float = NEVER  # when a newer request with a telegram was committed (FC-9)
     overtaken: bool = False
+    second_overtaken: bool = False  # by a candidate: a second telegram may stay unsent (docs/guide/dialects.md)
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
     receiver: DriveReceiver | None = None
@@ -213,8 +214,10 @@ class LineJudge:
             self.candidate_at = event.at
             for request in self.queue:
                 request.overtaken = not self._keeps_place(request)
-            if self.exchange and not self.exchange.request.writes:
-                self.exchange.overtaken, self.exchange.settled = True, NEVER
+            if self.exchange:
+                self.exchange.second_overtaken = True
+                if not self.exchange.request.writes:
+                    self.exchange.overtaken, self.exchange.settled = True, NEVER
         elif self.exchange and self.exchange.overtaken:
             self.exchange.settled = event.at
         if event.what == "commit":
@@ -548,7 +551,7 @@ class LineJudge:
 
     def _overtake(self, before: Exchange, at: float) -> None:
         """A candidate during the first telegram also overtakes the second."""
-        if before.overtaken:
+        if before.second_overtaken:
             self.exchange.overtaken, self.exchange.settled = True, min(before.settled, at)
 
     def _done(self, at: float, since: float | None = None) -> None:
