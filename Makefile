@@ -65,7 +65,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
-#:   UNIT=, RATE=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no, FOR=s   docs/guide/debugging.md (replay)
+#:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no, FOR=s   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
@@ -100,9 +100,9 @@ telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's
 	@$(RUN) sim.view.telegrams "$(FILE)" $(TELEGRAMS_ARGS)
 
 replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
-	@[ -n "$(FILE)" ] && [ -n "$(UNIT)" ] && [ -n "$(RATE)" ] || \
-		{ echo "say which: make replay FILE=bus.sr UNIT=1 RATE=9600" >&2; exit 2; }
-	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit rate channel format invert replies for,\
+	@[ -n "$(FILE)" ] && [ -n '$(call given,unit,UNIT)' ] && [ -n '$(call given,baud,BAUD)' ] || \
+		{ echo "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600" >&2; exit 2; }
+	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit baud channel format invert replies for,\
 		$(call given,$(option),$(call upper,$(option))))
 
 ##@ Test
@@ -221,7 +221,7 @@ image: firmware | setup-synth ## another firmware into a finished bitstream (BOA
 pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
 	@$(RUN) constraints.boards
 
-selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; 6 s, starts no motor)
+selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; 6 s at 9600 bit/s; a motor starts with START= only)
 	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }
 	@$(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
 		$(call given,$(option),$(call upper,$(option)))) || \

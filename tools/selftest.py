@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks a real card over a serial adapter: one row for each promise of the documents, with a tick or a cross.
+"""Checks a real card over a serial adapter: a row for each promise of the documents, with a tick or a cross.
 
     python -m tools.selftest PORT [--unit 1] [--baud 9600] [--format 8N2] [--dialect card] [--drive yes]
 

@@ -118,8 +118,12 @@ def test_selftest_needs_a_port():
 def test_replay_needs_a_file_a_unit_and_a_rate():
     done = command("make", "replay", "FILE=bus.sr", "UNIT=1")
     assert done.returncode == 2
-    assert one_line(done.stderr) == "say which: make replay FILE=bus.sr UNIT=1 RATE=9600"
-    options = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "RATE=9600", "INVERT=yes").stdout
+    assert one_line(done.stderr) == "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600"
+    done = command("make", "replay", "FILE=bus.sr", "UNIT=1", env={"BAUD": "9600"})
+    assert one_line(done.stderr) == "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600", (
+        "a variable of others"
+    )
+    options = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "BAUD=9600", "INVERT=yes").stdout
     assert '"bus.sr"' in options and '--unit "1"' in options and '--invert "yes"' in options
 
 

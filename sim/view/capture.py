@@ -29,13 +29,13 @@ from tb.model.wire import FRAME_MAX, FRAME_MIN, FarCharacter, LineFormat
 HERTZ = {"Hz": 1, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
 DATA_BITS = 8
 DUMPS = ("$dumpvars", "$dumpall", "$dumpon", "$dumpoff", "$end")  # they only group levels of a VCD file
-# Of an archive, a part in it, or its metadata; the last two: packed in a way that Python does not know.
+# Errors of a damaged archive, part or metadata. Python raises the last two for an unknown packing.
 DAMAGED = (KeyError, ValueError, configparser.Error, zipfile.BadZipFile, zlib.error, EOFError, OSError)
 DAMAGED += (NotImplementedError, RuntimeError)
 
 
 class CaptureError(Exception):
-    """One line that tells the user what is wrong with a recording."""
+    """Error for the user, in one line."""
 
 
 class SigrokFile:
@@ -231,8 +231,10 @@ def characters(edges: Sequence[tuple[int, int]], line: LineFormat) -> list[Heard
                 level = edges[i][1]
                 i += 1
             values.append(level)
+            if values[0]:
+                break  # a glitch: the next edge may begin a character
         if values[0]:
-            continue  # a glitch
+            continue
         byte = sum(bit << k for k, bit in enumerate(values[1:9]))
         fault = "stop bit" if not values[-1] else ""
         if line.parity and values[9] != line.parity_bit(byte):

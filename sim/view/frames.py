@@ -17,6 +17,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from sim.view.command import stop_printing
+
 
 def table(
     entries: list[dict], frames_only: bool = False, bad_only: bool = False, with_bytes: bool = False
@@ -58,7 +60,7 @@ def main() -> int:
     try:
         print("\n".join(rows), flush=True)
     except BrokenPipeError:  # the reader of the output has stopped
-        sys.stderr.close()
+        stop_printing()
     return 0
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a recorded bus to the whole card; prints one line per frame: candidate, committed, or dropped and why.
+"""Plays a recorded bus to the whole card; prints a row a frame: candidate, committed, or dropped and why.
 
-    python -m sim.view.replay FILE --unit 1 --rate 9600 [--channel RX] [--format 8N1] [--invert yes]
+    python -m sim.view.replay FILE --unit 1 --baud 9600 [--channel RX] [--format 8N1] [--invert yes]
                               [--replies no] [--for SECONDS]
 
 FILE: a recording of a logic analyser (capture.py). Its edges reach the network pin of a card at their own
-times. The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before the
-recording does.
+times. The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before
+the recording does.
 
 Rows: `bus`, a frame of the recording, or a part of one before a silence of 1.5 characters; `reply` and
 `telegram`, sent by the card. Columns: time in s of the recording, silence on the network line before it in
@@ -33,6 +33,7 @@ from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
 from sim.view.capture import CaptureError, Piece, characters, open_capture, pieces
+from sim.view.command import Parser, stop_printing
 from tb.model.vlt_drive import VltDrive
 from tb.model.wire import Burst, FarCharacter, LineFormat
 
@@ -49,10 +50,10 @@ REASONS = {
 }
 LANE_BITS = 8
 # Silence in characters before the recording; the card waits for 3.5 after its start.
-LEAD = 4
+LEAD_CHARACTERS = 4
 # A frame's events are over three characters after the start of the next: its own come later than that.
-LATE = 3
-# Time in s for the last exchange.
+LATE_CHARACTERS = 3
+# Time in s after t3.5 for the last exchange.
 REST_S = 0.1
 DRIVE_DELAY_BITS = 24.0  # FC-8
 READS = {1: 8, 2: 8, 3: 0.5, 4: 0.5}  # function: values that one byte of its reply holds
@@ -60,6 +61,7 @@ ECHOES, COUNTED_WRITES = (5, 6), (15, 16)
 HEAD = 6  # bytes that the reply to a write of several repeats
 WIDTH = 42
 EXCEPTION, EXCEPTION_BYTES = 0x80, 5
+LEFT_OUT = "left out: the recorded slave's reply"
 
 
 @dataclass
@@ -76,7 +78,7 @@ class Fate:
 
     def __str__(self) -> str:
         if self.left_out:
-            return "left out: the recorded slave's reply"
+            return LEFT_OUT
         words = [word for word in STROBES if self.strobes.get(word)]
         said = ", ".join({"commit": "committed", "revoke": "revoked"}.get(word, word) for word in words)
         if said:
@@ -117,7 +119,7 @@ class Replay:
         self.line, self.unit = line, unit
         config = configuration(CONFIG)
         self.character = CHARACTER_BITS * line.bit
-        self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD * self.character)
+        self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD_CHARACTERS * self.character)
         edges = [(at + self.origin, level) for at, level in edges]
         self.fates = self._fates(pieces(characters(edges, line), line), replies)
         edges = self._kept(edges)
@@ -187,10 +189,11 @@ class Replay:
         """Plays the recording to its end; returns what the card made of each piece."""
         self._run(self.origin)
         before = self.counters()
-        starts = [fate.piece.start for fate in self.fates[1:]] + [float("inf")]
-        for fate, start in zip(self.fates, starts, strict=False):
-            last = fate.piece.end + REST_S * self.line.clk_hz
-            self._run(min(start + LATE * self.character, last))
+        played = [fate for fate in self.fates if not fate.left_out]
+        starts = [fate.piece.start for fate in played[1:]] + [float("inf")]
+        for fate, start in zip(played, starts, strict=False):
+            last = fate.piece.end + self.line.t35_bits * self.line.bit + REST_S * self.line.clk_hz
+            self._run(min(start + LATE_CHARACTERS * self.character, last))
             now = self.counters()
             fate.counts = Counter({name: now[name] - before[name] & 0xFFFF for name in REASONS})
             before = now
@@ -199,8 +202,8 @@ class Replay:
                 fate.strobes[name] = strobes[self._taken[name] :]
                 self._taken[name] = len(strobes)
         while self.pins.sending(NETWORK) or self.pins.sending(DRIVE):
-            self._run(self.pins.now + LEAD * self.character)
-        for fate, start in zip(self.fates, starts, strict=False):
+            self._run(self.pins.now + LEAD_CHARACTERS * self.character)
+        for fate, start in zip(played, starts, strict=False):
             self._compare(fate, start)
         return self.fates
 
@@ -245,7 +248,7 @@ def table(replay: Replay) -> Iterator[str]:
     silent_from = None
     for start, row, said, source in sorted(rows, key=lambda row: row[0]):
         silence = ""
-        if row != "telegram":
+        if row != "telegram" and said != LEFT_OUT:
             if silent_from is not None:
                 silence = f"{(start - silent_from) / replay.character:.2f}"
             silent_from = max(silent_from or 0.0, source.end if row == "bus" else source.fall)
@@ -301,19 +304,11 @@ def first_seconds(edges: list[tuple[int, int]], clocks: float) -> list[tuple[int
     return kept if len(kept) == len(edges) else [*kept, (round(clocks), 1)]
 
 
-class Parser(argparse.ArgumentParser):
-    """One line for a wrong option."""
-
-    def error(self, message: str) -> None:
-        print(f"replay: {message}", file=sys.stderr)
-        sys.exit(2)
-
-
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
-    parser = Parser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="replay", description=__doc__.splitlines()[0])
     parser.add_argument("file", type=Path, metavar="FILE", help="a sigrok session (.sr) or a VCD file")
     parser.add_argument("--unit", type=int, required=True, metavar="1...247", help="address of the card")
-    parser.add_argument("--rate", type=int, required=True, choices=sorted(BAUDS), help="bit/s")
+    parser.add_argument("--baud", type=int, required=True, choices=sorted(BAUDS), help="bit/s")
     parser.add_argument("--channel", help="name of the channel; without it the only one that changes")
     parser.add_argument("--format", default="8E1", choices=sorted(FORMS), help="default: 8E1")
     parser.add_argument("--invert", default="no", choices=("yes", "no"), help="the channel is low in silence")
@@ -333,7 +328,7 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
 
 def main(words: Sequence[str] | None = None) -> int:
     options = arguments(words)
-    line = LineFormat(options.rate, options.format, configuration(CONFIG)["clk_hz"])
+    line = LineFormat(options.baud, options.format, configuration(CONFIG)["clk_hz"])
     invert = options.invert == "yes"
     try:
         capture = open_capture(options.file)
@@ -351,7 +346,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"replay: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader of the output has stopped
-        sys.stderr.close()
+        stop_printing()
     return 0
 
 

@@ -20,6 +20,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from sim.view.command import stop_printing
 from sim.view.lines_vcd import write_vcd
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -102,7 +103,7 @@ def main() -> int:
         if telegrams:  # at a wrong rate every character has a warning
             print("\n".join(rows), flush=True)
     except BrokenPipeError:  # the reader of the output has stopped
-        sys.stderr.close()
+        stop_printing()
     if not good:
         where = f"on {args.channel} at {args.baud} bit/s 8E1"
         print(f"telegrams: {args.file}: no good telegram {where}; try --baud or --invert", file=sys.stderr)

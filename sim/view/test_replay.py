@@ -6,8 +6,10 @@ tb/card/test_card_recorded_buses.py checks the card itself with the same recordi
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
+import sys
 import zipfile
 from itertools import pairwise
 from pathlib import Path
@@ -31,7 +33,7 @@ METADATA = "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=A\nprobe2=
 VCD_HEADER = """$timescale 10 ns $end $scope module l $end $var wire 1 ! A $end $var wire 4 % V [3:0] $end
 $scope module m $end $var wire 1 " A $end $upscope $end $upscope $end $enddefinitions $end
 """
-ASKED = ["--unit", "1", "--rate", "19200"]
+ASKED = ["--unit", "1", "--baud", "19200"]
 
 
 def sigrok_file(path: Path, metadata: str = METADATA, **parts: bytes) -> Path:
@@ -94,7 +96,7 @@ def test_a_vcd_file_of_a_simulator(tmp_path):
 
 
 @pytest.mark.rule("LINE-1")
-def test_parity_and_stop_bits_are_told():
+def test_wrong_parity_and_stop_bits_are_named():
     line = LineFormat(9600, "8E1", US)
     edges, at = [(0, 1)], 1000.0
     for byte, flaw in ((0x55, ""), (0x03, "parity"), (0x00, "stop"), (0xF0, "")):
@@ -106,6 +108,15 @@ def test_parity_and_stop_bits_are_told():
     heard = characters([edges[0], *changed], line)
     assert [(c.byte, c.fault) for c in heard] == [(0x55, ""), (3, "parity"), (0, "stop bit"), (0xF0, "")]
     assert pieces(heard, line)[0].fault == "parity of byte 2"
+
+
+def test_a_glitch_costs_no_character():
+    """It ends before the middle of its start bit; the character after it begins within ten bits."""
+    line = LineFormat(9600, "8E1", US)
+    character = [(round(1150 + i * line.bit), level) for i, level in enumerate(line.levels(0x55))]
+    assert [edge[1] for edge in character[:3]] == [0, 1, 0]
+    heard = characters([(0, 1), (1000, 0), (1020, 1), *character], line)
+    assert [(c.start, c.byte, c.fault) for c in heard] == [(1150, 0x55, "")]
 
 
 @pytest.mark.needs("views")
@@ -187,9 +198,9 @@ def test_replay_prints_a_row_for_each_frame(capsys):
     ]
 
 
-def bus_file(path: Path, *frames: tuple[float, bytes, str]) -> Path:
-    """Frames at 19200 8E1, each after so many characters of silence, with a flaw in each byte or none."""
-    line = LineFormat(19200, "8E1", US)
+def bus_file(path: Path, *frames: tuple[float, bytes, str], baud: int = 19200) -> Path:
+    """Frames in 8E1, each after so many characters of silence, with a flaw in each byte or none."""
+    line = LineFormat(baud, "8E1", US)
     edges, at = [(0, 1)], 5000.0
     for gap, data, flaw in frames:
         at += gap * 11 * line.bit
@@ -248,6 +259,17 @@ def test_a_reply_to_our_own_unit_is_named(tmp_path, capsys):
     ]
 
 
+@pytest.mark.slow
+@pytest.mark.rule("FRAME-6")
+def test_the_commits_at_the_lowest_rate_are_in_their_rows(tmp_path, capsys):
+    """t3.5 is 128 ms there."""
+    request = rtu.build(1, rtu.read_registers(1, 1))
+    file = bus_file(tmp_path, (0, request, ""), (30, request, ""), baud=300)
+    assert main([str(file), "--unit", "1", "--baud", "300"]) == 0
+    found = rows(capsys.readouterr().out)
+    assert [row[-2] for row in found if "bus" in row] == ["candidate, committed"] * 2
+
+
 def test_only_the_beginning_can_be_played(capsys):
     assert main([str(MODULE), *ASKED, "--channel", "1", "--invert", "yes", "--for", "0.05"]) == 0
     assert [row[2:] for row in rows(capsys.readouterr().out) if "bus" in row] == [
@@ -259,11 +281,30 @@ def test_only_the_beginning_can_be_played(capsys):
 @pytest.mark.slow
 def test_replies_of_the_recorded_slave_can_be_left_out(capsys):
     file = CAPTURES / "flowmeter_target0_val0.sr"
-    options = ["--unit", "247", "--rate", "9600", "--format", "8N1", "--replies", "no"]
+    options = ["--unit", "247", "--baud", "9600", "--format", "8N1", "--replies", "no"]
     assert main([str(file), *options]) == 0
     text = capsys.readouterr().out
     assert text.count("left out: the recorded slave's reply") == 37
     assert text.splitlines()[-1] == "sent: 37 replies, 0 telegrams"
+    assert "not answered in time" not in text
+    assert " -" not in text, "no silence is negative"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["frames", "docs/recordings/no-answer.jsonl"],
+        ["replay", str(MODULE), *ASKED, "--channel", "1", "--invert", "yes", "--for", "0.05"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_reader_that_stops_is_no_error(words):
+    ours, output = os.pipe()
+    os.close(ours)
+    command = [sys.executable, "-m", f"sim.view.{words[0]}", *words[1:]]
+    done = subprocess.run(command, cwd=ROOT, stdout=output, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(output)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 # ---------------------------------------------------------------- bad input
@@ -352,7 +393,7 @@ def test_damaged_samples(tmp_path, capsys, never_played):
 
 
 def test_a_channel_that_is_not_there(capsys, never_played):
-    said = refused(capsys, FLOATING, "--unit", "1", "--rate", "9600", "--channel", "A")
+    said = refused(capsys, FLOATING, "--unit", "1", "--baud", "9600", "--channel", "A")
     assert said.endswith("has no channel A; there are: RX, DE, BA+, TX, /RE, CCIFG, CCIE")
 
 
@@ -362,11 +403,11 @@ def test_several_channels_and_none_named(capsys, never_played):
 
 @pytest.mark.rule("LINE-2")
 def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
-    options = ["--unit", "1", "--rate", "9600", "--channel", "1"]
+    options = ["--unit", "1", "--baud", "9600", "--channel", "1"]
     said = refused(capsys, MODULE, *options)
     assert said.endswith("channel 1: no frame with a right CRC at 9600 8E1; 15 at 19200 8E1, invert yes")
     noise = sigrok_file(tmp_path / "a.sr", logic_1=bytes([1] * 900 + [0] * 300 + [1] * 900))
-    said = refused(capsys, noise, "--unit", "1", "--rate", "9600")
+    said = refused(capsys, noise, "--unit", "1", "--baud", "9600")
     assert said.endswith("none at any other rate or format of the card either")
 
 
@@ -377,7 +418,7 @@ def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
         ["--unit", "0"],
         ["--unit", "248"],
         ["--unit", "x"],
-        ["--rate", "9601"],
+        ["--baud", "9601"],
         ["--format", "7E1"],
         ["--for", "nan"],
     ],

@@ -375,7 +375,7 @@ GAP = ("gap", "Gap of 3.0 characters in a telegram, at most 2")
     ],
 )
 def test_a_spoilt_reply_is_bad_and_the_next_telegram_is_good(tmp_path, reply, said, warned):
-    """A reply is shown as bad if the model of the protocol refuses it or the line damaged it, and only then."""
+    """A reply is shown as bad if the model of the protocol refuses it or the line damaged it, only then."""
     shown = decode(draw(tmp_path / "lines.vcd", [Sent(START), reply, Sent(READ_514), Sent(IS_300, 2.1)]))
     lines = telegrams(shown)
     assert [s.text for s in lines if s.name == "bad"] == ([f"Bad: {said}"] if said else [])
@@ -600,6 +600,17 @@ def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, code, wo
     vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
     done = printed(vcd, *options)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", f"telegrams: {vcd}: {words}\n")
+
+
+def test_a_reader_that_stops_costs_no_message(tmp_path):
+    vcd = draw(tmp_path / "bad.vcd", [Sent(STATUS[:-1] + b"\xa8")])
+    ours, output = os.pipe()
+    os.close(ours)
+    command = [sys.executable, "-m", "sim.view.telegrams", vcd]
+    done = subprocess.run(command, cwd=ROOT, stdout=output, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(output)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "no good telegram" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ PROCESS, PARAMETER, AROUND_TEXT = 4, 12, 8  # bytes of data; of a text telegram 
 LGE_MIN = PROCESS + 2
 FULL_SCALE = 0x4000  # 100 %
 DATA_VALID = 0x0400
-AK_READ, AK_REFUSED, AK_TEXT, IND_TEXT_READ, IND_TEXT_WRITE = 1, 7, 15, 0x04, 0x05
+AK_READ, AK_REFUSED, AK_TEXT, IND_TEXT_WRITE = 1, 7, 15, 0x05
 ALL = "To all"  # a request to the broadcast address
 # FC-8, in characters. The tolerance is that of the samples.
 GAP_MAX = PAUSE_MIN = 2.0
