@@ -4,12 +4,13 @@
     python -m tools.selftest PORT [--unit 1] [--baud 9600] [--format 8N2] [--dialect card] [--drive yes]
 
 No row starts or stops a motor, unless --start PERCENT asks for it. The table of rows is
-tools/selftest_rows.py; here are those that measure, wait or need more than one address. At the end the card
-gets back the registers that it had. Times are in seconds, of the computer's clock. They include the
-adapter, which may add 16 ms to each answer. An adapter cannot see t1.5, DE or single bits. Rules: those
-that the rows name.
+tools/selftest_rows.py; here are those that measure, wait or need more than one address. At the end
+registers 40002 and 40003 get their former values; the index and coil 65 become 0. With --drive yes coils 1-32
+become 0; after --start the ramp stop remains in them. Times are in seconds, of the computer's clock. They
+include the adapter, which may add 16 ms to each answer. An adapter cannot see t1.5, DE or single bits. Rules:
+those that the rows name.
 
-Exit 0: all rows passed, 1: a cross, 2: wrong options or no port, 130: Ctrl-C.
+Exit 0: all rows passed, 1: a cross, 2: wrong options or no port, 130: Ctrl-C or another signal.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
-import os
 import select
 import signal
 import sys
@@ -29,10 +29,11 @@ from types import FrameType
 
 import serial
 
-from regs.generated.card_tables import FORMATS, RATES
+from sim.harness.pins import BAUDS, FORMS
+from sim.view.command import Parser, stop_printing
 from tb.model.card import DIALECTS
 from tb.model.crc16 import crc_good
-from tb.model.rtu import PS_PER_S, build, character_ps, parse, read_coils, read_registers, t35_ps, write_coils
+from tb.model.rtu import PS_PER_S, build, parse, read_coils, read_registers, t35_ps, write_coils
 from tools.selftest_rows import (
     DRIVE_TIMEOUT,
     EEPROM,
@@ -45,6 +46,7 @@ from tools.selftest_rows import (
     Row,
     Unexpected,
     done,
+    echo,
     has_drive_timeout,
     refusal,
     registers,
@@ -53,10 +55,9 @@ from tools.selftest_rows import (
     write_registers,
 )
 
-# Rates and formats with their switches (LINE-2, LINE-3).
-RATE_SWITCHES = {rate.baud: switches for switches, rate in RATES.items()}
-FORMAT_SWITCHES = {f"8{f.parity[0].upper()}{f.stop_bits}": switches for switches, f in FORMATS.items()}
-ANSWER_S = 1.0  # a reply is waited for so long; the slowest, of an absent drive, takes 0.35 s (FC-9)
+ANSWER_S = 1.0  # a reply is waited for so long at least
+EXCHANGE_S = 0.3  # both frames and the computer, beside the waits for the drive
+TICK_S = 0.01  # unit of 40003
 SLACK_S = 0.15  # adapter and computer; silence is so much longer than the latest reply
 LATE_S = 0.05  # adapter: 16 ms each way, and a computer that is not busy
 READS = 50
@@ -97,7 +98,8 @@ class Line:
 
     def __init__(self, options: Options) -> None:
         self.name = options.port
-        self.character_s = character_ps(options.baud) / PS_PER_S
+        bits = 9 + (options.format[1] != "N") + int(options.format[2])
+        self.character_s = bits / options.baud
         self.t35_s = t35_ps(options.baud) / PS_PER_S
         self.echoes = False  # the adapter hears itself
         self.stray = b""  # bytes outside of an exchange
@@ -132,7 +134,7 @@ class Line:
         self.port.close()
 
     def exchange(self, frame: bytes, wait_s: float) -> tuple[bytes, float]:
-        """What came within `wait_s` after the frame's end or directly after each other, and its time.
+        """The bytes within `wait_s` after the frame, with all that follow without a pause, and their time.
 
         The time is from the call to the last byte, less the characters on the line.
         """
@@ -183,25 +185,31 @@ class Card:
     def __init__(self, line: Line, options: Options) -> None:
         self.line, self.options = line, options
         self.silence_s = line.t35_s + 8 * line.character_s + SLACK_S
+        self.drive_timeout = POWER_UP[1]  # 40003
+
+    @property
+    def answer_s(self) -> float:
+        """The slowest answer is of an absent drive: 40003 is waited for twice (FC-9)."""
+        return max(ANSWER_S, 2 * TICK_S * self.drive_timeout + EXCHANGE_S)
 
     def ask(self, ask: Ask, before: bytes = b"") -> tuple[bytes, str]:
         """The reply's PDU and a remark; Unexpected if it is not the promised one."""
         pdu = ask.request if isinstance(ask.request, bytes) else ask.request(before)
         frame = build(0 if ask.to_all else self.options.unit, pdu)
-        if ask.damaged:
+        if ask.wrong_crc:
             frame = frame[:-1] + bytes([frame[-1] ^ 0x40])
         if ask.reply is None:
-            silence_s = self.silence_s if ask.to_all or ask.damaged or len(frame) > 256 else ANSWER_S
-            heard, _ = self.line.exchange(frame, silence_s)
+            never = ask.to_all or ask.wrong_crc or len(frame) > 256
+            heard, _ = self.line.exchange(frame, self.silence_s if never else self.answer_s)
             if heard:
                 raise Unexpected(f"{self.described(heard)} instead of silence")
             return b"", ""
         reply = self.reply(frame)
-        if callable(ask.reply):
+        wanted = echo(pdu) if ask.reply is echo else ask.reply
+        if callable(wanted):
             if reply[0] != pdu[0]:
                 raise Unexpected(self.described(build(self.options.unit, reply)))
-            return reply, ask.reply(reply)
-        wanted = ask.reply
+            return reply, wanted(reply)
         if not isinstance(wanted, bytes):
             wanted = refusal(pdu[0], wanted, self.options.dialect)
         if reply != wanted:
@@ -213,10 +221,10 @@ class Card:
 
     def reply(self, frame: bytes) -> bytes:
         """PDU of this unit's undamaged answer."""
-        heard, _ = self.line.exchange(frame, ANSWER_S)
+        heard, _ = self.line.exchange(frame, self.answer_s)
         if not heard:
             raise Unexpected("no answer")
-        if not crc_good(heard) or heard[0] != frame[0]:
+        if len(heard) < 5 or not crc_good(heard) or heard[0] != frame[0]:
             raise Unexpected(self.described(heard))
         return parse(heard).pdu
 
@@ -262,7 +270,7 @@ class Selftest:
         self.card, self.options, self.line = card, card.options, card.line
         self.report = Report()
         self.before: list[int] | None = None  # 40002 and 40003 as they were found
-        self.writes = False  # a row may have written into the card
+        self.may_have_written = False  # a row, into the card
         self.motor_may_turn = False
 
     # ------------------------------------------------------------ rows that are no table
@@ -276,6 +284,7 @@ class Selftest:
             at = f"; to the first request: {unexpected}"
             reply, _ = self.card.ask(ask)
         self.before = words(reply)
+        self.card.drive_timeout = self.before[1]
         return has_drive_timeout(registers(self.before[1])) + at
 
     def other_units(self) -> str:
@@ -303,11 +312,13 @@ class Selftest:
         if not fits:
             raise Unexpected(f"exception {code} to an unknown function is of no dialect")
         if wanted not in fits:
-            raise Unexpected(f"the card speaks {fits[0]}, not {wanted}: ask again with DIALECT={fits[0]}")
+            raise Unexpected(
+                f"the card speaks {fits[0]}, not {wanted}: run make selftest with DIALECT={fits[0]}"
+            )
         return wanted
 
     def turnaround(self) -> str:
-        """FRAME-8 exactly, PERF-1 as far as an adapter can see: it only ever adds time."""
+        """FRAME-8 within one character, PERF-1 within LATE_S: the adapter adds time."""
         frame = build(self.options.unit, read_registers(DRIVE_TIMEOUT, 1))
         lost, times = 0, []
         for _ in range(READS):
@@ -380,7 +391,7 @@ class Selftest:
         raise Unexpected(f"status word {status:04X}h after {RAMP_S:.0f} s: use the drive's own stop")
 
     def stop_motor(self) -> str:
-        """The last word after a cross or Ctrl-C."""
+        """Stops the motor after a cross or Ctrl-C."""
         for _ in range(TRIES):
             with contextlib.suppress(Unexpected, PortError):
                 self.control(RAMP_STOP, 0)
@@ -422,9 +433,9 @@ class Selftest:
         if not answered or self.chosen(OTHERS):
             check("LINE-7", OTHERS, self.other_units)
         if not answered or not check("DIALECT", SPEAKS, self.dialect):
-            print("  the other rows take an answer and the right dialect: not asked", flush=True)
+            print("  the other rows need an answer in this dialect; they were not asked", flush=True)
             return
-        self.writes = True
+        self.may_have_written = True
         for row in ROWS:
             if self.options.dialect not in row.dialects or not self.chosen(row.title):
                 continue
@@ -454,8 +465,8 @@ class Selftest:
         return self.line.exchange(frame, self.card.silence_s)[0] == frame
 
     def write_back(self) -> str:
-        """Leaves the card as it was found; returns what could not be written."""
-        if self.before is None or not self.writes:
+        """40002 and 40003 as they were found, index and coil 65 = 0; returns what could not be written."""
+        if self.before is None or not self.may_have_written:
             return ""
         index = IND if DIALECTS[self.options.dialect].index_register == IND else INDEX
         left = {
@@ -487,14 +498,6 @@ def words_of_two(reply: bytes) -> str:
 # ---------------------------------------------------------------- command line
 
 
-class Parser(argparse.ArgumentParser):
-    """One line for a wrong option."""
-
-    def error(self, message: str) -> None:
-        print(f"selftest: {message}", file=sys.stderr)
-        sys.exit(2)
-
-
 def number(low: int, high: int, what: str):
     def read(text: str) -> int:
         if not text.isdecimal() or not low <= int(text) <= high:
@@ -515,45 +518,50 @@ def one_of(values: tuple, what: str):
 
 
 def options_of(arguments: list[str]) -> Options:
-    yes_or_no = one_of(("yes", "no"), "the answer")
     parser = Parser(
         prog="selftest", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("port", help="serial port of the EIA-485 adapter, for example /dev/ttyUSB0")
     parser.add_argument("--unit", type=number(1, 247, "the unit"), default=1, help="address switches")
     parser.add_argument(
-        "--baud", type=one_of(tuple(RATE_SWITCHES), "the rate"), default=9600, help="baud switches 1-3"
+        "--baud", type=one_of(tuple(BAUDS), "the rate"), default=9600, help="baud switches 1-3"
     )
     parser.add_argument(
-        "--format", type=one_of(tuple(FORMAT_SWITCHES), "the format"), default="8N2", help="baud switches 4-5"
+        "--format", type=one_of(tuple(FORMS), "the format"), default="8N2", help="baud switches 4-5"
     )
     parser.add_argument("--dialect", type=one_of(tuple(DIALECTS), "the dialect"), default="card")
-    parser.add_argument("--drive", type=yes_or_no, default="no", help="a drive is connected and has power")
-    parser.add_argument(
-        "--boot", type=yes_or_no, default="no", help="asks a person to switch the card off and on"
-    )
+    parser.add_argument("--drive", default="no", help="a drive is connected and has power")
+    parser.add_argument("--boot", default="no", help="asks a person to switch the card off and on")
     parser.add_argument(
         "--start", type=number(1, 100, "the speed"), default=0, help="START THE MOTOR at this percentage"
     )
     parser.add_argument("--row", default="", help="only rows with this in their title")
     parsed = vars(parser.parse_args(arguments))
-    yes = {name: parsed.pop(name) == "yes" for name in ("drive", "boot")}
+    yes = {name: parsed.pop(name).lower() for name in ("drive", "boot")}
+    for name, word in yes.items():
+        if word not in ("yes", "no"):
+            parser.error(f"--{name} is yes or no, not '{word}'")
+        yes[name] = word == "yes"
     if parsed["start"] and not yes["drive"]:
         parser.error("--start takes --drive yes")
     return Options(**parsed, **yes)
 
 
+def ignore_signals() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def stop_by_signal(number: int, frame: FrameType | None) -> None:
     """The first signal ends the rows; the stop of the motor after it takes seconds and must happen."""
-    for other in SIGNALS:
-        signal.signal(other, signal.SIG_IGN)
-    raise KeyboardInterrupt
+    ignore_signals()
+    raise KeyboardInterrupt("stopped by Ctrl-C" if number == signal.SIGINT else "stopped by a signal")
 
 
 def run(options: Options) -> int:
     line = Line(options)
     test = Selftest(Card(line, options))
-    rate = RATE_SWITCHES[options.baud] + FORMAT_SWITCHES[options.format]
+    rate = BAUDS[options.baud] + FORMS[options.format]
     address = f"{options.unit:08b}"[::-1]
     print(
         f"selftest: unit {options.unit} at {options.port}, {options.baud} {options.format}, dialect"
@@ -569,11 +577,12 @@ def run(options: Options) -> int:
     ended, code = [], 0
     try:
         test.rows()
-    except KeyboardInterrupt:
-        ended, code = ["stopped by Ctrl-C"], 130
+    except KeyboardInterrupt as stop:
+        ended, code = [str(stop)], 130
     except PortError as error:
         ended, code = [str(error)], 2
     finally:
+        ignore_signals()  # also after a cross
         if test.motor_may_turn:
             ended.append(test.stop_motor())
         ended += filter(None, [test.write_back()])
@@ -591,11 +600,11 @@ def main(arguments: list[str]) -> int:
     except PortError as error:
         print(f"selftest: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("selftest: stopped by Ctrl-C", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(f"selftest: {stop}", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        stop_printing()
         return 1
 
 

@@ -23,7 +23,7 @@ from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
 from tb.model.crc16 import crc_good, with_crc
 from tb.model.vlt_drive import VltDrive
-from tools import selftest
+from tools import selftest, selftest_rows
 from tools.selftest import Card, Options, PortError, Selftest
 from tools.selftest_rows import ROWS, Row
 
@@ -48,9 +48,11 @@ class ModelLine:
         self.echoes, self.stray = False, b""
         self.took_s = T35_S
         self.asked: list[bytes] = []
+        self.waits_s: list[float] = []
 
     def exchange(self, frame: bytes, wait_s: float) -> tuple[bytes, float]:
         self.asked.append(frame)
+        self.waits_s.append(wait_s)
         if not crc_good(frame):
             self.card.counts["crc"] += 1
             return b"", 0.0
@@ -166,6 +168,70 @@ def test_every_row_is_a_cross_for_a_card_that_does_otherwise(row: Row, dialect):
             test.table_row(row)
 
 
+WRONG = {
+    selftest_rows.has_128_coils: (
+        "01 0F" + 15 * " 00",  # 120 coils
+        "01 10" + 8 * " 00" + " 02" + 7 * " 00",  # coil 66
+        "01 10" + 15 * " 00" + " 80",  # coil 128
+    ),
+    selftest_rows.has_language: ("03 03 00 00 00", "03 02 00", "03 00", "01 02 00 00"),
+    selftest_rows.has_text: ("03 04 00 01 41 42", "03 02 20 20", "03 02 C4 41", "03 04 41 42"),
+    selftest_rows.has_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
+    selftest_rows.has_server_id: (
+        "11 0B" + b"rtu2fc 0.2".hex() + "00",  # not running
+        "11 0B" + b"other! 0.2".hex() + "FF",
+        "11 0C" + b"rtu2fc 0.2".hex() + "FF",
+    ),
+    selftest_rows.has_identification: (
+        "2B 0E 01 81 00 00 03 00 01 41 01 01 42 02 01 43",
+        "2B 0E 01 81 00 00 03 00 06" + b"rtu2fc".hex() + "01 01 42",
+        "2B 0E 01 01 00 00 03 00 06" + b"rtu2fc".hex() + "01 01 42 02 01 43",
+    ),
+    selftest_rows.has_drive_timeout: ("03 02 00 00", "03 04 00 0F 00 0F", "03 00", "04 02 00 0F"),
+}
+
+
+@pytest.mark.parametrize(("check", "reply"), [(check, reply) for check in WRONG for reply in WRONG[check]])
+def test_a_check_refuses_wrong_content(check, reply):
+    with pytest.raises(selftest.Unexpected):
+        check(bytes.fromhex(reply))
+
+
+def test_every_check_has_a_wrong_content():
+    """But those that the program makes of a card's reply itself."""
+    used = {ask.reply for row in ROWS for ask in row.asks if callable(ask.reply)}
+    assert used - {selftest_rows.echo} == set(WRONG)
+
+
+def test_a_write_that_another_value_answers_is_a_cross():
+    (row,) = (row for row in ROWS if "parameter 1 is written" in row.title)
+
+    def lie(pdu: bytes) -> bytes:
+        return pdu[:-1] + bytes([pdu[-1] ^ 1]) if pdu[0] == 6 else pdu
+
+    test = Selftest(Card(ModelLine("card", with_drive("card"), lie=lie), options()))
+    with pytest.raises(selftest.Unexpected, match="06 00 09 00 01 instead of 06 00 09 00 00"):
+        test.table_row(row)
+
+
+def test_an_answer_of_four_bytes_is_damaged():
+    test = Selftest(Card(ModelLine("card", None, lie=lambda pdu: pdu[:1]), options()))
+    with pytest.raises(selftest.Unexpected, match="damaged answer 05 03"):
+        test.answers()
+
+
+@pytest.mark.rule("FC-9")
+@pytest.mark.parametrize(("dialect", "reply"), [("card", 255), ("builtin", None)])
+def test_a_long_time_out_of_the_drive_is_waited_for(dialect, reply):
+    """The request and its repeat, each as long as 40003 says."""
+    line = ModelLine(dialect, None)
+    line.card.registers[2] = 100
+    test = Selftest(Card(line, options(dialect=dialect)))
+    test.answers()
+    test.card.ask(selftest.Ask(selftest_rows.parameter(1, 1), reply))
+    assert line.waits_s[-1] > 2 * 100 * 0.01 + selftest.SLACK_S
+
+
 def crosses(output: str) -> list[str]:
     return [text for text, mark in rows_of(output).items() if mark == "✗"]
 
@@ -203,7 +269,7 @@ def test_a_second_unit_on_the_bus_is_found(capsys):
 @pytest.mark.parametrize("spoken", DIALECTS)
 def test_a_card_of_another_dialect_is_one_line(spoken, asked, capsys):
     ask(ModelLine(spoken, None), dialect=asked)
-    answer = f"the card speaks {spoken}, not {asked}: ask again with DIALECT={spoken}"
+    answer = f"the card speaks {spoken}, not {asked}: run make selftest with DIALECT={spoken}"
     expected = [f"the card speaks this dialect: {answer}"]
     assert crosses(capsys.readouterr().out) == ([] if spoken == asked else expected)
 
@@ -314,13 +380,13 @@ def test_a_stop_that_nobody_answers_is_said(monkeypatch):
 class Adapter(threading.Thread):
     """A pty with a model of the card on it, and with an adapter's echo if asked for."""
 
-    def __init__(self, echo: bool = False) -> None:
+    def __init__(self, echo: bool = False, line: ModelLine | None = None) -> None:
         super().__init__(daemon=True)
         self.ours, port = os.openpty()
         self.name = os.ttyname(port)
         self.held = port  # the other end stays open, so that a read does not fail
         self.echo = echo
-        self.line = ModelLine("card", None, unit=1)
+        self.line = line or ModelLine("card", None, unit=1)
         self.start()
 
     def run(self) -> None:
@@ -342,9 +408,9 @@ class Adapter(threading.Thread):
         os.close(self.ours)
 
 
-def start(*arguments: object) -> subprocess.Popen:
+def start(*arguments: object, how: tuple[str, ...] = ("-m", "tools.selftest")) -> subprocess.Popen:
     return subprocess.Popen(
-        [sys.executable, "-m", "tools.selftest", *map(str, arguments)],
+        [sys.executable, *how, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -383,6 +449,17 @@ def test_bytes_between_the_frames_are_kept():
     os.close(ours)
 
 
+@pytest.mark.rule("LINE-3")
+@pytest.mark.parametrize(("form", "bits"), [("8N1", 10), ("8N2", 11), ("8E1", 11), ("8O1", 11)])
+def test_the_length_of_a_character(form, bits):
+    ours, port = os.openpty()
+    line = selftest.Line(options(port=os.ttyname(port), format=form))
+    assert line.character_s == pytest.approx(bits / 9600)
+    line.close()
+    os.close(port)
+    os.close(ours)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -398,7 +475,7 @@ def test_bytes_between_the_frames_are_kept():
         ),
         (["p", "--format", "7E1"], "the format is 8E1, 8N1, 8O1, 8N2, not '7E1'"),
         (["p", "--dialect", "klingon"], "the dialect is card, builtin, hvac_basic, not 'klingon'"),
-        (["p", "--drive", "perhaps"], "the answer is yes, no, not 'perhaps'"),
+        (["p", "--drive", "perhaps"], "--drive is yes or no, not 'perhaps'"),
         (["p", "--start", "10"], "--start takes --drive yes"),
         (["p", "--start", "101"], "the speed is 1 to 100, not '101'"),
         ([], "port"),
@@ -419,8 +496,9 @@ def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
 
     for number, says in ((13, "no permission for port"), (22, "port refuses 9600 8N2"), (16, "in use")):
         monkeypatch.setattr(selftest.serial, "Serial", refuses(number))
-        with pytest.raises(PortError, match=says):
+        with pytest.raises(PortError, match=says) as refused:
             selftest.Line(options())
+        assert "\n" not in str(refused.value)
 
 
 def test_a_port_in_use_is_one_line():
@@ -454,9 +532,9 @@ def test_the_virtual_card_passes(tmp_path, dialect, drive):
     assert commands and all("control 0000h, reference 0000h" in what for what in commands)
 
 
-def start_until(text: str, *arguments: object) -> subprocess.Popen:
+def start_until(text: str, *arguments: object, **how: tuple[str, ...]) -> subprocess.Popen:
     """The program, as soon as it has printed a line with `text`."""
-    process, printed = start(*arguments), [""]
+    process, printed = start(*arguments, **how), [""]
     while text not in printed[-1]:
         printed.append(process.stdout.readline())
         assert printed[-1], "".join(printed) + process.stderr.read()
@@ -530,7 +608,31 @@ def test_ctrl_c_stops_the_motor(tmp_path, how):
             time.sleep(0.05)
         test.send_signal(how)
         output, _ = test.communicate(timeout=30)
-        assert "stopped by Ctrl-C, the motor's stop was sent and answered" in output
+        by = "Ctrl-C" if how == signal.SIGINT else "a signal"
+        assert f"stopped by {by}, the motor's stop was sent and answered" in output
         card.stop()  # its log is complete then
         commands = [f.what for f in card.frames() if (f.line, f.sender) == ("drive", "card")]
         assert any("control 043Ch, reference 0000h" in what for what in commands[-1:])
+
+
+def test_ctrl_c_after_a_cross_does_not_hold_up_the_motors_stop():
+    """The drive never stops: its output frequency stays."""
+
+    def lie(pdu: bytes) -> bytes:
+        return pdu[:4] + b"\0\x10" if pdu[:2] == bytes([1, 4]) else pdu
+
+    adapter = Adapter(line=ModelLine("card", with_drive("card"), unit=1, lie=lie))
+    program = """import sys
+from tools import selftest
+selftest.TURN_S = selftest.RAMP_S = 0.2
+sys.exit(selftest.main(sys.argv[1:]))"""
+    words = (adapter.name, "--drive", "yes", "--start", "10", "--row", "motor")
+    test = start_until("the motor stops by its ramp", *words, how=("-c", program))
+    time.sleep(0.01)  # the stop and its answers take 40 ms and more
+    test.send_signal(signal.SIGINT)
+    output, errors = test.communicate(timeout=30)
+    assert (test.returncode, errors) == (1, "")
+    assert output.startswith("the motor's stop was sent and answered: 3 passed, 1 failed")
+    pdus = [frame[1:-2] for frame in adapter.line.asked]
+    assert pdus[-5] == STOPS, "before its status, and the three that write back"
+    adapter.close()
