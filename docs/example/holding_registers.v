@@ -4,7 +4,7 @@
 // Functions 03, 06 and 16, exceptions 01, 02 and 03. A broadcast writes and gets no reply.
 // registers: register n is bits 16n to 16n+15. All registers of a write change in one clock, at
 // the commit, 3.5 characters after the request. Line: BAUD bit/s, 300 to 115200, 8E1.
-// Clock domain: clk, CLK_HZ. The ports of network_port are in docs/guide/integration.md.
+// Clock domain: clk, CLK_HZ, at least 16 * BAUD. network_port: docs/guide/integration.md.
 `default_nettype none
 
 module holding_registers #(
@@ -53,7 +53,7 @@ module holding_registers #(
   integer n;
 
   always @(posedge clk) begin
-    phase <= {1'b0, phase[23:0]} + {1'b0, STEP[23:0]};
+    phase <= {1'b0, phase[23:0]} + STEP[24:0];
     if (write_valid && write_addr[4:3] == 0) head[{write_addr[2:0], 3'd0}+:8] <= write_data;
     if (write_valid && !place[4]) data[{place[3:0]^4'd1, 3'd0}+:8] <= write_data;
     for (n = 0; n < 8; n = n + 1) if (commit && chosen[n]) registers[16*n+:16] <= data[16*n+:16];

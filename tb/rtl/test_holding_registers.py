@@ -27,6 +27,7 @@ from tb.model import rtu
 EXAMPLE = ROOT / "docs/example/holding_registers.v"
 # Slow, to save simulation time.
 CLK_HZ = {19_200: 500_000, 115_200: 4_000_000}
+SLOWEST_HZ = 16 * 19_200  # one clock a tick
 UNIT = 1
 COUNT = 8
 REQUESTS = 10
@@ -68,7 +69,7 @@ class Example:
     def __init__(self, dut):
         self.dut = dut
         self.baud = int(dut.BAUD.value)
-        self.bench = Bench(dut, CLK_HZ[self.baud])
+        self.bench = Bench(dut, int(dut.CLK_HZ.value))
         self.line = Rs485Line(dut.rx, dut.tx, dut.de, Format.named(self.baud, "8E1"))
         self.master = ModbusMaster(self.line)
         self.model = Slave()
@@ -243,8 +244,8 @@ def test_example_is_synthesised():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def simulate(sim: str, baud: int, testcase: list[str] | None = None) -> None:
-    parameters = {"CLK_HZ": CLK_HZ[baud], "BAUD": baud, "UNIT": UNIT}
+def simulate(sim: str, baud: int, testcase: list[str] | None = None, clk_hz: int = 0) -> None:
+    parameters = {"CLK_HZ": clk_hz or CLK_HZ[baud], "BAUD": baud, "UNIT": UNIT}
     run(
         "holding_registers",
         "tb.rtl.test_holding_registers",
@@ -258,6 +259,10 @@ def simulate(sim: str, baud: int, testcase: list[str] | None = None) -> None:
 def test_holding_registers(sim):
     shorter = ("random_", "limits_", "first_", "a_write_", "broadcasts_", "frames_")
     simulate(sim, 19_200, [f"{name}.*" for name in shorter])
+
+
+def test_holding_registers_at_one_clock_a_tick(sim):
+    simulate(sim, 19_200, ["random_.*", "frames_.*"], SLOWEST_HZ)
 
 
 @pytest.mark.slow
