@@ -66,11 +66,13 @@ def check(stream: bytes, flash: Flash, part: str) -> None:
         if stream[at] == IDCODE:
             idcode = int.from_bytes(stream[at + 4 : at + 8], "big")
         at += 1 + BEFORE[stream[at]]
-    command = stream[at] if at < len(stream) else DUMMY
+    if at >= len(stream):
+        raise JedecError("the bitstream ends before its configuration")
+    command = stream[at]
     if command == UNCOMPRESSED:
         raise JedecError("the bitstream is not compressed, and the flash takes compressed ones only")
     if command != COMPRESSED:
-        raise JedecError(f"no configuration in the bitstream, but command {command:02x} at byte {at}")
+        raise JedecError(f"byte {at} is command {command:02x}, not the configuration")
     if idcode != flash.idcode:
         of = "no part" if idcode is None else f"part {idcode:#010x}"
         raise JedecError(f"the bitstream is for {of}, but {part} is {flash.idcode:#010x}")

@@ -142,9 +142,9 @@ def test_a_full_flash_is_still_accepted():
         (bitstream(size=900, end=b""), "the bitstream is incomplete: its last command is not DONE"),
         (
             bitstream(command=b"\x5e", size=900),
-            "no configuration in the bitstream, but command 5e at byte 42",
+            "byte 42 is command 5e, not the configuration",
         ),
-        (HEADER + PREAMBLE, "no configuration in the bitstream, but command ff at byte 6"),
+        (HEADER + PREAMBLE, "the bitstream ends before its configuration"),
         (b"\x7eAA\x99\x7e", "no bitstream: there is no preamble in it"),
         (b"", "no bitstream: there is no preamble in it"),
     ],
@@ -341,6 +341,14 @@ def test_an_uncompressed_bitstream_empties_the_flash_and_the_jed_recovers_it(pac
     assert "Bitstream is not compressed- not writing." in done.stderr
     assert (done.returncode, any(part.flash), part.feabits) == (0, False, 0x0460)
     assert openfpgaloader(part, "-f", "--verify", jed).returncode == 0 and holds(part, jed)
+
+
+@pytest.mark.needs("synth")
+def test_a_compressed_bitstream_brings_other_feature_bits(packed, part):
+    """Why docs/guide/hardware.md forbids `-f` with any .bit."""
+    done = openfpgaloader(part, "-f", packed)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (any(part.flash), part.feabits) == (True, 0x0460)
 
 
 @pytest.mark.needs("synth")
