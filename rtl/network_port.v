@@ -8,7 +8,8 @@
 // quarter bit stops the count of silence and does not end it, so it costs no commit (LINE-5).
 // quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
 // start_seen: the UART or start_watch saw a start bit, so one flipped bit hides none from the
-// gate. fault: see rtu_rx.
+// gate. It comes up to twice for a start bit, and at each later low of ten ticks in a character.
+// fault: see rtu_rx.
 // format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
 // loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.

@@ -21,6 +21,8 @@
 // error, over-length and CRC error. A frame that is continued between t1.5 and t3.5 counts
 // count_t15 instead. count_foreign: a good frame for another unit. frame_writes_coils: the
 // function is 05 or 15, the only ones that may command the drive.
+// fault: the halves of frame_bank disagree; the newest frame must be dropped. One clock: bank_i
+// ends in 0.
 // Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.
 `default_nettype none
 
@@ -90,7 +92,8 @@ module rtu_rx #(
   reg writes_coils = 1'b0;
   reg parity_bad = 1'b0;
   reg framing_bad = 1'b0;
-  reg flawed = 1'b0;  // any character was bad: says again what the two before say
+  // a character had a parity or framing error; repeats parity_bad and framing_bad
+  reg flawed = 1'b0;
   reg overrun = 1'b0;
 
   wire clean = !parity_bad && !framing_bad && !overrun;

@@ -23,7 +23,7 @@
 // Without a committed request no telegram starts, and without a committed write of coils
 // none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
 // docs/hardening.md describes what one flipped bit can do (SAFE-4).
-// fault: a guarded bit of the gate has flipped; the supervisor then restarts the firmware
+// fault: a half of a guarded bit of the gate has flipped; the supervisor then restarts the firmware
 // (docs/hardening.md, Faults of guarded bits).
 // rst comes from the supervisor whenever the firmware restarts. Clock domain: clk.
 `default_nettype none

@@ -9,7 +9,7 @@
 // and orders only if both agree (docs/hardening.md, Loss of the master).
 // rights: the order is for the newest request, which is committed; that never comes with commits.
 // Units: period counts changes of beat, 1/1200 s; at most 1 more passes.
-// fault: a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
+// fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // rst disarms. Clock domain: clk. Rules: SAFE-7, SAFE-4.
 `default_nettype none
 

@@ -18,7 +18,7 @@
 // second telegram while it is the newest request (MAP-8). keep for a candidate is remembered
 // until the commit and forgotten with the candidate. A request that licenses the
 // telegram in telegram_slot (used) has no second licence to keep.
-// fault: a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
+// fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // commits, withdrawn, kept, reply_left, command_left: strobes.
 // Clock domain: clk. Rules: FRAME-6, FRAME-7, MAP-9, FC-9, SAFE-4.
 `default_nettype none

@@ -14,7 +14,7 @@
 // control: the licensed request writes coils, so bit 10 of the control word may be 1.
 // stop: master_loss gave the licence (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
 // command_left: the write of coils of the newest request leaves in this clock.
-// fault: a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
+// fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // own: from this clock on the newest request licenses the telegram here.
 // In the clock of any order no telegram starts. Clock domain: clk.
 // Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4, SAFE-7.

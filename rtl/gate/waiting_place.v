@@ -5,7 +5,8 @@
 // that is there goes. take: an order uses the licence. fill wins over take. valid is a
 // guarded bit: one flipped bit never makes a licence (docs/hardening.md, Waiting writes,
 // SAFE-4). control: the request writes coils, so bit 10 of the control word may be 1.
-// fault: valid has flipped (docs/hardening.md, Faults of guarded bits). rst empties the place. Clock domain: clk. Rules: FRAME-7, SAFE-1, SAFE-4.
+// fault: a half of valid has flipped (docs/hardening.md, Faults of guarded bits).
+// rst empties the place. Clock domain: clk. Rules: FRAME-7, SAFE-1, SAFE-4.
 `default_nettype none
 
 module waiting_place (

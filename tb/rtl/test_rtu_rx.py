@@ -343,6 +343,8 @@ async def strict_no_flip_of_the_state_ends_a_revoked_frame_early(dut):
 async def no_flip_of_a_count_moves_or_drops_a_byte(dut):
     """Flipped in each character: the frame is dropped, or it is stored as it was received (SAFE-4)."""
     rx = await Receiver(dut).start()
+    await rx.frame(GOOD)
+    assert rx.outcome() == (1, 1, 0) and rx.stored(len(GOOD)) == GOOD, "without a flip"
     for name in ("length", "starts", "storing"):
         register = getattr(dut.rx_i, name)
         for bit in range(len(register)):
