@@ -242,10 +242,12 @@ sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFI
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
 	@$(RUN) sim.view.fc_tables
+	@$(RUN) tools.handbook
 
 regs-check: | setup-test ## fail when something derived from regs/ has drifted
 	@$(RUN) regs.regs --check
 	@$(RUN) sim.view.fc_tables --check
+	@$(RUN) tools.handbook --check
 
 diagrams: firmware | setup-test ## timing diagrams from runs of the card, docs/diagrams
 	@$(RUN) tools.diagrams

@@ -45,7 +45,7 @@ LAYERS = (
     ("sw.tools", "regs"),
     ("rtl",),
 )
-GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards")
+GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards", "tools.handbook")
 SUFFIXES = {
     ".v",
     ".vh",
