@@ -5,208 +5,57 @@
     python -m tools.handbook --check    exits 1 and names every outdated page
 
 A table stands in a page between `<!-- generated: NAME -->` and `<!-- end -->`. Each name of TABLES stands
-once. Sources: regs/card.toml, regs/fc.toml, configs.toml, sw/ (codes, limits, defaults, dialects), rtl/
-(switch patterns), sim/drive (kinds of drives), tb/model (coils, worked examples), and regs/handbook.toml for
-facts and words that no code needs. Times in ms unless a name says otherwise. An error is one line; exit
-code 2.
+once. tools/handbook_sources.py reads the sources. Times in ms unless a name says otherwise. An error is one
+line; exit code 2.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import re
 import sys
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from regs.regs import CardTables
 from rtl.sources import ROOT
-from sim.card.masters import as_pymodbus_call, words
+from sim.card.masters import words
 from sim.drive.drive_table import RANGES
 from sim.view.fc_tables import kinds, phrase, profiles
-from tb.model import card as model
-from tb.model import fc_telegram
-from tb.model.crc16 import crc_good
-from tools.prose import slug
+from tools.handbook_examples import example_list, worked_examples
+from tools.handbook_sources import (
+    FACTS,
+    HandbookError,
+    card,
+    character_ms,
+    coil_groups,
+    constant,
+    facts,
+    filled,
+    functions,
+    local_registers,
+    loopback_switches,
+    minus,
+    pause_ms,
+    protocol,
+    silence_ms,
+    spaced,
+    table,
+    traits,
+    word,
+)
 
-FACTS = "regs/handbook.toml"
 PROJECT = ROOT
 GUIDES = PROJECT / "docs/guide"
 BLOCK = re.compile(r"^<!-- generated: (\S+) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 NOTE = "<!-- by `make regs`: change the source, not the page -->"
-DIALECTS = ("card", "builtin", "hvac_basic")
 SILENT = "silence"
-# Frames in characters: exception, longest number and text of a reply to 03, reply to a write; telegrams.
+# Frames in characters: exception, longest text of a reply to 03, reply to a write; telegrams.
 EXCEPTION, TEXT_REPLY, WRITE_REPLY = 5, 25, 8
 PARAMETER_TELEGRAM, TEXT_TELEGRAM = 16, 32
 ROUND_MS = 50  # time-outs of masters are rounded up to a multiple
 REFERENCES = (0x0000, 0x1000, 0x1999, 0x2000, 0x4000, 0x7FFF, 0xE000, 0xC000)
-MBPOLL = "mbpoll -m rtu -a {unit} -b 9600 -P none -s 2"
-PORT = "/dev/ttyUSB0"
-MINUS = "\N{MINUS SIGN}"
-
-
-class HandbookError(Exception):
-    """A source or a page that does not fit; the message is one line."""
-
-
-# ---------------------------------------------------------------- sources
-
-
-def source(name: str) -> str:
-    return (ROOT / name).read_text()
-
-
-def found(pattern: str, name: str) -> re.Match:
-    """The only match of a pattern in a source."""
-    matches = list(re.finditer(pattern, source(name), re.DOTALL))
-    if len(matches) != 1:
-        raise HandbookError(f"{name}: {len(matches)} times '{pattern}' instead of once")
-    return matches[0]
-
-
-def constant(name: str, file: str) -> int:
-    """A number of a C file: `NAME = 12`, `NAME = 0x0C`, `NAME = TICKS(12)`, `NAME = OTHER + TICKS(12)`."""
-    return int(found(rf"\b{name} = (?:\w+ \+ )?(?:TICKS\()?(0x[0-9A-Fa-f]+|\d+)", file)[1], 0)
-
-
-@cache
-def facts() -> dict:
-    return tomllib.loads(source(FACTS))
-
-
-@cache
-def protocol() -> dict:
-    return tomllib.loads(source("regs/fc.toml"))
-
-
-@cache
-def card() -> CardTables:
-    return CardTables()
-
-
-@cache
-def examples() -> dict[str, dict]:
-    return {example["id"]: example for example in json.loads(source("tb/model/examples.json"))}
-
-
-@cache
-def traits() -> dict[str, dict[str, int]]:
-    """The rows of sw/src/dialect.h: dialect, field, number."""
-    rows = re.findall(r"\[DIALECT_(\w+)\] = \{(.*?)\}", source("sw/src/dialect.h"), re.DOTALL)
-    fields = {name.lower(): re.findall(r"\.(\w+) = (\w+)", body) for name, body in rows}
-    if tuple(fields) != DIALECTS:
-        raise HandbookError(f"sw/src/dialect.h has {', '.join(fields)} instead of {', '.join(DIALECTS)}")
-    return {
-        name: {field: int(value) for field, value in row if value.isdigit()} for name, row in fields.items()
-    }
-
-
-@cache
-def local_registers() -> list[tuple[str, int]]:
-    """Name and default of the card's own registers, from address 0 on, in the order of enum setting."""
-    body = found(r"enum setting \{(.*?)\};", "sw/include/transaction.h")[1]
-    names = re.findall(r"^\s+(LOCAL_\w+)", body.split("LOCAL_REGISTERS")[0], re.MULTILINE)
-    defaults = dict.fromkeys(names, 0)
-    for name in names[1:]:
-        defaults[name] = constant(name.replace("LOCAL", "DEFAULT"), "sw/include/transaction.h")
-    return list(defaults.items())
-
-
-@cache
-def functions() -> list[tuple[int, str, int]]:
-    """Code, form (read, single, counted) and largest quantity of coils of each function; 0: registers."""
-    codes = dict(
-        re.findall(
-            r"^\s+(\w+) = (0x\w+),", found(r"enum function_code \{(.*?)\};", "sw/src/codes.h")[1], re.M
-        )
-    )
-    rows = re.findall(r"\{(\w+), FORM_(\w+), (\d+), \w+\}", source("sw/src/translate.c"))
-    if sorted(codes) != sorted(name for name, _, _ in rows):
-        raise HandbookError("sw/src/translate.c and sw/src/codes.h have different functions")
-    return sorted((int(codes[name], 16), form.lower(), int(limit)) for name, form, limit in rows)
-
-
-@cache
-def coil_groups() -> dict[str, range]:
-    """The coils of each part of the map, on-wire."""
-    control, status = model.CONTROL, model.STATUS
-    return {
-        "control": control[:16],
-        "reference": control[16:],
-        "status": status[:16],
-        "frequency": status[16:],
-        "eeprom": range(model.EEPROM, model.EEPROM + 1),
-        "reserved": range(model.EEPROM + 1, model.COILS),
-    }
-
-
-def loopback_switches() -> str:
-    """Baud switches of the loop-back test, first switch first, 1 = ON."""
-    return found(r"LOOPBACK_SWITCHES = 9'b([01_]+)", "rtl/supervisor.v")[1].replace("_", "")[::-1]
-
-
-def address_max() -> int:
-    """The largest unit address: the next one has the five upper switches ON."""
-    return (int(found(r"addr\[8:4\] != 5'b([01]+)", "rtl/switch_sampler.v")[1], 2) << 3) - 1
-
-
-def character_ms(rate: int) -> float:
-    return card().line["character_bits"] * 1000 / rate
-
-
-def silence_ms(rate: int, name: str) -> float:
-    return card().silence_ticks(rate, name) * 1000 / (card().line["ticks_per_bit"] * rate)
-
-
-def pause_ms() -> float:
-    return card().drive["pause_characters"] * character_ms(card().drive["baud"])
-
-
-@cache
-def values() -> dict[str, object]:
-    """The values that the words of regs/handbook.toml may name."""
-    defaults = dict(local_registers())
-    configs = tomllib.loads(source("configs.toml"))
-    return {
-        "address_max": address_max(),
-        "bad_value": traits()["card"]["bad_value"],
-        "boot_ms": configs["standard"]["boot_ms"],
-        "boot_tiny_ms": configs["tiny"]["boot_ms"],
-        "coils": model.COILS,
-        "drive_address": int(found(r"#else\n#define ADR_DRIVE (0x\w+)u", "sw/include/options.h")[1], 16)
-        & 0x7F,
-        "drive_baud": card().drive["baud"],
-        "drive_timeout": defaults["LOCAL_DRIVE_TIMEOUT"],
-        "drive_timeout_ms": defaults["LOCAL_DRIVE_TIMEOUT"] * 10,
-        "led_step": constant("STEP", "sw/src/leds.c"),
-        "loopback_listen": constant("LISTEN", "sw/src/loopback.c") // 1000,
-        "loopback_result": constant("RESULT", "sw/src/loopback.c") // 1000,
-        "network_timeout": defaults["LOCAL_NETWORK_TIMEOUT"],
-        "network_timeout_s": defaults["LOCAL_NETWORK_TIMEOUT"] // 100,
-        "pause_ms": f"{pause_ms():.2f}",
-    }
-
-
-def filled(text: str) -> str:
-    try:
-        return text.format_map(values())
-    except KeyError as error:
-        raise HandbookError(f"{FACTS}: no value {error} for '{text}'") from None
-
-
-# ---------------------------------------------------------------- Markdown
-
-
-def table(head: list[str], rows: list[list[object]]) -> str:
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(re.sub(r"\|  (?=\|)", "| ", line) for line in lines)
 
 
 def switches(pattern: str) -> list[str]:
@@ -215,18 +64,6 @@ def switches(pattern: str) -> list[str]:
 
 def run(numbers: range) -> str:
     return f"{numbers[0]}-{numbers[-1]}" if len(numbers) > 1 else str(numbers[0])
-
-
-def word(value: int) -> str:
-    return f"{value:04X}h"
-
-
-def spaced(data: bytes) -> str:
-    return data.hex(" ").upper()
-
-
-def minus(number: object) -> str:
-    return str(number).replace("-", MINUS)
 
 
 def percent(value: int) -> str:
@@ -581,172 +418,6 @@ def line_times() -> str:
     return table(head, rows)
 
 
-# ---------------------------------------------------------------- worked examples
-
-
-def items(count: int, name: str) -> str:
-    return f"{count} {name}{'' if count == 1 else 's'}"
-
-
-def request_words(adu: bytes) -> str:
-    """A request, field by field."""
-    unit = "all units" if adu[0] == 0 else f"unit {adu[0]}"
-    crc = f"CRC {spaced(adu[-2:])}"
-    names = {code: facts()["function"][str(code)] for code, _, _ in functions()}
-    coded = f"{adu[1]:02X} {names.get(adu[1], 'unknown function')}"
-    forms = {code: form for code, form, _ in functions()}
-    form = forms.get(adu[1])
-    if form is None or len(adu) < 8 or (form != "counted" and len(adu) != 8):
-        return f"{unit}; {coded}; {spaced(adu[2:-2]) or 'no data'}; {crc}"
-    thing = "coil" if adu[1] in (1, 5, 15) else "register"
-    start, operand = words(adu[2:6])
-    at = f"from {thing} {start + 1} ({spaced(adu[2:4])})"
-    if form == "single":
-        shown = word(operand) if thing == "register" else {0xFF00: "on", 0: "off"}.get(operand, word(operand))
-        return f"{unit}; {coded}; {thing} {start + 1} ({spaced(adu[2:4])}) = {shown}; {crc}"
-    if form == "read":
-        return f"{unit}; {coded}; {at}; {items(operand, thing)}; {crc}"
-    return f"{unit}; {coded}; {at}; {items(operand, thing)}; {adu[6]} bytes: {spaced(adu[7:-2])}; {crc}"
-
-
-def reply_words(adu: bytes) -> str:
-    crc = f"CRC {spaced(adu[-2:])}"
-    if adu[1] & 0x80:
-        return (
-            f"unit {adu[0]}; function {adu[1] & 0x7F:02X} refused; exception {adu[2]} ({adu[2]:02X}h); {crc}"
-        )
-    if adu[1] in (1, 3):
-        return f"unit {adu[0]}; {adu[1]:02X}; {adu[2]} bytes: {spaced(adu[3:-2])}; {crc}"
-    return f"unit {adu[0]}; {adu[1]:02X} done; {spaced(adu[2:-2])}; {crc}"
-
-
-def is_plain(adu: bytes) -> bool:
-    """A request that every master can make: to one unit, with a length, quantity and function that fit."""
-    forms = {code: (form, coils) for code, form, coils in functions()}
-    if adu[0] == 0 or adu[1] not in forms:
-        return False
-    form, is_coils = forms[adu[1]]
-    if form != "counted":
-        return len(adu) == 8
-    quantity = words(adu[4:6])[0]
-    return adu[6] == len(adu) - 9 == (-(-quantity // 8) if is_coils else 2 * quantity)
-
-
-def pymodbus_call(adu: bytes) -> str:
-    """The call of pymodbus that makes this request. Coils as the bits of a number, the first the lowest."""
-    method, arguments, options = as_pymodbus_call(adu)
-    shown = [str(argument) for argument in arguments]
-    if method == "write_coils":
-        number = sum(bit << i for i, bit in enumerate(arguments[1]))
-        shown[1] = f"[bool({number:#X} >> i & 1) for i in range({len(arguments[1])})]".replace("0X", "0x")
-    shown += [f"{name}={value}" for name, value in {**options, "device_id": adu[0]}.items()]
-    return f"client.{method}({', '.join(shown)})"
-
-
-def pymodbus_shows(adu: bytes, reply: bytes) -> str:
-    if reply[1] & 0x80:
-        return f"exception {reply[2]}"
-    if adu[1] == 3:
-        return f"registers {words(reply[3:-2])}"
-    if adu[1] == 1:
-        count = words(adu[4:6])[0]
-        return "coils " + "".join(str(reply[3 + i // 8] >> i % 8 & 1) for i in range(count))
-    return "accepted"
-
-
-def mbpoll_call(adu: bytes) -> list[str]:
-    """The command line of mbpoll that makes this request; its references count from 1."""
-    method, arguments, options = as_pymodbus_call(adu)
-    kind = "0" if "coil" in method else "4"
-    line = [*MBPOLL.format(unit=adu[0]).split(), "-t", kind, "-r", str(arguments[0] + 1), "-1"]
-    if method.startswith("read"):
-        return [*line, "-c", str(options["count"]), PORT]
-    written = arguments[1] if isinstance(arguments[1], list) else [arguments[1]]
-    return [*line, PORT, *(str(int(value)) for value in written)]
-
-
-def mbpoll_shows(adu: bytes, reply: bytes) -> str:
-    first, count = words(adu[2:6])
-    if reply[1] & 0x80:
-        return "Invalid exception code"
-    if adu[1] == 3:
-        return ", ".join(f"[{first + 1 + i}]: {value}" for i, value in enumerate(words(reply[3:-2])))
-    if adu[1] == 1:
-        bits = [reply[3 + i // 8] >> i % 8 & 1 for i in range(count)]
-        return ", ".join(f"[{first + 1 + i}]: {bit}" for i, bit in enumerate(bits))
-    return f"Written {count if adu[1] in (15, 16) else 1} references."
-
-
-def telegram_words(telegram: bytes) -> str:
-    """A telegram to the drive; a process telegram with its two words."""
-    parts = fc_telegram.parse(telegram)
-    meaning = fc_telegram.describe(telegram)
-    if parts.kind != "process":
-        return meaning
-    return f"control word {word(parts.pcd1)}, reference {word(parts.pcd2)}: {meaning}"
-
-
-def exchange_lines(step: dict) -> list[str]:
-    """One request with all frames that follow, as a block of text."""
-    rows: list[tuple[str, str]] = []
-
-    def frame(label: str, data: bytes, meaning: str) -> None:
-        rows.extend([(label, spaced(data)), ("", meaning)])
-
-    request = bytes.fromhex(step["request"])
-    frame("request", request, request_words(request))
-    for exchange in step["drive"]:
-        telegram = bytes.fromhex(exchange["telegram"])
-        frame("telegram", telegram, telegram_words(telegram))
-        if exchange["reply"] is None:
-            rows.append(("drive", "no reply"))
-        else:
-            answer = bytes.fromhex(exchange["reply"])
-            frame("drive", answer, fc_telegram.describe(answer, reply=True))
-    if step["reply"] is None:
-        rows.append(("reply", "none"))
-    else:
-        reply = bytes.fromhex(step["reply"])
-        if not crc_good(request) or not crc_good(reply):
-            raise HandbookError(f"tb/model/examples.json: wrong CRC in '{step['what']}'")
-        frame("reply", reply, reply_words(reply))
-        if is_plain(request):
-            rows += [("pymodbus", pymodbus_call(request)), ("", f"→ {pymodbus_shows(request, reply)}")]
-            rows += [("mbpoll", " ".join(mbpoll_call(request))), ("", f"→ {mbpoll_shows(request, reply)}")]
-    return [f"{label:<9} {text}".rstrip() for label, text in rows]
-
-
-def title(example: dict) -> str:
-    what = example["what"]
-    return what[0].upper() + what[1:]
-
-
-def example_list() -> str:
-    rows = []
-    for example in examples().values():
-        link = f"[{title(example)}](#{slug(title(example))})"
-        rows.append([link, f"{int(example['request'][3:5], 16):02X}", example["source"]])
-    return table(["example", "function", "document"], rows)
-
-
-def worked_examples() -> str:
-    parts = []
-    for example in examples().values():
-        lines = [f"### {title(example)}", "", f"`{example['id']}`, {example['source']}."]
-        if "after" in example:
-            before = title(examples()[example["after"]])
-            lines[-1] += f" After [{before}](#{slug(before)})."
-        if "note" in example:
-            lines[-1] += f" Note: {example['note']}."
-        steps = [*example.get("setup", []), example]
-        for number, step in enumerate(steps, 1):
-            if len(steps) > 1:
-                lines += ["", f"{number}. {title(step)}:"]
-            lines += ["", "```", *exchange_lines(step), "```"]
-        parts.append("\n".join(lines))
-    return "\n\n".join(parts)
-
-
 # ---------------------------------------------------------------- pages
 
 TABLES: dict[str, Callable[[], str]] = {
@@ -836,6 +507,9 @@ def main() -> int:
                 print(f"wrote {name}")
     except HandbookError as error:
         print(f"handbook: {error}", file=sys.stderr)
+        return 2
+    except KeyError as error:
+        print(f"handbook: {FACTS} has no entry {error}", file=sys.stderr)
         return 2
     return 1 if drifted else 0
 

@@ -27,7 +27,7 @@ from tb.model import fc_telegram, rtu
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
 from tb.model.crc16 import crc16
 from tb.model.examples import EXAMPLES
-from tools import handbook
+from tools import handbook, handbook_examples, handbook_sources
 
 PAGES = ROOT / "docs/guide/handbook"
 FC = tomllib.loads((ROOT / "regs/fc.toml").read_text())
@@ -129,6 +129,13 @@ def test_a_page_that_does_not_fit_is_one_line(copy, capsys, old, new, message):
     assert message in error and error.count("\n") == 1
 
 
+def test_a_source_without_a_word_is_one_line(copy, capsys, monkeypatch):
+    """As after a new bit in regs/fc.toml."""
+    monkeypatch.delitem(handbook_sources.facts()["control"], "jog")
+    assert handbook.main() == 2
+    assert capsys.readouterr().err == "handbook: regs/handbook.toml has no entry 'jog'\n"
+
+
 def test_no_table_stands_in_two_documents():
     """Two written pages share no two rows that follow each other. Reports of campaigns are all alike."""
     seen: dict[tuple[str, str], str] = {}
@@ -196,7 +203,7 @@ def test_every_state_of_the_leds_has_its_row():
     """The states of the virtual card's log, and all that LED-1 to LED-5 and LOOP-1 name."""
     code = (ROOT / "sim/card/led_watch.cpp").read_text()
     states = set(re.findall(r'"([\w-]+)"', "".join(re.findall(r"\bk(?:Solid|Flash)\[\] = \{(.*?)\};", code))))
-    assert states == {state for led in handbook.facts()["led"] for state in led["shows"]}
+    assert states == {state for led in handbook_sources.facts()["led"] for state in led["shows"]}
     shown = [row["shows"] for row in rows("leds")]
     for text in (
         "red, green, orange, off, 250 ms each, once",
@@ -477,7 +484,11 @@ def test_every_example_stands_with_its_exact_bytes():
 
 def plain_steps() -> list:
     """Requests with a line for the masters; by the page, in its order."""
-    found = [step for step in steps() if step["reply"] and handbook.is_plain(bytes.fromhex(step["request"]))]
+    found = [
+        step
+        for step in steps()
+        if step["reply"] and handbook_examples.is_plain(bytes.fromhex(step["request"]))
+    ]
     return [
         pytest.param(i, step, id=f"{i}-{step['request'][:5].replace(' ', '')}")
         for i, step in enumerate(found)
@@ -545,7 +556,7 @@ def test_masters_send_and_show_what_the_page_says(place, step):
     assert answer == by_pymodbus
 
     far = Answers(reply, len(request))
-    words = [far.path if word == handbook.PORT else word for word in command.split()]
+    words = [far.path if word == handbook_examples.PORT else word for word in command.split()]
     done = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
     assert far.close() == request
     output = (done.stdout + done.stderr).replace("\t", "")
