@@ -204,7 +204,11 @@ def test_every_state_of_the_leds_has_its_row():
     code = (ROOT / "sim/card/led_watch.cpp").read_text()
     states = set(re.findall(r'"([\w-]+)"', "".join(re.findall(r"\bk(?:Solid|Flash)\[\] = \{(.*?)\};", code))))
     assert states == {state for led in handbook_sources.facts()["led"] for state in led["shows"]}
+    forms = {"red": "red, steady", "orange": "orange, steady", "off": "both LEDs dark"}
+    forms |= {f"{colour}-flash": f"{colour}, flashing" for colour in ("red", "green")}
     shown = [row["shows"] for row in rows("leds")]
+    for led, text in zip(handbook_sources.facts()["led"], shown, strict=True):
+        assert text.startswith(forms[led["shows"][0]] if len(led["shows"]) == 1 else ", ".join(led["shows"]))
     for text in (
         "red, green, orange, off, 250 ms each, once",
         "green, flashing, 1 Hz",
