@@ -60,6 +60,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it (test, test-all, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
+#:   REST=1        without the tests that `make test` runs (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips, core-flips); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
@@ -112,11 +113,11 @@ test: | setup-test ## * every rule once, large modules on both simulators (8 min
 	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
 
-test-all: | setup-test ## * every test: both cards, both simulators, boards, pages
+test-all: | setup-test ## * every test: both cards, both simulators, boards, pages (REST=1: those not in make test)
 	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@tools/setup.sh all
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
-	@$(PYTEST) --all
+	@$(PYTEST) --all $(if $(REST),--rest)
 
 test-gates: firmware | setup-synth ## the manual's examples on the card's netlists, some 4 minutes each (TEST=)
 	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')
@@ -221,7 +222,7 @@ image: firmware | setup-synth ## another firmware into a finished bitstream (BOA
 pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
 	@$(RUN) constraints.boards
 
-selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; 6 s at 9600 bit/s; a motor starts with START= only)
+selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; starts no motor without START=)
 	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }
 	@$(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
 		$(call given,$(option),$(call upper,$(option)))) || \

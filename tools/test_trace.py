@@ -13,3 +13,11 @@ def test_make_test_shows_every_rule(monkeypatch):
     chosen = trace.collect().tests
     missing = [rule for rule, by in trace.read_rules().items() if by == "test" and rule not in chosen]
     assert missing == []
+
+
+def test_the_rest_and_make_test_are_all_tests(monkeypatch):
+    """The run of CI calls `make test` and `make test-all REST=1`."""
+    every, rest = trace.collect().all, trace.collect("--rest").all
+    monkeypatch.setattr(pytest_plugin, "costly", lambda item, config: not pytest_plugin.in_make_test(item))
+    chosen = trace.collect().all
+    assert rest and rest == every - chosen and chosen < every

@@ -72,10 +72,10 @@ def read_results() -> dict[str, Result]:
     return found
 
 
-def collect() -> Collector:
+def collect(*options: str) -> Collector:
     collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        code = pytest.main(["--collect-only", "-q", "--all", f"--rootdir={ROOT}"], [collector])
+        code = pytest.main(["--collect-only", "-q", "--all", *options, f"--rootdir={ROOT}"], [collector])
     if code != pytest.ExitCode.OK:
         print(said.getvalue(), file=sys.stderr)
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")

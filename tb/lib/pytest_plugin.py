@@ -24,6 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--card", choices=list(configurations()), help="run the whole card's tests only, as this card"
     )
     parser.addoption("--all", action="store_true", help="run every test, not only the choice of `make test`")
+    parser.addoption("--rest", action="store_true", help="with --all: leave out the choice of `make test`")
     parser.addoption(
         "--figures", action="store_true", help="run the checks of measured pages, and only those"
     )
@@ -73,7 +74,7 @@ def wanted(item: pytest.Item, config: pytest.Config) -> bool:
     if config.getoption("--card"):
         return "config" in getattr(item, "fixturenames", ())
     if config.getoption("--all"):
-        return not costly(item, config)
+        return not costly(item, config) and not (config.getoption("--rest") and in_make_test(item))
     return in_make_test(item)
 
 
@@ -84,10 +85,11 @@ def place(item: pytest.Item) -> tuple[str | None, str | None]:
 
 
 def costly(item: pytest.Item, config: pytest.Config) -> bool:
-    """Tests of the whole card that take minutes on Icarus; `SIM=icarus` and `CARD=` ask for them.
+    """Tests of the whole card that take minutes on Icarus.
 
     Those are all tests of the small card, because SERV takes ten times the clocks, and the slow tests of the
-    standard card. The manual's examples remain (marked `examples`).
+    standard card. The manual's examples remain (marked `examples`). `CARD=tiny` asks for the former,
+    `SIM=icarus` for the latter.
     """
     sim, card = place(item)
     if sim != "icarus" or card is None or item.get_closest_marker("all_cards"):

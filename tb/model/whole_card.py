@@ -88,7 +88,7 @@ class Exchange:
     waits: tuple[int, int] = (0, 0)  # smallest and largest register 40003 since the telegram
     wanted: float = NEVER  # when a newer request with a telegram was committed (FC-9)
     overtaken: bool = False
-    second_overtaken: bool = False  # by a candidate: a second telegram may stay unsent (docs/guide/dialects.md)
+    second_overtaken: bool = False  # by a candidate: a second telegram (MAP-8) may stay unsent
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
     receiver: DriveReceiver | None = None
