@@ -22,7 +22,7 @@ FIRMWARE_STACK := 176
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
 	translate.c coils.c registers.c diagnostics.c telegram.c reply.c guard.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
-FIRMWARE_HOST := sw/port/host/host.c
+FIRMWARE_HOST := sw/port/host/host.c sw/port/host/mailbox_model.c
 FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/generated/*.h)
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \

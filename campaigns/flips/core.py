@@ -82,7 +82,7 @@ def play(write: bytes, flip: Flip | None = None, image: bytes | None = None) -> 
         machine.poll()
     except TelegramError:
         how = "refused by its BCC"
-    except (Hung, AssertionError, AttributeError, KeyError):
+    except (Hung, AssertionError):
         how = "trap or watchdog"  # error of the machine
     return mailbox.telegrams[before:], how, took
 

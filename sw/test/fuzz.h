@@ -17,7 +17,7 @@ enum { PDU_MAX = 253, PDU_KEPT = 31, DATA_MAX = 253, PATTERN = 0xA5 };
 /* Checks a fact. If it does not hold, the run ends and the input is a finding. */
 #define HOLDS(fact) ((fact) ? (void)0 : fuzz_wrong(__FILE__, __LINE__, #fact))
 #define NEVER(event) fuzz_wrong(__FILE__, __LINE__, event)
-void fuzz_wrong(const char *file, int line, const char *fact);
+__attribute__((noreturn)) void fuzz_wrong(const char *file, int line, const char *fact);
 
 struct input {
     const uint8_t *at;
@@ -35,12 +35,6 @@ uint32_t take_request(struct input *in, uint8_t *pdu);
 /* Makes telegram data of the drive (without STX, LGE, ADR, BCC), in most cases a reply to `asked`; returns its
  * length. */
 uint32_t take_telegram(struct input *in, const uint8_t *asked, uint32_t asked_length, uint8_t *data);
-
-/* The index at which byte i of a telegram's data is stored: of a long text the last four bytes remain (FC-7). */
-static inline uint32_t place_of(uint32_t i)
-{
-    return i < 24 ? i : 24 + (i & 3u);
-}
 
 /* True if STX, LGE and the telegram from ADR to BCC xor to 0 (FC-1). */
 bool bcc_fits(const uint8_t *telegram, uint32_t length);

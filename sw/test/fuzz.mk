@@ -37,4 +37,4 @@ $(FUZZ_DIR)/%/fuzz_translate: $(FUZZ_DIR)/src/counting
 $(FUZZ_DIR)/%/fuzz_gateway: $(FUZZ_DIR)/src/counting
 	@mkdir -p $(@D)
 	$(FUZZ_CC) $(FUZZ_CFLAGS) -I$(FUZZ_DIR)/src $(FUZZ_FLAGS) $(FUZZ_SANITIZERS) -DDIALECT=DIALECT_$(fuzz_dialect) -o $@ \
-		sw/test/fuzz_gateway.c sw/test/fuzz.c sw/test/loops.c $(FUZZ_TREE)/sw/port/host/host.c $(FUZZ_ALL:%=$(FUZZ_DIR)/src/%.c)
+		sw/test/fuzz_gateway.c sw/test/fuzz.c sw/test/loops.c $(wildcard $(FUZZ_TREE)/sw/port/host/*.c) $(FUZZ_ALL:%=$(FUZZ_DIR)/src/%.c)

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Fuzzes the poll loop against a model of the mailbox. Events come in any order, some between two register accesses
- * of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the loop-back test. The model
- * follows the rules of rtl/gate/commit_gate.v. The image check runs as in main.c.
+ * Fuzzes the poll loop against the model of the mailbox (sw/port/host/mailbox_model.h). Events come in any order, some
+ * between two register accesses of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the
+ * loop-back test. Here is what makes the events and what judges. The image check runs as in main.c.
  *
  * Checked: a process telegram carries the coils of its own committed request, and is sent twice at most. No other
  * telegram carries coils. A write that waits in its place leaves unless a newer one of its kind replaces it. A held
- * telegram does not leave long after the commit of a newer one. A reply fits its request, confirms only commands that the drive has answered, and never answers a broadcast. The settings are those of the
- * committed requests. After the last event a new request is answered and reaches the drive.
+ * telegram does not leave long after the commit of a newer one. A reply fits its request, confirms only commands that
+ * the drive has answered, and never answers a broadcast. The settings are those of the committed requests. After the
+ * last event a new request is answered and reaches the drive.
  */
 #include <string.h>
 
@@ -15,10 +16,11 @@
 #include "gateway.h"
 #include "host.h"
 #include "image.h"
+#include "mailbox_model.h"
 #include "mailbox_port.h"
 #include "ticks.h"
 
-enum { EVENTS = 300, ADDRESS = 85, FRAME_MAX = 32, CRC_BYTES = 2, EVENT_FLAGS = 8 };
+enum { EVENTS = 300, ADDRESS = 85, EVENT_FLAGS = 8 };
 /* Ticks. FC-9 gives up a telegram 150 ms after a newer one waits. A telegram of 32 bytes takes 37 ms. */
 enum { HELD = TICKS(150) + 6, SENDING = TICKS(40) };
 /* Requests at once: at the drive, one in each place, the newest, and one that it replaced. */
@@ -33,35 +35,20 @@ struct request {
     enum intent intent;
     bool broadcast;
     bool committed;
-    bool ignored;    /* came during the loop-back test or before a restart */
+    bool ignored;        /* came during the loop-back test or before a restart */
     bool drive_answered; /* the drive sent a good telegram after ours */
     uint32_t sent;
 };
 
-static struct {
-    uint32_t time; /* ticks */
-    bool loopback;
-    uint32_t events;
-    uint16_t counted[EVENT_FLAGS];
-    uint16_t repeats;
-    /* network side */
-    uint32_t ticket, bank, length;
-    bool candidate, committed, broadcast, answerable, spent, reply_queued, wait_drive;
-    uint8_t reply[FRAME_MAX];
-    uint32_t reply_length, replies;
-    /* drive side */
-    bool queued, licensed, begun, newest, repeatable, control;
-    struct request *waiting[PLACES]; /* committed writes, by enum place */
-    bool kept;                       /* the candidate is to wait once it is committed */
-    bool started, sending, no_reply, quiet, listening, drive_candidate, drive_good;
-    uint8_t telegram[FRAME_MAX];
-    uint32_t telegram_length, telegrams, sent_at;
-} m;
-
+static struct mailbox m;
 static struct gateway g;
 static struct model model;
 static struct request requests[REQUESTS];
-static struct request *newest, *at_drive;
+static struct request *newest;
+static uint16_t counted[EVENT_FLAGS], repeats;
+static uint8_t reply[MAILBOX_FRAME_MAX]; /* that left last */
+static uint32_t replies, telegrams;      /* judged; they left */
+static uint32_t sent_at;                 /* when the last telegram left */
 static uint32_t held; /* ticks that the queued telegram was held after the commit of a newer request */
 static bool polled;   /* the firmware has had its rounds since the last candidate, commit or restart */
 /* Rounds in which the firmware must see the commit: one prepares, the next commits. */
@@ -70,37 +57,13 @@ static uint32_t race_in; /* register accesses until race_event */
 static uint32_t race_event;
 static struct input *input;
 
-/* ---- frame memory */
-
-static bool telegram_untouched(void)
-{
-    uint32_t i;
-
-    for (i = 0; i < m.telegram_length; i++)
-        if (mailbox_frame(TELEGRAM_FRAME)[i].byte != m.telegram[i])
-            return false;
-    return true;
-}
-
-static void end_licence(void)
-{
-    m.queued = m.licensed = false;
-}
-
-/* A write to the telegram memory ends the licence. */
-static void end_touched_licence(void)
-{
-    if (!telegram_untouched())
-        end_licence();
-}
-
-static void drop_unlicensed(void)
-{
-    if (!m.licensed)
-        m.queued = false;
-}
-
 /* ---- transmissions */
+
+/* The model numbers a request by its place in requests, from 1 on. */
+static struct request *by_number(uint32_t number)
+{
+    return number != 0 ? requests + number - 1 : NULL;
+}
 
 static bool is_write(const struct request *request)
 {
@@ -109,6 +72,7 @@ static bool is_write(const struct request *request)
 
 static void check_telegram(void)
 {
+    struct request *at_drive = by_number(m.asker);
     const uint8_t *pcd = m.telegram + m.telegram_length - 5;
     const uint32_t control = (uint32_t)pcd[0] << 8 | pcd[1];
     const uint32_t reference = (uint32_t)pcd[2] << 8 | pcd[3];
@@ -140,13 +104,12 @@ static void check_telegram(void)
 
 static void check_reply(void)
 {
-    const uint8_t *pdu = m.reply + 1;
+    const uint8_t *pdu = reply + 1;
 
-    m.replies++;
     if (m.loopback)
         return;
     HOLDS(newest && newest->committed && !newest->ignored && !newest->broadcast);
-    HOLDS(m.reply[0] == ADDRESS);
+    HOLDS(reply[0] == ADDRESS);
     if (pdu[0] & 0x80) {
         HOLDS(pdu[0] == (newest->pdu[0] | 0x80) && m.reply_length == 3);
         return;
@@ -162,157 +125,83 @@ static void check_reply(void)
     HOLDS(newest->drive_answered || newest->sent == 0);
 }
 
-static void release(void)
+/* Checks what left with the last event, and whose telegrams wait. */
+static void judge(void)
 {
-    if (m.reply_queued && (m.answerable || m.loopback) && (!m.wait_drive || m.drive_good)) {
-        m.reply_queued = m.answerable = false;
-        m.spent = true;
-        if (m.newest && !m.loopback)
-            end_licence();
+    uint32_t i;
+
+    if (m.sent_replies != replies) {
+        replies++;
+        for (i = 0; i < m.reply_length; i++)
+            reply[i] = mailbox_frame(REPLY_FRAME)[i].byte;
         check_reply();
     }
-    end_touched_licence();
-    if (m.queued && m.licensed && m.quiet) {
-        m.queued = m.listening = m.drive_candidate = m.drive_good = false;
-        m.started = m.sending = true;
-        m.licensed = m.repeatable && !m.begun;
-        m.spent |= m.newest && m.control;
-        m.begun = true;
-        m.sent_at = m.time;
-        m.telegrams++;
+    if (m.sent_telegrams != telegrams) {
+        telegrams++;
+        sent_at = m.ticks;
         check_telegram();
     }
+    for (i = 0; i < 2; i++)
+        HOLDS(m.waiting[i] == 0 || is_write(by_number(m.waiting[i])));
 }
 
 /* ---- events */
 
-static struct request *free_request(void)
+static uint32_t free_request(void)
 {
-    struct request *request = requests;
+    uint32_t number = 1;
 
-    while (request == at_drive || request == m.waiting[0] || request == m.waiting[PLACES - 1])
-        request++;
-    return request;
-}
-
-static uint32_t place(const struct request *request)
-{
-    return request->broadcast ? PLACE_BROADCAST : PLACE_UNICAST;
-}
-
-/* The newest request gives its licence to the place of its kind. A telegram that is repeated there ends its own. */
-static void keep(void)
-{
-    if (place(newest) >= PLACES)
-        return;
-    HOLDS(is_write(newest));
-    m.waiting[place(newest)] = newest;
-    m.spent |= newest->intent == INTENT_PROCESS;
+    while (number == m.asker || number == m.waiting[0] || number == m.waiting[1])
+        number++;
+    return number;
 }
 
 static void event_candidate(void)
 {
-    uint32_t i;
+    const uint32_t number = free_request();
 
-    newest = free_request();
+    newest = by_number(number);
     memset(newest, 0, sizeof *newest);
     newest->length = take_request(input, newest->pdu);
     newest->broadcast = (take(input) & 7) == 7;
     newest->ignored = m.loopback;
     newest->after = model;
     newest->intent = model_request(&newest->after, newest->pdu, newest->length);
-    m.bank ^= 1;
-    for (i = 0; i < FRAME_MAX; i++) {
-        uint8_t byte = newest->broadcast ? 0 : ADDRESS;
-
-        if (i != 0)
-            byte = i <= newest->length ? newest->pdu[i - 1] : PATTERN;
-        if (m.bank)
-            mailbox_frame(REQUEST_FRAME_1)[i].byte = byte;
-        else
-            mailbox_frame(REQUEST_FRAME_0)[i].byte = byte;
-    }
-    m.length = newest->length + 1 + CRC_BYTES;
-    m.ticket = (m.ticket + 1) & MAILBOX__REQUEST__TICKET_bm;
-    m.candidate = true;
-    m.committed = m.answerable = m.reply_queued = m.kept = false;
-    m.broadcast = newest->broadcast;
-    drop_unlicensed();
+    mailbox_candidate(&m, number, newest->pdu, newest->length, newest->broadcast);
     polled = false;
 }
 
 static void event_commit(void)
 {
-    m.candidate = m.spent = false;
-    m.committed = m.answerable = true;
-    if (m.licensed) {
-        m.newest = m.repeatable = false;
-        if (m.begun)
-            end_licence();
-    } else if (m.queued) {
-        m.licensed = true;
-        m.control = newest->intent == INTENT_PROCESS;
-    }
-    if (m.kept)
-        keep();
-    m.kept = false;
     newest->committed = true;
     if (!newest->ignored) {
         model = newest->after;
         rounds_to_commit = polled ? 1 : 2;
     }
     polled = false;
-    release();
-}
-
-static void event_character(void)
-{
-    m.answerable = m.reply_queued = false;
-    if (m.candidate) {
-        m.candidate = m.kept = false;
-        drop_unlicensed();
-    }
+    mailbox_commit(&m);
+    judge();
 }
 
 static void event_telegram_ends(void)
 {
-    if (m.sending) {
-        HOLDS(telegram_untouched());
-        m.sending = false;
-        m.listening = !m.no_reply;
-    }
-}
-
-static void event_drive_data(const uint8_t *data, uint32_t length)
-{
-    uint32_t i;
-
-    if (!m.listening || m.drive_good)
-        return;
-    for (i = 0; i < length; i++)
-        mailbox_frame(DRIVE_FRAME)[place_of(i)].byte = data[i];
-    mailbox_frame(DRIVE_LGE)->byte = (uint8_t)(length + 2);
-    m.drive_candidate = true;
+    HOLDS(!m.sending || !mailbox_is_touched(&m));
+    mailbox_telegram_ends(&m);
 }
 
 static void event_bcc(bool good)
 {
-    if (!m.drive_candidate)
-        return;
-    m.drive_candidate = false;
-    m.drive_good = good;
-    if (good && at_drive)
-        at_drive->drive_answered = true;
-    if (!good && m.wait_drive)
-        m.reply_queued = false;
-    release();
+    if (m.drive_candidate && good && m.asker)
+        by_number(m.asker)->drive_answered = true;
+    mailbox_bcc(&m, good);
+    judge();
 }
 
 /* The loop-back test: each port receives what the other sends, in most cases intact. */
 static void hear_telegram(void)
 {
     const uint32_t damage = take(input);
-    uint8_t heard[FRAME_MAX] = {0x02, (uint8_t)m.telegram_length};
+    uint8_t heard[MAILBOX_FRAME_MAX] = {0x02, (uint8_t)m.telegram_length};
     uint32_t i;
 
     memcpy(heard + 2, m.telegram, m.telegram_length);
@@ -329,30 +218,29 @@ static void hear_frame(void)
 {
     static const uint8_t wrong_crc[] = {0x27, 0xB7};
     const uint32_t damage = take(input);
-    uint8_t heard[FRAME_MAX + sizeof wrong_crc];
+    uint8_t heard[MAILBOX_FRAME_MAX + sizeof wrong_crc];
 
-    memcpy(heard, m.reply, m.reply_length);
+    memcpy(heard, reply, m.reply_length);
     memcpy(heard + m.reply_length, wrong_crc, sizeof wrong_crc);
     if (damage & 0x80)
         heard[3 + (damage & 7)] ^= 0x10;
-    if (m.reply_length > 3) {
-        event_drive_data(heard + 3, m.reply_length - 1);
-        mailbox_frame(DRIVE_LGE)->byte = heard[1];
-    }
+    if (m.reply_length > 3)
+        mailbox_drive_data(&m, heard + 3, m.reply_length - 1, heard[1]);
 }
 
 static void hear_drive(void)
 {
     uint8_t data[DATA_MAX];
+    const uint32_t length = take_telegram(input, m.telegram, m.telegram_length, data);
 
-    event_drive_data(data, take_telegram(input, m.telegram, m.telegram_length, data));
+    mailbox_drive_data(&m, data, length, length + 2);
 }
 
 static void small_event(uint32_t which)
 {
     switch (which & 7) {
     case 0:
-        event_character();
+        mailbox_character(&m);
         break;
     case 1:
         if (m.loopback && m.sending)
@@ -366,14 +254,14 @@ static void small_event(uint32_t which)
         event_bcc(false);
         break;
     case 4:
-        m.quiet = true;
-        release();
+        mailbox_pause_over(&m);
+        judge();
         break;
     case 5:
         m.quiet = false;
         break;
     case 6:
-        if (m.candidate)
+        if (m.is_candidate)
             event_commit();
         break;
     default:
@@ -395,107 +283,12 @@ static void race(void)
 
 static uint32_t on_read(uint32_t offset)
 {
+    uint32_t value;
+
     race();
-    switch (offset) {
-    case offsetof(MAILBOX_t, TIME):
-        return m.time & MAILBOX__TIME__TICKS_bm;
-    case offsetof(MAILBOX_t, EVENTS):
-        return m.events;
-    case offsetof(MAILBOX_t, REQUEST):
-        return m.ticket | (m.candidate ? MAILBOX__REQUEST__CANDIDATE_bm : 0u) |
-               (m.committed ? MAILBOX__REQUEST__COMMITTED_bm : 0u) |
-               (m.broadcast ? MAILBOX__REQUEST__BROADCAST_bm : 0u) |
-               (m.bank ? MAILBOX__REQUEST__BANK_bm : 0u);
-    case offsetof(MAILBOX_t, LENGTH):
-        return m.length & MAILBOX__LENGTH__BYTES_bm;
-    case offsetof(MAILBOX_t, EXCHANGE):
-        end_touched_licence();
-        return (m.queued ? MAILBOX__EXCHANGE__QUEUED_bm : 0u) |
-               (m.sending ? MAILBOX__EXCHANGE__SENDING_bm : 0u) |
-               (m.started ? MAILBOX__EXCHANGE__STARTED_bm : 0u) |
-               (m.drive_candidate ? MAILBOX__EXCHANGE__CANDIDATE_bm : 0u) |
-               (m.drive_good ? MAILBOX__EXCHANGE__GOOD_bm : 0u) |
-               (m.loopback ? MAILBOX__EXCHANGE__LOOPBACK_bm : 0u) |
-               (m.quiet && !m.sending && !m.candidate ? MAILBOX__EXCHANGE__SILENT_bm : 0u);
-    default:
-        NEVER("a register that the firmware reads");
-    }
-    return 0;
-}
-
-static void queue_reply(uint32_t value)
-{
-    const uint32_t ticket = (value & MAILBOX__REPLY__TICKET_bm) >> MAILBOX__REPLY__TICKET_bp;
-    const bool alive = m.candidate || (m.committed && m.answerable);
-    uint32_t i;
-
-    m.reply_length = (value & MAILBOX__REPLY__LENGTH_bm) >> MAILBOX__REPLY__LENGTH_bp;
-    HOLDS(m.reply_length == 0 || (m.reply_length >= 3 && m.reply_length <= 1 + REPLY_PDU_MAX));
-    m.reply_queued =
-        ((ticket == m.ticket && alive && !m.broadcast) || m.loopback) && m.reply_length > 0;
-    m.wait_drive = (value & MAILBOX__REPLY__AFTER_DRIVE_bm) != 0;
-    m.spent |= ticket == m.ticket && m.broadcast;
-    for (i = 0; i < m.reply_length; i++)
-        m.reply[i] = mailbox_frame(REPLY_FRAME)[i].byte;
-}
-
-static void queue_telegram(uint32_t value)
-{
-    const uint32_t ticket = (value & MAILBOX__TELEGRAM__TICKET_bm) >> MAILBOX__TELEGRAM__TICKET_bp;
-    const uint32_t action = (value & MAILBOX__TELEGRAM__ACTION_bm) >> MAILBOX__TELEGRAM__ACTION_bp;
-    const bool mine = ticket == m.ticket;
-    struct request *asker = newest;
-    uint32_t i;
-
-    if (action == MAILBOX__TELEGRAM__ACTION__KEEP) {
-        m.kept = mine && m.candidate;
-        if (mine && m.committed && !m.spent)
-            keep();
-        return;
-    }
-    HOLDS(!m.sending);
-    held = 0;
-    m.started = false;
-    end_touched_licence();
-    if (action == MAILBOX__TELEGRAM__ACTION__REPEAT) {
-        m.repeats++;
-        m.queued = m.licensed && m.begun && m.repeatable;
-        return;
-    }
-    m.begun = false;
-    m.no_reply = (value & MAILBOX__TELEGRAM__NO_REPLY_bm) != 0;
-    if (action == MAILBOX__TELEGRAM__ACTION__WAITING) {
-        struct request **from = &m.waiting[m.no_reply ? PLACE_BROADCAST : PLACES - 1];
-
-        asker = *from;
-        *from = NULL;
-        m.licensed = m.queued = asker != NULL;
-        m.control = asker && asker->intent == INTENT_PROCESS;
-        m.newest = mine;
-        m.repeatable = !m.no_reply;
-    } else {
-        m.licensed = (mine && m.committed && !m.spent) || m.loopback;
-        m.queued = m.licensed || (mine && m.candidate);
-        m.control = m.licensed && !m.loopback && newest->intent == INTENT_PROCESS;
-        m.newest = true;
-        m.repeatable = !m.broadcast;
-    }
-    m.telegram_length = (value & MAILBOX__TELEGRAM__LENGTH_bm) >> MAILBOX__TELEGRAM__LENGTH_bp;
-    HOLDS(m.telegram_length == 6 || (m.telegram_length >= 12 && m.telegram_length <= TELEGRAM_MAX));
-    HOLDS(!(m.telegram_length & 1));
-    for (i = 0; i < m.telegram_length; i++)
-        m.telegram[i] = mailbox_frame(TELEGRAM_FRAME)[i].byte;
-    if (m.queued)
-        at_drive = asker;
-}
-
-static void count_events(uint32_t flags)
-{
-    uint32_t i;
-
-    m.events &= ~flags;
-    for (i = 0; i < EVENT_FLAGS; i++)
-        m.counted[i] = (uint16_t)(m.counted[i] + (flags >> i & 1));
+    value = mailbox_on_read(&m, offset);
+    HOLDS(m.unknown == 0);
+    return value;
 }
 
 static void check_counters(void)
@@ -506,42 +299,47 @@ static void check_counters(void)
     if (DIAGNOSTICS) /* a master may clear them (MAP-10) */
         return;
     for (i = 0; i < EVENT_FLAGS; i++, counter += FRAME_STRIDE / sizeof *counter)
-        HOLDS(*counter == m.counted[i]);
-    HOLDS(*mailbox_counter(COUNT_DRIVE_REPEAT) == m.repeats);
+        HOLDS(*counter == counted[i]);
+    HOLDS(*mailbox_counter(COUNT_DRIVE_REPEAT) == repeats);
+}
+
+/* Of every register that the firmware writes here. */
+static void check_write(uint32_t offset, uint32_t value)
+{
+    const uint32_t reply_length = MAILBOX_FIELD(REPLY, LENGTH, value);
+    const uint32_t length = MAILBOX_FIELD(TELEGRAM, LENGTH, value);
+    const uint32_t action = MAILBOX_FIELD(TELEGRAM, ACTION, value);
+
+    HOLDS(offset != offsetof(MAILBOX_t, WATCHDOG));
+    HOLDS(offset != offsetof(MAILBOX_t, LED) || value <= 0x0F);
+    HOLDS(offset != offsetof(MAILBOX_t, LISTEN) || value <= MAILBOX__LISTEN__ON_bm);
+    HOLDS(offset != offsetof(MAILBOX_t, SUPERVISOR) || value == MAILBOX__SUPERVISOR__LOOPBACK_bm);
+    if (offset == offsetof(MAILBOX_t, REPLY))
+        HOLDS(reply_length == 0 || (reply_length >= 3 && reply_length <= 1 + REPLY_PDU_MAX));
+    if (offset == offsetof(MAILBOX_t, EVENTS)) {
+        uint32_t i;
+
+        HOLDS(value != 0 && (value & ~m.events) == 0);
+        for (i = 0; i < EVENT_FLAGS; i++)
+            counted[i] = (uint16_t)(counted[i] + (value >> i & 1));
+    }
+    if (offset != offsetof(MAILBOX_t, TELEGRAM) || action == MAILBOX__TELEGRAM__ACTION__KEEP)
+        return;
+    HOLDS(!m.sending);
+    held = 0;
+    if (action == MAILBOX__TELEGRAM__ACTION__REPEAT)
+        repeats++;
+    else
+        HOLDS(length == 6 || (length >= 12 && length <= TELEGRAM_MAX && !(length & 1)));
 }
 
 static void on_write(uint32_t offset, uint32_t value)
 {
     race();
-    switch (offset) {
-    case offsetof(MAILBOX_t, LED):
-        HOLDS(value <= 0x0F);
-        break;
-    case offsetof(MAILBOX_t, EVENTS):
-        HOLDS(value != 0 && (value & ~m.events) == 0);
-        count_events(value);
-        break;
-    case offsetof(MAILBOX_t, REPLY):
-        queue_reply(value);
-        break;
-    case offsetof(MAILBOX_t, TELEGRAM):
-        queue_telegram(value);
-        break;
-    case offsetof(MAILBOX_t, LISTEN):
-        HOLDS(value <= MAILBOX__LISTEN__ON_bm);
-        m.listening = value != 0;
-        m.drive_candidate = m.drive_good = false;
-        break;
-    case offsetof(MAILBOX_t, SUPERVISOR):
-        HOLDS(value == MAILBOX__SUPERVISOR__LOOPBACK_bm);
-        m.loopback = false;
-        m.reply_queued = false;
-        end_licence();
-        break;
-    default:
-        NEVER("a register that the firmware writes");
-    }
-    release();
+    check_write(offset, value);
+    mailbox_on_write(&m, offset, value);
+    HOLDS(m.unknown == 0);
+    judge();
 }
 
 /* ---- the firmware */
@@ -560,15 +358,22 @@ static void seal_image(void)
     }
 }
 
+/* A request that was there comes once more before the firmware has started: it is not served. */
 static void restart(void)
 {
-    m.queued = m.licensed = m.reply_queued = m.kept = m.listening = m.started = false;
-    memset(m.waiting, 0, sizeof m.waiting);
-    m.sending = m.sending && !m.loopback;
-    newest = at_drive = NULL;
-    if (m.candidate || m.committed) {
-        newest = requests;
+    const bool committed = m.is_committed;
+    const bool again = m.is_candidate || committed;
+
+    if (m.loopback)
+        event_telegram_ends();
+    mailbox_restart(&m);
+    if (again) {
         newest->ignored = true;
+        mailbox_candidate(&m, m.request, newest->pdu, newest->length, newest->broadcast);
+        if (committed)
+            mailbox_commit(&m);
+    } else {
+        newest = NULL;
     }
     model_init(&model);
     memset(&g, 0, sizeof g);
@@ -587,7 +392,6 @@ static void poll(void)
     gateway_poll(&g);
     if (gateway_is_idle(&g))
         HOLDS(image_step(&image, IDLE_WORDS));
-    end_touched_licence();
     if (rounds_to_commit != 0 && to_see != 0)
         rounds_to_commit--;
     polled = rounds_to_commit == 0;
@@ -601,23 +405,23 @@ static void poll(void)
     HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == model.drive_timeout);
     HOLDS(translate_is_sound(&g.translator));
     /* (docs/hardening.md, Licence ends with the exchange) */
-    HOLDS(g.exchange != EXCHANGE_IDLE || g.testing || !m.licensed);
+    HOLDS(g.exchange != EXCHANGE_IDLE || g.testing || !m.licensed || mailbox_is_touched(&m));
 }
 
 /* Lets time pass as if idle polls had followed it. */
 static void skip(uint32_t ticks)
 {
-    m.time += ticks;
+    m.ticks += ticks;
     g.now += ticks;
 }
 
 static void wait(uint32_t polls, uint32_t step)
 {
     for (; polls != 0; polls--) {
-        m.time += step;
-        if (step != 0 && m.queued && m.waiting[g.next] && !rounds_to_commit)
+        m.ticks += step;
+        if (step != 0 && m.telegram_queued && m.waiting[g.next == PLACE_BROADCAST] && !rounds_to_commit)
             held += step;
-        if (m.sending && m.time - m.sent_at > SENDING)
+        if (m.sending && m.ticks - sent_at > SENDING)
             event_telegram_ends();
         poll();
     }
@@ -642,11 +446,11 @@ static void event(uint32_t how)
     switch (how & 15) {
     case 0:
     case 1:
-        if (!m.candidate && polled)
+        if (!m.is_candidate && polled)
             event_candidate();
         break;
     case 2:
-        if (m.candidate)
+        if (m.is_candidate)
             event_commit();
         break;
     case 8:
@@ -694,10 +498,10 @@ static void come_to_rest(void)
     uint32_t round;
 
     race_in = 0;
-    event_character();
+    mailbox_character(&m);
     for (round = 0; round < 8; round++) {
-        m.quiet = true;
-        release();
+        mailbox_pause_over(&m);
+        judge();
         poll();
         event_telegram_ends();
         event_bcc(false);
@@ -705,14 +509,14 @@ static void come_to_rest(void)
         wait(3, 1);
     }
     HOLDS(!g.testing && !m.loopback && gateway_is_idle(&g));
-    HOLDS(!m.queued && !m.sending && !m.waiting[0] && !m.waiting[PLACES - 1]);
+    HOLDS(!m.telegram_queued && !m.sending && !m.waiting[0] && !m.waiting[1]);
 }
 
 /* Plays a committed request made from the bytes of pdu; returns the number of replies sent. */
 static uint32_t ask(const uint8_t *pdu, size_t length)
 {
     struct input in = {pdu, pdu + length};
-    const uint32_t before = m.replies;
+    const uint32_t before = replies;
 
     input = &in;
     event_candidate();
@@ -720,7 +524,7 @@ static uint32_t ask(const uint8_t *pdu, size_t length)
     event_commit();
     poll();
     poll();
-    return m.replies - before;
+    return replies - before;
 }
 
 static void serve(void)
@@ -729,27 +533,27 @@ static void serve(void)
     static const uint8_t local[] = {0x11, 1, 0};
     static const uint8_t parameter[] = {0x09, 2, 1, 0};
     uint8_t data[12] = {0};
-    uint32_t telegrams;
+    uint32_t before;
 
     HOLDS(ask(local, sizeof local) == 1);
-    HOLDS(m.reply[1] == 0x03 && m.reply[2] == 2);
-    HOLDS(m.reply[3] << 8 == (model.network_timeout & 0xFF00) && m.reply[4] == (model.network_timeout & 0xFF));
-    telegrams = m.telegrams;
+    HOLDS(reply[1] == 0x03 && reply[2] == 2);
+    HOLDS(reply[3] << 8 == (model.network_timeout & 0xFF00) && reply[4] == (model.network_timeout & 0xFF));
+    before = telegrams;
     HOLDS(ask(parameter, sizeof parameter) == 0);
-    HOLDS(m.telegrams == telegrams + 1);
+    HOLDS(telegrams == before + 1);
     event_telegram_ends();
     poll();
     memcpy(data, m.telegram + 1, 4);
     if (data[0] >> 4 == 15) {
         data[4] = data[5] = 'A';
-        event_drive_data(data, 10);
+        mailbox_drive_data(&m, data, 10, 12);
     } else
-        event_drive_data(data, 12);
+        mailbox_drive_data(&m, data, 12, 14);
     poll();
-    telegrams = m.replies;
+    before = replies;
     event_bcc(true);
-    HOLDS(m.replies == telegrams + 1);
-    HOLDS(m.reply[1] == 0x03);
+    HOLDS(replies == before + 1);
+    HOLDS(reply[1] == 0x03);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -762,14 +566,16 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     if (image_words[IMAGE_WORDS] == 0)
         seal_image();
-    memset(&m, 0, sizeof m);
-    memset((void *)host_frames, 0, sizeof host_frames);
+    mailbox_init(&m);
+    m.address = ADDRESS;
     memset(requests, 0, sizeof requests);
-    m.quiet = true;
+    memset(counted, 0, sizeof counted);
+    repeats = 0;
+    replies = telegrams = 0;
     input = &in;
     start = take(input);
     m.loopback = (start & 0x0F) == 0x0F;
-    m.time = start << 8;
+    m.ticks = start << 8;
     host_connect(on_read, on_write);
     restart();
     for (events = 0; events < EVENTS && in.at < in.end; events++)

@@ -11,6 +11,7 @@
 
 #include "codes.h"
 #include "fuzz.h"
+#include "mailbox_model.h"
 #include "translate.h"
 
 enum { STEPS = 200, BANK = PDU_KEPT, DRIVE_BANK = 28 };
@@ -219,7 +220,7 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
         return;
     length = take_telegram(in, slot->telegram, slot->txn->telegram_length, data);
     for (i = 0; i < length; i++)
-        b->drive_bank[place_of(i)].byte = data[i];
+        b->drive_bank[mailbox_drive_slot(i)].byte = data[i];
     outcome = translate_drive_reply(&b->t, slot->txn, b->drive_bank, length + 2);
     HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
     /* The second telegram is made from it. */

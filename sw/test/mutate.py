@@ -194,7 +194,7 @@ class MutantBuild:
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
         shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
-        self.files = [*sources(), HOST]
+        self.files = [*sources(), *HOST]
         self.core = [f"sw/src/{file}" for file in CORE if file.endswith(".c")]
         common = ["sw/test/fuzz.c", "sw/test/replay.c"]
         # The sources of each fuzzer; fuzzer_of() selects one.

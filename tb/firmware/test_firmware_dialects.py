@@ -559,17 +559,17 @@ def test_a_newer_request_that_the_firmware_did_not_see_ends_the_older_one_too(be
 
 @pytest.mark.rule("FRAME-7")
 def test_a_newer_request_while_the_second_telegram_is_being_queued_drops_it(bench: Bench):
-    mailbox, plain = bench.mailbox, bench.mailbox._write_telegram
+    mailbox = bench.mailbox
 
     def too_late(**fields: int) -> None:
-        mailbox._write_telegram = plain
+        mailbox.writes.clear()
         mailbox.character()
         mailbox.candidate(READ_INDEX)
-        plain(**fields)
+        mailbox.write_register("TELEGRAM", **fields)
 
     bench.request(READ_TEXT)
     bench.telegram_ends()
-    mailbox._write_telegram = too_late
+    mailbox.writes["TELEGRAM"] = too_late
     bench.drive(NO_NUMBER)
     bench.commit()
     assert bench.telegrams == [ASK_NUMBER]

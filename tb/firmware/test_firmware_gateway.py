@@ -133,7 +133,7 @@ def test_the_end_of_an_exchange_ends_its_licence(bench: Bench, end: str):
     assert len(bench.telegrams) == (2 if end == "silent" else 1)
     mailbox = bench.mailbox
     # The hardware does not repeat it, even if the firmware queues a repeat.
-    mailbox._write_telegram(length=0, no_reply=0, action=1, ticket=mailbox.ticket)
+    mailbox.write_register("TELEGRAM", action=1, ticket=mailbox.ticket)
     assert not mailbox.licensed and not mailbox.telegram_queued
     assert mailbox.spent
 
@@ -161,7 +161,7 @@ def test_a_telegram_that_differs_in_its_second_pass_is_never_sent(
                 frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(place)] ^= 1 << bit
         return mailbox.length
 
-    mailbox._read_length = flip
+    mailbox.reads["LENGTH"] = flip
     if isinstance(bench.gateway, Machine):
         with pytest.raises(Hung):  # the watchdog would bite
             bench.request(COMMAND)
@@ -185,7 +185,7 @@ def test_a_parameter_write_that_differs_in_its_second_pass_is_not_queued(bench: 
             frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(5)] ^= 1
         return mailbox.length
 
-    mailbox._read_length = flip
+    mailbox.reads["LENGTH"] = flip
     mailbox.candidate(core_flips.WRITES[-2])
     for _ in range(3):
         bench.poll()
@@ -200,18 +200,18 @@ def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench,
     mailbox = bench.mailbox
     mailbox.candidate(COMMAND)
     mailbox.commit()
-    plain, left = mailbox._read_request, [reads]
+    left = [reads]
 
     def newer() -> int:
-        word = plain()
+        word = mailbox.read_register("REQUEST")
         left[0] -= 1
         if left[0] == 0:
             mailbox.candidate(H("0F 0000 0020 04 3F04 6655"))
         return word
 
-    mailbox._read_request = newer
+    mailbox.reads["REQUEST"] = newer
     bench.poll()
-    mailbox._read_request = plain
+    mailbox.reads.clear()
     bench.character()
     bench.telegram_ends()
     bench.wait(400)
@@ -223,12 +223,12 @@ def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench,
 def test_a_request_that_reads_as_candidate_and_committed_is_a_candidate(bench: Bench):
     """A bit of the register flips on the way to the firmware, and the request is revoked then."""
     mailbox = bench.mailbox
-    plain = mailbox._read_request
     mailbox.candidate(COMMAND)
-    mailbox._read_request = lambda: plain() | REGISTERS["REQUEST"].pack(committed=1)
+    committed = REGISTERS["REQUEST"].pack(committed=1)
+    mailbox.reads["REQUEST"] = lambda: mailbox.read_register("REQUEST") | committed
     for _ in range(3):
         bench.poll()
-    mailbox._read_request = plain
+    mailbox.reads.clear()
     bench.character()
     bench.wait(400)
     bench.request(H("05 0009 0000"))
@@ -238,7 +238,7 @@ def test_a_request_that_reads_as_candidate_and_committed_is_a_candidate(bench: B
 @pytest.mark.rule("SAFE-4", "LOOP-1")
 def test_the_loopback_test_is_closed_at_every_normal_start(bench: Bench):
     written = []
-    bench.mailbox._write_supervisor = lambda **fields: written.append(fields)
+    bench.mailbox.writes["SUPERVISOR"] = lambda **fields: written.append(fields)
     bench.restart()
     asked = [{name for name, value in fields.items() if value} for fields in written]
     assert asked == [{"loopback"}], "a flipped switch cannot open it later either"
@@ -314,15 +314,15 @@ def test_a_committed_write_stays_when_its_reply_is_dropped(bench: Bench):
 
 @pytest.mark.rule("FRAME-6")
 def test_a_request_replaced_while_it_is_decoded_is_not_answered(bench: Bench):
-    mailbox, plain_length = bench.mailbox, bench.mailbox._read_length
+    mailbox = bench.mailbox
 
     def replaced() -> int:
-        mailbox._read_length = plain_length
+        mailbox.reads.clear()
         mailbox.character()
         mailbox.candidate(READ_IND)
-        return plain_length()
+        return mailbox.length
 
-    mailbox._read_length = replaced
+    mailbox.reads["LENGTH"] = replaced
     mailbox.candidate(H("06 0000 0102"))
     bench.poll()
     bench.commit()
@@ -437,17 +437,16 @@ def test_after_a_wrong_bcc_the_next_good_telegram_is_answered(bench: Bench):
 def test_a_reply_prepared_too_late_for_its_wrong_bcc_is_never_sent(bench: Bench):
     """The wrong BCC arrives between the firmware's check and its queueing."""
     mailbox = bench.mailbox
-    plain_write = mailbox._write_reply
 
     def late(**fields: int) -> None:
-        mailbox._write_reply = plain_write
+        mailbox.writes.clear()
         mailbox.bcc(good=False)
-        plain_write(**fields)
+        mailbox.write_register("REPLY", **fields)
 
     bench.request(READ_514)
     bench.telegram_ends()
     mailbox.drive_data(H("1202 0000 0000 0001 FFFF FFFF"))
-    mailbox._write_reply = late
+    mailbox.writes["REPLY"] = late
     bench.poll()
     assert not mailbox.reply_queued
     bench.drive(H(f"1203 0000 0000 0001 {STATUS}"))  # good, but another parameter
@@ -814,6 +813,19 @@ def test_a_write_that_waited_is_answered_and_repeated_like_any_other(bench: Benc
     assert bench.replies == [H("01 0F 0000 0020")]
 
 
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_a_write_that_waited_is_repeated_even_after_a_newer_request(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(START)
+    bench.drive(TELL_514)
+    bench.telegram_ends()
+    bench.local(READ_IND)
+    bench.wait(151)
+    assert bench.telegrams[1:] == [to("us", TELEGRAM_OF_START)] * 2
+    assert bench.replies == [REPLY_IND]
+
+
 @pytest.mark.rule("FC-9")
 @pytest.mark.parametrize("before", ["reading", "repeated", "text", "write", "broadcast"])
 @pytest.mark.parametrize("unit", ["all", "us"])
@@ -916,15 +928,15 @@ def test_a_telegram_that_waits_for_its_pause_is_sent_before_a_newer_one(bench: B
 
 @pytest.mark.rule("FRAME-6", "SAFE-3")
 def test_a_telegram_queued_too_late_frees_the_drive_line(bench: Bench):
-    mailbox, plain = bench.mailbox, bench.mailbox._write_telegram
+    mailbox = bench.mailbox
 
     def too_late(**fields: int) -> None:
-        mailbox._write_telegram = plain
+        mailbox.writes.clear()
         mailbox.character()
         mailbox.candidate(READ_IND)
-        plain(**fields)
+        mailbox.write_register("TELEGRAM", **fields)
 
-    mailbox._write_telegram = too_late
+    mailbox.writes["TELEGRAM"] = too_late
     bench.offer(READ_514)
     bench.commit()
     assert bench.replies == [REPLY_IND]
@@ -1460,14 +1472,13 @@ def test_each_event_is_counted_in_its_own_counter(bench: Bench):
 @pytest.mark.rule("FRAME-4")
 def test_an_event_between_reading_and_clearing_is_not_lost(bench: Bench):
     mailbox = bench.mailbox
-    plain_write = mailbox._write_events
 
     def late(**flags: int) -> None:
-        mailbox._write_events = plain_write
+        mailbox.writes.clear()
         mailbox.event("t15")
-        plain_write(**flags)
+        mailbox.write_register("EVENTS", **flags)
 
-    mailbox._write_events = late
+    mailbox.writes["EVENTS"] = late
     mailbox.event("crc")
     bench.poll()
     bench.poll()
@@ -1536,14 +1547,14 @@ def test_the_stop_is_repeated_once(running: Bench):
 
 @pytest.mark.rule("SAFE-7")
 def test_the_image_keeps_the_start_if_the_gate_has_no_licence_any_more(running: Bench):
-    write = running.mailbox._write_telegram
+    mailbox = running.mailbox
 
     def refused(**order: int) -> None:
         if order["stop"]:
-            running.mailbox.since = running.mailbox.time
-        write(**order)
+            mailbox.since = mailbox.ticks
+        mailbox.write_register("TELEGRAM", **order)
 
-    running.mailbox._write_telegram = refused
+    mailbox.writes["TELEGRAM"] = refused
     running.wait(TIMEOUT_MS + 5)
     assert running.telegrams == [SEND_START]
     running.local(READ_CONTROL)

@@ -177,17 +177,33 @@ class Translator:
         return self.memory.raw[: self.lib.host_size_of_images()]
 
 
-class FrameMemory:
-    """Address of frames and counters: in the library connected last."""
+class Connected:
+    """The library of the last Gateway; it holds the frame memory and serves the mailbox (fake_mailbox.py)."""
 
-    address = 0
+    lib: ctypes.CDLL | None = None
+    frames: ctypes.Array
 
     @classmethod
     def move_to(cls, lib: ctypes.CDLL) -> None:
-        address = ctypes.addressof(ctypes.c_uint32.in_dll(lib, "host_frames"))
-        if cls.address not in (0, address):
-            ctypes.memmove(address, cls.address, FRAMES_BYTES)
-        cls.address = address
+        if lib is cls.lib:
+            return
+        frames = (ctypes.c_uint8 * FRAMES_BYTES).in_dll(lib, "host_frames")
+        if cls.lib:
+            frames[:] = cls.frames
+        cls.lib, cls.frames = lib, frames
+
+
+def connected() -> ctypes.CDLL:
+    """The library connected last, or that of the card."""
+    if not Connected.lib:
+        Connected.move_to(library())
+    return Connected.lib
+
+
+def frame_memory() -> ctypes.Array:
+    """The whole frame memory, readable and writable."""
+    connected()
+    return Connected.frames
 
 
 class Gateway:
@@ -201,7 +217,7 @@ class Gateway:
         option: str = "",
     ) -> None:
         self.lib = library(option, dialect)
-        FrameMemory.move_to(self.lib)
+        Connected.move_to(self.lib)
 
         def on_read(offset: int) -> int:
             # The length is read at the beginning of each translation.
@@ -216,10 +232,3 @@ class Gateway:
 
     def poll(self) -> None:
         self.lib.gateway_poll(self.memory)
-
-
-def frame_memory() -> ctypes.Array:
-    """The whole frame memory, readable and writable."""
-    if not FrameMemory.address:
-        FrameMemory.move_to(library())
-    return (ctypes.c_uint8 * FRAMES_BYTES).from_address(FrameMemory.address)
