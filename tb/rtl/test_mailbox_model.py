@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model of the mailbox, used by firmware tests and fuzzer, decides as commit_gate, event by event."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import cocotb
+import pytest
+
+from regs.generated.mailbox import REGISTERS, VALUES
+from tb.lib.bench import Strobes
+from tb.lib.runner import run
+from tb.lib.seeds import seeded
+from tb.model.fake_mailbox import FakeMailbox
+from tb.rtl.test_commit_gate import Gate
+
+HISTORIES, EVENTS = 30, 600
+ACTIONS = VALUES["TELEGRAM", "action"]
+TELEGRAM = bytes.fromhex("81 0000 0000 85")  # with its BCC
+STROBES = ("queue_telegram", "repeat_telegram", "use_waiting", "keep_write")
+ORDERS = dict(zip(("first", "repeat", "waiting", "keep"), STROBES, strict=True))
+
+
+class Both:
+    """A gate and a model with the same history."""
+
+    def __init__(self, gate: Gate, rng) -> None:
+        self.gate, self.rng, self.mailbox = gate, rng, FakeMailbox()
+        self.mailbox.store("TELEGRAM_FRAME", TELEGRAM)
+        self.started = Strobes(gate.dut, "telegram_start", "telegram_control", "telegram_stop")
+        self.telegrams = Counter()  # by licence, and whether it is a repeat
+        self.stop = self.again = False
+
+    def a_ticket(self) -> int:
+        return self.mailbox.ticket ^ self.rng.choice([0, 0, 0, 0, 1, 8])
+
+    async def candidate(self) -> None:
+        broadcast, coils = self.rng.random() < 0.3, self.rng.random() < 0.6
+        self.mailbox.candidate(b"\x05" if coils else b"\x03", broadcast)
+        await self.gate.candidate(broadcast, coils)
+
+    async def commit(self) -> None:
+        self.mailbox.commit()
+        await self.gate.pulse("commit")
+
+    async def character(self) -> None:
+        self.mailbox.character()
+        await self.gate.pulse("modbus_start_seen")
+
+    async def order_reply(self) -> None:
+        order = {"length": self.rng.choice([0, 3, 3]), "after_drive": self.rng.getrandbits(1)}
+        ticket = self.a_ticket()
+        self.mailbox.write_register("REPLY", ticket=ticket, **order)
+        await self.gate.queue_reply(ticket, order["after_drive"], not order["length"])
+
+    async def order_telegram(self) -> None:
+        action = self.rng.choice(list(ORDERS))
+        if self.mailbox.licensed and self.mailbox.begun and self.rng.random() < 0.7:
+            action = "repeat"
+        ticket, to_all = self.a_ticket(), self.rng.getrandbits(1)
+        if self.mailbox.sending and action != "keep":  # mailbox_regs holds these back
+            return
+        stop = action == "waiting" and self.rng.random() < 0.7
+        if action != "keep":
+            self.again = action == "repeat"
+        if action in ("first", "waiting"):
+            self.stop = stop
+        fields = {"no_reply": to_all, "action": ACTIONS[action], "ticket": ticket, "stop": stop}
+        self.mailbox.write_register("TELEGRAM", length=len(TELEGRAM), **fields)
+        await self.gate.pulse(ORDERS[action], queue_ticket=ticket, waiting_to_all=to_all, waiting_stop=stop)
+
+    async def touch(self) -> None:
+        if self.mailbox.sending:  # bus_arbiter holds the write back
+            return
+        self.mailbox.store("TELEGRAM_FRAME", bytes(1))
+        self.mailbox.read_register("EXCHANGE")
+        self.mailbox.store("TELEGRAM_FRAME", TELEGRAM)
+        await self.gate.pulse("telegram_touched")
+
+    async def watch(self) -> None:
+        order = {"running": self.rng.random() < 0.9, "period": self.rng.choice([0, 1, 1, 1, 2])}
+        ticket = self.a_ticket()
+        self.mailbox.write_register("SUPERVISOR", watch=1, ticket=ticket, **order)
+        await self.gate.pulse("watch", queue_ticket=ticket, **order)
+
+    async def tick(self) -> None:
+        self.mailbox.ticks += 1
+        await self.gate.pulse(beat=self.mailbox.ticks & 1)
+
+    async def telegram_ends(self) -> None:
+        self.mailbox.telegram_ends()
+
+    async def line(self) -> None:
+        """The pause before a telegram is over, or somebody sends."""
+        if self.rng.random() < 0.8:
+            self.mailbox.pause_over()
+        else:
+            self.mailbox.quiet = False
+
+    async def drive(self) -> None:
+        self.mailbox.drive_data(bytes(4))
+        if self.mailbox.drive_candidate:
+            good = self.rng.random() < 0.6
+            self.mailbox.bcc(good)
+            await self.gate.pulse(*["drive_bad"][good:], drive_good=good)
+
+    async def listen(self) -> None:
+        self.mailbox.write_register("LISTEN", on=self.rng.getrandbits(1))
+
+    async def rarely(self) -> None:
+        if self.rng.random() < 0.3:
+            self.mailbox.restart()
+            await self.gate.pulse("rst")
+        elif self.rng.random() < 0.3:
+            self.mailbox.write_register("SUPERVISOR", loopback=1)
+
+    async def step(self) -> str:
+        """One event; returns its name."""
+        often = [self.commit, self.order_telegram, self.order_telegram, self.telegram_ends, self.tick]
+        seldom = [self.candidate, self.candidate, self.watch, self.watch, self.drive, self.order_reply]
+        seldom += [self.line]
+        rare = [self.character, self.touch, self.listen, self.rarely]
+        event = self.rng.choice(6 * often + 3 * seldom + rare)
+        mailbox, dut = self.mailbox, self.gate.dut
+        sent_before = mailbox.sending
+        telegrams = mailbox.sent_telegrams
+        await event()
+        if mailbox.sent_telegrams > telegrams:
+            kind = "stop" if self.stop else "place" if mailbox.from_place else "first"
+            self.telegrams[kind, self.again] += 1
+        # A telegram that starts only now ends the pause, and what the drive said, a clock later.
+        dut.drive_quiet.value = int(mailbox.quiet and not (sent_before and mailbox.sending))
+        dut.loopback_open.value = mailbox.loopback
+        await self.gate.bench.clocks(3)
+        dut.drive_quiet.value = int(mailbox.quiet and not mailbox.sending)
+        dut.drive_good.value = mailbox.drive_good
+        return event.__name__
+
+    def compare(self) -> tuple[dict[str, int], dict[str, int]]:
+        mailbox, dut = self.mailbox, self.gate.dut
+        exchange = REGISTERS["EXCHANGE"].unpack(mailbox.read_register("EXCHANGE"))
+        last = self.started.values[-1] if self.started.values else None
+        same = {"ticket", "is_candidate", "is_committed", "reply_queued", "telegram_queued"}
+        of_model = {name: getattr(mailbox, name) for name in same} | {
+            "telegram_started": mailbox.started,
+            "stop_due": exchange["stop_due"],
+            "replies": len(mailbox.replies),
+            "telegrams": len(mailbox.telegrams),
+        }
+        of_gate = {name: int(getattr(dut, name).value) for name in [*same, "telegram_started", "stop_due"]}
+        of_gate |= {"replies": len(self.gate.replies), "telegrams": len(self.started)}
+        if mailbox.started:
+            of_model["last"], of_gate["last"] = (mailbox.control, int(self.stop)), last
+        return of_model, of_gate
+
+
+@cocotb.test()
+async def the_model_decides_as_the_gate(dut):
+    rng = seeded("model and gate")
+    left = Counter()
+    gate = await Gate(dut).start()
+    for history in range(HISTORIES):
+        await gate.pulse("rst", broadcast=0, writes_coils=0, drive_good=0, drive_quiet=1)
+        gate.replies.clear()
+        both = Both(gate, rng)
+        both.mailbox.ticket = int(dut.ticket.value)
+        both.mailbox.ticks = int(dut.beat.value)
+        both.mailbox.loopback = dut.loopback_open.value = history % 8 == 0
+        events = []
+        for _ in range(EVENTS):
+            events.append(await both.step())
+            of_model, of_gate = both.compare()
+            differ = [name for name in of_model if of_model[name] != of_gate[name]]
+            assert of_model == of_gate, f"{', '.join(differ)} after {', '.join(events[-12:])}"
+        left.update({"replies": len(both.mailbox.replies)} | both.telegrams)
+    cocotb.log.info("left: %s", dict(left))
+    assert len(left) >= 6, "replies, and telegrams of each licence, repeated; the repeat of a stop is rare"
+
+
+@pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-7")
+def test_the_model_decides_as_the_gate(sim):
+    run("commit_gate", "tb.rtl.test_mailbox_model", sim=sim, parameters={"MASTER_LOSS_STOP": 1})
