@@ -199,7 +199,7 @@ class MutantBuild:
         common = ["sw/test/fuzz.c", "sw/test/replay.c"]
         # The sources of each fuzzer; fuzzer_of() selects one.
         self.replayers = {
-            "translate": [*self.core, *common, "sw/test/fuzz_translate.c"],
+            "translate": [*self.core, "sw/src/diagnostics.c", *HOST, *common, "sw/test/fuzz_translate.c"],
             "gateway": [*self.files, *common, "sw/test/fuzz_gateway.c"],
         }
         needed = dict.fromkeys(file for files in self.replayers.values() for file in files)
