@@ -605,6 +605,8 @@ def test_own_clock(config):
 
 
 @pytest.mark.slow
+@pytest.mark.cards("tiny")
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
 def test_manual_at_own_clock(config):
+    """The bench measures the standard card at its own clock."""
     run_card("verilator", config, ["manual_examples_at_9600_meet_all_turnarounds"], own_hz(config))
