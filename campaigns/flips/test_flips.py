@@ -234,8 +234,8 @@ ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "net
 @pytest.mark.parametrize(
     ("baud", "revoked_at", "by", "each"),
     [
-        (19200, 0.9, 0x00, 9),
         pytest.param(19200, 0.9, 0x00, 3, marks=pytest.mark.slow),
+        (38400, 0.9, 0x00, 25),
         pytest.param(9600, 0.5, 0xFF, 5, marks=pytest.mark.slow),
         pytest.param(38400, 0.9, 0x55, 5, marks=pytest.mark.slow),
     ],

@@ -155,9 +155,9 @@ def test_lenient_card_follows_the_lenient_rule(tmp_path):
     ("name", "frames"),
     [
         ("lenient-t15", 1500),
-        ("newest-not-served", 2500),
+        pytest.param("newest-not-served", 2500, marks=pytest.mark.slow),
         pytest.param("any-pnu", 2500, marks=pytest.mark.slow),
-        ("short-adr", 500),
+        pytest.param("short-adr", 500, marks=pytest.mark.slow),
     ],
 )
 def test_a_planted_bug_is_found(name, frames, tmp_path):
@@ -168,6 +168,7 @@ def test_a_planted_bug_is_found(name, frames, tmp_path):
     assert result.differences, f"{name} lived through {result.frames} frames"
 
 
+@pytest.mark.slow
 @pytest.mark.rule("SAFE-1", "FC-5")
 def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
     """From the function code on one pin to bit 10 on the other, on the wired card."""
@@ -296,6 +297,7 @@ def test_contradicting_options_are_refused(monkeypatch, capsys, words, said):
     assert stopped.value.code == 2 and said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_shard_is_reproducible():
     assert make("7/3") == make("7/3")
     assert make("7/3") != make("7/4")
@@ -571,6 +573,7 @@ def test_shards_are_merged(tmp_path, capsys, monkeypatch):
         fuzz_report.merge([result(1, 10, []), result(2, 5, [], card="another")])
 
 
+@pytest.mark.slow
 def test_shard_keeps_its_intermediate_result(tmp_path, monkeypatch):
     monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
     monkeypatch.setattr(fuzz, "KEPT_EACH_S", 0)
@@ -584,6 +587,7 @@ def test_shard_keeps_its_intermediate_result(tmp_path, monkeypatch):
     assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
 
 
+@pytest.mark.slow
 def test_shard_stopped_while_shrinking_keeps_the_difference(tmp_path, monkeypatch):
     def stopped(case: dict, fails: Callable[[dict], bool]) -> dict:
         raise KeyboardInterrupt

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bugs of planted.toml: each one applies, and the test that must see it fails.
 
-The bugs in the firmware run here, on the host; the others, each in a copy of the project, in `make test-all`.
+The bugs in the firmware run on the host, the others each in a copy of the project. `make test-all` runs both.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ def test_names_are_unique():
     assert len({plant.name for plant in PLANTS}) == len(PLANTS) >= 25
 
 
+@pytest.mark.slow
 def test_every_planted_bug_in_the_firmware_is_seen(tmp_path):
     found = failed_by("--firmware", "--work", str(tmp_path))
     assert found.keys() == {plant.name for plant in PLANTS if plant.in_firmware}

@@ -230,7 +230,7 @@ COUNTS = ("left", "limit")
 
 
 @pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize("started", [False, True])
+@pytest.mark.parametrize("started", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
     """Both halves of a pair at once, too: then the firmware's clock alone holds the stop back."""
     with Master(extra="flips") as master:

@@ -505,7 +505,7 @@ def test_a_silent_drive_gets_one_repeat_then_the_master_gets_255(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
-@pytest.mark.parametrize("tens", [1, 2, 50, 7000])
+@pytest.mark.parametrize("tens", [1, 2, 50, pytest.param(7000, marks=pytest.mark.slow)])
 def test_the_wait_is_register_40003(bench: Bench, tens: int):
     bench.local(bytes([6, 0, 2]) + tens.to_bytes(2, "big"))
     bench.request(READ_514)

@@ -107,12 +107,12 @@ def in_make_test(item: pytest.Item) -> bool:
     `all_cards` run as both cards on both simulators. Tests marked `slow` show nothing that another test does
     not show in less time. Tests marked `needs` wait for tools that `make test` does not install.
     """
-    if item.get_closest_marker("all_cards"):
-        return True
     sim, config = place(item)
     slow = item.get_closest_marker("slow")
     if slow and (not slow.args or sim in slow.args):
         return False
+    if item.get_closest_marker("all_cards"):
+        return True
     if item.get_closest_marker("needs") or config == "tiny":
         return False
     # SIM=verilator asks for all of them.
