@@ -85,19 +85,15 @@ def place(item: pytest.Item) -> tuple[str | None, str | None]:
 
 
 def costly(item: pytest.Item, config: pytest.Config) -> bool:
-    """Tests of the whole card that take minutes on Icarus.
+    """Tests of the whole card that take minutes on Icarus: all but the manual's examples (marked `examples`).
 
-    Those are all tests of the small card, because SERV takes ten times the clocks, and the slow tests of the
-    standard card. The manual's examples remain (marked `examples`). `CARD=tiny` asks for the former,
-    `SIM=icarus` for the latter.
+    `SIM=icarus` asks for those of the standard card, `CARD=tiny` for those of the small one: SERV takes ten
+    times the clocks.
     """
     sim, card = place(item)
     if sim != "icarus" or card is None or item.get_closest_marker("all_cards"):
         return False
-    if card == "tiny":
-        return True
-    slow = item.get_closest_marker("slow") and not item.get_closest_marker("examples")
-    return bool(slow) and not config.getoption("--sim")
+    return card == "tiny" or not (item.get_closest_marker("examples") or config.getoption("--sim"))
 
 
 def in_make_test(item: pytest.Item) -> bool:
