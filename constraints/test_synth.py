@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
@@ -32,6 +33,7 @@ from constraints.synth import (
     stale,
     too_big,
     tool,
+    unsafe,
     without_loose_inputs,
 )
 from rtl.sources import card_files, needed_files
@@ -40,6 +42,9 @@ from tb.gates.netlists import GATES_HZ, netlist
 from tb.lib.runner import ROOT, firmware
 
 pytestmark = pytest.mark.needs("synth")
+
+# Yosys's name of a part of each family whose netlists are examined here.
+DEVICES = {family: device for family, (device, _) in COUNTED_ON.items()} | {"gowin": "gw1n"}
 
 
 def elaborated(name: str, sources: list[Path], top: str) -> dict:
@@ -88,7 +93,7 @@ def test_every_input_goes_to_one_flip_flop_first_in_cells(family, card_config):
 
 
 @pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize("family", COUNTED_ON)
+@pytest.mark.parametrize("family", DEVICES)
 @pytest.mark.parametrize(
     "module", ["guarded_bit", "commit_gate", "network_port", "drive_port", "switch_sampler"]
 )
@@ -102,7 +107,7 @@ def test_no_flip_flops_are_merged(family, module):
     ]
     folder = ROOT / "build/tests" / f"synth-registers-{module}-{family}"
     folder.mkdir(parents=True, exist_ok=True)
-    gates.synthesise(folder, module, mapping(family, COUNTED_ON[family][0], module), sources, {})
+    gates.synthesise(folder, module, mapping(family, DEVICES[family], module), sources, {})
     cells = json.loads((folder / "raw.json").read_text())["modules"][module]["cells"].values()
     there = sum(cell["type"] in MAPPED[family] for cell in cells)
     assert there == sum(int(width, 2) for width in registers)
@@ -125,6 +130,49 @@ def test_reset_pin_goes_only_to_the_reset_synchroniser(config):
         if pin in bits and cell["port_directions"][port] == "input"
     }
     assert {kind for _, kind in users} == {"$adff"} and all("reset_i" in name for name, _ in users), users
+
+
+# Registers with each start value, and with a reset to the same or the other value, or with none.
+STARTS = """
+  reg a = 0, b = 1, c = 0, d = 1, e = 0, f = 1;
+  always @(posedge clk) begin
+    a <= x; b <= x; c <= x; d <= x; e <= x; f <= x;
+    if (r) begin c <= 0; d <= 0; e <= 1; f <= 1; end
+  end
+  assign q = {a, b, c, d, e, f};
+"""
+START_BENCH = """
+module bench;
+  reg clk = 0;
+  wire [5:0] q;
+  starts starts_i (.clk(clk), .r(1'b0), .x(1'b0), .q(q));
+  initial #1 $display("%b", q);
+endmodule
+"""
+
+
+@pytest.mark.rule("SAFE-5")
+@pytest.mark.parametrize("override", ["", "INIT"])
+def test_gowin_flip_flops_start_with_the_values_of_the_verilog(override):
+    """The part takes the start value from the kind of cell; a parameter INIT would change the model alone."""
+    folder = ROOT / "build/tests/synth-starts"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "starts.v"
+    source.write_text(f"module starts (input clk, r, x, output [5:0] q);{STARTS}endmodule\n")
+    gates.synthesise(folder, "starts", mapping("gowin", "gw1n", "starts"), [source], {})
+    module = json.loads((folder / "raw.json").read_text())["modules"]["starts"]
+    flip_flops = [cell for cell in module["cells"].values() if cell["type"] in MAPPED["gowin"]]
+    assert len(flip_flops) == 6 and not any(cell["parameters"] for cell in flip_flops)
+    netlist_text = (folder / "raw.v").read_text()
+    if override:
+        netlist_text, found = re.subn(r"^  DFF ", "  DFF #(.INIT(1'b1)) ", netlist_text, count=1, flags=re.M)
+        assert found == 1
+    (folder / "bench.v").write_text(START_BENCH + netlist_text)
+    cells = gates.LIBRARY / "gowin/cells_sim.v"
+    command = ["iverilog", "-g2012", "-s", "bench", "-o", folder / "bench", folder / "bench.v", cells]
+    subprocess.run(command, check=True)
+    done = subprocess.run(["vvp", "-n", folder / "bench"], check=True, capture_output=True, text=True)
+    assert (done.stdout == "010101\n") == (not override)
 
 
 # ---------------------------------------------------------------- the checks can fail
@@ -169,7 +217,7 @@ BYPASSED = {
 }
 
 
-@pytest.mark.parametrize("family", COUNTED_ON)
+@pytest.mark.parametrize("family", DEVICES)
 @pytest.mark.parametrize("what", BYPASSED)
 def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
     body, output, count = BYPASSED[what]
@@ -180,7 +228,7 @@ def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
         f"module bad (input clk, a, b, output q); reg r = 0, s = 0, t = 0;"
         f" always @(posedge clk) begin {body} end assign q = {output}; endmodule\n"
     )
-    gates.synthesise(folder, "bad", mapping(family, COUNTED_ON[family][0], "bad"), [source], {})
+    gates.synthesise(folder, "bad", mapping(family, DEVICES[family], "bad"), [source], {})
     module = json.loads((folder / "raw.json").read_text())["modules"]["bad"]
     unused = ("b",) if "b" not in re.findall(r"\w", body + output) else ()
     assert len(loose_inputs(module, MAPPED[family], ("clk", *unused))) == count
@@ -211,8 +259,7 @@ def test_a_board_s_netlist_is_checked(family, body, said):
     source = folder / "bad.v"
     ports = "input clk, a, b, output q" if "b" in re.findall(r"\w+", body) else "input clk, a, output q"
     source.write_text(f"module bad ({ports}); reg r = 0, s = 0, t = 0; {body} assign q = s; endmodule\n")
-    device = COUNTED_ON[family][0] if family in COUNTED_ON else family
-    commands = mapping(family, device, "bad")
+    commands = mapping(family, DEVICES.get(family, family), "bad")
     script = (
         f"read_verilog {source.relative_to(ROOT)}\n{commands}\nwrite_json {folder.relative_to(ROOT)}/x.json\n"
     )
@@ -241,7 +288,7 @@ def test_a_board_with_a_loose_input_is_refused(monkeypatch):
     (folder / "x.json").write_text(json.dumps({"modules": {ENTRY.top: module}}))
     (folder / "x.stat").write_text(json.dumps({"design": {"num_cells_by_type": {"LUT4": 1}}}))
     monkeypatch.setattr(synth, "tool", lambda *command, **options: None)
-    with pytest.raises(SynthError, match=r"^card-xo3-4300: input sw_baud_n\[0\]"):
+    with pytest.raises(SynthError, match=r"^ulx3s-25: input sw_baud_n\[0\]"):
         synth.synthesise(ENTRY, folder, image.pattern_file(ENTRY), "x")
 
 
@@ -271,10 +318,48 @@ def test_a_design_with_a_frozen_flip_flop_is_refused():
     assert frozen(good + "enum: SLICED.CEMUX 0\n") == 1
 
 
+# ---------------------------------------------------------------- what nextpnr only warns of
+
+CLOCKED = "Info: Max frequency for clock 'card_i.clk': 59.34 MHz (PASS at 12.00 MHz)\n"
+OFF = "Warning: Failed to route net '{}' from X27Y28/F6 to X9Y21/CLK1 using dedicated routing.\n"
+HOLD = "ERROR: Hold/min time violation for clock 'posedge card_i.clk':\n"
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (CLOCKED, None),
+        # A switch on a clock pin goes to a look-up table: any route will do.
+        (CLOCKED + OFF.format("card_i.switches_i.next"), None),
+        (CLOCKED + OFF.format("card_i.clk") * 2, "the clock does not reach 2 cells by a clock network"),
+        (CLOCKED + HOLD * 3, "3 paths are too fast (hold time)"),
+    ],
+)
+def test_a_clock_off_its_network_and_hold_errors_are_found(log, said):
+    assert unsafe(log) == said
+
+
+def test_a_routed_design_with_hold_errors_is_refused(monkeypatch):
+    folder = ROOT / "build/tests/synth-hold"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "x.report").write_text("{}")
+    monkeypatch.setattr(synth, "tool", lambda command, log: log.write_text(CLOCKED + HOLD))
+    with pytest.raises(
+        SynthError, match=r"^1 paths are too fast \(hold time\) \(see build/tests/synth-hold/x"
+    ):
+        synth.place_and_route(boards()["card-gw1n-9"], folder, "x", 1)
+
+
+def test_cells_of_a_gowin_part_are_its_look_up_tables():
+    """An adder bit takes one, a small memory six."""
+    used = {"LUT4": 100, "ALU": 10, "RAM16SDP4": 2, "DFF": 50, "MUX2_LUT5": 7}
+    assert synth.cells(used, "gowin") == 122
+
+
 # ---------------------------------------------------------------- designs that make synth refuses
 
 # 12 MHz, so 18 MHz are required; seeds in an unsorted order.
-ENTRY = replace(boards()["card-xo3-4300"], seeds=(4, 2, 7))
+ENTRY = replace(boards()["ulx3s-25"], clk_hz=12_000_000, seeds=(4, 2, 7))
 FROZEN = "enum: SLICED.CEMUX 0\n"
 
 
@@ -329,7 +414,7 @@ def test_first_seed_in_time_is_used(seeds, tmp_path, planted, tried):
 )
 def test_a_board_that_no_seed_routes_in_time_is_refused(seeds, tmp_path, capsys, planted):
     stand_in = seeds(planted)
-    with pytest.raises(SynthError, match=r"^card-xo3-4300: no seed of 4, 2, 7 gave a design in time$"):
+    with pytest.raises(SynthError, match=r"^ulx3s-25: no seed of 4, 2, 7 gave a design in time$"):
         route(ENTRY, tmp_path)
     assert stand_in.tried == [4, 2, 7]
     assert not list(tmp_path.iterdir())
@@ -337,7 +422,7 @@ def test_a_board_that_no_seed_routes_in_time_is_refused(seeds, tmp_path, capsys,
     assert len(said) == 3
     for line, (seed, fmax) in zip(said, planted.items(), strict=True):
         why = "Unable to find" if fmax is None else f"{fmax:.1f} MHz are less than 18"
-        assert line.startswith(f"card-xo3-4300: seed {seed}: {why}")
+        assert line.startswith(f"ulx3s-25: seed {seed}: {why}")
 
 
 def test_a_frozen_design_is_refused_at_once(seeds, tmp_path):

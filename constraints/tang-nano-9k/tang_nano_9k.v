@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference replacement card with an LCMXO3LF-4300: standard, soft core PicoRV32.
+// Sipeed Tang Nano 9K (GW1NR-9): switches on its header J6, transceivers on J7, its own LEDs.
 //
-// Switches close to ground, with the FPGA's pull-ups. LEDs are connected between 3.3 V and
-// the pins. Only DE controls each transceiver. Its receiver stays enabled (RE low on the
-// card), because the card is deaf while it sends. clk: 12 MHz oscillator.
+// Switches close to ground, with the FPGA's pull-ups. The LEDs, all of one colour, are lit
+// by a low pin. Their bank has a supply of 1.8 V. clk: the board's 27 MHz.
 // There is no reset pin. reset_sync holds the reset for the first clocks after
 // configuration, and the switches settle before the card starts.
 // Rules: TOP-1, LINE-6, LED-2.
 `default_nettype none
 
-module card_xo3_4300 #(
-    parameter CLK_HZ = 12_000_000,
+module tang_nano_9k #(
+    parameter CLK_HZ = 27_000_000,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
     input  wire       clk,
