@@ -116,6 +116,8 @@ class Board:
     cells: int
     brams: int
     seeds: tuple[int, ...]
+    memory_bytes: int = 0
+    firmware_hex: str = ""
     banks_1v8: tuple[int, ...] = ()
 
     @property
@@ -132,7 +134,12 @@ class Board:
 
     @property
     def memory_words(self) -> int:
-        return configurations()[self.config]["memory_bytes"] // 4
+        return (self.memory_bytes or configurations()[self.config]["memory_bytes"]) // 4
+
+    @property
+    def firmware(self) -> Path:
+        """The default image."""
+        return ROOT / (self.firmware_hex or configurations()[self.config]["firmware_hex"])
 
     @property
     def gowin_die(self) -> str:
@@ -344,10 +351,14 @@ def problems(entry: Board) -> list[str]:
         wrong.append(f"the pin file asks for a clock of {clocks} Hz, boards.toml for {entry.clk_hz}")
     if default is None or int(default[1]) != entry.clk_hz:
         wrong.append(f"the wrapper's CLK_HZ is not the {entry.clk_hz} of boards.toml")
+    memory = re.search(r"\.MEMORY_BYTES\(([\d_]+)\)", code := without_comments(entry.wrapper))
+    if (int(memory[1]) if memory else 0) != entry.memory_bytes:
+        wrong.append(
+            f"the wrapper's MEMORY_BYTES is not the {entry.memory_bytes or 'default'} of boards.toml"
+        )
     if entry.clk_hz < configurations()[entry.config]["clk_hz"]:
         wrong.append(f"{entry.clk_hz} Hz are too slow for the configuration {entry.config}")
 
-    code = without_comments(entry.wrapper)
     body = re.search(rf"\brtu2fc\s*#.*?\)\s*{CARD_INSTANCE}\s*\((.*?)\);", code, re.DOTALL)
     joined = re.findall(r"\.(\w+)\(([^)]*)\)", body[1]) if body else []
     card_ports = {port.split("[")[0] for port in ports(CARD)}

@@ -264,8 +264,7 @@ def build(entry: Board) -> dict:
     fmax = fmax_mhz(report)
     used = {kind: row["used"] for kind, row in report["utilization"].items()}
     image.made_from_file(entry).write_text(f"{sources}\n")
-    firmware = ROOT / configurations()[entry.config]["firmware_hex"]
-    output = image.make(entry, firmware, folder / f"firmware{image.result_suffix(entry)}")
+    output = image.make(entry, entry.firmware, folder / f"firmware{image.result_suffix(entry)}")
     return {
         "config": entry.config,
         "part": entry.part,

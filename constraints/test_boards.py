@@ -34,7 +34,7 @@ from tb.lib.config import boot_clocks
 from tb.lib.fc_slave import FcSlave
 from tb.lib.modbus_master import ModbusMaster
 from tb.lib.rs485 import Rs485Line
-from tb.lib.runner import ROOT, WAIVERS, firmware, run
+from tb.lib.runner import ROOT, WAIVERS, run
 from tb.lib.uart_agent import Format
 from tb.model import rtu
 from tb.model.fc_telegram import build_process
@@ -441,7 +441,7 @@ def test_power_up_without_a_reset(name):
         sim="icarus",
         testcase="answers_without_ever_having_been_reset",
         config=entry.config,
-        parameters={"CLK_HZ": CLK_HZ, "FIRMWARE_HEX": str(firmware(entry.config))},
+        parameters={"CLK_HZ": CLK_HZ, "FIRMWARE_HEX": str(entry.firmware)},
         extra_sources=[entry.wrapper],
     )
 
@@ -572,6 +572,13 @@ MISPLACED = [
             "the card's port drive_de is not connected",
         ),
         ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
+        (
+            "card-gw1n-9",
+            ".v",
+            ".MEMORY_BYTES(16384)",
+            ".MEMORY_BYTES(8192)",
+            "the wrapper's MEMORY_BYTES is not the 16384",
+        ),
         ("ulx3s-25", ".lpf", 'SITE "C18"', 'SITE "B15"', "pin B15 is used twice"),
         (
             "tang-nano-9k",

@@ -37,17 +37,27 @@ FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-s
 .PHONY: firmware firmware-size firmware-sources
 FIRMWARE_TINY := build/tiny/firmware
 FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
+# The boards with a larger memory run images of their own. All options at once, below build/large/all, fit there
+# in every dialect.
+FIRMWARE_LARGE := $(FIRMWARE_DIALECTS:%=build/large/%) build/large
+FIRMWARE_LARGE += $(FIRMWARE_LARGE:build/large%=build/large/all%)
+FIRMWARE_ELFS += $(FIRMWARE_LARGE:%=%/firmware.elf)
 FIRMWARE_CONFIG := standard
 $(FIRMWARE_TINY).elf $(FIRMWARE_TINY).hex: FIRMWARE_CONFIG := tiny
 FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
+build/large/%: FIRMWARE_MEMORY = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
+	print(tomllib.load(open("constraints/boards.toml", "rb"))["card-gw1n-9"]["memory_bytes"])')
 FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),waiting_places)
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD
 build/builtin/% build/refresh/builtin/% build/stop/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
+build/large/builtin/% build/large/all/builtin/%: FIRMWARE_DIALECT := BUILTIN
 build/hvac_basic/% build/refresh/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
+build/large/hvac_basic/% build/large/all/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
 build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
 build/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
+build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
 
 # Written only when it changes: other options are a reason to build.
@@ -68,7 +78,9 @@ $(FIRMWARE_ELFS:.elf=.bin): %.bin: %.elf sw/tools/seal.py
 	$(FIRMWARE_PYTHON) sw/tools/seal.py $@.unsealed $@
 
 $(FIRMWARE_ELFS:.elf=.hex): %.hex: %.bin sw/tools/bin2hex.py
-	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --config $(FIRMWARE_CONFIG) $< $@
+	$(FIRMWARE_PYTHON) sw/tools/bin2hex.py --bytes $(FIRMWARE_MEMORY) $< $@
+
+$(FIRMWARE_LARGE:%=%/firmware.elf): constraints/boards.toml
 
 # The list for tools that compile the sources themselves.
 firmware-sources:

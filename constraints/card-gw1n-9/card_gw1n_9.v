@@ -6,12 +6,14 @@
 // card), because the card is deaf while it sends. clk: 12 MHz oscillator.
 // There is no reset pin. reset_sync holds the reset for the first clocks after
 // configuration, and the switches settle before the card starts.
+// The memory holds every dialect with all options. MASTER_LOSS_STOP as in rtu2fc.
 // Rules: TOP-1, LINE-6, LED-2.
 `default_nettype none
 
 module card_gw1n_9 #(
     parameter CLK_HZ = 12_000_000,
-    parameter FIRMWARE_HEX = "firmware.hex"
+    parameter FIRMWARE_HEX = "firmware.hex",
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -45,7 +47,9 @@ module card_gw1n_9 #(
 
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
-      .FIRMWARE_HEX(FIRMWARE_HEX)
+      .FIRMWARE_HEX(FIRMWARE_HEX),
+      .MEMORY_BYTES(16384),
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) card_i (
       .clk(clk),
       .rst_n(1'b1),

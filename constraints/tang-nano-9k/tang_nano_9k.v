@@ -5,12 +5,14 @@
 // by a low pin. Their bank has a supply of 1.8 V. clk: the board's 27 MHz.
 // There is no reset pin. reset_sync holds the reset for the first clocks after
 // configuration, and the switches settle before the card starts.
+// The memory holds every dialect with all options. MASTER_LOSS_STOP as in rtu2fc.
 // Rules: TOP-1, LINE-6, LED-2.
 `default_nettype none
 
 module tang_nano_9k #(
     parameter CLK_HZ = 27_000_000,
-    parameter FIRMWARE_HEX = "firmware.hex"
+    parameter FIRMWARE_HEX = "firmware.hex",
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -44,7 +46,9 @@ module tang_nano_9k #(
 
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
-      .FIRMWARE_HEX(FIRMWARE_HEX)
+      .FIRMWARE_HEX(FIRMWARE_HEX),
+      .MEMORY_BYTES(16384),
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) card_i (
       .clk(clk),
       .rst_n(1'b1),

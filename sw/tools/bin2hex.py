@@ -2,18 +2,14 @@
 """Turns a firmware image into a file for $readmemh, one little-endian word on each line.
 
 A word has 36 bits, written as nine digits: above each byte is its even parity bit, as in rtl/firmware_ram.v.
-The file fills the whole memory of the configuration; configs.toml gives the size in bytes.
+The file fills the whole memory, whose size in bytes is an argument.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from pathlib import Path
-
-CONFIGS = Path(__file__).resolve().parents[2] / "configs.toml"
-
 
 LANE_BITS = 9  # a byte and its parity
 WORD_BITS = 4 * LANE_BITS
@@ -42,15 +38,14 @@ def words(image: bytes, size: int) -> list[int]:
 
 
 def main() -> int:
-    configs = tomllib.loads(CONFIGS.read_text())
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--config", choices=sorted(configs), required=True)
+    parser.add_argument("--bytes", type=int, required=True, help="of the memory, a multiple of 4")
     parser.add_argument("binary", type=Path)
     parser.add_argument("hex", type=Path)
     args = parser.parse_args()
-    image, size = args.binary.read_bytes(), configs[args.config]["memory_bytes"]
+    image, size = args.binary.read_bytes(), args.bytes
     if len(image) > size:
-        print(f"{args.binary}: {len(image)} bytes, but {args.config} has {size}", file=sys.stderr)
+        print(f"{args.binary}: {len(image)} bytes, but the memory has {size}", file=sys.stderr)
         return 1
     args.hex.parent.mkdir(parents=True, exist_ok=True)
     args.hex.write_text("".join(map(hex_line, words(image, size))))
