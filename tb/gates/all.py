@@ -7,9 +7,13 @@ A netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an 
 
 import pytest
 
+from constraints.boards import board
+from constraints.image import up_to_date
+from constraints.synth import build
+from tb.gates.gowin import verilog
 from tb.gates.netlists import GATES_HZ
 from tb.gates.test_gates import run_gates
-from tb.lib.runner import firmware
+from tb.lib.runner import ROOT, firmware, run
 
 NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), ("machxo2", "tiny")]
 
@@ -25,4 +29,25 @@ def test_every_example(family, card):
         parameters,
         card,
         testcase="every_example_is_right_byte_for_byte_on_both_lines",
+    )
+
+
+@pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
+@pytest.mark.parametrize("name", ["card-gw1n-9"])
+def test_the_finished_bitstream_answers(name):
+    """What is in the flash: block RAMs, start values, wrapper and polarities, at the board's own clock."""
+    entry = board(name)
+    if not up_to_date(entry):
+        build(entry)
+    source = ROOT / f"build/gates/{name}.v"
+    source.parent.mkdir(parents=True, exist_ok=True)
+    source.write_text(verilog(entry, ROOT / f"build/synth/{name}/firmware.fs"))
+    run(
+        entry.top,
+        "constraints.test_boards",
+        sim="icarus",
+        config=entry.config,
+        sources=[source],
+        testcase="answers_without_ever_having_been_reset",
+        extra_env={"BOARD_CLK_HZ": str(entry.clk_hz)},
     )
