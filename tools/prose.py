@@ -39,7 +39,7 @@ SOURCES = {".v", ".vh", ".c", ".h", ".cpp", ".S", ".py", ".rdl", ".toml", ".mk",
 def project_files() -> list[str]:
     """Names of all files of the project: no build output, no caches, no tools."""
     tops = [path for path in ROOT.iterdir() if not path.name.startswith(".") and path.name != "build"]
-    tops += [ROOT / ".ci"]
+    tops += [ROOT / name for name in (".ci", ".devcontainer", ".github", ".pre-commit-config.yaml")]
     found = [path for top in tops for path in ([top] if top.is_file() else top.rglob("*")) if path.is_file()]
     return sorted(str(path.relative_to(ROOT)) for path in found if "__pycache__" not in path.parts)
 

@@ -274,6 +274,19 @@ def test_clang_of_any_release_from_14_on(poor_machine, there, taken):
     assert f"libclang-rt{number}-dev" in packages(poor_machine, "firmware")
 
 
+def test_commands_in_files_for_others_exist():
+    """Workflow, templates, container files and hooks call commands and files that are there."""
+    files = [ROOT / "Containerfile", ROOT / ".pre-commit-config.yaml", *ROOT.glob(".devcontainer/*")]
+    files += [path for path in (ROOT / ".github").rglob("*") if path.is_file()]
+    assert len(files) >= 7
+    text = "\n".join(path.read_text() for path in files)
+    called = set(re.findall(r"(?<!git )\bmake ([a-z-]+)", text))
+    assert {"lint", "format", "replay"} <= called <= set(listed("help-all"))
+    named = set(re.findall(r"(?<![\w/])(?:tools|docs|\.ci)/[\w./-]*\w", text))
+    assert {".ci/run", "tools/setup.sh"} <= named
+    assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
 def test_second_setup_does_nothing():
     assert command("make", "setup-test").returncode == 0
     done = command("make", "setup-test")
