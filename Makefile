@@ -239,7 +239,7 @@ sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFI
 	@$(RUN) rtl.sources $(CONFIG)
 
 ##@ Write what is generated
-.PHONY: regs regs-check diagrams symptoms
+.PHONY: regs regs-check diagrams symptoms docs
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
 	@$(RUN) sim.view.fc_tables
@@ -256,11 +256,14 @@ diagrams: firmware | setup-test ## timing diagrams from runs of the card, docs/d
 symptoms: firmware | setup-test ## the recordings of the debugging guide, from runs of the card
 	@$(RUN) tools.symptoms
 
+docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s)
+	@$(RUN) tools.site.build
+
 ##@ Workshop
 .PHONY: setup clean
 setup: setup-all ## install everything at once (the other commands install what they need)
 
-LAYERS := demo test views pages lint firmware synth all
+LAYERS := demo test views pages lint firmware synth docs all
 .PHONY: $(LAYERS:%=setup-%)
 $(LAYERS:%=setup-%): setup-%:
 	@tools/setup.sh $*

@@ -34,20 +34,29 @@ class Seen:
     console: list[str]
 
 
-def evaluate(page: str, script: str, folder: Path, width: int = 1200) -> Seen:
-    """Opens a page and runs a script in it; `found` is the value of the script's last expression."""
+def evaluate(page: str, script: str, folder: Path, width: int = 1200, options: tuple[str, ...] = ()) -> Seen:
+    """Opens a page and runs a script in it; `found` is what the script returns.
+
+    The script may `await`; then `options` need `--virtual-time-budget`, or Chromium does not wait for it.
+    """
     browser = shutil.which("chromium")
     if browser is None:
         pytest.fail("chromium is missing; run `make setup` (Debian package chromium)", pytrace=False)
     file = folder / "page.html"
     file.write_text(
-        f"{page}\n<script>addEventListener('load', () => {{\n"
-        f"const found = (() => {{ {script} }})();\n"
+        f"{page}\n<script>addEventListener('load', async () => {{\n"
+        f"const found = await (async () => {{ {script} }})();\n"
         "const pre = document.createElement('pre');\n"
         "pre.id = 'found'; pre.textContent = JSON.stringify(found); document.body.append(pre);\n"
-        "}});</script>\n".replace("}}", "}")
+        "});</script>\n"
     )
-    command = [browser, *OPTIONS, f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900"]
+    command = [
+        browser,
+        *OPTIONS,
+        *options,
+        f"--user-data-dir={folder / 'profile'}",
+        f"--window-size={width},900",
+    ]
     run = subprocess.run(
         [*command, "--dump-dom", file.as_uri()], capture_output=True, text=True, timeout=120, check=True
     )

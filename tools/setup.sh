@@ -7,8 +7,9 @@
 #   tools/setup.sh --command NAME        prints the name of clang or clang-tidy here, such as clang-14
 #
 # Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
-# lint, firmware (fuzzers and coverage of the firmware), synth (place and route), all. Each needs those that
-# `below` names. A second call finds everything in place and ends at once. Exit 2, with one line, when it cannot.
+# lint, firmware (fuzzers and coverage of the firmware), synth (place and route), docs (the documentation site), all.
+# Each needs those that `below` names. A second call finds everything in place and ends at once. Exit 2, with one line,
+# when it cannot.
 set -euo pipefail
 
 die() {
@@ -29,7 +30,7 @@ PATH=${PATH//"$venv/bin:"/}
 
 declare -A below=(
   [demo]="" [test]="demo" [views]="demo test" [pages]="demo test" [lint]="demo test synth" [firmware]="demo test"
-  [synth]="demo test" [all]="demo test views pages lint firmware synth"
+  [synth]="demo test" [docs]="" [all]="demo test views pages lint firmware synth docs"
 )
 
 # Layer, kind of thing to look for (a command, a command of LLVM, a header, a library of clang, a Perl or Python
@@ -58,6 +59,7 @@ needs=(
   "firmware llvm    clang                    clang"
   "firmware clangrt fuzzer                   libclang-rt-dev"
   "synth    command openFPGALoader           openfpgaloader"
+  "docs     python  ensurepip                python3-venv"
 )
 
 # The name of a command of LLVM 14 or newer: without a number if the system has that, else with the highest.
@@ -207,7 +209,7 @@ if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
   [ ! -L "$venv" ] || die ".venv is a link to $(readlink -f "$venv"), which belongs there; remove the link"
   python3 -m venv --clear "$venv"
 fi
-for layer in demo test views pages lint firmware synth; do
+for layer in demo test views pages lint firmware synth docs; do
   [[ " $layers " == *" $layer "* ]] || continue
   stamp=$(python_packages "$layer" | sha256sum)" $venv"
   if [ "$(cat "$venv/setup.$layer" 2>/dev/null)" != "$stamp" ]; then

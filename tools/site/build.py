@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the documentation site, readable without a network and without a server, to build/docs-site.
+
+    python -m tools.site.build [FOLDER]     default: build/docs-site
+
+Prints the first page and the number of pages. A dead link is an error, and so is a page without a place in
+mkdocs.yml: exit 1, one line for each. Exit 2 without MkDocs.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from os.path import relpath
+from pathlib import Path
+
+from rtl.sources import ROOT
+
+CONFIG = Path(__file__).with_name("mkdocs.yml")
+
+
+def build(site: Path) -> list[str]:
+    """Builds the site into a folder; what is wrong, one line each."""
+    from mkdocs.commands.build import build as mkdocs_build
+    from mkdocs.config import load_config
+    from mkdocs.exceptions import MkDocsException
+
+    wrong: list[str] = []
+    listener = logging.Handler(logging.WARNING)
+    listener.emit = lambda record: wrong.append(" ".join(record.getMessage().split()))
+    log = logging.getLogger("mkdocs")
+    log.addHandler(listener)
+    # Two runs write the same bytes.
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")
+    try:
+        config = load_config(str(CONFIG), site_dir=str(site))
+        config.plugins.on_startup(command="build", dirty=False)
+        mkdocs_build(config)
+        config.plugins.on_shutdown()
+        (site / "404.html").unlink()  # for servers
+    except MkDocsException as error:
+        wrong += [] if wrong else [str(error)]
+    finally:
+        log.removeHandler(listener)
+    return wrong
+
+
+def main() -> int:
+    try:
+        import material  # noqa: F401
+        import mkdocs  # noqa: F401
+    except ImportError as error:
+        print(f"docs: {error.name} is missing; run `make docs`", file=sys.stderr)
+        return 2
+    site = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else ROOT / "build/docs-site"
+    wrong = build(site)
+    if wrong:
+        print("\n".join(wrong), file=sys.stderr)
+        return 1
+    print(f"{relpath(site / 'index.html')}: {len(list(site.rglob('*.html')))} pages")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The documentation site: every page once, no request to a host, no dead link, nothing cut off on a phone."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from rtl.sources import ROOT
+from tools import chromium
+from tools.site import hooks
+
+NAV = re.findall(r"([\w/-]+\.md)$", (ROOT / "tools/site/mkdocs.yml").read_text(), re.MULTILINE)
+# What the build reads besides docs/ and tools/.
+READ = ("rtl/sources.py", *(str(page.relative_to(ROOT)) for page in hooks.PAGES))
+# The browser opens pages as files here; a script may look into frames of other files.
+LOOK_INSIDE = ("--allow-file-access-from-files",)
+
+
+def make(folder: Path, root: Path = ROOT) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "tools.site.build", str(folder)]
+    return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("built") / "site"
+    done = make(folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.fullmatch(rf"\S*index\.html: {len(NAV)} pages\n", done.stdout)
+    return folder
+
+
+@pytest.fixture
+def project(tmp_path) -> Path:
+    """A copy of all that the build reads."""
+    for folder in ("docs", "tools"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in READ:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+class Asked(HTMLParser):
+    """Addresses of scripts, styles, frames, fonts and pictures of a page, and of its pictures alone."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.all, self.pictures = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        name = "href" if tag == "link" else "data" if tag == "object" else "src"
+        if tag != "a" and name in given:
+            self.all.append(given[name])
+        if tag == "img":
+            self.pictures.append(given["src"])
+
+
+def elsewhere(addresses: list[str]) -> list[str]:
+    return [address for address in addresses if re.match(r"(?!data:)([a-z]+:)?//", address)]
+
+
+def test_every_page_is_in_the_navigation_once():
+    pages = [str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")]
+    assert sorted(NAV) == sorted([*pages, *hooks.PAGES.values()])
+
+
+def test_a_link_out_of_docs_becomes_text():
+    def moved(text: str, source: str = "docs/guide/timing.md", name: str = "guide/timing.md") -> str:
+        return hooks.moved(text, ROOT / source, name)
+
+    assert moved("[the `rtl/x.v`](../../rtl/x.v)") == "the `rtl/x.v`"
+    assert moved("see [the gate](../../rtl/gate/) too") == "see the gate (`rtl/gate`) too"
+    assert moved("[a](../glossary.md#twin) [b](#c)") == "[a](../glossary.md#twin) [b](#c)"
+    assert moved("[limits](../../README.md#limits)") == "[limits](../index.md#limits)"
+    assert moved("![p](docs/pictures/a.svg)", "README.md", "index.md") == "![p](pictures/a.svg)"
+    assert (
+        moved("[a](../../docs/guide/dialects.md)", "sim/card/README.md", "guide/virtual-card.md")
+        == "[a](dialects.md)"
+    )
+    for untouched in ("`[a](../../rtl/x.v)`", "```\n[a](../../rtl/x.v)\n```\n", "[a](https://example.org/x)"):
+        assert moved(untouched) == untouched
+
+
+def test_what_belongs_to_a_list_is_indented_by_four():
+    assert hooks.indented("1. a\n\n   | b |\n") == "1. a\n\n    | b |\n"
+    assert hooks.indented("```\n   a\n```\n  - b\n") == "```\n   a\n```\n  - b\n"
+
+
+def test_without_mkdocs_it_is_one_line(tmp_path):
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; sys.modules['mkdocs'] = None; from tools.site import build\n",
+    ]
+    command[-1] += "sys.argv[1:] = [sys.argv[1]]; sys.exit(build.main())"
+    done = subprocess.run([*command, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(r"docs: \w+ is missing; run `make docs`\n", done.stderr)
+
+
+@pytest.mark.needs("docs")
+def test_dead_links_and_lost_pages_are_named(project):
+    with (project / "docs/glossary.md").open("a") as page:
+        page.write("\n[dead](nosuch.md) [no heading](hardening.md#nosuch)\n")
+    (project / "docs" / "guide/lost.md").write_text("# Lost\n")
+    done = make(project / "site", project)
+    assert (done.returncode, done.stdout) == (1, "")
+    lines = done.stderr.splitlines()
+    assert len(lines) == 3, done.stderr
+    for part in ("'nosuch.md'", "#nosuch", "guide/lost.md"):
+        assert sum(part in line for line in lines) == 1, part
+
+
+@pytest.mark.needs("docs")
+def test_two_runs_write_the_same_bytes(site, tmp_path):
+    make(tmp_path / "site")
+    first, second = (
+        {str(file.relative_to(top)): file.read_bytes() for file in top.rglob("*") if file.is_file()}
+        for top in (site, tmp_path / "site")
+    )
+    assert first == second
+
+
+@pytest.mark.needs("docs")
+def test_no_page_asks_a_host(site):
+    pages = {page: Asked(page.read_text()) for page in site.rglob("*.html")}
+    assert {str(page): elsewhere(asked.all) for page, asked in pages.items() if elsewhere(asked.all)} == {}
+    for page, asked in pages.items():
+        files = [one.split("#")[0] for one in asked.all if not one.startswith("data:")]
+        assert [name for name in files if not (page.parent / name).exists()] == [], page
+    for style in site.rglob("*.css"):
+        addresses = re.findall(r"url\(\s*[\"']?([^\"')]+)|@import\s+[\"']([^\"']+)", style.read_text())
+        assert elsewhere([one for pair in addresses for one in pair]) == [], style
+
+
+@pytest.mark.needs("docs")
+def test_the_index_has_the_exceptions(site):
+    entries = json.loads((site / "search/search_index.json").read_text())["docs"]
+    assert {entry["location"].split("#")[0] for entry in entries} >= {
+        "guide/handbook/exceptions.html",
+        "reports/results.html",
+        "index.html",
+    }
+    exceptions = [entry["text"] for entry in entries if entry["location"] == "guide/handbook/exceptions.html"]
+    assert re.search(r"\b67\b", exceptions[0])
+    # Opened as a file, a page cannot read JSON.
+    assert (site / "search/search_index.js").read_text().startswith("var __index = {")
+
+
+@pytest.mark.needs("docs")
+def test_every_picture_of_the_pages_is_shown(site):
+    sources = [*(ROOT / "docs").rglob("*.md"), *hooks.PAGES]
+    pictures = {
+        (source.parent / name).resolve().relative_to(ROOT / "docs")
+        for source in sources
+        for name in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", source.read_text())
+    }
+    shown = {
+        (page.parent / name).resolve().relative_to(site)
+        for page in site.rglob("*.html")
+        for name in Asked(page.read_text()).pictures
+    }
+    assert shown == pictures
+    assert {picture.suffix for picture in pictures} == {".svg"}
+
+
+SEARCH = """
+const word = document.querySelector('[data-md-component=search-query]');
+word.focus(); word.value = 'exception 67'; word.dispatchEvent(new Event('keyup'));
+for (let tries = 0; tries < 100; tries++) {
+  await new Promise(resolve => setTimeout(resolve, 100));
+  const found = [...document.querySelectorAll('.md-search-result__link')].map(one => one.href);
+  if (found.length) return found;
+}
+return [];
+"""
+
+
+@pytest.mark.needs("docs")
+@pytest.mark.needs("pages")
+def test_a_browser_searches_without_a_server(site):
+    page = (site / "index.html").read_text()
+    seen = chromium.evaluate(page, SEARCH, site, options=("--virtual-time-budget=20000",))
+    (site / "page.html").unlink()
+    assert seen.console == []
+    assert re.search(r"/guide/handbook/exceptions\.html\?h=", seen.found[0])
+
+
+# Of each frame: by how much it is too wide, how many pictures are not there or too small, what is cut off.
+LAYOUT = """
+return [...document.querySelectorAll('iframe')].map(frame => {
+  const page = frame.contentDocument, width = page.documentElement.clientWidth;
+  const cut = [...page.querySelectorAll('article *')].filter(one =>
+    one.getBoundingClientRect().right > width + 1 &&
+    !one.closest('pre, .md-typeset__scrollwrap, p:has(> img:only-child)'));
+  const poor = [...page.querySelectorAll('article img')].filter(one => !one.naturalWidth || one.width < 400);
+  return [frame.getAttribute('src'), page.documentElement.scrollWidth - width, poor.length,
+          cut.slice(0, 3).map(one => one.outerHTML.slice(0, 99))];
+});
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.needs("docs")
+@pytest.mark.needs("pages")
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_is_cut_off(site, tmp_path, width):
+    folder = tmp_path / "site"
+    shutil.copytree(site, folder)
+    names = [str(page.relative_to(site)) for page in sorted(site.rglob("*.html"))]
+    frames = "".join(f'<iframe src="{name}" width="{width}" height="800"></iframe>' for name in names)
+    seen = chromium.evaluate(f"<!doctype html><body>{frames}", LAYOUT, folder, 1600, LOOK_INSIDE)
+    assert seen.console == []
+    assert [found[0] for found in seen.found] == names
+    assert [found for found in seen.found if found[1:] != [0, 0, []]] == []
