@@ -8,10 +8,12 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from markdown_it import MarkdownIt
 
 from rtl.sources import ROOT
 from tools import chromium
@@ -173,6 +175,32 @@ def test_every_picture_of_the_pages_is_shown(site):
     }
     assert shown == pictures
     assert {picture.suffix for picture in pictures} == {".svg"}
+
+
+class Parts(HTMLParser):
+    """How many rows, list items, headings and so on a page has."""
+
+    KINDS = (*("ul", "ol", "li", "table", "tr", "td", "th", "img"), *("strong", "em", "blockquote"))
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.count = Counter()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in self.KINDS or re.fullmatch("h[1-6]", tag):
+            self.count[tag] += 1
+
+
+@pytest.mark.needs("docs")
+def test_pages_have_the_parts_that_they_have_on_github(site):
+    """A list without an empty line before it, for one, is no list for Python-Markdown."""
+    github = MarkdownIt("gfm-like", {"html": True, "linkify": False})
+    docs = {page: str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+    for source, name in (docs | hooks.PAGES).items():
+        page = (site / name).with_suffix(".html").read_text()
+        article = page[page.index("<article") : page.index("</article>")]
+        assert Parts(article).count == Parts(github.render(source.read_text())).count, name
 
 
 SEARCH = """
