@@ -4,7 +4,7 @@
     python -m tools.site.build [FOLDER]     default: build/docs-site
 
 Prints the first page and the number of pages. A dead link is an error, and so is a page without a place in
-mkdocs.yml: exit 1, one line for each. Exit 2 without MkDocs.
+mkdocs.yml: exit 1, one line for each. Exit 2 without MkDocs, or for a folder with other files.
 """
 
 from __future__ import annotations
@@ -54,7 +54,15 @@ def main() -> int:
         print(f"docs: {error.name} is missing; run `make docs`", file=sys.stderr)
         return 2
     site = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else ROOT / "build/docs-site"
-    wrong = build(site)
+    ours = (site / "search/search_index.js").exists()
+    if not ours and site.exists() and (site.is_file() or any(site.iterdir())):
+        print(f"docs: {relpath(site)} has other files; the site needs a folder of its own", file=sys.stderr)
+        return 2
+    try:
+        wrong = build(site)
+    except OSError as error:
+        print(f"docs: {error}", file=sys.stderr)
+        return 2
     if wrong:
         print("\n".join(wrong), file=sys.stderr)
         return 1

@@ -112,6 +112,15 @@ def test_without_mkdocs_it_is_one_line(tmp_path):
 
 
 @pytest.mark.needs("docs")
+def test_a_folder_with_other_files_stays(tmp_path):
+    (tmp_path / "mine").write_text("all I have")
+    for folder in (tmp_path, tmp_path / "mine"):
+        done = make(folder)
+        assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done.stderr
+    assert (tmp_path / "mine").read_text() == "all I have"
+
+
+@pytest.mark.needs("docs")
 def test_dead_links_and_lost_pages_are_named(project):
     with (project / "docs/glossary.md").open("a") as page:
         page.write("\n[dead](nosuch.md) [no heading](hardening.md#nosuch)\n")
