@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, configurations, without_comments
 
 FOLDER = ROOT / "constraints"
@@ -422,4 +423,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("pins", main)

@@ -25,6 +25,7 @@ from pathlib import Path
 
 from constraints import jedec
 from constraints.boards import Board, board
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError
 from sw.tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
 from sw.tools.seal import adds_up
@@ -316,4 +317,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("image", main)

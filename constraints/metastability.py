@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 
 from constraints.synth import MARGIN
+from rtl.command import run_main
 
 CLOCKS_MHZ = (12, 24, 36, 48, 100)
 TAU, WINDOW = 1 / 9.148e9, 1.56e-11
@@ -73,4 +74,4 @@ def table() -> str:
 
 
 if __name__ == "__main__":
-    print(table())
+    run_main("metastability", lambda: print(table()))

@@ -27,6 +27,7 @@ from pathlib import Path
 from constraints import image
 from constraints.boards import TABLE, Board, board, boards
 from constraints.netlist import crossings
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, rtl_files, without_comments
 from sw.tools.bin2hex import WORD_BITS, hex_line
 
@@ -564,4 +565,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("synth", main)

@@ -12,7 +12,6 @@ with one line: unknown module, or a tool is missing.
 """
 
 import argparse
-import concurrent.futures
 import os
 import re
 import shutil
@@ -23,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from formal import pins as formal_pins
+from rtl.command import run_main, threads
 from tb.lib.options import at_least
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -231,7 +231,7 @@ def main(arguments: list[str] | None = None) -> int:
     for module in {task.module for task in tasks}:
         join(module)
     began = time.monotonic()
-    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+    with threads(options.jobs) as pool:
         for task in pool.map(run, tasks):
             verdict = "holds" if task.passed else "FAILS"
             print(f"{task.module:<16} {task.name:<6} {verdict} {task.seconds:6.1f} s", flush=True)
@@ -249,4 +249,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("formal", main)

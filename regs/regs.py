@@ -25,6 +25,8 @@ from peakrdl_markdown import MarkdownExporter
 from systemrdl import RDLCompiler
 from systemrdl.node import FieldNode, RegNode
 
+from rtl.command import run_main
+
 ROOT = Path(__file__).resolve().parents[1]
 RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
@@ -635,4 +637,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("regs", main)

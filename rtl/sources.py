@@ -15,6 +15,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
+from rtl.command import run_main
+
 ROOT = Path(__file__).resolve().parents[1]
 FILE_LIST = ROOT / "rtl/rtl.f"
 CORE_WRAPPER = "soft_core"
@@ -109,4 +111,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("sources", main)

@@ -8,11 +8,11 @@ both ports. Prints one line for each mistake; exit 1 if there is one. docs/guide
 cores.
 """
 
-import sys
 from pathlib import Path
 
 import yaml
 
+from rtl.command import run_main
 from rtl.sources import ROOT, configurations, macros_file, needed_files, rtl_files
 
 # The card, and the cores that it takes.
@@ -79,4 +79,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("cores", main)

@@ -33,6 +33,7 @@ from fontTools.agl import UV2AGL
 from wavedrom.waveform import WaveDrom
 
 from regs.generated.card_tables import CHARACTER_BITS
+from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.view.wave_file import WaveFile
 from tb.lib.card import MS, baud_switches
@@ -818,4 +819,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("diagrams", main)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from campaigns.bench import fingerprint
 from campaigns.bench import report as bench_report
 from campaigns.mutate import run as mutate
 from constraints import synth
+from rtl.command import run_main
 from rtl.sources import ROOT, rtl_files
 
 REPORTS = ROOT / "docs/reports"
@@ -111,4 +111,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("figures", main)

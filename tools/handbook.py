@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.card.masters import words
 from sim.drive.drive_table import RANGES
@@ -515,4 +516,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("handbook", main)

@@ -13,6 +13,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from rtl.command import run_main
+
 # `yosys -import` brings Yosys's commands into Tcl; here every unknown command is one.
 LINES = "proc unknown args {if {$args ne {yosys -import}} {puts [join $args]}}\nsource "
 
@@ -60,4 +62,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("launcher", main)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import grimp
 
+from rtl.command import run_main
 from rtl.sources import (
     FILE_LIST,
     ROOT,
@@ -267,4 +268,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("lint", main)

@@ -18,6 +18,7 @@ import sys
 
 import pytest
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 
 FOLDERS = ("campaigns", "constraints", "formal", "regs", "sim", "sw", "tb", "tools")
@@ -67,4 +68,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("names", main)

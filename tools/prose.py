@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from urllib.parse import unquote
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 
 WORDS = ROOT / "tools/words.txt"
@@ -128,4 +129,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("prose", main)

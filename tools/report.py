@@ -23,6 +23,7 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
+from rtl.command import run_main
 from rtl.sources import ROOT, commit
 from tools import trace
 from tools.trace import Result
@@ -252,4 +253,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("report", main)

@@ -29,8 +29,8 @@ from types import FrameType
 
 import serial
 
+from rtl.command import Parser, stop_printing
 from sim.harness.pins import BAUDS, FORMS
-from sim.view.command import Parser, stop_printing
 from tb.model.card import DIALECTS
 from tb.model.crc16 import crc_good
 from tb.model.rtu import PS_PER_S, build, parse, read_coils, read_registers, t35_ps, write_coils

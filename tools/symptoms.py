@@ -21,6 +21,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 from tb.lib.card import MS
 from tb.lib.fast_card import FastCard, Line
@@ -302,4 +303,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("symptoms", main)

@@ -23,6 +23,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from rtl.command import run_main
+
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / "docs/reference/requirements.md"
 RESULTS = ROOT / "build/results.json"
@@ -176,4 +178,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("trace", main)

@@ -15,6 +15,7 @@ import json
 import sys
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
 
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
@@ -97,4 +98,4 @@ def difference(one: dict[str, str], other: dict[str, str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    print(card(*sys.argv[1:2]))
+    run_main("fingerprint", lambda: print(card(*sys.argv[1:2])))

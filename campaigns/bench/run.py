@@ -31,6 +31,7 @@ from campaigns.bench.judge import Outcome
 from campaigns.bench.report import RESULTS, Results, document, stated, table
 from campaigns.bench.wave import CLK_HZ
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
+from rtl.command import end_by_ctrl_c, run_main
 from rtl.sources import ROOT, SourcesError
 from sw.tools import stack
 from tb.lib import runner
@@ -51,7 +52,7 @@ def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
     simulated = used = 0.0
     began = time.monotonic()
-    with multiprocessing.Pool(jobs) as pool:
+    with multiprocessing.Pool(jobs, end_by_ctrl_c) as pool:
         for done, (piece, outcome, seconds) in enumerate(pool.imap_unordered(_work, pieces), 1):
             results.outcomes[piece.name] = (piece, outcome)
             simulated += outcome.simulated_s
@@ -188,4 +189,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("bench", main)

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
+from rtl.command import run_main
 from rtl.sources import ROOT, bench_file, rtl_files
 from tb.lib.options import at_least
 
@@ -241,4 +242,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("coverage-rtl", main)

@@ -21,6 +21,7 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
+from rtl.command import run_main
 from tb.lib.options import at_least
 from tb.model import rtu
 from tb.model.fake_mailbox import FakeMailbox
@@ -138,4 +139,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("core-flips", main)

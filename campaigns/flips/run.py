@@ -19,7 +19,6 @@ import argparse
 import json
 import random
 import re
-import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -27,6 +26,7 @@ from pathlib import Path
 from campaigns.bench import fingerprint
 from campaigns.flips.trial import BAUDS, FORBIDDEN, FORMS, OUTCOMES, PARTS, Places, trial
 from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
+from rtl.command import run_main
 from sim.harness.library import BuildError
 from sim.harness.registers import RegistersError
 from tb.lib.options import at_least
@@ -187,11 +187,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (BuildError, RegistersError, FlipsError, FuzzError) as error:
-        print(f"flips: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("flips: stopped", file=sys.stderr)
-        sys.exit(130)
+    run_main("flips", main, BuildError, RegistersError, FlipsError, FuzzError)

@@ -10,7 +10,6 @@ whole card, and those of the core alone. Exit 2: a result is missing, or is of a
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 from campaigns.flips import core
@@ -18,6 +17,7 @@ from campaigns.flips import run as flips
 from campaigns.fuzz import report as fuzz
 from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.plants import PLANTS
+from rtl.command import run_main
 from rtl.sources import ROOT
 
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
@@ -107,8 +107,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (PageError, fuzz.ReportError, flips.FlipsError) as error:
-        print(f"fuzz-page: {error}", file=sys.stderr)
-        sys.exit(2)
+    run_main("fuzz-page", main, PageError, fuzz.ReportError, flips.FlipsError)

@@ -14,6 +14,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 
 FOLDER = ROOT / "build/fuzz"
@@ -100,8 +101,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except ReportError as error:
-        print(f"fuzz-report: {error}", file=sys.stderr)
-        sys.exit(2)
+    run_main("fuzz-report", main, ReportError)

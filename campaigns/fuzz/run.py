@@ -35,6 +35,7 @@ from campaigns.fuzz.case_file import CaseError
 from campaigns.fuzz.plants import PLANTS, PlantError, named
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.traffic import make
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS
@@ -270,11 +271,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (BuildError, CaseError, FuzzError, PlantError, SourcesError) as error:
-        print(f"fuzz: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("fuzz: stopped", file=sys.stderr)
-        sys.exit(130)
+    run_main("fuzz", main, BuildError, CaseError, FuzzError, PlantError, SourcesError)

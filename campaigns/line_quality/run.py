@@ -32,6 +32,7 @@ from campaigns.line_quality.work import (
     Piece,
     whole,
 )
+from rtl.command import end_by_ctrl_c, run_main
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError
 from tb.lib.options import at_least
@@ -57,7 +58,7 @@ def measure(pieces: list[Piece | Eye], seed: int, jobs: int) -> tuple[list[Limit
     limits: list[Limit] = []
     eyes: list = []
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
-    with multiprocessing.Pool(jobs) as pool:
+    with multiprocessing.Pool(jobs, end_by_ctrl_c) as pool:
         for done, (piece, found) in enumerate(pool.imap_unordered(partial(_work, seed=seed), pieces), 1):
             (eyes if isinstance(piece, Eye) else limits).extend(found)
             if sys.stderr.isatty():
@@ -191,4 +192,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("line-quality", main)

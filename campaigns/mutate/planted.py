@@ -25,6 +25,7 @@ from pathlib import Path
 import pytest
 
 from campaigns.mutate.run import WORK, copy_project
+from rtl.command import run_main
 from rtl.sources import ROOT
 from sw.test import mutate as firmware_mutate
 from sw.test.host import TESTS
@@ -199,4 +200,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("planted", main)

@@ -31,6 +31,7 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
 from tb.lib.options import at_least
 
@@ -569,4 +570,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("mutate", main)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import random
-import sys
 import tempfile
 import time
 from collections import Counter, deque
@@ -20,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from regs.generated.card_tables import FORMATS, RATES
+from rtl.command import run_main
 from sim.card.masters import Pymodbus
 from sim.card.run_card import CardError, Frame, RunningCard
 from sim.drive.drive_bench import NUMBERS, Row, first_index, table
@@ -342,8 +342,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (CardError, ConnectionError) as error:
-        print(f"soak: {error}", file=sys.stderr)
-        sys.exit(2)
+    run_main("soak", main, CardError, ConnectionError)

@@ -11,11 +11,11 @@ as it was (SAFE-5); 1: at least one did not; 2: an invalid command line.
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
 from campaigns.bench import fingerprint
+from rtl.command import run_main
 from rtl.sources import ROOT, configurations
 from tb.lib import starts
 from tb.lib.options import at_least
@@ -72,4 +72,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("starts", main)

@@ -15,13 +15,13 @@ import importlib.util
 import json
 import re
 import shutil
-import sys
 import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtl.command import run_main
 from sim.card.masters import Exchange, Pymodbus, ask_mbpoll
 from sim.card.run_card import ROOT, CardError, Frame, RunningCard
 
@@ -175,8 +175,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (CardError, ConnectionError) as error:
-        print(f"demo: {error}", file=sys.stderr)
-        sys.exit(2)
+    run_main("demo", main, CardError, ConnectionError)

@@ -36,6 +36,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal
 from textual.widgets import Static
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.card.run_card import CARD
 from tb.model import fc_telegram, rtu
@@ -557,4 +558,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("panel", main)

@@ -27,6 +27,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations
 from sim.harness import registers
 from sim.harness.power_up import copies_without_values
@@ -242,8 +243,4 @@ def main(kind: str, *words: str) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(*sys.argv[1:])
-    except (BuildError, SourcesError, registers.RegistersError) as error:
-        print(f"harness: {error}", file=sys.stderr)
-        sys.exit(2)
+    run_main("harness", lambda: main(*sys.argv[1:]), BuildError, SourcesError, registers.RegistersError)

@@ -15,6 +15,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+from rtl.command import run_main
 from sim.drive.drive_table import Profile, read_capacity, read_profile
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -183,4 +184,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("fc_tables", main)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from vcd import VCDWriter
 
+from rtl.command import run_main
 from sim.view.wave_file import WaveFile
 
 LINES = {"modbus": "master", "drive": "drive_unit"}  # line and its other end
@@ -85,4 +86,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("lines_vcd", main)

@@ -28,12 +28,12 @@ from pathlib import Path
 
 from regs.generated.card_tables import CHARACTER_BITS
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
+from rtl.command import Parser, run_main, stop_printing
 from rtl.sources import configuration
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
 from sim.view.capture import CaptureError, Piece, characters, open_capture, pieces
-from sim.view.command import Parser, stop_printing
 from tb.model.vlt_drive import VltDrive
 from tb.model.wire import Burst, FarCharacter, LineFormat
 
@@ -351,4 +351,4 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("replay", main)

@@ -20,7 +20,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from sim.view.command import stop_printing
+from rtl.command import run_main, stop_printing
 from sim.view.lines_vcd import write_vcd
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,4 +111,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("telegrams", main)

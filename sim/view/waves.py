@@ -27,6 +27,7 @@ from pathlib import Path
 from vcd.gtkw import GTKWSave
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
+from rtl.command import run_main
 from sim.view.wave_file import Signal, WaveFile
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -302,4 +303,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("waves", main)

@@ -15,6 +15,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from rtl.command import run_main
+
 ROOT = Path(__file__).resolve().parents[2]
 OURS = ROOT / "sim/view"
 SETTINGS = ROOT / "build/wireshark"
@@ -52,4 +54,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("wireshark", main)

@@ -11,12 +11,11 @@ from __future__ import annotations
 import argparse
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from rtl.command import run_main, threads
 from sw.test.host import DIALECTS, INCLUDES, ROOT
 from sw.test.loops import differences, instrument
 
@@ -38,7 +37,7 @@ def run(tree: Path, command: Iterable[str | Path]) -> list[str]:
 
 
 def all_of(tree: Path, commands: Iterable[list[str | Path]]) -> list[str]:
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with threads(os.cpu_count() or 1) as pool:
         said = pool.map(lambda command: run(tree, command), commands)
         return list(dict.fromkeys(line for lines in said for line in lines))
 
@@ -109,4 +108,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("analysis", main)

@@ -21,10 +21,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from rtl.command import run_main, threads
 from sw.test.host import DIALECTS, ROOT, put_figures
 from tb.lib.options import at_least
 
@@ -91,7 +91,7 @@ def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Pa
 
 def fuzz_all(folder: Path, runs: int, seed: int, jobs: int) -> list[Result]:
     fuzzers = [(dialect, target) for target in TARGETS for dialect in DIALECTS]
-    with ThreadPoolExecutor(jobs) as pool:
+    with threads(jobs) as pool:
         started = [
             pool.submit(fuzz, folder, d, t, math.ceil(runs * TARGETS[t] / len(DIALECTS)), seed)
             for d, t in fuzzers
@@ -167,4 +167,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("fuzz-firmware", main)

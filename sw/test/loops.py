@@ -20,6 +20,8 @@ from pathlib import Path
 import tree_sitter_c
 from tree_sitter import Language, Node, Parser
 
+from rtl.command import run_main
+
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = Path("sw/src")
 BOUNDS = ROOT / "sw/test/loops.toml"
@@ -134,4 +136,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("loops", main)

@@ -35,6 +35,7 @@ import pytest
 from _pytest.runner import runtestprotocol
 from tree_sitter import Node
 
+from rtl.command import run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
 from sw.test.loops import nodes, parser
 from tb.lib.options import at_least
@@ -529,4 +530,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("mutate-firmware", main)

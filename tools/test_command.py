@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ctrl-C: every command ends with one line and exit code 130, and nothing that it started goes on."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tb.lib.runner import ROOT
+from tools.lint import name, source_files
+
+MAIN = re.compile(r'^if __name__ == "__main__":\n(.+)', re.DOTALL | re.MULTILINE)
+
+# Steps of a build start as files, outside the project's packages. The selftest stops a motor first.
+OTHERS = ("sim/drive/drive_table.py", "sw/tools/bin2hex.py", "sw/tools/seal.py", "sw/tools/stack.py")
+OTHERS += ("tools/selftest.py",)
+# Two workers and more work than they do in a minute. Each piece says that it begins.
+POOL = """import multiprocessing, subprocess, sys, time
+from rtl.command import end_by_ctrl_c, run_main, threads
+def calculate(number):
+    print("begun")
+    time.sleep(40)
+def program(number):
+    subprocess.run(["sh", "-c", "echo begun; exec sleep 40"])
+def processes():
+    with multiprocessing.Pool(2, end_by_ctrl_c) as pool:
+        list(pool.imap_unordered(calculate, range(8)))
+def programs():
+    with threads(2) as pool:
+        list(pool.map(program, range(8)))
+run_main("work", locals()[sys.argv[1]])
+"""
+
+
+def stopped(*words: str, begun: str, times: int = 1) -> tuple[int, str]:
+    """Starts Python, presses Ctrl-C after `times` lines that hold `begun`; returns exit code and errors."""
+    test = subprocess.Popen(
+        [sys.executable, *words],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        while times:
+            line = test.stdout.readline()
+            assert line, test.stderr.read()
+            times -= begun in line
+        os.killpg(test.pid, signal.SIGINT)  # as a terminal does: to all that run in the foreground
+        _, errors = test.communicate(timeout=20)
+    finally:
+        with_group = subprocess.run(["pgrep", "-g", str(test.pid)], capture_output=True, text=True)
+        if with_group.stdout:
+            os.killpg(test.pid, signal.SIGKILL)
+    assert not with_group.stdout, "something still runs"
+    return test.returncode, errors
+
+
+@pytest.mark.parametrize("kind", ["processes", "programs"])
+def test_ctrl_c_ends_workers_without_a_word(kind):
+    assert stopped("-c", POOL, kind, begun="begun", times=2) == (130, "work: stopped\n")
+
+
+def test_ctrl_c_ends_lint_in_one_line():
+    assert stopped("-m", "tools.lint", begun="rtl/rtl.f complete") == (130, "lint: stopped\n")
+
+
+def test_every_command_ends_by_the_same_function():
+    texts = {name(path): path.read_text() for path in source_files() if path.suffix == ".py"}
+    ends = {file: found[1] for file, text in texts.items() if (found := MAIN.search(text))}
+    assert set(OTHERS) < ends.keys() and len(ends) > 40
+    for file in ends.keys() - set(OTHERS):
+        assert re.fullmatch(r"    run_main\(\"[a-z_-]+\", .+\)\n", ends[file]), file
