@@ -169,6 +169,7 @@ void run(const Options& options) {
     }
     if (virtual_card.now() < next_check) continue;
     next_check = virtual_card.now() + kClock.hz;
+    virtual_card.flush_wave();
     const double ratio = pacer.take_shortfall();
     if (options.real_time && ratio < kWarnBelow && virtual_card.now() >= next_warning) {
       std::fprintf(stderr, "card: warning: too slow, running at %.2f x real time\n", ratio);

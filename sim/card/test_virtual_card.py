@@ -219,6 +219,22 @@ def test_full_disk_is_reported(tmp_path, option, room):
     assert run.stderr.startswith(f"card: cannot write {file}: ") and run.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
+def test_a_disk_that_fills_up_ends_a_wave_soon(tmp_path):
+    """The waveform's writer says nothing of it, before the run ends."""
+    wave = tmp_path / "card.fst"
+    run = subprocess.run(
+        [CARD, "--wave", wave, "--for", "1000", "--speed", "max", "--quiet"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        restore_signals=False,  # SIGXFSZ stays ignored
+        preexec_fn=lambda: setrlimit(RLIMIT_FSIZE, (50_000, 50_000)),
+    )
+    assert (run.returncode, run.stderr) == (2, f"card: cannot write {wave}: the disk is full\n")
+
+
 def test_help_names_every_option_and_drive():
     run = run_card("--help")
     assert run.returncode == 0

@@ -4,9 +4,11 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <iostream>
 #include <utility>
 
@@ -60,13 +62,14 @@ void VirtualCard::connect(FarEnd& master, FarEnd& drive) {
   drive_.far_end = &drive;
 }
 
-// When the disk is full, the waveform writer prints its own message and calls abort(). The handler prints one
+// When the disk is full, the waveform writer or flush_wave() calls abort(), the writer with a message. The handler prints one
 // line instead and ends the program with exit code 2.
 void VirtualCard::open_wave(const std::string& path) {
   // The waveform writer does not report a file that it cannot create.
   const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) throw system_error("cannot write " + path);
   close(file);
+  wave_file_ = path;
   wave_trouble = "card: cannot write " + path + ": the disk is full\n";
   signal(SIGABRT, [](int) {
     const ssize_t written = write(STDERR_FILENO, wave_trouble.data(), wave_trouble.size());
@@ -74,6 +77,17 @@ void VirtualCard::open_wave(const std::string& path) {
   });
   std::cerr.rdbuf(nullptr);
   model_->open_wave(path.c_str());
+}
+
+// The writer ignores a write that fails, until the waveform ends. Then its file no longer grows.
+void VirtualCard::flush_wave() {
+  if (!model_->has_wave()) return;
+  struct stat file {};
+  if (stat(wave_file_.c_str(), &file) == 0 && S_ISREG(file.st_mode)) {
+    if (file.st_size <= wave_bytes_) std::abort();
+    wave_bytes_ = file.st_size;
+  }
+  model_->flush_wave();
 }
 
 void VirtualCard::clock_into_wave() {

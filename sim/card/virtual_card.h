@@ -46,6 +46,9 @@ class VirtualCard {
   UartLine& line(LineId which) { return which == LineId::kModbus ? modbus_.line : drive_.line; }
   // Present colour of an LED.
   const char* led(LineId which) const;
+  // Writes the waveform so far to its file, if there is one. Ends the program when the last call has written nothing.
+  void flush_wave();
+
   // Ends open frames and the waveform. Nothing may run after it.
   void finish();
 
@@ -78,6 +81,8 @@ class VirtualCard {
   Cycles next_event_ = 0;
   unsigned last_pins_ = 0;
   bool finished_ = false;
+  std::string wave_file_;
+  std::int64_t wave_bytes_ = -1;  // size of the file at the last flush
 };
 
 }  // namespace card

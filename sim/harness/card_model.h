@@ -169,6 +169,8 @@ class CardModel {
     top_->eval();
     wave_->dump(fall);
   }
+  // Hands what was dumped to the file. The writer itself waits until it has 128 MB of changes.
+  void flush_wave() { wave_->flush(); }
 #endif
 
 #ifdef CARD_FLIPS
