@@ -135,8 +135,9 @@ def test_selftest_starts_a_motor_by_the_command_line_only():
 
 
 @pytest.mark.rule("TOP-2")
-def test_unknown_configuration():
-    done = command("make", "-s", "sources", "CONFIG=nosuch")
+@pytest.mark.parametrize("target", ["sources", "card"])
+def test_unknown_configuration(target):
+    done = command("make", "-s", target, "CONFIG=nosuch")
     assert (done.returncode, done.stdout) == (2, "")
     assert one_line(done.stderr) == "no configuration 'nosuch' in configs.toml; there are: standard, tiny"
 

@@ -44,7 +44,8 @@ $(VIRTUAL_CARD): $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | $(CARD_IMAGES)
 		-llz4 -lz -lpthread
 
 $(CARD_CLOCK):
-	@[ -f regs/generated/config_$(CONFIG).v ] || { echo "configs.toml names no $(CONFIG)" >&2; exit 2; }
+	@[ -f regs/generated/config_$(CONFIG).v ] || { echo "no configuration '$(CONFIG)' in configs.toml; there are:" \
+		"$$(awk -F '[][]' '/^\[/ { printf "%s%s", comma, $$2; comma = ", " }' configs.toml)" >&2; exit 2; }
 	@mkdir -p $(@D)
 	@rm -f $(CARD_DIR)/clk_*
 	@touch $@
