@@ -334,7 +334,7 @@ def test_one_core_keeps_up_with_real_time():
 
 def test_speed_max_runs_ahead_of_wall_time(tmp_path):
     """The same traffic as in real time, in the same simulated time."""
-    with RunningCard(tmp_path, "--speed", "max", "--for", "4") as card:
+    with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "4") as card:
         with RawPort(card.link) as master:
             master.example("ex5-read-514")
         assert card.wait() == 0
@@ -388,7 +388,7 @@ def test_a_foreign_drive_may_refuse_or_stay_silent(tmp_path):
 
 @pytest.mark.rule("MAP-3", "MAP-7")
 def test_pymodbus_reads_and_writes(tmp_path):
-    with RunningCard(tmp_path) as card:
+    with RunningCard(tmp_path, "--drive", "example") as card:
         client = pymodbus_client(card)
         assert client.read_holding_registers(5139, count=2, device_id=1).registers == [0, 300]
         assert not client.write_coils(0, [True, False] * 16, device_id=1).isError()
@@ -533,7 +533,7 @@ def test_motor_started_by_coils_ramps(tmp_path):
     """Start to 40 % and ramp stop; with ramps of 60 s, 40 % takes some seconds."""
     with RunningCard(tmp_path, "--speed", "max") as card:
         client = pymodbus_client(card)
-        assert read_drive(client) == (0x0607, 0, 300), "stopped, ready; the card's example current"
+        assert read_drive(client) == (0x0607, 0, 0), "stopped, ready, without current"
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
         up = [read_drive(client)]
         while up[-1][1] < 0x1999 and len(up) < 5000:
@@ -551,13 +551,13 @@ def test_motor_started_by_coils_ramps(tmp_path):
     assert up[0][0] == 0x0E03, "running, not at its reference"
     assert up[-1][:2] == (0x0F03, 0x1999), "at its reference"
     assert up[-1][2] > up[0][2], "more speed, more current"
-    assert down[-1] == (0x0607, 0, 300)
+    assert down[-1] == (0x0607, 0, 0)
 
 
 @pytest.mark.parametrize(
     ("profile", "register", "value", "words"),
     [
-        ("vlt6000", 5140, 300, "parameter 514 (Readout: Motor current) = 300 (3.00 A)"),
+        ("vlt6000", 5140, 0, "parameter 514 (Readout: Motor current) = 0 (0.00 A)"),
         ("vlt5000", 5200, 0, "parameter 520 (Readout: Motor current) = 0 (0.00 A)"),
         ("vlt2800", 5200, 0, "parameter 520 (Readout: Motor current) = 0 (0.00 A)"),
         ("vlt8000", 5140, 0, "parameter 514 (Readout: Motor current) = 0 (0.00 A)"),
@@ -583,7 +583,7 @@ def mbpoll(link: Path, *options: str) -> dict[int, int]:
 
 
 def test_mbpoll_shows_the_motor_current_and_the_control_image(tmp_path):
-    with RunningCard(tmp_path) as card:
+    with RunningCard(tmp_path, "--drive", "example") as card:
         assert mbpoll(card.link, "-t", "4", "-r", "5140", "-c", "2") == {5140: 0, 5141: 300}
         with RawPort(card.link) as master:
             master.example("ex1-start-40")
@@ -731,7 +731,7 @@ def test_log_is_complete_and_described(tmp_path):
 
 @pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
 def test_the_log_shows_the_leds(tmp_path):
-    with RunningCard(tmp_path, "--speed", "max", "--for", "6") as card:
+    with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "6") as card:
         with RawPort(card.link) as master:
             while card.process.poll() is None and "red-flash" not in card.log.read_text():
                 time.sleep(0.01)
@@ -788,7 +788,10 @@ def pcapng_options(data: bytes) -> dict[int, bytes]:
 def test_the_pcapng_file_holds_both_lines_and_marks_bad_frames(tmp_path):
     pcap = tmp_path / "lines.pcapng"
     damaged = READ_CONTROL[:-1] + bytes([READ_CONTROL[-1] ^ 1])
-    with RunningCard(tmp_path, "--pcap", str(pcap)) as card, RawPort(card.link) as master:
+    with (
+        RunningCard(tmp_path, "--drive", "example", "--pcap", str(pcap)) as card,
+        RawPort(card.link) as master,
+    ):
         master.write(damaged)
         assert master.read(1, 0.2) == b""
         master.example("ex5-read-514")

@@ -419,12 +419,16 @@ def test_a_text_longer_than_20_characters_is_sent_whole():
 # ---- control word, status word, motor ----------------------------------------------------------
 
 
-def test_a_drive_just_powered_up_stands_by_and_preheats_its_motor():
+def test_a_drive_just_powered_up_stands_by_without_current():
     drive = VltDrive()
     assert control(drive, 0) == (0x0607, 0)
-    assert ask(drive, fc.AK_READ, 514).pwe == 300, "3.00 A"
-    assert ask(drive, fc.AK_WRITE_WORD, 112, 0).fault is None
-    assert ask(drive, fc.AK_READ, 514).pwe == 0, "no current without the preheater"
+    assert ask(drive, fc.AK_READ, 514).pwe == 0
+
+
+def test_the_preheater_warms_a_motor_that_stands():
+    drive = VltDrive()
+    assert ask(drive, fc.AK_WRITE_WORD, 112, 1).fault is None
+    assert ask(drive, fc.AK_READ, 514).pwe == 300, "3.00 A: 50 % of 6.00 A"
 
 
 def test_start_at_40_percent_ramps_up_to_20_hz():
@@ -549,7 +553,7 @@ def test_the_dc_brake_holds_current_for_its_time():
     drive.step(1_499_000)
     assert (drive.get(514), drive.running) == (480, True)
     drive.step(1000)
-    assert (drive.get(514), drive.running) == (300, False), "back to preheating"
+    assert (drive.get(514), drive.running) == (0, False)
 
 
 def test_jog_overrides_the_reference():
