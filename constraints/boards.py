@@ -415,6 +415,7 @@ def main() -> int:
     wrong = [line for entry in boards().values() for line in problems(entry)]
     if not wrong and not args.check:
         DOCS.write_text(pin_tables())
+        print(f"wrote {DOCS.relative_to(ROOT)}: {len(boards())} boards")
     elif not wrong and (not DOCS.exists() or DOCS.read_text() != pin_tables()):
         wrong = [f"{DOCS.relative_to(ROOT)} is not what the pin files say; run `make pins`"]
     for line in wrong:

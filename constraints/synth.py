@@ -117,6 +117,7 @@ def sandboxed(path: Path) -> str:
 
 def tool(command: list[str], log: Path, own_log: bool = False) -> None:
     """Runs a tool; its output goes to `log`, or the tool writes the log itself. Raises on failure."""
+    print(progress(command, log), file=sys.stderr, flush=True)
     with open(os.devnull if own_log else log, "w") as file:
         done = subprocess.run(
             [str(Path(sys.executable).parent / command[0]), *command[1:]],
@@ -130,6 +131,13 @@ def tool(command: list[str], log: Path, own_log: bool = False) -> None:
         errors = [line for line in lines if "ERROR" in line or "error:" in line]
         said = errors[0].strip() if errors else f"ended with {done.returncode}"
         raise SynthError(f"{command[0]}: {said} (see {log.relative_to(ROOT)})")
+
+
+def progress(command: list[str], log: Path) -> str:
+    """One line before each tool: some take minutes."""
+    seed = f", seed {command[command.index('--seed') + 1]}" if "--seed" in command else ""
+    name = log.relative_to(ROOT) if log.is_relative_to(ROOT) else log
+    return f"synth: {command[0].removeprefix('yowasp-')}{seed} runs; its log is {name}"
 
 
 def pattern(words: int) -> str:

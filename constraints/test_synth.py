@@ -486,6 +486,16 @@ def test_make_synth_fails_with_a_design_too_big_for_its_part(monkeypatch, capsys
     assert ("synth: card-xo2-1200: 11 cells, but a x has 10" in capsys.readouterr().err) == (status == 1)
 
 
+def test_make_synth_says_which_tool_runs(tmp_path, capsys):
+    """Some run for minutes. The line comes before the tool."""
+    tool(["python", "-c", "pass", "--seed", "7"], tmp_path / "log")
+    assert capsys.readouterr().err == f"synth: python, seed 7 runs; its log is {tmp_path}/log\n"
+    synth.BUILD.mkdir(parents=True, exist_ok=True)
+    with pytest.raises(SynthError):
+        tool(["python", "-c", "raise SystemExit(3)"], synth.BUILD / "none.log")
+    assert capsys.readouterr().err == "synth: python runs; its log is build/synth/none.log\n"
+
+
 def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys):
     def refuse(entry):
         raise SynthError(f"{entry.name}: no seed of 1 gave a design in time")
