@@ -152,7 +152,7 @@ class Run:
         more = len(self.results) - run
         words += f"; {more} more on other cards or netlists." if more else "."
         for which, count in sorted(older.items()):
-            words += f' <span class="bad">{count} older, of commit <code>{html.escape(which)}</code>.</span>'
+            words += f' <span class="old">{count} older, of commit <code>{html.escape(which)}</code>.</span>'
         return words
 
 
@@ -185,12 +185,22 @@ def rules(run: Run) -> Section:
             benches = sorted({test.split("::")[0].removeprefix("tb/") for test in own})
             said = trace.verdict(own, run.outcomes) if own else "-"
             older = sum(test in run.results and run.is_older(run.results[test]) for test in own)
-            said += f' <span class="bad">({older} older)</span>' if older else ""
+            said += f' <span class="old">({older} older)</span>' if older else ""
             rows.append(
                 [found[1], inline(trace.REQUIREMENTS, render(found[2])), found[3], said, ", ".join(benches)]
             )
     header = ["rule", "the card …", "shown by", "last result", "benches"]
     return Section("rules", "Rules", "<h2>Rules</h2>" + table(header, rows))
+
+
+def picture() -> str:
+    """A start command on both lines, as the guide shows it."""
+    file = document("timing")
+    found = re.search(r"!\[([^\]]+)\]\((\S*/start-motor\.svg)\)", file.read_text())
+    if not found:
+        raise ReportError(f"{file.relative_to(ROOT)} has no picture start-motor.svg")
+    image = inline(file, f'<img src="{found[2]}" alt="{found[1]}">')
+    return f"<figure>{image}<figcaption>{found[1]}.</figcaption></figure>"
 
 
 def summary(run: Run) -> Section:
@@ -199,11 +209,15 @@ def summary(run: Run) -> Section:
     green = trace.shown_rules(known, run.shown, run.outcomes)
     still = [rule for rule in known if rule not in green]
     ran = sum(test in run.results for test in run.collected)
+    failed = {
+        rule for rule, own in run.shown.items() if any(run.outcomes.get(test) == "failed" for test in own)
+    }
     tiles = [
         (f"{ran} of {len(run.collected)}", "tests run", "good" if ran == len(run.collected) else ""),
         (str(count["passed"]), "tests passed", "good"),
         (str(count["failed"]), "tests failed", "bad" if count["failed"] else "good"),
-        (f"{len(green)} of {len(known)}", "rules shown", "bad" if still else "good"),
+        # A rule whose tests have not run is not red.
+        (f"{len(green)} of {len(known)}", "rules shown", "bad" if failed else "" if still else "good"),
     ]
     shown = "".join(
         f'<div class="tile"><b class="{kind}">{n}</b><span>{what}</span></div>' for n, what, kind in tiles
@@ -213,7 +227,7 @@ def summary(run: Run) -> Section:
         "<h1>rtu2fc</h1><p>The Modbus RTU option card of Danfoss VLT 6000 drives, rebuilt as open hardware. "
         f"This page was made from commit <code>{html.escape(commit())}</code>; what stands in it "
         "was printed by the commands named with each part.</p>"
-        f'<div class="tiles">{shown}</div><p>{run.provenance()}</p>{rest}'
+        f'<div class="tiles">{shown}</div>{picture()}<p>{run.provenance()}</p>{rest}'
         "<p>Not affiliated with Danfoss; VLT is their trademark.</p>"
     )
     return Section("summary", "Summary", body)

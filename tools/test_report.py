@@ -98,13 +98,13 @@ def test_every_picture_of_every_page_is_in_it(text: str):
         for picture in re.findall(r"!\[.*?\]\(", file.read_text())
     ]
     assert len(pictures) >= 12
-    assert Page(text).count["img"] == len(pictures)
+    assert Page(text).count["img"] == len(pictures) + 1, "one is in the summary, too"
 
 
 def test_every_rule_stands_in_it_with_its_result(text: str):
     rows = dict(re.findall(r"<tr><td>([A-Z0-9-]+)</td>(.*?)</tr>", text))
     assert set(RULES) <= set(rows)
-    older = ' <span class="bad">(1 older)</span>'
+    older = ' <span class="old">(1 older)</span>'
     assert f"<td>1 failed, 1 passed{older}</td><td>test_b.py</td>" in rows["SAFE-1"]
     assert "<td>1 passed</td><td>test_a.py</td>" in rows["FC-1"]
     assert "<td>-</td><td></td>" in rows["FC-2"], "no test has shown it"
@@ -122,7 +122,7 @@ def test_results_say_of_what_they_are(text: str):
     assert '<b class="">3 of 4</b><span>tests run</span>' in text
     words = "3 of 4 tests have been run, the newest of commit <code>abc1234</code>"
     assert f"{words} on 2026-01-02 03:04 to 2026-01-02 03:04 UTC; 1 more on other cards or netlists." in text
-    assert '<span class="bad">1 older, of commit <code>0dd0123</code>.</span>' in text
+    assert '<span class="old">1 older, of commit <code>0dd0123</code>.</span>' in text
     assert "test_gone" not in text
     rows = dict(re.findall(r"<tr><td><code>([\w./]+)</code></td>(.*?)</tr>", text))
     assert rows["test_b.py"] == "<td>1</td><td>1</td><td></td><td>1</td>"
@@ -137,6 +137,43 @@ def test_a_rule_counts_as_shown_when_a_test_of_it_has_passed_and_none_failed(tex
     assert f'<b class="bad">{shown} of {len(RULES)}</b><span>rules shown</span>' in text
     assert "SAFE-1" in re.search(r"Not shown: (.*?)\.</p>", text)[1]
     assert not re.search(r"Not shown: .*\bFC-1\b", text)
+
+
+def test_red_is_only_what_has_failed():
+    """After a part of the tests, all of which passed: nothing is red."""
+    run = Run({"tb/test_a.py::test_frame": Result("passed", **NEW)}, COLLECTED, SHOWN)
+    for section in (report.summary(run), report.rules(run), report.tests(run)):
+        assert 'class="bad"' not in section.body
+    older = Run(RESULTS | {"tb/test_b.py::test_line": Result("passed", **OLD)}, COLLECTED, SHOWN)
+    assert 'class="old"' in report.summary(older).body and 'class="bad"' not in report.summary(older).body
+
+
+# Where the picture of the summary ends on the screen, and what of a scrolled table does not stay in sight.
+FOLD = "return document.querySelector('#summary img').getBoundingClientRect().bottom;"
+PHONE = """
+document.body.style.width = "390px"; // the browser's window is never narrower than 500
+const hidden = [];
+if (document.body.scrollWidth > 390) hidden.push(`page: ${document.body.scrollWidth}`);
+for (const box of document.querySelectorAll(".tables")) {
+  const wide = box.scrollWidth > box.clientWidth + 1;
+  const name = box.closest("section").id;
+  if (wide && !getComputedStyle(box).maskImage.includes("gradient")) hidden.push(`${name}: no sign of more`);
+  box.scrollLeft = 9999;
+  const [edge, first, last] = [box, ...["first", "last"].map(which => box.querySelector(`td:${which}-child`))]
+    .map(one => one.getBoundingClientRect());
+  if (first.left < edge.left - 1) hidden.push(`${name}: first column`);
+  if (last.right > edge.right - 20) hidden.push(`${name}: last column`);
+}
+return hidden;
+"""
+
+
+def test_a_picture_is_seen_without_scrolling(text: str, tmp_path):
+    assert chromium.evaluate(text, FOLD, tmp_path).found < 900
+
+
+def test_a_table_can_be_read_on_a_phone(text: str, tmp_path):
+    assert chromium.evaluate(text, PHONE, tmp_path, 500).found == []
 
 
 def test_a_run_writes_its_commit_and_time(pytester: pytest.Pytester):
