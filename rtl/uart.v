@@ -160,6 +160,9 @@ module uart (
     if (bit_valid) bits_seen <= {bit_data, bits_seen[6:1]};
     if (bit_valid && last_bit) last_byte <= {bit_data, bits_seen};
   end
+  // Without byte_valid the two errors follow each bit of the character.
+  wire parity_flaw = byte_valid && byte_parity_error;
+  wire framing_flaw = byte_valid && byte_framing_error;
 
   reg [8*6-1:0] state_name;
   always @* begin

@@ -272,6 +272,8 @@ def test_files_of_the_virtual_card_agree(tmp_path):
     check_capture(frames, tshark.fields(pcap, *TSHARK_FIELDS))
     check_wave(wave, entries, BAUD)
     check_card_views(wave)
+    errors = [name for name in WaveFile(wave).signals if name.endswith(("parity_flaw", "framing_flaw"))]
+    assert len(errors) == 4 and not any(map(WaveFile(wave).pulses, errors)), "every character was good"
     report = tshark.capinfos(pcap)
     assert "Number of interfaces in file: 2" in report
     assert "microseconds (6)" in report

@@ -107,6 +107,16 @@ async def parity_error_is_reported_with_its_own_byte(dut, form):
 
 
 @cocotb.test()
+async def error_rows_of_a_waveform_are_high_with_a_flawed_byte_alone(dut):
+    rows = [Strobes(dut, "parity_flaw"), Strobes(dut, "framing_flaw")]
+    rx = await Receiver(dut, "8E1").start()
+    await rx.source.send(b"\x11\x22\x33\x44\x55", Flaws(bad_parity=(1,), bad_stop=(3,), gaps={4: 3.0}))
+    await rx.source.idle(2)
+    for row, flawed in zip(rows, (1, 3), strict=True):
+        assert row.times_ps == [rx.out.times_ps[flawed]]
+
+
+@cocotb.test()
 async def wrong_parity_of_the_sender_is_an_error_in_every_byte(dut):
     rx = await Receiver(dut, "8E1").start()
     await rx.source.send(bytes(range(8)), fmt=Format.named(BAUD, "8O1"))
@@ -485,6 +495,7 @@ async def bit_time_on_the_pin_is_right_at_every_rate(dut):
 UNIT_TESTS = [
     "back_to_back_bytes_are_received_in_every_format",
     "parity_error_is_reported_with_its_own_byte",
+    "error_rows_of_a_waveform_are_high_with_a_flawed_byte_alone",
     "wrong_parity_of_the_sender_is_an_error_in_every_byte",
     "missing_stop_bit_is_reported_with_its_own_byte",
     "one_stop_bit_is_enough_where_two_are_usual",
