@@ -20,6 +20,7 @@ import pytest
 
 from rtl.command import run_main
 from rtl.sources import ROOT
+from tools.trace import Collector
 
 FOLDERS = ("campaigns", "constraints", "formal", "regs", "sim", "sw", "tb", "tools")
 NAME = re.compile(r"^(?:async )?def (test_\w+)", re.MULTILINE)
@@ -57,10 +58,13 @@ def main() -> int:
         print(f"{options.command}: no test has '{word}' in its name{nearest(word, files)}", file=sys.stderr)
         return 2
     choice = [f"--{name}={value}" for name in ("sim", "card") if (value := getattr(options, name))]
+    collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         code = pytest.main(
-            ["--collect-only", "-q", "--all", *choice, f"--rootdir={ROOT}", "-k", options.test]
+            ["--collect-only", "-q", "--all", *choice, f"--rootdir={ROOT}", "-k", options.test], [collector]
         )
+    if collector.stopped:
+        raise KeyboardInterrupt
     if code != pytest.ExitCode.OK:
         print(f"{options.command}: no test{where} fits '{options.test}'", file=sys.stderr)
         return 2

@@ -72,6 +72,20 @@ def test_ctrl_c_ends_lint_in_one_line():
     assert stopped("-m", "tools.lint", begun="rtl/rtl.f complete") == (130, "lint: stopped\n")
 
 
+def test_ctrl_c_while_pytest_collects():
+    """pytest.main() returns after Ctrl-C, with the exit code of a wrong collection."""
+    program = """import sys, time
+from rtl.command import run_main
+from tools import trace
+class Slow(trace.Collector):
+    def pytest_collection(self):
+        print("begun", file=sys.__stdout__)
+        time.sleep(30)
+trace.Collector = Slow
+run_main("trace", trace.collect)"""
+    assert stopped("-c", program, begun="begun") == (130, "trace: stopped\n")
+
+
 def test_every_command_ends_by_the_same_function():
     texts = {name(path): path.read_text() for path in source_files() if path.suffix == ".py"}
     ends = {file: found[1] for file, text in texts.items() if (found := MAIN.search(text))}

@@ -36,6 +36,7 @@ class Collector:
     """A pytest plugin that notes each test and its marks."""
 
     def __init__(self) -> None:
+        self.stopped = False
         self.tests: dict[str, list[str]] = defaultdict(list)
         self.all: set[str] = set()
 
@@ -46,6 +47,10 @@ class Collector:
             for mark in item.iter_markers("rule"):
                 for rule in mark.args:
                     self.tests[rule].append(item.nodeid)
+
+    def pytest_keyboard_interrupt(self, excinfo: pytest.ExceptionInfo) -> None:
+        """After Ctrl-C, and also after an error of the collection, by another class."""
+        self.stopped = excinfo.type is KeyboardInterrupt
 
 
 def read_rules() -> dict[str, str]:
@@ -78,6 +83,8 @@ def collect(*options: str) -> Collector:
     collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()) as said:
         code = pytest.main(["--collect-only", "-q", "--all", *options, f"--rootdir={ROOT}"], [collector])
+    if collector.stopped:
+        raise KeyboardInterrupt
     if code != pytest.ExitCode.OK:
         print(said.getvalue(), file=sys.stderr)
         sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
