@@ -15,6 +15,7 @@ import sys
 from os.path import relpath
 from pathlib import Path
 
+from rtl.command import run_main
 from rtl.sources import ROOT
 
 CONFIG = Path(__file__).with_name("mkdocs.yml")
@@ -71,4 +72,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_main("docs", main)
