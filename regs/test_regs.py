@@ -62,13 +62,13 @@ def test_an_outdated_generated_file_is_found(tmp_path):
     """The check can fail: a copy with one digit changed is rejected by name."""
     for folder in ("regs", "docs"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    for file in ("configs.toml", "VERSION"):
-        shutil.copy(ROOT / file, tmp_path)
+    (tmp_path / "rtl").mkdir()
+    for file in ("configs.toml", "VERSION", "rtl/command.py"):
+        shutil.copy(ROOT / file, tmp_path / file)
     target = tmp_path / "regs/generated/card_defs.v"
     target.write_text(target.read_text().replace("12'd352", "12'd353"))
-    done = subprocess.run(
-        [sys.executable, tmp_path / "regs/regs.py", "--check"], capture_output=True, text=True, check=False
-    )
+    check = [sys.executable, "-m", "regs.regs", "--check"]
+    done = subprocess.run(check, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "regs/generated/card_defs.v differs" in done.stderr
 
