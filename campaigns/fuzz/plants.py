@@ -73,7 +73,8 @@ class Plant:
         (folder / CONFIGS.name).write_text(roomy)
         if self.file:
             (folder / self.file).write_text(self._changed())
-        command = ["make", "--silent", "-f", "sw/firmware.mk", "firmware", "SETUP="]
+        dialects = [f"build/{dialect}/firmware.hex" for dialect in ("builtin", "hvac_basic")]
+        command = ["make", "--silent", "-f", "sw/firmware.mk", "SETUP=", "build/firmware.hex", *dialects]
         done = subprocess.run(
             [*command, f"FIRMWARE_DEFINES={self.defines}"],
             cwd=folder,
