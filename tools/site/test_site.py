@@ -21,7 +21,7 @@ from tools.site import hooks
 
 NAV = re.findall(r"([\w/-]+\.md)$", (ROOT / "tools/site/mkdocs.yml").read_text(), re.MULTILINE)
 # What the build reads besides docs/ and tools/.
-READ = ("rtl/sources.py", *(str(page.relative_to(ROOT)) for page in hooks.PAGES))
+READ = ("rtl/command.py", "rtl/sources.py", *(str(page.relative_to(ROOT)) for page in hooks.PAGES))
 # The browser opens pages as files here; a script may look into frames of other files.
 LOOK_INSIDE = ("--allow-file-access-from-files",)
 
