@@ -75,8 +75,9 @@ def measure() -> None:
 
 
 def counted(folder: Path, uncalled: Iterable[str]) -> tuple[Counts, Counts, Holes]:
-    """Branches and lines of each file, taken and in total, and the lines that are not fully covered."""
-    report = json.loads(run(sys.executable, "-m", "gcovr", "--json", "-", "-r", ROOT, folder))
+    """Branches and lines of each file of the firmware, taken and in total, and lines not fully covered."""
+    command = (sys.executable, "-m", "gcovr", "--json", "-", "-r", ROOT, "-f", "sw/src/", folder)
+    report = json.loads(run(*command))
     branches, lines, holes = {}, {}, {}
     for file in report["files"]:
         name = Path(file["file"]).name
