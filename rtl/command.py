@@ -72,5 +72,5 @@ def children() -> set[int]:
 
 
 def stop_printing() -> None:
-    """Drops what is left of the output, so that Python does not fail on it at its end."""
+    """Discards the rest of the output: its reader has gone, and Python would fail when it writes it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

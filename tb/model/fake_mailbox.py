@@ -2,7 +2,7 @@
 """The mailbox as the firmware sees it, played by a test: commit gate and both ports, one event at a time.
 
 The rules and the state come from sw/port/host/mailbox_model.c, whose fields are attributes here.
-This class collects what leaves, and checks what the firmware orders. Times in ms.
+This class keeps the replies and telegrams that left, and checks each order of a telegram. Times in ms.
 Frames on the network side are address and PDU (no CRC), on the drive side ADR and data (no STX, LGE, BCC).
 """
 
@@ -134,7 +134,7 @@ class FakeMailbox:
     # ------------------------------------------------------------ what happens on the network line
 
     def candidate(self, pdu: bytes, broadcast: bool = False) -> None:
-        """A good frame, and t1.5 of silence behind it."""
+        """A good frame, then t1.5 of silence."""
         self._play("candidate", 1, pdu, len(pdu), broadcast)
 
     # ------------------------------------------------------------ what happens on the drive line

@@ -129,7 +129,8 @@ class Both:
         if mailbox.sent_telegrams > telegrams:
             kind = "stop" if self.stop else "place" if mailbox.from_place else "first"
             self.telegrams[kind, self.again] += 1
-        # A telegram that starts only now ends the pause, and what the drive said, a clock later.
+        # The drive line reacts one clock after a telegram starts: it is no longer quiet, and the drive's last
+        # reply is forgotten.
         dut.drive_quiet.value = int(mailbox.quiet and not (sent_before and mailbox.sending))
         dut.loopback_open.value = mailbox.loopback
         await self.gate.bench.clocks(3)

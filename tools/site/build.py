@@ -22,7 +22,7 @@ CONFIG = Path(__file__).with_name("mkdocs.yml")
 
 
 def build(site: Path) -> list[str]:
-    """Builds the site into a folder; what is wrong, one line each."""
+    """Builds the site into a folder; returns its errors, one line each."""
     from mkdocs.commands.build import build as mkdocs_build
     from mkdocs.config import load_config
     from mkdocs.exceptions import MkDocsException

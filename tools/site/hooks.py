@@ -53,7 +53,7 @@ def moved(markdown: str, source: Path, name: str) -> str:
     """The text of the file `source` as the page `name`: its links lead to pages of the site.
 
     Files that are no page and lie outside docs/ are not part of the site. Of a link to one of them the text
-    remains, with the file's name behind it where the text does not say it.
+    remains, with the file's name after it where the text does not say it.
     """
 
     def link(found: re.Match) -> str:

@@ -38,7 +38,7 @@ uint32_t mailbox_is_touched(const struct mailbox *m)
     return false;
 }
 
-/* A write to the telegram's memory ends the licence; here it shows by what it left behind. A telegram that has left
+/* A write to the telegram's memory ends the licence; here it shows by the changed bytes. A telegram that has left
  * gives way to a write that waits. */
 static void end_lost_licence(struct mailbox *m)
 {
@@ -181,7 +181,7 @@ void mailbox_drive_data(struct mailbox *m, const uint8_t *data, uint32_t length,
 
     if (!m->listening || m->drive_good)
         return;
-    if (!m->loopback) /* whose firmware looks for a filler of its own */
+    if (!m->loopback) /* the loop-back test has a filler of its own there */
         soil(frame, DRIVE_BYTES);
     for (i = 0; i < length; i++)
         frame[mailbox_drive_slot(i)].byte = data[i];
@@ -319,7 +319,8 @@ static void order_telegram(struct mailbox *m, uint32_t value)
 static void supervise(struct mailbox *m, uint32_t value)
 {
     m->halted |= MAILBOX_FIELD(SUPERVISOR, HALT, value);
-    if (MAILBOX_FIELD(SUPERVISOR, WATCH, value) && MAILBOX_FIELD(SUPERVISOR, TICKET, value) == m->ticket && m->is_committed) {
+    if (MAILBOX_FIELD(SUPERVISOR, WATCH, value) && MAILBOX_FIELD(SUPERVISOR, TICKET, value) == m->ticket &&
+        m->is_committed) {
         m->limit = MAILBOX_FIELD(SUPERVISOR, PERIOD, value);
         m->since = m->ticks;
         if (m->writes_coils)
