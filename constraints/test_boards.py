@@ -34,7 +34,7 @@ from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import boot_clocks
 from tb.lib.fc_slave import FcSlave
 from tb.lib.modbus_master import ModbusMaster
-from tb.lib.rs485 import Rs485Line
+from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, WAIVERS, run
 from tb.lib.uart_agent import Format
 from tb.model import rtu
@@ -409,8 +409,8 @@ async def answers_without_ever_having_been_reset(dut):
         inputs["button_n"] = 1
     bench = Bench(dut, CLK_HZ, **inputs)
     assert not hasattr(dut, "rst_n")
-    modbus = Rs485Line(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(BAUD, "8N2"))
-    drive = Rs485Line(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(9600, "8E1"))
+    modbus = RecordedLine(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(BAUD, "8N2"))
+    drive = RecordedLine(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(9600, "8E1"))
     slave = FcSlave(drive, VltDrive().telegram)
     await bench.start()
     assert not lit(dut)

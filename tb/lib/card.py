@@ -14,7 +14,7 @@ from tb.lib.config import boot_clocks
 from tb.lib.fc_slave import FcSlave, Manner
 from tb.lib.line_tap import tap_leds
 from tb.lib.modbus_master import ModbusMaster
-from tb.lib.rs485 import Rs485Line
+from tb.lib.recorded_line import RecordedLine
 from tb.lib.uart_agent import Format
 
 PARITY_LETTER = {"none": "N", "even": "E", "odd": "O"}
@@ -69,8 +69,10 @@ class CardBench:
             sw_baud=switch_word(baud_switches(baud, form)),
             sw_addr=address,
         )
-        self.modbus = Rs485Line(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form), echo)
-        self.drive = Rs485Line(
+        self.modbus = RecordedLine(
+            dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form), echo
+        )
+        self.drive = RecordedLine(
             dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(DRIVE_BAUD, "8E1"), echo
         )
         tap_leds(dut)

@@ -13,7 +13,6 @@ import cocotb
 from cocotb.handle import LogicObject
 from cocotb.triggers import First, ValueChange
 
-from tb.lib.line_tap import tap_line
 from tb.lib.uart_agent import Format, UartMonitor, UartSource, now_ps
 
 # DE edges are compared with bit boundaries, which drift with the device's own bit clock (LINE-4).
@@ -77,7 +76,6 @@ class Rs485Line:
         self.source = UartSource(self._set_far, fmt)
         self.monitor = UartMonitor(tx, fmt)
         self.direction = DirectionMonitor(de)
-        self._tap = tap_line(self, rx, tx)
         if echo:
             cocotb.start_soon(self._follow_own_sending())
 
@@ -92,8 +90,6 @@ class Rs485Line:
         self.monitor.edges.clear()
         self.direction.pulses.clear()
         self.source.fmt = self.monitor.fmt = fmt
-        if self._tap:
-            self._tap.use(fmt)
 
     def _set_far(self, level: int) -> None:
         self._far_level = level

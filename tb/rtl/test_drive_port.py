@@ -15,7 +15,8 @@ from cocotb.triggers import FallingEdge, RisingEdge
 from tb.lib.bench import Bench, Strobes
 from tb.lib.fc_slave import CHARACTER_BITS, FAULTS
 from tb.lib.memory_ports import ReadPort, WritePort, at_once
-from tb.lib.rs485 import DirectionMonitor, Rs485Line
+from tb.lib.recorded_line import RecordedLine
+from tb.lib.rs485 import DirectionMonitor
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.lib.uart_agent import Flaws, Format, Frame, Sent, now_ps, with_gaps
@@ -54,7 +55,7 @@ class Port:
         self.dut = dut
         commands = ("telegram_start", "telegram_length", "telegram_no_reply", "listen_again", "listen_stop")
         self.bench = Bench(dut, CLK_HZ, telegram_control=1, telegram_stop=0, **dict.fromkeys(commands, 0))
-        self.line = Rs485Line(dut.rx, dut.tx, dut.de, LINE, echo=True)
+        self.line = RecordedLine(dut.rx, dut.tx, dut.de, LINE, echo=True)
         self.telegram = ReadPort(self.bench, delay=delay)
         self.drive_frame = WritePort(self.bench, "write_data", delay)
         self.bad = Strobes(dut, "bad")

@@ -18,7 +18,7 @@ from cocotb.triggers import ValueChange
 from rtl.sources import needed_files
 from tb.lib.bench import Bench
 from tb.lib.modbus_master import ModbusMaster
-from tb.lib.rs485 import Rs485Line
+from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.lib.uart_agent import Flaws, Format, now_ps
@@ -70,7 +70,7 @@ class Example:
         self.dut = dut
         self.baud = int(dut.BAUD.value)
         self.bench = Bench(dut, int(dut.CLK_HZ.value))
-        self.line = Rs485Line(dut.rx, dut.tx, dut.de, Format.named(self.baud, "8E1"))
+        self.line = RecordedLine(dut.rx, dut.tx, dut.de, Format.named(self.baud, "8E1"))
         self.master = ModbusMaster(self.line)
         self.model = Slave()
         self.changed_ps: set[int] = set()

@@ -14,7 +14,7 @@ from regs.generated.card_tables import BASE_HZ, RATES
 from tb.lib.bench import Bench, Strobes
 from tb.lib.card import baud_switches, switch_word
 from tb.lib.memory_ports import ReadPort, WritePort
-from tb.lib.rs485 import Rs485Line
+from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.lib.uart_agent import Flaws, Format, now_ps
@@ -50,7 +50,7 @@ class Port:
             reply_length=0,
             read_damaged=0,
         )
-        self.line = Rs485Line(dut.rx, dut.tx, dut.de, Format.named(baud, form), echo)
+        self.line = RecordedLine(dut.rx, dut.tx, dut.de, Format.named(baud, form), echo)
         self.written = WritePort(self.bench, "write_data")
         self.memory = ReadPort(self.bench)
         self.candidates = Strobes(dut, "candidate", "frame_length")
