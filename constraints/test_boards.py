@@ -29,15 +29,15 @@ from constraints.boards import (
 )
 from constraints.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
 from rtl.sources import card_files, without_comments
+from tb.agents import rtu
+from tb.agents.fc_slave import FcSlave
+from tb.agents.modbus_master import ModbusMaster
+from tb.agents.uart import Format
 from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import boot_clocks
-from tb.lib.fc_slave import FcSlave
-from tb.lib.modbus_master import ModbusMaster
 from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, WAIVERS, run
-from tb.lib.uart_agent import Format
-from tb.model import rtu
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
 

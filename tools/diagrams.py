@@ -36,10 +36,11 @@ from regs.generated.card_tables import CHARACTER_BITS
 from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.view.wave_file import WaveFile
+from tb.agents import rtu
+from tb.agents.uart import Format
 from tb.lib.card import MS, baud_switches
 from tb.lib.fast_card import FastCard
-from tb.lib.uart_agent import Format
-from tb.model import fc_telegram, rtu
+from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
 DIAGRAMS = ROOT / "docs/diagrams"

@@ -8,8 +8,8 @@ request. tools/test_handbook.py runs both masters.
 from __future__ import annotations
 
 from sim.card.masters import as_pymodbus_call, words
+from tb.agents.crc16 import crc_good
 from tb.model import fc_telegram
-from tb.model.crc16 import crc_good
 from tools.handbook_sources import HandbookError, examples, facts, functions, spaced, table, word
 from tools.prose import slug
 

@@ -46,6 +46,7 @@ LAYERS = (
     ("tb.model",),
     ("sw.tools", "regs"),
     ("rtl",),
+    ("tb.agents",),  # a package of its own: it imports nothing of ours
 )
 GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards", "tools.handbook")
 SUFFIXES = {

@@ -31,9 +31,9 @@ import serial
 
 from rtl.command import Parser, stop_printing
 from sim.harness.pins import BAUDS, FORMS
+from tb.agents.crc16 import crc_good
+from tb.agents.rtu import PS_PER_S, build, parse, read_coils, read_registers, t35_ps, write_coils
 from tb.model.card import DIALECTS
-from tb.model.crc16 import crc_good
-from tb.model.rtu import PS_PER_S, build, parse, read_coils, read_registers, t35_ps, write_coils
 from tools.selftest_rows import (
     DRIVE_TIMEOUT,
     EEPROM,

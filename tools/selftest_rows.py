@@ -16,8 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tb.model.card import DIALECTS, EEPROM
-from tb.model.rtu import (
+from tb.agents.rtu import (
     exception,
     read_coils,
     read_registers,
@@ -26,6 +25,7 @@ from tb.model.rtu import (
     write_register,
     write_registers,
 )
+from tb.model.card import DIALECTS, EEPROM
 
 # On-wire register numbers.
 IND, NETWORK_TIMEOUT, DRIVE_TIMEOUT, INDEX, RESERVED = 0, 1, 2, 8, 3

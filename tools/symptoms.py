@@ -23,11 +23,11 @@ from pathlib import Path
 
 from rtl.command import run_main
 from rtl.sources import ROOT
+from tb.agents import rtu
+from tb.agents.uart import Character, Flaws, Format, waveform
 from tb.lib.card import MS
 from tb.lib.fast_card import FastCard, Line
 from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, Recorder
-from tb.lib.uart_agent import Character, Flaws, Format, waveform
-from tb.model import rtu
 from tb.model.vlt_drive import VltDrive
 
 RECORDINGS = ROOT / "docs/recordings"

@@ -23,9 +23,10 @@ import pytest
 
 from rtl.sources import ROOT
 from sim.card.masters import Pymodbus, as_pymodbus_call
-from tb.model import fc_telegram, rtu
+from tb.agents import rtu
+from tb.agents.crc16 import crc16
+from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
-from tb.model.crc16 import crc16
 from tb.model.examples import EXAMPLES
 from tools import handbook, handbook_examples, handbook_sources
 

@@ -19,9 +19,9 @@ import time
 import pytest
 
 from sim.card.run_card import ROOT, RunningCard
+from tb.agents.crc16 import crc_good, with_crc
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
-from tb.model.crc16 import crc_good, with_crc
 from tb.model.vlt_drive import VltDrive
 from tools import selftest, selftest_rows
 from tools.selftest import Card, Options, PortError, Selftest

@@ -15,8 +15,8 @@ import pytest
 from rtl.sources import ROOT
 from sim.view import frames, tshark
 from sim.view.wireshark import SCRIPT, environment
+from tb.agents import rtu
 from tb.lib.card import MS
-from tb.model import rtu
 from tools import symptoms
 from tools.symptoms import COMMAND, GUIDE, RECORDINGS, SYMPTOMS, with_outputs
 

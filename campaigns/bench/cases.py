@@ -39,8 +39,9 @@ from campaigns.bench.traffic import (
 )
 from campaigns.bench.wave import Line
 from sw.tools.stack import symbols
+from tb.agents import rtu
 from tb.model import card as card_model
-from tb.model import fc_telegram, rtu
+from tb.model import fc_telegram
 
 # End of the power-up sequence of the LEDs (LED-1), with the time that the card needs before it.
 SHOW_OVER_S = 2.1

@@ -14,8 +14,8 @@ from campaigns.bench.card import MODBUS, UNIT_ADDRESS, Bench, Talk
 from campaigns.bench.judge import T35_ACCURACY_BITS, Outcome, measure
 from campaigns.bench.traffic import FOREIGN, example_drive
 from campaigns.bench.wave import CLK_HZ, Line
+from tb.agents import rtu
 from tb.model import card as card_model
-from tb.model import rtu
 
 RESOLUTION_BITS = 0.02
 RESOLUTION_RATE = 0.001

@@ -19,7 +19,8 @@ from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
 
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
-MODELS = ("card", "crc16", "fc_telegram", "rtu", "vlt_drive")
+MODELS = ("card", "fc_telegram", "vlt_drive")
+AGENTS = [ROOT / f"tb/agents/{name}.py" for name in ("crc16", "rtu")]
 HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
 HARNESS_PYTHON = [
     ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
@@ -66,7 +67,7 @@ def judge() -> str:
     others = (*NO_JUDGES, *TEXTS)
     python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in others)
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
-    return _digest([*map(_python, [*python, *HARNESS_PYTHON]), *map(_code, [*HARNESS, *drive])])
+    return _digest([*map(_python, [*python, *AGENTS, *HARNESS_PYTHON]), *map(_code, [*HARNESS, *drive])])
 
 
 def shard() -> str:
@@ -77,7 +78,7 @@ def shard() -> str:
 def bench() -> str:
     """Code that determines measurements and verdicts, without the layout of the report."""
     python = [ROOT / f"campaigns/bench/{name}.py" for name in BENCH]
-    python += [ROOT / f"tb/model/{name}.py" for name in MODELS]
+    python += [*(ROOT / f"tb/model/{name}.py" for name in MODELS), *AGENTS]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
     code = [*HARNESS, *(path for path in drive if path.suffix != ".csv")]
     tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]

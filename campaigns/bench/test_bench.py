@@ -27,7 +27,7 @@ from campaigns.bench.traffic import example_drive
 from campaigns.bench.wave import Line, characters, edges_of, faults
 from campaigns.bench.work import RANDOM, Piece, fast, whole
 from sw.tools import stack
-from tb.model import rtu
+from tb.agents import rtu
 
 SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 PIECES = list(fast(SEED))

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 from campaigns.bench.card import CORRECT, UNIT_ADDRESS, DriveAnswer
 from campaigns.bench.wave import Line
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good
 from tb.model import card as card_model
-from tb.model import fc_telegram, rtu
-from tb.model.crc16 import crc_good
+from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
 TEXT = "TWENTY CHARACTERS OK"

@@ -22,8 +22,8 @@ from pathlib import Path
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
 from rtl.command import run_main
+from tb.agents import rtu
 from tb.lib.options import at_least
-from tb.model import rtu
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.fc_telegram import TelegramError
 from tb.model.rv32i import Hung, Machine

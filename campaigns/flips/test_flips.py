@@ -38,8 +38,8 @@ from rtl.sources import ROOT
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, TX, Pins
 from sim.harness.registers import TOP
-from tb.model import rtu
-from tb.model.crc16 import crc_good, with_crc
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.whole_card import Verdict
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line

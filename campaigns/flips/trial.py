@@ -19,9 +19,10 @@ from rtl.sources import card_files, configurations
 from sim.harness import registers
 from sim.harness.library import Target
 from sim.harness.registers import Register
-from tb.model import fc_telegram, rtu
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good, with_crc
+from tb.model import fc_telegram
 from tb.model.card import READS, CardModel
-from tb.model.crc16 import crc_good, with_crc
 from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import LineFormat, drive_line, taken_by_a_drive
 

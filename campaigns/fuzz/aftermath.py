@@ -12,9 +12,9 @@ import copy
 from collections import Counter
 from dataclasses import dataclass, field
 
+from tb.agents.crc16 import crc_good
 from tb.model import fc_telegram
 from tb.model.card import READS, CardModel
-from tb.model.crc16 import crc_good
 from tb.model.wire import (
     FRAME_MAX,
     FRAME_MIN,

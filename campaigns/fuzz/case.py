@@ -22,9 +22,10 @@ from pathlib import Path
 from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, NETWORK, Pins
-from tb.model import fc_telegram, rtu
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good
+from tb.model import fc_telegram
 from tb.model.card import DIALECTS, DRIVE_TIMEOUT, CardModel, word
-from tb.model.crc16 import crc_good
 from tb.model.vlt_drive import VltDrive
 from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import GARBLED_BITS, Burst, FarCharacter, LineFormat

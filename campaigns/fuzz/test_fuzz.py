@@ -32,10 +32,10 @@ from campaigns.fuzz.traffic import make
 from rtl.sources import ROOT, card_files
 from sim.harness.library import Target
 from sw.test.host import INCLUDES
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.seeds import seeded
-from tb.model import rtu
 from tb.model.card import DRIVE_TIMEOUT, CardModel
-from tb.model.crc16 import crc_good, with_crc
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line

@@ -13,8 +13,8 @@ from campaigns.fuzz.case import clk_hz
 from campaigns.soak.run import Traffic, wire
 from regs.generated.card_tables import CHARACTER_BITS
 from sim.harness.pins import BAUDS, FORMS
+from tb.agents.crc16 import with_crc
 from tb.model.card import DRIVE_TIMEOUT, NETWORK_TIMEOUT
-from tb.model.crc16 import with_crc
 from tb.model.fc_telegram import STX, build
 from tb.model.wire import PAUSE_BITS, UNSURE_BITS, LineFormat
 

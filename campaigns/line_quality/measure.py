@@ -17,7 +17,7 @@ from campaigns.line_quality.limits import QUANTITIES, Quantity
 from campaigns.line_quality.waveform import Badness, edges
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, NETWORK, Pins
-from tb.model import rtu
+from tb.agents import rtu
 from tb.model.card import FUNCTIONS, CardModel
 from tb.model.vlt_drive import VltDrive
 from tb.model.wire import LineFormat

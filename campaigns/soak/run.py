@@ -23,9 +23,9 @@ from rtl.command import run_main
 from sim.card.masters import Pymodbus
 from sim.card.run_card import CardError, Frame, RunningCard
 from sim.drive.drive_bench import NUMBERS, Row, first_index, table
+from tb.agents.crc16 import with_crc
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, DRIVE_TIMEOUT, NETWORK_TIMEOUT, CardModel, Step
-from tb.model.crc16 import with_crc
 from tb.model.vlt_drive import PROFILES, VltDrive
 
 RUNS = (("card", "vlt6000", 2000), ("builtin", "vlt8000", 500), ("hvac_basic", "hvac_basic", 500))

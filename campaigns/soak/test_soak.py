@@ -10,10 +10,10 @@ import pytest
 
 from campaigns.soak.run import SoakJudge, Transaction, soak
 from sim.card.run_card import Frame
+from tb.agents.crc16 import with_crc
 from tb.lib.seeds import seeded
 from tb.model import fc_telegram as fc
 from tb.model.card import CardModel
-from tb.model.crc16 import with_crc
 from tb.model.vlt_drive import VltDrive
 
 EVERYWHERE = (

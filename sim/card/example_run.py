@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.card.run_card import CardError, Frame, RunningCard
-from tb.model.crc16 import with_crc
+from tb.agents.crc16 import with_crc
 from tb.model.examples import EXAMPLES
 
 STATUS = bytes.fromhex("02 06 81 0F 03 20 00 A9")

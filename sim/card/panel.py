@@ -39,7 +39,8 @@ from textual.widgets import Static
 from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.card.run_card import CARD
-from tb.model import fc_telegram, rtu
+from tb.agents import rtu
+from tb.model import fc_telegram
 
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
 # States that mean nothing without the bit's name.

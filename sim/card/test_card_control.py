@@ -9,7 +9,7 @@ import pytest
 
 from sim.card.run_card import CARD, Frame, RunningCard
 from sim.card.test_virtual_card import READ_CONTROL, RawPort, of, request_of
-from tb.model.crc16 import with_crc
+from tb.agents.crc16 import with_crc
 
 READ_514 = request_of("ex5-read-514")
 REPLY_514_BYTES = 9

@@ -20,8 +20,8 @@ import pytest
 
 from sim.card.masters import Pymodbus
 from sim.card.run_card import RunningCard
+from tb.agents.crc16 import with_crc
 from tb.model import fc_telegram as fc
-from tb.model.crc16 import with_crc
 from tb.model.examples import EXAMPLES
 
 SILENCE_S = 1.0  # wall time after which no reply is expected any more

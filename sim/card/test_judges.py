@@ -22,8 +22,8 @@ from sim.card.masters import Pymodbus
 from sim.card.run_card import ROOT, Frame, RunningCard
 from sim.view import tshark
 from sim.view.wireshark import SCRIPT, environment
-from tb.model import rtu
-from tb.model.crc16 import with_crc
+from tb.agents import rtu
+from tb.agents.crc16 import with_crc
 
 pytestmark = pytest.mark.needs("views")
 

@@ -25,7 +25,7 @@ from rtl.sources import ROOT
 from sim.card import panel
 from sim.card.panel import KEYS, LINES_KEPT, LiveCard, Panel, View
 from sim.card.test_virtual_card import RawPort, request_of
-from tb.model.crc16 import with_crc
+from tb.agents.crc16 import with_crc
 
 RECORDED = [json.loads(line) for line in (ROOT / "sim/card/panel.jsonl").read_text().splitlines()]
 COLUMNS, ROWS = 80, 24

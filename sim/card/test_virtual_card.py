@@ -23,8 +23,8 @@ import pytest
 from pymodbus.client import ModbusSerialClient
 
 from sim.card.run_card import CARD, Frame, RunningCard
+from tb.agents.crc16 import with_crc
 from tb.model.card import DIALECTS, VERSION
-from tb.model.crc16 import with_crc
 from tb.model.examples import EXAMPLES
 from tb.model.vlt_drive import PROFILES
 

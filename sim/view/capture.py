@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.view.wave_file import UNITS
-from tb.model.crc16 import crc_good
+from tb.agents.crc16 import crc_good
 from tb.model.wire import FRAME_MAX, FRAME_MIN, FarCharacter, LineFormat
 
 HERTZ = {"Hz": 1, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}

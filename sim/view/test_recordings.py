@@ -23,11 +23,12 @@ from sim.card.run_card import RunningCard
 from sim.view import tshark
 from sim.view.wave_file import WaveFile
 from sim.view.waves import missing, save_file
+from tb.agents import rtu
+from tb.agents.crc16 import with_crc
+from tb.agents.uart import Format
 from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
 from tb.lib.runner import WAVES_FOLDER, run
-from tb.lib.uart_agent import Format
-from tb.model import fc_telegram, rtu
-from tb.model.crc16 import with_crc
+from tb.model import fc_telegram
 
 pytestmark = pytest.mark.needs("views")
 
@@ -431,8 +432,8 @@ BENCH_WAVE = WAVES_FOLDER / "test_recordings.test_files_of_a_bench_agree.fst"
 @cocotb.test
 async def good_damaged_revoked_and_refused(dut):
     """One transaction of each kind, on a whole card."""
+    from tb.agents.uart import Flaws
     from tb.lib.card import MS, CardBench
-    from tb.lib.uart_agent import Flaws
 
     start, status = fc_telegram.build_process(0x047C, 0x1999), fc_telegram.build_process(0x0F03, 0x2000)
     card = await CardBench(dut, CLK_HZ, {start: status}.get, baud=FAST, form="8E1").boot()

@@ -21,8 +21,8 @@ from rtl.sources import ROOT
 from sim.view import replay
 from sim.view.capture import characters, open_capture, pieces
 from sim.view.replay import is_reply, main
-from tb.model import rtu
-from tb.model.crc16 import with_crc
+from tb.agents import rtu
+from tb.agents.crc16 import with_crc
 from tb.model.wire import LineFormat
 
 CAPTURES = ROOT / "tb/captures"

@@ -21,10 +21,11 @@ from sim.drive.drive_table import read_capacity, read_profile
 from sim.view import tshark
 from sim.view.test_recordings import Heard, Talk
 from sim.view.wireshark import SCRIPT, environment
+from tb.agents import rtu
+from tb.agents.crc16 import with_crc
+from tb.agents.uart import Format
 from tb.lib.recording import DRIVE, MODBUS, Recorder
-from tb.lib.uart_agent import Format
-from tb.model import fc_telegram, rtu
-from tb.model.crc16 import with_crc
+from tb.model import fc_telegram
 
 pytestmark = pytest.mark.needs("views")
 

@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import pytest
 
+from tb.agents import rtu
+from tb.agents.uart import Flaws
 from tb.lib.config import own_hz
 from tb.lib.fast_card import FastCard
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws
-from tb.model import rtu
 from tb.model.card import CLEAR, EXCEPTIONS, MESSAGES, REGISTER, REQUESTS, CardModel
 
 pytestmark = pytest.mark.cards("standard")

@@ -9,8 +9,8 @@ from __future__ import annotations
 import pytest
 
 from constraints.boards import board
+from tb.agents import rtu
 from tb.lib.fast_card import FastCard
-from tb.model import rtu
 from tb.model.fc_telegram import build_process
 
 PARAMETERS = (("MEMORY_BYTES", board("card-gw1n-9").memory_bytes), ("MASTER_LOSS_STOP", 1))

@@ -13,16 +13,17 @@ import pytest
 from cocotb.triggers import First, Timer, ValueChange
 from cocotb.utils import get_sim_time
 
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good
+from tb.agents.rs485 import DirectionMonitor
+from tb.agents.uart import Format, Frame, UartMonitor
 from tb.lib.bench import Bench
 from tb.lib.card import MS, switch_word
 from tb.lib.config import CLK_HZ, SLOW_HZ, boot_clocks
 from tb.lib.fast_card import FastCard, Line
-from tb.lib.rs485 import DirectionMonitor
 from tb.lib.runner import run
 from tb.lib.supervision import Leds, Shown
-from tb.lib.uart_agent import Format, Frame, UartMonitor
-from tb.model import fc_telegram, rtu
-from tb.model.crc16 import crc_good
+from tb.model import fc_telegram
 
 SWITCHES = "111001111"
 LINE = Format.named(9600, "8E1")

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import pytest
 
+from tb.agents import rtu
 from tb.lib.card import MS
 from tb.lib.config import ROUND_MS
 from tb.lib.fast_card import FastCard
-from tb.model import rtu
 from tb.model.fc_telegram import build
 
 pytestmark = pytest.mark.rule("SAFE-7")

@@ -17,11 +17,13 @@ from cocotb.triggers import RisingEdge, Timer
 from rtl.sources import ROOT, configuration
 from sw.tools.bin2hex import LANE_BITS, WORD_BITS, hex_line
 from sw.tools.stack import symbols
+from tb.agents import rtu
+from tb.agents.fc_slave import Script
+from tb.agents.uart import Format, now_ps, sleep_until
 from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import CLK_HZ, CONFIG, ROUNDS_MS, SLOW_HZ, own_hz
 from tb.lib.fast_card import FastCard
-from tb.lib.fc_slave import Script
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.lib.supervision import (
@@ -35,8 +37,6 @@ from tb.lib.supervision import (
     steps_ms,
     within,
 )
-from tb.lib.uart_agent import Format, now_ps, sleep_until
-from tb.model import rtu
 
 BAUD = 38_400
 STEP_MS = 250

@@ -13,10 +13,10 @@ from collections.abc import Iterator
 import pytest
 
 from regs.generated.card_tables import TICKS_PER_BIT
+from tb.agents import rtu
+from tb.agents.fc_slave import Script
 from tb.lib.card import MS
 from tb.lib.fast_card import FastCard
-from tb.lib.fc_slave import Script
-from tb.model import rtu
 
 REQUEST = rtu.build(1, rtu.read_registers(2, 1))
 REPLY = rtu.build(1, bytes.fromhex("03 02 00 0F"))

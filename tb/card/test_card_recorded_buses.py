@@ -17,8 +17,8 @@ from rtl.sources import ROOT
 from sim.harness.library import BuildError
 from sim.view.capture import open_capture
 from sim.view.replay import Fate, Replay
+from tb.agents import rtu
 from tb.lib.config import SLOW_HZ
-from tb.model import rtu
 from tb.model.card import CardModel
 from tb.model.whole_card import SYNC_CLOCKS, LineJudge
 from tb.model.wire import UNSURE_BITS, LineFormat

@@ -16,9 +16,12 @@ from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
 from regs.generated.card_tables import DRIVE_BAUD
 from regs.generated.mailbox import AREAS, FRAMES_BYTES
+from tb.agents import rtu
+from tb.agents.crc16 import crc_good
+from tb.agents.fc_slave import HeardTelegram, Manner
+from tb.agents.uart import now_ps
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import CONFIG, ROUND_MS, SLOW_HZ, own_hz
-from tb.lib.fc_slave import HeardTelegram, Manner
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.lib.supervision import (
@@ -29,9 +32,7 @@ from tb.lib.supervision import (
     steps_ms,
     within,
 )
-from tb.lib.uart_agent import now_ps
-from tb.model import fc_telegram, rtu
-from tb.model.crc16 import crc_good
+from tb.model import fc_telegram
 
 BAUD = 38_400
 START, REFERENCE = 0x047C, 0x1999

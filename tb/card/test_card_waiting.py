@@ -13,11 +13,11 @@ import subprocess
 import pytest
 
 from rtl.sources import ROOT
+from tb.agents import rtu
+from tb.agents.fc_slave import Script
 from tb.lib.card import MS
 from tb.lib.config import own_hz
 from tb.lib.fast_card import FastCard
-from tb.lib.fc_slave import Script
-from tb.model import rtu
 from tb.model.fc_telegram import bcc
 
 # Readings for the drive and for the card, and writes of the card's own registers.

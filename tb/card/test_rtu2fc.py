@@ -10,6 +10,10 @@ import cocotb
 import pytest
 from cocotb.triggers import RisingEdge, Timer, with_timeout
 
+from tb.agents import rtu
+from tb.agents.fc_slave import FAULTS, Manner, Script
+from tb.agents.modbus_master import Transaction
+from tb.agents.uart import Flaws, now_ps, sleep_until
 from tb.lib.bench import Strobes
 from tb.lib.card import MS, CardBench
 from tb.lib.config import (
@@ -21,12 +25,9 @@ from tb.lib.config import (
     boot_clocks,
     own_hz,
 )
-from tb.lib.fc_slave import FAULTS, Manner, Script
-from tb.lib.modbus_master import Transaction
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws, now_ps, sleep_until
-from tb.model import fc_telegram, rtu
+from tb.model import fc_telegram
 from tb.model.card import CardModel
 from tb.model.examples import EXAMPLES
 

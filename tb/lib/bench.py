@@ -11,7 +11,7 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge, Timer
 
-from tb.lib.uart_agent import now_ps
+from tb.agents.uart import now_ps
 
 
 def clock_period_ps(clk_hz: float) -> int:

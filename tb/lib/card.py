@@ -9,13 +9,13 @@ from cocotb.triggers import ReadOnly, RisingEdge, Timer, with_timeout
 
 from regs.generated.card_tables import DRIVE_BAUD, FORMATS, RATES
 from regs.generated.mailbox import REGISTERS
+from tb.agents.fc_slave import FcSlave, Manner
+from tb.agents.modbus_master import ModbusMaster
+from tb.agents.uart import Format
 from tb.lib.bench import Bench
 from tb.lib.config import boot_clocks
-from tb.lib.fc_slave import FcSlave, Manner
 from tb.lib.line_tap import tap_leds
-from tb.lib.modbus_master import ModbusMaster
 from tb.lib.recorded_line import RecordedLine
-from tb.lib.uart_agent import Format
 
 PARITY_LETTER = {"none": "N", "even": "E", "odd": "O"}
 MS = 1_000_000_000

@@ -4,7 +4,7 @@
 The same Verilog and the same firmware image as elsewhere, Verilated and run by sim/harness:
 about 5 million clocks a second instead of half a million under cocotb. Times are in ps, counted from
 power-up; the resolution is a clock, by default of the slow card of tb/lib/config.py. A drive answers through
-any model (fc_slave.py).
+any model (tb/agents/fc_slave.py).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from regs.generated.card_tables import DRIVE_BAUD
 from sim.harness import simulated_card
 from sim.harness.library import BuildError, build
 from sim.harness.simulated_card import APART, CROSSED, INPUTS, SimulatedCard
+from tb.agents import rtu
+from tb.agents.uart import Character, Flaws, Format, Frame, waveform
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import SLOW_HZ, boot_clocks
 from tb.lib.runner import firmware
 from tb.lib.seeds import seeded
 from tb.lib.supervision import Shown, colour
-from tb.lib.uart_agent import Character, Flaws, Format, Frame, waveform
-from tb.model import rtu
 
 OUTPUTS = tuple(name for name in simulated_card.SIGNALS if name not in ("queue_reply", "queue_telegram"))
 LEDS = OUTPUTS[4:8]

@@ -10,11 +10,11 @@ import cocotb
 from cocotb.handle import LogicObject, SimHandleBase
 from cocotb.triggers import First, ReadOnly, Timer, ValueChange
 
+from tb.agents.uart import Format, UartMonitor, now_ps
 from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, PS_PER_MS, Recorder, wanted
-from tb.lib.uart_agent import Format, UartMonitor, now_ps
 
 if TYPE_CHECKING:
-    from tb.lib.rs485 import Rs485Line
+    from tb.agents.rs485 import Rs485Line
 
 
 class LineTap:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from cocotb.handle import LogicObject
 
+from tb.agents.rs485 import Rs485Line
+from tb.agents.uart import Format
 from tb.lib.line_tap import tap_line
-from tb.lib.rs485 import Rs485Line
-from tb.lib.uart_agent import Format
 
 
 class RecordedLine(Rs485Line):
-    """The line of rs485.py with two more monitors while a test is recorded."""
+    """The line of tb/agents with two more monitors while a test is recorded."""
 
     def __init__(self, rx: LogicObject, tx: LogicObject, de: LogicObject, fmt: Format, echo: bool = False):
         super().__init__(rx, tx, de, fmt, echo)

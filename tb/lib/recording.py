@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from regs.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
-from tb.model import rtu
+from tb.agents import rtu
 
 if TYPE_CHECKING:
-    from tb.lib.uart_agent import Character, Format
+    from tb.agents.uart import Character, Format
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = Path("build/host/librecord.so")

@@ -12,11 +12,11 @@ import random
 
 from regs.generated.mailbox import FRAMES_BYTES
 from sw.tools.bin2hex import without_parity
+from tb.agents import rtu
 from tb.lib.card import MS
 from tb.lib.fast_card import RESET_CLOCKS, FastCard
 from tb.lib.runner import firmware
 from tb.lib.supervision import control_pdu, process
-from tb.model import rtu
 
 READ = rtu.build(1, rtu.read_registers(2, 1))
 ANSWER = rtu.build(1, bytes.fromhex("03 02 00 0F"))

@@ -26,13 +26,14 @@ from cocotb.triggers import (
 
 from sw.tools.bin2hex import with_parity
 from sw.tools.seal import SUMS
+from tb.agents import rtu
+from tb.agents.fc_slave import Script
+from tb.agents.rs485 import Rs485Line
+from tb.agents.uart import Frame, now_ps
 from tb.lib.card import MS, CardBench, firmware_polls
 from tb.lib.config import CLK_HZ, CONFIG, TRAPS, boot_clocks
-from tb.lib.fc_slave import Script
-from tb.lib.rs485 import Rs485Line
 from tb.lib.runner import firmware
-from tb.lib.uart_agent import Frame, now_ps
-from tb.model import fc_telegram, rtu
+from tb.model import fc_telegram
 
 COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
 LEDS = ("modbus", "drive")

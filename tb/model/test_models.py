@@ -8,7 +8,7 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMultipleRegistersRequest
 
-from tb.model import crc16, rtu
+from tb.agents import crc16, rtu
 
 
 @pytest.mark.rule("FRAME-4")

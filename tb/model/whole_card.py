@@ -17,9 +17,9 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
+from tb.agents.crc16 import crc_good, with_crc
 from tb.model import fc_telegram
 from tb.model.card import DRIVE_TIMEOUT, READS, STATUS, CardModel, Question, Step, without_counts
-from tb.model.crc16 import crc_good, with_crc
 from tb.model.wire import (
     GARBLED_BITS,
     PAUSE_BITS,

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from regs.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
-from tb.model.crc16 import crc_good
+from tb.agents.crc16 import crc_good
 from tb.model.fc_telegram import ADR, STX, TelegramError, bcc, is_broadcast, parse
 
 FRAME_MIN, FRAME_MAX = 4, 256

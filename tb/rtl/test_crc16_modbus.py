@@ -4,10 +4,10 @@
 import cocotb
 import pytest
 
+from tb.agents.crc16 import CHECK_INPUT, CHECK_VALUE, crc16, with_crc
 from tb.lib.bench import Bench
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.model.crc16 import CHECK_INPUT, CHECK_VALUE, crc16, with_crc
 
 
 async def cleared(dut) -> Bench:

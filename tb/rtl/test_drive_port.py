@@ -12,14 +12,14 @@ import cocotb
 import pytest
 from cocotb.triggers import FallingEdge, RisingEdge
 
+from tb.agents.fc_slave import CHARACTER_BITS, FAULTS
+from tb.agents.rs485 import DirectionMonitor
+from tb.agents.uart import Flaws, Format, Frame, Sent, now_ps, with_gaps
 from tb.lib.bench import Bench, Strobes
-from tb.lib.fc_slave import CHARACTER_BITS, FAULTS
 from tb.lib.memory_ports import ReadPort, WritePort, at_once
 from tb.lib.recorded_line import RecordedLine
-from tb.lib.rs485 import DirectionMonitor
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws, Format, Frame, Sent, now_ps, with_gaps
 from tb.model.fc_telegram import ADR_BROADCAST, build, build_parameter, build_process, build_text
 
 CLK_HZ = 2_000_000

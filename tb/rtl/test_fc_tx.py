@@ -9,11 +9,11 @@ import cocotb
 import pytest
 from cocotb.triggers import First, ValueChange
 
+from tb.agents.uart import Format, UartMonitor
 from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import ReadPort, at_once
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Format, UartMonitor
 from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, build_process
 
 LINE = Format.named(9600, "8E1")

@@ -16,13 +16,13 @@ import pytest
 from cocotb.triggers import ValueChange
 
 from rtl.sources import needed_files
+from tb.agents import rtu
+from tb.agents.modbus_master import ModbusMaster
+from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench
-from tb.lib.modbus_master import ModbusMaster
 from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws, Format, now_ps
-from tb.model import rtu
 
 EXAMPLE = ROOT / "docs/example/holding_registers.v"
 # Slow, to save simulation time.

@@ -11,14 +11,14 @@ import pytest
 from cocotb.triggers import FallingEdge
 
 from regs.generated.card_tables import BASE_HZ, RATES
+from tb.agents import rtu
+from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench, Strobes
 from tb.lib.card import baud_switches, switch_word
 from tb.lib.memory_ports import ReadPort, WritePort
 from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws, Format, now_ps
-from tb.model import rtu
 
 WRAPPER = ROOT / "tb/rtl/network_line.v"
 OWN = 7

@@ -5,9 +5,9 @@ import cocotb
 import pytest
 from cocotb.triggers import FallingEdge, Timer
 
+from tb.agents.uart import now_ps
 from tb.lib.bench import Bench
 from tb.lib.runner import run
-from tb.lib.uart_agent import now_ps
 
 CLK_HZ = 10e6
 

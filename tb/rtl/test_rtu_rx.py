@@ -11,11 +11,11 @@ import cocotb
 import pytest
 from cocotb.triggers import Timer
 
+from tb.agents import rtu
+from tb.agents.crc16 import with_crc
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.model import rtu
-from tb.model.crc16 import with_crc
 
 HERE = Path(__file__).parent
 OWN = 0x11

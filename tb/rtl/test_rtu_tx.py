@@ -7,13 +7,13 @@ import cocotb
 import pytest
 from cocotb.triggers import RisingEdge
 
+from tb.agents.crc16 import crc_good, with_crc
+from tb.agents.rs485 import DirectionMonitor, check_direction
+from tb.agents.uart import Format, UartMonitor, now_ps
 from tb.lib.bench import Bench
 from tb.lib.memory_ports import ReadPort
-from tb.lib.rs485 import DirectionMonitor, check_direction
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Format, UartMonitor, now_ps
-from tb.model.crc16 import crc_good, with_crc
 
 HERE = Path(__file__).parent
 BAUD = 9600

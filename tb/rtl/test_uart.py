@@ -10,10 +10,10 @@ import cocotb
 import pytest
 
 from regs.generated.card_tables import RATES, Rate
+from tb.agents.uart import Flaws, Format, Frame, UartMonitor, UartSource
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.lib.uart_agent import Flaws, Format, Frame, UartMonitor, UartSource
 
 HERE = Path(__file__).parent
 FORMATS = ("8N1", "8N2", "8E1", "8O1")

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tb.lib.rs485 import Rs485Line
-from tb.lib.uart_agent import Flaws, Frame, Sent, sleep_until
-from tb.model import rtu
-from tb.model.crc16 import with_crc
+from . import rtu
+from .crc16 import with_crc
+from .rs485 import Rs485Line
+from .uart import Flaws, Frame, Sent, sleep_until
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import cocotb
 
-from tb.lib.rs485 import Rs485Line
-from tb.lib.uart_agent import Flaws, Frame, Sent, sleep_until, with_gaps
+from .rs485 import Rs485Line
+from .uart import Flaws, Frame, Sent, sleep_until, with_gaps
 
 STX = 0x02
 CHARACTER_BITS = 11

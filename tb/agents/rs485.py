@@ -13,7 +13,7 @@ import cocotb
 from cocotb.handle import LogicObject
 from cocotb.triggers import First, ValueChange
 
-from tb.lib.uart_agent import Format, UartMonitor, UartSource, now_ps
+from .uart import Format, UartMonitor, UartSource, now_ps
 
 # DE edges are compared with bit boundaries, which drift with the device's own bit clock (LINE-4).
 TOLERANCE_BITS = 0.02

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tb.model.crc16 import crc_good, with_crc
+from .crc16 import crc_good, with_crc
 
 PS_PER_S = 1_000_000_000_000
 CHARACTER_BITS = 11
