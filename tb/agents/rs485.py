@@ -107,3 +107,14 @@ class Rs485Line:
 
     def check_direction(self) -> None:
         check_direction(self.direction.pulses, self.monitor)
+
+    def collisions(self) -> list[tuple[int, int]]:
+        """Times (from, to) in ps at which DE was high during a transmission of the far end that has ended."""
+        found = []
+        for sent in self.source.sent:
+            for pulse in self.direction.pulses:
+                begin = max(sent.start_ps, pulse.rise_ps)
+                end = sent.end_ps if pulse.fall_ps is None else min(sent.end_ps, pulse.fall_ps)
+                if begin < end:
+                    found.append((begin, end))
+        return found

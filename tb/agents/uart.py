@@ -150,7 +150,8 @@ def waveform(fmt: Format, data: Iterable[int], flaws: Flaws) -> tuple[list[tuple
 class UartSource:
     """Sends characters on one pin. `pin` is a signal, or a function that takes the level.
 
-    With a function (see rs485.py) several senders can share one line.
+    With a function (see rs485.py) several senders can share one line. `sent` holds every transmission that
+    has ended.
     """
 
     def __init__(self, pin: LogicObject | Callable[[int], None], fmt: Format):
@@ -162,6 +163,7 @@ class UartSource:
             self._set = lambda level: setattr(pin, "value", level)
             pin.value = 1
         self.busy = False
+        self.sent: list[Sent] = []
 
     async def send(self, data: Iterable[int], flaws: Flaws | None = None, fmt: Format | None = None) -> Sent:
         """Sends `data` and returns at the end of the last stop bit."""
@@ -196,7 +198,9 @@ class UartSource:
             await sleep_until(start + length)
         finally:
             self.busy = False
-        return Sent(start, round(start + length))
+        done = Sent(start, round(start + length))
+        self.sent.append(done)
+        return done
 
 
 @dataclass(frozen=True)

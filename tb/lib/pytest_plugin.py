@@ -121,7 +121,16 @@ def in_make_test(item: pytest.Item) -> bool:
 SMALL = {
     f"test_{module}.py"
     for module in (
-        *("baud_base", "baud_divider", "bcc", "bus_arbiter", "card_tables", "card_time", "crc16_modbus"),
+        *(
+            "agents",
+            "baud_base",
+            "baud_divider",
+            "bcc",
+            "bus_arbiter",
+            "card_tables",
+            "card_time",
+            "crc16_modbus",
+        ),
         *("firmware_ram", "glitch_filter", "guarded_bit", "loopback_end", "mailbox_regs", "parity_guard"),
         *("reset_sync", "reply_slot", "request_fate", "rs485_dir", "rtu_tx", "silence_timer", "supervisor"),
         *("start_watch", "switch_sampler", "sync_2ff", "telegram_slot", "holding_registers"),

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The agents as an installed package: wheel, imports and example, with nothing of this project around."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from rtl.sources import ROOT, needed_files
+from tb.lib.seeds import seeded
+
+AGENTS = ROOT / "tb/agents"
+MODULES = sorted(path.stem for path in AGENTS.glob("*.py"))
+# Python takes neither this folder nor the project's environment of variables, only what is installed.
+ALONE = [sys.executable, "-I", "-c"]
+
+
+def wheel(folder: Path) -> Path:
+    """Builds the wheel from a copy: a build leaves files in its folder."""
+    source = folder / "source"
+    shutil.copytree(AGENTS, source)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
+    done = subprocess.run([*command, "-w", folder, source], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    """The folder into which the package is installed."""
+    folder = tmp_path_factory.mktemp("agents")
+    built, installed = wheel(folder), folder / "site"
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", installed, built]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with zipfile.ZipFile(built) as archive:
+        (folder / "names").write_text("\n".join(archive.namelist()))
+    return installed
+
+
+def alone(site: Path, script: str, folder: Path) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [*ALONE, f"import sys; sys.path.insert(0, {str(site)!r})\n{script}"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_wheel_holds_every_module_and_no_test(site):
+    names = (site.parent / "names").read_text().splitlines()
+    code = sorted(name for name in names if name.endswith(".py"))
+    assert code == [f"cocotbext/rtu/{stem}.py" for stem in MODULES]
+
+
+def test_every_module_is_imported_from_the_installed_package_alone(site, tmp_path):
+    script = "import importlib\n"
+    script += f"for name in {MODULES!r}:\n"
+    script += (
+        "    module = importlib.import_module('cocotbext.rtu' + ('' if name == '__init__' else '.' + name))\n"
+    )
+    script += "    print(module.__file__)\n"
+    script += (
+        "assert not [name for name in sys.modules if name.split('.')[0] in ('tb', 'sim', 'rtl', 'regs')]\n"
+    )
+    done = alone(site, script, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert all(line.startswith(str(site)) for line in done.stdout.splitlines())
+    assert len(done.stdout.splitlines()) == len(MODULES)
+
+
+def test_frames_and_crc_need_no_cocotb(site, tmp_path):
+    script = "sys.modules['cocotb'] = None\n"
+    script += "from cocotbext.rtu import rtu\nprint(rtu.build(1, rtu.read_registers(0, 1)).hex())\n"
+    done = alone(site, script, tmp_path)
+    assert (done.returncode, done.stdout) == (0, "010300000001840a\n"), done.stderr
+
+
+def test_the_version_is_that_of_the_release():
+    stated = re.search(r'^version = "(.*)"$', (AGENTS / "pyproject.toml").read_text(), re.MULTILINE)
+    assert stated[1] == (ROOT / "VERSION").read_text().strip()
+
+
+def example(site: Path, folder: Path, *damage: tuple[str, str]) -> subprocess.CompletedProcess:
+    """The example on the slave of docs/example; `damage` replaces text of that slave."""
+    text = (ROOT / "docs/example/holding_registers.v").read_text()
+    for old, new in damage:
+        assert old in text
+        text = text.replace(old, new)
+    slave = folder / "holding_registers.v"
+    slave.write_text(text)
+    options = ["--top", "holding_registers", "--clk-hz", "500000", "--baud", "19200", "--build", "build"]
+    options += ["--parameter", "CLK_HZ=500000", "--parameter", "BAUD=19200"]
+    options += [*map(str, needed_files("network_port")), str(slave)]
+    runner = AGENTS / "example/run.py"
+    script = f"import runpy\nsys.argv = [{str(runner)!r}, *{options!r}]\n"
+    script += f"runpy.run_path({str(runner)!r}, run_name='__main__')\n"
+    return alone(site, script, folder)
+
+
+def test_the_example_runs_with_the_installed_package_alone(site, tmp_path):
+    done = example(site, tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "edges good" in done.stdout and "TESTS=2 PASS=2" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_example_fails_for_a_slave_that_loses_a_bit(site, tmp_path):
+    lost = seeded("bit").choice((1, 4))  # those that are 1 in the example's value
+    done = example(
+        site,
+        tmp_path,
+        (
+            "registers[16*n+:16] <= data[16*n+:16]",
+            f"registers[16*n+:16] <= data[16*n+:16] & ~16'd{1 << lost}",
+        ),
+    )
+    assert done.returncode == 1 and "PASS=1" in done.stdout, done.stdout + done.stderr
