@@ -7,12 +7,49 @@ The limits are those of "MODBUS over Serial Line" V1.02: 1 % of the rate (page 2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from . import rtu
 from .rs485 import Pulse
-from .uart import Format, Frame, UartMonitor
+from .uart import Character, Format, Frame, UartMonitor
+
+
+class Trace:
+    """A recorded pin: its edges as (ps, new level), decoded without a simulator. The line is idle before."""
+
+    def __init__(self, fmt: Format, edges: Sequence[tuple[int, int]]):
+        self.fmt = fmt
+        self.edges = list(edges)
+        self._times = [at for at, _ in self.edges]
+        self.characters = list(self._decode())
+
+    def level_at(self, when_ps: float) -> int:
+        place = bisect_right(self._times, when_ps)
+        return self.edges[place - 1][1] if place else 1
+
+    def edges_of(self, frame: Frame) -> list[tuple[int, int]]:
+        """The edges of a frame, from its first start edge on."""
+        return [(at, level) for at, level in self.edges if frame.start_ps <= at < frame.end_ps]
+
+    def frame(self) -> Frame | None:
+        """All characters as one frame."""
+        return Frame(tuple(self.characters)) if self.characters else None
+
+    def _decode(self) -> Iterator[Character]:
+        fmt, free = self.fmt, float("-inf")
+        for start, level in self.edges:
+            if level or start < free:
+                continue
+            levels = [self.level_at(start + (i + 0.5) * fmt.bit_ps) for i in range(fmt.bits)]
+            if levels[0]:
+                continue  # a pulse of less than half a bit
+            byte = sum(levels[1 + i] << i for i in range(8))
+            parity_ok = not fmt.parity_bits or levels[9] == fmt.parity_bit(byte)
+            stop_ok = all(levels[9 + fmt.parity_bits :])
+            yield Character(byte, start, round(start + fmt.character_ps), parity_ok, stop_ok)
+            free = start + (fmt.bits - 0.5) * fmt.bit_ps
 
 
 @dataclass(frozen=True)
@@ -47,7 +84,7 @@ class Edges:
     de_lag_bits: float | None
 
 
-def measure(monitor: UartMonitor, frame: Frame, pulses: Sequence[Pulse] | None = None) -> Edges:
+def measure(monitor: UartMonitor | Trace, frame: Frame, pulses: Sequence[Pulse] | None = None) -> Edges:
     """Measures a frame. `pulses` are those of DE; without them the two values of DE are None."""
     fmt = monitor.fmt
     bit, taken, due, worst = fmt.bit_ps, 0.0, 0, 0.0
@@ -70,7 +107,7 @@ def measure(monitor: UartMonitor, frame: Frame, pulses: Sequence[Pulse] | None =
 
 
 def judge(
-    monitor: UartMonitor,
+    monitor: UartMonitor | Trace,
     frame: Frame,
     *,
     request_end_ps: float | None = None,
