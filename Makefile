@@ -68,6 +68,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:                 (mutate-firmware)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no, FOR=s   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
+#:   SLAVE=name    one column of docs/reports/conformance.md (conformance)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
@@ -151,7 +152,7 @@ bench-card: firmware | setup-test ## the simulated cards of the bench, with and 
 bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
-.PHONY: bench bench-fast line-quality soak coverage-rtl figures
+.PHONY: bench bench-fast line-quality soak conformance agents-example coverage-rtl figures
 bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
@@ -167,6 +168,13 @@ line-quality: firmware drive | setup-test ## the limits of rate error, edges and
 
 soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models
 	@$(RUN) campaigns.soak.run $(SEEDED)
+
+conformance: firmware card drive | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
+	@$(MAKE) card CONFIG=tiny
+	@$(RUN) campaigns.conformance.run $(if $(SLAVE),--only '$(SLAVE)')
+
+agents-example: | setup-test ## the example of tb/agents on a slave of others, which is fetched by its commit
+	@$(RUN) campaigns.conformance.example
 
 coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that the benches run
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)

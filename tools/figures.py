@@ -25,6 +25,7 @@ from rtl.sources import ROOT, rtl_files
 
 REPORTS = ROOT / "docs/reports"
 CARD = re.compile(r"\bcard `([0-9a-f]{12})`", re.IGNORECASE)
+BOTH = re.compile(r"\b(standard|tiny) card `([0-9a-f]{12})`")
 NOTICE = "> **Of an older card.** "
 ROW = re.compile(r"^\| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", re.MULTILINE)
 
@@ -43,6 +44,14 @@ def one_card(text: str) -> str:
     return f"measured on card `{', '.join(older)}`; the sources are card `{now}`" if older else ""
 
 
+def both_cards(text: str) -> str:
+    """A page that names the standard card and the small one."""
+    stated = dict(BOTH.findall(text))
+    now = {config: fingerprint.card(config) for config in ("standard", "tiny")}
+    older = [config for config in now if stated.get(config) != now[config]]
+    return f"measured on another card: {', '.join(older)}" if older else ""
+
+
 def mutants(text: str) -> str:
     """A row a module, with the fingerprint of the module's code."""
     rows = dict(ROW.findall(text))
@@ -59,6 +68,7 @@ def synthesis(_: str) -> str:
 # Page of docs/reports: what makes it an older one (empty: nothing), and the command that renews it.
 PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "results": (bench, "make bench"),
+    "conformance": (both_cards, "make conformance"),
     "coverage": (one_card, "make coverage-rtl"),
     "line-quality": (one_card, "make line-quality"),
     "fuzz": (one_card, "make fuzz, fuzz-plants, flips, core-flips and fuzz-page"),

@@ -32,6 +32,7 @@ OUT = ROOT / "build/report.html"
 # Page of docs/, and the command that writes it.
 PAGES = {
     "results": "make bench",
+    "conformance": "make conformance",
     "synthesis": "make synth",
     "timing": "make diagrams",
     "line-quality": "make line-quality",

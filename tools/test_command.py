@@ -16,8 +16,8 @@ from tools.lint import name, source_files
 
 MAIN = re.compile(r'^if __name__ == "__main__":\n(.+)', re.DOTALL | re.MULTILINE)
 
-# Steps of a build and the agents' example start as files, outside the project's packages. The selftest stops a
-# motor first.
+# Steps of a build and the agents' example start as files, outside the project's packages. The selftest stops
+# a motor first.
 OTHERS = ("sim/drive/drive_table.py", "sw/tools/bin2hex.py", "sw/tools/seal.py", "sw/tools/stack.py")
 OTHERS += ("tools/selftest.py", "tb/agents/example/run.py")
 # Two workers and more work than they do in a minute. Each piece says that it begins.

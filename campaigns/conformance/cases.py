@@ -311,12 +311,15 @@ def partial(s: Session) -> Dialogue:
 @case(
     "SL-8",
     "SL 13",
-    "300 bytes without a pause, then a good request",
-    "a reply to the good one",
-    "any other reply",
+    "300 bytes with a right CRC, a pause, a good request",
+    "an exception or silence, then a reply",
+    "a normal reply to the first, silence to the good one",
 )
 def too_long(s: Session) -> Dialogue:
-    s.silent((yield Send(s.frame(bytes([16, *range(256), *range(36)]))[:300])), "a frame of 300 bytes")
+    pdu = bytes([16]) + s.profile.register.to_bytes(2, "big") + b"\0\x91\x22" + bytes(291)
+    heard = yield Send(s.frame(pdu))
+    if heard.data and len(heard.data) != 5:
+        raise Fault(f"a frame of {len(pdu) + 3} bytes is answered: {heard.data.hex(' ')}")
     yield from s.still_answers("a frame of 300 bytes")
 
 
@@ -510,6 +513,19 @@ def driver(s: Session) -> Dialogue:
     s.silent((heard := (yield Send(rtu.build(s.other, s.read)))), "another unit's request")
     if heard.pulses:
         raise Fault("DE rises after another unit's request")
+
+
+@case(
+    "SL-25",
+    "SL 13, 14",
+    "a read 3.5 characters and a bit after its own reply",
+    "a reply",
+    "silence",
+    EDGES,
+)
+def after_own_reply(s: Session) -> Dialogue:
+    s.good((yield from s.ask(s.read)))
+    yield from s.still_answers("its own reply", pause_bits=t35_bits(s) + 1)
 
 
 # ---------------------------------------------------------------- application: registers

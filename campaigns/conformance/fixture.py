@@ -50,6 +50,7 @@ FAULTS = {
     "drops DE a bit too soon": "SL-24",
     "holds DE for 60 bits": "SL-24",
     "raises DE for every frame": "SL-24",
+    "is deaf for 60 bits after a reply": "SL-25",
     "counts registers, not bytes": "AP-1",
     "sends one register only": "AP-1",
     "06 does not write": "AP-2",
@@ -250,6 +251,7 @@ class ModelLine:
         self.fmt = profile.fmt
         self._end_ps = 0.0
         self._edges: list[tuple[int, int]] = []  # that the slave has not looked at yet
+        self._pause_bits = float("inf")
         self._deaf = self._spoilt = False
 
     def has(self, fault: str) -> bool:
@@ -267,6 +269,7 @@ class ModelLine:
         bit = self.fmt.bit_ps
         pause = 2 * self.t35_ps if send.pause_bits is None else send.pause_bits * bit
         start = self._end_ps + pause
+        self._pause_bits = pause / bit
         if send.low_bits:
             edges, length = [(0.0, 0), (send.low_bits * bit, 1)], send.low_bits * bit
         else:
@@ -327,7 +330,7 @@ class ModelLine:
 
     def _obeyed(self, frame: tuple[bytes, bool]) -> bytes | None:
         data, good = frame
-        if self._deaf:
+        if self._deaf or (self._pause_bits < 60 and self.has("is deaf for 60 bits after a reply")):
             return None
         lost, self._spoilt = self._spoilt, False
         if self.has("hangs after a break") and data == b"\0":

@@ -41,16 +41,19 @@ class Frame:
 
 
 class RunningCard:
-    """build/card as a process and context manager. `options` go to its command line unchanged."""
+    """A virtual card as a process and context manager. `options` go to its command line unchanged.
 
-    def __init__(self, folder: Path, *options: str) -> None:
-        if not CARD.exists():
-            raise CardError("build/card is missing: run `make card`")
+    program: build/card, unless another is given, such as that of the small card.
+    """
+
+    def __init__(self, folder: Path, *options: str, program: Path = CARD) -> None:
+        if not program.exists():
+            raise CardError(f"{program.relative_to(ROOT)} is missing: run `make card`")
         self.link = folder / "modbus"
         self.log = folder / "card.jsonl"
         self.output: list[str] = []
         self.process = subprocess.Popen(
-            [CARD, "--modbus", self.link, "--log", self.log, *options],
+            [program, "--modbus", self.link, "--log", self.log, *options],
             stdin=subprocess.PIPE if "--control" in options else None,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -23,6 +23,7 @@ PAGES = {
     ROOT / "CONTRIBUTING.md": "contributing.md",
     ROOT / "CHANGELOG.md": "changelog.md",
     ROOT / "sim/card/README.md": "guide/virtual-card.md",
+    ROOT / "tb/agents/README.md": "guide/agents.md",
     ROOT / "tb/captures/README.md": "guide/captures.md",
 }
 # Code is found first, so that a link in it stays. The last group is the target of a link.

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slaves of Python libraries, each as a program on a port.
+
+    python -m campaigns.conformance.libraries pymodbus PORT UNIT
+
+Both hold 16 registers and 16 coils from address 0 on. Ends by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from importlib.metadata import version
+
+from rtl.command import run_main
+
+COUNT = 16
+BAUD = 19200
+
+
+def pymodbus(port: str, unit: int) -> None:
+    from pymodbus import FramerType
+    from pymodbus.datastore import ModbusDeviceContext, ModbusSequentialDataBlock, ModbusServerContext
+    from pymodbus.server import StartSerialServer
+
+    # The block's own first address is 1: the context adds 1 to the address on the wire.
+    registers, coils = (ModbusSequentialDataBlock(1, [0] * COUNT) for _ in range(2))
+    context = ModbusServerContext(devices={unit: ModbusDeviceContext(hr=registers, co=coils)}, single=False)
+    StartSerialServer(
+        context,
+        framer=FramerType.RTU,
+        port=port,
+        baudrate=BAUD,
+        ignore_missing_devices=True,
+        broadcast_enable=True,
+    )
+
+
+def modbus_tk(port: str, unit: int) -> None:
+    import serial
+    from modbus_tk import defines, modbus_rtu
+
+    server = modbus_rtu.RtuServer(serial.Serial(port, BAUD), error_on_missing_slave=False)
+    slave = server.add_slave(unit)
+    slave.add_block("registers", defines.HOLDING_REGISTERS, 0, COUNT)
+    slave.add_block("coils", defines.COILS, 0, COUNT)
+    server.start()
+    while True:
+        time.sleep(1)
+
+
+SLAVES = {"pymodbus": pymodbus, "modbus_tk": modbus_tk}
+
+
+def title(name: str) -> str:
+    return f"{name} {version(name)}"
+
+
+def main() -> int:
+    if len(sys.argv) != 4 or sys.argv[1] not in SLAVES or not sys.argv[3].isdigit():
+        print(f"libraries: say {' or '.join(SLAVES)}, a port and a unit", file=sys.stderr)
+        return 2
+    SLAVES[sys.argv[1]](sys.argv[2], int(sys.argv[3]))
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("libraries", main, OSError)

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Grades every slave by the numbered tests and writes docs/reports/conformance.md (`make conformance`).
+
+    python -m campaigns.conformance.run                 every slave
+    python -m campaigns.conformance.run --only NAME     one slave; the page keeps the results of the others
+    python -m campaigns.conformance.run --report        the page of the kept results
+
+Results are kept in build/conformance/results.json. A slave that cannot be graded is one line and exit code 2;
+the others are graded, and its column keeps its last result. Exit 1 when our card fails a test.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from campaigns.conformance import designs, libraries
+from campaigns.conformance.card import PROFILE, CardDriver
+from campaigns.conformance.cases import CASES, Profile
+from campaigns.conformance.designs import BUILD, DesignError, named
+from campaigns.conformance.engine import FAIL, HIDDEN, INTENT, NONE, PASS, NoAnswer, Verdict, grade
+from campaigns.conformance.fixture import FAULTS, ModelLine
+from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
+from rtl.command import Parser, run_main
+from rtl.sources import ROOT, SourcesError
+from sim.card.run_card import CardError, RunningCard
+from sim.harness.library import BuildError
+from tb.agents.uart import Format
+from tb.lib.card import baud_switches
+
+KEPT = BUILD / "results.json"
+PAGE = ROOT / "docs/reports/conformance.md"
+TEMPLATE = Path(__file__).parent / "conformance.md.in"
+CARDS = {"standard": "build/card", "tiny": "build/tiny/card"}
+UNIT = 17
+UNIT_SWITCHES = "10001000"
+# A pty has no parity, so the virtual card is told so too.
+PTY_BAUD, PTY_FORM = 19200, "8N2"
+CARD_TIMEOUT_S, LIBRARY_TIMEOUT_S = 1.0, 0.4
+LIBRARY_START_S = 20.0
+MARKS = {PASS: "✓", INTENT: "own code", FAIL: "**✗**", NONE: "n.a.", HIDDEN: ""}
+
+
+class ConformanceError(Exception):
+    """Error for the user, in one line."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A slave: its column, how it is reached, and what grades it."""
+
+    name: str
+    title: str
+    way: str
+    graded: Callable[[], list[Verdict]]
+    ours: bool = False
+    stated: Callable[[], str] = str  # what it was: a fingerprint, a version or a commit
+
+
+def card_pins(config: str) -> list[Verdict]:
+    with CardDriver(config) as driver:
+        return grade(driver, PROFILE)
+
+
+def card_pty(config: str) -> list[Verdict]:
+    """The virtual card, as a program of its own on a pty."""
+    switches = ["--sw-baud", baud_switches(PTY_BAUD, PTY_FORM), "--sw-addr", UNIT_SWITCHES, "--quiet"]
+    profile = Profile(
+        unit=UNIT,
+        fmt=Format.named(PTY_BAUD, PTY_FORM),
+        register=PROFILE.register,
+        no_register=PROFILE.no_register,
+        own_codes=PROFILE.own_codes,
+    )
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        RunningCard(Path(folder), *switches, program=ROOT / CARDS[config]) as card,
+        SerialPort(str(card.link), PTY_BAUD, PTY_FORM) as port,
+    ):
+        return grade(ByteDriver(port, PTY_BAUD, CARD_TIMEOUT_S), profile)
+
+
+def library(name: str) -> list[Verdict]:
+    """The slave of a Python library, as a program of its own on a pty."""
+    BUILD.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "campaigns.conformance.libraries", name]
+    with PtyPort() as port, open(BUILD / f"{name}.log", "w") as log:
+        server = subprocess.Popen([*command, port.name, str(UNIT)], cwd=ROOT, stdout=log, stderr=log)
+        driver = ByteDriver(port, PTY_BAUD, LIBRARY_TIMEOUT_S)
+        profile = Profile(unit=UNIT, fmt=Format.named(PTY_BAUD, PTY_FORM))
+        try:
+            until = time.monotonic() + LIBRARY_START_S
+            while True:
+                try:
+                    return grade(driver, profile)
+                except NoAnswer:
+                    if server.poll() is not None or time.monotonic() > until:
+                        log_name = f"{named(BUILD)}/{name}.log"
+                        raise ConformanceError(f"{name} does not start; {log_name} says why") from None
+        finally:
+            server.send_signal(signal.SIGINT)
+            try:
+                server.wait(5)
+            except subprocess.TimeoutExpired:
+                server.kill()
+                server.wait()
+
+
+def subjects() -> dict[str, Subject]:
+    """Every column of the page, in its order."""
+    found = []
+    for config in CARDS:
+        stated = partial(lambda config: f"{config} card `{fingerprint.card(config)}`", config)
+        found.append(Subject(config, f"{config} card", "pins", partial(card_pins, config), True, stated))
+        found.append(
+            Subject(
+                f"{config}-pty",
+                f"{config} card",
+                "virtual card, pty",
+                partial(card_pty, config),
+                True,
+                stated,
+            )
+        )
+    for name in libraries.SLAVES:
+        found.append(
+            Subject(name, name, "pty", partial(library, name), stated=partial(libraries.title, name))
+        )
+    for design in designs.designs().values():
+        # The name of a pinned commit, or that it is ours.
+        stated = partial(lambda design: design.commit[:7] if design.commit else "ours", design)
+        found.append(
+            Subject(
+                design.name, design.title, "pins", partial(designs.grade, design), not design.commit, stated
+            )
+        )
+    return {subject.name: subject for subject in found}
+
+
+# ---------------------------------------------------------------- the page
+
+
+def row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    return "\n".join([row(*head), row(*["---"] * len(head)), *(row(*cells) for cells in rows)])
+
+
+def counts(verdicts: list[Verdict]) -> list[str]:
+    return [
+        str(sum(one.outcome == outcome for one in verdicts)) for outcome in (PASS, INTENT, FAIL, NONE, HIDDEN)
+    ]
+
+
+def found_by_own_tests() -> tuple[int, int]:
+    """How many planted faults their own tests find, and how many tests the slave without faults passes."""
+    profile = Profile(unit=UNIT)
+    by_number = {case.number: case for case in CASES}
+    found = sum(
+        grade(ModelLine(profile, fault), profile, [by_number[number]])[0].outcome == FAIL
+        for fault, number in FAULTS.items()
+    )
+    return found, sum(one.outcome == PASS for one in grade(ModelLine(profile), profile))
+
+
+def write(kept: dict[str, dict]) -> None:
+    """Writes the page of all slaves that have a result."""
+    there = {name: subject for name, subject in subjects().items() if name in kept}
+    verdicts = {name: {one["number"]: Verdict(**one) for one in kept[name]["verdicts"]} for name in there}
+    summary = [
+        [subject.title, subject.way, kept[name]["stated"], *counts(list(verdicts[name].values()))]
+        for name, subject in there.items()
+    ]
+    marks = [[case.number, *(MARKS[verdicts[name][case.number].outcome] for name in there)] for case in CASES]
+    details = []
+    for name, subject in there.items():
+        for outcome, word in ((FAIL, "fails"), (INTENT, "own codes")):
+            lines = [one for one in verdicts[name].values() if one.outcome == outcome]
+            if lines:
+                details.append(f"**{subject.title}, {subject.way}: {word}**\n")
+                details += [f"- {one.number}: {one.text}" for one in lines]
+                details.append("")
+    faults, clean = found_by_own_tests()
+    PAGE.write_text(
+        TEMPLATE.read_text().format(
+            summary=table(
+                ["slave", "by", "measured", "passed", "own code", "failed", "n.a.", "not visible"], summary
+            ),
+            tests=table(
+                ["test", "page", "sent", "must come", "must not come"],
+                [[case.number, case.page, case.sent, case.must, case.must_not] for case in CASES],
+            ),
+            results=table(
+                ["test", *(f"{subject.title}, {subject.way}" for subject in there.values())], marks
+            ),
+            details="\n".join(details).strip(),
+            faults=faults,
+            planted=len(FAULTS),
+            clean=clean,
+            count=len(CASES),
+        )
+    )
+
+
+def failures_of_ours(kept: dict[str, dict]) -> list[str]:
+    return [
+        f"{subject.title}, {subject.way}: {one['number']} {one['text']}"
+        for name, subject in subjects().items()
+        if subject.ours and name in kept
+        for one in kept[name]["verdicts"]
+        if one["outcome"] == FAIL
+    ]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    every = subjects()
+    parser = Parser(prog="conformance", description=__doc__.splitlines()[0])
+    parser.add_argument("--only", choices=list(every), metavar="NAME", help=f"one of {', '.join(every)}")
+    parser.add_argument("--report", action="store_true", help="write the page of the kept results")
+    given = parser.parse_args(arguments)
+    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    if given.report and not kept:
+        raise ConformanceError("no slave was graded yet; run `make conformance`")
+    wrong = 0
+    for subject in () if given.report else [every[given.only]] if given.only else every.values():
+        print(f"{subject.title}, {subject.way} ...", end=" ", flush=True)
+        try:
+            verdicts = subject.graded()
+        except (
+            *(BuildError, CardError, ConformanceError, DesignError, NoAnswer, PortError, SourcesError),
+        ) as error:
+            wrong += 1
+            print("not graded")
+            print(f"conformance: {error}", file=sys.stderr)
+            continue
+        kept[subject.name] = {"stated": subject.stated(), "verdicts": [asdict(one) for one in verdicts]}
+        print(", ".join(f"{count} {name}" for count, name in zip(counts(verdicts), MARKS, strict=True)))
+        KEPT.parent.mkdir(parents=True, exist_ok=True)
+        KEPT.write_text(json.dumps(kept, indent=1))
+    if kept:
+        write(kept)
+        print(f"written: {named(PAGE)}")
+    failed = failures_of_ours(kept)
+    for line in failed:
+        print(f"fails: {line}")
+    return 2 if wrong else 1 if failed else 0
+
+
+if __name__ == "__main__":
+    run_main("conformance", main, ConformanceError)
