@@ -53,6 +53,8 @@ class PinsDriver:
         reset.value = 1 - active
         await self.line.source.idle(100)
         self._free_ps = now_ps()
+        # At power-up outputs may change from unknown to idle.
+        self._heard = len(self.line.monitor.edges), len(self.line.direction.pulses)
 
     async def exchange(self, send: Send) -> Heard:
         bit, t35 = self.fmt.bit_ps, rtu.t35_ps(self.fmt.baud)

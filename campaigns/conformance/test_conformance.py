@@ -16,10 +16,6 @@ LINES = [
 ]
 
 
-def outcomes(profile: Profile, fault: str | None = None) -> dict[str, str]:
-    return {found.number: found.outcome for found in grade(ModelLine(profile, fault), profile)}
-
-
 @pytest.mark.parametrize("profile", [PLAIN, *LINES], ids=lambda profile: str(profile.fmt))
 def test_the_slave_without_faults_passes_everything(profile):
     due = {PASS, NONE} if profile.fmt.parity == "N" else {PASS}
@@ -29,7 +25,9 @@ def test_the_slave_without_faults_passes_everything(profile):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_is_found_by_its_own_test(fault):
-    assert outcomes(PLAIN, fault)[FAULTS[fault]] == FAIL
+    own = [case for case in CASES if case.number == FAULTS[fault]]
+    found = grade(ModelLine(PLAIN, fault), PLAIN, own)
+    assert [verdict.outcome for verdict in found] == [FAIL]
 
 
 def test_every_test_finds_a_fault():

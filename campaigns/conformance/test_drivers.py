@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ways to a slave: serial port and pty, the card's pins, the pins of a design; and what a user sees."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import pytest
+
+from campaigns.conformance import run, serial
+from campaigns.conformance.card import PROFILE, CardDriver
+from campaigns.conformance.cases import CASES, Profile, Send
+from campaigns.conformance.designs import Design, DesignError, designs, fetched
+from campaigns.conformance.designs import grade as grade_design
+from campaigns.conformance.engine import FAIL, HIDDEN, INTENT, NONE, PASS, NoAnswer, Verdict, grade
+from campaigns.conformance.fixture import Slave
+from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
+from rtl.sources import ROOT
+
+BY_NUMBER = {case.number: case for case in CASES}
+SHORT_S = 0.05  # the slave of these tests answers at once
+
+
+class PtySlave:
+    """The fixture's slave behind a pty, in a thread: bytes that come together are a frame."""
+
+    def __init__(self, fault: str | None = None):
+        self.slave, self.port = Slave(17, fault), PtyPort()
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def __enter__(self) -> PtySlave:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ends.set()
+        self._thread.join()
+        self.port.__exit__()
+
+    def _serve(self) -> None:
+        while not self._ends.is_set():
+            frame = self.port.read(0.02)
+            while frame and (more := self.port.read(0.005)):
+                frame += more
+            if 4 <= len(frame) <= 256 and (reply := self.slave.reply(frame)):
+                self.port.write(reply)
+
+
+def outcomes(found: list[Verdict]) -> dict[str, str]:
+    return {verdict.number: verdict.outcome for verdict in found}
+
+
+def command(port: PtySlave, *words: str) -> list[str]:
+    return ["--port", port.port.name, "--unit", "17", "--format", "8N1", "--timeout", str(SHORT_S), *words]
+
+
+def test_the_command_passes_the_slave_without_faults(capsys):
+    with PtySlave() as slave:
+        assert serial.main(command(slave, "--functions", "3,6,16")) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].split() == ["pass", "SL-1"]
+    assert shown[-1].startswith("0 failed; 14 tests need the pins")
+
+
+def test_the_command_names_what_a_port_shows_of_a_fault(capsys):
+    with PtySlave("06 does not write") as slave:
+        assert serial.main(command(slave, "--functions", "3,6")) == 1
+    shown = capsys.readouterr().out
+    assert "fail       AP-2   after 06: the register holds 0 instead of 18" in shown
+    assert "n.a.       AP-3   no function 16" in shown
+
+
+def test_a_unit_that_does_not_answer_is_one_line():
+    with PtyPort() as port, pytest.raises(NoAnswer, match=r"^unit 9 does not answer at 19200 8E1$"):
+        grade(ByteDriver(port, 19200, SHORT_S), Profile(unit=9))
+
+
+def test_a_port_that_is_busy_or_not_there_is_one_line():
+    with pytest.raises(PortError, match=r"^there is no /dev/no-such-port$"):
+        SerialPort("/dev/no-such-port")
+    with pytest.raises(PortError, match="no serial port"):
+        SerialPort(os.devnull)
+    with (
+        PtyPort() as port,
+        SerialPort(port.name),
+        pytest.raises(PortError, match=r"in use by another program$"),
+    ):
+        SerialPort(port.name)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--unit", "0"], "0 is not from 1 to 247"),
+        (["--values", "5"], "--values takes two values that differ"),
+        (["--unknown", "6"], "--unknown 6 is one of --functions"),
+        (["--functions", "5,6"], "neither 1 nor 3"),
+        (["--timeout", "0"], "--timeout must be more than 0"),
+        (["--register", "x"], "x is no number"),
+    ],
+)
+def test_a_wrong_option_is_one_line(words, reason, capsys):
+    with pytest.raises(SystemExit) as end:
+        serial.main(["--port", "nowhere", *words])
+    shown = capsys.readouterr().err
+    assert end.value.code == 2 and reason in shown and shown.count("\n") == 1
+
+
+def test_a_late_reply_belongs_to_no_request():
+    with PtyPort() as port:
+        driver = ByteDriver(port, 19200, SHORT_S)
+        os.write(port._theirs, b"late")
+        time.sleep(0.01)
+        assert driver.exchange(Send(b"\x01\x03")).data == b""
+
+
+@pytest.mark.rule("FRAME-4", "EXC")
+def test_the_card_on_its_pins_fails_nothing_that_is_quick():
+    """One test of each kind: bytes, edges, parity, DE, and a code of its own."""
+    chosen = [BY_NUMBER[number] for number in ("SL-1", "SL-12", "SL-18", "SL-24", "AP-5", "AP-11")]
+    with CardDriver("standard") as driver:
+        found = grade(driver, PROFILE, chosen)
+    assert [verdict.outcome for verdict in found] == [PASS] * 4 + [INTENT] * 2, found
+
+
+@pytest.mark.slow
+def test_the_card_on_its_pins_fails_nothing(config):
+    with CardDriver(config) as driver:
+        found = grade(driver, PROFILE)
+    assert {verdict.outcome for verdict in found} == {PASS, INTENT}
+    assert {verdict.number for verdict in found if verdict.outcome == INTENT} <= {
+        f"AP-{n}" for n in range(4, 18)
+    }
+
+
+def test_a_design_is_graded_on_its_pins():
+    found = outcomes(grade_design(designs()["holding_registers"], ["SL-1", "AP-9"]))
+    assert found == {"SL-1": PASS, "AP-9": NONE}
+
+
+@pytest.mark.slow
+def test_a_fault_of_a_design_is_found_on_its_pins(tmp_path):
+    """The example with DE that nobody drives."""
+    design = designs()["holding_registers"]
+    broken = tmp_path / "holding_registers.v"
+    text = (ROOT / "docs/example/holding_registers.v").read_text()
+    assert ".de(de)" in text
+    broken.write_text(text.replace(".de(de)", ".de()"))
+    entry = design.entry | {"files": [str(broken)]}
+    found = outcomes(grade_design(Design("broken_example", entry), ["SL-1", "SL-24"]))
+    assert found == {"SL-1": PASS, "SL-24": FAIL}
+
+
+def test_sources_that_cannot_be_fetched_are_one_line(tmp_path):
+    with pytest.raises(DesignError, match=r"^cannot fetch .*/none at 0123456789ab: .+$") as error:
+        fetched("nobody", f"{tmp_path}/none", "0123456789ab" * 3 + "0123")
+    assert "\n" not in str(error.value)
+
+
+def test_a_design_that_does_not_build_is_one_line():
+    entry = designs()["holding_registers"].entry | {"top": "no_such_top"}
+    with pytest.raises(DesignError, match=r"was not graded; build/conformance/no_such_top/\*\.log say why$"):
+        grade_design(Design("no_such_top", entry))
+
+
+def test_the_page_lists_every_slave_with_a_result(tmp_path, monkeypatch):
+    verdicts = [{"number": case.number, "outcome": PASS, "text": ""} for case in CASES]
+    verdicts[0] = {"number": CASES[0].number, "outcome": FAIL, "text": "no reply to a good request"}
+    verdicts[1] = {"number": CASES[1].number, "outcome": HIDDEN, "text": ""}
+    monkeypatch.setattr(run, "PAGE", tmp_path / "page.md")
+    run.write({"modbus_tk": {"stated": "modbus_tk 0", "verdicts": verdicts}})
+    page = (tmp_path / "page.md").read_text()
+    assert f"| modbus_tk | pty | modbus_tk 0 | {len(CASES) - 2} | 0 | 1 | 0 | 1 |" in page
+    assert "- SL-1: no reply to a good request" in page
+    assert "| SL-1 | **✗** |\n| SL-2 |  |\n| SL-3 | ✓ |" in page
+    assert run.failures_of_ours({"modbus_tk": {"stated": "", "verdicts": verdicts}}) == []
+    assert run.failures_of_ours({"tiny": {"stated": "", "verdicts": verdicts}}) == [
+        "tiny card, pins: SL-1 no reply to a good request"
+    ]
