@@ -18,9 +18,9 @@ module rxBuffer (
 endmodule
 
 module shroubovak (
-    input wire clk,
-    input wire rst,
-    input wire rx,
+    input  wire clk,
+    input  wire rst,
+    input  wire rx,
     output wire tx,
     output wire de
 );

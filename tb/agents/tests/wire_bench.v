@@ -3,12 +3,12 @@
 `default_nettype none
 
 module wire_bench (
-    input wire line,
-    input wire de,
+    input  wire line,
+    input  wire de,
     output wire heard,
     output wire enabled
 );
-  assign heard = line;
+  assign heard   = line;
   assign enabled = de;
 endmodule
 
