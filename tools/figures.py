@@ -46,9 +46,9 @@ def one_card(text: str) -> str:
 
 def both_cards(text: str) -> str:
     """A page that names the standard card and the small one."""
-    stated = dict(BOTH.findall(text))
+    stated = set(BOTH.findall(text))
     now = {config: fingerprint.card(config) for config in ("standard", "tiny")}
-    older = [config for config in now if stated.get(config) != now[config]]
+    older = [config for config in now if {card for name, card in stated if name == config} != {now[config]}]
     return f"measured on another card: {', '.join(older)}" if older else ""
 
 

@@ -15,7 +15,7 @@ from campaigns.conformance.designs import BUILD, Design, DesignError, designs
 from rtl.command import run_main
 from rtl.sources import ROOT
 
-SLAVE = "yxgi5"
+SLAVE = "shroubovak"
 AGENTS = ROOT / "tb/agents"
 
 

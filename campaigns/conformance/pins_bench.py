@@ -45,15 +45,20 @@ class PinsDriver:
         design, dut = self.design, self.dut
         for name, value in design.get("inputs", {}).items():
             getattr(dut, name).value = value
-        reset, active = getattr(dut, design["pins"]["rst"]), int(not design.get("reset_low", False))
+        self._period = 2 * round(5e11 / design["clk_hz"])
+        Clock(getattr(dut, design["pins"]["clk"]), self._period, unit="ps").start()
+        await self.reset()
+
+    async def reset(self) -> None:
+        """Resets the slave: what one test has spoilt does not fail the next one."""
+        reset = getattr(self.dut, self.design["pins"]["rst"])
+        active = 0 if self.design.get("reset_low") else 1
         reset.value = active
-        period = 2 * round(5e11 / design["clk_hz"])
-        Clock(getattr(dut, design["pins"]["clk"]), period, unit="ps").start()
-        await Timer(RESET_CLOCKS * period, unit="ps")
+        await Timer(RESET_CLOCKS * self._period, unit="ps")
         reset.value = 1 - active
         await self.line.source.idle(100)
         self._free_ps = now_ps()
-        # At power-up outputs may change from unknown to idle.
+        # In reset outputs may change from unknown to idle.
         self._heard = len(self.line.monitor.edges), len(self.line.direction.pulses)
 
     async def exchange(self, send: Send) -> Heard:
@@ -119,6 +124,7 @@ async def grade(dut):
         await pump(presence(profile), driver)
         for case in CASES:
             if only is None or case.number in only:
+                await driver.reset()
                 found.append(asdict(await pump(steps(case, profile, driver.sees), driver)))
     except NoAnswer as silence:
         found = {"error": str(silence)}

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from campaigns.conformance.cases import BYTES, CHARACTER, Heard, Send
 
-QUIET_S = 0.03  # silence that ends a reply: adapters deliver a frame in pieces
+QUIET_S = 0.1  # silence that ends a reply: adapters and busy machines deliver a frame in pieces
 
 
 class PortError(Exception):
@@ -101,12 +101,15 @@ class SerialPort:
 
 
 class ByteDriver:
-    """Whole frames on a port. timeout_s: silence for so long after a request is no reply."""
+    """Whole frames on a port.
+
+    timeout_s: silence for so long after a request is no reply. quiet_s: silence that ends a reply.
+    """
 
     sees = frozenset({BYTES})
 
-    def __init__(self, port: Port, baud: int = 9600, timeout_s: float = 0.5):
-        self.port, self.baud, self.timeout_s = port, baud, timeout_s
+    def __init__(self, port: Port, baud: int = 9600, timeout_s: float = 0.5, quiet_s: float = QUIET_S):
+        self.port, self.baud, self.timeout_s, self.quiet_s = port, baud, timeout_s, quiet_s
 
     def exchange(self, send: Send) -> Heard:
         assert not send.needs_edges, "a port shows bytes only"
@@ -122,5 +125,5 @@ class ByteDriver:
             more = self.port.read(left)
             if more:
                 heard += more
-                until = time.monotonic() + QUIET_S
+                until = time.monotonic() + self.quiet_s
         return heard

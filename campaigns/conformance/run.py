@@ -174,6 +174,22 @@ def found_by_own_tests() -> tuple[int, int]:
     return found, sum(one.outcome == PASS for one in grade(ModelLine(profile), profile))
 
 
+def details(there: dict[str, Subject], verdicts: dict[str, dict[str, Verdict]]) -> str:
+    """What was wrong; slaves with the very same lines stand together."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for outcome, word in ((FAIL, "fails"), (INTENT, "own codes")):
+        for name, subject in there.items():
+            lines = [
+                f"- {one.number}: {one.text}" for one in verdicts[name].values() if one.outcome == outcome
+            ]
+            if lines:
+                groups.setdefault((word, *lines), []).append(f"{subject.title}, {subject.way}")
+    parts = [
+        f"**{'; '.join(names)}: {word}**\n\n" + "\n".join(lines) for (word, *lines), names in groups.items()
+    ]
+    return "\n\n".join(parts)
+
+
 def write(kept: dict[str, dict]) -> None:
     """Writes the page of all slaves that have a result."""
     there = {name: subject for name, subject in subjects().items() if name in kept}
@@ -183,14 +199,6 @@ def write(kept: dict[str, dict]) -> None:
         for name, subject in there.items()
     ]
     marks = [[case.number, *(MARKS[verdicts[name][case.number].outcome] for name in there)] for case in CASES]
-    details = []
-    for name, subject in there.items():
-        for outcome, word in ((FAIL, "fails"), (INTENT, "own codes")):
-            lines = [one for one in verdicts[name].values() if one.outcome == outcome]
-            if lines:
-                details.append(f"**{subject.title}, {subject.way}: {word}**\n")
-                details += [f"- {one.number}: {one.text}" for one in lines]
-                details.append("")
     faults, clean = found_by_own_tests()
     PAGE.write_text(
         TEMPLATE.read_text().format(
@@ -204,13 +212,18 @@ def write(kept: dict[str, dict]) -> None:
             results=table(
                 ["test", *(f"{subject.title}, {subject.way}" for subject in there.values())], marks
             ),
-            details="\n".join(details).strip(),
+            details=details(there, verdicts),
             faults=faults,
             planted=len(FAULTS),
             clean=clean,
             count=len(CASES),
         )
     )
+
+
+def results() -> dict[str, dict]:
+    """What was found so far, by the names of the slaves."""
+    return json.loads(KEPT.read_text()) if KEPT.exists() else {}
 
 
 def failures_of_ours(kept: dict[str, dict]) -> list[str]:
@@ -229,7 +242,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", choices=list(every), metavar="NAME", help=f"one of {', '.join(every)}")
     parser.add_argument("--report", action="store_true", help="write the page of the kept results")
     given = parser.parse_args(arguments)
-    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    kept = results()
     if given.report and not kept:
         raise ConformanceError("no slave was graded yet; run `make conformance`")
     wrong = 0
@@ -244,6 +257,7 @@ def main(arguments: list[str] | None = None) -> int:
             print("not graded")
             print(f"conformance: {error}", file=sys.stderr)
             continue
+        kept = results()  # another run may have added one
         kept[subject.name] = {"stated": subject.stated(), "verdicts": [asdict(one) for one in verdicts]}
         print(", ".join(f"{count} {name}" for count, name in zip(counts(verdicts), MARKS, strict=True)))
         KEPT.parent.mkdir(parents=True, exist_ok=True)

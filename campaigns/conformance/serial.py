@@ -13,7 +13,7 @@ import argparse
 
 from campaigns.conformance.cases import Profile
 from campaigns.conformance.engine import FAIL, HIDDEN, NoAnswer, Verdict, grade
-from campaigns.conformance.ports import ByteDriver, PortError, SerialPort
+from campaigns.conformance.ports import QUIET_S, ByteDriver, PortError, SerialPort
 from rtl.command import Parser, run_main
 from tb.agents.uart import Format
 
@@ -49,6 +49,9 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument("--baud", type=number(300, 1_000_000), default=19200, help="bit/s (19200)")
     parser.add_argument("--format", choices=FORMATS, default="8E1", help="8E1; a pty takes 8N1 or 8N2 only")
     parser.add_argument("--timeout", type=float, default=0.5, help="longest wait for a reply in s (0.5)")
+    parser.add_argument(
+        "--gap", type=float, default=QUIET_S, help=f"silence in s that ends a reply ({QUIET_S})"
+    )
     parser.add_argument(
         "--functions",
         type=list_of(number(1, 127)),
@@ -86,15 +89,15 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"--unknown {given.unknown} is one of --functions")
     if not frozenset(given.functions) & {1, 3}:
         parser.error("--functions names neither 1 nor 3, so nothing can be read")
-    if not given.timeout > 0:
-        parser.error("--timeout must be more than 0")
+    if not (given.timeout > 0 and given.gap > 0):
+        parser.error("--timeout and --gap must be more than 0")
 
     def show(verdict: Verdict) -> None:
         if verdict.outcome != HIDDEN:
             print(f"{verdict.outcome:10} {verdict.number:6} {verdict.text}".rstrip(), flush=True)
 
     with SerialPort(given.port, given.baud, given.format) as port:
-        verdicts = grade(ByteDriver(port, given.baud, given.timeout), profile_of(given), each=show)
+        verdicts = grade(ByteDriver(port, given.baud, given.timeout, given.gap), profile_of(given), each=show)
     failed = [verdict for verdict in verdicts if verdict.outcome == FAIL]
     hidden = sum(verdict.outcome == HIDDEN for verdict in verdicts)
     print(f"{len(failed)} failed; {hidden} tests need the pins (docs/guide/conformance.md)")

@@ -21,6 +21,7 @@ from rtl.sources import ROOT
 
 BY_NUMBER = {case.number: case for case in CASES}
 SHORT_S = 0.05  # the slave of these tests answers at once
+TIMES = ["--timeout", str(SHORT_S), "--gap", "0.02"]
 
 
 class PtySlave:
@@ -54,7 +55,7 @@ def outcomes(found: list[Verdict]) -> dict[str, str]:
 
 
 def command(port: PtySlave, *words: str) -> list[str]:
-    return ["--port", port.port.name, "--unit", "17", "--format", "8N1", "--timeout", str(SHORT_S), *words]
+    return ["--port", port.port.name, "--unit", "17", "--format", "8N1", *TIMES, *words]
 
 
 def test_the_command_passes_the_slave_without_faults(capsys):
@@ -98,7 +99,7 @@ def test_a_port_that_is_busy_or_not_there_is_one_line():
         (["--values", "5"], "--values takes two values that differ"),
         (["--unknown", "6"], "--unknown 6 is one of --functions"),
         (["--functions", "5,6"], "neither 1 nor 3"),
-        (["--timeout", "0"], "--timeout must be more than 0"),
+        (["--timeout", "0"], "--timeout and --gap must be more than 0"),
         (["--register", "x"], "x is no number"),
     ],
 )

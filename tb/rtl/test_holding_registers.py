@@ -16,7 +16,7 @@ import pytest
 from cocotb.triggers import ValueChange
 
 from rtl.sources import needed_files
-from tb.agents import rtu
+from tb.agents import edges, rtu
 from tb.agents.modbus_master import ModbusMaster
 from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench
@@ -181,6 +181,15 @@ async def first_bit_of_the_reply_comes_within_a_bit_after_t35(dut):
         late = done.gap_bits - example.t35_bits
         print(f"{example.line.fmt}: first bit {late:+.3f} bits after t3.5")
         assert 0 <= late <= 1, f"{late:.2f} bits after t3.5"
+        line = example.line
+        found = edges.judge(
+            line.monitor,
+            done.reply,
+            request_end_ps=done.sent.end_ps,
+            pulses=line.direction.pulses,
+            limits=edges.Limits(rate=0.001, edge_bits=0.05, de_lead_bits=1.0),
+        )
+        assert not found, found
 
 
 @cocotb.test()
