@@ -91,7 +91,6 @@ def grade(design: Design, only: list[str] | None = None) -> list[Verdict]:
                 sources=design.sources(),
                 hdl_toplevel=entry["top"],
                 parameters=entry.get("parameters", {}),
-                build_args=entry.get("build_args", []),
                 build_dir=folder,
                 timescale=("1ns", "1ps"),
                 always=True,

@@ -113,7 +113,7 @@ async def pump(dialogue: Generator[Send, Heard, object], driver: PinsDriver) -> 
 @cocotb.test()
 async def grade(dut):
     design = json.loads(os.environ["DESIGN"])
-    known = {name: design["profile"][name] for name in design.get("profile", {})}
+    known = dict(design.get("profile", {}))
     known["functions"] = frozenset(known.get("functions", Profile().functions))
     profile = Profile(fmt=Format.named(design["baud"], design["form"]), **known)
     driver = PinsDriver(dut, design)
