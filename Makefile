@@ -73,6 +73,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
+#:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
 #:   TELEGRAMS_ARGS=...   more options of sim.view.telegrams (telegrams): --channel, --invert, --baud, --drive, --fields
 #:   V=1           show the commands
 
@@ -152,7 +153,7 @@ bench-card: firmware | setup-test ## the simulated cards of the bench, with and 
 bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
-.PHONY: bench bench-fast line-quality soak conformance agents-example coverage-rtl figures
+.PHONY: bench bench-fast line-quality soak masters conformance agents-example coverage-rtl figures
 bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
@@ -175,6 +176,9 @@ conformance: firmware card drive | setup-test ## the card and other slaves again
 
 agents-example: | setup-test ## the example of tb/agents on a slave of others, which is fetched by its commit
 	@$(RUN) campaigns.conformance.example
+
+masters: card | setup-masters ## ten Modbus masters ask the virtual card; downloads them (MASTER=, DIALECT=: a part)
+	@$(RUN) campaigns.masters.run $(foreach option,master dialect,$(call given,$(option),$(call upper,$(option))))
 
 coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that the benches run
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
@@ -269,9 +273,9 @@ docs: | setup-docs ## the documentation site, readable offline: build/docs-site/
 
 ##@ Workshop
 .PHONY: setup clean
-setup: setup-all ## install everything at once (the other commands install what they need)
+setup: setup-all ## install everything at once, but for make masters (the other commands install what they need)
 
-LAYERS := demo test views pages lint firmware synth docs all
+LAYERS := demo test views pages lint firmware synth docs masters all
 .PHONY: $(LAYERS:%=setup-%)
 $(LAYERS:%=setup-%): setup-%:
 	@tools/setup.sh $*

@@ -74,6 +74,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "fuzz": (one_card, "make fuzz, fuzz-plants, flips, core-flips and fuzz-page"),
     "mutants": (mutants, "make mutate"),
     "synthesis": (synthesis, "make synth"),
+    "masters": (one_card, "make masters"),
 }
 
 

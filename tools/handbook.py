@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from campaigns.masters import page as masters
 from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.card.masters import words
@@ -450,6 +451,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "exception-steps": exception_steps,
     "example-list": example_list,
     "examples": worked_examples,
+    **masters.tables(),
 }
 
 

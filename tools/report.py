@@ -40,6 +40,7 @@ PAGES = {
     "coverage": "make coverage-rtl",
     "firmware-quality": "make coverage-firmware, fuzz-firmware, mutate-firmware",
     "fuzz": "make fuzz, make flips",
+    "masters": "make masters",
 }
 KINDS = {".svg": "image/svg+xml", ".png": "image/png"}
 IMAGE = re.compile(r'<img src="([^"]+)"')

@@ -8,6 +8,7 @@
 #
 # Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
 # lint, firmware (fuzzers and coverage of the firmware), synth (place and route), docs (the documentation site), all.
+# masters (the Debian packages of `make masters`) is not part of all: no test needs it.
 # Each needs those that `below` names. A second call finds everything in place and ends at once. Exit 2, with one line,
 # when it cannot.
 set -euo pipefail
@@ -30,7 +31,7 @@ PATH=${PATH//"$venv/bin:"/}
 
 declare -A below=(
   [demo]="" [test]="demo" [views]="demo test" [pages]="demo test" [lint]="demo test synth" [firmware]="demo test"
-  [synth]="demo test" [docs]="" [all]="demo test views pages lint firmware synth docs"
+  [synth]="demo test" [docs]="" [masters]="demo" [all]="demo test views pages lint firmware synth docs"
 )
 
 # Layer, kind of thing to look for (a command, a command of LLVM, a header, a library of clang, a Perl or Python
@@ -60,6 +61,10 @@ needs=(
   "firmware clangrt fuzzer                   libclang-rt-dev"
   "synth    command openFPGALoader           openfpgaloader"
   "docs     python  ensurepip                python3-venv"
+  "masters  command socat                    socat"
+  "masters  command node                     nodejs"
+  "masters  command npm                      npm"
+  "masters  header  modbus/modbus.h          libmodbus-dev"
 )
 
 # The name of a command of LLVM 14 or newer: without a number if the system has that, else with the highest.

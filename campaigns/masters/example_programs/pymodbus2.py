@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+from pymodbus.client.sync import ModbusSerialClient
+
+client = ModbusSerialClient("rtu", port="/dev/ttyUSB0", baudrate=9600, parity="N", stopbits=2, timeout=1)
+client.connect()
+print("40003:", client.read_holding_registers(2, 1, unit=1).registers)
+high, low = client.read_holding_registers(5139, 2, unit=1).registers
+print("motor current:", (high << 16 | low) / 100, "A")
+ramp_stop = [bool(0x043C >> i & 1) for i in range(32)]
+print("ramp stop accepted:", not client.write_coils(0, ramp_stop, unit=1).isError())
+answer = client.read_coils(128, 1, unit=1)
+if answer.isError():
+    print("exception", answer.exception_code)
+client.close()

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+from pymodbus import FramerType
+from pymodbus.client import ModbusTcpClient
+
+client = ModbusTcpClient("127.0.0.1", port=5020, framer=FramerType.RTU, timeout=1, retries=0)
+client.connect()
+print("40003:", client.read_holding_registers(2, count=1, device_id=1).registers)
+current = client.read_holding_registers(5139, count=2, device_id=1)
+print("motor current:", client.convert_from_registers(current.registers, client.DATATYPE.UINT32) / 100, "A")
+ramp_stop = [bool(0x043C >> i & 1) for i in range(32)]
+print("ramp stop accepted:", not client.write_coils(0, ramp_stop, device_id=1).isError())
+answer = client.read_coils(128, count=1, device_id=1)
+if answer.isError():
+    print("exception", answer.exception_code)
+client.close()
