@@ -177,7 +177,7 @@ conformance: firmware card drive | setup-test ## the card and other slaves again
 agents-example: | setup-test ## the example of tb/agents on a slave of others, which is fetched by its commit
 	@$(RUN) campaigns.conformance.example
 
-masters: card | setup-masters ## ten Modbus masters ask the virtual card; downloads them (MASTER=, DIALECT=: a part)
+masters: card | setup-masters ## eleven Modbus masters ask the virtual card; downloads them (MASTER=, DIALECT=: a part)
 	@$(RUN) campaigns.masters.run $(foreach option,master dialect,$(call given,$(option),$(call upper,$(option))))
 
 coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that the benches run

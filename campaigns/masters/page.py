@@ -46,7 +46,7 @@ def table(heads: list[str], rows: list[list[object]]) -> str:
 
 
 def words(answer: dict) -> str:
-    """The text of an error, as code; the text for a user does not hold this machine's names."""
+    """The text of an error, set as code."""
     return f"`{answer.get('shows', answer.get('crash', '')).replace('`', chr(39))}`"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ten Modbus masters ask the virtual card, in all three dialects; `make masters`.
+"""Eleven Modbus masters ask the virtual card, in all three dialects; `make masters`.
 
     python -m campaigns.masters.run                    writes answers.json and docs/reports/masters.md
     python -m campaigns.masters.run --master mbpoll    a part (also --dialect); prints it, writes nothing

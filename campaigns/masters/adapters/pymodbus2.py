@@ -56,4 +56,4 @@ def opened(port: str, timeout: float | None, parity: str) -> Pymodbus2:
 
 
 if __name__ == "__main__":
-    run_main("pymodbus2", lambda: serve(opened, Pymodbus2))
+    run_main("old-pymodbus", lambda: serve(opened, Pymodbus2))
