@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Common to all commands: one line for a wrong option and after Ctrl-C, no error when a reader stops."""
+"""Common to all commands: `--version`, one line for a wrong option and after Ctrl-C, no error when a reader stops."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NoReturn
 
+VERSION = Path(__file__).resolve().parents[1] / "VERSION"
 STOPPED = 130  # the exit code after Ctrl-C, as shells give it
 
 
@@ -24,11 +25,20 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}\n")
 
 
+def version(name: str) -> str:
+    """The line of `--version`, the same in every command and in build/card."""
+    return f"rtu2fc {VERSION.read_text().strip()}, {name}"
+
+
 def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]) -> NoReturn:
     """Ends the process with the exit code of `main`.
 
-    Of `errors` the user sees one line, and the exit code is 2. After Ctrl-C it is one line and STOPPED.
+    `--version` alone prints the version instead. Of `errors` the user sees one line, and the exit code is 2.
+    After Ctrl-C it is one line and STOPPED.
     """
+    if sys.argv[1:] == ["--version"]:
+        print(version(name))
+        sys.exit()
     try:
         sys.exit(main())
     except errors as error:

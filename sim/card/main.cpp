@@ -20,6 +20,7 @@
 #include "recording.h"
 #include "serial_port.h"
 #include "user_error.h"
+#include "version.h"
 #include "virtual_card.h"
 
 namespace {
@@ -192,7 +193,7 @@ int main(int argc, char** argv) {
     if (options.help) {
       std::fputs(help_text(), stdout);
     } else if (options.version) {
-      std::printf("rtu2fc virtual card, %lld Hz\n", static_cast<long long>(kClock.hz));
+      std::printf("rtu2fc " CARD_VERSION ", virtual card of %lld Hz\n", static_cast<long long>(kClock.hz));
     } else {
       catch_signals();
       run(options);

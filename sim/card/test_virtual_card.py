@@ -247,7 +247,7 @@ def test_help_names_every_option_and_drive():
 def test_version():
     run = run_card("--version")
     assert run.returncode == 0
-    assert "rtu2fc" in run.stdout
+    assert re.fullmatch(rf"rtu2fc {re.escape(VERSION)}, virtual card of \d+ Hz\n", run.stdout)
 
 
 @pytest.mark.parametrize("kind", ["file", "symlink", "dangling symlink"])
