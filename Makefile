@@ -74,6 +74,8 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
 #:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
+#:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
+#:                 and compare (release)
 #:   TELEGRAMS_ARGS=...   more options of sim.view.telegrams (telegrams): --channel, --invert, --baud, --drive, --fields
 #:   V=1           show the commands
 
@@ -251,7 +253,7 @@ sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFI
 	@$(RUN) rtl.sources $(CONFIG)
 
 ##@ Write what is generated
-.PHONY: regs regs-check diagrams symptoms docs
+.PHONY: regs regs-check diagrams symptoms docs datasheet
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
 	@$(RUN) sim.view.fc_tables
@@ -271,8 +273,17 @@ symptoms: firmware | setup-test ## the recordings of the debugging guide, from r
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s)
 	@$(RUN) tools.site.build
 
+datasheet: | setup-pages ## the data sheet from the measured pages: build/datasheet, HTML and PDF (3 s)
+	@$(RUN) tools.datasheet
+
 ##@ Workshop
-.PHONY: setup clean
+.PHONY: setup clean release version
+release: | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
+	@$(RUN) tools.release $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
+
+version: ## the version of the release, as in VERSION
+	@tools/setup.sh --version
+
 setup: setup-all ## install everything at once, but for make masters (the other commands install what they need)
 
 LAYERS := demo test views pages lint firmware synth docs masters all

@@ -106,8 +106,11 @@ def yosys_device(entry: Board) -> str:
 
 
 def sandboxed(path: Path) -> str:
-    """Relative name: the tools' sandbox sees only this folder and does not follow links."""
-    if path.resolve().is_relative_to(ROOT):
+    """Relative name: the tools' sandbox sees only this folder and does not follow links.
+
+    The soft core's files get names without the number of a Python: cells are named after their files.
+    """
+    if path.resolve().is_relative_to(ROOT) and not path.is_relative_to(ROOT / ".venv"):
         return str(path.resolve().relative_to(ROOT))
     copy = BUILD / "sources" / path.parent.name / path.name
     copy.parent.mkdir(parents=True, exist_ok=True)

@@ -34,7 +34,7 @@ FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ff
 FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
-.PHONY: firmware firmware-size firmware-sources
+.PHONY: firmware firmware-size firmware-sources firmware-images
 FIRMWARE_TINY := build/tiny/firmware
 FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
 # The boards with a larger memory run images of their own. All options at once, below build/large/all, fit there
@@ -85,6 +85,10 @@ $(FIRMWARE_LARGE:%=%/firmware.elf): constraints/boards.toml
 # The list for tools that compile the sources themselves.
 firmware-sources:
 	@echo $(FIRMWARE_SOURCES)
+
+# The list of the images, for the release.
+firmware-images:
+	@echo $(FIRMWARE_ELFS:.elf=.hex)
 
 # text: code and constants; bss: variables. The stack is not included.
 firmware-size: $(FIRMWARE_ELFS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs scripts in pages with headless Chromium; returns their results and Chromium's console messages."""
+"""Runs scripts in pages with headless Chromium; returns their results and console messages. Prints pages, too."""
 
 from __future__ import annotations
 
@@ -26,6 +26,10 @@ OPTIONS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",
     "--enable-logging=stderr",
 )
+
+
+class Missing(Exception):
+    """There is no Chromium."""
 
 
 @dataclass(frozen=True)
@@ -64,3 +68,17 @@ def evaluate(page: str, script: str, folder: Path, width: int = 1200, options: t
     console = CONSOLE.findall(run.stderr)
     assert found, f"the page's script did not end: {console}"
     return Seen(json.loads(html.unescape(found[1])), console)
+
+
+def print_pdf(page: str, folder: Path) -> bytes:
+    """The page printed, on the paper that its style names."""
+    browser = shutil.which("chromium")
+    if browser is None:
+        raise Missing("chromium is missing; run `make setup-pages` (Debian package chromium)")
+    file, output = folder / "page.html", folder / "page.pdf"
+    file.write_text(page)
+    command = [browser, *OPTIONS, "--no-pdf-header-footer", f"--user-data-dir={folder / 'profile'}"]
+    subprocess.run(
+        [*command, f"--print-to-pdf={output}", file.as_uri()], capture_output=True, timeout=120, check=True
+    )
+    return output.read_bytes()

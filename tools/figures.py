@@ -95,6 +95,15 @@ def marked(text: str, older: str, command: str) -> str:
     return re.sub(r"^(# .*\n\n)", lambda title: title[1] + notice, text, count=1, flags=re.MULTILINE)
 
 
+def older_pages() -> dict[str, str]:
+    """Pages of an older card, each with the command that renews it."""
+    return {
+        page: command
+        for page, (check, command) in PAGES.items()
+        if check(without_notice(path_of(page).read_text()))
+    }
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     choice = parser.add_mutually_exclusive_group()

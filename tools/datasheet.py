@@ -1,0 +1,417 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The data sheet: two pages as PDF and as HTML, from the measured pages and the sources.
+
+    python -m tools.datasheet [FOLDER]     default: build/datasheet
+
+Measured figures come from docs/reports alone, with the card that they name. Ports and parameters come from rtl/rtu2fc.v,
+configurations from configs.toml, boards from constraints/boards.toml; what makers publish is in tools/datasheet.toml. A
+figure that a report no longer has is an error, one line, exit 2. Chromium prints the PDF; its dates are fixed, so two
+runs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from constraints import image
+from constraints.boards import boards
+from rtl.command import VERSION, Parser, run_main
+from rtl.sources import ROOT, SourcesError, configurations, without_comments
+from sim.harness.pins import BAUDS
+from tools import chromium, figures
+
+OUT = ROOT / "build/datasheet"
+TEMPLATE = ROOT / "tools/datasheet.html.in"
+FACTS = ROOT / "tools/datasheet.toml"
+TOP = ROOT / "rtl/rtu2fc.v"
+SUITE = ROOT / "docs/reports/conformance.md"
+PAGES = 2
+CARD = r"Measured on\s(?:the\sstandard\s)?card `(\w+)`"
+HEADING = re.compile(r"^#+ +(.*)$")
+PARAMETER = re.compile(r"^\s*parameter\s+(?:\[[^\]]*\]\s*)?(\w+)\s*=\s*([^,\n]+)", re.MULTILINE)
+PORT = re.compile(r"^\s*(input|output)\s+wire\s*(?:\[(\d+):(\d+)\])?\s*(\w+)", re.MULTILINE)
+# Chromium writes when it printed; both dates have the same length.
+PDF_DATE = re.compile(rb"(/(?:Creation|Mod)Date \(D:)\d{14}\+00'00'")
+FIXED_DATE = rb"\g<1>19700101000000+00'00'"
+
+MEANING = {
+    "CLK_HZ": "clock in Hz",
+    "FIRMWARE_HEX": "firmware image",
+    "SOFT_CORE": "0 PicoRV32, 1 SERV",
+    "MEMORY_BYTES": "firmware memory",
+    "PLACES": "writes that can wait",
+    "STRICT_T15": "0: no t1.5 inside a frame",
+    "PREPARE_EARLY": "0: firmware begins at t3.5",
+    "DE_LIMIT": "1: limits the time of DE",
+    "MASTER_LOSS_STOP": "1: may stop the drive",
+    "clk": "clock, 2 to 100 MHz",
+    "rst_n": "reset, active low",
+    "sw_baud": "baud switches",
+    "sw_addr": "address switches",
+    "modbus_rx": "network: received data",
+    "modbus_tx": "network: data to send",
+    "modbus_de": "network: driver enable",
+    "drive_rx": "drive: received data",
+    "drive_tx": "drive: data to send",
+    "drive_de": "drive: driver enable",
+    "led_modbus_red": "network LED, red",
+    "led_modbus_green": "network LED, green",
+    "led_drive_red": "drive LED, red",
+    "led_drive_green": "drive LED, green",
+}
+# Rows of the reports: begin of the first cell, and the words on the data sheet.
+TARGETS = {
+    "local request": "local reply, after t3.5",
+    "telegram's first bit": "drive telegram, after t3.5",
+    "reply's first bit": "reply, after the drive's last stop bit",
+    "full transactions": "whole transaction, over the floor that its characters set",
+    "no reply before t3.5": "no reply before t3.5",
+    "a character between": "character between t1.5 and t3.5: nothing sent or changed",
+    "cases: right bytes": "bytes and bits on both lines",
+    "conformance rows": "conformance rows",
+}
+RULES = (
+    "largest idle inside",
+    "smallest idle after a foreign",
+    "reply latency",
+    "DE before",
+    "baud tolerance",
+)
+RULES += ("parity error", "unsupported FC", "bad address", "noise byte", "0.3-bit glitch")
+# Parts of the synthesis report, with the flow of the boards.
+PARTS = ("**front end**", "**whole card**, `tiny`", "**whole card**, `standard`")
+
+
+class DatasheetError(Exception):
+    """Error for the user, in one line."""
+
+
+@dataclass(frozen=True)
+class Table:
+    file: str
+    header: list[str]
+    rows: list[list[str]]
+
+    def row(self, begin: str) -> list[str]:
+        found = [row for row in self.rows if row[0].startswith(begin)]
+        if len(found) != 1:
+            raise DatasheetError(f"{self.file}: {len(found)} rows begin with {begin!r}, one is needed")
+        return found[0]
+
+    def column(self, begin: str) -> int:
+        found = [n for n, name in enumerate(self.header) if name.startswith(begin)]
+        if not found:
+            raise DatasheetError(f"{self.file}: no column begins with {begin!r}")
+        return found[0]
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def table(page: str, heading: str) -> Table:
+    """The first table below a heading of a report; an empty heading: the first of the page."""
+    path = figures.path_of(page)
+    name = str(path.relative_to(ROOT))
+    lines = path.read_text().splitlines()
+    titles = (n for n, line in enumerate(lines) if (found := HEADING.match(line)) and found[1] == heading)
+    begin = next(titles, None) if heading else 0
+    if begin is None:
+        raise DatasheetError(f"{name} has no heading {heading!r}")
+    first = next((n for n in range(begin, len(lines)) if lines[n].startswith("|")), None)
+    if first is None:
+        raise DatasheetError(f"{name} has no table below {heading or 'its title'!r}")
+    last = next((n for n in range(first, len(lines)) if not lines[n].startswith("|")), len(lines))
+    header, _, *rows = map(cells, lines[first:last])
+    return Table(name, header, rows)
+
+
+def stated(page: str, pattern: str) -> str:
+    path = figures.path_of(page)
+    found = re.search(pattern, path.read_text())
+    if not found:
+        raise DatasheetError(f"{path.relative_to(ROOT)} does not say on which design it was measured")
+    return found[1]
+
+
+# ---------------------------------------------------------------- HTML
+
+
+def marked(text: str) -> str:
+    """Bold and code of Markdown as HTML."""
+    text = re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(text))
+    return re.sub(r"\*\*([^*]+)\*\*", r"<b>\1</b>", text)
+
+
+def as_html(header: Iterable[str], rows: Iterable[Iterable[str]], own: int | None = None) -> str:
+    """An HTML table; `own` is the column of this card."""
+
+    def line(row: Iterable[str], kind: str) -> str:
+        found = []
+        for number, cell in enumerate(row):
+            mark = ' class="own"' if number == own and kind == "td" else ""
+            found.append(f"<{kind}{mark}>{marked(cell)}</{kind}>")
+        return f"<tr>{''.join(found)}</tr>"
+
+    head = list(header)
+    return (
+        "<table>"
+        + (line(head, "th") if any(head) else "")
+        + "".join(line(row, "td") for row in rows)
+        + "</table>"
+    )
+
+
+def meaning(name: str) -> str:
+    if name not in MEANING:
+        raise DatasheetError(f"tools/datasheet.py has no words for {name} of rtl/rtu2fc.v")
+    return MEANING[name]
+
+
+def parameters() -> str:
+    text = without_comments(TOP).split(") (", 1)[0]
+    rows = []
+    for name, value in PARAMETER.findall(text):
+        value = "configuration" if value.startswith("`CONFIG") else re.sub(r"^\d+'b", "", value.strip())
+        rows.append([f"`{name}`", value.strip('"'), meaning(name)])
+    return as_html(["name", "default", "meaning"], rows)
+
+
+def ports() -> str:
+    text = without_comments(TOP).split(") (", 1)[1].split(");", 1)[0]
+    rows = [
+        [f"`{name}{f'[{high}:{low}]' if high else ''}`", way.removesuffix("put"), meaning(name)]
+        for way, high, low, name in PORT.findall(text)
+    ]
+    return as_html(["port", "way", "meaning"], rows)
+
+
+def configuration_rows() -> str:
+    names = configurations()
+    rows = [
+        ["soft core", *(entry["soft_core"] for entry in names.values())],
+        ["clock", *(f"{entry['clk_hz'] / 1e6:g} MHz" for entry in names.values())],
+        ["firmware memory", *(f"{entry['memory_bytes'] // 1024} KiB" for entry in names.values())],
+        ["first answer after reset", *(f"{entry['boot_ms']} ms" for entry in names.values())],
+        ["committed writes that can wait", *(str(entry["waiting_places"]) for entry in names.values())],
+    ]
+    return as_html(["", *(f"`{name}`" for name in names)], rows)
+
+
+BLOCKS = (
+    ("network line", 0, 78, "#fff"),
+    ("network_port", 96, 92, "#eaf2fb"),
+    ("mailbox, gate", 206, 92, "#eaf2fb"),
+    ("drive_port", 316, 80, "#eaf2fb"),
+    ("drive line", 414, 76, "#fff"),
+)
+
+
+def blocks() -> str:
+    """Both lines, both ports, the gate between them, the soft core below."""
+    style = 'stroke="#14508c" stroke-width="1.2"'
+    text = 'font-family="DejaVu Sans, sans-serif" font-size="11" text-anchor="middle" fill="#1d2433"'
+
+    def box(name: str, x: int, y: int, width: int, fill: str) -> str:
+        return (
+            f'<rect x="{x + 1}" y="{y}" width="{width}" height="32" rx="3" fill="{fill}" {style}/>'
+            f'<text x="{x + 1 + width / 2}" y="{y + 20}" {text}>{name}</text>'
+        )
+
+    parts = [box(name, x, 6, width, fill) for name, x, width, fill in BLOCKS]
+    parts += [
+        f'<path d="M{x + width + 1} 22H{BLOCKS[n + 1][1] + 1}" {style}/>'
+        for n, (_, x, width, _) in enumerate(BLOCKS[:-1])
+    ]
+    parts.append(box("RISC-V core, firmware", 168, 62, 168, "#f6f8fb"))
+    parts.append(f'<path d="M253 38V62" {style}/>')
+    parts.append(f'<text x="60" y="54" {text}>{min(BAUDS)} to {max(BAUDS)} bit/s</text>')
+    parts.append(f'<text x="442" y="54" {text}>9600 bit/s 8E1</text>')
+    return f'<svg viewBox="0 0 492 98" role="img" aria-label="Block diagram">{"".join(parts)}</svg>'
+
+
+def target_rows() -> str:
+    found = table("results", "The targets")
+    rows = []
+    for begin, words in TARGETS.items():
+        _, target, worst, verdict, of = found.row(begin)
+        rows.append([words, target, worst, verdict, of])
+    return as_html(["promise", "target", "worst measured", "verdict", "of"], rows)
+
+
+def resources() -> tuple[str, str]:
+    """The table, and the sentence below it."""
+    found = table("synthesis", "")
+    by_name = {row[0].strip("`"): row for row in found.rows}
+    wanted = ("configuration", "LUT4", "FF", "cells", "block RAMs", "Fmax, MHz", "clock, MHz")
+    columns = [found.column(name) for name in wanted]
+    rows = []
+    for name, entry in boards().items():
+        row = by_name.get(name)
+        missing = [f"`{entry.config}`", "not measured yet", *["-"] * (len(wanted) - 2)]
+        values = [row[n] for n in columns] if row else missing
+        rows.append([f"`{name}`", entry.part, *values])
+    parts = table("synthesis", "Share of each part")
+    counts = (parts.column("MachXO2 ours"), parts.column("iCE40 ours"))
+    words = "; ".join(
+        f"{name.replace('*', '').replace('`', '')} {' / '.join(parts.row(name)[n] for n in counts)}"
+        for name in PARTS
+    )
+    note = f"Design {stated('synthesis', r'Design ([0-9a-f]{16})')}. Cells on MachXO2 / iCE40: {words}."
+    return as_html(["board", "part", *wanted], rows), html.escape(note)
+
+
+def rivals() -> dict[int, str]:
+    """The other designs of the report by their column: owner, repository, format."""
+    header = table("results", "Conformance").header
+    return {n: name for n, name in enumerate(header) if "/" in name and "rtu2fc" not in name}
+
+
+def conformance() -> str:
+    found = table("results", "Conformance")
+    kept = [0, found.column("**rtu2fc 8E1**"), *rivals(), found.column("as the specification")]
+    header = [re.sub(r"/\w+", "", found.header[n], count=1) for n in kept]
+    header[-1] = "specification"
+    return as_html(["", *header[1:]], ([found.row(begin)[n] for n in kept] for begin in RULES), own=1)
+
+
+def suite() -> str:
+    if not SUITE.exists():
+        return "The conformance suite has no report yet, so its row is missing here."
+    title = next(
+        (line for line in SUITE.read_text().splitlines() if line.startswith("# ")), "# conformance suite"
+    )
+    return f"The suite's own report, {html.escape(title.removeprefix('# '))}: docs/reports/conformance.md."
+
+
+COMMERCIAL = {
+    "end": "a request ends after",
+    "reply": "reply after a request",
+    "tolerance": "rate error taken",
+}
+
+
+def commercial(facts: dict) -> str:
+    """This card's row from the reports, the others by their documents."""
+    conform, line = table("results", "Conformance"), table("line-quality", "")
+    own = conform.column("**rtu2fc 8E1**")
+    worst = table("results", "The targets").row("local request")[2]
+    rows = [
+        [
+            "**rtu2fc**",
+            "measured",
+            f"{conform.row('smallest idle after a foreign')[own]} bits",
+            f"3.5 characters + {worst} bit at most",
+            line.row("sender slow")[1],
+        ]
+    ]
+    for entry in facts["commercial"]:
+        rows.append(
+            [entry["name"], entry["document"], *(entry.get(key, "not published") for key in COMMERCIAL)]
+        )
+        rows[-1].append("not published")
+    rows[0].append(table("results", "The targets").row("conformance rows")[4])
+    return as_html(["product", "source", *COMMERCIAL.values(), "conformance test"], rows)
+
+
+def images() -> str:
+    """Of each board: the file's suffix, the firmware that fits, the order code of the part."""
+    rows = []
+    for name, entry in boards().items():
+        firmware = "card"
+        if entry.config == "standard":
+            more = "all" if entry.memory_bytes else "refresh"
+            dialects = ("card", "builtin", "hvac-basic")
+            firmware = ", ".join([*dialects, *(f"{dialect}-{more}" for dialect in dialects)])
+        suffix = image.result_suffix(entry)
+        rows.append(
+            [f"`{name}`", entry.part, f"{suffix}, .jed" if entry.family == "machxo2" else suffix, firmware]
+        )
+    return as_html(["BOARD", "for the part", "SUFFIX", "FIRMWARE"], rows)
+
+
+def older() -> str:
+    """A notice for each measured page of an older card."""
+    pages = [page for page in figures.older_pages() if page in ("results", "line-quality", "synthesis")]
+    if not pages:
+        return ""
+    commands = ", ".join(f"<code>{figures.PAGES[page][1]}</code>" for page in pages)
+    return (
+        f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(pages)}. They are printed as measured, '
+        f"with the card that they name. {commands} renew them.</p>"
+    )
+
+
+def page() -> str:
+    """The data sheet as one HTML file without links to others."""
+    facts = tomllib.loads(FACTS.read_text())
+    resource_table, design = resources()
+    turnaround, line = table("results", "Turnaround, rate by rate"), table("line-quality", "")
+    measured = "`, firmware `".join([stated("results", CARD), stated("results", r"firmware `(\w+)`")])
+    content = {
+        "version": VERSION.read_text().strip(),
+        "card": fingerprint.card(),
+        "tiny": fingerprint.card("tiny"),
+        "rates": ", ".join(map(str, sorted(BAUDS))),
+        "older": older(),
+        "configurations": configuration_rows(),
+        "parameters": parameters(),
+        "blocks": blocks(),
+        "ports": ports(),
+        "electrical": as_html([""], [[f"**{e['subject']}**", e["text"]] for e in facts["electrical"]]),
+        "targets": target_rows(),
+        "turnaround": as_html(turnaround.header, turnaround.rows),
+        "bench": marked(f"`{measured}`"),
+        "line": as_html(["limit", "least found", "promise"], [[row[0], row[1], row[3]] for row in line.rows]),
+        "line_card": marked(f"`{stated('line-quality', CARD)}`"),
+        "rivals": ", ".join(html.escape(name.split(" ")[0]) for name in rivals().values()),
+        "resources": resource_table,
+        "design": design,
+        "conformance": conformance(),
+        "suite": suite(),
+        "commercial": commercial(facts),
+        "images": images(),
+    }
+    return re.sub(r"\{(\w+)\}", lambda found: content[found[1]], TEMPLATE.read_text())
+
+
+def pdf(text: str, folder: Path) -> bytes:
+    """The page as Chromium prints it, without the time of printing; it must fit two sheets."""
+    try:
+        printed = chromium.print_pdf(text, folder)
+    except (chromium.Missing, subprocess.SubprocessError) as error:
+        raise DatasheetError(str(error).splitlines()[0]) from None
+    printed, dates = PDF_DATE.subn(FIXED_DATE, printed)
+    sheets = len(re.findall(rb"/Type /Page\b", printed))
+    if dates != 2 or sheets != PAGES:
+        raise DatasheetError(f"the PDF has {sheets} pages and {dates} dates; {PAGES} and 2 are right")
+    return printed
+
+
+def main() -> int:
+    parser = Parser(prog="datasheet", description=__doc__.splitlines()[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=OUT, help="where to (build/datasheet)")
+    folder = parser.parse_args().folder
+    text = page()
+    with tempfile.TemporaryDirectory() as work:
+        printed = pdf(text, Path(work))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in (("rtu2fc-datasheet.html", text.encode()), ("rtu2fc-datasheet.pdf", printed)):
+        (folder / name).write_bytes(content)
+        print(f"wrote {folder / name}" if folder != OUT else f"wrote {(folder / name).relative_to(ROOT)}")
+    if figures.older_pages().keys() & {"results", "line-quality", "synthesis"}:
+        print("datasheet: its figures are of an older card; `make figures` lists them", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("datasheet", main, DatasheetError, SourcesError, OSError)

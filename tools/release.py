@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds everything that a release has, into build/dist: the same bytes in each run.
+
+    python -m tools.release [--draft] [--board NAME ...]   default: every board
+    python -m tools.release --check [the same options]     builds it again elsewhere and compares
+
+Bitstreams of every board with every firmware image that fits it, the images, data sheet, report, documentation site,
+a list of contents and SHA256SUMS. Finished designs are taken as they are (build/synth); a missing or older one
+is placed and routed first.
+
+A release is refused, one line a reason, when its figures are of another card, when a test has not passed on its
+commit, when files are not committed, or when CHANGELOG.md has no section of its version. A draft is never refused:
+each of its files is named -draft. Some boards alone make a draft only. Exit 1: refused, or `--check` found other
+bytes; 2: something could not be built.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from campaigns.bench import fingerprint
+from constraints import image, synth
+from constraints.boards import Board, board, boards
+from rtl.command import VERSION, Parser, run_main
+from rtl.sources import ROOT, SourcesError, commit
+from tools import datasheet, figures, report, trace
+from tools.site import build as site
+
+DIST = ROOT / "build/dist"
+# The second build, at another place: no byte may depend on the path.
+AGAIN = ROOT / "build/release-check"
+SUMS = "SHA256SUMS"
+CHANGELOG = ROOT / "CHANGELOG.md"
+# Folders of sw/firmware.mk with the images of an option, or of all at once.
+OPTIONS = ("all", "refresh", "stop")
+# The date of every file in the archive, the first that zip knows.
+ZIP_DATE = (1980, 1, 1, 0, 0, 0)
+ZIP_MODE = 0o100644 << 16
+
+
+class ReleaseError(Exception):
+    """Error for the user, in one line."""
+
+
+ERRORS = (ReleaseError, SourcesError, synth.SynthError, image.ImageError, datasheet.DatasheetError, OSError)
+
+
+# ---------------------------------------------------------------- whether it may be released
+
+
+def sections(text: str) -> dict[str, str]:
+    """Of a changelog: the sections by the name in brackets, with what stands below the heading."""
+    parts = re.split(r"^## (.*)$", text, flags=re.MULTILINE)[1:]
+    return dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+def changelog_wrong(text: str, version: str) -> Iterator[str]:
+    found = sections(text)
+    if not any(re.fullmatch(rf"\[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d", title) for title in found):
+        yield f"CHANGELOG.md has no section `## [{version}] - YYYY-MM-DD`"
+    if found.get("[Unreleased]", "").strip():
+        yield f"CHANGELOG.md has entries below [Unreleased]; move them to {version}"
+
+
+def tests_wrong(results: dict[str, trace.Result], collected: set[str], now: str) -> Iterator[str]:
+    good = {test for test, result in results.items() if result.outcome == "passed" and result.commit == now}
+    if missing := len(collected - good):
+        yield f"{missing} of {len(collected)} tests have not passed on commit {now}; run `make test-all`"
+
+
+def figures_wrong() -> Iterator[str]:
+    if older := figures.older_pages():
+        pages = ", ".join(f"{page} ({command})" for page, command in older.items())
+        yield f"measured pages are of an older card, and these commands renew them: {pages}"
+
+
+def page_checks_wrong() -> Iterator[str]:
+    """The tests of the measured pages, which no other command runs than `make figures`."""
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "--figures"], cwd=ROOT, capture_output=True, check=False
+    )
+    if done.returncode:
+        yield "the tests of the measured pages fail; run `make figures`"
+
+
+def refusals(version: str) -> list[str]:
+    """Why this tree is no release, one line a reason; the slow reasons only if there is no quick one."""
+    now = commit()
+    found = [*figures_wrong(), *changelog_wrong(CHANGELOG.read_text(), version)]
+    if now.endswith("-dirty"):
+        found.append("some files are not committed")
+    if not found:
+        found += tests_wrong(trace.read_results(), trace.collect().all, now)
+    return found or list(page_checks_wrong())
+
+
+# ---------------------------------------------------------------- what is in it
+
+
+@dataclass
+class Dist:
+    """The files of a release, in the order in which they are built."""
+
+    folder: Path
+    version: str
+    draft: bool
+    described: dict[str, str] = field(default_factory=dict)
+
+    def name(self, what: str, suffix: str) -> str:
+        return f"rtu2fc-{self.version}-{what}{'-draft' * self.draft}{suffix}"
+
+    def add(self, what: str, suffix: str, content: bytes, description: str) -> None:
+        name = self.name(what, suffix)
+        (self.folder / name).write_bytes(content)
+        self.described[name] = description
+        print(f"  {name}", flush=True)
+
+    def write_contents(self) -> None:
+        lines = [
+            f"rtu2fc {self.version}{', a draft: no release' * self.draft}",
+            f"commit {commit() or 'unknown'}",
+            f"card {fingerprint.card()}, tiny card {fingerprint.card('tiny')}",
+            f"compiler {compiler()}",
+            *(f"tool {tool}" for tool in synth.tool_versions()),
+            "",
+            *(f"{name}  {text}" for name, text in self.described.items()),
+        ]
+        self.add("contents", ".txt", "\n".join([*lines, ""]).encode(), "this list")
+
+    def write_sums(self) -> None:
+        sums = {path.name: digest(path) for path in sorted(self.folder.iterdir())}
+        text = "".join(f"{value}  {name}\n" for name, value in sums.items())
+        (self.folder / sums_name(self.draft)).write_text(text)
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def sums_name(draft: bool) -> str:
+    return f"{SUMS}{'-draft' * draft}"
+
+
+def compiler() -> str:
+    cross = os.environ.get("FIRMWARE_CROSS", "riscv64-unknown-elf-")
+    try:
+        done = subprocess.run([f"{cross}gcc", "--version"], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        raise ReleaseError(f"{cross}gcc is missing; run `make setup-demo`") from None
+    return done.stdout.splitlines()[0]
+
+
+@dataclass(frozen=True)
+class Image:
+    """A firmware image, named after its folder below build: dialect, then options."""
+
+    path: Path
+
+    @property
+    def words(self) -> int:
+        return len(self.path.read_text().split())
+
+    @property
+    def options(self) -> list[str]:
+        return [part for part in self.path.parent.parts if part in OPTIONS]
+
+    @property
+    def name(self) -> str:
+        memories = ("build", "tiny", "large")
+        dialect = [part for part in self.path.parent.parts if part not in (*memories, *OPTIONS)] or ["card"]
+        return "-".join([*dialect, *self.options]).replace("_", "-")
+
+    @property
+    def memory(self) -> str:
+        return f"{4 * self.words // 1024} KiB"
+
+
+def firmware() -> list[Image]:
+    """Builds every image with its default options."""
+    command = ["make", "-s", "-f", "sw/firmware.mk", "FIRMWARE_DEFINES=", f"FIRMWARE_PYTHON={sys.executable}"]
+    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
+    said = ""
+    for target in ("firmware", "firmware-images"):
+        done = subprocess.run(
+            [*command, target], cwd=ROOT, env=clean, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            reason = (done.stderr.strip() or "make failed").splitlines()[0]
+            raise ReleaseError(f"firmware: {reason}")
+        said = done.stdout
+    return [Image(Path(name)) for name in said.split()]
+
+
+def add_firmware(dist: Dist, images: list[Image]) -> None:
+    for one in images:
+        memory = one.memory.replace(" KiB", "k")
+        text = f"firmware {one.name} for a memory of {one.memory} (`make image`)"
+        dist.add(f"firmware-{memory}-{one.name}", ".hex", one.path.read_bytes(), text)
+
+
+def design(entry: Board) -> None:
+    """The board's placed and routed design, as it is or built now."""
+    finished = image.BUILD / entry.name / f"{entry.top}{image.suffix(entry)}"
+    if finished.exists() and image.up_to_date(entry):
+        return
+    print(f"  {entry.name}: place and route", flush=True)
+    if wrong := synth.too_big(entry.name, synth.build(entry)):
+        raise ReleaseError("; ".join(wrong))
+
+
+def kind(entry: Board, path: Path) -> str:
+    if path.suffix == ".jed":
+        return "image for the part's own flash"
+    return (
+        "bitstream for the configuration memory" if entry.family == "machxo2" else "bitstream and flash image"
+    )
+
+
+def add_bitstreams(dist: Dist, entry: Board, images: list[Image]) -> None:
+    design(entry)
+    # MASTER_LOSS_STOP alone does nothing in these designs: their parameter of that name is 0 (SAFE-7).
+    fitting = [one for one in images if one.words == entry.memory_words and "stop" not in one.options]
+    with tempfile.TemporaryDirectory() as folder:
+        for one in fitting:
+            output = Path(folder) / f"image{image.result_suffix(entry)}"
+            image.make(entry, ROOT / one.path, output)
+            for path in image.results(entry, output):
+                text = f"{kind(entry, path)} of {entry.name} ({entry.part}), firmware {one.name}"
+                dist.add(f"{entry.name}-{one.name}", path.suffix, path.read_bytes(), text)
+
+
+def archive(folder: Path, top: str) -> bytes:
+    """A zip file of a folder: sorted names, one date, no owner."""
+    with tempfile.TemporaryFile() as file:
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+            for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+                entry = zipfile.ZipInfo(f"{top}/{path.relative_to(folder)}", ZIP_DATE)
+                entry.external_attr = ZIP_MODE
+                entry.create_system = 3  # Unix, whatever system packs
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                packed.writestr(entry, path.read_bytes())
+        file.seek(0)
+        return file.read()
+
+
+def add_documents(dist: Dist) -> None:
+    page = datasheet.page()
+    dist.add("datasheet", ".html", page.encode(), "data sheet")
+    with tempfile.TemporaryDirectory() as folder:
+        dist.add("datasheet", ".pdf", datasheet.pdf(page, Path(folder)), "data sheet, two pages")
+    if trace.RESULTS.exists():
+        found = trace.collect()
+        text = report.build(report.Run(trace.read_results(), found.all, found.tests))
+        dist.add("report", ".html", text.encode(), "tests, rules, figures and pictures in one page")
+    else:
+        # Only a draft comes here: the tests of a release have passed.
+        print("  no report: no test has run yet (`make test`)", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            wrong = site.build(Path(folder) / "site")
+        except ImportError as error:
+            raise ReleaseError(f"{error.name} is missing; run `make setup-docs`") from None
+        if wrong:
+            raise ReleaseError(f"docs: {wrong[0]}")
+        packed = archive(Path(folder) / "site", dist.name("docs", ""))
+        dist.add("docs", ".zip", packed, "the documentation as a site: open index.html")
+
+
+def build(draft: bool, chosen: list[Board], version: str) -> None:
+    """Everything into DIST; what was there stays until all is built."""
+    DIST.parent.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=DIST.parent, prefix="dist-") as folder:
+        dist = Dist(Path(folder) / DIST.name, version, draft)
+        dist.folder.mkdir()
+        add_documents(dist)
+        images = firmware()
+        add_firmware(dist, images)
+        for entry in chosen:
+            add_bitstreams(dist, entry, images)
+        dist.write_contents()
+        dist.write_sums()
+        shutil.rmtree(DIST, ignore_errors=True)
+        dist.folder.rename(DIST)
+        count = len(dist.described) + 1
+    print(f"{DIST.relative_to(ROOT)}: {count} files; {sums_name(draft)} has the SHA-256 of each")
+
+
+# ---------------------------------------------------------------- the second build
+
+
+def read_sums(path: Path) -> dict[str, str]:
+    return {name: value for value, name in (line.split("  ", 1) for line in path.read_text().splitlines())}
+
+
+def differences(one: dict[str, str], other: dict[str, str]) -> list[str]:
+    """Names that are in one list alone, or with another sum."""
+    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+
+
+def copy_sources(target: Path) -> None:
+    """The files of this tree that git knows or would know, and the results of the tests."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ReleaseError("the check needs a git repository")
+    names = [name for name in done.stdout.split("\0") if name and (ROOT / name).is_file()]
+    names += [str(trace.RESULTS.relative_to(ROOT))] * trace.RESULTS.exists()
+    for name in names:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, target / name)
+
+
+def check(words: list[str], draft: bool) -> int:
+    """Builds a copy of this tree from nothing and compares its sums with those of DIST."""
+    sums = DIST / sums_name(draft)
+    if not sums.exists():
+        raise ReleaseError(
+            f"{sums.relative_to(ROOT)} is not there; run `make release{' DRAFT=1' * draft}` first"
+        )
+    was = read_sums(sums)
+    if wrong := [
+        name for name, value in was.items() if not (DIST / name).exists() or digest(DIST / name) != value
+    ]:
+        raise ReleaseError(f"{DIST.relative_to(ROOT)}/{wrong[0]} is not what {sums.name} says")
+    shutil.rmtree(AGAIN, ignore_errors=True)
+    copy_sources(AGAIN)
+    # Reasons to refuse hold for this tree; its copy builds the same files.
+    command = [sys.executable, "-m", "tools.release", "--unchecked", *words]
+    done = subprocess.run(command, cwd=AGAIN, check=False)
+    if done.returncode:
+        raise ReleaseError("the second build failed (its message is above)")
+    other = differences(was, read_sums(AGAIN / "build/dist" / sums.name))
+    for name in other:
+        print(
+            f"release: {name} differs between {DIST.relative_to(ROOT)} and {AGAIN.relative_to(ROOT)}/build/dist"
+        )
+    if not other:
+        shutil.rmtree(AGAIN)
+        print(f"{len(was)} files: the second build gave the same bytes")
+    return 1 if other else 0
+
+
+def main() -> int:
+    parser = Parser(prog="release", description=__doc__.splitlines()[0])
+    parser.add_argument("--draft", action="store_true", help="a development build, never refused")
+    parser.add_argument("--board", action="append", default=[], help="this board alone, in a draft")
+    parser.add_argument("--check", action="store_true", help="build it again elsewhere and compare")
+    parser.add_argument("--unchecked", action="store_true", help="for --check: its second build")
+    args = parser.parse_args()
+    if args.board and not args.draft:
+        parser.error("a release has every board; DRAFT=1 builds some of them")
+    version = VERSION.read_text().strip()
+    chosen = [board(name) for name in args.board] or list(boards().values())
+    words = ["--draft"] * args.draft + [word for name in args.board for word in ("--board", name)]
+    if not args.draft and not args.unchecked and (wrong := refusals(version)):
+        for reason in wrong:
+            print(f"release: refused: {reason}", file=sys.stderr)
+        print("release: DRAFT=1 builds it all the same and names each file -draft", file=sys.stderr)
+        return 1
+    if args.check:
+        return check(words, args.draft)
+    build(args.draft, chosen, version)
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("release", main, *ERRORS)

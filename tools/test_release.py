@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The release: when it is refused, what is in it, and that a second build gives the same bytes."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from constraints.boards import boards
+from rtl.command import VERSION, version
+from rtl.sources import ROOT
+from tb.model.card import OBJECTS
+from tools import datasheet, figures, release, trace
+from tools.release import Image
+from tools.trace import Result
+
+NUMBER = VERSION.read_text().strip()
+CHANGES = """# Changelog
+
+## [Unreleased]
+
+## [1.2.3] - 2026-12-01
+
+### Added
+
+- A thing.
+"""
+
+
+def test_one_number_everywhere():
+    """Also in build/card and in the replies of functions 11 and 2B/0E: sim/card/test_virtual_card.py."""
+    assert re.fullmatch(r"\d+\.\d+\.\d+", NUMBER)
+    assert version("name") == f"rtu2fc {NUMBER}, name"
+    assert f'#define CARD_VERSION "{NUMBER}"\n' in (ROOT / "regs/generated/version.h").read_text()
+    assert OBJECTS[2] == NUMBER.encode()
+    done = subprocess.run(
+        ["tools/setup.sh", "--version"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"rtu2fc {NUMBER}, setup\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        (CHANGES, []),
+        (CHANGES.replace("1.2.3", "1.2.30"), ["CHANGELOG.md has no section `## [1.2.3] - YYYY-MM-DD`"]),
+        (CHANGES.replace(" - 2026-12-01", ""), ["CHANGELOG.md has no section `## [1.2.3] - YYYY-MM-DD`"]),
+        (
+            CHANGES.replace("## [1", "- New.\n\n## [1"),
+            ["CHANGELOG.md has entries below [Unreleased]; move them to 1.2.3"],
+        ),
+    ],
+)
+def test_the_changelog_has_a_section_of_the_release(text, wrong):
+    assert list(release.changelog_wrong(text, "1.2.3")) == wrong
+
+
+@pytest.mark.parametrize(
+    ("of_b", "missing"),
+    [
+        (Result("passed", "now"), 0),
+        (Result("passed", "before"), 1),
+        (Result("failed", "now"), 1),
+        (None, 1),
+    ],
+)
+def test_every_test_has_passed_on_the_commit(of_b, missing):
+    results = {"a": Result("passed", "now")} | ({"b": of_b} if of_b else {})
+    wrong = list(release.tests_wrong(results, {"a", "b"}, "now"))
+    assert len(wrong) == bool(missing)
+    assert not missing or wrong[0].startswith(
+        "1 of 2 tests have not passed on commit now; run `make test-all`"
+    )
+
+
+@pytest.fixture
+def releasable(monkeypatch, tmp_path):
+    """A tree in which nothing speaks against a release; what would be built is noted."""
+    built = []
+    changelog = tmp_path / "CHANGELOG.md"
+    changelog.write_text(CHANGES.replace("1.2.3", NUMBER))
+    found = trace.Collector()
+    found.all.add("a")
+    monkeypatch.setattr(release, "CHANGELOG", changelog)
+    monkeypatch.setattr(release, "commit", lambda: "abc1234")
+    monkeypatch.setattr(figures, "older_pages", dict)
+    monkeypatch.setattr(trace, "collect", lambda: found)
+    monkeypatch.setattr(trace, "read_results", lambda: {"a": Result("passed", "abc1234")})
+    monkeypatch.setattr(release, "page_checks_wrong", lambda: iter(()))
+    monkeypatch.setattr(release, "build", lambda draft, chosen, _: built.append((draft, len(chosen))))
+    return built
+
+
+def started(monkeypatch, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["release", *words])
+    return release.main()
+
+
+def test_a_release_is_built(releasable, monkeypatch):
+    assert started(monkeypatch) == 0
+    assert releasable == [(False, len(boards()))]
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (
+            lambda patch: patch.setattr(figures, "older_pages", lambda: {"results": "make bench"}),
+            "measured pages are of an older card, and these commands renew them: results (make bench)",
+        ),
+        (
+            lambda patch: patch.setattr(release, "commit", lambda: "abc1234-dirty"),
+            "some files are not committed",
+        ),
+        (
+            lambda patch: patch.setattr(trace, "read_results", dict),
+            "1 of 1 tests have not passed on commit abc1234; run `make test-all`",
+        ),
+        (
+            lambda patch: patch.setattr(
+                release, "page_checks_wrong", lambda: iter(["the pages' tests fail"])
+            ),
+            "the pages' tests fail",
+        ),
+    ],
+)
+def test_a_release_is_refused_and_a_draft_is_not(releasable, monkeypatch, capsys, change, line):
+    change(monkeypatch)
+    assert started(monkeypatch) == 1 and releasable == []
+    assert capsys.readouterr().err.splitlines() == [
+        f"release: refused: {line}",
+        "release: DRAFT=1 builds it all the same and names each file -draft",
+    ]
+    assert started(monkeypatch, "--draft", "--board", "icebreaker") == 0
+    assert releasable == [(True, 1)]
+
+
+def test_some_boards_are_no_release(releasable, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as ended:
+        started(monkeypatch, "--board", "icebreaker")
+    assert ended.value.code == 2 and releasable == []
+    assert capsys.readouterr().err == "release: a release has every board; DRAFT=1 builds some of them\n"
+
+
+def firmware_images() -> list[Image]:
+    command = ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", "firmware-images"]
+    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
+    done = subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, check=True)
+    return [Image(Path(name)) for name in done.stdout.split()]
+
+
+def test_images_of_every_dialect_and_option():
+    found = firmware_images()
+    names = sorted(image.name for image in found if image.path.parts[1] != "large")
+    options = ("builtin", "builtin-refresh", "builtin-stop", "card", "card", "card-refresh", "card-stop")
+    assert names == sorted([*options, "hvac-basic", "hvac-basic-refresh"])
+    large = {image.name for image in found if image.path.parts[1] == "large"}
+    assert large == {f"{name}{end}" for name in ("card", "builtin", "hvac-basic") for end in ("", "-all")}
+
+
+def test_the_data_sheet_offers_what_a_release_has():
+    """Of each board: the images for its memory, without those of MASTER_LOSS_STOP alone."""
+    rows = re.findall(r"<tr><td><code>([\w-]+)</code></td>.*?<td>([\w, -]+)</td></tr>", datasheet.images())
+    folders = {"large": set(), "tiny": set(), "": set()}
+    for image in firmware_images():
+        part = image.path.parts[1] if image.path.parts[1] in folders else ""
+        folders[part] |= {image.name} if "stop" not in image.options else set()
+    offered = {name: set(images.split(", ")) for name, images in rows}
+    assert offered == {
+        name: folders["large" if entry.memory_bytes else "tiny" if entry.config == "tiny" else ""]
+        for name, entry in boards().items()
+    }
+
+
+def test_an_image_built_elsewhere_has_the_same_bytes(tmp_path):
+    for name in ("sw", "regs/generated", "configs.toml", "constraints/boards.toml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copyfile
+        copy(ROOT / name, tmp_path / name)
+    target = "build/tiny/firmware.hex"
+    command = ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", target]
+    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
+    subprocess.run(command, cwd=tmp_path, env=clean, capture_output=True, check=True)
+    assert (tmp_path / target).read_text() == (ROOT / target).read_text()
+
+
+def test_an_archive_depends_on_names_and_contents_alone(tmp_path):
+    def folder(name: str, *files: str) -> Path:
+        for file in files:
+            path = tmp_path / name / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(f"{file}\n" * 50)
+            os.utime(path, (len(name), 1e9 + len(name)))
+        return tmp_path / name
+
+    one = release.archive(folder("one", "b/c", "a"), "top")
+    other = folder("another", "a", "b/c")
+    (other / "a").chmod(0o600)
+    assert release.archive(other, "top") == one
+    (other / "a").write_text("changed")
+    assert release.archive(other, "top") != one
+
+
+@pytest.fixture
+def dist(monkeypatch, tmp_path):
+    """A draft of two files in a folder of its own."""
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    monkeypatch.setattr(release, "DIST", tmp_path / "build/dist")
+    monkeypatch.setattr(release, "AGAIN", tmp_path / "build/again")
+    files = release.Dist(release.DIST, "9.9.9", draft=True)
+    release.DIST.mkdir(parents=True)
+    files.add("board", ".bit", b"bits", "a bitstream")
+    files.add("firmware", ".hex", b"image", "an image")
+    files.write_sums()
+    return files
+
+
+def test_files_of_a_draft_say_so(dist):
+    names = {path.name for path in release.DIST.iterdir()}
+    assert names == {"rtu2fc-9.9.9-board-draft.bit", "rtu2fc-9.9.9-firmware-draft.hex", "SHA256SUMS-draft"}
+    command = ["sha256sum", "--check", "--strict", "SHA256SUMS-draft"]
+    assert subprocess.run(command, cwd=release.DIST, capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("change", ["", "board"])
+def test_check_names_what_the_second_build_made_otherwise(dist, monkeypatch, capsys, change):
+    """The second build is a copy of the first, with one byte more where `change` says so."""
+
+    def second(_command, **_options):
+        again = release.AGAIN / "build/dist"
+        shutil.copytree(release.DIST, again)
+        if change:
+            with open(again / dist.name(change, ".bit"), "ab") as file:
+                file.write(b"!")
+        (again / "SHA256SUMS-draft").unlink()
+        release.Dist(again, "9.9.9", draft=True).write_sums()
+        return subprocess.CompletedProcess([], 0)
+
+    monkeypatch.setattr(release, "copy_sources", lambda target: target.mkdir(parents=True))
+    monkeypatch.setattr(release.subprocess, "run", second)
+    assert release.check(["--draft"], draft=True) == bool(change)
+    said = capsys.readouterr().out.splitlines()[-1]
+    if change:
+        assert said.startswith(
+            "release: rtu2fc-9.9.9-board-draft.bit differs between build/dist and build/again"
+        )
+    else:
+        assert said == "2 files: the second build gave the same bytes" and not release.AGAIN.exists()
+
+
+def test_check_needs_a_whole_release(dist):
+    with pytest.raises(release.ReleaseError, match=r"SHA256SUMS is not there; run `make release` first$"):
+        release.check([], draft=False)
+    (release.DIST / "rtu2fc-9.9.9-board-draft.bit").write_bytes(b"bats")
+    with pytest.raises(release.ReleaseError, match="board-draft.bit is not what SHA256SUMS-draft says"):
+        release.check([], draft=True)
