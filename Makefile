@@ -75,7 +75,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
 #:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
 #:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
-#:                 and compare (release)
+#:                 and compare; TAG=v1.2.3: refused unless it is that of VERSION (release)
 #:   TELEGRAMS_ARGS=...   more options of sim.view.telegrams (telegrams): --channel, --invert, --baud, --drive, --fields
 #:   V=1           show the commands
 
@@ -279,7 +279,7 @@ datasheet: | setup-pages ## the data sheet from the measured pages: build/datash
 ##@ Workshop
 .PHONY: setup clean release version
 release: | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
-	@$(RUN) tools.release $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
+	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
 
 version: ## the version of the release, as in VERSION
 	@tools/setup.sh --version

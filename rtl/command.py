@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Common to all commands: `--version`, one line for a wrong option and after Ctrl-C, no error when a reader stops."""
+"""Common to all commands: `--version`, one line for a wrong option and after Ctrl-C.
+
+A reader of the output that stops is no error.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs scripts in pages with headless Chromium; returns their results and console messages. Prints pages, too."""
+"""Headless Chromium: runs scripts in pages, returns their results and console messages; prints pages."""
 
 from __future__ import annotations
 

@@ -3,10 +3,10 @@
 
     python -m tools.datasheet [FOLDER]     default: build/datasheet
 
-Measured figures come from docs/reports alone, with the card that they name. Ports and parameters come from rtl/rtu2fc.v,
-configurations from configs.toml, boards from constraints/boards.toml; what makers publish is in tools/datasheet.toml. A
-figure that a report no longer has is an error, one line, exit 2. Chromium prints the PDF; its dates are fixed, so two
-runs give the same bytes.
+Measured figures come from docs/reports alone, with the card that they name. Ports and parameters come from
+rtl/rtu2fc.v, configurations from configs.toml, boards from constraints/boards.toml. tools/datasheet.toml has
+the makers' figures. A figure that a report no longer has is an error, one line, exit 2. Chromium prints the
+PDF; its dates are fixed, so two runs give the same bytes.
 """
 
 from __future__ import annotations
@@ -346,8 +346,8 @@ def older() -> str:
         return ""
     commands = ", ".join(f"<code>{figures.PAGES[page][1]}</code>" for page in pages)
     return (
-        f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(pages)}. They are printed as measured, '
-        f"with the card that they name. {commands} renew them.</p>"
+        f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(pages)}. They are printed as '
+        f"measured, with the card that they name. {commands} renew them.</p>"
     )
 
 

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds everything that a release has, into build/dist: the same bytes in each run.
 
-    python -m tools.release [--draft] [--board NAME ...]   default: every board
+    python -m tools.release [--tag v1.2.3] [--draft] [--board NAME ...]   default: every board
     python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
-Bitstreams of every board with every firmware image that fits it, the images, data sheet, report, documentation site,
-a list of contents and SHA256SUMS. Finished designs are taken as they are (build/synth); a missing or older one
-is placed and routed first.
+Bitstreams of every board with every firmware image that fits it, the images, data sheet, report, site of the
+documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are (build/synth); a
+missing or older one is placed and routed first.
 
-A release is refused, one line a reason, when its figures are of another card, when a test has not passed on its
-commit, when files are not committed, or when CHANGELOG.md has no section of its version. A draft is never refused:
-each of its files is named -draft. Some boards alone make a draft only. Exit 1: refused, or `--check` found other
-bytes; 2: something could not be built.
+A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
+files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
+never refused: each of its files is named -draft. Some boards alone make a draft only. Exit 1: refused, or
+`--check` found other bytes; 2: something could not be built.
 """
 
 from __future__ import annotations
@@ -93,10 +93,11 @@ def page_checks_wrong() -> Iterator[str]:
         yield "the tests of the measured pages fail; run `make figures`"
 
 
-def refusals(version: str) -> list[str]:
+def refusals(version: str, tag: str) -> list[str]:
     """Why this tree is no release, one line a reason; the slow reasons only if there is no quick one."""
     now = commit()
-    found = [*figures_wrong(), *changelog_wrong(CHANGELOG.read_text(), version)]
+    found = [f"the tag is {tag}, but VERSION says v{version}"] if tag not in ("", f"v{version}") else []
+    found += [*figures_wrong(), *changelog_wrong(CHANGELOG.read_text(), version)]
     if now.endswith("-dirty"):
         found.append("some files are not committed")
     if not found:
@@ -341,9 +342,8 @@ def check(words: list[str], draft: bool) -> int:
         raise ReleaseError("the second build failed (its message is above)")
     other = differences(was, read_sums(AGAIN / "build/dist" / sums.name))
     for name in other:
-        print(
-            f"release: {name} differs between {DIST.relative_to(ROOT)} and {AGAIN.relative_to(ROOT)}/build/dist"
-        )
+        second = AGAIN.relative_to(ROOT) / "build/dist"
+        print(f"release: {name} differs between {DIST.relative_to(ROOT)} and {second}")
     if not other:
         shutil.rmtree(AGAIN)
         print(f"{len(was)} files: the second build gave the same bytes")
@@ -352,6 +352,7 @@ def check(words: list[str], draft: bool) -> int:
 
 def main() -> int:
     parser = Parser(prog="release", description=__doc__.splitlines()[0])
+    parser.add_argument("--tag", default="", help="the tag of the release, v and the version")
     parser.add_argument("--draft", action="store_true", help="a development build, never refused")
     parser.add_argument("--board", action="append", default=[], help="this board alone, in a draft")
     parser.add_argument("--check", action="store_true", help="build it again elsewhere and compare")
@@ -362,7 +363,7 @@ def main() -> int:
     version = VERSION.read_text().strip()
     chosen = [board(name) for name in args.board] or list(boards().values())
     words = ["--draft"] * args.draft + [word for name in args.board for word in ("--board", name)]
-    if not args.draft and not args.unchecked and (wrong := refusals(version)):
+    if not args.draft and not args.unchecked and (wrong := refusals(version, args.tag)):
         for reason in wrong:
             print(f"release: refused: {reason}", file=sys.stderr)
         print("release: DRAFT=1 builds it all the same and names each file -draft", file=sys.stderr)

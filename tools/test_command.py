@@ -92,11 +92,11 @@ run_main("trace", trace.collect)"""
 def test_every_command_has_its_version():
     """By run_main, which is in every command; the selftest has its own end."""
     number = (ROOT / "VERSION").read_text().strip()
-    for words, name in ((("-m", "tools.prose"), "prose"), (("-m", "tools.selftest"), "selftest")):
+    for words, its_name in ((("-m", "tools.prose"), "prose"), (("-m", "tools.selftest"), "selftest")):
         done = subprocess.run(
             [sys.executable, *words, "--version"], cwd=ROOT, capture_output=True, text=True, check=False
         )
-        assert (done.returncode, done.stdout, done.stderr) == (0, f"rtu2fc {number}, {name}\n", "")
+        assert (done.returncode, done.stdout, done.stderr) == (0, f"rtu2fc {number}, {its_name}\n", "")
 
 
 def test_every_command_ends_by_the_same_function():

@@ -141,6 +141,12 @@ def test_a_release_is_refused_and_a_draft_is_not(releasable, monkeypatch, capsys
     assert releasable == [(True, 1)]
 
 
+def test_the_tag_is_that_of_the_version(releasable, monkeypatch, capsys):
+    assert started(monkeypatch, "--tag", "v9.9.9") == 1
+    assert f"the tag is v9.9.9, but VERSION says v{NUMBER}" in capsys.readouterr().err
+    assert started(monkeypatch, "--tag", f"v{NUMBER}") == 0 and len(releasable) == 1
+
+
 def test_some_boards_are_no_release(releasable, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         started(monkeypatch, "--board", "icebreaker")
@@ -258,5 +264,5 @@ def test_check_needs_a_whole_release(dist):
     with pytest.raises(release.ReleaseError, match=r"SHA256SUMS is not there; run `make release` first$"):
         release.check([], draft=False)
     (release.DIST / "rtu2fc-9.9.9-board-draft.bit").write_bytes(b"bats")
-    with pytest.raises(release.ReleaseError, match="board-draft.bit is not what SHA256SUMS-draft says"):
+    with pytest.raises(release.ReleaseError, match="is not what SHA256SUMS-draft says"):
         release.check([], draft=True)
