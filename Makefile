@@ -253,7 +253,7 @@ sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFI
 	@$(RUN) rtl.sources $(CONFIG)
 
 ##@ Write what is generated
-.PHONY: regs regs-check diagrams symptoms docs datasheet
+.PHONY: regs regs-check diagrams symptoms docs datasheet panel-picture
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
 	@$(RUN) sim.view.fc_tables
@@ -269,6 +269,9 @@ diagrams: firmware | setup-test ## timing diagrams from runs of the card, docs/d
 
 symptoms: firmware | setup-test ## the recordings of the debugging guide, from runs of the card
 	@$(RUN) tools.symptoms
+
+panel-picture: | setup-demo ## the picture of the panel in the README (2 s)
+	@$(RUN) tools.panel_picture
 
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s)
 	@$(RUN) tools.site.build

@@ -33,7 +33,7 @@ OUT = ROOT / "build/datasheet"
 TEMPLATE = ROOT / "tools/datasheet.html.in"
 FACTS = ROOT / "tools/datasheet.toml"
 TOP = ROOT / "rtl/rtu2fc.v"
-SUITE = ROOT / "docs/reports/conformance.md"
+SUITE = "conformance"  # page of the conformance suite
 PAGES = 2
 CARD = r"Measured on\s(?:the\sstandard\s)?card `(\w+)`"
 HEADING = re.compile(r"^#+ +(.*)$")
@@ -285,12 +285,12 @@ def conformance() -> str:
 
 
 def suite() -> str:
-    if not SUITE.exists():
+    """One sentence about the suite's report, whether it is there or not."""
+    path = figures.path_of(SUITE)
+    if not path.exists():
         return "The conformance suite has no report yet, so its row is missing here."
-    title = next(
-        (line for line in SUITE.read_text().splitlines() if line.startswith("# ")), "# conformance suite"
-    )
-    return f"The suite's own report, {html.escape(title.removeprefix('# '))}: docs/reports/conformance.md."
+    title = re.search(r"^# (.*)$", path.read_text(), re.MULTILINE)
+    return f"The conformance suite: {html.escape(title[1] if title else SUITE)} ({path.relative_to(ROOT)})."
 
 
 COMMERCIAL = {

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of the panel in the README: the panel itself, showing a recorded log of the virtual card.
+
+    python -m tools.panel_picture            writes docs/pictures/panel.svg
+    python -m tools.panel_picture --check    exit 1 if the panel looks otherwise now
+
+The recording is sim/card/panel.jsonl: a motor that a master has started. The picture takes no font from the
+network.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+
+from rtl.command import Parser, run_main
+from rtl.sources import ROOT
+from sim.card.panel import Panel, View
+
+PICTURE = ROOT / "docs/pictures/panel.svg"
+RECORDED = ROOT / "sim/card/panel.jsonl"
+# Simulated: the motor runs, a request was refused. The LEDs blink and are lit in the last of these states.
+UNTIL_S, STATES_UNTIL_S = 7.2, 6.4
+SIZE = (80, 24)
+TITLE = "make run: the virtual card with a simulated VLT 6000"
+WEB_FONT = re.compile(r"\s*@font-face \{.*?\n\s*\}", re.DOTALL)
+FONT = re.compile(r"Fira Code, monospace")
+
+
+class Recording:
+    """A source for the panel: frames and states up to their times."""
+
+    def __init__(self) -> None:
+        entries = [json.loads(line) for line in RECORDED.read_text().splitlines()]
+        known = [entry for entry in entries if entry.get("state", 0) <= STATES_UNTIL_S]
+        self.entries = [entry for entry in known if entry.get("t", 0) <= UNTIL_S]
+
+    def command(self, text: str) -> None:
+        """A recording obeys no key."""
+
+    def events(self) -> Iterator[dict]:
+        entries, self.entries = self.entries, []
+        yield from entries
+
+
+def picture() -> str:
+    async def shown() -> str:
+        app = Panel(Recording(), View())
+        async with app.run_test(size=SIZE) as pilot:
+            app.step()
+            await pilot.pause()
+            return app.export_screenshot(title=TITLE)
+
+    # The picture has the panel's colours, whatever the terminal of this command has.
+    terminal = {name: os.environ.pop(name, None) for name in ("NO_COLOR", "TERM", "COLORTERM")}
+    try:
+        text = asyncio.run(shown())
+    finally:
+        os.environ.update({name: value for name, value in terminal.items() if value is not None})
+    text = FONT.sub("DejaVu Sans Mono, Liberation Mono, monospace", WEB_FONT.sub("", text))
+    return "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+
+
+def main() -> int:
+    parser = Parser(prog="panel-picture", description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    check = parser.parse_args().check
+    name, text = PICTURE.relative_to(ROOT), picture()
+    if not check:
+        PICTURE.write_text(text)
+        print(f"wrote {name}")
+    elif not PICTURE.exists() or PICTURE.read_text() != text:
+        print(f"{name} is not how the panel looks; run `make panel-picture`", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("panel-picture", main)
