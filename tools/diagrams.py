@@ -30,6 +30,7 @@ from pathlib import Path
 import matplotlib
 from fontTools.afmLib import AFM
 from fontTools.agl import UV2AGL
+from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
 from regs.generated.card_tables import CHARACTER_BITS
@@ -39,7 +40,7 @@ from sim.view.wave_file import WaveFile
 from tb.agents import rtu
 from tb.agents.uart import Format
 from tb.lib.card import MS, baud_switches
-from tb.lib.fast_card import FastCard
+from tb.lib.fast_card import SLOW_HZ, FastCard
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
@@ -68,6 +69,7 @@ BRICK = 10  # pixels, in WaveDrom's narrow skin
 LABEL_PX, NAME_PX = 12, 14
 STEP_MS = 0.625  # of the diagrams of both lines
 GRID_MS = f"{GRID * STEP_MS} ms"
+CLOCK = f"card at {SLOW_HZ['standard'] / 1e6:g} MHz"  # slower than a real one: its firmware takes longer
 Edges = list[tuple[float, int]]
 
 
@@ -162,12 +164,12 @@ class Drawing:
 
         for start, end, text in spans:
             first, last = self.brick(start), self.brick(end)
-            room = text_px(text) + 4 * BRICK
+            room = wide_px(text) + 4 * BRICK
             if (last - first) * BRICK >= room:
                 self.edges.append(f"{mark(first)}<->{mark(last)} {text}")
             else:
                 self.edges.append(f"{mark(first)}<->{mark(last)}")
-                beside = mark(last + round((text_px(text) / 2 + BRICK) / BRICK))
+                beside = mark(last + round((wide_px(text) / 2 + BRICK) / BRICK))
                 self.edges.append(f"{beside}-{beside} {text}")
         self.lanes.append({"name": "", "wave": "", "node": "".join(node), "period": 0.5})
 
@@ -178,7 +180,7 @@ class Drawing:
     @property
     def json(self) -> dict:
         return {
-            "head": {"text": f"{self.title}  (grid: {self.grid})"},
+            "head": {"text": f"{self.title}  (grid: {self.grid}; {CLOCK})"},
             "signal": self.lanes,
             "edge": self.edges,
             "foot": {"text": self.foot},
@@ -211,6 +213,25 @@ def text_px(text: str, size: float = LABEL_PX) -> float:
     return sum(helvetica()[UV2AGL[ord(letter)]][1] for letter in text) * size / 1000
 
 
+@cache
+def dejavu() -> tuple[dict[int, str], dict[str, tuple[int, int]], int]:
+    font = TTFont(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf")
+    return font.getBestCmap(), font["hmtx"].metrics, font["head"].unitsPerEm
+
+
+def wide_px(text: str, size: float = LABEL_PX) -> float:
+    """The width in DejaVu Sans, the font of viewers without Helvetica. librsvg ignores textLength."""
+    glyphs, widths, em = dejavu()
+    return sum(widths[glyphs[ord(letter)]][0] for letter in text) * size / em
+
+
+def fitted(text: str, room: float, size: float = LABEL_PX) -> dict[str, str]:
+    """Attributes that keep a text in its room, in Helvetica and in DejaVu Sans: a smaller size if needed."""
+    share = min(1.0, room / wide_px(text, size))
+    style = {"style": f"font-size:{share * size:.1f}px"} if share < 1 else {}
+    return style | as_wide_as(text_px(text, share * size))
+
+
 def as_wide_as(px: float) -> dict[str, str]:
     """Fixes the width of a text: a viewer without Helvetica uses another font."""
     return {"textLength": f"{px:.1f}", "lengthAdjust": "spacingAndGlyphs"}
@@ -220,11 +241,11 @@ class Renderer(WaveDrom):
     """WaveDrom with larger labels, which keep their place in every font."""
 
     def text_width(self, string: str, size: int = 11) -> float:
-        return text_px(string, NAME_PX) + BRICK
+        return wide_px(string, NAME_PX) + BRICK
 
     def render_label(self, p: dict, text: str):
         group = self.container.g(transform=f"translate({p.x},{p.y})")
-        width = text_px(text) + 8
+        width = wide_px(text) + 8
         group.add(self.element.rect(insert=(-width / 2, -7), size=(width, 14), style="fill:#fff"))
         group.add(self.element.text(text, text_anchor="middle", y=[4], class_="label"))
         return group
@@ -243,7 +264,7 @@ class Renderer(WaveDrom):
             said = self.element.text(
                 text, x=[inside * BRICK + room / 2], y=[self.lane.ym], text_anchor="middle"
             )
-            said.update(as_wide_as(min(text_px(text), room)))
+            said.update(fitted(text, room - 1))  # sizes are rounded
             g.add(said)
 
 
@@ -270,7 +291,8 @@ def svg(drawing: Drawing) -> str:
             text.set("x", f"{float(root.get('width')) / 2 - renderer.lane.xg:.1f}")
         if text.text and "textLength" not in text.attrib:
             size = NAME_PX if caption or text.get("class") == "info" else LABEL_PX
-            text.attrib.update(as_wide_as(text_px(text.text, size)))
+            room = float(root.get("width")) - 2 * BRICK if caption else wide_px(text.text, size)
+            text.attrib.update(fitted(text.text, room, size))
     fills = "\n".join(f".{FILL_CLASS[digit]}{{fill:{fill}}}" for digit, fill in drawing.colours.items())
     style = STYLE.format(label_px=LABEL_PX, name_px=NAME_PX, fills=fills)
     next(root.iter(f"{{{SVG}}}style")).text = style
@@ -571,7 +593,9 @@ def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Draw
     for name in ("candidate", "commit", "drive_candidate", "drive_good"):
         drawing.level(name.replace("_", " "), seen.edges[name])
     after = drawing.say("telegram after the request", bits(telegrams[0].start - asked[0].end))
-    spans = [(asked[0].end, telegrams[0].start, f"t3.5, driver: {after}")]
+    # At this clock the telegram of a parameter is not ready at t3.5 (docs/guide/timing.md).
+    late = telegrams[0].start - asked[0].end > (3.5 * CHARACTER_BITS + 2) * BIT
+    spans = [(asked[0].end, telegrams[0].start, f"t3.5, {'firmware' if late else 'driver'}: {after}")]
     if answers:
         pause = drawing.say("drive's reply after the telegram", bits(answers[0].start - telegrams[0].end))
         spans.append((telegrams[0].end, answers[0].start, f"drive's delay: {pause}"))
