@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.pyplot import subplots
 
 from campaigns.line_quality.limits import QUANTITIES, jitter_left
@@ -65,7 +66,10 @@ def _limits(limits: list[Limit]) -> Figure:
     marks.append(
         Line2D([], [], color="black", marker="o", linestyle="", markerfacecolor="none", label="at 12 MHz")
     )
+    marks.append(Patch(color="black", alpha=0.3, label="theory"))
+    marks.append(Line2D([], [], color=PROMISE, linewidth=0.9, linestyle="--", label="promise (LINE-5)"))
     figure.legend(handles=marks, loc="lower center", ncols=len(marks), frameon=False)
+    figure.suptitle("Limits of a line that the card still reads, by rate and format")
     figure.tight_layout(rect=(0, 0.05, 1, 1))
     return figure
 
@@ -86,6 +90,8 @@ def _eye(eyes: list) -> Figure:
             label=f"{form}, theory: first errors",
         )
     panel.axvspan(-4, 4, color=PROMISE, alpha=0.06, linewidth=0)
+    panel.set_title("Rate and jitter together: the jitter left at each rate error", loc="left")
+    panel.text(0, 0, "promise (LINE-5): ±4 %", color=PROMISE, ha="center", va="bottom", fontsize=9)
     panel.set_xlabel("error of the sender's rate, %")
     panel.set_ylabel("jitter of each edge, ± bits")
     panel.legend(frameon=False, fontsize=9)
