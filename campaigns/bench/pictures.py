@@ -114,8 +114,8 @@ def _overhead(results: Results):
     panels[0].set_ylabel("requests")
     figure.suptitle("Random requests: what the card adds to t3.5 and to the drive's reply")
     figure.supxlabel(
-        "Early, below 0: t3.5 ends up to 1/16 bit of the line early, which is more drive bits at a slow rate; "
-        "the drive's reply is taken inside its last stop bit.",
+        "Early, below 0: t3.5 ends up to 1/16 bit of the line early, which is more drive bits at a slow rate;"
+        " the drive's reply is taken inside its last stop bit.",
         fontsize=9,
     )
     figure.tight_layout()

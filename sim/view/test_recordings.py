@@ -11,12 +11,12 @@ import os
 import re
 import subprocess
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import cocotb
 import pytest
 from cocotb.triggers import Timer
+from vcd.gtkw import GTKWColor
 
 from rtl.sources import needed_files, rtl_files
 from sim.card.run_card import RunningCard
@@ -294,12 +294,13 @@ def named_in_surfer(view: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Shown:
-    """Display of a signal. GTKWave: flags and the file with names; Surfer: format, none for a bit."""
+    """Display of a signal. GTKWave: flags, file with names; Surfer: format, none for a bit; colour."""
 
     name: str
     flags: int
     names: str
     surfer: str
+    colour: str
 
 
 def rows_of(view: Path) -> list[Shown]:
@@ -307,15 +308,16 @@ def rows_of(view: Path) -> list[Shown]:
     commands = [line.split() for line in view.with_suffix(".sucl").read_text().splitlines()]
     items = [words[1] for words in commands if words[0] in ("divider_add", "variable_add")]
     formats: dict[int, str] = {}
-    for (what, letters), (then, form) in pairwise(
-        words for words in commands if words[0].startswith("item_") and len(words) == 2
-    ):
+    colours: dict[int, str] = {}
+    place = None
+    for what, word in (words for words in commands if words[0].startswith("item_") and len(words) == 2):
         if what == "item_focus":
-            assert then == "item_set_format", (letters, then)
-            place = int("".join(f"{ord(letter) - ord('a'):x}" for letter in letters), 16)
-            assert place not in formats
-            formats[place] = form
-    rows, flags, names, item = [], 0, "", 0
+            place = int("".join(f"{ord(letter) - ord('a'):x}" for letter in word), 16)
+        else:
+            into = {"item_set_format": formats, "item_set_color": colours}[what]
+            assert place not in into, word
+            into[place] = word
+    rows, flags, names, item, colour = [], 0, "", 0, ""
     for line in view.read_text().splitlines():
         if line.startswith("@"):
             flags = int(line[1:], 16)
@@ -323,12 +325,15 @@ def rows_of(view: Path) -> list[Shown]:
             names = line[3:]
         elif line.startswith("-"):
             item += flags == GROUP_BEGIN
+        elif line.startswith("[color] "):
+            colour = GTKWColor(int(line.removeprefix("[color] "))).name
         elif line and line[0] not in "[*":
             name = line.split("} ", 1)[-1]
+            assert colours.pop(item).lower().replace("purple", "violet") == colour, "the same colour in both"
             assert items[item] == name.split("[")[0], "both views have the same rows"
-            rows.append(Shown(name, flags, names, formats.pop(item, "")))
-            names, item = "", item + 1
-    assert item == len(items) and not formats, "a format on a row that is no signal"
+            rows.append(Shown(name, flags, names, formats.pop(item, ""), colour))
+            names, item, colour = "", item + 1, ""
+    assert item == len(items) and not formats and not colours, "a style on a row that is no signal"
     return rows
 
 
@@ -358,6 +363,10 @@ def check_rows(rows: list[Shown], folder: Path) -> None:
     assert address.flags == HEX[0] | FILE_FILTER
     assert address.names == str(folder / "firmware.txt")
     assert address.surfer == "firmware", "the mapping's name"
+    by_leaf = {re.sub(r"\[.*", "", row.name).rpartition(".")[2]: row.colour for row in rows}
+    wanted = {"revoke": "red", "commit": "blue", "modbus_rx": "green", "state_name": "orange"}
+    wanted |= {"last_byte": "yellow", "led_drive_red": "red", "led_drive_green": "green"}
+    assert {leaf: by_leaf[leaf] for leaf in wanted} == wanted
     known = {form for _, form in (BIT, DECIMAL, HEX, ASCII)} | {"firmware"}
     assert {row.surfer for row in rows} <= known
 

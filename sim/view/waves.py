@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
-from vcd.gtkw import GTKWSave
+from vcd.gtkw import GTKWColor, GTKWSave
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
 from rtl.command import run_main
@@ -38,6 +38,16 @@ ADDRESSES = "firmware"  # name of the translation from addresses to functions an
 # Data formats of GTKWave, by pyvcd's names, and of Surfer.
 HEX, DECIMAL, BIT, ASCII = "hex", "dec", "bin", "ascii"
 SURFER_FORMAT = {HEX: "Hexadecimal", DECIMAL: "Unsigned", BIT: "Bit", ASCII: "ASCII"}
+
+# Colour of a row by its meaning, the first that fits its signal: GTKWave's and Surfer's names.
+COLOURS = (
+    (re.compile(r"(revoke|_flaw|_bad|fault|_red)$"), "red"),
+    (re.compile(r"(_rx|_tx|_de|line|_green)$"), "green"),
+    (re.compile(r"(candidate|commit|committed|licensed|_good|_queued|_start|answerable)$"), "blue"),
+    (re.compile(r"state_name$"), "orange"),
+)
+VALUE, OTHER = "yellow", "violet"  # rows of bytes and numbers; all others
+SURFER_COLOUR = {"violet": "Purple"}
 
 WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
 
@@ -72,6 +82,11 @@ class Row:
     form: str
     alias: str
     names: bool
+
+    @property
+    def colour(self) -> str:
+        fitting = (colour for pattern, colour in COLOURS if pattern.search(self.signal.leaf))
+        return next(fitting, OTHER if self.form == BIT else VALUE)
 
 
 def bit(*patterns: str, alias: str = "") -> Entry:
@@ -243,6 +258,7 @@ def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: P
                 view.trace(
                     row.signal.path + row.signal.bits,
                     alias=row.alias,
+                    color=GTKWColor[row.colour],
                     datafmt=row.form,
                     translate_filter_file=str(names) if row.names and names else None,
                 )
@@ -250,20 +266,20 @@ def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: P
 
 
 def surfer_view(groups: dict[str, list[Row]], named: bool) -> str:
-    """Adds all rows, then focuses each row by its number, in letters a to p, and sets its format."""
-    lines, formats, count = [], [], 0
+    """Adds all rows, then focuses each row by its number, in letters a to p, and sets format and colour."""
+    lines, styles, count = [], [], 0
     for group, found in groups.items():
         lines.append(f"divider_add {group.replace(' ', '_')}")
         count += 1
         for row in found:
             lines.append(f"variable_add {row.signal.path}")
             form = ADDRESSES if row.names and named else SURFER_FORMAT[row.form]
-            if row.form != BIT:
-                formats.append((count, form))
+            styles.append((count, [f"item_set_format {form}"] if row.form != BIT else [], row.colour))
             count += 1
-    for place, form in formats:
+    for place, formats, colour in styles:
         letters = "".join(chr(ord("a") + int(digit, 16)) for digit in f"{place:x}")
-        lines += [f"item_focus {letters}", f"item_set_format {form}"]
+        shown = SURFER_COLOUR.get(colour, colour.capitalize())
+        lines += [f"item_focus {letters}", *formats, f"item_set_color {shown}"]
     return "\n".join([*lines, "item_unfocus", "zoom_fit"]) + "\n"
 
 
