@@ -31,7 +31,7 @@ from pathlib import Path
 from campaigns.bench import fingerprint
 from constraints import image, synth
 from constraints.boards import Board, board, boards
-from rtl.command import VERSION, Parser, run_main
+from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
 from tools import datasheet, figures, report, trace
 from tools.site import build as site
@@ -86,6 +86,7 @@ def figures_wrong() -> Iterator[str]:
 
 def page_checks_wrong() -> Iterator[str]:
     """The tests of the measured pages, which no other command runs than `make figures`."""
+    print("  tests of the measured pages", flush=True)
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "--figures"], cwd=ROOT, capture_output=True, check=False
     )
@@ -131,7 +132,8 @@ class Dist:
             f"rtu2fc {self.version}{', a draft: no release' * self.draft}",
             f"commit {commit() or 'unknown'}",
             f"card {fingerprint.card()}, tiny card {fingerprint.card('tiny')}",
-            f"compiler {compiler()}",
+            f"compiler {first_line(cross_compiler(), '--version')}",
+            f"printer {first_line('chromium', '--version')}",
             *(f"tool {tool}" for tool in synth.tool_versions()),
             "",
             *(f"{name}  {text}" for name, text in self.described.items()),
@@ -152,13 +154,16 @@ def sums_name(draft: bool) -> str:
     return f"{SUMS}{'-draft' * draft}"
 
 
-def compiler() -> str:
-    cross = os.environ.get("FIRMWARE_CROSS", "riscv64-unknown-elf-")
+def cross_compiler() -> str:
+    return os.environ.get("FIRMWARE_CROSS", "riscv64-unknown-elf-") + "gcc"
+
+
+def first_line(*command: str) -> str:
     try:
-        done = subprocess.run([f"{cross}gcc", "--version"], capture_output=True, text=True, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
-        raise ReleaseError(f"{cross}gcc is missing; run `make setup-demo`") from None
-    return done.stdout.splitlines()[0]
+        raise ReleaseError(f"{command[0]} is missing; run `make setup`") from None
+    return done.stdout.splitlines()[0].strip()
 
 
 @dataclass(frozen=True)
@@ -337,7 +342,10 @@ def check(words: list[str], draft: bool) -> int:
     copy_sources(AGAIN)
     # Reasons to refuse hold for this tree; its copy builds the same files.
     command = [sys.executable, "-m", "tools.release", "--unchecked", *words]
-    done = subprocess.run(command, cwd=AGAIN, check=False)
+    try:
+        done = subprocess.run(command, cwd=AGAIN, check=False)
+    except KeyboardInterrupt:
+        sys.exit(STOPPED)  # the second build has said that it stopped
     if done.returncode:
         raise ReleaseError("the second build failed (its message is above)")
     other = differences(was, read_sums(AGAIN / "build/dist" / sums.name))
@@ -360,6 +368,8 @@ def main() -> int:
     args = parser.parse_args()
     if args.board and not args.draft:
         parser.error("a release has every board; DRAFT=1 builds some of them")
+    if args.unchecked and ROOT.name != AGAIN.name:
+        parser.error("--unchecked is for the second build of --check")
     version = VERSION.read_text().strip()
     chosen = [board(name) for name in args.board] or list(boards().values())
     words = ["--draft"] * args.draft + [word for name in args.board for word in ("--board", name)]

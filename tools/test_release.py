@@ -147,6 +147,13 @@ def test_the_tag_is_that_of_the_version(releasable, monkeypatch, capsys):
     assert started(monkeypatch, "--tag", f"v{NUMBER}") == 0 and len(releasable) == 1
 
 
+def test_nothing_gets_round_the_refusal(releasable, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as ended:
+        started(monkeypatch, "--unchecked")
+    assert ended.value.code == 2 and releasable == []
+    assert capsys.readouterr().err == "release: --unchecked is for the second build of --check\n"
+
+
 def test_some_boards_are_no_release(releasable, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         started(monkeypatch, "--board", "icebreaker")
