@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tb.model import rtu
+from tb.agents import rtu
 from tb.model.card import DIALECTS
 
 # The drive of each dialect.

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 
 from campaigns.masters.cases import SILENCE, Case, cases, pdu_of, reply_of
 from campaigns.masters.masters import MASTERS, Master
+from tb.agents.crc16 import with_crc
 from tb.model.card import DIALECTS
-from tb.model.crc16 import with_crc
 
 UNIT = b"\x01"
 NUMBER, WORDS, CRASH, TIME_OUT = "number", "words", "crash", "time-out"

@@ -28,7 +28,7 @@ from campaigns.masters.masters import SOCAT, Master
 from rtl.sources import ROOT
 from sim.card.example_run import Port
 from sim.card.run_card import RunningCard
-from tb.model.crc16 import with_crc
+from tb.agents.crc16 import with_crc
 
 TIMEOUT_S = 1.0  # the masters' time-out; exception 255 takes 0.35 s on a machine that keeps up
 ENDLESS_S = 30.0  # a master that has not given up then waits for ever

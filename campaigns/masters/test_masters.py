@@ -22,9 +22,9 @@ from campaigns.masters.adapters.common import Adapter, ShownError
 from campaigns.masters.cases import CUT, LONGER, PROFILES, SILENCE, Case, cases, pdu_of, reply_of
 from campaigns.masters.masters import BY_ID, HERE, MASTERS, PORT, TCP_PORT, Master
 from sim.card.example_run import Port
+from tb.agents.crc16 import with_crc
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
-from tb.model.crc16 import with_crc
 from tb.model.vlt_drive import VltDrive
 from tools import handbook
 
