@@ -27,10 +27,11 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/gene
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Iregs/generated
-# Without a C library, loops must not become calls of memcpy and the like. The last three options shorten this code,
+# Without a C library, loops must not become calls of memcpy and the like. The last five options shorten this code,
 # so that it fits the memory of the small card.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
-	-fno-tree-loop-distribute-patterns -fira-loop-pressure -fno-inline-small-functions -fno-ipa-vrp
+	-fno-tree-loop-distribute-patterns -fira-loop-pressure -fno-inline-small-functions -fno-ipa-vrp \
+	-fno-guess-branch-probability -fno-if-conversion
 FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 

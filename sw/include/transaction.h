@@ -12,6 +12,7 @@ enum {
     /* Function, byte count, 10 registers of text; or an identification. */
     REPLY_PDU_MAX = DIAGNOSTICS ? 30 : 22,
     TELEGRAM_MAX = 30,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2, BCC */
+    TELEGRAM_WORDS = (TELEGRAM_MAX + 3) / 4,
 };
 
 enum outcome {
@@ -56,6 +57,12 @@ struct translator {
 #define OUT_FRAMES struct
 #endif
 
+/* A telegram from ADR to BCC. The BCC is computed by words, with zeros after the end. */
+union telegram {
+    uint8_t byte[4 * TELEGRAM_WORDS];
+    uint32_t word[TELEGRAM_WORDS];
+};
+
 struct transaction {
     uint16_t address; /* first coil or register, on-wire */
     uint16_t operand; /* quantity, or the value of 05 and 06 */
@@ -68,8 +75,9 @@ struct transaction {
     OUT_FRAMES
     {
         uint8_t reply[REPLY_PDU_MAX];
-        uint8_t telegram[TELEGRAM_MAX];
+        union telegram telegram;
     } out;
+    uint32_t check; /* of the telegram's bytes and their places (docs/hardening.md, Telegram made twice) */
 };
 
 #endif

@@ -3,6 +3,7 @@
 #include "coils.h"
 
 #include "dialect.h"
+#include "guard.h"
 #include "reply.h"
 #include "telegram.h"
 
@@ -56,17 +57,18 @@ static bool writable(const struct transaction *txn, uint32_t quantity)
 /* Writes `quantity` coils, the lowest bit first, into the settings that the commit brings. */
 static enum outcome write_run(struct translator *t, struct transaction *txn, uint32_t quantity, uint32_t bits)
 {
-    uint32_t *control = &t->next.word[CONTROL];
+    uint32_t control = t->next.word[CONTROL];
     uint32_t mask;
 
     if (txn->address == COIL_EEPROM) {
-        t->next.word[EEPROM] = bits & 1u;
+        guard_set(&t->next, EEPROM, bits & 1u);
         return reply_confirm(txn);
     }
     /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): decode() admits 1 to 32 (EXC 3) */
     mask = UINT32_MAX >> (CONTROL_COILS - quantity) << txn->address;
-    *control = (*control & ~mask) | (bits << txn->address & mask);
-    return telegram_process(txn, *control);
+    control = (control & ~mask) | (bits << txn->address & mask);
+    guard_set(&t->next, CONTROL, control);
+    return telegram_process(txn, control);
 }
 
 enum outcome coil_write(struct translator *t, struct transaction *txn, frame_byte *data)

@@ -53,14 +53,22 @@ static void queue_telegram(struct gateway *g, uint32_t options)
     g->wait_start = g->now;
 }
 
-/* Copies the telegram to the frame memory from its end (docs/hardening.md, Telegram address last). */
+/* Copies the telegram to the frame memory from its end (docs/hardening.md, Telegram address last). Four bytes a step
+ * (PERF-2): up to two bytes after the BCC come along, and are not sent. */
 static void copy_telegram(const struct transaction *txn)
 {
-    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + txn->telegram_length;
-    const uint8_t *from = txn->out.telegram + txn->telegram_length;
+    const uint32_t length = (txn->telegram_length + 3u) & ~3u;
+    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + length;
+    const uint8_t *from = txn->out.telegram.byte + length;
 
-    while (from != txn->out.telegram)
-        (--frame)->byte = *--from;
+    do {
+        frame -= 4;
+        from -= 4;
+        frame[3].byte = from[3];
+        frame[2].byte = from[2];
+        frame[1].byte = from[1];
+        frame[0].byte = from[0];
+    } while (from != txn->out.telegram.byte);
 }
 
 static void start_exchange(struct gateway *g, struct transaction *txn, uint32_t action)
@@ -328,19 +336,17 @@ static enum outcome translate_newest(struct gateway *g)
 static enum outcome translate_twice(struct gateway *g)
 {
     uint32_t passes = 2;
-    uint32_t first = 0;
-    uint32_t second = 0;
+    uint32_t difference = 0;
 
     do {
         const enum outcome outcome = translate_newest(g);
 
         if (outcome != OUTCOME_EXCHANGE)
             return outcome;
-        first = second;
-        second = guard_of(&g->translator, g->newest);
+        difference ^= guard_of(&g->translator, g->newest);
     } while (--passes != 0);
-    g->wants_drive = first == second;
-    guard_require_equal(&g->translator.next, first, second);
+    g->wants_drive = difference == 0;
+    guard_require_zero(&g->translator.next, difference);
     return OUTCOME_EXCHANGE;
 }
 

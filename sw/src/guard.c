@@ -1,33 +1,34 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "guard.h"
 
-#include <limits.h>
-
 uint32_t guard_copy(struct settings *to, const struct settings *from)
 {
     uint32_t sum = 0;
     uint32_t i;
 
+    /* Without the loop the copy takes half as long (PERF-2). */
+#pragma GCC unroll 6
     for (i = 0; i < SETTINGS; i++)
         sum += to->word[i] = from->word[i];
     return sum;
 }
 
-void guard_seal(struct settings *settings)
+void guard_set(struct settings *settings, uint32_t which, uint32_t value)
 {
-    settings->word[GUARD] -= guard_copy(settings, settings);
+    uint32_t *word = &settings->word[which];
+
+    settings->word[GUARD] += *word - value;
+    *word = value;
 }
 
-/* One flipped bit of the control word changes one bit of the BCC and a run of bits of the guard word. The BCC enters
- * at two places, so XOR cannot cancel the difference. */
+/* A control word with one bit flipped changes the guard word from that bit on, and the check of its telegram from the
+ * same bit on, or one 16 bits away. After the shift the lowest bits differ, so XOR cannot cancel the difference. */
 uint32_t guard_of(const struct translator *t, const struct transaction *txn)
 {
-    const uint32_t bcc = txn->out.telegram[txn->telegram_length - 1];
-
-    return t->next.word[GUARD] ^ bcc ^ bcc << CHAR_BIT;
+    return t->next.word[GUARD] << 2 ^ txn->check;
 }
 
-void guard_require_equal(struct settings *settings, uint32_t first, uint32_t second)
+void guard_require_zero(struct settings *settings, uint32_t difference)
 {
-    settings->word[GUARD] ^= first ^ second;
+    settings->word[GUARD] ^= difference;
 }

@@ -6,6 +6,7 @@
 #include "registers.h"
 
 #include "dialect.h"
+#include "guard.h"
 #include "reply.h"
 #include "telegram.h"
 
@@ -38,11 +39,13 @@ static bool is_text(const struct translator *t, const struct transaction *txn)
            (txn->function == WRITE_REGISTERS && mode == IND_TEXT_WRITE);
 }
 
-uint32_t registers_limit(const struct translator *t, const struct transaction *txn)
+uint32_t registers_limit(const struct translator *t, struct transaction *txn)
 {
     if (is_local(txn))
         return LOCAL_REGISTERS;
-    return is_text(t, txn) ? LIMIT_TEXT : LIMIT_NUMBER;
+    /* The telegram's kind follows from this, too. */
+    txn->expects = is_text(t, txn) ? EXPECT_TEXT : EXPECT_NUMBER;
+    return txn->expects == EXPECT_TEXT ? LIMIT_TEXT : LIMIT_NUMBER;
 }
 
 /* Finds the parameter that starts at the address (MAP-6). The CPU cannot divide: n/10 is computed as 0.8n/8. */
@@ -121,15 +124,18 @@ static enum outcome read_local(const struct translator *t, struct transaction *t
 
 enum outcome registers_read(struct translator *t, struct transaction *txn, frame_byte *data)
 {
-    const uint32_t index = t->settings.word[LOCAL_IND] & IND_INDEX;
+    uint32_t ind = t->settings.word[LOCAL_IND] & IND_INDEX;
+    uint32_t ak = AK_READ;
 
     if (is_local(txn))
         return read_local(t, txn);
     if (!find_parameter(txn))
         return reply_exception(txn, TRAITS.bad_address);
-    if (is_text(t, txn))
-        return telegram_parameter(txn, AK_TEXT, IND_TEXT_READ | index, PWE_BYTES, data, 0);
-    return telegram_parameter(txn, AK_READ, index, PWE_BYTES, data, 0);
+    if (txn->expects == EXPECT_TEXT) {
+        ak = AK_TEXT;
+        ind |= IND_TEXT_READ;
+    }
+    return telegram_parameter(txn, ak, ind, PWE_BYTES, data, 0);
 }
 
 static enum outcome write_local(struct translator *t, struct transaction *txn, frame_byte *data, uint32_t quantity)
@@ -143,7 +149,7 @@ static enum outcome write_local(struct translator *t, struct transaction *txn, f
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
         return reply_exception(txn, TRAITS.bad_value);
     for (; i < end; i++, data += 2)
-        t->next.word[i] = word_at(data);
+        guard_set(&t->next, i, word_at(data));
     return reply_confirm(txn);
 }
 
@@ -160,7 +166,7 @@ static enum outcome write_run(struct translator *t, struct transaction *txn, fra
         return write_local(t, txn, data, quantity);
     if (!find_parameter(txn))
         return reply_exception(txn, TRAITS.bad_address);
-    if (is_text(t, txn))
+    if (txn->expects == EXPECT_TEXT)
         return telegram_parameter(txn, AK_TEXT, IND_TEXT_WRITE | index, 0, data, bytes);
     if (quantity == 1)
         ak = store ? AK_STORE_WORD : AK_WRITE_WORD;

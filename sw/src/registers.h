@@ -7,8 +7,8 @@
 
 handler registers_read, register_write, registers_write;
 
-/* The largest quantity at txn->address (EXC 3). */
-uint32_t registers_limit(const struct translator *t, const struct transaction *txn);
+/* The largest quantity at txn->address (EXC 3). For a parameter, also decides between number and text. */
+uint32_t registers_limit(const struct translator *t, struct transaction *txn);
 
 /* The reply to 03 after the drive sent a number: the two words of PWE. */
 enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low);

@@ -11,25 +11,33 @@ static uint8_t *put_word(uint8_t *at, uint32_t value)
     return at + 2;
 }
 
-static uint8_t *begin(struct transaction *txn, enum expectation expects)
+static uint8_t *begin(struct transaction *txn)
 {
-    txn->out.telegram[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
-    txn->expects = (uint8_t)expects;
-    return txn->out.telegram + 1;
+    txn->out.telegram.byte[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
+    return txn->out.telegram.byte + 1;
 }
 
 /* Adds PCD and BCC, which end every telegram (docs/hardening.md, BCC made with the telegram). */
 static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uint32_t pcd2)
 {
-    const uint8_t *from = txn->out.telegram;
+    const uint32_t *from = txn->out.telegram.word;
+    uint32_t check = 0;
     uint32_t bcc;
 
     at = put_word(put_word(at, pcd1), pcd2);
-    txn->telegram_length = (uint8_t)(at - from + 1);
+    txn->telegram_length = (uint8_t)(at - txn->out.telegram.byte + 1);
     bcc = (uint32_t)STX ^ txn->telegram_length;
-    while (from != at)
+    /* By words, which is faster (PERF-2): the last one ends with zeros. */
+    at[0] = 0;
+    at[1] = 0;
+    at[2] = 0;
+    do {
         bcc ^= *from++;
-    *at = (uint8_t)bcc;
+        check += check + bcc;
+    } while ((const uint8_t *)from < at);
+    txn->check = check;
+    bcc ^= bcc >> 16;
+    *at = (uint8_t)(bcc ^ bcc >> 8);
     return OUTCOME_EXCHANGE;
 }
 
@@ -38,19 +46,30 @@ enum { AT_PKE = 1, AT_IND = 3, AT_VALUE = 5, PWE_BYTES = 4 };
 
 enum outcome telegram_process(struct transaction *txn, uint32_t control)
 {
-    return end(txn, begin(txn, EXPECT_PROCESS), control, control >> 16);
+    txn->expects = EXPECT_PROCESS;
+    return end(txn, begin(txn), control, control >> 16);
 }
 
 enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t ind, uint32_t zeros,
                                 frame_byte *data, uint32_t bytes)
 {
-    uint8_t *at = begin(txn, ak == AK_TEXT ? EXPECT_TEXT : EXPECT_NUMBER);
+    uint8_t *at = begin(txn);
+    uint32_t i;
 
     at = put_word(put_word(at, ak << 12 | txn->pnu), ind);
-    while (zeros--)
-        *at++ = 0;
-    while (bytes--)
-        *at++ = data++->byte;
+    at[0] = 0;
+    at[1] = 0;
+    at[2] = 0;
+    at[3] = 0;
+    at += zeros;
+    /* Four bytes a step (PERF-2). Up to two bytes after the data come along; PCD takes their place. */
+    for (i = 0; i < bytes; i += 4) {
+        at[i] = data[i].byte;
+        at[i + 1] = data[i + 1].byte;
+        at[i + 2] = data[i + 2].byte;
+        at[i + 3] = data[i + 3].byte;
+    }
+    at += bytes;
     /* Bit 10 of the control word is 0: the drive ignores the process data (FC-5). */
     return end(txn, at, 0, 0);
 }
@@ -59,14 +78,14 @@ void telegram_as_text(struct transaction *txn)
 {
     const bool read = txn->function == READ_REGISTERS;
     const uint32_t bytes = read ? PWE_BYTES : (uint32_t)txn->operand << 1;
-    uint8_t *at = txn->out.telegram + AT_VALUE;
+    uint8_t *at = txn->out.telegram.byte + AT_VALUE;
     uint32_t i;
 
     txn->expects = EXPECT_TEXT;
-    txn->out.telegram[AT_PKE] |= AK_TEXT << 4;
-    txn->out.telegram[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
+    txn->out.telegram.byte[AT_PKE] |= AK_TEXT << 4;
+    txn->out.telegram.byte[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
     /* A text has no leading zeros. */
     for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++)
-        *at++ = txn->out.telegram[AT_VALUE + i];
+        *at++ = txn->out.telegram.byte[AT_VALUE + i];
     end(txn, at, 0, 0);
 }

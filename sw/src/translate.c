@@ -16,18 +16,19 @@ enum form {
     FORM_COUNTED, /* address, quantity, byte count, data */
 };
 
+/* Searched from the front: the requests that take longest come first (PERF-2). */
 static const struct function {
     uint8_t code;
     uint8_t form;
     uint8_t coils; /* largest quantity of coils; 0: registers (registers_limit) */
     handler *handle;
 } functions[] = {
-    {READ_COILS, FORM_READ, 128, coils_read},
-    {READ_REGISTERS, FORM_READ, 0, registers_read},
-    {WRITE_COIL, FORM_SINGLE, 1, coil_write},
-    {WRITE_REGISTER, FORM_SINGLE, 0, register_write},
-    {WRITE_COILS, FORM_COUNTED, 32, coils_write},
     {WRITE_REGISTERS, FORM_COUNTED, 0, registers_write},
+    {WRITE_COILS, FORM_COUNTED, 32, coils_write},
+    {WRITE_REGISTER, FORM_SINGLE, 0, register_write},
+    {WRITE_COIL, FORM_SINGLE, 1, coil_write},
+    {READ_REGISTERS, FORM_READ, 0, registers_read},
+    {READ_COILS, FORM_READ, 128, coils_read},
 };
 
 /* Offsets in a PDU, and the length of a PDU without a byte count. */
@@ -35,9 +36,8 @@ enum { AT_ADDRESS = 1, AT_OPERAND = 3, AT_COUNT = 5, AT_DATA = 6, PDU_PLAIN = 5 
 
 void translate_init(struct translator *t)
 {
-    t->settings.word[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
-    t->settings.word[LOCAL_DRIVE_TIMEOUT] = DEFAULT_DRIVE_TIMEOUT;
-    guard_seal(&t->settings);
+    guard_set(&t->settings, LOCAL_NETWORK_TIMEOUT, DEFAULT_NETWORK_TIMEOUT);
+    guard_set(&t->settings, LOCAL_DRIVE_TIMEOUT, DEFAULT_DRIVE_TIMEOUT);
 }
 
 bool translate_is_sound(struct translator *t)
@@ -56,7 +56,7 @@ static const struct function *find_function(uint32_t code)
 }
 
 /* Checks quantity and byte count (EXC 3). */
-static bool quantity_fits(const struct translator *t, const struct transaction *txn,
+static bool quantity_fits(const struct translator *t, struct transaction *txn,
                           const struct function *function, frame_byte *pdu)
 {
     const bool coils = function->coils != 0;
@@ -97,6 +97,9 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
 {
     enum outcome outcome;
 
+    /* One register holds the address for the check and for all uses. Otherwise the compiler takes it from gp for some
+     * uses: a flipped bit of gp would then change what is read after the check (SAFE-4). */
+    __asm__("" : "+r"(t));
     if (guard_copy(&t->next, &t->settings) != 0)
         return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     txn->function = pdu->byte;
@@ -104,9 +107,6 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
     if (DIAGNOSTICS)
         txn->reply_length = 0; /* without a reply there is none to count (MAP-10) */
     outcome = decode(t, txn, pdu, pdu_length);
-    /* A read leaves the settings alone; sealing them would hide a flipped bit (docs/hardening.md, Guarded settings). */
-    if (txn->function > READ_REGISTERS)
-        guard_seal(&t->next);
     /* A broadcast is never answered (MAP-9). */
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }
@@ -194,14 +194,13 @@ bool translate_is_running(const struct translator *t)
 
 bool translate_stop(struct translator *t, struct transaction *txn)
 {
-    uint32_t *control = &t->next.word[CONTROL];
+    const uint32_t control = (t->settings.word[CONTROL] & ~(uint32_t)CONTROL_START) | CONTROL_VALID;
 
     if (guard_copy(&t->next, &t->settings) != 0)
         return false; /* (docs/hardening.md, Guarded settings) */
-    *control = (*control & ~(uint32_t)CONTROL_START) | CONTROL_VALID;
-    guard_seal(&t->next);
+    guard_set(&t->next, CONTROL, control);
     txn->function = WRITE_COIL;
     txn->broadcast = false;
-    telegram_process(txn, *control);
+    telegram_process(txn, control);
     return true;
 }

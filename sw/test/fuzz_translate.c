@@ -101,7 +101,7 @@ static void check_reply(const struct bench *b, const struct slot *slot)
 static void check_parameter_telegram(const struct slot *slot, const struct model *after, enum intent intent)
 {
     const struct transaction *txn = slot->txn;
-    const uint8_t *data = txn->out.telegram + 1;
+    const uint8_t *data = txn->out.telegram.byte + 1;
     const uint32_t length = txn->telegram_length - 2u;
     const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
     const uint32_t pnu = ((uint32_t)data[0] << 8 | data[1]) & 0x0FFF;
@@ -136,13 +136,13 @@ static void check_parameter_telegram(const struct slot *slot, const struct model
 static void check_telegram(const struct slot *slot, const struct model *after, enum intent intent)
 {
     const struct transaction *txn = slot->txn;
-    const uint8_t *data = txn->out.telegram + 1;
+    const uint8_t *data = txn->out.telegram.byte + 1;
     const uint32_t length = txn->telegram_length - 2u;
     const uint32_t pcd = (uint32_t)data[length - 4] << 8 | data[length - 3];
 
     HOLDS(txn->telegram_length <= TELEGRAM_MAX);
-    HOLDS(bcc_fits(txn->out.telegram, txn->telegram_length));
-    HOLDS(txn->out.telegram[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
+    HOLDS(bcc_fits(txn->out.telegram.byte, txn->telegram_length));
+    HOLDS(txn->out.telegram.byte[0] == (txn->broadcast ? ADR_BROADCAST : ADR_DRIVE));
     if (length == 4) {
         HOLDS(intent == INTENT_PROCESS);
         HOLDS(pcd == model_word(after, 0));
@@ -154,7 +154,7 @@ static void check_telegram(const struct slot *slot, const struct model *after, e
 
 static void keep_telegram(struct slot *slot)
 {
-    memcpy(slot->telegram, slot->txn->out.telegram, sizeof slot->telegram);
+    memcpy(slot->telegram, slot->txn->out.telegram.byte, sizeof slot->telegram);
 }
 
 static void request(struct bench *b, struct input *in, uint32_t how)
@@ -198,12 +198,12 @@ static void second_telegram(const struct bench *b, struct slot *slot)
     struct model now = b->model;
 
     /* The index is that of the first telegram, even if it was written since. */
-    now.ind = slot->txn->out.telegram[4];
+    now.ind = slot->txn->out.telegram.byte[4];
     HOLDS(BY_SIZE && !slot->again);
     slot->again = true;
     translate_drive_again(slot->txn);
     check_telegram(slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
-    HOLDS(slot->txn->out.telegram[1] >> 4 == AK_TEXT);
+    HOLDS(slot->txn->out.telegram.byte[1] >> 4 == AK_TEXT);
     keep_telegram(slot);
 }
 
@@ -224,7 +224,7 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
     outcome = translate_drive_reply(&b->t, slot->txn, b->drive_bank, length + 2);
     HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
     /* The second telegram is made from it. */
-    HOLDS(!BY_SIZE || !memcmp(slot->telegram, slot->txn->out.telegram, sizeof slot->telegram));
+    HOLDS(!BY_SIZE || !memcmp(slot->telegram, slot->txn->out.telegram.byte, sizeof slot->telegram));
     HOLDS(outcome == OUTCOME_NOT_A_REPLY || outcome == OUTCOME_REPLY || outcome == OUTCOME_EXCHANGE);
     if (outcome == OUTCOME_REPLY)
         check_reply(b, slot);

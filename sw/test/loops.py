@@ -91,7 +91,10 @@ def instrumented(path: Path, numbers: dict[Loop, int]) -> str:
     for loop, node in loops_of(path):
         body, number = node.child_by_field_name("body"), numbers[loop]
         step = f"loop_step({number}, ++loop_{number});"
-        inserts.append((node.start_byte, f"{{ unsigned long loop_{number} = 0; "))
+        before = node.prev_sibling
+        # A #pragma stays directly before its loop, on a line of its own.
+        begin = before.start_byte - 1 if before and before.type == "preproc_call" else node.start_byte
+        inserts.append((begin, f"{{ unsigned long loop_{number} = 0; "))
         if body.type == "compound_statement":
             inserts.append((body.start_byte + 1, f" {step}"))
             inserts.append((node.end_byte, " }"))

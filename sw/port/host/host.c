@@ -61,5 +61,5 @@ const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)
 const uint8_t *host_telegram(const struct transaction *txn, uint32_t *length)
 {
     *length = txn->telegram_length;
-    return txn->out.telegram;
+    return txn->out.telegram.byte;
 }
