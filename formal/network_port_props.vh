@@ -202,7 +202,7 @@ always @(posedge clk) begin
   if (!g_pulses(g_samples_next) || reply_start || sending || de) g_calm <= 1'b0;
   else if (rx_valid) g_calm <= !rx_framing_error && g_pulses(g_samples);
   if (rx_valid) {g_highs, g_lows} <= 26'd0;
-  g_awaits <= candidate ? !commit : g_awaits && !commit && !revoke;
+  g_awaits <= (candidate || g_awaits) && !commit && !revoke && !start_seen && !rx_valid;
   g_long <= long_silent && !rx_valid;
   if (de) g_awaits <= 1'b0;  // no reply starts then (commit_gate)
   if (rst) {g_calm, g_awaits, g_long} <= 3'd0;
@@ -220,6 +220,9 @@ wire [15:0] g_most_5 = ({3'd0, g_limit_most} + {3'd0, g_head}) * 16'd9 + 16'd20;
 wire [12:0] g_limit_most = 13'd7 * g_half - (half_uneven ? 13'd3 : 13'd0);
 wire [3:0] g_ones = {3'd0, g_samples[0]} + {3'd0, g_samples[1]} + {3'd0, g_samples[2]} + {3'd0, g_samples[3]} +
     {3'd0, g_samples[4]} + {3'd0, g_samples[5]} + {3'd0, g_samples[6]} + {3'd0, g_samples[7]} + {3'd0, g_samples[8]};
+wire g_rtu_receive = \rtu_rx_i.state == 4'b0101;
+wire g_rtu_early = \rtu_rx_i.state == 4'b1010;
+wire g_rtu_hold = \rtu_rx_i.state == 4'b0110;
 always @(posedge clk) begin
   if (g_past && g_calm) begin
     // No pulse begins a character, ends the silence, or keeps the port from being quiet once its pin is high.
@@ -250,8 +253,9 @@ always @(posedge clk) begin
     i_calm_watch : assert (!g_calm || \watch_i.lows == 4'd0);
     i_short : assert (!short_reached || (g_halves == 3'd3 && !long_silent));
     i_commit : assert (!(g_calm && commit) || long_silent);
-    i_hold : assert (!(g_calm && \rtu_rx_i.state == 4'b0110) || !long_silent || long_reached);
-    i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || (\rtu_rx_i.state == 4'b0110 &&
+    i_hold : assert (!(g_calm && g_rtu_hold) || !long_silent || long_reached);
+    i_early : assert (!(g_rtu_receive || g_rtu_early) || (g_halves < 3'd3 && !long_silent) || short_reached);
+    i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || start_seen || ((g_rtu_hold || g_rtu_early) &&
         (\rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101) && \rtu_rx_i.begun_bank != frame_bank));
   end
 end

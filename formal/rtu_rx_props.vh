@@ -8,9 +8,9 @@
 // silences after it. EARLY: PREPARE_EARLY = 1.
 //
 // Assumed of the neighbours: a character begins with start_seen and ends with byte_valid; no limit of silence is
-// reached within a character nor in the clock before, because the vote on a start bit takes time; the two limits
-// are never reached at once; the memory takes a character before the next event on the line (bus_arbiter: it never
-// waits). Address switches do not move.
+// reached within a character nor in the clock before, because the vote on a start bit takes time; no two limits
+// are reached at once; the memory takes a character before the next event on the line (bus_arbiter: it never
+// waits). The CRC changes only while a character is on the line. Address switches do not move.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -22,20 +22,25 @@ initial assume (rst);
 reg g_character = 1'b0;  // a character is on the line
 reg g_pending = 1'b0;  // a character was accepted and is not stored or dropped yet
 reg g_reached = 1'b0;  // a limit was reached in the clock before
-always @(posedge clk) g_reached <= short_reached || long_reached;
+wire g_limit = half_reached || short_reached || long_reached;
+always @(posedge clk) g_reached <= g_limit;
 always @* begin
-  assume (!(short_reached && long_reached));
+  assume ({1'b0, half_reached} + {1'b0, short_reached} + {1'b0, long_reached} <= 2'd1);
   assume (!(start_seen && (byte_valid || g_character || g_reached)));
   assume (!byte_valid || g_character);
-  assume (!((g_character || start_seen) && (short_reached || long_reached)));
-  assume (!(g_pending && (start_seen || byte_valid || short_reached || long_reached)));
+  assume (!((g_character || start_seen) && g_limit));
+  assume (!(g_pending && (start_seen || byte_valid || g_limit)));
 end
-always @(posedge clk) if (g_past) assume ($stable(own_address));
+always @(posedge clk) begin
+  if (g_past) assume ($stable(own_address));
+  if (g_past && !g_character) assume ($stable(crc_good));
+end
 
 // ---- the frame by the rules
 reg g_lost = 1'b1;  // characters are ignored until the next t3.5
 reg [8:0] g_count = 9'd0;  // characters of the frame; 257: more than 256; 0: no frame
 reg g_good = 1'b0;  // the frame was good at t1.5, and no character came since
+reg g_early = 1'b0;  // the frame is good and the candidate, before t1.5
 reg g_forgotten = 1'b0;  // the frame was not good at t1.5 (STRICT_T15)
 reg g_parity = 1'b0;  // at least one of its characters had the error
 reg g_framing = 1'b0;
@@ -48,8 +53,15 @@ wire g_whole = g_count >= 9'd4 && g_count <= 9'd256 && !g_parity && !g_framing &
 wire g_ours = g_address == own_address || g_address == 8'd0;
 wire g_first = !g_lost && (g_count == 9'd0 || g_forgotten);
 wire g_continued = g_good && start_seen;
+wire g_resumed = g_early && start_seen;
 wire g_take = byte_valid && !g_lost;
-wire g_now_good = short_reached && g_count != 9'd0 && !g_good && !g_forgotten && g_whole;
+wire g_unjudged = g_count != 9'd0 && !g_good && !g_early && !g_forgotten;
+
+`ifdef EARLY
+wire g_raise_early = (half_reached || short_reached) && g_unjudged && g_whole && g_ours;
+`else
+wire g_raise_early = 1'b0;
+`endif
 
 always @(posedge clk) begin
   if (start_seen) g_character <= 1'b1;
@@ -66,6 +78,8 @@ always @(posedge clk) begin
       g_count <= 9'd0;
     end
   end
+  if (g_raise_early) g_early <= !short_reached;
+  if (g_resumed || short_reached) g_early <= 1'b0;
   if (g_take) begin
     g_count   <= g_first ? 9'd1 : g_count == 9'd257 ? 9'd257 : g_count + 9'd1;
     g_parity  <= byte_parity_error || (g_parity && !g_first);
@@ -80,6 +94,7 @@ always @(posedge clk) begin
   if (long_reached || deaf || rst) begin
     g_count <= 9'd0;
     g_good <= 1'b0;
+    g_early <= 1'b0;
     g_forgotten <= 1'b0;
     g_lost <= deaf || rst;
   end
@@ -110,7 +125,7 @@ reg [7:0] g_length = 8'd0;
 reg g_broadcast = 1'b0;
 reg g_writes_coils = 1'b0;
 `ifdef EARLY
-wire g_raise = g_now_good && g_ours;
+wire g_raise = g_raise_early;
 `else
 wire g_raise = long_reached && g_good && g_ours;
 `endif
@@ -127,7 +142,7 @@ always @(posedge clk) begin
     g_held <= 1'b1;
   end
 `ifdef EARLY
-  if (g_continued && g_ours) g_held <= 1'b0;
+  if ((g_continued && g_ours) || g_resumed) g_held <= 1'b0;
 `endif
   if (rst) g_held <= 1'b0;
 end
@@ -135,21 +150,21 @@ end
 reg g_open = 1'b0;  // a candidate is neither committed nor revoked, as in commit_gate
 reg g_over = 1'b0;  // a request was committed, and no character began since
 always @(posedge clk) begin
-  g_open <= candidate ? !commit : g_open && !commit && !revoke;
+  g_open <= candidate ? !commit && !g_resumed : g_open && !commit && !revoke && !g_resumed;
   if (commit) g_over <= 1'b1;
   else if (start_seen) g_over <= 1'b0;
   if (rst) g_open <= 1'b0;
   if (rst) g_over <= 1'b0;
 end
 
-wire g_ended = long_reached && g_count != 9'd0 && !g_good;
+wire g_ended = long_reached && g_count != 9'd0 && !g_good && !g_early;
 wire [2:0] g_counted = {2'd0, count_crc} + {2'd0, count_parity} + {2'd0, count_framing} + {2'd0, count_t15} +
     {2'd0, count_overrun};
 
 always @(posedge clk) begin
   if (g_past) begin
-    // FRAME-4, FRAME-5: candidate at t1.5 (PREPARE_EARLY = 0: t3.5) if and only if the frame is good and for this
-    // card.
+    // FRAME-4, FRAME-5: candidate after half a character of silence (PREPARE_EARLY = 0: at t3.5) if and only if the
+    // frame is good and for this card.
     a_candidate : assert (candidate == g_candidate);
     // FRAME-6: committed at t3.5 if and only if no character came in between.
     a_commit : assert (commit == g_commit);
@@ -172,7 +187,7 @@ always @(posedge clk) begin
     a_writes_coils : assert (frame_writes_coils == g_writes_coils);
     a_bank : assert (!g_held || frame_bank == g_held_bank);
     // The CRC covers exactly this frame's characters.
-    a_summed : assert (!g_now_good || g_summed == g_count);
+    a_summed : assert (!(g_raise || g_good) || g_summed == g_count);
     // Each of the first 32 characters is written once, at its address; no other is written.
     a_write : assert (write_valid == (g_pending && g_index < 9'd32));
     a_place : assert (!write_valid || write_addr[4:0] == g_index[4:0]);
@@ -195,7 +210,8 @@ end
 // ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
-    i_known : assert (state == S_WAIT || state == S_IDLE || state == S_RECEIVE || state == S_HOLD || state == S_SUSPECT);
+    i_known : assert (state == S_WAIT || state == S_IDLE || state == S_RECEIVE || state == S_HOLD || state == S_SUSPECT ||
+        state == S_EARLY);
     i_halves : assert (\bank_i.opposite == !\bank_i.held );
     i_flawed : assert (g_count == 9'd0 || flawed == (g_parity || g_framing));
     // Characters that began: those of the frame, and the present one.
@@ -204,10 +220,12 @@ always @(posedge clk) begin
     i_wait : assert ((state == S_WAIT) == g_lost);
     i_idle : assert ((state == S_IDLE) == (!g_lost && g_count == 9'd0));
     i_hold : assert ((state == S_HOLD) == g_good);
-    i_no_character : assert (!g_good || !g_character);
+    i_early : assert ((state == S_EARLY) == g_early);
+    i_no_character : assert (!(g_good || g_early) || !g_character);
+    i_early_whole : assert (!g_early || (g_whole && g_ours && !g_pending));
     i_suspect : assert ((state == S_SUSPECT) == g_forgotten);
-    i_frame : assert (!(g_good || g_forgotten) || g_count != 9'd0);
-    i_either : assert (!(g_good && g_forgotten) && !(g_lost && g_count != 9'd0));
+    i_frame : assert (!(g_good || g_early || g_forgotten) || g_count != 9'd0);
+    i_either : assert ({1'b0, g_good} + {1'b0, g_early} + {1'b0, g_forgotten} <= 2'd1 && !(g_lost && g_count != 9'd0));
     i_strict : assert (STRICT_T15 || !g_forgotten);
     i_count : assert (g_count == 9'd0 || g_count == (overrun ? 9'd257 : length + {8'd0, storing}));
     i_length : assert (g_count == 9'd0 || length <= 9'd256);
@@ -215,7 +233,7 @@ always @(posedge clk) begin
     i_faults : assert (g_count == 9'd0 || (parity_bad == g_parity && framing_bad == g_framing));
     i_ours : assert (g_count == 9'd0 ||
         unit == (g_address == 8'd0 ? TO_ALL : g_address == own_address ? TO_US : TO_OTHERS));
-    i_begun : assert (g_count == 9'd0 || begun_bank == (frame_bank ^ (PREPARE_EARLY && g_good && g_ours)));
+    i_begun : assert (g_count == 9'd0 || begun_bank == (frame_bank ^ (PREPARE_EARLY && (g_good || g_early) && g_ours)));
     i_function : assert (g_count == 9'd0 || function_next == (g_count == 9'd1));
     i_coils : assert (g_count < 9'd2 || writes_coils == g_coils);
     i_storing : assert (storing == g_pending && (!storing || kept == (g_index < 9'd32)));
@@ -224,10 +242,12 @@ always @(posedge clk) begin
     i_was_good : assert (!g_good || (g_count >= 9'd4 && g_count <= 9'd256 && !g_pending && !g_parity && !g_framing));
     // All bytes of a frame other than the held one are in the other bank.
 `ifdef EARLY
-    i_bank : assert (g_count == 9'd0 || (g_good && g_ours) || (g_count == 9'd1 && g_pending) || g_bank == !frame_bank);
-    i_good_held : assert (!(g_good && g_ours) || (g_held && g_bank == frame_bank));
-    i_open : assert (!(g_good && g_ours) || g_open || candidate);
+    i_bank : assert (g_count == 9'd0 || ((g_good || g_early) && g_ours) || (g_count == 9'd1 && g_pending) ||
+        g_bank == !frame_bank);
+    i_good_held : assert (!((g_good || g_early) && g_ours) || (g_held && g_bank == frame_bank));
+    i_open : assert (!((g_good || g_early) && g_ours) || g_open || candidate);
 `else
+    i_never_early : assert (!g_early);
     i_bank : assert (g_count == 9'd0 || (g_count == 9'd1 && g_pending) || g_bank == !frame_bank);
 `endif
     i_held : assert (!g_held || frame_bank == g_held_bank);
@@ -239,8 +259,12 @@ end
 
 // ---- covers
 `ifdef COVER_STRICT
+reg g_has_resumed = 1'b0;
+always @(posedge clk) if (g_resumed) g_has_resumed <= 1'b1;
 always @(posedge clk) begin
   if (g_past && !rst) begin
+    // A frame whose first characters are a good frame, too.
+    c_resumed : cover (commit && frame_length == 8'd5 && g_has_resumed);
     c_broadcast : cover (commit && frame_broadcast);
     c_revoked : cover (revoke);
     c_thrown_away : cover (count_t15);

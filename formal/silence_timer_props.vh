@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Both limits are reached after exactly their number of silent ticks, in whatever way the line falls silent. Neither
+// Half a character and both limits are reached after exactly their number of silent ticks, in whatever way the line falls silent. Neither
 // is reached again before the next restart (FRAME-1, FC-8).
 //
 // The ghost counts silent ticks in one number, without the module's halves.
@@ -31,16 +31,20 @@ wire [12:0] g_short = SHORT_HALVES * g_half - (half_uneven ? SHORT_HALVES / 2 : 
 wire [12:0] g_long = LONG_HALVES * g_half - (half_uneven ? LONG_HALVES / 2 : 0);
 
 reg [12:0] g_silent = 13'd0;
+wire g_end_half = tick16 && !busy && g_silent + 13'd1 == g_head + g_half;
 wire g_end_short = tick16 && !busy && g_silent + 13'd1 == g_head + g_short;
 wire g_end_long = tick16 && !busy && g_silent + 13'd1 == g_head + g_long;
+reg g_was_half = 1'b0;
 reg g_was_short = 1'b0;
 reg g_was_long = 1'b0;
 always @(posedge clk) begin
+  g_was_half <= g_end_half;
   g_was_short <= g_end_short;
   g_was_long <= g_end_long;
   if (tick16 && !busy && g_silent != 13'h1FFF) g_silent <= g_silent + 13'd1;
   if (restart || sending || rst) begin
     g_silent <= 13'd0;
+    g_was_half <= 1'b0;
     g_was_short <= 1'b0;
     g_was_long <= 1'b0;
     g_own <= sending;
@@ -49,6 +53,7 @@ end
 
 always @(posedge clk) begin
   if (g_past) begin
+    a_half : assert (half_reached == g_was_half);
     a_short : assert (short_reached == g_was_short);
     a_long : assert (long_reached == g_was_long);
     a_silent : assert (long_silent == (g_silent >= g_head + g_long));

@@ -48,6 +48,7 @@ module drive_port (
   wire rx_framing_error;
   wire rx_busy;
   wire start_seen;
+  wire half_reached;
   wire short_reached;
   wire long_reached;
   wire long_silent;
@@ -142,6 +143,7 @@ module drive_port (
       .half_uneven(1'b0),
       .two_stop(`CARD_DRIVE_TWO_STOP),
       // status
+      .half_reached(half_reached),
       .short_reached(short_reached),
       .long_reached(long_reached),
       .long_silent(long_silent)
@@ -226,7 +228,7 @@ module drive_port (
   );
 
   // long_reached serves as gap and pause.
-  wire unused = &{1'b0, short_reached};
+  wire unused = &{1'b0, half_reached, short_reached};
 
 endmodule
 

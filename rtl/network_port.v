@@ -59,6 +59,7 @@ module network_port #(
   wire rx_parity_error;
   wire rx_framing_error;
   wire rx_busy;
+  wire half_reached;
   wire short_reached;
   wire long_reached;
   wire long_silent;
@@ -164,6 +165,7 @@ module network_port #(
       .half_uneven(format[`CARD_LINE_HALF_UNEVEN_BITS]),
       .two_stop(format[`CARD_LINE_TWO_STOP_BITS]),
       // status
+      .half_reached(half_reached),
       .short_reached(short_reached),
       .long_reached(long_reached),
       .long_silent(long_silent)
@@ -192,6 +194,7 @@ module network_port #(
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
       .start_seen(uart_start),
+      .half_reached(half_reached),
       .short_reached(short_reached),
       .long_reached(long_reached),
       // frame memory, 32 bytes a bank

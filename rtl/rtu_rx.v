@@ -3,8 +3,9 @@
 //
 // A frame starts with a character after t3.5 of silence. A frame is good if CRC, parity and stop
 // bits are correct and it has 4 to 256 bytes. A good frame for this card or for all becomes the
-// candidate at t1.5 and is committed at t3.5. The start bit of a character between the two
-// revokes it (FRAME-6).
+// candidate after half a character of silence, and is committed at t3.5. The start bit of a
+// character between the two revokes it (FRAME-6). Before t1.5 the frame goes on with it. The
+// half keeps the last byte but one of a frame from being its end when the last byte is 00.
 // The first 32 bytes go to the frame memory; frame_length is the full length, modulo 256
 // (FRAME-5). Two banks alternate. The bank of the newest candidate is not written before a newer
 // candidate exists, so the firmware never reads a mixture of two frames.
@@ -38,6 +39,7 @@ module rtu_rx #(
     input  wire       byte_parity_error,
     input  wire       byte_framing_error,
     input  wire       start_seen,
+    input  wire       half_reached,
     input  wire       short_reached,
     input  wire       long_reached,
     // frame memory, 32 bytes a bank
@@ -71,6 +73,7 @@ module rtu_rx #(
   localparam [3:0] S_WAIT = 4'b0000;  // ignore all characters until t3.5 of silence
   localparam [3:0] S_IDLE = 4'b0011;  // silence: the next character starts a frame
   localparam [3:0] S_RECEIVE = 4'b0101;  // inside a frame
+  localparam [3:0] S_EARLY = 4'b1010;  // the candidate, before t1.5
   localparam [3:0] S_HOLD = 4'b0110;  // good at t1.5, ends at t3.5
   localparam [3:0] S_SUSPECT = 4'b1001;  // not good at t1.5 and discarded
 
@@ -103,7 +106,8 @@ module rtu_rx #(
   // docs/hardening.md, Frame bank (SAFE-4)
   wire in_place = frame_bank == begun_bank;
   wire first = state == S_IDLE || state == S_SUSPECT;
-  wire accept = byte_valid && (first || state == S_RECEIVE || (state == S_HOLD && !STRICT_T15));
+  wire in_frame = state == S_RECEIVE || state == S_EARLY;
+  wire accept = byte_valid && (first || in_frame || (state == S_HOLD && !STRICT_T15));
   wire kept = length[8:5] == 4'd0;
   wire stored = storing && (write_ready || !kept);
 
@@ -112,11 +116,13 @@ module rtu_rx #(
   assign write_addr  = {!frame_bank, length[4:0]};
 
   // High for the clock in which a good frame becomes the candidate.
-  wire raise = mine && in_place && (PREPARE_EARLY ? state == S_RECEIVE && short_reached && good
-                                      : state == S_HOLD && long_reached);
+  wire raise_early = state == S_RECEIVE && (half_reached || short_reached) && good;
+  wire raise = mine && in_place && (PREPARE_EARLY ? raise_early : state == S_HOLD && long_reached);
   // docs/hardening.md, Revoke twice (SAFE-4)
-  wire spoilt = state == S_HOLD && (start_seen || byte_valid);
-  wire next_bank = raise || (spoilt && mine && PREPARE_EARLY);
+  wire continued = start_seen || byte_valid;
+  wire spoilt = state == S_HOLD && continued;
+  wire resumed = state == S_EARLY && continued;
+  wire next_bank = raise || (spoilt && mine && PREPARE_EARLY) || resumed;
 
   // A bad frame is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
@@ -196,6 +202,11 @@ module rtu_rx #(
       if (short_reached && good) state <= S_HOLD;
       else if (short_reached && STRICT_T15) state <= S_SUSPECT;
       else if (long_reached) state <= S_IDLE;
+      else if (raise) state <= S_EARLY;
+      S_EARLY:
+      if (resumed) state <= S_RECEIVE;
+      else if (short_reached) state <= S_HOLD;
+      else if (long_reached) state <= S_IDLE;
       S_HOLD:
       if (spoilt) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;
       else if (long_reached) state <= S_IDLE;
@@ -223,6 +234,7 @@ module rtu_rx #(
       S_WAIT: state_name = "WAIT";
       S_IDLE: state_name = "IDLE";
       S_RECEIVE: state_name = "RECEIVE";
+      S_EARLY: state_name = "EARLY";
       S_HOLD: state_name = "HOLD";
       S_SUSPECT: state_name = "SUSPECT";
       default: state_name = "UNDEF";

@@ -14,7 +14,7 @@
 // subtracted here. The count stops while busy is high, so a glitch or a false start costs only
 // its own duration. restart, at the end of each character, restarts the count; sending holds it
 // at its start.
-// short_reached, long_reached: one clock. long_silent: level, until the next restart.
+// half_reached, short_reached, long_reached: one clock. long_silent: level, until the next restart.
 // half_end: the count in the last tick of a half. half_uneven takes one tick off the second,
 // fourth and sixth half. GUARDED = 1: a flipped bit in the count restarts it, so that a frame
 // never ends before t3.5 (docs/hardening.md, Silence timer parity, SAFE-4).
@@ -39,6 +39,7 @@ module silence_timer #(
     input  wire             half_uneven,
     input  wire             two_stop,
     // status
+    output reg              half_reached,
     output reg              short_reached,
     output wire             long_reached,
     output reg              long_silent
@@ -81,6 +82,7 @@ module silence_timer #(
   endgenerate
 
   initial begin
+    half_reached  = 1'b0;
     short_reached = 1'b0;
     long_silent   = 1'b0;
   end
@@ -105,10 +107,12 @@ module silence_timer #(
   always @(posedge clk) begin
     ticks <= ticks_next;
     halves <= halves_next;
+    half_reached <= half_over && halves == 3'd0;
     short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
     long_over <= half_over && halves == LONG_HALVES - 3'd1;
     if (half_over && halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
     if (again) begin
+      half_reached  <= 1'b0;
       short_reached <= 1'b0;
       long_over     <= 1'b0;
       long_silent   <= 1'b0;

@@ -294,10 +294,10 @@ def firmware(results: Results) -> str:
 
 
 def budgets(clk_hz: int, baud: int) -> tuple[float, float]:
-    """Clocks from t1.5 to t3.5, and of the BCC's character."""
+    """Clocks from the candidate to t3.5, and of the BCC's character."""
     line = Line.of(baud, FORM, clk_hz)
     drive_line = Line.of_drive(clk_hz)
-    return (line.t35_bits - line.t15_bits) * line.bit, drive_line.character_bits * drive_line.bit
+    return (line.t35_bits - line.half_bits) * line.bit, drive_line.character_bits * drive_line.bit
 
 
 def shares(results: Results) -> dict[tuple[str, int], tuple[float, float]]:

@@ -60,6 +60,10 @@ class Line:
         return 750e-6 * self.baud if self.baud > 19200 else 1.5 * CHARACTER_BITS
 
     @property
+    def half_bits(self) -> float:
+        return self.t15_bits / 3
+
+    @property
     def t35_bits(self) -> float:
         return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * CHARACTER_BITS
 

@@ -97,13 +97,13 @@ def near(times: list[int], end: float, bits: float, bit: float) -> bool:
 
 
 def check_strobes(replay: Replay, unit: int) -> None:
-    """Exactly the good frames for the unit become candidates at t1.5 and are committed at t3.5."""
+    """Exactly the good frames for the unit become candidates, after half a character, and are committed."""
     line, expected = replay.line, good_frames(replay, unit)
     for fate in (fate for fate in replay.fates if not fate.left_out):
         candidate, commit, revoke = (fate.strobes[name] for name in ("candidate", "commit", "revoke"))
         said = f"{fate} at {fate.piece.start - replay.origin:.0f}: {fate.piece.data.hex(' ')}"
         if fate in expected.sure:
-            assert near(candidate, fate.piece.end, line.t15_bits, line.bit), said
+            assert near(candidate, fate.piece.end, line.half_bits, line.bit), said
             assert near(commit, fate.piece.end, line.t35_bits, line.bit), said
             assert not revoke, said
         elif fate not in expected.unsure:

@@ -133,9 +133,9 @@ class LineJudge:
         self.status_before = [0] * len(STATUS)
         self.doubtful = False
         self.status_doubts: list[list[int]] = []  # status images if late replies of the drive do not count
-        # The firmware starts at t1.5 and may send from t3.5, so only its time beyond t3.5 shows on the line.
-        t15_to_t35 = (self.line.t35_bits - self.line.t15_bits) * self.line.bit
-        self.late = max(0.0, self.budget - t15_to_t35) + 1.3 * self.line.bit
+        # The firmware starts with the candidate and may send from t3.5, so only its time beyond t3.5 shows.
+        ahead = (self.line.t35_bits - self.line.half_bits) * self.line.bit
+        self.late = max(0.0, self.budget - ahead) + 1.3 * self.line.bit
 
     # ------------------------------------------------------------ all events in order
 

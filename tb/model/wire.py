@@ -60,6 +60,11 @@ class LineFormat:
         return 750e-6 * self.baud if self.baud > 19200 else 1.5 * CHARACTER_BITS
 
     @functools.cached_property
+    def half_bits(self) -> float:
+        """Half a character of silence, as silence_timer counts it."""
+        return self.t15_bits / 3
+
+    @functools.cached_property
     def t35_bits(self) -> float:
         return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * CHARACTER_BITS
 
@@ -175,7 +180,11 @@ class NetworkFrame:
 
 @dataclass(frozen=True)
 class NetworkEvent:
-    """`start`: of a character; `candidate`, `revoke`, `commit`: of a good frame for this card (FRAME-6)."""
+    """`start`: of a character; `candidate`, `revoke`, `commit`: of a good frame for this card (FRAME-6).
+
+    A candidate comes after half a character of silence. A character before t1.5 continues its frame, without
+    `revoke`.
+    """
 
     at: float
     what: str
@@ -215,7 +224,7 @@ class NetworkReceiver:
     line: LineFormat
     address: int
     strict_t15: bool = True
-    state: str = "wait"  # wait, idle, frame, hold, suspect
+    state: str = "wait"  # wait, idle, frame, early, hold, suspect
     silent_from: float = 0.0
     slack: float = 0.0
     characters: list[FarCharacter] = field(default_factory=list)
@@ -244,10 +253,12 @@ class NetworkReceiver:
         return until > limit
 
     def _silence(self, until: float) -> Iterator[NetworkEvent]:
-        t15, t35 = self.line.t15_bits, self.line.t35_bits
-        if self.state == "frame" and self._reached(until, t15):
-            if self._good():
-                yield from self._event("candidate", self.silent_from + t15 * self.line.bit)
+        half, t15, t35 = self.line.half_bits, self.line.t15_bits, self.line.t35_bits
+        if self.state == "frame" and self._good() and self._reached(until, half):
+            yield from self._event("candidate", self.silent_from + half * self.line.bit)
+            self.state = "early"
+        if self.state in ("frame", "early") and self._reached(until, t15):
+            if self.state == "early":
                 self.state = "hold"
             elif self.strict_t15:
                 self.state = "suspect"
@@ -262,6 +273,8 @@ class NetworkReceiver:
             self.state = "wait" if self.strict_t15 else "frame"
         elif self.state in ("idle", "suspect"):
             self.characters.clear()
+            self.state = "frame"
+        elif self.state == "early":
             self.state = "frame"
         if self.state == "frame":
             self.characters.append(heard)

@@ -16,6 +16,7 @@ module rtu_rx_crc #(
     input  wire       byte_parity_error,
     input  wire       byte_framing_error,
     input  wire       start_seen,
+    input  wire       half_reached,
     input  wire       short_reached,
     input  wire       long_reached,
     // frame memory
@@ -65,6 +66,7 @@ module rtu_rx_crc #(
       .byte_parity_error(byte_parity_error),
       .byte_framing_error(byte_framing_error),
       .start_seen(start_seen),
+      .half_reached(half_reached),
       .short_reached(short_reached),
       .long_reached(long_reached),
       .write_valid(write_valid),

@@ -116,10 +116,10 @@ async def both_silences_are_exact_from_the_pin_at_every_rate(dut, baud):
     for form in FORMATS if baud >= 9600 else ("8O1",) if baud > 300 else ("8N2",):
         await use(port, baud, form)
         end = await port.frame(SHORT)
-        short = late_bits(port, port.candidates, end, rtu.t15_ps(baud))
+        half = late_bits(port, port.candidates, end, rtu.t15_ps(baud) / 3)
         long = late_bits(port, port.commits, end, rtu.t35_ps(baud))
-        print(f"{port.line.fmt}: candidate {short:+.3f} bits, commit {long:+.3f} bits after their limits")
-        assert abs(short) <= ACCURACY and abs(long) <= ACCURACY, port.line.fmt
+        print(f"{port.line.fmt}: candidate {half:+.3f} bits, commit {long:+.3f} bits after their limits")
+        assert abs(half) <= ACCURACY and abs(long) <= ACCURACY, port.line.fmt
         port.clear()
 
 
@@ -174,8 +174,9 @@ async def strict_character_after_a_good_frame_revokes_it_before_t35(dut, baud):
     port = await Port(dut, baud).start()
     t15, t35 = port.bits(1.5), port.bits(3.5)
     for gap, outcome, what in (
-        (port.bits(1.4), (0, 0, 0), "1.4 characters: one frame, too long to be good"),
-        (t15 - 0.3, (0, 0, 0), "just below 1.5"),
+        (port.bits(0.4), (0, 0, 0), "0.4 characters: one frame, too long to be good"),
+        (port.bits(0.6), (1, 0, 0), "0.6: the same, after a candidate"),
+        (t15 - 0.3, (1, 0, 0), "just below 1.5"),
         (t15 + 0.3, (1, 0, 1), "just above 1.5"),
         (port.bits(1.6), (1, 0, 1), "1.6: revoked, and the second frame is dropped"),
         (port.bits(3.4), (1, 0, 1), "3.4: the same"),
@@ -319,7 +320,7 @@ async def strict_gaps_above_t15_inside_a_frame_reject_it(dut):
 async def lenient_characters_after_a_good_frame_extend_it(dut):
     port = await Port(dut).start()
     whole = rtu.with_crc(GOOD + b"\x11\x22")
-    for gap, outcome in ((1.4, (1, 1, 0)), (1.6, (2, 1, 1)), (3.4, (2, 1, 1))):
+    for gap, outcome in ((0.4, (1, 1, 0)), (1.4, (2, 1, 0)), (1.6, (2, 1, 1)), (3.4, (2, 1, 1))):
         port.clear()
         await port.frame(whole, Flaws(gaps={len(GOOD): port.bits(gap)}))
         assert port.outcome() == outcome, f"{gap} characters: {port.outcome()}"

@@ -12,14 +12,21 @@ import pytest
 from cocotb.triggers import Timer
 
 from tb.agents import rtu
-from tb.agents.crc16 import with_crc
+from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
 HERE = Path(__file__).parent
 OWN = 0x11
-STATES = {0b0000: "WAIT", 0b0011: "IDLE", 0b0101: "RECEIVE", 0b0110: "HOLD", 0b1001: "SUSPECT"}
+STATES = {
+    0b0000: "WAIT",
+    0b0011: "IDLE",
+    0b0101: "RECEIVE",
+    0b1010: "EARLY",
+    0b0110: "HOLD",
+    0b1001: "SUSPECT",
+}
 COUNTERS = ("crc", "parity", "framing", "t15", "overrun")
 
 
@@ -37,6 +44,7 @@ class Receiver:
             byte_data=0,
             byte_parity_error=0,
             byte_framing_error=0,
+            half_reached=0,
             short_reached=0,
             long_reached=0,
             write_ready=1,
@@ -78,8 +86,14 @@ class Receiver:
         for value in data:
             await self.byte(value)
 
+    async def half(self) -> None:
+        """Strobe: half a character of silence."""
+        await self.bench.strobe(self.dut.half_reached)
+        await self.bench.clocks(2)
+
     async def short(self) -> None:
-        """Strobe: 1.5 characters of silence."""
+        """Strobes up to 1.5 characters of silence."""
+        await self.half()
         await self.bench.strobe(self.dut.short_reached)
         await self.bench.clocks(2)
 
@@ -117,10 +131,12 @@ OTHER = rtu.build(OWN, rtu.write_register(2, 7))
 
 
 @cocotb.test()
-async def good_frame_is_candidate_at_t15_and_commits_at_t35(dut):
+async def good_frame_is_candidate_after_half_a_character_and_commits_at_t35(dut):
     rx = await Receiver(dut).start()
     await rx.bytes(GOOD)
     assert rx.outcome() == (0, 0, 0)
+    await rx.half()
+    assert rx.outcome() == (1, 0, 0)
     await rx.short()
     assert rx.outcome() == (1, 0, 0)
     assert rx.candidates.values == [(len(GOOD), 0)]
@@ -128,6 +144,39 @@ async def good_frame_is_candidate_at_t15_and_commits_at_t35(dut):
     await rx.long()
     assert rx.outcome() == (1, 1, 0)
     assert rx.counted() == {}
+
+
+@cocotb.test()
+async def a_character_before_t15_continues_the_frame_of_a_candidate(dut):
+    """The first characters are a good frame by chance (FRAME-2): no event, and the whole is served."""
+    rx = await Receiver(dut).start()
+    whole = rtu.with_crc(GOOD + b"\x42\x43")
+    for end, outcome in ((whole, (2, 1, 0)), (whole[:-1] + b"\x00", (1, 0, 0))):
+        rx.clear()
+        await rx.bytes(GOOD)
+        await rx.half()
+        assert rx.outcome() == (1, 0, 0) and rx.stored(len(GOOD)) == GOOD
+        await rx.bytes(end[len(GOOD) :])
+        await rx.silence()
+        assert rx.outcome() == outcome
+        if outcome[1]:
+            assert rx.candidates.values[1] == (len(whole), 0) and rx.stored(len(whole)) == whole
+            assert rx.counted() == {}
+    await rx.frame(OTHER)
+    assert rx.stored(len(OTHER)) == OTHER
+
+
+@cocotb.test()
+async def a_last_byte_of_00_makes_one_candidate(dut):
+    """The bytes before it have a good CRC, too. Without a pause they are no candidate."""
+    rx = await Receiver(dut).start()
+    frame = next(
+        frame
+        for value in range(1 << 16)
+        if (frame := rtu.build(OWN, rtu.write_register(2, value)))[-1] == 0 and crc_good(frame[:-1])
+    )
+    await rx.frame(frame)
+    assert rx.outcome() == (1, 1, 0) and rx.candidates.values == [(len(frame), 0)]
 
 
 @cocotb.test()

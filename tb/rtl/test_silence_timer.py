@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""silence_timer: two limits counted in half characters, paused by activity, restarted by a character.
+"""silence_timer: half a character and two limits, paused by activity, restarted by a character.
 
 test_network_port.py and test_drive_port.py measure the limits from the pin.
 """
@@ -36,6 +36,7 @@ class Timer:
         }
         self.dut = dut
         self.bench = Bench(dut, two_stop=two_stop, **{**inputs, **levels})
+        self.half = Strobes(dut, "half_reached")
         self.short = Strobes(dut, "short_reached")
         self.long = Strobes(dut, "long_reached")
 
@@ -50,8 +51,8 @@ class Timer:
         await self.bench.clocks()
         self.dut.restart.value = 0
         self.begun_ps = self.bench.last_edge_ps()
-        self.short.clear()
-        self.long.clear()
+        for strobes in (self.half, self.short, self.long):
+            strobes.clear()
 
     def ticks(self, strobes: Strobes) -> list[int]:
         """Times of the strobes in ticks since the restart."""
@@ -60,10 +61,11 @@ class Timer:
 
 @cocotb.test()
 @cocotb.parametrize(two_stop=(0, 1))
-async def both_limits_are_reached_once_and_exactly(dut, two_stop):
+async def all_limits_are_reached_once_and_exactly(dut, two_stop):
     timer = await Timer(dut, two_stop).start()
     rest = TWO_STOP_TICKS if two_stop else ONE_STOP_TICKS
     await timer.bench.clocks(3 * LONG)
+    assert timer.ticks(timer.half) == [HALF + rest]
     assert timer.ticks(timer.short) == [SHORT + rest]
     assert timer.ticks(timer.long) == [LONG + rest]
 
@@ -121,7 +123,8 @@ async def silence_counts_from_the_end_of_the_cards_own_reply(dut, two_stop):
     dut.sending.value = 0
     timer.begun_ps = timer.bench.last_edge_ps()
     await timer.bench.clocks(2 * LONG)
-    assert timer.ticks(timer.short) == [SHORT] and timer.ticks(timer.long) == [LONG]
+    ticks = [timer.ticks(strobes) for strobes in (timer.half, timer.short, timer.long)]
+    assert ticks == [[HALF], [SHORT], [LONG]]
 
 
 @cocotb.test()
