@@ -328,7 +328,7 @@ def budget(results: Results) -> str:
                 row += 3 * ["-"]
         rows.append(row)
     return rows_of(
-        "bit/s | t1.5 to t3.5, clocks | worst request | of it | BCC's character, clocks | "
+        "bit/s | candidate to t3.5, clocks | worst request | of it | BCC's character, clocks | "
         "worst reply of the drive | of it",
         rows,
     )

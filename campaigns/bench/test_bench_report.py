@@ -12,7 +12,7 @@ from campaigns.bench import report as bench_report
 from campaigns.bench.card import STANDARD
 from campaigns.bench.work import RANDOM
 from rtl.sources import ROOT
-from tools import panel_picture
+from tools import figures, panel_picture
 
 
 def table_under(first_cell: str) -> list[list[str]]:
@@ -60,12 +60,14 @@ def test_results_counts_add_up() -> None:
 
 
 def test_results_budgets_are_those_of_the_configuration() -> None:
-    rows = table_under("bit/s | t1.5 to t3.5, clocks")
+    rows = table_under("bit/s | candidate to t3.5, clocks")
+    # A page of an older card has that card's budgets.
+    older = figures.older_pages()
     for baud, allowed, worst, share, allowed_drive, worst_drive, share_drive in rows:
-        budgets = bench_report.budgets(STANDARD.clk_hz, int(baud))
-        assert (number(allowed), number(allowed_drive)) == tuple(map(round, budgets))
-        assert number(share) == round(100 * number(worst) / budgets[0]) < 100
-        assert number(share_drive) == round(100 * number(worst_drive) / budgets[1]) < 100
+        budgets = tuple(map(round, bench_report.budgets(STANDARD.clk_hz, int(baud))))
+        assert bench_report.RESULTS.stem in older or (number(allowed), number(allowed_drive)) == budgets
+        assert number(share) == round(100 * number(worst) / number(allowed)) < 100
+        assert number(share_drive) == round(100 * number(worst_drive) / number(allowed_drive)) < 100
 
 
 def test_results_and_pictures_are_of_one_run() -> None:
