@@ -510,7 +510,7 @@ def gate_lanes(drawing: Drawing, seen: Recorded) -> None:
 
 
 def commit() -> Drawing:
-    """A request that the card answers without the drive: t1.5, t3.5 and the reply's first characters."""
+    """A request that the card answers without the drive: candidate, t3.5 and the reply's first characters."""
     with Run() as card:
         card.request(REGISTER)
         seen = card.recorded_now()
@@ -525,13 +525,13 @@ def commit() -> Drawing:
         BIT / 2,
         "1 bit",
     )
-    t15 = drawing.say("candidate after the request", bits(candidate - end))
+    half = drawing.say("candidate after the request", bits(candidate - end))
     t35 = drawing.say("commit after the request", bits(committed - end))
     lead = drawing.say("driver before start bit", bits(reply - seen.pulses("modbus_de")[0][0]))
     out = drawing.say("reply after t3.5", bits(reply - end - 3.5 * CHARACTER_BITS * BIT))
     ready = drawing.say("reply prepared after the candidate", ms(queued - candidate))
     gate_lanes(drawing, seen)
-    drawing.arrows((end, candidate, f"t1.5: {t15}"))
+    drawing.arrows((end, candidate, f"half a character: {half}"))
     drawing.arrows((end, committed, f"t3.5: {t35}"))
     drawing.foot = (
         f"The reply is ready {ready} after the candidate (firmware at 2 MHz)."
@@ -557,13 +557,13 @@ def revoke() -> Drawing:
         BIT,
         "2 bits",
     )
-    t15 = drawing.say("candidate after the request", bits(candidate - end))
+    half = drawing.say("candidate after the request", bits(candidate - end))
     stray_after = drawing.say("character after the request", bits(stray.start - end))
     seen_after = drawing.say("revoke after its start edge", bits(revoked - stray.start))
     assert candidate < seen.after("reply_queued", end) < revoked
     assert seen.none_between("commit", end, end + 100 * BIT) and not seen.pulses("modbus_de")
     gate_lanes(drawing, seen)
-    drawing.arrows((end, candidate, f"t1.5: {t15}"))
+    drawing.arrows((end, candidate, f"half a character: {half}"))
     drawing.arrows((end, stray.start, f"next character: {stray_after}"))
     drawing.foot = f"Revoked {seen_after} after the start edge. Nothing was sent, nothing was changed."
     return drawing
@@ -727,10 +727,10 @@ def network_port() -> Drawing:
         drawing.level(name, seen.edges[name])
     candidate, committed = (seen.after(f"request_{name}", end) for name in ("candidate", "commit"))
     started = seen.after("reply_start", end)
-    t15 = drawing.say("candidate after the request", bits(candidate - end))
+    half = drawing.say("candidate after the request", bits(candidate - end))
     t35 = drawing.say("commit after the request", bits(committed - end))
     lead = drawing.say("first bit after reply_start", bits(reply[0].start - started))
-    drawing.arrows((end, candidate, f"t1.5: {t15}"))
+    drawing.arrows((end, candidate, f"half a character: {half}"))
     drawing.arrows((end, committed, f"t3.5: {t35}"))
     drawing.foot = f"The first start bit leaves {lead} after reply_start."
     return drawing

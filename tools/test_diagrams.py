@@ -31,7 +31,9 @@ def test_diagram_equals_its_run(name):
 def test_another_figure_is_a_difference(later, unit, wrong):
     picture = (DIAGRAMS / "commit.svg").read_text()
     changed, times = re.subn(
-        r"t1\.5: ([0-9.]+) bits", lambda found: f"t1.5: {float(found[1]) + later:.2f} {unit}", picture
+        r"half a character: ([0-9.]+) bits",
+        lambda found: f"half a character: {float(found[1]) + later:.2f} {unit}",
+        picture,
     )
     assert times == 1
     assert (difference(picture, changed) is not None) == wrong

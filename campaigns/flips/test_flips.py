@@ -207,7 +207,7 @@ def test_no_flip_of_the_gate_or_the_sender_makes_a_command(places, moment):
 def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, half):
     """A start, a stop, then the reference alone: that telegram must not carry the start again.
 
-    After a restart the control word is 0. The probes at the end of the trial start the motor: they do not count.
+    After a restart the control word is 0. The probes at the end of a trial start the motor and do not count.
     """
     stop = rtu.build(1, bytes.fromhex("0f 0000 0010 02 3c04"))
     reference = rtu.build(1, bytes.fromhex("0f 0010 0010 02 2222"))
@@ -224,7 +224,8 @@ def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, hal
         _, _, played, _ = trial("test", places, Flip(at, path, 0, 0, "card"), events)
         probes = played.network[13 + 11 + 11].start
         later = [burst.data for burst in played.telegrams if end < burst.rise < probes]
-        assert later and all(data[3:5] in (b"\x04\x3c", b"\0\0") for data in later), f"{after} clocks after t3.5"
+        what = f"{after} clocks after t3.5"
+        assert later and all(data[3:5] in (b"\x04\x3c", b"\0\0") for data in later), what
 
 
 # Modules that detect the end of a frame and react to it.
