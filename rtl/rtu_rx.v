@@ -4,11 +4,13 @@
 // A frame starts with a character after t3.5 of silence. A frame is good if CRC, parity and stop
 // bits are correct and it has 4 to 256 bytes. A good frame for this card or for all becomes the
 // candidate after half a character of silence, and is committed at t3.5. The start bit of a
-// character between the two revokes it (FRAME-6). Before t1.5 the frame goes on with it. The
-// half keeps the last byte but one of a frame from being its end when the last byte is 00.
+// character between the two ends the candidate (FRAME-6). Before t1.5 the frame then goes on;
+// from t1.5 on it is revoked (FRAME-3). Without the half character, a frame whose last byte is
+// 00 would be a candidate twice.
 // The first 32 bytes go to the frame memory; frame_length is the full length, modulo 256
 // (FRAME-5). Two banks alternate. The bank of the newest candidate is not written before a newer
-// candidate exists, so the firmware never reads a mixture of two frames.
+// candidate exists, or before a start bit has ended this one. So the firmware never reads a
+// mixture of two frames.
 //
 // A frame is good only if as many characters began (start_seen) as were stored, so a byte that
 // a flipped bit loses or repeats spoils it. docs/hardening.md, Characters counted twice (SAFE-4)

@@ -34,8 +34,8 @@ from tb.model.wire import GARBLED_BITS, Burst, FarCharacter, LineFormat
 # costs simulation time.
 CLK_HZ = {115200: 7_372_800, 38400: 2_457_600}
 SLOW_CLK_HZ = 2_000_000
-# Limit for the firmware from t1.5, or from the drive's reply, to its answer; measured are up to 8500
-# (docs/reports/results.md).
+# Limit for the firmware from the candidate, or from the drive's reply, to its answer; measured were up to
+# 8500, on an earlier card.
 BUDGET_CLOCKS = 10000
 # Pause of a far end after t3.5 or the drive's reply, before it assumes that the card has finished. It is
 # enough for nearly all answers; later answers meet the next frame.

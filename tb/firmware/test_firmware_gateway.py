@@ -44,7 +44,7 @@ class Bench:
         self.gateway.poll()
 
     def offer(self, pdu: bytes, broadcast: bool = False) -> None:
-        """A request until t1.5."""
+        """A request until it is a candidate."""
         self.mailbox.candidate(pdu, broadcast)
         self.poll()
 
@@ -1214,7 +1214,7 @@ def instructions_until(bench: Bench, happened: str) -> int:
 @pytest.mark.rule("PERF-1", "PERF-2")
 @pytest.mark.parametrize("what", WORST_REQUESTS)
 def test_every_request_is_queued_in_time(what: str):
-    """At the highest rates t1.5 to t3.5 take 1000 us: 12000 clocks, 4 to 5 per instruction."""
+    """At the highest rates the candidate comes 1500 us before t3.5: 18000 clocks, 4 to 5 per instruction."""
     bench = Bench(Machine)
     bench.local(H("06 0000 0500"))
     bench.mailbox.candidate(WORST_REQUESTS[what])

@@ -134,7 +134,7 @@ class FakeMailbox:
     # ------------------------------------------------------------ what happens on the network line
 
     def candidate(self, pdu: bytes, broadcast: bool = False) -> None:
-        """A good frame, then t1.5 of silence."""
+        """A good frame, then half a character of silence."""
         self._play("candidate", 1, pdu, len(pdu), broadcast)
 
     # ------------------------------------------------------------ what happens on the drive line

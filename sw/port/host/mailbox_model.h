@@ -58,7 +58,7 @@ void mailbox_restart(struct mailbox *m); /* the watchdog restarts the firmware (
 uint32_t mailbox_on_read(struct mailbox *m, uint32_t offset);
 void mailbox_on_write(struct mailbox *m, uint32_t offset, uint32_t value);
 
-/* The network line: a good frame and t1.5, t3.5, a character of somebody. number is not 0. */
+/* The network line: a good frame and half a character, t3.5, a character of somebody. number is not 0. */
 void mailbox_candidate(struct mailbox *m, uint32_t number, const uint8_t *pdu, uint32_t length, uint32_t broadcast);
 void mailbox_commit(struct mailbox *m);
 void mailbox_character(struct mailbox *m);
