@@ -9,6 +9,10 @@
 // Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
 // either side. A low that is too short for a start bit stops the count and does not restart it.
 //
+// BREAKS, with BREAK_TOLERANT = 1: a break is a character of zeros without a stop bit, low from its start bit's vote to that
+// of its stop bit, after a good frame or a reply and nothing but breaks (FRAME-3). The low that it leaves is silent, too. No
+// commit comes after any other character, nor while a low may be one.
+//
 // Assumed: a reply starts on a quiet line only (proved for mailbox), the memory answers within two clocks (bus_arbiter:
 // within one), switches do not move. The reply's length may have any value and may change at any time.
 
@@ -61,6 +65,38 @@ initial assume (rst);
 (* hierconn *) wire [3:0] \watch_i.lows ;
 (* hierconn *) wire \watch_i.low_seen ;
 (* hierconn *) wire \silence_i.long_over ;
+`ifdef BREAKS
+(* hierconn *) wire \rtu_rx_i.may_break ;
+(* hierconn *) wire \g_breaks.breaks_i.held ;
+(* hierconn *) wire \g_breaks.breaks_i.after_frame ;
+(* hierconn *) wire \g_breaks.breaks_i.break_i.held ;
+(* hierconn *) wire \g_breaks.breaks_i.break_i.opposite ;
+(* hierconn *) wire [7:0] \uart_i.shift ;
+(* hierconn *) wire \uart_i.parity ;
+(* hierconn *) wire \uart_i.parity_wrong ;
+(* hierconn *) wire \uart_i.stop_missing ;
+wire [7:0] g_shift = \uart_i.shift ;
+always @(posedge clk) if (g_past) assume ($stable(parity_odd));
+reg g_follows = 1'b0;  // since a good frame, or while all is dropped, nothing but breaks began
+reg g_undecided = 1'b0;  // so it was at the present start bit, and the line was low since: it may be a break
+wire g_is_break = rx_valid && g_undecided;
+reg g_in_break = 1'b0;  // the low that a break has left
+always @(posedge clk) begin
+  if (start_seen) g_follows <= 1'b0;
+  else if (\rtu_rx_i.may_break ) g_follows <= 1'b1;
+  if (line || rx_valid || de) g_undecided <= 1'b0;
+  else if (uart_start) g_undecided <= g_follows;
+  if (line) g_in_break <= 1'b0;
+  else if (g_is_break) g_in_break <= 1'b1;
+  if (rst) {g_follows, g_undecided, g_in_break} <= 3'd0;
+end
+`else
+wire g_is_break = 1'b0;
+wire g_in_break = 1'b0;
+wire g_undecided = 1'b0;
+`endif
+wire g_byte = rx_valid && !g_is_break;  // the last clock of a character that is no break
+wire g_on_line = rx_busy && !g_in_break;  // a character, or what may be one
 wire [8:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
 wire g_damaged = \silence_i.damaged ;
@@ -114,8 +150,8 @@ reg g_start = 1'b0;
 reg g_start_before = 1'b0;
 reg [12:0] g_silent_start = 13'd0;  // silence when the reply started
 always @(posedge clk) begin
-  if (tick16 && synced && !rx_busy && g_silent != 13'h1FFF) g_silent <= g_silent + 13'd1;
-  if (rx_valid || de || rst) begin
+  if (tick16 && ((synced && !rx_busy) || g_in_break) && g_silent != 13'h1FFF) g_silent <= g_silent + 13'd1;
+  if (g_byte || de || rst) begin
     g_silent <= 13'd0;
     g_own <= de;
   end
@@ -137,6 +173,15 @@ always @(posedge clk) begin
   else if (tx_valid && tx_ready) g_taken <= g_taken + 6'd1;
 end
 
+`ifdef BREAKS
+// A reply starts in a break: the UART leaves it with the tick after DE has risen.
+wire g_break_start = (g_uart == 5'b10000 || g_uart == 5'd0) && !g_driving && g_high <= 16'd1;
+wire g_break_watch = \watch_i.lows == 4'd10 && g_high <= 16'd1;
+`else
+wire g_break_start = 1'b0;
+wire g_break_watch = 1'b0;
+`endif
+
 // Ticks of 3.5 characters: of 11 bits, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit two ticks are
 // added, the rest of that bit, and the second stop bit.
 wire [12:0] g_limit = half_end == 9'd18 ? 13'd7 : half_end == 9'd105 ? 13'd616 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
@@ -144,12 +189,12 @@ wire [12:0] g_head = g_own ? 13'd0 : two_stop ? 13'd18 : 13'd2;
 always @(posedge clk) begin
   if (g_past) begin
     // SAFE-2: a quiet line is silent and has been for 3.5 characters.
-    a_silent : assert (!quiet || (synced && g_silent >= g_limit + g_head));
+    a_silent : assert (!quiet || ((synced || g_in_break) && g_silent >= g_limit + g_head));
     // FRAME-6: and so is the line at a commit, whose pin may be low for a moment (LINE-5).
     a_commit_silent : assert (!g_line_silent || g_silent >= g_limit + g_head);
     // commit_gate relies on these.
     a_begun : assert (!(start_seen && g_line_silent));
-    a_quiet : assert (quiet == (g_line_silent && synced));
+    a_quiet : assert (quiet == (g_line_silent && (synced || g_in_break)));
     // DE rises only two clocks after a start, and that start was in such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= g_limit));
     // DE falls with the reply, and the receiver is deaf to the reply (LINE-6).
@@ -164,7 +209,7 @@ always @(posedge clk) begin
     a_deaf : assert (!de || !(rx_valid || start_seen));
     // request_fate relies on this, for the start bits that the UART saw and for those that start_watch saw.
     a_start_not_silent : assert (!(start_seen && g_line_silent));
-    a_not_quiet : assert (!(de || rx_busy || rx_valid) || !g_line_silent);
+    a_not_quiet : assert (!(de || g_on_line || rx_valid) || !g_line_silent);
     // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
     a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_reported);
     a_reset : assert (!g_rst || !(de || sending || g_line_silent || candidate || commit || revoke));
@@ -202,8 +247,8 @@ always @(posedge clk) begin
   if (!g_pulses(g_samples_next) || reply_start || sending || de) g_calm <= 1'b0;
   else if (rx_valid) g_calm <= !rx_framing_error && g_pulses(g_samples);
   if (rx_valid) {g_highs, g_lows} <= 26'd0;
-  g_awaits <= (candidate || g_awaits) && !commit && !revoke && !start_seen && !rx_valid;
-  g_long <= long_silent && !rx_valid;
+  g_awaits <= (candidate || g_awaits) && !commit && !revoke && !start_seen && !g_byte;
+  g_long <= long_silent && !g_byte;
   if (de) g_awaits <= 1'b0;  // no reply starts then (commit_gate)
   if (rst) {g_calm, g_awaits, g_long} <= 3'd0;
   if (g_highs[12] || g_lows[12]) g_calm <= 1'b0;
@@ -245,8 +290,8 @@ always @(posedge clk) begin
     i_long : assert (!\silence_i.long_over || long_silent);
     i_bank_halves : assert (\rtu_rx_i.bank_i.opposite == !\rtu_rx_i.bank_i.held );
     i_watch : assert (\watch_i.lows < 4'd2 || g_rst || (g_uart != 5'd0 && !g_driving && (line || g_votes == 2'b00)));
-    i_watch_start : assert (!g_start || \watch_i.lows <= 4'd3);
-    i_watch_de : assert (!de || \watch_i.lows <= (g_high <= 16'd2 ? 4'd4 + {2'd0, g_high[1:0]} : 4'd0));
+    i_watch_start : assert (!g_start || \watch_i.lows <= 4'd3 || g_break_watch);
+    i_watch_de : assert (!de || g_break_watch || \watch_i.lows <= (g_high <= 16'd2 ? 4'd4 + {2'd0, g_high[1:0]} : 4'd0));
     i_watch_vote : assert (\watch_i.lows == 4'd0 || !g_votes[0]);
     i_driving_deaf : assert (!g_driving || line);
     i_low_seen : assert (!\watch_i.low_seen || (g_uart != 5'd0 && !g_driving && !de));
@@ -259,6 +304,51 @@ always @(posedge clk) begin
         (\rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101) && \rtu_rx_i.begun_bank != frame_bank));
   end
 end
+
+// ---- breaks
+`ifdef BREAKS
+reg g_since = 1'b0;  // since the newest candidate there was no character, in the UART's view, but breaks
+always @(posedge clk) begin
+  g_since <= (candidate || g_since) && !g_byte && !rst;
+end
+wire g_rtu_ours = \rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101;
+wire g_voted = g_uart[1] || g_uart[2] || g_uart[3];
+wire g_first_bit = g_uart[1] && g_bits == 3'd0;
+wire [3:0] g_voted_ticks = g_phase ^ 4'd8;  // since the vote on the start bit, in the first bit
+always @(posedge clk) begin
+  if (g_past) begin
+    // FRAME-3: only a character of zeros without a stop bit is a break.
+    a_break : assert (!g_is_break || (rx_data == 8'd0 && rx_framing_error && rx_parity_error == (parity_enable && parity_odd)));
+    // FRAME-3, FRAME-6: no commit after any other character, and none while the line may be in one.
+    a_no_character : assert (!commit || ((candidate || g_since) && !g_undecided));
+    a_undecided : assert (!g_undecided || (!g_line_silent && !quiet && !half_reached && !short_reached && !long_reached));
+    i_break_held : assert (\g_breaks.breaks_i.held == g_undecided);
+    i_break_after : assert (\g_breaks.breaks_i.after_frame == g_follows);
+    i_break_low : assert (\g_breaks.breaks_i.break_i.held == g_in_break && \g_breaks.breaks_i.break_i.opposite == !g_in_break);
+    i_break_uart : assert (!g_in_break || (g_uart == 5'b10000 && !g_driving));
+    i_voted : assert (!g_undecided || ((g_voted || rx_valid) && !g_driving));
+    i_begins_low : assert (!uart_start || (!g_undecided && g_first_bit && g_phase == 4'd8 && !rx_valid && (g_driving || g_votes != 2'b11)));
+    i_start_phase : assert (!(g_uart[0] && !g_driving) || g_phase <= 4'd7);
+    i_limit_idle : assert (!(half_reached || short_reached || \silence_i.long_over ) ||
+        (!rx_valid && !g_undecided && !uart_start && !g_driving && (g_uart == 5'd0 || g_uart == 5'b10000 || (g_uart[0] && g_phase == 4'd0))));
+    i_in_place : assert (!g_rtu_receive || \rtu_rx_i.begun_bank == frame_bank);
+    i_in_early : assert (!g_rtu_early || \rtu_rx_i.begun_bank != frame_bank);
+    i_lows : assert (\watch_i.lows <= 4'd10);
+    i_zero_votes : assert (!g_undecided || g_votes == 2'b00 || (g_first_bit && g_phase == 4'd8 && g_votes != 2'b11) ||
+        (g_first_bit && g_phase == 4'd9 && !g_votes[0]));
+    i_zero_bits : assert (!(g_undecided && g_uart[1]) || g_shift >> (4'd8 - {1'b0, g_bits}) == 8'd0);
+    i_zero_shift : assert (!(g_undecided && !g_uart[1]) || g_shift == 8'd0);
+    i_zero_parity : assert (!g_undecided || \uart_i.parity == parity_odd);
+    i_zero_wrong : assert (!(g_undecided && (g_uart[3] || rx_valid)) || \uart_i.parity_wrong == (parity_enable && parity_odd));
+    i_zero_stop : assert (!(g_undecided && rx_valid) || (\uart_i.stop_missing && g_uart == 5'b10000));
+    i_zero_format : assert (!(g_undecided && g_uart[2]) || parity_enable);
+    i_zero_watch : assert (!g_undecided || \watch_i.lows == 4'd10 || (g_first_bit && \watch_i.lows >= g_voted_ticks));
+    i_zero_seen : assert (!(g_undecided && \watch_i.low_seen ) || (g_first_bit && g_voted_ticks <= 4'd12));
+    i_low_watch : assert (!(g_in_break && !line) || (\watch_i.lows == 4'd10 && !\watch_i.low_seen ));
+    i_since : assert (!(g_rtu_hold || g_rtu_early) || !g_rtu_ours || \rtu_rx_i.begun_bank == frame_bank || g_since || candidate);
+  end
+end
+`endif
 
 // ---- helpers for induction
 wire [12:0] g_half = half_end - 13'd17;
@@ -298,7 +388,7 @@ always @(posedge clk) begin
     i_fetch : assert (g_sender == G_IDLE || de || (g_start && g_sender == G_FETCH));
     i_start : assert (!g_start || (g_sender == G_FETCH && !de && !g_de && g_silent_start >= g_limit && g_taken == 6'd0 &&
         g_high == 16'd0 && g_lead == 4'd0 && !g_driving && !g_loaded && !tx_busy && g_index == 5'd0 &&
-        g_uart[4:1] == 4'd0 && g_phase <= 4'd1 && g_unanswered == 2'd0));
+        (g_uart[4:1] == 4'd0 || g_break_start) && (g_phase <= 4'd1 || g_break_start) && g_unanswered == 2'd0));
     i_lead : assert (g_lead <= 4'd9 && (!de || (g_lead == 4'd9 && g_high >= 16'd9) || g_high == {12'd0, g_lead}));
     // Bytes that the UART took.
     i_fetched : assert (g_sender != G_FETCH || g_taken == {1'b0, g_index});
@@ -309,7 +399,7 @@ always @(posedge clk) begin
     // Before the first start bit a false start may be in progress, which the filter ends.
     i_first_byte : assert (!g_before || (g_taken <= 6'd1 && g_loaded == (g_taken == 6'd1)));
     i_none : assert (!(g_before && !g_loaded && de) || g_high <= (g_sender == G_SEND ? 16'd3 : {14'd0, g_unanswered}));
-    i_waiting : assert (!g_before || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd12)));
+    i_waiting : assert (!g_before || g_break_start || (g_uart[4:1] == 4'd0 && g_high <= (g_uart[0] ? 16'd2 + g_phase : 16'd12)));
     i_line : assert (!(de && g_high > 16'd1) || line);
     i_votes : assert (!de || ((g_high < 16'd3 || g_votes[0]) && (g_high < 16'd4 || g_votes[1])));
     i_phase : assert (!(g_before && g_uart[0]) || (g_phase <= 4'd7 && g_phase <= g_high + 16'd2));

@@ -11,6 +11,9 @@
 // reached within a character nor in the clock before, because the vote on a start bit takes time; no two limits
 // are reached at once; the memory takes a character before the next event on the line (bus_arbiter: it never
 // waits). The CRC changes only while a character is on the line. Address switches do not move.
+//
+// BREAKS: start_seen may come later than line_start or not at all, as break_filter delays it and takes breaks out. The
+// zeros of a break leave the CRC's verdict as it is: the division of a remainder is reversible.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -24,6 +27,30 @@ reg g_pending = 1'b0;  // a character was accepted and is not stored or dropped 
 reg g_reached = 1'b0;  // a limit was reached in the clock before
 wire g_limit = half_reached || short_reached || long_reached;
 always @(posedge clk) g_reached <= g_limit;
+`ifdef BREAKS
+wire g_is_break;  // the start bit that was held back was that of a break
+assign g_is_break = $anyseq;
+reg g_withheld = 1'b0;  // a start bit is held back
+always @(posedge clk) begin
+  if (start_seen || rst || deaf) g_withheld <= 1'b0;
+  else if (line_start) g_withheld <= 1'b1;
+  else if (g_is_break) g_withheld <= 1'b0;
+end
+// A start bit is held back only after a good frame or the card's own reply, which leave one of these states.
+wire g_may_hold = may_break || state == S_IDLE;
+always @* begin
+  assume (!start_seen || line_start || g_withheld);
+  assume (!(line_start && (g_character || g_withheld || byte_valid)));
+  assume (!(line_start && !start_seen) || g_may_hold);
+  assume (!(g_withheld && (g_limit || byte_valid)));
+  assume (!(line_start && (g_limit || g_reached || g_pending)));
+end
+`else
+always @* assume (line_start == start_seen);
+`endif
+reg g_cleared = 1'b0;  // in the clock before the CRC began anew
+always @(posedge clk) g_cleared <= crc_clear;
+
 always @* begin
   assume ({1'b0, half_reached} + {1'b0, short_reached} + {1'b0, long_reached} <= 2'd1);
   assume (!(start_seen && (byte_valid || g_character || g_reached)));
@@ -33,7 +60,7 @@ always @* begin
 end
 always @(posedge clk) begin
   if (g_past) assume ($stable(own_address));
-  if (g_past && !g_character) assume ($stable(crc_good));
+  if (g_past && !g_character && !g_cleared) assume ($stable(crc_good));
 end
 
 // ---- the frame by the rules
@@ -203,6 +230,9 @@ always @(posedge clk) begin
     a_foreign : assert (count_foreign == (long_reached && g_good && !g_ours && !g_continued));
     a_one_cause : assert (g_counted <= 3'd1);
     a_no_fault : assert (!fault);
+    // break_filter relies on this: the frame is good up to its last character and none has begun since, or all is dropped.
+    a_may_break : assert (may_break == (BREAK_TOLERANT &&
+        (g_lost || g_good || g_early || (g_unjudged && g_whole && !g_character && !g_pending))));
     a_good_not_counted : assert (!(candidate || commit || count_foreign) || g_counted == 3'd0);
   end
 end
@@ -253,6 +283,9 @@ always @(posedge clk) begin
     i_held : assert (!g_held || frame_bank == g_held_bank);
     i_summed : assert (g_count == 9'd0 || g_first || g_summed == g_count);
     i_new : assert (!g_character || !g_first || g_summed == 9'd0);
+`ifdef BREAKS
+    i_withheld : assert (!g_withheld || (!g_character && (!g_first || g_summed == 9'd0)));
+`endif
     i_over : assert (!g_over || (g_count == 9'd0 && !g_character));
   end
 end

@@ -9,7 +9,9 @@
 // quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
 // start_seen: the UART or start_watch saw a start bit, so one flipped bit hides none from the
 // gate. It comes up to twice for a start bit, and at each later low of ten ticks in a character.
-// fault: see rtu_rx.
+// fault: see rtu_rx and break_filter.
+// BREAK_TOLERANT = 1, for a bus without bias: the low of a character or more after a good frame is
+// silence (FRAME-3). silent and quiet then hold in such a low, too. See break_filter.
 // format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
 // loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
@@ -17,7 +19,8 @@
 
 module network_port #(
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1
+    parameter [0:0] PREPARE_EARLY = 1'b1,
+    parameter [0:0] BREAK_TOLERANT = 1'b0
 ) (
     input  wire                      clk,
     input  wire                      rst,
@@ -77,11 +80,18 @@ module network_port #(
   wire line_ready;
   wire uart_start;
   wire low_seen;
+  wire may_break;
+  wire byte_start;
+  wire byte_valid;
+  wire busy;
+  wire in_break;
+  wire receiver_fault;
+  wire break_fault;
 
   assign write_data = rx_data;
-  wire silent = long_silent && !rx_busy && !rx_valid && !de;
-  assign quiet = silent && synced;
-  assign start_seen = uart_start || low_seen;
+  wire silent = long_silent && !busy && !byte_valid && !de;
+  assign quiet = silent && (synced || in_break);
+  assign fault = receiver_fault || break_fault;
   assign request[`CARD_REQUEST_SILENT_BITS] = silent;
 
   sync_2ff #(
@@ -150,6 +160,39 @@ module network_port #(
       .low_seen(low_seen)
   );
 
+  generate
+    if (BREAK_TOLERANT) begin : g_breaks
+      break_filter breaks_i (
+          .clk(clk),
+          .rst(rst),
+          // line activity
+          .line(line),
+          .receiving(rx_busy),
+          .line_start(uart_start),
+          .watched_start(low_seen),
+          .line_byte(rx_valid),
+          // frame
+          .may_break(may_break),
+          .sending(de),
+          // status
+          .start_seen(byte_start),
+          .any_start_seen(start_seen),
+          .byte_valid(byte_valid),
+          .busy(busy),
+          .in_break(in_break),
+          .fault(break_fault)
+      );
+    end else begin : g_no_breaks
+      assign byte_start = uart_start;
+      assign start_seen = uart_start || low_seen;
+      assign byte_valid = rx_valid;
+      assign busy = rx_busy;
+      assign in_break = 1'b0;
+      assign break_fault = 1'b0;
+      wire unused = &{1'b0, may_break};
+    end
+  endgenerate
+
   silence_timer #(
       .GUARDED(1'b1)
   ) silence_i (
@@ -157,9 +200,9 @@ module network_port #(
       .rst(rst),
       .tick16(tick16),
       // line activity
-      .restart(rx_valid),
+      .restart(byte_valid),
       .sending(de),
-      .busy(rx_busy || !synced),
+      .busy(busy || !(synced || in_break)),
       // configuration
       .half_end(format[`CARD_LINE_HALF_END_BITS]),
       .half_uneven(format[`CARD_LINE_HALF_UNEVEN_BITS]),
@@ -184,16 +227,18 @@ module network_port #(
 
   rtu_rx #(
       .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY)
+      .PREPARE_EARLY(PREPARE_EARLY),
+      .BREAK_TOLERANT(BREAK_TOLERANT)
   ) rtu_rx_i (
       .clk(clk),
       .rst(rst),
       // stream in
-      .byte_valid(rx_valid),
+      .byte_valid(byte_valid),
       .byte_data(rx_data),
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
-      .start_seen(uart_start),
+      .line_start(uart_start),
+      .start_seen(byte_start),
       .half_reached(half_reached),
       .short_reached(short_reached),
       .long_reached(long_reached),
@@ -215,13 +260,14 @@ module network_port #(
       .frame_broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
       .frame_writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
       .frame_bank(request[`CARD_REQUEST_BANK_BITS]),
+      .may_break(may_break),
       .count_crc(events[`MBX_EVENTS_CRC_BITS]),
       .count_parity(events[`MBX_EVENTS_PARITY_BITS]),
       .count_framing(events[`MBX_EVENTS_FRAMING_BITS]),
       .count_t15(events[`MBX_EVENTS_T15_BITS]),
       .count_overrun(events[`MBX_EVENTS_OVERRUN_BITS]),
       .count_foreign(events[`MBX_EVENTS_FOREIGN_BITS]),
-      .fault(fault)
+      .fault(receiver_fault)
   );
 
   rtu_tx rtu_tx_i (

@@ -20,6 +20,10 @@
 // STRICT_T15 = 0: a frame grows until t3.5.
 // PREPARE_EARLY = 0: candidate and commit come together at t3.5.
 //
+// line_start: start_seen, but in time for the CRC of a character whose start_seen break_filter
+// delays. may_break: level, a break may follow: the frame is good up to its last character and no
+// other has begun, or everything up to the next t3.5 is dropped. 0 without BREAK_TOLERANT.
+//
 // Each discarded frame counts one event, for the first that applies of framing error, parity
 // error, over-length and CRC error. A frame that is continued between t1.5 and t3.5 counts
 // count_t15 instead. count_foreign: a good frame for another unit. frame_writes_coils: the
@@ -31,7 +35,8 @@
 
 module rtu_rx #(
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1
+    parameter [0:0] PREPARE_EARLY = 1'b1,
+    parameter [0:0] BREAK_TOLERANT = 1'b0
 ) (
     input  wire       clk,
     input  wire       rst,
@@ -40,6 +45,7 @@ module rtu_rx #(
     input  wire [7:0] byte_data,
     input  wire       byte_parity_error,
     input  wire       byte_framing_error,
+    input  wire       line_start,
     input  wire       start_seen,
     input  wire       half_reached,
     input  wire       short_reached,
@@ -62,6 +68,7 @@ module rtu_rx #(
     output reg        frame_broadcast,
     output reg        frame_writes_coils,
     output wire       frame_bank,
+    output wire       may_break,
     output wire       count_crc,
     output wire       count_parity,
     output wire       count_framing,
@@ -113,9 +120,18 @@ module rtu_rx #(
   wire kept = length[8:5] == 4'd0;
   wire stored = storing && (write_ready || !kept);
 
-  assign crc_clear   = first && start_seen;
+  assign crc_clear   = first && line_start;
   assign write_valid = storing && kept;
   assign write_addr  = {!frame_bank, length[4:0]};
+
+  generate
+    if (BREAK_TOLERANT) begin : g_breaks
+      wire held = state == S_EARLY || state == S_HOLD;
+      assign may_break = (state == S_RECEIVE && good) || held || state == S_WAIT;
+    end else begin : g_no_breaks
+      assign may_break = 1'b0;
+    end
+  endgenerate
 
   // High for the clock in which a good frame becomes the candidate.
   wire raise_early = state == S_RECEIVE && (half_reached || short_reached) && good;
@@ -230,18 +246,14 @@ module rtu_rx #(
   end
 
 `ifndef SYNTHESIS
-  reg [8*7-1:0] state_name;
-  always @* begin
-    case (state)
-      S_WAIT: state_name = "WAIT";
-      S_IDLE: state_name = "IDLE";
-      S_RECEIVE: state_name = "RECEIVE";
-      S_EARLY: state_name = "EARLY";
-      S_HOLD: state_name = "HOLD";
-      S_SUSPECT: state_name = "SUSPECT";
-      default: state_name = "UNDEF";
-    endcase
-  end
+  wire [8*7-1:0] state_name =
+      state == S_WAIT ? "WAIT" :
+      state == S_IDLE ? "IDLE" :
+      state == S_RECEIVE ? "RECEIVE" :
+      state == S_EARLY ? "EARLY" :
+      state == S_HOLD ? "HOLD" :
+      state == S_SUSPECT ? "SUSPECT" :
+      "UNDEF";
 `endif
 
 endmodule

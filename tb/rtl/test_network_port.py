@@ -342,6 +342,83 @@ async def lenient_gaps_below_t35_inside_a_frame_are_accepted(dut):
     assert port.outcome() == (0, 0, 0)
 
 
+# ---------------------------------------------------------------- BREAK_TOLERANT = 1
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def tolerant_a_low_after_a_good_frame_is_silence(dut, form):
+    """The line stays low until the card drives. The commit comes a character after t3.5 at the latest."""
+    port = await Port(dut, 115_200, form).start()
+    port.memory.memory = b"\x07\x83\x40"
+    dut.reply_length.value = 3
+    for after in (1 / 16, 0.3, port.bits(0.6), port.bits(1.6), port.bits(3.3), port.bits(3.7)):
+        port.clear()
+        end = await port.send(GOOD)
+        await port.line.source.idle(after)
+        port.line.source.hold(0)
+        await port.silence(8)
+        assert port.outcome() == (1, 1, 0) and port.counted() == {}, f"{form}, low after {after} bits"
+        assert -ACCURACY <= late_bits(port, port.commits, end, rtu.t35_ps(115_200)) <= 12.5
+        assert dut.quiet.value == 1 and dut.silent.value == 1, "a reply may start on the low line"
+        await port.bench.strobe(dut.reply_start)
+        reply = await port.line.monitor.frame(1e12, gap_bits=3)
+        assert reply.ok and reply.data == rtu.with_crc(b"\x07\x83\x40")
+        await port.silence(8)  # low after the reply, too
+        port.line.source.hold(1)
+        await port.silence(1)
+    port.line.check_direction()
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def tolerant_nothing_commits_or_starts_while_a_low_may_be_a_character(dut, form):
+    """The low begins just before t3.5; the line is not silent until a whole character was low."""
+    port = await Port(dut, 115_200, form).start()
+    end = await port.send(GOOD)
+    await port.line.source.idle(port.bits(3.5) - 1)
+    port.line.source.hold(0)
+    await port.line.source.idle(9)
+    assert port.outcome() == (1, 0, 0) and dut.silent.value == 0 and dut.quiet.value == 0
+    port.line.source.hold(1)  # it was a character
+    await port.silence()
+    assert port.outcome() == (1, 0, 1), f"{form}: {end}"
+
+
+@cocotb.test()
+@cocotb.parametrize(form=FORMATS)
+async def tolerant_a_character_revokes_as_before(dut, form):
+    """00 with a good stop bit, 80 without one, and a break inside a frame."""
+    port = await Port(dut, 115_200, form).start()
+    for byte, bad in ((0, ()), (0x80, (0,)), (0xFF, ())):
+        for after in (1.6, 3.4):
+            port.clear()
+            await port.send(GOOD)
+            await port.line.source.idle(port.bits(after))
+            await port.frame(bytes([byte]), Flaws(bad_stop=bad))
+            assert port.outcome() == (1, 0, 1), f"{form}: {byte:02X}h after {after} characters"
+    port.clear()
+    await port.send(GOOD[:5])
+    await port.line.source.send_break(14)
+    await port.frame(GOOD[5:])
+    assert port.outcome() == (0, 0, 0) and port.counted() == {"framing": 1}, "a break inside a frame"
+    port.clear()
+    await port.frame(GOOD)
+    assert port.outcome() == (1, 1, 0)
+
+
+@cocotb.test()
+async def tolerant_a_request_after_a_break_has_its_own_crc(dut):
+    """Its first start bit is held back. 00 comes as a whole before that is decided."""
+    port = await Port(dut).start()
+    for address in (OWN, 0):
+        await port.frame(GOOD)
+        await port.line.source.send_break(20, 30)
+        port.clear()
+        await port.frame(rtu.build(address, rtu.write_register(2, 7)))
+        assert port.outcome() == (1, 1, 0) and dut.frame_broadcast.value == (address == 0)
+
+
 # ---------------------------------------------------------------- bad characters, noise
 
 
@@ -523,12 +600,30 @@ COMMON = [
 ]
 
 
+# Of these, those of many frames or of one frame a register.
+LONG = [
+    "frames_of_up_to_256_bytes_are_candidates",
+    "strict_no_flip_of_the_state_of_the_uart_hides_a_start_bit",
+    "strict_character_after_a_good_frame_revokes_it_before_t35",
+    "strict_a_flipped_bit_in_the_silence_timer_causes_no_early_commit",
+    "strict_a_flipped_bit_in_the_uart_hides_no_start_bit",
+    "a_pulse_at_the_commit_leaves_the_line_silent",
+]
+
+
 @pytest.mark.rule(
     *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
     *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "LOOP-1"),
 )
 def test_network_port(sim):
-    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=COMMON)
+    what = rf"(?!{'|'.join(LONG)})({'|'.join(COMMON)})"
+    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
+
+
+@pytest.mark.slow("icarus")
+@pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-6", "LINE-5", "SAFE-4")
+def test_network_port_at_length(sim):
+    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=LONG)
 
 
 @pytest.mark.slow("icarus")
@@ -539,12 +634,14 @@ def test_silences_at_every_rate(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FRAME-8", "LINE-5")
 def test_reply_to_a_slow_sender(sim):
     what = "first_bit_of_a_reply_is_never_early_for_any_sender"
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FRAME-3")
 def test_network_port_lenient(sim):
     parameters = {"STRICT_T15": 0}
@@ -558,6 +655,20 @@ def test_network_port_lenient(sim):
     )
 
 
+@pytest.mark.slow("icarus")
+@pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-8", "SAFE-2")
+def test_network_port_on_a_bus_without_bias(sim):
+    run(
+        "network_line",
+        "tb.rtl.test_network_port",
+        sim=sim,
+        extra_sources=[WRAPPER],
+        parameters={"BREAK_TOLERANT": 1},
+        testcase=["tolerant_.*", "a_pulse_at_the_commit_leaves_the_line_silent"],
+    )
+
+
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("LINE-5")
 def test_a_pulse_at_the_commit_of_a_port_that_does_not_prepare_early(sim):
     run(
