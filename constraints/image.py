@@ -4,9 +4,9 @@
     python -m constraints.image BOARD FIRMWARE.hex [--output FILE]
 
 The design was placed and routed with random words in the firmware memory (constraints/synth.py). These words
-locate the memory's bits: icebram does so on iCE40, this program on MachXO2 and ECP5, in nextpnr's text
-configuration, and on Gowin in its routed design, which is then packed. No other bits change, so the bitstream
-equals that of a full build with that firmware. A MachXO2 gets a .jed for its own flash beside the bitstream.
+locate the memory's bits: in nextpnr's text configuration, and on Gowin in the routed design, which is then
+packed. No other bits change, so the bitstream equals that of a full build with that firmware. A MachXO2 gets
+a .jed for its own flash beside the bitstream.
 Exit 2, with one line, for an image that the card would refuse, wrong check sums, or a design from other
 Verilog, pins or tools.
 """
@@ -27,7 +27,7 @@ from constraints import jedec
 from constraints.boards import Board, board
 from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError
-from sw.tools.bin2hex import WORD_BITS, hex_line, with_parity, without_parity
+from sw.tools.bin2hex import WORD_BITS, with_parity, without_parity
 from sw.tools.seal import adds_up
 
 BUILD = ROOT / "build/synth"
@@ -44,6 +44,9 @@ WORD = re.compile(rf"[0-9a-fA-F]{{{WORD_BITS // 4}}}")
 # A memory in nextpnr's text configuration: rows of 9-bit words.
 MEMORY = re.compile(r"^(\.bram_init \d+\n)((?:[0-9a-f]{3}[ \n])+)", re.MULTILINE)
 RAW_BITS = 9
+# The same on iCE40: 16 lines of 16 rows, the last row of a line first. A row holds one to eight addresses.
+ICE40_MEMORY = re.compile(r"^(\.ram_data \d+ \d+\n)((?:[0-9a-f]{64}\n){16})", re.MULTILINE)
+ICE40_ROWS, ICE40_STEPS = 256, (1, 2, 4, 8)
 # Parameters of a Gowin block RAM with nine-bit bytes: 64 rows of 32 bytes.
 GOWIN_INIT, GOWIN_INIT_BITS = "INIT_RAM_", 288
 # Data bits at an address, for each width of a block RAM. Up to 4, several addresses share 8 of the 9 bits.
@@ -196,6 +199,39 @@ def replace(text: str, old: list[int], new: list[int]) -> str:
     return text
 
 
+# ---------------------------------------------------------------- iCE40
+
+
+def replace_ice40(text: str, old: list[int], new: list[int]) -> str:
+    """As `replace`; a block RAM that holds bits of two banks may occur twice, once for each."""
+    known = {
+        column(old[at::step], 0, bit, ICE40_ROWS): (at, step, bit)
+        for step in ICE40_STEPS
+        for first in range(0, len(old), step * ICE40_ROWS)
+        for at in range(first, first + step)
+        for bit in range(WORD_BITS)
+    }
+    missing = {(word, bit) for word in range(len(old)) for bit in range(WORD_BITS)}
+
+    def replaced(bits: str) -> str:
+        if bits not in known:
+            return bits
+        at, step, bit = known[bits]
+        missing.difference_update((word, bit) for word in range(at, at + step * ICE40_ROWS, step))
+        return column(new[at::step], 0, bit, ICE40_ROWS)
+
+    def patch(match: re.Match[str]) -> str:
+        rows = [int(line[at - 4 : at or None], 16) for line in match[2].split() for at in range(0, -64, -4)]
+        columns = ["".join(bits) for bits in zip(*(f"{row:016b}" for row in rows), strict=True)]
+        rows = [f"{int(''.join(bits), 2):04x}" for bits in zip(*map(replaced, columns), strict=True)]
+        return match[1] + "".join("".join(rows[at : at + 16][::-1]) + "\n" for at in range(0, len(rows), 16))
+
+    text = ICE40_MEMORY.sub(patch, text)
+    if missing:
+        raise ImageError("the firmware memory was not found in the design")
+    return text
+
+
 # ---------------------------------------------------------------- Gowin
 
 
@@ -224,6 +260,8 @@ def replace_routed(text: str, old: list[int], new: list[int]) -> str:
 
 # ---------------------------------------------------------------- all families
 
+REPLACE = {"ice40": replace_ice40, "gowin": replace_routed}
+
 
 def tool(*command: str | Path) -> None:
     """Runs a tool; its sandbox sees this folder by relative names."""
@@ -233,18 +271,6 @@ def tool(*command: str | Path) -> None:
     if done.returncode:
         said = (done.stderr or done.stdout).strip().splitlines()
         raise ImageError(f"{command[0]}: {said[-1] if said else f'ended with {done.returncode}'}")
-
-
-def icebram(design: Path, old: Path, new: Path, patched: Path) -> None:
-    """Runs icebram, which reads the design from standard input and writes it to standard output."""
-    command = [str(Path(sys.executable).parent / "yowasp-icebram")]
-    command += [str(path.relative_to(ROOT)) for path in (old, new)]
-    with design.open() as source, patched.open("w") as target:
-        done = subprocess.run(
-            command, cwd=ROOT, stdin=source, stdout=target, stderr=subprocess.PIPE, text=True, check=False
-        )
-    if done.returncode:
-        raise ImageError(f"yowasp-icebram: {done.stderr.strip().splitlines()[-1]}")
 
 
 def pack(entry: Board, design: Path, packed: Path) -> None:
@@ -280,14 +306,8 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
         raise ImageError(f"{shown} was made from other sources; run `make synth BOARD={entry.name}`")
     pattern = pattern_file(entry)
     patched = folder / f"image{suffix(entry)}"
-    if entry.family == "ice40":
-        # In the design's folder, which the tool can see.
-        beside = folder / "image.hex"
-        beside.write_text("".join(map(hex_line, new)))
-        icebram(design, pattern, beside, patched)
-    else:
-        patch = replace_routed if entry.family == "gowin" else replace
-        patched.write_text(patch(design.read_text(), read_words(pattern, entry), new))
+    patch = REPLACE.get(entry.family, replace)
+    patched.write_text(patch(design.read_text(), read_words(pattern, entry), new))
     packed = folder / f"image{result_suffix(entry)}"
     pack(entry, patched, packed)
     output.parent.mkdir(parents=True, exist_ok=True)

@@ -47,7 +47,7 @@ ABC9 = f"abc9 -lut 4 -dff -script +&sweep;&dc2;&st;{AREA};&st;{AREA}"
 # The other commands are those of synth_lattice and synth_ice40, by their help texts. No carry chains on
 # MachXO2/3: a chain costs two cells per bit and some at its ends. abc9 leaves the second data input of the
 # flip-flops open, hence setundef; other undriven nets are found earlier. A separate clock enable or reset for
-# five flip-flops or fewer costs no cells, but leaves slices half empty: nextpnr then cannot place the whole
+# seven flip-flops or fewer costs few cells, but leaves slices half empty: nextpnr then cannot place the whole
 # card in a LCMXO2-1200. Without them it takes as many cells, and fits.
 FLIP_FLOPS = (
     "-cell $_DFF_?_ 01 -cell $_DFF_?P?_ r -cell $_SDFF_?P?_ r"
@@ -57,7 +57,7 @@ SYNTHESIS = {
     "machxo2": f"""
 synth_lattice -family {{device}} -noccu2 -top {{top}} -run begin:map_ffs
 opt_clean
-dfflegalize {FLIP_FLOPS} -mince 6 -minsrst 6
+dfflegalize {FLIP_FLOPS} -mince 8 -minsrst 8
 synth_lattice -family {{device}} -noccu2 -top {{top}} -run map_ffs:map_luts
 check -noinit -assert
 check -latchonly -assert

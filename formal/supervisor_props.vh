@@ -15,6 +15,7 @@ reg [1:0] g_bites = 2'd0;  // bites since the last exchange
 reg g_halted = 1'b0;
 reg g_closed = 1'b0;
 reg g_good = 1'b0;
+reg g_fault = 1'b0;  // a fault in the clock before
 
 wire g_bite = (g_beats == 2'd3 || core_trap) && g_restart == 2'd0;
 
@@ -23,6 +24,7 @@ always @(posedge clk) begin
   g_beat <= beat;
   g_trap <= core_trap;
   g_good <= drive_good;
+  g_fault <= fault;
   g_restart <= g_bite ? 2'd2 : g_restart == 2'd0 ? 2'd0 : g_restart - 2'd1;
   if (kick || g_bite) g_beats <= 2'd0;
   else if (beat != g_beat) g_beats <= g_beats + 2'd1;
@@ -42,11 +44,11 @@ end
 always @(posedge clk) begin
   if (g_past) begin
     // WDG-1: the soft core restarts for two clocks, only at the third beat or a trap.
-    a_restarts : assert (rst || fault || core_rst == (g_restart != 2'd0));
+    a_restarts : assert (rst || g_fault || core_rst == (g_restart != 2'd0));
     // LED-5: only the third bite, a halt and an invalid address are a fault.
     a_fault : assert (fault == (!rst && (g_halted || g_bites == 2'd3 || (!address_valid && !loopback_open))));
-    // The soft core is in reset during a fault.
-    a_stopped : assert (!fault || core_rst);
+    // The soft core is in reset during a fault, from its second clock on.
+    a_stopped : assert (!g_fault || core_rst);
     // A fault stays until reset.
     a_stays : assert (g_rst || rst || !$past(g_halted || g_bites == 2'd3) || fault);
     // LOOP-1
@@ -61,6 +63,7 @@ always @(posedge clk) begin
     i_bites : assert (bites == g_bites);
     i_restarting : assert (restarting == (g_restart == 2'd2 ? 2'b01 : g_restart == 2'd1 ? 2'b10 : 2'b00));
     i_halted : assert (halted == g_halted && loopback_closed == g_closed && drive_was_good == g_good);
+    i_stopped : assert (stopped == g_fault);
   end
 end
 

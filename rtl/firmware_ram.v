@@ -7,6 +7,8 @@
 // Each byte is stored with an even parity bit above it, in the ninth bit of a block RAM lane.
 // damaged: one clock after rdata; a byte of that word does not match its parity. Two wrong bits
 // in one byte are not detected (docs/hardening.md, Memory parity, SAFE-4).
+// A memory that is not a power of two has banks, because ORed banks need fewer cells and less
+// time than multiplexed block RAMs.
 // FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
 // Rules: TOP-1, TOP-2, SAFE-4.
 `default_nettype none
@@ -27,24 +29,62 @@ module firmware_ram #(
 );
 
   localparam WORDS = BYTES / 4;
+  // The largest power of two that divides WORDS.
+  localparam BANK_WORDS = WORDS & -WORDS;
+  localparam BANKS = WORDS / BANK_WORDS;
+  localparam BANK_BITS = $clog2(BANK_WORDS);
+  localparam WORD_BITS = $clog2(WORDS);
 
-  (* no_rw_check *) reg [35:0] words[0:WORDS-1];
-  reg [35:0] read = 36'd0;
+  wire [35:0] wlanes = {
+    ^wdata[31:24],
+    wdata[31:24],
+    ^wdata[23:16],
+    wdata[23:16],
+    ^wdata[15:8],
+    wdata[15:8],
+    ^wdata[7:0],
+    wdata[7:0]
+  };
+  wire [36*BANKS+35:0] sums;  // from bit 36 * (n + 1): the banks 0 to n, ORed
+  wire [35:0] read = sums[36*BANKS+:36];
   // One tree per byte: abc9 does not cope with one tree of 36 inputs.
   reg [3:0] odd = 4'd0;
 
-  assign rdata   = {read[34:27], read[25:18], read[16:9], read[7:0]};
+  assign rdata = {read[34:27], read[25:18], read[16:9], read[7:0]};
   assign damaged = odd != 4'd0;
+  assign sums[35:0] = 36'd0;
 
-  initial $readmemh(FIRMWARE_HEX, words);
+  genvar n;
+  generate
+    for (n = 0; n < BANKS; n = n + 1) begin : g_bank
+      wire here;
+      wire [35:0] bank_rdata;
+
+      if (BANKS == 1) begin : g_only
+        assign here = 1'b1;
+      end else begin : g_one_of_some
+        assign here = word[WORD_BITS-1:BANK_BITS] == n;
+      end
+      assign sums[36*n+36+:36] = sums[36*n+:36] | bank_rdata;
+
+      ram_bank #(
+          .FIRST(n * BANK_WORDS),
+          .WORDS(BANK_WORDS),
+          .ALL(WORDS),
+          .FIRMWARE_HEX(FIRMWARE_HEX)
+      ) bank_i (
+          .clk(clk),
+          // bus
+          .enable(enable && here),
+          .word(word[BANK_BITS-1:0]),
+          .wdata(wlanes),
+          .wstrb(wstrb & {4{here}}),
+          .rdata(bank_rdata)
+      );
+    end
+  endgenerate
 
   always @(posedge clk) begin
-    if (wstrb[0]) words[word][8:0] <= {^wdata[7:0], wdata[7:0]};
-    if (wstrb[1]) words[word][17:9] <= {^wdata[15:8], wdata[15:8]};
-    if (wstrb[2]) words[word][26:18] <= {^wdata[23:16], wdata[23:16]};
-    if (wstrb[3]) words[word][35:27] <= {^wdata[31:24], wdata[31:24]};
-    if (enable && wstrb == 4'd0) read <= words[word];
-    else read <= 36'd0;
     // With `if`, an X in a simulator does not count as damage. The soft core saves registers
     // to memory before it has written them.
     odd <= 4'd0;

@@ -4,6 +4,7 @@ regs/generated/card_tables.v
 rtl/baud_base.v
 rtl/baud_divider.v
 rtl/bcc.v
+rtl/break_filter.v
 rtl/bus_arbiter.v
 rtl/card_time.v
 rtl/crc16_modbus.v
@@ -25,6 +26,7 @@ rtl/mailbox_regs.v
 rtl/network_port.v
 rtl/prim/guarded_bit.v
 rtl/prim/parity_guard.v
+rtl/ram_bank.v
 rtl/reset_sync.v
 rtl/rs485_dir.v
 rtl/rtu2fc.v

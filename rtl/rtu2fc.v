@@ -10,7 +10,8 @@
 // the first of its list of files. SOFT_CORE: see soft_core. PLACES: committed writes that can
 // wait, see commit_gate. DE_LIMIT: LIMIT of driver_limit. MASTER_LOSS_STOP: 1, the card may stop
 // the drive when the master is lost, if the firmware has the option of that name; see master_loss
-// and docs/guide/master-loss.md. Rules: TOP-1, TOP-2.
+// and docs/guide/master-loss.md. BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it;
+// see break_filter. Rules: TOP-1, TOP-2.
 `default_nettype none
 
 module rtu2fc #(
@@ -21,6 +22,7 @@ module rtu2fc #(
     parameter [1:0] PLACES = `CONFIG_PLACES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1,
+    parameter [0:0] BREAK_TOLERANT = 1'b0,
     parameter [0:0] DE_LIMIT = 1'b1,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
@@ -182,7 +184,8 @@ module rtu2fc #(
 
   network_port #(
       .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY)
+      .PREPARE_EARLY(PREPARE_EARLY),
+      .BREAK_TOLERANT(BREAK_TOLERANT)
   ) network_i (
       .clk(clk),
       .rst(rst || fault),

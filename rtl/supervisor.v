@@ -44,12 +44,15 @@ module supervisor #(
   reg halted = 1'b0;
   reg loopback_closed = 1'b0;
   reg drive_was_good = 1'b0;
+  // fault, one clock later. Without it the longest path of the card goes from the switches'
+  // parity to the soft core's bus.
+  reg stopped = 1'b0;
 
   wire bite = (idle_beats == 2'd3 || core_trap) && restarting == 2'b00;
 
   assign loopback_open = !loopback_closed && sw_baud == LOOPBACK_SWITCHES;
   assign fault = !rst && (halted || bites == 2'd3 || (!address_valid && !loopback_open));
-  assign core_rst = rst || fault || restarting != 2'b00;
+  assign core_rst = rst || stopped || restarting != 2'b00;
 
   always @(posedge clk) begin
     // Two clocks, so that an access under way is answered before the next one begins.
@@ -58,6 +61,7 @@ module supervisor #(
     if (beat != beat_before) idle_beats <= idle_beats + 2'd1;
     if (kick || bite) idle_beats <= 2'd0;
     drive_was_good <= drive_good;
+    stopped <= fault;
     if (!fault && (reply_start || (drive_good && !drive_was_good))) bites <= 2'd0;
     if (bite && !fault) bites <= bites + 2'd1;
     if (halt) halted <= 1'b1;

@@ -31,6 +31,25 @@ void Vrtu2fc___024root___eval_settle(Vrtu2fc___024root* vlSelf);
 
 namespace harness {
 
+#define BANK(k) rtu2fc__DOT__ram_i__DOT__g_bank__BRA__##k##__KET____DOT__bank_i__DOT__words
+
+// The bank that holds a word. Each has an array for all words (rtl/ram_bank.v). A card has one bank or three,
+// and the model with three is chosen where it compiles.
+template <class Root>
+auto bank_of(const Root& root, std::size_t word, int) -> const decltype(root.BANK(2))& {
+  switch (3 * word / root.BANK(0).size()) {
+    case 0: return root.BANK(0);
+    case 1: return root.BANK(1);
+    default: return root.BANK(2);
+  }
+}
+template <class Root>
+auto bank_of(const Root& root, std::size_t, long) -> const decltype(root.BANK(0))& {
+  return root.BANK(0);
+}
+
+#undef BANK
+
 // Signals of the card, each a bit in a word of levels. Same order as SIGNALS in sim/harness/simulated_card.py.
 enum Signal : unsigned {
   kModbusTx,
@@ -145,7 +164,7 @@ class CardModel {
 
   // A word of the firmware memory, without the parity bit of each byte.
   std::uint32_t memory_word(std::size_t word) const {
-    const auto& words = top_->rootp->rtu2fc__DOT__ram_i__DOT__words;
+    const auto& words = bank_of(*top_->rootp, word, 0);
     std::uint32_t data = 0;
     for (unsigned byte = 0; byte < 4 && word < words.size(); ++byte)
       data |= static_cast<std::uint32_t>(words[word] >> (9 * byte) & 0xFF) << (8 * byte);
