@@ -140,19 +140,15 @@ module fc_rx (
   end
 
 `ifndef SYNTHESIS
-  reg [8*4-1:0] state_name;
-  always @* begin
-    case (state)
-      S_HUNT:  state_name = "HUNT";
-      S_LGE:   state_name = "LGE";
-      S_ADR:   state_name = "ADR";
-      S_DATA:  state_name = "DATA";
-      S_BCC:   state_name = "BCC";
-      S_GOOD:  state_name = "GOOD";
-      S_BAD:   state_name = "BAD";
-      default: state_name = "OFF";
-    endcase
-  end
+  wire [8*4-1:0] state_name =
+      state == S_HUNT ? "HUNT" :
+      state == S_LGE ? "LGE" :
+      state == S_ADR ? "ADR" :
+      state == S_DATA ? "DATA" :
+      state == S_BCC ? "BCC" :
+      state == S_GOOD ? "GOOD" :
+      state == S_BAD ? "BAD" :
+      "OFF";
 `endif
 
 endmodule

@@ -99,17 +99,13 @@ module fc_tx (
   end
 
 `ifndef SYNTHESIS
-  reg [8*5-1:0] state_name;
-  always @* begin
-    case (state)
-      S_STX:   state_name = "STX";
-      S_LGE:   state_name = "LGE";
-      S_FETCH: state_name = "FETCH";
-      S_SEND:  state_name = "SEND";
-      S_DRAIN: state_name = "DRAIN";
-      default: state_name = "IDLE";
-    endcase
-  end
+  wire [8*5-1:0] state_name =
+      state == S_STX ? "STX" :
+      state == S_LGE ? "LGE" :
+      state == S_FETCH ? "FETCH" :
+      state == S_SEND ? "SEND" :
+      state == S_DRAIN ? "DRAIN" :
+      "IDLE";
 `endif
 
 endmodule

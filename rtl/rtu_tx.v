@@ -79,17 +79,13 @@ module rtu_tx (
   end
 
 `ifndef SYNTHESIS
-  reg [8*8-1:0] state_name;
-  always @* begin
-    case (state)
-      S_FETCH: state_name = "FETCH";
-      S_SEND: state_name = "SEND";
-      S_CRC_LOW: state_name = "CRC_LOW";
-      S_CRC_HIGH: state_name = "CRC_HIGH";
-      S_DRAIN: state_name = "DRAIN";
-      default: state_name = "IDLE";
-    endcase
-  end
+  wire [8*8-1:0] state_name =
+      state == S_FETCH ? "FETCH" :
+      state == S_SEND ? "SEND" :
+      state == S_CRC_LOW ? "CRC_LOW" :
+      state == S_CRC_HIGH ? "CRC_HIGH" :
+      state == S_DRAIN ? "DRAIN" :
+      "IDLE";
 `endif
 
 endmodule

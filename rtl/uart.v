@@ -164,17 +164,13 @@ module uart (
   wire parity_flaw = byte_valid && byte_parity_error;
   wire framing_flaw = byte_valid && byte_framing_error;
 
-  reg [8*6-1:0] state_name;
-  always @* begin
-    case (1'b1)
-      state == 5'd0: state_name = "IDLE";
-      state[S_START]: state_name = "START";
-      state[S_DATA]: state_name = "DATA";
-      state[S_PARITY]: state_name = "PARITY";
-      state[S_STOP]: state_name = "STOP";
-      default: state_name = "REST";
-    endcase
-  end
+  wire [8*6-1:0] state_name =
+      state == 5'd0 ? "IDLE" :
+      state[S_START] ? "START" :
+      state[S_DATA] ? "DATA" :
+      state[S_PARITY] ? "PARITY" :
+      state[S_STOP] ? "STOP" :
+      "REST";
 `endif
 
 endmodule
