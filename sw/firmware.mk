@@ -43,12 +43,17 @@ FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
 FIRMWARE_LARGE := $(FIRMWARE_DIALECTS:%=build/large/%) build/large
 FIRMWARE_LARGE += $(FIRMWARE_LARGE:build/large%=build/large/all%)
 FIRMWARE_ELFS += $(FIRMWARE_LARGE:%=%/firmware.elf)
+# Linked to be measured only: what the small card would need (sw/tools/fit.py).
+FIRMWARE_FIT := $(addprefix build/fit/,card places builtin hvac_basic refresh stop diagnostics)
 FIRMWARE_CONFIG := standard
+build/fit/%: FIRMWARE_CONFIG := tiny
 $(FIRMWARE_TINY).elf $(FIRMWARE_TINY).hex: FIRMWARE_CONFIG := tiny
 FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
 build/large/%: FIRMWARE_MEMORY = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("constraints/boards.toml", "rb"))["card-gw1n-9"]["memory_bytes"])')
+build/fit/%: FIRMWARE_MEMORY := 16384
 FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),waiting_places)
+build/fit/places/%: FIRMWARE_PLACES := 2
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD
@@ -56,8 +61,11 @@ build/builtin/% build/refresh/builtin/% build/stop/builtin/% build/host/builtin/
 build/large/builtin/% build/large/all/builtin/%: FIRMWARE_DIALECT := BUILTIN
 build/hvac_basic/% build/refresh/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
 build/large/hvac_basic/% build/large/all/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
-build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
-build/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
+build/fit/builtin/%: FIRMWARE_DIALECT := BUILTIN
+build/fit/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
+build/refresh/% build/fit/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
+build/stop/% build/fit/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
+build/fit/diagnostics/%: FIRMWARE_BY_NAME := -DDIAGNOSTICS=1
 build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
 
@@ -67,7 +75,7 @@ build/firmware.options: firmware-options
 	@mkdir -p $(@D)
 	@echo '$(FIRMWARE_DEFINES)' | cmp -s - $@ || echo '$(FIRMWARE_DEFINES)' >$@
 
-$(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
+$(FIRMWARE_ELFS) $(FIRMWARE_FIT:%=%/firmware.elf): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
 		regs/generated/frames.ld sw/firmware.mk configs.toml build/firmware.options | $(SETUP)
 	@mkdir -p $(@D)
 	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) -DPLACES=$(FIRMWARE_PLACES) $(FIRMWARE_OPTIONS) \

@@ -48,9 +48,11 @@ struct gateway {
 
 /* g is all zero. */
 void gateway_init(struct gateway *g);
-void gateway_poll(struct gateway *g);
 
 /* No request and no exchange is in progress. */
 bool gateway_is_idle(const struct gateway *g);
+
+/* Returns whether there is time for other work: the card is idle, and no tick has made this round a long one. */
+bool gateway_poll(struct gateway *g);
 
 #endif

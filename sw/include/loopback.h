@@ -13,6 +13,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "leds.h"
+
 struct loopback {
     uint32_t stage_start;
     uint8_t stage;
@@ -22,8 +24,9 @@ struct loopback {
 /* False if the switches do not select the test, which is closed then. */
 bool loopback_init(struct loopback *l, uint32_t now);
 
-/* One step of the test. show_over: the power-up show is over. True while no request may be served. */
-bool loopback_poll(struct loopback *l, uint32_t now, bool show_over);
+/* One step of the test, which shows its result after the power-up show of the LEDs. True while no request may be
+ * served. */
+bool loopback_poll(struct loopback *l, uint32_t now, const struct leds *leds);
 
 /* The value for the LED register after the power-up show; 0 without a result to show. */
 uint32_t loopback_leds(const struct loopback *l);

@@ -35,16 +35,17 @@ void leds_init(struct leds *leds, uint32_t now)
 uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool drive_online)
 {
     uint32_t state = ALL;
+    uint32_t step = leds->step;
 
     if (now - leds->step_at >= STEP) {
         leds->step_at += STEP;
-        leds->step++;
-        if (leds->step == STEPS)
-            leds->step = SHOW_STEPS;
+        if (++step == STEPS)
+            step = SHOW_STEPS;
+        leds->step = (uint8_t)step;
     }
     if (leds_show_is_over(leds))
         state = (network_online ? NETWORK_GREEN : NETWORK_RED) | (drive_online ? DRIVE_GREEN : DRIVE_RED);
-    return state & steps[leds->step];
+    return state & steps[step];
 }
 
 bool leds_show_is_over(const struct leds *leds)

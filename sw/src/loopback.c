@@ -143,20 +143,22 @@ static void advance(struct loopback *l, uint32_t now, uint32_t passed)
     }
 }
 
-bool loopback_poll(struct loopback *l, uint32_t now, bool show_over)
+bool loopback_poll(struct loopback *l, uint32_t now, const struct leds *leds)
 {
-    const uint32_t passed = now - l->stage_start;
-    const bool result = l->stage == STAGE_RESULT;
+    uint32_t passed;
     uint32_t state;
+    bool result;
 
     if (l->stage == STAGE_OVER)
         return false;
+    passed = now - l->stage_start;
+    result = l->stage == STAGE_RESULT;
     state = mailbox_read(EXCHANGE);
     if (state & MAILBOX__EXCHANGE__LOOPBACK_bm && !(state & MAILBOX__EXCHANGE__SILENT_bm) &&
         (result || passed > UNHEARD))
         finish(l, false, now);
     else if (result)
-        show_result(l, now, show_over);
+        show_result(l, now, leds_show_is_over(leds));
     else
         advance(l, now, passed);
     return (state & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;

@@ -54,7 +54,7 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t i
                                 frame_byte *data, uint32_t bytes)
 {
     uint8_t *at = begin(txn);
-    uint32_t i;
+    uint8_t *to;
 
     at = put_word(put_word(at, ak << 12 | txn->pnu), ind);
     at[0] = 0;
@@ -63,15 +63,14 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t i
     at[3] = 0;
     at += zeros;
     /* Four bytes a step (PERF-2). Up to two bytes after the data come along; PCD takes their place. */
-    for (i = 0; i < bytes; i += 4) {
-        at[i] = data[i].byte;
-        at[i + 1] = data[i + 1].byte;
-        at[i + 2] = data[i + 2].byte;
-        at[i + 3] = data[i + 3].byte;
+    for (to = at + bytes; at < to; at += 4, data += 4) {
+        at[0] = data[0].byte;
+        at[1] = data[1].byte;
+        at[2] = data[2].byte;
+        at[3] = data[3].byte;
     }
-    at += bytes;
     /* Bit 10 of the control word is 0: the drive ignores the process data (FC-5). */
-    return end(txn, at, 0, 0);
+    return end(txn, to, 0, 0);
 }
 
 void telegram_as_text(struct transaction *txn)

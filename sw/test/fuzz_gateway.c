@@ -26,7 +26,7 @@ enum { HELD = TICKS(150) + 6, SENDING = TICKS(40) };
 /* Requests at once: at the drive, one in each place, the newest, and one that it replaced. */
 enum { REQUESTS = PLACES + 3 };
 /* As in main.c, with a smaller image. */
-enum { IMAGE_WORDS = 300, IDLE_WORDS = 2, START_WORDS = 64 };
+enum { IMAGE_WORDS = 300, IDLE_WORDS = 1, START_WORDS = 64 };
 
 struct request {
     uint8_t pdu[PDU_MAX];
@@ -389,8 +389,7 @@ static void poll(void)
     const uint32_t to_see = rounds_to_commit;
     const struct settings *s = &g.translator.settings;
 
-    gateway_poll(&g);
-    if (gateway_is_idle(&g))
+    if (gateway_poll(&g))
         HOLDS(image_step(&image, IDLE_WORDS));
     if (rounds_to_commit != 0 && to_see != 0)
         rounds_to_commit--;
@@ -424,6 +423,9 @@ static void wait(uint32_t polls, uint32_t step)
         if (m.sending && m.ticks - sent_at > SENDING)
             event_telegram_ends();
         poll();
+        /* The exchange sees the time that the round before has read. */
+        if (step > 1)
+            poll();
     }
 }
 
@@ -499,7 +501,7 @@ static void come_to_rest(void)
 
     race_in = 0;
     mailbox_character(&m);
-    for (round = 0; round < 8; round++) {
+    for (round = 0; round < 12; round++) {
         mailbox_pause_over(&m);
         judge();
         poll();

@@ -58,8 +58,8 @@ def test_no_input_breaks_the_firmware(dialect: str, target: str, tmp_path: Path)
 BUGS = {
     "bit 10 in a telegram that is about a parameter": (
         "telegram.c",
-        "    return end(txn, at, 0, 0);",
-        "    return end(txn, at, 0x0400, 0);",
+        "    return end(txn, to, 0, 0);",
+        "    return end(txn, to, 0x0400, 0);",
         "translate",
     ),
     "a run of coils that ends one too far": (
@@ -135,7 +135,11 @@ def test_every_loop_has_its_bound_and_every_bound_its_loop():
 def test_a_loop_without_a_bound_is_reported(tmp_path: Path):
     shutil.copytree(ROOT / "sw/src", tmp_path / "sw/src")
     path = tmp_path / "sw/src/leds.c"
-    path.write_text(path.read_text().replace("leds->step++;", "while (now--)\n            leds->step++;"))
+    path.write_text(
+        path.read_text().replace(
+            "if (++step == STEPS)", "while (now--)\n            step++;\n        if (++step == STEPS)"
+        )
+    )
     assert firmware_loops.differences(tmp_path) == ["leds.c: leds_show: no bound for `while (now--)`"]
 
 

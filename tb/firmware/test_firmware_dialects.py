@@ -17,7 +17,14 @@ import pytest
 from campaigns.fuzz.traffic import DIALECT_PROFILES
 from rtl.sources import ROOT
 from sw.test.host import DIALECTS as HOST_DIALECTS
-from tb.firmware.test_firmware_gateway import DRIVE_GREEN, DRIVE_RED, Bench, instructions_until, lit
+from tb.firmware.test_firmware_gateway import (
+    DRIVE_GREEN,
+    DRIVE_RED,
+    OVERDUE_MS,
+    Bench,
+    instructions_until,
+    lit,
+)
 from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS as MODEL_DIALECTS
@@ -612,7 +619,7 @@ def test_a_silent_drive_gets_one_repeat_and_the_master_no_reply(bench: Bench):
     for attempt in (1, 2):
         assert len(bench.telegrams) == attempt
         bench.telegram_ends()
-        bench.wait(151)
+        bench.wait(150 + OVERDUE_MS)
     bench.wait(1000)
     assert bench.telegrams == [SEND_START, SEND_START]
     assert bench.replies == []
@@ -624,12 +631,12 @@ def test_a_silent_drive_gets_one_repeat_and_the_master_no_reply(bench: Bench):
 def test_the_second_exchange_has_a_repeat_of_its_own(bench: Bench):
     bench.request(READ_TEXT)
     bench.telegram_ends()
-    bench.wait(151)
+    bench.wait(150 + OVERDUE_MS)
     bench.telegram_ends()
     bench.drive(NO_NUMBER)
     assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER, ASK_TEXT]
     bench.telegram_ends()
-    bench.wait(151)
+    bench.wait(150 + OVERDUE_MS)
     assert bench.telegrams[3:] == [ASK_TEXT]
     bench.telegram_ends()
     bench.drive(TELL_TEXT)
@@ -641,7 +648,7 @@ def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
     refused_number(bench)
     for _ in range(2):
         bench.telegram_ends()
-        bench.wait(151)
+        bench.wait(150 + OVERDUE_MS)
     bench.wait(3000)
     assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, ASK_TEXT]
     assert bench.replies == []

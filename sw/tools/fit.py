@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes that each dialect and each option needs on the small card: the table of docs/guide/limits.md.
+
+    python -m sw.tools.fit
+
+Each is linked for a larger memory: code, constants and variables, then the stack and the frames.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+
+from rtl.command import run_main
+from rtl.sources import ROOT
+
+CONFIG = "tiny"
+SHOWN = {
+    "card": "dialect `card`",
+    "places": "`card` with a place for a unicast write that waits (FRAME-7)",
+    "builtin": "dialect `builtin`",
+    "hvac_basic": "dialect `hvac_basic`, which has DIAGNOSTICS",
+    "refresh": "`card` with STATUS_REFRESH",
+    "stop": "`card` with MASTER_LOSS_STOP",
+    "diagnostics": "`card` with DIAGNOSTICS",
+}
+
+
+def number(path: str, pattern: str) -> int:
+    return int(re.search(pattern, (ROOT / path).read_text(), re.MULTILINE)[1])
+
+
+def needed(name: str) -> int:
+    """Bytes of memory, stack and frames included."""
+    elf = f"build/fit/{name}/firmware.elf"
+    make = ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", elf]
+    subprocess.run(make, cwd=ROOT, check=True)
+    symbols = subprocess.run(
+        ["riscv64-unknown-elf-nm", elf], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout
+    end = int(re.search(r"^(\w+) \w _bss_end$", symbols, re.MULTILINE)[1], 16)
+    stack = number("sw/firmware.mk", r"^FIRMWARE_STACK := (\d+)$")
+    frames = number("regs/generated/frames.ld", r"FRAMES_BYTES = (\d+)")
+    return end + stack + frames
+
+
+def table() -> list[str]:
+    """Rows of Markdown: what, its bytes, and the bytes that are left or missing."""
+    memory = tomllib.loads((ROOT / "configs.toml").read_text())[CONFIG]["memory_bytes"]
+    rows = [f"| on `{CONFIG}` | bytes of {memory} | |", "|---|---:|---|"]
+    for name, shown in SHOWN.items():
+        size = needed(name)
+        fits = f"fits, {memory - size} left" if size <= memory else f"{size - memory} too many"
+        rows.append(f"| {shown} | {size} | {fits} |")
+    return rows
+
+
+def main() -> int:
+    print("\n".join(table()))
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("fit", main)
