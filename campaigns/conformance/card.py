@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our card as a slave to grade: on its pins, simulated by sim/harness, with a drive that answers."""
+"""Our card as a graded slave: its pins in the simulation of sim/harness, with a drive that answers."""
 
 from __future__ import annotations
 
@@ -10,12 +10,22 @@ from tb.agents.rs485 import Pulse
 from tb.agents.uart import Flaws, Format, waveform
 from tb.lib.card import MS
 from tb.lib.fast_card import FastCard
+from tb.model.card import DIALECTS
 from tb.model.vlt_drive import VltDrive
 
 SEED = 1  # of the registers at power-up
-# The exception codes of the option card's manual, by those of the specification (rule EXC). 2: value of 05.
-OWN_CODES = {1: (67,), 2: (64,), 3: (2, 65, 66)}
-# Registers 40002 and 40003 are the time-outs: they keep what is written and need no drive.
+# The option card's manual has exception codes of its own (rule EXC). Each test accepts the one of its reason.
+REASONS = {
+    **{
+        "function": ("AP-15",),
+        "address": ("AP-5", "AP-6", "AP-14"),
+        "length": ("AP-17",),
+        "value": ("AP-11",),
+    },
+    "quantity": ("AP-4", "AP-7", "AP-8", "AP-13"),
+}
+OWN_CODES = {number: DIALECTS["card"].codes[reason] for reason, found in REASONS.items() for number in found}
+# Registers 40002 and 40003 are the time-outs. They keep every written value and need no drive.
 PROFILE = Profile(
     unit=17, fmt=Format.named(19200, "8E1"), register=1, registers=2, no_register=0xFFF1, own_codes=OWN_CODES
 )
@@ -50,7 +60,7 @@ class CardDriver:
         self.card.close()
 
     def _mark(self) -> None:
-        """What the card sends from now on belongs to the next transmission."""
+        """All later edges of the card belong to the next transmission."""
         self._heard = {pin: len(self.card.recorded[pin]) for pin in ("modbus_tx", "modbus_de")}
 
     def _new(self, pin: str) -> list[tuple[int, int]]:
@@ -71,12 +81,13 @@ class CardDriver:
             return Heard()
         drive = len(send.data) > 1 and send.data[1] in COIL_WRITES
         self.card.run_until(end + (DRIVE_MS if drive else LOCAL_MS) * MS, "modbus_de")
-        while self._new("modbus_de")[-1:] and self._new("modbus_de")[-1][1] == 1:
+        if self._new("modbus_de")[-1:] and self._new("modbus_de")[-1][1] == 1:
             self.card.run_until(self.card.now_ps + 1000 * MS, "modbus_de")
         self.card.run_until(self.card.now_ps + t35)
         trace, de = Trace(self.fmt, self._new("modbus_tx")), self._new("modbus_de")
-        pulses = [Pulse(up, down) for (up, _), (down, _) in zip(de[::2], de[1::2], strict=False)]
+        falls = [*(at for at, _ in de[1::2]), None]  # DE may still be high
+        pulses = [Pulse(up, down) for (up, _), down in zip(de[::2], falls, strict=False)]
         frame = trace.frame()
-        self._free_ps = max([end, *(pulse.fall_ps for pulse in pulses)])
+        self._free_ps = max([end, *(pulse.fall_ps or 0 for pulse in pulses)])
         self._mark()
         return Heard(frame.data if frame else b"", trace, pulses, end)

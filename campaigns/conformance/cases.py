@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numbered tests of a Modbus RTU slave, each with page, what is sent, what must come, what must not.
+"""The numbered tests of a Modbus RTU slave, each with page, request, right and wrong behaviour.
 
 Sources: SL is "MODBUS over Serial Line, Specification and Implementation Guide" V1.02, AP is "MODBUS
-Application Protocol Specification" V1.1b3. A test is a generator: it yields each `Send` and gets what was
-`Heard`, so one test serves simulated pins and a serial port. It raises `Fault` for what must not be.
+Application Protocol Specification" V1.1b3. A test is a generator: it yields each `Send` and gets a `Heard`
+for it, so one test serves simulated pins and a serial port. It raises `Fault` for a wrong behaviour.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ LONGEST_FRAME = 256
 
 
 class Fault(Exception):
-    """What the slave did that it must not do, in one line."""
+    """A wrong behaviour of the slave, in one line."""
 
 
 class Missing(Exception):
-    """The slave has nothing to try this test on."""
+    """The slave has no function that this test needs."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Send:
 
 @dataclass(frozen=True)
 class Heard:
-    """What the slave sent until the next silence; no data: silence. The rest is there on pins only."""
+    """The slave's bytes until the next silence; no bytes: no reply. The other fields exist on pins only."""
 
     data: bytes = b""
     trace: Trace | None = None
@@ -60,14 +60,14 @@ class Heard:
 
 @dataclass(frozen=True)
 class Profile:
-    """What the slave under test is, and where it may be tried.
+    """Address and line of the slave under test, and the addresses that the tests may use.
 
-    functions       those that it says it has
+    functions       functions that the slave has by its own document
     register        first of `registers` holding registers that keep any of `values`
     coil            first of `coils` coils that can be written
-    no_register     an address without a register; no_coil: one without a coil
-    unknown         a function that it does not have
-    own_codes       exception codes that it sends by intent instead of the specification's
+    no_register     an address without a register; no_coil: an address without a coil
+    unknown         a function that the slave does not have
+    own_codes       by test: the exception code of the slave's own document instead of the specification's
     """
 
     unit: int = 1
@@ -81,20 +81,22 @@ class Profile:
     no_register: int = 0xFFF0
     no_coil: int = 0xFFF0
     unknown: int = 0x2D
-    own_codes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    own_codes: Mapping[str, int] = field(default_factory=dict)
 
 
 class Session:
-    """One test on one slave. `intent` collects the codes that it sends by intent."""
+    """One test on one slave. `own_codes` collects the exception codes of the slave's own document."""
 
-    def __init__(self, profile: Profile):
+    def __init__(self, profile: Profile, number: str = ""):
         self.profile = profile
-        self.intent: list[str] = []
+        self.own_code = profile.own_codes.get(number)
+        self.own_codes: list[str] = []
+        self._function = 0  # of the last request
 
     def needs(self, *functions: int) -> None:
-        lacking = [function for function in functions if function not in self.profile.functions]
-        if lacking:
-            raise Missing(f"no function {lacking[0]}")
+        missing = [function for function in functions if function not in self.profile.functions]
+        if missing:
+            raise Missing(f"no function {missing[0]}")
 
     @property
     def other(self) -> int:
@@ -125,13 +127,24 @@ class Session:
             return rtu.read_coils(p.coil, 1)
         raise Missing("no function 1 or 3")
 
-    def frame(self, pdu: bytes) -> bytes:
+    def request(self, pdu: bytes) -> bytes:
+        """A frame for the slave. `good` expects the function of the newest one in the reply."""
+        self._function = pdu[0]
         return rtu.build(self.profile.unit, pdu)
 
     # ------------------------------------------------------------ verdicts
 
     def good(self, heard: Heard, what: str = "a good request") -> bytes:
         """The PDU of a normal reply."""
+        adu = self._reply(heard, what)
+        if adu.is_exception:
+            raise Fault(f"exception {adu.pdu[1:].hex(' ') if len(adu.pdu) != 2 else adu.pdu[1]} to {what}")
+        if adu.function != self._function:
+            raise Fault(f"function {adu.function} in the reply to {what}")
+        return adu.pdu
+
+    def _reply(self, heard: Heard, what: str) -> rtu.Adu:
+        """Any whole reply of the slave."""
         if not heard.data:
             raise Fault(f"no reply to {what}")
         try:
@@ -140,9 +153,7 @@ class Session:
             raise Fault(f"a reply with a wrong CRC: {heard.data.hex(' ')}") from None
         if adu.address != self.profile.unit:
             raise Fault(f"address {adu.address} in the reply")
-        if adu.is_exception:
-            raise Fault(f"exception {adu.exception_code} to {what}")
-        return adu.pdu
+        return adu
 
     def equal(self, heard: Heard, due: bytes, what: str) -> None:
         found = self.good(heard, what)
@@ -154,23 +165,25 @@ class Session:
             raise Fault(f"{what} is answered: {heard.data.hex(' ')}")
 
     def exception(self, heard: Heard, function: int, code: int, what: str) -> None:
-        if not heard.data:
-            raise Fault(f"no reply to {what}")
-        try:
-            adu = rtu.parse(heard.data)
-        except ValueError:
-            raise Fault(f"a reply with a wrong CRC: {heard.data.hex(' ')}") from None
-        if adu.address != self.profile.unit:
-            raise Fault(f"address {adu.address} in the reply")
-        if adu.pdu[0] != function | 0x80 or len(adu.pdu) != 2:
+        adu = self._reply(heard, what)
+        if adu.function != function | 0x80 or len(adu.pdu) != 2:
             raise Fault(f"{what}: {adu.pdu.hex(' ')} instead of {function | 0x80:02x} {code:02x}")
-        if adu.pdu[1] in self.profile.own_codes.get(code, ()):
-            self.intent.append(f"{adu.pdu[1]} instead of {code}")
-        elif adu.pdu[1] != code:
-            raise Fault(f"{what}: exception {adu.pdu[1]} instead of {code}")
+        if adu.exception_code == code:
+            return
+        if adu.exception_code != self.own_code:
+            raise Fault(f"{what}: exception {adu.exception_code} instead of {code}")
+        self.own_codes.append(f"{adu.exception_code} instead of {code}")
+
+    def not_served(self, heard: Heard, function: int, what: str) -> None:
+        """Silence, or an exception with any code."""
+        if not heard.data:
+            return
+        adu = self._reply(heard, what)
+        if adu.function != function | 0x80 or len(adu.pdu) != 2:
+            raise Fault(f"{what} is answered: {adu.pdu.hex(' ')}")
 
     def judged(self, heard: Heard, limits: Limits, *, early: bool = False, direction: bool = False) -> None:
-        """Judges the edges of a good reply by some limits."""
+        """Judges the edges of a good reply by `limits`."""
         self.good(heard)
         faults = judge(
             heard.trace,
@@ -185,10 +198,10 @@ class Session:
     # ------------------------------------------------------------ small dialogues
 
     def ask(self, pdu: bytes, **how: object) -> Dialogue:
-        return (yield Send(self.frame(pdu), **how))
+        return (yield Send(self.request(pdu), **how))
 
     def value(self, register: int | None = None) -> Dialogue:
-        """What a register holds."""
+        """The value of a register."""
         self.needs(3)
         register = self.profile.register if register is None else register
         found = self.good((yield from self.ask(rtu.read_registers(register, 1))), "a read")
@@ -206,9 +219,9 @@ class Session:
             raise Fault(f"{what}: the register holds {found} instead of {value}")
 
     def without_effect(self, send: Send, what: str, code: int | None = None) -> Dialogue:
-        """A write that is refused or not heard; the register keeps its value.
+        """A write that must not be obeyed: the register keeps its value.
 
-        code: of the exception that must come; None: silence.
+        code: of the exception that must come; None: no reply may come.
         """
         yield from self.set(self.profile.values[0])
         heard = yield send
@@ -255,11 +268,11 @@ def case(number: str, page: str, sent: str, must: str, must_not: str, needs: str
 @case("SL-1", "SL 8", "a read", "a reply with its own address and a right CRC", "another address, more bytes")
 def own_address(s: Session) -> Dialogue:
     found = s.good((yield from s.ask(s.read)))
-    if len(found) != (4 if found[0] == 3 else 3):
+    if len(found) != (4 if s.read[0] == 3 else 3):
         raise Fault(f"a reply of another length: {found.hex(' ')}")
 
 
-@case("SL-2", "SL 8, 10", "the same for other units, also 247, 248 and 255", "silence", "a reply")
+@case("SL-2", "SL 8, 10", "a read for other units, also 247, 248 and 255", "silence", "a reply")
 def other_units(s: Session) -> Dialogue:
     for unit in (s.other, 247, 248, 255):
         if unit != s.profile.unit:
@@ -284,11 +297,12 @@ def broadcast_writes(s: Session) -> Dialogue:
 def broadcast_is_silent(s: Session) -> Dialogue:
     s.silent((yield Send(rtu.build(0, s.write(s.profile.values[0])))), "a broadcast write")
     s.silent((yield Send(rtu.build(0, s.read))), "a broadcast read")
+    yield from s.still_answers("broadcasts")
 
 
 @case("SL-6", "SL 10, 15", "a write with each kind of wrong CRC", "silence; no change", "a reply, a change")
 def wrong_crc(s: Session) -> Dialogue:
-    good = s.frame(s.write(s.profile.values[1]))
+    good = s.request(s.write(s.profile.values[1]))
     swapped = good[:-2] + good[:-3:-1]
     for what, bad in (
         ("a CRC with one wrong bit", good[:-1] + bytes([good[-1] ^ 0x80])),
@@ -304,7 +318,7 @@ def wrong_crc(s: Session) -> Dialogue:
 @case("SL-7", "SL 13", "five bytes of a request, a pause, a good request", "one reply, to the good one",
       "a reply to the part, silence after it")  # fmt: skip
 def partial(s: Session) -> Dialogue:
-    s.silent((yield Send(s.frame(s.read)[:5])), "a part of a request")
+    s.silent((yield Send(s.request(s.read)[:5])), "a part of a request")
     yield from s.still_answers("a part of a request")
 
 
@@ -317,9 +331,8 @@ def partial(s: Session) -> Dialogue:
 )
 def too_long(s: Session) -> Dialogue:
     pdu = bytes([16]) + s.profile.register.to_bytes(2, "big") + b"\0\x91\x22" + bytes(291)
-    heard = yield Send(s.frame(pdu))
-    if heard.data and len(heard.data) != 5:
-        raise Fault(f"a frame of {len(pdu) + 3} bytes is answered: {heard.data.hex(' ')}")
+    heard = yield Send(s.request(pdu))
+    s.not_served(heard, 16, f"a frame of {len(pdu) + 3} bytes")
     yield from s.still_answers("a frame of 300 bytes")
 
 
@@ -358,7 +371,7 @@ def t15_bits(s: Session) -> float:
 
 
 def short(s: Session) -> float:
-    """Characters without parity and with one stop bit have 10 bits: a slave may count by them."""
+    """Ratio of a real character to one of 11 bits. Format 8N1 has 10 bits, and a slave may count those."""
     fmt = s.profile.fmt
     return fmt.bits / CHARACTER if fmt.baud <= 19200 else 1.0
 
@@ -373,7 +386,7 @@ def short(s: Session) -> float:
 )
 def legal_gaps(s: Session) -> Dialogue:
     gap = t15_bits(s) * short(s) * 1.3 / 1.5
-    frame = s.frame(s.read)
+    frame = s.request(s.read)
     flaws = Flaws(gaps=dict.fromkeys(range(1, len(frame)), gap))
     s.good((yield Send(frame, flaws)), f"a request with gaps of {gap:.1f} bits")
 
@@ -387,7 +400,7 @@ def legal_gaps(s: Session) -> Dialogue:
     EDGES,
 )
 def long_gap(s: Session) -> Dialogue:
-    frame = s.frame(s.write(s.profile.values[1]))
+    frame = s.request(s.write(s.profile.values[1]))
     gap = t15_bits(s) * 2.2 / 1.5
     for place in (1, 4, len(frame) - 1):
         send = Send(frame, Flaws(gaps={place: gap}))
@@ -407,7 +420,7 @@ def pause_too_short(s: Session) -> Dialogue:
     yield from s.set(s.profile.values[0])
     yield Send(rtu.build(s.other, s.read), wait=False)
     pause = t35_bits(s) * short(s) * 2.5 / 3.5
-    heard = yield Send(s.frame(s.write(s.profile.values[1])), pause_bits=pause)
+    heard = yield Send(s.request(s.write(s.profile.values[1])), pause_bits=pause)
     s.silent(heard, f"a write {pause:.1f} bits after another frame")
     yield from s.holds(s.profile.values[0], "a write after a pause that is too short")
 
@@ -415,7 +428,7 @@ def pause_too_short(s: Session) -> Dialogue:
 @case("SL-15", "SL 14", "a good write, and one more byte after 2.5 characters", "silence; no change",
       "a reply, a change", EDGES)  # fmt: skip
 def revoked(s: Session) -> Dialogue:
-    frame = s.frame(s.write(s.profile.values[1]))
+    frame = s.request(s.write(s.profile.values[1]))
     gap = t35_bits(s) * short(s) * 2.5 / 3.5
     send = Send(frame + b"\x55", Flaws(gaps={len(frame): gap}))
     yield from s.without_effect(send, "a write with a byte after it")
@@ -445,7 +458,7 @@ def reply_without_gaps(s: Session) -> Dialogue:
 @case("SL-18", "SL 19", "a write with one wrong parity bit, in each place", "silence; no change",
       "a reply, a change", PARITY)  # fmt: skip
 def wrong_parity(s: Session) -> Dialogue:
-    frame = s.frame(s.write(s.profile.values[1]))
+    frame = s.request(s.write(s.profile.values[1]))
     for place in (0, 1, 4, len(frame) - 1):
         send = Send(frame, Flaws(bad_parity=(place,)))
         yield from s.without_effect(send, f"wrong parity in byte {place + 1}")
@@ -453,7 +466,7 @@ def wrong_parity(s: Session) -> Dialogue:
 
 @case("SL-19", "SL 12", "a write with one low stop bit", "silence; no change", "a reply, a change", EDGES)
 def low_stop_bit(s: Session) -> Dialogue:
-    frame = s.frame(s.write(s.profile.values[1]))
+    frame = s.request(s.write(s.profile.values[1]))
     for place in (2, len(frame) - 2):
         # One idle bit more, so that the next start bit is an edge.
         send = Send(frame, Flaws(bad_stop=(place,), gaps={place + 1: 1.0}))
@@ -614,7 +627,7 @@ def byte_count(s: Session) -> Dialogue:
     p = s.profile
     words = p.values[1].to_bytes(2, "big") * 2
     pdu = bytes([16]) + p.register.to_bytes(2, "big") + b"\0\1\4" + words
-    yield from s.without_effect(Send(s.frame(pdu)), "16 of one register with 4 bytes", code=3)
+    yield from s.without_effect(Send(s.request(pdu)), "16 of one register with 4 bytes", code=3)
 
 
 @case("AP-8", "AP 30", "16 of 0 registers", "exception 3", "another code, silence")
@@ -714,8 +727,7 @@ def unknown_function(s: Session) -> Dialogue:
 def reserved_functions(s: Session) -> Dialogue:
     for function in (0, 131):
         heard = yield from s.ask(bytes([function]) + s.read[1:])
-        if heard.data and len(heard.data) != 5:
-            raise Fault(f"a normal reply to function {function}: {heard.data.hex(' ')}")
+        s.not_served(heard, function, f"function {function}")
     yield from s.still_answers("reserved functions")
 
 

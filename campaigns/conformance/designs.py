@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""HDL slaves of designs.toml: fetches the sources of others by commit into build/, simulates them on Icarus.
+"""The HDL slaves of designs.toml: fetches sources of other projects into build/, simulates them on Icarus.
 
-Nothing of their code is in this project. An error is one line for the user.
+This project holds no copy of those sources; a commit pins each. An error is one line for the user.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Design:
         return self.entry.get("commit")
 
     def sources(self) -> list[Path]:
-        """All files, fetched if they are not ours."""
+        """All files of the design. Files of other projects are fetched first."""
         if not self.commit:
             return [*needed_files(self.entry["needs"]), *(ROOT / name for name in self.entry["files"])]
         folder = fetched(self.name, self.entry["repo"], self.commit)
@@ -57,7 +57,7 @@ def designs() -> dict[str, Design]:
 
 
 def fetched(name: str, repo: str, commit: str) -> Path:
-    """The folder with the sources at the commit; git checks that they are those."""
+    """The folder with the sources at the commit. The commit's hash shows git that they are unchanged."""
     folder = BUILD / "sources" / f"{name}-{commit[:12]}"
     if (folder / ".git/done").exists():
         return folder
@@ -77,7 +77,7 @@ def fetched(name: str, repo: str, commit: str) -> Path:
 
 
 def grade(design: Design, only: list[str] | None = None) -> list[Verdict]:
-    """The verdicts of a design; `only`: of these tests. Messages of the simulator go to build/conformance."""
+    """The verdicts of a design, or those of the tests in `only`. Logs go to build/conformance."""
     from cocotb_tools.runner import get_runner
 
     folder = BUILD / design.name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the numbered tests: a driver carries out each `Send`, and every test ends in a verdict."""
+"""Runs the numbered tests: a driver sends each `Send`, and every test ends with a verdict."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Protocol
 
 from campaigns.conformance.cases import CASES, PARITY, Case, Fault, Heard, Missing, Profile, Send, Session
 
-PASS, FAIL, INTENT, NONE, HIDDEN = "pass", "fail", "by intent", "n.a.", "not visible"
+PASS, FAIL, OWN_CODE, NONE, HIDDEN = "pass", "fail", "own code", "n.a.", "not visible"
 TRIES = 3
 
 
 class NoAnswer(Exception):
-    """Nobody answers; the text is for the user."""
+    """The slave does not answer; the text is one line for the user."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of a test. `text`: what was wrong, what was by intent, or what is lacking."""
+    """Outcome of a test. `text`: the fault, the slave's own exception codes, or the missing function."""
 
     number: str
     outcome: str
@@ -27,7 +27,7 @@ class Verdict:
 
 
 class Driver(Protocol):
-    """A way to the slave. `sees`: what of bytes, edges, parity and DE it shows."""
+    """Connection to the slave. `sees`: those of BYTES, EDGES, PARITY and PINS that it can show."""
 
     sees: frozenset[str]
 
@@ -43,29 +43,34 @@ def steps(case: Case, profile: Profile, sees: frozenset[str]) -> Generator[Send,
         return Verdict(case.number, NONE, "no parity")
     if case.needs not in sees:
         return Verdict(case.number, HIDDEN)
-    session = Session(profile)
+    session = Session(profile, case.number)
     try:
         yield from case.dialogue(session)
     except Missing as missing:
         return Verdict(case.number, NONE, str(missing))
     except Fault as fault:
         return Verdict(case.number, FAIL, str(fault))
-    if session.intent:
-        return Verdict(case.number, INTENT, "; ".join(sorted(set(session.intent))))
+    if session.own_codes:
+        return Verdict(case.number, OWN_CODE, "; ".join(sorted(set(session.own_codes))))
     return Verdict(case.number, PASS)
 
 
 def presence(profile: Profile) -> Generator[Send, Heard, None]:
-    """Raises NoAnswer when a good read has no reply three times."""
+    """Raises NoAnswer when a good read has no reply three times, or when only its echo returns."""
     session = Session(profile)
+    request = session.request(session.read)
     for _ in range(TRIES):
-        if (yield Send(session.frame(session.read))).data:
+        heard = yield Send(request)
+        # No reply to a read begins like this: it is shorter than the request, or has a byte count there.
+        if heard.data.startswith(request):
+            raise NoAnswer("the port hears its own requests; switch the echo of the adapter off")
+        if heard.data:
             return
     raise NoAnswer(f"unit {profile.unit} does not answer at {profile.fmt}")
 
 
 def pump(dialogue: Generator[Send, Heard, object], driver: Driver) -> object:
-    """Carries a dialogue out; returns what it returns."""
+    """Carries a dialogue out; returns its result."""
     heard = None
     while True:
         try:
@@ -81,7 +86,7 @@ def grade(
     cases: Iterable[Case] = CASES,
     each: Callable[[Verdict], None] = lambda verdict: None,
 ) -> list[Verdict]:
-    """All verdicts in order; `each` gets every verdict as it comes."""
+    """All verdicts in order. `each` is called after every test."""
     pump(presence(profile), driver)
     found = []
     for case in cases:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the example of tb/agents on a slave of others, with the installed package (`make agents-example`).
+"""Runs the example of tb/agents on another project's slave, with the installed package.
 
 The package is built and installed below build/, the slave fetched by its commit (designs.toml).
 """
@@ -35,7 +35,7 @@ def install(folder: Path) -> Path:
 
 
 def command(design: Design, folder: Path) -> list[str]:
-    """The runner of the example, with its options for the design."""
+    """The example's runner and its options for the design."""
     entry = design.entry
     pins = {**entry["pins"], "rst": ("!" if entry.get("reset_low") else "") + entry["pins"]["rst"]}
     options = {
@@ -58,7 +58,7 @@ def command(design: Design, folder: Path) -> list[str]:
 def main() -> int:
     folder = BUILD / "example"
     design = designs()[SLAVE]
-    print(f"the package alone on {design.title}", flush=True)
+    print(f"installs the package and runs its example on {design.title}", flush=True)
     arguments, site = command(design, folder), install(folder)
     # Nothing of this project is on the path: no folder, no variable, only the installed package.
     script = f"import runpy, sys\nsys.path.insert(0, {str(site)!r})\nsys.argv = {arguments!r}\n"

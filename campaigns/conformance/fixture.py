@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model slave with faults on request, in virtual time: what the suite itself is tested against.
+"""A model slave with one planted fault or none, in virtual time. The suite is tested against it.
 
 `Slave` turns frames into replies. `ModelLine` is the driver around it: it plays the edges of each
-transmission to a model receiver, and returns the edges of the reply. FAULTS names each fault and the test
-that must find it.
+transmission to a model receiver, and returns the edges of the reply.
 """
 
 from __future__ import annotations
@@ -15,22 +14,25 @@ from tb.agents.edges import Trace
 from tb.agents.rs485 import Pulse
 from tb.agents.uart import Character, Flaws, Format, waveform, with_gaps
 
-# Each fault, and the test that must find it.
+# Each fault has the number of the test that must find it.
 FAULTS = {
     "replies with address 0": "SL-1",
     "replies with a swapped CRC": "SL-1",
     "adds a byte to each reply": "SL-1",
+    "replies with another function": "SL-1",
     "answers every unit": "SL-2",
     "answers unit 255": "SL-2",
     "obeys writes for others": "SL-3",
     "ignores broadcasts": "SL-4",
     "answers broadcasts": "SL-5",
+    "is silent after a broadcast": "SL-5",
     "accepts any CRC": "SL-6",
     "accepts a swapped CRC": "SL-6",
     "writes before it checks the CRC": "SL-6",
     "compares the low byte of the CRC only": "SL-6",
     "keeps a part of a frame": "SL-7",
     "hangs after a long frame": "SL-8",
+    "answers a long frame with five bytes": "SL-8",
     "loses a request after foreign traffic": "SL-9",
     "loses a request after noise": "SL-10",
     "takes gaps of a character as an end": "SL-11",
@@ -49,6 +51,8 @@ FAULTS = {
     "hangs after a break": "SL-23",
     "drops DE a bit too soon": "SL-24",
     "holds DE for 60 bits": "SL-24",
+    "never raises DE": "SL-24",
+    "never lowers DE": "SL-24",
     "raises DE for every frame": "SL-24",
     "is deaf for 60 bits after a reply": "SL-25",
     "counts registers, not bytes": "AP-1",
@@ -74,7 +78,9 @@ FAULTS = {
     "has every coil": "AP-14",
     "is silent for an unknown function": "AP-15",
     "sends exceptions without 80h": "AP-15",
+    "sends exceptions without a code": "AP-15",
     "answers function 131": "AP-16",
+    "answers function 0 with five bytes": "AP-16",
     "ignores the length": "AP-17",
 }
 REGISTERS, COILS = 8, 16
@@ -82,17 +88,18 @@ ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
 
 
 class Refused(Exception):
-    """The request gets an exception; its code."""
+    """The request gets an exception with this code."""
 
 
 class Slave:
-    """Registers, coils and the reply to each frame, with one fault or none."""
+    """Registers, coils, and the reply to each frame, with one fault or none."""
 
     def __init__(self, unit: int = 1, fault: str | None = None):
         assert fault is None or fault in FAULTS, fault
         self.unit, self.fault = unit, fault
         self.registers, self.coils = [0] * REGISTERS, [False] * COILS
         self.kept = b""
+        self._sleeps = False
 
     def has(self, fault: str) -> bool:
         return self.fault == fault
@@ -100,7 +107,9 @@ class Slave:
     # ------------------------------------------------------------ a frame
 
     def reply(self, frame: bytes) -> bytes | None:
-        """The reply to a frame that the receiver found good but for its CRC."""
+        """The reply to a frame with good characters and silences; its CRC may be wrong."""
+        if self._sleeps:
+            return None
         if self.has("keeps a part of a frame"):
             frame, self.kept = self.kept + frame, b"" if crc_good(self.kept + frame) else self.kept + frame
         if self.has("writes before it checks the CRC") and frame[:1] == bytes([self.unit]):
@@ -119,9 +128,14 @@ class Slave:
             return None
         if address == 0 and self.has("ignores broadcasts"):
             return None
+        self._sleeps = address == 0 and self.has("is silent after a broadcast")
+        if pdu[0] == 0 and self.has("answers function 0 with five bytes"):
+            return rtu.build(self.unit, bytes(2))
         answer = self._answer(pdu)
         if answer is None or (address == 0 and not self.has("answers broadcasts")):
             return None
+        if self.has("replies with another function"):
+            answer = bytes([answer[0] ^ 1]) + answer[1:]
         sent = rtu.build(0 if self.has("replies with address 0") else self.unit, answer)
         if self.has("replies with a swapped CRC"):
             sent = sent[:-2] + sent[:-3:-1]
@@ -149,6 +163,8 @@ class Slave:
             return None
         if code == ILLEGAL_ADDRESS and self.has("sends exception 3 for a wrong address"):
             code = ILLEGAL_VALUE
+        if self.has("sends exceptions without a code"):
+            return bytes([function | 0x80])
         return bytes([function if self.has("sends exceptions without 80h") else function | 0x80, code])
 
     def _served(self, function: int, pdu: bytes) -> bytes:
@@ -250,7 +266,7 @@ class ModelLine:
         self.profile, self.slave = profile, Slave(profile.unit, fault)
         self.fmt = profile.fmt
         self._end_ps = 0.0
-        self._edges: list[tuple[int, int]] = []  # that the slave has not looked at yet
+        self._edges: list[tuple[int, int]] = []  # not read by the slave yet
         self._pause_bits = float("inf")
         self._deaf = self._spoilt = False
 
@@ -285,7 +301,7 @@ class ModelLine:
     # ------------------------------------------------------------ receiving
 
     def _heard(self, end: float) -> Heard:
-        """The reply to the last frame; earlier ones of the same transmission are obeyed without one."""
+        """The reply to the last frame. Earlier frames of the same transmission are obeyed without a reply."""
         reply, pulses = None, []
         for frame in self._frames():
             reply = self._obeyed(frame)
@@ -341,7 +357,9 @@ class ModelLine:
             self._spoilt = True
         if self.has("loses a request after foreign traffic") and crc_good(data) and len(data) > 8:
             self._spoilt = data[0] not in (0, self.profile.unit)
-        return None if lost or not good or len(data) > 256 else self.slave.reply(data)
+        if len(data) > 256:
+            return bytes(5) if self.has("answers a long frame with five bytes") else None
+        return None if lost or not good else self.slave.reply(data)
 
     # ------------------------------------------------------------ sending
 
@@ -366,5 +384,7 @@ class ModelLine:
         if self.has("holds DE for 60 bits"):
             fall = start + length + 60 * bit
         self._end_ps = start + length
-        pulses = [Pulse(round(start - bit / 2), round(fall))]
+        pulses = [Pulse(round(start - bit / 2), None if self.has("never lowers DE") else round(fall))]
+        if self.has("never raises DE"):
+            pulses = []
         return Heard(bytes(c.byte for c in trace.characters), trace, pulses, end)

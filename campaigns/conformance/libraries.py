@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slaves of Python libraries, each as a program on a port.
+"""The slaves of two Python libraries, each as a program on a serial port.
 
     python -m campaigns.conformance.libraries pymodbus PORT UNIT
 
-Both hold 16 registers and 16 coils from address 0 on. Ends by Ctrl-C.
+Both have 16 registers and 16 coils from address 0 on. Ctrl-C ends the program.
 """
 
 from __future__ import annotations

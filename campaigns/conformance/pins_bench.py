@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The driver for the pins of any HDL top with rx, tx and de: a cocotb bench that grades it.
+"""A cocotb bench that grades any HDL top with the pins rx, tx and perhaps de.
 
 campaigns/conformance/designs.py starts it. DESIGN (JSON) in the environment describes the top, VERDICTS names
 the file for the verdicts.
@@ -17,7 +17,7 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import First, Timer, ValueChange
 
-from campaigns.conformance.cases import BYTES, CASES, EDGES, PARITY, PINS, Heard, Profile, Send
+from campaigns.conformance.cases import BYTES, CASES, EDGES, LONGEST_FRAME, PARITY, PINS, Heard, Profile, Send
 from campaigns.conformance.engine import NoAnswer, presence, steps
 from tb.agents import rtu
 from tb.agents.edges import Trace
@@ -50,7 +50,7 @@ class PinsDriver:
         await self.reset()
 
     async def reset(self) -> None:
-        """Resets the slave: what one test has spoilt does not fail the next one."""
+        """Resets the slave, so that a test does not depend on those before it."""
         reset = getattr(self.dut, self.design["pins"]["rst"])
         active = 0 if self.design.get("reset_low") else 1
         reset.value = active
@@ -58,13 +58,13 @@ class PinsDriver:
         reset.value = 1 - active
         await self.line.source.idle(100)
         self._free_ps = now_ps()
-        # In reset outputs may change from unknown to idle.
+        # During reset an output may change from unknown to idle. That edge is no reply.
         self._heard = len(self.line.monitor.edges), len(self.line.direction.pulses)
 
     async def exchange(self, send: Send) -> Heard:
         bit, t35 = self.fmt.bit_ps, rtu.t35_ps(self.fmt.baud)
         line = self.line
-        # A slave may be deaf after its reply: that is a test of its own.
+        # Some slaves are deaf for a while after their reply. SL-25 alone tests that.
         usual = self.design.get("pause_bits", 2 * t35 / bit)
         await sleep_until(self._free_ps + (usual if send.pause_bits is None else send.pause_bits) * bit)
         if send.low_bits:
@@ -83,10 +83,14 @@ class PinsDriver:
         return Heard(frame.data if frame else b"", trace, pulses if PINS in self.sees else None, sent.end_ps)
 
     async def _silence(self, latest_ps: float, t35: float) -> None:
-        """Waits for a reply and the silence after it, at most until `latest_ps` for its first edge."""
+        """Waits for a reply and the silence after it. Its first edge must come until `latest_ps`.
+
+        A slave that never falls silent ends the wait, too.
+        """
         known = self._heard[0]
         tx = self.line.monitor.pin
-        while (left := self._quiet_at(known, latest_ps, t35) - now_ps()) > 0:
+        longest_ps = latest_ps + 2 * LONGEST_FRAME * self.fmt.character_ps
+        while (left := min(self._quiet_at(known, latest_ps, t35), longest_ps) - now_ps()) > 0:
             await First(ValueChange(tx), Timer(round(left), unit="ps"))
         if (
             PINS in self.sees

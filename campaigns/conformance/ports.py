@@ -1,26 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The driver for a serial port or a pty: what bytes can show. Errors of a port are one line for the user."""
+"""The driver for a serial port or a pty, which shows bytes only. A port's error is one line for the user."""
 
 from __future__ import annotations
 
-import errno
 import os
 import select
 import termios
 import time
 from typing import Protocol
 
-from campaigns.conformance.cases import BYTES, CHARACTER, Heard, Send
+from campaigns.conformance.cases import BYTES, CHARACTER, LONGEST_FRAME, Heard, Send
+from sim.harness.serial_port import PortError, in_use, opened
 
 QUIET_S = 0.1  # silence that ends a reply: adapters and busy machines deliver a frame in pieces
 
 
-class PortError(Exception):
-    """Error for the user, in one line."""
-
-
 class Port(Protocol):
     """Bytes out and in."""
+
+    name: str
 
     def write(self, data: bytes) -> None: ...
 
@@ -54,30 +52,11 @@ class PtyPort:
 
 
 class SerialPort:
-    """A port that pyserial opens, a device or a pty. A pty takes no parity: ask for none there."""
+    """A serial device or a pty. A pty takes no parity: ask for none there."""
 
     def __init__(self, name: str, baud: int = 9600, form: str = "8N1"):
-        import serial
-
         self.name = name
-        try:
-            self._port = serial.Serial(
-                name, baud, parity=form[1], stopbits=int(form[2]), timeout=0, exclusive=True
-            )
-        except (OSError, ValueError, termios.error) as error:
-            raise PortError(self._reason(error, f"{baud} {form}")) from None
-
-    def _reason(self, error: Exception, line: str) -> str:
-        number = getattr(error, "errno", None) or (error.args[0] if error.args else None)
-        if "exclusively lock" in str(error) or number == errno.EBUSY:
-            return f"{self.name} is in use by another program"
-        if number == errno.ENOENT:
-            return f"there is no {self.name}"
-        if number == errno.EACCES:
-            return f"no permission for {self.name}: join the group that owns it, often dialout"
-        if number == errno.EINVAL:
-            return f"{self.name} refuses {line}; a pty takes no parity"
-        return f"{self.name} is no serial port that can be opened"
+        self._port = opened(name, baud, form)
 
     def __enter__(self) -> SerialPort:
         return self
@@ -86,24 +65,20 @@ class SerialPort:
         self._port.close()
 
     def write(self, data: bytes) -> None:
-        try:
+        with in_use(self.name):
             self._port.write(data)
             self._port.flush()
-        except (OSError, termios.error):
-            raise PortError(f"{self.name} has gone") from None
 
     def read(self, seconds: float) -> bytes:
-        try:
+        with in_use(self.name):
             ready, _, _ = select.select([self._port.fileno()], [], [], max(0.0, seconds))
             return self._port.read(4096) if ready else b""
-        except (OSError, termios.error):
-            raise PortError(f"{self.name} has gone") from None
 
 
 class ByteDriver:
     """Whole frames on a port.
 
-    timeout_s: silence for so long after a request is no reply. quiet_s: silence that ends a reply.
+    timeout_s: longest wait for a reply. quiet_s: silence that ends a reply.
     """
 
     sees = frozenset({BYTES})
@@ -113,8 +88,9 @@ class ByteDriver:
 
     def exchange(self, send: Send) -> Heard:
         assert not send.needs_edges, "a port shows bytes only"
-        while self.port.read(0.0):
-            pass  # what came late belongs to no request
+        late = b""  # these bytes belong to no request
+        while more := self.port.read(0.0):
+            late = self._within(late + more)
         self.port.write(send.data)
         line_s = len(send.data) * CHARACTER / self.baud
         return Heard(self._reply(self.timeout_s + line_s))
@@ -124,6 +100,12 @@ class ByteDriver:
         while (left := until - time.monotonic()) > 0:
             more = self.port.read(left)
             if more:
-                heard += more
+                heard = self._within(heard + more)
                 until = time.monotonic() + self.quiet_s
+        return heard
+
+    def _within(self, heard: bytes) -> bytes:
+        """The bytes, unless they are too many: a line that is never silent would never end a test."""
+        if len(heard) > 2 * LONGEST_FRAME:
+            raise PortError(f"{self.port.name} is never silent; check its rate and the bias of the line")
         return heard

@@ -2,11 +2,12 @@
 """Grades every slave by the numbered tests and writes docs/reports/conformance.md (`make conformance`).
 
     python -m campaigns.conformance.run                 every slave
-    python -m campaigns.conformance.run --only NAME     one slave; the page keeps the results of the others
+    python -m campaigns.conformance.run --only NAME     one slave; prints its faults and own codes
     python -m campaigns.conformance.run --report        the page of the kept results
 
-Results are kept in build/conformance/results.json. A slave that cannot be graded is one line and exit code 2;
-the others are graded, and its column keeps its last result. Exit 1 when our card fails a test.
+Results are kept in build/conformance/results.json. The page is written when every slave has a result. A slave
+that cannot be graded gets one line and keeps its last result; the other slaves are graded, and the exit code
+is 2. Exit 1 when our card fails a test.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from campaigns.conformance import designs, libraries
 from campaigns.conformance.card import PROFILE, CardDriver
 from campaigns.conformance.cases import CASES, Profile
 from campaigns.conformance.designs import BUILD, DesignError, named
-from campaigns.conformance.engine import FAIL, HIDDEN, INTENT, NONE, PASS, NoAnswer, Verdict, grade
+from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
 from campaigns.conformance.fixture import FAULTS, ModelLine
 from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
 from rtl.command import Parser, run_main
@@ -43,11 +44,11 @@ TEMPLATE = Path(__file__).parent / "conformance.md.in"
 CARDS = {"standard": "build/card", "tiny": "build/tiny/card"}
 UNIT = 17
 UNIT_SWITCHES = "10001000"
-# A pty has no parity, so the virtual card is told so too.
+# A pty has no parity, so the switches of the virtual card choose a format without parity.
 PTY_BAUD, PTY_FORM = 19200, "8N2"
 CARD_TIMEOUT_S, LIBRARY_TIMEOUT_S = 1.0, 0.4
 LIBRARY_START_S = 20.0
-MARKS = {PASS: "✓", INTENT: "own code", FAIL: "**✗**", NONE: "n.a.", HIDDEN: ""}
+MARKS = {PASS: "✓", OWN_CODE: "own code", FAIL: "**✗**", NONE: "n.a.", HIDDEN: ""}
 
 
 class ConformanceError(Exception):
@@ -56,14 +57,14 @@ class ConformanceError(Exception):
 
 @dataclass(frozen=True)
 class Subject:
-    """A slave: its column, how it is reached, and what grades it."""
+    """A slave: its column, the way to it, and the function that grades it."""
 
     name: str
     title: str
     way: str
     graded: Callable[[], list[Verdict]]
     ours: bool = False
-    stated: Callable[[], str] = str  # what it was: a fingerprint, a version or a commit
+    stated: Callable[[], str] = str  # the fingerprint, version or commit of the graded slave
 
 
 def card_pins(config: str) -> list[Verdict]:
@@ -136,7 +137,7 @@ def subjects() -> dict[str, Subject]:
             Subject(name, name, "pty", partial(library, name), stated=partial(libraries.title, name))
         )
     for design in designs.designs().values():
-        # The name of a pinned commit, or that it is ours.
+        # A pinned commit, or `ours`.
         stated = partial(lambda design: design.commit[:7] if design.commit else "ours", design)
         found.append(
             Subject(
@@ -158,13 +159,11 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def counts(verdicts: list[Verdict]) -> list[str]:
-    return [
-        str(sum(one.outcome == outcome for one in verdicts)) for outcome in (PASS, INTENT, FAIL, NONE, HIDDEN)
-    ]
+    return [str(sum(one.outcome == outcome for one in verdicts)) for outcome in MARKS]
 
 
 def found_by_own_tests() -> tuple[int, int]:
-    """How many planted faults their own tests find, and how many tests the slave without faults passes."""
+    """The number of planted faults that their own tests find, and of tests that the model slave passes."""
     profile = Profile(unit=UNIT)
     by_number = {case.number: case for case in CASES}
     found = sum(
@@ -175,9 +174,9 @@ def found_by_own_tests() -> tuple[int, int]:
 
 
 def details(there: dict[str, Subject], verdicts: dict[str, dict[str, Verdict]]) -> str:
-    """What was wrong; slaves with the very same lines stand together."""
+    """Faults and own codes. Slaves with the same lines share a paragraph."""
     groups: dict[tuple[str, ...], list[str]] = {}
-    for outcome, word in ((FAIL, "fails"), (INTENT, "own codes")):
+    for outcome, word in ((FAIL, "fails"), (OWN_CODE, "own codes")):
         for name, subject in there.items():
             lines = [
                 f"- {one.number}: {one.text}" for one in verdicts[name].values() if one.outcome == outcome
@@ -221,9 +220,19 @@ def write(kept: dict[str, dict]) -> None:
     )
 
 
+def current(verdicts: list[dict]) -> bool:
+    """Whether they are of the present list of tests, and have its outcomes."""
+    numbers = [one["number"] for one in verdicts]
+    return numbers == [case.number for case in CASES] and {one["outcome"] for one in verdicts} <= MARKS.keys()
+
+
 def results() -> dict[str, dict]:
-    """What was found so far, by the names of the slaves."""
-    return json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    """The kept results by the names of the slaves; those of another list of tests are dropped."""
+    try:
+        kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+        return {name: one for name, one in kept.items() if current(one["verdicts"])}
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise ConformanceError(f"{named(KEPT)} is damaged; delete it and grade every slave again") from None
 
 
 def failures_of_ours(kept: dict[str, dict]) -> list[str]:
@@ -257,12 +266,18 @@ def main(arguments: list[str] | None = None) -> int:
             print("not graded")
             print(f"conformance: {error}", file=sys.stderr)
             continue
-        kept = results()  # another run may have added one
+        kept = results()  # another run may have added a slave
         kept[subject.name] = {"stated": subject.stated(), "verdicts": [asdict(one) for one in verdicts]}
         print(", ".join(f"{count} {name}" for count, name in zip(counts(verdicts), MARKS, strict=True)))
+        if given.only:
+            for one in verdicts:
+                if one.outcome in (FAIL, OWN_CODE):
+                    print(f"  {one.outcome:10} {one.number:6} {one.text}")
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps(kept, indent=1))
-    if kept:
+    if missing := [name for name in every if name not in kept]:
+        print(f"{named(PAGE)} is as it was: it needs a result of {', '.join(missing)}, too")
+    else:
         write(kept)
         print(f"written: {named(PAGE)}")
     failed = failures_of_ours(kept)

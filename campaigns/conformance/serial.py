@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grades a Modbus RTU slave on a serial port or a pty, by what bytes can show; prints a line a test.
+"""Grades a Modbus RTU slave on a serial port or a pty, by its bytes alone. Each test prints one line.
 
     python -m campaigns.conformance.serial --port /dev/ttyUSB0 --unit 1 --baud 19200 --format 8E1
 
-The tests write: --register and --coil name where, --values what. Exit 1 when a test fails, 2 when nothing
-answers or an option is wrong. docs/guide/conformance.md explains the options and the tests.
+The tests write --values to --register and change --coil. Exit 1 when a test fails, 2 when the slave does not
+answer or an option is wrong. docs/guide/conformance.md explains the options and the tests.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from tb.agents.uart import Format
 
 FORMATS = ("8E1", "8O1", "8N1", "8N2")
 FUNCTIONS = (1, 3, 5, 6, 15, 16)
+LONGEST_WAIT_S = 60.0
 
 
 def number(low: int, high: int):
@@ -28,7 +29,7 @@ def number(low: int, high: int):
         try:
             value = int(text, 0)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{text} is no number") from None
+            raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{value} is not from {low} to {high}")
         return value
@@ -56,18 +57,27 @@ def options() -> argparse.ArgumentParser:
         "--functions",
         type=list_of(number(1, 127)),
         default=FUNCTIONS,
-        help="those that it has (1,3,5,6,15,16)",
+        help="functions of the slave (1,3,5,6,15,16)",
     )
     parser.add_argument("--register", type=address, default=0, help="first register to write, on-wire (0)")
-    parser.add_argument("--registers", type=number(1, 123), default=2, help="how many from there on (2)")
     parser.add_argument(
-        "--values", type=list_of(value), default=(0x12, 0x15), help="two values that they keep (18,21)"
+        "--registers", type=number(1, 123), default=2, help="number of registers to write (2)"
+    )
+    parser.add_argument(
+        "--values",
+        type=list_of(value),
+        default=(0x12, 0x15),
+        help="two values that these registers keep (18,21)",
     )
     parser.add_argument("--coil", type=address, default=0, help="first coil to write, on-wire (0)")
-    parser.add_argument("--coils", type=number(1, 2000), default=8, help="how many from there on (8)")
-    parser.add_argument("--no-register", type=address, default=0xFFF0, help="a register that is not there")
-    parser.add_argument("--no-coil", type=address, default=0xFFF0, help="a coil that is not there")
-    parser.add_argument("--unknown", type=number(1, 127), default=45, help="a function that it has not (45)")
+    parser.add_argument("--coils", type=number(1, 2000), default=8, help="number of coils to write (8)")
+    parser.add_argument(
+        "--no-register", type=address, default=0xFFF0, help="address without a register (0xFFF0)"
+    )
+    parser.add_argument("--no-coil", type=address, default=0xFFF0, help="address without a coil (0xFFF0)")
+    parser.add_argument(
+        "--unknown", type=number(1, 127), default=45, help="a function that the slave does not have (45)"
+    )
     return parser
 
 
@@ -89,8 +99,14 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"--unknown {given.unknown} is one of --functions")
     if not frozenset(given.functions) & {1, 3}:
         parser.error("--functions names neither 1 nor 3, so nothing can be read")
-    if not (given.timeout > 0 and given.gap > 0):
-        parser.error("--timeout and --gap must be more than 0")
+    if not (0 < given.timeout <= LONGEST_WAIT_S and 0 < given.gap <= LONGEST_WAIT_S):
+        parser.error(f"--timeout and --gap must be more than 0 and at most {LONGEST_WAIT_S:g} s")
+    for kind in ("register", "coil"):
+        first, count = getattr(given, kind), getattr(given, f"{kind}s")
+        if first + count > 0x10000:
+            parser.error(f"--{kind} {first} and --{kind}s {count} go beyond address 65535")
+        if first <= getattr(given, f"no_{kind}") < first + count:
+            parser.error(f"--no-{kind} {getattr(given, f'no_{kind}')} is one of those to write")
 
     def show(verdict: Verdict) -> None:
         if verdict.outcome != HIDDEN:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ways to a slave: serial port and pty, the card's pins, the pins of a design; and what a user sees."""
+"""The ways to a slave: serial port, pty, pins of the card, pins of a design; and the messages for a user."""
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 import time
@@ -14,7 +15,7 @@ from campaigns.conformance.card import PROFILE, CardDriver
 from campaigns.conformance.cases import CASES, Profile, Send
 from campaigns.conformance.designs import Design, DesignError, designs, fetched
 from campaigns.conformance.designs import grade as grade_design
-from campaigns.conformance.engine import FAIL, HIDDEN, INTENT, NONE, PASS, NoAnswer, Verdict, grade
+from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
 from campaigns.conformance.fixture import Slave
 from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
 from rtl.sources import ROOT
@@ -25,7 +26,7 @@ TIMES = ["--timeout", str(SHORT_S), "--gap", "0.02"]
 
 
 class PtySlave:
-    """The fixture's slave behind a pty, in a thread: bytes that come together are a frame."""
+    """The fixture's slave on a pty, in a thread. Bytes that arrive together are a frame."""
 
     def __init__(self, fault: str | None = None):
         self.slave, self.port = Slave(17, fault), PtyPort()
@@ -100,7 +101,13 @@ def test_a_port_that_is_busy_or_not_there_is_one_line():
         (["--unknown", "6"], "--unknown 6 is one of --functions"),
         (["--functions", "5,6"], "neither 1 nor 3"),
         (["--timeout", "0"], "--timeout and --gap must be more than 0"),
-        (["--register", "x"], "x is no number"),
+        (["--gap", "nan"], "--timeout and --gap must be more than 0"),
+        (["--timeout", "inf"], "at most 60 s"),
+        (["--register", "x"], "'x' is no number"),
+        (["--functions", ""], "'' is no number"),
+        (["--register", "65535"], "--register 65535 and --registers 2 go beyond address 65535"),
+        (["--coil", "65530", "--no-coil", "1"], "--coil 65530 and --coils 8 go beyond address 65535"),
+        (["--no-register", "1"], "--no-register 1 is one of those to write"),
     ],
 )
 def test_a_wrong_option_is_one_line(words, reason, capsys):
@@ -108,6 +115,42 @@ def test_a_wrong_option_is_one_line(words, reason, capsys):
         serial.main(["--port", "nowhere", *words])
     shown = capsys.readouterr().err
     assert end.value.code == 2 and reason in shown and shown.count("\n") == 1
+
+
+def test_an_adapter_that_echoes_is_one_line():
+    class Echo:
+        name = "port"
+
+        def __init__(self) -> None:
+            self.heard = b""
+
+        def write(self, data: bytes) -> None:
+            self.heard += data
+
+        def read(self, seconds: float) -> bytes:
+            heard, self.heard = self.heard, b""
+            return heard
+
+    with pytest.raises(
+        NoAnswer, match=r"^the port hears its own requests; switch the echo of the adapter off$"
+    ):
+        grade(ByteDriver(Echo(), 19200, SHORT_S, 0.01), Profile())
+
+
+@pytest.mark.parametrize("begins", ["before the request", "after it"])
+def test_a_line_that_is_never_silent_is_one_line(begins):
+    class Noise:
+        name = "port"
+        noisy = begins == "before the request"
+
+        def write(self, data: bytes) -> None:
+            self.noisy = True
+
+        def read(self, seconds: float) -> bytes:
+            return bytes(8) if self.noisy else b""
+
+    with pytest.raises(PortError, match=r"^port is never silent; check its rate and the bias of the line$"):
+        ByteDriver(Noise(), 19200, SHORT_S).exchange(Send(b"\x01\x03"))
 
 
 def test_a_late_reply_belongs_to_no_request():
@@ -120,21 +163,19 @@ def test_a_late_reply_belongs_to_no_request():
 
 @pytest.mark.rule("FRAME-4", "EXC")
 def test_the_card_on_its_pins_fails_nothing_that_is_quick():
-    """One test of each kind: bytes, edges, parity, DE, and a code of its own."""
+    """One test of each kind: bytes, edges, parity, DE, and an own exception code."""
     chosen = [BY_NUMBER[number] for number in ("SL-1", "SL-12", "SL-18", "SL-24", "AP-5", "AP-11")]
     with CardDriver("standard") as driver:
         found = grade(driver, PROFILE, chosen)
-    assert [verdict.outcome for verdict in found] == [PASS] * 4 + [INTENT] * 2, found
+    assert [verdict.outcome for verdict in found] == [PASS] * 4 + [OWN_CODE] * 2, found
 
 
 @pytest.mark.slow
 def test_the_card_on_its_pins_fails_nothing(config):
     with CardDriver(config) as driver:
         found = grade(driver, PROFILE)
-    assert {verdict.outcome for verdict in found} == {PASS, INTENT}
-    assert {verdict.number for verdict in found if verdict.outcome == INTENT} <= {
-        f"AP-{n}" for n in range(4, 18)
-    }
+    assert {verdict.outcome for verdict in found} == {PASS, OWN_CODE}
+    assert {verdict.number for verdict in found if verdict.outcome == OWN_CODE} == set(PROFILE.own_codes)
 
 
 def test_a_design_is_graded_on_its_pins():
@@ -146,7 +187,7 @@ def test_a_design_is_graded_on_its_pins():
 
 @pytest.mark.slow
 def test_a_fault_of_a_design_is_found_on_its_pins(tmp_path):
-    """The example with DE that nobody drives."""
+    """The example with an unconnected DE."""
     design = designs()["holding_registers"]
     broken = tmp_path / "holding_registers.v"
     text = (ROOT / "docs/example/holding_registers.v").read_text()
@@ -167,6 +208,45 @@ def test_a_design_that_does_not_build_is_one_line():
     entry = designs()["holding_registers"].entry | {"top": "no_such_top"}
     with pytest.raises(DesignError, match=r"was not graded; build/conformance/no_such_top/\*\.log say why$"):
         grade_design(Design("no_such_top", entry))
+
+
+@pytest.fixture
+def kept(monkeypatch, tmp_path):
+    """Two slaves without a simulation, one of them ours, with results and page in a folder of their own."""
+    verdicts = [Verdict(case.number, PASS) for case in CASES]
+    subjects = {
+        "one": run.Subject("one", "one", "pty", lambda: [Verdict("SL-1", FAIL, "no reply"), *verdicts[1:]]),
+        "ours": run.Subject("ours", "ours", "pins", lambda: verdicts, ours=True),
+    }
+    monkeypatch.setattr(run, "subjects", lambda: subjects)
+    monkeypatch.setattr(run, "named", lambda path: path.name)
+    for name in ("KEPT", "PAGE"):
+        monkeypatch.setattr(run, name, tmp_path / name)
+    return tmp_path
+
+
+def test_one_slave_alone_leaves_the_page_as_it_was(kept, capsys):
+    (kept / "PAGE").write_text("nine slaves\n")
+    assert run.main(["--only", "one"]) == 0
+    shown = capsys.readouterr().out
+    assert "  fail       SL-1   no reply\n" in shown
+    assert "PAGE is as it was: it needs a result of ours, too\n" in shown
+    assert (kept / "PAGE").read_text() == "nine slaves\n"
+    assert run.main(["--only", "ours"]) == 0 and "| ours | pins |" in (kept / "PAGE").read_text()
+
+
+def test_results_of_another_list_of_tests_are_not_taken(kept):
+    old = [{"number": "SL-1", "outcome": PASS, "text": ""}]
+    (kept / "KEPT").write_text(json.dumps({"one": {"stated": "", "verdicts": old}}))
+    with pytest.raises(run.ConformanceError, match=r"^no slave was graded yet"):
+        run.main(["--report"])
+
+
+@pytest.mark.parametrize("damage", ["", "[]", '{"one": 1}', '{"one": {"verdicts": [1]}}'])
+def test_damaged_results_are_one_line(kept, damage):
+    (kept / "KEPT").write_text(damage)
+    with pytest.raises(run.ConformanceError, match=r"^KEPT is damaged; delete it and grade"):
+        run.main(["--report"])
 
 
 def test_the_page_lists_every_slave_with_a_result(tmp_path, monkeypatch):
