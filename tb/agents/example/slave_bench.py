@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The example's bench: writes and reads a register of a Modbus RTU slave, judges the edges of each reply.
 
-It takes everything from the installed package. run.py beside it says which pins and which line the slave has.
+It imports the installed package alone. run.py passes pins and line of the slave in the variable SLAVE.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ async def powered_up(dut) -> ModbusMaster:
 
 
 async def exchange(master: ModbusMaster, pdu: bytes) -> bytes:
-    """The PDU of the reply; what the judge finds on its edges is printed."""
+    """The PDU of the reply. The faults of its edges are printed."""
     done = await master.request(rtu.build(UNIT, pdu), REPLY_PS)
     assert done.reply is not None, f"no reply to {pdu.hex(' ')}"
     await master.line.source.idle(100)

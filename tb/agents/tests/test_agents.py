@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agents against each other on one wire: formats, faults, times, DE, collisions, the judge's verdicts."""
+"""The agents against each other on one wire: formats, faults, times, DE, collisions, verdicts of edges."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import cocotb
 import pytest
 from cocotb.triggers import Timer
 
-from tb.agents import edges, rtu
+from tb.agents import edges, fc_slave, rtu
 from tb.agents.modbus_master import ModbusMaster
-from tb.agents.rs485 import Rs485Line
+from tb.agents.rs485 import Pulse, Rs485Line
 from tb.agents.uart import Flaws, Format, UartMonitor, UartSource, waveform, with_gaps
 from tb.lib.runner import run
 
@@ -98,7 +98,7 @@ async def the_judge_measures_rate_edges_and_gaps(dut):
     ):
         _, frame = await wire.hears(DATA, flaws)
         limits = edges.Limits() if not flaws.low_stretch else edges.Limits(rate=None)
-        # A gap beyond 1.5 characters ends a frame for frames(), unless it is told otherwise.
+        # By default frames() ends a frame at a gap of 1.5 characters.
         if flaws.gaps.get(3) == 17:
             frame = wire.monitor.frames(gap_bits=30)[-1]
         found = edges.judge(wire.monitor, frame, limits=limits)
@@ -147,7 +147,7 @@ async def the_judge_knows_t35_and_de(dut):
 
 @cocotb.test()
 async def a_master_takes_a_reply_and_notices_silence(dut):
-    """The far end's own sender plays the slave, on the wire that the master hears."""
+    """A second sender plays the slave on the wire to the master."""
     fmt = Format.named(BAUD, "8E1")
     line = Rs485Line(dut.de, dut.heard, dut.enabled, fmt)
     slave = UartSource(dut.line, fmt)
@@ -176,3 +176,48 @@ def test_an_exact_waveform_is_decided_without_a_simulator():
     assert [level for _, level in played] == [0, 1, 0, 1]
     assert [at / bit for at, _ in played] == pytest.approx([0, 1, 2, 9])
     assert length == pytest.approx(10 * bit)
+
+
+def test_jitter_moves_each_edge_within_its_limit_and_repeats_by_its_seed():
+    fmt = Format.named(9600, "8E1")
+    exact, _ = waveform(fmt, DATA, Flaws())
+    moved = {seed: waveform(fmt, DATA, Flaws(jitter=0.1, jitter_seed=seed))[0] for seed in (1, 2)}
+    assert moved[1] == waveform(fmt, DATA, Flaws(jitter=0.1, jitter_seed=1))[0] != moved[2]
+    # A jitter before the first edge shifts the whole transmission by up to as much again.
+    places = [(at - due) / fmt.bit_ps for (at, _), (due, _) in zip(moved[1], exact, strict=True)]
+    assert 0.1 < max(places) - min(places) <= 0.2
+
+
+@pytest.mark.parametrize("fault", fc_slave.FAULTS)
+def test_each_fault_of_the_drive_differs_from_a_good_reply(fault):
+    """In its bytes or in its line, and every two faults from each other."""
+    telegram, reply = bytes.fromhex("02 06 81 04 3C 00 00 BD"), bytes.fromhex("02 06 81 0F 03 20 00 A9")
+    sent = {name: make(reply, telegram) for name, make in fc_slave.FAULTS.items()}
+    assert sent[fault] != (reply, Flaws())
+    assert [name for name, other in sent.items() if other == sent[fault]] == [fault]
+
+
+@pytest.mark.parametrize(
+    ("pulses", "faults"),
+    [
+        ([], ["DE is low at its first start bit"]),
+        ([(-1, None)], ["DE is still high"]),
+        ([(-1, 9)], ["DE falls 2.00 bits before the end of the last stop bit"]),
+        ([(-1, 11.5)], []),
+    ],
+)
+def test_de_is_judged_without_a_simulator(pulses, faults):
+    """Of one character of 11 bits; times of DE in bits from its start."""
+    fmt = Format.named(9600, "8E1")
+    trace = edges.Trace(fmt, [(round(at), level) for at, level in waveform(fmt, b"\x55", Flaws())[0]])
+    raised = [Pulse(round(up * fmt.bit_ps), down and round(down * fmt.bit_ps)) for up, down in pulses]
+    assert edges.judge(trace, trace.frame(), pulses=raised) == faults
+
+
+def test_a_script_reports_each_telegram_that_differs():
+    script = fc_slave.Script([(b"one", b"reply"), (b"two", None)])
+    assert (script(b"one"), script(b"2"), script(b"three")) == (b"reply", None, None)
+    with pytest.raises(AssertionError, match="telegram 32 instead of 74 77 6f; unexpected telegram 74"):
+        script.check()
+    with pytest.raises(AssertionError, match="never sent: 6f 6e 65"):
+        fc_slave.Script([(b"one", None)]).check()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agents as an installed package: wheel, imports and example, with nothing of this project around."""
+"""The agents as an installed package: wheel, imports and example, without the rest of this project."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from tb.lib.seeds import seeded
 
 AGENTS = ROOT / "tb/agents"
 MODULES = sorted(path.stem for path in AGENTS.glob("*.py"))
-# Python takes neither this folder nor the project's environment of variables, only what is installed.
+# Isolated: Python ignores the present folder and its variables, and finds installed packages alone.
 ALONE = [sys.executable, "-I", "-c"]
 
 
 def wheel(folder: Path) -> Path:
-    """Builds the wheel from a copy: a build leaves files in its folder."""
+    """Builds the wheel from a copy, because a build leaves files in its folder."""
     source = folder / "source"
-    shutil.copytree(AGENTS, source)
+    shutil.copytree(AGENTS, source, ignore=shutil.ignore_patterns("build", "*.egg-info"))
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
     done = subprocess.run([*command, "-w", folder, source], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -98,11 +98,14 @@ def example(site: Path, folder: Path, *damage: tuple[str, str]) -> subprocess.Co
     slave.write_text(text)
     options = ["--top", "holding_registers", "--clk-hz", "500000", "--baud", "19200", "--build", "build"]
     options += ["--parameter", "CLK_HZ=500000", "--parameter", "BAUD=19200"]
-    options += [*map(str, needed_files("network_port")), str(slave)]
-    runner = AGENTS / "example/run.py"
-    script = f"import runpy\nsys.argv = [{str(runner)!r}, *{options!r}]\n"
-    script += f"runpy.run_path({str(runner)!r}, run_name='__main__')\n"
-    return alone(site, script, folder)
+    return runner(site, folder, *options, *map(str, needed_files("network_port")), str(slave))
+
+
+def runner(site: Path, folder: Path, *options: str) -> subprocess.CompletedProcess:
+    """The example's command line with the installed package."""
+    program = str(AGENTS / "example/run.py")
+    script = f"import runpy\nsys.argv = [{program!r}, *{options!r}]\n"
+    return alone(site, script + f"runpy.run_path({program!r}, run_name='__main__')\n", folder)
 
 
 def test_the_example_runs_with_the_installed_package_alone(site, tmp_path):
@@ -111,9 +114,35 @@ def test_the_example_runs_with_the_installed_package_alone(site, tmp_path):
     assert "edges good" in done.stdout and "TESTS=2 PASS=2" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--form", "9E1"], "--form: invalid choice: '9E1'"),
+        (["--pins", "clk,rst"], "--pins: five names with commas, not 'clk,rst'"),
+        (["--parameter", "CLK_HZ"], "--parameter: NAME=NUMBER, not 'CLK_HZ'"),
+        (["--baud", "0"], "--baud: 1 to 10000000, not '0'"),
+        (["--unit", "248"], "--unit: 1 to 247, not '248'"),
+        (["nowhere.v"], "there is no nowhere.v"),
+    ],
+)
+def test_a_wrong_option_of_the_example_is_one_line(words, reason, site, tmp_path):
+    (tmp_path / "top.v").write_text("module top; endmodule\n")
+    right = ["--top", "top", "--clk-hz", "500000", "--baud", "19200", str(tmp_path / "top.v")]
+    done = runner(site, tmp_path, *right, *words)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert reason in done.stderr and not (tmp_path / "build").exists()
+
+
+def test_a_design_that_does_not_build_is_one_line(site, tmp_path):
+    (tmp_path / "top.v").write_text("module top; nonsense\n")
+    done = runner(site, tmp_path, "--top", "top", "--clk-hz", "500000", "--baud", "19200", "top.v")
+    assert done.returncode == 2 and "syntax error" in done.stdout + done.stderr
+    assert done.stderr.splitlines()[-1] == "run.py: the simulator failed; its messages are above"
+
+
 @pytest.mark.slow
 def test_the_example_fails_for_a_slave_that_loses_a_bit(site, tmp_path):
-    lost = seeded("bit").choice((1, 4))  # those that are 1 in the example's value
+    lost = seeded("bit").choice((1, 4))  # the bits that are 1 in the example's value
     done = example(
         site,
         tmp_path,

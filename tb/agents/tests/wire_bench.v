@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One wire, for the agents' own tests: what a source sends on line, a monitor hears on heard. de is free.
+// One wire for the tests of the agents: a source drives line, a monitor reads heard. The test drives de.
 `default_nettype none
 
 module wire_bench (
