@@ -130,9 +130,14 @@ def verdict(met: bool) -> str:
     return "met" if met else "**missed**"
 
 
-def summary(results: Results) -> str:
+def summary(
+    results: Results,
+    of_cases: str = "early",
+    judged: tuple[str, ...] = JUDGED,
+    of_random: str = "random",
+) -> str:
     """The table of targets."""
-    cases, chance, everything = (samples(results, kind) for kind in ("early", "random", JUDGED))
+    cases, chance, everything = (samples(results, kind) for kind in (of_cases, of_random, judged))
     rows: list[list[object]] = []
 
     def row(name: str, target: str, numbers: list[float], met: Callable[[float], bool], text: str) -> None:
@@ -150,7 +155,7 @@ def summary(results: Results) -> str:
         numbers = values(found, attribute)
         row(name, target, numbers, lambda value: value <= LIMIT_BITS, f"{max(numbers, default=0):.2f}")
     for name, numbers in (
-        ("full transactions over their floor", values([s for s in cases if s.case in EXCHANGES], "ratio")),
+        ("full transactions over their floor", values([s for s in cases if s.telegram is not None], "ratio")),
         ("every answered request over its floor", values(cases + chance, "ratio")),
     ):
         worst = f"{max(numbers, default=0):.4f}"
@@ -180,13 +185,15 @@ def summary(results: Results) -> str:
         inside = [max(bits, 0.0) if bits >= least else bits for bits in numbers]
         row(name, "0 … 1 bit", numbers, lambda v, least=least: least <= v <= DE_LIMIT_BITS, span(inside))
     for kind, name in (
-        ("early", "cases: right bytes and bits on both lines"),
-        ("random", "random: right bytes and bits on both lines, silence where due"),
+        (of_cases, "cases: right bytes and bits on both lines"),
+        (of_random, "random: right bytes and bits on both lines, silence where due"),
         ("drive_faults", "a drive that answers wrong, late or not at all: one repeat, then 255"),
         ("gate", "a character between t1.5 and t3.5: nothing sent, nothing changed"),
         ("overtaken", "another frame while the drive answers: newest served, exchange finished"),
         ("conformance", "conformance rows"),
     ):
+        if kind not in judged:
+            continue
         outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind == kind]
         checks, faults = sum(o.checks for o in outcomes), sum(len(o.faults) for o in outcomes)
         rows.append([name, "no fault", f"{faults} faults", verdict(faults == 0), f"{checks} checks"])
@@ -378,7 +385,9 @@ def tiny(results: Results) -> str:
     slow, last = budgets(TINY.clk_hz, SHOWN_BAUD)
     above, _ = budgets(TINY.clk_hz, max(BAUDS))
     return f"""\
-Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz, {FORM}, the same cases, without limits.
+Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz: the same cases, rates, formats and limits.
+
+{summary(results, "tiny", ("tiny",), "")}
 
 {by_rate(results, "tiny")}
 

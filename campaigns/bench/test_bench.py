@@ -33,12 +33,14 @@ SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 PIECES = list(fast(SEED))
 FORMS = ("8N1", "8N2", "8E1", "8O1")
 FEW_RATES = (1200, 19200, 115200)
+LONG = ("random-115200-8E1",)
 
 
 def pieces(*kinds: str) -> pytest.MarkDecorator:
     """The pieces of `make bench-fast`.
 
-    `make test` takes every rate for the turnaround, in one format each, and three rates for all else.
+    `make test` takes every rate for the turnaround, in one format each, and three rates for all else, but
+    for LONG.
     """
     chosen = [piece for piece in PIECES if piece.kind in kinds]
     seen: set[tuple[str, int]] = set()
@@ -46,7 +48,8 @@ def pieces(*kinds: str) -> pytest.MarkDecorator:
     for piece in chosen:
         again = (piece.kind, piece.baud) in seen or (kinds != ("early",) and piece.baud not in FEW_RATES)
         seen.add((piece.kind, piece.baud))
-        parameters.append(pytest.param(piece, id=piece.name, marks=[pytest.mark.slow] if again else []))
+        slow = again or piece.name in LONG
+        parameters.append(pytest.param(piece, id=piece.name, marks=[pytest.mark.slow] if slow else []))
     return pytest.mark.parametrize("piece", parameters)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from campaigns.bench.card import LATE, STANDARD, TINY, Build
-from campaigns.bench.cases import CASES, drive_faults, gate, overtaken, random_requests, turnaround
+from campaigns.bench.cases import CASES, SIZES, drive_faults, gate, overtaken, random_requests, turnaround
 from campaigns.bench.conformance import conformance
 from campaigns.bench.judge import Outcome
 from campaigns.bench.wave import BAUDS, FORMAT_NAMES
@@ -27,6 +27,8 @@ DRIVE_FAULTS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
+# All sizes: where t3.5 is shortest, and where it has the fewest bits.
+SIZES_AT = ((115200, "8N1"), (38400, "8E1"), (19200, "8E1"))
 # Random requests by rate, 5,000 in all and equally many in each format: more where more fit into a second.
 RANDOM = {300: 16, 1200: 48, 2400: 100, 4800: 252, 9600: 700, 19200: 1300, 38400: 1284, 115200: 1300}
 RANDOM_PIECE = 50
@@ -64,10 +66,17 @@ KINDS_OF_WORK = (*KINDS.values(), "random", "drive_faults", "gate", "overtaken",
 
 
 def _turnaround(
-    baud: int, form: str, seed: int, repeats: int, names: tuple[str, ...], build: Build = STANDARD
+    baud: int,
+    form: str,
+    seed: int,
+    repeats: int,
+    names: tuple[str, ...],
+    build: Build = STANDARD,
+    **more: object,
 ) -> Piece:
-    more = {"repeats": repeats, "names": names, "seed": seed, "build": build, "settled": form == SETTLED_FORM}
-    cost = (repeats + 1) * len(names) / baud + more["settled"] * SETTLED_COST
+    settled = form == SETTLED_FORM
+    more |= {"repeats": repeats, "names": names, "seed": seed, "build": build, "settled": settled}
+    cost = (repeats + 1) * len(names) / baud + settled * SETTLED_COST
     return Piece(KINDS[build], baud, form, turnaround, more, cost)
 
 
@@ -90,11 +99,14 @@ def whole(seed: int) -> Iterator[Piece]:
         for form in FORMAT_NAMES:
             quick = {"quick": form != FORM}
             yield _turnaround(baud, form, seed, repeats, names)
+            yield _turnaround(baud, form, seed, repeats, names, TINY)
             yield Piece("gate", baud, form, gate, quick, (4 if form != FORM else 12) / baud)
             yield Piece("overtaken", baud, form, overtaken, quick, 5 / baud)
         yield _turnaround(baud, FORM, seed, repeats, names, LATE)
-        yield _turnaround(baud, FORM, seed, repeats, names, TINY)
         yield from _random(baud, seed)
+    for baud, form in SIZES_AT:
+        for build in (STANDARD, TINY):
+            yield _turnaround(baud, form, seed, 2, tuple(SIZES), build, part="sizes")
     for baud in DRIVE_FAULTS:
         yield Piece("drive_faults", baud, FORM, drive_faults, {"quick": False}, 60 / baud)
     for baud, form in CONFORMANCE:
