@@ -221,8 +221,8 @@ PLANTS = (
         "command-in-a-parameter",
         ("SAFE-1",),
         "sw/src/telegram.c",
-        "    return end(txn, at, 0, 0);",
-        "    return end(txn, at, 0x047C, 0);",
+        "    return end(txn, to, 0, 0);",
+        "    return end(txn, to, 0x047C, 0);",
         description="SAFE-1: every parameter telegram starts the motor; the gate takes bit 10 away",
     ),
     Plant(

@@ -28,8 +28,17 @@ def names(piece: Piece) -> str:
     return f"{'drive' if piece.of_drive else 'network'}-{piece.line.baud}-{piece.line.form}"
 
 
+LONG = "network-115200-8E1"  # all quantities
+
+
 @pytest.mark.rule("LINE-5")
-@pytest.mark.parametrize("piece", FAST, ids=names)
+@pytest.mark.parametrize(
+    "piece",
+    [
+        pytest.param(piece, id=names(piece), marks=[pytest.mark.slow] if names(piece) == LONG else [])
+        for piece in FAST
+    ],
+)
 def test_limits_keep_the_promise(piece: Piece):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
     limits = piece.run(SEED)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the example of a master as an owner would, but on a pty; gives its output."""
+"""Runs the example of a master like an owner, but on a pty; returns its output."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def command(program: Path, folder: Path) -> list[str]:
 
 
 def run(master: Master) -> str:
-    """The program with the pty's name, or socat's port, in the place of its own."""
+    """Output of the example. The name of the pty, or the port of socat, replaces the port in its text."""
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         there = stack.enter_context(place("card"))

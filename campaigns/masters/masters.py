@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The masters of the matrix, and how the adapter and the example of each start.
+"""The masters of the matrix, and the commands of their adapters and examples.
 
-All that they need is below build/masters; `install` (campaigns/masters/install.py) puts it there.
+`install` (campaigns/masters/install.py) puts the masters into build/masters.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def gave_up(record: dict) -> str:
 
 
 def waits(own: dict, what: str) -> str:
-    """How many answers come before the master gives up, by its words for silence."""
+    """The count of answers that came in time. A late one has the master's words for silence."""
     silent = own["builtin silent"][0]["answer"]
     late = sum(record["answer"] == silent for record in own[what])
     if late == 0:
@@ -120,6 +120,11 @@ def waits(own: dict, what: str) -> str:
 def exception_s(results: dict, master: Master) -> str:
     """Time to an exception that the card itself gives."""
     return spell(results["masters"][master.id]["dialects"]["card"]["address"]["took"])
+
+
+def least_s(results: dict, case_id: str) -> str:
+    """Shortest time that any master needed for a request in the dialect `card`."""
+    return spell(min(master["dialects"]["card"][case_id]["took"] for master in results["masters"].values()))
 
 
 def parity(record: dict) -> str:
@@ -165,6 +170,8 @@ def page(results: dict) -> str:
     fields = {
         "MEASURED": f"card `{results['card']}`, firmware `{results['firmware']}`",
         "SYSTEM": results["system"],
+        "READING": least_s(results, "read-word"),
+        "SILENT": least_s(results, "silent"),
         "TIMEOUT": f"{results['timeout_s']:g}",
         "MATRIX": matrix(results),
         "TIMEOUTS": time_outs(results),
@@ -225,7 +232,7 @@ def tables() -> dict[str, object]:
 
 
 def own_time_outs(results: dict) -> str:
-    """What an owner has to set: the time-outs alone."""
+    """The time-outs, and whether an owner has to set them."""
     rows = []
     for master in BY_ID.values():
         own = results["masters"][master.id]["defaults"]

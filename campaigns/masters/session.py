@@ -31,10 +31,10 @@ from sim.card.run_card import RunningCard
 from tb.agents.crc16 import with_crc
 
 TIMEOUT_S = 1.0  # the masters' time-out; exception 255 takes 0.35 s on a machine that keeps up
-ENDLESS_S = 30.0  # a master that has not given up then waits for ever
+ENDLESS_S = 30.0  # a master that still waits then counts as endless
 OPEN_S = 30.0
-PIECE_S = 0.02  # a frame has ended after so long
-TRIES = 5  # of a reading with a master's own time-out: one of them is about as long
+PIECE_S = 0.02  # silence that ends a frame
+TRIES = 5  # readings with a master's own time-out: some time-outs are about as long as a reading
 SETTLE_S = 0.6  # an answer that comes after its master gave up must not meet the next request
 DEFAULT = "default"
 ENDLESS = {"endless": True}

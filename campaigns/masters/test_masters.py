@@ -97,7 +97,7 @@ def test_every_case_leaves_the_card_as_it_was():
 def test_the_recorded_answers_are_right(recorded):
     assert judge.check(recorded) == []
     assert list(recorded["masters"]) == list(BY_ID)
-    assert len(MASTERS) >= 10
+    assert len(MASTERS) == 11, "other pages and the help name their number"
 
 
 @pytest.mark.parametrize(("dialect", "case"), EVERY)
@@ -149,8 +149,9 @@ def test_a_request_that_nobody_answers_may_be_repeated(recorded):
     sent = record["sent"]
     record["sent"] = f"{sent} {sent} {sent}"
     assert judge.check(recorded) == []
-    record["sent"] = f"{sent} {sent[:-3]}"
-    assert len(judge.check(recorded)) == 1
+    for wrong in (f"{sent} {sent[:-3]}", "", sent[:-3], f"{sent}{sent}"):
+        record["sent"] = wrong
+        assert len(judge.check(recorded)) == 1, wrong
 
 
 def test_what_did_not_run_is_named(recorded):
@@ -198,6 +199,16 @@ def test_the_table_shows_numbers_words_and_crashes(recorded):
     assert set(found["read a parameter of 16 bits", page.RIGHT]) == {page.RIGHT}
     answers = [case for dialect in DIALECTS for case in cases(dialect)]
     assert len(found) == len({(case.id, str(case.expect) if case.is_error else "") for case in answers})
+
+
+def test_the_times_of_the_card_are_the_shortest_of_any_master(recorded):
+    asked = [master["dialects"]["card"] for master in recorded["masters"].values()]
+    for case, took in (("read-word", 0.012), ("silent", 3.5)):
+        for answers in asked:
+            answers[case]["took"] = took + 1
+        asked[-1][case]["took"] = took
+    text = page.page(recorded)
+    assert "A reading of a parameter takes 12 ms or more, code 255 3.5 s or more." in " ".join(text.split())
 
 
 def test_every_master_has_its_section_with_its_example():
@@ -357,7 +368,7 @@ def test_a_part_is_made_once_and_again_after_a_change(monkeypatch, tmp_path, cap
 
 
 class Fake(Adapter):
-    """A master that answers from a list of what it does."""
+    """A master that records its requests and answers them, or raises an error."""
 
     errors = (TimeoutError,)
 
