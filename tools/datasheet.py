@@ -5,8 +5,8 @@
 
 Measured figures come from docs/reports alone, with the card that they name. Ports and parameters come from
 rtl/rtu2fc.v, configurations from configs.toml, boards from constraints/boards.toml. tools/datasheet.toml has
-the makers' figures. A figure that a report no longer has is an error, one line, exit 2. Chromium prints the
-PDF; its dates are fixed, so two runs give the same bytes.
+the makers' figures, and electrical notes with values of docs/guide/hardware.md. A missing figure is an error,
+one line, exit 2. Chromium prints the PDF; its dates are fixed, so two runs give the same bytes.
 """
 
 from __future__ import annotations
@@ -26,19 +26,26 @@ from constraints import image
 from constraints.boards import boards
 from rtl.command import VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, configurations, without_comments
-from sim.harness.pins import BAUDS
+from sim.harness.pins import BAUDS, FORMS
+from tb.agents import rtu
+from tb.model.card import DIAGNOSTICS, DIALECTS, FUNCTIONS
 from tools import chromium, figures
 
 OUT = ROOT / "build/datasheet"
 TEMPLATE = ROOT / "tools/datasheet.html.in"
 FACTS = ROOT / "tools/datasheet.toml"
 TOP = ROOT / "rtl/rtu2fc.v"
+HARDWARE = ROOT / "docs/guide/hardware.md"
 SUITE = "conformance"  # page of the conformance suite
+# Pages whose figures are printed.
+MEASURED = ("results", "line-quality", "synthesis")
 PAGES = 2
 SIZES = (1.0, 0.96, 0.92)
 CARD = r"Measured on\s(?:the\sstandard\s)?card `(\w+)`"
 HEADING = re.compile(r"^#+ +(.*)$")
 PARAMETER = re.compile(r"^\s*parameter\s+(?:\[[^\]]*\]\s*)?(\w+)\s*=\s*([^,\n]+)", re.MULTILINE)
+CLOCK = re.compile(r"^// clk: CLK_HZ, (\d+ to \d+ MHz)\.", re.MULTILINE)
+VALUE = re.compile(r"(?:[-\d.]+ to \+)?\d[\d.]*(?: (?:mA|V|MHz|ppm|kΩ|Ω|°C)\b| °C)")
 PORT = re.compile(r"^\s*(input|output)\s+wire\s*(?:\[(\d+):(\d+)\])?\s*(\w+)", re.MULTILINE)
 # Chromium writes when it printed; both dates have the same length.
 PDF_DATE = re.compile(rb"(/(?:Creation|Mod)Date \(D:)\d{14}\+00'00'")
@@ -52,9 +59,9 @@ MEANING = {
     "PLACES": "writes that can wait",
     "STRICT_T15": "0: no t1.5 inside a frame",
     "PREPARE_EARLY": "0: firmware begins at t3.5",
+    "BREAK_TOLERANT": "1: low after a frame is silence",
     "DE_LIMIT": "1: limits the time of DE",
     "MASTER_LOSS_STOP": "1: may stop the drive",
-    "clk": "clock, 2 to 100 MHz",
     "rst_n": "reset, active low",
     "sw_baud": "baud switches",
     "sw_addr": "address switches",
@@ -136,11 +143,11 @@ def table(page: str, heading: str) -> Table:
     return Table(name, header, rows)
 
 
-def stated(page: str, pattern: str) -> str:
+def stated(page: str, pattern: str, fact: str = "on which design it was measured") -> str:
     path = figures.path_of(page)
     found = re.search(pattern, path.read_text())
     if not found:
-        raise DatasheetError(f"{path.relative_to(ROOT)} does not say on which design it was measured")
+        raise DatasheetError(f"{path.relative_to(ROOT)} does not say {fact}")
     return found[1]
 
 
@@ -173,6 +180,10 @@ def as_html(header: Iterable[str], rows: Iterable[Iterable[str]], own: int | Non
 
 
 def meaning(name: str) -> str:
+    if name == "clk":
+        if not (found := CLOCK.search(TOP.read_text())):
+            raise DatasheetError("the header of rtl/rtu2fc.v does not give the range of the clock")
+        return f"clock, {found[1]}"
     if name not in MEANING:
         raise DatasheetError(f"tools/datasheet.py has no words for {name} of rtl/rtu2fc.v")
     return MEANING[name]
@@ -322,6 +333,22 @@ def commercial(facts: dict) -> str:
     return as_html(["product", "source", *COMMERCIAL.values(), "conformance test"], rows)
 
 
+def electrical(facts: dict) -> str:
+    """The notes of datasheet.toml. Their values are those of the hardware guide."""
+    guide = HARDWARE.read_text().replace("\N{MINUS SIGN}", "-")
+    for note in facts["electrical"]:
+        for value in VALUE.findall(note["text"]):
+            if not re.search(rf"(?<![\d.]){re.escape(value)}(?!\w)", guide):
+                raise DatasheetError(
+                    f"docs/guide/hardware.md does not have {value}, the data sheet's {note['subject']}"
+                )
+    return as_html([""], [[f"**{note['subject']}**", note["text"]] for note in facts["electrical"]])
+
+
+def hexadecimal(functions: Iterable[int]) -> str:
+    return ", ".join(f"{function:02X}" for function in sorted(functions))
+
+
 def images() -> str:
     """Of each board: the file's suffix, the firmware that fits, the order code of the part."""
     rows = []
@@ -340,7 +367,7 @@ def images() -> str:
 
 def older() -> str:
     """A notice for each measured page of an older card."""
-    pages = [page for page in figures.older_pages() if page in ("results", "line-quality", "synthesis")]
+    pages = [page for page in figures.older_pages() if page in MEASURED]
     if not pages:
         return ""
     commands = ", ".join(f"<code>{figures.PAGES[page][1]}</code>" for page in pages)
@@ -361,16 +388,22 @@ def page() -> str:
         "card": fingerprint.card(),
         "tiny": fingerprint.card("tiny"),
         "rates": ", ".join(map(str, sorted(BAUDS))),
+        "formats": ", ".join(FORMS),
+        "functions": hexadecimal(FUNCTIONS),
+        "more_functions": hexadecimal(DIAGNOSTICS).replace("2B", "2B/0E"),
+        "dialects": ", ".join(f"<code>{name}</code>" for name in DIALECTS),
+        "fast_times": " and ".join(f"{time(max(BAUDS)) / 1e6:g}" for time in (rtu.t15_ps, rtu.t35_ps)),
         "older": older(),
         "configurations": configuration_rows(),
         "parameters": parameters(),
         "blocks": blocks(),
         "ports": ports(),
-        "electrical": as_html([""], [[f"**{e['subject']}**", e["text"]] for e in facts["electrical"]]),
+        "electrical": electrical(facts),
         "targets": target_rows(),
         "turnaround": as_html(turnaround.header, turnaround.rows),
         "bench": marked(f"`{measured}`"),
         "line": as_html(["limit", "least found", "promise"], [[row[0], row[1], row[3]] for row in line.rows]),
+        "line_steps": stated("line-quality", r"([\d.]+)\sbit\.", "how fine its steps are"),
         "line_card": marked(f"`{stated('line-quality', CARD)}`"),
         "rivals": ", ".join(html.escape(name.split(" ")[0]) for name in rivals().values()),
         "resources": resource_table,
@@ -412,7 +445,7 @@ def main() -> int:
     for name, content in (("rtu2fc-datasheet.html", text.encode()), ("rtu2fc-datasheet.pdf", printed)):
         (folder / name).write_bytes(content)
         print(f"wrote {folder / name}" if folder != OUT else f"wrote {(folder / name).relative_to(ROOT)}")
-    if figures.older_pages().keys() & {"results", "line-quality", "synthesis"}:
+    if figures.older_pages().keys() & set(MEASURED):
         print("datasheet: its figures are of an older card; `make figures` lists them", file=sys.stderr)
     return 0
 

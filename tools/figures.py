@@ -39,8 +39,10 @@ def bench(_: str) -> str:
 
 def one_card(text: str) -> str:
     """Pages that name the standard card, once for each of their parts."""
-    now = fingerprint.card()
-    older = sorted(set(CARD.findall(text)) - {now})
+    now, stated = fingerprint.card(), set(CARD.findall(text))
+    if not stated:
+        return "it does not name the card that it was measured on"
+    older = sorted(stated - {now})
     return f"measured on card `{', '.join(older)}`; the sources are card `{now}`" if older else ""
 
 
@@ -53,7 +55,7 @@ def both_cards(text: str) -> str:
 
 
 def mutants(text: str) -> str:
-    """A row a module, with the fingerprint of the module's code."""
+    """The page has a row for each module, with the fingerprint of the module's code."""
     rows = dict(ROW.findall(text))
     benches = set(mutate.benches())
     paths = {path.stem: path for path in rtl_files() if path.stem in benches}
@@ -65,7 +67,7 @@ def synthesis(_: str) -> str:
     return "synthesised from another design" if synth.stale() else ""
 
 
-# Page of docs/reports: what makes it an older one (empty: nothing), and the command that renews it.
+# Page of docs/reports: its check, which returns why it is an older page (empty: it is not), and its command.
 PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "results": (bench, "make bench"),
     "conformance": (both_cards, "make conformance"),
@@ -87,7 +89,7 @@ def without_notice(text: str) -> str:
 
 
 def marked(text: str, older: str, command: str) -> str:
-    """The page with the notice that it needs, below its title."""
+    """The page with its notice below the title, or without one."""
     text = without_notice(text)
     if not older:
         return text

@@ -2,7 +2,7 @@
 """The picture of the panel in the README: the panel itself, showing a recorded log of the virtual card.
 
     python -m tools.panel_picture            writes docs/pictures/panel.svg
-    python -m tools.panel_picture --check    exit 1 if the panel looks otherwise now
+    python -m tools.panel_picture --check    exit 1 if the panel differs from the picture
 
 The recording is sim/card/panel.jsonl: a motor that a master has started. The picture takes no font from the
 network.
@@ -74,7 +74,7 @@ def main() -> int:
         PICTURE.write_text(text)
         print(f"wrote {name}")
     elif not PICTURE.exists() or PICTURE.read_text() != text:
-        print(f"{name} is not how the panel looks; run `make panel-picture`", file=sys.stderr)
+        print(f"{name} differs from the panel; run `make panel-picture`", file=sys.stderr)
         return 1
     return 0
 

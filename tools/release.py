@@ -10,8 +10,8 @@ missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
 files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
-never refused: each of its files is named -draft. Some boards alone make a draft only. Exit 1: refused, or
-`--check` found other bytes; 2: something could not be built.
+never refused: each of its files is named -draft. `--board` makes a draft only. Exit 1: refused, or `--check`
+found other bytes; 2: something could not be built.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -59,7 +59,7 @@ ERRORS = (ReleaseError, SourcesError, synth.SynthError, image.ImageError, datash
 
 
 def sections(text: str) -> dict[str, str]:
-    """Of a changelog: the sections by the name in brackets, with what stands below the heading."""
+    """The sections of a changelog: the text below each heading, by the heading."""
     parts = re.split(r"^## (.*)$", text, flags=re.MULTILINE)[1:]
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
@@ -85,7 +85,7 @@ def figures_wrong() -> Iterator[str]:
 
 
 def page_checks_wrong() -> Iterator[str]:
-    """The tests of the measured pages, which no other command runs than `make figures`."""
+    """The tests of the measured pages. Only `make figures` runs them."""
     print("  tests of the measured pages", flush=True)
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "--figures"], cwd=ROOT, capture_output=True, check=False
@@ -99,6 +99,8 @@ def refusals(version: str, tag: str) -> list[str]:
     now = commit()
     found = [f"the tag is {tag}, but VERSION says v{version}"] if tag not in ("", f"v{version}") else []
     found += [*figures_wrong(), *changelog_wrong(CHANGELOG.read_text(), version)]
+    if not now:
+        found.append("the commit is not known: this folder is no git repository")
     if now.endswith("-dirty"):
         found.append("some files are not committed")
     if not found:
@@ -215,7 +217,7 @@ def add_firmware(dist: Dist, images: list[Image]) -> None:
 
 
 def design(entry: Board) -> None:
-    """The board's placed and routed design, as it is or built now."""
+    """Builds the board's placed and routed design, unless it is up to date."""
     finished = image.BUILD / entry.name / f"{entry.top}{image.suffix(entry)}"
     if finished.exists() and image.up_to_date(entry):
         return
@@ -232,12 +234,18 @@ def kind(entry: Board, path: Path) -> str:
     )
 
 
+def fitting(entry: Board, images: list[Image]) -> list[Image]:
+    """Images for the board's memory.
+
+    MASTER_LOSS_STOP alone does nothing in these designs, because their parameter of that name is 0 (SAFE-7).
+    """
+    return [one for one in images if one.words == entry.memory_words and "stop" not in one.options]
+
+
 def add_bitstreams(dist: Dist, entry: Board, images: list[Image]) -> None:
     design(entry)
-    # MASTER_LOSS_STOP alone does nothing in these designs: their parameter of that name is 0 (SAFE-7).
-    fitting = [one for one in images if one.words == entry.memory_words and "stop" not in one.options]
     with tempfile.TemporaryDirectory() as folder:
-        for one in fitting:
+        for one in fitting(entry, images):
             output = Path(folder) / f"image{image.result_suffix(entry)}"
             image.make(entry, ROOT / one.path, output)
             for path in image.results(entry, output):
@@ -283,7 +291,7 @@ def add_documents(dist: Dist) -> None:
 
 
 def build(draft: bool, chosen: list[Board], version: str) -> None:
-    """Everything into DIST; what was there stays until all is built."""
+    """Builds everything. The former files of DIST stay until all is built."""
     DIST.parent.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(dir=DIST.parent, prefix="dist-") as folder:
         dist = Dist(Path(folder) / DIST.name, version, draft)
@@ -314,7 +322,7 @@ def differences(one: dict[str, str], other: dict[str, str]) -> list[str]:
 
 
 def copy_sources(target: Path) -> None:
-    """The files of this tree that git knows or would know, and the results of the tests."""
+    """The files of this tree, but for those that git ignores; and the results of the tests."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -326,7 +334,13 @@ def copy_sources(target: Path) -> None:
         shutil.copy2(ROOT / name, target / name)
 
 
-def check(words: list[str], draft: bool) -> int:
+def other_boards(names: Iterable[str], version: str, chosen: list[Board]) -> list[str]:
+    """Boards that are in DIST or in `chosen`, but not in both."""
+    there = {name for name in boards() if any(file.startswith(f"rtu2fc-{version}-{name}-") for file in names)}
+    return sorted(there ^ {entry.name for entry in chosen})
+
+
+def check(words: list[str], draft: bool, version: str, chosen: list[Board]) -> int:
     """Builds a copy of this tree from nothing and compares its sums with those of DIST."""
     sums = DIST / sums_name(draft)
     if not sums.exists():
@@ -338,6 +352,11 @@ def check(words: list[str], draft: bool) -> int:
         name for name, value in was.items() if not (DIST / name).exists() or digest(DIST / name) != value
     ]:
         raise ReleaseError(f"{DIST.relative_to(ROOT)}/{wrong[0]} is not what {sums.name} says")
+    # Else every file of these boards would differ, after the long second build.
+    if other := other_boards(was, version, chosen):
+        raise ReleaseError(
+            f"this check and {DIST.relative_to(ROOT)} differ in boards: {', '.join(other)}; repeat its BOARD="
+        )
     shutil.rmtree(AGAIN, ignore_errors=True)
     copy_sources(AGAIN)
     # Reasons to refuse hold for this tree; its copy builds the same files.
@@ -379,7 +398,7 @@ def main() -> int:
         print("release: DRAFT=1 builds it all the same and names each file -draft", file=sys.stderr)
         return 1
     if args.check:
-        return check(words, args.draft)
+        return check(words, args.draft, version, chosen)
     build(args.draft, chosen, version)
     return 0
 

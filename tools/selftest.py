@@ -17,20 +17,16 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import errno
 import select
 import signal
 import sys
-import termios
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from types import FrameType
 
-import serial
-
 from rtl.command import Parser, stop_printing, version
 from sim.harness.pins import BAUDS, FORMS
+from sim.harness.serial_port import PortError, in_use, opened
 from tb.agents.crc16 import crc_good
 from tb.agents.rtu import PS_PER_S, build, parse, read_coils, read_registers, t35_ps, write_coils
 from tb.model.card import DIALECTS
@@ -73,10 +69,6 @@ TICK, CROSS, NOT_ASKED = "✓", "✗", "-"
 MEANING = {255: " (no answer from the drive)"}
 
 
-class PortError(Exception):
-    """Error for the user, in one line."""
-
-
 @dataclass(frozen=True)
 class Options:
     port: str
@@ -104,31 +96,7 @@ class Line:
         self.echoes = False  # the adapter hears itself
         self.stray = b""  # bytes outside of an exchange
         self.quiet_at = 0.0
-        try:
-            self.port = serial.Serial(
-                options.port,
-                options.baud,
-                parity=options.format[1],
-                stopbits=int(options.format[2]),
-                timeout=0,
-                exclusive=True,
-            )
-        except (OSError, ValueError, termios.error) as error:
-            raise PortError(self._why_not_open(error, options)) from None
-
-    @staticmethod
-    def _why_not_open(error: Exception, options: Options) -> str:
-        port = options.port
-        number = getattr(error, "errno", None) or (error.args[0] if error.args else None)
-        if "exclusively lock" in str(error) or number == errno.EBUSY:
-            return f"{port} is in use by another program"
-        if number == errno.ENOENT:
-            return f"there is no {port}"
-        if number == errno.EACCES:
-            return f"no permission for {port}: join the group that owns it, often dialout"
-        if number == errno.EINVAL:
-            return f"{port} refuses {options.baud} {options.format}"
-        return f"{port} is no serial port that can be opened"
+        self.port = opened(options.port, options.baud, options.format)
 
     def close(self) -> None:
         self.port.close()
@@ -138,15 +106,8 @@ class Line:
 
         The time is from the call to the last byte, less the characters on the line.
         """
-        with self._there():
+        with in_use(self.name):
             return self._exchange(frame, wait_s)
-
-    @contextlib.contextmanager
-    def _there(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, termios.error):
-            raise PortError(f"{self.name} went away") from None
 
     def _exchange(self, frame: bytes, wait_s: float) -> tuple[bytes, float]:
         time.sleep(max(0.0, self.quiet_at - time.monotonic()))
@@ -171,7 +132,7 @@ class Line:
 
     def stray_after(self, seconds: float) -> bytes:
         time.sleep(seconds)
-        with self._there():
+        with in_use(self.name):
             self.stray += self.port.read(self.port.in_waiting)
         return self.stray
 
@@ -460,12 +421,12 @@ class Selftest:
             self.report.row(NOT_ASKED, *row, f"takes {how}")
 
     def hears_itself(self) -> bool:
-        """A reading from all gets no answer (MAP-9), so what comes back is the adapter's echo."""
+        """A broadcast read has no answer (MAP-9), so any returned bytes are the adapter's echo."""
         frame = build(0, read_coils(0, 8))
         return self.line.exchange(frame, self.card.silence_s)[0] == frame
 
     def write_back(self) -> str:
-        """40002 and 40003 as they were found, index and coil 65 = 0; returns what could not be written."""
+        """Restores 40002 and 40003, clears index and coil 65; returns a line for each failed write."""
         if self.before is None or not self.may_have_written:
             return ""
         index = IND if DIALECTS[self.options.dialect].index_register == IND else INDEX

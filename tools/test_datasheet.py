@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import shutil
 import time
+import tomllib
 
 import pytest
 
@@ -21,6 +22,7 @@ def reports(monkeypatch, tmp_path):
     folder = tmp_path / "reports"
     shutil.copytree(figures.REPORTS, folder)
     monkeypatch.setattr(figures, "REPORTS", folder)
+    monkeypatch.setattr(figures.bench_report, "RESULTS", folder / "results.md")
     monkeypatch.setattr(datasheet, "ROOT", tmp_path)
     return folder
 
@@ -69,7 +71,7 @@ def test_the_card_of_the_figures_is_named(reports):
     assert card in datasheet.page()
     change(path, f"Measured on card `{card}`", "Measured on card `0123456789ab`")
     assert "<code>0123456789ab</code>" in datasheet.page()
-    assert "<b>Figures of an older card:</b> results" in datasheet.page()
+    assert re.search(r"older card:</b> [^.]*\bresults\b", datasheet.page())
 
 
 def test_the_conformance_suite_is_named(reports):
@@ -104,6 +106,12 @@ def test_without_older_pages_there_is_no_notice(monkeypatch):
             "On card",
             "reports/results.md does not say on which design it was measured",
         ),
+        (
+            "line-quality",
+            "rate and 0.004 bit",
+            "rate",
+            "reports/line-quality.md does not say how fine its steps are",
+        ),
     ],
 )
 def test_a_figure_that_is_missing_is_one_line(reports, page, was, now, line):
@@ -111,6 +119,33 @@ def test_a_figure_that_is_missing_is_one_line(reports, page, was, now, line):
     with pytest.raises(DatasheetError) as error:
         datasheet.page()
     assert str(error.value) == line
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "line"),
+    [
+        ("27 mA", "31 mA", "docs/guide/hardware.md does not have 27 mA, the data sheet's Supply"),
+        (
+            "\N{MINUS SIGN}20 to +60 °C",
+            "0 to +60 °C",
+            "docs/guide/hardware.md does not have -20 to +60 °C, the data sheet's Environment",
+        ),
+        ("4.7 kΩ", "14.7 kΩ", "docs/guide/hardware.md does not have 4.7 kΩ, the data sheet's Lines"),
+    ],
+)
+def test_an_electrical_value_that_the_guide_does_not_have_is_one_line(monkeypatch, tmp_path, was, now, line):
+    guide = tmp_path / "hardware.md"
+    guide.write_text(datasheet.HARDWARE.read_text().replace(was, now))
+    monkeypatch.setattr(datasheet, "HARDWARE", guide)
+    with pytest.raises(DatasheetError) as error:
+        datasheet.page()
+    assert str(error.value) == line
+
+
+def test_every_value_of_the_electrical_notes_is_compared():
+    facts = tomllib.loads(datasheet.FACTS.read_text())
+    found = [value for note in facts["electrical"] for value in datasheet.VALUE.findall(note["text"])]
+    assert len(found) == 12 and {"24 V", "38 mA", "12 MHz", "100 ppm", "120 Ω", "-20 to +60 °C"} <= set(found)
 
 
 def test_a_new_port_needs_words(monkeypatch, tmp_path):

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The release: when it is refused, what is in it, and that a second build gives the same bytes."""
+"""The release: its refusals, its files, and a second build with the same bytes."""
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -81,7 +83,7 @@ def test_every_test_has_passed_on_the_commit(of_b, missing):
 
 @pytest.fixture
 def releasable(monkeypatch, tmp_path):
-    """A tree in which nothing speaks against a release; what would be built is noted."""
+    """A tree without a reason to refuse. Each build is noted instead."""
     built = []
     changelog = tmp_path / "CHANGELOG.md"
     changelog.write_text(CHANGES.replace("1.2.3", NUMBER))
@@ -113,6 +115,10 @@ def test_a_release_is_built(releasable, monkeypatch):
         (
             lambda patch: patch.setattr(figures, "older_pages", lambda: {"results": "make bench"}),
             "measured pages are of an older card, and these commands renew them: results (make bench)",
+        ),
+        (
+            lambda patch: patch.setattr(release, "commit", lambda: ""),
+            "the commit is not known: this folder is no git repository",
         ),
         (
             lambda patch: patch.setattr(release, "commit", lambda: "abc1234-dirty"),
@@ -178,17 +184,15 @@ def test_images_of_every_dialect_and_option():
 
 
 def test_the_data_sheet_offers_what_a_release_has():
-    """Of each board: the images for its memory, without those of MASTER_LOSS_STOP alone."""
+    """No image with MASTER_LOSS_STOP alone, which does nothing in these designs."""
     rows = re.findall(r"<tr><td><code>([\w-]+)</code></td>.*?<td>([\w, -]+)</td></tr>", datasheet.images())
-    folders = {"large": set(), "tiny": set(), "": set()}
-    for image in firmware_images():
-        part = image.path.parts[1] if image.path.parts[1] in folders else ""
-        folders[part] |= {image.name} if "stop" not in image.options else set()
-    offered = {name: set(images.split(", ")) for name, images in rows}
+    offered = {name: sorted(images.split(", ")) for name, images in rows}
+    images = release.firmware()
     assert offered == {
-        name: folders["large" if entry.memory_bytes else "tiny" if entry.config == "tiny" else ""]
+        name: sorted(image.name for image in release.fitting(entry, images))
         for name, entry in boards().items()
     }
+    assert not [name for names in offered.values() for name in names if "stop" in name]
 
 
 def test_an_image_built_elsewhere_has_the_same_bytes(tmp_path):
@@ -216,6 +220,9 @@ def test_an_archive_depends_on_names_and_contents_alone(tmp_path):
     other = folder("another", "a", "b/c")
     (other / "a").chmod(0o600)
     assert release.archive(other, "top") == one
+    with zipfile.ZipFile(io.BytesIO(one)) as packed:
+        entries = [(entry.filename, entry.date_time[0]) for entry in packed.infolist()]
+    assert entries == [("top/a", 1980), ("top/b/c", 1980)]
     (other / "a").write_text("changed")
     assert release.archive(other, "top") != one
 
@@ -243,7 +250,7 @@ def test_files_of_a_draft_say_so(dist):
 
 @pytest.mark.parametrize("change", ["", "board"])
 def test_check_names_what_the_second_build_made_otherwise(dist, monkeypatch, capsys, change):
-    """The second build is a copy of the first, with one byte more where `change` says so."""
+    """The second build is a copy of the first, with one more byte in the file `change`."""
 
     def second(_command, **_options):
         again = release.AGAIN / "build/dist"
@@ -257,7 +264,7 @@ def test_check_names_what_the_second_build_made_otherwise(dist, monkeypatch, cap
 
     monkeypatch.setattr(release, "copy_sources", lambda target: target.mkdir(parents=True))
     monkeypatch.setattr(release.subprocess, "run", second)
-    assert release.check(["--draft"], draft=True) == bool(change)
+    assert release.check(["--draft"], True, "9.9.9", []) == bool(change)
     said = capsys.readouterr().out.splitlines()[-1]
     if change:
         assert said.startswith(
@@ -267,9 +274,45 @@ def test_check_names_what_the_second_build_made_otherwise(dist, monkeypatch, cap
         assert said == "2 files: the second build gave the same bytes" and not release.AGAIN.exists()
 
 
+def test_the_second_build_has_every_file_but_ignored_ones(monkeypatch, tmp_path):
+    tree, target = tmp_path / "tree", tmp_path / "again"
+    for name, text in (
+        (".gitignore", "build/\n"),
+        ("sub/new", "new"),
+        ("kept", "kept"),
+        ("build/old", "old"),
+    ):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / name).write_text(text)
+    for command in (["init", "-q"], ["add", "kept"]):
+        subprocess.run(["git", *command], cwd=tree, check=True, capture_output=True)
+    monkeypatch.setattr(release, "ROOT", tree)
+    monkeypatch.setattr(trace, "RESULTS", tree / "build/results.json")
+    release.copy_sources(target)
+    found = {str(path.relative_to(target)): path.read_text() for path in target.rglob("*") if path.is_file()}
+    assert found == {".gitignore": "build/\n", "sub/new": "new", "kept": "kept"}
+    (tree / "build/results.json").write_text("{}")
+    (tree / "kept").write_text("changed")
+    release.copy_sources(target)
+    assert (target / "build/results.json").exists() and (target / "kept").read_text() == "changed"
+
+
 def test_check_needs_a_whole_release(dist):
     with pytest.raises(release.ReleaseError, match=r"SHA256SUMS is not there; run `make release` first$"):
-        release.check([], draft=False)
+        release.check([], False, "9.9.9", [])
     (release.DIST / "rtu2fc-9.9.9-board-draft.bit").write_bytes(b"bats")
     with pytest.raises(release.ReleaseError, match="is not what SHA256SUMS-draft says"):
-        release.check([], draft=True)
+        release.check([], True, "9.9.9", [])
+
+
+def test_check_of_other_boards_is_one_line_before_the_build(dist, monkeypatch):
+    monkeypatch.setattr(release, "copy_sources", lambda _: pytest.fail("built"))
+    chosen = [entry for name, entry in boards().items() if name == "icebreaker"]
+    line = r"^this check and build/dist differ in boards: icebreaker; repeat its BOARD=$"
+    with pytest.raises(release.ReleaseError, match=line):
+        release.check(["--draft"], True, "9.9.9", chosen)
+    dist.add("icebreaker-card", ".bin", b"bits", "a bitstream")
+    (release.DIST / "SHA256SUMS-draft").unlink()
+    dist.write_sums()
+    with pytest.raises(release.ReleaseError, match=line):
+        release.check(["--draft"], True, "9.9.9", [])

@@ -19,6 +19,7 @@ import time
 import pytest
 
 from sim.card.run_card import ROOT, RunningCard
+from sim.harness import serial_port
 from tb.agents.crc16 import crc_good, with_crc
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
@@ -495,7 +496,7 @@ def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
         return opens
 
     for number, says in ((13, "no permission for port"), (22, "port refuses 9600 8N2"), (16, "in use")):
-        monkeypatch.setattr(selftest.serial, "Serial", refuses(number))
+        monkeypatch.setattr(serial_port.serial, "Serial", refuses(number))
         with pytest.raises(PortError, match=says) as refused:
             selftest.Line(options())
         assert "\n" not in str(refused.value)

@@ -332,3 +332,21 @@ def test_figures_of_the_guide_equal_the_report_of_make_bench():
     )
     page = "docs/guide/performance.md"
     assert last_cells(page, guide, 3) == last_cells("docs/reports/results.md", results, 3)
+
+
+def test_sizes_and_durations_of_the_readme_are_those_of_the_guide_and_the_makefile():
+    guide = (ROOT / "docs/guide/setup.md").read_text()
+    rows = re.findall(r"^\| (\w+) \|.*?\| (\d+) MB \| (\d+) MB \| (\d+) MB \|$", guide, re.MULTILINE)
+    layers = {name: tuple(map(int, sizes)) for name, *sizes in rows}
+    downloads, disk = 0, 0
+    for name in ("demo", "test"):
+        found = re.search(
+            rf"^\| `make {name}` \|.*\| (\d+) MB \| (\d+) MB \| (.+) \|$",
+            (ROOT / "README.md").read_text(),
+            re.MULTILINE,
+        )
+        download, packages, python = layers[name]
+        downloads, disk = downloads + download, disk + packages + python
+        assert (int(found[1]), int(found[2])) == (downloads, disk)
+        lasts = re.search(rf"^{name}:.*?\((\d+ \w+)", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
+        assert lasts in found[3]

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The notices of measured pages: a page of another card, or of no named card, is an older one."""
+
+from __future__ import annotations
+
+import pytest
+
+from tools import figures
+
+NOW = {"standard": "0123456789ab", "tiny": "ba9876543210"}
+OTHER = "000000000000"
+PAGE = "# Title\n\nMeasured on card `0123456789ab`.\n"
+
+
+@pytest.fixture(autouse=True)
+def _cards(monkeypatch):
+    monkeypatch.setattr(figures.fingerprint, "card", lambda config="standard": NOW[config])
+
+
+@pytest.mark.parametrize(
+    ("text", "older"),
+    [
+        (PAGE, ""),
+        ("Card `0123456789ab`, card `0123456789ab`", ""),
+        (
+            f"card `0123456789ab`, card `{OTHER}`",
+            f"measured on card `{OTHER}`; the sources are card `0123456789ab`",
+        ),
+        ("Measured.", "it does not name the card that it was measured on"),
+    ],
+)
+def test_a_page_of_one_card(text, older):
+    assert figures.one_card(text) == older
+
+
+@pytest.mark.parametrize(
+    ("standard", "tiny", "older"),
+    [
+        ("standard card `0123456789ab`", "tiny card `ba9876543210`", ""),
+        ("standard card `0123456789ab`", f"tiny card `{OTHER}`", "measured on another card: tiny"),
+        ("standard card `ba9876543210`", "", "measured on another card: standard, tiny"),
+        (
+            f"standard card `0123456789ab`, standard card `{OTHER}`",
+            "",
+            "measured on another card: standard, tiny",
+        ),
+    ],
+)
+def test_a_page_of_both_cards(standard, tiny, older):
+    assert figures.both_cards(f"{standard}, {tiny}") == older
+
+
+def test_a_notice_stands_below_the_title_once_and_is_removed():
+    notice = (
+        "# Title\n\n> **Of an older card.** Measured on none. `make it` renews this page.\n\nMeasured on card"
+    )
+    one = figures.marked(PAGE, "measured on none", "make it")
+    assert one.startswith(notice)
+    assert figures.marked(one, "measured on none", "make it") == one
+    assert figures.marked(one, "", "make it") == figures.without_notice(one) == PAGE
+
+
+def test_older_pages_are_named_with_their_commands(monkeypatch, tmp_path):
+    monkeypatch.setattr(figures, "REPORTS", tmp_path)
+    monkeypatch.setattr(figures, "PAGES", {name: (figures.one_card, f"make {name}") for name in ("a", "b")})
+    (tmp_path / "a.md").write_text(PAGE)
+    (tmp_path / "b.md").write_text(
+        figures.marked(PAGE.replace("ab`", "ff`"), "measured on another", "make b")
+    )
+    assert figures.older_pages() == {"b": "make b"}
