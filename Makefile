@@ -68,7 +68,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:                 (mutate-firmware)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no, FOR=s   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
-#:   SLAVE=name    one column of docs/reports/conformance.md (conformance)
+#:   SLAVE=name    this slave alone, with its faults in the terminal (conformance)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
@@ -176,7 +176,7 @@ conformance: firmware card drive | setup-test ## the card and other slaves again
 	@$(MAKE) card CONFIG=tiny
 	@$(RUN) campaigns.conformance.run $(if $(SLAVE),--only '$(SLAVE)')
 
-agents-example: | setup-test ## the example of tb/agents on a slave of others, which is fetched by its commit
+agents-example: | setup-test ## the example of tb/agents on another project's slave, fetched by its commit
 	@$(RUN) campaigns.conformance.example
 
 masters: card | setup-masters ## eleven Modbus masters ask the virtual card; downloads them (MASTER=, DIALECT=: a part)

@@ -126,6 +126,7 @@ SMALL = {
             "baud_base",
             "baud_divider",
             "bcc",
+            "break_filter",
             "bus_arbiter",
             "card_tables",
             "card_time",

@@ -39,6 +39,7 @@ WAIVERS = ROOT / "tools/verilator.vlt"
 # follow tx from the first moment on, with DE or without.
 KEEP_VALUES = ("reset_sync", "uart")
 POWER_UP = ROOT / "sim/harness/power_up.py"
+PUBLIC = ROOT / "tb/lib/public.vlt"
 COVERAGE_OFF = ROOT / "tb/lib/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
@@ -108,6 +109,7 @@ def run(
     waves = os.environ.get("WAVES", "0") not in ("", "0")
     parameters = dict(parameters or {})
     clock = {CLOCK_VARIABLE: str(parameters["CLK_HZ"])} if top == "rtu2fc" and "CLK_HZ" in parameters else {}
+    inside = PUBLIC if top == "rtu2fc" and sim == "verilator" and sources is None else None
     if sources is None:
         sources = bench_files(extra_sources, config) if extra_sources else needed_files(top, config)
     sources = [*sources, *extra_sources]
@@ -128,7 +130,7 @@ def run(
         plusargs.append(f"+dumpfile_path={run_folder / 'icarus.fst'}")
 
     runner = get_runner(sim)
-    build_folder = _build(runner, top, sim, sources, literals, waves, random_contents)
+    build_folder = _build(runner, top, sim, sources, literals, waves, random_contents, inside)
     results = run_folder / "results.xml"
     dump = run_folder / ("dump.fst" if sim == "verilator" else "icarus.fst")
     if image:
@@ -166,7 +168,8 @@ def _filter(testcase: str | Sequence[str] | None) -> str | None:
     if testcase is None:
         return None
     names = [testcase] if isinstance(testcase, str) else testcase
-    return rf"\.({'|'.join(names)})(/|$)"
+    # A parameter may have a point, too.
+    return rf"^[\w.]+\.({'|'.join(names)})(/|$)"
 
 
 def bench_files(wrappers: Sequence[Path], config: str = "standard") -> list[Path]:
@@ -207,7 +210,11 @@ def _random_contents() -> list[str]:
 
 
 def _without_values(path: Path, folder: Path) -> Path:
-    return path if path == WAIVERS or path.stem in KEEP_VALUES else copies_without_values([path], folder)[0]
+    return (
+        path
+        if path.suffix == ".vlt" or path.stem in KEEP_VALUES
+        else copies_without_values([path], folder)[0]
+    )
 
 
 def _build(
@@ -218,13 +225,18 @@ def _build(
     parameters: Mapping[str, str],
     waves: bool,
     random_contents: bool,
+    inside: Path | None,
 ) -> Path:
     """Compiles, unless the same content was compiled before; returns the build folder.
 
-    `random_contents`: the registers get no value at power-up.
+    `random_contents`: the registers get no value at power-up. `inside`: names what the bench
+    may write; default: all.
     """
     args = BUILD_ARGS[sim] + (WAVES_ARGS[sim] if waves else [])
     inputs = list(sources) + ([WAIVERS] if sim == "verilator" else [])
+    if inside:
+        inputs.append(inside)
+        args.append("--no-public-flat-rw")
     if sim == "verilator" and os.environ.get("RTL_COVERAGE"):
         args += COVERAGE_ARGS
         inputs.append(COVERAGE_OFF)

@@ -133,12 +133,19 @@ def constant_word(config: str = CONFIG) -> int:
     return len(firmware_words(config)) - SUMS.size // struct.calcsize("<I") - 1
 
 
+def memory_words(dut) -> list:
+    """The words of the card's memory, each from its bank; a bank's array has all words (rtl/ram_bank.v)."""
+    arrays = [dut.ram_i.g_bank[n].bank_i.words for n in range(len(dut.ram_i.g_bank))]
+    size = len(arrays[0])
+    return [arrays[word * len(arrays) // size][word] for word in range(size)]
+
+
 class Firmware:
     """The program in the card's memory: its place in the poll loop, and ways to damage it."""
 
     def __init__(self, dut):
         self._dut = dut
-        self._memory = dut.ram_i.words
+        self._memory = memory_words(dut)
         self._image = firmware_words()
         self._broken: set[int] = set()
         self.loop = -1  # index of a word of the poll loop that every round executes
