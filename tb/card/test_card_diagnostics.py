@@ -142,7 +142,9 @@ def play(card: FastCard, rng: random.Random, frames: int) -> Traffic:
 
 
 @pytest.mark.rule("MAP-10", "FRAME-4")
-@pytest.mark.parametrize(("baud", "form"), [(19200, "8E1"), (115200, "8N1")])
+@pytest.mark.parametrize(
+    ("baud", "form"), [pytest.param(19200, "8E1", marks=pytest.mark.slow), (115200, "8N1")]
+)
 def test_the_counters_are_those_of_the_line(config: str, baud: int, form: str):
     rng = seeded(f"diagnostics at {baud} bit/s")
     with FastCard(baud=baud, form=form, config=config, clk_hz=own_hz(config), dialect="hvac_basic") as card:

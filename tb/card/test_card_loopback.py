@@ -22,6 +22,7 @@ from tb.lib.card import MS, switch_word
 from tb.lib.config import CLK_HZ, SLOW_HZ, boot_clocks
 from tb.lib.fast_card import FastCard, Line
 from tb.lib.runner import run
+from tb.lib.shares import Share, first, shares
 from tb.lib.supervision import Leds, Shown
 from tb.model import fc_telegram
 
@@ -129,10 +130,11 @@ def check_verdict_lasts(card: FastCard, shows: str) -> None:
     for led in ("modbus", "drive"):
         verdict, then = verdict_of(card.shown[led])
         lasted = (then.since_ps - verdict.since_ps) / MS
-        # Flashing red starts with its lit half, which looks like more of a red verdict.
-        expected = VERDICT_MS + (FLASH_MS if then.colour == "off" else 0)
+        # Flashing red may start with its lit half, which looks like more of a red verdict.
+        expected = [VERDICT_MS, VERDICT_MS + FLASH_MS] if then.colour == "off" else [VERDICT_MS]
         print(f"{led} LED {verdict.colour} for {lasted:.1f} ms, then {then.colour}")
-        assert verdict.colour == shows and abs(lasted - expected) <= ACCURACY * VERDICT_MS
+        assert verdict.colour == shows
+        assert any(abs(lasted - ms) <= ACCURACY * VERDICT_MS for ms in expected)
 
 
 @pytest.mark.rule("LOOP-1", "LED-2")
@@ -146,6 +148,7 @@ def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_w
         assert flashing == {"green", "off"}
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_a_failed_loopback_test_is_red_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=0) as card:
@@ -153,6 +156,7 @@ def test_a_failed_loopback_test_is_red_for_twelve_seconds_and_then_the_card_work
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LOOP-1", "LINE-7", "LED-5")
 def test_the_loopback_test_needs_no_address_but_the_start_after_it_does(config):
     with FastCard(SWITCHES, config=config, wired=1, address=0) as card:
@@ -178,7 +182,7 @@ FAULTS = {
 
 
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", first(list(FAULTS), 2))
 def test_a_wiring_fault_is_red(config, fault: str):
     with FastCard(SWITCHES, config=config, wired=1, **FAULTS[fault]) as card:
         assert run_to_verdict(card) == ("red", "red")
@@ -189,7 +193,7 @@ FLIPS = {"first data": (3, (0,)), "last": (15, (7,)), "parity stays right": (8, 
 
 
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.parametrize("flips", FLIPS)
+@pytest.mark.parametrize("flips", first(list(FLIPS)))
 @pytest.mark.parametrize("sender", ["drive", "modbus"])
 def test_a_flipped_bit_on_the_wire_is_red(config, sender: str, flips: str):
     character, bits = FLIPS[flips]
@@ -244,7 +248,7 @@ def check_untouched(card: FastCard) -> None:
 
 
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.parametrize("rate", RATES, ids=lambda rate: "{}-{}".format(*rate))
+@pytest.mark.parametrize("rate", first(RATES), ids=lambda rate: "{}-{}".format(*rate))
 @pytest.mark.parametrize("name", ["modbus", "drive"])
 def test_nothing_is_sent_into_a_live_bus_at_any_rate(config, name: str, rate: tuple[int, str]):
     with FastCard(SWITCHES, config=config) as card:
@@ -253,7 +257,7 @@ def test_nothing_is_sent_into_a_live_bus_at_any_rate(config, name: str, rate: tu
 
 
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.parametrize("kind", FOREIGN)
+@pytest.mark.parametrize("kind", first(list(FOREIGN)))
 @pytest.mark.parametrize("name", ["modbus", "drive"])
 def test_any_character_of_the_second_before_is_a_failure(config, name: str, kind: str):
     """It comes once, near the end of that second."""
@@ -297,7 +301,13 @@ def test_a_failed_test_is_over_at_once(config):
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.parametrize(
     ("name", "after_ms"),
-    [("modbus", 0.0), ("modbus", 1.0), ("modbus", 6.0), ("drive", 12.0), ("drive", 17.0)],
+    [
+        *(("modbus", 1.0), ("drive", 12.0)),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (("modbus", 0.0), ("modbus", 6.0), ("drive", 17.0))
+        ),
+    ],
 )
 def test_a_character_between_the_transfers_stops_the_test(config, name: str, after_ms: float):
     """The drive port notices a character once its own silence has returned, 30 ms after its pattern began."""
@@ -323,8 +333,9 @@ def test_a_character_after_a_passed_test_makes_it_a_failed_one(config, name: str
 
 
 @pytest.mark.rule("LOOP-1")
-def test_other_switch_settings_do_not_start_the_loopback_test(config):
-    for switch in range(9):
+@shares(3)
+def test_other_switch_settings_do_not_start_the_loopback_test(config, share: Share):
+    for switch in share.of(range(9)):
         moved = SWITCHES[:switch] + "10"[int(SWITCHES[switch])] + SWITCHES[switch + 1 :]
         with FastCard(moved, config=config, wired=1) as card:
             card.run(LISTEN_MS + TRANSFERS_MS)

@@ -135,16 +135,19 @@ def test_the_stop_is_repeated_once_when_the_drive_is_silent():
         assert master.card.led("drive") in ("red", "off")
 
 
-def test_without_a_time_there_is_no_stop():
+@pytest.mark.parametrize("passed_ms", [2000, pytest.param(12_000, marks=pytest.mark.slow)])
+def test_without_a_time_there_is_no_stop(passed_ms: float):
+    """In the longer case longer than the default time."""
     with Master(tens=0) as master:
         master.started()
-        master.card.run(12_000)
+        master.card.run(passed_ms)
         assert master.heard() == []
         master.ask(b"\x06\x00\x01" + TENS.to_bytes(2, "big"))
         master.card.run(10 * TENS + 20)
         assert master.heard() == [STOP], "a time that is set later counts for the drive that runs"
 
 
+@pytest.mark.slow
 def test_the_default_time_is_10_s():
     with Master(tens=1000) as master:
         commit = master.started()

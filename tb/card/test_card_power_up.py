@@ -284,9 +284,7 @@ async def image_damaged_while_running_ends_in_the_fault_within_a_second(dut, bit
     card.firmware.damage(constant_word(), *two_bits_of_a_byte(rng)[:bits])
     damaged_at = now_ps()
     sent = len(card.modbus.monitor.characters)
-    # SERV checks the image in 0.2 s at its own 24 MHz, and in more than a second at the bench's 5 MHz.
-    limit_ms = {"standard": 1000, "tiny": 2000}[CONFIG]
-    await card.leds.until(lambda: card.leds.fault, limit_ms * MS, "fault")
+    await card.leds.until(lambda: card.leds.fault, 1000 * MS, "fault")
     dut._log.info("found %.1f ms after the damage", (now_ps() - damaged_at) / MS)
     card.leds.forget()
     await card.master.send(rtu.build(1, control_pdu(0x047C, 0x1999)))
@@ -500,8 +498,14 @@ def test_image_damaged_in_the_file(sim, config, bits):
 
 @pytest.mark.slow
 @pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_while_running(sim, config):
-    run_card(sim, config, "image_damaged_while_running_ends_in_the_fault_within_a_second")
+def test_image_damaged_while_running(config):
+    """The second holds at the card's own clock: on a slower one SERV has time for no word in most rounds.
+
+    PicoRV32 keeps it at the bench's clock too. On Verilator only, for the length.
+    """
+    clk_hz = own_hz(config) if config == "tiny" else SLOW_HZ[config]
+    what = "image_damaged_while_running_ends_in_the_fault_within_a_second"
+    run_card("verilator", config, what, CLK_HZ=clk_hz)
 
 
 @pytest.mark.rule("LED-5", "SAFE-4")

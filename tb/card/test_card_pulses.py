@@ -105,7 +105,9 @@ def check_broadcasts(clk_hz: int, baud: int, form: str) -> None:
 
 
 @pytest.mark.rule("LINE-5", "FRAME-6")
-@pytest.mark.parametrize(("form", "baud"), [("8E1", 19_200), ("8N2", 9600)])
+@pytest.mark.parametrize(
+    ("form", "baud"), [pytest.param("8E1", 19_200, marks=pytest.mark.slow), ("8N2", 9600)]
+)
 def test_a_pulse_after_a_request_costs_no_reply(form, baud):
     assert check_replies(2_400_000, baud, form, step=40) > 60
 

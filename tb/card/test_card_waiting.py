@@ -64,7 +64,6 @@ AFTER = {"a local reading": LOCAL, "a reading": READ, "a local write": NETWORK_T
 MORE = [pytest.param(after, marks=pytest.mark.slow) for after in list(AFTER)[1:]]
 
 
-@pytest.mark.all_cards
 @pytest.mark.rule("FRAME-7", "MAP-9")
 @pytest.mark.parametrize("after", [*list(AFTER)[:1], *MORE])
 def test_no_broadcast_is_lost_after_an_exchange(config: str, after: str):
@@ -181,7 +180,7 @@ def test_a_write_after_a_bite_follows_the_telegram_on_the_line(bitten_ms: float)
         card.run(bitten_ms)
         first = first_variable()
         for word in range(first, first + 60):
-            card.flip("ram_i.words", word, 0)
+            card.flip("ram_i.g_bank[0].bank_i.words", word, 0)
         card.run(card.boot_ms)
         assert card.drive.driven, "the old telegram is still on the line"
         card.modbus.send(coils(0x047C, 1), 5 * MS)

@@ -445,6 +445,7 @@ MANY_REPLIES = (
 )
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule(
     "LINE-4", "LINE-5", "FC-1", "FC-2", "FC-7", "FC-8", "FC-9", "FC-10", "SAFE-1", "SAFE-2", "SAFE-3"
 )
