@@ -110,11 +110,18 @@ def is_reply(request: bytes, data: bytes) -> bool:
 class Replay:
     """A recording and a card that was just switched on. Unit of time: clocks since the card's start.
 
-    `edges`: time in clocks since the start of the recording, and level; first the level at 0.
+    `edges`: time in clocks since the start of the recording, and level; first the level at 0. `parameters`:
+    of the card, other than its defaults.
     """
 
     def __init__(
-        self, edges: Sequence[tuple[int, int]], line: LineFormat, unit: int, *, replies: bool = True
+        self,
+        edges: Sequence[tuple[int, int]],
+        line: LineFormat,
+        unit: int,
+        *,
+        replies: bool = True,
+        parameters: tuple[tuple[str, int], ...] = (),
     ) -> None:
         self.line, self.unit = line, unit
         config = configuration(CONFIG)
@@ -125,7 +132,7 @@ class Replay:
         edges = self._kept(edges)
         self.network = [heard for fate in self.fates if not fate.left_out for heard in fate.piece.heard]
         self.drive_sent: list[FarCharacter] = []
-        target = Target()
+        target = Target(parameters=parameters)
         self.pins = Pins(target.library(line.clk_hz), target.image_folder("card"), line, unit, more=STROBES)
         self.pins.play(NETWORK, edges)
         self.model, self._stepped_us = VltDrive(), 0
