@@ -12,12 +12,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 VERSION = Path(__file__).resolve().parents[1] / "VERSION"
+T = TypeVar("T")
+R = TypeVar("R")
 STOPPED = 130  # the exit code after Ctrl-C, as shells give it
 
 
@@ -53,9 +55,24 @@ def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]
         sys.exit(STOPPED)
 
 
-def end_by_ctrl_c() -> None:
-    """For a worker of multiprocessing.Pool: Ctrl-C ends it without a word, its parent has the line."""
+def _end_by_ctrl_c() -> None:
+    """For a worker process: Ctrl-C ends it without a word, its parent has the line."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def in_processes(count: int, function: Callable[[T], R], pieces: Iterable[T]) -> Iterator[R]:
+    """Yields `function` of each piece, as worker processes finish them. Ctrl-C ends the workers.
+
+    No worker is replaced. multiprocessing.Pool starts new ones after Ctrl-C, and its end may wait for ever.
+    """
+    with ProcessPoolExecutor(count, initializer=_end_by_ctrl_c) as pool:
+        try:
+            for done in as_completed([pool.submit(function, piece) for piece in pieces]):
+                yield done.result()
+        except BaseException:
+            interrupt_children()
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 @contextlib.contextmanager
@@ -67,21 +84,22 @@ def threads(count: int) -> Iterator[ThreadPoolExecutor]:
         except BaseException:
             ending = threading.Thread(target=pool.shutdown, kwargs={"cancel_futures": True})
             ending.start()
-            stopped: set[int] = set()
             while ending.is_alive():
-                # A task may have begun after Ctrl-C reached the programs of the others.
-                for pid in children() - stopped:
-                    with contextlib.suppress(ProcessLookupError):
-                        os.kill(pid, signal.SIGINT)
-                    stopped.add(pid)
-                ending.join(0.1)
+                # A task may have begun after Ctrl-C, and a process that starts its program loses a signal.
+                interrupt_children()
+                ending.join(1)
             raise
 
 
-def children() -> set[int]:
-    """The processes that this one has started."""
-    lists = Path("/proc/self/task").glob("*/children")
-    return {int(pid) for one in lists for pid in one.read_text().split()}
+def interrupt_children() -> None:
+    """Ctrl-C for every process that this one has started."""
+    pids: list[str] = []
+    for of_thread in Path("/proc/self/task").glob("*/children"):
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # the thread has ended
+            pids += of_thread.read_text().split()
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(int(pid), signal.SIGINT)
 
 
 def stop_printing() -> None:

@@ -21,16 +21,15 @@ MAIN = re.compile(r'^if __name__ == "__main__":\n(.+)', re.DOTALL | re.MULTILINE
 OTHERS = ("sim/drive/drive_table.py", "sw/tools/bin2hex.py", "sw/tools/seal.py", "sw/tools/stack.py")
 OTHERS += ("tools/selftest.py", "tb/agents/example/run.py")
 # Two workers and more work than they do in a minute. Each piece says that it begins, with one write.
-POOL = """import multiprocessing, subprocess, sys, time
-from rtl.command import end_by_ctrl_c, run_main, threads
+POOL = """import subprocess, sys, time
+from rtl.command import in_processes, run_main, threads
 def calculate(number):
     sys.stdout.write("begun\\n")
     time.sleep(40)
 def program(number):
     subprocess.run(["sh", "-c", "echo begun; exec sleep 40"])
 def processes():
-    with multiprocessing.Pool(2, end_by_ctrl_c) as pool:
-        list(pool.imap_unordered(calculate, range(8)))
+    list(in_processes(2, calculate, range(8)))
 def programs():
     with threads(2) as pool:
         list(pool.map(program, range(8)))

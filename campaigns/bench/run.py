@@ -14,7 +14,6 @@ firmware or bench than the tree. Measurements: campaigns/bench/cases.py.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import pickle
 import re
@@ -31,7 +30,7 @@ from campaigns.bench.judge import Outcome
 from campaigns.bench.report import RESULTS, Results, document, stated, table
 from campaigns.bench.wave import CLK_HZ
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
-from rtl.command import end_by_ctrl_c, run_main
+from rtl.command import in_processes, run_main
 from rtl.sources import ROOT, SourcesError
 from sw.tools import stack
 from tb.lib import runner
@@ -52,15 +51,14 @@ def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
     simulated = used = 0.0
     began = time.monotonic()
-    with multiprocessing.Pool(jobs, end_by_ctrl_c) as pool:
-        for done, (piece, outcome, seconds) in enumerate(pool.imap_unordered(_work, pieces), 1):
-            results.outcomes[piece.name] = (piece, outcome)
-            simulated += outcome.simulated_s
-            used += seconds
-            if sys.stderr.isatty():
-                print(f"\r{done}/{len(pieces)} {piece.name:30}", end="", file=sys.stderr)
-            for fault in outcome.faults:
-                print(f"missed: {fault}")
+    for done, (piece, outcome, seconds) in enumerate(in_processes(jobs, _work, pieces), 1):
+        results.outcomes[piece.name] = (piece, outcome)
+        simulated += outcome.simulated_s
+        used += seconds
+        if sys.stderr.isatty():
+            print(f"\r{done}/{len(pieces)} {piece.name:30}", end="", file=sys.stderr)
+        for fault in outcome.faults:
+            print(f"missed: {fault}")
     if sys.stderr.isatty():
         print("\r" + 40 * " ", end="\r", file=sys.stderr)
     print(f"seed {results.seed}, {time.monotonic() - began:.0f} s")

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import sys
 import time
 from dataclasses import asdict
@@ -32,7 +31,7 @@ from campaigns.line_quality.work import (
     Piece,
     whole,
 )
-from rtl.command import end_by_ctrl_c, run_main
+from rtl.command import in_processes, run_main
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError
 from tb.lib.options import at_least
@@ -58,11 +57,10 @@ def measure(pieces: list[Piece | Eye], seed: int, jobs: int) -> tuple[list[Limit
     limits: list[Limit] = []
     eyes: list = []
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
-    with multiprocessing.Pool(jobs, end_by_ctrl_c) as pool:
-        for done, (piece, found) in enumerate(pool.imap_unordered(partial(_work, seed=seed), pieces), 1):
-            (eyes if isinstance(piece, Eye) else limits).extend(found)
-            if sys.stderr.isatty():
-                print(f"\r{done}/{len(pieces)}", end="\r", file=sys.stderr)
+    for done, (piece, found) in enumerate(in_processes(jobs, partial(_work, seed=seed), pieces), 1):
+        (eyes if isinstance(piece, Eye) else limits).extend(found)
+        if sys.stderr.isatty():
+            print(f"\r{done}/{len(pieces)}", end="\r", file=sys.stderr)
     order = list(QUANTITIES)
     limits.sort(key=lambda one: (one.line, one.form, one.baud, one.clk_hz, order.index(one.quantity)))
     return limits, sorted(eyes)
