@@ -11,45 +11,49 @@ import pytest
 from cocotb.triggers import Timer
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, VALUES, Area
-from sw.tools.bin2hex import hex_line
 from tb.lib.bench import Bench, Strobes
-from tb.lib.runner import ROOT, run
+from tb.lib.fields import Fields
+from tb.lib.memory_ports import WordMemory
+from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
 INPUTS = """
     core_valid core_addr core_wdata core_wstrb
     modbus_write_valid modbus_write_addr modbus_write_data modbus_read_valid modbus_read_addr
-    modbus_silent modbus_quiet modbus_start_seen candidate commit revoke
-    frame_length frame_broadcast frame_writes_coils frame_bank
+    modbus_quiet modbus_start_seen request network_events
     drive_write_valid drive_write_addr drive_write_data drive_read_valid drive_read_addr
-    drive_sending drive_quiet drive_candidate drive_good drive_bad
-    loopback_open ticks
-    count_crc count_parity count_framing count_t15 count_overrun count_foreign
+    exchange loopback_open ticks
 """.split()  # noqa: SIM905 (a table reads better than a list)
+VECTORS = {
+    "request": "request",
+    "network_events": "EVENTS",
+    "telegram": "telegram",
+    "exchange": "exchange",
+    "supervision": "supervision",
+}
 # Field of the map to the input that feeds it, as far as it needs no request.
 SOURCES = {
     ("TIME", "ticks"): "ticks",
-    ("REQUEST", "broadcast"): "frame_broadcast",
-    ("REQUEST", "bank"): "frame_bank",
-    ("LENGTH", "bytes"): "frame_length",
-    ("EXCHANGE", "sending"): "drive_sending",
-    ("EXCHANGE", "candidate"): "drive_candidate",
-    ("EXCHANGE", "good"): "drive_good",
+    ("REQUEST", "broadcast"): "request_broadcast",
+    ("REQUEST", "bank"): "request_bank",
+    ("LENGTH", "bytes"): "request_length",
+    ("EXCHANGE", "sending"): "exchange_sending",
+    ("EXCHANGE", "candidate"): "exchange_candidate",
+    ("EXCHANGE", "good"): "exchange_good",
     ("EXCHANGE", "loopback"): "loopback_open",
     ("EXCHANGE", "silent"): "modbus_quiet",
 }
 # What is flagged by hardware, and the strobe that says so.
 EVENTS = {
-    "crc": "count_crc",
-    "parity": "count_parity",
-    "framing": "count_framing",
-    "t15": "count_t15",
-    "overrun": "count_overrun",
-    "revoked": "revoke",
-    "foreign": "count_foreign",
-    "drive_bad": "drive_bad",
+    "crc": "network_events_crc",
+    "parity": "network_events_parity",
+    "framing": "network_events_framing",
+    "t15": "network_events_t15",
+    "overrun": "network_events_overrun",
+    "revoked": "network_events_revoked",
+    "foreign": "network_events_foreign",
+    "drive_bad": "exchange_bad",
 }
-WRAPPER = ROOT / "tb/rtl/mailbox_memory.v"
 ACTIONS = VALUES["TELEGRAM", "action"]
 REPLY, TELEGRAM, DRIVE = (AREAS[f"{name}_FRAME"] for name in ("REPLY", "TELEGRAM", "DRIVE"))
 LGE = AREAS["DRIVE_LGE"]
@@ -63,8 +67,9 @@ class Mailbox:
     """Both lines silent and both ports idle, until told otherwise."""
 
     def __init__(self, dut):
-        self.dut = dut
+        self.dut = dut = Fields(dut, **VECTORS)
         self.bench = Bench(dut, core_rst=1, **dict.fromkeys(INPUTS, 0))
+        WordMemory(self.bench)
         self.replies = Strobes(dut, "reply_start", "reply_length")
         self.telegrams = Strobes(
             dut, "telegram_start", "telegram_length", "telegram_no_reply", "telegram_control"
@@ -73,7 +78,7 @@ class Mailbox:
     async def start(self) -> Mailbox:
         await self.bench.start()
         self.dut.core_rst.value = 0
-        for name in ("modbus_silent", "modbus_quiet", "drive_quiet"):
+        for name in ("request_silent", "modbus_quiet", "exchange_quiet"):
             getattr(self.dut, name).value = 1
         await self.bench.clocks()
         return self
@@ -155,7 +160,7 @@ class Mailbox:
 
     async def request(self) -> int:
         """A candidate; returns its ticket."""
-        await self.pulse("candidate")
+        await self.pulse("request_candidate")
         request = await self.read("REQUEST")
         assert request["candidate"] and not request["committed"]
         return request["ticket"]
@@ -202,7 +207,7 @@ async def every_input_is_seen_in_its_own_field(dut):
         expected = {}
         for (register, field), source in SOURCES.items():
             value = rng.getrandbits(REGISTERS[register].fields[field].width)
-            getattr(dut, source).value = value
+            getattr(mailbox.dut, source).value = value
             expected[register, field] = value
         for (register, field), value in expected.items():
             assert (await mailbox.read(register))[field] == value, f"{register}.{field}"
@@ -227,11 +232,11 @@ async def the_counters_are_the_firmwares_own_and_no_part_of_the_telegram(dut):
     counters = {name: area for name, area in AREAS.items() if name.startswith("COUNT_")}
     telegram = bytes(range(32))
     await mailbox.put(TELEGRAM, telegram)
-    touched = Strobes(dut.mailbox_i, "telegram_touched")
-    dut.drive_sending.value = 1
+    touched = Strobes(mailbox.dut, "telegram_touched")
+    mailbox.dut.exchange_sending.value = 1
     for n, area in enumerate(counters.values()):
         await mailbox.poke(area, 0, 0xA000 + n)
-    dut.drive_sending.value = 0
+    mailbox.dut.exchange_sending.value = 0
     assert [await mailbox.peek(area, 0) for area in counters.values()] == [
         0xA000 + n for n in range(len(counters))
     ]
@@ -250,14 +255,14 @@ async def what_was_prepared_for_a_candidate_leaves_at_its_commit(dut):
     ticket = await mailbox.request()
     await mailbox.write("REPLY", length=17, ticket=ticket)
     await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    assert int(dut.mailbox_i.reply_queued.value) and (await mailbox.read("EXCHANGE"))["queued"]
+    assert int(mailbox.dut.reply_queued.value) and (await mailbox.read("EXCHANGE"))["queued"]
     assert await mailbox.settle() == (0, 0)
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (1, 1)
     assert mailbox.replies.values == [(17,)] and mailbox.telegrams.values == [(13, 0, 0)]
     exchange = await mailbox.read("EXCHANGE")
     assert exchange["started"] and not exchange["queued"]
-    assert not int(dut.mailbox_i.reply_queued.value)
+    assert not int(mailbox.dut.reply_queued.value)
     request = await mailbox.read("REQUEST")
     assert request["committed"] and not request["candidate"] and request["ticket"] == ticket
 
@@ -268,7 +273,7 @@ async def a_revoke_takes_everything_back(dut):
     ticket = await mailbox.request()
     await mailbox.write("REPLY", length=6, ticket=ticket)
     await mailbox.write("TELEGRAM", length=5, ticket=ticket)
-    await mailbox.pulse("revoke")
+    await mailbox.pulse("network_events_revoked")
     request, exchange = await mailbox.read("REQUEST"), await mailbox.read("EXCHANGE")
     assert not request["candidate"] and not request["committed"]
     assert not exchange["queued"] and not exchange["started"]
@@ -282,7 +287,7 @@ async def a_stale_ticket_sends_nothing(dut):
     mailbox = await Mailbox(dut).start()
     old = await mailbox.request()
     new = await mailbox.request()
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     for ticket in range(16):
         if ticket != new:
             await mailbox.write("REPLY", length=6, ticket=ticket)
@@ -294,9 +299,9 @@ async def a_stale_ticket_sends_nothing(dut):
     await mailbox.write("REPLY", length=6, ticket=new)
     assert await mailbox.settle() == (1, 1)
     assert mailbox.telegrams.values == [(5, 1, 0)]
-    dut.frame_writes_coils.value = 1
+    mailbox.dut.request_writes_coils.value = 1
     newest = await mailbox.request()
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     await mailbox.write("TELEGRAM", length=6, no_reply=0, ticket=newest)
     await mailbox.settle()
     assert mailbox.telegrams.values[1:] == [(6, 0, 1)]
@@ -305,45 +310,45 @@ async def a_stale_ticket_sends_nothing(dut):
 @cocotb.test()
 async def a_broadcast_gets_a_telegram_but_no_reply(dut):
     mailbox = await Mailbox(dut).start()
-    dut.frame_broadcast.value = 1
+    mailbox.dut.request_broadcast.value = 1
     ticket = await mailbox.request()
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=ticket)
     await mailbox.write("REPLY", length=6, ticket=ticket)
     assert await mailbox.settle() == (0, 1)
 
 
 @cocotb.test()
-@cocotb.parametrize(outcome=("drive_good", "drive_bad"))
+@cocotb.parametrize(outcome=("exchange_good", "exchange_bad"))
 async def a_reply_after_the_drive_waits_for_the_verdict_on_its_telegram(dut, outcome):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     await mailbox.write("REPLY", length=6, after_drive=1, ticket=ticket)
     assert await mailbox.settle() == (0, 0)
-    getattr(dut, outcome).value = 1
+    getattr(mailbox.dut, outcome).value = 1
     await mailbox.bench.clocks()
-    dut.drive_bad.value, dut.drive_good.value = 0, 1
-    assert await mailbox.settle() == (int(outcome == "drive_good"), 0)
+    mailbox.dut.exchange_bad.value, mailbox.dut.exchange_good.value = 0, 1
+    assert await mailbox.settle() == (int(outcome == "exchange_good"), 0)
 
 
 @cocotb.test()
 async def each_line_holds_back_what_has_to_wait_for_its_silence(dut):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
-    await mailbox.pulse("commit")
-    dut.modbus_quiet.value = dut.drive_quiet.value = 0
+    await mailbox.pulse("request_commit")
+    mailbox.dut.modbus_quiet.value = mailbox.dut.exchange_quiet.value = 0
     await mailbox.write("REPLY", length=6, ticket=ticket)
     assert await mailbox.settle() == (0, 0)
-    dut.modbus_quiet.value = 1
+    mailbox.dut.modbus_quiet.value = 1
     assert await mailbox.settle() == (1, 0)
     ticket = await mailbox.request()
     await mailbox.write("TELEGRAM", length=5, ticket=ticket)
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (1, 0)
-    dut.drive_quiet.value = dut.drive_sending.value = 1
+    mailbox.dut.exchange_quiet.value = mailbox.dut.exchange_sending.value = 1
     assert await mailbox.settle() == (1, 0), "the telegram before it is not over"
-    dut.drive_sending.value = 0
+    mailbox.dut.exchange_sending.value = 0
     assert await mailbox.settle() == (1, 1)
 
 
@@ -351,7 +356,7 @@ async def each_line_holds_back_what_has_to_wait_for_its_silence(dut):
 async def the_exchange_shows_when_both_lines_are_silent(dut):
     mailbox = await Mailbox(dut).start()
     for network, drive in ((1, 1), (0, 1), (1, 0), (0, 0)):
-        dut.modbus_quiet.value, dut.drive_quiet.value = network, drive
+        mailbox.dut.modbus_quiet.value, mailbox.dut.exchange_quiet.value = network, drive
         assert (await mailbox.read("EXCHANGE"))["silent"] == (network and drive)
 
 
@@ -359,7 +364,7 @@ async def the_exchange_shows_when_both_lines_are_silent(dut):
 async def a_character_after_the_commit_drops_the_reply(dut):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     await mailbox.pulse("modbus_start_seen")
     await mailbox.write("REPLY", length=6, ticket=ticket)
     assert await mailbox.settle() == (0, 0)
@@ -368,7 +373,7 @@ async def a_character_after_the_commit_drops_the_reply(dut):
 @cocotb.test()
 async def listening_is_switched_by_the_firmware(dut):
     mailbox = await Mailbox(dut).start()
-    again, stop = Strobes(dut, "listen_again"), Strobes(dut, "listen_stop")
+    again, stop = Strobes(mailbox.dut, "listen_again"), Strobes(mailbox.dut, "listen_stop")
     await mailbox.write("LISTEN", on=1)
     assert (len(again), len(stop)) == (1, 0)
     await mailbox.write("LISTEN", on=0)
@@ -382,17 +387,17 @@ async def a_telegram_on_the_wire_can_neither_be_changed_nor_misread(dut):
     telegram = rng.randbytes(32)
     await mailbox.put(TELEGRAM, telegram)
     await mailbox.put(REPLY, bytes(byte ^ 0xFF for byte in telegram))
-    dut.drive_sending.value = 1
+    mailbox.dut.exchange_sending.value = 1
     await mailbox.put(TELEGRAM, bytes(32))
     assert await mailbox.get(TELEGRAM) == telegram
     # The same while the network port reads in every clock but a few.
     for n in range(32):
-        dut.modbus_read_addr.value, dut.modbus_read_valid.value = n, 1
+        mailbox.dut.modbus_read_addr.value, mailbox.dut.modbus_read_valid.value = n, 1
         reading = cocotb.start_soon(mailbox.peek(TELEGRAM, n))
         await mailbox.bench.clocks(rng.randint(1, 5))
-        dut.modbus_read_valid.value = 0
+        mailbox.dut.modbus_read_valid.value = 0
         assert await reading == telegram[n], f"byte {n}"
-    dut.drive_sending.value = 0
+    mailbox.dut.exchange_sending.value = 0
     await mailbox.put(TELEGRAM, bytes(32))
     assert await mailbox.get(TELEGRAM) == bytes(32)
 
@@ -403,9 +408,11 @@ async def lamps_show_what_the_firmware_wrote_until_it_restarts(dut):
     lamps = ("modbus_red", "modbus_green", "drive_red", "drive_green")
     for lit in lamps:
         await mailbox.write("LED", **{lit: 1})
-        assert REGISTERS["LED"].unpack(int(dut.leds.value)) == {name: int(name == lit) for name in lamps}
+        assert REGISTERS["LED"].unpack(int(mailbox.dut.leds.value)) == {
+            name: int(name == lit) for name in lamps
+        }
     await mailbox.pulse("core_rst")
-    assert not int(dut.leds.value)
+    assert not int(mailbox.dut.leds.value)
 
 
 @cocotb.test()
@@ -414,17 +421,17 @@ async def a_changed_telegram_needs_a_new_licence(dut):
     ticket = await mailbox.request()
     await mailbox.put(TELEGRAM, bytes(13))
     await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (0, 1)
-    dut.drive_sending.value = 1
+    mailbox.dut.exchange_sending.value = 1
     await mailbox.poke(TELEGRAM, 12, 4)
-    dut.drive_sending.value = 0
+    mailbox.dut.exchange_sending.value = 0
     await mailbox.write("TELEGRAM", action=1)
     assert await mailbox.settle() == (0, 2), "nothing was changed while it was sent"
     assert mailbox.telegrams.values[1] == (13, 0, 0), "a repeat is the same telegram"
     ticket = await mailbox.request()
     await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (0, 3)
     await mailbox.poke(TELEGRAM, 12, 4)
     await mailbox.write("TELEGRAM", action=1)
@@ -438,19 +445,19 @@ async def a_write_waits_for_a_running_exchange_and_leaves_after_newer_requests(d
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
     await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (0, 1)
-    dut.drive_sending.value = 1
-    dut.frame_broadcast.value, dut.frame_writes_coils.value = to_all, 1
+    mailbox.dut.exchange_sending.value = 1
+    mailbox.dut.request_broadcast.value, mailbox.dut.request_writes_coils.value = to_all, 1
     ticket = await mailbox.request()
-    await mailbox.pulse("commit")
+    await mailbox.pulse("request_commit")
     await mailbox.write("TELEGRAM", action=ACTIONS["keep"], length=9, ticket=ticket)
     exchange = await mailbox.read("EXCHANGE")
     assert exchange["sending"] and exchange["started"] and not exchange["queued"]
-    dut.frame_broadcast.value = dut.frame_writes_coils.value = 0
+    mailbox.dut.request_broadcast.value = mailbox.dut.request_writes_coils.value = 0
     await mailbox.request()
-    await mailbox.pulse("commit")
-    dut.drive_sending.value = 0
+    await mailbox.pulse("request_commit")
+    mailbox.dut.exchange_sending.value = 0
     await mailbox.put(TELEGRAM, bytes(6))
     await mailbox.write("TELEGRAM", action=ACTIONS["waiting"], length=6, no_reply=1 - to_all, ticket=ticket)
     assert await mailbox.settle() == (0, 1), "of the other kind none waits"
@@ -464,25 +471,25 @@ async def a_telegram_is_never_changed_in_the_moment_of_its_start(dut):
     """Whichever clock the write comes in: what starts is what was committed."""
     mailbox = await Mailbox(dut).start()
     for clocks in range(-3, 4):
-        dut.drive_quiet.value = 0
+        mailbox.dut.exchange_quiet.value = 0
         ticket = await mailbox.request()
         await mailbox.poke(TELEGRAM, 1, 0x00)
         await mailbox.write("TELEGRAM", length=5, ticket=ticket)
-        await mailbox.pulse("commit")
+        await mailbox.pulse("request_commit")
         before = len(mailbox.telegrams)
         write = None
         for now in range(-4, 6):
             if now == clocks:
                 write = cocotb.start_soon(mailbox.poke(TELEGRAM, 1, 0x04))
             if now == 0:
-                dut.drive_quiet.value = 1
+                mailbox.dut.exchange_quiet.value = 1
             await mailbox.bench.clocks()
             # The drive port says that it sends from the clock after the start on.
-            dut.drive_sending.value = int(len(mailbox.telegrams) > before)
+            mailbox.dut.exchange_sending.value = int(len(mailbox.telegrams) > before)
         await write
         started = len(mailbox.telegrams) > before
         byte = await mailbox.peek(TELEGRAM, 1)
-        dut.drive_sending.value = 0
+        mailbox.dut.exchange_sending.value = 0
         assert not (started and byte == 0x04), f"write {clocks} clocks after the silence"
         assert started or byte == 0x04, "one of the two must be"
 
@@ -493,18 +500,18 @@ async def a_restart_of_the_firmware_drops_what_it_queued_and_nothing_else(dut):
     await mailbox.events()
     await mailbox.write("LED", modbus_green=1, drive_red=1)
     await mailbox.put(REPLY, bytes(range(32)))
-    dut.drive_quiet.value = dut.modbus_quiet.value = 0
+    mailbox.dut.exchange_quiet.value = mailbox.dut.modbus_quiet.value = 0
     ticket = await mailbox.request()
     await mailbox.write("REPLY", length=6, ticket=ticket)
     await mailbox.write("TELEGRAM", length=5, ticket=ticket)
-    await mailbox.pulse("commit")
-    await mailbox.pulse("core_rst", "count_crc")
-    dut.drive_quiet.value = dut.modbus_quiet.value = 1
+    await mailbox.pulse("request_commit")
+    await mailbox.pulse("core_rst", "network_events_crc")
+    mailbox.dut.exchange_quiet.value = mailbox.dut.modbus_quiet.value = 1
     await mailbox.write("TELEGRAM", action=1)
     await mailbox.write("TELEGRAM", length=5, ticket=ticket)
     await mailbox.write("REPLY", length=6, ticket=ticket)
     assert await mailbox.settle() == (0, 0)
-    assert not int(dut.leds.value)
+    assert not int(mailbox.dut.leds.value)
     assert await mailbox.get(REPLY) == bytes(range(32))
     assert await mailbox.events() == {"crc"}
 
@@ -512,11 +519,11 @@ async def a_restart_of_the_firmware_drops_what_it_queued_and_nothing_else(dut):
 @cocotb.test()
 async def while_the_loop_back_test_is_open_both_ports_send_without_a_request(dut):
     mailbox = await Mailbox(dut).start()
-    dut.loopback_open.value = 1
+    mailbox.dut.loopback_open.value = 1
     await mailbox.write("REPLY", length=6)
     await mailbox.write("TELEGRAM", length=5)
     assert await mailbox.settle() == (1, 1)
-    dut.loopback_open.value = 0
+    mailbox.dut.loopback_open.value = 0
     await mailbox.put(TELEGRAM, bytes(5))
     await mailbox.write("REPLY", length=6)
     await mailbox.write("TELEGRAM", length=5)
@@ -581,7 +588,7 @@ class Traffic:
 @cocotb.test()
 async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
     mailbox = await Mailbox(dut).start()
-    dut.ticks.value = TICKS
+    mailbox.dut.ticks.value = TICKS
     traffic = Traffic(mailbox, seeded("traffic"))
     for area in (REPLY, TELEGRAM):
         for n in range(32):
@@ -598,13 +605,5 @@ async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
 
 
 @pytest.mark.rule("FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "LOOP-1", "WDG-1")
-def test_mailbox(sim, tmp_path):
-    image = tmp_path / "image.hex"
-    image.write_text(hex_line(0) * (MEMORY_BYTES // 4))
-    run(
-        "mailbox_memory",
-        "tb.rtl.test_mailbox",
-        sim=sim,
-        extra_sources=[WRAPPER],
-        parameters={"MEMORY_BYTES": MEMORY_BYTES, "FIRMWARE_HEX": str(image)},
-    )
+def test_mailbox(sim):
+    run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters={"MEMORY_BYTES": MEMORY_BYTES})
