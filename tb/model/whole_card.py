@@ -379,11 +379,19 @@ class LineJudge:
     def _abandoned_from(self, exchange: Exchange) -> float:
         """The earliest time at which the master may get the reply that the drive is silent."""
         if exchange.phase == "line":
-            return exchange.queued_from + self._ms(self._least(exchange)) - 0.2 * self.ms
+            return exchange.queued_from + self._line_wait(self._least(exchange))
         if exchange.sends == 2 or exchange.superseded < NEVER:
             return self._wait_from(exchange)
         # A drive still sending at the end of its wait can delay the repeat by as long again.
         return self._wait_from(exchange) + self._ms(self._least(exchange))
+
+    def _line_wait(self, tens: int) -> float:
+        """Least wait for a free line after the commit, in clocks.
+
+        The firmware counts from the round that queued the telegram, and this began before the commit. No rule
+        gives this wait: FC-9 counts from a telegram that was sent.
+        """
+        return max(0.0, self._ms(tens) - 0.2 * self.ms - self.budget)
 
     def _least(self, exchange: Exchange) -> int:
         return exchange.waits[0] if exchange.wanted == NEVER else min(exchange.waits[0], GIVE_UP)
@@ -399,7 +407,7 @@ class LineJudge:
     def _check_line_was_busy(self, exchange: Exchange, at: float) -> None:
         """Checks an exchange abandoned before its telegram left: the line must have been busy until then."""
         if exchange.phase == "line" or exchange.sends == 1:
-            start_by = self._starts_by(at - self._ms(exchange.waits[0]) + 0.2 * self.ms)
+            start_by = self._starts_by(at - self._line_wait(exchange.waits[0]))
             if start_by < at:
                 wanted = exchange.request.telegram.hex(" ")
                 self._fail(start_by, f"no telegram on a free line; expected {wanted}")
