@@ -53,6 +53,8 @@ COMMAND = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(
 CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
 TELEGRAM = build_process(0x047C, 0)
 ALTERED = build_process(0x047C, 0x2000)
+# At a clock that no trial reaches.
+NO_FLIP = Flip(10**9, "network_i.serial_i.uart_i.driving", 0, 0, "card")
 DISTURBED = "no telegram, but the drive line disturbed"
 
 
@@ -124,10 +126,10 @@ def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
 def test_no_flip_of_a_sender_keeps_its_driver_on(places, share: Share):
     """Flips each state bit of both senders and UARTs in the first character and in the last."""
     flips = []
-    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"))
+    _, _, played, _ = trial("test", places, NO_FLIP)
     sent = {"network_i.rtu_tx_i": played.replies[0], "drive_i.fc_tx_i": played.telegrams[0]}
     for sender, burst in sent.items():
-        uart = sender.split(".")[0] + ".uart_i"
+        uart = sender.split(".")[0] + ".serial_i.uart_i"
         character = 11 * (LINE.bit if "network" in sender else drive_line(LINE.clk_hz).bit)
         for path in (f"{sender}.state", f"{uart}.state", f"{uart}.driving"):
             register = next(register for register in places.registers if register.path == path)
@@ -151,15 +153,15 @@ def commands(*asked: tuple[int, int]) -> list[dict]:
 def test_no_flip_of_the_receiver_changes_a_command(places, share: Share):
     """Other units' commands stay ignored; a command for the card is not mixed with an older one."""
     events = commands((1, 0x1111), (1, 0x2222), (9, 0x3333), (1, 0x4444))
-    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    _, _, played, _ = trial("test", places, NO_FLIP, events)
     assert len(played.telegrams) == 4, "the last one is that of the probe"
     starts = [h.start for n, h in enumerate(played.network) if n % 13 == 0]
     character = LINE.character_bits * LINE.bit
     flips = []
-    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.bank_i.held"):
+    for path in ("serial_i.uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.bank_i.held"):
         register = next(register for register in places.registers if register.path == f"network_i.{path}")
         moments = [moment * character for moment in (3.2, 9.3, 13.0 + 2.5 * 11 / LINE.character_bits)]
-        if path == "uart_i.shift":
+        if path == "serial_i.uart_i.shift":
             moments = [0.5 * character, 0.8 * character]
         elif "bank" in path:
             # The frame is a candidate, and the firmware is about to read it.
@@ -189,7 +191,7 @@ def test_no_flip_of_the_gate_or_the_sender_makes_a_command(places, moment, share
     """Flips each of their bits."""
     events = commands((1, 0x1111), (0, 0x2222), (1, 0x3333))
     events[1:1] = [{**events[0], "bytes": events[0]["bytes"] + "55", "gaps": {"13": too_early(LINE)}}]
-    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    _, _, played, _ = trial("test", places, NO_FLIP, events)
     assert len(played.telegrams) == 4, "the last one is that of the probe"
     first, to_all, _, _ = played.telegrams
     revoked = played.network[13 + 12].end
@@ -237,7 +239,7 @@ def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, hal
 
 
 # Modules that detect the end of a frame and react to it.
-ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
+ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.serial_i.uart_i.")
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-1", "FRAME-6")
@@ -264,7 +266,7 @@ def test_no_flip_commits_a_revoked_frame(baud, revoked_at, by, each):
     revoked = {**command, "bytes": command["bytes"] + f"{by:02x}", "gaps": {"13": gap}}
     # Settings from it would go out with this command: a start at the present reference.
     events = [revoked, {**command, "bytes": with_crc(START).hex()}]
-    _, _, played, _ = trial("test", places, Flip(10**9, "network_i.uart_i.driving", 0, 0, "card"), events)
+    _, _, played, _ = trial("test", places, NO_FLIP, events)
     assert [burst.data for burst in played.telegrams] == [TELEGRAM] * 2, "one is that of the probe"
     t15, end, more = line.t15_bits * line.bit, played.network[12].end, played.network[13]
     moments = [end + t15 + part * (gap * line.bit - t15) for part in (0.3, 0.95)]

@@ -106,6 +106,7 @@ def line(port: str, pins: str) -> list[Entry]:
     return [
         *(bit(f"{pins}_{pin}") for pin in ("rx", "tx", "de")),
         bit(f"{port}.line", alias="rx filtered"),
+        Entry((f"{port}.*frame_text",), ASCII, "frame"),
         Entry((f"{port}.*last_byte",), HEX, every=True),
         states(f"{port}.*state_name"),
         bit(f"{port}*parity_flaw", alias="parity error"),

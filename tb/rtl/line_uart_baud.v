@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the path of a character through one port, from clock and pin to byte:
-// baud_base, baud_divider, sync_2ff, glitch_filter, uart.
+// Bench wrapper: line_uart with the bit clock of the card.
 `default_nettype none
 
-module uart_chain #(
+module line_uart_baud #(
     parameter CLK_HZ = 12_000_000
 ) (
     input  wire       clk,
@@ -32,8 +31,6 @@ module uart_chain #(
 );
 
   wire tick_base;
-  wire synced;
-  wire line;
 
   baud_base #(
       .CLK_HZ(CLK_HZ)
@@ -52,28 +49,12 @@ module uart_chain #(
       .modbus_mask(mask)
   );
 
-  sync_2ff sync_i (
-      .clk(clk),
-      .rst(rst),
-      .raw(rx),
-      .synced(synced)
-  );
-
-  glitch_filter filter_i (
+  line_uart serial_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      .raw(synced),
-      .mute(1'b0),
-      .clean(line)
-  );
-
-  uart uart_i (
-      .clk(clk),
-      .rst(rst),
-      .tick16(tick16),
-      .line(line),
-      .txd(tx),
+      .rx(rx),
+      .tx(tx),
       .send_valid(tx_valid),
       .send_ready(tx_ready),
       .send_data(tx_data),
@@ -85,10 +66,13 @@ module uart_chain #(
       .bit_valid(),
       .bit_data(),
       .check_bit(1'b0),
+      .mute(1'b0),
       .line_ready(1'b1),
       .parity_enable(parity_enable),
       .parity_odd(parity_odd),
       .two_stop(two_stop),
+      .synced(),
+      .line(),
       .receiving(),
       .sending(),
       .start_seen(start_seen)
