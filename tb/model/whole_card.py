@@ -239,6 +239,11 @@ class LineJudge:
             and any(newer.writes and newer.broadcast == older.broadcast for newer in self.queue)
         )
 
+    def _was_abandoned(self, exchange: Exchange, burst: Burst) -> bool:
+        """The line was busy for the whole wait, and this is the telegram of the next request."""
+        next_one = self.queue and burst.data == self.queue[0].telegram != exchange.request.telegram
+        return exchange.phase == "line" and next_one and burst.rise >= self._abandoned_from(exchange)
+
     def _left_before_its_replacement(self, exchange: Exchange, data: bytes) -> bool:
         """The drive line became free while the firmware still looked at the newer write of the same kind."""
         older = exchange.request.replaced
@@ -453,6 +458,9 @@ class LineJudge:
             # The older telegram was withdrawn for the newer request.
             self._start(self.queue.pop(0), exchange.queued_from, burst.rise)
             exchange = self.exchange
+        if exchange and self._was_abandoned(exchange, burst):
+            self._abandon(exchange, burst.rise)
+            exchange = self.exchange
         if exchange and exchange.phase == "line" and self._left_before_its_replacement(exchange, data):
             self.queue.insert(0, exchange.request)
             self._start(exchange.request.replaced, exchange.queued_from, exchange.queued_by)
@@ -618,10 +626,11 @@ class LineJudge:
     def _abandon(self, exchange: Exchange, at: float) -> None:
         self._count("exchange given up")
         request = exchange.request
-        self.card.question = request.question
-        step = self.card.drive_silent()
-        self.card.question = self.newest.question if self.newest else None
-        if request is self.newest and step.reply is not None and not request.broadcast:
+        if not request.broadcast:
+            self.card.question = request.question
+            step = self.card.drive_silent()
+            self.card.question = self.newest.question if self.newest else None
+        if request is self.newest and not request.broadcast and step.reply is not None:
             by = at + self.budget + 1.3 * self.line.bit
             self._answer(request, "given up", step.reply, self._abandoned_from(exchange), by)
         self._done(at, self._abandoned_from(exchange))
