@@ -379,7 +379,7 @@ def selection(modules: set[str], kind: str = "") -> str:
 
 def count_part(config: str, family: str, flow: str, stay: set[str]) -> dict[str, int]:
     """Cells, flip-flops and block RAMs of a part."""
-    modules = {path.stem for path in rtl_files() if not path.stem.endswith("_defs")} - {"rtu2fc"}
+    modules = {path.stem for path in rtl_files()} - {"rtu2fc"}
     if not stay <= modules:
         raise SynthError(f"no such module: {', '.join(sorted(stay - modules))}")
     gone = modules - stay

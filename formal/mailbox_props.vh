@@ -10,6 +10,24 @@
 // quiet line is.
 // Nothing is assumed of the firmware.
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_EVENTS_REVOKED_BITS 5
+`define CARD_REQUEST_CANDIDATE_BITS 0
+`define CARD_REQUEST_COMMIT_BITS 1
+`define CARD_REQUEST_BROADCAST_BITS 2
+`define CARD_REQUEST_WRITES_COILS_BITS 3
+`define CARD_REQUEST_BANK_BITS 4
+`define CARD_REQUEST_LENGTH_BITS 12:5
+`define CARD_REQUEST_SILENT_BITS 13
+`define CARD_TELEGRAM_LENGTH_BITS 4:0
+`define CARD_TELEGRAM_NO_REPLY_BITS 5
+`define CARD_TELEGRAM_CONTROL_BITS 6
+`define CARD_EXCHANGE_QUIET_BITS 1
+`define CARD_EXCHANGE_CANDIDATE_BITS 2
+`define CARD_EXCHANGE_GOOD_BITS 3
+`define CARD_EXCHANGE_BAD_BITS 4
+// End of what `make regs` writes.
+
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
 

@@ -4,6 +4,10 @@
 //
 // Nothing is assumed. The addresses are those of regs/mailbox.rdl, as bytes.
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_EXCHANGE_SENDING_BITS 1
+// End of what `make regs` writes.
+
 // The fields of the vectors.
 wire telegram_sending = exchange[`MBX_EXCHANGE_SENDING_BITS];
 

@@ -16,6 +16,22 @@
 // Assumed: a reply starts on a quiet line only (proved for mailbox), the memory answers within two clocks (bus_arbiter:
 // within one), switches do not move. The reply's length may have any value and may change at any time.
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_EVENTS_REVOKED_BITS 5
+`define CARD_LINE_PARITY_ENABLE_BITS 0
+`define CARD_LINE_PARITY_ODD_BITS 1
+`define CARD_LINE_TWO_STOP_BITS 2
+`define CARD_LINE_HALF_UNEVEN_BITS 3
+`define CARD_LINE_HALF_END_BITS 12:4
+`define CARD_REQUEST_CANDIDATE_BITS 0
+`define CARD_REQUEST_COMMIT_BITS 1
+`define CARD_REQUEST_BROADCAST_BITS 2
+`define CARD_REQUEST_WRITES_COILS_BITS 3
+`define CARD_REQUEST_BANK_BITS 4
+`define CARD_REQUEST_LENGTH_BITS 12:5
+`define CARD_REQUEST_SILENT_BITS 13
+// End of what `make regs` writes.
+
 // The fields of the vectors.
 wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
 wire commit = request[`CARD_REQUEST_COMMIT_BITS];

@@ -12,12 +12,12 @@ import re
 import tomllib
 from pathlib import Path
 
+from regs.regs import macros
+
 ROOT = Path(__file__).resolve().parents[1]
 UNSEEN = ROOT / "formal/unseen.toml"
-DEFINES = [ROOT / f"regs/generated/{name}_defs.v" for name in ("card", "mailbox")]
 PORT = re.compile(r"^    (?:input|output)\s+(?:wire|reg)\s*(?:\[\s*([^\]]*)\])?\s*(\w+),?$", re.M)
 VECTOR = re.compile(r"`(\w+)_BITS$")  # a vector with named fields
-FIELD = re.compile(r"^`define (\w+)_BITS ", re.M)
 STEPS = 3  # any state, the next state, and one more
 # Steps count from the first one, in which every other register may have any value.
 FIRST = "state 0\nassume (= [g_step] #b00)\n"
@@ -25,13 +25,15 @@ FIRST = "state 0\nassume (= [g_step] #b00)\n"
 
 def pins(rtl: str) -> dict[str, str]:
     """Pin to its Verilog expression; a vector with named fields counts as one pin a field."""
-    fields = [name for path in DEFINES for name in FIELD.findall(path.read_text())]
+    fields = [name.removesuffix("_BITS") for name in macros() if name.endswith("_BITS")]
     found = {}
     for bits, pin in PORT.findall(re.sub(r"\s*//.*", "", rtl)):
         vector = VECTOR.match(bits.strip())
         named = [name for name in fields if vector and name.startswith(f"{vector[1]}_")]
         for name in named:
-            found[f"{pin}_{name.removeprefix(f'{vector[1]}_').lower()}"] = f"{pin}[`{name}_BITS]"
+            found[f"{pin}_{name.removeprefix(f'{vector[1]}_').lower()}"] = (
+                f"{pin}[{macros()[f'{name}_BITS']}]"
+            )
         if pin.endswith("events") and not named:
             count = int(bits.split(":")[0]) + 1
             found |= {f"{pin}_{bit}": f"{pin}[{bit}]" for bit in range(count)}

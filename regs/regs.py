@@ -4,8 +4,9 @@
     python -m regs.regs            writes the files
     python -m regs.regs --check    exits 1 and names every file that is not up to date
 
-From the mailbox map: C header, linker symbols, Verilog constants, Python constants, Markdown page.
-From the card tables: Verilog constants and table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+From the mailbox map: C header, linker symbols, Python constants, Markdown page.
+From the card tables: Verilog table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+From both: the block of macros in each Verilog file that uses them.
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 From the version of the release: a C header (MAP-10).
 """
@@ -17,6 +18,7 @@ import re
 import sys
 import tempfile
 import tomllib
+from functools import cache
 from pathlib import Path
 
 from peakrdl_cheader.c_standards import CStandard
@@ -33,6 +35,12 @@ CARD = "regs/card.toml"
 CONFIGS = "configs.toml"
 VERSION = "VERSION"
 WORD_BYTES = 4
+# The Verilog files that may use macros, and the block that has them there.
+WITH_MACROS = ("rtl/**/*.v", "tb/rtl/*.v", "docs/example/*.v", "formal/*_props.vh")
+MACROS_BEGIN = "// Written by `make regs`, the macros of regs/ that this file uses:"
+MACROS_END = "// End of what `make regs` writes."
+MACRO_BLOCK = re.compile(rf"^{re.escape(MACROS_BEGIN)}\n(.*\n)*?{re.escape(MACROS_END)}\n\n", re.MULTILINE)
+NETTYPE = "`default_nettype none\n\n"
 # Start value of silence_timer's count at each half character; the module gives the reason.
 SILENCE_START = 18
 
@@ -173,36 +181,30 @@ def squeeze(text: str) -> str:
     return " ".join(text.split())
 
 
-def verilog_constants(registers: Map) -> str:
-    lines = [
-        banner("//", RDL).rstrip(),
-        "//",
-        "// Macros, not an `include: the list of files alone must elaborate, in any folder.",
-        "// MBX_x_WORD: word address of register x inside the mailbox, 3 bits.",
-        "// MBX_x_BITS: all bits of register x that have a field.",
-        "// MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.",
-        "// MBX_x_y_IS_z: value z of field y of x.",
-        "// MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte of the word where x begins.",
-        "",
-    ]
+def mailbox_macros(registers: Map) -> dict[str, str]:
+    """Verilog macros of the mailbox.
+
+    MBX_x_WORD: word address of register x inside the mailbox, 3 bits. MBX_x_BITS: all bits of register x that
+    have a field. MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.
+    MBX_x_y_IS_z: value z of field y of x. MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte
+    of the word where x begins.
+    """
+    macros: dict[str, str] = {}
     for reg in registers.registers:
-        lines.append(f"`define MBX_{reg.inst_name}_WORD 3'h{reg.address_offset // WORD_BYTES:x}")
-        lines.append(f"`define MBX_{reg.inst_name}_BITS {max(field.high for field in reg.fields())}:0")
+        macros[f"MBX_{reg.inst_name}_WORD"] = f"3'h{reg.address_offset // WORD_BYTES:x}"
+        macros[f"MBX_{reg.inst_name}_BITS"] = f"{max(field.high for field in reg.fields())}:0"
         for field in reg.fields():
             name = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
-            bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
-            lines.append(f"`define {name}_BITS {bits}")
-            lines.append(f"`define {name}_WIDTH {field.width}")
+            macros[f"{name}_BITS"] = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
+            macros[f"{name}_WIDTH"] = f"{field.width}"
             if (reset := field_reset(field)) is not None:
-                lines.append(f"`define {name}_RESET {field.width}'h{reset:x}")
+                macros[f"{name}_RESET"] = f"{field.width}'h{reset:x}"
             for value, number, _ in enum_members(field):
-                lines.append(f"`define {name}_IS_{value.upper()} {field.width}'h{number:x}")
-        lines.append("")
+                macros[f"{name}_IS_{value.upper()}"] = f"{field.width}'h{number:x}"
     for area in registers.areas:
         slot, lane = divmod(area.raw_absolute_address, WORD_BYTES)
-        lines.append(f"`define MBX_{area.inst_name}_SLOT 6'h{slot:02x}")
-        lines.append(f"`define MBX_{area.inst_name}_LANE {lane}")
-    return "\n".join(lines) + "\n"
+        macros |= {f"MBX_{area.inst_name}_SLOT": f"6'h{slot:02x}", f"MBX_{area.inst_name}_LANE": f"{lane}"}
+    return macros
 
 
 def python_constants(registers: Map) -> str:
@@ -369,10 +371,16 @@ class CardTables:
         return self.drive["pause_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
 
 
-def card_constants(card: CardTables) -> str:
+def card_macros(card: CardTables) -> dict[str, str]:
+    """Verilog macros of the lines: the fixed format of the drive line (FC-1, FC-8), vectors between modules.
+
+    CARD_DRIVE_PAUSE_TICKS in 1/16 bit, CARD_DRIVE_MASK of baud_divider. CARD_SILENCE_START: what the count of
+    silence_timer begins a half character with; the ends in card_tables.v count from it. CARD_x_BITS: all bits
+    of vector x; CARD_x_y_BITS: its field y, a bit select.
+    """
     drive = card.drive
-    constants = {
-        "CARD_BASE_HZ": card.line["base_hz"],
+    macros = {
+        "CARD_BASE_HZ": f"{card.line['base_hz']}",
         "CARD_DRIVE_MASK": f"7'd{card.mask(drive['baud'])}",
         "CARD_DRIVE_PAUSE_TICKS": f"12'd{card.drive_pause_ticks}",
         "CARD_DRIVE_PARITY_ENABLE": f"1'b{int(drive['parity'] != 'none')}",
@@ -380,24 +388,39 @@ def card_constants(card: CardTables) -> str:
         "CARD_DRIVE_TWO_STOP": f"1'b{int(drive['stop_bits'] == 2)}",
         "CARD_SILENCE_START": f"9'd{SILENCE_START}",
     }
-    lines = [
-        banner("//", CARD).rstrip(),
-        "//",
-        "// The fixed format of the drive line (FC-1, FC-8).",
-        "// Pause in ticks of 1/16 bit, mask of baud_divider. SILENCE_START: what the count of silence_timer",
-        "// begins a half character with; the ends in card_tables.v count from it.",
-        "// CARD_x_BITS: all bits of vector x between two modules; CARD_x_y_BITS: its field y, a bit select.",
-        "",
-    ]
-    lines += [f"`define {name} {value}" for name, value in constants.items()]
     for vector, fields in card.vectors.items():
-        lines += ["", f"`define CARD_{vector.upper()}_BITS {sum(fields.values()) - 1}:0"]
+        macros[f"CARD_{vector.upper()}_BITS"] = f"{sum(fields.values()) - 1}:0"
         low = 0
         for field, width in fields.items():
             bits = f"{low + width - 1}:{low}" if width > 1 else f"{low}"
-            lines.append(f"`define CARD_{vector.upper()}_{field.upper()}_BITS {bits}")
+            macros[f"CARD_{vector.upper()}_{field.upper()}_BITS"] = bits
             low += width
-    return "\n".join(lines) + "\n"
+    return macros
+
+
+@cache
+def macros() -> dict[str, str]:
+    return mailbox_macros(Map()) | card_macros(CardTables())
+
+
+def with_macros(text: str) -> str:
+    """A Verilog file with the macros that it uses.
+
+    They stand in each file, so that the files can be read in any order and in any folder. A localparam cannot
+    give the width of a port, and an `include needs a path.
+    """
+    text = MACRO_BLOCK.sub("", text)
+    used = set(re.findall(r"`(\w+)", re.sub(r"//.*", "", text)))
+    found = [f"`define {name} {value}\n" for name, value in macros().items() if name in used]
+    if any(name.startswith("CONFIG_") for name in used):
+        found += standard_unless_another()
+    if not found:
+        return text
+    block = f"{MACROS_BEGIN}\n{''.join(found)}{MACROS_END}\n\n"
+    if NETTYPE in text:
+        return text.replace(NETTYPE, NETTYPE + block, 1)
+    header = re.match(r"(//.*\n)*", text)[0]  # properties, which are joined to a module
+    return f"{header}\n{block}" + text[len(header) :].lstrip("\n")
 
 
 def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict]) -> list[str]:
@@ -584,6 +607,13 @@ def config_macros(name: str, entry: dict) -> str:
     return "\n".join(lines) + "\n"
 
 
+def standard_unless_another() -> list[str]:
+    """The defaults of the top, if no file of another configuration was read before it."""
+    text = config_macros("standard", tomllib.loads((ROOT / CONFIGS).read_text())["standard"])
+    defines = re.findall(r"^`define .*\n", text, re.MULTILINE)
+    return ["`ifndef CONFIG_CLK_HZ\n", *defines, "`endif\n"]
+
+
 def version_header() -> str:
     version = (ROOT / VERSION).read_text().strip()
     return (
@@ -598,18 +628,22 @@ def generate() -> dict[str, str]:
     registers = Map()
     card = CardTables()
     configs = tomllib.loads((ROOT / CONFIGS).read_text())
-    return {
+    files = {
         "regs/generated/mailbox.h": c_header(registers),
         "regs/generated/frames.ld": linker_script(registers),
-        "regs/generated/mailbox_defs.v": verilog_constants(registers),
         "regs/generated/mailbox.py": python_constants(registers),
         "docs/reference/registers.md": markdown_page(registers),
-        "regs/generated/card_defs.v": card_constants(card),
-        "regs/generated/card_tables.v": card_verilog(card),
+        "regs/generated/card_tables.v": with_macros(card_verilog(card)),
         "regs/generated/card_tables.py": card_python(card),
         "regs/generated/card_tables.h": card_cpp(card),
         "regs/generated/version.h": version_header(),
-    } | {f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()}
+    }
+    files |= {
+        f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()
+    }
+    # Of these files `make regs` writes the macros only.
+    written = [path for folder in WITH_MACROS for path in sorted(ROOT.glob(folder))]
+    return files | {str(path.relative_to(ROOT)): with_macros(path.read_text()) for path in written}
 
 
 def main() -> int:

@@ -42,11 +42,6 @@ def c_values(tmp_path_factory, register_map) -> dict[str, int]:
     return dict(zip(values, words, strict=True))
 
 
-def verilog_macros(name: str) -> dict[str, str]:
-    text = (ROOT / "regs/generated" / name).read_text()
-    return dict(re.findall(r"^`define (\w+) (\S+)$", text, re.MULTILINE))
-
-
 def verilog_value(literal: str) -> int:
     """12'd352 -> 352, 9'h00a -> 10, 16 -> 16."""
     _, quote, rest = literal.partition("'")
@@ -60,22 +55,21 @@ def test_generated_files_are_up_to_date():
 
 def test_an_outdated_generated_file_is_found(tmp_path):
     """The check can fail: a copy with one digit changed is rejected by name."""
-    for folder in ("regs", "docs"):
+    for folder in ("regs", "docs", "rtl"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "rtl").mkdir()
-    for file in ("configs.toml", "VERSION", "rtl/command.py"):
+    for file in ("configs.toml", "VERSION"):
         shutil.copy(ROOT / file, tmp_path / file)
-    target = tmp_path / "regs/generated/card_defs.v"
+    target = tmp_path / "rtl/fc_rx.v"
     target.write_text(target.read_text().replace("12'd352", "12'd353"))
     check = [sys.executable, "-m", "regs.regs", "--check"]
     done = subprocess.run(check, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert "regs/generated/card_defs.v differs" in done.stderr
+    assert "rtl/fc_rx.v differs" in done.stderr
 
 
 def test_every_register_is_the_same_in_all_languages(register_map, c_values):
     """Name and offset of every register in C, Verilog, Python and Markdown."""
-    macros = verilog_macros("mailbox_defs.v")
+    macros = regs.macros()
     page = (ROOT / "docs/reference/registers.md").read_text()
     for reg in register_map.registers:
         name, offset = reg.inst_name, reg.address_offset
@@ -86,7 +80,7 @@ def test_every_register_is_the_same_in_all_languages(register_map, c_values):
 
 
 def test_every_frame_and_counter_is_the_same_in_all_languages(register_map, c_values):
-    macros = verilog_macros("mailbox_defs.v")
+    macros = regs.macros()
     page = (ROOT / "docs/reference/registers.md").read_text()
     for area in register_map.areas:
         name, offset = area.inst_name, area.raw_absolute_address
@@ -130,7 +124,7 @@ def test_counters_are_in_the_order_of_the_events():
 
 def test_every_field_is_the_same_in_all_languages(register_map):
     """Bits, reset value and access of every field in C, Verilog and Python; name in Markdown."""
-    macros = verilog_macros("mailbox_defs.v")
+    macros = regs.macros()
     header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "regs/generated/mailbox.h").read_text(), re.M))
     page = (ROOT / "docs/reference/registers.md").read_text()
     fields = [(reg, field) for reg in register_map.registers for field in reg.fields()]
@@ -154,7 +148,7 @@ def test_every_field_is_the_same_in_all_languages(register_map):
 
 
 def test_named_values_are_the_same_in_all_languages(register_map):
-    macros = verilog_macros("mailbox_defs.v")
+    macros = regs.macros()
     header = dict(re.findall(r"^#define (\w+) (\w+)$", (ROOT / "regs/generated/mailbox.h").read_text(), re.M))
     page = (ROOT / "docs/reference/registers.md").read_text()
     fields = [(reg, field) for reg in register_map.registers for field in reg.fields()]
@@ -225,7 +219,7 @@ def test_three_and_seven_half_characters_are_the_silences():
 
 @pytest.mark.rule("FC-1", "FC-8")
 def test_drive_line_constants():
-    macros = verilog_macros("card_defs.v")
+    macros = regs.card_macros(regs.CardTables())
     values = {name: verilog_value(text) for name, text in macros.items() if not name.endswith("_BITS")}
     assert values["CARD_BASE_HZ"] == 16 * 9600 * 3 * (values["CARD_DRIVE_MASK"] + 1)
     assert values["CARD_DRIVE_PAUSE_TICKS"] == 22 * 16
@@ -235,7 +229,7 @@ def test_drive_line_constants():
 
 @pytest.mark.parametrize("vector", ["LINE", "REQUEST", "TELEGRAM", "EXCHANGE"])
 def test_the_fields_of_a_vector_fill_it_and_no_two_share_bits(vector):
-    macros = verilog_macros("card_defs.v")
+    macros = regs.card_macros(regs.CardTables())
     whole = f"CARD_{vector}_BITS"
     bits = []
     for name, text in macros.items():

@@ -8,6 +8,10 @@
 // Clock domain: clk.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_BASE_HZ 1843200
+// End of what `make regs` writes.
+
 module baud_base #(
     parameter CLK_HZ = 12_000_000
 ) (

@@ -8,6 +8,10 @@
 // Clock domain: clk. Rules: LINE-2, LINE-4, FC-1.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_DRIVE_MASK 7'd3
+// End of what `make regs` writes.
+
 module baud_divider (
     input  wire       clk,
     // stream in

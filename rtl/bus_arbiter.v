@@ -20,6 +20,12 @@
 // Clock domain: clk. Rules: FRAME-5, SAFE-1, SAFE-5.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_REPLY_FRAME_SLOT 6'h00
+`define MBX_TELEGRAM_FRAME_SLOT 6'h20
+`define MBX_DRIVE_FRAME_SLOT 6'h00
+// End of what `make regs` writes.
+
 module bus_arbiter #(
     parameter MEMORY_BYTES = 8192
 ) (

@@ -8,7 +8,28 @@
 // Rules: FC-1, FC-8, FC-10.
 `default_nettype none
 
-module drive_port (
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_DRIVE_PAUSE_TICKS 12'd352
+`define CARD_DRIVE_PARITY_ENABLE 1'b1
+`define CARD_DRIVE_PARITY_ODD 1'b0
+`define CARD_DRIVE_TWO_STOP 1'b0
+`define CARD_SILENCE_START 9'd18
+`define CARD_TELEGRAM_BITS 7:0
+`define CARD_TELEGRAM_LENGTH_BITS 4:0
+`define CARD_TELEGRAM_NO_REPLY_BITS 5
+`define CARD_TELEGRAM_CONTROL_BITS 6
+`define CARD_TELEGRAM_STOP_BITS 7
+`define CARD_EXCHANGE_BITS 4:0
+`define CARD_EXCHANGE_SENDING_BITS 0
+`define CARD_EXCHANGE_QUIET_BITS 1
+`define CARD_EXCHANGE_CANDIDATE_BITS 2
+`define CARD_EXCHANGE_GOOD_BITS 3
+`define CARD_EXCHANGE_BAD_BITS 4
+// End of what `make regs` writes.
+
+module drive_port #(
+    parameter [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS
+) (
     input  wire                       clk,
     input  wire                       rst,
     input  wire                       tick16,
@@ -37,8 +58,8 @@ module drive_port (
 );
 
   // A gap of exactly 2 characters is allowed, so the limit is 1/4 bit later.
-  localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
-  localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + PAUSE_TICKS / 12'd4 - 12'd1;
+  localparam [11:0] GAP_TICKS = PAUSE_TICKS + 12'd4;
+  localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + GAP_TICKS / 12'd4 - 12'd1;
 
   wire synced;
   wire rx_valid;
@@ -139,7 +160,9 @@ module drive_port (
       .good(bcc_good)
   );
 
-  fc_rx fc_rx_i (
+  fc_rx #(
+      .PAUSE_TICKS(PAUSE_TICKS)
+  ) fc_rx_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),

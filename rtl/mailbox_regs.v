@@ -10,6 +10,35 @@
 // Clock domain: clk. Rules: FRAME-4, FRAME-5, FRAME-7, FC-8.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_REQUEST_BITS 7:0
+`define MBX_EXCHANGE_BITS 7:0
+`define MBX_EXCHANGE_SENDING_BITS 1
+`define MBX_EVENTS_WORD 3'h1
+`define MBX_EVENTS_BITS 7:0
+`define MBX_REPLY_WORD 3'h2
+`define MBX_REPLY_LENGTH_BITS 4:0
+`define MBX_TELEGRAM_WORD 3'h3
+`define MBX_TELEGRAM_LENGTH_BITS 4:0
+`define MBX_TELEGRAM_NO_REPLY_BITS 5
+`define MBX_TELEGRAM_ACTION_BITS 7:6
+`define MBX_TELEGRAM_ACTION_IS_FIRST 2'h0
+`define MBX_TELEGRAM_ACTION_IS_REPEAT 2'h1
+`define MBX_TELEGRAM_ACTION_IS_WAITING 2'h2
+`define MBX_TELEGRAM_ACTION_IS_KEEP 2'h3
+`define MBX_LED_WORD 3'h4
+`define MBX_LED_BITS 3:0
+`define MBX_LISTEN_WORD 3'h5
+`define MBX_LISTEN_ON_BITS 0
+`define MBX_WATCHDOG_WORD 3'h6
+`define MBX_WATCHDOG_KEY_BITS 7:0
+`define MBX_WATCHDOG_KEY_RESET 8'ha5
+`define MBX_SUPERVISOR_WORD 3'h7
+`define MBX_SUPERVISOR_HALT_BITS 0
+`define MBX_SUPERVISOR_LOOPBACK_BITS 1
+`define MBX_SUPERVISOR_WATCH_BITS 2
+// End of what `make regs` writes.
+
 module mailbox_regs (
     input  wire                      clk,
     input  wire                      rst,

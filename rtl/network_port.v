@@ -17,6 +17,30 @@
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_EVENTS_CRC_BITS 0
+`define MBX_EVENTS_PARITY_BITS 1
+`define MBX_EVENTS_FRAMING_BITS 2
+`define MBX_EVENTS_T15_BITS 3
+`define MBX_EVENTS_OVERRUN_BITS 4
+`define MBX_EVENTS_REVOKED_BITS 5
+`define MBX_EVENTS_FOREIGN_BITS 6
+`define CARD_LINE_BITS 12:0
+`define CARD_LINE_PARITY_ENABLE_BITS 0
+`define CARD_LINE_PARITY_ODD_BITS 1
+`define CARD_LINE_TWO_STOP_BITS 2
+`define CARD_LINE_HALF_UNEVEN_BITS 3
+`define CARD_LINE_HALF_END_BITS 12:4
+`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_CANDIDATE_BITS 0
+`define CARD_REQUEST_COMMIT_BITS 1
+`define CARD_REQUEST_BROADCAST_BITS 2
+`define CARD_REQUEST_WRITES_COILS_BITS 3
+`define CARD_REQUEST_BANK_BITS 4
+`define CARD_REQUEST_LENGTH_BITS 12:5
+`define CARD_REQUEST_SILENT_BITS 13
+// End of what `make regs` writes.
+
 module network_port #(
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1,

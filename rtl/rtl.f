@@ -1,5 +1,3 @@
-regs/generated/mailbox_defs.v
-regs/generated/card_defs.v
 regs/generated/card_tables.v
 rtl/baud_base.v
 rtl/baud_divider.v

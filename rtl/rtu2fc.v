@@ -6,13 +6,43 @@
 // clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released synchronously to clk.
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
-// The parameters' defaults come from the configuration, regs/generated/config_<name>.v, which is
-// the first of its list of files. SOFT_CORE: see soft_core. PLACES: committed writes that can
+// The parameters' defaults are those of the configuration standard, or of the file
+// regs/generated/config_<name>.v that was read before. SOFT_CORE: see soft_core. PLACES: committed writes that can
 // wait, see commit_gate. DE_LIMIT: LIMIT of driver_limit. MASTER_LOSS_STOP: 1, the card may stop
 // the drive when the master is lost, if the firmware has the option of that name; see master_loss
 // and docs/guide/master-loss.md. BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it;
 // see break_filter. Rules: TOP-1, TOP-2.
 `default_nettype none
+
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define MBX_EVENTS_REVOKED_BITS 5
+`define MBX_LED_BITS 3:0
+`define MBX_LED_MODBUS_RED_BITS 0
+`define MBX_LED_MODBUS_GREEN_BITS 1
+`define MBX_LED_DRIVE_RED_BITS 2
+`define MBX_LED_DRIVE_GREEN_BITS 3
+`define CARD_DRIVE_MASK 7'd3
+`define CARD_LINE_BITS 12:0
+`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_CANDIDATE_BITS 0
+`define CARD_REQUEST_COMMIT_BITS 1
+`define CARD_TELEGRAM_BITS 7:0
+`define CARD_SUPERVISION_BITS 3:0
+`define CARD_SUPERVISION_KICK_BITS 0
+`define CARD_SUPERVISION_HALT_BITS 1
+`define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
+`define CARD_SUPERVISION_FAULT_BITS 3
+`define CARD_EXCHANGE_BITS 4:0
+`define CARD_EXCHANGE_CANDIDATE_BITS 2
+`define CARD_EXCHANGE_GOOD_BITS 3
+`define CARD_EXCHANGE_BAD_BITS 4
+`ifndef CONFIG_CLK_HZ
+`define CONFIG_CLK_HZ 12000000
+`define CONFIG_SOFT_CORE 2'd0  // picorv32
+`define CONFIG_MEMORY_BYTES 8192
+`define CONFIG_PLACES 2'd2
+`endif
+// End of what `make regs` writes.
 
 module rtu2fc #(
     parameter CLK_HZ = `CONFIG_CLK_HZ,

@@ -21,6 +21,10 @@
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8, SAFE-4.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_SILENCE_START 9'd18
+// End of what `make regs` writes.
+
 module silence_timer #(
     parameter WIDTH = 9,
     parameter [0:0] GUARDED = 1'b0,

@@ -4,7 +4,7 @@
     python -m rtl.sources [CONFIG]     default: standard; exit 2 for a configuration that is not there
 
 The project's own files come from rtl/rtl.f, the core's from configs.toml, and one file of macros carries
-what the configuration sets. The order is a compile order.
+what the configuration sets. That file is first; the others may be read in any order.
 """
 
 import importlib.util
@@ -46,7 +46,7 @@ def configurations() -> dict[str, dict]:
 
 
 def rtl_files() -> list[Path]:
-    """The project's own Verilog files, macros first."""
+    """The project's own Verilog files, in any order."""
     return [ROOT / line for line in FILE_LIST.read_text().split()]
 
 
@@ -95,8 +95,7 @@ def needed_files(top: str, config: str = "standard") -> tuple[Path, ...]:
             continue
         found.add(name)
         queue += modules.keys() & set(re.findall(r"\w+", without_comments(modules[name])))
-    macros = [path for path in own if path.stem.endswith("_defs")]
-    files = macros + [path for path in own if path.stem in found and path not in macros]
+    files = [path for path in own if path.stem in found]
     return tuple((core_files(config) if CORE_WRAPPER in found else []) + files)
 
 

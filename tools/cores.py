@@ -55,9 +55,6 @@ def check(folder: Path = ROOT) -> list[str]:
     wrong += [f"{file} is in no core" for file in known if file not in listed]
     wrong += [f"{file} is in a core, but not in rtl/rtl.f" for file in listed if file not in known]
     wrong += [f"{file} is in two cores" for file in sorted(set(listed)) if listed.count(file) > 1]
-    macros = [file for file in known if file.endswith("_defs.v")]
-    if files[LINE][: len(macros)] != macros:
-        wrong.append(f"{LINE}.core: the first files are not {' and '.join(macros)}")
     for port in PORTS:
         needed, there = {name(path) for path in needed_files(port)}, {*files[LINE], *files[port]}
         wrong += [f"{port}.core: {file} is missing" for file in sorted(needed - there)]

@@ -33,6 +33,7 @@ from fontTools.agl import UV2AGL
 from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
+from regs import regs
 from regs.generated.card_tables import CHARACTER_BITS
 from rtl.command import run_main
 from rtl.sources import ROOT
@@ -396,10 +397,9 @@ class Run(FastCard):
 
 
 VECTORS = {
-    name.lower(): int(bit)
-    for name, bit in re.findall(
-        r"`define CARD_(\w+)_BITS (\d+)$", (ROOT / "regs/generated/card_defs.v").read_text(), re.MULTILINE
-    )
+    name.removeprefix("CARD_").removesuffix("_BITS").lower(): int(bit)
+    for name, bit in regs.macros().items()
+    if name.startswith("CARD_") and name.endswith("_BITS") and bit.isdecimal()
 }
 
 

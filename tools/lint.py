@@ -152,7 +152,7 @@ def verible_format() -> list[str]:
 def net_types() -> list[str]:
     """Every Verilog module stands between `default_nettype none and wire."""
     wrong = []
-    for path in (path for path in rtl_files() + hand_written_verilog() if not path.stem.endswith("_defs")):
+    for path in rtl_files() + hand_written_verilog():
         code = [line for line in path.read_text().splitlines() if line.strip() and not line.startswith("//")]
         if not code or code[0] != "`default_nettype none" or code[-1] != "`default_nettype wire":
             wrong.append(f"{name(path)}: first line `default_nettype none, last line `default_nettype wire")

@@ -32,7 +32,6 @@ def test_core_files_fit_the_list_of_files():
         ("drive_port", "rtl/bcc.v\n", "rtl/bcc.v\n      - rtl/uart.v\n", "rtl/uart.v is in two cores"),
         ("network_port", "rtl/rtu_rx.v", "rtl/fc_rx.v", "network_port.core: rtl/rtu_rx.v is missing"),
         ("line", "rtl/uart.v", "rtl/rtu2fc.v", "drive_port.core: rtl/rtu2fc.v is of no use"),
-        ("line", "mailbox_defs.v", "card_tables.v", "line.core: the first files are not"),
         ("line", "line:0.", "line:9.", "line.core: the name is :rtu2fc:line:9.2.0"),
         ("rtu2fc", "drive_port:0.", "drive_port:9.", "rtu2fc.core: =:rtu2fc:drive_port:9.2.0 is no core"),
         ("rtu2fc", "config_tiny", "config_standard", "rtu2fc.core: the fileset tiny is not that"),

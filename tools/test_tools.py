@@ -15,6 +15,7 @@ import pytest
 
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
+from tb.lib.seeds import seeded
 
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
@@ -187,6 +188,24 @@ def test_sources_elaborate_with_nothing_else(sources, elaborate, tmp_path):
     done = command(*elaborate, *sources, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "arning" not in done.stderr
+
+
+@pytest.mark.parametrize("order", ["sorted", "reversed", "shuffled"])
+def test_sources_elaborate_in_any_order(sources, order, config, tmp_path):
+    """But for the macros of a configuration other than `standard`, which come first."""
+    macros = [line for line in sources if f"config_{config}" in line] if config != "standard" else []
+    others = [line for line in sources if line not in macros]
+    if order == "shuffled":
+        seeded("order").shuffle(others)
+    else:
+        others.sort(reverse=order == "reversed")
+    # A file without `timescale takes that of the file before it, and Icarus says so.
+    icarus = ["iverilog", "-g2005", "-Wall", "-Wno-timescale", "-t", "null", "-s", TOP]
+    verilator = ["verilator", "--lint-only", "-Wno-TIMESCALEMOD", "--top-module", TOP]
+    for elaborate in (icarus, verilator):
+        done = command(*elaborate, *macros, *others, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "not found" not in done.stderr and "redefin" not in done.stderr, done.stderr
 
 
 @pytest.fixture

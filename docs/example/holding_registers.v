@@ -7,6 +7,15 @@
 // Clock domain: clk, CLK_HZ, at least 16 * BAUD. network_port: docs/guide/integration.md.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_SILENCE_START 9'd18
+`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_COMMIT_BITS 1
+`define CARD_REQUEST_BROADCAST_BITS 2
+`define CARD_REQUEST_LENGTH_BITS 12:5
+`define CARD_REQUEST_SILENT_BITS 13
+// End of what `make regs` writes.
+
 module holding_registers #(
     parameter CLK_HZ = 12_000_000,
     parameter BAUD = 19_200,

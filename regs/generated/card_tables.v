@@ -8,6 +8,15 @@
 
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_LINE_BITS 12:0
+`define CARD_LINE_PARITY_ENABLE_BITS 0
+`define CARD_LINE_PARITY_ODD_BITS 1
+`define CARD_LINE_TWO_STOP_BITS 2
+`define CARD_LINE_HALF_UNEVEN_BITS 3
+`define CARD_LINE_HALF_END_BITS 12:4
+// End of what `make regs` writes.
+
 module card_tables (
     input  wire [ 5:1] sw_baud,
     output reg         baud_undivided,

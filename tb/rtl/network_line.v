@@ -3,6 +3,10 @@
 // come out field by field.
 `default_nettype none
 
+// Written by `make regs`, the macros of regs/ that this file uses:
+`define CARD_LINE_BITS 12:0
+// End of what `make regs` writes.
+
 module network_line #(
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1,
