@@ -154,15 +154,16 @@ module uart (
   end
 
 `ifndef SYNTHESIS
-  // For waveforms: the last byte, and in hexadecimal the last 32 bytes of the frame on the line,
-  // sent or received. A frame is over after 1.5 characters.
+  // For waveforms: the last byte, and in hexadecimal the first 32 bytes of the frame on the line,
+  // sent or received. A frame is over after 1.5 characters. Spaces, because viewers draw 00 as dots.
   localparam [8:0] FRAME_OVER = 9'd264;
   reg [6:0] bits_seen = 7'd0;
   reg [7:0] last_byte = 8'd0;
   reg byte_seen = 1'b0;
   reg [8:0] idle_ticks = 9'd0;
   reg frame_over = 1'b1;
-  reg [8*96-1:0] frame_text = {8 * 96{1'b0}};
+  reg [5:0] bytes_shown = 6'd0;
+  reg [8*96-1:0] frame_text = {96{" "}};
 
   function [7:0] hex_digit;
     input [3:0] value;
@@ -179,8 +180,13 @@ module uart (
     if (idle_ticks == FRAME_OVER) frame_over <= 1'b1;
     if (byte_seen) begin
       frame_over <= 1'b0;
-      frame_text <= {frame_text[8*93-1:0], " ", byte_text};
-      if (frame_over) frame_text <= {{8 * 94{1'b0}}, byte_text};
+      if (frame_over) begin
+        frame_text  <= {byte_text, {94{" "}}};
+        bytes_shown <= 6'd1;
+      end else if (bytes_shown != 6'd32) begin
+        frame_text[8*(94-3*bytes_shown)+:16] <= byte_text;
+        bytes_shown <= bytes_shown + 6'd1;
+      end
     end
   end
   // Without byte_valid the two errors follow each bit of the character.
