@@ -60,9 +60,9 @@ def test_results_counts_add_up() -> None:
 
 
 def test_results_budgets_are_those_of_the_configuration() -> None:
-    # A page of an older card has that card's budgets, from t1.5 on.
+    # A page of an older card has that card's budgets.
     older = bench_report.RESULTS.stem in figures.older_pages()
-    rows = table_under(f"bit/s | {'t1.5' if older else 'candidate'} to t3.5, clocks")
+    rows = table_under("bit/s | candidate to t3.5, clocks")
     for baud, allowed, worst, share, allowed_drive, worst_drive, share_drive in rows:
         budgets = tuple(map(round, bench_report.budgets(STANDARD.clk_hz, int(baud))))
         assert older or (number(allowed), number(allowed_drive)) == budgets

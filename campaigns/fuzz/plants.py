@@ -205,8 +205,8 @@ PLANTS = (
         "no-pause",
         ("FC-8",),
         "rtl/drive_port.v",
-        "CARD_DRIVE_PAUSE_TICKS + 12'd4",
-        "CARD_DRIVE_PAUSE_TICKS / 12'd4",
+        "PAUSE_TICKS + 12'd4",
+        "PAUSE_TICKS / 12'd4",
         description="FC-8: no two characters before a telegram",
     ),
     Plant(

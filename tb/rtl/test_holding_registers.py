@@ -15,6 +15,7 @@ import cocotb
 import pytest
 from cocotb.triggers import ValueChange
 
+from regs import regs
 from rtl.sources import needed_files
 from tb.agents import edges, rtu
 from tb.agents.modbus_master import ModbusMaster
@@ -230,7 +231,8 @@ async def frames_that_are_not_good_for_this_unit_write_nothing(dut):
 
 
 def test_example_is_short():
-    assert len(EXAMPLE.read_text().splitlines()) < 100
+    """Without the macros, which `make regs` writes."""
+    assert len(regs.MACRO_BLOCK.sub("", EXAMPLE.read_text()).splitlines()) < 100
 
 
 def test_example_is_synthesised():
