@@ -21,10 +21,22 @@ import random
 import re
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from campaigns.flips.trial import BAUDS, FORBIDDEN, FORMS, OUTCOMES, PARTS, Places, trial
+from campaigns.flips.group import GroupError, outcomes
+from campaigns.flips.trial import (
+    BAUDS,
+    FORBIDDEN,
+    FORMS,
+    GROUP,
+    OUTCOMES,
+    PARTS,
+    Outcome,
+    Places,
+    trial,
+)
 from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
 from rtl.command import run_main
 from sim.harness.library import BuildError
@@ -55,8 +67,7 @@ def shard(seed: int, count: int, places: Places) -> dict:
         "flips": 0,
         "wall_s": 0.0,
     }
-    for number in range(count):
-        outcome, *_ = trial(f"{seed}/{number}", places)
+    for number, outcome in enumerate(each_outcome(seed, count, places)):
         result["counts"][f"{outcome.flip.part}: {outcome.what}"] += 1
         if outcome.what in NOTABLE:
             result["notable"].append(
@@ -73,6 +84,11 @@ def shard(seed: int, count: int, places: Places) -> dict:
         if (number + 1) % KEPT_EACH == 0 or number + 1 == count:
             keep(result)
     return result
+
+
+def each_outcome(seed: int, count: int, places: Places) -> Iterator[Outcome]:
+    for first in range(0, count, GROUP):
+        yield from outcomes([f"{seed}/{n}" for n in range(first, min(first + GROUP, count))], places)
 
 
 def file_of(seed: int, baud: int) -> Path:
@@ -187,4 +203,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    run_main("flips", main, BuildError, RegistersError, FlipsError, FuzzError)
+    run_main("flips", main, BuildError, RegistersError, FlipsError, FuzzError, GroupError)

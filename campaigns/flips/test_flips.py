@@ -16,17 +16,20 @@ from types import SimpleNamespace
 import pytest
 
 from campaigns.flips import run as flips
+from campaigns.flips.group import GroupError, GroupPlayer, outcomes
 from campaigns.flips.run import FlipsError, merge, report
 from campaigns.flips.trial import (
     ADDRESS,
     BAUDS,
     FORBIDDEN,
     FORMS,
+    GROUP,
     OUTCOMES,
     PARTS,
     Flip,
     FlipPlayer,
     Places,
+    case_of,
     classify,
     telegrams,
     too_early,
@@ -101,6 +104,26 @@ def clocked(path: Path) -> set[str]:
     )
     assignment = r"(?:[;):]|\bbegin|\belse)\s*(\w+)\s*(?:\[[^;=]*?\]\s*)*<="
     return {name for block in blocks for name in re.findall(assignment, block)}
+
+
+@pytest.mark.rule("SAFE-4")
+def test_flips_in_copies_have_the_outcomes_of_flips_alone(places):
+    """Of two groups, whose traffic differs."""
+    numbers = [f"77/{n}" for n in (*range(12), *range(GROUP, GROUP + 12))]
+    alone = [trial(number, places)[0] for number in numbers]
+    assert [*outcomes(numbers[:12], places), *outcomes(numbers[12:], places)] == alone
+    assert len({outcome.what for outcome in alone}) > 1
+    traffics = [case_of(number, places)["events"] for number in numbers]
+    assert traffics[0] == traffics[11] != traffics[12] == traffics[23]
+
+
+def test_a_copy_that_fails_is_named(places, monkeypatch):
+    def broken(player: GroupPlayer, flip: Flip) -> None:
+        raise ValueError("no such outcome")
+
+    monkeypatch.setattr(GroupPlayer, "outcome", broken)
+    with pytest.raises(GroupError, match="no such outcome"):
+        outcomes(["77/0"], places)
 
 
 @pytest.mark.rule("SAFE-4", "LED-5")

@@ -40,6 +40,8 @@ BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.
 LONGEST_CHARACTERS = 2 * 35
+# Trials with the same traffic, which the card plays once for all of them (campaigns/flips/group.py).
+GROUP = 25
 # Parts for flips, with their weights: by area nearly all flips would hit code that never runs again.
 PARTS = {"card": 45, "core": 15, "core registers": 6, "frame memory": 8, "data": 20, "code": 6}
 
@@ -201,6 +203,16 @@ class FlipPlayer(Player):
             return switched
         return super()._run(until, to_the_end) if self.pins.now < until else switched
 
+    def play_all(self) -> None:
+        self._run(int(BOOT_S * self.line.clk_hz))
+        self.finish()
+
+    def outcome(self, flip: Flip) -> tuple[Outcome, Played, Verdict]:
+        lit, played = self.pins.lit(), self.played()
+        judge = LineJudge(CardModel(), self.line, ADDRESS, BUDGET_CLOCKS)
+        verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
+        return classify(flip, played, verdict, self, lit), played, verdict
+
     def finish(self) -> None:
         started = self.pins.watched()
         for event in self.case["events"]:
@@ -227,34 +239,41 @@ class FlipPlayer(Player):
         self._settle()
 
 
-def trial(
-    number: str, places: Places, flip: Flip | None = None, events: list[dict] | None = None
-) -> tuple[Outcome, dict, Played, Verdict]:
-    """One flip; the number determines traffic and flip, unless they are given."""
-    rng = random.Random(f"flips/{number}")
-    case = {
+def case_of(number: str, places: Places, events: list[dict] | None = None) -> dict:
+    """The traffic of a trial SEED/NUMBER, which all trials of its group share."""
+    seed, _, count = number.rpartition("/")
+    group = f"{seed}/{int(count) // GROUP}" if seed else number
+    return {
         "baud": places.baud,
         "form": places.line.form,
         "address": ADDRESS,
         "dialect": "card",
         "profile": "vlt6000",
-        "events": events or traffic(rng, places.line),
+        "events": events or traffic(random.Random(f"flips/traffic/{group}"), places.line),
     }
+
+
+def flip_of(number: str, places: Places) -> Flip:
+    rng = random.Random(f"flips/{number}")
     boot_clocks = int(BOOT_S * places.line.clk_hz)
     traffic_s = 0.2 * max(1, 9600 / places.baud)
     at = rng.randrange(boot_clocks // 4, boot_clocks + int(traffic_s * places.line.clk_hz))
-    flip = flip or places.choose(rng, at)
+    return places.choose(rng, at)
+
+
+def trial(
+    number: str, places: Places, flip: Flip | None = None, events: list[dict] | None = None
+) -> tuple[Outcome, dict, Played, Verdict]:
+    """One flip; the number determines traffic and flip, unless they are given."""
+    case = case_of(number, places, events)
+    flip = flip or flip_of(number, places)
     player = FlipPlayer(case, places.target, flip)
     try:
-        player._run(boot_clocks)
-        player.finish()
-        lit = player.pins.lit()
-        played = player.played()
+        player.play_all()
+        outcome, played, verdict = player.outcome(flip)
     finally:
         player.pins.close()
-    judge = LineJudge(CardModel(), player.line, ADDRESS, BUDGET_CLOCKS)
-    verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
-    return classify(flip, played, verdict, player, lit), case, played, verdict
+    return outcome, case, played, verdict
 
 
 # ---------------------------------------------------------------- verdict

@@ -107,5 +107,7 @@ std::uint64_t card_watched(void* card) { return as_card(card)->watched(); }
 void card_flip(void* card, std::size_t i, std::uint32_t word, std::uint32_t bit) {
   as_card(card)->flip(i, word, bit);
 }
+// A number of all that the model holds. It has addresses in it: compare it within a process and its forks only.
+std::uint64_t card_digest(void* card) { return as_card(card)->model().digest(); }
 #endif
 }

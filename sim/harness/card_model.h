@@ -17,6 +17,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <vector>
@@ -201,6 +202,18 @@ class CardModel {
       for (const auto& var : *vars) add(scope.second->name(), var.first, var.second);
     }
     return variables_;
+  }
+
+  // Of every byte of the model, by FNV-1a over words of eight bytes.
+  std::uint64_t digest() const {
+    const auto* bytes = reinterpret_cast<const unsigned char*>(top_->rootp);
+    std::uint64_t sum = 0xcbf29ce484222325u;
+    for (std::size_t at = 0; at + sizeof sum <= sizeof *top_->rootp; at += sizeof sum) {
+      std::uint64_t word;
+      std::memcpy(&word, bytes + at, sizeof word);
+      sum = (sum ^ word) * 0x100000001b3u;
+    }
+    return sum;
   }
 
   // The logic after the bit follows at once, as in hardware.

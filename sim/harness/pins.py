@@ -129,6 +129,11 @@ class Pins:
             led for i, led in enumerate(SIGNALS) if led in LEDS and self.edges[i] and self.edges[i][-1][1]
         }
 
+    def state(self) -> tuple:
+        """Card and lines as they are now, and all that the card has sent, to be compared within forks."""
+        sent = tuple((b.rise, b.fall, b.data) for line in self.lines for b in self.bursts[line])
+        return self.now, self._card.digest(), sent, str(self.edges), self.watched()
+
     def flip(self, variable: int, word: int, bit: int) -> None:
         self._card.flip(variable, word, bit)
 

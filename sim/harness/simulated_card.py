@@ -54,6 +54,7 @@ def load(path: Path) -> ctypes.CDLL:
         ("card_watch", None, [pointer, size]),
         ("card_watched", ctypes.c_uint64, [pointer]),
         ("card_flip", None, [pointer, size, number, number]),
+        ("card_digest", ctypes.c_uint64, [pointer]),
     ):
         if hasattr(loaded, name):
             function = getattr(loaded, name)
@@ -138,6 +139,10 @@ class SimulatedCard:
 
     def watched(self) -> int:
         return self._library.card_watched(self._card)
+
+    def digest(self) -> int:
+        """A number of all that the card holds, to be compared within a process and its forks."""
+        return self._library.card_digest(self._card)
 
     def flip(self, variable: int, word: int, bit: int) -> None:
         self._library.card_flip(self._card, variable, word, bit)
