@@ -235,6 +235,10 @@ def results() -> dict[str, dict]:
         raise ConformanceError(f"{named(KEPT)} is damaged; delete it and grade every slave again") from None
 
 
+def fails(result: dict) -> bool:
+    return any(one["outcome"] == FAIL for one in result["verdicts"])
+
+
 def failures_of_ours(kept: dict[str, dict]) -> list[str]:
     return [
         f"{subject.title}, {subject.way}: {one['number']} {one['text']}"
@@ -283,7 +287,7 @@ def main(arguments: list[str] | None = None) -> int:
     failed = failures_of_ours(kept)
     for line in failed:
         print(f"fails: {line}")
-    return 2 if wrong else 1 if failed else 0
+    return 2 if wrong else 1 if failed or (given.only and fails(kept[given.only])) else 0
 
 
 if __name__ == "__main__":
