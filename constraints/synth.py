@@ -311,8 +311,7 @@ def each_seed(entry: Board) -> dict[int, float | None]:
 
 
 # Modules that stay; the ports of all others become pins. A part is packed to count its cells, but not routed.
-PORT = {"network_port", "drive_port", "line_uart", "sync_2ff", "glitch_filter", "uart"}
-PORT |= {"silence_timer", "rs485_dir"}
+PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
     "guarded_bit",
     "start_watch",
@@ -338,11 +337,7 @@ FRONT_END = "**front end**: both ports, framing and mailbox"
 TARGETS = {"machxo2": 850, "ice40": 900}
 # Label, configuration, modules that stay.
 PARTS = [
-    (
-        "UART of one port with its bit clock",
-        "tiny",
-        {"network_port", "line_uart", "uart", "baud_base", "baud_divider"},
-    ),
+    ("UART of one port with its bit clock", "tiny", {"network_port", "uart", "baud_base", "baud_divider"}),
     ("network port", "tiny", PORT - {"drive_port"}),
     ("drive port", "tiny", PORT - {"network_port"}),
     ("mailbox", "tiny", MAILBOX),

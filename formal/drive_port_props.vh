@@ -38,25 +38,25 @@ initial assume (rst);
 
 // Registers inside the instances, by their hierarchical names. They lose their power-up values that way, so the
 // first clock is a reset.
-(* hierconn *) wire [4:0] \serial_i.uart_i.state ;
-(* hierconn *) wire [3:0] \serial_i.uart_i.phase ;
-(* hierconn *) wire [2:0] \serial_i.uart_i.bits_done ;
-(* hierconn *) wire [1:0] \serial_i.uart_i.votes ;
-(* hierconn *) wire \serial_i.uart_i.driving ;
-(* hierconn *) wire \serial_i.uart_i.loaded ;
+(* hierconn *) wire [4:0] \uart_i.state ;
+(* hierconn *) wire [3:0] \uart_i.phase ;
+(* hierconn *) wire [2:0] \uart_i.bits_done ;
+(* hierconn *) wire [1:0] \uart_i.votes ;
+(* hierconn *) wire \uart_i.driving ;
+(* hierconn *) wire \uart_i.loaded ;
 (* hierconn *) wire [6:0] \silence_i.ticks ;
 (* hierconn *) wire [2:0] \silence_i.halves ;
 (* hierconn *) wire [2:0] \fc_tx_i.state ;
 (* hierconn *) wire [4:0] \fc_tx_i.index ;
 (* hierconn *) wire \fc_tx_i.begun ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
-(* hierconn *) wire [7:0] \serial_i.filter_i.history ;
-wire [4:0] g_uart = \serial_i.uart_i.state ;
-wire [3:0] g_phase = \serial_i.uart_i.phase ;
-wire [2:0] g_bits = \serial_i.uart_i.bits_done ;
-wire [1:0] g_votes = \serial_i.uart_i.votes ;
-wire g_driving = \serial_i.uart_i.driving ;
-wire g_loaded = \serial_i.uart_i.loaded ;
+(* hierconn *) wire [7:0] \filter_i.history ;
+wire [4:0] g_uart = \uart_i.state ;
+wire [3:0] g_phase = \uart_i.phase ;
+wire [2:0] g_bits = \uart_i.bits_done ;
+wire [1:0] g_votes = \uart_i.votes ;
+wire g_driving = \uart_i.driving ;
+wire g_loaded = \uart_i.loaded ;
 wire [6:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
 wire [2:0] g_sender = \fc_tx_i.state ;
@@ -298,7 +298,7 @@ always @(posedge clk) begin
     i_calm_lows : assert (g_lows_5 <= g_highs_4 + (g_run != 4'd0 ? {12'd0, g_run} * 16'd5 : 16'd20 - {12'd0, g_gap} * 16'd4));
   end
   if (g_past) begin
-    i_history : assert (\serial_i.filter_i.history == g_samples[7:0]);
+    i_history : assert (\filter_i.history == g_samples[7:0]);
     i_clean : assert (line == (g_ones >= 4'd5));
     i_valid : assert (!rx_valid || rx_framing_error || (g_uart == 5'd0 && !g_driving));
     // The port is idle when DE falls, so the line is calm from then on, too.

@@ -58,14 +58,14 @@ initial assume (rst);
 (* hierconn *) wire \silence_i.damaged ;
 (* hierconn *) wire [2:0] \rtu_tx_i.state ;
 (* hierconn *) wire [4:0] \rtu_tx_i.index ;
-(* hierconn *) wire [4:0] \serial_i.uart_i.state ;
-(* hierconn *) wire [3:0] \serial_i.uart_i.phase ;
-(* hierconn *) wire [2:0] \serial_i.uart_i.bits_done ;
-(* hierconn *) wire [1:0] \serial_i.uart_i.votes ;
-(* hierconn *) wire \serial_i.uart_i.driving ;
-(* hierconn *) wire \serial_i.uart_i.loaded ;
+(* hierconn *) wire [4:0] \uart_i.state ;
+(* hierconn *) wire [3:0] \uart_i.phase ;
+(* hierconn *) wire [2:0] \uart_i.bits_done ;
+(* hierconn *) wire [1:0] \uart_i.votes ;
+(* hierconn *) wire \uart_i.driving ;
+(* hierconn *) wire \uart_i.loaded ;
 (* hierconn *) wire [3:0] \dir_i.lead ;
-(* hierconn *) wire [7:0] \serial_i.filter_i.history ;
+(* hierconn *) wire [7:0] \filter_i.history ;
 (* hierconn *) wire [3:0] \rtu_rx_i.state ;
 (* hierconn *) wire [2:0] \rtu_rx_i.unit ;
 (* hierconn *) wire \rtu_rx_i.begun_bank ;
@@ -87,11 +87,11 @@ initial assume (rst);
 (* hierconn *) wire \g_breaks.breaks_i.after_frame ;
 (* hierconn *) wire \g_breaks.breaks_i.break_i.held ;
 (* hierconn *) wire \g_breaks.breaks_i.break_i.opposite ;
-(* hierconn *) wire [7:0] \serial_i.uart_i.shift ;
-(* hierconn *) wire \serial_i.uart_i.parity ;
-(* hierconn *) wire \serial_i.uart_i.parity_wrong ;
-(* hierconn *) wire \serial_i.uart_i.stop_missing ;
-wire [7:0] g_shift = \serial_i.uart_i.shift ;
+(* hierconn *) wire [7:0] \uart_i.shift ;
+(* hierconn *) wire \uart_i.parity ;
+(* hierconn *) wire \uart_i.parity_wrong ;
+(* hierconn *) wire \uart_i.stop_missing ;
+wire [7:0] g_shift = \uart_i.shift ;
 always @(posedge clk) if (g_past) assume ($stable(parity_odd));
 reg g_follows = 1'b0;  // since a good frame, or while all is dropped, nothing but breaks began
 reg g_undecided = 1'b0;  // so it was at the present start bit, and the line was low since: it may be a break
@@ -118,12 +118,12 @@ wire [2:0] g_halves = \silence_i.halves ;
 wire g_damaged = \silence_i.damaged ;
 wire [2:0] g_sender = \rtu_tx_i.state ;
 wire [4:0] g_index = \rtu_tx_i.index ;
-wire [4:0] g_uart = \serial_i.uart_i.state ;
-wire [3:0] g_phase = \serial_i.uart_i.phase ;
-wire [2:0] g_bits = \serial_i.uart_i.bits_done ;
-wire [1:0] g_votes = \serial_i.uart_i.votes ;
-wire g_driving = \serial_i.uart_i.driving ;
-wire g_loaded = \serial_i.uart_i.loaded ;
+wire [4:0] g_uart = \uart_i.state ;
+wire [3:0] g_phase = \uart_i.phase ;
+wire [2:0] g_bits = \uart_i.bits_done ;
+wire [1:0] g_votes = \uart_i.votes ;
+wire g_driving = \uart_i.driving ;
+wire g_loaded = \uart_i.loaded ;
 wire [3:0] g_lead = \dir_i.lead ;
 // The outputs of rtu_rx about a frame.
 wire [13:0] g_reported = {\rtu_rx_i.candidate , \rtu_rx_i.commit , \rtu_rx_i.revoke , \rtu_rx_i.frame_length ,
@@ -299,7 +299,7 @@ always @(posedge clk) begin
     i_calm_lows : assert (g_lows_5 <= g_highs_4 + (g_run != 4'd0 ? {12'd0, g_run} * 16'd5 : 16'd20 - {12'd0, g_gap} * 16'd4));
   end
   if (g_past) begin
-    i_history : assert (\serial_i.filter_i.history == g_samples[7:0]);
+    i_history : assert (\filter_i.history == g_samples[7:0]);
     i_clean : assert (line == (g_ones >= 4'd5));
     i_valid : assert (!rx_valid || rx_framing_error || (g_uart == 5'd0 && !g_driving));
     i_own : assert (!(g_calm && !long_silent) || !g_own);
@@ -354,9 +354,9 @@ always @(posedge clk) begin
         (g_first_bit && g_phase == 4'd9 && !g_votes[0]));
     i_zero_bits : assert (!(g_undecided && g_uart[1]) || g_shift >> (4'd8 - {1'b0, g_bits}) == 8'd0);
     i_zero_shift : assert (!(g_undecided && !g_uart[1]) || g_shift == 8'd0);
-    i_zero_parity : assert (!g_undecided || \serial_i.uart_i.parity == parity_odd);
-    i_zero_wrong : assert (!(g_undecided && (g_uart[3] || rx_valid)) || \serial_i.uart_i.parity_wrong == (parity_enable && parity_odd));
-    i_zero_stop : assert (!(g_undecided && rx_valid) || (\serial_i.uart_i.stop_missing && g_uart == 5'b10000));
+    i_zero_parity : assert (!g_undecided || \uart_i.parity == parity_odd);
+    i_zero_wrong : assert (!(g_undecided && (g_uart[3] || rx_valid)) || \uart_i.parity_wrong == (parity_enable && parity_odd));
+    i_zero_stop : assert (!(g_undecided && rx_valid) || (\uart_i.stop_missing && g_uart == 5'b10000));
     i_zero_format : assert (!(g_undecided && g_uart[2]) || parity_enable);
     i_zero_watch : assert (!g_undecided || \watch_i.lows == 4'd10 || (g_first_bit && \watch_i.lows >= g_voted_ticks));
     i_zero_seen : assert (!(g_undecided && \watch_i.low_seen ) || (g_first_bit && g_voted_ticks <= 4'd12));

@@ -62,6 +62,7 @@ module drive_port #(
   localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + GAP_TICKS / 12'd4 - 12'd1;
 
   wire synced;
+  wire line;
   wire rx_valid;
   wire [7:0] rx_data;
   wire rx_parity_error;
@@ -80,7 +81,6 @@ module drive_port #(
   wire tx_ready;
   wire [7:0] tx_data;
   wire tx_busy;
-  wire line;
   wire line_request;
   wire line_ready;
   wire sent;
@@ -91,13 +91,36 @@ module drive_port #(
 
   assign exchange[`CARD_EXCHANGE_QUIET_BITS] = quiet;
 
-  line_uart serial_i (
+  sync_2ff #(
+      .RESET_VALUE(1'b1)
+  ) sync_i (
+      .clk(clk),
+      .rst(rst),
+      // pin
+      .raw(rx),
+      // status
+      .synced(synced)
+  );
+
+  glitch_filter filter_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      // pins
-      .rx(rx),
-      .tx(tx),
+      // pin
+      .raw(synced),
+      // configuration
+      .mute(de),
+      // status
+      .clean(line)
+  );
+
+  uart uart_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // pins, the input filtered
+      .line(line),
+      .txd(tx),
       // stream in
       .send_valid(tx_valid),
       .send_ready(tx_ready),
@@ -113,15 +136,12 @@ module drive_port #(
       .bit_data(bit_data),
       .check_bit(1'b0),
       // direction
-      .mute(de),
       .line_ready(line_ready),
       // configuration
       .parity_enable(`CARD_DRIVE_PARITY_ENABLE),
       .parity_odd(`CARD_DRIVE_PARITY_ODD),
       .two_stop(`CARD_DRIVE_TWO_STOP),
       // status
-      .synced(synced),
-      .line(line),
       .receiving(rx_busy),
       .sending(tx_busy),
       .start_seen(start_seen)
@@ -230,8 +250,8 @@ module drive_port #(
       .tx_busy(tx_busy)
   );
 
-  // long_reached serves as gap and pause. line: for waveforms.
-  wire unused = &{1'b0, half_reached, short_reached, line};
+  // long_reached serves as gap and pause.
+  wire unused = &{1'b0, half_reached, short_reached};
 
 endmodule
 

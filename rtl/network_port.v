@@ -118,13 +118,36 @@ module network_port #(
   assign fault = receiver_fault || break_fault;
   assign request[`CARD_REQUEST_SILENT_BITS] = silent;
 
-  line_uart serial_i (
+  sync_2ff #(
+      .RESET_VALUE(1'b1)
+  ) sync_i (
+      .clk(clk),
+      .rst(rst),
+      // pin
+      .raw(rx),
+      // status
+      .synced(synced)
+  );
+
+  glitch_filter filter_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      // pins
-      .rx(rx),
-      .tx(tx),
+      // pin
+      .raw(synced),
+      // configuration
+      .mute(de),
+      // status
+      .clean(line)
+  );
+
+  uart uart_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      // pins, the input filtered
+      .line(line),
+      .txd(tx),
       // stream in
       .send_valid(tx_valid),
       .send_ready(tx_ready),
@@ -140,15 +163,12 @@ module network_port #(
       .bit_data(bit_data),
       .check_bit(check_bit),
       // direction
-      .mute(de),
       .line_ready(line_ready),
       // configuration
       .parity_enable(format[`CARD_LINE_PARITY_ENABLE_BITS]),
       .parity_odd(format[`CARD_LINE_PARITY_ODD_BITS]),
       .two_stop(format[`CARD_LINE_TWO_STOP_BITS]),
       // status
-      .synced(synced),
-      .line(line),
       .receiving(rx_busy),
       .sending(tx_busy),
       .start_seen(uart_start)

@@ -19,7 +19,6 @@ rtl/gate/request_fate.v
 rtl/gate/telegram_slot.v
 rtl/gate/waiting_place.v
 rtl/glitch_filter.v
-rtl/line_uart.v
 rtl/mailbox.v
 rtl/mailbox_regs.v
 rtl/network_port.v

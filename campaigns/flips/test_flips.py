@@ -57,7 +57,7 @@ CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
 TELEGRAM = build_process(0x047C, 0)
 ALTERED = build_process(0x047C, 0x2000)
 # At a clock that no trial reaches.
-NO_FLIP = Flip(10**9, "network_i.serial_i.uart_i.driving", 0, 0, "card")
+NO_FLIP = Flip(10**9, "network_i.uart_i.driving", 0, 0, "card")
 DISTURBED = "no telegram, but the drive line disturbed"
 
 
@@ -152,7 +152,7 @@ def test_no_flip_of_a_sender_keeps_its_driver_on(places, share: Share):
     _, _, played, _ = trial("test", places, NO_FLIP)
     sent = {"network_i.rtu_tx_i": played.replies[0], "drive_i.fc_tx_i": played.telegrams[0]}
     for sender, burst in sent.items():
-        uart = sender.split(".")[0] + ".serial_i.uart_i"
+        uart = sender.split(".")[0] + ".uart_i"
         character = 11 * (LINE.bit if "network" in sender else drive_line(LINE.clk_hz).bit)
         for path in (f"{sender}.state", f"{uart}.state", f"{uart}.driving"):
             register = next(register for register in places.registers if register.path == path)
@@ -181,10 +181,10 @@ def test_no_flip_of_the_receiver_changes_a_command(places, share: Share):
     starts = [h.start for n, h in enumerate(played.network) if n % 13 == 0]
     character = LINE.character_bits * LINE.bit
     flips = []
-    for path in ("serial_i.uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.bank_i.held"):
+    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.bank_i.held"):
         register = next(register for register in places.registers if register.path == f"network_i.{path}")
         moments = [moment * character for moment in (3.2, 9.3, 13.0 + 2.5 * 11 / LINE.character_bits)]
-        if path == "serial_i.uart_i.shift":
+        if path == "uart_i.shift":
             moments = [0.5 * character, 0.8 * character]
         elif "bank" in path:
             # The frame is a candidate, and the firmware is about to read it.
@@ -262,7 +262,7 @@ def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, hal
 
 
 # Modules that detect the end of a frame and react to it.
-ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.serial_i.uart_i.")
+ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-1", "FRAME-6")

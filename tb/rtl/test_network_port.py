@@ -233,7 +233,7 @@ async def strict_a_flipped_bit_in_the_silence_timer_causes_no_early_commit(dut):
 async def strict_a_flipped_bit_in_the_uart_hides_no_start_bit(dut):
     """The revoking character is FFh of the fastest sender; flips at each tick up to the vote (SAFE-4)."""
     port = await Port(dut, 115_200).start()
-    uart = dut.port_i.serial_i.uart_i
+    uart = dut.port_i.uart_i
     for register, mask in ((uart.driving, 1), (uart.phase, 8)):
         for tick in range(8):
             await port.send(GOOD)
@@ -253,7 +253,7 @@ async def strict_a_flipped_bit_in_the_uart_hides_no_start_bit(dut):
 async def strict_no_flip_of_the_state_of_the_uart_hides_a_start_bit(dut):
     """start_seen comes before the commit, whatever the UART makes of the character (SAFE-4)."""
     port = await Port(dut, 115_200).start()
-    uart = dut.port_i.serial_i.uart_i
+    uart = dut.port_i.uart_i
     seen = Strobes(dut, "start_seen")
     commits = Strobes(dut, "commit", "silent")
     for bit in range(len(uart.state)):

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: line_uart with the bit clock of the card.
+// Bench wrapper: the path of a character through one port, from clock and pin to byte:
+// baud_base, baud_divider, sync_2ff, glitch_filter, uart.
 `default_nettype none
 
-module line_uart_baud #(
+module uart_chain #(
     parameter CLK_HZ = 12_000_000
 ) (
     input  wire       clk,
@@ -31,6 +32,8 @@ module line_uart_baud #(
 );
 
   wire tick_base;
+  wire synced;
+  wire line;
 
   baud_base #(
       .CLK_HZ(CLK_HZ)
@@ -49,12 +52,28 @@ module line_uart_baud #(
       .modbus_mask(mask)
   );
 
-  line_uart serial_i (
+  sync_2ff sync_i (
+      .clk(clk),
+      .rst(rst),
+      .raw(rx),
+      .synced(synced)
+  );
+
+  glitch_filter filter_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),
-      .rx(rx),
-      .tx(tx),
+      .raw(synced),
+      .mute(1'b0),
+      .clean(line)
+  );
+
+  uart uart_i (
+      .clk(clk),
+      .rst(rst),
+      .tick16(tick16),
+      .line(line),
+      .txd(tx),
       .send_valid(tx_valid),
       .send_ready(tx_ready),
       .send_data(tx_data),
@@ -66,13 +85,10 @@ module line_uart_baud #(
       .bit_valid(),
       .bit_data(),
       .check_bit(1'b0),
-      .mute(1'b0),
       .line_ready(1'b1),
       .parity_enable(parity_enable),
       .parity_odd(parity_odd),
       .two_stop(two_stop),
-      .synced(),
-      .line(),
       .receiving(),
       .sending(),
       .start_seen(start_seen)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""line_uart: bad senders, jitter and glitches at the pin (LINE-5), the bit time of every rate (LINE-4)."""
+"""A character from pin to byte: bad senders and glitches (LINE-5), the bit time of every rate (LINE-4)."""
 
 from __future__ import annotations
 
@@ -170,10 +170,10 @@ PIN_TESTS = [
 
 def run_line(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> None:
     run(
-        "line_uart_baud",
-        "tb.rtl.test_line_uart",
+        "uart_chain",
+        "tb.rtl.test_uart_chain",
         sim=sim,
-        extra_sources=[HERE / "line_uart_baud.v"],
+        extra_sources=[HERE / "uart_chain.v"],
         parameters={"CLK_HZ": clk_hz},
         extra_env={"CLK_HZ": str(clk_hz), **env},
         testcase=testcase,
@@ -214,10 +214,10 @@ def test_bad_lines(sim):
 )
 def test_bit_time(sim, clk_hz, slowest, forms):
     run(
-        "line_uart_baud",
-        "tb.rtl.test_line_uart",
+        "uart_chain",
+        "tb.rtl.test_uart_chain",
         sim=sim,
-        extra_sources=[HERE / "line_uart_baud.v"],
+        extra_sources=[HERE / "uart_chain.v"],
         parameters={"CLK_HZ": clk_hz},
         extra_env={"CLK_HZ": str(clk_hz), "SLOWEST": str(slowest), "FORMS": " ".join(forms)},
         testcase="bit_time_on_the_pin_is_right_at_every_rate",
