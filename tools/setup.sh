@@ -61,6 +61,7 @@ needs=(
   "firmware llvm    clang                    clang"
   "firmware clangrt fuzzer                   libclang-rt-dev"
   "synth    command openFPGALoader           openfpgaloader"
+  "synth    command icebox_vlog              fpga-icestorm"
   "docs     python  ensurepip                python3-venv"
   "masters  command socat                    socat"
   "masters  command node                     nodejs"

@@ -40,6 +40,7 @@ WAIVERS = ROOT / "tools/verilator.vlt"
 KEEP_VALUES = ("reset_sync", "uart")
 POWER_UP = ROOT / "sim/harness/power_up.py"
 PUBLIC = ROOT / "tb/lib/public.vlt"
+PUBLIC_PORTS = ROOT / "tb/gates/ports.vlt"
 COVERAGE_OFF = ROOT / "tb/lib/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
@@ -109,7 +110,8 @@ def run(
     waves = os.environ.get("WAVES", "0") not in ("", "0")
     parameters = dict(parameters or {})
     clock = {CLOCK_VARIABLE: str(parameters["CLK_HZ"])} if top == "rtu2fc" and "CLK_HZ" in parameters else {}
-    inside = PUBLIC if top == "rtu2fc" and sim == "verilator" and sources is None else None
+    whole_card, netlist = top == "rtu2fc" and sim == "verilator", sources is not None
+    inside = (PUBLIC_PORTS if netlist else PUBLIC) if whole_card else None
     if sources is None:
         sources = bench_files(extra_sources, config) if extra_sources else needed_files(top, config)
     sources = [*sources, *extra_sources]
@@ -123,8 +125,9 @@ def run(
     shutil.rmtree(run_folder, ignore_errors=True)
     run_folder.mkdir(parents=True)
 
-    # Coverage is counted by file, so it takes the files as they are.
-    random_contents = top == "rtu2fc" and sim == "verilator" and not os.environ.get("RTL_COVERAGE")
+    # Coverage is counted by file, so it takes the files as they are. A netlist has the contents of its block RAMs
+    # in `initial` statements.
+    random_contents = whole_card and not netlist and not os.environ.get("RTL_COVERAGE")
     plusargs = _random_contents() if random_contents else []
     if waves and sim == "icarus":
         plusargs.append(f"+dumpfile_path={run_folder / 'icarus.fst'}")
