@@ -200,6 +200,17 @@ def ports(path: Path) -> dict[str, str]:
     return found
 
 
+def whole_ports(ways: dict[str, str]) -> dict[str, str]:
+    """Direction of each port, with all its bits."""
+    return {port.split("[")[0]: way for port, way in ways.items()}
+
+
+def vector(port: str, ways: dict[str, str]) -> str:
+    """A port with its range, for a declaration."""
+    numbers = [int(name[len(port) + 1 : -1]) for name in ways if name.startswith(f"{port}[")]
+    return f"[{max(numbers)}:{min(numbers)}] {port}" if numbers else port
+
+
 def _twice(items: list[str]) -> list[str]:
     return sorted({item for item in items if items.count(item) > 1})
 

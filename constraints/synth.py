@@ -22,6 +22,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from constraints import image
@@ -194,8 +195,11 @@ def without_loose_inputs(netlist: Path) -> None:
     netlist.write_text(json.dumps(design, separators=(",", ":")))
 
 
-def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
-    """Writes the routed design to FOLDER/NAME.asc, .config or .routed; returns nextpnr's report."""
+def place_and_route(entry: Board, folder: Path, name: str, seed: int, more: Sequence[str] = ()) -> dict:
+    """Writes the routed design to FOLDER/NAME.asc, .config or .routed; returns nextpnr's report.
+
+    `more`: options for other files that nextpnr is to write.
+    """
     relative = folder.relative_to(ROOT)
     pin_file, output = sandboxed(entry.pin_file), f"{relative}/{name}{image.suffix(entry)}"
     tool_name = f"yowasp-nextpnr-{entry.family}"
@@ -209,7 +213,7 @@ def place_and_route(entry: Board, folder: Path, name: str, seed: int) -> dict:
         options = ["--lpf", pin_file, "--textcfg", output]
     command = [tool_name, *entry.device, "--json", f"{relative}/{name}.json", *options]
     # The pin file constrains the clock; `route` checks the margin.
-    command += ["--report", f"{relative}/{name}.report", "--seed", str(seed), "--timing-allow-fail"]
+    command += ["--report", f"{relative}/{name}.report", "--seed", str(seed), "--timing-allow-fail", *more]
     log = folder / f"{name}.nextpnr.log"
     tool(command, log)
     if said := unsafe(log.read_text(errors="replace")):

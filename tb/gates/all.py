@@ -5,15 +5,17 @@ A netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an 
 `make test-gates` runs them, not `make test`.
 """
 
+from pathlib import Path
+
 import pytest
 
 from constraints.boards import board
-from tb.gates.images import finished
-from tb.gates.images import sources as image_sources
+from tb.gates.images import netlist, with_wrong_table, with_wrong_word, world
 from tb.gates.netlists import GATES_HZ
 from tb.gates.test_gates import run_gates
 from tb.lib.runner import firmware, run
 
+EXAMPLES = "every_example_is_right_byte_for_byte_on_both_lines"
 NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), ("machxo2", "tiny")]
 
 
@@ -27,38 +29,35 @@ def test_every_example(family, card):
         "rtu2fc",
         parameters,
         card,
-        testcase="every_example_is_right_byte_for_byte_on_both_lines",
+        testcase=EXAMPLES,
     )
 
 
-IMAGES = ["card-gw1n-9", "hx8k-breakout"]
-EXAMPLES = "every_example_is_right_byte_for_byte_on_both_lines"
+IMAGES = ["card-gw1n-9", "hx8k-breakout", "card-xo2-1200"]
+each_image = pytest.mark.parametrize("name", IMAGES)
 
 
 @pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
-@pytest.mark.parametrize("name", IMAGES)
-def test_a_finished_bitstream_answers(name):
+@each_image
+def test_a_finished_image_answers(name):
     """What is in the flash: block RAMs, start values, wrapper and polarities, at the board's own clock.
 
     On Icarus, which has x: a flip-flop or a block RAM without a start value would show.
     """
     entry = board(name)
-    netlist, _ = image_sources(entry, finished(entry))
     run(
         entry.top,
         "constraints.test_boards",
         sim="icarus",
         config=entry.config,
-        sources=[netlist],
+        sources=[netlist(entry)],
         testcase="answers_without_ever_having_been_reset",
         extra_env={"BOARD_CLK_HZ": str(entry.clk_hz)},
     )
 
 
-@pytest.mark.rule("TOP-1", "TOP-2", "LINE-6", "LED-2")
-@pytest.mark.parametrize("name", ["hx8k-breakout"])
-def test_every_example_on_a_finished_bitstream(name):
-    """The same image behind its switches and LEDs, as the whole card; on Verilator, which is fast enough."""
+def run_examples(name: str, image: Path) -> None:
+    """Runs the manual's examples on an image behind its switches and LEDs, as the whole card."""
     entry = board(name)
     run(
         "rtu2fc",
@@ -66,6 +65,23 @@ def test_every_example_on_a_finished_bitstream(name):
         sim="verilator",
         config=entry.config,
         parameters={"CLK_HZ": entry.clk_hz, "FIRMWARE_HEX": str(entry.firmware)},
-        sources=image_sources(entry, finished(entry)),
+        sources=[image, world(entry)],
         testcase=EXAMPLES,
     )
+
+
+@pytest.mark.rule("TOP-1", "TOP-2", "LINE-6", "LED-2")
+@each_image
+def test_every_example_on_a_finished_image(name):
+    """At the board's own clock; on Verilator, because Icarus is too slow there."""
+    run_examples(name, netlist(board(name)))
+
+
+@each_image
+@pytest.mark.parametrize("change", [with_wrong_table, with_wrong_word])
+def test_a_changed_image_is_found(name, change, tmp_path):
+    """One inverted look-up table, one changed bit of a block RAM."""
+    changed = tmp_path / "changed.v"
+    changed.write_text(change(netlist(board(name)).read_text()))
+    with pytest.raises(pytest.fail.Exception, match="1 of 1 cocotb tests failed"):
+        run_examples(name, changed)

@@ -18,7 +18,7 @@ from pathlib import Path
 from apycula import chipdb, gowin_unpack
 from apycula.bslib import read_bitstream
 
-from constraints.boards import Board, package_folder, ports
+from constraints.boards import Board, package_folder, ports, vector, whole_ports
 
 BYTE_BITS = 9
 BRAM_BYTES = 2048
@@ -337,15 +337,6 @@ def verilog(entry: Board, bitstream: Path) -> str:
                 raise ImageError(f"the image does not drive the pad of {port}")
             driven += f"  assign {port} = {writer.net(cell[1])};\n"
     writer.write_all()
-    declared = ", ".join(f"{way} wire {vector(port, ways)}" for port, way in first_bits(ways).items())
+    declared = ", ".join(f"{way} wire {vector(port, ways)}" for port, way in whole_ports(ways).items())
     body = "".join(writer.declared + writer.lines)
     return f"module {entry.top} ({declared});\n{body}{driven}endmodule\n"
-
-
-def first_bits(ways: dict[str, str]) -> dict[str, str]:
-    return {port.split("[")[0]: way for port, way in ways.items()}
-
-
-def vector(port: str, ways: dict[str, str]) -> str:
-    numbers = [int(name[len(port) + 1 : -1]) for name in ways if name.startswith(f"{port}[")]
-    return f"[{max(numbers)}:{min(numbers)}] {port}" if numbers else port

@@ -13,8 +13,7 @@ import subprocess
 from pathlib import Path
 
 from constraints import image
-from constraints.boards import Board, ports
-from tb.gates.gowin import first_bits, vector
+from constraints.boards import Board, ports, vector, whole_ports
 from tb.gates.netlists import cells
 
 
@@ -47,6 +46,6 @@ def with_header(entry: Board, text: str) -> str:
         found |= dict.fromkeys(bits, direction)
     if found != wanted:
         raise image.ImageError(f"the image has other ports than {entry.wrapper.name}")
-    names = first_bits(wanted)
+    names = whole_ports(wanted)
     declared = "".join(f"{way} {vector(name, wanted)};\n" for name, way in names.items())
     return text.replace(header[0], f"module {entry.top} ({', '.join(names)});\n{declared}")

@@ -10,8 +10,11 @@ import subprocess
 
 import pytest
 
+from constraints.boards import board, ports
+from constraints.image import ImageError
 from constraints.synth import COUNTED_ON
 from rtl.sources import bench_file
+from tb.gates import ice40, machxo2
 from tb.gates.netlists import cells, netlist, with_fast_tables, with_joined_flip_flops
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
@@ -91,6 +94,63 @@ def test_a_wrong_look_up_table_is_found(family, tmp_path):
             sources=[cells, broken],
             testcase=BY_PORTS,
         )
+
+
+# ---------------------------------------------------------------- the readers of finished images
+
+SLICE = """.tile R3C5:PLC
+arc: A0 H02E0201
+word: SLICEB.K1.INIT 1000000000000000
+enum: SLICEB.REG1.REGSET RESET
+enum: SLICEB.CEMUX INV
+
+"""
+
+
+def at(place: str, **parameters: str) -> dict:
+    return {"attributes": {"NEXTPNR_BEL": f"X4/Y3/SLICEB.{place}"}, "parameters": parameters}
+
+
+@pytest.mark.parametrize(
+    ("place", "parameters", "same"),
+    [
+        ("K1", {"INITVAL": "1000000000000000"}, True),
+        ("K1", {"INITVAL": "1000000000000001"}, False),
+        # A table that is not named has ones alone.
+        ("K0", {"INITVAL": "1" * 16}, True),
+        ("K0", {"INITVAL": "1000000000000000"}, False),
+        ("FF1", {"REGSET": "RESET", "SD": "1 ", "CEMUX": "INV"}, True),
+        ("FF1", {"REGSET": "SET", "SD": "1 ", "CEMUX": "INV"}, False),
+        ("FF1", {"REGSET": "RESET", "SD": "0 ", "CEMUX": "INV"}, False),
+        ("FF1", {"REGSET": "RESET", "SD": "1 ", "CEMUX": "CE"}, False),
+        ("FF0", {"REGSET": "SET", "SD": "1 ", "CEMUX": "INV"}, True),
+        ("FF0", {"REGSET": "RESET", "SD": "1 ", "CEMUX": "INV"}, False),
+    ],
+)
+def test_a_cell_that_differs_from_its_slice_is_found(place, parameters, same):
+    assert (machxo2.Slices(SLICE).differs("cell", at(place, **parameters)) is None) == same
+
+
+def test_the_inputs_of_a_look_up_table_may_be_exchanged():
+    """A AND NOT B in every order of four inputs; NOT A OR B is another table."""
+    orders = machxo2.orders_of(0x2222)
+    assert len(orders) == 12 and {0x2222, 0x4444, 0x00AA} < orders and 0xDDDD not in orders
+
+
+def test_the_words_of_a_block_ram_are_its_parameters():
+    words = [seeded("words").randrange(512) for _ in range(machxo2.BRAM_WORDS)]
+    rows = re.findall(r"\.(INITVAL_\w\w)\(320'h(\w+)\)", machxo2.initvals(words))
+    cell = {"parameters": {name: f"{int(value, 16):0320b}" for name, value in rows}}
+    assert machxo2.initial_words(cell) == words
+
+
+def test_an_image_without_one_of_the_ports_is_refused():
+    entry = board("hx8k-breakout")
+    declared = ", ".join(f"{way} {port}" for port, way in ports(entry.wrapper).items() if "[" not in port)
+    text = f"module {entry.top} (input [9:1] \\sw_baud_n , input [8:1] \\sw_addr_n , {declared});\n"
+    assert ice40.with_header(entry, text).count(";\n") == 1 + 13
+    with pytest.raises(ImageError, match="has other ports than hx8k_breakout"):
+        ice40.with_header(entry, text.replace("input clk", "output clk"))
 
 
 # ---------------------------------------------------------------- the fast cell models

@@ -125,8 +125,8 @@ def run(
     shutil.rmtree(run_folder, ignore_errors=True)
     run_folder.mkdir(parents=True)
 
-    # Coverage is counted by file, so it takes the files as they are. A netlist has the contents of its block RAMs
-    # in `initial` statements.
+    # Coverage is counted by file, so it takes the files as they are. A netlist has the contents of its block
+    # RAMs in `initial` statements.
     random_contents = whole_card and not netlist and not os.environ.get("RTL_COVERAGE")
     plusargs = _random_contents() if random_contents else []
     if waves and sim == "icarus":
