@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -81,6 +82,9 @@ def test_bitstream_equals_a_full_build(family, other_folder):
     if entry.family == "gowin":
         assert sorted(bytes_in_block_rams(entry, patched)) == sorted(bytes_of_image(entry, firmware))
 
+    if entry.family == "ice40":
+        assert blocks(unpacked(patched)) == blocks(folder / "image.asc")
+
     synth.synthesise(entry, folder, firmware, "rebuilt")
     synth.place_and_route(entry, folder, "rebuilt", built["seed"])
     rebuilt = folder / f"rebuilt{image.result_suffix(entry)}"
@@ -89,6 +93,23 @@ def test_bitstream_equals_a_full_build(family, other_folder):
     for ours, theirs, first in files:
         assert ours.read_bytes() == theirs.read_bytes()
         assert ours.read_bytes() != (ROOT / first).read_bytes()
+
+
+def unpacked(bitstream: Path) -> Path:
+    """The text configuration out of the bits of an iCE40 bitstream."""
+    path = bitstream.with_suffix(".unpacked")
+    image.tool("yowasp-iceunpack", bitstream, path)
+    return path
+
+
+def blocks(config: Path) -> dict[str, list[str]]:
+    """Tiles and block RAMs of an iCE40 configuration with a bit of 1. Comments and names are no bits."""
+    parts = [part.split("\n", 1) for part in re.split(r"^(?=\.)", config.read_text(), flags=re.MULTILINE)]
+    return {
+        part[0]: part[1].split()
+        for part in parts
+        if not part[0].startswith((".comment", ".sym")) and re.search(r"[1-9a-f]", part[-1])
+    }
 
 
 def bytes_in_block_rams(entry: Board, bitstream: Path) -> list[list[int]]:
