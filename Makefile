@@ -123,7 +123,7 @@ test-all: | setup-test ## * every test: both cards, both simulators, boards, pag
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) --all $(if $(REST),--rest)
 
-test-gates: firmware | setup-synth ## the manual's examples on the card's netlists, some 4 minutes each (TEST=)
+test-gates: firmware | setup-synth ## the manual's examples on netlists and finished images (1 to 4 minutes each; TEST=)
 	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')
 
 lint: | setup-lint ## * every static check (1 min)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The manual's examples on netlists of the whole card, with the bench of the whole card.
+"""The manual's examples on netlists and finished images of the whole card, with the bench of the whole card.
 
-A netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an idle machine. Therefore
-`make test-gates` runs them, not `make test`.
+On Icarus a netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an idle machine.
+Therefore `make test-gates` runs them, not `make test`. docs/guide/testing.md has the durations.
 """
 
 from pathlib import Path
