@@ -7,6 +7,8 @@
 // Each byte is stored with an even parity bit above it, in the ninth bit of a block RAM lane.
 // damaged: one clock after rdata; a byte of that word does not match its parity. Two wrong bits
 // in one byte are not detected (docs/hardening.md, Memory parity, SAFE-4).
+// A bank of more than 512 words is four lanes of one byte: not every tool maps byte writes to block
+// RAMs. A smaller one takes fewer block RAMs as whole words.
 // A memory that is not a power of two has banks, because ORed banks need fewer cells and less
 // time than multiplexed block RAMs.
 // FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
@@ -35,6 +37,10 @@ module firmware_ram #(
   localparam BANK_BITS = $clog2(BANK_WORDS);
   localparam WORD_BITS = $clog2(WORDS);
 
+  // Parts of the memory: banks, or the lanes of banks, bank by bank.
+  localparam LANES = BANK_WORDS > 512 ? 4 : 1;
+  localparam PARTS = BANKS * LANES;
+
   wire [35:0] wlanes = {
     ^wdata[31:24],
     wdata[31:24],
@@ -45,8 +51,8 @@ module firmware_ram #(
     ^wdata[7:0],
     wdata[7:0]
   };
-  wire [36*BANKS+35:0] sums;  // from bit 36 * (n + 1): the banks 0 to n, ORed
-  wire [35:0] read = sums[36*BANKS+:36];
+  wire [36*PARTS+35:0] sums;  // from bit 36 * (n + 1): the parts 0 to n, ORed
+  wire [35:0] read = sums[36*PARTS+:36];
   // One tree per byte: abc9 does not cope with one tree of 36 inputs.
   reg [3:0] odd = 4'd0;
 
@@ -56,21 +62,23 @@ module firmware_ram #(
 
   genvar n;
   generate
-    for (n = 0; n < BANKS; n = n + 1) begin : g_bank
+    for (n = 0; n < PARTS; n = n + 1) begin : g_bank
+      localparam FIRST = n / LANES * BANK_WORDS;
       wire here;
       wire [35:0] bank_rdata;
 
       if (BANKS == 1) begin : g_only
         assign here = 1'b1;
       end else begin : g_one_of_some
-        assign here = word[WORD_BITS-1:BANK_BITS] == n;
+        assign here = word[WORD_BITS-1:BANK_BITS] == FIRST[WORD_BITS-1:BANK_BITS];
       end
       assign sums[36*n+36+:36] = sums[36*n+:36] | bank_rdata;
 
       ram_bank #(
-          .FIRST(n * BANK_WORDS),
+          .FIRST(FIRST),
           .WORDS(BANK_WORDS),
           .ALL(WORDS),
+          .LANE(LANES == 1 ? 4 : n % LANES),
           .FIRMWARE_HEX(FIRMWARE_HEX)
       ) bank_i (
           .clk(clk),

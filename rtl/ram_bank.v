@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One bank of the card's memory: the words FIRST to FIRST + WORDS - 1 of the firmware image.
+// A part of the card's memory: words of one bank, or one byte lane of them.
 //
+// The bank has the words FIRST to FIRST + WORDS - 1 of the firmware image. LANE: 0 to 3 keeps this byte
+// alone, with its parity bit, and the other bits of rdata are 0; 4 keeps the whole word.
 // word: within the bank. rdata is the word that was enabled in the clock before, with its parity
-// bits. After any other clock it is 0, so that banks can be ORed. A written word is not read in
-// the same clock. wdata: four bytes, each with its parity bit above it.
-// The array has ALL words of the image, because $readmemh reads a file from its first line.
-// Synthesis keeps only the words that an address reaches.
+// bits. After any other clock it is 0, so that banks and lanes can be ORed. A written word is not
+// read in the same clock. wdata: four bytes, each with its parity bit above it.
+// The array has ALL words of the image, because $readmemh reads a file from its first line. For the
+// same reason a lane has all 36 bits of a word, and a write to it writes them all: no tool loads or
+// writes a part everywhere. Synthesis keeps the words and bits that rdata can show.
 // FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
 // Rules: TOP-1, TOP-2.
 `default_nettype none
@@ -14,6 +17,7 @@ module ram_bank #(
     parameter FIRST = 0,
     parameter WORDS = 512,
     parameter ALL = 1536,
+    parameter LANE = 4,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
     input  wire                     clk,
@@ -28,6 +32,8 @@ module ram_bank #(
   localparam ALL_BITS = $clog2(ALL);
   localparam [ALL_BITS-1:0] BASE = FIRST[ALL_BITS-1:0];
 
+  localparam [35:0] KEPT = LANE == 4 ? {36{1'b1}} : 36'h1ff << 9 * LANE;
+
   (* no_rw_check *) reg [35:0] words[0:ALL-1];
   reg [35:0] read = 36'd0;
   wire [ALL_BITS-1:0] place;
@@ -39,15 +45,24 @@ module ram_bank #(
       assign place = {BASE[ALL_BITS-1:$clog2(WORDS)], word};
     end
   endgenerate
-  assign rdata = read;
+  assign rdata = read & KEPT;
 
   initial $readmemh(FIRMWARE_HEX, words);
 
+  generate
+    if (LANE == 4) begin : g_word
+      always @(posedge clk) begin
+        if (wstrb[0]) words[place][8:0] <= wdata[8:0];
+        if (wstrb[1]) words[place][17:9] <= wdata[17:9];
+        if (wstrb[2]) words[place][26:18] <= wdata[26:18];
+        if (wstrb[3]) words[place][35:27] <= wdata[35:27];
+      end
+    end else begin : g_lane
+      always @(posedge clk) if (wstrb[LANE]) words[place] <= wdata;
+    end
+  endgenerate
+
   always @(posedge clk) begin
-    if (wstrb[0]) words[place][8:0] <= wdata[8:0];
-    if (wstrb[1]) words[place][17:9] <= wdata[17:9];
-    if (wstrb[2]) words[place][26:18] <= wdata[26:18];
-    if (wstrb[3]) words[place][35:27] <= wdata[35:27];
     if (enable && wstrb == 4'd0) read <= words[place];
     else read <= 36'd0;
   end

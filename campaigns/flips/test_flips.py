@@ -132,7 +132,7 @@ def test_a_flip_in_the_code_halts_the_card(places):
     at = int(0.07 * clk_hz(BAUD))
     # The check of the whole image takes longer than the traffic of a trial, so the second half is left out.
     for word in (words[len(words) // 4], words[len(words) // 3]):
-        outcome, *_ = trial("test", places, Flip(at, memory.path, word, 3, "code"))
+        outcome, *_ = trial("test", places, Flip(at, memory.path, word, memory.bits[3], "code"))
         assert outcome.what == "halted, both LEDs red", outcome
 
 

@@ -34,10 +34,24 @@ namespace harness {
 
 #define BANK(k) rtu2fc__DOT__ram_i__DOT__g_bank__BRA__##k##__KET____DOT__bank_i__DOT__words
 
-// The bank that holds a word. Each has an array for all words (rtl/ram_bank.v). A card has one bank or three,
-// and the model with three is chosen where it compiles.
+// The part of the memory that holds a byte of a word. Each part has an array of all words (rtl/ram_bank.v). A
+// card has four lanes, three banks or one, and the model with more parts is chosen where it compiles.
+template <int N>
+struct Rank : Rank<N - 1> {};
+template <>
+struct Rank<0> {};
+
 template <class Root>
-auto bank_of(const Root& root, std::size_t word, int) -> const decltype(root.BANK(2))& {
+auto part_of(const Root& root, std::size_t, unsigned byte, Rank<2>) -> const decltype(root.BANK(3))& {
+  switch (byte) {
+    case 0: return root.BANK(0);
+    case 1: return root.BANK(1);
+    case 2: return root.BANK(2);
+    default: return root.BANK(3);
+  }
+}
+template <class Root>
+auto part_of(const Root& root, std::size_t word, unsigned, Rank<1>) -> const decltype(root.BANK(2))& {
   switch (3 * word / root.BANK(0).size()) {
     case 0: return root.BANK(0);
     case 1: return root.BANK(1);
@@ -45,7 +59,7 @@ auto bank_of(const Root& root, std::size_t word, int) -> const decltype(root.BAN
   }
 }
 template <class Root>
-auto bank_of(const Root& root, std::size_t, long) -> const decltype(root.BANK(0))& {
+auto part_of(const Root& root, std::size_t, unsigned, Rank<0>) -> const decltype(root.BANK(0))& {
   return root.BANK(0);
 }
 
@@ -165,10 +179,11 @@ class CardModel {
 
   // A word of the firmware memory, without the parity bit of each byte.
   std::uint32_t memory_word(std::size_t word) const {
-    const auto& words = bank_of(*top_->rootp, word, 0);
     std::uint32_t data = 0;
-    for (unsigned byte = 0; byte < 4 && word < words.size(); ++byte)
-      data |= static_cast<std::uint32_t>(words[word] >> (9 * byte) & 0xFF) << (8 * byte);
+    for (unsigned byte = 0; byte < 4; ++byte) {
+      const auto& words = part_of(*top_->rootp, word, byte, Rank<2>());
+      if (word < words.size()) data |= static_cast<std::uint32_t>(words[word] >> (9 * byte) & 0xFF) << (8 * byte);
+    }
     return data;
   }
 

@@ -97,11 +97,18 @@ def _below(design: dict, texts: dict[str, str], name: str, prefix: str) -> list[
     module = design[name]
     plain = re.sub(r"^\$paramod(?:\$\w+)?\\", "", name).split("\\")[0]
     held, memories, found = set(), {}, []
+    # A byte lane of the firmware memory shows nine bits of its words; no card has the others.
+    used = {bit for port in module["ports"].values() for bit in port["bits"]}
+    for cell in module["cells"].values():
+        if not MEMORY.fullmatch(cell["type"]):
+            used |= {bit for bits in cell["connections"].values() for bit in bits}
     for cell in module["cells"].values():
         if FLIP_FLOP.fullmatch(cell["type"]):
             held |= {bit for bit in cell["connections"]["Q"] if isinstance(bit, int)}
         elif MEMORY.fullmatch(cell["type"]):
-            memories[cell["parameters"]["MEMID"].lstrip("\\")] = int(cell["parameters"]["WIDTH"], 2)
+            width, read = int(cell["parameters"]["WIDTH"], 2), cell["connections"]["RD_DATA"]
+            kept = tuple(at for at in range(width) if not used.isdisjoint(read[at::width]))
+            memories[cell["parameters"]["MEMID"].lstrip("\\")] = kept
     # A register may have other names, as a port has; what is assigned in a clocked block is the register.
     assigned = set(re.findall(r"(\w+)\s*(?:\[[^]]*\]\s*)?<=", texts[plain]))
     for net, entry in sorted(module["netnames"].items(), key=lambda item: item[0] not in assigned):
@@ -111,7 +118,7 @@ def _below(design: dict, texts: dict[str, str], name: str, prefix: str) -> list[
             found.append(Register(prefix + net, plain, bits, False))
     if held:
         raise RegistersError(f"{len(held)} flip-flops of {prefix}{plain} have no name to flip them by")
-    found += [Register(prefix + m, plain, tuple(range(width)), True) for m, width in memories.items()]
+    found += [Register(prefix + m, plain, bits, True) for m, bits in memories.items()]
     for instance, cell in module["cells"].items():
         if cell["type"] in design:
             found += _below(design, texts, cell["type"], f"{prefix}{instance}.")

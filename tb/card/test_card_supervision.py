@@ -239,7 +239,7 @@ def flip_in_frame(dut, area: str, byte: int, bit: int) -> None:
     """Flips a bit of a byte that waits in the frame memory to be sent; bit 8 is its parity."""
     words = memory_words(dut)
     word = words[len(words) - FRAMES_BYTES // 4 + AREAS[area].slot + byte]
-    word.value = word.value.to_unsigned() ^ 1 << bit
+    word.value ^= 1 << bit
 
 
 async def loses_one_answer(card: WatchedCard, pdu: bytes, reply: bytes, byte: int, bit: int) -> None:

@@ -24,7 +24,7 @@ from cocotb.triggers import (
     with_timeout,
 )
 
-from sw.tools.bin2hex import with_parity
+from sw.tools.bin2hex import LANE_BITS, WORD_BITS, with_parity
 from sw.tools.seal import SUMS
 from tb.agents import rtu
 from tb.agents.fc_slave import Script
@@ -45,6 +45,7 @@ STATUS, FREQUENCY = 0x0607, 0x0000
 JUMP_TO_ITSELF = 0x0000006F
 ILLEGAL = 0x00000000
 IDLE_BEATS = 3  # supervisor_i.idle_beats at which the watchdog bites
+WHOLE_WORDS = 512  # a bank of the memory with more words than this is four byte lanes (rtl/firmware_ram.v)
 
 
 def colour(red: int, green: int) -> str:
@@ -133,11 +134,35 @@ def constant_word(config: str = CONFIG) -> int:
     return len(firmware_words(config)) - SUMS.size // struct.calcsize("<I") - 1
 
 
-def memory_words(dut) -> list:
-    """The words of the card's memory, each from its bank; a bank's array has all words (rtl/ram_bank.v)."""
+class MemoryWord:
+    """A word of the card's memory, whole in a bank or in four byte lanes (rtl/ram_bank.v)."""
+
+    def __init__(self, parts: list):
+        self._parts = parts
+
+    @property
+    def value(self) -> int:
+        if len(self._parts) == 1:
+            return self._parts[0].value.to_unsigned()
+        # The other bits of a lane's word mean nothing, and can be X.
+        lanes = [
+            part.value[LANE_BITS * n + LANE_BITS - 1 : LANE_BITS * n] for n, part in enumerate(self._parts)
+        ]
+        return sum(lane.to_unsigned() << LANE_BITS * n for n, lane in enumerate(lanes))
+
+    @value.setter
+    def value(self, value: int) -> None:
+        for part in self._parts:
+            part.value = value
+
+
+def memory_words(dut) -> list[MemoryWord]:
+    """The words of the card's memory; each of its parts has an array of all words (rtl/ram_bank.v)."""
     arrays = [dut.ram_i.g_bank[n].bank_i.words for n in range(len(dut.ram_i.g_bank))]
     size = len(arrays[0])
-    return [arrays[word * len(arrays) // size][word] for word in range(size)]
+    lanes = WORD_BITS // LANE_BITS if (size & -size) > WHOLE_WORDS else 1
+    banks = [arrays[at : at + lanes] for at in range(0, len(arrays), lanes)]
+    return [MemoryWord([array[word] for array in banks[word * len(banks) // size]]) for word in range(size)]
 
 
 class Firmware:

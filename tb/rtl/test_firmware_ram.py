@@ -71,12 +71,14 @@ async def image_is_loaded_and_byte_writes_change_only_their_bytes(dut):
 
 
 @pytest.mark.rule("TOP-1", "TOP-2", "SAFE-4")
-def test_firmware_ram(sim, tmp_path):
+@pytest.mark.parametrize("words", [48, 1024, 3072], ids=["banks", "lanes", "banks_of_lanes"])
+def test_firmware_ram(sim, words, tmp_path):
     hex_file: Path = tmp_path / "image.hex"
-    write_image(hex_file)
+    write_image(hex_file, words)
     run(
         "firmware_ram",
         "tb.rtl.test_firmware_ram",
         sim=sim,
-        parameters={"BYTES": 4 * WORDS, "FIRMWARE_HEX": str(hex_file)},
+        parameters={"BYTES": 4 * words, "FIRMWARE_HEX": str(hex_file)},
+        extra_env={"WORDS": str(words)},
     )
