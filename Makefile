@@ -224,7 +224,7 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 ##@ Build for hardware
-.PHONY: synth image pins sources selftest metastability
+.PHONY: synth image pins sources portability selftest metastability
 synth: firmware | setup-synth ## * bitstreams and resource use (BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
@@ -251,6 +251,9 @@ metastability: | setup-demo ## how seldom the two flip-flops of an input are not
 
 sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFIG=)
 	@$(RUN) rtl.sources $(CONFIG)
+
+portability: firmware | setup-synth ## the card in other people's tools: Yosys's flows for six other makers, slang (1 min)
+	@$(RUN) constraints.portability
 
 ##@ Write what is generated
 .PHONY: regs regs-check diagrams symptoms docs datasheet panel-picture

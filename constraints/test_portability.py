@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Other people's tools read the card, and the lists of constraints/portability.toml are those of the card."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+
+import pytest
+
+from constraints import portability
+from rtl.sources import ROOT, card_files, configurations
+
+LISTS = portability.lists()
+
+
+@pytest.mark.slow
+@pytest.mark.needs("synth")
+@pytest.mark.parametrize("flow", LISTS["flows"])
+def test_a_flow_takes_the_card_and_finds_its_memories(flow):
+    entry = LISTS["flows"][flow]
+    found = portability.cells(flow, entry["command"])
+    assert portability.compare_cells(flow, found, entry["memories"]) == []
+
+
+def test_other_memories_and_memories_of_flip_flops_are_named():
+    wanted = {"RAMB36E1": 4}
+    assert portability.compare_cells("x", {"RAMB36E1": 4, "FDRE": 900, "LUT4": 9}, wanted) == []
+    assert "'RAMB36E1': 5" in portability.compare_cells("x", {"RAMB36E1": 5}, wanted)[0]
+    (line,) = portability.compare_cells("x", {"RAMB36E1": 4, "FDRE": 1900}, wanted)
+    assert line == "x: 1900 flip-flops, so a memory is made of them"
+
+
+def test_each_register_without_reset_has_its_reason():
+    assert portability.compare_registers(portability.of_both_cards(), LISTS["without_reset"]) == []
+
+
+def test_a_register_without_reason_and_a_reason_without_register_are_named():
+    said = portability.compare_registers({"uart": {"shift", "new"}}, {"uart": {"shift": "", "old": ""}})
+    assert said == [
+        "uart.new starts with a value, has no reset and no reason",
+        "uart.old is listed, but no such flip-flop is there",
+    ]
+
+
+@pytest.mark.needs("synth")
+def test_slang_takes_the_sources_in_any_order(capfd):
+    assert portability.slang(card_files()) == []
+    assert portability.slang(card_files()[::-1]) == []
+    assert portability.slang([path for path in card_files() if path.stem != "uart"]) != []
+
+
+VENDORS = sorted(path.stem for path in (ROOT / "constraints/vendor").glob("*.tcl") if path.stem != "card")
+
+
+@pytest.mark.needs("synth")
+@pytest.mark.parametrize("vendor", VENDORS)
+def test_a_vendor_script_names_every_source_the_image_and_the_part(vendor, tmp_path):
+    """Under tclsh, with the vendor's commands printed. It does not show that the vendor takes them."""
+    script = ROOT / f"constraints/vendor/{vendor}.tcl"
+    (tmp_path / "print.tcl").write_text(f"proc unknown args {{ puts $args }}\nsource {script}\n")
+    command = ["tclsh", str(tmp_path / "print.tcl"), "APART"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    words = re.split(r"[\s{}\"=\\;]+", done.stdout)
+    image = ROOT / configurations()["standard"]["firmware_hex"]
+    wanted = [*card_files(), image, ROOT / "constraints/vendor/card.sdc"]
+    assert not {str(path) for path in wanted} - set(words)
+    assert "APART" in words and "Untried" in script.read_text()
