@@ -32,8 +32,6 @@ module ram_bank #(
   localparam ALL_BITS = $clog2(ALL);
   localparam [ALL_BITS-1:0] BASE = FIRST[ALL_BITS-1:0];
 
-  localparam [35:0] KEPT = LANE == 4 ? {36{1'b1}} : 36'h1ff << 9 * LANE;
-
   (* no_rw_check *) reg [35:0] words[0:ALL-1];
   reg [35:0] read = 36'd0;
   wire [ALL_BITS-1:0] place;
@@ -45,27 +43,29 @@ module ram_bank #(
       assign place = {BASE[ALL_BITS-1:$clog2(WORDS)], word};
     end
   endgenerate
-  assign rdata = read & KEPT;
 
   initial $readmemh(FIRMWARE_HEX, words);
 
   generate
     if (LANE == 4) begin : g_word
+      assign rdata = read;
       always @(posedge clk) begin
         if (wstrb[0]) words[place][8:0] <= wdata[8:0];
         if (wstrb[1]) words[place][17:9] <= wdata[17:9];
         if (wstrb[2]) words[place][26:18] <= wdata[26:18];
         if (wstrb[3]) words[place][35:27] <= wdata[35:27];
+        if (enable && wstrb == 4'd0) read <= words[place];
+        else read <= 36'd0;
       end
     end else begin : g_lane
-      always @(posedge clk) if (wstrb[LANE]) words[place] <= wdata;
+      assign rdata = read & (36'h1ff << 9 * LANE);
+      always @(posedge clk) begin
+        if (wstrb[LANE]) words[place] <= wdata;
+        if (enable && wstrb == 4'd0) read <= words[place];
+        else read <= 36'd0;
+      end
     end
   endgenerate
-
-  always @(posedge clk) begin
-    if (enable && wstrb == 4'd0) read <= words[place];
-    else read <= 36'd0;
-  end
 
 endmodule
 
