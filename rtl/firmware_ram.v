@@ -74,21 +74,38 @@ module firmware_ram #(
       end
       assign sums[36*n+36+:36] = sums[36*n+:36] | bank_rdata;
 
-      ram_bank #(
-          .FIRST(FIRST),
-          .WORDS(BANK_WORDS),
-          .ALL(WORDS),
-          .LANE(LANES == 1 ? 4 : n % LANES),
-          .FIRMWARE_HEX(FIRMWARE_HEX)
-      ) bank_i (
-          .clk(clk),
-          // bus
-          .enable(enable && here),
-          .word(word[BANK_BITS-1:0]),
-          .wdata(wlanes),
-          .wstrb(wstrb & {4{here}}),
-          .rdata(bank_rdata)
-      );
+      if (LANES == 1) begin : g_part
+        ram_bank #(
+            .FIRST(FIRST),
+            .WORDS(BANK_WORDS),
+            .ALL(WORDS),
+            .FIRMWARE_HEX(FIRMWARE_HEX)
+        ) bank_i (
+            .clk(clk),
+            // bus
+            .enable(enable && here),
+            .word(word[BANK_BITS-1:0]),
+            .wdata(wlanes),
+            .wstrb(wstrb & {4{here}}),
+            .rdata(bank_rdata)
+        );
+      end else begin : g_part
+        ram_lane #(
+            .FIRST(FIRST),
+            .WORDS(BANK_WORDS),
+            .ALL(WORDS),
+            .LANE(n % LANES),
+            .FIRMWARE_HEX(FIRMWARE_HEX)
+        ) bank_i (
+            .clk(clk),
+            // bus
+            .enable(enable && here),
+            .word(word[BANK_BITS-1:0]),
+            .wdata(wlanes),
+            .wstrb(wstrb & {4{here}}),
+            .rdata(bank_rdata)
+        );
+      end
     end
   endgenerate
 

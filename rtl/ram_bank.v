@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part of the card's memory: words of one bank, or one byte lane of them.
+// One bank of the card's memory: the words FIRST to FIRST + WORDS - 1 of the firmware image.
 //
-// The bank has the words FIRST to FIRST + WORDS - 1 of the firmware image. LANE: 0 to 3 keeps this byte
-// alone, with its parity bit, and the other bits of rdata are 0; 4 keeps the whole word.
 // word: within the bank. rdata is the word that was enabled in the clock before, with its parity
-// bits. After any other clock it is 0, so that banks and lanes can be ORed. A written word is not
-// read in the same clock. wdata: four bytes, each with its parity bit above it.
-// The array has ALL words of the image, because $readmemh reads a file from its first line. For the
-// same reason a lane has all 36 bits of a word, and a write to it writes them all: no tool loads or
-// writes a part everywhere. Synthesis keeps the words and bits that rdata can show.
+// bits. After any other clock it is 0, so that banks can be ORed. A written word is not read in
+// the same clock. wdata: four bytes, each with its parity bit above it.
+// The array has ALL words of the image, because $readmemh reads a file from its first line.
+// Synthesis keeps only the words that an address reaches.
 // FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
 // Rules: TOP-1, TOP-2.
 `default_nettype none
@@ -17,7 +14,6 @@ module ram_bank #(
     parameter FIRST = 0,
     parameter WORDS = 512,
     parameter ALL = 1536,
-    parameter LANE = 4,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
     input  wire                     clk,
@@ -43,29 +39,18 @@ module ram_bank #(
       assign place = {BASE[ALL_BITS-1:$clog2(WORDS)], word};
     end
   endgenerate
+  assign rdata = read;
 
   initial $readmemh(FIRMWARE_HEX, words);
 
-  generate
-    if (LANE == 4) begin : g_word
-      assign rdata = read;
-      always @(posedge clk) begin
-        if (wstrb[0]) words[place][8:0] <= wdata[8:0];
-        if (wstrb[1]) words[place][17:9] <= wdata[17:9];
-        if (wstrb[2]) words[place][26:18] <= wdata[26:18];
-        if (wstrb[3]) words[place][35:27] <= wdata[35:27];
-        if (enable && wstrb == 4'd0) read <= words[place];
-        else read <= 36'd0;
-      end
-    end else begin : g_lane
-      assign rdata = read & (36'h1ff << 9 * LANE);
-      always @(posedge clk) begin
-        if (wstrb[LANE]) words[place] <= wdata;
-        if (enable && wstrb == 4'd0) read <= words[place];
-        else read <= 36'd0;
-      end
-    end
-  endgenerate
+  always @(posedge clk) begin
+    if (wstrb[0]) words[place][8:0] <= wdata[8:0];
+    if (wstrb[1]) words[place][17:9] <= wdata[17:9];
+    if (wstrb[2]) words[place][26:18] <= wdata[26:18];
+    if (wstrb[3]) words[place][35:27] <= wdata[35:27];
+    if (enable && wstrb == 4'd0) read <= words[place];
+    else read <= 36'd0;
+  end
 
 endmodule
 

@@ -25,6 +25,7 @@ rtl/network_port.v
 rtl/prim/guarded_bit.v
 rtl/prim/parity_guard.v
 rtl/ram_bank.v
+rtl/ram_lane.v
 rtl/reset_sync.v
 rtl/rs485_dir.v
 rtl/rtu2fc.v

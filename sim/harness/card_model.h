@@ -32,7 +32,7 @@ void Vrtu2fc___024root___eval_settle(Vrtu2fc___024root* vlSelf);
 
 namespace harness {
 
-#define BANK(k) rtu2fc__DOT__ram_i__DOT__g_bank__BRA__##k##__KET____DOT__bank_i__DOT__words
+#define BANK(k) rtu2fc__DOT__ram_i__DOT__g_bank__BRA__##k##__KET____DOT__g_part__DOT__bank_i__DOT__words
 
 // The part of the memory that holds a byte of a word. Each part has an array of all words (rtl/ram_bank.v). A
 // card has four lanes, three banks or one, and the model with more parts is chosen where it compiles.

@@ -180,7 +180,7 @@ def test_a_write_after_a_bite_follows_the_telegram_on_the_line(bitten_ms: float)
         card.run(bitten_ms)
         first = first_variable()
         for word in range(first, first + 60):
-            card.flip("ram_i.g_bank[0].bank_i.words", word, 0)
+            card.flip("ram_i.g_bank[0].g_part.bank_i.words", word, 0)
         card.run(card.boot_ms)
         assert card.drive.driven, "the old telegram is still on the line"
         card.modbus.send(coils(0x047C, 1), 5 * MS)

@@ -158,7 +158,7 @@ class MemoryWord:
 
 def memory_words(dut) -> list[MemoryWord]:
     """The words of the card's memory; each of its parts has an array of all words (rtl/ram_bank.v)."""
-    arrays = [dut.ram_i.g_bank[n].bank_i.words for n in range(len(dut.ram_i.g_bank))]
+    arrays = [dut.ram_i.g_bank[n].g_part.bank_i.words for n in range(len(dut.ram_i.g_bank))]
     size = len(arrays[0])
     lanes = WORD_BITS // LANE_BITS if (size & -size) > WHOLE_WORDS else 1
     banks = [arrays[at : at + lanes] for at in range(0, len(arrays), lanes)]
