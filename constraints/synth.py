@@ -85,6 +85,10 @@ synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run map_cells:blif
     # says. Yosys puts inverters around those of other start values.
     "gowin": "synth_gowin -family {device} -top {top}",
 }
+# Seconds after which a seed counts as not routable: in a part that is almost full nextpnr may exchange the same wires
+# for ever.
+ROUTE_S = 600
+
 # Look-up tables that each of nextpnr's cells occupies; a RAM16SDP4 takes four for its bits, two to write.
 CELLS = {
     "ice40": {"ICESTORM_LC": 1},
@@ -119,17 +123,24 @@ def sandboxed(path: Path) -> str:
     return str(copy.relative_to(ROOT))
 
 
-def tool(command: list[str], log: Path, own_log: bool = False) -> None:
-    """Runs a tool; its output goes to `log`, or the tool writes the log itself. Raises on failure."""
+def tool(command: list[str], log: Path, own_log: bool = False, limit_s: float | None = None) -> None:
+    """Runs a tool; its output goes to `log`, or the tool writes the log itself. Raises on failure.
+
+    limit_s: seconds after which it is given up.
+    """
     print(progress(command, log), file=sys.stderr, flush=True)
     with open(os.devnull if own_log else log, "w") as file:
-        done = subprocess.run(
-            [str(Path(sys.executable).parent / command[0]), *command[1:]],
-            cwd=ROOT,
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            check=False,
-        )
+        try:
+            done = subprocess.run(
+                [str(Path(sys.executable).parent / command[0]), *command[1:]],
+                cwd=ROOT,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                check=False,
+                timeout=limit_s,
+            )
+        except subprocess.TimeoutExpired:
+            raise SynthError(f"{command[0]}: no result in {limit_s:g} s") from None
     if done.returncode:
         lines = log.read_text(errors="replace").splitlines() if log.exists() else []
         errors = [line for line in lines if "ERROR" in line or "error:" in line]
@@ -215,7 +226,7 @@ def place_and_route(entry: Board, folder: Path, name: str, seed: int, more: Sequ
     # The pin file constrains the clock; `route` checks the margin.
     command += ["--report", f"{relative}/{name}.report", "--seed", str(seed), "--timing-allow-fail", *more]
     log = folder / f"{name}.nextpnr.log"
-    tool(command, log)
+    tool(command, log, limit_s=ROUTE_S)
     if said := unsafe(log.read_text(errors="replace")):
         raise SynthError(f"{said} (see {log.relative_to(ROOT)})")
     return json.loads((folder / f"{name}.report").read_text())

@@ -20,6 +20,8 @@ wire g_modbus_asks = modbus_read_valid || modbus_write_valid;
 wire g_drive_asks = drive_read_valid || drive_write_valid;
 wire g_to_telegram = ram_enable && ram_wstrb[0] &&
     ram_word[5:0] >= TELEGRAM && ram_word[WORD_BITS-1:6] == LAST[WORD_BITS-1:6];
+wire g_core_asks = core_valid && !core_ready && !rst;
+wire g_to_place = core_addr[31] && !core_addr[10];
 wire g_core_has_ram = ram_enable && !g_modbus_asks && !g_drive_asks;
 
 always @(posedge clk) begin
@@ -52,10 +54,13 @@ always @(posedge clk) begin
     a_answer : assert (core_ready == (g_served && !g_rst));
     a_once : assert (!core_ready || !(regs_valid || g_core_has_ram));
     a_served : assert (!core_valid || rst || core_ready || g_modbus_asks || g_drive_asks || regs_valid || ram_enable);
-    a_one_place : assert (!regs_valid || !ram_enable);
+    a_one_place : assert (!regs_valid || !g_core_has_ram);
+    // Both data are ORed, so no line reads in the clock of a register's read.
+    a_one_reads : assert (!regs_valid || regs_write || !ram_enable);
     // Registers lie from 80000000h on, unless bit 10 is set; everything else is memory.
-    a_place : assert (!g_modbus_asks && !g_drive_asks && core_valid && !core_ready && !rst ?
-        regs_valid == (core_addr[31] && !core_addr[10]) : !regs_valid);
+    // A line keeps the soft core from memory and from a register's read, never from a register's write.
+    a_place : assert (regs_valid ==
+        (g_core_asks && g_to_place && (core_wstrb != 4'd0 || (!g_modbus_asks && !g_drive_asks))));
     // An access has the soft core's address, data and strobes; the last addresses are the frame memory.
     a_core_word : assert (!g_core_has_ram || core_addr >= MEMORY_BYTES || ram_word == core_addr[WORD_BITS+1:2]);
     a_core_frames : assert (!g_core_has_ram || core_addr < 32'hFFFFFF00 ||
@@ -80,7 +85,10 @@ always @(posedge clk) begin
     // SAFE-1: a write to the telegram is reported or dropped, by whatever address it comes.
     a_touched : assert (!g_to_telegram || telegram_touched);
     a_not_while_sending : assert (!telegram_sending || !g_to_telegram);
-    a_touched_only_then : assert (!telegram_touched || g_to_telegram);
+    // Reported from the first clock on, also if a line is served first.
+    a_touched_only_then : assert (!telegram_touched || g_to_telegram ||
+        (g_core_asks && !g_to_place && core_wstrb[0] && (g_modbus_asks || g_drive_asks)));
+    a_touched_stays : assert (!$past(telegram_touched && !g_to_telegram && !rst) || telegram_touched || rst || telegram_sending);
   end
 end
 

@@ -99,8 +99,10 @@ wire g_queued = g_order_telegram && !core_wdata[6];
 wire g_waiting = g_queued && core_wdata[7];  // with the licence of a write that waits
 wire g_order_reply = g_order && core_addr[4:2] == 3'd2;
 wire g_current = core_wdata[11:8] == g_ticket;
-// The telegram: 32 words of the last 64, their lowest bytes.
-wire g_touched = ram_enable && ram_wstrb[0] && ram_word[G_WORD_BITS-1:5] == {G_LAST[G_WORD_BITS-1:6], 1'b1};
+// The telegram: 32 words of the last 64, their lowest bytes. A write to it ends the licence from the clock on in which
+// the soft core asks for it, although a line may be served first.
+wire g_written = ram_enable && ram_wstrb[0] && ram_word[G_WORD_BITS-1:5] == {G_LAST[G_WORD_BITS-1:6], 1'b1};
+wire g_touched = g_written || telegram_touched;
 
 // ---- the request
 reg g_candidate = 1'b0;
@@ -149,12 +151,12 @@ always @(posedge clk) begin
   g_was_control <= telegram_control;
   if (g_queued) g_ordered <= core_wdata[5:0];
   if (g_order_reply) {g_waits, g_answer} <= core_wdata[5:0];
-  g_asked_regs <= regs_valid;
+  g_asked_regs <= regs_valid && core_wstrb == 4'd0;
   g_core_rst <= core_rst;
   g_status <= {
     ticks,
     frame_length,
-    1'b0, modbus_quiet && drive_quiet, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
+    1'b0, loopback_heard, loopback_open, drive_good, drive_candidate, g_started, drive_sending, telegram_queued,
     core_addr[2] ? g_events : {frame_bank, frame_broadcast, g_committed, g_candidate, g_ticket}
   };
   if (candidate) g_ticket <= g_ticket + 4'd1;
@@ -248,6 +250,7 @@ always @(posedge clk) begin
     a_ordered : assert ({telegram_no_reply, telegram_length} == g_ordered);
     // Nothing of it changes on the wire, whatever the firmware writes, and to whatever address.
     a_frozen : assert (!drive_sending || !g_touched);
+    a_touched_for_a_write : assert (!telegram_touched || (core_valid && !core_ready && core_wstrb[0]));
     a_length_frozen : assert (!g_was_sending || {telegram_no_reply, telegram_length} == $past({telegram_no_reply, telegram_length}));
     a_control_frozen : assert (!drive_sending || telegram_control == g_was_control);
     // FC-8, SAFE-2: both ports rely on it.

@@ -39,7 +39,7 @@ always @(posedge clk) begin
   if (g_happens) g_due <= 1'b1;
   else if (g_cleared) g_due <= 1'b0;
 
-  g_read <= valid;
+  g_read <= valid && !write;
   g_read_events <= word[0];
   g_was_due <= g_due;
   g_seen <= {

@@ -14,6 +14,7 @@ reg [1:0] g_restart = 2'd0;  // remaining clocks of the restart
 reg [1:0] g_bites = 2'd0;  // bites since the last exchange
 reg g_halted = 1'b0;
 reg g_closed = 1'b0;
+reg g_heard = 1'b0;  // a character that no port of the card sent
 reg g_good = 1'b0;
 reg g_fault = 1'b0;  // a fault in the clock before
 
@@ -32,12 +33,14 @@ always @(posedge clk) begin
   else if (!fault && (reply_start || (drive_good && !g_good))) g_bites <= 2'd0;
   g_halted <= g_halted || halt;
   g_closed <= g_closed || loopback_close;
+  g_heard <= g_heard || (start_seen && !driven);
   if (rst) begin
     g_restart <= 2'd0;
     g_beats <= 2'd0;
     g_bites <= 2'd0;
     g_halted <= 1'b0;
     g_closed <= 1'b0;
+    g_heard <= 1'b0;
   end
 end
 
@@ -53,6 +56,7 @@ always @(posedge clk) begin
     a_stays : assert (g_rst || rst || !$past(g_halted || g_bites == 2'd3) || fault);
     // LOOP-1
     a_loopback : assert (loopback_open == (!g_closed && sw_baud == LOOPBACK_SWITCHES));
+    a_heard : assert (loopback_heard == g_heard);
   end
 end
 

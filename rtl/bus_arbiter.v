@@ -4,7 +4,8 @@
 //
 // The lines have priority: each asks once a character, hundreds of clocks apart, for one clock.
 // The network line never waits. The drive line waits for one clock at most. The soft core waits
-// while a line asks.
+// while a line asks, but for a write to a register: the path from the lines to the commit gate
+// would else be the longest of the card.
 // Each line has its own byte lane in the 64 words of the frame memory (regs/mailbox.rdl): the
 // network line writes lane 1, the drive line writes lane 2, both read lane 0.
 // A soft core access takes at least two clocks: valid, then ready with the data. rst is the soft
@@ -15,8 +16,8 @@
 // one; in the latter case the last quarter appears twice, so that the last address is always
 // the last byte.
 // The frame memory is the last 256 bytes of the memory. A write by the soft core to the telegram
-// is dropped while that telegram is on the wire. At any other time telegram_touched reports it,
-// by whatever address it came, because it ends the licence (SAFE-1).
+// is dropped while that telegram is on the wire. At any other time telegram_touched reports it
+// from the first clock on, by whatever address it comes, because it ends the licence (SAFE-1).
 // Clock domain: clk. Rules: FRAME-5, SAFE-1, SAFE-5.
 `default_nettype none
 
@@ -88,9 +89,9 @@ module bus_arbiter #(
   wire [5:0] line_slot = modbus_valid ? modbus_slot : drive_slot;
 
   // In reset the soft core's bus may show a write, whatever its registers hold (SAFE-5).
-  wire core_turn = core_valid && !core_ready && !line_valid && !rst;
+  wire core_asks = core_valid && !core_ready && !rst;
   wire to_regs = core_addr[31] && !core_addr[10];
-  wire to_ram = core_turn && !to_regs;
+  wire to_ram = core_asks && !to_regs && !line_valid;
   // With three quarters of a power of two, the fourth quarter is mapped to the third.
   wire [WORD_BITS-1:0] core_word = {
     core_addr[WORD_BITS+1],
@@ -98,7 +99,7 @@ module bus_arbiter #(
     core_addr[WORD_BITS-1:2]
   };
   wire is_telegram = core_word[WORD_BITS-1:5] == {LAST[WORD_BITS-1:6], TELEGRAM[5]};
-  wire telegram_write = to_ram && is_telegram && core_wstrb[0];
+  wire telegram_write = core_asks && !to_regs && is_telegram && core_wstrb[0];
   wire drive_turn = !modbus_valid;
 
   assign modbus_write_ready = modbus_write_valid;
@@ -122,7 +123,7 @@ module bus_arbiter #(
   };
   assign telegram_touched = telegram_write && !telegram_sending;
 
-  assign regs_valid = core_turn && to_regs;
+  assign regs_valid = core_asks && to_regs && (regs_write || !line_valid);
   assign regs_write = core_wstrb != 4'd0;
   assign regs_word = core_addr[4:2];
 
@@ -132,7 +133,7 @@ module bus_arbiter #(
 
   initial core_ready = 1'b0;
 
-  always @(posedge clk) core_ready <= core_turn;
+  always @(posedge clk) core_ready <= to_ram || regs_valid;
 
   wire unused = &{1'b0, core_addr[30:WORD_BITS+2], core_addr[1:0]};
 

@@ -19,12 +19,13 @@
 `define CARD_TELEGRAM_NO_REPLY_BITS 5
 `define CARD_TELEGRAM_CONTROL_BITS 6
 `define CARD_TELEGRAM_STOP_BITS 7
-`define CARD_EXCHANGE_BITS 4:0
+`define CARD_EXCHANGE_BITS 5:0
 `define CARD_EXCHANGE_SENDING_BITS 0
 `define CARD_EXCHANGE_QUIET_BITS 1
 `define CARD_EXCHANGE_CANDIDATE_BITS 2
 `define CARD_EXCHANGE_GOOD_BITS 3
 `define CARD_EXCHANGE_BAD_BITS 4
+`define CARD_EXCHANGE_START_SEEN_BITS 5
 // End of what `make regs` writes.
 
 module drive_port #(
@@ -90,6 +91,7 @@ module drive_port #(
   wire quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
 
   assign exchange[`CARD_EXCHANGE_QUIET_BITS] = quiet;
+  assign exchange[`CARD_EXCHANGE_START_SEEN_BITS] = start_seen;
 
   sync_2ff #(
       .RESET_VALUE(1'b1)

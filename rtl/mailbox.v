@@ -23,7 +23,7 @@
 `define MBX_EXCHANGE_CANDIDATE_BITS 3
 `define MBX_EXCHANGE_GOOD_BITS 4
 `define MBX_EXCHANGE_LOOPBACK_BITS 5
-`define MBX_EXCHANGE_SILENT_BITS 6
+`define MBX_EXCHANGE_HEARD_BITS 6
 `define MBX_EXCHANGE_STOP_DUE_BITS 7
 `define MBX_EVENTS_BITS 7:0
 `define MBX_EVENTS_REVOKED_BITS 5
@@ -54,7 +54,7 @@
 `define CARD_SUPERVISION_HALT_BITS 1
 `define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
 `define CARD_SUPERVISION_FAULT_BITS 3
-`define CARD_EXCHANGE_BITS 4:0
+`define CARD_EXCHANGE_BITS 5:0
 `define CARD_EXCHANGE_SENDING_BITS 0
 `define CARD_EXCHANGE_QUIET_BITS 1
 `define CARD_EXCHANGE_CANDIDATE_BITS 2
@@ -114,6 +114,7 @@ module mailbox #(
     // supervisor
     output wire [    `CARD_SUPERVISION_BITS] supervision,
     input  wire                              loopback_open,
+    input  wire                              loopback_heard,
     // status
     input  wire [                       7:0] ticks,
     output wire [             `MBX_LED_BITS] leds
@@ -159,8 +160,7 @@ module mailbox #(
     exchange_status[`MBX_EXCHANGE_CANDIDATE_BITS] = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
     exchange_status[`MBX_EXCHANGE_GOOD_BITS] = exchange[`CARD_EXCHANGE_GOOD_BITS];
     exchange_status[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
-    exchange_status[`MBX_EXCHANGE_SILENT_BITS] =
-        modbus_quiet && exchange[`CARD_EXCHANGE_QUIET_BITS];
+    exchange_status[`MBX_EXCHANGE_HEARD_BITS] = loopback_heard;
     exchange_status[`MBX_EXCHANGE_STOP_DUE_BITS] = stop_due;
   end
 

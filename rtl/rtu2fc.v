@@ -32,10 +32,11 @@
 `define CARD_SUPERVISION_HALT_BITS 1
 `define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
 `define CARD_SUPERVISION_FAULT_BITS 3
-`define CARD_EXCHANGE_BITS 4:0
+`define CARD_EXCHANGE_BITS 5:0
 `define CARD_EXCHANGE_CANDIDATE_BITS 2
 `define CARD_EXCHANGE_GOOD_BITS 3
 `define CARD_EXCHANGE_BAD_BITS 4
+`define CARD_EXCHANGE_START_SEEN_BITS 5
 `ifndef CONFIG_CLK_HZ
 `define CONFIG_CLK_HZ 12000000
 `define CONFIG_SOFT_CORE 2'd0  // picorv32
@@ -141,6 +142,7 @@ module rtu2fc #(
   wire [`CARD_SUPERVISION_BITS] supervision;
   wire network_fault;
   wire loopback_open;
+  wire loopback_heard;
   wire fault;
   wire modbus_driven;
   wire drive_driven;
@@ -360,6 +362,7 @@ module rtu2fc #(
       // supervisor
       .supervision(supervision),
       .loopback_open(loopback_open),
+      .loopback_heard(loopback_heard),
       // status
       .ticks(ticks),
       .leds(lit)
@@ -374,6 +377,9 @@ module rtu2fc #(
       .halt(supervision[`CARD_SUPERVISION_HALT_BITS]),
       .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
       .core_trap(core_trap || flipped),
+      // line activity
+      .start_seen(modbus_start_seen || exchange[`CARD_EXCHANGE_START_SEEN_BITS]),
+      .driven(modbus_driven || drive_driven),
       // configuration
       .sw_baud(baud),
       .address_valid(addr_valid),
@@ -382,7 +388,8 @@ module rtu2fc #(
       .drive_good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
       .core_rst(core_rst),
       .fault(fault),
-      .loopback_open(loopback_open)
+      .loopback_open(loopback_open),
+      .loopback_heard(loopback_heard)
   );
 
   soft_core #(

@@ -11,6 +11,8 @@
 // both LEDs are red.
 // Loop-back test (LOOP-1): open if its switch pattern is set at power-up, until the firmware
 // closes it. It never opens again before the next reset.
+// loopback_heard: since the reset a character began on a line while neither port was sending
+// (driven), so somebody else sent it.
 // Units: beat changes every 32/1200 s, so the watchdog bites 53 to 80 ms after the last kick.
 // Clock domain: clk.
 `default_nettype none
@@ -26,6 +28,9 @@ module supervisor #(
     input  wire       halt,
     input  wire       loopback_close,
     input  wire       core_trap,
+    // line activity
+    input  wire       start_seen,
+    input  wire       driven,
     // configuration
     input  wire [9:1] sw_baud,
     input  wire       address_valid,
@@ -34,7 +39,8 @@ module supervisor #(
     input  wire       drive_good,
     output wire       core_rst,
     output wire       fault,
-    output wire       loopback_open
+    output wire       loopback_open,
+    output reg        loopback_heard
 );
 
   reg beat_before = 1'b0;
@@ -44,6 +50,7 @@ module supervisor #(
   reg halted = 1'b0;
   reg loopback_closed = 1'b0;
   reg drive_was_good = 1'b0;
+  initial loopback_heard = 1'b0;
   // fault, one clock later. Without it the longest path of the card goes from the switches'
   // parity to the soft core's bus.
   reg stopped = 1'b0;
@@ -66,12 +73,14 @@ module supervisor #(
     if (bite && !fault) bites <= bites + 2'd1;
     if (halt) halted <= 1'b1;
     if (loopback_close) loopback_closed <= 1'b1;
+    if (start_seen && !driven) loopback_heard <= 1'b1;
     if (rst) begin
       restarting <= 2'b00;
       idle_beats <= 2'd0;
       bites <= 2'd0;
       halted <= 1'b0;
       loopback_closed <= 1'b0;
+      loopback_heard <= 1'b0;
     end
   end
 

@@ -88,7 +88,7 @@ REGISTERS = {
             "candidate": Field(3, 1, "ro", 0x0),
             "good": Field(4, 1, "ro", 0x0),
             "loopback": Field(5, 1, "ro", 0x0),
-            "silent": Field(6, 1, "ro", 0x0),
+            "heard": Field(6, 1, "ro", 0x0),
             "stop_due": Field(7, 1, "ro", 0x0),
         },
     ),

@@ -12,8 +12,7 @@ enum stage {
     STAGE_RESULT,     /* the LEDs show the result */
 };
 
-/* UNHEARD: from the start of a stage until the lines are silent again, if nobody else sends. */
-enum { UNHEARD = TICKS(30), LISTEN = UNHEARD + TICKS(1000), TRANSFER = TICKS(40), RESULT = TICKS(12000) };
+enum { LISTEN = TICKS(1000), TRANSFER = TICKS(40), RESULT = TICKS(12000) };
 
 /* The drive port sends the 16 bytes, with LENGTH as LGE. The last one is a wrong BCC, and no CRC fits: neither a drive
  * nor a slave accepts the pattern. The network port sends them with a larger LGE, LONGER, and a wrong CRC
@@ -145,22 +144,17 @@ static void advance(struct loopback *l, uint32_t now, uint32_t passed)
 
 bool loopback_poll(struct loopback *l, uint32_t now, const struct leds *leds)
 {
-    uint32_t passed;
     uint32_t state;
-    bool result;
 
     if (l->stage == STAGE_OVER)
         return false;
-    passed = now - l->stage_start;
-    result = l->stage == STAGE_RESULT;
     state = mailbox_read(EXCHANGE);
-    if (state & MAILBOX__EXCHANGE__LOOPBACK_bm && !(state & MAILBOX__EXCHANGE__SILENT_bm) &&
-        (result || passed > UNHEARD))
+    if (state & MAILBOX__EXCHANGE__LOOPBACK_bm && state & MAILBOX__EXCHANGE__HEARD_bm)
         finish(l, false, now);
-    else if (result)
+    else if (l->stage == STAGE_RESULT)
         show_result(l, now, leds_show_is_over(leds));
     else
-        advance(l, now, passed);
+        advance(l, now, now - l->stage_start);
     return (state & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;
 }
 

@@ -259,6 +259,7 @@ static void small_event(uint32_t which)
         break;
     case 5:
         m.quiet = false;
+        m.heard |= !m.sending;
         break;
     case 6:
         if (m.is_candidate)

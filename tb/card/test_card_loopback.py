@@ -298,25 +298,36 @@ def test_a_failed_test_is_over_at_once(config):
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
+# Milliseconds from the fall of DE to the character: within t1.5, between t1.5 and t3.5, within the pause of the drive
+# line, and long after it.
+AFTER_MS = [3.0, 0.3, *(pytest.param(ms, marks=pytest.mark.slow) for ms in (0.1, 1.2, 1.7, 6, 8, 17))]
+
+
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.parametrize(
-    ("name", "after_ms"),
-    [
-        *(("modbus", 1.0), ("drive", 12.0)),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("modbus", 0.0), ("modbus", 6.0), ("drive", 17.0))
-        ),
-    ],
-)
+@pytest.mark.parametrize("after_ms", AFTER_MS)
+@pytest.mark.parametrize("name", ["modbus", "drive"])
 def test_a_character_between_the_transfers_stops_the_test(config, name: str, after_ms: float):
-    """The drive port notices a character once its own silence has returned, 30 ms after its pattern began."""
     with FastCard(SWITCHES, config=config, wired=1) as card:
-        card.run_until(1500 * MS, "drive_de")
-        assert card.drive.driven and card.run_until(1500 * MS, "drive_de")
+        wait_for_end_of_pattern(card, "drive")
         Line(card, name, LINE).send(b"\x55", after_ms * MS)
         assert run_to_verdict(card) == ("red", "red")
         assert not card.modbus.de
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("after_ms", AFTER_MS)
+@pytest.mark.parametrize("name", ["modbus", "drive"])
+def test_a_character_after_both_transfers_is_a_failure(config, name: str, after_ms: float):
+    with FastCard(SWITCHES, config=config, wired=1) as card:
+        wait_for_end_of_pattern(card, "modbus")
+        Line(card, name, LINE).send(b"\x55", after_ms * MS)
+        assert run_to_verdict(card) == ("red", "red")
+
+
+def wait_for_end_of_pattern(card: FastCard, sender: str) -> None:
+    """Runs until the sender's DE falls."""
+    assert card.run_until(1500 * MS, f"{sender}_de")
+    assert getattr(card, sender).driven and card.run_until(1500 * MS, f"{sender}_de")
 
 
 @pytest.mark.rule("LOOP-1")

@@ -19,6 +19,8 @@ INPUTS = {
     "halt": 0,
     "loopback_close": 0,
     "core_trap": 0,
+    "start_seen": 0,
+    "driven": 0,
     "sw_baud": NORMAL,
     "address_valid": 1,
     "reply_start": 0,
@@ -161,6 +163,22 @@ async def the_loopback_test_opens_only_for_its_switches_and_only_once(dut):
     assert not int(dut.loopback_open.value)
     await watched.bench.strobe(dut.rst)
     assert int(dut.loopback_open.value)
+
+
+@cocotb.test()
+async def a_character_is_foreign_unless_a_port_is_sending(dut):
+    watched = await Watched(dut).start()
+    dut.driven.value = 1
+    await watched.bench.strobe(dut.start_seen)
+    dut.driven.value = 0
+    await watched.beats(2)
+    assert not int(dut.loopback_heard.value)
+    await watched.bench.strobe(dut.start_seen)
+    dut.driven.value = 1
+    await watched.beats(2 * BITES_AT)
+    assert int(dut.loopback_heard.value), "until the next reset"
+    await watched.bench.strobe(dut.rst)
+    assert not int(dut.loopback_heard.value)
 
 
 @pytest.mark.rule("WDG-1", "LED-5", "LOOP-1", "LINE-7")

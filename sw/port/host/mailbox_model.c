@@ -98,6 +98,7 @@ void mailbox_candidate(struct mailbox *m, uint32_t number, const uint8_t *pdu, u
     volatile struct frame_slot *frame;
     uint32_t i;
 
+    m->heard |= !m->sending;
     m->bank ^= 1u;
     frame = m->bank ? mailbox_frame(REQUEST_FRAME_1) : mailbox_frame(REQUEST_FRAME_0);
     soil(frame, MAILBOX_FRAME_MAX);
@@ -149,6 +150,7 @@ void mailbox_commit(struct mailbox *m)
 
 void mailbox_character(struct mailbox *m)
 {
+    m->heard |= !m->sending;
     if (m->is_candidate || m->is_committed)
         m->reply_queued = false;
     m->answerable = false;
@@ -220,7 +222,7 @@ uint32_t mailbox_on_read(struct mailbox *m, uint32_t offset)
         return SHOWN(EXCHANGE, QUEUED, m->telegram_queued) | SHOWN(EXCHANGE, SENDING, m->sending) |
                SHOWN(EXCHANGE, STARTED, m->started) | SHOWN(EXCHANGE, CANDIDATE, m->drive_candidate) |
                SHOWN(EXCHANGE, GOOD, m->drive_good) | SHOWN(EXCHANGE, LOOPBACK, m->loopback) |
-               SHOWN(EXCHANGE, SILENT, m->quiet && !m->sending && !m->is_candidate) |
+               SHOWN(EXCHANGE, HEARD, m->heard) |
                SHOWN(EXCHANGE, STOP_DUE, stop_is_due(m));
     case offsetof(MAILBOX_t, LENGTH):
         return m->length & MAILBOX__LENGTH__BYTES_bm;

@@ -21,7 +21,8 @@ enum { MAILBOX_JUNK = 0xA5, MAILBOX_FRAME_MAX = 32 };
 /* State of one number each, most of them 0 or 1. mailbox_fields names them for Python. */
 #define MAILBOX_STATE(field) \
     /* time in 1/1200 s; quiet: the pause before a telegram is over (FC-8), and nobody else sends */ \
-    field(ticks) field(quiet) field(loopback) \
+    /* heard: somebody else's character since power-up (LOOP-1) */ \
+    field(ticks) field(quiet) field(heard) field(loopback) \
     /* registers that the firmware writes; kicks of the watchdog; accesses that the model does not serve */ \
     field(events) field(led) field(halted) field(kicks) field(unknown) \
     /* the newest request; request: the number that the judge gave it; kept: it is to wait after its commit */ \
