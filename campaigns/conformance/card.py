@@ -18,16 +18,25 @@ SEED = 1  # of the registers at power-up
 REASONS = {
     **{
         "function": ("AP-15",),
-        "address": ("AP-5", "AP-6", "AP-14"),
-        "length": ("AP-17",),
+        "address": ("AP-5", "AP-6", "AP-14", "AP-25", "AP-26", "AP-27", "AP-32"),
+        "length": ("AP-17", "AP-29", "AP-30"),
         "value": ("AP-11",),
     },
-    "quantity": ("AP-4", "AP-7", "AP-8", "AP-13"),
+    "quantity": ("AP-4", "AP-7", "AP-8", "AP-13", "AP-31"),
 }
 OWN_CODES = {number: DIALECTS["card"].codes[reason] for reason, found in REASONS.items() for number in found}
-# Registers 40002 and 40003 are the time-outs. They keep every written value and need no drive.
+# Registers 40002 and 40003 are the time-outs: they keep every written value and need no drive. Coils 17-32
+# are the reference. The map ends after register 40003 (MAP-6) and after coil 128.
 PROFILE = Profile(
-    unit=17, fmt=Format.named(19200, "8E1"), register=1, registers=2, no_register=0xFFF1, own_codes=OWN_CODES
+    unit=17,
+    fmt=Format.named(19200, "8E1"),
+    register=1,
+    registers=2,
+    coil=16,
+    coils=16,
+    no_register=3,
+    no_coil=128,
+    own_codes=OWN_CODES,
 )
 COIL_WRITES = (5, 15)
 LOCAL_MS, DRIVE_MS = 40, 400  # until a reply must have begun

@@ -8,17 +8,19 @@ for it, so one test serves simulated pins and a serial port. It raises `Fault` f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from tb.agents import rtu
-from tb.agents.crc16 import with_crc
 from tb.agents.edges import Limits, Trace, judge
 from tb.agents.rs485 import Pulse
 from tb.agents.uart import Flaws, Format
 
 BYTES, EDGES, PARITY, PINS = "bytes", "edges", "parity", "DE"
 LONGEST_FRAME = 256
+FUNCTIONS = (1, 2, 3, 4, 5, 6, 15, 16)  # those that have tests
+MOST_READ, MOST_WRITTEN = {1: 2000, 2: 2000, 3: 125, 4: 125}, {15: 0x7B0, 16: 123}
+SEVERAL = 10  # registers or coils of a usual test; a slave may have fewer
 
 
 class Fault(Exception):
@@ -26,7 +28,7 @@ class Fault(Exception):
 
 
 class Missing(Exception):
-    """The slave has no function that this test needs."""
+    """The slave has nothing to try this test on; the text is the reason."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class Send:
 
     flaws: faults of the line. pause_bits: idle time since the line's last activity; None: more than enough.
     wait: whether to wait for a reply. low_bits: the line is held low for so long, nothing else is sent.
+    Without data nothing is sent: the driver listens for as long as it waits for a reply.
     """
 
     data: bytes = b""
@@ -65,7 +68,9 @@ class Profile:
     functions       functions that the slave has by its own document
     register        first of `registers` holding registers that keep any of `values`
     coil            first of `coils` coils that can be written
-    no_register     an address without a register; no_coil: an address without a coil
+    input           first of `inputs` discrete inputs (02) and of as many input registers (04)
+    no_register     an address without a register; no_coil, no_input: likewise. The tests of the end of the
+                    map need the first such address.
     unknown         a function that the slave does not have
     own_codes       by test: the exception code of the slave's own document instead of the specification's
     """
@@ -75,11 +80,14 @@ class Profile:
     functions: frozenset[int] = frozenset({1, 3, 5, 6, 15, 16})
     register: int = 0
     registers: int = 2
-    values: tuple[int, int] = (0x0012, 0x0015)
+    values: tuple[int, int] = (0x1234, 0xA5C7)
     coil: int = 0
-    coils: int = 8
+    coils: int = SEVERAL
+    input: int = 0
+    inputs: int = 2
     no_register: int = 0xFFF0
     no_coil: int = 0xFFF0
+    no_input: int = 0xFFF0
     unknown: int = 0x2D
     own_codes: Mapping[str, int] = field(default_factory=dict)
 
@@ -98,6 +106,21 @@ class Session:
         if missing:
             raise Missing(f"no function {missing[0]}")
 
+    def any_of(self, *functions: int) -> list[int]:
+        """Those of the functions that the slave has."""
+        found = [function for function in functions if function in self.profile.functions]
+        if not found:
+            raise Missing(f"no function {' or '.join(map(str, functions))}")
+        return found
+
+    def needs_registers(self, count: int) -> None:
+        if self.profile.registers < count:
+            raise Missing(f"needs {count} registers to write, has {self.profile.registers}")
+
+    def needs_coils(self, count: int) -> None:
+        if self.profile.coils < count:
+            raise Missing(f"needs {count} coils to write, has {self.profile.coils}")
+
     @property
     def other(self) -> int:
         """Another unit, never broadcast."""
@@ -106,16 +129,19 @@ class Session:
     @property
     def writes(self) -> int:
         """The function that writes a register."""
-        found = [function for function in (6, 16) if function in self.profile.functions]
-        if not found:
-            raise Missing("no function 6 or 16")
-        return found[0]
+        return self.any_of(6, 16)[0]
 
-    def write(self, value: int, register: int | None = None) -> bytes:
+    def write(self, value: int, register: int | None = None, function: int | None = None) -> bytes:
+        """A write of one register by the function, or by any that the slave has."""
         register = self.profile.register if register is None else register
-        if self.writes == 6:
+        if (function or self.writes) == 6:
             return rtu.write_register(register, value)
         return rtu.write_registers(register, [value])
+
+    def write_coil(self, on: bool, coil: int | None = None, function: int = 5) -> bytes:
+        """A write of one coil."""
+        coil = self.profile.coil if coil is None else coil
+        return rtu.write_coil(coil, on) if function == 5 else rtu.write_coils(coil, [on])
 
     @property
     def read(self) -> bytes:
@@ -137,20 +163,18 @@ class Session:
     def good(self, heard: Heard, what: str = "a good request") -> bytes:
         """The PDU of a normal reply."""
         adu = self._reply(heard, what)
-        if adu.is_exception:
-            raise Fault(f"exception {adu.pdu[1:].hex(' ') if len(adu.pdu) != 2 else adu.pdu[1]} to {what}")
         if adu.function != self._function:
-            raise Fault(f"function {adu.function} in the reply to {what}")
+            codes = f"exception {' '.join(map(str, adu.pdu[1:]))}"
+            raise Fault(f"{codes if adu.is_exception else f'function {adu.function}'} in the reply to {what}")
         return adu.pdu
 
     def _reply(self, heard: Heard, what: str) -> rtu.Adu:
         """Any whole reply of the slave."""
-        if not heard.data:
-            raise Fault(f"no reply to {what}")
         try:
             adu = rtu.parse(heard.data)
         except ValueError:
-            raise Fault(f"a reply with a wrong CRC: {heard.data.hex(' ')}") from None
+            wrong = f"a reply with a wrong CRC: {heard.data.hex(' ')}"
+            raise Fault(wrong if heard.data else f"no reply to {what}") from None
         if adu.address != self.profile.unit:
             raise Fault(f"address {adu.address} in the reply")
         return adu
@@ -205,37 +229,83 @@ class Session:
         self.needs(3)
         register = self.profile.register if register is None else register
         found = self.good((yield from self.ask(rtu.read_registers(register, 1))), "a read")
-        if len(found) != 4 or found[0] != 3:  # the byte count is AP-1
+        if len(found) != 4:  # the byte count is AP-1
             raise Fault(f"a read of one register: {found.hex(' ')}")
         return int.from_bytes(found[2:], "big")
 
-    def set(self, value: int) -> Dialogue:
-        request = self.write(value)
+    def set(self, value: int, register: int | None = None, function: int | None = None) -> Dialogue:
+        request = self.write(value, register, function)
         self.equal((yield from self.ask(request)), request[:5], "a write")
 
-    def holds(self, value: int, what: str) -> Dialogue:
-        found = yield from self.value()
+    def holds(self, value: int, what: str, register: int | None = None) -> Dialogue:
+        found = yield from self.value(register)
         if found != value:
             raise Fault(f"{what}: the register holds {found} instead of {value}")
 
-    def without_effect(self, send: Send, what: str, code: int | None = None) -> Dialogue:
-        """A write that must not be obeyed: the register keeps its value.
-
-        code: of the exception that must come; None: no reply may come.
-        """
-        yield from self.set(self.profile.values[0])
-        heard = yield send
-        if code is None:
-            self.silent(heard, what)
+    def set_coils(self, bits: Sequence[bool], first: int | None = None) -> Dialogue:
+        """Writes coils, from the first one of the tests on."""
+        first = self.profile.coil if first is None else first
+        if 15 in self.profile.functions:
+            pdus = [rtu.write_coils(first, list(bits))]
         else:
-            self.exception(heard, send.data[1], code, what)
+            self.needs(5)
+            pdus = [rtu.write_coil(first + n, bit) for n, bit in enumerate(bits)]
+        for pdu in pdus:
+            self.equal((yield from self.ask(pdu)), pdu[:5], "a write of coils")
+
+    def coils_hold(self, bits: Sequence[bool], what: str, first: int | None = None) -> Dialogue:
+        """Reads all of these coils in one request."""
+        self.needs(1)
+        first = self.profile.coil if first is None else first
+        size = (len(bits) + 7) // 8
+        due = sum(bool(bit) << n for n, bit in enumerate(bits)).to_bytes(size, "little")
+        found = yield from self.ask(rtu.read_coils(first, len(bits)))
+        self.equal(found, bytes([1, size]) + due, f"01 {what}")
+
+    def refused(self, pdu: bytes, code: int, what: str, silence: bool = False) -> Dialogue:
+        """A request that must get an exception with this code. silence: no reply is right, too."""
+        heard = yield from self.ask(pdu)
+        if heard.data or not silence:
+            self.exception(heard, pdu[0], code, what)
+
+    def serves(self, pdu: bytes) -> Dialogue:
+        """Whether a request gets a normal reply and no exception."""
+        adu = self._reply((yield from self.ask(pdu)), "a request")
+        return not (adu.is_exception and len(adu.pdu) == 2)
+
+    def without_effect(self, send: Send, what: str) -> Dialogue:
+        """A write that must not be obeyed: no reply comes, and the register keeps its value."""
+        yield from self.set(self.profile.values[0])
+        self.silent((yield send), what)
         yield from self.holds(self.profile.values[0], what)
+
+    def refused_without_effect(self, pdu: bytes, code: int, what: str, silence: bool = False) -> Dialogue:
+        """A write that must get an exception with this code: the registers keep their values."""
+        kept = [pattern(n, self.profile.values) for n in range(min(2, self.profile.registers))]
+        first = self.profile.register
+        for n, value in enumerate(kept):
+            yield from self.set(value, first + n)
+        yield from self.refused(pdu, code, what, silence)
+        for n, value in enumerate(kept):
+            yield from self.holds(value, what, first + n)
+
+    def coils_without_effect(self, pdu: bytes, code: int, what: str, silence: bool = False) -> Dialogue:
+        """A write that must get an exception with this code: the coils keep their states."""
+        kept = [pattern(n, (True, False)) for n in range(min(SEVERAL, self.profile.coils))]
+        yield from self.set_coils(kept)
+        yield from self.refused(pdu, code, what, silence)
+        yield from self.coils_hold(kept, f"after {what}")
 
     def still_answers(self, what: str, **how: object) -> Dialogue:
         self.good((yield from self.ask(self.read, **how)), f"a good request after {what}")
 
 
 Dialogue = Generator[Send, Heard, object]
+
+
+def pattern(place: int, pair: tuple) -> object:
+    """One of two values for a place. The choice repeats with no period, so a shift by any distance shows."""
+    return pair[place.bit_count() & 1]
 
 
 @dataclass(frozen=True)
@@ -286,18 +356,31 @@ def others_writes(s: Session) -> Dialogue:
     yield from s.without_effect(send, "a write for another unit")
 
 
-@case("SL-4", "SL 8", "a broadcast write", "the register changes", "no change")
+@case("SL-4", "SL 8", "a broadcast write by 06, by 16", "the register changes", "no change")
 def broadcast_writes(s: Session) -> Dialogue:
-    yield from s.set(s.profile.values[0])
-    yield Send(rtu.build(0, s.write(s.profile.values[1])))
-    yield from s.holds(s.profile.values[1], "a broadcast write")
+    for function in s.any_of(6, 16):
+        yield from s.set(s.profile.values[0])
+        yield Send(rtu.build(0, s.write(s.profile.values[1], function=function)))
+        yield from s.holds(s.profile.values[1], f"a broadcast of {function:02}")
 
 
-@case("SL-5", "SL 10", "a broadcast write, a broadcast read", "silence", "a reply")
+@case(
+    "SL-5",
+    "SL 10",
+    "a broadcast write, a broadcast read, broadcasts of an unknown function and to no register",
+    "silence",
+    "a reply, an exception",
+)
 def broadcast_is_silent(s: Session) -> Dialogue:
-    s.silent((yield Send(rtu.build(0, s.write(s.profile.values[0])))), "a broadcast write")
-    s.silent((yield Send(rtu.build(0, s.read))), "a broadcast read")
-    yield from s.still_answers("broadcasts")
+    p = s.profile
+    for what, pdu in (
+        ("write", s.write(p.values[0])),
+        ("read", s.read),
+        ("of an unknown function", bytes([p.unknown, 0, 0, 0, 1])),
+        ("to no register", s.write(p.values[0], p.no_register)),
+    ):
+        s.silent((yield Send(rtu.build(0, pdu))), f"a broadcast {what}")
+        yield from s.still_answers(f"a broadcast {what}")
 
 
 @case("SL-6", "SL 10, 15", "a write with each kind of wrong CRC", "silence; no change", "a reply, a change")
@@ -309,7 +392,8 @@ def wrong_crc(s: Session) -> Dialogue:
         ("a CRC with a wrong low byte", good[:-2] + bytes([good[-2] ^ 1, good[-1]])),
         ("a CRC of 0", good[:-2] + b"\0\0"),
         ("a CRC with swapped bytes", swapped),
-        ("a damaged byte", good[:3] + bytes([good[3] ^ 4]) + good[4:]),
+        ("a damaged address", good[:3] + bytes([good[3] ^ 4]) + good[4:]),
+        ("a damaged value", good[:-3] + bytes([good[-3] ^ 4]) + good[-2:]),
     ):
         if bad != good:
             yield from s.without_effect(Send(bad), what)
@@ -446,7 +530,7 @@ def reply_after_t35(s: Session) -> Dialogue:
 @case("SL-17", "SL 13", "a read", "a reply without a gap of more than 1.5 characters", "a longer gap", EDGES)
 def reply_without_gaps(s: Session) -> Dialogue:
     limits = Limits(rate=None, edge_bits=None)
-    count = s.profile.registers if 3 in s.profile.functions else 1
+    count = min(s.profile.registers, SEVERAL)
     pdu = rtu.read_registers(s.profile.register, count) if 3 in s.profile.functions else s.read
     heard = yield from s.ask(pdu)
     s.judged(heard, limits)
@@ -541,6 +625,16 @@ def after_own_reply(s: Session) -> Dialogue:
     yield from s.still_answers("its own reply", pause_bits=t35_bits(s) + 1)
 
 
+@case("SL-26", "SL 8", "a broadcast write by 05, by 15", "the coil changes", "no change")
+def broadcast_writes_coils(s: Session) -> Dialogue:
+    s.needs(1)
+    for on in (True, False):
+        for function in s.any_of(5, 15):
+            yield from s.set_coils([not on])
+            yield Send(rtu.build(0, s.write_coil(on, function=function)))
+            yield from s.coils_hold([on], f"after a broadcast of {function:02}")
+
+
 # ---------------------------------------------------------------- application: registers
 
 
@@ -553,7 +647,7 @@ def after_own_reply(s: Session) -> Dialogue:
 )
 def reads_registers(s: Session) -> Dialogue:
     s.needs(3)
-    for count in {1, s.profile.registers}:
+    for count in {1, min(s.profile.registers, SEVERAL)}:
         found = s.good((yield from s.ask(rtu.read_registers(s.profile.register, count))))
         if found[:2] != bytes([3, 2 * count]) or len(found) != 2 + 2 * count:
             raise Fault(f"03 of {count} registers: {found.hex(' ')}")
@@ -577,9 +671,9 @@ def writes_a_register(s: Session) -> Dialogue:
 )
 def writes_registers(s: Session) -> Dialogue:
     s.needs(3, 16)
-    first, count = s.profile.register, s.profile.registers
-    for turn in (0, 1):
-        values = [s.profile.values[(turn + n) % 2] for n in range(count)]
+    first, count = s.profile.register, min(s.profile.registers, SEVERAL)
+    for turn in (s.profile.values, s.profile.values[::-1]):
+        values = [pattern(n, turn) for n in range(count)]
         pdu = rtu.write_registers(first, values)
         s.equal((yield from s.ask(pdu)), pdu[:5], "16")
         words = b"".join(value.to_bytes(2, "big") for value in values)
@@ -591,8 +685,7 @@ def writes_registers(s: Session) -> Dialogue:
 def read_quantity(s: Session) -> Dialogue:
     s.needs(3)
     for count in (0, 126):
-        heard = yield from s.ask(rtu.read_registers(s.profile.register, count))
-        s.exception(heard, 3, 3, f"03 of {count} registers")
+        yield from s.refused(rtu.read_registers(s.profile.register, count), 3, f"03 of {count} registers")
 
 
 @case(
@@ -605,14 +698,20 @@ def read_quantity(s: Session) -> Dialogue:
 def read_address(s: Session) -> Dialogue:
     s.needs(3)
     for first, count in ((s.profile.no_register, 1), (0xFFFF, 2)):
-        s.exception((yield from s.ask(rtu.read_registers(first, count))), 3, 2, f"03 of {first:04X}h")
+        yield from s.refused(rtu.read_registers(first, count), 2, f"03 of {first:04X}h")
 
 
-@case("AP-6", "AP 19, 48", "06 to a register that is not there", "exception 2", "another code, silence")
+@case(
+    "AP-6",
+    "AP 19, 48",
+    "06 and 16 to a register that is not there",
+    "exception 2",
+    "another code, silence",
+)
 def write_address(s: Session) -> Dialogue:
-    s.needs(6)
-    pdu = rtu.write_register(s.profile.no_register, s.profile.values[0])
-    s.exception((yield from s.ask(pdu)), 6, 2, "06 to no register")
+    for function in s.any_of(6, 16):
+        pdu = s.write(s.profile.values[0], s.profile.no_register, function)
+        yield from s.refused(pdu, 2, f"{function:02} to no register")
 
 
 @case(
@@ -624,28 +723,43 @@ def write_address(s: Session) -> Dialogue:
 )
 def byte_count(s: Session) -> Dialogue:
     s.needs(3, 16)
-    p = s.profile
-    words = p.values[1].to_bytes(2, "big") * 2
-    pdu = bytes([16]) + p.register.to_bytes(2, "big") + b"\0\1\4" + words
-    yield from s.without_effect(Send(s.request(pdu)), "16 of one register with 4 bytes", code=3)
+    head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
+    for count, words in ((1, 2), (2, 1)):
+        pdu = head + bytes([0, count, 2 * words]) + word * words
+        yield from s.refused_without_effect(pdu, 3, f"16 of {count} registers with {2 * words} bytes")
 
 
-@case("AP-8", "AP 30", "16 of 0 registers", "exception 3", "another code, silence")
+@case(
+    "AP-8",
+    "AP 30",
+    "16 of 0, 124 and 129 registers",
+    "exception 3 (124: or silence); no change",
+    "another code, a change",
+)
 def write_quantity(s: Session) -> Dialogue:
-    s.needs(16)
-    pdu = bytes([16]) + s.profile.register.to_bytes(2, "big") + b"\0\0\0"
-    s.exception((yield from s.ask(pdu)), 16, 3, "16 of 0 registers")
+    s.needs(3, 16)
+    head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
+    yield from s.refused_without_effect(head + b"\0\0\0", 3, "16 of 0 registers")
+    # Such a frame has 257 bytes, and a slave may drop it for that.
+    pdu = head + bytes([0, 124, 248]) + word * 124
+    yield from s.refused_without_effect(pdu, 3, "16 of 124 registers", silence=True)
+    # The byte count of 129 registers, 258, is 2 in one byte.
+    yield from s.refused_without_effect(head + bytes([0, 129, 2]) + word, 3, "16 of 129 registers")
 
 
 # ---------------------------------------------------------------- application: coils
 
 
 @case(
-    "AP-9", "AP 11, 12", "01 of 1, 3 and all coils", "the byte count; the bits beyond are 0", "another length"
+    "AP-9",
+    "AP 11, 12",
+    "01 of one coil and of ten",
+    "the byte count; the bits beyond are 0",
+    "another length",
 )
 def reads_coils(s: Session) -> Dialogue:
     s.needs(1)
-    for count in {1, min(3, s.profile.coils), s.profile.coils}:
+    for count in {1, min(SEVERAL, s.profile.coils)}:
         found, size = s.good((yield from s.ask(rtu.read_coils(s.profile.coil, count)))), (count + 7) // 8
         if found[:2] != bytes([1, size]) or len(found) != 2 + size:
             raise Fault(f"01 of {count} coils: {found.hex(' ')}")
@@ -698,13 +812,20 @@ def writes_coils(s: Session) -> Dialogue:
 def coil_quantity(s: Session) -> Dialogue:
     s.needs(1)
     for count in (0, 2001):
-        s.exception((yield from s.ask(rtu.read_coils(s.profile.coil, count))), 1, 3, f"01 of {count} coils")
+        yield from s.refused(rtu.read_coils(s.profile.coil, count), 3, f"01 of {count} coils")
 
 
-@case("AP-14", "AP 12, 48", "01 of a coil that is not there", "exception 2", "another code, silence")
+@case(
+    "AP-14",
+    "AP 12, 48",
+    "01 of a coil that is not there, 01 beyond 65535",
+    "exception 2",
+    "another code, silence",
+)
 def coil_address(s: Session) -> Dialogue:
     s.needs(1)
-    s.exception((yield from s.ask(rtu.read_coils(s.profile.no_coil, 1))), 1, 2, "01 of no coil")
+    for first, count in ((s.profile.no_coil, 1), (0xFFFF, 2)):
+        yield from s.refused(rtu.read_coils(first, count), 2, f"01 of {first:04X}h")
 
 
 # ---------------------------------------------------------------- application: functions
@@ -719,7 +840,7 @@ def coil_address(s: Session) -> Dialogue:
 )
 def unknown_function(s: Session) -> Dialogue:
     unknown = s.profile.unknown
-    s.exception((yield from s.ask(bytes([unknown, 0, 0, 0, 1]))), unknown, 1, f"function {unknown}")
+    yield from s.refused(bytes([unknown, 0, 0, 0, 1]), 1, f"function {unknown}")
     yield from s.still_answers("an unknown function")
 
 
@@ -731,11 +852,266 @@ def reserved_functions(s: Session) -> Dialogue:
     yield from s.still_answers("reserved functions")
 
 
-@case("AP-17", "AP 48", "03 with one byte too many and too few", "exception 3 or silence", "a normal reply")
+@case("AP-17", "AP 48", "01 and 03 with one byte too many and too few", "exception 3 or silence",
+      "a normal reply")  # fmt: skip
 def wrong_length(s: Session) -> Dialogue:
+    for function in s.any_of(1, 3):
+        pdu = (
+            rtu.read_registers(s.profile.register, 1) if function == 3 else rtu.read_coils(s.profile.coil, 1)
+        )
+        for what, wrong in (("too many", pdu + b"\0"), ("too few", pdu[:-1])):
+            yield from s.refused(wrong, 3, f"{function:02} with one byte {what}", silence=True)
+            yield from s.still_answers("a wrong length")
+
+
+# ---------------------------------------------------------------- application: the right place and value
+
+
+@case(
+    "AP-18",
+    "AP 15, 19, 30",
+    "06 and 16 to two neighbours, 03 of each",
+    "each has its own value",
+    "the value of the other",
+)
+def neighbours(s: Session) -> Dialogue:
     s.needs(3)
-    for what, pdu in (("too many", s.read + b"\0"), ("too few", s.read[:-1])):
-        heard = yield Send(with_crc(bytes([s.profile.unit]) + pdu))
-        if heard.data:
-            s.exception(heard, 3, 3, f"03 with one byte {what}")
-    yield from s.still_answers("a wrong length")
+    s.needs_registers(2)
+    for function in s.any_of(6, 16):
+        for n, value in enumerate(s.profile.values):
+            yield from s.set(value, s.profile.register + n, function)
+        for n, value in enumerate(s.profile.values):
+            yield from s.holds(value, f"{function:02} of two neighbours", s.profile.register + n)
+
+
+@case("AP-19", "AP 15, 19, 30", "06 and 16 of a value above 255, 03", "the whole value", "one byte of it")
+def whole_values(s: Session) -> Dialogue:
+    s.needs(3)
+    large = [value for value in s.profile.values if value > 255]
+    if not large:
+        raise Missing("no value above 255 to write")
+    for function in s.any_of(6, 16):
+        for value in large:
+            yield from s.set(value, function=function)
+            yield from s.holds(value, f"after {function:02}")
+
+
+@case(
+    "AP-20",
+    "AP 12, 17, 29",
+    "05 and 15 to two neighbours, 01 of each",
+    "each has its own state",
+    "the state of the other",
+)
+def neighbour_coils(s: Session) -> Dialogue:
+    s.needs(1)
+    s.needs_coils(2)
+    for function in s.any_of(5, 15):
+        for n, on in enumerate((True, False)):
+            pdu = s.write_coil(on, s.profile.coil + n, function)
+            s.equal((yield from s.ask(pdu)), pdu[:5], f"{function:02}")
+        for n, on in enumerate((True, False)):
+            yield from s.coils_hold([on], f"after {function:02} of two neighbours", s.profile.coil + n)
+
+
+@case(
+    "AP-21",
+    "AP 17, 29",
+    "05 of one coil and 15 of two among others, 01 of all",
+    "the others keep their states",
+    "a change of the others",
+)
+def other_coils(s: Session) -> Dialogue:
+    s.needs(1)
+    s.needs_coils(4)
+    count, first = min(s.profile.coils, SEVERAL), s.profile.coil
+    for function in s.any_of(5, 15):
+        for on in (True, False):
+            bits = [not on] * count
+            yield from s.set_coils(bits)
+            written = [on] if function == 5 else [on, on]
+            pdu = rtu.write_coil(first + 1, on) if function == 5 else rtu.write_coils(first + 1, written)
+            s.equal((yield from s.ask(pdu)), pdu[:5], f"{function:02}")
+            bits[1 : 1 + len(written)] = written
+            yield from s.coils_hold(bits, f"after {function:02} among others")
+
+
+@case("AP-22", "AP 12, 29", "15 and 01 of ten coils, 01 from the second on", "all coils", "lost coils")
+def more_than_a_byte(s: Session) -> Dialogue:
+    s.needs(1, 15)
+    s.needs_coils(9)
+    for pair in ((True, False), (False, True)):
+        bits = [pattern(n, pair) for n in range(min(s.profile.coils, SEVERAL))]
+        yield from s.set_coils(bits)
+        yield from s.coils_hold(bits, "after 15")
+        yield from s.coils_hold(bits[1:], "from the second on", s.profile.coil + 1)
+
+
+@case("AP-23", "AP 15, 30", "16 of 123 registers, 03 of 125", "all values", "an exception, other values")
+def most_registers(s: Session) -> Dialogue:
+    s.needs(3, 16)
+    most, written = MOST_READ[3], MOST_WRITTEN[16]
+    s.needs_registers(most)
+    values = [pattern(n, s.profile.values) for n in range(most)]
+    for first in (0, written):
+        pdu = rtu.write_registers(s.profile.register + first, values[first : first + written])
+        s.equal((yield from s.ask(pdu)), pdu[:5], "16 of 123 registers")
+    words = b"".join(value.to_bytes(2, "big") for value in values)
+    found = yield from s.ask(rtu.read_registers(s.profile.register, most))
+    s.equal(found, bytes([3, 2 * most]) + words, "03 of 125 registers")
+
+
+@case("AP-24", "AP 12, 29", "15 of 1968 coils, 01 of 2000", "all coils", "an exception, other coils")
+def most_coils(s: Session) -> Dialogue:
+    s.needs(1, 15)
+    most, written = MOST_READ[1], MOST_WRITTEN[15]
+    s.needs_coils(most)
+    bits = [pattern(n, (True, False)) for n in range(most)]
+    for first in (0, written):
+        yield from s.set_coils(bits[first : first + written], s.profile.coil + first)
+    yield from s.coils_hold(bits, "of 2000 coils")
+
+
+# ---------------------------------------------------------------- application: the end of the map
+
+
+@case("AP-25", "AP 48", "03 across the last register", "exception 2", "a normal reply, another code")
+def read_across_the_end(s: Session) -> Dialogue:
+    s.needs(3)
+    last = s.profile.no_register - 1
+    if not (yield from s.serves(rtu.read_registers(last, 1))):
+        raise Missing(f"{last:04X}h, the address before --no-register, is no register")
+    yield from s.refused(rtu.read_registers(last, 2), 2, "03 across the last register")
+
+
+@case("AP-26", "AP 48", "16 across the last register", "exception 2; no change", "another code, a change")
+def write_across_the_end(s: Session) -> Dialogue:
+    s.needs(3, 16)
+    p = s.profile
+    if p.no_register != p.register + p.registers:
+        raise Missing("--no-register does not follow the last register to write")
+    last = p.no_register - 1
+    yield from s.set(p.values[0], last)
+    pdu = rtu.write_registers(last, [p.values[1]] * 2)
+    yield from s.refused(pdu, 2, "16 across the last register")
+    yield from s.holds(p.values[0], "a refused 16 across the last register", last)
+
+
+@case("AP-27", "AP 48", "01 across the last coil", "exception 2", "a normal reply, another code")
+def read_across_the_last_coil(s: Session) -> Dialogue:
+    s.needs(1)
+    last = s.profile.no_coil - 1
+    if not (yield from s.serves(rtu.read_coils(last, 1))):
+        raise Missing(f"{last:04X}h, the address before --no-coil, is no coil")
+    yield from s.refused(rtu.read_coils(last, 2), 2, "01 across the last coil")
+
+
+@case("AP-28", "AP 48", "15 across the last coil", "exception 2; no change", "another code, a change")
+def write_across_the_last_coil(s: Session) -> Dialogue:
+    s.needs(1, 15)
+    p = s.profile
+    if p.no_coil != p.coil + p.coils:
+        raise Missing("--no-coil does not follow the last coil to write")
+    last = p.no_coil - 1
+    yield from s.set_coils([False], last)
+    yield from s.refused(rtu.write_coils(last, [True, True]), 2, "15 across the last coil")
+    yield from s.coils_hold([False], "after a refused 15 across the last coil", last)
+
+
+# ---------------------------------------------------------------- application: wrong writes
+
+
+@case(
+    "AP-29",
+    "AP 48",
+    "06 and 16 with one byte too many and too few",
+    "exception 3 or silence; no change",
+    "a normal reply, a change",
+)
+def wrong_length_of_writes(s: Session) -> Dialogue:
+    s.needs(3)
+    for function in s.any_of(6, 16):
+        pdu = s.write(s.profile.values[1], function=function)
+        for what, wrong in (("too many", pdu + b"\0"), ("too few", pdu[:-1])):
+            yield from s.refused_without_effect(wrong, 3, f"{function:02} with one byte {what}", silence=True)
+
+
+@case(
+    "AP-30",
+    "AP 48",
+    "05 and 15 with one byte too many and too few",
+    "exception 3 or silence; no change",
+    "a normal reply, a change",
+)
+def wrong_length_of_coil_writes(s: Session) -> Dialogue:
+    s.needs(1)
+    for function in s.any_of(5, 15):
+        pdu = s.write_coil(False, function=function)
+        for what, wrong in (("too many", pdu + b"\0"), ("too few", pdu[:-1])):
+            yield from s.coils_without_effect(wrong, 3, f"{function:02} with one byte {what}", silence=True)
+
+
+@case(
+    "AP-31",
+    "AP 29",
+    "15 of 0 and 1969 coils, 15 with a byte too many and too few for its coils",
+    "exception 3; no change",
+    "another code, a change",
+)
+def write_coil_quantity(s: Session) -> Dialogue:
+    s.needs(1, 15)
+    head = bytes([15]) + s.profile.coil.to_bytes(2, "big")
+    for count, size in ((0, 0), (MOST_WRITTEN[15] + 1, 247), (1, 2), (9, 1)):
+        pdu = head + count.to_bytes(2, "big") + bytes([size]) + bytes(size)
+        yield from s.coils_without_effect(pdu, 3, f"15 of {count} coils with {size} bytes")
+
+
+@case(
+    "AP-32", "AP 17, 29, 48", "05 and 15 to a coil that is not there", "exception 2", "another code, an echo"
+)
+def write_coil_address(s: Session) -> Dialogue:
+    for function in s.any_of(5, 15):
+        pdu = s.write_coil(True, s.profile.no_coil, function)
+        yield from s.refused(pdu, 2, f"{function:02} to no coil")
+
+
+# ---------------------------------------------------------------- application: inputs
+
+
+def read_inputs(function: int, first: int, count: int) -> bytes:
+    return bytes([function]) + rtu.read_coils(first, count)[1:]
+
+
+@case("AP-33", "AP 13, 16", "02 and 04 of one input and of several", "the byte count; 02: other bits are 0",
+      "another length")  # fmt: skip
+def reads_inputs(s: Session) -> Dialogue:
+    for function in s.any_of(2, 4):
+        for count in {1, min(s.profile.inputs, SEVERAL)}:
+            found = s.good((yield from s.ask(read_inputs(function, s.profile.input, count))))
+            size = 2 * count if function == 4 else (count + 7) // 8
+            bits = function == 2 and int.from_bytes(found[2:], "little") >> count
+            if found[:2] != bytes([function, size]) or len(found) != 2 + size or bits:
+                raise Fault(f"{function:02} of {count} inputs: {found.hex(' ')}")
+
+
+@case(
+    "AP-34", "AP 13, 16", "02 of 0 and 2001 inputs, 04 of 0 and 126", "exception 3", "another code, silence"
+)
+def input_quantity(s: Session) -> Dialogue:
+    for function in s.any_of(2, 4):
+        for count in (0, MOST_READ[function] + 1):
+            pdu = read_inputs(function, s.profile.input, count)
+            yield from s.refused(pdu, 3, f"{function:02} of {count} inputs")
+
+
+@case(
+    "AP-35",
+    "AP 13, 16, 48",
+    "02 and 04 of an input that is not there",
+    "exception 2",
+    "another code, silence",
+)
+def input_address(s: Session) -> Dialogue:
+    for function in s.any_of(2, 4):
+        pdu = read_inputs(function, s.profile.no_input, 1)
+        yield from s.refused(pdu, 2, f"{function:02} of no input")

@@ -17,6 +17,10 @@ class NoAnswer(Exception):
     """The slave does not answer; the text is one line for the user."""
 
 
+class Silence(NoAnswer):
+    """The slave has sent nothing at all."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """Outcome of a test. `text`: the fault, the slave's own exception codes, or the missing function."""
@@ -45,7 +49,7 @@ def steps(case: Case, profile: Profile, sees: frozenset[str]) -> Generator[Send,
         return Verdict(case.number, HIDDEN)
     session = Session(profile, case.number)
     try:
-        yield from case.dialogue(session)
+        yield from punctual(case.dialogue(session))
     except Missing as missing:
         return Verdict(case.number, NONE, str(missing))
     except Fault as fault:
@@ -53,6 +57,23 @@ def steps(case: Case, profile: Profile, sees: frozenset[str]) -> Generator[Send,
     if session.own_codes:
         return Verdict(case.number, OWN_CODE, "; ".join(sorted(set(session.own_codes))))
     return Verdict(case.number, PASS)
+
+
+def punctual(dialogue: Steps) -> Steps:
+    """The dialogue. After a silence it listens once more at its end: no other test hears a late reply."""
+    heard, silence, end = None, False, None
+    while end is None:
+        try:
+            send = dialogue.send(heard)
+            heard = yield send
+            silence |= send.wait and not heard.data
+        except (StopIteration, Fault) as reached:
+            end = reached
+    late = (yield Send()).data if silence else b""
+    if isinstance(end, Fault):
+        raise end
+    if late:
+        raise Fault(f"a reply after the longest wait: {late.hex(' ')}")
 
 
 def presence(profile: Profile) -> Generator[Send, Heard, None]:
@@ -66,7 +87,9 @@ def presence(profile: Profile) -> Generator[Send, Heard, None]:
             raise NoAnswer("the port hears its own requests; switch the echo of the adapter off")
         if heard.data:
             return
-    raise NoAnswer(f"unit {profile.unit} does not answer at {profile.fmt}")
+        if (yield Send()).data:
+            raise NoAnswer(f"unit {profile.unit} answers after the longest wait; it needs a longer one")
+    raise Silence(f"unit {profile.unit} does not answer at {profile.fmt}")
 
 
 def pump(dialogue: Generator[Send, Heard, object], driver: Driver) -> object:

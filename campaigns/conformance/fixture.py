@@ -7,84 +7,245 @@ transmission to a model receiver, and returns the edges of the reply.
 
 from __future__ import annotations
 
-from campaigns.conformance.cases import BYTES, EDGES, PARITY, PINS, Heard, Profile, Send
+from campaigns.conformance.cases import (
+    BYTES,
+    EDGES,
+    FUNCTIONS,
+    PARITY,
+    PINS,
+    Heard,
+    Profile,
+    Send,
+    pattern,
+)
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good
 from tb.agents.edges import Trace
 from tb.agents.rs485 import Pulse
 from tb.agents.uart import Character, Flaws, Format, waveform, with_gaps
 
-# Each fault has the number of the test that must find it.
+UNIT = 17
+# Each fault has the number of the test that must find it. A test has a fault for each of its steps.
 FAULTS = {
     "replies with address 0": "SL-1",
     "replies with a swapped CRC": "SL-1",
     "adds a byte to each reply": "SL-1",
     "replies with another function": "SL-1",
     "answers every unit": "SL-2",
+    "answers unit 18": "SL-2",
+    "answers unit 247": "SL-2",
+    "answers unit 248": "SL-2",
     "answers unit 255": "SL-2",
+    "is silent after a request for another unit": "SL-2",
     "obeys writes for others": "SL-3",
+    "answers writes for others": "SL-3",
     "ignores broadcasts": "SL-4",
+    "ignores a broadcast of 06": "SL-4",
+    "ignores a broadcast of 16": "SL-4",
     "answers broadcasts": "SL-5",
+    "answers a broadcast of 03": "SL-5",
+    "answers a broadcast of 06": "SL-5",
+    "sends exception 1 to a broadcast": "SL-5",
+    "sends exception 2 to a broadcast": "SL-5",
     "is silent after a broadcast": "SL-5",
     "accepts any CRC": "SL-6",
     "accepts a swapped CRC": "SL-6",
+    "accepts a CRC of 0": "SL-6",
     "writes before it checks the CRC": "SL-6",
     "compares the low byte of the CRC only": "SL-6",
+    "compares the high byte of the CRC only": "SL-6",
+    "leaves a bit of the address out of the CRC": "SL-6",
+    "leaves a bit of the value out of the CRC": "SL-6",
     "keeps a part of a frame": "SL-7",
+    "answers a part of a frame": "SL-7",
     "hangs after a long frame": "SL-8",
     "answers a long frame with five bytes": "SL-8",
+    "answers a long frame": "SL-8",
+    "answers another unit's read of four registers": "SL-9",
+    "takes another unit's reply for a request": "SL-9",
     "loses a request after foreign traffic": "SL-9",
+    "answers a noise byte": "SL-10",
     "loses a request after noise": "SL-10",
     "takes gaps of a character as an end": "SL-11",
     "accepts gaps beyond 1.5 characters": "SL-12",
+    "accepts a gap before byte 2": "SL-12",
+    "accepts a gap before byte 5": "SL-12",
+    "accepts a gap before byte 8": "SL-12",
+    "accepts a gap before byte 8, silently": "SL-12",
+    "accepts a gap before byte 8, without effect": "SL-12",
     "needs 5 characters between frames": "SL-13",
     "ends a frame after 2 characters": "SL-14",
+    "ends a frame after 2 characters, silently": "SL-14",
+    "ends a frame after 2 characters, without effect": "SL-14",
     "accepts a write that a byte follows": "SL-15",
+    "accepts a write that a byte follows, silently": "SL-15",
     "replies after 2 characters": "SL-16",
+    "replies to 03 after 2 characters": "SL-16",
+    "replies to 06 after 2 characters": "SL-16",
     "replies with gaps": "SL-17",
     "ignores parity": "SL-18",
+    "ignores parity of byte 1": "SL-18",
+    "ignores parity of byte 2": "SL-18",
+    "ignores parity of byte 5": "SL-18",
+    "ignores parity of byte 8": "SL-18",
+    "ignores parity of byte 8, silently": "SL-18",
     "ignores stop bits": "SL-19",
+    "ignores the stop bit of byte 3": "SL-19",
+    "ignores the stop bit of byte 7": "SL-19",
+    "ignores the stop bit of byte 7, silently": "SL-19",
     "sends odd parity": "SL-20",
     "sends without parity": "SL-20",
+    "sends 0.7 stop bits": "SL-20",
+    "refuses each read": "SL-21",
     "sends 1.5 % too slow": "SL-21",
+    "sends 1.5 % too fast": "SL-21",
     "receives 4 % too fast": "SL-22",
+    "receives 4 % too slow": "SL-22",
     "hangs after a break": "SL-23",
+    "answers a break": "SL-23",
     "drops DE a bit too soon": "SL-24",
+    "raises DE 60 bits too soon": "SL-24",
     "holds DE for 60 bits": "SL-24",
     "never raises DE": "SL-24",
     "never lowers DE": "SL-24",
+    "raises DE twice": "SL-24",
     "raises DE for every frame": "SL-24",
     "is deaf for 60 bits after a reply": "SL-25",
+    "ignores a broadcast of 05": "SL-26",
+    "ignores a broadcast of 15": "SL-26",
+    "takes every broadcast of 05 as ON": "SL-26",
+    "takes every broadcast of 05 as OFF": "SL-26",
     "counts registers, not bytes": "AP-1",
     "sends one register only": "AP-1",
+    "sends two registers for one": "AP-1",
     "06 does not write": "AP-2",
+    "sends a register of 0 before each": "AP-2",
     "06 echoes the address only": "AP-2",
+    "06 keeps its first value": "AP-2",
     "16 writes the first register only": "AP-3",
     "16 echoes the data": "AP-3",
     "16 swaps the bytes": "AP-3",
+    "16 keeps its first value": "AP-3",
     "sends exception 2 for a wrong quantity": "AP-4",
+    "reads 0 registers": "AP-4",
     "reads 126 registers": "AP-4",
     "has every register": "AP-5",
     "sends exception 3 for a wrong address": "AP-5",
-    "wraps beyond 65535": "AP-5",
-    "writes to no register": "AP-6",
+    "wraps registers beyond 65535": "AP-5",
+    "06 writes to no register": "AP-6",
+    "16 writes to no register": "AP-6",
     "ignores the byte count": "AP-7",
+    "16 takes too many bytes": "AP-7",
+    "16 takes too few bytes": "AP-7",
+    "16 refuses too many bytes and writes": "AP-7",
     "16 of nothing is good": "AP-8",
-    "pads coils with ones": "AP-9",
+    "16 takes 124 registers": "AP-8",
+    "16 takes 124 registers, silently": "AP-8",
+    "16 counts its bytes modulo 256": "AP-8",
+    "pads one coil with ones": "AP-9",
+    "pads the second byte of coils with ones": "AP-9",
+    "sends one byte of coils too many": "AP-9",
     "05 inverts the coil": "AP-10",
+    "05 only switches on": "AP-10",
+    "05 only switches off": "AP-10",
+    "05 echoes the address only": "AP-10",
     "05 takes any value": "AP-11",
+    "05 refuses a value and switches off": "AP-11",
     "packs coils from the highest bit": "AP-12",
+    "15 only switches on": "AP-12",
+    "15 writes once": "AP-12",
+    "15 echoes the data": "AP-12",
+    "reads 0 coils": "AP-13",
     "reads 2001 coils": "AP-13",
     "has every coil": "AP-14",
+    "wraps coils beyond 65535": "AP-14",
     "is silent for an unknown function": "AP-15",
     "sends exceptions without 80h": "AP-15",
     "sends exceptions without a code": "AP-15",
+    "hangs after an unknown function": "AP-15",
     "answers function 131": "AP-16",
     "answers function 0 with five bytes": "AP-16",
+    "hangs after function 0": "AP-16",
     "ignores the length": "AP-17",
+    "hangs after a wrong length": "AP-17",
+    **{
+        f"{function} takes a byte too {what}": "AP-17"
+        for function in ("01", "03")
+        for what in ("many", "few")
+    },
+    **{f"{function} ignores the address": "AP-18" for function in ("03", "06", "16")},
+    "keeps the low byte of a register": "AP-19",
+    "06 loses the high byte": "AP-19",
+    "16 loses the high byte": "AP-19",
+    "03 loses the high byte": "AP-19",
+    **{f"{function} ignores the address": "AP-20" for function in ("01", "05", "15")},
+    "05 clears the coil's byte": "AP-21",
+    "05 sets the coil's byte": "AP-21",
+    "15 clears the other coils of a byte": "AP-21",
+    "15 sets the other coils of a byte": "AP-21",
+    "01 reads 0 from the ninth coil on": "AP-22",
+    "01 reads 1 from the ninth coil on": "AP-22",
+    "15 writes the first byte only": "AP-22",
+    "01 begins at the byte of its first coil": "AP-22",
+    "01 reads 0 from the tenth coil on": "AP-22",
+    "15 writes the second byte once": "AP-22",
+    "refuses 03 of more than 100 registers": "AP-23",
+    "refuses 16 of more than 100 registers": "AP-23",
+    "keeps the address of a register in 6 bits": "AP-23",
+    "refuses 01 of more than 1000 coils": "AP-24",
+    "refuses 15 of more than 1000 coils": "AP-24",
+    "keeps the address of a coil in 10 bits": "AP-24",
+    "03 reads across the end": "AP-25",
+    "16 writes across the end": "AP-26",
+    "16 refuses the end and writes": "AP-26",
+    "01 reads across the end": "AP-27",
+    "15 writes across the end": "AP-28",
+    "15 refuses the end and writes": "AP-28",
+    **{
+        f"{function} takes a byte too {what}": "AP-29"
+        for function in ("06", "16")
+        for what in ("many", "few")
+    },
+    "06 takes a byte too many, silently": "AP-29",
+    **{
+        f"{function} takes a byte too {what}": "AP-30"
+        for function in ("05", "15")
+        for what in ("many", "few")
+    },
+    "05 takes a byte too many, silently": "AP-30",
+    "15 of nothing is good": "AP-31",
+    "15 takes 1969 coils": "AP-31",
+    "15 takes too many bytes": "AP-31",
+    "15 takes too few bytes": "AP-31",
+    "15 refuses too many bytes and writes": "AP-31",
+    "05 writes to no coil": "AP-32",
+    "15 writes to no coil": "AP-32",
+    "02 counts inputs, not bytes": "AP-33",
+    "02 pads inputs with ones": "AP-33",
+    "04 counts inputs, not bytes": "AP-33",
+    "04 sends two registers for one": "AP-33",
+    **{
+        f"reads {count} inputs by {f}": "AP-34"
+        for f, most in (("02", 2001), ("04", 126))
+        for count in (0, most)
+    },
+    "02 has every input": "AP-35",
+    "04 has every input": "AP-35",
 }
-REGISTERS, COILS = 8, 16
+# The fault obeys without a reply, or replies without effect.
+SILENTLY, IDLY = ", silently", ", without effect"
+REGISTERS, COILS, INPUTS = 125, 2000, 10
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
+PROFILE = Profile(
+    unit=UNIT,
+    functions=frozenset(FUNCTIONS),
+    registers=REGISTERS,
+    coils=COILS,
+    inputs=INPUTS,
+    no_register=REGISTERS,
+    no_coil=COILS,
+    no_input=INPUTS,
+)
 
 
 class Refused(Exception):
@@ -92,47 +253,65 @@ class Refused(Exception):
 
 
 class Slave:
-    """Registers, coils, and the reply to each frame, with one fault or none."""
+    """Registers, coils, inputs, and the reply to each frame, with one fault or none."""
 
-    def __init__(self, unit: int = 1, fault: str | None = None):
+    def __init__(self, profile: Profile, fault: str | None = None):
         assert fault is None or fault in FAULTS, fault
-        self.unit, self.fault = unit, fault
-        self.registers, self.coils = [0] * REGISTERS, [False] * COILS
+        self.unit, self.functions, self.whole_fault = profile.unit, profile.functions, fault or ""
+        self.fault = self.whole_fault.removesuffix(SILENTLY).removesuffix(IDLY)
+        self.registers = [
+            pattern(n, profile.values[::-1]) for n in range(profile.register + profile.registers)
+        ]
+        self.coils = [pattern(n, (False, True)) for n in range(profile.coil + profile.coils)]
         self.kept = b""
-        self._sleeps = False
+        self._sleeps = self._silent = self._loses = False
+        self._written: set[int] = set()  # functions that have written
 
     def has(self, fault: str) -> bool:
+        """Whether it is the planted fault, or the same one without a reply to what should be ignored."""
+        assert fault in FAULTS, fault
         return self.fault == fault
+
+    def does(self, function: int, what: str) -> bool:
+        """Like `has`, for a fault whose name begins with the function."""
+        return self.fault == f"{function:02} {what}"
 
     # ------------------------------------------------------------ a frame
 
     def reply(self, frame: bytes) -> bytes | None:
         """The reply to a frame with good characters and silences; its CRC may be wrong."""
+        self._silent = False
+        sent = self._reply(frame)
+        return None if self._silent else sent
+
+    def _reply(self, frame: bytes) -> bytes | None:
         if self._sleeps:
+            return None
+        if self._loses and frame[0] == self.unit:
+            self._loses = False
             return None
         if self.has("keeps a part of a frame"):
             frame, self.kept = self.kept + frame, b"" if crc_good(self.kept + frame) else self.kept + frame
         if self.has("writes before it checks the CRC") and frame[:1] == bytes([self.unit]):
             self._answer(frame[1:-2])
+        if len(frame) == 5 and self.has("answers a part of a frame"):
+            return rtu.build(self.unit, bytes([frame[1], 0]))
+        if len(frame) == 1:
+            noise = self.has("answers a noise byte") and frame != b"\0"
+            return bytes(1) if noise or (self.has("answers a break") and frame == b"\0") else None
         if not self._crc_good(frame):
             return None
         address, pdu = frame[0], frame[1:-2]
-        others = address not in (0, self.unit)
-        if others and self.has("obeys writes for others"):
-            self._answer(pdu)
-        if (
-            others
-            and not self.has("answers every unit")
-            and not (address == 255 and self.has("answers unit 255"))
-        ):
+        if address not in (0, self.unit) and not self._answers_others(address, pdu):
             return None
-        if address == 0 and self.has("ignores broadcasts"):
+        if address == 0:
+            pdu = self._broadcast(pdu)
+        if not pdu:
             return None
-        self._sleeps = address == 0 and self.has("is silent after a broadcast")
         if pdu[0] == 0 and self.has("answers function 0 with five bytes"):
             return rtu.build(self.unit, bytes(2))
         answer = self._answer(pdu)
-        if answer is None or (address == 0 and not self.has("answers broadcasts")):
+        if answer is None or (address == 0 and not self._answers_broadcast(answer)):
             return None
         if self.has("replies with another function"):
             answer = bytes([answer[0] ^ 1]) + answer[1:]
@@ -141,6 +320,33 @@ class Slave:
             sent = sent[:-2] + sent[:-3:-1]
         return sent + b"\0" if self.has("adds a byte to each reply") else sent
 
+    def _answers_others(self, address: int, pdu: bytes) -> bool:
+        """Whether a request for another unit is answered."""
+        self._loses |= self.has("is silent after a request for another unit")
+        if self.has("obeys writes for others"):
+            self._answer(pdu)
+        if self.has("answers writes for others") and pdu[0] in (6, 16):
+            return True
+        if self.has("takes another unit's reply for a request") and len(pdu) != 5:
+            return True
+        if self.has("answers another unit's read of four registers") and pdu[-2:] == b"\0\4":
+            return True
+        return self.has("answers every unit") or self.fault == f"answers unit {address}"
+
+    def _broadcast(self, pdu: bytes) -> bytes:
+        """The PDU of a broadcast as it is obeyed, or nothing."""
+        self._sleeps = self.has("is silent after a broadcast")
+        for on in (True, False):
+            if pdu[0] == 5 and self.has(f"takes every broadcast of 05 as {'ON' if on else 'OFF'}"):
+                pdu = pdu[:3] + (b"\xff\0" if on else bytes(2))
+        ignored = self.has("ignores broadcasts") or self.fault == f"ignores a broadcast of {pdu[0]:02}"
+        return b"" if ignored else pdu
+
+    def _answers_broadcast(self, answer: bytes) -> bool:
+        if answer[0] & 0x80:
+            return self.fault == f"sends exception {answer[1]} to a broadcast"
+        return self.has("answers broadcasts") or self.fault == f"answers a broadcast of {answer[0]:02}"
+
     def _crc_good(self, frame: bytes) -> bool:
         if len(frame) < 4:
             return False
@@ -148,8 +354,15 @@ class Slave:
             return True
         if self.has("accepts a swapped CRC"):
             return crc_good(frame[:-2] + frame[:-3:-1])
-        low = rtu.build(frame[0], frame[1:-2])[-2]
-        return self.has("compares the low byte of the CRC only") and frame[-2] == low
+        if self.has("accepts a CRC of 0"):
+            return frame[-2:] == bytes(2)
+        for fault, place in (("address", 3), ("value", len(frame) - 3)):
+            if self.has(f"leaves a bit of the {fault} out of the CRC"):
+                return crc_good(frame[:place] + bytes([frame[place] ^ 4]) + frame[place + 1 :])
+        right = rtu.build(frame[0], frame[1:-2])
+        if self.has("compares the low byte of the CRC only"):
+            return frame[-2] == right[-2]
+        return self.has("compares the high byte of the CRC only") and frame[-1] == right[-1]
 
     # ------------------------------------------------------------ a request
 
@@ -161,6 +374,7 @@ class Slave:
             code = refused.args[0]
         if code == ILLEGAL_FUNCTION and self.has("is silent for an unknown function"):
             return None
+        self._sleeps |= code == ILLEGAL_FUNCTION and self.has("hangs after an unknown function")
         if code == ILLEGAL_ADDRESS and self.has("sends exception 3 for a wrong address"):
             code = ILLEGAL_VALUE
         if self.has("sends exceptions without a code"):
@@ -172,28 +386,64 @@ class Slave:
             function = 3
         serve = {
             1: self._read_coils,
+            2: self._read_inputs,
             3: self._read,
+            4: self._read_inputs,
             5: self._write_coil,
             6: self._write,
             15: self._write_coils,
             16: self._write_many,
         }
-        if function not in serve:
+        if function == 0:
+            self._sleeps = self.has("hangs after function 0")
+        if function not in serve or function not in self.functions | {131}:
             raise Refused(ILLEGAL_FUNCTION)
-        if len(pdu) < 5 and self.has("ignores the length"):
-            pdu = pdu.ljust(5, b"\0")
-        if len(pdu) < 5 or (
-            function in (1, 3, 5, 6) and len(pdu) != 5 and not self.has("ignores the length")
-        ):
-            raise Refused(ILLEGAL_VALUE)
+        pdu = self._of_right_length(function, pdu)
         return serve[function](pdu, int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big"))
 
-    def _in(self, first: int, count: int, size: int, every: bool) -> int:
-        if first + count > 0x10000 and self.has("wraps beyond 65535"):
+    def _of_right_length(self, function: int, pdu: bytes) -> bytes:
+        due = 5 if function < 15 else 6 + pdu[5] if len(pdu) > 5 else 6
+        if len(pdu) == due:
+            return pdu
+        any_length = function in (1, 3) and self.has("ignores the length")
+        if any_length or self.does(function, f"takes a byte too {'many' if len(pdu) > due else 'few'}"):
+            self._silent = self.whole_fault.endswith(SILENTLY)
+            return pdu[:due].ljust(due, b"\1" if function < 5 else b"\0")
+        self._sleeps |= self.has("hangs after a wrong length")
+        raise Refused(ILLEGAL_VALUE)
+
+    def _in(self, function: int, first: int, count: int, size: int) -> int:
+        """The place of the first coil or register; the faults of addresses are here."""
+        coils = function in (1, 5, 15)
+        if self.does(function, "ignores the address"):
             return 0
-        if first + count > size and not (every and first + count <= 0x10000):
+        if first + count > 0x10000:
+            if self.has(f"wraps {'coils' if coils else 'registers'} beyond 65535"):
+                return 0
+        elif first >= size and self._has_every(function, coils):
+            return 0
+        if first < size < first + count:
+            if self.does(function, f"{'reads' if function < 5 else 'writes'} across the end"):
+                return first
+            if self.does(function, "refuses the end and writes"):
+                self._store(function, first)
+        if first + count > size:
             raise Refused(ILLEGAL_ADDRESS)
-        return first if first + count <= size else 0
+        if not coils and self.has("keeps the address of a register in 6 bits"):
+            return first & 0x3F
+        return first & 0x3FF if coils and self.has("keeps the address of a coil in 10 bits") else first
+
+    def _has_every(self, function: int, coils: bool) -> bool:
+        if function in (1, 3):
+            return self.has("has every coil" if coils else "has every register")
+        return self.does(function, "writes to no coil" if coils else "writes to no register")
+
+    def _store(self, function: int, place: int) -> None:
+        """The effect of a write that is refused."""
+        if function == 15:
+            self.coils[place] = True
+        else:
+            self.registers[place] = 0
 
     def _quantity(self, good: bool) -> None:
         if not good:
@@ -204,57 +454,157 @@ class Slave:
     def _read(self, pdu: bytes, first: int, count: int) -> bytes:
         if count == 126 and self.has("reads 126 registers"):
             return bytes([3, 252, *bytes(248)])
-        self._quantity(1 <= count <= 125)
-        first = self._in(first, count, REGISTERS, self.has("has every register"))
-        words = [value.to_bytes(2, "big") for value in self.registers[first : first + count]]
+        if count == 0 and self.has("reads 0 registers"):
+            return bytes([3, 0])
+        self._quantity(1 <= count <= (100 if self.has("refuses 03 of more than 100 registers") else 125))
+        first = self._in(3, first, count, len(self.registers))
+        mask = 0xFF if self.does(3, "loses the high byte") else 0xFFFF
+        words = [(value & mask).to_bytes(2, "big") for value in self.registers[first : first + count]]
         if self.has("sends one register only"):
             words = words[:1]
+        if self.has("refuses each read"):
+            raise Refused(ILLEGAL_VALUE)
+        if count == 1 and self.has("sends two registers for one"):
+            words *= 2
+        if self.has("sends a register of 0 before each"):
+            words.insert(0, bytes(2))
         size = count if self.has("counts registers, not bytes") else 2 * len(words)
         return bytes([3, size]) + b"".join(words)
 
+    def _keep(self, function: int, register: int, value: int) -> None:
+        if self.has("keeps the low byte of a register") or self.does(function, "loses the high byte"):
+            value &= 0xFF
+        self.registers[register] = value
+
     def _write(self, pdu: bytes, first: int, value: int) -> bytes:
-        first = self._in(first, 1, REGISTERS, self.has("writes to no register"))
-        if not self.has("06 does not write"):
-            self.registers[first] = value
-        return pdu[:3] if self.has("06 echoes the address only") else pdu[:5]
+        first = self._in(6, first, 1, len(self.registers))
+        kept = 6 in self._written and self.does(6, "keeps its first value")
+        if not kept and not self.does(6, "does not write"):
+            self._keep(6, first, value)
+        self._written.add(6)
+        return pdu[:3] if self.does(6, "echoes the address only") else pdu[:5]
 
     def _write_many(self, pdu: bytes, first: int, count: int) -> bytes:
-        if count == 0 and self.has("16 of nothing is good"):
+        size = len(pdu) - 6
+        if count == 0 and self.does(16, "of nothing is good"):
             return pdu[:5]
-        right = len(pdu) == 6 + pdu[5] and pdu[5] == 2 * count if len(pdu) > 5 else False
-        self._quantity(1 <= count <= 123 and (right or self.has("ignores the byte count")))
-        first = self._in(first, count, REGISTERS, False)
-        order = "little" if self.has("16 swaps the bytes") else "big"
-        for n in range(1 if self.has("16 writes the first register only") else count):
-            self.registers[first + n] = int.from_bytes(pdu[6 + 2 * n : 8 + 2 * n], order)
-        return pdu if self.has("16 echoes the data") else pdu[:5]
+        more, fewer = size > 2 * count, size < 2 * count
+        wrong = (more and not self.does(16, "takes too many bytes")) or (
+            fewer and not self.does(16, "takes too few bytes")
+        )
+        if more and self.does(16, "refuses too many bytes and writes"):
+            self._store(16, first)
+        if wrong and self.does(16, "counts its bytes modulo 256") and 2 * count & 0xFF == size:
+            wrong, count = False, size // 2
+        if count == 124 and self.does(16, "takes 124 registers"):
+            self._silent = self.whole_fault.endswith(SILENTLY)
+        else:
+            most = 100 if self.has("refuses 16 of more than 100 registers") else 123
+            self._quantity(1 <= count <= most and (not wrong or self.has("ignores the byte count")))
+        first = self._in(16, first, count, len(self.registers))
+        order = "little" if self.does(16, "swaps the bytes") else "big"
+        places = range(1 if self.does(16, "writes the first register only") else count)
+        if self.does(16, "keeps its first value") and 16 in self._written:
+            places = range(0)
+        self._written.add(16)
+        for n in places[: len(self.registers) - first]:
+            self._keep(16, first + n, int.from_bytes(pdu[6 + 2 * n : 8 + 2 * n], order))
+        return pdu if self.does(16, "echoes the data") else pdu[:5]
+
+    def _packed(self, function: int, bits: list[bool], count: int, ones: bool) -> bytes:
+        size = (count + 7) // 8
+        packed = sum(on << n for n, on in enumerate(bits))
+        if ones:
+            packed |= (1 << 8 * size) - (1 << count)
+        return bytes([function, size]) + packed.to_bytes(size, "little")
 
     def _read_coils(self, pdu: bytes, first: int, count: int) -> bytes:
         if count == 2001 and self.has("reads 2001 coils"):
             return bytes([1, 251, *bytes(247)])
-        self._quantity(1 <= count <= 2000)
-        first = self._in(first, count, COILS, self.has("has every coil"))
-        size = (count + 7) // 8
-        bits = sum(on << n for n, on in enumerate(self.coils[first : first + count]))
-        if self.has("pads coils with ones"):
-            bits |= (1 << 8 * size) - (1 << count)
-        return bytes([1, size]) + bits.to_bytes(size, "little")
+        if count == 0 and self.has("reads 0 coils"):
+            return bytes([1, 0])
+        self._quantity(1 <= count <= (1000 if self.has("refuses 01 of more than 1000 coils") else 2000))
+        first = self._in(1, first, count, len(self.coils))
+        if self.does(1, "begins at the byte of its first coil"):
+            first -= first % 8
+        bits = self.coils[first : first + count]
+        for level, place, name in ((0, 8, "ninth"), (1, 8, "ninth"), (0, 9, "tenth")):
+            if self.does(1, f"reads {level} from the {name} coil on"):
+                bits[place:] = [bool(level)] * len(bits[place:])
+        padded = self.has(
+            "pads one coil with ones" if count == 1 else "pads the second byte of coils with ones"
+        )
+        sent = self._packed(1, bits, count, padded and count in (1, *range(9, 16)))
+        return (
+            bytes([1, sent[1] + 1]) + sent[2:] + b"\0"
+            if self.has("sends one byte of coils too many")
+            else sent
+        )
+
+    def _clobber(self, function: int, first: int, count: int, off: str, on: str) -> None:
+        """The coils of the same bytes that are not written."""
+        for level, fault in ((False, off), (True, on)):
+            if self.does(function, fault):
+                last = min(-(-(first + count) // 8) * 8, len(self.coils))
+                self.coils[first // 8 * 8 : last] = [level] * (last - first // 8 * 8)
 
     def _write_coil(self, pdu: bytes, first: int, value: int) -> bytes:
-        if value not in (0, 0xFF00) and not self.has("05 takes any value"):
+        if value not in (0, 0xFF00) and not self.does(5, "takes any value"):
+            if self.does(5, "refuses a value and switches off"):
+                self.coils[first] = False
             raise Refused(ILLEGAL_VALUE)
-        first = self._in(first, 1, COILS, False)
-        self.coils[first] = (value == 0xFF00) ^ self.has("05 inverts the coil")
-        return pdu[:5]
+        first = self._in(5, first, 1, len(self.coils))
+        on = (value == 0xFF00) ^ self.does(5, "inverts the coil")
+        self._clobber(5, first, 1, "clears the coil's byte", "sets the coil's byte")
+        if not self.does(5, f"only switches {'off' if on else 'on'}"):
+            self.coils[first] = on
+        return pdu[:3] if self.does(5, "echoes the address only") else pdu[:5]
 
     def _write_coils(self, pdu: bytes, first: int, count: int) -> bytes:
-        size = (count + 7) // 8
-        self._quantity(1 <= count <= 0x7B0 and len(pdu) == 6 + size and pdu[5] == size)
-        first = self._in(first, count, COILS, False)
-        for n in range(count):
+        size, due = len(pdu) - 6, (count + 7) // 8
+        if count == 0 and self.does(15, "of nothing is good"):
+            return pdu[:5]
+        if size > due and self.does(15, "refuses too many bytes and writes"):
+            self.coils[first] = not self.coils[first]
+        right = (
+            size == due
+            or (size > due and self.does(15, "takes too many bytes"))
+            or (size < due and self.does(15, "takes too few bytes"))
+        )
+        most = 1000 if self.has("refuses 15 of more than 1000 coils") else 0x7B0
+        self._quantity(1 <= count <= most + self.does(15, "takes 1969 coils") and right)
+        first = self._in(15, first, count, len(self.coils))
+        self._clobber(15, first, count, "clears the other coils of a byte", "sets the other coils of a byte")
+        again = 15 in self._written
+        short = self.does(15, "writes the first byte only") or (
+            again and self.does(15, "writes the second byte once")
+        )
+        end = 0 if again and self.does(15, "writes once") else 8 if short else count
+        if count > 8 or self.does(15, "writes once"):
+            self._written.add(15)
+        for n in range(min(count, len(self.coils) - first, end)):
             place = 7 - n % 8 if self.has("packs coils from the highest bit") else n % 8
-            self.coils[first + n] = bool(pdu[6 + n // 8] >> place & 1)
-        return pdu[:5]
+            on = bool(pdu[6 + n // 8 : 7 + n // 8] and pdu[6 + n // 8] >> place & 1)
+            self.coils[first + n] = on or (self.coils[first + n] and self.does(15, "only switches on"))
+        return pdu if self.does(15, "echoes the data") else pdu[:5]
+
+    def _read_inputs(self, pdu: bytes, first: int, count: int) -> bytes:
+        function = pdu[0]
+        most = 2000 if function == 2 else 125
+        if self.fault != f"reads {count} inputs by {function:02}":
+            self._quantity(1 <= count <= most)
+        if first + count > INPUTS and not self.does(function, "has every input"):
+            if 1 <= count <= most:
+                raise Refused(ILLEGAL_ADDRESS)
+            return bytes([function, 0])
+        if function == 2:
+            sent = self._packed(2, [True] * count, count, self.does(2, "pads inputs with ones"))
+        else:
+            words = count + (count == 1 and self.does(4, "sends two registers for one"))
+            sent = bytes([4, 2 * words]) + b"\x12\x34" * words
+        return (
+            bytes([function, count]) + sent[2:] if self.does(function, "counts inputs, not bytes") else sent
+        )
 
 
 class ModelLine:
@@ -263,12 +613,12 @@ class ModelLine:
     sees = frozenset({BYTES, EDGES, PARITY, PINS})
 
     def __init__(self, profile: Profile, fault: str | None = None):
-        self.profile, self.slave = profile, Slave(profile.unit, fault)
+        self.profile, self.slave = profile, Slave(profile, fault)
         self.fmt = profile.fmt
         self._end_ps = 0.0
         self._edges: list[tuple[int, int]] = []  # not read by the slave yet
         self._pause_bits = float("inf")
-        self._deaf = self._spoilt = False
+        self._deaf = self._spoilt = self._after_reply = False
 
     def has(self, fault: str) -> bool:
         return self.slave.has(fault)
@@ -293,60 +643,81 @@ class ModelLine:
         self._edges += [(round(start + at), level) for at, level in edges]
         self._end_ps = end = start + length
         if not send.wait:
+            self._after_reply = False
             return Heard()
         heard = self._heard(end)
         self._edges = []
+        self._after_reply = bool(heard.data)
         return heard
 
     # ------------------------------------------------------------ receiving
 
     def _heard(self, end: float) -> Heard:
         """The reply to the last frame. Earlier frames of the same transmission are obeyed without a reply."""
-        reply, pulses = None, []
-        for frame in self._frames():
-            reply = self._obeyed(frame)
+        reply, pulses, function = None, [], 0
+        for data, good, clean in self._frames():
+            kept = list(self.slave.registers)
+            reply = self._obeyed(data, good)
+            function = data[1] if len(data) > 1 else 0
+            if not clean and self.slave.whole_fault.endswith(SILENTLY):
+                reply = None
+            if not clean and self.slave.whole_fault.endswith(IDLY):
+                self.slave.registers = kept
         if self.has("raises DE for every frame"):
             pulses.append(Pulse(round(end + self.t35_ps), round(end + 1.5 * self.t35_ps)))
         if reply is None:
             return Heard(pulses=pulses, trace=Trace(self.fmt, []), request_end_ps=end)
-        return self._sent(reply, end)
+        return self._sent(reply, end, function)
 
     def _characters(self) -> list[Character]:
-        fast = self.has("receives 4 % too fast")
-        fmt = Format(round(self.fmt.baud * 1.04), self.fmt.parity, self.fmt.stop_bits) if fast else self.fmt
-        return Trace(fmt, self._edges).characters
+        rate = self.fmt.baud
+        if self.has("receives 4 % too fast"):
+            rate = round(rate * 1.04)
+        if self.has("receives 4 % too slow"):
+            rate = round(rate / 1.04)
+        return Trace(Format(rate, self.fmt.parity, self.fmt.stop_bits), self._edges).characters
 
-    def _frames(self) -> list[tuple[bytes, bool]]:
-        """Bytes of each frame, and whether its characters and silences were good."""
-        characters = self._characters()
-        frames: list[tuple[bytes, bool]] = []
+    def _frames(self) -> list[tuple[bytes, bool, bool]]:
+        """Bytes of each frame, whether the slave takes it, and whether its line has no fault."""
+        frames: list[tuple[bytes, bool, bool]] = []
         inner = self.t15_ps * (0.6 if self.has("takes gaps of a character as an end") else 1.0)
         outer = self.t35_ps
         if self.has("ends a frame after 2 characters"):
             outer = inner * 2 / 1.5
         if self.has("needs 5 characters between frames"):
             outer = self.t35_ps * 5 / 3.5
-        last_end = float("-inf")
-        for c in characters:
-            good = (c.parity_ok or self.has("ignores parity")) and (
-                c.stop_ok or self.has("ignores stop bits")
-            )
+        last_end, place = float("-inf"), 0
+        for c in self._characters():
             gap = c.start_ps - last_end
             last_end = c.end_ps
-            if gap >= outer - 2:
-                frames.append((bytes([c.byte]), good))
+            place = 1 if gap >= outer - 2 else place + 1
+            good = self._taken(c, place)
+            if place == 1:
+                frames.append((bytes([c.byte]), good, c.ok and gap >= self.t35_ps - 2))
                 continue
-            data, so_far = frames[-1]
+            data, so_far, clean = frames[-1]
+            clean &= c.ok and gap <= self.t15_ps
             if gap > inner:
                 if self.has("accepts a write that a byte follows") and crc_good(data):
+                    frames[-1] = (data, so_far, False)
                     continue
-                so_far &= self.has("accepts gaps beyond 1.5 characters")
-            frames[-1] = (data + bytes([c.byte]), so_far and good)
+                so_far &= (
+                    self.has("accepts gaps beyond 1.5 characters")
+                    or self.slave.fault == f"accepts a gap before byte {place}"
+                )
+            frames[-1] = (data + bytes([c.byte]), so_far and good, clean)
         return frames
 
-    def _obeyed(self, frame: tuple[bytes, bool]) -> bytes | None:
-        data, good = frame
-        if self._deaf or (self._pause_bits < 60 and self.has("is deaf for 60 bits after a reply")):
+    def _taken(self, c: Character, place: int) -> bool:
+        """Whether the slave takes a character; `place` is its place in the frame, from 1 on."""
+        fault = self.slave.fault
+        parity = c.parity_ok or fault in ("ignores parity", f"ignores parity of byte {place}")
+        stop = c.stop_ok or fault in ("ignores stop bits", f"ignores the stop bit of byte {place}")
+        return parity and (stop or fault == "answers a break")
+
+    def _obeyed(self, data: bytes, good: bool) -> bytes | None:
+        near = self._after_reply and self._pause_bits < 60
+        if self._deaf or (near and self.has("is deaf for 60 bits after a reply")):
             return None
         lost, self._spoilt = self._spoilt, False
         if self.has("hangs after a break") and data == b"\0":
@@ -357,34 +728,47 @@ class ModelLine:
             self._spoilt = True
         if self.has("loses a request after foreign traffic") and crc_good(data) and len(data) > 8:
             self._spoilt = data[0] not in (0, self.profile.unit)
-        if len(data) > 256:
+        if len(data) > 256 and not (len(data) == 257 and self.has("16 takes 124 registers")):
+            if self.has("answers a long frame"):
+                return rtu.build(self.profile.unit, data[1:6])
             return bytes(5) if self.has("answers a long frame with five bytes") else None
         return None if lost or not good else self.slave.reply(data)
 
     # ------------------------------------------------------------ sending
 
-    def _sent(self, reply: bytes, end: float) -> Heard:
+    def _sent(self, reply: bytes, end: float, function: int) -> Heard:
         fmt, bit, flaws = self.fmt, self.fmt.bit_ps, Flaws()
         if self.has("sends odd parity"):
             fmt = Format(fmt.baud, "O", fmt.stop_bits)
         if self.has("sends without parity"):
             fmt = Format(fmt.baud, "N", 1)
-        if self.has("sends 1.5 % too slow"):
-            flaws = Flaws(ppm=-15_000)
+        if self.has("sends 0.7 stop bits"):
+            flaws = with_gaps(len(reply), -0.3)
+        for percent, ppm in (("slow", -15_000), ("fast", 15_000)):
+            if self.has(f"sends 1.5 % too {percent}"):
+                flaws = Flaws(ppm=ppm)
         if self.has("replies with gaps"):
             flaws = with_gaps(len(reply), 2 * self.t15_ps / bit)
-        start = end + (
-            self.t15_ps * 2 / 1.5 if self.has("replies after 2 characters") else self.t35_ps + bit / 2
-        )
+        early = ("replies after 2 characters", f"replies to {function:02} after 2 characters")
+        start = end + (self.t15_ps * 2 / 1.5 if self.slave.fault in early else self.t35_ps + bit / 2)
         edges, length = waveform(fmt, reply, flaws)
         trace = Trace(self.fmt, [(round(start + at), level) for at, level in edges])
-        fall = start + length + (0.5 * bit)
+        self._end_ps = start + length
+        return Heard(bytes(c.byte for c in trace.characters), trace, self._pulses(start, length), end)
+
+    def _pulses(self, start: float, length: float) -> list[Pulse]:
+        """DE around a reply."""
+        bit = self.fmt.bit_ps
+        if self.has("never raises DE"):
+            return []
+        rise, fall = start - bit / 2, start + length + 0.5 * bit
+        if self.has("raises DE 60 bits too soon"):
+            rise = start - 60 * bit
         if self.has("drops DE a bit too soon"):
             fall = start + length - 1.0 * bit
         if self.has("holds DE for 60 bits"):
             fall = start + length + 60 * bit
-        self._end_ps = start + length
-        pulses = [Pulse(round(start - bit / 2), None if self.has("never lowers DE") else round(fall))]
-        if self.has("never raises DE"):
-            pulses = []
-        return Heard(bytes(c.byte for c in trace.characters), trace, pulses, end)
+        pulses = [Pulse(round(rise), None if self.has("never lowers DE") else round(fall))]
+        if self.has("raises DE twice"):
+            pulses.append(Pulse(round(fall + bit), round(fall + 2 * bit)))
+        return pulses

@@ -3,7 +3,8 @@
 
     python -m campaigns.conformance.libraries pymodbus PORT UNIT
 
-Both have 16 registers and 16 coils from address 0 on. Ctrl-C ends the program.
+Both have REGISTERS holding and input registers and COILS coils and discrete inputs, from address 0 on. Ctrl-C
+ends the program.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from importlib.metadata import version
 
 from rtl.command import run_main
 
-COUNT = 16
+REGISTERS, COILS = 125, 2000
 BAUD = 19200
 
 
@@ -24,8 +25,9 @@ def pymodbus(port: str, unit: int) -> None:
     from pymodbus.server import StartSerialServer
 
     # The block's own first address is 1: the context adds 1 to the address on the wire.
-    registers, coils = (ModbusSequentialDataBlock(1, [0] * COUNT) for _ in range(2))
-    context = ModbusServerContext(devices={unit: ModbusDeviceContext(hr=registers, co=coils)}, single=False)
+    sizes = {"hr": REGISTERS, "ir": REGISTERS, "co": COILS, "di": COILS}
+    blocks = {name: ModbusSequentialDataBlock(1, [0] * size) for name, size in sizes.items()}
+    context = ModbusServerContext(devices={unit: ModbusDeviceContext(**blocks)}, single=False)
     StartSerialServer(
         context,
         framer=FramerType.RTU,
@@ -42,8 +44,10 @@ def modbus_tk(port: str, unit: int) -> None:
 
     server = modbus_rtu.RtuServer(serial.Serial(port, BAUD), error_on_missing_slave=False)
     slave = server.add_slave(unit)
-    slave.add_block("registers", defines.HOLDING_REGISTERS, 0, COUNT)
-    slave.add_block("coils", defines.COILS, 0, COUNT)
+    slave.add_block("registers", defines.HOLDING_REGISTERS, 0, REGISTERS)
+    slave.add_block("input registers", defines.ANALOG_INPUTS, 0, REGISTERS)
+    slave.add_block("coils", defines.COILS, 0, COILS)
+    slave.add_block("inputs", defines.DISCRETE_INPUTS, 0, COILS)
     server.start()
     while True:
         time.sleep(1)

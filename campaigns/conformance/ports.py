@@ -88,15 +88,17 @@ class ByteDriver:
 
     def exchange(self, send: Send) -> Heard:
         assert not send.needs_edges, "a port shows bytes only"
-        late = b""  # these bytes belong to no request
+        early = b""  # these bytes belong to no request
         while more := self.port.read(0.0):
-            late = self._within(late + more)
+            early = self._within(early + more)
+        if not send.data:
+            return Heard(self._reply(self.timeout_s, early))
         self.port.write(send.data)
         line_s = len(send.data) * CHARACTER / self.baud
         return Heard(self._reply(self.timeout_s + line_s))
 
-    def _reply(self, seconds: float) -> bytes:
-        heard, until = b"", time.monotonic() + seconds
+    def _reply(self, seconds: float, heard: bytes = b"") -> bytes:
+        until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             more = self.port.read(left)
             if more:

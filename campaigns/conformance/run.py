@@ -2,7 +2,8 @@
 """Grades every slave by the numbered tests and writes docs/reports/conformance.md (`make conformance`).
 
     python -m campaigns.conformance.run                 every slave
-    python -m campaigns.conformance.run --only NAME     one slave; prints its faults and own codes
+    python -m campaigns.conformance.run --only NAME     one slave; prints its faults, own codes and reasons
+    python -m campaigns.conformance.run --check NAME    whether there is such a slave
     python -m campaigns.conformance.run --report        the page of the kept results
 
 Results are kept in build/conformance/results.json. The page is written when every slave has a result. A slave
@@ -19,17 +20,18 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.conformance import designs, libraries
 from campaigns.conformance.card import PROFILE, CardDriver
-from campaigns.conformance.cases import CASES, Profile
+from campaigns.conformance.cases import CASES, FUNCTIONS, Profile
 from campaigns.conformance.designs import BUILD, DesignError, named
 from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
 from campaigns.conformance.fixture import FAULTS, ModelLine
+from campaigns.conformance.fixture import PROFILE as MODEL
 from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError
@@ -75,13 +77,7 @@ def card_pins(config: str) -> list[Verdict]:
 def card_pty(config: str) -> list[Verdict]:
     """The virtual card, as a program of its own on a pty."""
     switches = ["--sw-baud", baud_switches(PTY_BAUD, PTY_FORM), "--sw-addr", UNIT_SWITCHES, "--quiet"]
-    profile = Profile(
-        unit=UNIT,
-        fmt=Format.named(PTY_BAUD, PTY_FORM),
-        register=PROFILE.register,
-        no_register=PROFILE.no_register,
-        own_codes=PROFILE.own_codes,
-    )
+    profile = replace(PROFILE, unit=UNIT, fmt=Format.named(PTY_BAUD, PTY_FORM))
     with (
         tempfile.TemporaryDirectory() as folder,
         RunningCard(Path(folder), *switches, program=ROOT / CARDS[config]) as card,
@@ -97,7 +93,17 @@ def library(name: str) -> list[Verdict]:
     with PtyPort() as port, open(BUILD / f"{name}.log", "w") as log:
         server = subprocess.Popen([*command, port.name, str(UNIT)], cwd=ROOT, stdout=log, stderr=log)
         driver = ByteDriver(port, PTY_BAUD, LIBRARY_TIMEOUT_S)
-        profile = Profile(unit=UNIT, fmt=Format.named(PTY_BAUD, PTY_FORM))
+        profile = Profile(
+            unit=UNIT,
+            fmt=Format.named(PTY_BAUD, PTY_FORM),
+            functions=frozenset(FUNCTIONS),
+            registers=libraries.REGISTERS,
+            coils=libraries.COILS,
+            no_register=libraries.REGISTERS,
+            no_coil=libraries.COILS,
+            # Discrete inputs and input registers are not equally many. This address is beyond both.
+            no_input=libraries.COILS,
+        )
         try:
             until = time.monotonic() + LIBRARY_START_S
             while True:
@@ -164,27 +170,33 @@ def counts(verdicts: list[Verdict]) -> list[str]:
 
 def found_by_own_tests() -> tuple[int, int]:
     """The number of planted faults that their own tests find, and of tests that the model slave passes."""
-    profile = Profile(unit=UNIT)
     by_number = {case.number: case for case in CASES}
     found = sum(
-        grade(ModelLine(profile, fault), profile, [by_number[number]])[0].outcome == FAIL
+        grade(ModelLine(MODEL, fault), MODEL, [by_number[number]])[0].outcome == FAIL
         for fault, number in FAULTS.items()
     )
-    return found, sum(one.outcome == PASS for one in grade(ModelLine(profile), profile))
+    return found, sum(one.outcome == PASS for one in grade(ModelLine(MODEL), MODEL))
+
+
+def lines_of(verdicts: list[Verdict], outcome: str) -> list[str]:
+    """The lines of one outcome. Tests that are n.a. for the same reason share a line."""
+    found = [one for one in verdicts if one.outcome == outcome]
+    if outcome != NONE:
+        return [f"{one.number}: {one.text}" for one in found]
+    reasons = dict.fromkeys(one.text for one in found)
+    return [f"{', '.join(one.number for one in found if one.text == text)}: {text}" for text in reasons]
 
 
 def details(there: dict[str, Subject], verdicts: dict[str, dict[str, Verdict]]) -> str:
-    """Faults and own codes. Slaves with the same lines share a paragraph."""
+    """Faults, own codes and reasons for n.a. Slaves with the same lines share a paragraph."""
     groups: dict[tuple[str, ...], list[str]] = {}
-    for outcome, word in ((FAIL, "fails"), (OWN_CODE, "own codes")):
+    for outcome, word in ((FAIL, "fails"), (OWN_CODE, "own codes"), (NONE, "n.a.")):
         for name, subject in there.items():
-            lines = [
-                f"- {one.number}: {one.text}" for one in verdicts[name].values() if one.outcome == outcome
-            ]
-            if lines:
+            if lines := lines_of(list(verdicts[name].values()), outcome):
                 groups.setdefault((word, *lines), []).append(f"{subject.title}, {subject.way}")
     parts = [
-        f"**{'; '.join(names)}: {word}**\n\n" + "\n".join(lines) for (word, *lines), names in groups.items()
+        f"**{'; '.join(names)}: {word}**\n\n" + "\n".join(f"- {line}" for line in lines)
+        for (word, *lines), names in groups.items()
     ]
     return "\n\n".join(parts)
 
@@ -253,8 +265,13 @@ def main(arguments: list[str] | None = None) -> int:
     every = subjects()
     parser = Parser(prog="conformance", description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=list(every), metavar="NAME", help=f"one of {', '.join(every)}")
+    parser.add_argument("--check", metavar="NAME", help="grade nothing; whether there is such a slave")
     parser.add_argument("--report", action="store_true", help="write the page of the kept results")
     given = parser.parse_args(arguments)
+    if given.check is not None:
+        if given.check not in every:
+            raise ConformanceError(f"there is no slave {given.check!r}; there are {', '.join(every)}")
+        return 0
     kept = results()
     if given.report and not kept:
         raise ConformanceError("no slave was graded yet; run `make conformance`")
@@ -275,7 +292,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(", ".join(f"{count} {name}" for count, name in zip(counts(verdicts), MARKS, strict=True)))
         if given.only:
             for one in verdicts:
-                if one.outcome in (FAIL, OWN_CODE):
+                if one.outcome in (FAIL, OWN_CODE, NONE):
                     print(f"  {one.outcome:10} {one.number:6} {one.text}")
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps(kept, indent=1))

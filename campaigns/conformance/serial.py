@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import argparse
 
-from campaigns.conformance.cases import Profile
-from campaigns.conformance.engine import FAIL, HIDDEN, NoAnswer, Verdict, grade
+from campaigns.conformance.cases import FUNCTIONS, Profile
+from campaigns.conformance.engine import FAIL, HIDDEN, NoAnswer, Silence, Verdict, grade
 from campaigns.conformance.ports import QUIET_S, ByteDriver, PortError, SerialPort
 from rtl.command import Parser, run_main
 from tb.agents.uart import Format
 
 FORMATS = ("8E1", "8O1", "8N1", "8N2")
-FUNCTIONS = (1, 3, 5, 6, 15, 16)
 LONGEST_WAIT_S = 60.0
+# Kinds of data: registers and coils are written, inputs are read.
+KINDS = ("register", "coil", "input")
+LIKELY = "check --unit, --baud, --format and the wires A and B; another program may have the port open"
 
 
 def number(low: int, high: int):
@@ -43,7 +45,8 @@ def list_of(one):
 
 
 def options() -> argparse.ArgumentParser:
-    address, value = number(0, 0xFFFF), number(0, 0xFFFF)
+    address, value, count = number(0, 0xFFFF), number(0, 0xFFFF), number(1, 0x10000)
+    usual, hexadecimal = Profile(), "0x{:04X},0x{:04X}".format
     parser = Parser(prog="conformance", description=__doc__.splitlines()[0])
     parser.add_argument("--port", required=True, help="serial port or pty")
     parser.add_argument("--unit", type=number(1, 247), default=1, help="address of the slave (1)")
@@ -56,25 +59,24 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument(
         "--functions",
         type=list_of(number(1, 127)),
-        default=FUNCTIONS,
-        help="functions of the slave (1,3,5,6,15,16)",
-    )
-    parser.add_argument("--register", type=address, default=0, help="first register to write, on-wire (0)")
-    parser.add_argument(
-        "--registers", type=number(1, 123), default=2, help="number of registers to write (2)"
+        default=sorted(usual.functions),
+        help="functions of the slave (1,3,5,6,15,16); 2 and 4 have tests, too",
     )
     parser.add_argument(
         "--values",
         type=list_of(value),
-        default=(0x12, 0x15),
-        help="two values that these registers keep (18,21)",
+        default=usual.values,
+        help=f"two values that the registers keep ({hexadecimal(*usual.values)})",
     )
-    parser.add_argument("--coil", type=address, default=0, help="first coil to write, on-wire (0)")
-    parser.add_argument("--coils", type=number(1, 2000), default=8, help="number of coils to write (8)")
-    parser.add_argument(
-        "--no-register", type=address, default=0xFFF0, help="address without a register (0xFFF0)"
-    )
-    parser.add_argument("--no-coil", type=address, default=0xFFF0, help="address without a coil (0xFFF0)")
+    for kind in KINDS:
+        use, default = "read" if kind == "input" else "write", getattr(usual, f"{kind}s")
+        parser.add_argument(f"--{kind}", type=address, default=0, help=f"first {kind} to {use}, on-wire (0)")
+        parser.add_argument(
+            f"--{kind}s", type=count, default=default, help=f"number of {kind}s to {use} ({default})"
+        )
+        parser.add_argument(
+            f"--no-{kind}", type=address, default=0xFFF0, help=f"address without {kind} (0xFFF0)"
+        )
     parser.add_argument(
         "--unknown", type=number(1, 127), default=45, help="a function that the slave does not have (45)"
     )
@@ -82,11 +84,11 @@ def options() -> argparse.ArgumentParser:
 
 
 def profile_of(given: argparse.Namespace) -> Profile:
-    names = ("unit", "register", "registers", "values", "coil", "coils", "no_register", "no_coil", "unknown")
+    kinds = [name for kind in KINDS for name in (kind, f"{kind}s", f"no_{kind}")]
     return Profile(
         fmt=Format.named(given.baud, given.format),
-        functions=frozenset(given.functions) & frozenset(FUNCTIONS),
-        **{name: getattr(given, name) for name in names},
+        functions=frozenset(given.functions),
+        **{name: getattr(given, name) for name in ("unit", "values", "unknown", *kinds)},
     )
 
 
@@ -97,23 +99,31 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("--values takes two values that differ")
     if given.unknown in given.functions:
         parser.error(f"--unknown {given.unknown} is one of --functions")
+    if others := sorted(set(given.functions) - set(FUNCTIONS)):
+        have = ", ".join(map(str, FUNCTIONS))
+        parser.error(f"--functions: no tests of {', '.join(map(str, others))}; there are tests of {have}")
     if not frozenset(given.functions) & {1, 3}:
         parser.error("--functions names neither 1 nor 3, so nothing can be read")
     if not (0 < given.timeout <= LONGEST_WAIT_S and 0 < given.gap <= LONGEST_WAIT_S):
         parser.error(f"--timeout and --gap must be more than 0 and at most {LONGEST_WAIT_S:g} s")
-    for kind in ("register", "coil"):
+    for kind in KINDS:
         first, count = getattr(given, kind), getattr(given, f"{kind}s")
+        use = "read" if kind == "input" else "write"
         if first + count > 0x10000:
             parser.error(f"--{kind} {first} and --{kind}s {count} go beyond address 65535")
         if first <= getattr(given, f"no_{kind}") < first + count:
-            parser.error(f"--no-{kind} {getattr(given, f'no_{kind}')} is one of those to write")
+            parser.error(f"--no-{kind} {getattr(given, f'no_{kind}')} is one of those to {use}")
 
     def show(verdict: Verdict) -> None:
         if verdict.outcome != HIDDEN:
             print(f"{verdict.outcome:10} {verdict.number:6} {verdict.text}".rstrip(), flush=True)
 
     with SerialPort(given.port, given.baud, given.format) as port:
-        verdicts = grade(ByteDriver(port, given.baud, given.timeout, given.gap), profile_of(given), each=show)
+        driver = ByteDriver(port, given.baud, given.timeout, given.gap)
+        try:
+            verdicts = grade(driver, profile_of(given), each=show)
+        except Silence as silence:
+            raise NoAnswer(f"{silence}; {LIKELY}") from None
     failed = [verdict for verdict in verdicts if verdict.outcome == FAIL]
     hidden = sum(verdict.outcome == HIDDEN for verdict in verdicts)
     print(f"{len(failed)} failed; {hidden} tests need the pins (docs/guide/conformance.md)")

@@ -3,18 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from campaigns.conformance.cases import BYTES, CASES, Heard, Profile, Send
 from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, grade
 from campaigns.conformance.fixture import FAULTS, ModelLine
+from campaigns.conformance.fixture import PROFILE as PLAIN
 from tb.agents.crc16 import with_crc
 from tb.agents.uart import Format
 
-PLAIN = Profile(unit=17)
-LINES = [
-    Profile(unit=17, fmt=Format.named(*line)) for line in ((9600, "8E1"), (19200, "8N2"), (115200, "8O1"))
-]
+LINES = [replace(PLAIN, fmt=Format.named(*line)) for line in ((9600, "8E1"), (19200, "8N2"), (115200, "8O1"))]
 
 
 @pytest.mark.parametrize("profile", [PLAIN, *LINES], ids=lambda profile: str(profile.fmt))
@@ -22,6 +22,26 @@ def test_the_slave_without_faults_passes_everything(profile):
     due = {PASS, NONE} if profile.fmt.parity == "N" else {PASS}
     found = grade(ModelLine(profile), profile)
     assert {verdict.outcome for verdict in found} == due, [v for v in found if v.outcome not in due]
+
+
+def test_characters_of_ten_bits_fail_their_own_test():
+    """8N1 has ten bits a character; the specification has two stop bits without parity."""
+    profile = replace(PLAIN, fmt=Format.named(19200, "8N1"))
+    found = grade(ModelLine(profile), profile)
+    assert [verdict.number for verdict in found if verdict.outcome == FAIL] == ["SL-20"]
+
+
+def test_a_slave_with_less_has_nothing_to_try_some_tests_on():
+    profile = replace(
+        PLAIN, functions=frozenset({3, 6}), registers=1, values=(18, 21), no_register=0xFFF0, coils=1
+    )
+    found = grade(ModelLine(profile), profile)
+    assert {verdict.outcome for verdict in found} == {PASS, NONE}
+    texts = {verdict.number: verdict.text for verdict in found if verdict.outcome == NONE}
+    assert texts["AP-18"] == "needs 2 registers to write, has 1"
+    assert texts["AP-19"] == "no value above 255 to write"
+    assert texts["AP-25"] == "FFEFh, the address before --no-register, is no register"
+    assert texts["SL-26"] == "no function 1" and texts["AP-33"] == "no function 2 or 4"
 
 
 @pytest.mark.parametrize("fault", FAULTS)

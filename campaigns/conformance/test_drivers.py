@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -16,9 +19,11 @@ from campaigns.conformance.cases import CASES, Profile, Send
 from campaigns.conformance.designs import Design, DesignError, designs, fetched
 from campaigns.conformance.designs import grade as grade_design
 from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
+from campaigns.conformance.fixture import PROFILE as PLAIN
 from campaigns.conformance.fixture import Slave
 from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
 from rtl.sources import ROOT
+from tb.agents import rtu
 
 BY_NUMBER = {case.number: case for case in CASES}
 SHORT_S = 0.05  # the slave of these tests answers at once
@@ -29,7 +34,7 @@ class PtySlave:
     """The fixture's slave on a pty, in a thread. Bytes that arrive together are a frame."""
 
     def __init__(self, fault: str | None = None):
-        self.slave, self.port = Slave(17, fault), PtyPort()
+        self.slave, self.port = Slave(PLAIN, fault), PtyPort()
         self._ends = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
@@ -61,7 +66,7 @@ def command(port: PtySlave, *words: str) -> list[str]:
 
 def test_the_command_passes_the_slave_without_faults(capsys):
     with PtySlave() as slave:
-        assert serial.main(command(slave, "--functions", "3,6,16")) == 0
+        assert serial.main(command(slave, "--functions", "3,6")) == 0
     shown = capsys.readouterr().out.splitlines()
     assert shown[0].split() == ["pass", "SL-1"]
     assert shown[-1].startswith("0 failed; 14 tests need the pins")
@@ -71,7 +76,7 @@ def test_the_command_names_what_a_port_shows_of_a_fault(capsys):
     with PtySlave("06 does not write") as slave:
         assert serial.main(command(slave, "--functions", "3,6")) == 1
     shown = capsys.readouterr().out
-    assert "fail       AP-2   after 06: the register holds 0 instead of 18" in shown
+    assert "fail       AP-2   after 06: the register holds 42439 instead of 4660" in shown
     assert "n.a.       AP-3   no function 16" in shown
 
 
@@ -100,13 +105,18 @@ def test_a_port_that_is_busy_or_not_there_is_one_line():
         (["--values", "5"], "--values takes two values that differ"),
         (["--unknown", "6"], "--unknown 6 is one of --functions"),
         (["--functions", "5,6"], "neither 1 nor 3"),
+        (
+            ["--functions", "3,8,43", "--unknown", "9"],
+            "--functions: no tests of 8, 43; there are tests of 1, 2, 3",
+        ),
+        (["--no-input", "1"], "--no-input 1 is one of those to read"),
         (["--timeout", "0"], "--timeout and --gap must be more than 0"),
         (["--gap", "nan"], "--timeout and --gap must be more than 0"),
         (["--timeout", "inf"], "at most 60 s"),
         (["--register", "x"], "'x' is no number"),
         (["--functions", ""], "'' is no number"),
         (["--register", "65535"], "--register 65535 and --registers 2 go beyond address 65535"),
-        (["--coil", "65530", "--no-coil", "1"], "--coil 65530 and --coils 8 go beyond address 65535"),
+        (["--coil", "65530", "--no-coil", "1"], "--coil 65530 and --coils 10 go beyond address 65535"),
         (["--no-register", "1"], "--no-register 1 is one of those to write"),
     ],
 )
@@ -161,6 +171,51 @@ def test_a_late_reply_belongs_to_no_request():
         assert driver.exchange(Send(b"\x01\x03")).data == b""
 
 
+class LatePort:
+    """A slave that answers a request after `delay_s(request)`; None: never."""
+
+    name = "port"
+
+    def __init__(self, delay_s: Callable[[bytes], float | None]):
+        self.slave, self.delay_s = Slave(PLAIN), delay_s
+        self.due: list[tuple[float, bytes]] = []
+
+    def write(self, data: bytes) -> None:
+        if (delay := self.delay_s(data)) is not None:
+            reply = self.slave.reply(data) or rtu.build(17, rtu.read_registers(0, 1))
+            self.due.append((time.monotonic() + delay, reply))
+
+    def read(self, seconds: float) -> bytes:
+        until = time.monotonic() + seconds
+        while True:
+            now = time.monotonic()
+            heard = b"".join(data for at, data in self.due if at <= now)
+            self.due = [(at, data) for at, data in self.due if at > now]
+            if heard or now >= until:
+                return heard
+            time.sleep(0.002)
+
+
+def test_a_slave_that_always_answers_late_is_one_line():
+    port = LatePort(lambda request: 1.5 * SHORT_S)
+    with pytest.raises(NoAnswer, match=r"^unit 17 answers after the longest wait; it needs a longer one$"):
+        grade(ByteDriver(port, 19200, SHORT_S, 0.01), PLAIN)
+
+
+def test_a_late_reply_fails_its_own_test_and_not_the_next_one():
+    """Broadcasts are answered so late that the good request after them already has its reply."""
+    port = LatePort(lambda request: 1.5 * SHORT_S if request[0] == 0 else 0.0)
+    profile, chosen = replace(PLAIN, functions=frozenset({3, 6})), ("SL-4", "SL-1", "AP-2")
+    found = grade(ByteDriver(port, 19200, SHORT_S, 0.01), profile, [BY_NUMBER[number] for number in chosen])
+    assert [verdict.outcome for verdict in found] == [FAIL, PASS, PASS]
+    assert found[0].text.startswith("a reply after the longest wait: 11 03 00")
+
+
+def test_a_silent_slave_on_a_port_names_the_likely_reasons():
+    with PtyPort() as port, pytest.raises(NoAnswer, match=r"another program may have the port open$"):
+        serial.main(["--port", port.name, "--format", "8N1", *TIMES])
+
+
 @pytest.mark.rule("FRAME-4", "EXC")
 def test_the_card_on_its_pins_fails_nothing_that_is_quick():
     """One test of each kind: bytes, edges, parity, DE, and an own exception code."""
@@ -174,8 +229,11 @@ def test_the_card_on_its_pins_fails_nothing_that_is_quick():
 def test_the_card_on_its_pins_fails_nothing(config):
     with CardDriver(config) as driver:
         found = grade(driver, PROFILE)
-    assert {verdict.outcome for verdict in found} == {PASS, OWN_CODE}
+    assert {verdict.outcome for verdict in found} == {PASS, OWN_CODE, NONE}
     assert {verdict.number for verdict in found if verdict.outcome == OWN_CODE} == set(PROFILE.own_codes)
+    # Nothing to try them on: its map is smaller than a longest request, or it has no function 2 and 4.
+    none = {verdict.number for verdict in found if verdict.outcome == NONE}
+    assert none == {"AP-23", "AP-24", "AP-28", "AP-33", "AP-34", "AP-35"}
 
 
 def test_a_design_is_graded_on_its_pins():
@@ -235,6 +293,22 @@ def test_one_slave_alone_leaves_the_page_as_it_was(kept, capsys):
     assert run.main(["--only", "ours"]) == 0 and "| ours | pins |" in (kept / "PAGE").read_text()
 
 
+def test_the_name_of_a_slave_is_checked_without_grading(kept):
+    assert run.main(["--check", "ours"]) == 0 and not (kept / "KEPT").exists()
+    with pytest.raises(run.ConformanceError, match=r"^there is no slave 'other'; there are one, ours$"):
+        run.main(["--check", "other"])
+
+
+def test_make_checks_the_name_of_a_slave_before_it_builds():
+    done = subprocess.run(
+        ["make", "-n", "conformance", "SLAVE=x"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    check, build = (
+        done.stdout.index(text) for text in ("conformance.run --check 'x'", "firmware card drive")
+    )
+    assert check < build
+
+
 def test_results_of_another_list_of_tests_are_not_taken(kept):
     old = [{"number": "SL-1", "outcome": PASS, "text": ""}]
     (kept / "KEPT").write_text(json.dumps({"one": {"stated": "", "verdicts": old}}))
@@ -253,12 +327,14 @@ def test_the_page_lists_every_slave_with_a_result(tmp_path, monkeypatch):
     verdicts = [{"number": case.number, "outcome": PASS, "text": ""} for case in CASES]
     verdicts[0] = {"number": CASES[0].number, "outcome": FAIL, "text": "no reply to a good request"}
     verdicts[1] = {"number": CASES[1].number, "outcome": HIDDEN, "text": ""}
+    for one in verdicts[2:4]:
+        one |= {"outcome": NONE, "text": "no function 5"}
     monkeypatch.setattr(run, "PAGE", tmp_path / "page.md")
     run.write({"modbus_tk": {"stated": "modbus_tk 0", "verdicts": verdicts}})
     page = (tmp_path / "page.md").read_text()
-    assert f"| modbus_tk | pty | modbus_tk 0 | {len(CASES) - 2} | 0 | 1 | 0 | 1 |" in page
-    assert "- SL-1: no reply to a good request" in page
-    assert "| SL-1 | **✗** |\n| SL-2 |  |\n| SL-3 | ✓ |" in page
+    assert f"| modbus_tk | pty | modbus_tk 0 | {len(CASES) - 4} | 0 | 1 | 2 | 1 |" in page
+    assert "- SL-1: no reply to a good request" in page and "- SL-3, SL-4: no function 5\n" in page
+    assert "| SL-1 | **✗** |\n| SL-2 |  |\n| SL-3 | n.a. |" in page
     assert run.failures_of_ours({"modbus_tk": {"stated": "", "verdicts": verdicts}}) == []
     assert run.failures_of_ours({"tiny": {"stated": "", "verdicts": verdicts}}) == [
         "tiny card, pins: SL-1 no reply to a good request"
