@@ -5,7 +5,8 @@
         --parameter CLK_HZ=500000 --parameter BAUD=19200 holding_registers.v ...
 
 --pins names clock, reset, rx, tx and DE of the top; `!` before the reset: active low. The bench writes 18 to
---register. Exit 1 when the slave fails, 2 for a wrong option or a design that does not build.
+--register and prints the faults of the edges; with --strict it fails for them, too. Exit 1 when the slave
+fails, 2 for a wrong option or a design that does not build.
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--register", type=number(0, 65535), default=1)
     parser.add_argument("--parameter", type=pair, action="append", default=[])
     parser.add_argument("--input", type=pair, action="append", default=[], help="an input that never changes")
+    parser.add_argument("--strict", action="store_true", help="a fault of the edges fails the bench, too")
     given = parser.parse_args()
     if missing := [path for path in given.files if not path.is_file()]:
         parser.error(f"there is no {missing[0]}")
@@ -76,7 +78,7 @@ def main() -> int:
     slave = {
         "pins": given.pins,
         "inputs": dict(given.input),
-        **{name: getattr(given, name) for name in ("clk_hz", "baud", "form", "unit", "register")},
+        **{name: getattr(given, name) for name in ("clk_hz", "baud", "form", "unit", "register", "strict")},
     }
     sys.path.insert(0, str(HERE))  # the runner hands the path on to the simulation
     runner = get_runner("icarus")

@@ -39,7 +39,7 @@ async def powered_up(dut) -> ModbusMaster:
 
 
 async def exchange(master: ModbusMaster, pdu: bytes) -> bytes:
-    """The PDU of the reply. The faults of its edges are printed."""
+    """The PDU of the reply. The faults of its edges are printed; if the run is strict, they fail the test."""
     done = await master.request(rtu.build(UNIT, pdu), REPLY_PS)
     assert done.reply is not None, f"no reply to {pdu.hex(' ')}"
     await master.line.source.idle(100)
@@ -48,6 +48,7 @@ async def exchange(master: ModbusMaster, pdu: bytes) -> bytes:
         line.monitor, done.reply, request_end_ps=done.sent.end_ps, pulses=line.direction.pulses
     )
     cocotb.log.info("%s: %s", done.reply, "; ".join(found) or "edges good")
+    assert not (SLAVE["strict"] and found), found
     assert not line.collisions()
     reply = rtu.parse(done.reply.data)
     assert reply.address == UNIT

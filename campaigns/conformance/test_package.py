@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agents as an installed package: wheel, imports and example, without the rest of this project."""
+"""The agents as an installed package: wheel, imports, tests and example, without the rest of this project."""
 
 from __future__ import annotations
 
@@ -88,8 +88,20 @@ def test_the_version_is_that_of_the_release():
     assert stated[1] == (ROOT / "VERSION").read_text().strip()
 
 
-def example(site: Path, folder: Path, *damage: tuple[str, str]) -> subprocess.CompletedProcess:
-    """The example on the slave of docs/example; `damage` replaces text of that slave."""
+def test_the_tests_of_the_package_run_with_the_installed_package_alone(site, tmp_path):
+    shutil.copytree(AGENTS / "tests", tmp_path / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(AGENTS / "pyproject.toml", tmp_path)
+    script = "import pytest\ncode = pytest.main(['-q', '-p', 'no:cacheprovider'])\n"
+    script += "import cocotbext.rtu\nprint(cocotbext.rtu.__file__)\nsys.exit(code)\n"
+    done = alone(site, script, tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith(str(site)) and " passed in " in done.stdout
+
+
+def example(
+    site: Path, folder: Path, *damage: tuple[str, str], baud: int = 19200, more: tuple[str, ...] = ()
+) -> subprocess.CompletedProcess:
+    """The example on the slave of docs/example; `damage` replaces text of that slave, `baud` is its rate."""
     text = (ROOT / "docs/example/holding_registers.v").read_text()
     for old, new in damage:
         assert old in text
@@ -97,7 +109,7 @@ def example(site: Path, folder: Path, *damage: tuple[str, str]) -> subprocess.Co
     slave = folder / "holding_registers.v"
     slave.write_text(text)
     options = ["--top", "holding_registers", "--clk-hz", "500000", "--baud", "19200", "--build", "build"]
-    options += ["--parameter", "CLK_HZ=500000", "--parameter", "BAUD=19200"]
+    options += ["--parameter", "CLK_HZ=500000", "--parameter", f"BAUD={baud}", *more]
     return runner(site, folder, *options, *map(str, needed_files("network_port")), str(slave))
 
 
@@ -112,6 +124,14 @@ def test_the_example_runs_with_the_installed_package_alone(site, tmp_path):
     done = example(site, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "edges good" in done.stdout and "TESTS=2 PASS=2" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_fault_of_the_edges_fails_a_strict_run_alone(site, tmp_path):
+    """The slave's rate is 2 % off: it reads and writes all the same."""
+    for more, code in (((), 0), (("--strict",), 1)):
+        done = example(site, tmp_path, baud=19600, more=more)
+        assert done.returncode == code and "rate off by -2." in done.stdout, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(
