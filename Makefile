@@ -35,6 +35,11 @@ ifeq ($(SEED),)
 unexport COCOTB_RANDOM_SEED
 endif
 
+# A line's rate has one name in every command, the usual one of serial tools.
+ifneq ($(filter command,$(origin RATE)),)
+$(error there is no RATE=: say BAUD=$(RATE))
+endif
+
 MODBUS_LINK := $(BUILD)/modbus
 PYTEST := $(RUN) pytest -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD)) \
 	$(if $(TEST),-k '$(TEST)')

@@ -84,6 +84,13 @@ def listed(*words: str) -> list[str]:
     return re.findall(r"^  make ([a-z-]+) +\S", done.stdout, re.MULTILINE)
 
 
+def test_a_rate_has_one_name_in_every_command():
+    done = command("make", "flips", "RATE=9600")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "there is no RATE=: say BAUD=9600" in done.stderr
+    assert command("make", "help", env={"RATE": "9600"}).returncode == 0, "a variable of others"
+
+
 def test_help_all_lists_every_target():
     text = (ROOT / "Makefile").read_text()
     phony = " ".join(re.findall(r"^\.PHONY: ([a-z -]*)$", text, re.MULTILINE)).split()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flips single bits of the running card and reports the effect of each; `make flips`.
 
-    make flips [SEED=N] [COUNT=FLIPS] [BAUD=RATE] [TRIAL=SEED/NUMBER], or
+    make flips [SEED=N] [COUNT=FLIPS] [BAUD=N] [TRIAL=SEED/NUMBER], or
     python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE]  # a shard:
     build/fuzz/flips-SEED-RATE.json
     python -m campaigns.flips.run --report                                  # table of all shards

@@ -56,9 +56,9 @@ class SigrokFile:
         rate = re.fullmatch(r"([\d.]+)\s*([kMG]?Hz)?", device["samplerate"])
         if rate is None:
             raise ValueError
-        self._sample_hz = float(rate[1]) * HERTZ[rate[2] or "Hz"]
+        self.sample_hz = float(rate[1]) * HERTZ[rate[2] or "Hz"]
         self._unit = int(device["unitsize"])
-        if self._sample_hz <= 0 or self._unit <= 0:
+        if self.sample_hz <= 0 or self._unit <= 0:
             raise ValueError
         self._bits = {
             name: int(key.removeprefix("probe")) - 1
@@ -92,7 +92,7 @@ class SigrokFile:
                         found.append((0.0, level))
                     while (at := samples.find(1 - level, at)) >= 0:
                         level = samples[at]
-                        found.append(((first + at) / self._sample_hz, level))
+                        found.append(((first + at) / self.sample_hz, level))
                     first += len(samples)
         except DAMAGED:
             raise CaptureError(f"{self._path}: the recording is damaged") from None
@@ -101,6 +101,8 @@ class SigrokFile:
 
 class VcdFile:
     """The one-bit signals of a VCD file. A level that is neither 0 nor 1 keeps the one before."""
+
+    sample_hz = None  # such a file does not name it
 
     def __init__(self, path: Path) -> None:
         self._codes: dict[str, str] = {}  # by name
@@ -174,6 +176,10 @@ class Capture:
     @property
     def names(self) -> list[str]:
         return self.source.names
+
+    def samples_a_bit(self, baud: int) -> float | None:
+        """None if the file does not name its sample rate."""
+        return self.source.sample_hz and self.source.sample_hz / baud
 
     def edges(self, name: str, hz: float, *, invert: bool = False) -> list[tuple[int, int]]:
         """Each change of a channel, its time counted in a clock of `hz`; first the level at 0."""

@@ -60,6 +60,7 @@ READS = {1: 8, 2: 8, 3: 0.5, 4: 0.5}  # function: values that one byte of its re
 ECHOES, COUNTED_WRITES = (5, 6), (15, 16)
 HEAD = 6  # bytes that the reply to a write of several repeats
 WIDTH = 42
+SAMPLES_A_BIT = 16  # with fewer an edge is off by more than the receiver's own step
 EXCEPTION, EXCEPTION_BYTES = 0x80, 5
 LEFT_OUT = "left out: the recorded slave's reply"
 
@@ -339,6 +340,10 @@ def main(words: Sequence[str] | None = None) -> int:
     invert = options.invert == "yes"
     try:
         capture = open_capture(options.file)
+        samples = capture.samples_a_bit(options.baud)
+        if samples is not None and samples < SAMPLES_A_BIT:
+            few = f"{samples:.1f} samples a bit are few: record {SAMPLES_A_BIT} or more"
+            print(f"replay: warning: {options.file}: {few}", file=sys.stderr)
         channel = options.channel or capture.only_channel()
         edges = capture.edges(channel, line.clk_hz, invert=invert)
         edges = first_seconds(edges, options.seconds * line.clk_hz)

@@ -411,6 +411,22 @@ def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
     assert said.endswith("none at any other rate or format of the card either")
 
 
+@pytest.mark.parametrize(("sample_hz", "few"), [(300_000, "15.6"), (310_000, "")])
+def test_few_samples_a_bit_are_a_warning(sample_hz, few, tmp_path, capsys):
+    line = LineFormat(19200, "8E1", sample_hz)
+    request = rtu.build(1, rtu.read_registers(1, 1))
+    levels = [level for byte in request for level in line.levels(byte)]
+    bits = [levels[int(at / line.bit)] for at in range(int(len(levels) * line.bit))]
+    data = bytes([1] * 3000 + bits + [1] * 3000)
+    metadata = METADATA.replace("1 MHz", f"{sample_hz // 1000} kHz")
+    file = sigrok_file(tmp_path / "a.sr", metadata, logic_1=data)
+    assert main([str(file), *ASKED, "--channel", "A"]) == 0
+    shown = capsys.readouterr()
+    assert "candidate, committed" in shown.out
+    due = f"replay: warning: {file}: {few} samples a bit are few: record 16 or more\n"
+    assert shown.err == (due if few else "")
+
+
 @pytest.mark.rule("LINE-7")
 @pytest.mark.parametrize(
     "options",
