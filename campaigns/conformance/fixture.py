@@ -66,20 +66,22 @@ FAULTS = {
     "loses a request after foreign traffic": "SL-9",
     "answers a noise byte": "SL-10",
     "loses a request after noise": "SL-10",
-    "takes gaps of a character as an end": "SL-11",
+    "takes gaps of 1.2 characters as an end": "SL-11",
     "accepts gaps beyond 1.5 characters": "SL-12",
+    "accepts gaps of 2.3 characters": "SL-12",
     "accepts a gap before byte 2": "SL-12",
     "accepts a gap before byte 5": "SL-12",
     "accepts a gap before byte 8": "SL-12",
     "accepts a gap before byte 8, silently": "SL-12",
     "accepts a gap before byte 8, without effect": "SL-12",
     "needs 5 characters between frames": "SL-13",
-    "ends a frame after 2 characters": "SL-14",
-    "ends a frame after 2 characters, silently": "SL-14",
-    "ends a frame after 2 characters, without effect": "SL-14",
+    "ends a frame after 2.3 characters": "SL-14",
+    "ends a frame after 2.3 characters, silently": "SL-14",
+    "ends a frame after 2.3 characters, without effect": "SL-14",
     "accepts a write that a byte follows": "SL-15",
     "accepts a write that a byte follows, silently": "SL-15",
     "replies after 2 characters": "SL-16",
+    "replies half a bit too soon": "SL-16",
     "replies to 03 after 2 characters": "SL-16",
     "replies to 06 after 2 characters": "SL-16",
     "replies with gaps": "SL-17",
@@ -232,6 +234,8 @@ FAULTS = {
     "02 has every input": "AP-35",
     "04 has every input": "AP-35",
 }
+# What the specification allows a good slave.
+MANNERS = ("is silent for a wrong length",)
 # The fault obeys without a reply, or replies without effect.
 SILENTLY, IDLY = ", silently", ", without effect"
 REGISTERS, COILS, INPUTS = 125, 2000, 10
@@ -256,7 +260,7 @@ class Slave:
     """Registers, coils, inputs, and the reply to each frame, with one fault or none."""
 
     def __init__(self, profile: Profile, fault: str | None = None):
-        assert fault is None or fault in FAULTS, fault
+        assert fault is None or fault in (*FAULTS, *MANNERS), fault
         self.unit, self.functions, self.whole_fault = profile.unit, profile.functions, fault or ""
         self.fault = self.whole_fault.removesuffix(SILENTLY).removesuffix(IDLY)
         self.registers = [
@@ -410,6 +414,7 @@ class Slave:
             self._silent = self.whole_fault.endswith(SILENTLY)
             return pdu[:due].ljust(due, b"\1" if function < 5 else b"\0")
         self._sleeps |= self.has("hangs after a wrong length")
+        self._silent = self.fault == "is silent for a wrong length"
         raise Refused(ILLEGAL_VALUE)
 
     def _in(self, function: int, first: int, count: int, size: int) -> int:
@@ -680,10 +685,10 @@ class ModelLine:
     def _frames(self) -> list[tuple[bytes, bool, bool]]:
         """Bytes of each frame, whether the slave takes it, and whether its line has no fault."""
         frames: list[tuple[bytes, bool, bool]] = []
-        inner = self.t15_ps * (0.6 if self.has("takes gaps of a character as an end") else 1.0)
+        inner = self.t15_ps * (0.8 if self.has("takes gaps of 1.2 characters as an end") else 1.0)
         outer = self.t35_ps
-        if self.has("ends a frame after 2 characters"):
-            outer = inner * 2 / 1.5
+        if self.has("ends a frame after 2.3 characters"):
+            outer = inner * 2.3 / 1.5
         if self.has("needs 5 characters between frames"):
             outer = self.t35_ps * 5 / 3.5
         last_end, place = float("-inf"), 0
@@ -697,7 +702,7 @@ class ModelLine:
                 continue
             data, so_far, clean = frames[-1]
             clean &= c.ok and gap <= self.t15_ps
-            if gap > inner:
+            if gap > inner * (2.3 / 1.5 if self.has("accepts gaps of 2.3 characters") else 1):
                 if self.has("accepts a write that a byte follows") and crc_good(data):
                     frames[-1] = (data, so_far, False)
                     continue
@@ -751,6 +756,8 @@ class ModelLine:
             flaws = with_gaps(len(reply), 2 * self.t15_ps / bit)
         early = ("replies after 2 characters", f"replies to {function:02} after 2 characters")
         start = end + (self.t15_ps * 2 / 1.5 if self.slave.fault in early else self.t35_ps + bit / 2)
+        if self.has("replies half a bit too soon"):
+            start = end + self.t35_ps - bit / 2
         edges, length = waveform(fmt, reply, flaws)
         trace = Trace(self.fmt, [(round(start + at), level) for at, level in edges])
         self._end_ps = start + length

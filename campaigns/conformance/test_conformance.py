@@ -9,7 +9,7 @@ import pytest
 
 from campaigns.conformance.cases import BYTES, CASES, Heard, Profile, Send
 from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, grade
-from campaigns.conformance.fixture import FAULTS, ModelLine
+from campaigns.conformance.fixture import FAULTS, MANNERS, ModelLine
 from campaigns.conformance.fixture import PROFILE as PLAIN
 from tb.agents.crc16 import with_crc
 from tb.agents.uart import Format
@@ -22,6 +22,11 @@ def test_the_slave_without_faults_passes_everything(profile):
     due = {PASS, NONE} if profile.fmt.parity == "N" else {PASS}
     found = grade(ModelLine(profile), profile)
     assert {verdict.outcome for verdict in found} == due, [v for v in found if v.outcome not in due]
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+def test_a_good_slave_may_have_other_manners(manner):
+    assert {verdict.outcome for verdict in grade(ModelLine(PLAIN, manner), PLAIN)} == {PASS}
 
 
 def test_characters_of_ten_bits_fail_their_own_test():

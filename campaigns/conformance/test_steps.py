@@ -19,7 +19,7 @@ import pytest
 from campaigns.conformance import cases, engine
 from campaigns.conformance.cases import CASES, Case, Profile
 from campaigns.conformance.engine import FAIL, Verdict, pump, steps
-from campaigns.conformance.fixture import FAULTS, PROFILE, ModelLine
+from campaigns.conformance.fixture import FAULTS, MANNERS, PROFILE, ModelLine
 from tb.agents.uart import Format
 
 SOURCE = ast.parse(Path(cases.__file__).read_text())
@@ -84,9 +84,10 @@ def verdict(profile: Profile, case: Case, fault: str | None = None) -> Verdict:
 
 
 def verdicts(case: Case) -> list[Verdict]:
-    """Of the good slaves, and of one with an exception code of its own."""
+    """Of the good slaves, also with other manners, and of one with an exception code of its own."""
     own = replace(PROFILE, own_codes={"AP-4": 2})
-    return [*(verdict(profile, case) for profile in SLAVES), verdict(own, case, OTHER_CODE)]
+    found = [verdict(profile, case) for profile in SLAVES]
+    return [*found, *(verdict(PROFILE, case, manner) for manner in MANNERS), verdict(own, case, OTHER_CODE)]
 
 
 def noticed(tests: Iterable[Case], due: dict[str, list]) -> bool:
