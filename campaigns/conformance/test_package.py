@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -58,6 +59,18 @@ def test_the_wheel_holds_every_module_and_no_test(site):
     names = (site.parent / "names").read_text().splitlines()
     code = sorted(name for name in names if name.endswith(".py"))
     assert code == [f"cocotbext/rtu/{stem}.py" for stem in MODULES]
+
+
+def test_the_source_package_holds_tests_and_example(tmp_path):
+    source = tmp_path / "source"
+    shutil.copytree(AGENTS, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
+    script = "from setuptools import build_meta\nbuild_meta.build_sdist('made')\n"
+    done = subprocess.run([*ALONE, script], cwd=source, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with tarfile.open(next((source / "made").glob("*.tar.gz"))) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    due = [path for folder in ("tests", "example") for path in (AGENTS / folder).iterdir() if path.is_file()]
+    assert len(due) > 5 and {str(path.relative_to(AGENTS)) for path in due} <= names
 
 
 def test_every_module_is_imported_from_the_installed_package_alone(site, tmp_path):
