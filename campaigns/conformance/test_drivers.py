@@ -169,6 +169,9 @@ def test_a_late_reply_belongs_to_no_request():
         os.write(port._theirs, b"late")
         time.sleep(0.01)
         assert driver.exchange(Send(b"\x01\x03")).data == b""
+        os.write(port._theirs, b"late")
+        time.sleep(0.01)
+        assert driver.exchange(Send()).data == b"late", "it only listens"
 
 
 class LatePort:
@@ -204,9 +207,10 @@ def test_a_slave_that_always_answers_late_is_one_line():
 
 def test_a_late_reply_fails_its_own_test_and_not_the_next_one():
     """Broadcasts are answered so late that the good request after them already has its reply."""
-    port = LatePort(lambda request: 1.5 * SHORT_S if request[0] == 0 else 0.0)
+    wait_s = 4 * SHORT_S
+    port = LatePort(lambda request: 1.5 * wait_s if request[0] == 0 else 0.0)
     profile, chosen = replace(PLAIN, functions=frozenset({3, 6})), ("SL-4", "SL-1", "AP-2")
-    found = grade(ByteDriver(port, 19200, SHORT_S, 0.01), profile, [BY_NUMBER[number] for number in chosen])
+    found = grade(ByteDriver(port, 19200, wait_s, 0.01), profile, [BY_NUMBER[number] for number in chosen])
     assert [verdict.outcome for verdict in found] == [FAIL, PASS, PASS]
     assert found[0].text.startswith("a reply after the longest wait: 11 03 00")
 
