@@ -71,7 +71,8 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
-#:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N1, INVERT=yes, REPLIES=no, FOR=s   docs/guide/debugging.md (replay)
+#:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, CONFIG=name, DIALECT=name, STRICT_T15=no,
+#:   BREAK_TOLERANT=yes   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   SLAVE=name    this slave alone, with its faults in the terminal (conformance)
 #:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
@@ -112,8 +113,9 @@ telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's
 replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
 	@[ -n "$(FILE)" ] && [ -n '$(call given,unit,UNIT)' ] && [ -n '$(call given,baud,BAUD)' ] || \
 		{ echo "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600" >&2; exit 2; }
-	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit baud channel format invert replies for,\
-		$(call given,$(option),$(call upper,$(option))))
+	@$(RUN) sim.view.replay "$(FILE)" $(foreach option,unit baud channel format invert replies for config dialect,\
+		$(call given,$(option),$(call upper,$(option)))) \
+		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report

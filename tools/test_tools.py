@@ -133,6 +133,18 @@ def test_replay_needs_a_file_a_unit_and_a_rate():
     )
     options = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "BAUD=9600", "INVERT=yes").stdout
     assert '"bus.sr"' in options and '--unit "1"' in options and '--invert "yes"' in options
+    assert "--replies" not in options and "--config" not in options and "--strict-t15" not in options
+
+
+REPLAYED = ("REPLIES=no", "FOR=1", "FORMAT=8E1", "CHANNEL=RX", "CONFIG=tiny", "DIALECT=builtin")
+REPLAYED += ("STRICT_T15=no", "BREAK_TOLERANT=yes")
+
+
+@pytest.mark.parametrize("variable", REPLAYED)
+def test_replay_passes_its_variables_on(variable):
+    name, value = variable.split("=")
+    said = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "BAUD=9600", variable).stdout
+    assert f'--{name.lower().replace("_", "-")} "{value}"' in said
 
 
 def test_selftest_starts_a_motor_by_the_command_line_only():

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plays a recorded bus to the whole card; prints a row a frame: candidate, committed, or dropped and why.
 
-    python -m sim.view.replay FILE --unit 1 --baud 9600 [--channel RX] [--format 8N1] [--invert yes]
-                              [--replies no] [--for SECONDS]
+    python -m sim.view.replay FILE --unit 1 --baud 9600 [--channel RX] [--format 8N2] [--invert yes]
+                              [--replies no] [--for SECONDS] [--config tiny] [--dialect builtin]
+                              [--strict-t15 no] [--break-tolerant yes]
 
 FILE: a recording of a logic analyser (capture.py). Its edges reach the network pin of a card at their own
 times. The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before
@@ -12,8 +13,9 @@ Rows: `bus`, a frame of the recording, or a part of one before a silence of 1.5 
 `telegram`, sent by the card. Columns: time in s of the recording, silence on the network line before it in
 characters of 11 bits (negative: both send), row, what became of the frame, bytes. The reason of a drop is the
 counter that went up before the next frame. --replies no: replies of the recorded slave of this unit are left
-out, as if the card were there in its place.
-Exit code: 2 for a wrong option or recording. Rules: FRAME-1 ... FRAME-8.
+out, as if the card were there in its place. Suspicions come before the table: they follow from the recording
+alone. --config, --dialect, --strict-t15, --break-tolerant: another build of the card.
+Exit code: 2 for a wrong option, or a recording without a character. Rules: FRAME-1 ... FRAME-8.
 """
 
 from __future__ import annotations
@@ -29,16 +31,24 @@ from pathlib import Path
 from regs.generated.card_tables import CHARACTER_BITS
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
 from rtl.command import Parser, run_main, stop_printing
-from rtl.sources import configuration
+from rtl.sources import ROOT, card_files, configuration, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
 from sim.view.capture import CaptureError, Piece, characters, open_capture, pieces
+from tb.agents.crc16 import crc_good
+from tb.model.card import DIALECTS
 from tb.model.vlt_drive import VltDrive
-from tb.model.wire import Burst, FarCharacter, LineFormat
+from tb.model.wire import FRAME_MIN, Burst, FarCharacter, LineFormat
 
-CONFIG = "standard"
+CONFIG, DIALECT = "standard", "card"
+FACTORY = "8N2"  # the format of the original from the factory
 STROBES = ("candidate", "commit", "revoke")
+YES_NO = ("yes", "no")
+PARAMETERS = {"strict-t15": "STRICT_T15", "break-tolerant": "BREAK_TOLERANT"}
+# Where the images lie, by configuration; and the simulated drive of a dialect.
+IMAGES = {"standard": ROOT / "build", "tiny": ROOT / "build/tiny"}
+DRIVES = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}
 # Counter and its words. Revoked candidates have a strobe.
 REASONS = {
     "COUNT_CRC": "dropped: CRC wrong",
@@ -63,6 +73,11 @@ WIDTH = 42
 SAMPLES_A_BIT = 16  # with fewer an edge is off by more than the receiver's own step
 EXCEPTION, EXCEPTION_BYTES = 0x80, 5
 LEFT_OUT = "left out: the recorded slave's reply"
+UNHEARD = "not heard: the card was sending"
+IGNORED = "ignored: no 3.5 characters before it"
+SWAPPED, ASCII, LOW = "CRC bytes swapped", "Modbus ASCII", "low after a good frame"
+ASCII_MIN = 9  # colon, address, function, check byte, two line ends
+ASCII_BITS = 0x7F  # the eighth bit may be the parity of a character with seven
 
 
 @dataclass
@@ -88,7 +103,23 @@ class Fate:
         said = ", ".join(REASONS[name] for name in REASONS if self.counts[name])
         if said:
             return said
-        return "not heard: the card was sending" if self.unheard else "ignored: no 3.5 characters before it"
+        return UNHEARD if self.unheard else IGNORED
+
+
+def suspicion(piece: Piece) -> str:
+    """The mistake that explains a damaged frame, or nothing."""
+    data = piece.data
+    if len(data) >= FRAME_MIN and not crc_good(data) and crc_good(data[:-2] + data[:-3:-1]):
+        return SWAPPED
+    text = bytes(byte & ASCII_BITS for byte in data)
+    digits = text[1:].rstrip(b"\r\n")
+    if len(text) >= ASCII_MIN and text[:1] == b":" and not digits.strip(b"0123456789ABCDEFabcdef"):
+        return ASCII
+    for number, character in enumerate(piece.heard):
+        if character.fault:
+            is_low = character.fault == "stop bit" and character.byte == 0
+            return LOW if is_low and number >= FRAME_MIN and crc_good(data[:number]) else ""
+    return ""
 
 
 def is_reply(request: bytes, data: bytes) -> bool:
@@ -112,7 +143,7 @@ class Replay:
     """A recording and a card that was just switched on. Unit of time: clocks since the card's start.
 
     `edges`: time in clocks since the start of the recording, and level; first the level at 0. `parameters`:
-    of the card, other than its defaults.
+    of the card, other than its defaults. The small card (`config` tiny) has the image of the dialect `card`.
     """
 
     def __init__(
@@ -123,9 +154,12 @@ class Replay:
         *,
         replies: bool = True,
         parameters: tuple[tuple[str, int], ...] = (),
+        config: str = CONFIG,
+        dialect: str = DIALECT,
     ) -> None:
         self.line, self.unit = line, unit
-        config = configuration(CONFIG)
+        target = Target(tuple(card_files(config)), parameters, IMAGES[config])
+        config = configuration(config)
         self.character = CHARACTER_BITS * line.bit
         self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD_CHARACTERS * self.character)
         edges = [(at + self.origin, level) for at, level in edges]
@@ -133,10 +167,9 @@ class Replay:
         edges = self._kept(edges)
         self.network = [heard for fate in self.fates if not fate.left_out for heard in fate.piece.heard]
         self.drive_sent: list[FarCharacter] = []
-        target = Target(parameters=parameters)
-        self.pins = Pins(target.library(line.clk_hz), target.image_folder("card"), line, unit, more=STROBES)
+        self.pins = Pins(target.library(line.clk_hz), target.image_folder(dialect), line, unit, more=STROBES)
         self.pins.play(NETWORK, edges)
-        self.model, self._stepped_us = VltDrive(), 0
+        self.model, self._stepped_us = VltDrive(DRIVES[dialect]), 0
         self._first_counter = config["memory_bytes"] // STRIDE - FRAMES_BYTES // STRIDE
         self._taken: dict[str, int] = dict.fromkeys(STROBES, 0)
 
@@ -260,11 +293,18 @@ def table(replay: Replay) -> Iterator[str]:
             if silent_from is not None:
                 silence = f"{(start - silent_from) / replay.character:.2f}"
             silent_from = max(silent_from or 0.0, source.end if row == "bus" else source.fall)
-        if isinstance(source, Piece) and source.fault not in ("", "CRC"):
-            said += f" ({source.fault})"
+        if isinstance(source, Piece):
+            said += remark(source)
         time = (start - replay.origin) / replay.line.clk_hz
         yield f"{time:9.4f}  {silence:>7}  {row:<8}  {said:<{WIDTH}}  {source.data.hex(' ').upper()}"
     yield from summary(replay)
+
+
+def remark(piece: Piece) -> str:
+    """In brackets: the fault in the recording, and a mistake of the sender that explains it."""
+    fault = piece.fault
+    said = [fault if fault != "CRC" else "", suspicion(piece) if fault else ""]
+    return f" ({'; '.join(filter(None, said))})" if any(said) else ""
 
 
 def summary(replay: Replay) -> Iterator[str]:
@@ -280,36 +320,80 @@ def summary(replay: Replay) -> Iterator[str]:
     yield f"sent: {len(replay.replies)} replies, {len(replay.telegrams)} telegrams"
 
 
-def right_checks(edges: Sequence[tuple[int, int]], line: LineFormat) -> int:
-    """Number of pieces that are a good frame or begin with one: noise may follow a frame."""
-    return sum(piece.begins_good for piece in pieces(characters(edges, line), line))
+MEANINGS = {
+    SWAPPED: "the low byte goes first",
+    ASCII: "the card serves Modbus RTU alone",
+    LOW: "the bus has no bias",
+}
 
 
-def check_line(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool) -> None:
-    """A recording without a right CRC is refused, with the setting that gives most of them."""
-    if right_checks(edges, line):
-        return
+class Sense:
+    """The good frames at a rate and format, also those with noise after them, and the mistakes."""
+
+    def __init__(self, edges: Sequence[tuple[int, int]], line: LineFormat) -> None:
+        found = pieces(characters(edges, line), line)
+        self.count = len(found)
+        self.good = sum(piece.begins_good for piece in found)
+        self._mistakes = Counter(suspicion(piece) for piece in found if piece.fault)
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        return self.good, self._mistakes[SWAPPED] + self._mistakes[ASCII]
+
+    def mistakes(self) -> list[str]:
+        return [
+            f"{text} in {self._mistakes[text]} of {self.count} frames: {meaning}"
+            for text, meaning in MEANINGS.items()
+            if self._mistakes[text]
+        ]
+
+
+def suspicions(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool) -> list[str]:
+    """Why the card serves nothing in a recording, from the recording alone."""
+    here = Sense(edges, line)
+    if here.good:
+        return here.mistakes()
     inverted = [(at, 1 - level) for at, level in edges]
     tried = {
-        (baud, form, other): right_checks(
+        (baud, form, other): Sense(
             edges if other == invert else inverted, LineFormat(baud, form, line.clk_hz)
         )
-        for baud in BAUDS
-        for form in FORMS
         for other in (invert, not invert)
+        for baud in BAUDS
+        for form in sorted(FORMS, key=lambda form: form != FACTORY)
     }
-    baud, form, other = best = max(tried, key=tried.__getitem__)
-    hint = f"{tried[best]} at {baud} {form}, invert {'yes' if other else 'no'}"
-    raise CaptureError(
-        f"no frame with a right CRC at {line.baud} {line.form}; "
-        + (hint if tried[best] else "none at any other rate or format of the card either")
-    )
+    baud, form, other = best = max(tried, key=lambda setting: tried[setting].rank)
+    found = tried[best]
+    where = f"BAUD={baud} FORMAT={form} INVERT={'yes' if other else 'no'}"
+    if found.good:
+        return [f"wrong rate or format: {found.good} good frames with {where}"]
+    if any(here.rank):
+        return here.mistakes()
+    if any(found.rank):
+        return [f"{text} ({where})" for text in found.mistakes()]
+    return ["noise, another protocol or another channel: no frame is good at any rate and format of the card"]
+
+
+def check_line(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool) -> list[str]:
+    """The suspicions. A recording without a character is refused."""
+    if len(edges) < 2:
+        level = edges[0][1] if edges else 1
+        why = (
+            "nobody sends, or the channel is another"
+            if level
+            else "try INVERT=yes, or the channel is another"
+        )
+        raise CaptureError(f"the line is constantly {level}: {why}")
+    found = suspicions(edges, line, invert)
+    if not characters(edges, line):
+        raise CaptureError(f"no character at {line.baud} {line.form}; {found[0]}")
+    return found
 
 
 def first_seconds(edges: list[tuple[int, int]], clocks: float) -> list[tuple[int, int]]:
     """The beginning of a recording; the line is idle after it."""
     kept = [edge for edge in edges if edge[0] < clocks]
-    return kept if len(kept) == len(edges) else [*kept, (round(clocks), 1)]
+    return kept if len(kept) in (1, len(edges)) else [*kept, (round(clocks), 1)]
 
 
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
@@ -318,15 +402,25 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--unit", type=int, required=True, metavar="1...247", help="address of the card")
     parser.add_argument("--baud", type=int, required=True, choices=sorted(BAUDS), help="bit/s")
     parser.add_argument("--channel", help="name of the channel; without it the only one that changes")
-    parser.add_argument("--format", default="8E1", choices=sorted(FORMS), help="default: 8E1")
-    parser.add_argument("--invert", default="no", choices=("yes", "no"), help="the channel is low in silence")
     parser.add_argument(
-        "--replies", default="yes", choices=("yes", "no"), help="no: without those of the recorded slave"
+        "--format", default=FACTORY, choices=sorted(FORMS), help="default: 8N2, as from the factory"
+    )
+    parser.add_argument("--invert", default="no", choices=YES_NO, help="the channel is low in silence")
+    parser.add_argument(
+        "--replies", default="yes", choices=YES_NO, help="no: without those of the recorded slave"
     )
     parser.add_argument(
         "--for", type=float, default=float("inf"), dest="seconds", help="only so many s of the recording"
     )
+    parser.add_argument(
+        "--config", default=CONFIG, choices=sorted(configurations()), help="default: standard"
+    )
+    parser.add_argument("--dialect", default=DIALECT, choices=sorted(DIALECTS), help="default: card")
+    for name, parameter in PARAMETERS.items():
+        parser.add_argument(f"--{name}", choices=YES_NO, help=f"{parameter} of rtl/rtu2fc.v")
     options = parser.parse_args(words)
+    if options.config == "tiny" and options.dialect != DIALECT:
+        parser.error(f"the configuration tiny speaks the dialect {DIALECT} alone")
     if not 1 <= options.unit <= 247:
         parser.error(f"unit {options.unit} is no address of a card: 1 to 247")
     if not options.seconds > 0:
@@ -336,8 +430,14 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
 
 def main(words: Sequence[str] | None = None) -> int:
     options = arguments(words)
-    line = LineFormat(options.baud, options.format, configuration(CONFIG)["clk_hz"])
+    line = LineFormat(options.baud, options.format, configuration(options.config)["clk_hz"])
     invert = options.invert == "yes"
+    chosen = vars(options)
+    parameters = tuple(
+        (parameter, int(given == "yes"))
+        for name, parameter in PARAMETERS.items()
+        if (given := chosen[name.replace("-", "_")])
+    )
     try:
         capture = open_capture(options.file)
         samples = capture.samples_a_bit(options.baud)
@@ -348,10 +448,20 @@ def main(words: Sequence[str] | None = None) -> int:
         edges = capture.edges(channel, line.clk_hz, invert=invert)
         edges = first_seconds(edges, options.seconds * line.clk_hz)
         try:
-            check_line(edges, line, invert)
+            suspected = check_line(edges, line, invert)
         except CaptureError as error:
             raise CaptureError(f"{options.file}, channel {channel}: {error}") from None
-        with Replay(edges, line, options.unit, replies=options.replies == "yes") as replay:
+        for text in suspected:
+            print(f"suspicion: {text}", flush=True)
+        with Replay(
+            edges,
+            line,
+            options.unit,
+            replies=options.replies == "yes",
+            parameters=parameters,
+            config=options.config,
+            dialect=options.dialect,
+        ) as replay:
             for text in table(replay):
                 print(text, flush=True)
     except (CaptureError, BuildError) as error:

@@ -18,9 +18,10 @@ import pytest
 from vcd import VCDWriter
 
 from rtl.sources import ROOT
+from sim.harness.library import Target
 from sim.view import replay
 from sim.view.capture import characters, open_capture, pieces
-from sim.view.replay import is_reply, main
+from sim.view.replay import IGNORED, REASONS, UNHEARD, is_reply, main
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.model.wire import LineFormat
@@ -33,7 +34,8 @@ METADATA = "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=A\nprobe2=
 VCD_HEADER = """$timescale 10 ns $end $scope module l $end $var wire 1 ! A $end $var wire 4 % V [3:0] $end
 $scope module m $end $var wire 1 " A $end $upscope $end $upscope $end $enddefinitions $end
 """
-ASKED = ["--unit", "1", "--baud", "19200"]
+READ = rtu.build(1, rtu.read_registers(1, 1))
+ASKED = ["--unit", "1", "--baud", "19200", "--format", "8E1"]
 
 
 def sigrok_file(path: Path, metadata: str = METADATA, **parts: bytes) -> Path:
@@ -198,16 +200,17 @@ def test_replay_prints_a_row_for_each_frame(capsys):
     ]
 
 
-def bus_file(path: Path, *frames: tuple[float, bytes, str], baud: int = 19200) -> Path:
-    """Frames in 8E1, each after so many characters of silence, with a flaw in each byte or none."""
-    line = LineFormat(baud, "8E1", US)
+def bus_file(path: Path, *frames: tuple[float, bytes, str], baud: int = 19200, form: str = "8E1") -> Path:
+    """Frames, each after so many characters of silence, with a flaw in each byte or none."""
+    line = LineFormat(baud, form, US)
     edges, at = [(0, 1)], 5000.0
     for gap, data, flaw in frames:
         at += gap * 11 * line.bit
         for byte in data:
-            levels = line.levels(byte, flaw)
+            levels = [0] * 11 if flaw == "low" else line.levels(byte, flaw)
             edges += [(round(at + i * line.bit), level) for i, level in enumerate(levels)]
             at += len(levels) * line.bit
+        edges.append((round(at), 1))
     changed = [edge for last, edge in pairwise(edges) if edge[1] != last[1]]
     return vcd_file(path / "bus.vcd", bus=[edges[0], *changed])
 
@@ -233,7 +236,7 @@ def test_replay_names_the_reason_of_each_drop(tmp_path, capsys):
     text = capsys.readouterr().out
     assert [row[-2] for row in rows(text) if "bus" in row] == [
         "candidate, committed",
-        "dropped: CRC wrong",
+        "dropped: CRC wrong (CRC bytes swapped)",
         "dropped: parity (parity of byte 1)",
         "dropped: continued before 3.5 characters",
         "dropped: CRC wrong",
@@ -241,10 +244,189 @@ def test_replay_names_the_reason_of_each_drop(tmp_path, capsys):
         "ignored: no 3.5 characters before it (too short)",
         "for another unit",
     ]
-    assert text.splitlines()[-2:] == [
+    assert text.splitlines()[-3:] == [
+        "8 frames or parts, 3 good; 1 for other units, 4 dropped",
         "unit 1: 2 candidates, 1 committed, 1 revoked",
         "sent: 1 replies, 0 telegrams",
     ]
+
+
+@pytest.mark.rule("FRAME-5")
+def test_a_frame_that_is_too_long_is_named(tmp_path, capsys):
+    file = bus_file(tmp_path, (0, READ, ""), (20, with_crc(bytes([1, 16, *range(254), 0])), ""))
+    assert main([str(file), *ASKED]) == 0
+    text = capsys.readouterr().out
+    assert [row[-2] for row in rows(text) if "bus" in row] == [
+        "candidate, committed",
+        "dropped: more than 256 bytes (too long)",
+    ]
+    assert "2 frames or parts, 1 good; 0 for other units, 1 dropped" in text
+
+
+@pytest.mark.rule("LINE-6")
+def test_a_frame_during_the_reply_is_not_heard(tmp_path, capsys):
+    """It begins 1.5 characters after the reply and ends before it."""
+    read = rtu.build(1, rtu.read_coils(0, 128))
+    file = bus_file(tmp_path, (0, read, ""), (5, rtu.build(2, rtu.read_coils(0, 1)), ""), (20, READ, ""))
+    assert main([str(file), *ASKED]) == 0
+    text = capsys.readouterr().out
+    assert [row[-2] for row in rows(text) if "bus" in row] == [
+        "candidate, committed",
+        "not heard: the card was sending",
+        "candidate, committed",
+    ]
+    assert text.splitlines()[-3:] == [
+        "3 frames or parts, 3 good; 0 for other units, 0 dropped",
+        "unit 1: 2 candidates, 2 committed, 0 revoked",
+        "sent: 2 replies, 0 telegrams",
+    ]
+
+
+def test_frames_of_other_units_are_counted(tmp_path, capsys):
+    others = [(20, rtu.build(unit, rtu.read_registers(1, 1)), "") for unit in (2, 247)]
+    assert main([str(bus_file(tmp_path, *others, (20, READ, ""))), *ASKED]) == 0
+    assert capsys.readouterr().out.splitlines()[-3:-1] == [
+        "3 frames or parts, 3 good; 2 for other units, 0 dropped",
+        "unit 1: 1 candidates, 1 committed, 0 revoked",
+    ]
+
+
+# ---------------------------------------------------------------- suspicions
+# That request in Modbus ASCII, without and with the even parity of seven bits in the eighth.
+ASCII = b":010300010001FA\r\n"
+ASCII_EVEN = bytes(byte | (byte.bit_count() & 1) << 7 for byte in ASCII)
+SUSPICIONS = {
+    "CRC bytes swapped": (
+        (READ[:-2] + READ[:-3:-1],) * 2,
+        "8E1",
+        "CRC bytes swapped in 2 of 2 frames: the low byte goes first",
+        "dropped: CRC wrong (CRC bytes swapped)",
+    ),
+    "ASCII": (
+        (ASCII,),
+        "8E1",
+        "Modbus ASCII in 1 of 1 frames: the card serves Modbus RTU alone",
+        "dropped: CRC wrong (Modbus ASCII)",
+    ),
+    "ASCII with seven bits": (
+        (ASCII_EVEN,),
+        "8N1",
+        "Modbus ASCII in 1 of 1 frames: the card serves Modbus RTU alone (BAUD=19200 FORMAT=8N2 INVERT=no)",
+        "dropped: stop bit (stop bit of byte 1)",
+    ),
+    "another format": (
+        (READ,),
+        "8O1",
+        "wrong rate or format: 1 good frames with BAUD=19200 FORMAT=8O1 INVERT=no",
+        "dropped: parity (parity of byte 1)",
+    ),
+    "noise": (
+        (b"\x55\xaa\x01\x02\x03",),
+        "8E1",
+        "noise, another protocol or another channel: no frame is good at any rate and format of the card",
+        "dropped: CRC wrong",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", SUSPICIONS)
+def test_frames_that_are_all_damaged_are_rows_with_a_suspicion(what, tmp_path, capsys):
+    sent, form, suspected, fate = SUSPICIONS[what]
+    file = bus_file(tmp_path, *((20, data, "") for data in sent), form=form)
+    assert main([str(file), *ASKED]) == 0
+    text = capsys.readouterr().out
+    assert text.splitlines()[0] == f"suspicion: {suspected}"
+    played = [row for row in rows(text) if "bus" in row]
+    assert [row[-2] for row in played] == [fate] * len(sent)
+    if form == "8E1":
+        assert [bytes.fromhex(row[-1]) for row in played] == list(sent)
+    assert f"{len(sent)} frames or parts, 0 good; 0 for other units, {len(sent)} dropped" in text
+
+
+def test_a_bus_without_bias_is_suspected(tmp_path, capsys):
+    """The low after the first request lasts until the next one begins."""
+    file = bus_file(tmp_path, (20, READ, ""), (1, bytes(4), "low"), (20, READ, ""))
+    assert main([str(file), *ASKED]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("suspicion: low after a good frame in 1 of 2 frames: the bus has no bias\n")
+    assert "(stop bit of byte 9; low after a good frame)" in text
+
+
+def test_a_mistake_among_good_frames_is_a_suspicion(tmp_path, capsys):
+    file = bus_file(tmp_path, (20, READ, ""), (20, READ[:-2] + READ[:-3:-1], ""))
+    assert main([str(file), *ASKED]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("suspicion: CRC bytes swapped in 1 of 2 frames: the low byte goes first\n")
+    assert main([str(bus_file(tmp_path, (20, READ, ""))), *ASKED]) == 0
+    assert "suspicion" not in capsys.readouterr().out
+
+
+def test_the_guide_explains_every_fate_and_suspicion():
+    guide = (ROOT / "docs/guide/debugging.md").read_text()
+    for text in (*REASONS.values(), UNHEARD, IGNORED, replay.LEFT_OUT, "not answered in time", "revoked"):
+        word = text.split(":")[0] if text in (UNHEARD, IGNORED, replay.LEFT_OUT) else text
+        assert re.search(rf"^\| `{re.escape(word)}` \|", guide, re.MULTILINE), text
+    for text in replay.MEANINGS:
+        assert re.search(rf"^\| `{text}` \|", guide, re.MULTILINE), text
+
+
+# ---------------------------------------------------------------- other builds of the card
+
+
+def test_the_format_of_the_factory_is_the_default(tmp_path, capsys):
+    file = bus_file(tmp_path, (20, READ, ""), form="8N2")
+    assert main([str(file), "--unit", "1", "--baud", "19200"]) == 0
+    assert "unit 1: 1 candidates, 1 committed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("gap", "options", "fates"),
+    [
+        (2, [], ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]),
+        (2, ["--strict-t15", "yes"], ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]),
+        (2, ["--strict-t15", "no"], None),
+    ],
+)
+@pytest.mark.rule("FRAME-2")
+def test_t15_is_strict_unless_built_otherwise(gap, options, fates, tmp_path, capsys):
+    file = bus_file(tmp_path, (20, READ[:4], ""), (gap, READ[4:], ""))
+    assert main([str(file), *ASKED, *options]) == 0
+    text = capsys.readouterr().out
+    if fates:
+        assert [row[-2].split(" (")[0] for row in rows(text) if "bus" in row] == fates
+    assert ("sent: 1 replies" in text) == (fates is None)
+
+
+@pytest.mark.rule("FRAME-3")
+@pytest.mark.parametrize(("options", "replies"), [([], 0), (["--break-tolerant", "yes"], 1)])
+def test_a_break_tolerant_card_serves_a_bus_without_bias(options, replies, tmp_path, capsys):
+    file = bus_file(tmp_path, (20, READ, ""), (1, bytes(20), "low"))
+    assert main([str(file), *ASKED, *options]) == 0
+    assert f"sent: {replies} replies" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "answer"),
+    [
+        ([], "01 C1 43 30 61"),
+        (["--dialect", "hvac_basic"], "01 C1 01 B0 50"),
+        (["--config", "tiny"], "01 C1 43 30 61"),
+    ],
+)
+def test_dialect_and_configuration_can_be_chosen(options, answer, tmp_path, capsys, monkeypatch):
+    made = []
+    monkeypatch.setattr(replay, "Target", lambda *given: made.append(Target(*given)) or made[-1])
+    file = bus_file(tmp_path, (20, rtu.build(1, b"\x41"), ""))
+    assert main([str(file), *ASKED, *options]) == 0
+    (reply,) = [row[-1] for row in rows(capsys.readouterr().out) if "reply" in row]
+    assert reply == answer
+    assert any(path.stem == "serv_top" for path in made[0].sources) == ("tiny" in options)
+    assert (made[0].images == ROOT / "build/tiny") == ("tiny" in options)
+
+
+def test_the_small_card_has_one_dialect(tmp_path, capsys, never_played):
+    said = refused(capsys, MODULE, *ASKED, "--config", "tiny", "--dialect", "builtin")
+    assert said == "replay: the configuration tiny speaks the dialect card alone"
 
 
 def test_a_reply_to_our_own_unit_is_named(tmp_path, capsys):
@@ -265,7 +447,7 @@ def test_the_commits_at_the_lowest_rate_are_in_their_rows(tmp_path, capsys):
     """t3.5 is 128 ms there."""
     request = rtu.build(1, rtu.read_registers(1, 1))
     file = bus_file(tmp_path, (0, request, ""), (30, request, ""), baud=300)
-    assert main([str(file), "--unit", "1", "--baud", "300"]) == 0
+    assert main([str(file), "--unit", "1", "--baud", "300", "--format", "8E1"]) == 0
     found = rows(capsys.readouterr().out)
     assert [row[-2] for row in found if "bus" in row] == ["candidate, committed"] * 2
 
@@ -276,6 +458,24 @@ def test_only_the_beginning_can_be_played(capsys):
         ["candidate, committed", "01 01 00 03 00 01 0D CA"],
         ["bus", "candidate, committed", "01 02 00 00 00 01 B9 CA"],
     ]
+
+
+def test_replies_of_the_unit_can_be_left_out(tmp_path, capsys):
+    """Those of another unit stay."""
+    reply = rtu.build(1, bytes.fromhex("03 02 03E8"))
+    pair = ((20, READ, ""), (4, reply, ""))
+    others = ((20, b"\2" + READ[1:-2], ""), (4, b"\2" + reply[1:-2], ""))
+    file = bus_file(tmp_path, *pair, *((gap, with_crc(data), flaw) for gap, data, flaw in others), *pair)
+    assert main([str(file), *ASKED, "--replies", "no"]) == 0
+    text = capsys.readouterr().out
+    assert [row[-2].split(":")[0] for row in rows(text) if "bus" in row] == [
+        *("candidate, committed", "left out"),
+        *("for another unit", "for another unit"),
+        *("candidate, committed", "left out"),
+    ]
+    assert text.splitlines()[-1] == "sent: 2 replies, 0 telegrams"
+    assert main([str(file), *ASKED, "--replies", "yes"]) == 0
+    assert "left out" not in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -402,13 +602,31 @@ def test_several_channels_and_none_named(capsys, never_played):
 
 
 @pytest.mark.rule("LINE-2")
-def test_a_rate_at_which_nothing_decodes(tmp_path, capsys, never_played):
-    options = ["--unit", "1", "--baud", "9600", "--channel", "1"]
-    said = refused(capsys, MODULE, *options)
-    assert said.endswith("channel 1: no frame with a right CRC at 9600 8E1; 15 at 19200 8E1, invert yes")
-    noise = sigrok_file(tmp_path / "a.sr", logic_1=bytes([1] * 900 + [0] * 300 + [1] * 900))
+def test_a_recording_without_a_character(tmp_path, capsys, never_played):
+    """A whole frame at 115200 bit/s is shorter than half a bit at 300 bit/s."""
+    file = bus_file(tmp_path, (20, READ, ""), baud=115200)
+    said = refused(capsys, file, "--unit", "1", "--baud", "300")
+    assert said.endswith(
+        "channel bus: no character at 300 8N2;"
+        " wrong rate or format: 1 good frames with BAUD=115200 FORMAT=8E1 INVERT=no"
+    )
+    noise = sigrok_file(tmp_path / "a.sr", logic_1=bytes([1] * 900 + [0] * 5 + [1] * 900))
     said = refused(capsys, noise, "--unit", "1", "--baud", "9600")
-    assert said.endswith("none at any other rate or format of the card either")
+    assert "no character at 9600 8N2; noise, another protocol or another channel" in said
+
+
+@pytest.mark.parametrize(
+    ("samples", "said"),
+    [
+        (bytes([1] * 900), "the line is constantly 1: nobody sends, or the channel is another"),
+        (bytes(900), "the line is constantly 0: try INVERT=yes, or the channel is another"),
+        (bytes([1] * 900 + [0] * 300), "the line is constantly 1: nobody sends, or the channel is another"),
+    ],
+)
+def test_a_constant_line(samples, said, tmp_path, capsys, never_played):
+    file = sigrok_file(tmp_path / "a.sr", logic_1=samples)
+    options = ["--channel", "A", "--for", "0.0005"]
+    assert refused(capsys, file, *ASKED, *options).endswith(f"channel A: {said}")
 
 
 @pytest.mark.parametrize(("sample_hz", "few"), [(300_000, "15.6"), (310_000, "")])
