@@ -82,7 +82,8 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
 #:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
 #:                 and compare; TAG=v1.2.3: refused unless it is that of VERSION (release)
-#:   TELEGRAMS_ARGS=...   more options of sim.view.telegrams (telegrams): --channel, --invert, --baud, --drive, --fields
+#:   CHANNEL=name, INVERT=yes, BAUD=n   the drive line's (telegrams); TELEGRAMS_ARGS=...   more of its options: --drive,
+#:                 --fields
 #:   V=1           show the commands
 
 ##@ Use the card
@@ -108,7 +109,8 @@ wireshark: | setup-views ## open a recording, both lines decoded: make wireshark
 
 telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's file: make telegrams FILE=card.fst
 	@[ -n "$(FILE)" ] || { echo "say which file: make telegrams FILE=card.fst" >&2; exit 2; }
-	@$(RUN) sim.view.telegrams "$(FILE)" $(TELEGRAMS_ARGS)
+	@$(RUN) sim.view.telegrams "$(FILE)" $(foreach option,channel invert baud,\
+		$(call given,$(option),$(call upper,$(option)))) $(TELEGRAMS_ARGS)
 
 replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
 	@[ -n "$(FILE)" ] && [ -n '$(call given,unit,UNIT)' ] && [ -n '$(call given,baud,BAUD)' ] || \

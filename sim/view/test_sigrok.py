@@ -309,6 +309,28 @@ def test_a_value_a_refusal_and_an_index_are_said_in_words(tmp_path, request_, re
     assert telegrams(shown)[1].text.startswith(f"Reply: {said}")
 
 
+SIGNED = [
+    (211, 0xFFFF, "-0.01 %"),
+    (211, 0x8000, "-327.68 %"),
+    (211, 0x7FFF, "327.67 %"),
+    (211, 0xFFFFFFFF, "-0.01 %"),
+    (225, 0xFFFFFFFF, "-0.001 Hz"),
+    (225, 0x80000000, "-2147483.648 Hz"),
+    (225, 0x7FFFFFFF, "2147483.647 Hz"),
+    (225, 0xFFFF, "65.535 Hz"),
+]
+
+
+@pytest.mark.rule("FC-4")
+@pytest.mark.parametrize(("pnu", "pwe", "said"), SIGNED)
+def test_negative_values_are_signed_by_the_type_of_the_parameter(tmp_path, pnu, pwe, said):
+    assert VLT6000[pnu].type == {211: "int16", 225: "int32"}[pnu]
+    request = fc_telegram.build_parameter(1, pnu)
+    reply = fc_telegram.build_parameter(2 if pnu == 225 else 1, pnu, pwe=pwe)
+    shown = decode(draw(tmp_path / "lines.vcd", [Sent(request), Sent(reply, 2.1)]))
+    assert f" = {said};" in telegrams(shown)[1].text
+
+
 def test_text_is_latin_1_with_dots_for_unprintable_characters(tmp_path):
     data = fc_telegram.build_text(533, b"HELLO\xe9\x00\x7f\x8012")
     (line,) = telegrams(decode(draw(tmp_path / "lines.vcd", [Sent(data)])))
@@ -592,14 +614,64 @@ def test_the_command_takes_a_waveform_of_the_card(recorded):
             "no drive vlt9000; choose one of hvac_basic, vlt2800, vlt5000, vlt6000, vlt8000",
         ),
         (["--baud", "0"], 2, "0 bit/s is not within 300 and 115200"),
-        (["--baud", "19200"], 1, "no good telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
-        (["--invert"], 1, "no good telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
+        (["--baud", "19200"], 2, "no telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
+        (["--baud", "4800"], 2, "no telegram on drive at 4800 bit/s 8E1; try --baud or --invert"),
+        (["--invert"], 2, "no telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
+        (["--invert", "yes"], 2, "no telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
     ],
 )
 def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, code, words):
     vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
     done = printed(vcd, *options)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", f"telegrams: {vcd}: {words}\n")
+
+
+def test_damaged_telegrams_alone_are_shown(tmp_path):
+    done = printed(draw(tmp_path / "bad.vcd", [Sent(START[:-1] + b"\x7c"), Sent(STATUS[:5])]))
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert [line.split("  ")[-1] for line in done.stdout.splitlines()] == [
+        "Bad: BCC 7Ch, 7Dh would be right",
+        "Bad: cut after 5 of 8 bytes",
+    ]
+
+
+def test_a_line_that_is_low_when_idle_is_read_inverted(tmp_path):
+    vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
+    before = printed(vcd)
+    levels = re.sub(
+        r"^([01])(?=\S+$)", lambda found: "10"[int(found[1])], vcd.read_text(), flags=re.MULTILINE
+    )
+    vcd.write_text(levels)
+    for options in (["--invert"], ["--invert", "yes"]):
+        done = printed(vcd, *options)
+        assert (done.returncode, done.stdout) == (0, before.stdout)
+    assert printed(vcd, "--invert", "no").returncode == 2
+
+
+def test_a_folder_is_no_file(tmp_path):
+    done = printed(tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"telegrams: {tmp_path}: is a folder, not a file\n"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda data: bytes(329) + data[329:],
+            "the waveform is unfinished: its program still runs or was killed",
+        ),
+        (lambda data: data[: len(data) // 2], "failed to load Fst: I/O operation failed"),
+        (lambda data: data[:1] + b"\0" * 7 + b"\x07" + data[9:], "the waveform is damaged"),
+    ],
+    ids=["unfinished", "half", "another header"],
+)
+def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path, spoil, words):
+    """The writer of a running card fills in the header at its end."""
+    wave = tmp_path / "card.fst"
+    wave.write_bytes(spoil(recorded.wave.read_bytes()))
+    done = printed(wave)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {wave}: {words}\n")
 
 
 def test_a_reader_that_stops_costs_no_message(tmp_path):

@@ -2,12 +2,14 @@
 """Reads names and values from a waveform (FST or VCD), for tools and tests.
 
 Names are relative to the top module, with dots, for every simulator: Icarus puts the ports of the top inside
-it, Verilator beside it in TOP or, with cocotb, in $rootio. Times in seconds.
+it, Verilator beside it in TOP or, with cocotb, in $rootio. Times in seconds. Error: RuntimeError, one line.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import os
 import re
 import struct
 from collections.abc import Iterator
@@ -18,6 +20,28 @@ from pywellen import Waveform
 
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Makes a RuntimeError of each failure of the library. A panic of Rust is no Exception, and it prints."""
+    kept = os.dup(2)
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    except BaseException as error:
+        # The header of an FST file is written last.
+        if path.is_file() and path.read_bytes()[:25] == bytes(25):
+            raise RuntimeError("the waveform is unfinished: its program still runs or was killed") from None
+        if type(error).__name__ == "PanicException":
+            raise RuntimeError("the waveform is damaged") from None
+        if isinstance(error, RuntimeError):
+            raise RuntimeError(" ".join(str(error).split())) from None
+        raise
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 @functools.cache
@@ -55,7 +79,8 @@ class WaveFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._wave = Waveform(str(path))
+        with reading(path):
+            self._wave = Waveform(str(path))
         scale = re.fullmatch(r"(\d+)\s*(\w+)", str(self._wave.timescale))
         self._unit_s = int(scale[1]) * UNITS[scale[2]]
 
@@ -92,7 +117,9 @@ class WaveFile:
     def changes(self, name: str) -> Iterator[tuple[float, str]]:
         """Time and value of each change, including the first; binary digits, most significant bit first."""
         variable = self._variables[self.signals[name].path]
-        for when, value in variable.tv:
+        with reading(self._path):
+            values = variable.tv
+        for when, value in values:
             yield when * self._unit_s, str(value)
 
     def pulses(self, name: str) -> list[tuple[float, float]]:
