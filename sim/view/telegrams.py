@@ -57,7 +57,8 @@ def shown(file: Path, channel: str, invert: bool, baud: int, drive: str) -> list
         raise InputError(f"no channel {channel}; there are {', '.join(channels) or 'none'}")
     uart = f"uart:rx={channel}:baudrate={baud}:parity=even" + (":invert_rx=yes" if invert else "")
     stack = ("-P", f"{uart},vltfc:drive={drive}", "-A", "vltfc", "--protocol-decoder-jsontrace")
-    events = json.loads(sigrok_cli("-i", file, *stack))["traceEvents"]
+    said = sigrok_cli("-i", file, *stack)
+    events = json.loads(said)["traceEvents"] if said else []  # nothing at all from an idle line
     begun = [(e["ts"] / MICROSECONDS, e["tid"], e["name"]) for e in events if e["ph"] == "B"]
     order = list(MARKS)
     return sorted(begun, key=lambda entry: (entry[0], order.index(entry[1])))

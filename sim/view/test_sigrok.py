@@ -626,6 +626,15 @@ def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, code, wo
     assert (done.returncode, done.stdout, done.stderr) == (code, "", f"telegrams: {vcd}: {words}\n")
 
 
+def test_an_idle_line_has_no_telegram(tmp_path):
+    vcd = draw(tmp_path / "idle.vcd", [Sent(START, on="card")], lines=("card", "drive"))
+    done = printed(vcd)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert (
+        done.stderr == f"telegrams: {vcd}: no telegram on drive at 9600 bit/s 8E1; try --baud or --invert\n"
+    )
+
+
 def test_damaged_telegrams_alone_are_shown(tmp_path):
     done = printed(draw(tmp_path / "bad.vcd", [Sent(START[:-1] + b"\x7c"), Sent(STATUS[:5])]))
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
