@@ -41,8 +41,10 @@ $(error there is no RATE=: say BAUD=$(RATE))
 endif
 
 MODBUS_LINK := $(BUILD)/modbus
-PYTEST := $(RUN) pytest -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD)) \
-	$(if $(TEST),-k '$(TEST)')
+# A test file may be given with its folder; pytest -k takes its name.
+NAMED = $(notdir $(TEST))
+PYTEST = $(RUN) pytest -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD)) \
+	$(if $(TEST),-k '$(NAMED)')
 SEEDED = $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
 
 # ---------------------------------------------------------------- help
@@ -63,7 +65,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:
 #: Variables
 #:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak); default: standard
-#:   TEST=name     part of the tests, as pytest -k takes it (test, test-all, test-gates, waves)
+#:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, test-all, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        without the tests that `make test` runs (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
@@ -101,8 +103,8 @@ firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a di
 .PHONY: waves wireshark telegrams replay
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
-	@$(RUN) tools.names waves '$(TEST)' --sim=$(or $(SIM),icarus)
-	@WAVES=1 $(RUN) pytest -q --all --sim=$(or $(SIM),icarus) -k '$(TEST)'
+	@$(RUN) tools.names waves '$(NAMED)' --sim=$(or $(SIM),icarus)
+	@WAVES=1 $(RUN) pytest -q --all --sim=$(or $(SIM),icarus) -k '$(NAMED)'
 
 wireshark: | setup-views ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
 	@$(RUN) sim.view.wireshark $(FILE)
@@ -122,18 +124,18 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report
 test: | setup-test ## * every rule once, large modules on both simulators (8 min from a clean clone; TEST=name: a part)
-	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
+	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
 
 test-all: | setup-test ## * every test: both cards, both simulators, boards, pages (REST=1: those not in make test)
-	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(TEST)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
+	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@tools/setup.sh all
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) --all $(if $(REST),--rest)
 
 test-gates: firmware | setup-synth ## the manual's examples on netlists and finished images (1 to 4 minutes each; TEST=)
-	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(TEST)')
+	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(NAMED)')
 
 lint: | setup-lint ## * every static check (1 min)
 	@$(RUN) tools.lint

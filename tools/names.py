@@ -3,8 +3,8 @@
 
     python -m tools.names COMMAND TEST [--sim SIM] [--card CARD]     exit 2, with one line, when no test fits
 
-TEST is an expression of `pytest -k`. A plain word that occurs in no test file is refused at once; all else is
-left to pytest, which collects the tests (about 10 s).
+TEST is an expression of `pytest -k`, or the name of a test file. A plain word that occurs in no test file is
+refused at once; all else is left to pytest, which collects the tests (about 10 s).
 """
 
 from __future__ import annotations
@@ -33,12 +33,13 @@ def texts() -> dict[str, str]:
 
 def unknown_words(expression: str, files: dict[str, str]) -> list[str]:
     """The words of the expression that stand in no test file and in no file name."""
-    text = "\n".join([*files, *files.values()]).lower()
+    text = "\n".join([*(f"{stem}.py" for stem in files), *files.values()]).lower()
     words = [word for word in re.findall(r"[\w.-]+", expression) if word not in ("and", "or", "not")]
     return [word for word in words if word.lower() not in text]
 
 
 def nearest(word: str, files: dict[str, str]) -> str:
+    word = word.removesuffix(".py")
     names = {name.removeprefix("test_") for text in files.values() for name in NAME.findall(text)}
     names |= {stem.removeprefix("test_") for stem in files}
     found = difflib.get_close_matches(word.removeprefix("test_"), sorted(names), n=3, cutoff=0.6)

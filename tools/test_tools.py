@@ -8,6 +8,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
 from tb.lib.seeds import seeded
+from tools.names import texts, unknown_words
 
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
@@ -336,6 +338,22 @@ def test_an_unknown_layer_is_named():
     done = command("tools/setup.sh", "nosuch")
     assert done.returncode == 2
     assert one_line(done.stderr).startswith("setup: no layer 'nosuch'; there are: ")
+
+
+WAITING = "test_card_" + "waiting"  # in two parts, so that no test file has the name with .py
+
+
+@pytest.mark.parametrize("name", [WAITING, f"{WAITING}.py", f"tb/card/{WAITING}.py"])
+def test_the_name_of_a_test_file_fits(name):
+    """With its folder or without, with .py or without: pytest collects the tests of that file alone."""
+    shown = command("make", "-n", "test", f"TEST={name}").stdout
+    (asked,) = re.findall(r"tools\.names test '(.*?)'", shown)
+    (chosen,) = re.findall(r"pytest .* -k '(.*?)'", shown)
+    assert asked == chosen and unknown_words(asked, texts()) == []
+    collect = ("-m", "pytest", "--collect-only", "-q", "--all", "tb/card", "-k", chosen)
+    done = command(sys.executable, *collect)
+    found = {line.split("::")[0] for line in done.stdout.splitlines() if "::" in line}
+    assert found == {f"tb/card/{WAITING}.py"}
 
 
 @pytest.mark.parametrize("target", ["test", "test-all", "waves"])
