@@ -220,6 +220,10 @@ if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
   [ ! -L "$venv" ] || die ".venv is a link to $(readlink -f "$venv"), which belongs there; remove the link"
   python3 -m venv --clear "$venv"
 fi
+# FuseSoC takes every .core file below the folder of the project, but none below this file.
+mkdir -p "$root/build"
+: >"$venv/FUSESOC_IGNORE"
+: >"$root/build/FUSESOC_IGNORE"
 for layer in demo test views pages lint firmware synth docs; do
   [[ " $layers " == *" $layer "* ]] || continue
   stamp=$(python_packages "$layer" | sha256sum)" $venv"

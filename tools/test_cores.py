@@ -98,6 +98,19 @@ def test_lint_target(top, library):
 
 
 @pytest.mark.needs("synth")
+def test_the_guide_s_commands_run_without_a_warning():
+    """In the project's own folder, as a reader types them; that of `synth` is left out."""
+    guide = (ROOT / "docs/guide/integration.md").read_text()
+    block = next(part for part in guide.split("```\n") if part.startswith("make setup-synth\n"))
+    lines = [line for line in block.splitlines() if "--target=synth" not in line]
+    assert sum("--target=lint" in line for line in lines) == 2
+    script = "\n".join(["set -e", *lines])
+    done = subprocess.run(["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "WARNING" not in done.stdout + done.stderr and done.stdout.count("Verilator: Walltime") == 2
+
+
+@pytest.mark.needs("synth")
 def test_lint_target_finds_a_mistake(library, tmp_path):
     copy = tmp_path / "library"
     shutil.copytree(library, copy, ignore=shutil.ignore_patterns("build"))

@@ -334,6 +334,15 @@ def test_second_setup_does_nothing():
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def test_fusesoc_finds_no_core_in_folders_that_a_command_makes():
+    """With the core of PicoRV32 it prints an error of its own in each run."""
+    marks = [ROOT / folder / "FUSESOC_IGNORE" for folder in (".venv", "build")]
+    for mark in marks:
+        mark.unlink(missing_ok=True)
+    assert command("make", "setup-test").returncode == 0
+    assert all(mark.is_file() for mark in marks)
+
+
 def test_an_unknown_layer_is_named():
     done = command("tools/setup.sh", "nosuch")
     assert done.returncode == 2
