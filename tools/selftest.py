@@ -46,6 +46,7 @@ from tools.selftest_rows import (
     has_drive_timeout,
     refusal,
     registers,
+    status_word,
     words,
     write_register,
     write_registers,
@@ -65,6 +66,8 @@ RUNNING = 0x0800  # status word, bit 11
 FULL_SPEED = 0x4000  # 100 %
 TURN_S, RAMP_S = 3.0, 120.0
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+PAGE_NO_ANSWER = "docs/guide/bring-up.md, section 4, then docs/guide/debugging.md, No answer"
+PAGE_DIALECT = "docs/guide/dialects.md"
 TICK, CROSS, NOT_ASKED = "✓", "✗", "-"
 MEANING = {255: " (no answer from the drive)"}
 
@@ -332,6 +335,9 @@ class Selftest:
         reply, _ = self.card.ask(Ask(read_coils(32, 32), lambda reply: ""))
         return int.from_bytes(reply[2:4], "little"), int.from_bytes(reply[4:6], "little")
 
+    def shown(self, status: int) -> str:
+        return status_word(status, self.options.dialect)
+
     def motor_turns(self) -> str:
         reference = FULL_SPEED * self.options.start // 100
         self.motor_may_turn = True
@@ -339,8 +345,8 @@ class Selftest:
         while time.monotonic() < end:
             status, frequency = self.control(START, reference)
         if not status & RUNNING or frequency == 0:
-            raise Unexpected(f"status word {status:04X}h, output frequency {frequency:04X}h")
-        return f"status word {status:04X}h, output frequency {100 * frequency / FULL_SPEED:.1f} %"
+            raise Unexpected(f"{self.shown(status)}, output frequency {frequency:04X}h")
+        return f"{self.shown(status)}, output frequency {100 * frequency / FULL_SPEED:.1f} %"
 
     def motor_stops(self) -> str:
         began = time.monotonic()
@@ -348,8 +354,8 @@ class Selftest:
             status, frequency = self.control(RAMP_STOP, 0)
             if frequency == 0 and not status & RUNNING:
                 self.motor_may_turn = False
-                return f"status word {status:04X}h after {time.monotonic() - began:.1f} s"
-        raise Unexpected(f"status word {status:04X}h after {RAMP_S:.0f} s: use the drive's own stop")
+                return f"{self.shown(status)} after {time.monotonic() - began:.1f} s"
+        raise Unexpected(f"{self.shown(status)} after {RAMP_S:.0f} s: use the drive's own stop")
 
     def stop_motor(self) -> str:
         """Stops the motor after a cross or Ctrl-C."""
@@ -395,6 +401,7 @@ class Selftest:
             check("LINE-7", OTHERS, self.other_units)
         if not answered or not check("DIALECT", SPEAKS, self.dialect):
             print("  the other rows need an answer in this dialect; they were not asked", flush=True)
+            print(f"  what to do: {PAGE_DIALECT if answered else PAGE_NO_ANSWER}", flush=True)
             return
         self.may_have_written = True
         for row in ROWS:
@@ -505,7 +512,7 @@ def options_of(arguments: list[str]) -> Options:
             parser.error(f"--{name} is yes or no, not '{word}'")
         yes[name] = word == "yes"
     if parsed["start"] and not yes["drive"]:
-        parser.error("--start takes --drive yes")
+        parser.error(f"START={parsed['start']} turns the motor of a drive: add DRIVE=yes (--drive yes)")
     return Options(**parsed, **yes)
 
 

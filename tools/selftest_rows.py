@@ -13,9 +13,13 @@ No row here has the start bit or bit 10 of the control word = 1, so none starts 
 
 from __future__ import annotations
 
+import functools
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from sim.drive.drive_table import read_capacity, read_profile
+from sim.view.fc_tables import DRIVES, ROOT, WORDS, kinds, phrase
 from tb.agents.rtu import (
     exception,
     read_coils,
@@ -32,6 +36,7 @@ IND, NETWORK_TIMEOUT, DRIVE_TIMEOUT, INDEX, RESERVED = 0, 1, 2, 8, 3
 UNKNOWN_FUNCTION = 0x41
 LANGUAGE = 1  # parameter "language", in every drive of these documents
 NO_PARAMETER = 2047  # in no drive of these documents
+DRIVE = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}  # of sim/drive
 DRIVE_TYPE = {"card": 621, "builtin": 621, "hvac_basic": 1540}  # text parameter with the drive's type
 VALUES = (0x04D2, 0x0010)  # written to 40002 and 40003 and taken back
 TEXT_REGISTERS = 10
@@ -130,13 +135,36 @@ def has_text(reply: bytes) -> str:
     return f"'{text.decode().strip()}'"
 
 
+@functools.cache
+def status_bits(dialect: str) -> tuple[tuple[int, str, str], ...]:
+    """Number of each bit of the status word, and its phrases for 0 and 1; an empty one says nothing."""
+    profile, _ = read_profile(ROOT / DRIVES / f"{DRIVE[dialect]}.csv", read_capacity())
+    bits = tomllib.loads((ROOT / WORDS).read_text())["status"].values()
+    there = [bit for bit in bits if bit.get("only") in (None, *kinds(profile))]
+    return tuple((bit["bit"], phrase(bit, bit["zero"]), phrase(bit, bit["one"])) for bit in there)
+
+
+def status_word(word: int, dialect: str) -> str:
+    """The status word in hexadecimal and in words."""
+    said = [(zero, one)[word >> bit & 1] for bit, zero, one in status_bits(dialect)]
+    return f"status word {word:04X}h ({', '.join(filter(None, said))})"
+
+
 def has_status(reply: bytes) -> str:
+    return status_of(reply, "card")
+
+
+def has_fc_status(reply: bytes) -> str:
+    return status_of(reply, "hvac_basic")
+
+
+def status_of(reply: bytes, dialect: str) -> str:
     if reply[:2] != bytes([1, 4]) or len(reply) != 6:
         raise Unexpected(f"{reply.hex(' ')} is no reply of 32 coils")
     status, frequency = (int.from_bytes(reply[at : at + 2], "little") for at in (2, 4))
     if status == 0:
         raise Unexpected("the status word is 0000h")
-    return f"status word {status:04X}h, output frequency {frequency:04X}h"
+    return f"{status_word(status, dialect)}, output frequency {frequency:04X}h"
 
 
 def has_server_id(reply: bytes) -> str:
@@ -209,6 +237,16 @@ def text_rows() -> tuple[Row, ...]:
         of("card", (done(TEXT_READS),), (done(write_register(IND, 0)),)),
         of("builtin", (), ()),
         of("hvac_basic", (), ()),
+    )
+
+
+def state_rows() -> tuple[Row, ...]:
+    """Two bits of the status word have another meaning in an FC drive."""
+    title = "0F writes coils 1-32 = 0, no command; coils 33-64 show the drive's state"
+    write = done(write_coils(0, [False] * 32))
+    return tuple(
+        Row("FC-6", title, (write, Ask(read_coils(32, 32), check)), "drive", dialects)
+        for check, dialects in ((has_status, NOT_DIAGNOSED), (has_fc_status, DIAGNOSED))
     )
 
 
@@ -350,12 +388,7 @@ ROWS: tuple[Row, ...] = (
         ),
         "drive",
     ),
-    Row(
-        "FC-6",
-        "0F writes coils 1-32 = 0, no command; coils 33-64 show the drive's state",
-        (done(write_coils(0, [False] * 32)), Ask(read_coils(32, 32), has_status)),
-        "drive",
-    ),
+    *state_rows(),
 )
 
 

@@ -178,6 +178,7 @@ WRONG = {
     selftest_rows.has_language: ("03 03 00 00 00", "03 02 00", "03 00", "01 02 00 00"),
     selftest_rows.has_text: ("03 04 00 01 41 42", "03 02 20 20", "03 02 C4 41", "03 04 41 42"),
     selftest_rows.has_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
+    selftest_rows.has_fc_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
     selftest_rows.has_server_id: (
         "11 0B" + b"rtu2fc 0.2".hex() + "00",  # not running
         "11 0B" + b"other! 0.2".hex() + "FF",
@@ -244,6 +245,26 @@ def test_a_wrong_unit_address_is_found(unit, capsys):
     output = capsys.readouterr().out
     assert crosses(output) == ["unit 5 answers: no answer", f"{selftest.OTHERS}: unit {unit} answers"]
     assert len(rows_of(output)) == 2, "the other rows are not asked"
+    assert output.endswith(f"  what to do: {selftest.PAGE_NO_ANSWER}\n")
+    for page, title in (("bring-up", "### 4. If nothing answers"), ("debugging", "## No answer")):
+        assert f"docs/guide/{page}.md" in selftest.PAGE_NO_ANSWER
+        assert f"\n{title}\n" in (ROOT / f"docs/guide/{page}.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("word", "dialect", "said"),
+    [
+        (0x0607, "card", "Control ready, Drive ready, stand by, Serial control, Frequency in range"),
+        (0x0607, "builtin", "Control ready, Drive ready, stand by, Serial control, Frequency in range"),
+        (0x0607, "hvac_basic", "Control ready, Drive ready, Serial control, Frequency in range"),
+        (0x000C, "card", "stand by, trip, local control"),
+        (0x0048, "hvac_basic", "coasting, trip, trip lock, local control"),
+        (0x0801, "card", "Control ready, local control, running"),
+    ],
+)
+def test_the_status_word_is_decoded(word, dialect, said):
+    """By the tables from which the decoder of sigrok is made."""
+    assert selftest_rows.status_word(word, dialect) == f"status word {word:04X}h ({said})"
 
 
 def test_a_lost_first_request_is_said(capsys):
@@ -349,7 +370,11 @@ def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
     ask(line, drive=True, start=40)
     output = capsys.readouterr().out
     assert crosses(output) == []
-    assert re.search(r"✓ FC-5 +the motor turns: status word 0[EF]03h, output frequency \d", output)
+    assert re.search(
+        r"✓ FC-5 +the motor turns: status word 0[EF]03h"
+        r" \(Control ready, Drive ready,.* running\), output frequency \d",
+        output,
+    )
     assert line.drive.frequency_word == 0 and not line.drive.running
     pdus = [frame[1:-2] for frame in line.asked]
     first = next(i for i, pdu in enumerate(pdus) if pdu[:5] == STARTS[:5] and pdu[6:8] == STARTS[6:8])
@@ -364,7 +389,7 @@ def test_a_motor_that_does_not_turn_gets_its_stop(capsys, monkeypatch):
     line = ModelLine("card", drive)
     ask(line, drive=True, start=10)
     (cross,) = crosses(capsys.readouterr().out)
-    assert cross.startswith("the motor turns: status word")
+    assert re.match(r"the motor turns: status word [0-9A-F]{4}h \(.*\btrip\b.*\), output frequency", cross)
     assert line.asked[-1][1:-2] == STOPS or STOPS in [frame[1:-2] for frame in line.asked[-4:]]
 
 
@@ -477,7 +502,8 @@ def test_the_length_of_a_character(form, bits):
         (["p", "--format", "7E1"], "the format is 8E1, 8N1, 8O1, 8N2, not '7E1'"),
         (["p", "--dialect", "klingon"], "the dialect is card, builtin, hvac_basic, not 'klingon'"),
         (["p", "--drive", "perhaps"], "--drive is yes or no, not 'perhaps'"),
-        (["p", "--start", "10"], "--start takes --drive yes"),
+        (["p", "--start", "10"], "START=10 turns the motor of a drive: add DRIVE=yes (--drive yes)"),
+        (["p", "--start", "10", "--drive", "no"], "START=10 turns the motor of a drive: add DRIVE=yes"),
         (["p", "--start", "101"], "the speed is 1 to 100, not '101'"),
         ([], "port"),
     ],
@@ -550,6 +576,30 @@ def test_the_virtual_card_without_its_drive(tmp_path):
         code, output, _ = run(card.link, "--drive", "yes", "--row", "parameter 1 is read")
         assert code == 1
         assert crosses(output) == ["parameter 1 is read: exception 255 (no answer from the drive)"]
+
+
+def test_the_virtual_card_shows_the_drive_s_state_in_words(tmp_path):
+    with RunningCard(tmp_path, "--quiet") as card:
+        code, output, _ = run(card.link, "--drive", "yes", "--row", "coils 33-64")
+    assert code == 0
+    assert "status word 0607h (Control ready, Drive ready, stand by, Serial control, Freq" in output
+
+
+def test_the_virtual_card_at_another_address_names_the_page(tmp_path):
+    with RunningCard(tmp_path, "--quiet") as card:
+        code, output, errors = run(card.link, "--unit", "3")
+    assert (code, errors) == (1, "")
+    assert crosses(output)[0] == "unit 3 answers: no answer"
+    assert f"  what to do: {selftest.PAGE_NO_ANSWER}\n" in output
+
+
+def test_the_motor_of_the_virtual_card_needs_a_drive(tmp_path):
+    with RunningCard(tmp_path, "--quiet") as card:
+        code, output, errors = run(card.link, "--start", "10")
+        card.stop()
+        assert card.frames() == []
+    assert (code, output) == (2, "")
+    assert errors == "selftest: START=10 turns the motor of a drive: add DRIVE=yes (--drive yes)\n"
 
 
 def test_a_power_cycle_is_seen(tmp_path):
