@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -13,8 +15,10 @@ from pathlib import Path
 import pytest
 
 from rtl.sources import ROOT, core_files
+from sim.harness.pins import BAUDS, FORMS
 from tb.lib.runner import firmware
 from tools import cores
+from tools.cores import PORTS
 
 TOPS = ("network_port", "drive_port", "holding_registers", "rtu2fc")
 PICORV32 = "::picorv32:0-r1"
@@ -174,3 +178,59 @@ def test_missing_command_is_one_line(tmp_path):
     assert (done.returncode, done.stderr) == (2, "launcher: tclsh is missing; run `make setup-synth`\n")
     done = launcher(tmp_path)
     assert (done.returncode, done.stderr) == (2, "launcher: name a command\n")
+
+
+# ---------------------------------------------------------------- the guide's tables
+GUIDE = (ROOT / "docs/guide/integration.md").read_text()
+
+
+def rows_after(title: str, header: str) -> list[list[str]]:
+    """The cells of the first table with this header after a title."""
+    text = GUIDE.split(f"\n{title}\n", 1)[1].split(f"{header}\n", 1)[1]
+    lines = itertools.takewhile(lambda line: line.startswith("|"), text.splitlines()[1:])
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_the_guide_has_the_bits_of_every_port(port):
+    text = (ROOT / f"rtl/{port}.v").read_text()
+    spans = dict(re.findall(r"`define (\w+_BITS) (\d+):0", text))
+    declared = {}
+    for span, name in re.findall(r"^    (?:in|out)put +\w+ *(?:\[([^]]+)\])? *(\w+)", text, re.MULTILINE):
+        span = span.strip().removesuffix(":0")
+        declared[name] = int(spans.get(span.lstrip("`"), span or 0)) + 1
+    shown = {}
+    for row in rows_after(f"## {port}", "| port | bits | direction | meaning |"):
+        names, bits = re.findall(r"`(\w+)`", row[0]), row[1].split(", ")
+        shown |= dict(zip(names, map(int, bits), strict=True))
+    assert shown == declared and len(declared) > 15
+
+
+def test_the_guide_has_the_bits_of_the_events():
+    macros = re.findall(r"`define (MBX_EVENTS_\w+) (\d+)$", (ROOT / "rtl/network_port.v").read_text(), re.M)
+    shown = [
+        (row[0].strip("`"), row[1])
+        for row in rows_after("### events", "| field | bit | the frame is dropped because |")
+    ]
+    assert shown == macros and len(macros) == 7
+
+
+def test_the_guide_has_the_format_of_each_rate(tmp_path):
+    """As card_tables makes it from the switches."""
+    bench = tmp_path / "bench.v"
+    bench.write_text(
+        "module bench; reg [5:1] switches; wire [12:0] line; integer i;\n"
+        "card_tables tables (.sw_baud(switches), .baud_undivided(), .baud_mask(), .line(line));\n"
+        "initial for (i = 0; i < 32; i = i + 1) begin\n"
+        '  switches = i[4:0]; #1 $display("%0d %h", i, line);\nend\nendmodule\n'
+    )
+    files = [bench, ROOT / "regs/generated/card_tables.v"]
+    subprocess.run(["iverilog", "-g2005", "-o", tmp_path / "sim", *files], check=True, capture_output=True)
+    done = subprocess.run([tmp_path / "sim"], capture_output=True, text=True, check=True)
+    made = {int(number): int(value, 16) for number, value in map(str.split, done.stdout.splitlines())}
+    rows = rows_after("### format", "| bit/s | 8N1 | 8N2 | 8E1 | 8O1 |")
+    assert sorted(int(row[0]) for row in rows) == sorted(BAUDS) and len(rows) == 8
+    for baud, *values in rows:
+        for form, value in zip(("8N1", "8N2", "8E1", "8O1"), values, strict=True):
+            switches = sum(int(on) << i for i, on in enumerate(BAUDS[int(baud)] + FORMS[form]))
+            assert int(value.strip("`"), 16) == made[switches], (baud, form)
