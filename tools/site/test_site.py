@@ -261,3 +261,30 @@ def test_nothing_is_cut_off(site, tmp_path, width):
     assert seen.console == []
     assert [found[0] for found in seen.found] == names
     assert [found for found in seen.found if found[1:] != [0, 0, []]] == []
+
+
+# Of the exceptions' table, scrolled to its right end: whether it scrolls, and where a row's cells are.
+SCROLLED = """
+const page = document.querySelector('iframe').contentDocument;
+const table = [...page.querySelectorAll('article table')].find(one => one.textContent.includes('builtin'));
+const wrap = table.closest('.md-typeset__scrollwrap');
+wrap.scrollLeft = 10000;
+const cells = [...table.querySelectorAll('tbody tr')][3].querySelectorAll('td');
+return [wrap.scrollLeft > 100, cells[0].textContent, Math.round(cells[0].getBoundingClientRect().left) >= 0,
+        cells[cells.length - 1].getBoundingClientRect().right <= page.documentElement.clientWidth + 1,
+        page.defaultView.getComputedStyle(cells[0]).backgroundColor];
+"""
+
+
+@pytest.mark.needs("docs")
+@pytest.mark.needs("pages")
+def test_the_code_of_an_exception_stays_in_sight_on_a_phone(site, tmp_path):
+    folder = tmp_path / "site"
+    shutil.copytree(site, folder)
+    page = (
+        '<!doctype html><body><iframe src="guide/handbook/exceptions.html" width="390" height="800"></iframe>'
+    )
+    seen = chromium.evaluate(page, SCROLLED, folder, 1600, LOOK_INSIDE)
+    scrolls, code, visible, right_end, background = seen.found
+    assert (scrolls, code, visible, right_end) == (True, "2", True, True)
+    assert "rgba(0, 0, 0, 0)" not in background, "the cells below it would show through"
