@@ -96,7 +96,8 @@ def main() -> int:
     for line in wrong:
         print(f"WRONG {line}")
     asked = sum(len(cases(dialect)) for dialect in dialects) * len(chosen)
-    print(f"{asked} requests of {len(chosen)} masters, {len(wrong)} deviations")
+    masters = f"{len(chosen)} master{'s' if len(chosen) != 1 else ''}"
+    print(f"{asked} requests of {masters}, {len(wrong)} deviations")
     if whole and not wrong:
         write(results)
     return int(bool(wrong))

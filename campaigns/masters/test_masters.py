@@ -308,7 +308,7 @@ def test_a_wrong_answer_fails_the_command_and_nothing_is_written(replayed, monke
 def test_a_part_writes_nothing(replayed, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["masters", "--master", "mbpoll", "--dialect", "card"])
     assert run.main() == 0
-    assert "18 requests of 1 masters, 0 deviations" in capsys.readouterr().out
+    assert "18 requests of 1 master, 0 deviations" in capsys.readouterr().out
     assert not page.ANSWERS.exists() and not page.PAGE.exists()
 
 
