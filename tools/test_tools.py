@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from constraints.boards import boards
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
 from tb.lib.seeds import seeded
@@ -104,6 +105,13 @@ def test_make_alone_lists_at_most_fifteen_commands():
     daily = listed()
     assert len(daily) <= 15
     assert {"demo", "run", "test", "test-all", "lint", "synth"} <= set(daily) <= set(listed("help-all"))
+
+
+def test_the_readme_names_every_board():
+    (named,) = re.findall(
+        r"^The boards for `BOARD=name` are (.*?)\.$", (ROOT / "README.md").read_text(), re.M | re.S
+    )
+    assert sorted(re.findall(r"`([\w-]+)`", named)) == sorted(boards())
 
 
 def test_unknown_target():
