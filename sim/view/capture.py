@@ -190,9 +190,10 @@ class Capture:
     def only_channel(self) -> str:
         """The channel that changes, if there is one alone."""
         busy = [name for name in self.names if len(self.source.changes(name)) > 1]
-        if len(busy) != 1:
-            among = f"these change: {', '.join(busy)}" if busy else "none changes"
-            raise CaptureError(f"{self.path}: name a channel; {among}")
+        if not busy:
+            raise CaptureError(f"{self.path}: no channel changes: nobody sends, or no probe is connected")
+        if len(busy) > 1:
+            raise CaptureError(f"{self.path}: name a channel; these change: {', '.join(busy)}")
         return busy[0]
 
 

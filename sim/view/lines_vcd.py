@@ -59,11 +59,11 @@ def samples(wave: WaveFile) -> Iterator[tuple[int, dict[str, str]]]:
 
 
 def write_vcd(wave: Path, vcd: Path) -> None:
-    at = 0
+    at, file_of_wave = 0, WaveFile(wave)
     with vcd.open("w") as file:
         writer = VCDWriter(file, timescale="1 us", date="")
         channels = {name: writer.register_var("card", name, "wire", size=1, init="1") for name in CHANNELS}
-        for at, levels in samples(WaveFile(wave)):
+        for at, levels in samples(file_of_wave):
             for name, level in levels.items():
                 writer.change(channels[name], at, level)
         writer.close(at + END_SAMPLES)
@@ -79,7 +79,7 @@ def main() -> int:
         return 2
     try:
         write_vcd(args.wave, args.vcd)
-    except (KeyError, OSError) as error:
+    except (KeyError, OSError, RuntimeError) as error:
         print(f"lines_vcd: {error.args[0] if isinstance(error, KeyError) else error}", file=sys.stderr)
         return 2
     return 0

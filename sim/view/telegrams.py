@@ -107,7 +107,7 @@ def main() -> int:
     good = any(not text.startswith(BAD) for text in telegrams)
     where = f"on {args.channel} at {args.baud} bit/s 8E1"
     if not good and not any(text.startswith(COMPLETE) for text in telegrams):
-        print(f"telegrams: {args.file}: no telegram {where}; try --baud or --invert", file=sys.stderr)
+        print(f"telegrams: {args.file}: no whole telegram {where}; try --baud or --invert", file=sys.stderr)
         return 2
     try:
         print("\n".join(rows), flush=True)

@@ -567,7 +567,10 @@ BAD_FILES = {
         lambda path: _written(path / "a.vcd", b"$var wire 1 ! A $end $enddefinitions $end #0 1!"),
         "no readable VCD file",
     ),
-    "no change": (lambda path: sigrok_file(path / "a.sr", logic_1=bytes(50)), "name a channel; none changes"),
+    "no change": (
+        lambda path: sigrok_file(path / "a.sr", logic_1=bytes(50)),
+        "no channel changes: nobody sends, or no probe is connected",
+    ),
 }
 
 

@@ -614,10 +614,10 @@ def test_the_command_takes_a_waveform_of_the_card(recorded):
             "no drive vlt9000; choose one of hvac_basic, vlt2800, vlt5000, vlt6000, vlt8000",
         ),
         (["--baud", "0"], 2, "0 bit/s is not within 300 and 115200"),
-        (["--baud", "19200"], 2, "no telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
-        (["--baud", "4800"], 2, "no telegram on drive at 4800 bit/s 8E1; try --baud or --invert"),
-        (["--invert"], 2, "no telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
-        (["--invert", "yes"], 2, "no telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
+        (["--baud", "19200"], 2, "no whole telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
+        (["--baud", "4800"], 2, "no whole telegram on drive at 4800 bit/s 8E1; try --baud or --invert"),
+        (["--invert"], 2, "no whole telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
+        (["--invert", "yes"], 2, "no whole telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
     ],
 )
 def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, code, words):
@@ -631,7 +631,8 @@ def test_an_idle_line_has_no_telegram(tmp_path):
     done = printed(vcd)
     assert (done.returncode, done.stdout) == (2, "")
     assert (
-        done.stderr == f"telegrams: {vcd}: no telegram on drive at 9600 bit/s 8E1; try --baud or --invert\n"
+        done.stderr
+        == f"telegrams: {vcd}: no whole telegram on drive at 9600 bit/s 8E1; try --baud or --invert\n"
     )
 
 
@@ -642,6 +643,14 @@ def test_damaged_telegrams_alone_are_shown(tmp_path):
         "Bad: BCC 7Ch, 7Dh would be right",
         "Bad: cut after 5 of 8 bytes",
     ]
+
+
+def test_parts_of_telegrams_are_no_rows(tmp_path):
+    """As a wrong rate shows them."""
+    vcd = draw(tmp_path / "cut.vcd", [Sent(STATUS[:5]), Sent(START[:1])])
+    done = printed(vcd)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"telegrams: {vcd}: no whole telegram on drive at 9600 bit/s 8E1;")
 
 
 def test_a_line_that_is_low_when_idle_is_read_inverted(tmp_path):
@@ -681,6 +690,11 @@ def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path, spoil, w
     wave.write_bytes(spoil(recorded.wave.read_bytes()))
     done = printed(wave)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {wave}: {words}\n")
+    for name, *more in (("lines_vcd", tmp_path / "lines.vcd"), ("waves",)):
+        command = [sys.executable, "-m", f"sim.view.{name}", wave, *more]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{name}: {words}\n")
+    assert not (tmp_path / "lines.vcd").exists()
 
 
 def test_a_reader_that_stops_costs_no_message(tmp_path):

@@ -320,4 +320,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    run_main("waves", main)
+    run_main("waves", main, RuntimeError)
