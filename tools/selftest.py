@@ -401,7 +401,7 @@ class Selftest:
             check("LINE-7", OTHERS, self.other_units)
         if not answered or not check("DIALECT", SPEAKS, self.dialect):
             print("  the other rows need an answer in this dialect; they were not asked", flush=True)
-            print(f"  what to do: {PAGE_DIALECT if answered else PAGE_NO_ANSWER}", flush=True)
+            print(f"  read: {PAGE_DIALECT if answered else PAGE_NO_ANSWER}", flush=True)
             return
         self.may_have_written = True
         for row in ROWS:

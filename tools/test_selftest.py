@@ -245,7 +245,7 @@ def test_a_wrong_unit_address_is_found(unit, capsys):
     output = capsys.readouterr().out
     assert crosses(output) == ["unit 5 answers: no answer", f"{selftest.OTHERS}: unit {unit} answers"]
     assert len(rows_of(output)) == 2, "the other rows are not asked"
-    assert output.endswith(f"  what to do: {selftest.PAGE_NO_ANSWER}\n")
+    assert output.endswith(f"  read: {selftest.PAGE_NO_ANSWER}\n")
     for page, title in (("bring-up", "### 4. If nothing answers"), ("debugging", "## No answer")):
         assert f"docs/guide/{page}.md" in selftest.PAGE_NO_ANSWER
         assert f"\n{title}\n" in (ROOT / f"docs/guide/{page}.md").read_text()
@@ -590,7 +590,7 @@ def test_the_virtual_card_at_another_address_names_the_page(tmp_path):
         code, output, errors = run(card.link, "--unit", "3")
     assert (code, errors) == (1, "")
     assert crosses(output)[0] == "unit 3 answers: no answer"
-    assert f"  what to do: {selftest.PAGE_NO_ANSWER}\n" in output
+    assert f"  read: {selftest.PAGE_NO_ANSWER}\n" in output
 
 
 def test_the_motor_of_the_virtual_card_needs_a_drive(tmp_path):

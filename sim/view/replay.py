@@ -366,7 +366,8 @@ def suspicions(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool)
     found = tried[best]
     where = f"BAUD={baud} FORMAT={form} INVERT={'yes' if other else 'no'}"
     if found.good:
-        return [f"wrong rate or format: {found.good} good frames with {where}"]
+        frames = f"{found.good} good frame{'s' if found.good != 1 else ''}"
+        return [f"wrong rate or format: {frames} with {where}"]
     if any(here.rank):
         return here.mistakes()
     if any(found.rank):

@@ -317,7 +317,7 @@ SUSPICIONS = {
     "another format": (
         (READ,),
         "8O1",
-        "wrong rate or format: 1 good frames with BAUD=19200 FORMAT=8O1 INVERT=no",
+        "wrong rate or format: 1 good frame with BAUD=19200 FORMAT=8O1 INVERT=no",
         "dropped: parity (parity of byte 1)",
     ),
     "noise": (
@@ -611,7 +611,7 @@ def test_a_recording_without_a_character(tmp_path, capsys, never_played):
     said = refused(capsys, file, "--unit", "1", "--baud", "300")
     assert said.endswith(
         "channel bus: no character at 300 8N2;"
-        " wrong rate or format: 1 good frames with BAUD=115200 FORMAT=8E1 INVERT=no"
+        " wrong rate or format: 1 good frame with BAUD=115200 FORMAT=8E1 INVERT=no"
     )
     noise = sigrok_file(tmp_path / "a.sr", logic_1=bytes([1] * 900 + [0] * 5 + [1] * 900))
     said = refused(capsys, noise, "--unit", "1", "--baud", "9600")
