@@ -150,11 +150,10 @@ REPLAYED = ("REPLIES=no", "FOR=1", "FORMAT=8E1", "CHANNEL=RX", "CONFIG=tiny", "D
 REPLAYED += ("STRICT_T15=no", "BREAK_TOLERANT=yes")
 
 
-@pytest.mark.parametrize("variable", REPLAYED)
-def test_replay_passes_its_variables_on(variable):
-    name, value = variable.split("=")
-    said = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "BAUD=9600", variable).stdout
-    assert f'--{name.lower().replace("_", "-")} "{value}"' in said
+def test_replay_passes_its_variables_on():
+    said = command("make", "-n", "replay", "FILE=bus.sr", "UNIT=1", "BAUD=9600", *REPLAYED).stdout
+    for name, value in (variable.split("=") for variable in REPLAYED):
+        assert f'--{name.lower().replace("_", "-")} "{value}"' in said
 
 
 def test_selftest_starts_a_motor_by_the_command_line_only():
@@ -360,17 +359,29 @@ def test_an_unknown_layer_is_named():
 WAITING = "test_card_" + "waiting"  # in two parts, so that no test file has the name with .py
 
 
-@pytest.mark.parametrize("name", [WAITING, f"{WAITING}.py", f"tb/card/{WAITING}.py"])
-def test_the_name_of_a_test_file_fits(name):
+def test_the_name_of_a_test_file_fits():
     """With its folder or without, with .py or without: pytest collects the tests of that file alone."""
-    shown = command("make", "-n", "test", f"TEST={name}").stdout
-    (asked,) = re.findall(r"tools\.names test '(.*?)'", shown)
-    (chosen,) = re.findall(r"pytest .* -k '(.*?)'", shown)
-    assert asked == chosen and unknown_words(asked, texts()) == []
-    collect = ("-m", "pytest", "--collect-only", "-q", "--all", "tb/card", "-k", chosen)
-    done = command(sys.executable, *collect)
-    found = {line.split("::")[0] for line in done.stdout.splitlines() if "::" in line}
-    assert found == {f"tb/card/{WAITING}.py"}
+    chosen = set()
+    for name in (WAITING, f"{WAITING}.py", f"tb/card/{WAITING}.py"):
+        shown = command("make", "-n", "test", f"TEST={name}").stdout
+        (asked,) = re.findall(r"tools\.names test '(.*?)'", shown)
+        assert re.findall(r"pytest .* -k '(.*?)'", shown) == [asked]
+        assert unknown_words(asked, texts()) == []
+        chosen.add(asked)
+    assert chosen == {WAITING, f"{WAITING}.py"}
+    for name in chosen:
+        collect = (
+            "-m",
+            "pytest",
+            "--collect-only",
+            "-q",
+            "--all",
+            f"tb/card/{WAITING}.py",
+            "tb/card/test_card_starts.py",
+        )
+        done = command(sys.executable, *collect, "-k", name)
+        found = {line.split("::")[0] for line in done.stdout.splitlines() if "::" in line}
+        assert found == {f"tb/card/{WAITING}.py"}
 
 
 @pytest.mark.parametrize("target", ["test", "test-all", "waves"])

@@ -371,6 +371,12 @@ def test_the_guide_explains_every_fate_and_suspicion():
 
 
 # ---------------------------------------------------------------- other builds of the card
+CUT = ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]
+
+
+def another_card(*values: object):
+    """A case that Verilator builds a card for, some seconds."""
+    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def test_the_format_of_the_factory_is_the_default(tmp_path, capsys):
@@ -380,16 +386,16 @@ def test_the_format_of_the_factory_is_the_default(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("gap", "options", "fates"),
+    ("options", "fates"),
     [
-        (2, [], ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]),
-        (2, ["--strict-t15", "yes"], ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]),
-        (2, ["--strict-t15", "no"], None),
+        ([], CUT),
+        another_card(["--strict-t15", "yes"], CUT),
+        another_card(["--strict-t15", "no"], None),
     ],
 )
 @pytest.mark.rule("FRAME-2")
-def test_t15_is_strict_unless_built_otherwise(gap, options, fates, tmp_path, capsys):
-    file = bus_file(tmp_path, (20, READ[:4], ""), (gap, READ[4:], ""))
+def test_t15_is_strict_unless_built_otherwise(options, fates, tmp_path, capsys):
+    file = bus_file(tmp_path, (20, READ[:4], ""), (2, READ[4:], ""))
     assert main([str(file), *ASKED, *options]) == 0
     text = capsys.readouterr().out
     if fates:
@@ -398,7 +404,7 @@ def test_t15_is_strict_unless_built_otherwise(gap, options, fates, tmp_path, cap
 
 
 @pytest.mark.rule("FRAME-3")
-@pytest.mark.parametrize(("options", "replies"), [([], 0), (["--break-tolerant", "yes"], 1)])
+@pytest.mark.parametrize(("options", "replies"), [([], 0), another_card(["--break-tolerant", "yes"], 1)])
 def test_a_break_tolerant_card_serves_a_bus_without_bias(options, replies, tmp_path, capsys):
     file = bus_file(tmp_path, (20, READ, ""), (1, bytes(20), "low"))
     assert main([str(file), *ASKED, *options]) == 0
@@ -410,7 +416,7 @@ def test_a_break_tolerant_card_serves_a_bus_without_bias(options, replies, tmp_p
     [
         ([], "01 C1 43 30 61"),
         (["--dialect", "hvac_basic"], "01 C1 01 B0 50"),
-        (["--config", "tiny"], "01 C1 43 30 61"),
+        another_card(["--config", "tiny"], "01 C1 43 30 61"),
     ],
 )
 def test_dialect_and_configuration_can_be_chosen(options, answer, tmp_path, capsys, monkeypatch):
