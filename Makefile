@@ -64,7 +64,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 
 #:
 #: Variables
-#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak); default: standard
+#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, replay); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, test-all, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        without the tests that `make test` runs (test-all)
@@ -73,7 +73,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
-#:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, CONFIG=name, DIALECT=name, STRICT_T15=no,
+#:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, DIALECT=name, STRICT_T15=no,
 #:   BREAK_TOLERANT=yes   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   SLAVE=name    this slave alone, with its faults in the terminal (conformance)
