@@ -85,8 +85,8 @@ synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run map_cells:blif
     # says. Yosys puts inverters around those of other start values.
     "gowin": "synth_gowin -family {device} -top {top}",
 }
-# Seconds after which a seed counts as not routable: in a part that is almost full nextpnr may exchange the same wires
-# for ever.
+# Seconds after which a seed counts as not routable: in a part that is almost full nextpnr may exchange the
+# same wires for ever.
 ROUTE_S = 600
 
 # Look-up tables that each of nextpnr's cells occupies; a RAM16SDP4 takes four for its bits, two to write.

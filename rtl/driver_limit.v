@@ -4,8 +4,9 @@
 // de follows driven. With rst, which may rise without a clock, it is 0 (SAFE-6). With LIMIT = 1 it
 // falls 14 to 15 beats after driven rose, and stays 0 until driven falls. A beat is (mask + 1) /
 // 1200 s: mask is that of baud_divider, so a beat is 32 bits at every rate up to 38400 bit/s and 96
-// bits at 115200. The longest frame is 375 bits; 14 beats are 448. The count and its time base are
-// others than the sender's (SAFE-2). LIMIT = 0 leaves the count out.
+// bits at 115200. The longest frame is 375 bits; 14 beats are 448. No counter of a sender is in it
+// (SAFE-2). The beat comes from card_time, which counts the tick of the drive line's sender.
+// LIMIT = 0 leaves the count out.
 // Clock domain: clk.
 // docs/hardening.md, Time limit of DE (SAFE-4)
 `default_nettype none

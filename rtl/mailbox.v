@@ -60,6 +60,7 @@
 `define CARD_EXCHANGE_CANDIDATE_BITS 2
 `define CARD_EXCHANGE_GOOD_BITS 3
 `define CARD_EXCHANGE_BAD_BITS 4
+`define CARD_EXCHANGE_START_SEEN_BITS 5
 // End of what `make regs` writes.
 
 module mailbox #(
@@ -296,8 +297,8 @@ module mailbox #(
       .fault(supervision[`CARD_SUPERVISION_FAULT_BITS])
   );
 
-  // For waveforms only.
-  wire unused = &{1'b0, reply_queued};
+  // For waveforms only, and for the supervisor only.
+  wire unused = &{1'b0, reply_queued, exchange[`CARD_EXCHANGE_START_SEEN_BITS]};
 
 endmodule
 

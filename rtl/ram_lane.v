@@ -14,7 +14,7 @@ module ram_lane #(
     parameter FIRST = 0,
     parameter WORDS = 512,
     parameter ALL = 1536,
-    parameter [1:0] LANE = 2'd0,
+    parameter LANE = 0,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
     input  wire                     clk,

@@ -50,10 +50,11 @@ module supervisor #(
   reg halted = 1'b0;
   reg loopback_closed = 1'b0;
   reg drive_was_good = 1'b0;
-  initial loopback_heard = 1'b0;
   // fault, one clock later. Without it the longest path of the card goes from the switches'
   // parity to the soft core's bus.
   reg stopped = 1'b0;
+
+  initial loopback_heard = 1'b0;
 
   wire bite = (idle_beats == 2'd3 || core_trap) && restarting == 2'b00;
 

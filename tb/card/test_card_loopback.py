@@ -298,9 +298,12 @@ def test_a_failed_test_is_over_at_once(config):
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
-# Milliseconds from the fall of DE to the character: within t1.5, between t1.5 and t3.5, within the pause of the drive
-# line, and long after it.
-AFTER_MS = [3.0, 0.3, *(pytest.param(ms, marks=pytest.mark.slow) for ms in (0.1, 1.2, 1.7, 6, 8, 17))]
+# Milliseconds from the fall of DE to the character: within t1.5, between t1.5 and t3.5, within the pause of
+# the drive line, and long after it.
+AFTER_MS = [
+    *(3.0, 0.3),
+    *(pytest.param(ms, marks=pytest.mark.slow) for ms in (0.1, 1.2, 1.7, 6, 8, 17)),
+]
 
 
 @pytest.mark.rule("LOOP-1")
