@@ -745,7 +745,8 @@ def test_of_several_waiting_requests_the_newest_is_served(bench: Bench):
 
 START, STOP = H("0F 0000 0020 04 7C04 9919"), H("0F 0000 0020 04 3C04 0000")
 TELEGRAM_OF_START, TELEGRAM_OF_STOP = H("047C 1999"), H("043C 0000")
-SET_PARAMETER, TELL_SET = H("06 081B 0064"), H(f"10CF 0000 0000 0064 {STATUS}")
+SET_207 = H("06 0815 0064")
+TELEGRAM_OF_207, TELL_207 = H("20CF 0000 0000 0064 0000 0000"), H(f"10CF 0000 0000 0064 {STATUS}")
 
 
 def to(unit: str, data: bytes) -> bytes:
@@ -767,6 +768,53 @@ def test_a_committed_write_waits_whatever_comes_after_it(bench: Bench, unit: str
     assert bench.telegrams == [ASK_514]
     bench.drive(TELL_514)
     assert bench.telegrams[1:] == [to(unit, TELEGRAM_OF_START)]
+
+
+@pytest.mark.rule("FRAME-7", "MAP-9")
+@pytest.mark.parametrize("unit", ["all", "us"])
+def test_a_write_of_a_parameter_waits_like_one_of_coils(bench: Bench, unit: str):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(SET_207, broadcast=unit == "all")
+    bench.request(READ_IND)
+    bench.drive(TELL_514)
+    assert bench.telegrams[1:] == [to(unit, TELEGRAM_OF_207)]
+    bench.telegram_ends()
+    bench.drive(TELL_207)
+    assert bench.replies == [REPLY_IND], "of the newest request alone"
+
+
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_a_revoked_write_does_not_shorten_the_wait_for_the_drive(bench: Bench):
+    bench.local(H("06 0002 03E8"))  # 10 s
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(1000)
+    bench.offer(STOP)
+    bench.wait(5)
+    bench.character()
+    bench.wait(5)
+    bench.drive(TELL_514)
+    bench.local(H("01 0020 0010"))
+    assert bench.replies[-1] == H("01 01 02 030F"), "the drive's answer was taken"
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("FRAME-7", "MAP-9")
+@pytest.mark.parametrize("first", ["all", "us"])
+def test_a_write_that_replaces_another_is_the_last_to_leave(bench: Bench, first: str):
+    """The place is the older one's, its turn is not: writes leave in the order of their commits."""
+    second = "us" if first == "all" else "all"
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(START, broadcast=first == "all")
+    bench.request(START, broadcast=second == "all")
+    bench.request(STOP, broadcast=first == "all")
+    bench.drive(TELL_514)
+    bench.telegram_ends()
+    if not bench.mailbox.no_reply:
+        bench.drive(H(STATUS))
+    assert bench.telegrams[1:] == [to(second, TELEGRAM_OF_START), to(first, TELEGRAM_OF_STOP)]
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
@@ -1330,6 +1378,18 @@ def test_a_line_that_is_never_silent_holds_a_write_until_the_time_out(bench: Ben
     assert bench.telegrams == []
 
 
+@pytest.mark.rule("FC-9", "MAP-9")
+def test_a_broadcast_that_cannot_be_sent_gives_way_to_a_stop_after_150_ms(bench: Bench):
+    bench.local(H("06 0002 03E8"))  # 10 s
+    bench.mailbox.quiet = False
+    bench.request(START, broadcast=True)
+    bench.request(STOP)
+    bench.wait(150 + OVERDUE_MS)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [to("us", TELEGRAM_OF_STOP)]
+
+
 @pytest.mark.rule("FRAME-6", "FC-9")
 def test_a_slow_commit_does_not_count_as_a_wait_for_the_drive_line(bench: Bench):
     """At 300 bit/s a candidate waits 73 ms for its commit; register 40003 may be 10 ms."""
@@ -1541,6 +1601,15 @@ def test_the_stop_is_sent_once_after_the_time(running: Bench):
     assert len(running.replies) == replies, "nobody asked"
     running.local(READ_CONTROL)
     assert running.replies[-1] == H("01 01 02 3C04")
+
+
+@pytest.mark.rule("SAFE-7")
+def test_the_stop_commands_a_drive_whose_last_write_left_bit_10_clear(running: Bench):
+    """With bit 10 = 0 a drive ignores the control word; the stop has it set."""
+    running.request(H("0F 0000 0010 02 7800"))
+    answer(running)
+    running.wait(TIMEOUT_MS + 5)
+    assert running.telegrams[2:] == [H("81 0438 1999")]
 
 
 @pytest.mark.rule("SAFE-7", "FC-9")
