@@ -92,7 +92,7 @@ def test_every_register_of_the_verilog_can_be_flipped():
     can = {(register.module, register.name) for register in places.registers}
     there = {(path.stem, name) for path in RTL.rglob("*.v") for name in clocked(path)}
     assert len(there) > 70
-    assert not there - can
+    assert {module for module, _ in there - can} == {"ram_bank"}, "the small card's memory"
 
 
 def clocked(path: Path) -> set[str]:
