@@ -36,7 +36,7 @@ from constraints.synth import (
     unsafe,
     without_loose_inputs,
 )
-from rtl.sources import card_files, needed_files
+from rtl.sources import card_files, needed_files, rtl_files
 from tb.gates import netlists as gates
 from tb.gates.netlists import GATES_HZ, netlist
 from tb.lib.runner import ROOT, firmware
@@ -343,7 +343,7 @@ def test_a_routed_design_with_hold_errors_is_refused(monkeypatch):
     folder = ROOT / "build/tests/synth-hold"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "x.report").write_text("{}")
-    monkeypatch.setattr(synth, "tool", lambda command, log: log.write_text(CLOCKED + HOLD))
+    monkeypatch.setattr(synth, "tool", lambda command, log, **limits: log.write_text(CLOCKED + HOLD))
     with pytest.raises(
         SynthError, match=r"^1 paths are too fast \(hold time\) \(see build/tests/synth-hold/x"
     ):
@@ -496,6 +496,11 @@ def test_make_synth_says_which_tool_runs(tmp_path, capsys):
     assert capsys.readouterr().err == "synth: python runs; its log is build/synth/none.log\n"
 
 
+def test_a_tool_that_never_ends_is_given_up():
+    with pytest.raises(SynthError, match=r"^python: no result in 0\.5 s$"):
+        tool(["python", "-c", "import time; time.sleep(60)"], synth.BUILD / "none.log", limit_s=0.5)
+
+
 def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys):
     def refuse(entry):
         raise SynthError(f"{entry.name}: no seed of 1 gave a design in time")
@@ -509,6 +514,13 @@ def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys)
 def counts(cells: dict[str, int]) -> dict:
     """Figures of the front end in the form of `make synth`."""
     return {family: {flow: {"cells": cells[family], "brams": 0} for flow in FLOWS} for family in COUNTED_ON}
+
+
+def test_the_whole_card_has_every_module():
+    """A module that is missing in WHOLE would be cut out, and its cells with it."""
+    assert {path.stem for path in rtl_files()} - synth.WHOLE == {"rtu2fc", "break_filter"}, (
+        "no board has breaks"
+    )
 
 
 def test_front_end_at_its_targets_is_accepted():
@@ -527,15 +539,19 @@ def test_a_front_end_over_its_target_is_refused(family, flow):
 def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path):
     """The table stays unchanged."""
     monkeypatch.setattr(synth, "build", lambda entry: ROW)
-    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 851, "brams": 0})
+    limit = TARGETS["machxo2"]
+    monkeypatch.setattr(
+        synth, "count_part", lambda *part: {"cells": limit + (part[1] == "machxo2"), "brams": 0}
+    )
+    monkeypatch.setitem(TARGETS, "ice40", limit)
     monkeypatch.setattr(synth, "each_seed", lambda entry: {1: 30.0, 2: None, 3: 40.0})
     monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
     monkeypatch.setattr(synth, "DOCS", tmp_path / "synthesis.md")
     monkeypatch.setattr(sys, "argv", ["synth"])
     assert synth.main() == 1
-    assert "synth: front end: 851 cells on machxo2" in capsys.readouterr().err
+    assert f"synth: front end: {limit + 1} cells on machxo2" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": 850, "brams": 0})
+    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": limit, "brams": 0})
     assert synth.main() == 0
     written = (tmp_path / "synthesis.md").read_text()
     assert measured_from() in written

@@ -4,8 +4,8 @@
 //
 // The lines have priority: each asks once a character, hundreds of clocks apart, for one clock.
 // The network line never waits. The drive line waits for one clock at most. The soft core waits
-// while a line asks, but for a write to a register: the path from the lines to the commit gate
-// would else be the longest of the card.
+// while a line asks. Only a write to a register never waits: with a wait, the path from the lines
+// through the arbiter to the commit gate was the longest of the small card.
 // Each line has its own byte lane in the 64 words of the frame memory (regs/mailbox.rdl): the
 // network line writes lane 1, the drive line writes lane 2, both read lane 0.
 // A soft core access takes at least two clocks: valid, then ready with the data. rst is the soft
