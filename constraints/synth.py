@@ -19,6 +19,7 @@ import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -85,8 +86,8 @@ synth_ice40 -device {{device}} {{carry}} -dff -top {{top}} -run map_cells:blif
     # says. Yosys puts inverters around those of other start values.
     "gowin": "synth_gowin -family {device} -top {top}",
 }
-# Seconds after which a seed counts as not routable: in a part that is almost full nextpnr may exchange the
-# same wires for ever.
+# Seconds of processor time after which a seed counts as not routable: in a part that is almost full nextpnr
+# may exchange the same wires for ever.
 ROUTE_S = 600
 
 # Look-up tables that each of nextpnr's cells occupies; a RAM16SDP4 takes four for its bits, two to write.
@@ -123,24 +124,23 @@ def sandboxed(path: Path) -> str:
     return str(copy.relative_to(ROOT))
 
 
-def tool(command: list[str], log: Path, own_log: bool = False, limit_s: float | None = None) -> None:
+def tool(command: list[str], log: Path, own_log: bool = False, limit_s: int | None = None) -> None:
     """Runs a tool; its output goes to `log`, or the tool writes the log itself. Raises on failure.
 
-    limit_s: seconds after which it is given up.
+    limit_s: processor time after which it is given up, so that other work beside it does not count.
     """
     print(progress(command, log), file=sys.stderr, flush=True)
+    program = str(Path(sys.executable).parent / command[0])
     with open(os.devnull if own_log else log, "w") as file:
-        try:
-            done = subprocess.run(
-                [str(Path(sys.executable).parent / command[0]), *command[1:]],
-                cwd=ROOT,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                check=False,
-                timeout=limit_s,
-            )
-        except subprocess.TimeoutExpired:
-            raise SynthError(f"{command[0]}: no result in {limit_s:g} s") from None
+        done = subprocess.run(
+            [*(["prlimit", f"--cpu={limit_s}:{limit_s + 60}"] if limit_s else []), program, *command[1:]],
+            cwd=ROOT,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    if done.returncode == -signal.SIGXCPU:
+        raise SynthError(f"{command[0]}: no result in {limit_s} s of processor time")
     if done.returncode:
         lines = log.read_text(errors="replace").splitlines() if log.exists() else []
         errors = [line for line in lines if "ERROR" in line or "error:" in line]

@@ -59,7 +59,7 @@ def test_pins_wrapper_and_table_agree(name):
 
 def test_there_is_a_board_for_every_folder():
     folders = {path.name for path in (ROOT / "constraints").iterdir() if path.is_dir()}
-    assert folders == set(BOARDS)
+    assert folders == {*BOARDS, "vendor"}, "vendor has scripts, no board"
 
 
 def card(name: str) -> list[str]:

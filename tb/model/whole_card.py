@@ -254,6 +254,17 @@ class LineJudge:
             raise Unclear(exchange.queued_from, "a telegram that fits either of two requests")
         return True
 
+    def _next_was_queued(self, at: float) -> bool:
+        """The wait ended before this commit, while the drive sent: the next telegram is queued already.
+
+        The card need not have given up: it may have taken what the drive sends. The next telegram tells.
+        """
+        exchange = self.exchange
+        if not (exchange and exchange.phase == "wait" and self.queue and at >= self._wait_from(exchange)):
+            return False
+        left = next((burst.data for burst in self.telegrams if burst.rise > at), None)
+        return left == self.queue[0].telegram != exchange.request.telegram
+
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
         """A write that waited may be repeated after a newer request without a telegram (FC-9, FRAME-7).
 
@@ -274,6 +285,8 @@ class LineJudge:
 
     def _commit(self, frame: NetworkFrame, at: float) -> None:
         pdu = frame.data[1:-2]
+        if self._next_was_queued(at):
+            self._after_wait(self.exchange, at)
         step = self.card.request(pdu, frame.broadcast)
         if self.exchange:
             low, high = self.exchange.waits
