@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from constraints.boards import board
-from tb.gates.images import netlist, with_wrong_table, with_wrong_word, world
+from tb.gates.images import netlist, with_wrong_tables, with_wrong_word, world
 from tb.gates.netlists import GATES_HZ
 from tb.gates.test_gates import run_gates
 from tb.lib.runner import firmware, run
@@ -78,9 +78,9 @@ def test_every_example_on_a_finished_image(name):
 
 
 @each_image
-@pytest.mark.parametrize("change", [with_wrong_table, with_wrong_word])
+@pytest.mark.parametrize("change", [with_wrong_tables, with_wrong_word])
 def test_a_changed_image_is_found(name, change, tmp_path):
-    """One inverted look-up table, one changed bit of a block RAM."""
+    """Some inverted look-up tables, one changed bit of a block RAM."""
     changed = tmp_path / "changed.v"
     changed.write_text(change(netlist(board(name)).read_text()))
     with pytest.raises(pytest.fail.Exception, match="1 of 1 cocotb tests failed"):

@@ -21,6 +21,7 @@ from tb.gates import gowin, ice40, machxo2
 BUILD = ROOT / "build/gates"
 READERS = {"gowin": gowin.verilog, "ice40": ice40.verilog, "machxo2": machxo2.verilog}
 # A net that is a look-up table, and a row of a block RAM that is not empty, in the Verilog of the readers.
+WRONG_TABLES = 8
 TABLE = re.compile(r"(assign \w+ += )((?:/\* LUT [ \d]*\*/ (?=[^;]*\bn\d)[^;]*)|T\d+\[\{[^}]*\}\]);")
 ROW = re.compile(r"(9'h|\.INIT\w+\(\d+'h)(\w*[1-9a-f]\w*)")
 
@@ -75,11 +76,12 @@ def world(entry: Board) -> Path:
     return path
 
 
-def with_wrong_table(text: str) -> str:
-    """With one look-up table inverted, in the middle of the netlist."""
+def with_wrong_tables(text: str) -> str:
+    """With some look-up tables inverted, spread over the netlist. The examples do not see every one."""
     tables = list(TABLE.finditer(text))
-    match = tables[len(tables) // 2]
-    return f"{text[: match.start()]}{match[1]}!({match[2]});{text[match.end() :]}"
+    for match in reversed(tables[:: max(1, len(tables) // WRONG_TABLES)]):
+        text = f"{text[: match.start()]}{match[1]}!({match[2]});{text[match.end() :]}"
+    return text
 
 
 def with_wrong_word(text: str) -> str:
