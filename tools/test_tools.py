@@ -432,5 +432,5 @@ def test_sizes_and_durations_of_the_readme_are_those_of_the_guide_and_the_makefi
         download, packages, python = layers[name]
         downloads, disk = downloads + download, disk + packages + python
         assert (int(found[1]), int(found[2])) == (downloads, disk)
-        lasts = re.search(rf"^{name}:.*?\((\d+ \w+)", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
+        lasts = re.search(rf"^{name}:.*?\(([\d.]+ \w+)", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
         assert lasts in found[3]
