@@ -212,8 +212,8 @@ fuzz-plants: firmware drive | setup-test ## how many frames each planted bug liv
 fuzz-report: | setup-test ## all shards of fuzz in build/fuzz as one
 	@$(RUN) campaigns.fuzz.report
 
-flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=, BAUD=; TRIAL=one flip)
-	@$(RUN) campaigns.flips.run $(SEEDED) $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
+flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=, BAUD=, CONFIG=; TRIAL=one flip)
+	@$(RUN) campaigns.flips.run --config $(CONFIG) $(SEEDED) $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
 
 flips-report: | setup-test ## all shards of flips in build/fuzz as one table
 	@$(RUN) campaigns.flips.run --report

@@ -54,6 +54,11 @@ def both_cards(text: str) -> str:
     return f"measured on another card: {', '.join(older)}" if older else ""
 
 
+def one_and_both(text: str) -> str:
+    """A page with parts of the standard card, and one part of each card."""
+    return both_cards(text) or one_card(BOTH.sub("", text))
+
+
 def mutants(text: str) -> str:
     """The page has a row for each module, with the fingerprint of the module's code."""
     rows = dict(ROW.findall(text))
@@ -73,7 +78,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "conformance": (both_cards, "make conformance"),
     "coverage": (one_card, "make coverage-rtl"),
     "line-quality": (one_card, "make line-quality"),
-    "fuzz": (one_card, "make fuzz, fuzz-plants, flips, core-flips and fuzz-page"),
+    "fuzz": (one_and_both, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
     "mutants": (mutants, "make mutate"),
     "synthesis": (synthesis, "make synth"),
     "masters": (one_card, "make masters"),

@@ -27,7 +27,7 @@ HARNESS_PYTHON = [
 ]
 NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
 DIGITS = 12
-TEXTS = ("page", "report")  # of the fuzzer; they change no verdict
+TEXTS = ("bound", "page", "report")  # of the fuzzer; they change no verdict
 
 
 def _digest(parts: list[tuple[str, str]]) -> str:
@@ -70,9 +70,9 @@ def judge() -> str:
     return _digest([*map(_python, [*python, *AGENTS, *HARNESS_PYTHON]), *map(_code, [*HARNESS, *drive])])
 
 
-def shard() -> str:
+def shard(config: str = "standard") -> str:
     """Card, firmware and judge, as stated in results of fuzzer and flips; only equal ones are added up."""
-    return f"{card()} {firmware()} {judge()}"
+    return f"{card(config)} {firmware(config)} {judge()}"
 
 
 def bench() -> str:

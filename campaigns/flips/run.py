@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flips single bits of the running card and reports the effect of each; `make flips`.
 
-    make flips [SEED=N] [COUNT=FLIPS] [BAUD=N] [TRIAL=SEED/NUMBER], or
-    python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE]  # a shard:
-    build/fuzz/flips-SEED-RATE.json
-    python -m campaigns.flips.run --report                                  # table of all shards
-    python -m campaigns.flips.run --trial SEED/NUMBER [--baud RATE]         # one flip, with the traffic on
-    both lines
+    make flips [SEED=N] [COUNT=FLIPS] [BAUD=N] [CONFIG=NAME] [TRIAL=SEED/NUMBER], or
+    python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE] [--config NAME]  # a shard:
+    build/fuzz/flips-CONFIG-SEED-RATE.json
+    python -m campaigns.flips.run --report                           # a table of all shards for each card
+    python -m campaigns.flips.run --trial SEED/NUMBER [--baud RATE] [--config NAME]  # one flip, with the
+    traffic on both lines
 
-A shard is stateless: the same seed, count and rate flip the same bits anywhere. Exit 0: no unrequested or
-altered telegram and no driver that stays on (SAFE-4, SAFE-2); 1: at least one; 2: an invalid command line or
-a missing tool.
+A shard is stateless: the same seed, count, rate and card flip the same bits anywhere. Exit 0: no
+unrequested or altered telegram and no driver that stays on (SAFE-4, SAFE-2); 1: at least one; 2: an invalid
+command line or a missing tool.
 """
 
 from __future__ import annotations
@@ -37,14 +37,17 @@ from campaigns.flips.trial import (
     Places,
     trial,
 )
+from campaigns.fuzz import bound
 from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
 from rtl.command import run_main
-from sim.harness.library import BuildError
+from rtl.sources import configurations
+from sim.harness.library import BuildError, Target
 from sim.harness.registers import RegistersError
 from tb.lib.options import at_least
 
 KEPT_EACH = 50
-KEYS = {"seed", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # keys of a result
+BOUND = f"first five rows together, at most, at {bound.CONFIDENCE:.0%}"
+KEYS = {"seed", "config", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # of a result
 # Effects that the report lists one by one.
 WRONG = ("telegram again or late", "wrong reply", "silent for good")
 NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
@@ -59,7 +62,8 @@ def shard(seed: int, count: int, places: Places) -> dict:
     began = time.monotonic()
     result = {
         "seed": seed,
-        "card": fingerprint.shard(),
+        "config": places.target.config,
+        "card": fingerprint.shard(places.target.config),
         "baud": places.baud,
         "bits": {part: places.bits(part) for part in PARTS},
         "counts": Counter(),
@@ -91,19 +95,26 @@ def each_outcome(seed: int, count: int, places: Places) -> Iterator[Outcome]:
         yield from outcomes([f"{seed}/{n}" for n in range(first, min(first + GROUP, count))], places)
 
 
-def file_of(seed: int, baud: int) -> Path:
-    return FOLDER / f"flips-{seed}-{baud}.json"
+def file_of(seed: int, baud: int, config: str) -> Path:
+    return FOLDER / f"flips-{config}-{seed}-{baud}.json"
 
 
 def keep(result: dict) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    path = file_of(result["seed"], result["baud"])
+    path = file_of(result["seed"], result["baud"], result["config"])
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(result, indent=1) + "\n")
     partial.rename(path)
 
 
+def merge_each(results: list[dict]) -> list[dict]:
+    """The shards of each card as one."""
+    configs = sorted({result["config"] for result in results})
+    return [merge([result for result in results if result["config"] == config]) for config in configs]
+
+
 def merge(results: list[dict]) -> dict:
+    """The shards of one card as one."""
     results = list({(result["seed"], result["baud"]): result for result in results}.values())
     # At another clock the dividers have other widths, so the number of bits differs.
     rates = {(result["baud"], *result["bits"].values()) for result in results}
@@ -114,6 +125,7 @@ def merge(results: list[dict]) -> dict:
         flips_at[result["baud"]] += result["flips"]
     return {
         "shards": len(results),
+        "config": results[0]["config"],
         "card": results[0]["card"],
         "flips": sum(flips_at.values()),
         "flips_at": dict(sorted(flips_at.items())),
@@ -139,6 +151,9 @@ def table(merged: dict) -> list[str]:
         lines.append(f"| {what} | " + " | ".join(map(str, [*row, sum(row)])) + " |")
     flips = [sum(n for k, n in merged["counts"].items() if k.startswith(f"{part}: ")) for part in parts]
     lines.append("| flips | " + " | ".join(map(str, [*flips, sum(flips)])) + " |")
+    harm = [sum(merged["counts"].get(f"{part}: {what}", 0) for what in FORBIDDEN) for part in parts]
+    harms = zip([*harm, sum(harm)], [*flips, sum(flips)], strict=True)
+    lines.append(f"| {BOUND} | " + " | ".join(bound.words(seen, tries) for seen, tries in harms) + " |")
     there = [" or ".join(map(str, merged["bits"][part])) for part in parts]
     return [*lines, "| bits there | " + " | ".join(there) + " | |"]
 
@@ -146,7 +161,8 @@ def table(merged: dict) -> list[str]:
 def report(merged: dict) -> str:
     """Table of the effects, and a line for each notable flip."""
     lines = [
-        f"card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: {rates(merged)}",
+        f"{merged['config']} card {merged['card']}: {merged['flips']} flips in {merged['wall_s']:.0f} s: "
+        f"{rates(merged)}",
         "",
     ]
     lines += table(merged)
@@ -167,8 +183,8 @@ def load(folder: Path) -> list[dict]:
     return results
 
 
-def tell(name: str, baud: int) -> int:
-    outcome, case, played, verdict = trial(name, Places(baud=baud))
+def tell(name: str, places: Places) -> int:
+    outcome, case, played, verdict = trial(name, places)
     print(f"{outcome.flip} ({outcome.flip.part}): {outcome.what}: {outcome.why}")
     print("\n".join(story(case, played, verdict)))
     return int(outcome.what in FORBIDDEN)
@@ -179,6 +195,7 @@ def main() -> int:
     parser.add_argument("--seed", type=at_least(0))
     parser.add_argument("--count", type=at_least(1), help="flips; default 500")
     parser.add_argument("--baud", type=int, default=BAUDS[0], choices=BAUDS, help="network line")
+    parser.add_argument("--config", choices=list(configurations()), default="standard", help="the card")
     parser.add_argument("--report", action="store_true", help="merge the results of all shards")
     parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, with its traffic")
     options = parser.parse_args()
@@ -187,19 +204,19 @@ def main() -> int:
             parser.error(f"--trial {options.trial}: SEED/NUMBER")
         if options.seed is not None or options.count is not None:
             parser.error("--trial is one flip: no --seed, no --count")
-        return tell(options.trial, options.baud)
+        return tell(options.trial, Places(Target(config=options.config), options.baud))
     if options.report:
-        merged = merge(load(FOLDER))
-        print(report(merged))
+        merged = merge_each(load(FOLDER))
     else:
         seed = random.randrange(1 << 31) if options.seed is None else options.seed
         count = options.count or 500
-        refuse_to_lose_a_longer_result(file_of(seed, options.baud), count, "flips")
-        print(f"flips: seed {seed}, {count} flips at {options.baud} bit/s", flush=True)
-        result = shard(seed, count, Places(baud=options.baud))
-        merged = merge([result])
-        print(report(merged))
-    return int(any(entry["what"] in FORBIDDEN for entry in merged["notable"]))
+        path = file_of(seed, options.baud, options.config)
+        refuse_to_lose_a_longer_result(path, count, "flips", options.config)
+        about = f"{count} flips at {options.baud} bit/s, {options.config} card"
+        print(f"flips: seed {seed}, {about}", flush=True)
+        merged = [merge([shard(seed, count, Places(Target(config=options.config), options.baud))])]
+    print("\n\n".join(map(report, merged)))
+    return int(any(entry["what"] in FORBIDDEN for card in merged for entry in card["notable"]))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import pytest
 
 from campaigns.flips import run as flips
 from campaigns.flips.group import GroupError, GroupPlayer, outcomes
-from campaigns.flips.run import FlipsError, merge, report
+from campaigns.flips.run import FlipsError, merge, merge_each, report
 from campaigns.flips.trial import (
     ADDRESS,
     BAUDS,
@@ -36,8 +36,9 @@ from campaigns.flips.trial import (
     traffic,
     trial,
 )
-from campaigns.fuzz.case import BOOT_S, Played, clk_hz
-from rtl.sources import ROOT
+from campaigns.fuzz.bound import at_most
+from campaigns.fuzz.case import BOOT_S, PACES, Played, clk_hz
+from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, TX, Pins
 from sim.harness.registers import TOP
@@ -142,6 +143,19 @@ def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
     at = int(0.11 * clk_hz(BAUD))
     outcome, *_ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
     assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+
+
+@pytest.mark.rule("SAFE-4", "LED-5")
+@pytest.mark.slow
+def test_a_flip_in_the_small_card_has_an_effect():
+    """The program counter jumps by 256 bytes, and both LEDs are red in the end."""
+    places = Places(Target(config="tiny"))
+    counter = next(register for register in places.registers if register.name == "o_ibus_adr")
+    at = int((PACES["tiny"].boot_s + 0.06) * places.line.clk_hz)
+    outcome, *_ = trial("test", places, Flip(at, counter.path, 0, 8, "core"))
+    assert outcome.what == "halted, both LEDs red", outcome
+    unharmed, *_ = trial("test", places, Flip(10**9, counter.path, 0, 8, "core"))
+    assert unharmed.what == "no effect", unharmed
 
 
 @pytest.mark.rule("SAFE-2", "SAFE-4")
@@ -511,6 +525,7 @@ def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
     bits = dict.fromkeys(PARTS, 8)
     result = {
         "seed": 1,
+        "config": "standard",
         "card": "one",
         "baud": BAUD,
         "bits": bits,
@@ -519,19 +534,22 @@ def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
     }
     result |= {"wall_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
     monkeypatch.setattr(flips, "shard", lambda *about: result)
-    monkeypatch.setattr(flips, "Places", lambda **about: None)
+    monkeypatch.setattr(flips, "Places", lambda *about: None)
     monkeypatch.setattr(flips, "refuse_to_lose_a_longer_result", lambda *about: None)
     monkeypatch.setattr("sys.argv", ["flips"])
     assert flips.main() == int(what in FORBIDDEN)
 
 
 def test_shards_of_flips_are_merged():
-    def shard(seed: int, card: str = "one", baud: int = 9600, there: int = 8) -> dict:
+    def shard(
+        seed: int, card: str = "one", baud: int = 9600, there: int = 8, config: str = "standard"
+    ) -> dict:
         counts = {"card: no effect": 3, "data: silent": 1}
         bits = dict.fromkeys(("card", "core", "core registers", "frame memory", "data", "code"), there)
         notable = [{"trial": f"{seed}/0", "flip": "x", "what": OUTCOMES[0], "why": "y"}]
         return {
             "seed": seed,
+            "config": config,
             "card": card,
             "baud": baud,
             "flips": 4,
@@ -544,9 +562,44 @@ def test_shards_of_flips_are_merged():
     merged = merge([shard(1), shard(1), shard(2, baud=19200, there=9)])
     assert merged["flips"] == 8 and len(merged["notable"]) == 2
     assert "| bits there | 8 or 9 |" in report(merged)
-    assert "card one: 8 flips in 2 s: 4 at 9600 bit/s 8O1, 4 at 19200 bit/s 8N2" in report(merged)
+    assert "standard card one: 8 flips in 2 s: 4 at 9600 bit/s 8O1, 4 at 19200 bit/s 8N2" in report(merged)
     with pytest.raises(FlipsError, match="different cards"):
         merge([shard(1), shard(2, card="another")])
     with pytest.raises(FlipsError, match="different cards"):
         merge([shard(1), shard(2, there=9)])
     assert "| no effect | 6 | 0 | 0 | 0 | 0 | 0 | 6 |" in report(merged)
+    each = merge_each([shard(1), shard(1, "two", config="tiny")])
+    assert [(one["config"], one["card"], one["flips"]) for one in each] == [
+        ("standard", "one", 4),
+        ("tiny", "two", 4),
+    ]
+
+
+def test_each_bit_of_the_memory_is_there_once(config):
+    places = Places(Target(config=config))
+    there = sum(places.bits(part) for part in ("frame memory", "data", "code"))
+    assert there == configuration(config)["memory_bytes"] // 4 * 36
+    assert places.bits("core registers") == 31 * 32
+    hit = Counter(
+        (word, bit)
+        for part in ("frame memory", "data", "code")
+        for memory, words, _ in places.by_part[part]
+        for word in words
+        for bit in memory.bits
+    )
+    assert set(hit.values()) == {1} and len(hit) == there
+
+
+@pytest.mark.parametrize(
+    ("seen", "tries", "bound"),
+    [
+        (0, 13_000, 3.54e-4),
+        (0, 46_049, 1.0e-4),
+        (0, 460_515, 1.0e-5),
+        (1, 100, 0.0645),
+        (5, 5, 1.0),
+        (0, 0, 1.0),
+    ],
+)
+def test_bound_of_what_was_seen_so_often(seen, tries, bound):
+    assert at_most(seen, tries) == pytest.approx(bound, rel=5e-3)

@@ -12,10 +12,10 @@ import random
 from collections import defaultdict
 from dataclasses import dataclass, field
 
-from campaigns.fuzz.case import BOOT_S, BUDGET_CLOCKS, Played, Player, clk_hz
+from campaigns.fuzz.case import PACES, Played, Player, clk_hz
 from campaigns.soak.run import wire
 from regs.generated.mailbox import FRAMES_BYTES
-from rtl.sources import card_files, configurations
+from rtl.sources import configuration
 from sim.harness import registers
 from sim.harness.library import Target
 from sim.harness.registers import Register
@@ -32,6 +32,8 @@ ADDRESS = 1
 FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1", 4800: "8N1"}
 BAUDS = tuple(FORMS)
 BYTES_PER_WORD = 4
+# Words of register x0 in the register file. SERV's file has words of two bits.
+CORE_X0_WORDS = {"standard": 1, "tiny": 16}
 START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
 CLEAR_BITS = 0.5  # FRAME-1 permits a quarter of a bit either way
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
@@ -96,28 +98,33 @@ class Places:
     baud: int = BAUDS[0]
 
     def __post_init__(self) -> None:
-        sources = tuple(self.target.sources or card_files())
-        self.line = LineFormat(self.baud, FORMS[self.baud], clk_hz(self.baud))
-        self.registers = registers.registers(sources, self.line.clk_hz, self.target.parameters)
+        config = self.target.config
+        self.line = LineFormat(self.baud, FORMS[self.baud], clk_hz(self.baud, config))
+        self.registers = registers.registers(self.target.files(), self.line.clk_hz, self.target.parameters)
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
-        known = configurations()
-        words = known["standard"]["memory_bytes"] // BYTES_PER_WORD
+        words = configuration(config)["memory_bytes"] // BYTES_PER_WORD
         frames = FRAMES_BYTES // BYTES_PER_WORD
         self.by_part: dict[str, list[tuple[Register, range, int]]] = {part: [] for part in PARTS}
         for register in self.registers:
             core = register.path.startswith("core_i.")
             if not register.memory:
-                self._add("core" if core else "card", register, range(1))
+                self._put("core" if core else "card", register, range(1))
             elif core:
-                self._add("core registers", register, range(1, 32))
+                # Register x0 is never read.
+                self._add("core registers", register, range(CORE_X0_WORDS[config], register.words.stop))
             else:
                 self._add("code", register, range(image))
                 self._add("data", register, range(image, words - frames))
                 self._add("frame memory", register, range(words - frames, words))
 
-    def _add(self, part: str, register: Register, words: range) -> None:
+    def _put(self, part: str, register: Register, words: range) -> None:
         self.by_part[part].append((register, words, len(words) * len(register.bits)))
+
+    def _add(self, part: str, memory: Register, words: range) -> None:
+        reached = range(max(words.start, memory.words.start), min(words.stop, memory.words.stop))
+        if reached:
+            self._put(part, memory, reached)
 
     def bits(self, part: str) -> int:
         return sum(count for _, _, count in self.by_part[part])
@@ -204,12 +211,12 @@ class FlipPlayer(Player):
         return super()._run(until, to_the_end) if self.pins.now < until else switched
 
     def play_all(self) -> None:
-        self._run(int(BOOT_S * self.line.clk_hz))
+        self._run(int(self.pace.boot_s * self.line.clk_hz))
         self.finish()
 
     def outcome(self, flip: Flip) -> tuple[Outcome, Played, Verdict]:
         lit, played = self.pins.lit(), self.played()
-        judge = LineJudge(CardModel(), self.line, ADDRESS, BUDGET_CLOCKS)
+        judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks)
         verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
         return classify(flip, played, verdict, self, lit), played, verdict
 
@@ -230,7 +237,7 @@ class FlipPlayer(Player):
         self.resets = self.pins.watched() - started
         if self.resets:
             # A damaged program is detected at each start; the card halts after the third.
-            self._run(self.pins.now + BITES * BOOT_S * self.line.clk_hz)
+            self._run(self.pins.now + BITES * self.pace.boot_s * self.line.clk_hz)
             self._ask(probes)
 
     def _ask(self, probes: list[dict]) -> None:
@@ -255,7 +262,7 @@ def case_of(number: str, places: Places, events: list[dict] | None = None) -> di
 
 def flip_of(number: str, places: Places) -> Flip:
     rng = random.Random(f"flips/{number}")
-    boot_clocks = int(BOOT_S * places.line.clk_hz)
+    boot_clocks = int(PACES[places.target.config].boot_s * places.line.clk_hz)
     traffic_s = 0.2 * max(1, 9600 / places.baud)
     at = rng.randrange(boot_clocks // 4, boot_clocks + int(traffic_s * places.line.clk_hz))
     return places.choose(rng, at)

@@ -40,9 +40,12 @@ BUDGET_CLOCKS = 10000
 # Pause of a far end after t3.5 or the drive's reply, before it assumes that the card has finished. It is
 # enough for nearly all answers; later answers meet the next frame.
 SETTLE_CLOCKS = 3000
+SERV_TIMES = 10  # clocks of the small card's core for one of the standard card's
+SERV_CLK_HZ = 5_000_000
 # A driver that is on for longer stays on for ever; the longest frame is 34 characters (SAFE-2).
 STUCK_BITS = 400
 BOOT_S = 0.05  # of a clock six times slower than BOOT-1's
+SERV_BOOT_S = 0.2  # it answers after 0.15 s at the latest
 # Shortest pause before a drive answers (FC-8), a bit longer than the card must accept.
 DRIVE_DELAY_BITS = 24.0
 SHORTEST_TELEGRAM_BITS = 80
@@ -51,8 +54,24 @@ LONG_WAIT = 100  # of register 40003, in 10 ms
 PARAMETER = 514  # a drive without it returns a fault number, which is an answer too
 
 
-def clk_hz(baud: int) -> int:
-    return CLK_HZ.get(baud, SLOW_CLK_HZ)
+@dataclass(frozen=True)
+class Pace:
+    """How fast the firmware of a configuration is: see the constants."""
+
+    slow_clk_hz: int = SLOW_CLK_HZ
+    settle_clocks: int = SETTLE_CLOCKS
+    budget_clocks: int = BUDGET_CLOCKS
+    boot_s: float = BOOT_S
+
+
+PACES = {
+    "standard": Pace(),
+    "tiny": Pace(SERV_CLK_HZ, SERV_TIMES * SETTLE_CLOCKS, SERV_TIMES * BUDGET_CLOCKS, SERV_BOOT_S),
+}
+
+
+def clk_hz(baud: int, config: str = "standard") -> int:
+    return max(CLK_HZ.get(baud, 0), PACES[config].slow_clk_hz)
 
 
 def probes(dialect: str) -> list[dict]:
@@ -89,7 +108,8 @@ class Player:
 
     def __init__(self, case: dict, target: Target, wave: Path | None = None, extra: str = "") -> None:
         self.case = case
-        clock = clk_hz(case["baud"])
+        self.pace = PACES[target.config]
+        clock = clk_hz(case["baud"], target.config)
         library = target.library(clock, "waves" if wave else extra)
         self.line = LineFormat(case["baud"], case["form"], clock)
         self.pins = Pins(library, target.image_folder(case["dialect"]), self.line, case["address"], wave)
@@ -111,7 +131,7 @@ class Player:
 
     def play(self) -> Played:
         try:
-            self._run(BOOT_S * self.line.clk_hz)
+            self._run(self.pace.boot_s * self.line.clk_hz)
             for event in [*self.case["events"], *probes(self.case["dialect"])]:
                 self._event(event)
             # Run once more if a telegram has just begun: half a telegram would count as damaged.
@@ -263,13 +283,12 @@ class Player:
 
     def _settle(self) -> None:
         """Runs until the card has no more to send."""
-        budget = SETTLE_CLOCKS + 3 * self.line.bit
+        budget = self.pace.settle_clocks + 3 * self.line.bit
         longer_bit = max(self.line.bit, self.drive_line.bit)
         while True:
             heard = max(self.network_end, self._last_fall()) + self.line.t35_bits * self.line.bit
-            by = max(
-                self.settle_by, heard + budget, self.drive_end + 25 * self.drive_line.bit + SETTLE_CLOCKS
-            )
+            answered = self.drive_end + 25 * self.drive_line.bit + self.pace.settle_clocks
+            by = max(self.settle_by, heard + budget, answered)
             sending = self.pins.sending(NETWORK) or self.pins.sending(DRIVE)
             if self.pins.now >= round(by + (STUCK_BITS * longer_bit if sending else 0)):
                 return
@@ -300,17 +319,17 @@ class Player:
         self.model.step(now_us - self.stepped_us)
         self.stepped_us = now_us
         reply = self.model.telegram(burst.data)
-        self.settle_by = burst.fall + SETTLE_CLOCKS + 25 * self.drive_line.bit
+        self.settle_by = burst.fall + self.pace.settle_clocks + 25 * self.drive_line.bit
         self.drive_awaited = False
         if len(burst.data) > 2 and fc_telegram.is_broadcast(burst.data[2]):
             return
         manner = self.manners.pop(0) if self.manners else {}
         waited = burst.fall + (10 * min(self.wait, LONG_WAIT) + 8) * self.line.clk_hz / 1000
-        self.settle_by = max(self.settle_by, waited + SETTLE_CLOCKS)
+        self.settle_by = max(self.settle_by, waited + self.pace.settle_clocks)
         self.drive_awaited = True
         end = self._answer(burst, reply, manner)
         if not manner and reply is not None:
-            self.settle_by = end + SETTLE_CLOCKS + 3 * self.line.bit
+            self.settle_by = end + self.pace.settle_clocks + 3 * self.line.bit
             self.drive_awaited = False
 
     def _answer(self, burst: Burst, reply: bytes | None, manner: dict) -> float:
@@ -357,7 +376,7 @@ def run(
     player = Player(case, target, wave)
     played = player.play()
     judge = LineJudge(
-        CardModel(name=case["dialect"]), player.line, case["address"], BUDGET_CLOCKS, strict_t15
+        CardModel(name=case["dialect"]), player.line, case["address"], player.pace.budget_clocks, strict_t15
     )
     verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
     if verdict.unclear:

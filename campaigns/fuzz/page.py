@@ -14,11 +14,12 @@ from pathlib import Path
 
 from campaigns.flips import core
 from campaigns.flips import run as flips
+from campaigns.fuzz import bound
 from campaigns.fuzz import report as fuzz
 from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.plants import PLANTS
 from rtl.command import run_main
-from rtl.sources import ROOT
+from rtl.sources import ROOT, configurations
 
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
 PAGE = ROOT / "docs/reports/fuzz.md"
@@ -64,6 +65,32 @@ def plant_rows(found: dict[str, int | None]) -> list[str]:
     ]
 
 
+def in_all(merged: list[dict]) -> str:
+    """Flips of all cards, and how often one can do what is forbidden."""
+    count = sum(card["flips"] for card in merged)
+    harm = sum(entry["what"] in flips.FORBIDDEN for card in merged for entry in card["notable"])
+    return (
+        f"{count:,} flips of both cards: {harm} unrequested or altered telegrams and stuck drivers, "
+        f"at most {bound.words(harm, count)} of the flips at {bound.CONFIDENCE:.0%}"
+    )
+
+
+def card_flips(merged: dict) -> str:
+    """The section of one card."""
+    card, firmware, _ = merged["card"].split()
+    return "\n".join(
+        [
+            f"#### Of the {merged['config']} card",
+            "",
+            f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
+            f"{merged['shards']} shards, {flips.rates(merged)}, "
+            f"in {minutes(merged['wall_s'])} minutes of one core.",
+            "",
+            *flips.table(merged),
+        ]
+    )
+
+
 def page(folder: Path) -> str:
     """The text of the page, from the results in `folder`."""
     shards = [fuzz.load(path) for path in fuzz.find([str(folder)])]
@@ -71,9 +98,13 @@ def page(folder: Path) -> str:
     plants = read(folder / "plants.json", "make fuzz-plants", fuzz_run.PLANTS_KEYS)
     core_flips = read(folder / "core-flips.json", "make core-flips", core.KEYS)
     flip_shards = flips.load(folder)
-    all_flips = flips.merge(flip_shards)
-    cards = {result["card"] for result in (random_frames, plants, core_flips, all_flips)}
-    if len(cards) > 1:
+    all_flips = {merged["config"]: merged for merged in flips.merge_each(flip_shards)}
+    lacking = [config for config in configurations() if config not in all_flips]
+    if lacking:
+        raise PageError(f"no flips of the card {lacking[0]}; run `make flips CONFIG={lacking[0]}` first")
+    cards = {result["card"] for result in (random_frames, plants, core_flips, all_flips["standard"])}
+    judges = {result["card"].split()[-1] for result in all_flips.values()}
+    if len(cards) > 1 or len(judges) > 1:
         raise PageError("the results come from different cards; remove the older ones")
     card, firmware, judge = random_frames["card"].split()
     differences = len(random_frames["differences"])
@@ -92,11 +123,9 @@ def page(folder: Path) -> str:
         core_seed=core_flips["seed"],
         core_count=core_flips["count"],
         core="\n".join(f"| {what} | {core_flips['results'].get(what, 0)} |" for what in core.RESULTS),
-        flips_seeds=seeds(flip_shards),
-        flips=f"{all_flips['flips']:,}",
-        flips_at=flips.rates(all_flips),
-        flips_minutes=minutes(all_flips["wall_s"]),
-        flips_table="\n".join(flips.table(all_flips)),
+        bound=bound.words(differences, random_frames["judged"]),
+        flips=in_all(list(all_flips.values())),
+        flips_tables="\n\n".join(map(card_flips, all_flips.values())),
     )
 
 

@@ -145,11 +145,13 @@ def keep(result: Result) -> None:
         print(f"fuzz: {result.judged} frames", end="\r", file=sys.stderr, flush=True)
 
 
-def refuse_to_lose_a_longer_result(path: Path, count: int, what: str = "judged") -> None:
+def refuse_to_lose_a_longer_result(
+    path: Path, count: int, what: str = "judged", config: str = "standard"
+) -> None:
     """Refuses to overwrite a longer result of the same seed."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         before = json.loads(path.read_text())
-        same = before["card"] == fingerprint.shard()
+        same = before["card"] == fingerprint.shard(config)
         if same and before[what] > count:
             said = f"{shown(path)} has {before[what]} of this seed and card already"
             raise FuzzError(f"{said}; take another seed or remove it")

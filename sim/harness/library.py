@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rtl.command import run_main
-from rtl.sources import ROOT, SourcesError, card_files, configurations
+from rtl.sources import ROOT, SourcesError, card_files, configuration, configurations
 from sim.harness import registers
 from sim.harness.power_up import copies_without_values
 
@@ -87,18 +87,32 @@ class BuildError(Exception):
 
 @dataclass(frozen=True)
 class Target:
-    """A card to be tested: the project's own or one that differs. `images`: folder of the firmware images."""
+    """A card to be tested: the project's own or one that differs.
+
+    `sources` and `images` (folder of the firmware images): those of the configuration, unless they are given.
+    """
 
     sources: tuple[Path, ...] = ()
     parameters: tuple[tuple[str, int], ...] = ()
-    images: Path = ROOT / "build"
+    images: Path | None = None
+    config: str = "standard"
 
     @functools.cache  # noqa: B019 - there are only a few of them
     def library(self, clk_hz: int, extra: str = "") -> Path:
-        return build(clk_hz, sources=self.sources, parameters=dict(self.parameters), extra=extra)
+        return build(
+            clk_hz,
+            config=self.config,
+            sources=self.sources,
+            parameters=dict(self.parameters),
+            extra=extra,
+        )
+
+    def files(self) -> tuple[Path, ...]:
+        return self.sources or tuple(card_files(self.config))
 
     def image_folder(self, dialect: str) -> Path:
-        folder = self.images if dialect == "card" else self.images / dialect
+        images = self.images or (ROOT / configuration(self.config)["firmware_hex"]).parent
+        folder = images if dialect == "card" else images / dialect
         if not (folder / IMAGE).exists():
             raise BuildError(f"{(folder / IMAGE).relative_to(ROOT)} is missing; run `make firmware`")
         return folder

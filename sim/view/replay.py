@@ -31,7 +31,7 @@ from pathlib import Path
 from regs.generated.card_tables import CHARACTER_BITS
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
 from rtl.command import Parser, run_main, stop_printing
-from rtl.sources import ROOT, card_files, configuration, configurations
+from rtl.sources import configuration, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
@@ -46,8 +46,7 @@ FACTORY = "8N2"  # the format of the original from the factory
 STROBES = ("candidate", "commit", "revoke")
 YES_NO = ("yes", "no")
 PARAMETERS = {"strict-t15": "STRICT_T15", "break-tolerant": "BREAK_TOLERANT"}
-# Where the images lie, by configuration; and the simulated drive of a dialect.
-IMAGES = {"standard": ROOT / "build", "tiny": ROOT / "build/tiny"}
+# The simulated drive of a dialect.
 DRIVES = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}
 # Counter and its words. Revoked candidates have a strobe.
 REASONS = {
@@ -158,7 +157,7 @@ class Replay:
         dialect: str = DIALECT,
     ) -> None:
         self.line, self.unit = line, unit
-        target = Target(tuple(card_files(config)), parameters, IMAGES[config])
+        target = Target(parameters=parameters, config=config)
         config = configuration(config)
         self.character = CHARACTER_BITS * line.bit
         self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD_CHARACTERS * self.character)

@@ -421,13 +421,13 @@ def test_a_break_tolerant_card_serves_a_bus_without_bias(options, replies, tmp_p
 )
 def test_dialect_and_configuration_can_be_chosen(options, answer, tmp_path, capsys, monkeypatch):
     made = []
-    monkeypatch.setattr(replay, "Target", lambda *given: made.append(Target(*given)) or made[-1])
+    monkeypatch.setattr(replay, "Target", lambda **given: made.append(Target(**given)) or made[-1])
     file = bus_file(tmp_path, (20, rtu.build(1, b"\x41"), ""))
     assert main([str(file), *ASKED, *options]) == 0
     (reply,) = [row[-1] for row in rows(capsys.readouterr().out) if "reply" in row]
     assert reply == answer
-    assert any(path.stem == "serv_top" for path in made[0].sources) == ("tiny" in options)
-    assert (made[0].images == ROOT / "build/tiny") == ("tiny" in options)
+    assert any(path.stem == "serv_top" for path in made[0].files()) == ("tiny" in options)
+    assert (made[0].image_folder("card") == ROOT / "build/tiny") == ("tiny" in options)
 
 
 def test_the_small_card_has_one_dialect(tmp_path, capsys, never_played):
