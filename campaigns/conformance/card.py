@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from campaigns.conformance.cases import BYTES, EDGES, PARITY, PINS, Heard, Profile, Send
+from campaigns.conformance.cases import BYTES, EDGES, PARITY, PINS, REASONS, Heard, Profile, Send, own_codes
 from tb.agents import rtu
 from tb.agents.edges import Trace
 from tb.agents.rs485 import Pulse
@@ -14,17 +14,8 @@ from tb.model.card import DIALECTS
 from tb.model.vlt_drive import VltDrive
 
 SEED = 1  # of the registers at power-up
-# The option card's manual has exception codes of its own (rule EXC). Each test accepts the one of its reason.
-REASONS = {
-    **{
-        "function": ("AP-15",),
-        "address": ("AP-5", "AP-6", "AP-14", "AP-25", "AP-26", "AP-27", "AP-32"),
-        "length": ("AP-17", "AP-29", "AP-30"),
-        "value": ("AP-11",),
-    },
-    "quantity": ("AP-4", "AP-7", "AP-8", "AP-13", "AP-31"),
-}
-OWN_CODES = {number: DIALECTS["card"].codes[reason] for reason, found in REASONS.items() for number in found}
+# The option card's manual has exception codes of its own (rule EXC).
+OWN_CODES = own_codes({reason: DIALECTS["card"].codes[reason] for reason in REASONS})
 # Registers 40002 and 40003 are the time-outs: they keep every written value and need no drive. Coils 17-32
 # are the reference. The map ends after register 40003 (MAP-6) and after coil 128.
 PROFILE = Profile(

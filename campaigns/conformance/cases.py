@@ -92,6 +92,21 @@ class Profile:
     own_codes: Mapping[str, int] = field(default_factory=dict)
 
 
+# Why a slave refuses the request, and the tests of each reason: a slave may have a code of its own for it.
+REASONS = {
+    "function": ("AP-15",),
+    "address": ("AP-5", "AP-6", "AP-14", "AP-25", "AP-26", "AP-27", "AP-32"),
+    "length": ("AP-17", "AP-29", "AP-30"),
+    "value": ("AP-11",),
+    "quantity": ("AP-4", "AP-7", "AP-8", "AP-13", "AP-31"),
+}
+
+
+def own_codes(by_reason: Mapping[str, int]) -> dict[str, int]:
+    """The exception code of each test, from that of each reason."""
+    return {number: code for reason, code in by_reason.items() for number in REASONS[reason]}
+
+
 class Session:
     """One test on one slave. `own_codes` collects the exception codes of the slave's own document."""
 

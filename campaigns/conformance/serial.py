@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import argparse
 
-from campaigns.conformance.cases import FUNCTIONS, Profile
-from campaigns.conformance.engine import FAIL, HIDDEN, NoAnswer, Silence, Verdict, grade
+from campaigns.conformance.cases import FUNCTIONS, REASONS, Profile, own_codes
+from campaigns.conformance.engine import FAIL, HIDDEN, OWN_CODE, NoAnswer, Silence, Verdict, grade
 from campaigns.conformance.ports import QUIET_S, ByteDriver, PortError, SerialPort
 from rtl.command import Parser, run_main
 from tb.agents.uart import Format
@@ -42,6 +42,14 @@ def number(low: int, high: int):
 def list_of(one):
     """Numbers with commas between them."""
     return lambda text: tuple(one(part) for part in text.split(","))
+
+
+def own_code(text: str) -> tuple[str, int]:
+    """`reason=code`."""
+    reason, _, code = text.partition("=")
+    if reason not in REASONS:
+        raise argparse.ArgumentTypeError(f"no reason {reason!r}; there are {', '.join(REASONS)}")
+    return reason, number(1, 255)(code)
 
 
 def options() -> argparse.ArgumentParser:
@@ -80,6 +88,13 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument(
         "--unknown", type=number(1, 127), default=45, help="a function that the slave does not have (45)"
     )
+    parser.add_argument(
+        "--own-codes",
+        type=list_of(own_code),
+        default=(),
+        metavar="REASON=CODE,...",
+        help=f"exception codes of the slave's own document, for {', '.join(REASONS)}",
+    )
     return parser
 
 
@@ -88,6 +103,7 @@ def profile_of(given: argparse.Namespace) -> Profile:
     return Profile(
         fmt=Format.named(given.baud, given.format),
         functions=frozenset(given.functions),
+        own_codes=own_codes(dict(given.own_codes)),
         **{name: getattr(given, name) for name in ("unit", "values", "unknown", *kinds)},
     )
 
@@ -126,7 +142,9 @@ def main(arguments: list[str] | None = None) -> int:
             raise NoAnswer(f"{silence}; {LIKELY}") from None
     failed = [verdict for verdict in verdicts if verdict.outcome == FAIL]
     hidden = sum(verdict.outcome == HIDDEN for verdict in verdicts)
-    print(f"{len(failed)} failed; {hidden} tests need the pins (docs/guide/conformance.md)")
+    own = sum(verdict.outcome == OWN_CODE for verdict in verdicts)
+    with_own = f"{own} with the slave's own code; " if own else ""
+    print(f"{len(failed)} failed; {with_own}{hidden} tests need the pins (docs/guide/conformance.md)")
     return 1 if failed else 0
 
 

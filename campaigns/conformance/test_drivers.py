@@ -80,6 +80,15 @@ def test_the_command_names_what_a_port_shows_of_a_fault(capsys):
     assert "n.a.       AP-3   no function 16" in shown
 
 
+@pytest.mark.parametrize(("code", "outcome"), [(2, "own code"), (66, "fail")])
+def test_the_command_accepts_the_own_code_that_it_was_given(code, outcome, capsys):
+    with PtySlave("sends exception 2 for a wrong quantity") as slave:
+        result = serial.main(command(slave, "--functions", "3,6", "--own-codes", f"quantity={code}"))
+    shown = capsys.readouterr().out
+    assert f"{outcome:10} AP-4  " in shown
+    assert ("own code; " in shown) == (result == 0) == (code == 2)
+
+
 def test_a_unit_that_does_not_answer_is_one_line():
     with PtyPort() as port, pytest.raises(NoAnswer, match=r"^unit 9 does not answer at 19200 8E1$"):
         grade(ByteDriver(port, 19200, SHORT_S), Profile(unit=9))
@@ -115,6 +124,9 @@ def test_a_port_that_is_busy_or_not_there_is_one_line():
         (["--timeout", "inf"], "at most 60 s"),
         (["--register", "x"], "'x' is no number"),
         (["--functions", ""], "'' is no number"),
+        (["--own-codes", "parity=3"], "no reason 'parity'; there are function, address"),
+        (["--own-codes", "function"], "'' is no number"),
+        (["--own-codes", "function=0"], "0 is not from 1 to 255"),
         (["--register", "65535"], "--register 65535 and --registers 2 go beyond address 65535"),
         (["--coil", "65530", "--no-coil", "1"], "--coil 65530 and --coils 10 go beyond address 65535"),
         (["--no-register", "1"], "--no-register 1 is one of those to write"),

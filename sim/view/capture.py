@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import configparser
 import itertools
+import math
 import re
 import zipfile
 import zlib
@@ -32,6 +33,8 @@ DUMPS = ("$dumpvars", "$dumpall", "$dumpon", "$dumpoff", "$end")  # they only gr
 # Errors of a damaged archive, part or metadata. Python raises the last two for an unknown packing.
 DAMAGED = (KeyError, ValueError, configparser.Error, zipfile.BadZipFile, zlib.error, EOFError, OSError)
 DAMAGED += (NotImplementedError, RuntimeError)
+ENOUGH_MOMENTS = 30  # times in a VCD file from which its sample rate follows
+WHOLE_BITS = 2.5  # a VCD file with fewer steps a bit was drawn bit by bit: nothing samples a line so seldom
 
 
 class CaptureError(Exception):
@@ -102,9 +105,8 @@ class SigrokFile:
 class VcdFile:
     """The one-bit signals of a VCD file. A level that is neither 0 nor 1 keeps the one before."""
 
-    sample_hz = None  # such a file does not name it
-
     def __init__(self, path: Path) -> None:
+        self.sample_hz: float | None = None
         self._codes: dict[str, str] = {}  # by name
         self._changes: dict[str, list[tuple[float, int]]] = {}  # by code
         try:
@@ -140,13 +142,14 @@ class VcdFile:
         return unit_s
 
     def _read_levels(self, words: Iterator[str], unit_s: float) -> None:
-        now = 0
+        now, moments = 0, set()
         for word in words:
             if word[0] == "#":
                 later = int(word[1:])
                 if later < now:
                     raise ValueError
                 now = later
+                moments.add(now)
             elif word[0] in "bBrR":
                 next(words)
             elif word == "$comment":
@@ -157,6 +160,10 @@ class VcdFile:
                     changes.append((now * unit_s, int(word[0])))
             elif word not in DUMPS:
                 raise ValueError
+        # Such a file does not name its sample rate, but all its times are whole samples.
+        if len(moments) >= ENOUGH_MOMENTS:
+            first = min(moments)
+            self.sample_hz = 1 / (math.gcd(*(moment - first for moment in moments)) * unit_s)
 
     @property
     def names(self) -> list[str]:
@@ -178,8 +185,10 @@ class Capture:
         return self.source.names
 
     def samples_a_bit(self, baud: int) -> float | None:
-        """None if the file does not name its sample rate."""
-        return self.source.sample_hz and self.source.sample_hz / baud
+        """None if a VCD file does not show its sample rate: few times, or whole bits of a simulation."""
+        samples = self.source.sample_hz and self.source.sample_hz / baud
+        drawn = isinstance(self.source, VcdFile) and samples is not None and samples < WHOLE_BITS
+        return None if drawn else samples
 
     def edges(self, name: str, hz: float, *, invert: bool = False) -> list[tuple[int, int]]:
         """Each change of a channel, its time counted in a clock of `hz`; first the level at 0."""

@@ -6,6 +6,7 @@ tb/card/test_card_recorded_buses.py checks the card itself with the same recordi
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import subprocess
@@ -652,6 +653,27 @@ def test_few_samples_a_bit_are_a_warning(sample_hz, few, tmp_path, capsys):
     assert "candidate, committed" in shown.out
     due = f"replay: warning: {file}: {few} samples a bit are few: record 16 or more\n"
     assert shown.err == (due if few else "")
+
+
+@pytest.mark.parametrize(
+    ("sample_hz", "few"), [(100_000, "5.2"), (300_000, "15.6"), (310_000, ""), (38_400, ""), (19_200, "")]
+)
+def test_few_samples_a_bit_of_a_vcd_file_are_a_warning(sample_hz, few, tmp_path, capsys):
+    """Such a file does not name the rate: its times are whole samples, or whole bits of a simulation."""
+    bit = sample_hz / 19200
+    request = rtu.build(1, rtu.read_registers(1, 1))
+    levels = [level for byte in request for level in LineFormat(19200, "8E1", sample_hz).levels(byte)]
+    step = 1_000_000_000 // sample_hz
+    lines, before = ["$timescale 1 ns $end", "$var wire 1 ! A $end", "$enddefinitions $end", "#0", "1!"], 1
+    for at, level in enumerate(levels):
+        if level != before:
+            lines += [f"#{(round(200 * bit) + math.ceil(at * bit)) * step}", f"{level}!"]
+        before = level
+    file = tmp_path / "a.vcd"
+    file.write_text("\n".join(lines) + "\n")
+    assert main([str(file), *ASKED, "--channel", "A"]) == 0
+    due = f"replay: warning: {file}: {few} samples a bit are few: record 16 or more\n"
+    assert capsys.readouterr().err == (due if few else "")
 
 
 @pytest.mark.rule("LINE-7")
