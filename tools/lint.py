@@ -215,6 +215,10 @@ def prose() -> list[str]:
     return tool(sys.executable, "-m", "tools.prose")
 
 
+def facts() -> list[str]:
+    return tool(sys.executable, "-m", "tools.facts")
+
+
 def firmware() -> list[str]:
     return tool(sys.executable, "-m", "sw.test.analysis")
 
@@ -233,6 +237,7 @@ CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("imports go one way", imports),
     ("pages of an older card say so", notices),
     ("spelling and links", prose),
+    ("figures in sentences", facts),
     ("ruff check", ruff_check),
     ("ruff format", ruff_format),
     ("firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops", firmware),

@@ -23,8 +23,6 @@ ROUND_MS = ROUNDS_MS[CONFIG]
 OVERDUE_MS = 2 + ROUND_MS
 # Time in ms until the telegram of a broadcast has been sent, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]
-# Latest start of a parameter telegram in drive bits after t3.5, at 9600 bit/s and the card's own clock.
-LATEST_PARAMETER_BITS = {"standard": 1, "tiny": 6}[CONFIG]
 
 # Whether the soft core traps on an illegal instruction. Otherwise only the watchdog ends the hang.
 TRAPS = {"picorv32": True, "serv": False}[configuration(CONFIG)["soft_core"]]

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""tools/facts.py notices a figure that drifts from its source, and a figure that nobody tied."""
+
+from __future__ import annotations
+
+import pytest
+
+from tools import facts
+
+PAGE = "docs/guide/page.md"
+REPORT = "| frames | 15,000 |\n[tiny]\nclk_hz = 33_000_000\n"
+TEXT = """# Page
+
+None of 15,000 random
+flips did harm. The card runs at 33 MHz, and replies after 0.63 bit (once).
+
+```
+300 tests in a listing
+```
+At 9600 bit/s nothing is a figure, nor in 16 bits, [a link](a.md#12-tests) or 8N1.
+"""
+TIED = [
+    {"says": "None of {} random flips", "from": "report", "find": r"^\| frames \| ([\d,]+) \|"},
+    {"says": "at {} MHz", "from": "report", "find": r"clk_hz = ([\d_]+)", "scale": 1e-6},
+    {"says": "0.63 bit (once)", "why": "measured once"},
+]
+
+
+def found(text: str = TEXT, entries: list[dict] = TIED) -> list[str]:
+    return facts.mistakes({PAGE: text}, [{"page": PAGE} | entry for entry in entries])
+
+
+@pytest.fixture(autouse=True)
+def report(monkeypatch):
+    monkeypatch.setattr(facts, "source", lambda name: {"report": REPORT}[name])
+
+
+def test_figures_that_equal_their_source_pass():
+    assert found() == []
+
+
+@pytest.mark.parametrize(
+    ("was", "now"), [("15,000 random", "13,000 random"), ("33 MHz", "25 MHz"), ("0.63 bit", "0.64 bit")]
+)
+def test_a_figure_that_drifts_is_named_twice(was, now):
+    """Once for the sentence that is gone, once for the figure that is in no sentence."""
+    drifted = found(TEXT.replace(was, now))
+    assert len(drifted) == 2 and all(line.startswith(f"{PAGE}: ") for line in drifted)
+    assert "does not say" in drifted[0] and now.split()[0] in drifted[1]
+
+
+@pytest.mark.parametrize("left_out", range(len(TIED)))
+def test_a_figure_that_is_not_tied_is_named(left_out):
+    (line,) = found(entries=TIED[:left_out] + TIED[left_out + 1 :])
+    assert "is in no sentence of docs/facts.toml" in line
+
+
+@pytest.mark.parametrize(
+    ("entry", "reason"),
+    [
+        ({"says": "{} flips", "from": "report", "find": "(nothing)"}, "report has no '(nothing)'"),
+        (
+            {"says": "{} of {}", "from": "report", "find": "frames . ([0-9,]+)"},
+            "2 {} in the sentence, 1 groups",
+        ),
+        ({"says": "{} MHz", "why": "a setting"}, "a sentence with `why` has no {}"),
+    ],
+)
+def test_an_entry_without_its_source_is_named(entry, reason):
+    (line,) = found(entries=[*TIED, entry])
+    assert line.startswith("docs/facts.toml: ") and reason in line
+
+
+def test_an_entry_of_no_page_is_named():
+    gone = {"page": "docs/gone.md", "says": "x", "why": "y"}
+    assert facts.mistakes({PAGE: "Nothing."}, [gone]) == ["docs/facts.toml: no page docs/gone.md"]
+
+
+def test_every_page_that_people_write_is_read():
+    names = {path.name for path in facts.pages()}
+    assert {"README.md", "hardening.md", "performance.md", "testing.md"} <= names
