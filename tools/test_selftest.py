@@ -222,6 +222,17 @@ def test_an_answer_of_four_bytes_is_damaged():
         test.answers()
 
 
+def test_an_answer_with_a_wrong_crc_is_damaged():
+    test = Selftest(Card(line := ModelLine("card", None), options()))
+    exchange = line.exchange
+    line.exchange = lambda frame, wait_s: (
+        exchange(frame, wait_s)[0][:-1] + b"\0" if frame[0] == UNIT else b"",
+        T35_S,
+    )
+    with pytest.raises(selftest.Unexpected, match="damaged answer 05 03 04 03 e8 00 0f"):
+        test.answers()
+
+
 @pytest.mark.rule("FC-9")
 @pytest.mark.parametrize(("dialect", "reply"), [("card", 255), ("builtin", None)])
 def test_a_long_time_out_of_the_drive_is_waited_for(dialect, reply):
@@ -232,6 +243,22 @@ def test_a_long_time_out_of_the_drive_is_waited_for(dialect, reply):
     test.answers()
     test.card.ask(selftest.Ask(selftest_rows.parameter(1, 1), reply))
     assert line.waits_s[-1] > 2 * 100 * 0.01 + selftest.SLACK_S
+
+
+NEIGHBOURS = {4, 7, 1, 13, 21, 37, 69, 133}  # of unit 5, one switch each
+
+
+@pytest.mark.rule("LINE-7")
+@pytest.mark.parametrize(
+    ("before", "asked"),
+    [([1000, 15], NEIGHBOURS), (None, NEIGHBOURS | {2, 8, 16, 32, 64, 128, 0b10100000})],
+)
+def test_each_switch_of_the_address_is_tried(before, asked):
+    """If the unit is silent, also each switch alone and the reverse order."""
+    test = Selftest(Card(line := ModelLine("card", None), options()))
+    test.before = before
+    assert test.other_units() == ", ".join(map(str, sorted(asked)))
+    assert [frame[0] for frame in line.asked] == sorted(asked)
 
 
 def crosses(output: str) -> list[str]:
@@ -330,6 +357,23 @@ def test_answers_before_t35_and_late_ones_are_a_cross(took_s, says, capsys):
     found = crosses(capsys.readouterr().out)
     assert len(found) == bool(says)
     assert all(says in text for text in found)
+
+
+@pytest.mark.parametrize(("late", "says"), [(24, ""), (26, "too late")])
+def test_the_middle_of_all_answers_counts(late, says):
+    """Of 50 some come late, as from a computer that was interrupted."""
+    line = ModelLine("card", None)
+    exchange, turn = line.exchange, iter(range(selftest.READS))
+    line.exchange = lambda frame, wait_s: (
+        exchange(frame, wait_s)[0],
+        T35_S + (0.06 if next(turn) < late else 0),
+    )
+    test = Selftest(Card(line, options()))
+    if says:
+        with pytest.raises(selftest.Unexpected, match=says):
+            test.turnaround()
+    else:
+        test.turnaround()
 
 
 def test_lost_answers_and_stray_bytes_are_a_cross(capsys):
@@ -615,6 +659,29 @@ def test_nobody_switches_the_card_off(capsys, monkeypatch):
     ask(ModelLine("card", None), boot=True)
     (cross,) = crosses(capsys.readouterr().out)
     assert cross.startswith(f"{selftest.BOOT[1]}: 40002 never was 1000 again")
+
+
+@pytest.mark.rule("BOOT-1")
+@pytest.mark.parametrize("coil", [None, 0, 64, 127])
+def test_a_coil_that_is_1_after_the_power_up_is_a_cross(coil):
+    """The card is off and on after the second question for its values."""
+    line = ModelLine("card", None)
+    exchange, turn = line.exchange, iter(range(1000))
+
+    def off_and_on(frame: bytes, wait_s: float) -> tuple[bytes, float]:
+        if next(turn) == 2:
+            line.card = CardModel()
+            if coil is not None:
+                line.card.coils[coil] = 1
+        return exchange(frame, wait_s)
+
+    line.exchange = off_and_on
+    test = Selftest(Card(line, options(boot=True)))
+    if coil is None:
+        assert test.boot().startswith("40002 = 1000, 40003 = 15, all coils 0; silent for")
+    else:
+        with pytest.raises(selftest.Unexpected, match="instead of 01 10" + " 00" * 16):
+            test.boot()
 
 
 def test_a_noisy_line_is_a_cross(tmp_path):
