@@ -230,6 +230,26 @@ async def frames_that_are_not_good_for_this_unit_write_nothing(dut):
     await example.asks(rtu.read_registers(0, 8))
 
 
+@cocotb.test()
+async def a_character_at_the_commit_is_never_answered_late(dut):
+    """The reply comes within a bit after t3.5, or not at all (FRAME-7); the character begins around t3.5."""
+    example = await Example(dut).start()
+    adu = rtu.build(UNIT, rtu.write_register(1, 7))
+    bit_ps, pulses = example.line.fmt.bit_ps, example.line.direction.pulses
+    answered = []
+    for clocks in range(-16, 17):
+        gap = example.t35_bits + clocks * example.baud / int(dut.CLK_HZ.value)
+        before = len(pulses)
+        done = await example.master.request(
+            adu + b"\x55", 2 * rtu.t35_ps(example.baud), Flaws(gaps={len(adu): gap})
+        )
+        request_end_ps = done.sent.end_ps - (gap + example.line.fmt.bits) * bit_ps
+        late = [(pulse.rise_ps - request_end_ps) / bit_ps - example.t35_bits for pulse in pulses[before:]]
+        assert len(late) <= 1 and all(-0.25 <= bits <= 1 for bits in late), f"{late} bits after t3.5"
+        answered.append(len(late))
+    assert not answered[0] and answered[-1], "the first character is early, the last one late"
+
+
 def test_example_is_short():
     """Without the macros, which `make regs` writes."""
     assert len(regs.MACRO_BLOCK.sub("", EXAMPLE.read_text()).splitlines()) < 100
@@ -268,7 +288,7 @@ def simulate(sim: str, baud: int, testcase: list[str] | None = None, clk_hz: int
 
 
 def test_holding_registers(sim):
-    shorter = ("random_", "limits_", "first_", "a_write_", "broadcasts_", "frames_")
+    shorter = ("random_", "limits_", "first_", "a_write_", "broadcasts_", "frames_", "a_character_")
     simulate(sim, 19_200, [f"{name}.*" for name in shorter])
 
 
