@@ -133,16 +133,62 @@ def bytes_of_image(entry: Board, firmware: Path) -> list[list[int]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["card-gw1n-9", "tang-nano-9k"])
-def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(name):
-    """Of the one that `make synth` has left, if it is of these sources."""
+def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(name, tmp_path):
+    """With the present firmware, in the design that `make synth` has left if it is of these sources."""
     entry = BOARDS[name]
-    bitstream = image.BUILD / name / "firmware.fs"
     if not image.up_to_date(entry):
         synth.build(entry)
+    bitstream = image.make(entry, entry.firmware, tmp_path / "firmware.fs")
     assert sorted(bytes_in_block_rams(entry, bitstream)) == sorted(bytes_of_image(entry, entry.firmware))
     damaged = bytes_of_image(entry, entry.firmware)
     damaged[1][700] ^= 1
     assert sorted(bytes_in_block_rams(entry, bitstream)) != sorted(damaged)
+
+
+PART_ID = 0x1100481B
+GPIO_OPTIONS = [f"--{pin}_as_gpio" for pin in ("jtag", "sspi", "mspi", "ready", "done", "reconfign")]
+
+
+def part_and_pins(entry: Board, bitstream: Path) -> tuple[int, set[str]]:
+    """The part for which a Gowin bitstream is, and which configuration pins it turns into user pins."""
+    # Local imports: the package is missing until `make setup` has installed this layer.
+    from apycula import attrids, gowin_unpack
+    from apycula.bslib import read_bitstream
+    from apycula.chipdb import tile_bitmap
+
+    from tb.gates.gowin import database
+
+    database = database(entry.gowin_die)
+    bits, header, *_ = read_bitstream(str(bitstream))
+    (command,) = (line for line in header if line[0] == 0x06)
+    found = set()
+    for (row, column), tile in tile_bitmap(database, bits[: database.height]).items():
+        table = database.shortval.get(kind := database.grid[row][column], {}).get("CFG")
+        if table:
+            known = database.rev_logicinfo("CFG")
+            found |= set(gowin_unpack.parse_attrvals(tile, known, table, attrids.cfg_attrids, kind))
+    return int.from_bytes(command[-4:], "big"), {name for name in found if name.endswith("_AS_GPIO")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["card-gw1n-9", "tang-nano-9k"])
+def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(name, tmp_path):
+    """As docs/guide/hardware.md says: JTAG stays, and RECONFIG_N, READY, DONE and the SPI pins stay."""
+    entry = BOARDS[name]
+    if not image.up_to_date(entry):
+        synth.build(entry)
+    packed = image.make(entry, entry.firmware, tmp_path / "firmware.fs")
+    assert part_and_pins(entry, packed) == (PART_ID, set())
+    guide = (ROOT / "docs/guide/hardware.md").read_text()
+    assert f"GW1N-9C {PART_ID:#x}" in guide
+    # Packed with the options that free these pins, they are found.
+    freed = tmp_path / "freed.fs"
+    design = image.BUILD / name / f"{entry.top}{image.suffix(entry)}"
+    program = Path(sys.executable).parent / "gowin_pack"
+    command = [program, *GPIO_OPTIONS, "-d", entry.gowin_die, "-o", freed, design]
+    subprocess.run(command, check=True, capture_output=True)
+    _, pins = part_and_pins(entry, freed)
+    assert pins == {f"{pin}_AS_GPIO" for pin in ("JTAG", "SSPI", "MSPI", "READY", "DONE", "RECONFIG")}
 
 
 # ---------------------------------------------------------------- the memory in the text configuration

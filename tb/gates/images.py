@@ -27,10 +27,11 @@ ROW = re.compile(r"(9'h|\.INIT\w+\(\d+'h)(\w*[1-9a-f]\w*)")
 
 
 def finished(entry: Board) -> Path:
-    """The bitstream with the default firmware; built unless there is one of these sources."""
+    """The bitstream with the present default firmware; the design is built unless it is of these sources."""
+    output = image.BUILD / entry.name / f"firmware{image.result_suffix(entry)}"
     if not image.up_to_date(entry):
         build(entry)
-    return image.BUILD / entry.name / f"firmware{image.result_suffix(entry)}"
+    return image.make(entry, entry.firmware, output)
 
 
 def around(entry: Board) -> str:
