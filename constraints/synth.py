@@ -6,8 +6,9 @@
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
 constraints/image.py inserts an image without another place and route. Exit 1 if a board does not fit its part
-or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, or with `--check` if
-docs/reports/synthesis.md describes another design; 2 for an unknown board.
+or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, if fewer than ENOUGH_SEEDS
+seeds place the fullest board in time, or with `--check` if docs/reports/synthesis.md describes another design;
+2 for an unknown board.
 """
 
 from __future__ import annotations
@@ -39,8 +40,9 @@ DOCS = ROOT / "docs/reports/synthesis.md"
 TEMPLATE = ROOT / "constraints/synthesis.md.in"
 # Ratio of Fmax to the board's clock.
 MARGIN = 1.5
-# The board with the least room in its part: all its seeds are tried.
+# The board with the least room in its part: all its seeds are tried, and so many of them must be in time.
 FULLEST = "card-xo2-1200"
+ENOUGH_SEEDS = 6
 # Two rounds of mapping for area instead of Yosys's one for speed: these parts have speed to spare.
 AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
 # &scorr would save cells, but it merges flip-flops that are always equal or opposite. Some are so on purpose,
@@ -322,6 +324,14 @@ def each_seed(entry: Board) -> dict[int, float | None]:
     return found
 
 
+def too_few(entry: Board, seeds: dict[int, float | None]) -> list[str]:
+    """A design that only lucky seeds place is one that the next change may break."""
+    good = sum(fmax is not None and fmax >= MARGIN * entry.clk_hz / 1e6 for fmax in seeds.values())
+    if good >= ENOUGH_SEEDS:
+        return []
+    return [f"{entry.name}: {good} of {len(seeds)} seeds fit in time, but {ENOUGH_SEEDS} are its target"]
+
+
 # ---------------------------------------------------------------- parts of the card
 
 
@@ -585,6 +595,8 @@ def main() -> int:
     if not args.boards and not wrong:
         results["seeds"] = each_seed(board(FULLEST))
         print(seeds_line(FULLEST, results["seeds"]), flush=True)
+        wrong += too_few(board(FULLEST), results["seeds"])
+    if not args.boards and not wrong:
         RESULTS.write_text(json.dumps(results, indent=1) + "\n")
         write_docs(results)
     for text in wrong:

@@ -156,6 +156,8 @@ HX8K_J2 = (
     "C16 D16 E16 F16 G16 H16 J15 G14 K14 K15 M16 N16 P16",
     "B16 D14 D15 E14 F15 G15 H14 F14 J14 K16 L16 M15 P15 R15",
 )
+# Its switches, in their order. Whoever has wired them by docs/reference/pins.md relies on it.
+HX8K_SWITCHES = {"sw_baud_n": "B16 C16 D14 D16 D15 E16 E14 F16 F15", "sw_addr_n": "G16 G15 H16 H14 J15 F14 G14 J14"}
 ULX3S = {
     "GP": {0: "B11", 1: "A10", 2: "A9", 3: "B9", 4: "A7", 5: "C8", 6: "C6", 7: "A6", 8: "A4"}
     | {21: "C18", 22: "B15", 23: "B17"},
@@ -224,6 +226,8 @@ def differs_from_documents(entry: Board) -> list[str]:
     if entry.name == "hx8k-breakout":
         own = dict(zip(LED_ORDER, ("B5", "B4", "A2", "A1"), strict=True)) | {"clk": "J3"}
         own |= dict(zip(LINES, ("K14", "K16", "K15", "L16", "M16", "M15"), strict=True))
+        for port, sites in HX8K_SWITCHES.items():
+            own |= {f"{port}[{bit}]": site for bit, site in enumerate(sites.split(), 1)}
         header = " ".join(HX8K_J2).split()
         return [
             port
@@ -315,6 +319,7 @@ def test_ports_are_on_the_documented_connector_pins(name):
         ("icebreaker", "sw_addr_n[1]", "sw_addr_n[5]"),
         ("hx8k-breakout", "modbus_tx", "modbus_de"),
         ("hx8k-breakout", "clk", "drive_de"),
+        ("hx8k-breakout", "sw_addr_n[1]", "sw_addr_n[2]"),
         ("ulx3s-25", "modbus_tx", "drive_tx"),
         ("ulx3s-25", "led_drive_red", "led_drive_green"),
         ("tang-nano-9k", "modbus_tx", "modbus_de"),

@@ -536,7 +536,7 @@ def test_a_front_end_over_its_target_is_refused(family, flow):
     assert said.startswith(f"front end: {TARGETS[family] + 1} cells on {family}, {flow} flow")
 
 
-def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path):
+def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch, capsys, tmp_path):
     """The table stays unchanged."""
     monkeypatch.setattr(synth, "build", lambda entry: ROW)
     limit = TARGETS["machxo2"]
@@ -544,7 +544,8 @@ def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path
         synth, "count_part", lambda *part: {"cells": limit + (part[1] == "machxo2"), "brams": 0}
     )
     monkeypatch.setitem(TARGETS, "ice40", limit)
-    monkeypatch.setattr(synth, "each_seed", lambda entry: {1: 30.0, 2: None, 3: 40.0})
+    seeds = dict(enumerate([50.0, None, *[49.6] * 4, None, 60.0], 1))
+    monkeypatch.setattr(synth, "each_seed", lambda entry: seeds)
     monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
     monkeypatch.setattr(synth, "DOCS", tmp_path / "synthesis.md")
     monkeypatch.setattr(sys, "argv", ["synth"])
@@ -552,10 +553,16 @@ def test_make_synth_fails_with_a_front_end_too_big(monkeypatch, capsys, tmp_path
     assert f"synth: front end: {limit + 1} cells on machxo2" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": limit, "brams": 0})
+    seeds[8] = 49.4
+    assert synth.main() == 1
+    said = capsys.readouterr().err
+    assert said == "synth: card-xo2-1200: 5 of 8 seeds fit in time, but 6 are its target\n"
+    assert not list(tmp_path.iterdir())
+    seeds[8] = 60.0
     assert synth.main() == 0
     written = (tmp_path / "synthesis.md").read_text()
     assert measured_from() in written
-    assert "`card-xo2-1200` fits with 2 of 3 seeds, Fmax from 30.0 to 40.0 MHz." in written
+    assert "`card-xo2-1200` fits with 6 of 8 seeds, Fmax from 49.6 to 60.0 MHz." in written
 
 
 # ---------------------------------------------------------------- is docs/reports/synthesis.md up to date?
