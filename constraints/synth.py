@@ -6,9 +6,9 @@
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
 constraints/image.py inserts an image without another place and route. Exit 1 if a board does not fit its part
-or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, if fewer than ENOUGH_SEEDS
-seeds place the fullest board in time, or with `--check` if docs/reports/synthesis.md describes another design;
-2 for an unknown board.
+or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, if fewer than
+ENOUGH_SEEDS seeds place the fullest board in time, or with `--check` if docs/reports/synthesis.md describes
+another design; 2 for an unknown board.
 """
 
 from __future__ import annotations

@@ -157,7 +157,10 @@ HX8K_J2 = (
     "B16 D14 D15 E14 F15 G15 H14 F14 J14 K16 L16 M15 P15 R15",
 )
 # Its switches, in their order. Whoever has wired them by docs/reference/pins.md relies on it.
-HX8K_SWITCHES = {"sw_baud_n": "B16 C16 D14 D16 D15 E16 E14 F16 F15", "sw_addr_n": "G16 G15 H16 H14 J15 F14 G14 J14"}
+HX8K_SWITCHES = {
+    "sw_baud_n": "B16 C16 D14 D16 D15 E16 E14 F16 F15",
+    "sw_addr_n": "G16 G15 H16 H14 J15 F14 G14 J14",
+}
 ULX3S = {
     "GP": {0: "B11", 1: "A10", 2: "A9", 3: "B9", 4: "A7", 5: "C8", 6: "C6", 7: "A6", 8: "A4"}
     | {21: "C18", 22: "B15", 23: "B17"},
