@@ -304,6 +304,12 @@ OSCILLATORS_HZ["tang-nano-9k"] = 27_000_000
 DEVELOPMENT = tuple(OSCILLATORS_HZ)
 
 
+def test_the_pins_of_every_board_are_listed_here():
+    """From a page or a document, beside the pin file; of a card also the pins of its part's configuration."""
+    assert sorted([*CARD_PINS, *DEVELOPMENT]) == sorted(BOARDS)
+    assert {BOARDS[name].family for name in CARD_PINS} <= set(CONFIGURATION)
+
+
 @pytest.mark.parametrize("name", DEVELOPMENT)
 def test_clock_of_a_development_board_is_its_oscillator(name):
     assert BOARDS[name].clk_hz == OSCILLATORS_HZ[name]

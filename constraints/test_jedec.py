@@ -155,8 +155,9 @@ def test_a_stream_that_the_flash_cannot_take_is_refused(content, message):
     assert str(refusal.value) == message
 
 
-def test_only_the_card_with_a_known_flash_gets_a_jed():
+def test_every_machxo2_and_no_other_board_gets_a_jed():
     known = {name for name, entry in boards().items() if jedec.flash_of(entry)}
+    assert known == {name for name, entry in boards().items() if entry.family == "machxo2"}
     assert known == {"card-xo2-1200"}
     assert jedec.flash_of(replace(BOARD, part="LCMXO2-1200ZE-1TG144I")) is None
 

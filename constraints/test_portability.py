@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import subprocess
 
 import pytest
 
 from constraints import portability
+from constraints.synth import MARGIN
 from rtl.sources import ROOT, card_files, configurations
 
 LISTS = portability.lists()
@@ -67,3 +69,10 @@ def test_a_vendor_script_names_every_source_the_image_and_the_part(vendor, tmp_p
     wanted = [*card_files(), image, ROOT / "constraints/vendor/card.sdc"]
     assert not {str(path) for path in wanted} - set(words)
     assert "APART" in words and "Untried" in script.read_text()
+    # The top, and a value after each parameter's name: a tool ignores a name that the card lacks.
+    clk_hz = configurations()["standard"]["clk_hz"]
+    pairs = set(itertools.pairwise(words))
+    assert {("CLK_HZ", str(clk_hz)), ("FIRMWARE_HEX", str(image))} <= pairs
+    assert "rtu2fc" in words
+    (period_ns,) = re.findall(r"-period ([\d.]+)", (ROOT / "constraints/vendor/card.sdc").read_text())
+    assert float(period_ns) == pytest.approx(1e9 / (MARGIN * clk_hz), abs=0.1)
