@@ -11,8 +11,9 @@
 # lint, firmware (fuzzers and coverage of the firmware), synth (place and route), docs (the documentation site), all.
 # masters (the Debian packages of `make masters`) is not part of all: no test needs it.
 # Each needs those that `below` names. A second call finds everything in place and ends at once. Exit 2, with one line,
-# when it cannot.
+# when it cannot. After Ctrl-C one line and exit 130.
 set -euo pipefail
+trap 'echo "setup: stopped" >&2; exit 130' INT
 
 die() {
   echo "setup: $*" >&2
@@ -159,9 +160,11 @@ python_packages() {
 }
 
 install_python_packages() {
-  local layer=$1 packages
+  local layer=$1 packages trouble
   mapfile -t packages < <(python_packages "$layer")
-  [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || die "python3 could not make $venv"
+  # pip is the last file of a new environment: one that Ctrl-C left without it is made anew.
+  [ -x "$venv/bin/pip" ] || trouble=$(python3 -m venv "$venv" 2>&1) ||
+    die "python3 could not make $venv: ${trouble##*$'\n'}"
   [ ${#packages[@]} != 0 ] || return 0
   echo >&2 "setup: installing ${#packages[@]} Python packages ($layer) into .venv"
   "$venv/bin/python" -m pip install -q --disable-pip-version-check --no-input -c "$root/requirements.txt" \

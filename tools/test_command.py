@@ -75,6 +75,16 @@ def test_ctrl_c_ends_lint_in_one_line():
     assert stopped("-m", "tools.lint", begun="rtl/rtl.f complete") == (130, "lint: stopped\n")
 
 
+def test_ctrl_c_ends_the_setup_in_one_line(tmp_path):
+    slow = tmp_path / "python3"
+    slow.write_text("#!/bin/sh\necho begun\nexec sleep 40\n")
+    slow.chmod(0o755)
+    program = f"""import os
+os.environ["PATH"] = "{tmp_path}:" + os.environ["PATH"]
+os.execv("tools/setup.sh", ["tools/setup.sh", "demo"])"""
+    assert stopped("-c", program, begun="begun") == (130, "setup: stopped\n")
+
+
 def test_ctrl_c_while_pytest_collects():
     """pytest.main() returns after Ctrl-C, with the exit code of a wrong collection."""
     program = """import sys, time
