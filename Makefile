@@ -35,6 +35,10 @@ ifeq ($(SEED),)
 unexport COCOTB_RANDOM_SEED
 endif
 
+ifeq ($(shell [[ '$(JOBS)' =~ ^[1-9][0-9]*$$ ]] && echo number),)
+$(error JOBS=$(JOBS): a whole number of 1 or more)
+endif
+
 # A line's rate has one name in every command, the usual one of serial tools.
 ifneq ($(filter command,$(origin RATE)),)
 $(error there is no RATE=: say BAUD=$(RATE))
@@ -104,7 +108,10 @@ firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a di
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@$(RUN) tools.names waves '$(NAMED)' --sim=$(or $(SIM),icarus)
+	@mkdir -p $(BUILD)/waves && touch $(BUILD)/waves/begun
 	@WAVES=1 $(RUN) pytest -q --all --sim=$(or $(SIM),icarus) -k '$(NAMED)'
+	@[ -n "$$(find $(BUILD)/waves -name '*.fst' -newer $(BUILD)/waves/begun)" ] || \
+		{ echo "waves: '$(NAMED)' fits no test that simulates the card or a module" >&2; exit 2; }
 
 wireshark: | setup-views ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
 	@$(RUN) sim.view.wireshark $(FILE)

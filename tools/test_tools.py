@@ -94,6 +94,14 @@ def test_a_rate_has_one_name_in_every_command():
     assert command("make", "help", env={"RATE": "9600"}).returncode == 0, "a variable of others"
 
 
+@pytest.mark.parametrize("jobs", ["x", "0", "2 3"])
+def test_jobs_is_a_number(jobs):
+    """Without this check `make -j` prints its whole help."""
+    done = command("make", "help", f"JOBS={jobs}")
+    assert done.returncode == 2
+    assert f"JOBS={jobs}: a whole number of 1 or more" in done.stderr and done.stderr.count("\n") == 1
+
+
 def test_help_all_lists_every_target():
     text = (ROOT / "Makefile").read_text()
     phony = " ".join(re.findall(r"^\.PHONY: ([a-z -]*)$", text, re.MULTILINE)).split()
@@ -125,6 +133,13 @@ def test_waves_needs_a_name():
     done = command("make", "waves")
     assert done.returncode == 2
     assert one_line(done.stderr) == "say which test: make waves TEST=name"
+
+
+@pytest.mark.slow
+def test_waves_of_a_test_without_a_simulator():
+    done = command("make", "waves", "TEST=test_panel_picture")
+    assert done.returncode == 2
+    assert one_line(done.stderr) == "waves: 'test_panel_picture' fits no test that simulates the card or a module"
 
 
 def test_selftest_needs_a_port():
