@@ -13,7 +13,6 @@ Verilog, pins or tools.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import shutil
@@ -25,7 +24,7 @@ from pathlib import Path
 
 from constraints import jedec
 from constraints.boards import Board, board
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError
 from sw.tools.bin2hex import WORD_BITS, with_parity, without_parity
 from sw.tools.seal import adds_up
@@ -317,7 +316,7 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="image", description=__doc__.splitlines()[0])
     parser.add_argument("board", metavar="BOARD")
     parser.add_argument("firmware", type=Path, metavar="FIRMWARE.hex")
     parser.add_argument("--output", type=Path, help="default: in build/image, named after the board")

@@ -13,7 +13,6 @@ another design; 2 for an unknown board.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import os
@@ -30,7 +29,7 @@ from pathlib import Path
 from constraints import image
 from constraints.boards import TABLE, Board, board, boards
 from constraints.netlist import crossings
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, rtl_files, without_comments
 from sw.tools.bin2hex import WORD_BITS, hex_line
 
@@ -561,7 +560,7 @@ def write_docs(results: dict) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="synth", description=__doc__.splitlines()[0])
     parser.add_argument("boards", nargs="*", metavar="BOARD")
     parser.add_argument("--check", action="store_true", help="whether the table is of this design")
     args = parser.parse_args()

@@ -11,7 +11,6 @@ into docs/reports/proofs.md; --check runs nothing and compares that page with th
 with one line: unknown module, or a tool is missing.
 """
 
-import argparse
 import os
 import re
 import shutil
@@ -22,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from formal import pins as formal_pins
-from rtl.command import run_main, threads
+from rtl.command import Parser, run_main, threads
 from tb.lib.options import at_least
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -201,7 +200,7 @@ def drifted(tasks: list[Task]) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="formal", description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts with this")

@@ -139,7 +139,10 @@ def test_waves_needs_a_name():
 def test_waves_of_a_test_without_a_simulator():
     done = command("make", "waves", "TEST=test_panel_picture")
     assert done.returncode == 2
-    assert one_line(done.stderr) == "waves: 'test_panel_picture' fits no test that simulates the card or a module"
+    assert (
+        one_line(done.stderr)
+        == "waves: 'test_panel_picture' fits no test that simulates the card or a module"
+    )
 
 
 def test_selftest_needs_a_port():

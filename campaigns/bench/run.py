@@ -13,7 +13,6 @@ firmware or bench than the tree. Measurements: campaigns/bench/cases.py.
 
 from __future__ import annotations
 
-import argparse
 import os
 import pickle
 import re
@@ -30,7 +29,7 @@ from campaigns.bench.judge import Outcome
 from campaigns.bench.report import RESULTS, Results, document, stated, table
 from campaigns.bench.wave import CLK_HZ
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
-from rtl.command import in_processes, run_main
+from rtl.command import Parser, in_processes, run_main
 from rtl.sources import ROOT, SourcesError
 from sw.tools import stack
 from tb.lib import runner
@@ -145,7 +144,7 @@ def of_this_tree(tree: dict[str, str]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    options = argparse.ArgumentParser(description="Measures the card on its pins.")
+    options = Parser(prog="bench", description="Measures the card on its pins.")
     what = options.add_mutually_exclusive_group()
     what.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
     what.add_argument("--report", action="store_true", help="write the report of the last whole run again")

@@ -11,7 +11,6 @@ than 98 % of lines or branches; 2 if there is nothing to count.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
@@ -24,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, bench_file, rtl_files
 from tb.lib.options import at_least
 
@@ -213,7 +212,7 @@ def page(found: dict[str, Module], gaps: list[Hole], reasons: dict[Hole, str], r
 
 
 def main(arguments: list[str] | None = None) -> int:
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options = Parser(prog="coverage-rtl", description=__doc__.splitlines()[0])
     options.add_argument("--report", action="store_true", help="from the counts of the last run")
     options.add_argument("--jobs", type=at_least(1), default=2, help="processes (2)")
     given = options.parse_args(arguments)

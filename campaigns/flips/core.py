@@ -11,7 +11,6 @@ one was; 2: an invalid command line.
 
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import sys
@@ -21,7 +20,7 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from tb.agents import rtu
 from tb.lib.options import at_least
 from tb.model.fake_mailbox import FakeMailbox
@@ -116,7 +115,7 @@ def flip_registers(seed: int, count: int, image: bytes | None = None) -> tuple[C
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="core-flips", description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
     parser.add_argument("--count", type=at_least(1), default=6000, help="flips (default: %(default)s)")
     parser.add_argument("--image", type=Path, help="another firmware.bin")

@@ -15,7 +15,6 @@ command line or a missing tool.
 
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import re
@@ -39,7 +38,7 @@ from campaigns.flips.trial import (
 )
 from campaigns.fuzz import bound
 from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.registers import RegistersError
@@ -191,7 +190,7 @@ def tell(name: str, places: Places) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="flips", description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=at_least(0))
     parser.add_argument("--count", type=at_least(1), help="flips; default 500")
     parser.add_argument("--baud", type=int, default=BAUDS[0], choices=BAUDS, help="network line")

@@ -11,7 +11,6 @@ Exit 1 if a limit is below LINE-5 or away from theory, 2 if something to measure
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -31,7 +30,7 @@ from campaigns.line_quality.work import (
     Piece,
     whole,
 )
-from rtl.command import in_processes, run_main
+from rtl.command import Parser, in_processes, run_main
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError
 from tb.lib.options import at_least
@@ -146,7 +145,7 @@ def faults(limits: list[Limit]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options = Parser(prog="line-quality", description=__doc__.splitlines()[0])
     what = options.add_mutually_exclusive_group()
     what.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
     what.add_argument("--report", action="store_true", help="write the page of the last whole run again")

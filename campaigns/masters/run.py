@@ -66,7 +66,11 @@ def write_page(results: dict) -> None:
 
 
 def main() -> int:
-    parser = Parser(description=__doc__.splitlines()[0], formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(
+        prog="masters",
+        description=__doc__.splitlines()[0],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--master", choices=BY_ID, action="append", help="this one only; may be repeated")
     parser.add_argument("--dialect", choices=DIALECTS, action="append", help="this one only; may be repeated")
     parser.add_argument("--page", action="store_true", help="write the page from the recorded answers")

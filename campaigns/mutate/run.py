@@ -15,7 +15,6 @@ listed; campaigns/mutate/survivors.toml gives for each survivor the reason why n
 effect of the change. Exit 1: fewer than 95 % caught, or a survivor without a reason.
 """
 
-import argparse
 import concurrent.futures
 import hashlib
 import json
@@ -31,7 +30,7 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
 from tb.lib.options import at_least
 
@@ -532,7 +531,7 @@ def benches() -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="mutate", description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--report", action="store_true")

@@ -10,7 +10,6 @@ telegrams and times of the card's log. Exit 0: no mismatch, 1: mismatches, 2: no
 
 from __future__ import annotations
 
-import argparse
 import random
 import tempfile
 import time
@@ -19,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from regs.generated.card_tables import FORMATS, RATES
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from sim.card.masters import Pymodbus
 from sim.card.run_card import CardError, Frame, RunningCard
 from sim.drive.drive_bench import NUMBERS, Row, first_index, table
@@ -316,7 +315,7 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Res
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="soak", description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=random.randrange(1 << 31))
     parser.add_argument("--transactions", type=int, help="of each run")
     parser.add_argument("--dialect", choices=DIALECTS, help="this one only")

@@ -10,12 +10,11 @@ as it was (SAFE-5); 1: at least one did not; 2: an invalid command line.
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, configurations
 from tb.lib import starts
 from tb.lib.options import at_least
@@ -55,7 +54,7 @@ def run(kind: str, config: str, seeds: range) -> dict[int, str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="starts", description=__doc__.splitlines()[0])
     parser.add_argument("--config", choices=list(configurations()), default="standard")
     parser.add_argument("--count", type=at_least(1), default=COUNT)
     parser.add_argument("--seed", type=at_least(0), default=0, help="the first one")

@@ -10,7 +10,6 @@ error.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
@@ -24,7 +23,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from rtl.command import run_main, threads
+from rtl.command import Parser, run_main, threads
 from sw.test.host import DIALECTS, ROOT, put_figures
 from tb.lib.options import at_least
 
@@ -133,7 +132,7 @@ def refresh(folder: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="fuzz-firmware", description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="runs of all fuzzers together")
     parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
     parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")

@@ -16,7 +16,6 @@ Results: build/mutate/firmware/*.json.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -35,7 +34,7 @@ import pytest
 from _pytest.runner import runtestprotocol
 from tree_sitter import Node
 
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
 from sw.test.loops import nodes, parser
 from tb.lib.options import at_least
@@ -488,7 +487,7 @@ def report(count: int, write: bool) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="mutate-firmware", description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=at_least(1), default=2)
     parser.add_argument("--shard", metavar="I/N")
     parser.add_argument(
