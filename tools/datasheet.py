@@ -373,7 +373,7 @@ def older() -> str:
     commands = ", ".join(f"<code>{figures.PAGES[page][1]}</code>" for page in pages)
     return (
         f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(pages)}. They are printed as '
-        f"measured, with the card that they name. {commands} renew them.</p>"
+        f"measured, with the card that they name. To renew them: {commands}.</p>"
     )
 
 

@@ -227,8 +227,8 @@ def summary(run: Run) -> Section:
     rest = f"<p>Not shown: {', '.join(still)}.</p>" if still else ""
     body = (
         "<h1>rtu2fc</h1><p>The Modbus RTU option card of Danfoss VLT 6000 drives, rebuilt as open hardware. "
-        f"This page was made from commit <code>{html.escape(commit())}</code>; what stands in it "
-        "was printed by the commands named with each part.</p>"
+        f"This page was made from commit <code>{html.escape(commit())}</code>. "
+        "Each part names the command that printed its figures.</p>"
         f'<div class="tiles">{shown}</div>{picture()}<p>{run.provenance()}</p>{rest}'
         "<p>Not affiliated with Danfoss; VLT is their trademark.</p>"
     )
