@@ -38,6 +38,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     # Set before xdist starts its workers, so that one number repeats the whole run.
     os.environ.setdefault("COCOTB_RANDOM_SEED", str(FIXED_SEED))
+    # After Ctrl-C each worker of xdist would print this warning in six lines.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:A plugin raised an exception during an old-style")
 
 
 def pytest_report_header(config: pytest.Config) -> str:
