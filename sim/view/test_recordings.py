@@ -428,8 +428,9 @@ def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
         ports = re.findall(r"^ +(?:input|output)\b.*?(\w+),?$", source, re.MULTILINE)
         assert ports
         assert {re.sub(r"\[.*", "", name) for name in shown} >= {f"{top}.{port}" for port in ports}
-        states = {s.path for s in WaveFile(wave).signals.values() if s.leaf == "state_name"}
-        assert {re.sub(r"\[.*", "", name) for name in shown if "state_name" in name} == states
+        for leaf in ("state_name", "frame_text"):
+            there = {s.path for s in WaveFile(wave).signals.values() if s.leaf == leaf}
+            assert {re.sub(r"\[.*", "", name) for name in shown if leaf in name} == there
 
 
 # ---------------------------------------------------------------- the benches' three files

@@ -163,7 +163,7 @@ OPTIONAL = ("mailbox_i*state_name",)
 
 
 def module_entries(top: str) -> dict[str, list[Entry]]:
-    """Ports of a single module, in the order of its source, and every state below it."""
+    """Ports of a single module, in the order of its source, and every state, byte and frame below it."""
     folders = (ROOT / name for name in ("rtl", "regs/generated", "sim/harness", "tb/rtl"))
     path = next((path for folder in folders for path in folder.rglob(f"{top}.v")), None)
     if path is None:
@@ -171,7 +171,11 @@ def module_entries(top: str) -> dict[str, list[Entry]]:
     ports = re.findall(r"^\s*(?:input|output)\s+(?:wire|reg)\s*(\[[^\]]*\])?\s*(\w+)", path.read_text(), re.M)
     return {
         "ports": [Entry((name,), HEX if bits else BIT) for bits, name in ports],
-        "states": [states("*state_name"), Entry(("*last_byte",), HEX, every=True)],
+        "states": [
+            states("*state_name"),
+            Entry(("*last_byte",), HEX, every=True),
+            Entry(("*frame_text",), ASCII, every=True),
+        ],
     }
 
 
@@ -183,7 +187,7 @@ def rows(entries: Iterable[Entry], signals: dict[str, Signal]) -> list[Row]:
                 continue
             alias = entry.alias
             if entry.every and "." in signal.name:
-                what = signal.leaf.removesuffix("_name").removeprefix("last_")
+                what = signal.leaf.removesuffix("_name").removesuffix("_text").removeprefix("last_")
                 alias = signal.name.split(".")[-2].removesuffix("_i") + " " + what
             found.append(Row(signal, entry.form, alias, entry.names))
     return found
