@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nothing but a low without any high from its start bit to its stop bit is taken out, and only while nothing but
-// breaks has followed a good frame or a reply. Every other character passes, with one start bit (FRAME-3, FRAME-6).
+// Only a low without any high from its start bit to its stop bit is taken out. It is taken out only as long as nothing
+// but breaks has followed a good frame or a reply. Every other character passes, with one start bit (FRAME-3, FRAME-6).
 //
 // The ghosts follow the characters of the UART and the level of the line.
 //

@@ -3,15 +3,15 @@
 // format. It falls with the reply and stays for 34 characters and one bit at most (SAFE-2, FRAME-1, FRAME-8, LINE-6).
 // Filter, UART, silence timer, sender and direction are proved as wired.
 //
-// LINE-5: pulses on an idle line cost no request. On a line that is calm since the last character no character begins,
-// t3.5 comes within a bound, and the commit of a candidate comes on a silent line. docs/guide/proofs.md, The whole way.
+// LINE-5: pulses on an idle line cost no request. On a line that is calm since the last character no character begins.
+// t3.5 comes within a bound there. The commit of a candidate comes on a silent line. docs/guide/proofs.md, The whole way.
 //
 // Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
 // either side. A low that is too short for a start bit stops the count and does not restart it.
 //
 // BREAKS, with BREAK_TOLERANT = 1: a break is a character of zeros without a stop bit, low from its start bit's vote to that
-// of its stop bit, after a good frame or a reply and nothing but breaks (FRAME-3). The low that it leaves is silent, too. No
-// commit comes after any other character, nor while a low may be one.
+// of its stop bit. Only breaks may stand between it and a good frame or a reply (FRAME-3). The low that it leaves is silent,
+// too. No commit comes after any other character, nor while a low may be one.
 //
 // Assumed: a reply starts on a quiet line only (proved for mailbox), the memory answers within two clocks (bus_arbiter:
 // within one), switches do not move. The reply's length may have any value and may change at any time.

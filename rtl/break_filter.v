@@ -4,9 +4,9 @@
 // A bus without bias falls low when nobody drives it. It then stays low from the end of a
 // request to the reply. For the UART such a low is a character of zeros without a stop bit.
 //
-// While nothing but silence and breaks has followed a good frame or the card's own reply, and while
-// the receiver drops everything up to the next silence, a start bit is held back: it may begin a
-// character or a break. The first high of the line decides for a character: its start bit is passed
+// A start bit is held back after a good frame or the card's own reply, as long as nothing but
+// silence and breaks has followed. So it is while the receiver drops everything up to the next
+// silence. Such a start bit may begin a character or a break. The first high of the line decides for a character: its start bit is passed
 // on then, late, and its byte at its end. If the line has been low up to the vote on the stop bit,
 // it is a break: neither start bit nor byte is passed on.
 // busy: level, a character or an undecided low is on the line; no silence is counted then. After the

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mailbox: registers, commit gate and the way into the memory, wired together.
 //
-// The network port writes requests and reads replies, the drive port reads telegrams
-// and writes the drive's replies, the firmware sees all of it through one bus, and
-// the commit gate decides what leaves. Only wires in here. request, telegram, exchange,
+// The network port writes requests and reads replies. The drive port reads telegrams and
+// writes the drive's replies. The firmware sees all of it through one bus. The commit gate
+// decides what leaves. Only wires in here. request, telegram, exchange,
 // supervision: vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
 // commit_gate, like MASTER_LOSS_STOP. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.

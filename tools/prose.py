@@ -5,8 +5,10 @@
 
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of that
 page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
-"docs/hardening.md, Guarded bits". tools/words.txt lists right words that codespell does not know. Prints one
-line for each mistake; exit 1 if there is one.
+"docs/hardening.md, Guarded bits". Card or firmware must cite each such heading. Each page of docs/ needs a
+link in docs/pages.md or in the handbook. Each Verilog module and each C file needs a row in the tables of
+docs/guide/architecture.md. tools/words.txt lists right words that codespell does not know. Prints one line
+for each mistake; exit 1 if there is one.
 """
 
 import re
@@ -32,6 +34,8 @@ ANCHOR = re.compile(r"<a (?:id|name)=\"([^\"]+)\"")
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 HARDENING = ROOT / "docs/hardening.md"
+LISTS = (ROOT / "docs/pages.md", ROOT / "docs/guide/handbook.md")
+ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 MECHANISM = re.compile(r"docs/hardening\.md, ")
 WRAPPED = re.compile(r"[ \t]*\n[ \t]*(?://|\*|#)?[ \t]*")
 SOURCES = {".v", ".vh", ".c", ".h", ".cpp", ".S", ".py", ".rdl", ".toml", ".mk", ".lua", ".sh"}
@@ -97,15 +101,61 @@ def dead_links(page: Path, known: set[Path]) -> list[str]:
     return wrong
 
 
+def mechanisms() -> tuple[str, ...]:
+    return tuple(re.findall(r"^## (.*)$", HARDENING.read_text(), re.MULTILINE))
+
+
+def cited_mechanisms(text: str) -> set[str]:
+    """Headings of docs/hardening.md that a comment cites, also several in one list."""
+    joined = WRAPPED.sub(" ", text)
+    found = set()
+    for citation in MECHANISM.finditer(joined):
+        listed = re.split(r"[.;:)(]|\*/", joined[citation.end() :], maxsplit=1)[0]
+        found |= {name for name in mechanisms() if re.search(rf"(^|, ){re.escape(name)}\s*(,|$)", listed)}
+    return found
+
+
+def uncited_mechanisms(texts: list[str]) -> list[str]:
+    """Headings of docs/hardening.md that no comment of card or firmware cites."""
+    cited = set().union(*map(cited_mechanisms, texts))
+    return [f"docs/hardening.md: no code cites '{name}'" for name in mechanisms() if name not in cited]
+
+
+def unlisted_pages(pages: list[Path], lists: tuple[Path, ...]) -> list[str]:
+    """Pages of docs/ to which no list of pages has a link."""
+    linked = {
+        (page.parent / unquote(link[1]).partition("#")[0]).resolve()
+        for page in lists
+        for link in LINK.finditer(page.read_text())
+    }
+    return [
+        f"{page.relative_to(ROOT)}: no link in {' or '.join(str(one.relative_to(ROOT)) for one in lists)}"
+        for page in pages
+        if page.resolve() not in linked and page not in lists
+    ]
+
+
+def unlisted_parts(names: list[str], page: str) -> list[str]:
+    """Verilog modules and C files of the card without a row in a table of docs/guide/architecture.md."""
+    rows = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
+    listed = set(re.findall(r"`([\w.]+)`", rows))
+    parts = [Path(name).stem for name in names if name.startswith("rtl/") and name.endswith(".v")]
+    parts += [Path(name).name for name in names if name.startswith("sw/src/") and name.endswith(".c")]
+    return [
+        f"{ARCHITECTURE.relative_to(ROOT)}: no row of a table has `{part}`"
+        for part in parts
+        if part not in listed
+    ]
+
+
 def dead_citations(name: str, text: str, known: set[Path]) -> list[str]:
     """Pages, and mechanisms of docs/hardening.md, that a source cites and that are not there."""
     joined = WRAPPED.sub(" ", text)
     pages = sorted(set(CITED.findall(joined)))
     wrong = [f"{name}: {page}: no such file" for page in pages if (ROOT / page).resolve() not in known]
-    mechanisms = tuple(re.findall(r"^## (.*)$", HARDENING.read_text(), re.MULTILINE))
     for citation in MECHANISM.finditer(joined):
         cited = joined[citation.end() : citation.end() + 40]
-        if not cited.startswith(mechanisms):
+        if not cited.startswith(mechanisms()):
             wrong.append(f"{name}: docs/hardening.md, {cited.strip()}: no such heading")
     return wrong
 
@@ -119,7 +169,11 @@ def check() -> list[str]:
     for name in names:
         if Path(name).suffix in SOURCES and not name.startswith(("tools/prose.py", "tools/test_prose.py")):
             wrong += dead_citations(name, (ROOT / name).read_text(), known)
-    return wrong
+    wrong += uncited_mechanisms(
+        [(ROOT / name).read_text() for name in names if re.match(r"(rtl|sw)/.*\.(v|c|h|py)$", name)]
+    )
+    wrong += unlisted_pages([page for page in pages if page.is_relative_to(ROOT / "docs")], LISTS)
+    return wrong + unlisted_parts(names, ARCHITECTURE.read_text())
 
 
 def main() -> int:

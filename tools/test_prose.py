@@ -65,6 +65,31 @@ def test_a_citation_needs_its_page_and_its_heading():
     assert prose.dead_citations("a.v", "// docs/nothing.md", known) == ["a.v: docs/nothing.md: no such file"]
 
 
+def test_each_mechanism_is_cited(monkeypatch, tmp_path):
+    page = tmp_path / "hardening.md"
+    page.write_text("# Hardening\n\n## Guarded bits\n\n## Frame bank\n\n## Frame bank twice\n")
+    monkeypatch.setattr(prose, "HARDENING", page)
+    code = "// a reason (docs/hardening.md, Frame\n// bank twice, Guarded bits, SAFE-4).\n"
+    assert prose.uncited_mechanisms([code]) == ["docs/hardening.md: no code cites 'Frame bank'"]
+    assert len(prose.uncited_mechanisms(["// Frame bank, Guarded bits"])) == 3
+
+
+def test_each_page_is_listed(monkeypatch, pages: Path):
+    monkeypatch.setattr(prose, "ROOT", pages)
+    lists = (pages / "page.md",)
+    every = [pages / "page.md", pages / "other.md"]
+    assert prose.unlisted_pages(every, lists) == []
+    assert prose.unlisted_pages([*every, pages / "third.md"], lists) == ["third.md: no link in page.md"]
+
+
+def test_each_module_and_each_c_file_has_a_row():
+    names = ["rtl/gate/one.v", "rtl/two.v", "rtl/rtl.f", "sw/src/three.c", "sw/src/three.h", "sw/test/four.c"]
+    page = "| `two` `three.c` | purpose of `one` |\n"
+    assert prose.unlisted_parts(names, page) == [
+        "docs/guide/architecture.md: no row of a table has `one`",
+    ]
+
+
 @pytest.mark.needs("lint")
 def test_a_misspelt_word_is_found(tmp_path: Path):
     page = tmp_path / "page.md"

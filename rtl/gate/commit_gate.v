@@ -12,16 +12,16 @@
 //   master_loss    the licence of the stop that leaves when the master is lost (SAFE-7)
 //
 // keep_write moves the licence of the newest request to the place of its kind as soon as that
-// request is committed, and use_waiting orders a telegram with the licence of a place
-// (FRAME-7). A licence stays until it is used, a newer one of its kind takes its place, or
+// request is committed. use_waiting orders a telegram with the licence of a place (FRAME-7).
+// A licence stays until it is used, until a newer one of its kind takes its place, or until
 // rst. PLACES: 2, one for a broadcast and one for a unicast write; 1, only the broadcast's,
 // and keep_write for a unicast write is ignored.
 //
 // MASTER_LOSS_STOP: 1, use_waiting with waiting_stop orders the telegram under the licence of
 // master_loss, which leaves with telegram_stop; 0, there is none and waiting_stop is ignored.
 //
-// Without a committed request no telegram starts, and without a committed write of coils
-// none has telegram_control, so that fc_tx sends bit 10 of its control word as 0 (SAFE-1).
+// Without a committed request no telegram starts. Without a committed write of coils none has
+// telegram_control; fc_tx then sends bit 10 of its control word as 0 (SAFE-1).
 // docs/hardening.md describes what one flipped bit can do (SAFE-4).
 // fault: a half of a guarded bit of the gate has flipped; the supervisor then restarts the firmware
 // (docs/hardening.md, Faults of guarded bits).

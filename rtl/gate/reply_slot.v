@@ -2,9 +2,9 @@
 // The place of the one reply that waits to leave.
 //
 // queue_reply fills the place, or empties it if the order is for no reply, or for a request
-// that takes none; a newer order replaces an older one. The place is emptied, too, by a
-// withdrawn or a newer request, by a character that begins after the commit (FRAME-7), by
-// the end of the loop-back test, and by a bad drive reply if the order said after_drive.
+// that takes none; a newer order replaces an older one. A withdrawn or a newer request empties
+// the place, too. So does a character that begins after the commit (FRAME-7), and the end of
+// the loop-back test. A bad drive reply empties it if the order said after_drive.
 // With after_drive the reply leaves only while the drive's reply is good (PERF-3).
 // start: the reply leaves in this clock. That needs an answerable request, or the open
 // loop-back test (LOOP-1), and a line silent for t3.5.

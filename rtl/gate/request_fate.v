@@ -3,11 +3,11 @@
 //
 // A candidate gets the next ticket, modulo 16. It ends with a revoke, or with the start
 // bit of any character, whatever rtu_rx makes of it (FRAME-6). A commit needs a candidate
-// and a silent line; both come in one clock with PREPARE_EARLY = 0. A commit on a line that
-// is not silent withdraws the candidate, which would wait for ever; only a flipped bit or a
-// low of more than a quarter bit brings that about. A committed request stays committed
-// until the next candidate, also for the firmware, which reads is_committed: hence a
-// guarded bit (SAFE-4).
+// and a silent line (docs/hardening.md, Commit needs a candidate). Candidate and commit come
+// in one clock with PREPARE_EARLY = 0. A commit on a line that is not silent withdraws the
+// candidate, which would otherwise wait for ever. Only a flipped bit or a low of more than a
+// quarter bit causes such a commit. A committed request stays committed until the next
+// candidate. The firmware reads is_committed, too, so it is a guarded bit (SAFE-4).
 // answerable: committed, and since then no character has begun and no reply has left.
 // spent: the request licenses no further telegram. Its reply spends it, so does its write
 // of coils when that leaves, and for a broadcast the firmware's answer, which sends nothing.

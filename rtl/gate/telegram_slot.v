@@ -3,14 +3,15 @@
 //
 // queue and use_place fill the place with a new telegram; again fills it with the one that
 // has left. Only a licence lets a telegram start: a guarded bit (SAFE-1, SAFE-4). For queue a
-// committed request gives it, at once or with the commit; then the telegram must be queued
-// and must be fresh: it has never left. For use_place it comes from a waiting_place, at once; an
-// empty one gives none (FRAME-7). The licence outlives newer requests until the telegram has
-// left, and is good for one repeat then. The repeat is lost with the reply, with a newer
-// write that waits (others_wait), with a newer committed request unless the licence came
-// from a place, and at once for a broadcast (FC-9). A write to the telegram's memory
-// (touched) and the end of the loop-back test take licence and telegram. While that test is
-// open, every order of queue has a licence, but no command (LOOP-1).
+// committed request gives it, at once or with the commit. The telegram must then be queued
+// and fresh: it has never left. For use_place the licence comes from a waiting_place, at
+// once; an empty place gives none (FRAME-7). The licence outlives newer requests until the
+// telegram has left. After that it is good for one repeat (docs/hardening.md, Two
+// transmissions). A broadcast has no repeat (FC-9). The repeat is lost with the reply, and
+// with a newer write that waits (others_wait). A newer committed request ends it, too, unless
+// the licence came from a place. A write to the telegram's memory (touched) and the end of the
+// loop-back test take licence and telegram. While that test is open, every order of queue has
+// a licence, but no command (LOOP-1).
 // control: the licensed request writes coils, so bit 10 of the control word may be 1.
 // stop: master_loss gave the licence (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
 // command_left: the write of coils of the newest request leaves in this clock.

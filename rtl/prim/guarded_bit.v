@@ -4,7 +4,7 @@
 // value: 1 only while both halves say so. fault: the halves disagree, which only a
 // flipped bit brings about; the next load or reset ends it. load takes data at the
 // clock edge; rst clears and has priority. Power-up value 0. No tool may merge the
-// halves: `make test` counts the flip-flops after synthesis.
+// halves: `make test` counts the flip-flops after synthesis. docs/hardening.md, Guarded bits.
 // Width: 1 bit. Clock domain: clk. Rule: SAFE-4.
 `default_nettype none
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Modbus application protocol V1.1b3, 6.8, 6.9, 6.13, 6.21. A reply is prepared before its request is committed
- * (FRAME-6), so the counts of requests are told with that request, one more than is counted yet.
+ * (FRAME-6). So a reply reports the counts of requests with that request, one more than is counted yet.
  */
 #include "diagnostics.h"
 

@@ -317,7 +317,7 @@ async def a_telegram_has_one_repeat(dut, first):
 @cocotb.test()
 @cocotb.parametrize(waits=[False, True])
 async def a_newer_commit_ends_the_right_to_a_repeat(dut, waits):
-    """No older command goes out once more behind a newer one (FRAME-7, SAFE-4)."""
+    """No older command goes out once more after a newer one (FRAME-7, SAFE-4)."""
     gate = await Gate(dut).start()
     ticket = await gate.candidate()
     await gate.queue_telegram(ticket)
@@ -711,7 +711,7 @@ class Licence:
 
 @cocotb.test()
 async def no_random_history_lets_anything_out_without_its_commit(dut):
-    """Against the promise told from the inputs alone: who may leave in this clock, not who must."""
+    """Against the promise, as the inputs alone state it: who may leave in this clock, not who must."""
     rng = seeded("gate history")
     gate = await Gate(dut).start()
     pending, fresh = False, False

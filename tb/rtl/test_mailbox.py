@@ -64,7 +64,7 @@ LONGEST_WAIT = 16  # clocks of a bus access
 
 
 class Mailbox:
-    """Both lines silent and both ports idle, until told otherwise."""
+    """Both lines silent and both ports idle, until a test sets them otherwise."""
 
     def __init__(self, dut):
         self.dut = dut = Fields(dut, **VECTORS)
