@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import itertools
 import random
+import re
 
 import cocotb
 import pytest
 from cocotb.triggers import Timer
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, VALUES, Area
+from rtl.sources import ROOT
 from tb.lib.bench import Bench, Strobes
 from tb.lib.fields import Fields
 from tb.lib.memory_ports import WordMemory
@@ -54,6 +56,16 @@ EVENTS = {
     "foreign": "network_events_foreign",
     "drive_bad": "exchange_bad",
 }
+# Fields that the gate makes; scenarios of their own follow them.
+MADE_BY_THE_GATE = {
+    ("REQUEST", "ticket"),
+    ("REQUEST", "candidate"),
+    ("REQUEST", "committed"),
+    ("EXCHANGE", "queued"),
+    ("EXCHANGE", "started"),
+    ("EXCHANGE", "stop_due"),
+}
+MOST_PORTS = 45
 ACTIONS = VALUES["TELEGRAM", "action"]
 REPLY, TELEGRAM, DRIVE = (AREAS[f"{name}_FRAME"] for name in ("REPLY", "TELEGRAM", "DRIVE"))
 LGE = AREAS["DRIVE_LGE"]
@@ -599,3 +611,17 @@ async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
 @pytest.mark.rule("FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "LOOP-1", "WDG-1")
 def test_mailbox(sim):
     run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters={"MEMORY_BYTES": MEMORY_BYTES})
+
+
+def test_every_field_that_is_read_has_a_source():
+    """A register of the map without an entry in SOURCES would be read by no scenario."""
+    read = {(name, field) for name, entry in REGISTERS.items() if entry.size == 1 for field in entry.fields}
+    flags = {("EVENTS", name) for name in EVENTS}
+    assert read == {*SOURCES, *flags, *MADE_BY_THE_GATE}
+
+
+def test_it_has_few_ports():
+    """Further signals travel in the vectors of regs/card.toml."""
+    text = (ROOT / "rtl/mailbox.v").read_text()
+    ports = re.findall(r"^ +(?:input|output|inout)\b", text, re.MULTILINE)
+    assert 0 < len(ports) <= MOST_PORTS
