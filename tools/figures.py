@@ -22,6 +22,7 @@ from campaigns.mutate import run as mutate
 from constraints import synth
 from rtl.command import run_main
 from rtl.sources import ROOT, rtl_files
+from sw.test import host
 
 REPORTS = ROOT / "docs/reports"
 CARD = re.compile(r"\bcard `([0-9a-f]{12})`", re.IGNORECASE)
@@ -72,6 +73,21 @@ def synthesis(_: str) -> str:
     return "synthesised from another design" if synth.stale() else ""
 
 
+# Blocks of the firmware's page that name the sources that they were measured on. The block of the branches is
+# compared by `make coverage-firmware CHECK=1`.
+FIRMWARE_BLOCKS = {"fuzz": "fuzzing", "mutate": "mutants"}
+
+
+def firmware(text: str) -> str:
+    stamp = f"firmware sources {host.fingerprint()}"
+    older = [
+        subject
+        for block, subject in FIRMWARE_BLOCKS.items()
+        if not re.search(rf"^```{block}\n{stamp}\n", text, re.MULTILINE)
+    ]
+    return f"measured on an earlier firmware: {', '.join(older)}" if older else ""
+
+
 # Page of docs/reports: its check, which returns why it is an older page (empty: it is not), and its command.
 PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "results": (bench, "make bench"),
@@ -82,6 +98,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "mutants": (mutants, "make mutate"),
     "synthesis": (synthesis, "make synth"),
     "masters": (one_card, "make masters"),
+    "firmware-quality": (firmware, "make fuzz-firmware RUNS=10000000, mutate-firmware"),
 }
 
 

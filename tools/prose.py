@@ -6,9 +6,9 @@
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of that
 page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
 "docs/hardening.md, Guarded bits". Card or firmware must cite each such heading. Each page of docs/ needs a
-link in docs/pages.md or in the handbook. Each Verilog module and each C file needs a row in the tables of
-docs/guide/architecture.md. tools/words.txt lists right words that codespell does not know. Prints one line
-for each mistake; exit 1 if there is one.
+link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. Each Verilog module and each C
+file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that codespell
+does not know. Prints one line for each mistake; exit 1 if there is one.
 """
 
 import re
@@ -35,6 +35,7 @@ ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 HARDENING = ROOT / "docs/hardening.md"
 LISTS = (ROOT / "docs/pages.md", ROOT / "docs/guide/handbook.md")
+SITE = ROOT / "tools/site/mkdocs.yml"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 MECHANISM = re.compile(r"docs/hardening\.md, ")
 WRAPPED = re.compile(r"[ \t]*\n[ \t]*(?://|\*|#)?[ \t]*")
@@ -135,6 +136,17 @@ def unlisted_pages(pages: list[Path], lists: tuple[Path, ...]) -> list[str]:
     ]
 
 
+def without_place(pages: list[Path], site: str) -> list[str]:
+    """Pages of docs/ without a place on the documentation site; `make docs` refuses them, too."""
+    placed = set(re.findall(r"([\w./-]+\.md)$", site, re.MULTILINE))
+    names = {str(page.relative_to(ROOT / "docs")): page for page in pages}
+    return [
+        f"{page.relative_to(ROOT)}: no place in {SITE.relative_to(ROOT)}"
+        for name, page in names.items()
+        if name not in placed
+    ]
+
+
 def unlisted_parts(names: list[str], page: str) -> list[str]:
     """Verilog modules and C files of the card without a row in a table of docs/guide/architecture.md."""
     rows = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
@@ -172,7 +184,9 @@ def check() -> list[str]:
     wrong += uncited_mechanisms(
         [(ROOT / name).read_text() for name in names if re.match(r"(rtl|sw)/.*\.(v|c|h|py)$", name)]
     )
-    wrong += unlisted_pages([page for page in pages if page.is_relative_to(ROOT / "docs")], LISTS)
+    documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
+    wrong += unlisted_pages(documents, LISTS)
+    wrong += without_place(documents, SITE.read_text())
     return wrong + unlisted_parts(names, ARCHITECTURE.read_text())
 
 

@@ -39,7 +39,8 @@ PAGES = {
     "proofs": "make formal",
     "coverage": "make coverage-rtl",
     "firmware-quality": "make coverage-firmware, fuzz-firmware, mutate-firmware",
-    "fuzz": "make fuzz, make flips",
+    "mutants": "make mutate",
+    "fuzz": "make fuzz, fuzz-plants, flips, core-flips and fuzz-page",
     "masters": "make masters",
 }
 KINDS = {".svg": "image/svg+xml", ".png": "image/png"}

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from tools import figures
+from rtl.sources import ROOT
+from tools import figures, report
 
 NOW = {"standard": "0123456789ab", "tiny": "ba9876543210"}
 OTHER = "000000000000"
@@ -48,6 +49,31 @@ def test_a_page_of_one_card(text, older):
 )
 def test_a_page_of_both_cards(standard, tiny, older):
     assert figures.both_cards(f"{standard}, {tiny}") == older
+
+
+def firmware_page(*stamps: str) -> str:
+    blocks = zip(figures.FIRMWARE_BLOCKS, stamps, strict=True)
+    return "".join(f"```{name}\nfirmware sources {stamp}\n1 run\n```\n\n" for name, stamp in blocks)
+
+
+@pytest.mark.parametrize(
+    ("text", "older"),
+    [
+        (firmware_page(OTHER, OTHER), ""),
+        (firmware_page(OTHER, "111111111111"), "measured on an earlier firmware: mutants"),
+        ("```fuzz\n1 run\n```\n\n```mutate\n```\n", "measured on an earlier firmware: fuzzing, mutants"),
+    ],
+)
+def test_a_page_of_the_firmware(monkeypatch, text, older):
+    monkeypatch.setattr(figures.host, "fingerprint", lambda: OTHER)
+    assert figures.firmware(text) == older
+
+
+def test_every_report_has_its_check_and_its_place():
+    """`make lint` compares the page of the proofs with their files, so it has no notice."""
+    pages = {path.stem for path in (ROOT / "docs/reports").glob("*.md")}
+    assert pages == {*figures.PAGES, "proofs"}
+    assert pages <= set(report.PAGES)
 
 
 def test_a_notice_stands_below_the_title_once_and_is_removed():

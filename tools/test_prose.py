@@ -82,6 +82,15 @@ def test_each_page_is_listed(monkeypatch, pages: Path):
     assert prose.unlisted_pages([*every, pages / "third.md"], lists) == ["third.md: no link in page.md"]
 
 
+def test_each_page_has_a_place_on_the_site(monkeypatch, tmp_path):
+    monkeypatch.setattr(prose, "ROOT", tmp_path)
+    monkeypatch.setattr(prose, "SITE", tmp_path / "mkdocs.yml")
+    pages = [tmp_path / "docs/guide/one.md", tmp_path / "docs/two.md"]
+    assert prose.without_place(pages, "nav:\n  - One: guide/one.md\n  - Two: guide/two.md\n") == [
+        "docs/two.md: no place in mkdocs.yml"
+    ]
+
+
 def test_each_module_and_each_c_file_has_a_row():
     names = ["rtl/gate/one.v", "rtl/two.v", "rtl/rtl.f", "sw/src/three.c", "sw/src/three.h", "sw/test/four.c"]
     page = "| `two` `three.c` | purpose of `one` |\n"

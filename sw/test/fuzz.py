@@ -24,7 +24,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rtl.command import Parser, run_main, threads
-from sw.test.host import DIALECTS, ROOT, put_figures
+from sw.test.host import DIALECTS, ROOT, put_figures, stamped
 from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/fuzz-firmware"
@@ -159,7 +159,7 @@ def main() -> int:
         print(f"FOUND  {result.says}")
         print(f"       {folder / result.fuzzer.replace('/', '/fuzz_')} {result.finding}")
     if given.write and not found and total >= LONG:
-        put_figures("fuzz", f"{given.runs} runs, seed {given.seed}\n" + "\n".join(shown))
+        put_figures("fuzz", stamped("\n".join([f"{given.runs} runs, seed {given.seed}", *shown])))
     if given.refresh and not found:
         refresh(folder)
     return 1 if found else 0

@@ -7,10 +7,13 @@ load folders of builds (FIRMWARE_LIBRARIES, tb/model/firmware.py).
 
 from __future__ import annotations
 
+import hashlib
 import re
 import subprocess
 from functools import cache
 from pathlib import Path
+
+from rtl.sources import without_comments
 
 ROOT = Path(__file__).resolve().parents[2]
 DIALECTS = ("card", "builtin", "hvac_basic")
@@ -60,6 +63,20 @@ def with_figures(name: str, text: str) -> str:
     document, count = block.subn(lambda _: text.rstrip("\n") + "\n", DOCUMENT.read_text())
     assert count == 1, name
     return document
+
+
+def fingerprint() -> str:
+    """A short hash of the firmware's C files. Comments and layout do not count."""
+    content = hashlib.sha256()
+    for folder in ("sw/src", "sw/include"):
+        for path in sorted(path for path in (ROOT / folder).iterdir() if path.suffix in (".c", ".h")):
+            content.update(f"{path.name}\0{' '.join(without_comments(path).split())}\0".encode())
+    return content.hexdigest()[:12]
+
+
+def stamped(text: str) -> str:
+    """The text with the line that names the firmware that was measured."""
+    return f"firmware sources {fingerprint()}\n{text}"
 
 
 def put_figures(name: str, text: str) -> None:

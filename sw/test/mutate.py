@@ -35,7 +35,7 @@ from _pytest.runner import runtestprotocol
 from tree_sitter import Node
 
 from rtl.command import Parser, run_main
-from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
+from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources, stamped
 from sw.test.loops import nodes, parser
 from tb.lib.options import at_least
 
@@ -482,7 +482,7 @@ def report(count: int, write: bool) -> int:
     wrong += [f"survivors.toml: caught: {': '.join(k)}" for k in why if k in tried and k not in survivors]
     print("\n".join(wrong) or f"every survivor has its reason ({SURVIVORS.relative_to(ROOT)})")
     if write and not wrong:
-        put_figures("mutate", "\n".join(shown))
+        put_figures("mutate", stamped("\n".join(shown)))
     return 1 if wrong else 0
 
 
