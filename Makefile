@@ -181,7 +181,7 @@ bench-fast: bench-card drive | setup-test ## the part of the bench that `make te
 	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
 
 figures: firmware | setup-test ## * which measured page is of an older card, and what renews it
-	@code=0; $(RUN) tools.figures || code=$$?; $(RUN) pytest -q --figures || code=$$?; exit $$code
+	@code=0; $(RUN) tools.figures || code=$$?; $(RUN) pytest -q --figures --tb=no || code=$$?; exit $$code
 
 line-quality: firmware drive | setup-test ## the limits of rate error, edges and glitches, at all rates and formats
 	@$(RUN) campaigns.line_quality.run $(SEEDED) --jobs $(JOBS)
