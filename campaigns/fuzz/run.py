@@ -14,7 +14,6 @@ build/fuzz/SEED.json, and for each difference the smallest case found (JSON, for
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import io
@@ -35,7 +34,7 @@ from campaigns.fuzz.case_file import CaseError
 from campaigns.fuzz.plants import PLANTS, PlantError, named
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.traffic import make
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS
@@ -237,7 +236,7 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="fuzz", description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=at_least(0))
     parser.add_argument("--count", type=at_least(1), help="network frames, judged; default 2000")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
