@@ -25,7 +25,7 @@ HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_mo
 HARNESS_PYTHON = [
     ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
 ]
-NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i")
+NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i", "test_flips", "test_fuzz")
 DIGITS = 12
 TEXTS = ("bound", "page", "report")  # of the fuzzer; they change no verdict
 
@@ -63,7 +63,7 @@ def firmware(config: str = "standard") -> str:
 
 def judge() -> str:
     """Actions of the fuzzer and the flips on the card, and their verdicts."""
-    folders = [ROOT / "campaigns/fuzz", ROOT / "tb/model"]
+    folders = [ROOT / "campaigns/fuzz", ROOT / "campaigns/flips", ROOT / "tb/model"]
     others = (*NO_JUDGES, *TEXTS)
     python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in others)
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))

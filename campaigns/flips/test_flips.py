@@ -447,8 +447,10 @@ def test_broadcast_and_older_request_have_no_repeat():
 
 
 @pytest.mark.rule("FRAME-7")
-def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request():
-    newer = heard(rtu.build(1, rtu.read_coils(0, 8)), 70 * LINE.clk_hz / 1000)
+@pytest.mark.parametrize("pdu", [rtu.read_coils(0, 8), b"\x2b\x0e", bytes.fromhex("0f 0000 0010 03 7c0400")])
+def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request(pdu):
+    """Also after a newer request that the card refuses: an unknown function, a wrong byte count."""
+    newer = heard(rtu.build(1, pdu), 70 * LINE.clk_hz / 1000)
     once, twice = [(TELEGRAM, 120)], [(TELEGRAM, 120), (TELEGRAM, 280)]
     assert verdict_of(COMMAND, once, [], newer) == ""
     assert verdict_of(COMMAND, twice, [], newer) == "telegram again or late"

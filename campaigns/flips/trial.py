@@ -373,7 +373,7 @@ def _requested_by(
         _, end, adu = frames[number]
         newest = number == len(wanted) - 1
         to_all = adu[0] == 0
-        write = adu[1] not in READS
+        write = adu[1] not in READS and bool(wanted[number])  # not one that the card refuses
         if (newest or (write and to_all not in passed)) and data in wanted[number]:
             newer_start, newer_end, _ = frames[number + 1] if number + 1 < len(frames) else (at, at, b"")
             reply_sent = any(end < reply.rise < min(at, newer_start) for reply in played.replies)
