@@ -457,6 +457,17 @@ def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request(pdu
     assert verdict_of(COMMAND, [*twice, (TELEGRAM, 440)], [], newer) == FORBIDDEN[0]
 
 
+@pytest.mark.rule("FRAME-7")
+@pytest.mark.parametrize(("later_ms", "expected"), [(1.0, ""), (5.0, FORBIDDEN[1])])
+def test_a_waiting_write_keeps_its_turn_until_its_telegram_starts(later_ms, expected):
+    """The newer write of its kind commits in the pause before the telegram, or before the turn."""
+    ms = LINE.clk_hz / 1000
+    newer = rtu.build(1, rtu.write_register(2049, 7))
+    end = 70 * ms + len(newer) * LINE.character_bits * LINE.bit
+    commit = end + LINE.t35_bits * LINE.bit
+    assert verdict_of(COMMAND, [(TELEGRAM, commit / ms + later_ms)], [], heard(newer, 70 * ms)) == expected
+
+
 @pytest.mark.rule("SAFE-2")
 @pytest.mark.parametrize(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
 def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):

@@ -42,6 +42,8 @@ BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.
 LONGEST_CHARACTERS = 2 * 35
+COMMIT_AFTER = 0.9  # of t3.5 after a frame: from then on it may be committed
+TURN_BITS = 25  # drive bits before its start at which a waiting write has its turn: the pause, and a margin
 # Trials with the same traffic, which the card plays once for all of them (campaigns/flips/group.py).
 GROUP = 25
 # Parts for flips, with their weights: by area nearly all flips would hit code that never runs again.
@@ -335,7 +337,7 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
     found: dict[str, str] = {}
     sent: dict[int, list[float]] = defaultdict(list)  # times of the telegrams of each request
     # Until a newer request is committed, the older one's telegram may still leave.
-    commit = 0.9 * line.t35_bits * line.bit
+    commit = COMMIT_AFTER * line.t35_bits * line.bit
     taken, rest = taken_by_a_drive(played.telegrams, drive_line(line.clk_hz))
     for data in rest:
         found.setdefault("no telegram, but the drive line disturbed", data.hex(" "))
@@ -343,7 +345,9 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
         before = [number for number, (_, end, _) in enumerate(frames) if end + commit < at]
         number = before[-1] if before else -1
         wanted = causes[: number + 1]
-        cause = _requested_by(played, frames, wanted, sent, at, data)
+        # A write that had its turn by then leaves after the pause, although a newer one came since.
+        turn = at - commit - TURN_BITS * drive_line(line.clk_hz).bit
+        cause = _requested_by(played, frames, wanted, sent, at, data, turn)
         if cause is not None:
             sent[cause].append(at)
             if len(sent[cause]) == 2:  # the drive of this traffic always answers
@@ -360,12 +364,18 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
 
 
 def _requested_by(
-    played: Played, frames: list, wanted: list[set[bytes]], sent: dict[int, list], at: float, data: bytes
+    played: Played,
+    frames: list,
+    wanted: list[set[bytes]],
+    sent: dict[int, list],
+    at: float,
+    data: bytes,
+    turn: float,
 ) -> int | None:
     """Number of the request that this telegram may belong to: the newest, or a write that waited.
 
     A telegram leaves once, and is repeated once: not after the reply, and none to all drives (FC-9). A write
-    may have waited for an exchange, the newest of its kind (FRAME-7). It has a repeat only if it left after
+    may have waited for an exchange (FRAME-7): the newest of its kind, or one of those after `turn`. It has a repeat only if it left after
     the newer request: a telegram that had left before is not repeated.
     """
     passed: set[bool] = set()  # kinds of the newer writes: to all, or not
@@ -381,7 +391,7 @@ def _requested_by(
             repeat = len(left) == 1 and not to_all and (newest or left[0] > newer_end)
             if not reply_sent and (not left or repeat):
                 return number
-        if write:
+        if write and end < turn:
             passed.add(to_all)
     return None
 
