@@ -34,7 +34,7 @@ ANCHOR = re.compile(r"<a (?:id|name)=\"([^\"]+)\"")
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 HARDENING = ROOT / "docs/hardening.md"
-LISTS = (ROOT / "docs/pages.md", ROOT / "docs/guide/handbook.md")
+LISTS = tuple(ROOT / "docs" / name for name in ("pages.md", "guide/handbook.md", "guide/handbook/masters.md"))
 SITE = ROOT / "tools/site/mkdocs.yml"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 MECHANISM = re.compile(r"docs/hardening\.md, ")

@@ -375,8 +375,8 @@ def _requested_by(
     """Number of the request that this telegram may belong to: the newest, or a write that waited.
 
     A telegram leaves once, and is repeated once: not after the reply, and none to all drives (FC-9). A write
-    may have waited for an exchange (FRAME-7): the newest of its kind, or one of those after `turn`. It has a repeat only if it left after
-    the newer request: a telegram that had left before is not repeated.
+    may have waited for an exchange (FRAME-7): the newest of its kind, or one of those after `turn`. It has a
+    repeat only if it left after the newer request: a telegram that had left before is not repeated.
     """
     passed: set[bool] = set()  # kinds of the newer writes: to all, or not
     for number in range(len(wanted) - 1, -1, -1):

@@ -211,9 +211,12 @@ def test_the_times_of_the_card_are_the_shortest_of_any_master(recorded):
     assert "A reading of a parameter takes 12 ms or more, code 255 3.5 s or more." in " ".join(text.split())
 
 
-def test_every_master_has_its_section_with_its_example():
-    text = (handbook.GUIDES / "handbook/masters.md").read_text()
+def test_every_master_has_its_page_with_its_example():
+    pages = handbook.GUIDES / "handbook/masters"
+    assert {page.stem for page in pages.iterdir()} == {master.id for master in MASTERS}
     for master in MASTERS:
+        text = (pages / f"{master.id}.md").read_text()
+        assert text.startswith(f"# {master.title}\n")
         assert f"<!-- generated: master-{master.id} -->" in text
         program = master.example_path.read_text()
         assert (TCP_PORT if master.by_tcp else PORT) in program
