@@ -97,15 +97,15 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 demo: card ## * the manual's examples, asked by real Modbus masters (15 s)
 	@$(RUN) sim.card.demo
 
-run: card ## * the virtual card with a simulated drive: a panel in the terminal
+run: card ## * the virtual card with a simulated drive: a panel in the terminal (at once after make card)
 	@exec $(RUN) sim.card.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
-card: ## * build/card, the virtual card as a program (build/card --help)
+card: ## * build/card, the virtual card as a program; build/card --help (25 s after a change)
 
 firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a dialect
 
 .PHONY: waves wireshark telegrams replay
-waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name
+waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name (10 s for a module)
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@$(RUN) tools.names waves '$(NAMED)' --sim=$(or $(SIM),icarus)
 	@mkdir -p $(BUILD)/waves && touch $(BUILD)/waves/begun
@@ -135,7 +135,7 @@ test: | setup-test ## * every rule once, large modules on both simulators (6.5 m
 	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
 
-test-all: | setup-test ## * every test: both cards, both simulators, boards, pages (REST=1: those not in make test)
+test-all: | setup-test ## * every test: both cards, both simulators, boards, pages (35 min; REST=1: those not in make test)
 	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@tools/setup.sh all
 	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
@@ -147,7 +147,7 @@ test-gates: firmware | setup-synth ## the manual's examples on netlists and fini
 lint: | setup-lint ## * every static check (1 min)
 	@$(RUN) tools.lint
 
-format: | setup-lint ## * lay out Verilog and Python; mark the pages of an older card
+format: | setup-lint ## * lay out Verilog and Python; mark the pages of an older card (3 s)
 	@$(RUN) tools.lint --format
 
 trace: | setup-test ## * which test shows which rule, and its last result (8 s)
@@ -157,9 +157,12 @@ report: | setup-test ## * tests, rules, figures and pictures in one page: build/
 	@$(RUN) tools.report
 
 ##@ Prove
-.PHONY: formal mutate
+.PHONY: formal formal-flips mutate
 formal: | setup-test ## * prove the promises of formal/ (2 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
+
+formal-flips: | setup-test ## prove that one flipped bit does no harm, bit by bit (20 min; MODULE=name)
+	@$(RUN) formal.flips $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 mutate: firmware | setup-test ## change modules on purpose; proofs and benches must notice (hours; MODULE=)
 	@$(RUN) campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
@@ -174,13 +177,13 @@ bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
 .PHONY: bench bench-fast line-quality soak masters conformance agents-example coverage-rtl figures
-bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md
+bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (16 min)
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
 bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
 	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
 
-figures: firmware | setup-test ## * which measured page is of an older card, and what renews it
+figures: firmware | setup-test ## * which measured page is of an older card, and what renews it (6 s)
 	@code=0; $(RUN) tools.figures || code=$$?; $(RUN) pytest -q --figures --tb=no || code=$$?; exit $$code
 
 line-quality: firmware drive | setup-test ## the limits of rate error, edges and glitches, at all rates and formats
@@ -209,7 +212,7 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 starts: firmware | setup-test ## power-up with random register contents, reset at any clock (COUNT=, SEED=, CONFIG=)
 	@$(RUN) campaigns.starts.run --config $(CONFIG) $(SEEDED)
 
-fuzz: firmware drive | setup-test ## * random lines and drives against the models (COUNT=frames; REPLAY=case)
+fuzz: firmware drive | setup-test ## * random lines and drives against the models (1 min for 2000 frames; COUNT=frames; REPLAY=case)
 	@$(RUN) campaigns.fuzz.run $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 
 fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
@@ -244,7 +247,7 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 
 ##@ Build for hardware
 .PHONY: synth image pins sources portability selftest metastability
-synth: firmware | setup-synth ## * bitstreams and resource use (BOARD=name: one board; all boards write the report)
+synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
 image: firmware | setup-synth ## another firmware into a finished bitstream (BOARD=, FIRMWARE=)

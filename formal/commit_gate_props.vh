@@ -365,6 +365,20 @@ always @(posedge clk) begin
   end
 end
 
+`ifdef FLIPPED
+// ---- one flipped bit of the gate (formal/flips.py): what its neighbours still promise
+reg g_live = 1'b0;  // rtu_rx: no commit without its candidate, or after its revoke
+reg [1:0] g_fault = 2'b00;  // supervisor: a fault restarts the firmware, which resets the gate
+always @(posedge clk) begin
+  g_live <= (g_live || candidate) && !revoke && !commit;
+  g_fault <= {g_fault[0], fault};
+end
+always @* begin
+  assume (!commit || candidate || g_live);
+  assume (!g_fault[1] || rst);
+end
+`endif
+
 // ---- it is not safe by doing nothing
 always @(posedge clk) begin
   if (g_sound) begin

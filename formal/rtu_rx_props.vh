@@ -188,6 +188,11 @@ wire g_ended = long_reached && g_count != 9'd0 && !g_good && !g_early;
 wire [2:0] g_counted = {2'd0, count_crc} + {2'd0, count_parity} + {2'd0, count_framing} + {2'd0, count_t15} +
     {2'd0, count_overrun};
 
+`ifdef FLIPPED
+// ---- one flipped bit of the receiver (formal/flips.py): the gate acts on a candidate and its commit, never on one alone
+always @(posedge clk) if (g_past) f_accepts : assert (!(commit && (candidate || g_open)) || g_commit);
+`endif
+
 always @(posedge clk) begin
   if (g_past) begin
     // FRAME-4, FRAME-5: candidate after half a character of silence (PREPARE_EARLY = 0: at t3.5) if and only if the

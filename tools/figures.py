@@ -20,6 +20,7 @@ from campaigns.bench import fingerprint
 from campaigns.bench import report as bench_report
 from campaigns.mutate import run as mutate
 from constraints import synth
+from formal import flips
 from rtl.command import run_main
 from rtl.sources import ROOT, rtl_files
 from sw.test import host
@@ -69,6 +70,13 @@ def mutants(text: str) -> str:
     return f"these modules have changed: {', '.join(older)}" if older else ""
 
 
+def proved_flips(text: str) -> str:
+    """The page has a row for each module, with the fingerprint of what was proved."""
+    rows = dict(ROW.findall(text))
+    older = sorted(name for name in flips.known() if rows.get(name) != flips.fingerprint(name))
+    return f"these modules have changed: {', '.join(older)}" if older else ""
+
+
 def synthesis(_: str) -> str:
     return "synthesised from another design" if synth.stale() else ""
 
@@ -96,6 +104,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "line-quality": (one_card, "make line-quality"),
     "fuzz": (one_and_both, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
     "mutants": (mutants, "make mutate"),
+    "proved-flips": (proved_flips, "make formal-flips"),
     "synthesis": (synthesis, "make synth"),
     "masters": (one_card, "make masters"),
     "firmware-quality": (firmware, "make fuzz-firmware RUNS=10000000, mutate-firmware"),

@@ -37,6 +37,7 @@ PAGES = {
     "timing": "make diagrams",
     "line-quality": "make line-quality",
     "proofs": "make formal",
+    "proved-flips": "make formal-flips",
     "coverage": "make coverage-rtl",
     "firmware-quality": "make coverage-firmware, fuzz-firmware, mutate-firmware",
     "mutants": "make mutate",

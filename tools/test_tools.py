@@ -115,6 +115,21 @@ def test_make_alone_lists_at_most_fifteen_commands():
     assert {"demo", "run", "test", "test-all", "lint", "synth"} <= set(daily) <= set(listed("help-all"))
 
 
+def test_every_daily_command_says_how_long_it_takes():
+    shown = command("make").stdout
+    lines = [line for line in shown.splitlines() if re.match(r"  make \w", line)]
+    assert len(lines) == len(listed())
+    for line in lines:
+        assert re.search(r"\((at once|\d[\d.]* (s|min)\b)", line), line
+
+
+def test_at_most_ten_folders_stand_beside_each_other():
+    """Not counted: hidden ones, LICENSES of REUSE, and `build`, which is generated."""
+    there = {path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")}
+    assert {"rtl", "tb", "sw", "constraints"} <= there
+    assert len(there - {"LICENSES", "build"}) <= 10
+
+
 def test_the_readme_names_every_board():
     (named,) = re.findall(
         r"^The boards for `BOARD=name` are (.*?)\.$", (ROOT / "README.md").read_text(), re.M | re.S

@@ -45,7 +45,7 @@ from sim.harness.registers import RegistersError
 from tb.lib.options import at_least
 
 KEPT_EACH = 50
-BOUND = f"first five rows together, at most, at {bound.CONFIDENCE:.0%}"
+BOUND = f"first five rows together, at most, at {bound.SURE}"
 KEYS = {"seed", "config", "card", "baud", "bits", "counts", "notable", "flips", "wall_s"}  # of a result
 # Effects that the report lists one by one.
 WRONG = ("telegram again or late", "wrong reply", "silent for good")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 CONFIDENCE = 0.99
+SURE = f"{100 * CONFIDENCE:.0f} %"
 STEPS = 60
 
 

@@ -71,7 +71,7 @@ def in_all(merged: list[dict]) -> str:
     harm = sum(entry["what"] in flips.FORBIDDEN for card in merged for entry in card["notable"])
     return (
         f"{count:,} flips of both cards: {harm} unrequested or altered telegrams and stuck drivers, "
-        f"at most {bound.words(harm, count)} of the flips at {bound.CONFIDENCE:.0%}"
+        f"at most {bound.words(harm, count)} of the flips at {bound.SURE}"
     )
 
 

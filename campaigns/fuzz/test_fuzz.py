@@ -649,7 +649,7 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
         "standard card `one`, firmware `two`: 4 flips in 1 shards, 4 at 9600 bit/s 8O1, in 2 minutes",
         "tiny card `four`, firmware `five`: 4 flips",
         "| no effect | 4 |",
-        "| first five rows together, at most, at 99% | 6.8e-01 |",
+        "| first five rows together, at most, at 99 % | 6.8e-01 |",
     ):
         assert said in text
     assert all(f"| {plant.name} | {plant.rules[0]}" in text for plant in PLANTS)

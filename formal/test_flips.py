@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The proof of one flipped bit sees a flip that does harm, and none where there is none."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from formal import flips
+from formal import prove as formal
+from rtl.sources import ROOT
+
+ABOUT = {"task": "prove", "promises": ["a_caused", "a_command"], "clocks": 3}
+
+
+@pytest.fixture(scope="module")
+def gate() -> dict:
+    """The netlist of the gate, in folders of this process: pytest runs tests in parallel."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flips, "WORK", flips.WORK / f"test-{os.getpid()}")
+        patch.setattr(formal, "WORK", flips.WORK)
+        patch.setattr(flips, "script", own_script(flips.script))
+        yield flips.netlist("commit_gate", "prove")
+
+
+def own_script(script):
+    joined = f"{flips.WORK}/joined"
+    return lambda *about: [line.replace("build/formal/joined", joined) for line in script(*about)]
+
+
+def bit(gate: dict, name: str) -> flips.Bit:
+    (found,) = [one for one in flips.bits(gate, "commit_gate") if one.name == name]
+    return found
+
+
+def test_only_the_gate_s_own_registers_flip(gate):
+    names = {one.name for one in flips.bits(gate, "commit_gate")}
+    assert {"request_i.spent", "telegram_i.licence_i.held", "g_unicast.unicast_i.control"} <= names
+    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 30
+    assert not any(name.startswith("g_") and "." not in name for name in names)
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize(
+    ("name", "broken"),
+    [(None, ""), ("request_i.committed_i.held", ""), ("telegram_i.control", "a_command")],
+)
+def test_a_guarded_bit_may_flip_and_a_lone_one_may_not(gate, name, broken):
+    found = flips.check(gate, "commit_gate", ABOUT, name and bit(gate, name))
+    assert found == broken
+
+
+def test_a_promise_that_never_held_is_an_error(gate, monkeypatch):
+    """`a_kept`, turned round, has no run at all: nothing would be proved."""
+    entry = gate["modules"]["commit_gate"]["cells"]
+    impossible = {"A": ["0"], "EN": ["1"]}
+    monkeypatch.setitem(entry["a_kept"], "connections", impossible)
+    with pytest.raises(flips.FlipError, match="no flip: "):
+        flips.check(gate, "commit_gate", ABOUT, None)
+
+
+def test_the_fingerprint_follows_verilog_and_promises(monkeypatch, tmp_path):
+    before = flips.fingerprint("fc_tx")
+    text = (ROOT / "rtl/fc_tx.v").read_text()
+    for changed, same in ((text + "// a comment\n", True), (text.replace("wire", "reg", 1), False)):
+        (tmp_path / "fc_tx.v").write_text(changed)
+        monkeypatch.setattr(flips, "source", lambda module: tmp_path / f"{module}.v")
+        assert (flips.fingerprint("fc_tx") == before) == same
+
+
+def test_an_unknown_module_is_one_line(capsys):
+    assert flips.main(["nothing"]) == 2
+    there = "commit_gate, rtu_rx, fc_tx"
+    assert capsys.readouterr().err == f"formal-flips: no module nothing; there are: {there}\n"
+
+
+def test_the_table_counts_what_is_proved():
+    one = flips.Bit("spent", "cell", 0)
+    found = [flips.Found("fc_tx", one, ""), flips.Found("fc_tx", flips.Bit("state[1]", "cell", 1), "a_stop")]
+    assert " | 10 | 2 | 1 | `" in flips.table(found)
+    assert flips.left(found).startswith("- `fc_tx`: `state[1]`. In the card ")
