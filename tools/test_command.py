@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -58,11 +60,21 @@ def stopped(*words: str, begun: str, times: int = 1) -> tuple[int, str]:
         os.killpg(test.pid, signal.SIGINT)  # as a terminal does: to all that run in the foreground
         _, errors = test.communicate(timeout=20)
     finally:
-        with_group = subprocess.run(["pgrep", "-g", str(test.pid)], capture_output=True, text=True)
-        if with_group.stdout:
+        left = running(test.pid)
+        if left:
             os.killpg(test.pid, signal.SIGKILL)
-    assert not with_group.stdout, "something still runs"
+    assert not left, "something still runs"
     return test.returncode, errors
+
+
+def running(group: int) -> list[str]:
+    """Processes of a group. A bare Debian has no pgrep."""
+    found = []
+    for about in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            state, _, its_group, *_ = about.read_text().rpartition(")")[2].split()
+            found += [about.parent.name] if int(its_group) == group and state != "Z" else []
+    return found
 
 
 @pytest.mark.parametrize("kind", ["processes", "programs"])
