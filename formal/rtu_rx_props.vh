@@ -191,6 +191,8 @@ wire [2:0] g_counted = {2'd0, count_crc} + {2'd0, count_parity} + {2'd0, count_f
 `ifdef FLIPPED
 // ---- one flipped bit of the receiver (formal/flips.py): the gate acts on a candidate and its commit, never on one alone
 always @(posedge clk) if (g_past) f_accepts : assert (!(commit && (candidate || g_open)) || g_commit);
+always @(posedge clk) if (g_past) c_accepted : cover (commit && (candidate || g_open));
+always @(posedge clk) if (g_past) c_spoilt : cover (count_crc || count_parity || revoke);
 `endif
 
 always @(posedge clk) begin

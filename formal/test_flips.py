@@ -60,6 +60,20 @@ def test_a_promise_that_never_held_is_an_error(gate, monkeypatch):
         flips.check(gate, "commit_gate", ABOUT, None)
 
 
+def test_what_never_happens_is_an_error(monkeypatch, capsys):
+    """A promise about something that the solver cannot reach in its clocks would hold for any flip."""
+    about = flips.known() | {"fc_tx": ABOUT | {"promises": ["a_control"], "happens": ["c_never"]}}
+    monkeypatch.setattr(flips, "known", lambda: about)
+    monkeypatch.setattr(flips, "netlist", lambda *_: {})
+    monkeypatch.setattr(flips, "check", lambda *_: "")
+    with pytest.raises(flips.FlipError, match="fc_tx: c_never never happens"):
+        flips.prove("fc_tx", 1)
+
+
+def test_a_telegram_happens_in_the_clocks_of_the_proof(gate):
+    assert flips.check(gate, "commit_gate", ABOUT, None, ("c_command",)) == "c_command"
+
+
 def test_the_fingerprint_follows_verilog_and_promises(monkeypatch, tmp_path):
     before = flips.fingerprint("fc_tx")
     text = (ROOT / "rtl/fc_tx.v").read_text()
