@@ -51,6 +51,7 @@ DRIVE_DELAY_BITS = 24.0
 SHORTEST_TELEGRAM_BITS = 80
 LOCAL = 3  # number of the last requests that need no drive
 LONG_WAIT = 100  # of register 40003, in 10 ms
+SHORT_WAIT = 2  # at most: the wait ends before the drive's answer about a parameter, which takes 21 ms
 PARAMETER = 514  # a drive without it returns a fault number, which is an answer too
 
 
@@ -392,7 +393,9 @@ def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wa
         found += unasked(frames, played.telegrams, line.clk_hz, verdict.until, wait)
     else:
         verdict.counts["too much possible behind the judge"] += 1
-    # An exchange with a wait beyond the end of the case has no end to check.
-    count = LOCAL if wait > LONG_WAIT else None
+    # An exchange with a wait beyond the end of the case has no end to check. If the wait is too short for the
+    # drive's answer, some dialects do not answer.
+    mute = wait <= SHORT_WAIT and "silent" not in DIALECTS[case["dialect"]].codes
+    count = LOCAL if wait > LONG_WAIT or mute else None
     last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
     return found + unanswered(last, played.network, played.replies, played.end, count)
