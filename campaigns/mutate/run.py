@@ -10,9 +10,10 @@ A mutant is one change of the source: an operator, a constant, a condition that 
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if
 formal/MODULE.sby no longer holds or tb/test_MODULE.py fails, or if either takes far longer than on the
 unchanged module. The tests are MORE_BENCHES, too; they run on Icarus, or on Verilator if a test runs only
-there. Each module writes build/mutate/MODULE.json, from which an interrupted run continues. Survivors are
-listed; campaigns/mutate/survivors.toml gives for each survivor the reason why nothing can detect it, or the
-effect of the change. Exit 1: fewer than 95 % caught, or a survivor without a reason.
+there. A mutant that is not caught is the same if campaigns/mutate/same.py proves that it behaves like the
+original, and survives otherwise. Each module writes build/mutate/MODULE.json, from which an interrupted run
+continues. Both kinds are listed; campaigns/mutate/survivors.toml gives the effect of each survivor. Exit 1:
+fewer than 95 % caught, or a survivor without a reason.
 """
 
 import concurrent.futures
@@ -30,6 +31,7 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from campaigns.mutate.same import SameError, proved_same
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
 from tb.lib.options import at_least
@@ -39,10 +41,11 @@ SURVIVORS = ROOT / "campaigns/mutate/survivors.toml"
 TEMPLATE = ROOT / "campaigns/mutate/mutants.md.in"
 DOCUMENT = ROOT / "docs/reports/mutants.md"
 HEADER = (
-    "| module | possible | tried | by proof | by test | the same | survived | caught | of |\n"
+    "| module | possible | tried | by proof | by test | proved the same | survived | caught | of |\n"
     "|---|---:|---:|---:|---:|---:|---:|---:|---|"
 )
 ENOUGH = 0.95
+SAME = "proved the same"
 LONGEST_S = 900  # for the unchanged module; a mutant has TIMES_LONGER of the measured time
 TIMES_LONGER = 5
 LEAST_S = 60
@@ -101,7 +104,7 @@ class Mutant:
     start: int  # position of the change in the file
     end: int
     text: str  # replacement
-    verdict: str = ""  # caught, survived; invalid: does not compile
+    verdict: str = ""  # caught, same, survived; invalid: does not compile
     by: str = ""  # proof, test
     seconds: float = 0.0
 
@@ -278,6 +281,13 @@ class Tree:
             *arguments,
         )
 
+    def same(self) -> bool:
+        try:
+            return proved_same(self.file, ROOT / "build/mutate" / f"same-{self.root.name}")
+        except SameError as error:
+            print(f"{self.module}: {error}", file=sys.stderr, flush=True)
+            return False
+
     def baseline(self) -> None:
         """Runs all checks on the unchanged module, which must pass; sorts them by time."""
         if not self.compiles():
@@ -315,6 +325,8 @@ class Tree:
                     if not passed and not (name == "proof" and "ERROR" in output):
                         mutant.verdict, mutant.by = "caught", name
                         break
+                if mutant.verdict == "survived" and self.same():
+                    mutant.verdict = "same"
         finally:
             self.file.write_text(self.original)
         mutant.seconds = time.monotonic() - began
@@ -422,7 +434,7 @@ def instance_of(mutant: Mutant) -> str:
 
 
 def explained(mutant: Mutant) -> dict | None:
-    """The entry of campaigns/mutate/survivors.toml for a mutant: `why` and perhaps `same`.
+    """The entry of campaigns/mutate/survivors.toml for a mutant, with its `why`.
 
     The text of the line identifies the mutant; `instances` selects among several such lines.
     """
@@ -434,19 +446,14 @@ def explained(mutant: Mutant) -> dict | None:
     return None
 
 
-def same(mutant: Mutant) -> bool:
-    """Whether the mutant survived and behaves like the original, so that no test could detect it."""
-    return mutant.verdict == "survived" and bool((explained(mutant) or {}).get("same"))
-
-
 def enough(group: list[Mutant]) -> bool:
-    counted = [mutant for mutant in group if not same(mutant)]
+    counted = [mutant for mutant in group if mutant.verdict != "same"]
     return sum(mutant.verdict == "caught" for mutant in counted) >= ENOUGH * len(counted)
 
 
 def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
     by = [sum(mutant.by == kind for mutant in group) for kind in ("proof", "test")]
-    alike = sum(map(same, group))
+    alike = sum(mutant.verdict == "same" for mutant in group)
     left = len(group) - sum(by) - alike
     share = 100 * sum(by) / (len(group) - alike)
     return (
@@ -456,9 +463,8 @@ def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
 
 
 def survivor_of(mutant: Mutant) -> str:
-    entry = explained(mutant) or {"why": "NOT EXPLAINED"}
-    alike = "the same: " if entry.get("same") else ""
-    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {alike}{entry['why']}"
+    why = (explained(mutant) or {"why": "NOT EXPLAINED"})["why"] if mutant.verdict == "survived" else SAME
+    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {why}"
 
 
 def report(write: bool) -> int:
@@ -486,10 +492,11 @@ def report(write: bool) -> int:
     print("\n".join([HEADER, *rows.values()]))
     everything = [mutant for _, _, group in groups.values() for mutant in group]
     survivors = [mutant for mutant in everything if mutant.verdict == "survived"]
-    caught, alike = len(everything) - len(survivors), sum(map(same, everything))
-    share = 100 * caught / (len(everything) - alike)
-    print(f"\n{caught} of {len(everything) - alike} mutants caught, {share:.1f} %")
-    for mutant in survivors:
+    alike = [mutant for mutant in everything if mutant.verdict == "same"]
+    caught = len(everything) - len(survivors) - len(alike)
+    counted = len(everything) - len(alike)
+    print(f"\n{caught} of {counted} mutants caught, {100 * caught / counted:.1f} %")
+    for mutant in [*survivors, *alike]:
         print(survivor_of(mutant))
     few = [module for module, (_, _, group) in groups.items() if not enough(group)]
     for module in few:
@@ -497,7 +504,7 @@ def report(write: bool) -> int:
     if few or any(explained(mutant) is None for mutant in survivors):
         return 1
     if write:
-        write_document(rows, list(map(survivor_of, survivors)))
+        write_document(rows, list(map(survivor_of, [*survivors, *alike])))
     return 0
 
 
@@ -512,6 +519,7 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     total = tried - alike
     missing = [module for module in benches() if module not in kept]
     summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
+    summary += f" A solver proved {alike} more to behave like the original."
     if missing:
         summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
     others = [
