@@ -154,7 +154,17 @@ def test_a_parameter_is_no_part_of_a_module_s_name():
     assert same.plain("\\bcc") == "bcc"
 
 
-def test_survivor_is_known_by_its_instance():
+def test_survivor_is_known_by_its_instance(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutate, "SURVIVORS", tmp_path / "survivors.toml")
+    mutate.SURVIVORS.write_text(
+        """
+        [[network_port]]
+        instances = ["filter_i"]
+        before = ".rst(rst),"
+        after = ".rst(1'b0),"
+        why = "unseen"
+        """
+    )
     path = next(path for path in rtl_files() if path.stem == "network_port")
     tied = [mutant for mutant in mutate.mutants("network_port", path) if mutant.after == ".rst(1'b0),"]
     known = {mutate.instance_of(mutant): mutate.explained(mutant) is not None for mutant in tied}

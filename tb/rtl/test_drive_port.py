@@ -432,6 +432,17 @@ async def a_reset_turns_the_driver_off_at_any_moment(dut):
     assert port.on("good")
 
 
+@cocotb.test()
+async def a_reset_makes_a_low_line_idle(dut):
+    """Serial lines reset to 1: nothing of a low before the reset counts after it."""
+    port = await Port(dut).start()
+    port.line.source.hold(0)
+    await port.line.source.idle(4)
+    assert dut.port_i.line.value == 0
+    await port.bench.strobe(dut.rst)
+    assert dut.port_i.synced.value == 1 and dut.port_i.line.value == 1
+
+
 # Scenarios of many exchanges, each of tens of thousands of clocks.
 MANY_REPLIES = (
     "a_faulty_reply_counts_once_and_the_next_one_is_accepted",

@@ -488,6 +488,17 @@ async def line_low_at_power_up_is_no_frame(dut):
 
 
 @cocotb.test()
+async def a_reset_makes_a_low_line_idle(dut):
+    """Serial lines reset to 1: nothing of a low before the reset counts after it."""
+    port = await Port(dut).start()
+    port.line.source.hold(0)
+    await port.silence(1)
+    assert dut.port_i.line.value == 0
+    await port.bench.strobe(dut.rst)
+    assert dut.port_i.synced.value == 1 and dut.port_i.line.value == 1
+
+
+@cocotb.test()
 async def foreign_frames_are_ignored_and_broadcasts_are_accepted(dut):
     port = await Port(dut).start()
     await port.frame(FOREIGN)
@@ -592,6 +603,7 @@ COMMON = [
     "glitches_in_the_silence_neither_revoke_nor_start_a_frame",
     "a_pulse_at_the_commit_leaves_the_line_silent",
     "line_low_at_power_up_is_no_frame",
+    "a_reset_makes_a_low_line_idle",
     "foreign_frames_are_ignored_and_broadcasts_are_accepted",
     "echo_of_the_own_reply_is_no_request",
     "the_loopback_tests_pattern_has_a_wrong_crc",
