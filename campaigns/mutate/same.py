@@ -4,9 +4,9 @@
 The module is compared as both cards contain it, with their parameters. Registers and signals of equal names
 are paired. There are two ways, and one that succeeds is enough.
 
-By pairs: if all pairs are equal in one clock, they must be equal in the next one. Both sides start with the
-same power-up values, so they are equal for ever. A pair that differs is dropped, and the proof begins again
-without it. A memory on both sides counts as one: its inputs are proved equal, so what it reads is equal.
+By pairs: if all pairs are equal in one clock, they must be equal in the next one. They have the same power-up
+values, so they are equal for ever. A pair that differs is dropped, and the proof begins again without it. A
+memory on both sides counts as one: its inputs are proved equal, so what it reads is equal.
 
 By steps, for a module without memory: the dropped pairs may have any values that keep the others equal for
 some clocks. With them the others must be equal in the next clock, too. That proves another numbering of
@@ -39,6 +39,7 @@ memory -nomap
 opt_clean
 async2sync
 rename -top {side}
+write_rtlil {folder}/{side}_flat.il
 design -stash {side}
 """
 PAIRS = """design -copy-from original original
@@ -117,7 +118,11 @@ def alike(variant: str, folder: Path) -> bool:
         drop(set().union(*unequal), folder)
         said = yosys(folder, "pairs", read + PAIRS.format(folder=where))
         if "Equivalence successfully proven!" in said:
-            return True
+            apart = differ_at_power_up(folder).difference(*unequal)
+            if not apart:
+                return True
+            unequal.append(apart)
+            continue
         unequal.append(set(UNPROVEN.findall(said)).difference(*unequal))
         if not unequal[-1] or unequal[-1] & never:
             break
@@ -127,6 +132,20 @@ def alike(variant: str, folder: Path) -> bool:
     except SameError:  # it has a memory
         return False
     return "Induction step proven: SUCCESS!" in said
+
+
+def differ_at_power_up(folder: Path) -> set[str]:
+    """Names with another power-up value on the other side."""
+    one, other = (power_up((folder / f"{side}_flat.il").read_text()) for side in SIDES)
+    return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+
+
+def power_up(text: str) -> dict[str, str]:
+    found = {}
+    for block in re.findall(r"((?:^  attribute .*\n)+)^  wire (?:.* )?(\S+)$", text, re.M):
+        if value := re.search(r"^  attribute \\init (\S+)$", block[0], re.M):
+            found[block[1]] = value[1]
+    return found
 
 
 def drop(names: set[str], folder: Path) -> None:
