@@ -468,6 +468,15 @@ def test_a_waiting_write_keeps_its_turn_until_its_telegram_starts(later_ms, expe
     assert verdict_of(COMMAND, [(TELEGRAM, commit / ms + later_ms)], [], heard(newer, 70 * ms)) == expected
 
 
+@pytest.mark.rule("FC-9", "FRAME-6")
+@pytest.mark.parametrize(("t35", "expected"), [(0.95, "telegram again or late"), (1.2, FORBIDDEN[0])])
+def test_a_repeat_may_leave_until_the_newer_request_is_committed(t35, expected):
+    ms = LINE.clk_hz / 1000
+    newer = heard(rtu.build(1, rtu.read_coils(0, 8)), 70 * ms)
+    at = (newer[-1].end + t35 * LINE.t35_bits * LINE.bit) / ms
+    assert verdict_of(COMMAND, [(TELEGRAM, 50), (TELEGRAM, at)], [], newer) == expected
+
+
 @pytest.mark.rule("SAFE-2")
 @pytest.mark.parametrize(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
 def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):

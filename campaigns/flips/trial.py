@@ -43,6 +43,7 @@ BITES = 3  # watchdog resets until the card halts (LED-5)
 # 34 characters each, and a margin.
 LONGEST_CHARACTERS = 2 * 35
 COMMIT_AFTER = 0.9  # of t3.5 after a frame: from then on it may be committed
+COMMIT_BY = 1.1  # of t3.5: from then on it is
 TURN_BITS = 25  # drive bits before its start at which a waiting write has its turn: the pause, and a margin
 # Trials with the same traffic, which the card plays once for all of them (campaigns/flips/group.py).
 GROUP = 25
@@ -337,22 +338,26 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
     found: dict[str, str] = {}
     sent: dict[int, list[float]] = defaultdict(list)  # times of the telegrams of each request
     # Until a newer request is committed, the older one's telegram may still leave.
-    commit = COMMIT_AFTER * line.t35_bits * line.bit
+    t35 = line.t35_bits * line.bit
+    commit = COMMIT_AFTER * t35
     taken, rest = taken_by_a_drive(played.telegrams, drive_line(line.clk_hz))
     for data in rest:
         found.setdefault("no telegram, but the drive line disturbed", data.hex(" "))
     for at, data in taken:
-        before = [number for number, (_, end, _) in enumerate(frames) if end + commit < at]
-        number = before[-1] if before else -1
-        wanted = causes[: number + 1]
         # A write that had its turn by then leaves after the pause, although a newer one came since.
         turn = at - commit - TURN_BITS * drive_line(line.clk_hz).bit
-        cause = _requested_by(played, frames, wanted, sent, at, data, turn)
+        newest = [_newest(frames, at - share * t35) for share in (COMMIT_AFTER, COMMIT_BY)]
+        found_for = [
+            _requested_by(played, frames, causes[: number + 1], sent, at, data, turn) for number in newest
+        ]
+        cause = found_for[0] if found_for[0] is not None else found_for[1]
         if cause is not None:
             sent[cause].append(at)
             if len(sent[cause]) == 2:  # the drive of this traffic always answers
                 found.setdefault("telegram again or late", f"{data.hex(' ')} once more")
             continue
+        number = newest[0]
+        wanted = causes[: number + 1]
         early = "flip before the request" if number >= 0 and flip.at < frames[number][0] else "flip during it"
         instead = " or ".join(w.hex(" ") for w in wanted[-1]) if number >= 0 else ""
         why = f"{data.hex(' ')} instead of {instead or 'none'}; {early}"
@@ -361,6 +366,11 @@ def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
         found.setdefault(f"{kind} telegram, bit 10 = {int(valid)}", why)
     what = min(found, key=OUTCOMES.index, default="")
     return what, found.get(what, "")
+
+
+def _newest(frames: list[tuple[float, float, bytes]], by: float) -> int:
+    """Number of the last frame that was over by then; -1: none."""
+    return max((number for number, (_, end, _) in enumerate(frames) if end < by), default=-1)
 
 
 def _requested_by(
