@@ -15,6 +15,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
 from campaigns.flips.group import GroupError, GroupPlayer, outcomes
 from campaigns.flips.run import FlipsError, merge, merge_each, report
@@ -560,6 +561,54 @@ def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
     monkeypatch.setattr(flips, "refuse_to_lose_a_longer_result", lambda *about: None)
     monkeypatch.setattr("sys.argv", ["flips"])
     assert flips.main() == int(what in FORBIDDEN)
+
+
+RARE = [
+    (
+        "telegram again or late",
+        f"{TELEGRAM.hex(' ')} once more",
+        "its one repeat, before the time; bit 10 = 1",
+    ),
+    (
+        "telegram again or late",
+        f"{build_process(0x007C, 0).hex(' ')} once more",
+        "its one repeat, before the time; bit 10 = 0",
+    ),
+    ("telegram again or late", "at 5 clocks (1 ms): telegram 02 06 81: a gap", "with a flaw"),
+    (
+        "telegram again or late",
+        "at 5 clocks (1 ms): telegram 02 06, expected 02 07",
+        "the one before it was lost",
+    ),
+    (
+        "telegram again or late",
+        "at 5 clocks (1 ms): telegram 02 06 without a request (SAFE-1)",
+        "before t3.5",
+    ),
+    ("telegram again or late", "at 5 clocks (1 ms): no such line", "something else"),
+    ("wrong reply", f"at 5 clocks (1 ms): reply {CONFIRMED.hex(' ')}, expected 01 02", "with a good CRC"),
+    ("wrong reply", "at 5 clocks (1 ms): reply 01 02 03 04 without a request", "with a wrong CRC"),
+    ("wrong reply", "at 5 clocks (1 ms): reply  without a request", "or cut short"),
+    ("silent for good", "no reply", "until the end of the run"),
+]
+
+
+@pytest.mark.parametrize(("outcome", "why", "what"), RARE)
+def test_rare_outcome_is_named_by_what_was_seen(outcome, why, what):
+    assert what in flips_report.seen(outcome, why)
+
+
+def test_rare_outcomes_are_counted_with_the_registers():
+    flip = {"flip": "core_i.decoder[0] bit 3 at 7", "trial": "1/2"}
+    kinds = [{"what": outcome, "why": why} for outcome, why, _ in RARE[-1:] + 3 * RARE[:1]]
+    forbidden = {"what": FORBIDDEN[0], "why": "a telegram"}
+    head, _, *rows = flips_report.rare([flip | kind for kind in [*kinds, forbidden]])
+    assert head.startswith("| outcome | seen ")
+    assert rows == [
+        f"| {FORBIDDEN[0]} | a telegram | 1 | `decoder` 1 |",
+        "| telegram again or late | its one repeat, before the time; bit 10 = 1 | 3 | `decoder` 3 |",
+        "| silent for good | nothing until the end of the run | 1 | `decoder` 1 |",
+    ]
 
 
 def test_shards_of_flips_are_merged():

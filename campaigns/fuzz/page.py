@@ -13,6 +13,7 @@ import json
 from pathlib import Path
 
 from campaigns.flips import core
+from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
 from campaigns.fuzz import bound
 from campaigns.fuzz import report as fuzz
@@ -126,6 +127,9 @@ def page(folder: Path) -> str:
         bound=bound.words(differences, random_frames["judged"]),
         flips=in_all(list(all_flips.values())),
         flips_tables="\n\n".join(map(card_flips, all_flips.values())),
+        rare="\n".join(
+            flips_report.rare(entry for merged in all_flips.values() for entry in merged["notable"])
+        ),
     )
 
 

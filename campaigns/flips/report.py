@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rare outcomes of flips, as a table for docs/reports/fuzz.md."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+
+from campaigns.flips.trial import OUTCOMES, VALID
+from tb.agents.crc16 import crc_good
+from tb.model import fc_telegram
+
+HEAD = ("| outcome | seen | flips | where most often |", "|---|---|---:|---|")
+REGISTERS = 3
+AGAIN, WRONG, MUTE = "telegram again or late", "wrong reply", "silent for good"
+BYTES = r"((?:[0-9a-f]{2} ?)+)"
+ONCE_MORE = re.compile(rf"{BYTES} once more")
+# What the judge writes about a telegram that it found to be requested.
+AS_ASKED = (
+    (re.compile(rf"telegram {BYTES}, expected"), "as the newest request asked; the one before it was lost"),
+    (re.compile(rf"telegram {BYTES}without a request"), "as requested, but before t3.5 was over"),
+    (re.compile(rf"telegram {BYTES}(no later|not before)"), "as requested, at another time"),
+    (re.compile(rf"telegram {BYTES}: "), "as requested, with a flaw at which a drive drops it"),
+)
+
+
+def seen(outcome: str, why: str) -> str:
+    """What a flip of this outcome did, by the line that the judge wrote about it."""
+    if outcome == AGAIN:
+        if found := ONCE_MORE.fullmatch(why):
+            valid = bool(fc_telegram.parse(bytes.fromhex(found[1])).pcd1 & VALID)
+            return f"its one repeat, before the time; bit 10 = {int(valid)}"
+        return next((what for line, what in AS_ASKED if line.search(why)), "something else")
+    if outcome == WRONG:
+        found = re.search(rf"reply {BYTES}", why)
+        good = bool(found) and crc_good(bytes.fromhex(found[1]))
+        return "with a good CRC" if good else "with a wrong CRC, or cut short"
+    if outcome == MUTE:
+        return "nothing until the end of the run"
+    return why
+
+
+def rare(notable: Iterable[dict]) -> list[str]:
+    """A row for each thing that was seen, the worst outcome first."""
+    where: dict[tuple[str, str], Counter] = defaultdict(Counter)
+    for entry in notable:
+        path = entry["flip"].split("[", 1)[0]
+        where[entry["what"], seen(entry["what"], entry["why"])][path.removeprefix("core_i.")] += 1
+    worst_first = sorted(where.items(), key=lambda item: (OUTCOMES.index(item[0][0]), item[0]))
+    rows = [
+        f"| {outcome} | {what} | {sum(found.values()):,} | "
+        + ", ".join(f"`{name}` {count}" for name, count in found.most_common(REGISTERS))
+        + " |"
+        for (outcome, what), found in worst_first
+    ]
+    return [*HEAD, *rows]
