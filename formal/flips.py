@@ -181,7 +181,7 @@ def constant(value: int) -> list[str]:
 
 
 def started(cells: dict) -> set[int]:
-    """Wires that are 1 in the first clock alone, with `initial assume` behind them."""
+    """Wires that are 1 in the first clock alone, which enable each `initial assume`."""
     found: set[int] = set()
     while True:
         more = {
