@@ -382,6 +382,9 @@ def verdict_of(
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [], "telegram again or late"),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90)], [(CONFIRMED, 75)], FORBIDDEN[0]),
         (COMMAND, [(TELEGRAM, 50), (TELEGRAM, 90), (TELEGRAM, 130)], [], FORBIDDEN[0]),
+        # A reply that a flip made; the telegram was requested all the same.
+        (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED[:-1] + b"\xff", 46)], ""),
+        (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED, 46)], FORBIDDEN[1]),
         (COMMAND, [(TELEGRAM, 20)], [], FORBIDDEN[0]),
         (COMMAND, [(TELEGRAM, 44.2)], [], FORBIDDEN[0]),  # complete, but not committed
         (COMMAND, [(build_process(0x047D, 0), 50)], [], FORBIDDEN[1]),

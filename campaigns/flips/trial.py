@@ -396,7 +396,10 @@ def _requested_by(
         write = adu[1] not in READS and bool(wanted[number])  # not one that the card refuses
         if (newest or (write and to_all not in passed)) and data in wanted[number]:
             newer_start, newer_end, _ = frames[number + 1] if number + 1 < len(frames) else (at, at, b"")
-            reply_sent = any(end < reply.rise < min(at, newer_start) for reply in played.replies)
+            reply_sent = any(
+                end < reply.rise < min(at, newer_start) and _answers(reply.data, adu)
+                for reply in played.replies
+            )
             left = sent[number]
             repeat = len(left) == 1 and not to_all and (newest or left[0] > newer_end)
             if not reply_sent and (not left or repeat):
@@ -404,6 +407,11 @@ def _requested_by(
         if write and end < turn:
             passed.add(to_all)
     return None
+
+
+def _answers(reply: bytes, adu: bytes) -> bool:
+    """Whether a master takes it for the reply: a flip may send another one, or a damaged one."""
+    return reply[:1] == adu[:1] and reply[1:2] in (adu[1:2], bytes([adu[1] | 0x80])) and crc_good(reply)
 
 
 def asked(played: Played, line: LineFormat) -> list[tuple[float, float, bytes]]:
