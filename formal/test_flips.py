@@ -85,7 +85,7 @@ def test_the_fingerprint_follows_verilog_and_promises(monkeypatch, tmp_path):
 
 def test_an_unknown_module_is_one_line(capsys):
     assert flips.main(["nothing"]) == 2
-    there = "commit_gate, rtu_rx, fc_tx"
+    there = "commit_gate, rtu_rx, fc_tx, silence_timer"
     assert capsys.readouterr().err == f"formal-flips: no module nothing; there are: {there}\n"
 
 
