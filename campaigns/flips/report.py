@@ -19,8 +19,7 @@ ONCE_MORE = re.compile(rf"{BYTES} once more")
 # What the judge writes about a telegram that it found to be requested.
 AS_ASKED = (
     (re.compile(rf"telegram {BYTES}, expected"), "as the newest request asked; the one before it was lost"),
-    (re.compile(rf"telegram {BYTES}without a request"), "as requested, but before t3.5 was over"),
-    (re.compile(rf"telegram {BYTES}(no later|not before)"), "as requested, at another time"),
+    (re.compile(rf"telegram {BYTES}without a request"), "as requested, when the card may not send it"),
     (re.compile(rf"telegram {BYTES}: "), "as requested, with a flaw at which a drive drops it"),
 )
 

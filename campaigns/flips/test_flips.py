@@ -586,7 +586,7 @@ RARE = [
     (
         "telegram again or late",
         "at 5 clocks (1 ms): telegram 02 06 without a request (SAFE-1)",
-        "before t3.5",
+        "may not send it",
     ),
     ("telegram again or late", "at 5 clocks (1 ms): no such line", "something else"),
     ("wrong reply", f"at 5 clocks (1 ms): reply {CONFIRMED.hex(' ')}, expected 01 02", "with a good CRC"),

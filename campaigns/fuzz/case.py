@@ -51,7 +51,8 @@ DRIVE_DELAY_BITS = 24.0
 SHORTEST_TELEGRAM_BITS = 80
 LOCAL = 3  # number of the last requests that need no drive
 LONG_WAIT = 100  # of register 40003, in 10 ms
-SHORT_WAIT = 2  # at most: the wait ends before the drive's answer about a parameter, which takes 21 ms
+# Of register 40003, in 10 ms: up to here the wait ends before the drive's answer about a parameter (21 ms).
+SHORT_WAIT = 2
 PARAMETER = 514  # a drive without it returns a fault number, which is an answer too
 
 

@@ -12,7 +12,8 @@ By steps, for a module without memory: the dropped pairs may have any values tha
 some clocks. With them the others must be equal in the next clock, too. That proves another numbering of
 states.
 
-No output is ever dropped. A module that is not proved to be the same may still be the same.
+No output is ever dropped. The clock of power-up itself, in which the card is in reset, is not compared by
+pairs. A module that is not proved to be the same may still be the same.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ UNPROVEN = re.compile(r"^\s+Unproven \$equiv \S+: (\S+)_gold\b", re.M)
 
 
 class SameError(Exception):
-    """One line: Yosys fails."""
+    """One line: Yosys fails, or takes too long."""
 
 
 def yosys(folder: Path, name: str, script: str) -> str:
@@ -77,7 +78,7 @@ def yosys(folder: Path, name: str, script: str) -> str:
             command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=LONGEST_S
         )
     except subprocess.TimeoutExpired:
-        return ""
+        raise SameError(f"{name}: no answer within {LONGEST_S} s") from None
     if done.returncode:
         raise SameError(f"{name}: {(done.stderr or done.stdout).strip().splitlines()[-1]}")
     return done.stdout
@@ -129,7 +130,7 @@ def alike(variant: str, folder: Path) -> bool:
     drop(unequal[0] - never, folder)
     try:
         said = yosys(folder, "steps", read + STEPS.format(folder=where, steps=MOST_STEPS))
-    except SameError:  # it has a memory
+    except SameError:  # it has a memory, or is too large
         return False
     return "Induction step proven: SUCCESS!" in said
 
