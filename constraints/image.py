@@ -22,15 +22,13 @@ import time
 from functools import cache
 from pathlib import Path
 
-from constraints import jedec
+from constraints import flow, jedec
 from constraints.boards import Board, board
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError
 from sw.tools.bin2hex import WORD_BITS, with_parity, without_parity
 from sw.tools.seal import adds_up
 
-BUILD = ROOT / "build/synth"
-SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config", "gowin": ".routed"}
 PACKED = {"ice40": ".bin", "machxo2": ".bit", "ecp5": ".bit", "gowin": ".fs"}
 # The MachXO2's flash takes compressed streams only. Its .bit is the same stream, so that a trial in the
 # configuration memory tries what the flash will hold.
@@ -56,11 +54,6 @@ class ImageError(Exception):
     """Error for the user, in one line."""
 
 
-def suffix(entry: Board) -> str:
-    """File suffix of the routed design."""
-    return SUFFIX[entry.family]
-
-
 def result_suffix(entry: Board) -> str:
     """File suffix of the bitstream."""
     return PACKED[entry.family]
@@ -69,24 +62,6 @@ def result_suffix(entry: Board) -> str:
 def results(entry: Board, output: Path) -> list[Path]:
     """The bitstream, and beside it what goes into the part's own flash if it has one."""
     return [output, output.with_suffix(".jed")] if jedec.flash_of(entry) else [output]
-
-
-def pattern_file(entry: Board) -> Path:
-    return BUILD / entry.name / "pattern.hex"
-
-
-def made_from_file(entry: Board) -> Path:
-    """File that identifies the sources of the finished design; removed together with it."""
-    return BUILD / entry.name / f"{entry.top}.made_from"
-
-
-def up_to_date(entry: Board) -> bool:
-    """Whether the finished design is made from the present sources: firmware in old hardware is dangerous."""
-    # A local import, because synth.py imports this module.
-    from constraints.synth import made_from
-
-    said = made_from_file(entry)
-    return said.exists() and said.read_text().strip() == made_from(entry)
 
 
 def read_words(path: Path, entry: Board) -> list[int]:
@@ -290,8 +265,8 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
     """Makes the bitstream of a board with an image; all of `results` are written only on success."""
     if output in results(entry, output)[1:]:
         raise ImageError(f"{output}: name the bitstream; the .jed is written beside it")
-    folder = BUILD / entry.name
-    design = folder / f"{entry.top}{suffix(entry)}"
+    folder = flow.BUILD / entry.name
+    design = folder / f"{entry.top}{flow.suffix(entry)}"
     new = read_words(firmware, entry)
     for number, word in enumerate(new, 1):
         if word != with_parity(without_parity(word)):
@@ -300,11 +275,11 @@ def make(entry: Board, firmware: Path, output: Path) -> Path:
         raise ImageError(f"{firmware}: the check sums at its end do not add up (sw/tools/seal.py)")
     if not design.exists():
         raise ImageError(f"{entry.name} has no finished design yet; run `make synth BOARD={entry.name}`")
-    if not up_to_date(entry):
+    if not flow.up_to_date(entry):
         shown = design.relative_to(ROOT)
         raise ImageError(f"{shown} was made from other sources; run `make synth BOARD={entry.name}`")
-    pattern = pattern_file(entry)
-    patched = folder / f"image{suffix(entry)}"
+    pattern = flow.pattern_file(entry)
+    patched = folder / f"image{flow.suffix(entry)}"
     patch = REPLACE.get(entry.family, replace)
     patched.write_text(patch(design.read_text(), read_words(pattern, entry), new))
     packed = folder / f"image{result_suffix(entry)}"

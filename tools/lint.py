@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from rtl.command import run_main
@@ -181,20 +182,30 @@ def registers() -> list[str]:
 
 
 def imports() -> list[str]:
-    """Imports go down the list LAYERS only; tests may import anything."""
+    """Imports go down the list LAYERS only, tests apart; no module imports itself by way of others."""
     import grimp  # of the set-up layer `lint`; tests of `make test` import this module
 
     graph = grimp.build_graph(
         *sorted({name.split(".")[0] for layer in LAYERS for name in layer}), cache_dir=None
     )
+    wrong = circle({module: graph.find_modules_directly_imported_by(module) for module in graph.modules})
     for module in set(graph.modules):
         if module.rpartition(".")[2].startswith("test_"):
             graph.remove_module(module)
     layers = [grimp.Layer(*layer, independent=False) for layer in LAYERS]
-    return [
-        f"{wrong.importer} must not import {wrong.imported}: {' -> '.join(next(iter(wrong.routes)).middle)}"
-        for wrong in graph.find_illegal_dependencies_for_layers(layers)
+    return wrong + [
+        f"{found.importer} must not import {found.imported}: {' -> '.join(next(iter(found.routes)).middle)}"
+        for found in graph.find_illegal_dependencies_for_layers(layers)
     ]
+
+
+def circle(imported: dict[str, set[str]]) -> list[str]:
+    """The first circle of imports, in one line."""
+    try:
+        TopologicalSorter(imported).prepare()
+    except CycleError as error:
+        return [f"imports in a circle: {' <- '.join(error.args[1])}"]
+    return []
 
 
 def notices() -> list[str]:

