@@ -73,7 +73,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        without the tests that `make test` runs (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
-#:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips, core-flips); RUNS=n: executions (fuzz-firmware)
+#:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
@@ -227,8 +227,8 @@ flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=,
 flips-report: | setup-test ## all shards of flips in build/fuzz as one table
 	@$(RUN) campaigns.flips.run --report
 
-core-flips: firmware | setup-test ## flipped registers of the core alone, while it makes a telegram
-	@$(RUN) campaigns.flips.core $(SEEDED)
+core-flips: firmware | setup-test ## every flip of the core's registers while it makes a telegram (7 min)
+	@$(RUN) campaigns.flips.core --jobs $(JOBS)
 
 .PHONY: fuzz-page
 fuzz-page: | setup-test ## docs/reports/fuzz.md from the results of these four in build/fuzz

@@ -66,6 +66,15 @@ def plant_rows(found: dict[str, int | None]) -> list[str]:
     ]
 
 
+def core_rows(results: dict[str, dict[str, int]]) -> list[str]:
+    """A row for each request, a column for each result."""
+    rows = [
+        f"| {name} | " + " | ".join(f"{found.get(what, 0):,}" for what in core.RESULTS) + " |"
+        for name, found in results.items()
+    ]
+    return [f"| request | {' | '.join(core.RESULTS)} |", f"|---|{'---:|' * len(core.RESULTS)}", *rows]
+
+
 def in_all(merged: list[dict]) -> str:
     """Flips of all cards, and how often one can do what is forbidden."""
     count = sum(card["flips"] for card in merged)
@@ -121,9 +130,8 @@ def page(folder: Path) -> str:
         plants_seed=plants["seed"],
         plants_count=f"{plants['count']:,}",
         plants="\n".join(plant_rows(plants["frames"])),
-        core_seed=core_flips["seed"],
-        core_count=core_flips["count"],
-        core="\n".join(f"| {what} | {core_flips['results'].get(what, 0)} |" for what in core.RESULTS),
+        core_flips=f"{core_flips['flips']:,}",
+        core="\n".join(core_rows(core_flips["results"])),
         bound=bound.words(differences, random_frames["judged"]),
         flips=in_all(list(all_flips.values())),
         flips_tables="\n\n".join(map(card_flips, all_flips.values())),

@@ -318,6 +318,16 @@ static frame_byte *request_adu(void)
                                                              : mailbox_frame(REQUEST_FRAME_0);
 }
 
+/* A slot that is neither at the drive, where an exchange may go on, nor waits. There is one more than these. */
+static struct transaction *free_slot(struct gateway *g)
+{
+    struct transaction *txn = g->transactions;
+
+    while (txn == g->at_drive || txn == g->waiting[0] || txn == g->waiting[PLACES - 1])
+        txn++;
+    return txn;
+}
+
 /* Translates the newest request. The reply's unit address is copied now: a later request overwrites the bank. */
 static enum outcome translate_newest(struct gateway *g)
 {
@@ -325,6 +335,7 @@ static enum outcome translate_newest(struct gateway *g)
     frame_byte *adu = request_adu();
     const uint8_t address = adu->byte;
 
+    g->newest = free_slot(g);
     mailbox_frame(REPLY_FRAME)->byte = address;
     /* LENGTH shows an ADU of 256 bytes as 0. */
     return translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - ADDRESS_AND_CRC) & 0xFF,
@@ -344,20 +355,11 @@ static enum outcome translate_twice(struct gateway *g)
         if (outcome != OUTCOME_EXCHANGE)
             return outcome;
         difference ^= guard_of(&g->translator, g->newest);
+        g->newest->check = 0; /* or the second pass could leave the check word of the first */
     } while (--passes != 0);
     g->wants_drive = difference == 0;
     guard_require_zero(&g->translator.next, difference);
     return OUTCOME_EXCHANGE;
-}
-
-/* A slot that is neither at the drive, where an exchange may go on, nor waits. There is one more than these. */
-static struct transaction *free_slot(struct gateway *g)
-{
-    struct transaction *txn = g->transactions;
-
-    while (txn == g->at_drive || txn == g->waiting[0] || txn == g->waiting[PLACES - 1])
-        txn++;
-    return txn;
 }
 
 static void prepare(struct gateway *g, uint8_t ticket)
@@ -365,7 +367,6 @@ static void prepare(struct gateway *g, uint8_t ticket)
     g->ticket = ticket;
     g->uncommitted = true;
     g->wants_drive = false;
-    g->newest = free_slot(g);
     if (translate_twice(g) == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
 }

@@ -84,6 +84,7 @@ class Machine:
         self.x = [0] * 32
         self.pc = 0
         self.instructions = 0
+        self.longest_round = LONGEST_ROUND
         self.lowest_sp = len(self.memory)
         # The first read of TIME belongs to the start.
         self._run_to_time()
@@ -95,10 +96,10 @@ class Machine:
 
     def _run_to_time(self) -> None:
         self.reads_time = False
-        last = self.instructions + LONGEST_ROUND
+        last = self.instructions + self.longest_round
         while not self.reads_time:
             if self.instructions > last:
-                raise Hung(f"no read of TIME for {LONGEST_ROUND} instructions, now at {self.pc:#x}")
+                raise Hung(f"no read of TIME for {self.longest_round} instructions, now at {self.pc:#x}")
             pc = self.pc
             self._step()
         # Undo the last step: the loop stops just before its read of TIME.
