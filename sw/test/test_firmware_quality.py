@@ -88,7 +88,7 @@ BUGS = {
         "    g->exchange = EXCHANGE_IDLE;",
         "gateway",
     ),
-    "a BCC that is not the telegram's": ("telegram.c", "bcc ^= *from++;", "bcc |= *from++;", "translate"),
+    "a BCC that is not the telegram's": ("telegram.c", "bcc ^= *from;", "bcc |= *from;", "translate"),
     "a request built on a flipped bit": (
         "translate.c",
         "    if (guard_copy(&t->next, &t->settings) != 0)\n        return OUTCOME_SILENT;",
