@@ -22,7 +22,8 @@ void guard_set(struct settings *settings, uint32_t which, uint32_t value)
 }
 
 /* A control word with one bit flipped changes the guard word from that bit on, and the check of its telegram from the
- * same bit on, or one 16 bits away. After the shift the lowest bits differ, so XOR cannot cancel the difference. */
+ * same bit on, or one 16 bits away. The BCC changes by the same bit of its byte, three bits lower in the check
+ * (telegram.c). After both shifts the lowest bits differ, so neither a sum nor XOR cancels the difference. */
 uint32_t guard_of(const struct translator *t, const struct transaction *txn)
 {
     return t->next.word[GUARD] << 2 ^ txn->check;

@@ -35,7 +35,7 @@ static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uin
         bcc ^= *from;
         check += check + bcc;
         from++;
-        __asm__("" : "+r"(from)); /* or the compiler computes its last value in twelve instructions */
+        __asm__("" : "+r"(from)); /* or the compiler computes its last value anew */
     } while ((const uint8_t *)from < at);
     bcc ^= bcc >> 16;
     *at = (uint8_t)(bcc ^ bcc >> 8);
