@@ -534,7 +534,7 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     monkeypatch.setattr(synth, "build", lambda entry: ROW)
     limit = TARGETS["machxo2"]
     monkeypatch.setattr(
-        synth, "count_part", lambda *part: {"cells": limit + (part[1] == "machxo2"), "brams": 0}
+        parts, "count_part", lambda *part: {"cells": limit + (part[1] == "machxo2"), "brams": 0}
     )
     monkeypatch.setitem(TARGETS, "ice40", limit)
     seeds = dict(enumerate([50.0, None, *[49.6] * 4, None, 60.0], 1))
