@@ -3,12 +3,12 @@
 
     python -m campaigns.flips.core [--image FILE] [--jobs N] [--only NAME]   # make core-flips
 
-The card's image runs on the RV32I machine of the tests. A bit of x1 to x31 is inverted just before each
-instruction that reads the register, from the candidate until its telegram has left. A flip between two such
-instructions is the same as one before the second of them, so these are all flips of a scenario. One more
-request follows; its telegram shows the control image that was left. All scenarios with the card's own image
-write build/fuzz/core-flips.json. Exit 0: no telegram was altered (SAFE-4); 1: at least one was; 2: an invalid
-command line.
+The image of each card runs on the RV32I machine of the tests. A bit of x1 to x31 is inverted just before each
+instruction that reads the register, from the candidate until its telegram has left or the request is revoked.
+A flip between two such instructions is the same as one before the second of them, so these are all flips of a
+scenario. One more request follows; its telegram shows the control image that was left. All scenarios with the
+images of both cards write build/fuzz/core-flips.json. Exit 0: no telegram was altered (SAFE-4); 1: at least
+one was; 2: an invalid command line.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
 from rtl.command import Parser, in_processes, run_main
+from rtl.sources import ROOT, configurations
 from tb.agents import rtu
 from tb.lib.options import at_least
 from tb.model import fc_telegram
@@ -57,6 +57,7 @@ class Scenario:
     broadcast: bool = False
     before: bytes | None = None  # a local write
     busy: bool = False  # the request comes while the drive answers another one
+    revoked: bool = False  # a character follows before the request's t3.5 is over
 
 
 SCENARIOS = (
@@ -70,15 +71,20 @@ SCENARIOS = (
     Scenario("03, a parameter", READ_514),
     Scenario("0F, coils 1-32, drive busy", H("0F 0000 0020 04 7C04 9919"), busy=True),
     Scenario("06, a parameter, drive busy", rtu.write_register(2049, 0x1234), busy=True),
+    Scenario("0F, coils 1-32, revoked", H("0F 0000 0020 04 7C04 9919"), revoked=True),
+    Scenario("05, coil 11, revoked", H("05 000A FF00"), revoked=True),
 )
-REQUESTS = tuple(each.pdu for each in SCENARIOS if not (each.busy or each.broadcast or each.before))
+# Requests that any test can make.
+REQUESTS = tuple(
+    each.pdu for each in SCENARIOS if not (each.busy or each.broadcast or each.before or each.revoked)
+)
 VALID = 0x04  # bit 10, in the control word's upper byte
 ALTERED = ("altered, bit 10 = 1", "altered, bit 10 = 0")
 AGAIN, REFUSED, NOBODY = "again", "refused by its BCC", "with an address of no drive"
 AS_ASKED, NONE = "as asked", "none"
 RESULTS = (*ALTERED, AS_ASKED, AGAIN, REFUSED, NOBODY, NONE)
 FILE = FOLDER / "core-flips.json"
-KEYS = {"card", "flips", "results"}  # keys of that file
+KEYS = {"cards", "flips", "results"}  # keys of that file
 
 
 def registers_read(word: int) -> set[int]:
@@ -114,6 +120,10 @@ class Stage:
 
     def commit(self) -> None:
         self.mailbox.commit()
+        self.poll()
+
+    def revoke(self) -> None:
+        self.mailbox.character()
         self.poll()
 
     def request(self, pdu: bytes) -> None:
@@ -172,7 +182,10 @@ def play(
             stage.mailbox.candidate(scenario.pdu, scenario.broadcast)
             machine._step = watched
             stage.poll()
-            stage.commit()
+            if scenario.revoked:
+                stage.revoke()
+            else:
+                stage.commit()
             if scenario.busy:
                 stage.exchange()
             machine._step = step
@@ -261,7 +274,7 @@ def every_flip(
 ) -> EveryFlip:
     """All flips of a scenario; or those before one of `part` instructions, or those of stores."""
     sound, lost = play(scenario, image), play(scenario, image, lost=True)
-    if len(sound.sent) != 2 or sound.how:
+    if len(sound.sent) != (1 if scenario.revoked else 2) or sound.how:
         raise CoreError(f"{scenario.name}: not served without a flip")
     flips = EveryFlip(scenario, part, stores)
     try:
@@ -278,37 +291,51 @@ def every_flip(
     return flips
 
 
-def _work(scenario: Scenario, image: bytes | None) -> tuple[str, Counter, list[str], float]:
+def image_of(config: str) -> Path:
+    """The image of one card, as `make firmware` leaves it."""
+    return (ROOT / configurations()[config]["firmware_hex"]).with_suffix(".bin")
+
+
+def _work(work: tuple[str, Path, Scenario]) -> tuple[str, str, EveryFlip, float]:
+    of, path, scenario = work
     begin = time.monotonic()
-    flips = every_flip(scenario, image)
-    return scenario.name, flips.results, flips.found, time.monotonic() - begin
+    return of, scenario.name, every_flip(scenario, path.read_bytes()), time.monotonic() - begin
+
+
+def keep(results: dict[str, dict[str, Counter]]) -> None:
+    """Writes the result file: by card and scenario."""
+    flips = sum(found.total() for rows in results.values() for found in rows.values())
+    kept = {"cards": {config: fingerprint.shard(config) for config in results}, "flips": flips}
+    FILE.parent.mkdir(parents=True, exist_ok=True)
+    FILE.write_text(json.dumps(kept | {"results": results}, indent=1) + "\n")
 
 
 def main() -> int:
     parser = Parser(prog="core-flips", description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=at_least(1), default=2, help="processes (default: %(default)s)")
     parser.add_argument("--only", choices=[each.name for each in SCENARIOS], help="one scenario")
-    parser.add_argument("--image", type=Path, help="another firmware.bin")
+    parser.add_argument("--image", type=Path, help="another firmware.bin (default: those of both cards)")
     options = parser.parse_args()
-    try:
-        image = options.image.read_bytes() if options.image else None
-    except OSError as error:
-        print(f"core-flips: {options.image}: {error.strerror}", file=sys.stderr)
+    images = {config: image_of(config) for config in configurations()}
+    if options.image:
+        images = {str(options.image): options.image}
+    unread = [str(path) for path in images.values() if not path.is_file()]
+    if unread:
+        print(f"core-flips: no image {unread[0]}", file=sys.stderr)
         return 2
     chosen = [each for each in SCENARIOS if options.only in (None, each.name)]
-    print(f"core-flips: {len(chosen)} scenarios, each takes minutes", flush=True)
-    results: dict[str, Counter] = {}
-    for name, counted, found, seconds in in_processes(options.jobs, partial(_work, image=image), chosen):
-        results[name] = counted
-        print("\n".join([f"{name}: {counted.total()} flips in {seconds:.0f} s", *found]), flush=True)
-    totals = sum(results.values(), Counter())
+    works = [(of, path, each) for of, path in images.items() for each in chosen]
+    print(f"core-flips: {len(works)} scenarios, each takes minutes", flush=True)
+    results: dict[str, dict[str, Counter]] = {of: {} for of in images}
+    for of, name, flips, seconds in in_processes(options.jobs, _work, works):
+        results[of][name] = flips.results
+        title = f"{of}: {name}: {flips.results.total()} flips in {seconds:.0f} s"
+        print("\n".join([title, *flips.found]), flush=True)
+    totals = sum((found for rows in results.values() for found in rows.values()), Counter())
     for result in RESULTS:
         print(f"{totals[result]:7}  {result}")
-    if image is None and not options.only:
-        rows = {each.name: results[each.name] for each in SCENARIOS}
-        kept = {"card": fingerprint.shard(), "flips": totals.total(), "results": rows}
-        FILE.parent.mkdir(parents=True, exist_ok=True)
-        FILE.write_text(json.dumps(kept, indent=1) + "\n")
+    if not (options.image or options.only):
+        keep({of: {each.name: rows[each.name] for each in chosen} for of, rows in results.items()})
     return int(any(totals[result] for result in ALTERED))
 
 

@@ -66,13 +66,14 @@ def plant_rows(found: dict[str, int | None]) -> list[str]:
     ]
 
 
-def core_rows(results: dict[str, dict[str, int]]) -> list[str]:
+def core_table(config: str, results: dict[str, dict[str, int]]) -> list[str]:
     """A row for each request, a column for each result."""
     rows = [
         f"| {name} | " + " | ".join(f"{found.get(what, 0):,}" for what in core.RESULTS) + " |"
         for name, found in results.items()
     ]
-    return [f"| request | {' | '.join(core.RESULTS)} |", f"|---|{'---:|' * len(core.RESULTS)}", *rows]
+    titles = f"| request to the {config} card | {' | '.join(core.RESULTS)} |"
+    return [titles, f"|---|{'---:|' * len(core.RESULTS)}", *rows]
 
 
 def in_all(merged: list[dict]) -> str:
@@ -112,9 +113,10 @@ def page(folder: Path) -> str:
     lacking = [config for config in configurations() if config not in all_flips]
     if lacking:
         raise PageError(f"no flips of the card {lacking[0]}; run `make flips CONFIG={lacking[0]}` first")
-    cards = {result["card"] for result in (random_frames, plants, core_flips, all_flips["standard"])}
+    cards = {result["card"] for result in (random_frames, plants, all_flips["standard"])}
     judges = {result["card"].split()[-1] for result in all_flips.values()}
-    if len(cards) > 1 or len(judges) > 1:
+    same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
+    if len(cards) > 1 or len(judges) > 1 or not same_cores:
         raise PageError("the results come from different cards; remove the older ones")
     card, firmware, judge = random_frames["card"].split()
     differences = len(random_frames["differences"])
@@ -131,7 +133,7 @@ def page(folder: Path) -> str:
         plants_count=f"{plants['count']:,}",
         plants="\n".join(plant_rows(plants["frames"])),
         core_flips=f"{core_flips['flips']:,}",
-        core="\n".join(core_rows(core_flips["results"])),
+        core="\n\n".join("\n".join(core_table(*each)) for each in core_flips["results"].items()),
         bound=bound.words(differences, random_frames["judged"]),
         flips=in_all(list(all_flips.values())),
         flips_tables="\n\n".join(map(card_flips, all_flips.values())),

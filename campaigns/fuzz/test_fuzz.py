@@ -620,9 +620,9 @@ def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
     plants = {"seed": 5, "count": 20000, "card": card, "frames": frames}
     (folder / "plants.json").write_text(json.dumps(plants))
     core = {
-        "card": card,
+        "cards": {"standard": card, "tiny": "four five three"},
         "flips": 4000,
-        "results": {"05": {"as asked": 1000}, "06": {"as asked": 2999, "none": 1}},
+        "results": {"standard": {"05": {"as asked": 1000}}, "tiny": {"06": {"as asked": 2999, "none": 1}}},
     }
     (folder / "core-flips.json").write_text(json.dumps(core))
     for config, its_card in (("standard", card), ("tiny", "four five three")):
@@ -649,7 +649,7 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
         "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
         "| wrong-order | EXC: address before quantity | not found |",
         "`make core-flips`: 4,000 flips",
-        "| request | altered, bit 10 = 1 | altered, bit 10 = 0 | as asked |",
+        "| request to the standard card | altered, bit 10 = 1 | altered, bit 10 = 0 | as asked |",
         "| 06 | 0 | 0 | 2,999 | 0 | 0 | 0 | 1 |",
         "8 flips of both cards: 0 unrequested or altered telegrams and stuck drivers, at most 4.4e-01",
         "standard card `one`, firmware `two`: 4 flips in 1 shards, 4 at 9600 bit/s 8O1, in 2 minutes",
@@ -682,7 +682,7 @@ def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
             {"seed": 1, "count": 2, "card": "one two three", "frames": {}},
             "no result of lenient-t15",
         ),
-        ("core-flips.json", {"flips": 2, "card": "a b c", "results": {}}, "different cards"),
+        ("core-flips.json", {"flips": 2, "cards": {}, "results": {}}, "different cards"),
         ("core-flips.json", {"seed": 1}, "no result of `make core-flips`"),
         ("flips-tiny-9-9600.json", None, "run `make flips CONFIG=tiny` first"),
     ],

@@ -14,16 +14,15 @@
 #include <stdint.h>
 
 struct image {
-    const volatile uint32_t *begin;
-    const volatile uint32_t *end; /* address of the two sums */
     const volatile uint32_t *at;
     uint32_t sum;
     uint32_t sums;
 };
 
-void image_init(struct image *image, const volatile uint32_t *begin, const volatile uint32_t *end);
+void image_begin(struct image *image, const volatile uint32_t *begin);
 
-/* Adds up to `words` more words. False if a pass is complete and a sum differs. */
-bool image_step(struct image *image, uint32_t words);
+/* Adds up to `words` more words of the image, whose two sums are at `end`. False if a pass is complete and a sum
+ * differs. */
+bool image_step(struct image *image, const volatile uint32_t *begin, const volatile uint32_t *end, uint32_t words);
 
 #endif

@@ -11,6 +11,7 @@ struct leds {
     uint8_t step;
 };
 
+/* leds is all zero. */
 void leds_init(struct leds *leds, uint32_t now);
 
 /* The value for the LED register. */

@@ -34,7 +34,7 @@ enum setting {
     LOCAL_REGISTERS,
     CONTROL = LOCAL_REGISTERS, /* coils 1-32: CTW, and REF in the high half */
     EEPROM,                    /* coil 65 */
-    GUARD,                     /* makes the sum of all words 0 (docs/hardening.md, Guarded settings) */
+    GUARD,                     /* makes the sum of all words and both addresses 0 (docs/hardening.md, Guarded settings) */
     SETTINGS,
 };
 

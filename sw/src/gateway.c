@@ -420,11 +420,14 @@ static void commit(struct gateway *g)
 static void poll_request(struct gateway *g)
 {
     const uint32_t request = mailbox_read(REQUEST);
+    const uint32_t again = mailbox_read(REQUEST);
+    uint32_t difference = request ^ again;
 
-    if (mailbox_read(REQUEST) != request)
+    __asm__("" : "+r"(difference)); /* or the compiler takes one of the two for both after the comparison */
+    if (difference != 0)
         return; /* (docs/hardening.md, Request read twice) */
     /* None yet, or revoked. The ticket of a revoked request never returns, so its transaction is dropped. */
-    if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
+    if (!((request | again) & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
         g->uncommitted = false;
         g->wants_drive = false;
         return;
@@ -434,7 +437,7 @@ static void poll_request(struct gateway *g)
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }
-    if (is_committed(request) && g->uncommitted)
+    if (is_committed(again) && g->uncommitted)
         commit(g);
 }
 
@@ -490,7 +493,7 @@ void gateway_init(struct gateway *g)
     g->now = mailbox_read(TIME);
     forget_request(g);
     leds_init(&g->leds, g->now);
-    g->testing = loopback_init(&g->loopback, g->now);
+    loopback_init(&g->loopback, g->now);
 }
 
 bool gateway_is_idle(const struct gateway *g)

@@ -5,7 +5,18 @@
 
 #include "transaction.h"
 
-/* Copies the settings. Returns the sum of all words: 0 if the settings are intact. from may equal to. */
+/* A guard word that the next check refuses. With 0, settings copied from one word too far could pass: the sum of what
+ * they lack, of IND and of EEPROM, is a number of 16 bits. */
+#define NEVER_INTACT 0xFFFFFFFFu
+
+/* The addresses of the settings and of the next ones, as their sum has them. */
+static inline uint32_t guard_addresses(const struct translator *t)
+{
+    return (uint32_t)(uintptr_t)&t->settings + (uint32_t)(uintptr_t)&t->next;
+}
+
+/* Copies the settings to the next ones, or back. Returns the sum of all words and both addresses: 0 if the words are
+ * intact. */
 uint32_t guard_copy(struct settings *to, const struct settings *from);
 
 /* Changes one of the settings, and the guard word by as much: an error before stays visible. */

@@ -29,7 +29,6 @@ static const uint8_t steps[STEPS] = {
 void leds_init(struct leds *leds, uint32_t now)
 {
     leds->step_at = now;
-    leds->step = 0;
 }
 
 uint32_t leds_show(struct leds *leds, uint32_t now, bool network_online, bool drive_online)

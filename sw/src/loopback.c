@@ -103,14 +103,12 @@ static void finish(struct loopback *l, bool passed, uint32_t now)
     enter(l, STAGE_RESULT, now);
 }
 
-bool loopback_init(struct loopback *l, uint32_t now)
+void loopback_init(struct loopback *l, uint32_t now)
 {
-    if (!(mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__LOOPBACK_bm)) {
+    if (mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__LOOPBACK_bm)
+        enter(l, STAGE_LISTEN, now);
+    else
         close(); /* until the next reset (docs/hardening.md, Loop-back test locked) */
-        return false;
-    }
-    enter(l, STAGE_LISTEN, now);
-    return true;
 }
 
 static void show_result(struct loopback *l, uint32_t now, bool show_over)

@@ -36,13 +36,14 @@ enum { AT_ADDRESS = 1, AT_OPERAND = 3, AT_COUNT = 5, AT_DATA = 6, PDU_PLAIN = 5 
 
 void translate_init(struct translator *t)
 {
-    guard_set(&t->settings, LOCAL_NETWORK_TIMEOUT, DEFAULT_NETWORK_TIMEOUT);
-    guard_set(&t->settings, LOCAL_DRIVE_TIMEOUT, DEFAULT_DRIVE_TIMEOUT);
+    t->settings.word[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
+    t->settings.word[LOCAL_DRIVE_TIMEOUT] = DEFAULT_DRIVE_TIMEOUT;
+    t->settings.word[GUARD] = 0u - DEFAULT_NETWORK_TIMEOUT - DEFAULT_DRIVE_TIMEOUT - guard_addresses(t);
 }
 
 bool translate_is_sound(struct translator *t)
 {
-    return guard_copy(&t->settings, &t->settings) == 0;
+    return guard_copy(&t->next, &t->settings) == 0;
 }
 
 static const struct function *find_function(uint32_t code)
@@ -97,9 +98,6 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
 {
     enum outcome outcome;
 
-    /* One register holds the address for the check and for all uses. Otherwise the compiler takes it from gp for some
-     * uses: a flipped bit of gp would then change what is read after the check (SAFE-4). */
-    __asm__("" : "+r"(t));
     if (guard_copy(&t->next, &t->settings) != 0)
         return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     txn->function = pdu->byte;
@@ -113,7 +111,8 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
 
 void translate_commit(struct translator *t)
 {
-    guard_copy(&t->settings, &t->next);
+    if (guard_copy(&t->settings, &t->next) != 0)
+        t->settings.word[GUARD] = NEVER_INTACT;
 }
 
 /* The PCD at the end of the data: STW, and MAV in the high half. */

@@ -348,6 +348,11 @@ static void on_write(uint32_t offset, uint32_t value)
 static struct image image;
 static uint32_t image_words[IMAGE_WORDS + 2];
 
+static bool check_image(uint32_t words)
+{
+    return image_step(&image, image_words, image_words + IMAGE_WORDS, words);
+}
+
 static void seal_image(void)
 {
     uint32_t i;
@@ -381,7 +386,7 @@ static void restart(void)
     polled = false;
     rounds_to_commit = 0;
     race_in = 0;
-    image_init(&image, image_words, image_words + IMAGE_WORDS);
+    image_begin(&image, image_words);
     gateway_init(&g);
 }
 
@@ -391,7 +396,7 @@ static void poll(void)
     const struct settings *s = &g.translator.settings;
 
     if (gateway_poll(&g))
-        HOLDS(image_step(&image, IDLE_WORDS));
+        HOLDS(check_image(IDLE_WORDS));
     if (rounds_to_commit != 0 && to_see != 0)
         rounds_to_commit--;
     polled = rounds_to_commit == 0;
@@ -477,8 +482,8 @@ static void event(uint32_t how)
         how = hardware_event();
         break;
     case 13:
-        image_init(&image, image_words, image_words + IMAGE_WORDS);
-        HOLDS(image_step(&image, START_WORDS));
+        image_begin(&image, image_words);
+        HOLDS(check_image(START_WORDS));
         break;
     case 14:
     case 15:

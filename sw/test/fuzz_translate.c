@@ -11,6 +11,7 @@
 
 #include "codes.h"
 #include "fuzz.h"
+#include "guard.h"
 #include "mailbox_model.h"
 #include "translate.h"
 
@@ -38,9 +39,9 @@ static bool same_settings(const struct settings *a, const struct settings *b)
 }
 
 /* Compares the settings with the model. */
-static void check_settings(const struct settings *s, const struct model *m)
+static void check_settings(const struct bench *b, const struct settings *s, const struct model *m)
 {
-    uint32_t sum = 0;
+    uint32_t sum = guard_addresses(&b->t);
     uint32_t i;
 
     HOLDS((s->word[CONTROL] & 0xFFFF) == model_word(m, 0));
@@ -176,7 +177,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     HOLDS(outcome == OUTCOME_REPLY || outcome == OUTCOME_SILENT || outcome == OUTCOME_EXCHANGE);
     HOLDS(outcome != OUTCOME_SILENT || broadcast);
     intent = model_request(&after, slot->pdu, length);
-    check_settings(&b->t.next, &after);
+    check_settings(b, &b->t.next, &after);
     HOLDS(outcome == OUTCOME_EXCHANGE || intent != INTENT_PROCESS);
     if (outcome == OUTCOME_REPLY)
         check_reply(b, slot);
@@ -189,7 +190,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
         return;
     translate_commit(&b->t);
     b->model = after;
-    check_settings(&b->t.settings, &b->model);
+    check_settings(b, &b->t.settings, &b->model);
     slot->at_drive = outcome == OUTCOME_EXCHANGE && !broadcast;
 }
 
@@ -302,7 +303,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     translate_init(&b.t);
     HOLDS(b.t.status == 0);
     model_init(&b.model);
-    check_settings(&b.t.settings, &b.model);
+    check_settings(&b, &b.t.settings, &b.model);
     for (step = 0; step < STEPS && in.at < in.end; step++) {
         const uint32_t how = take(&in);
 

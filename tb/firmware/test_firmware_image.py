@@ -110,10 +110,10 @@ class Check:
     def __init__(self, words: list[int]) -> None:
         self.words = (ctypes.c_uint32 * len(words))(*words)
         self.state = ctypes.create_string_buffer(64)
-        self.step = functools.partial(library().image_step, self.state)
-        end = ctypes.addressof(self.words) + SUMMED_BYTES
+        end = ctypes.c_void_p(ctypes.addressof(self.words) + SUMMED_BYTES)
+        self.step = functools.partial(library().image_step, self.state, self.words, end)
         library().image_step.restype = ctypes.c_bool
-        library().image_init(self.state, self.words, ctypes.c_void_p(end))
+        library().image_begin(self.state, self.words)
 
 
 SUMMED = [0x00000013, 0xDEADBEEF, 0xFFFFFFFF, 0, 0x80000000, 1, 2]
