@@ -3,6 +3,7 @@
  * Translation between Modbus PDUs and FC telegrams, free of hardware.
  *
  * One request is one transaction. It is prepared early and committed late (FRAME-6), in these calls:
+ *   translate_is_sound      checks the settings and copies them to those that translate_request may change
  *   translate_request       decodes the PDU and prepares reply or telegram; takes effect with the commit
  *   translate_commit        applies the settings of a committed request; a revoked request gets no such call
  *   translate_drive_reply   prepares the Modbus reply before the BCC of the drive's telegram arrives
@@ -27,8 +28,8 @@
 /* t is all zero. */
 void translate_init(struct translator *t);
 
-/* False after a bit of the settings flipped: translate_request then prepares nothing, until translate_init
- * (docs/hardening.md, Guarded settings). */
+/* Precedes translate_request, which works on the copy; never between translate_request and its commit. False after a bit
+ * of the settings flipped: then no request is prepared until translate_init (docs/hardening.md, Guarded settings). */
 bool translate_is_sound(struct translator *t);
 
 /* pdu_length: the length received, even if only the first 31 bytes were stored (FRAME-5). */

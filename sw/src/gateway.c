@@ -332,9 +332,14 @@ static struct transaction *free_slot(struct gateway *g)
 static enum outcome translate_newest(struct gateway *g)
 {
     enum { ADDRESS_AND_CRC = 3 };
-    frame_byte *adu = request_adu();
-    const uint8_t address = adu->byte;
+    frame_byte *adu;
+    uint8_t address;
 
+    /* First, while no register holds anything that the call would move to the stack (PERF-2). */
+    if (!translate_is_sound(&g->translator))
+        return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
+    adu = request_adu();
+    address = adu->byte;
     g->newest = free_slot(g);
     mailbox_frame(REPLY_FRAME)->byte = address;
     /* LENGTH shows an ADU of 256 bytes as 0. */
@@ -437,7 +442,7 @@ static void poll_request(struct gateway *g)
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }
-    if (is_committed(again) && g->uncommitted)
+    if (is_committed(request) && is_committed(again) && g->uncommitted)
         commit(g);
 }
 

@@ -67,12 +67,16 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t i
     at[3] = 0;
     at += zeros;
     /* Four bytes a step (PERF-2). Up to two bytes after the data come along; PCD takes their place. */
-    for (to = at + bytes; at < to; at += 4, data += 4) {
-        at[0] = data[0].byte;
-        at[1] = data[1].byte;
-        at[2] = data[2].byte;
-        at[3] = data[3].byte;
-    }
+    to = at + bytes;
+    if (at != to)
+        do {
+            at[0] = data[0].byte;
+            at[1] = data[1].byte;
+            at[2] = data[2].byte;
+            at[3] = data[3].byte;
+            at += 4;
+            data += 4;
+        } while (at < to);
     /* Bit 10 of the control word is 0: the drive ignores the process data (FC-5). */
     return end(txn, to, 0, 0);
 }

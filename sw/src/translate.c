@@ -98,8 +98,6 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
 {
     enum outcome outcome;
 
-    if (guard_copy(&t->next, &t->settings) != 0)
-        return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     if (DIAGNOSTICS)

@@ -91,8 +91,8 @@ BUGS = {
     "a BCC that is not the telegram's": ("telegram.c", "bcc ^= *from;", "bcc |= *from;", "translate"),
     "a request built on a flipped bit": (
         "translate.c",
-        "    if (guard_copy(&t->next, &t->settings) != 0)\n        return OUTCOME_SILENT;",
-        "    guard_copy(&t->next, &t->settings);",
+        "    return guard_copy(&t->next, &t->settings) == 0;",
+        "    guard_copy(&t->next, &t->settings);\n    return true;",
         "translate",
     ),
     "a reply to an older request": (

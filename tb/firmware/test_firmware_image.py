@@ -24,8 +24,8 @@ from tb.model.rv32i import Hung, Machine, image
 ORANGE, RED = 0xF, 0b0101
 SHOW_MS, VERDICT_MS = 2000, 12000
 LISTEN_MS = 1000
-# Rounds for the whole image, a word each, and more than it has words.
-ONE_CHECK = 2048
+# Milliseconds for the whole image: more than twice its words, because every second tick checks a word.
+ONE_CHECK = 4096
 # The loop-back test's patterns, and their bytes as the other port receives them.
 TELEGRAM = bytes.fromhex("81 0000 0000 55AA FF01 0000 0000")
 WRONG_BCC = bytes.fromhex("73")

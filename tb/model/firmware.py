@@ -99,7 +99,7 @@ def drive_frame(data: bytes) -> ctypes.Array:
 
 @dataclass
 class Transaction:
-    """One request in progress: the outcome of translate_request, and the calls that may follow."""
+    """One request in progress: its outcome, and the calls that may follow."""
 
     translator: Translator
     memory: ctypes.Array = field(repr=False)
@@ -165,6 +165,8 @@ class Translator:
         size = self.lib.host_size_of_transaction()
         memory = ctypes.create_string_buffer(bytes([JUNK] * size), size)
         length = len(pdu) if length is None else length
+        if not self.sound:
+            return Transaction(self, memory, SILENT)
         outcome = self.lib.translate_request(self.memory, memory, frame(pdu[:KEPT]), length, broadcast)
         return Transaction(self, memory, outcome)
 

@@ -6,7 +6,17 @@
 #include "frame.h"
 #include "mailbox.h"
 
-#define mailbox_read(reg) (MAILBOX.reg)
+/* A register that is read has 8 bits. After a volatile byte the compiler clears the upper bits once more, which LBU
+ * has done (PERF-2). */
+static inline __attribute__((always_inline)) uint32_t mailbox_byte(const volatile uint8_t *reg)
+{
+    uint32_t value;
+
+    __asm__ volatile("lbu %0, %1" : "=r"(value) : "m"(*reg));
+    return value;
+}
+
+#define mailbox_read(reg) mailbox_byte(&MAILBOX.reg)
 #define mailbox_write(reg, value) (MAILBOX.reg = (value))
 #define mailbox_frame(area) ((volatile struct frame_slot *)area##_address)
 #define mailbox_counter(name) ((volatile uint16_t *)name##_address)
