@@ -17,7 +17,7 @@ FIRMWARE_HOST_DIR ?= build/host
 # Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,waiting_places).
 firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
-FIRMWARE_STACK := 176
+FIRMWARE_STACK := 160
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
 	translate.c coils.c registers.c diagnostics.c telegram.c reply.c guard.c gateway.c leds.c loopback.c image.c)

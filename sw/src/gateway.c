@@ -335,12 +335,12 @@ static enum outcome translate_newest(struct gateway *g)
     frame_byte *adu;
     uint8_t address;
 
-    /* First, while no register holds anything that the call would move to the stack (PERF-2). */
+    g->newest = free_slot(g);
+    /* Now, while no register holds anything that the call would move to the stack (PERF-2). */
     if (!translate_is_sound(&g->translator))
         return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     adu = request_adu();
     address = adu->byte;
-    g->newest = free_slot(g);
     mailbox_frame(REPLY_FRAME)->byte = address;
     /* LENGTH shows an ADU of 256 bytes as 0. */
     return translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - ADDRESS_AND_CRC) & 0xFF,
