@@ -97,9 +97,9 @@ PLANTS = (
     Plant(
         "reply-into-traffic",
         ("FRAME-7",),
-        "rtl/gate/reply_slot.v",
-        "wire heard = start_seen && is_committed;",
-        "wire heard = 1'b0;",
+        "rtl/gate/request_fate.v",
+        "else if (candidate || reply_left || (start_seen && is_committed)) answerable <= 1'b0;",
+        "else if (candidate || reply_left) answerable <= 1'b0;",
         description="FRAME-7: the gate no longer drops a reply after a newer character",
     ),
     Plant(
@@ -121,17 +121,17 @@ PLANTS = (
     Plant(
         "parity-ignored",
         ("FRAME-4",),
-        "rtl/rtu_rx.v",
-        "if (byte_parity_error) parity_bad <= 1'b1;",
-        "",
+        "rtl/network_port.v",
+        "(rx_parity_error),\n      .byte_framing_error(rx_framing_error),\n      .line_start",
+        "(1'b0),\n      .byte_framing_error(rx_framing_error),\n      .line_start",
         description="FRAME-4: a parity error is ignored",
     ),
     Plant(
         "stop-bit-ignored",
         ("FRAME-4",),
-        "rtl/rtu_rx.v",
-        "if (byte_framing_error) framing_bad <= 1'b1;",
-        "",
+        "rtl/network_port.v",
+        ".byte_framing_error(rx_framing_error),\n      .line_start",
+        ".byte_framing_error(1'b0),\n      .line_start",
         description="FRAME-4: a missing stop bit is ignored",
     ),
     Plant(
