@@ -3,7 +3,7 @@
  * Translation between Modbus PDUs and FC telegrams, free of hardware.
  *
  * One request is one transaction. It is prepared early and committed late (FRAME-6), in these calls:
- *   translate_is_sound      checks the settings and copies them to those that translate_request may change
+ *   translate_copy_settings checks the settings and copies them to those that translate_request may change
  *   translate_request       decodes the PDU and prepares reply or telegram; takes effect with the commit
  *   translate_commit        applies the settings of a committed request; a revoked request gets no such call
  *   translate_drive_reply   prepares the Modbus reply before the BCC of the drive's telegram arrives
@@ -28,9 +28,10 @@
 /* t is all zero. */
 void translate_init(struct translator *t);
 
-/* Precedes translate_request, which works on the copy; never between translate_request and its commit. False after a bit
- * of the settings flipped: then no request is prepared until translate_init (docs/hardening.md, Guarded settings). */
-bool translate_is_sound(struct translator *t);
+/* Comes before each translate_request, which works on the copy. Between translate_request and its commit it would undo
+ * the request. False after a bit of the settings flipped: then no request may be prepared until translate_init
+ * (docs/hardening.md, Guarded settings). */
+bool translate_copy_settings(struct translator *t);
 
 /* pdu_length: the length received, even if only the first 31 bytes were stored (FRAME-5). */
 enum outcome translate_request(struct translator *t, struct transaction *txn, frame_byte *pdu,

@@ -337,7 +337,7 @@ static enum outcome translate_newest(struct gateway *g)
 
     g->newest = free_slot(g);
     /* Now, while no register holds anything that the call would move to the stack (PERF-2). */
-    if (!translate_is_sound(&g->translator))
+    if (!translate_copy_settings(&g->translator))
         return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
     adu = request_adu();
     address = adu->byte;

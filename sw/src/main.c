@@ -45,7 +45,7 @@ int main(void)
         if (g->now & 1u) {
             check(&image, IDLE_WORDS);
         } else {
-            while (!translate_is_sound(&g->translator)) {
+            while (!translate_copy_settings(&g->translator)) {
                 /* until the watchdog restarts the firmware (docs/hardening.md, Guarded settings) */
             }
         }

@@ -41,7 +41,7 @@ void translate_init(struct translator *t)
     t->settings.word[GUARD] = 0u - DEFAULT_NETWORK_TIMEOUT - DEFAULT_DRIVE_TIMEOUT - guard_addresses(t);
 }
 
-bool translate_is_sound(struct translator *t)
+bool translate_copy_settings(struct translator *t)
 {
     return guard_copy(&t->next, &t->settings) == 0;
 }

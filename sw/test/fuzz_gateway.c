@@ -410,7 +410,7 @@ static void poll(void)
     HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == model.drive_timeout);
     /* The check copies the settings over those of a candidate. */
     if (gateway_is_idle(&g))
-        HOLDS(translate_is_sound(&g.translator));
+        HOLDS(translate_copy_settings(&g.translator));
     /* (docs/hardening.md, Licence ends with the exchange) */
     HOLDS(g.exchange != EXCHANGE_IDLE || g.testing || !m.licensed || mailbox_is_touched(&m));
 }

@@ -172,7 +172,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     for (i = 0; i < BANK; i++)
         b->bank[i].byte = i < length ? slot->pdu[i] : PATTERN;
     memset(slot->txn, PATTERN, sizeof *slot->txn);
-    HOLDS(translate_is_sound(&b->t));
+    HOLDS(translate_copy_settings(&b->t));
     outcome = translate_request(&b->t, slot->txn, b->bank, length, broadcast);
     HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
     HOLDS(outcome == OUTCOME_REPLY || outcome == OUTCOME_SILENT || outcome == OUTCOME_EXCHANGE);
@@ -251,11 +251,11 @@ static void flip(struct bench *b, struct input *in)
     const struct settings right = b->t.settings;
 
     b->t.settings.word[which % SETTINGS] ^= 1u << (which >> 3);
-    HOLDS(!translate_is_sound(&b->t));
+    HOLDS(!translate_copy_settings(&b->t));
     translate_commit(&b->t);
-    HOLDS(!translate_is_sound(&b->t));
+    HOLDS(!translate_copy_settings(&b->t));
     b->t.settings = right;
-    HOLDS(translate_is_sound(&b->t));
+    HOLDS(translate_copy_settings(&b->t));
 }
 
 static void drive_silent(struct bench *b, uint32_t how)

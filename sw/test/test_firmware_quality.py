@@ -7,8 +7,9 @@ import fcntl
 import functools
 import os
 import random
-import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from sw.test import host as firmware_host
 from sw.test import loops as firmware_loops
 from sw.test import mutate as firmware_mutate
 from sw.test.host import DIALECTS, DOCUMENT, ROOT
-from sw.tools.stack import deepest
+from sw.tools.stack import deepest, reserved
 from tb.model.firmware import build
 
 pytestmark = pytest.mark.needs("firmware")
@@ -153,21 +154,24 @@ def test_the_corpus_drives_every_loop_as_far_as_its_bound_and_no_further():
 
 
 @pytest.mark.rule("PERF-4")
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_the_deepest_stack_fits_the_reserved_memory(dialect: str):
-    elf = build("build/firmware.elf" if dialect == "card" else f"build/{dialect}/firmware.elf")
-    size, path = deepest(elf)
-    print(f"{size} bytes: {' > '.join(path)}")
-    makefile = (ROOT / "sw/firmware.mk").read_text()
-    reserved = int(re.search(r"^FIRMWARE_STACK := (\d+)$", makefile, re.MULTILINE)[1])
-    assert 0 < size <= reserved
+def test_the_deepest_stack_of_every_image_fits_the_reserved_memory():
+    make = ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", "firmware-images"]
+    done = subprocess.run(make, cwd=ROOT, check=True, capture_output=True, text=True)
+    images = done.stdout.split()
+    assert len(images) > len(DIALECTS)
+    for image in images:
+        size, path = deepest(build(image.replace(".hex", ".elf")))
+        print(f"{image}: {size} bytes: {' > '.join(path)}")
+        assert 0 < size <= reserved(), image
 
 
 @pytest.mark.figures
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_the_page_states_the_stack(dialect: str):
     size, _ = deepest(build("build/firmware.elf" if dialect == "card" else f"build/{dialect}/firmware.elf"))
-    assert f"| {dialect} | {size} of " in DOCUMENT.read_text(), f"{DOCUMENT.name}: stack of {dialect}"
+    assert f"| {dialect} | {size} of {reserved()} |" in DOCUMENT.read_text(), (
+        f"{DOCUMENT.name}: stack of {dialect}"
+    )
 
 
 # ---------------------------------------------------------------- coverage

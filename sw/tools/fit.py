@@ -15,6 +15,7 @@ import tomllib
 
 from rtl.command import run_main
 from rtl.sources import ROOT
+from sw.tools.stack import reserved
 
 CONFIG = "tiny"
 SHOWN = {
@@ -41,9 +42,8 @@ def needed(name: str) -> int:
         ["riscv64-unknown-elf-nm", elf], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout
     end = int(re.search(r"^(\w+) \w _bss_end$", symbols, re.MULTILINE)[1], 16)
-    stack = number("sw/firmware.mk", r"^FIRMWARE_STACK := (\d+)$")
     frames = number("regs/generated/frames.ld", r"FRAMES_BYTES = (\d+)")
-    return end + stack + frames
+    return end + reserved() + frames
 
 
 def table() -> list[str]:

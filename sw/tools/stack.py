@@ -32,6 +32,12 @@ JUMPS = CALLS | {"j", "tail"}
 INDIRECT = {"jalr", "jr"}
 
 
+def reserved() -> int:
+    """Bytes that the linker keeps for the stack in every image."""
+    makefile = (ROOT / "sw/firmware.mk").read_text()
+    return int(re.search(r"^FIRMWARE_STACK := (\d+)$", makefile, re.MULTILINE)[1])
+
+
 class StackError(Exception):
     """The error message, one line."""
 

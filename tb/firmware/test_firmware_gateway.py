@@ -10,6 +10,7 @@ import pytest
 
 from campaigns.flips import core as core_flips
 from regs.generated.mailbox import AREAS, FRAMES, REGISTERS
+from sw.tools.stack import reserved
 from tb.agents import rtu
 from tb.lib.seeds import seeded
 from tb.lib.shares import first
@@ -1315,7 +1316,7 @@ def test_the_stack_stays_far_from_the_variables():
         bench.wait(400)
     used = len(bench.gateway.memory) - bench.gateway.lowest_sp
     print(f"stack: {used} bytes")
-    assert 0 < used <= 160
+    assert 0 < used <= reserved()
 
 
 # ---------------------------------------------------------------- a drive line that is never silent

@@ -59,7 +59,7 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
     pointer, u32 = ctypes.c_void_p, ctypes.c_uint32
     for name, result, *arguments in [
         ("translate_init", None, pointer),
-        ("translate_is_sound", ctypes.c_bool, pointer),
+        ("translate_copy_settings", ctypes.c_bool, pointer),
         ("translate_request", ctypes.c_int, pointer, pointer, pointer, u32, ctypes.c_bool),
         ("translate_commit", None, pointer),
         ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
@@ -158,7 +158,7 @@ class Translator:
 
     @property
     def sound(self) -> bool:
-        return self.lib.translate_is_sound(self.memory)
+        return self.lib.translate_copy_settings(self.memory)
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
         """Prepares a request; `length` is the true length if it differs from that of `pdu`."""
