@@ -227,7 +227,7 @@ flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=,
 flips-report: | setup-test ## all shards of flips in build/fuzz as one table
 	@$(RUN) campaigns.flips.run --report
 
-core-flips: firmware | setup-test ## every flip of the core's registers while it makes a telegram (18 min)
+core-flips: firmware | setup-test ## every flip of the core while it serves a request (30 s)
 	@$(RUN) campaigns.flips.core --jobs $(JOBS)
 
 .PHONY: fuzz-page

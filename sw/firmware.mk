@@ -108,3 +108,9 @@ $(addsuffix /libtranslate.so,$(FIRMWARE_HOST_DIR) $(addprefix build/host/,$(FIRM
 	@mkdir -p $(@D)
 	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O1 -fPIC -shared -o $@ \
 		$(FIRMWARE_SOURCES) $(FIRMWARE_HOST)
+
+# The images on a machine, with flips (campaigns/flips/core.py).
+build/host/libcore.so: campaigns/flips/core_machine.c sw/port/host/mailbox_model.c $(FIRMWARE_HEADERS) sw/firmware.mk | $(SETUP)
+	@mkdir -p $(@D)
+	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O2 -fPIC -shared -o $@ \
+		campaigns/flips/core_machine.c sw/port/host/mailbox_model.c

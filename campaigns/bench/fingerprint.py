@@ -25,7 +25,7 @@ HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_mo
 HARNESS_PYTHON = [
     ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
 ]
-NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i", "test_flips", "test_fuzz")
+NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i", "test_core", "test_flips", "test_fuzz")
 DIGITS = 12
 TEXTS = ("bound", "page", "report")  # of the fuzzer; they change no verdict
 
@@ -67,7 +67,9 @@ def judge() -> str:
     others = (*NO_JUDGES, *TEXTS)
     python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in others)
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
-    return _digest([*map(_python, [*python, *AGENTS, *HARNESS_PYTHON]), *map(_code, [*HARNESS, *drive])])
+    core = [ROOT / "campaigns/flips/core_machine.c", ROOT / "sw/port/host/mailbox_model.c"]
+    code = [*HARNESS, *drive, *core]
+    return _digest([*map(_python, [*python, *AGENTS, *HARNESS_PYTHON]), *map(_code, code)])
 
 
 def shard(config: str = "standard") -> str:

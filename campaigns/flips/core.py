@@ -1,47 +1,86 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flips every bit of every register that the core reads while the firmware turns a request into a telegram.
+"""Flips every bit of the core that the firmware uses while it serves a request, and while it has none.
 
     python -m campaigns.flips.core [--image FILE] [--jobs N] [--only NAME]   # make core-flips
 
-The image of each card runs on the RV32I machine of the tests. A bit of x1 to x31 is inverted just before each
-instruction that reads the register, from the candidate until its telegram has left or the request is revoked.
-A flip between two such instructions is the same as one before the second of them, so these are all flips of a
-scenario. One more request follows; its telegram shows the control image that was left. All scenarios with the
-images of both cards write build/fuzz/core-flips.json. Exit 0: no telegram was altered (SAFE-4); 1: at least
-one was; 2: an invalid command line.
+The image of each card runs on an RV32I machine with the mailbox model (core_machine.c). Before each
+instruction of a scenario one bit flips: of a register that the instruction reads, of the program counter, or
+of the instruction while it is carried out. A flip between two instructions that read a register is the same
+as one before the second of them. A scenario goes from the candidate until the drive's answer is served, or
+the request is revoked. A command and a parameter's reading follow; their telegrams show the settings that
+were left. All scenarios with the images of both cards write build/fuzz/core-flips.json. Exit 0: no telegram
+was altered (SAFE-4); 1: at least one was; 2: an invalid command line.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import json
-import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
+from regs.generated.mailbox import AREAS, BASE, FRAMES_BYTES, REGISTERS
 from rtl.command import Parser, in_processes, run_main
 from rtl.sources import ROOT, configurations
 from tb.agents import rtu
 from tb.lib.options import at_least
 from tb.model import fc_telegram
-from tb.model.fake_mailbox import FakeMailbox
-from tb.model.fc_telegram import TelegramError
-from tb.model.rv32i import Hung, Machine
+from tb.model.firmware import build
 
 H = bytes.fromhex
 EARLIER = H("0F 0000 0020 04 7D04 1122")
 FOLLOWING = H("05 000B FF00")
-READ_514 = H("03 1413 0002")
-DRIVE_SAYS = H("0F03 2000")
+READ_514, READ_515 = H("03 1413 0002"), H("03 141D 0002")
 TEXT_WRITE = rtu.write_register(0, 0x0500)  # 40001: the index with which a write is of text
 # Without a round of the loop for so long the firmware hangs. The longest round of a request takes 800.
 LONGEST_ROUND = 4000
-STORE = 0x23  # opcode
+MEMORY = 8192  # bytes, for an image of no card
+
+# As in core_machine.c.
+ROUND, CANDIDATE, COMMIT, CHARACTER, TICK, TELEGRAM_ENDS, EXCHANGE_ROUND, DRIVE_SAYS, DRIVE_ENDS = range(9)
+OF_REGISTER, OF_PC, OF_WORD, OF_STORE = 1, 2, 4, 8
+ALL = OF_REGISTER | OF_PC | OF_WORD
+PLAYED, REFUSED_BY_BCC, STOPPED = range(3)
+
+
+class Step(ctypes.Structure):
+    """struct step."""
+
+    _fields_ = [(name, ctypes.c_uint8) for name in ("kind", "watched", "broadcast", "length")]
+    _fields_ += [("pdu", ctypes.c_uint8 * 32)]
+
+
+class FlipMade(ctypes.Structure):
+    """struct flip."""
+
+    _fields_ = [("instruction", ctypes.c_uint32), ("pc", ctypes.c_uint32)]
+    _fields_ += [(name, ctypes.c_uint8) for name in ("kind", "which", "bit")]
+
+    def __str__(self) -> str:
+        what = {OF_PC: "the program counter", OF_WORD: "the instruction"}.get(self.kind, f"x{self.which}")
+        return f"instruction {self.instruction} at {self.pc:#x}, {what}, bit {self.bit}"
+
+
+class Found(ctypes.Structure):
+    """struct found."""
+
+    _fields_ = [
+        ("ending", ctypes.c_uint32),
+        ("sent", ctypes.c_uint32),
+        ("length", ctypes.c_uint8 * 12),
+        ("byte", ctypes.c_uint8 * 32 * 12),
+        ("count", ctypes.c_uint32),
+        ("example", FlipMade * 8),
+    ]
+
+    def telegrams(self) -> list[bytes]:
+        return [bytes(self.byte[i][: self.length[i]]) for i in range(self.sent)]
 
 
 class CoreError(Exception):
@@ -50,7 +89,7 @@ class CoreError(Exception):
 
 @dataclass(frozen=True)
 class Scenario:
-    """One request, and what comes before it."""
+    """One request, and what comes before it. Without a PDU there is none, and some ticks pass."""
 
     name: str
     pdu: bytes
@@ -58,6 +97,7 @@ class Scenario:
     before: bytes | None = None  # a local write
     busy: bool = False  # the request comes while the drive answers another one
     revoked: bool = False  # a character follows before the request's t3.5 is over
+    local: bool = False  # the request needs no telegram
 
 
 SCENARIOS = (
@@ -73,10 +113,19 @@ SCENARIOS = (
     Scenario("06, a parameter, drive busy", rtu.write_register(2049, 0x1234), busy=True),
     Scenario("0F, coils 1-32, revoked", H("0F 0000 0020 04 7C04 9919"), revoked=True),
     Scenario("05, coil 11, revoked", H("05 000A FF00"), revoked=True),
+    Scenario("06, register 40001", rtu.write_register(0, 0x0002), local=True),
+    Scenario("10, registers 40001-40003", rtu.write_registers(0, [0x0002, 500, 20]), local=True),
+    Scenario("05, coil 65", H("05 0040 FF00"), local=True),
+    Scenario("01, coils 1-32", H("01 0000 0020"), local=True),
+    Scenario("03, registers 40001-40002", H("03 0000 0002"), local=True),
+    Scenario("2B", H("2B 0E 01 00"), local=True),
+    Scenario("no request", b"", local=True),
 )
-# Requests that any test can make.
+# Requests that any test can make, and that ask the drive.
 REQUESTS = tuple(
-    each.pdu for each in SCENARIOS if not (each.busy or each.broadcast or each.before or each.revoked)
+    each.pdu
+    for each in SCENARIOS
+    if not (each.busy or each.broadcast or each.before or each.revoked or each.local)
 )
 VALID = 0x04  # bit 10, in the control word's upper byte
 ALTERED = ("altered, bit 10 = 1", "altered, bit 10 = 0")
@@ -86,65 +135,65 @@ RESULTS = (*ALTERED, AS_ASKED, AGAIN, REFUSED, NOBODY, NONE)
 FILE = FOLDER / "core-flips.json"
 KEYS = {"cards", "flips", "results"}  # keys of that file
 
-
-def registers_read(word: int) -> set[int]:
-    """The registers that an RV32I instruction reads; x0 is none."""
-    opcode, rs1, rs2 = word & 0x7F, word >> 15 & 31, word >> 20 & 31
-    if opcode in (0x63, STORE, 0x33):  # branch, store, arithmetic of two registers
-        return {rs1, rs2} - {0}
-    return {rs1} - {0} if opcode in (0x67, 0x03, 0x13) else set()  # jalr, load, arithmetic of one
-
-
-def answer(telegram: bytes) -> bytes:
-    """What a drive answers to a telegram, both from ADR to PCD: a value of the asked kind."""
-    if len(telegram) == 5:
-        return DRIVE_SAYS
-    ak = {1: 2, 2: 1}.get(telegram[1] >> 4, 15)
-    return bytes([ak << 4 | telegram[1] & 0x0F]) + telegram[2:-4] + DRIVE_SAYS
+TWO_ROUNDS = [(ROUND,), (ROUND,)]
+EXCHANGE = [
+    (TELEGRAM_ENDS,),
+    *[(EXCHANGE_ROUND,)] * 2,
+    (DRIVE_SAYS,),
+    *[(EXCHANGE_ROUND,)] * 2,
+    (DRIVE_ENDS,),
+    *[(EXCHANGE_ROUND,)] * 2,
+]
 
 
-@dataclass
-class Stage:
-    """The machine with its mailbox."""
+def request(pdu: bytes, broadcast: bool = False, end: int = COMMIT) -> list[tuple]:
+    return [(CANDIDATE, pdu, broadcast), *TWO_ROUNDS, (end,), *TWO_ROUNDS]
 
-    image: bytes | None = None
-    mailbox: FakeMailbox = field(default_factory=FakeMailbox)
 
-    def __post_init__(self) -> None:
-        self.machine = Machine(self.mailbox.read, self.mailbox.write, program=self.image)
-        self.machine.longest_round = LONGEST_ROUND
+def before(scenario: Scenario) -> list[tuple]:
+    """Steps before the request. The first round is the start's."""
+    steps = [(ROUND,), *request(EARLIER), *EXCHANGE]
+    if scenario.before:
+        steps += request(scenario.before)
+    return steps + (request(READ_514) if scenario.busy else [])
 
-    def poll(self) -> None:
-        self.machine.poll()
-        self.machine.poll()
 
-    def commit(self) -> None:
-        self.mailbox.commit()
-        self.poll()
+def watched(scenario: Scenario) -> list[tuple]:
+    """The request, or some ticks, and what follows of it."""
+    if not scenario.pdu:
+        return [(ROUND,), *[(TICK,), (ROUND,)] * 3]
+    steps = request(scenario.pdu, scenario.broadcast, CHARACTER if scenario.revoked else COMMIT)
+    return [*steps, *EXCHANGE, *(EXCHANGE if scenario.busy else [])]
 
-    def revoke(self) -> None:
-        self.mailbox.character()
-        self.poll()
 
-    def request(self, pdu: bytes) -> None:
-        self.mailbox.candidate(pdu)
-        self.poll()
-        self.commit()
+def after() -> list[tuple]:
+    return [*EXCHANGE, *request(FOLLOWING), *EXCHANGE, *request(READ_515)]
 
-    def exchange(self) -> None:
-        """The telegram on the line ends, and the drive answers."""
-        if not self.mailbox.sending:
-            return
-        telegram = self.mailbox.telegrams[-1]
-        self.mailbox.telegram_ends()
-        self.poll()
-        if fc_telegram.is_broadcast(telegram[0]):
-            self.mailbox.pause_over()
-        else:
-            self.mailbox.drive_data(answer(telegram))
-            self.poll()
-            self.mailbox.bcc()
-        self.poll()
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    lib = ctypes.CDLL(str(build("build/host/libcore.so")))
+    u32 = ctypes.c_uint32
+    lib.core_load.argtypes = [ctypes.c_char_p, u32, u32, u32, u32, ctypes.c_char_p, ctypes.c_char_p]
+    lib.core_play.argtypes = [ctypes.POINTER(Step), u32, u32, u32]
+    lib.core_play.restype = lib.core_instructions.restype = u32
+    lib.core_found.argtypes, lib.core_found.restype = [u32], ctypes.POINTER(Found)
+    assert u32.in_dll(lib, "core_found_size").value == ctypes.sizeof(Found)
+    return lib
+
+
+def load(image: bytes, memory: int) -> None:
+    """The image into the machine, whose last bytes of memory are the frame memory's."""
+    registers, frames = bytearray(256), bytearray(FRAMES_BYTES)
+    for register in REGISTERS.values():
+        # The last one of a name at an offset; both have the same size.
+        registers[register.offset] = register.size
+    for area in AREAS.values():
+        for i in range(area.length):
+            frames[area.at(i)] = area.size
+    library().core_load(
+        image, len(image), memory - FRAMES_BYTES, LONGEST_ROUND, BASE, bytes(registers), bytes(frames)
+    )
 
 
 @dataclass
@@ -156,47 +205,36 @@ class Run:
     how: str = ""
 
 
-def play(
-    scenario: Scenario,
-    image: bytes | None = None,
-    before_each: Callable[[Machine], None] = lambda machine: None,
-    lost: bool = False,
-) -> Run:
-    """Plays a scenario, if `lost` without its request. `before_each` is called before its instructions."""
-    stage = Stage(image)
-    stage.request(EARLIER)
-    stage.exchange()
-    if scenario.before:
-        stage.request(scenario.before)
-    if scenario.busy:
-        stage.request(READ_514)
-    telegrams, machine = stage.mailbox.telegrams, stage.machine
-    run, begin, step = Run(list(telegrams)), len(telegrams), machine._step
+def _run(found: Found, earlier: list[bytes]) -> Run:
+    how = {PLAYED: "", REFUSED_BY_BCC: REFUSED, STOPPED: NONE}[found.ending]
+    return Run(earlier, found.telegrams()[len(earlier) :], how)
 
-    def watched() -> None:
-        before_each(machine)
-        step()
 
-    try:
-        if not lost:
-            stage.mailbox.candidate(scenario.pdu, scenario.broadcast)
-            machine._step = watched
-            stage.poll()
-            if scenario.revoked:
-                stage.revoke()
-            else:
-                stage.commit()
-            if scenario.busy:
-                stage.exchange()
-            machine._step = step
-        stage.exchange()
-        stage.request(FOLLOWING)
-    except TelegramError:
-        run.how = REFUSED
-    except (Hung, AssertionError):
-        run.how = NONE  # a trap or the watchdog
-    run.sent = telegrams[begin:]
-    return run
+def _play(
+    steps: list[tuple], watch: range = range(0), kinds: int = 0, part: int = 1
+) -> tuple[Found, list[Found]]:
+    """The run without a flip, and all results with one."""
+    made = (Step * len(steps))()
+    for i, (step, (kind, *request)) in enumerate(zip(made, steps, strict=True)):
+        step.kind, step.watched = kind, i in watch
+        if request:
+            pdu, step.broadcast = request
+            step.length = len(pdu)
+            step.pdu[: len(pdu)] = list(pdu)
+    lib = library()
+    count = lib.core_play(made, len(made), kinds, part)
+    if not count:
+        raise CoreError("more results or steps than the machine has")
+    sound, *flipped = [Found.from_buffer_copy(lib.core_found(i).contents) for i in range(count)]
+    return sound, flipped
+
+
+def play(scenario: Scenario, lost: bool = False) -> Run:
+    """Plays a scenario on the machine as it was loaded, if `lost` without its request."""
+    first = before(scenario)
+    earlier = _play(first)[0].telegrams()
+    between = (EXCHANGE if scenario.busy else []) if lost else watched(scenario)
+    return _run(_play([*first, *between, *after()])[0], earlier)
 
 
 def verdict(run: Run, sound: Run, lost: Run) -> str:
@@ -217,77 +255,37 @@ def verdict(run: Run, sound: Run, lost: Run) -> str:
 
 
 @dataclass
-class EveryFlip:
-    """Forks the process for each flip. A child has one flip, and plays on; the parent counts the results."""
+class Flips:
+    """The results of a scenario's flips, and the telegrams of those that altered one."""
 
-    scenario: Scenario
-    part: int = 1  # one of so many instructions
-    stores: bool = False  # stores only, and the lowest seven bits: the data go to another place nearby
+    instructions: int
     results: Counter = field(default_factory=Counter)
     found: list[str] = field(default_factory=list)
-    instructions: int = 0
-    report: int = 0  # of a child: its end of the pipe
-
-    def __call__(self, machine: Machine) -> None:
-        if self.report:
-            return
-        self.instructions += 1
-        if self.instructions % self.part:
-            return
-        word = int.from_bytes(machine.memory[machine.pc : machine.pc + 4], "little")
-        if self.stores and word & 0x7F != STORE:
-            return
-        for register in sorted(registers_read(word)):
-            for bit in range(7 if self.stores else 32):
-                if self._is_child(f"{machine.pc:#x} x{register} bit {bit}"):
-                    machine.x[register] ^= 1 << bit
-                    return
-
-    def _is_child(self, where: str) -> bool:
-        reading, writing = os.pipe()
-        child = os.fork()
-        if not child:
-            os.close(reading)
-            self.report = writing
-            return True
-        os.close(writing)
-        with os.fdopen(reading) as pipe:
-            result, _, sent = pipe.read().partition("\n")
-        os.waitpid(child, 0)
-        where = f"{self.scenario.name}: instruction {self.instructions} at {where}"
-        if result not in RESULTS:
-            raise CoreError(f"{where}: {result or 'no result'}")
-        self.results[result] += 1
-        if result in ALTERED:
-            self.found.append(f"{where}: {result}: {sent}")
-        return False
-
-    def end(self, result: str, sent: Iterable[bytes] = ()) -> None:
-        """The end of a child."""
-        telegrams = ", ".join(telegram.hex(" ") for telegram in sent)
-        os.write(self.report, f"{result}\n{telegrams}".encode())
-        os._exit(0)
 
 
 def every_flip(
-    scenario: Scenario, image: bytes | None = None, part: int = 1, stores: bool = False
-) -> EveryFlip:
-    """All flips of a scenario; or those before one of `part` instructions, or those of stores."""
-    sound, lost = play(scenario, image), play(scenario, image, lost=True)
-    if len(sound.sent) != (1 if scenario.revoked else 2) or sound.how:
+    scenario: Scenario, image: bytes, memory: int = MEMORY, kinds: int = ALL, part: int = 1
+) -> Flips:
+    """All flips of these kinds in a scenario, or those before one of `part` instructions."""
+    load(image, memory)
+    sound, lost = play(scenario), play(scenario, lost=True)
+    if len(sound.sent) != 2 + (not scenario.local and not scenario.revoked) or sound.how:
         raise CoreError(f"{scenario.name}: not served without a flip")
-    flips = EveryFlip(scenario, part, stores)
-    try:
-        run = play(scenario, image, flips)
+    first = before(scenario)
+    middle = watched(scenario)
+    watch = range(len(first), len(first) + len(middle))
+    _, found = _play([*first, *middle, *after()], watch, kinds, part)
+    flips = Flips(library().core_instructions())
+    for each in found:
+        run = _run(each, sound.earlier)
         result = verdict(run, sound, lost)
-    except Exception as error:
-        if not flips.report:
-            raise
-        flips.end(f"{type(error).__name__}: {error}")
-    if flips.report:
-        flips.end(result, run.sent)
-    if result != AS_ASKED:
-        raise CoreError(f"{scenario.name}: the run from which the flips start: {result}")
+        flips.results[result] += each.count
+        if result in ALTERED:
+            sent = ", ".join(telegram.hex(" ") for telegram in run.sent)
+            flips.found += [
+                f"{scenario.name}: {example}: {result}: {sent}"
+                for example in each.example[: min(each.count, len(each.example))]
+            ]
     return flips
 
 
@@ -296,10 +294,15 @@ def image_of(config: str) -> Path:
     return (ROOT / configurations()[config]["firmware_hex"]).with_suffix(".bin")
 
 
-def _work(work: tuple[str, Path, Scenario]) -> tuple[str, str, EveryFlip, float]:
+def memory_of(config: str) -> int:
+    return configurations()[config]["memory_bytes"] if config in configurations() else MEMORY
+
+
+def _work(work: tuple[str, Path, Scenario]) -> tuple[str, str, Flips, float]:
     of, path, scenario = work
     begin = time.monotonic()
-    return of, scenario.name, every_flip(scenario, path.read_bytes()), time.monotonic() - begin
+    flips = every_flip(scenario, path.read_bytes(), memory_of(of))
+    return of, scenario.name, flips, time.monotonic() - begin
 
 
 def keep(results: dict[str, dict[str, Counter]]) -> None:
@@ -325,7 +328,7 @@ def main() -> int:
         return 2
     chosen = [each for each in SCENARIOS if options.only in (None, each.name)]
     works = [(of, path, each) for of, path in images.items() for each in chosen]
-    print(f"core-flips: {len(works)} scenarios, each takes minutes", flush=True)
+    print(f"core-flips: {len(works)} scenarios, each takes seconds", flush=True)
     results: dict[str, dict[str, Counter]] = {of: {} for of in images}
     for of, name, flips, seconds in in_processes(options.jobs, _work, works):
         results[of][name] = flips.results

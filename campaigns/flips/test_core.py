@@ -1,93 +1,262 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flips of the core's registers: the flips are all of a scenario, the judge sees what SAFE-4 forbids."""
+"""Flips of the core: they are all of a scenario, and a planted flaw is found."""
 
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 import sys
+from collections import Counter
+from pathlib import Path
 
 import pytest
 
 from campaigns.flips import core
-from campaigns.flips.core import AGAIN, ALTERED, AS_ASKED, NOBODY, NONE, REFUSED, SCENARIOS, CoreError, Run
-from regs.generated.mailbox import AREAS
-from rtl.sources import configurations
-from tb.model.firmware import frame_memory
+from campaigns.flips.core import (
+    AGAIN,
+    ALTERED,
+    AS_ASKED,
+    NOBODY,
+    NONE,
+    OF_PC,
+    OF_REGISTER,
+    OF_STORE,
+    OF_WORD,
+    REFUSED,
+    SCENARIOS,
+    CoreError,
+    Flips,
+    Run,
+)
+from rtl.sources import ROOT, configurations
+from tb.model import fc_telegram
+from tb.model.fake_mailbox import FakeMailbox
 from tb.model.rv32i import Machine
 
 H = bytes.fromhex
 BY_NAME = {each.name: each for each in SCENARIOS}
 COMMAND, PARAMETER = H("81 047C 1999"), H("81 20CD 0000 00001234 0000 0000")
 NEXT, OTHER_NEXT = H("81 0C7C 1999"), H("81 0C7D 2211")
-
-
 IMAGES = {config: core.image_of(config).read_bytes() for config in configurations()}
+KINDS = {"register": OF_REGISTER, "program counter": OF_PC, "instruction": OF_WORD}
+every = pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda each: each.name)
+
+
+def flips_of(image: str, scenario: core.Scenario, kinds: int = core.ALL) -> Flips:
+    return core.every_flip(scenario, IMAGES[image], core.memory_of(image), kinds)
 
 
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize(
-    ("image", "name", "part"),
+    ("image", "name"),
     [
-        ("standard", "0F, coils 1-32", 61),
-        ("tiny", "06, a parameter, drive busy", 97),
-        ("tiny", "05, coil 11, revoked", 97),
-        *(
-            pytest.param(image, each.name, 11, marks=pytest.mark.slow)
-            for image in IMAGES
-            for each in SCENARIOS
-        ),
+        ("standard", "0F, coils 1-32"),
+        ("tiny", "06, a parameter, drive busy"),
+        ("tiny", "05, coil 11, revoked"),
+        ("tiny", "01, coils 1-32"),
+        *(pytest.param(image, each.name, marks=pytest.mark.slow) for image in IMAGES for each in SCENARIOS),
     ],
 )
-def test_no_flip_of_a_register_alters_a_telegram(image: str, name: str, part: int):
-    """Before one instruction of `part`; `make core-flips` has them all."""
-    flips = core.every_flip(BY_NAME[name], IMAGES[image], part)
+def test_no_flip_alters_a_telegram(image: str, name: str):
+    flips = flips_of(image, BY_NAME[name])
     assert not flips.found, flips.found
-    assert flips.results.total() >= 32 * (flips.instructions // part) // 2
+    assert flips.results.total() > 50 * flips.instructions
     assert flips.results[AS_ASKED] > flips.results.total() / 6 and flips.results[NONE] > 0, flips.results
 
 
-@pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize(("image", "name"), [("standard", "05, coil 11"), ("tiny", "06, a parameter")])
-def test_no_store_at_another_place_alters_a_telegram(image: str, name: str):
-    """Such as a BCC, a length or a check word beside its place, or a pointer to another transaction."""
-    flips = core.every_flip(BY_NAME[name], IMAGES[image], stores=True)
-    assert not flips.found, flips.found
-    assert flips.results.total() > 1000
+# ---------------------------------------------------------------- the machine
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda each: each.name)
-def test_each_scenario_is_served_without_a_flip(scenario):
-    """Its telegram, if not revoked, and that of the next request; without it the next request's alone."""
-    sound, lost = core.play(scenario), core.play(scenario, lost=True)
-    assert len(sound.sent) == 2 - scenario.revoked and len(lost.sent) == 1 and not sound.how
-    assert core.verdict(sound, sound, lost) == AS_ASKED
-    assert core.verdict(lost, sound, lost) == (AS_ASKED if scenario.revoked else NONE)
+def played_in_python(scenario: core.Scenario, image: bytes) -> tuple[list[bytes], list[int]]:
+    """The telegrams of a scenario on the machine of the tests, and the words of the watched instructions."""
+    mailbox = FakeMailbox()
+    machine = Machine(mailbox.read, mailbox.write, program=image)
+    words: list[int] = []
+    step = machine._step
+
+    def watched() -> None:
+        words.append(int.from_bytes(machine.memory[machine.pc : machine.pc + 4], "little"))
+        step()
+
+    def do(kind: int, pdu: bytes = b"", broadcast: bool = False) -> None:
+        nonlocal exchanging
+        match kind:
+            case core.ROUND:
+                machine.poll()
+            case core.CANDIDATE:
+                mailbox.candidate(pdu, broadcast)
+            case core.COMMIT:
+                mailbox.commit()
+            case core.CHARACTER:
+                mailbox.character()
+            case core.TICK:
+                mailbox.ticks += 1
+            case core.TELEGRAM_ENDS:
+                exchanging = bool(mailbox.sending)
+                mailbox.telegram_ends()
+            case core.EXCHANGE_ROUND if exchanging:
+                machine.poll()
+            case core.DRIVE_SAYS if exchanging and fc_telegram.is_broadcast(mailbox.telegrams[-1][0]):
+                mailbox.pause_over()
+            case core.DRIVE_SAYS if exchanging:
+                mailbox.drive_data(answer(mailbox.telegrams[-1]))
+            case core.DRIVE_ENDS if exchanging:
+                mailbox.bcc(True)
+
+    exchanging = False
+    for each in core.before(scenario)[1:]:  # the machine has played the first round
+        do(*each)
+    machine._step = watched
+    for each in core.watched(scenario):
+        do(*each)
+    machine._step = step
+    for each in core.after():
+        do(*each)
+    return mailbox.telegrams, words
 
 
-def changed_in_memory(offset: int, mask: int):
-    """Inverts bits of a telegram that waits in the frame memory, BCC included: what no flip may lead to."""
-    place = AREAS["TELEGRAM_FRAME"]
-    done = []
-
-    def change(machine: Machine) -> None:
-        memory = frame_memory()
-        if not done and memory[place.at(0)] == COMMAND[0] and memory[place.at(4)] == COMMAND[4]:
-            for at in (offset, len(COMMAND)):
-                memory[place.at(at)] ^= mask
-            done.append(True)
-
-    return change
+def answer(telegram: bytes) -> bytes:
+    """What a drive answers to a telegram, both from ADR to PCD: a value of the asked kind."""
+    if len(telegram) == 5:
+        return H("0F03 2000")
+    ak = {1: 2, 2: 1}.get(telegram[1] >> 4, 15)
+    return bytes([ak << 4 | telegram[1] & 0x0F]) + telegram[2:-4] + H("0F03 2000")
 
 
-@pytest.mark.rule("SAFE-4")
+def registers_read(word: int) -> set[int]:
+    """The registers that an RV32I instruction reads; x0 is none."""
+    opcode, rs1, rs2 = word & 0x7F, word >> 15 & 31, word >> 20 & 31
+    if opcode in (0x63, 0x23, 0x33):  # branch, store, arithmetic of two registers
+        return {rs1, rs2} - {0}
+    return {rs1} - {0} if opcode in (0x67, 0x03, 0x13) else set()  # jalr, load, arithmetic of one
+
+
+@every
+@pytest.mark.parametrize("image", IMAGES)
+def test_both_machines_play_the_same(image: str, scenario: core.Scenario):
+    """The same telegrams, and instructions that read the same registers."""
+    telegrams, words = played_in_python(scenario, IMAGES[image])
+    flips = core.every_flip(scenario, IMAGES[image], kinds=OF_REGISTER)
+    run = core.play(scenario)
+    assert run.earlier + run.sent == telegrams
+    assert flips.instructions == len(words)
+    assert flips.results.total() == 32 * sum(len(registers_read(word)) for word in words)
+
+
 @pytest.mark.parametrize(
-    ("offset", "mask", "result"), [(3, 1, ALTERED[0]), (1, 4, ALTERED[1]), (0, 2, NOBODY)]
+    ("word", "registers"),
+    [
+        (0x00F58223, {11, 15}),  # sb a5,4(a1)
+        (0xFFC72783, {14}),  # lw a5,-4(a4)
+        (0x00D787B3, {15, 13}),  # add a5,a5,a3
+        (0xFEC766E3, {14, 12}),  # bltu a4,a2
+        (0x00300513, set()),  # li a0,3
+        (0x00008067, {1}),  # ret
+        (0xF29FF06F, set()),  # j
+        (0x123452B7, set()),  # lui
+    ],
 )
-def test_a_changed_telegram_is_altered(offset, mask, result):
-    scenario = BY_NAME["0F, coils 1-32"]
+def test_registers_that_an_instruction_reads(word, registers):
+    assert registers_read(word) == registers
+
+
+def test_flips_are_of_each_bit():
+    """Eleven bits of the program counter and 32 of the instruction; of a store, seven of each register."""
+    scenario = BY_NAME["no request"]
+    by_kind = {name: flips_of("standard", scenario, kinds) for name, kinds in KINDS.items()}
+    assert by_kind["program counter"].results.total() == 11 * by_kind["program counter"].instructions
+    assert by_kind["instruction"].results.total() == 32 * by_kind["instruction"].instructions
+    together = sum((flips.results for flips in by_kind.values()), Counter())
+    assert flips_of("standard", scenario).results == together
+    _, words = played_in_python(scenario, IMAGES["standard"])
+    stores = [word for word in words if word & 0x7F == 0x23]
+    assert flips_of("standard", scenario, OF_STORE).results.total() == 7 * sum(
+        len(registers_read(word)) for word in stores
+    )
+
+
+def test_a_scenario_that_is_not_served_is_an_error():
+    with pytest.raises(CoreError, match="no request: not served without a flip"):
+        core.every_flip(BY_NAME["no request"], bytes(1000))
+
+
+def test_more_steps_than_the_machine_has_are_an_error():
+    with pytest.raises(CoreError, match="more results or steps"):
+        core._play([(core.ROUND,)] * 129)
+
+
+# ---------------------------------------------------------------- planted flaws
+
+# File, what it says, what it is to say, scenario, kind of the flips that find it.
+PLANTED = {
+    "passes that are not compared": (
+        "gateway.c",
+        "difference ^= guard_of(&g->translator, g->newest);",
+        "difference = guard_of(&g->translator, g->newest) & 0u;",
+        "0F, coils 1-32",
+        "register",
+    ),
+    "a telegram's place that is not filled": (
+        "gateway.c",
+        "ADR_OF_NO_DRIVE + STEP * i);",
+        "ADR_OF_NO_DRIVE * (i == 0));",
+        "06, a parameter",
+        "instruction",
+    ),
+    "a commit without the key": (
+        "gateway.c",
+        "g->newest->check + state_of(request));",
+        "g->newest->check + GUARD_KEY + (request & 0u));",
+        "0F, coils 1-32, revoked",
+        "program counter",
+    ),
+    "a guard word that is not kept": (
+        "gateway.c",
+        "g->newest->check + state_of(request));",
+        "g->translator.next.word[GUARD] + state_of(request));",
+        "01, coils 1-32",
+        "program counter",
+    ),
+}
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("flaw", PLANTED)
+def test_a_planted_flaw_is_found(flaw: str, tmp_path: Path):
+    file, right, wrong, name, kind = PLANTED[flaw]
+    for folder in ("sw", "regs/generated"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    shutil.copy(ROOT / "configs.toml", tmp_path)
+    (tmp_path / "constraints").mkdir()
+    shutil.copy(ROOT / "constraints/boards.toml", tmp_path / "constraints")
+    path = tmp_path / "sw/src" / file
+    assert path.read_text().count(right) == 1
+    path.write_text(path.read_text().replace(right, wrong))
+    subprocess.run(
+        ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", "build/firmware.bin"],
+        cwd=tmp_path,
+        check=True,
+    )
+    image = (tmp_path / "build/firmware.bin").read_bytes()
+    assert image != IMAGES["standard"]
+    flips = core.every_flip(BY_NAME[name], image, kinds=KINDS[kind])
+    assert sum(flips.results[result] for result in ALTERED) and flips.found, flips.results
+    print(f"{flaw}: {flips.found[0]}")
+
+
+# ---------------------------------------------------------------- verdicts
+
+
+@every
+def test_each_scenario_is_served_without_a_flip(scenario: core.Scenario):
+    """Its telegram, if not revoked or local, and those of the next requests; without it these alone."""
+    core.load(IMAGES["standard"], core.MEMORY)
     sound, lost = core.play(scenario), core.play(scenario, lost=True)
-    run = core.play(scenario, before_each=changed_in_memory(offset, mask))
-    assert core.verdict(run, sound, lost) == result, run
+    own = not scenario.revoked and not scenario.local
+    assert len(sound.sent) == 2 + own and len(lost.sent) == 2 and not sound.how
+    assert core.verdict(sound, sound, lost) == AS_ASKED
+    assert core.verdict(lost, sound, lost) == (NONE if own else AS_ASKED)
 
 
 @pytest.mark.parametrize(
@@ -113,49 +282,26 @@ def test_verdicts(sent, how, result):
     assert core.verdict(Run([PARAMETER], sent, how), sound, lost) == result
 
 
-@pytest.mark.parametrize(
-    ("word", "registers"),
-    [
-        (0x00F58223, {11, 15}),  # sb a5,4(a1)
-        (0xFFC72783, {14}),  # lw a5,-4(a4)
-        (0x00D787B3, {15, 13}),  # add a5,a5,a3
-        (0xFEC766E3, {14, 12}),  # bltu a4,a2
-        (0x00300513, set()),  # li a0,3
-        (0x00008067, {1}),  # ret
-        (0xF29FF06F, set()),  # j
-        (0x123452B7, set()),  # lui
-    ],
-)
-def test_registers_that_an_instruction_reads(word, registers):
-    assert core.registers_read(word) == registers
-
-
-def test_a_child_that_fails_is_an_error(monkeypatch):
-    def fail(*runs):
-        raise KeyError("x")
-
-    monkeypatch.setattr(core, "verdict", fail)
-    with pytest.raises(CoreError, match=r"instruction 300 at 0x\w+ x\d+ bit 0: KeyError"):
-        core.every_flip(BY_NAME["05, coil 11"], part=300)
+# ---------------------------------------------------------------- the command
 
 
 def test_an_altered_telegram_makes_the_command_fail(monkeypatch, capsys):
-    """Each flip reports an altered telegram; one scenario, one instruction of 300, no result file."""
-    end = core.EveryFlip.end
-    monkeypatch.setattr(core.EveryFlip, "end", lambda self, result, sent=(): end(self, ALTERED[1], sent))
-    monkeypatch.setattr(core.every_flip, "__defaults__", (None, 300, False))
+    """One scenario, no result file."""
+    found = Flips(1, Counter({ALTERED[1]: 1, AS_ASKED: 2}), ["05, coil 11: the flip"])
+    monkeypatch.setattr(core, "every_flip", lambda *given: found)
     monkeypatch.setattr(core, "FILE", core.FOLDER / "none.json")
     monkeypatch.setattr(sys, "argv", ["core-flips", "--only", "05, coil 11"])
     assert core.main() == 1
     said = capsys.readouterr().out.splitlines()
     for config in IMAGES:
-        at = next(i for i, line in enumerate(said) if line.startswith(f"{config}: 05, coil 11: "))
-        assert said[at + 1].startswith("05, coil 11: instruction ")
+        at = next(i for i, line in enumerate(said) if line.startswith(f"{config}: 05, coil 11: 3 flips"))
+        assert said[at + 1] == "05, coil 11: the flip"
+    assert "      2  altered, bit 10 = 0" in said
     assert not core.FILE.exists()
 
 
 def test_results_of_all_scenarios_are_kept(monkeypatch, tmp_path):
-    monkeypatch.setattr(core.every_flip, "__defaults__", (None, 300, False))
+    monkeypatch.setattr(core.every_flip, "__defaults__", (core.MEMORY, core.ALL, 300))
     monkeypatch.setattr(core, "FILE", tmp_path / "fuzz/core-flips.json")
     monkeypatch.setattr(sys, "argv", ["core-flips"])
     assert core.main() == 0

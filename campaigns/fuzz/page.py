@@ -72,7 +72,7 @@ def core_table(config: str, results: dict[str, dict[str, int]]) -> list[str]:
         f"| {name} | " + " | ".join(f"{found.get(what, 0):,}" for what in core.RESULTS) + " |"
         for name, found in results.items()
     ]
-    titles = f"| request to the {config} card | {' | '.join(core.RESULTS)} |"
+    titles = f"| scenario on the {config} card | {' | '.join(core.RESULTS)} |"
     return [titles, f"|---|{'---:|' * len(core.RESULTS)}", *rows]
 
 

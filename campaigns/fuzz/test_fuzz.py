@@ -649,7 +649,7 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
         "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
         "| wrong-order | EXC: address before quantity | not found |",
         "`make core-flips`: 4,000 flips",
-        "| request to the standard card | altered, bit 10 = 1 | altered, bit 10 = 0 | as asked |",
+        "| scenario on the standard card | altered, bit 10 = 1 | altered, bit 10 = 0 | as asked |",
         "| 06 | 0 | 0 | 2,999 | 0 | 0 | 0 | 1 |",
         "8 flips of both cards: 0 unrequested or altered telegrams and stuck drivers, at most 4.4e-01",
         "standard card `one`, firmware `two`: 4 flips in 1 shards, 4 at 9600 bit/s 8O1, in 2 minutes",

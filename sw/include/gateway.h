@@ -42,7 +42,6 @@ struct gateway {
     bool network_online;          /* LED-3 */
     bool drive_online;            /* LED-4 */
     struct leds leds;
-    bool testing; /* the loop-back test runs, no request is served */
     struct loopback loopback;
 };
 

@@ -34,7 +34,7 @@ enum setting {
     LOCAL_REGISTERS,
     CONTROL = LOCAL_REGISTERS, /* coils 1-32: CTW, and REF in the high half */
     EEPROM,                    /* coil 65 */
-    GUARD,                     /* makes the sum of all words and both addresses 0 (docs/hardening.md, Guarded settings) */
+    GUARD,                     /* makes the sum 0 (docs/hardening.md, Guarded settings) */
     SETTINGS,
 };
 
@@ -77,7 +77,9 @@ struct transaction {
         uint8_t reply[REPLY_PDU_MAX];
         union telegram telegram;
     } out;
-    uint32_t check; /* of the telegram's bytes and their places (docs/hardening.md, Telegram made twice) */
+    /* Of the telegram's bytes and their places; after both passes, the guard word of the settings that the commit brings
+     * (docs/hardening.md, Telegram made twice, Prepared settings). */
+    uint32_t check;
 };
 
 #endif

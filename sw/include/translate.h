@@ -37,7 +37,9 @@ bool translate_copy_settings(struct translator *t);
 enum outcome translate_request(struct translator *t, struct transaction *txn, frame_byte *pdu,
                                uint32_t pdu_length, bool broadcast);
 
-void translate_commit(struct translator *t);
+/* guard: the guard word of the settings that translate_request left, and GUARD_KEY. With another one the settings are
+ * those with a flipped bit (docs/hardening.md, Prepared settings). */
+void translate_commit(struct translator *t, uint32_t guard);
 
 /* data: byte i of the telegram's data at index i, from byte 24 on at 24 + i % 4; lge as received. */
 enum outcome translate_drive_reply(struct translator *t, struct transaction *txn, frame_byte *data,

@@ -61,13 +61,13 @@ static enum outcome write_run(struct translator *t, struct transaction *txn, uin
     uint32_t mask;
 
     if (txn->address == COIL_EEPROM) {
-        guard_set(&t->next, EEPROM, bits & 1u);
+        guard_set_coils(&t->next, EEPROM, bits & 1u);
         return reply_confirm(txn);
     }
     /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): decode() admits 1 to 32 (EXC 3) */
     mask = UINT32_MAX >> (CONTROL_COILS - quantity) << txn->address;
     control = (control & ~mask) | (bits << txn->address & mask);
-    guard_set(&t->next, CONTROL, control);
+    guard_set_coils(&t->next, CONTROL, control);
     return telegram_process(txn, control);
 }
 

@@ -207,7 +207,7 @@ enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_
 
 void diagnostics_commit(const struct transaction *txn)
 {
-    ++*mailbox_counter(COUNT_REQUESTS);
+    mailbox_count(mailbox_counter(COUNT_REQUESTS));
     if (txn->reply_length == 0)
         return; /* the drive is asked, or nobody */
     diagnostics_done(txn);
@@ -218,7 +218,7 @@ void diagnostics_commit(const struct transaction *txn)
 void diagnostics_done(const struct transaction *txn)
 {
     if (txn->reply_length != 0 && txn->out.reply[0] & 0x80)
-        ++*mailbox_counter(COUNT_EXCEPTIONS);
+        mailbox_count(mailbox_counter(COUNT_EXCEPTIONS));
     else if (txn->function != EVENT_COUNTER)
-        ++*mailbox_counter(COUNT_COMPLETED);
+        mailbox_count(mailbox_counter(COUNT_COMPLETED));
 }

@@ -54,7 +54,8 @@ static void queue_telegram(struct gateway *g, uint32_t options)
 }
 
 /* Copies the telegram to the frame memory from its end (docs/hardening.md, Telegram address last). Four bytes a step
- * (PERF-2): up to two bytes after the BCC come along, and are not sent. */
+ * (PERF-2): up to two bytes after the BCC come along, and are not sent. Each has a register of its own: with one for
+ * all, a store left out by a flipped program counter would exchange two bytes, which the BCC does not show (SAFE-4). */
 static void copy_telegram(const struct transaction *txn)
 {
     const uint32_t length = (txn->telegram_length + 3u) & ~3u;
@@ -62,12 +63,18 @@ static void copy_telegram(const struct transaction *txn)
     const uint8_t *from = txn->out.telegram.byte + length;
 
     do {
-        frame -= 4;
+        uint8_t byte0 = from[-4];
+        uint8_t byte1 = from[-3];
+        uint8_t byte2 = from[-2];
+        uint8_t byte3 = from[-1];
+
+        __asm__("" : "+r"(byte0), "+r"(byte1), "+r"(byte2), "+r"(byte3));
         from -= 4;
-        frame[3].byte = from[3];
-        frame[2].byte = from[2];
-        frame[1].byte = from[1];
-        frame[0].byte = from[0];
+        frame -= 4;
+        frame[3].byte = byte3;
+        frame[2].byte = byte2;
+        frame[1].byte = byte1;
+        frame[0].byte = byte0;
     } while (from != txn->out.telegram.byte);
 }
 
@@ -135,15 +142,21 @@ static void revoke_telegram(void)
     mailbox_frame(TELEGRAM_FRAME)->byte = 0;
 }
 
+/* Ends the licence, and fills the telegram's memory with bytes of which each is another: with one of them in the place of
+ * its own, the next telegram has a wrong BCC (docs/hardening.md, Telegram's place filled). */
 static void end_exchange(struct gateway *g)
 {
-    revoke_telegram();
+    enum { BYTES = 32, ADR_OF_NO_DRIVE = 0xFF, STEP = 4 };
+    uint32_t i;
+
+    for (i = 0; i < BYTES; i++)
+        mailbox_put(&mailbox_frame(TELEGRAM_FRAME)[i].byte, ADR_OF_NO_DRIVE + STEP * i);
     g->exchange = EXCHANGE_IDLE;
 }
 
 static void abandon_exchange(struct gateway *g)
 {
-    (*mailbox_counter(COUNT_DRIVE_NO_REPLY))++;
+    mailbox_count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
     g->drive_online = false;
     if (translate_drive_silent(g->at_drive) == OUTCOME_REPLY) {
         queue_reply(g, g->at_drive, 0);
@@ -162,7 +175,7 @@ static void repeat_or_abandon(struct gateway *g)
         return;
     }
     g->repeated = true;
-    (*mailbox_counter(COUNT_DRIVE_REPEAT))++;
+    mailbox_count(mailbox_counter(COUNT_DRIVE_REPEAT));
     queue_telegram(g, ACTION(REPEAT));
 }
 
@@ -209,9 +222,11 @@ static void poll_leaving(struct gateway *g, uint32_t state)
 /* Prepares the reply while the BCC of the drive's telegram is still on the line (PERF-3). */
 static void evaluate_reply(struct gateway *g)
 {
-    g->reply_outcome = (uint8_t)translate_drive_reply(
-        &g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME), mailbox_frame(DRIVE_LGE)->byte);
-    if (g->reply_outcome == OUTCOME_REPLY)
+    const enum outcome outcome = translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME),
+                                                       mailbox_byte(&mailbox_frame(DRIVE_LGE)->byte));
+
+    g->reply_outcome = (uint8_t)outcome;
+    if (outcome == OUTCOME_REPLY)
         queue_reply(g, g->at_drive, MAILBOX__REPLY__AFTER_DRIVE_bm);
 }
 
@@ -265,7 +280,7 @@ static void start_stop(struct gateway *g)
         return;
     start_exchange(g, txn, ACTION(WAITING) | MAILBOX__TELEGRAM__STOP_bm);
     if (mailbox_read(EXCHANGE) & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__STARTED_bm))
-        translate_commit(&g->translator);
+        translate_commit(&g->translator, g->translator.next.word[GUARD] + GUARD_KEY);
     else
         end_exchange(g);
 }
@@ -333,55 +348,60 @@ static enum outcome translate_newest(struct gateway *g)
 {
     enum { ADDRESS_AND_CRC = 3 };
     frame_byte *adu;
-    uint8_t address;
+    uint32_t address;
 
     g->newest = free_slot(g);
+    g->newest->check = 0; /* or the second pass could leave the check word of the first */
     /* Now, while no register holds anything that the call would move to the stack (PERF-2). */
     if (!translate_copy_settings(&g->translator))
-        return OUTCOME_SILENT; /* (docs/hardening.md, Guarded settings) */
+        return OUTCOME_NOT_A_REPLY; /* (docs/hardening.md, Guarded settings) */
     adu = request_adu();
-    address = adu->byte;
-    mailbox_frame(REPLY_FRAME)->byte = address;
+    address = mailbox_byte(&adu->byte);
+    mailbox_put(&mailbox_frame(REPLY_FRAME)->byte, address);
     /* LENGTH shows an ADU of 256 bytes as 0. */
     return translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - ADDRESS_AND_CRC) & 0xFF,
                              address == 0);
 }
 
-/* A telegram leaves only if both passes, each from the mailbox registers on, made the same one (docs/hardening.md,
- * Telegram made twice). */
+/* A telegram leaves, and settings change, only if both passes agree, each from the mailbox registers on (docs/hardening.md,
+ * Telegram made twice). A reading without a telegram has one pass; its commit leaves the settings as they are. */
 static enum outcome translate_twice(struct gateway *g)
 {
     uint32_t passes = 2;
     uint32_t difference = 0;
+    enum outcome outcome;
 
+    g->wants_drive = false;
     do {
-        const enum outcome outcome = translate_newest(g);
-
-        if (outcome != OUTCOME_EXCHANGE)
+        outcome = translate_newest(g);
+        if (outcome == OUTCOME_NOT_A_REPLY)
             return outcome;
+        if (outcome != OUTCOME_EXCHANGE && !is_write(g->newest)) {
+            g->newest->check = g->translator.settings.word[GUARD] - GUARD_KEY;
+            return outcome;
+        }
         difference ^= guard_of(&g->translator, g->newest);
-        g->newest->check = 0; /* or the second pass could leave the check word of the first */
     } while (--passes != 0);
-    g->wants_drive = difference == 0;
-    guard_require_zero(&g->translator.next, difference);
-    return OUTCOME_EXCHANGE;
+    g->newest->check = g->translator.next.word[GUARD] ^ difference;
+    g->wants_drive = (((uint32_t)outcome ^ OUTCOME_EXCHANGE) | difference) == 0;
+    return outcome;
 }
 
 static void prepare(struct gateway *g, uint8_t ticket)
 {
     g->ticket = ticket;
     g->uncommitted = true;
-    g->wants_drive = false;
     if (translate_twice(g) == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
 }
 
-/* A candidate is never committed, even if a flipped bit leads here (docs/hardening.md, Committed by two bits). */
-static bool is_committed(uint32_t request)
+/* GUARD_KEY for a committed request. */
+static uint32_t state_of(uint32_t request)
 {
-    const uint32_t both = MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm;
-
-    return (request & both) == MAILBOX__REQUEST__COMMITTED_bm;
+#if MAILBOX__REQUEST__COMMITTED_bm != GUARD_KEY
+#error "GUARD_KEY is not the register's bit"
+#endif
+    return request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm);
 }
 
 /* The committed write takes the place of its kind; a write that waited there is replaced (FRAME-7). */
@@ -408,10 +428,11 @@ static void watch_master(const struct gateway *g)
                                   (translate_is_running(&g->translator) ? MAILBOX__SUPERVISOR__RUNNING_bm : 0u));
 }
 
-static void commit(struct gateway *g)
+/* `request` is the other reading than the one that led here (docs/hardening.md, Committed by two bits). */
+static void commit(struct gateway *g, uint32_t request)
 {
     g->uncommitted = false;
-    translate_commit(&g->translator);
+    translate_commit(&g->translator, g->newest->check + state_of(request));
     if (MASTER_LOSS_STOP)
         watch_master(g);
     if (DIAGNOSTICS)
@@ -442,8 +463,8 @@ static void poll_request(struct gateway *g)
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }
-    if (is_committed(request) && is_committed(again) && g->uncommitted)
-        commit(g);
+    if (state_of(request) == GUARD_KEY && g->uncommitted)
+        commit(g, again);
 }
 
 /* ---- time, LEDs, event counters */
@@ -481,7 +502,7 @@ static void poll_events(void)
     mailbox_write(EVENTS, events);
     for (; events != 0; events >>= 1, counter += FRAME_STRIDE / sizeof *counter)
         if (events & 1u)
-            ++*counter;
+            mailbox_count(counter);
 }
 
 /* ---- the poll loop */
@@ -510,8 +531,7 @@ bool gateway_is_idle(const struct gateway *g)
  * there is none: no request is served since the start. */
 bool gateway_poll(struct gateway *g)
 {
-    g->testing = loopback_poll(&g->loopback, g->now, &g->leds);
-    if (g->testing)
+    if (loopback_poll(&g->loopback, g->now, &g->leds))
         forget_request(g);
     else
         poll_request(g);

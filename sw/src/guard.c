@@ -9,17 +9,28 @@ uint32_t guard_copy(struct settings *to, const struct settings *from)
     /* Without the loop the copy takes half as long (PERF-2). */
 #pragma GCC unroll 6
     for (i = 0; i < SETTINGS; i++)
-        sum += to->word[i] = from->word[i];
+        if (i == CONTROL || i == EEPROM)
+            sum -= to->word[i] = from->word[i];
+        else
+            sum += to->word[i] = from->word[i];
     /* The addresses last: a flip of their registers during the copy shows, too (SAFE-4). */
     __asm__("" : "+r"(from), "+r"(to), "+r"(sum));
     return sum + (uint32_t)(uintptr_t)from + (uint32_t)(uintptr_t)to;
 }
 
-void guard_set(struct settings *settings, uint32_t which, uint32_t value)
+void guard_set_local(struct settings *settings, uint32_t which, uint32_t value)
 {
     uint32_t *word = &settings->word[which];
 
     settings->word[GUARD] += *word - value;
+    *word = value;
+}
+
+void guard_set_coils(struct settings *settings, uint32_t which, uint32_t value)
+{
+    uint32_t *word = &settings->word[which];
+
+    settings->word[GUARD] += value - *word;
     *word = value;
 }
 
@@ -29,9 +40,4 @@ void guard_set(struct settings *settings, uint32_t which, uint32_t value)
 uint32_t guard_of(const struct translator *t, const struct transaction *txn)
 {
     return t->next.word[GUARD] << 2 ^ txn->check;
-}
-
-void guard_require_zero(struct settings *settings, uint32_t difference)
-{
-    settings->word[GUARD] ^= difference;
 }

@@ -41,11 +41,14 @@ static bool is_text(const struct translator *t, const struct transaction *txn)
 
 uint32_t registers_limit(const struct translator *t, struct transaction *txn)
 {
+    /* The telegram's kind follows from this, too. Never that of an older request (SAFE-4). */
+    txn->expects = EXPECT_NUMBER;
     if (is_local(txn))
         return LOCAL_REGISTERS;
-    /* The telegram's kind follows from this, too. */
-    txn->expects = is_text(t, txn) ? EXPECT_TEXT : EXPECT_NUMBER;
-    return txn->expects == EXPECT_TEXT ? LIMIT_TEXT : LIMIT_NUMBER;
+    if (!is_text(t, txn))
+        return LIMIT_NUMBER;
+    txn->expects = EXPECT_TEXT;
+    return LIMIT_TEXT;
 }
 
 /* Finds the parameter that starts at the address (MAP-6). The CPU cannot divide: n/10 is computed as 0.8n/8. */
@@ -135,7 +138,7 @@ enum outcome registers_read(struct translator *t, struct transaction *txn, frame
         ak = AK_TEXT;
         ind |= IND_TEXT_READ;
     }
-    return telegram_parameter(txn, ak, ind, PWE_BYTES, data, 0);
+    return telegram_parameter(txn, ak, PWE_BYTES, ind, 0, data);
 }
 
 static enum outcome write_local(struct translator *t, struct transaction *txn, frame_byte *data, uint32_t quantity)
@@ -149,7 +152,7 @@ static enum outcome write_local(struct translator *t, struct transaction *txn, f
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
         return reply_exception(txn, TRAITS.bad_value);
     for (; i < end; i++, data += 2)
-        guard_set(&t->next, i, word_at(data));
+        guard_set_local(&t->next, i, word_at(data));
     return reply_confirm(txn);
 }
 
@@ -167,12 +170,12 @@ static enum outcome write_run(struct translator *t, struct transaction *txn, fra
     if (!find_parameter(txn))
         return reply_exception(txn, TRAITS.bad_address);
     if (txn->expects == EXPECT_TEXT)
-        return telegram_parameter(txn, AK_TEXT, IND_TEXT_WRITE | index, 0, data, bytes);
+        return telegram_parameter(txn, AK_TEXT, 0, IND_TEXT_WRITE | index, bytes, data);
     if (quantity == 1)
         ak = store ? AK_STORE_WORD : AK_WRITE_WORD;
     else
         ak = store ? AK_STORE_DOUBLE : AK_WRITE_DOUBLE;
-    return telegram_parameter(txn, ak, index, PWE_BYTES - bytes, data, bytes);
+    return telegram_parameter(txn, ak, PWE_BYTES - bytes, index, bytes, data);
 }
 
 enum outcome register_write(struct translator *t, struct transaction *txn, frame_byte *data)

@@ -54,8 +54,8 @@ enum outcome telegram_process(struct transaction *txn, uint32_t control)
     return end(txn, begin(txn), control, control >> 16);
 }
 
-enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t ind, uint32_t zeros,
-                                frame_byte *data, uint32_t bytes)
+enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t zeros, uint32_t ind,
+                                uint32_t bytes, frame_byte *data)
 {
     uint8_t *at = begin(txn);
     uint8_t *to;

@@ -10,8 +10,8 @@
 enum outcome telegram_process(struct transaction *txn, uint32_t control);
 
 /* A telegram with a parameter field. PWE, or the text, is `zeros` zero bytes and then `bytes` bytes of data. */
-enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t ind, uint32_t zeros,
-                                frame_byte *data, uint32_t bytes);
+enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t zeros, uint32_t ind,
+                                uint32_t bytes, frame_byte *data);
 
 /* Turns the telegram of a number into the telegram of a text with the same content. */
 void telegram_as_text(struct transaction *txn);

@@ -43,7 +43,10 @@ void translate_init(struct translator *t)
 
 bool translate_copy_settings(struct translator *t)
 {
-    return guard_copy(&t->next, &t->settings) == 0;
+    const uint32_t sum = guard_copy(&t->next, &t->settings);
+
+    t->next.word[GUARD] -= GUARD_KEY;
+    return sum == 0;
 }
 
 static const struct function *find_function(uint32_t code)
@@ -107,8 +110,10 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }
 
-void translate_commit(struct translator *t)
+void translate_commit(struct translator *t, uint32_t guard)
 {
+    t->next.word[GUARD] = guard;
+    __asm__("" : "+r"(t) : "m"(t->next.word[GUARD])); /* or the compiler mixes this with the copy (SAFE-4) */
     if (guard_copy(&t->settings, &t->next) != 0)
         t->settings.word[GUARD] = NEVER_INTACT;
 }
@@ -193,9 +198,9 @@ bool translate_stop(struct translator *t, struct transaction *txn)
 {
     const uint32_t control = (t->settings.word[CONTROL] & ~(uint32_t)CONTROL_START) | CONTROL_VALID;
 
-    if (guard_copy(&t->next, &t->settings) != 0)
+    if (!translate_copy_settings(t))
         return false; /* (docs/hardening.md, Guarded settings) */
-    guard_set(&t->next, CONTROL, control);
+    guard_set_coils(&t->next, CONTROL, control);
     txn->function = WRITE_COIL;
     txn->broadcast = false;
     telegram_process(txn, control);

@@ -52,8 +52,8 @@ static void check_settings(const struct bench *b, const struct settings *s, cons
     HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == m->drive_timeout);
     HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] != 0);
     for (i = 0; i < SETTINGS; i++)
-        sum += s->word[i];
-    HOLDS(sum == 0);
+        sum += i == CONTROL || i == EEPROM ? 0u - s->word[i] : s->word[i];
+    HOLDS(sum == (s == &b->t.next ? 0u - GUARD_KEY : 0u));
 }
 
 static void check_coils(const struct bench *b, const uint8_t *pdu, const struct transaction *txn)
@@ -189,7 +189,7 @@ static void request(struct bench *b, struct input *in, uint32_t how)
     slot->at_drive = false;
     if (how & 0x10) /* revoked */
         return;
-    translate_commit(&b->t);
+    translate_commit(&b->t, b->t.next.word[GUARD] + GUARD_KEY);
     b->model = after;
     check_settings(b, &b->t.settings, &b->model);
     slot->at_drive = outcome == OUTCOME_EXCHANGE && !broadcast;
@@ -252,7 +252,7 @@ static void flip(struct bench *b, struct input *in)
 
     b->t.settings.word[which % SETTINGS] ^= 1u << (which >> 3);
     HOLDS(!translate_copy_settings(&b->t));
-    translate_commit(&b->t);
+    translate_commit(&b->t, b->t.next.word[GUARD] + GUARD_KEY);
     HOLDS(!translate_copy_settings(&b->t));
     b->t.settings = right;
     HOLDS(translate_copy_settings(&b->t));

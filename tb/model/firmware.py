@@ -61,7 +61,7 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
         ("translate_init", None, pointer),
         ("translate_copy_settings", ctypes.c_bool, pointer),
         ("translate_request", ctypes.c_int, pointer, pointer, pointer, u32, ctypes.c_bool),
-        ("translate_commit", None, pointer),
+        ("host_commit", None, pointer),
         ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
         ("translate_drive_commit", None, pointer),
         ("translate_drive_again", None, pointer),
@@ -122,7 +122,7 @@ class Transaction:
         return without_bcc(self._bytes(self.translator.lib.host_telegram))
 
     def commit(self) -> Transaction:
-        self.translator.lib.translate_commit(self.translator.memory)
+        self.translator.lib.host_commit(self.translator.memory)
         return self
 
     def drive_reply(self, data: bytes, lge: int | None = None) -> int:

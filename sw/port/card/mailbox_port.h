@@ -6,14 +6,28 @@
 #include "frame.h"
 #include "mailbox.h"
 
-/* A register that is read has 8 bits. After a volatile byte the compiler clears the upper bits once more, which LBU
- * has done (PERF-2). */
-static inline __attribute__((always_inline)) uint32_t mailbox_byte(const volatile uint8_t *reg)
+/* A register that is read has 8 bits, as a byte of a frame. After a volatile byte the compiler clears the upper bits once
+ * more, which LBU has done (PERF-2). */
+static inline __attribute__((always_inline)) uint32_t mailbox_byte(const volatile uint8_t *at)
 {
     uint32_t value;
 
-    __asm__ volatile("lbu %0, %1" : "=r"(value) : "m"(*reg));
+    __asm__ volatile("lbu %0, %1" : "=r"(value) : "m"(*at));
     return value;
+}
+
+/* SB stores the lowest 8 bits. Before a volatile byte the compiler would clear the others. */
+static inline __attribute__((always_inline)) void mailbox_put(volatile uint8_t *at, uint32_t value)
+{
+    __asm__ volatile("sb %1, %0" : "=m"(*at) : "r"(value));
+}
+
+/* One event more. After its addition the compiler would clear the upper bits, which SH does not store. */
+static inline __attribute__((always_inline)) void mailbox_count(volatile uint16_t *counter)
+{
+    uint32_t value;
+
+    __asm__ volatile("lhu %0, %1\n\taddi %0, %0, 1\n\tsh %0, %1" : "=&r"(value), "+m"(*counter));
 }
 
 #define mailbox_read(reg) mailbox_byte(&MAILBOX.reg)

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "guard.h"
 #include "mailbox_port.h"
 
 volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
@@ -50,6 +51,11 @@ uint32_t host_size_of_gateway(void)
 void host_soil(struct gateway *g, uint8_t value)
 {
     memset(g->newest, value, sizeof *g->newest);
+}
+
+void host_commit(struct translator *t)
+{
+    translate_commit(t, t->next.word[GUARD] + GUARD_KEY);
 }
 
 const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)

@@ -20,6 +20,9 @@ uint32_t host_size_of_gateway(void);
 /* Fills the newest request, which is about to be translated: bytes that the firmware leaves out show this value. */
 void host_soil(struct gateway *g, uint8_t value);
 
+/* Commits the settings that translate_request left, as the gateway does. */
+void host_commit(struct translator *t);
+
 const uint8_t *host_reply(const struct transaction *txn, uint32_t *length);
 const uint8_t *host_telegram(const struct transaction *txn, uint32_t *length);
 
