@@ -215,10 +215,10 @@ def _play(
 ) -> tuple[Found, list[Found]]:
     """The run without a flip, and all results with one."""
     made = (Step * len(steps))()
-    for i, (step, (kind, *request)) in enumerate(zip(made, steps, strict=True)):
+    for i, (step, (kind, *frame)) in enumerate(zip(made, steps, strict=True)):
         step.kind, step.watched = kind, i in watch
-        if request:
-            pdu, step.broadcast = request
+        if frame:
+            pdu, step.broadcast = frame
             step.length = len(pdu)
             step.pdu[: len(pdu)] = list(pdu)
     lib = library()

@@ -169,34 +169,51 @@ static uint32_t extended(uint32_t value, uint32_t bits)
     return (value ^ sign) - sign;
 }
 
+static bool is_register(uint32_t address)
+{
+    return address >= mailbox_base && address < FRAMES_address;
+}
+
+/* Whether a register has this address and size. */
+static bool register_fits(uint32_t address, uint32_t size)
+{
+    const uint32_t offset = address - mailbox_base;
+
+    return offset < sizeof register_size && register_size[offset] == size;
+}
+
+/* `size` bytes of the memory or of a frame; 0: the card has none there. */
+static uint8_t *place_of(struct machine *m, uint32_t address, uint32_t size)
+{
+    if (address % size != 0)
+        return 0;
+    if (address >= FRAMES_address) {
+        const uint32_t offset = address - FRAMES_address;
+
+        return frame_size[offset] == size ? (uint8_t *)host_frames + offset : 0;
+    }
+    return address <= memory_size - size ? m->memory + address : 0;
+}
+
 /* Reads `size` bytes; false: the card has no such access. */
 static bool load(struct machine *m, uint32_t address, uint32_t size, uint32_t *value)
 {
     const uint32_t sent = m->mailbox.sent_telegrams;
+    const uint8_t *place;
 
     *value = 0;
-    if (address % size != 0)
-        return false;
-    if (address >= FRAMES_address) {
-        if (frame_size[address - FRAMES_address] != size)
+    if (is_register(address)) {
+        if (!register_fits(address, size))
             return false;
-        memcpy(value, (const uint8_t *)host_frames + (address - FRAMES_address), size);
-        return true;
-    }
-    if (address >= mailbox_base) {
-        const uint32_t offset = address - mailbox_base;
-
-        if (offset >= sizeof register_size || register_size[offset] != size)
-            return false;
-        m->reads_time |= offset == offsetof(MAILBOX_t, TIME);
-        *value = mailbox_on_read(&m->mailbox, offset);
+        m->reads_time |= address - mailbox_base == offsetof(MAILBOX_t, TIME);
+        *value = mailbox_on_read(&m->mailbox, address - mailbox_base);
         collect(m, sent);
         return true;
     }
-    if (address > memory_size - size)
-        return false;
-    memcpy(value, m->memory + address, size);
-    return true;
+    place = place_of(m, address, size);
+    if (place)
+        memcpy(value, place, size);
+    return place != 0;
 }
 
 static bool is_order_refused(const struct machine *m, uint32_t value)
@@ -207,35 +224,27 @@ static bool is_order_refused(const struct machine *m, uint32_t value)
            !m->mailbox.loopback && !bcc_fits(MAILBOX_FIELD(TELEGRAM, LENGTH, value));
 }
 
+/* Writes `size` bytes; false: the card has no such access, or the program would change. */
 static bool store(struct machine *m, uint32_t address, uint32_t size, uint32_t value)
 {
     const uint32_t sent = m->mailbox.sent_telegrams;
+    uint8_t *place;
 
-    if (address % size != 0)
-        return false;
-    if (address >= FRAMES_address) {
-        if (frame_size[address - FRAMES_address] != size)
+    if (is_register(address)) {
+        if (!register_fits(address, size))
             return false;
-        memcpy((uint8_t *)host_frames + (address - FRAMES_address), &value, size);
-        return true;
-    }
-    if (address >= mailbox_base) {
-        const uint32_t offset = address - mailbox_base;
-
-        if (offset >= sizeof register_size || register_size[offset] != size)
-            return false;
-        if (offset == offsetof(MAILBOX_t, TELEGRAM) && is_order_refused(m, value)) {
+        if (address - mailbox_base == offsetof(MAILBOX_t, TELEGRAM) && is_order_refused(m, value)) {
             stop(m, REFUSED);
             return true;
         }
-        mailbox_on_write(&m->mailbox, offset, value);
+        mailbox_on_write(&m->mailbox, address - mailbox_base, value);
         collect(m, sent);
         return true;
     }
-    if (address < image_size || address > memory_size - size)
-        return false;
-    memcpy(m->memory + address, &value, size);
-    return true;
+    place = address < image_size ? 0 : place_of(m, address, size);
+    if (place)
+        memcpy(place, &value, size);
+    return place != 0;
 }
 
 static uint32_t alu(uint32_t funct3, bool alternate, uint32_t a, uint32_t b)

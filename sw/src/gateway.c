@@ -54,8 +54,8 @@ static void queue_telegram(struct gateway *g, uint32_t options)
 }
 
 /* Copies the telegram to the frame memory from its end (docs/hardening.md, Telegram address last). Four bytes a step
- * (PERF-2): up to two bytes after the BCC come along, and are not sent. Each has a register of its own: with one for
- * all, a store left out by a flipped program counter would exchange two bytes, which the BCC does not show (SAFE-4). */
+ * (PERF-2): up to two bytes after the BCC come along, and are not sent. Each byte has a register of its own. With one
+ * register for all, a skipped store could exchange two bytes, which the BCC does not show (SAFE-4). */
 static void copy_telegram(const struct transaction *txn)
 {
     const uint32_t length = (txn->telegram_length + 3u) & ~3u;
@@ -142,8 +142,8 @@ static void revoke_telegram(void)
     mailbox_frame(TELEGRAM_FRAME)->byte = 0;
 }
 
-/* Ends the licence, and fills the telegram's memory with bytes of which each is another: with one of them in the place of
- * its own, the next telegram has a wrong BCC (docs/hardening.md, Telegram's place filled). */
+/* Ends the licence, and fills the telegram's memory with 32 different bytes. If one of them stays in the next telegram, its
+ * BCC is wrong (docs/hardening.md, Telegram's place filled). */
 static void end_exchange(struct gateway *g)
 {
     enum { BYTES = 32, ADR_OF_NO_DRIVE = 0xFF, STEP = 4 };

@@ -5,8 +5,8 @@
 
 #include "transaction.h"
 
-/* A guard word that the next check refuses. With 0, settings copied from one word too far could pass: the sum of what
- * they lack, of IND and of EEPROM, is a number of 16 bits. */
+/* A guard word that the next check refuses. No small number, positive or negative: the sum of wrong settings may differ by
+ * one from 0. */
 #define NEVER_INTACT 0x5A5A5000u
 
 /* The addresses of the settings and of the next ones, as their sum has them. */

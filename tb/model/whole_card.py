@@ -92,6 +92,7 @@ class Exchange:
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
     receiver: DriveReceiver | None = None
+    held: float = 0.0  # clocks for which a telegram after it, dropped since, may hold the line
 
 
 @dataclass
@@ -221,6 +222,8 @@ class LineJudge:
         elif self.exchange and self.exchange.overtaken:
             self.exchange.settled = event.at
         if event.what == "commit":
+            if self._next_was_queued(event.at):
+                self._after_wait(self.exchange, event.at)
             if self.exchange:
                 self.exchange.superseded = min(
                     self.exchange.superseded, event.at + event.slack + UNSURE_BITS * self.line.bit
@@ -285,8 +288,6 @@ class LineJudge:
 
     def _commit(self, frame: NetworkFrame, at: float) -> None:
         pdu = frame.data[1:-2]
-        if self._next_was_queued(at):
-            self._after_wait(self.exchange, at)
         step = self.card.request(pdu, frame.broadcast)
         if self.exchange:
             low, high = self.exchange.waits
@@ -294,7 +295,12 @@ class LineJudge:
             self.exchange.waits = min(low, now), max(high, now)
         request = Request(pdu, frame.broadcast, frame.end, self.card.question, committed=at)
         self.newest = request
-        self.queue = [older for older in self.queue if self._keeps_place(older)]
+        kept = [older for older in self.queue if self._keeps_place(older)]
+        exchange = self.exchange
+        if len(kept) < len(self.queue) and exchange.phase == "wait" and at >= self._wait_from(exchange):
+            # The wait ended before, and the reading that is dropped now holds a busy line for as long again.
+            exchange.held = self._ms(exchange.waits[1]) + TICK_MS * self.ms + self.budget
+        self.queue = kept
         if step.reply is not None:
             self._answer(request, "local reply", step.reply, at, at + self.late)
             if self.status_changed > self.candidate_at - self.budget:
@@ -464,9 +470,10 @@ class LineJudge:
         may_repeat = not repeats or self._keeps_its_repeat(exchange)
         if held and not may_repeat and burst.rise > exchange.superseded and not self.queue:
             self._fail(burst.rise, f"telegram {data.hex(' ')} repeated after a newer request (FC-9)")
-        if held and self.queue and data == exchange.request.telegram == self.queue[0].telegram:
-            raise Unclear(burst.rise, "a telegram that fits either of two requests")
         replaced = exchange and exchange.phase == "line" and self._is_replaced(exchange)
+        same = self.queue and exchange and data == exchange.request.telegram == self.queue[0].telegram
+        if (held or replaced) and same:
+            raise Unclear(burst.rise, "a telegram that fits either of two requests")
         if (held or replaced) and self.queue and data != exchange.request.telegram:
             # The older telegram was withdrawn for the newer request.
             self._start(self.queue.pop(0), exchange.queued_from, burst.rise)
@@ -585,9 +592,10 @@ class LineJudge:
 
     def _done(self, at: float, since: float | None = None) -> None:
         """Frees the drive line for the next telegram: at `at`, or from `since` on if that is uncertain."""
+        held = self.exchange.held
         self.exchange = None
         if self.queue:
-            self._start(self.queue.pop(0), at if since is None else since, at + self.budget)
+            self._start(self.queue.pop(0), at if since is None else since, at + held + self.budget)
 
     # ------------------------------------------------------------ time
 
