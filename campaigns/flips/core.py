@@ -8,8 +8,8 @@ instruction of a scenario one bit flips: of a register that the instruction read
 of the instruction while it is carried out. A flip between two instructions that read a register is the same
 as one before the second of them. A scenario goes from the candidate until the drive's answer is served, or
 the request is revoked. A command and a parameter's reading follow; their telegrams show the settings that
-were left. All scenarios with the images of both cards write build/fuzz/core-flips.json. Exit 0: no telegram
-was altered (SAFE-4); 1: at least one was; 2: an invalid command line.
+were left. All scenarios with the images of both cards write build/fuzz/core-flips.json. Exit 0: in each
+scenario at most MOST of the flips altered a telegram (SAFE-4); 1: more did; 2: an invalid command line.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
-from regs.generated.mailbox import AREAS, BASE, FRAMES_BYTES, REGISTERS
+from regs.generated.mailbox import FRAMES_BYTES, REGISTERS
 from rtl.command import Parser, in_processes, run_main
 from rtl.sources import ROOT, configurations
 from tb.agents import rtu
@@ -37,10 +37,12 @@ H = bytes.fromhex
 EARLIER = H("0F 0000 0020 04 7D04 1122")
 FOLLOWING = H("05 000B FF00")
 READ_514, READ_515 = H("03 1413 0002"), H("03 141D 0002")
+WRITE_515 = H("06 141D 0ABC")
 TEXT_WRITE = rtu.write_register(0, 0x0500)  # 40001: the index with which a write is of text
 # Without a round of the loop for so long the firmware hangs. The longest round of a request takes 800.
 LONGEST_ROUND = 4000
 MEMORY = 8192  # bytes, for an image of no card
+REGISTERS_SPAN = 32  # bytes
 
 # As in core_machine.c.
 ROUND, CANDIDATE, COMMIT, CHARACTER, TICK, TELEGRAM_ENDS, EXCHANGE_ROUND, DRIVE_SAYS, DRIVE_ENDS = range(9)
@@ -129,6 +131,8 @@ REQUESTS = tuple(
 )
 VALID = 0x04  # bit 10, in the control word's upper byte
 ALTERED = ("altered, bit 10 = 1", "altered, bit 10 = 0")
+# Of the flips of a scenario: those that no mechanism of docs/hardening.md finds.
+MOST = 5e-4
 AGAIN, REFUSED, NOBODY = "again", "refused by its BCC", "with an address of no drive"
 AS_ASKED, NONE = "as asked", "none"
 RESULTS = (*ALTERED, AS_ASKED, AGAIN, REFUSED, NOBODY, NONE)
@@ -167,14 +171,18 @@ def watched(scenario: Scenario) -> list[tuple]:
 
 
 def after() -> list[tuple]:
-    return [*EXCHANGE, *request(FOLLOWING), *EXCHANGE, *request(READ_515)]
+    """Telegrams that show the settings: the control image, IND, and IND and coil 65."""
+    steps = list(EXCHANGE)
+    for pdu in (FOLLOWING, READ_515, WRITE_515):
+        steps += [*request(pdu), *EXCHANGE]
+    return steps
 
 
 @functools.cache
 def library() -> ctypes.CDLL:
     lib = ctypes.CDLL(str(build("build/host/libcore.so")))
     u32 = ctypes.c_uint32
-    lib.core_load.argtypes = [ctypes.c_char_p, u32, u32, u32, u32, ctypes.c_char_p, ctypes.c_char_p]
+    lib.core_load.argtypes = [ctypes.c_char_p, u32, u32, u32, ctypes.c_char_p]
     lib.core_play.argtypes = [ctypes.POINTER(Step), u32, u32, u32]
     lib.core_play.restype = lib.core_instructions.restype = u32
     lib.core_found.argtypes, lib.core_found.restype = [u32], ctypes.POINTER(Found)
@@ -184,16 +192,11 @@ def library() -> ctypes.CDLL:
 
 def load(image: bytes, memory: int) -> None:
     """The image into the machine, whose last bytes of memory are the frame memory's."""
-    registers, frames = bytearray(256), bytearray(FRAMES_BYTES)
+    registers = bytearray(REGISTERS_SPAN)
     for register in REGISTERS.values():
         # The last one of a name at an offset; both have the same size.
         registers[register.offset] = register.size
-    for area in AREAS.values():
-        for i in range(area.length):
-            frames[area.at(i)] = area.size
-    library().core_load(
-        image, len(image), memory - FRAMES_BYTES, LONGEST_ROUND, BASE, bytes(registers), bytes(frames)
-    )
+    library().core_load(image, len(image), memory - FRAMES_BYTES, LONGEST_ROUND, bytes(registers))
 
 
 @dataclass
@@ -237,17 +240,34 @@ def play(scenario: Scenario, lost: bool = False) -> Run:
     return _run(_play([*first, *between, *after()])[0], earlier)
 
 
+def without_repeats(telegrams: list[bytes]) -> list[bytes]:
+    """Each telegram once that leaves twice in a row, as after a repeat (FC-9)."""
+    return [one for one, before in zip(telegrams, [b"", *telegrams], strict=False) if one != before]
+
+
+def is_part(some: list[bytes], of: list[bytes]) -> bool:
+    """Whether telegrams were left out at most: a request that is not served gets silence."""
+    left = iter(of)
+    return all(one in left for one in some)
+
+
 def verdict(run: Run, sound: Run, lost: Run) -> str:
-    """The worst thing that the telegrams of a run show, beside those of the runs without a flip."""
+    """The worst thing that the telegrams of a run show, beside those of the runs without a flip.
+
+    Allowed are telegrams of the run with the request, or of the run without it, in their order. So a request
+    whose telegram leaves, but not its settings, is altered. A repeat is named, also of the telegram before.
+    """
     # The drive's own addresses in both formats, and broadcasts (FC-2).
     heard = [one for one in run.sent if one[0] in (0x81, 0x01) or fc_telegram.is_broadcast(one[0])]
-    asked = sound.sent + lost.sent
-    altered = [one for one in heard if one not in asked + run.earlier]
-    if altered:
-        return ALTERED[0] if any(len(one) > 4 and one[-4] & VALID for one in altered) else ALTERED[1]
+    before = run.earlier[-1:]
+    exact = any(is_part(heard, each.sent) for each in (sound, lost))
+    once = without_repeats([*before, *heard])
+    if not exact and not any(is_part(once, [*before, *each.sent]) for each in (sound, lost)):
+        others = [one for one in heard if one not in sound.sent + lost.sent + run.earlier] or heard
+        return ALTERED[0] if any(len(one) > 4 and one[-4] & VALID for one in others) else ALTERED[1]
     if run.how == REFUSED:
         return REFUSED
-    if Counter(heard) - Counter(asked):
+    if not exact:
         return AGAIN
     if heard != run.sent:
         return NOBODY
@@ -269,7 +289,7 @@ def every_flip(
     """All flips of these kinds in a scenario, or those before one of `part` instructions."""
     load(image, memory)
     sound, lost = play(scenario), play(scenario, lost=True)
-    if len(sound.sent) != 2 + (not scenario.local and not scenario.revoked) or sound.how:
+    if len(sound.sent) != 3 + (not scenario.local and not scenario.revoked) or sound.how:
         raise CoreError(f"{scenario.name}: not served without a flip")
     first = before(scenario)
     middle = watched(scenario)
@@ -287,6 +307,10 @@ def every_flip(
                 for example in each.example[: min(each.count, len(each.example))]
             ]
     return flips
+
+
+def altered(results: Counter) -> int:
+    return sum(results[result] for result in ALTERED)
 
 
 def image_of(config: str) -> Path:
@@ -339,7 +363,8 @@ def main() -> int:
         print(f"{totals[result]:7}  {result}")
     if not (options.image or options.only):
         keep({of: {each.name: rows[each.name] for each in chosen} for of, rows in results.items()})
-    return int(any(totals[result] for result in ALTERED))
+    every = [found for rows in results.values() for found in rows.values()]
+    return int(any(altered(found) > MOST * found.total() for found in every))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@
 
 enum {
     MEMORY_MAX = 8192,
+    REGISTERS_SPAN = 32, /* bytes after which the registers repeat (rtl/bus_arbiter.v) */
     STEPS_MAX = 128,
     PDU_MAX = 32,
     SENT_MAX = 12,
@@ -92,8 +93,8 @@ struct machine {
 };
 
 /* For core.py; described below. */
-void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest, uint32_t mailbox,
-               const uint8_t *registers, const uint8_t *frames);
+void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest,
+               const uint8_t *registers);
 uint32_t core_play(const struct step *scenario, uint32_t count, uint32_t kinds, uint32_t part);
 uint32_t core_instructions(void);
 const struct found *core_found(uint32_t i);
@@ -101,10 +102,10 @@ extern const uint32_t core_found_size;
 
 volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
 
-/* Set by core_load. */
+/* Set by core_load; register_size by offset, 0: nothing is there. */
 static uint8_t image[MEMORY_MAX];
-static uint32_t image_size, memory_size, longest_round, mailbox_base;
-static uint8_t register_size[256], frame_size[FRAMES_bytes]; /* by offset; 0: nothing is there */
+static uint32_t image_size, memory_size, longest_round;
+static uint8_t register_size[REGISTERS_SPAN]; /* by offset; 0: nothing is there */
 
 static struct step steps[STEPS_MAX];
 static uint32_t step_count;
@@ -112,6 +113,7 @@ static uint32_t step_count;
 static struct found found[FOUND_MAX];
 static uint32_t found_count;
 static uint32_t instructions;
+static bool too_many; /* telegrams of one run */
 
 /* ---- what leaves */
 
@@ -152,8 +154,10 @@ static void collect(struct machine *m, uint32_t sent_before)
         stop(m, REFUSED);
         return;
     }
-    if (out->sent == SENT_MAX)
+    if (out->sent == SENT_MAX) {
+        too_many = true;
         return;
+    }
     out->length[out->sent] = (uint8_t)(length - 1);
     for (i = 0; i < length - 1; i++)
         out->byte[out->sent][i] = frame_at(TELEGRAM_FRAME_address, i);
@@ -169,30 +173,29 @@ static uint32_t extended(uint32_t value, uint32_t bits)
     return (value ^ sign) - sign;
 }
 
+/* As rtl/bus_arbiter.v decodes an address. */
 static bool is_register(uint32_t address)
 {
-    return address >= mailbox_base && address < FRAMES_address;
+    return address >> 31 && !(address >> 10 & 1);
 }
 
-/* Whether a register has this address and size. */
-static bool register_fits(uint32_t address, uint32_t size)
+static uint32_t offset_of(uint32_t address)
 {
-    const uint32_t offset = address - mailbox_base;
-
-    return offset < sizeof register_size && register_size[offset] == size;
+    return address % REGISTERS_SPAN;
 }
 
-/* `size` bytes of the memory or of a frame; 0: the card has none there. */
+/* `size` bytes of the memory, or of the frame memory at its end; 0: not aligned. The memory repeats over all addresses, and
+ * the last quarter of 8 KiB over one of 6 KiB (rtl/bus_arbiter.v). */
 static uint8_t *place_of(struct machine *m, uint32_t address, uint32_t size)
 {
+    const uint32_t end = memory_size + FRAMES_bytes;
+
     if (address % size != 0)
         return 0;
-    if (address >= FRAMES_address) {
-        const uint32_t offset = address - FRAMES_address;
-
-        return frame_size[offset] == size ? (uint8_t *)host_frames + offset : 0;
-    }
-    return address <= memory_size - size ? m->memory + address : 0;
+    address &= MEMORY_MAX - 1;
+    if (address >= end)
+        address -= MEMORY_MAX - end;
+    return address < memory_size ? m->memory + address : (uint8_t *)host_frames + (address - memory_size);
 }
 
 /* Reads `size` bytes; false: the card has no such access. */
@@ -203,10 +206,10 @@ static bool load(struct machine *m, uint32_t address, uint32_t size, uint32_t *v
 
     *value = 0;
     if (is_register(address)) {
-        if (!register_fits(address, size))
+        if (register_size[offset_of(address)] != size)
             return false;
-        m->reads_time |= address - mailbox_base == offsetof(MAILBOX_t, TIME);
-        *value = mailbox_on_read(&m->mailbox, address - mailbox_base);
+        m->reads_time |= offset_of(address) == offsetof(MAILBOX_t, TIME);
+        *value = mailbox_on_read(&m->mailbox, offset_of(address));
         collect(m, sent);
         return true;
     }
@@ -224,24 +227,24 @@ static bool is_order_refused(const struct machine *m, uint32_t value)
            !m->mailbox.loopback && !bcc_fits(MAILBOX_FIELD(TELEGRAM, LENGTH, value));
 }
 
-/* Writes `size` bytes; false: the card has no such access, or the program would change. */
+/* Writes `size` bytes; false: the card has no such access. */
 static bool store(struct machine *m, uint32_t address, uint32_t size, uint32_t value)
 {
     const uint32_t sent = m->mailbox.sent_telegrams;
     uint8_t *place;
 
     if (is_register(address)) {
-        if (!register_fits(address, size))
+        if (register_size[offset_of(address)] != size)
             return false;
-        if (address - mailbox_base == offsetof(MAILBOX_t, TELEGRAM) && is_order_refused(m, value)) {
+        if (offset_of(address) == offsetof(MAILBOX_t, TELEGRAM) && is_order_refused(m, value)) {
             stop(m, REFUSED);
             return true;
         }
-        mailbox_on_write(&m->mailbox, address - mailbox_base, value);
+        mailbox_on_write(&m->mailbox, offset_of(address), value);
         collect(m, sent);
         return true;
     }
-    place = address < image_size ? 0 : place_of(m, address, size);
+    place = place_of(m, address, size);
     if (place)
         memcpy(place, &value, size);
     return place != 0;
@@ -280,12 +283,13 @@ static bool taken(uint32_t funct3, uint32_t a, uint32_t b)
 static bool execute(struct machine *m)
 {
     const uint32_t pc = m->pc;
+    const uint8_t *place = place_of(m, pc, 4);
     uint32_t word, opcode, rd, funct3, a, b, imm;
     uint32_t value = 0;
 
-    if (pc % 4 != 0 || pc > memory_size - 4)
+    if (!place)
         return false;
-    memcpy(&word, m->memory + pc, 4);
+    memcpy(&word, place, 4);
     word ^= m->word_flip;
     m->word_flip = 0;
     opcode = word & 0x7F;
@@ -535,13 +539,13 @@ static bool try_bits(const struct machine *m, struct flip flip, uint32_t kind, u
     return true;
 }
 
-static bool try_all(const struct machine *m, uint32_t kinds)
+static bool try_all(struct machine *m, uint32_t kinds)
 {
     struct flip flip = {.instruction = instructions, .pc = m->pc};
     uint32_t word, which;
     bool room = true;
 
-    memcpy(&word, m->memory + m->pc, 4);
+    memcpy(&word, place_of(m, m->pc, 4), 4);
     if (kinds & OF_STORE && (word & 0x7F) != 0x23)
         return true;
     for (which = 1; which < 32; which++)
@@ -561,23 +565,20 @@ static bool try_all(const struct machine *m, uint32_t kinds)
 
 const uint32_t core_found_size = sizeof(struct found);
 
-/* memory, longest: bytes of memory, and instructions of a round; registers, frames: the size of the access at each offset
- * of the registers, which begin at `mailbox`, and of the frame memory. */
-void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest, uint32_t mailbox,
-               const uint8_t *registers, const uint8_t *frames)
+/* memory, longest: bytes of memory, and instructions of a round; registers: the size of the access at each offset. */
+void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest,
+               const uint8_t *registers)
 {
     memcpy(image, bytes, size);
     image_size = size;
     memory_size = memory;
     longest_round = longest;
-    mailbox_base = mailbox;
     memcpy(register_size, registers, sizeof register_size);
-    memcpy(frame_size, frames, sizeof frame_size);
 }
 
 /*
  * Plays a scenario without a flip, and with each one of `kinds` before every `part`-th instruction. Returns the number of
- * results, or 0 if there are too many of them or of steps. The first one, uncounted, is that without a flip.
+ * results, or 0 if there are too many of them, of steps or of telegrams. The first one, uncounted, is that without a flip.
  */
 uint32_t core_play(const struct step *scenario, uint32_t count, uint32_t kinds, uint32_t part)
 {
@@ -590,6 +591,7 @@ uint32_t core_play(const struct step *scenario, uint32_t count, uint32_t kinds, 
     step_count = count;
     found_count = 1;
     instructions = 0;
+    too_many = false;
     start(&m);
     memset(found, 0, sizeof *found);
     while (m.step < step_count) {
@@ -600,7 +602,7 @@ uint32_t core_play(const struct step *scenario, uint32_t count, uint32_t kinds, 
         advance(&m);
     }
     found[0].telegrams = m.out;
-    return room ? found_count : 0;
+    return room && !too_many ? found_count : 0;
 }
 
 uint32_t core_instructions(void)

@@ -383,13 +383,19 @@ static enum outcome translate_twice(struct gateway *g)
         difference ^= guard_of(&g->translator, g->newest);
     } while (--passes != 0);
     g->newest->check = g->translator.next.word[GUARD] ^ difference;
-    g->wants_drive = (((uint32_t)outcome ^ OUTCOME_EXCHANGE) | difference) == 0;
+    if (difference != 0)
+        return OUTCOME_NOT_A_REPLY;
+    g->wants_drive = outcome == OUTCOME_EXCHANGE;
     return outcome;
 }
+
+/* As the last committed ticket: a commit is due. */
+enum { NO_TICKET = 16 };
 
 static void prepare(struct gateway *g, uint8_t ticket)
 {
     g->ticket = ticket;
+    g->committed_ticket = NO_TICKET;
     g->uncommitted = true;
     if (translate_twice(g) == OUTCOME_REPLY)
         queue_reply(g, g->newest, 0);
@@ -431,8 +437,10 @@ static void watch_master(const struct gateway *g)
 /* `request` is the other reading than the one that led here (docs/hardening.md, Committed by two bits). */
 static void commit(struct gateway *g, uint32_t request)
 {
-    g->uncommitted = false;
     translate_commit(&g->translator, g->newest->check + state_of(request));
+    __asm__("" ::: "memory"); /* with the settings in place (SAFE-4) */
+    g->committed_ticket = g->ticket;
+    g->uncommitted = false;
     if (MASTER_LOSS_STOP)
         watch_master(g);
     if (DIAGNOSTICS)
@@ -463,7 +471,8 @@ static void poll_request(struct gateway *g)
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }
-    if (state_of(request) == GUARD_KEY && g->uncommitted)
+    /* Not by `uncommitted` alone: a skipped store must not lose the settings of a telegram that leaves (SAFE-4). */
+    if (state_of(request) == GUARD_KEY && g->committed_ticket != g->ticket)
         commit(g, again);
 }
 
@@ -510,7 +519,7 @@ static void poll_events(void)
 /* A request from before a restart, or from before the loop-back test heard it, is not served. */
 static void forget_request(struct gateway *g)
 {
-    g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
+    g->ticket = g->committed_ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
 }
 
 void gateway_init(struct gateway *g)

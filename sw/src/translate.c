@@ -113,7 +113,7 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
 void translate_commit(struct translator *t, uint32_t guard)
 {
     t->next.word[GUARD] = guard;
-    __asm__("" : "+r"(t) : "m"(t->next.word[GUARD])); /* or the compiler mixes this with the copy (SAFE-4) */
+    __asm__("" ::: "memory"); /* or the compiler mixes this with the copy (SAFE-4) */
     if (guard_copy(&t->settings, &t->next) != 0)
         t->settings.word[GUARD] = NEVER_INTACT;
 }

@@ -73,8 +73,8 @@ BUGS = {
     "a byte beyond the drive's frame": ("translate.c", "at < 24 ?", "at < 48 ?", "translate"),
     "settings that change without a commit": (
         "gateway.c",
-        "state_of(request) == GUARD_KEY && g->uncommitted)\n        commit(g, again);",
-        "state_of(request) != 0u && g->uncommitted)\n        commit(g, GUARD_KEY);",
+        "state_of(request) == GUARD_KEY && g->committed_ticket != g->ticket)\n        commit(g, again);",
+        "state_of(request) != 0u && g->committed_ticket != g->ticket)\n        commit(g, GUARD_KEY);",
         "gateway",
     ),
     "a held telegram that is not taken back": (

@@ -299,7 +299,7 @@ class LineJudge:
         exchange = self.exchange
         if len(kept) < len(self.queue) and exchange.phase == "wait" and at >= self._wait_from(exchange):
             # The wait ended before, and the reading that is dropped now holds a busy line for as long again.
-            exchange.held = self._ms(exchange.waits[1]) + TICK_MS * self.ms + self.budget
+            exchange.held = self._ms(min(exchange.waits[1], GIVE_UP)) + TICK_MS * self.ms + self.budget
         self.queue = kept
         if step.reply is not None:
             self._answer(request, "local reply", step.reply, at, at + self.late)
