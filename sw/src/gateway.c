@@ -460,14 +460,16 @@ static void poll_request(struct gateway *g)
     __asm__("" : "+r"(difference)); /* or the compiler takes one of the two for both after the comparison */
     if (difference != 0)
         return; /* (docs/hardening.md, Request read twice) */
-    /* None yet, or revoked. The ticket of a revoked request never returns, so its transaction is dropped. */
+    /* None yet, or revoked. */
     if (!((request | again) & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
         g->uncommitted = false;
         g->wants_drive = false;
         return;
     }
-    /* Preparing takes time, in which a newer request may arrive. The next round reads the status again. */
-    if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket) {
+    /* Preparing takes time, in which a newer request may arrive. The next round reads the status again. A ticket
+     * returns after 16 candidates, so the one of a dropped request may be of a new one (FRAME-3). */
+    if ((request & MAILBOX__REQUEST__TICKET_bm) != g->ticket ||
+        (!g->uncommitted && g->committed_ticket != g->ticket)) {
         prepare(g, request & MAILBOX__REQUEST__TICKET_bm);
         return;
     }

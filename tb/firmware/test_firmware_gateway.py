@@ -312,6 +312,29 @@ def test_a_revoked_request_changes_nothing_and_sends_nothing(bench: Bench):
     assert bench.telegrams == [ASK_514], "the drive line must be free again"
 
 
+@pytest.mark.rule("FRAME-3", "FRAME-6")
+@pytest.mark.parametrize("pdu", [H("06 0002 0063"), H("05 0040 FF00"), H("0F 0000 0020 04 7C 04 00 20")])
+def test_a_revoked_request_whose_ticket_returns_changes_nothing(bench: Bench, pdu: bytes):
+    """15 candidates come and go between two rounds of the poll loop; the 16th has the ticket of the first."""
+    images = [H("03 0001 0002"), H("01 0000 0020"), H("01 0040 0001")]
+    for each in images:
+        bench.local(each)
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.offer(pdu)
+    bench.character()
+    for _ in range(15):
+        bench.mailbox.candidate(READ_IND)
+        bench.mailbox.character()
+    bench.local(READ_IND)
+    bench.drive(TELL_514)
+    for each in images:
+        bench.local(each)
+    assert bench.replies[-3:] == bench.replies[:3]
+    bench.request(H("05 000A FF00"))
+    assert bench.telegrams[-1] == H("81 0400 0000")
+
+
 @pytest.mark.rule("FRAME-6", "FRAME-7")
 def test_a_committed_write_stays_when_its_reply_is_dropped(bench: Bench):
     bench.mailbox.candidate(H("06 0000 0102"))

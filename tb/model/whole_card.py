@@ -92,7 +92,8 @@ class Exchange:
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
     receiver: DriveReceiver | None = None
-    held: float = 0.0  # clocks for which a telegram after it, dropped since, may hold the line
+    held: float = 0.0  # clocks for which a telegram after it, dropped since, may wait for a busy line
+    held_before: float = 0.0  # of the exchange before: this one gives up so much later, on a busy line alone
 
 
 @dataclass
@@ -455,10 +456,10 @@ class LineJudge:
 
     def _line_until(self, exchange: Exchange) -> float:
         """Latest start of a telegram that waits for the line."""
-        most = self._ms(exchange.waits[1])
+        most, queued_by = self._ms(exchange.waits[1]), exchange.queued_by + exchange.held_before
         if exchange.wanted < NEVER:
-            most = min(most, max(self._ms(GIVE_UP), exchange.wanted - exchange.queued_by))
-        return exchange.queued_by + most + TICK_MS * self.ms + self.budget
+            most = min(most, max(self._ms(GIVE_UP), exchange.wanted - queued_by))
+        return queued_by + most + TICK_MS * self.ms + self.budget
 
     def _telegram(self, burst: Burst) -> None:
         data, exchange = burst.data, self.exchange
@@ -595,7 +596,8 @@ class LineJudge:
         held = self.exchange.held
         self.exchange = None
         if self.queue:
-            self._start(self.queue.pop(0), at if since is None else since, at + held + self.budget)
+            self._start(self.queue.pop(0), at if since is None else since, at + self.budget)
+            self.exchange.held_before = held
 
     # ------------------------------------------------------------ time
 
