@@ -73,7 +73,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        without the tests that `make test` runs (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
-#:   COUNT=n       frames (fuzz, fuzz-plants) or flips (flips); RUNS=n: executions (fuzz-firmware)
+#:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips) or transactions (soak); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
@@ -176,7 +176,7 @@ bench-card: firmware | setup-test ## the simulated cards of the bench, with and 
 bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
-.PHONY: bench bench-fast line-quality soak masters conformance agents-example coverage-rtl figures
+.PHONY: bench bench-fast line-quality soak soak-page masters conformance agents-example coverage-rtl figures
 bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (16 min)
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
@@ -189,8 +189,11 @@ figures: firmware | setup-test ## * which measured page is of an older card, and
 line-quality: firmware drive | setup-test ## the limits of rate error, edges and glitches, at all rates and formats
 	@$(RUN) campaigns.line_quality.run $(SEEDED) --jobs $(JOBS)
 
-soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models
-	@$(RUN) campaigns.soak.run $(SEEDED)
+soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models (COUNT=, SEED=, CONFIG=)
+	@$(RUN) campaigns.soak.run --config $(CONFIG) $(SEEDED)
+
+soak-page: | setup-test ## docs/reports/soak.md from the last soak of each card
+	@$(RUN) campaigns.soak.page
 
 conformance: | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
 	@[ -z "$(SLAVE)" ] || $(RUN) campaigns.conformance.run --check '$(SLAVE)'

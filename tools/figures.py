@@ -103,6 +103,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "coverage": (one_card, "make coverage-rtl"),
     "line-quality": (one_card, "make line-quality"),
     "fuzz": (one_and_both, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
+    "soak": (both_cards, "make soak COUNT=20000 (of both cards) and soak-page"),
     "mutants": (mutants, "make mutate"),
     "proved-flips": (proved_flips, "make formal-flips"),
     "synthesis": (synthesis, "make synth"),

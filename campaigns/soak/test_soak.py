@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import pytest
 
-from campaigns.soak.run import SoakJudge, Transaction, soak
+from campaigns.soak import page
+from campaigns.soak.run import BLOCK, SoakJudge, Total, Transaction, blocks, keep, soak
 from sim.card.run_card import Frame
 from tb.agents.crc16 import with_crc
 from tb.lib.seeds import seeded
@@ -109,3 +110,47 @@ def test_judge_finds_a_wrong_frame(where, how):
 
 def test_judge_finds_a_reply_that_the_master_missed():
     assert any(text.startswith("master: expected") for text in mismatches_of(exchange_of_104(), b""))
+
+
+def test_a_run_is_cut_into_blocks_of_their_own_seed():
+    assert blocks(7, 2 * BLOCK + 1) == {7: BLOCK, 8: BLOCK, 9: 1}
+    assert blocks(7, 40) == {7: 40}
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    monkeypatch.setattr("campaigns.soak.run.FOLDER", tmp_path)
+    monkeypatch.setattr("campaigns.bench.fingerprint.card", lambda config: f"card-{config}")
+    monkeypatch.setattr("campaigns.bench.fingerprint.firmware", lambda config: f"firmware-{config}")
+    for config, mismatches in (("standard", []), ("tiny", ["master: expected 01, got 02"])):
+        total = Total(
+            "card", "vlt6000", [1, 2], 20_000, mismatches, {"exception 2": 12}, ["9600 bit/s 8E1"], 90.0
+        )
+        keep(config, [total])
+    return tmp_path
+
+
+def test_the_page_has_both_cards_and_their_bounds(kept):
+    text = page.page(kept)
+    assert "standard card `card-standard`, firmware `firmware-standard`" in text
+    assert "| card | vlt6000 | 1 to 2 | 9600 bit/s 8E1 | 20,000 | 0 | 2.3e-04 | 2 min |" in text
+    assert "| card | vlt6000 | 1 to 2 | 9600 bit/s 8E1 | 20,000 | 1 | 3.3e-04 | 2 min |" in text
+    assert text.count("- card: 12 exception 2.") == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, r"tiny\.json is missing in .*; run `make soak CONFIG=tiny` first"),
+        ("{}", r"tiny\.json is no result of `make soak CONFIG=tiny`"),
+        (
+            '{"card": "x", "firmware": "y"}',
+            r"tiny\.json is of another card; run `make soak CONFIG=tiny` again",
+        ),
+    ],
+)
+def test_a_page_is_refused_without_a_result_of_this_card(kept, text, said):
+    path = kept / "tiny.json"
+    path.unlink() if text is None else path.write_text(text)
+    with pytest.raises(page.PageError, match=said):
+        page.page(kept)
