@@ -102,7 +102,7 @@ extern const uint32_t core_found_size;
 
 volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
 
-/* Set by core_load; register_size by offset, 0: nothing is there. */
+/* Set by core_load. */
 static uint8_t image[MEMORY_MAX];
 static uint32_t image_size, memory_size, longest_round;
 static uint8_t register_size[REGISTERS_SPAN]; /* by offset; 0: nothing is there */

@@ -3,17 +3,17 @@
 
     python -m campaigns.soak.page
 
-Both cards must have been soaked as they are now. Exit 2: a result is missing, or is of another card.
+Both cards must have been soaked as they are now. Exit 2: a result is missing.
 """
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from collections import Counter
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz import bound
-from campaigns.soak.run import FOLDER
+from campaigns.soak import run
 from rtl.command import run_main
 from rtl.sources import ROOT, configurations
 
@@ -25,61 +25,82 @@ class PageError(Exception):
     """Error for the user, in one line."""
 
 
-def read(folder: Path, config: str) -> dict:
-    """The result of one card as it is now."""
-    path, command = folder / f"{config}.json", f"make soak CONFIG={config}"
+def read(config: str) -> list[dict]:
+    """The blocks of one card as it is now. Of two with the same seed the longer contains the other one."""
+    path, command = run.file_of(config), f"make soak CONFIG={config}"
+    if not path.exists():
+        raise PageError(f"no result of the {config} card as it is now; run `{command}` first")
+    blocks: dict[tuple, dict] = {}
     try:
-        result = json.loads(path.read_text())
-        stated = result["card"], result["firmware"]
-    except FileNotFoundError:
-        raise PageError(f"{path.name} is missing in {folder}; run `{command}` first") from None
+        for block in map(json.loads, path.read_text().splitlines()):
+            key = block["dialect"], block["profile"], block["seed"]
+            blocks[key] = max(block, blocks.get(key, block), key=_weight)
     except (ValueError, KeyError, TypeError) as error:
         raise PageError(f"{path} is no result of `{command}`") from error
-    if stated != (fingerprint.card(config), fingerprint.firmware(config)):
-        raise PageError(f"{path.name} is of another card; run `{command}` again")
-    return result
+    return [blocks[key] for key in sorted(blocks)]
 
 
-def section(config: str, result: dict) -> str:
-    """One card: a row for each dialect, and the replies."""
-    rows = []
-    for run in result["runs"]:
-        count, seen = run["transactions"], len(run["mismatches"])
-        seeds = f"{run['seeds'][0]} to {run['seeds'][-1]}"
+def _weight(block: dict) -> tuple[bool, int]:
+    """What was found once stays on the page."""
+    return block["mismatches"] > 0, block["transactions"]
+
+
+def in_short(lines: list[str]) -> str:
+    """Rates with their formats: 9600 bit/s 8E1 and 9600 bit/s 8N1 as `9600: 8E1 8N1`."""
+    rates: dict[int, list[str]] = {}
+    for line in sorted(set(lines)):
+        rate, _, line_format = line.split()
+        rates.setdefault(int(rate), []).append(line_format)
+    return "; ".join(f"{rate}: {' '.join(rates[rate])}" for rate in sorted(rates))
+
+
+def section(config: str, blocks: list[dict]) -> str:
+    """One card: a row for each dialect and drive, and the replies."""
+    rows, kinds = [], []
+    runs: dict[tuple[str, str], list[dict]] = {}
+    for block in blocks:
+        runs.setdefault((block["dialect"], block["profile"]), []).append(block)
+    for (dialect, profile), run_blocks in runs.items():
+        count = sum(block["transactions"] for block in run_blocks)
+        seen = sum(block["mismatches"] for block in run_blocks)
         cells = (
-            *(run["dialect"], run["profile"], seeds, ", ".join(run["lines"]), f"{count:,}", seen),
-            *(bound.words(seen, count), f"{run['simulated_s'] / 60:.0f} min"),
+            *(dialect, profile, len(run_blocks), in_short([block["line"] for block in run_blocks])),
+            *(f"{count:,}", seen, bound.words(seen, count)),
+            f"{sum(block['simulated_s'] for block in run_blocks) / 60:.0f} min",
         )
         rows.append(f"| {' | '.join(map(str, cells))} |")
-    kinds = [
-        f"{run['dialect']}: " + ", ".join(f"{count:,} {what}" for what, count in run["replies"].items()) + "."
-        for run in result["runs"]
-    ]
+        replies = sum((Counter(block["replies"]) for block in run_blocks), Counter())
+        kinds.append(
+            f"- {dialect}, {profile}: "
+            + ", ".join(f"{replies[what]:,} {what}" for what in sorted(replies))
+            + "."
+        )
     return "\n".join(
         [
             f"## The {config} card",
             "",
-            f"Measured on the {config} card `{result['card']}`, firmware `{result['firmware']}`.",
+            f"Measured on the {config} card `{fingerprint.card(config)}`, firmware "
+            f"`{fingerprint.firmware(config)}`.",
             "",
-            "| dialect | drive | seeds | rates and formats | transactions | mismatches "
+            "| dialect | drive | blocks | bit/s: formats | transactions | mismatches "
             f"| at {bound.SURE} at most | simulated |",
-            "|---|---|---|---|---:|---:|---:|---:|",
+            "|---|---|---:|---|---:|---:|---:|---:|",
             *rows,
             "",
             "Replies:",
             "",
-            *(f"- {kind}" for kind in kinds),
+            *kinds,
         ]
     )
 
 
-def page(folder: Path) -> str:
-    sections = [section(config, read(folder, config)) for config in configurations()]
-    return TEMPLATE.read_text().format(cards="\n\n".join(sections))
+def page() -> str:
+    sections = [section(config, read(config)) for config in configurations()]
+    return TEMPLATE.read_text().format(cards="\n\n".join(sections), block=run.BLOCK)
 
 
 def main() -> int:
-    PAGE.write_text(page(FOLDER))
+    PAGE.write_text(page())
     print(f"wrote {PAGE.relative_to(ROOT)}")
     return 0
 

@@ -7,8 +7,8 @@
 
 Reference for the card is tb/model/card.py; reference for the drive is tb/model/vlt_drive.py, which gets the
 telegrams and times of the card's log. A run is cut into blocks. The seed of a block selects the rate and the
-format of the network line, too. build/soak has the results of each card; campaigns/soak/page.py writes the
-page. Exit 0: no mismatch, 1: mismatches, 2: no card.
+format of the network line, too. build/soak keeps each block; campaigns/soak/page.py writes the page. Exit 0:
+no mismatch, 1: mismatches, 2: no card.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import random
 import tempfile
 import time
 from collections import Counter, deque
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
@@ -43,7 +43,6 @@ RUNS = (("card", "vlt6000", 4), ("builtin", "vlt8000", 1), ("hvac_basic", "hvac_
 UNIT, OTHER_UNIT, BROADCAST = 1, 7, 0
 # Switches 1-3 of rates that suit the clock of the virtual card and are not too slow.
 SWIFT = [bits for bits, rate in RATES.items() if 9600 <= rate.baud <= 38400]
-START_S = 1.0  # wall time: at the clock of the virtual card the small card's firmware starts slowly
 UNANSWERED_S = 0.15  # wall time after a request without a reply, as after a broadcast
 PDU_MAX = 253
 COMMANDS = (0x047C, 0x047C, 0x043C, 0x0474, 0x046C, 0x0478, 0x045C, 0x057C, 0x04FC, 0x847C, 0x067C, 0x1C7C)
@@ -296,29 +295,6 @@ class Result:
         )
 
 
-@dataclass
-class Total:
-    """The blocks of one dialect and drive, as kept in build/soak."""
-
-    dialect: str
-    profile: str
-    seeds: list[int]
-    transactions: int = 0
-    mismatches: list[str] = field(default_factory=list)
-    replies: dict[str, int] = field(default_factory=dict)
-    lines: list[str] = field(default_factory=list)  # rates and formats
-    simulated_s: float = 0.0
-    wall_s: float = 0.0
-
-    def add(self, result: Result) -> None:
-        self.transactions += len(result.transactions)
-        self.mismatches += result.mismatches
-        self.replies = dict(sorted((Counter(self.replies) + result.replies).items()))
-        self.lines = sorted({*self.lines, result.line})
-        self.simulated_s += result.simulated_s
-        self.wall_s += result.wall_s
-
-
 def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Result:
     """One block; `seed` also selects rate and format of the network line."""
     rng = random.Random(f"soak/{dialect}/{profile}/{seed}")
@@ -330,7 +306,6 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Res
     options = ("--dialect", dialect, "--profile", profile, "--sw-baud", switches, "--speed", "max", "--quiet")
     done = []
     with RunningCard(folder, *options) as card:
-        time.sleep(START_S)
         began = time.monotonic()
         with Pymodbus(card.link) as master:
             for asked in Traffic(rng, dialect, profile).requests(count):
@@ -353,26 +328,25 @@ def blocks(seed: int, count: int) -> dict[int, int]:
     return {seed + at // BLOCK: min(BLOCK, count - at) for at in range(0, count, BLOCK)}
 
 
-def run(dialect: str, profile: str, sizes: dict[int, int]) -> Total:
-    total = Total(dialect, profile, list(sizes))
-    for seed, count in sizes.items():
-        with tempfile.TemporaryDirectory() as folder:
-            result = soak(Path(folder), seed, count, dialect, profile)
-        total.add(result)
-        print(f"  {result}", flush=True)
-        for mismatch in result.mismatches:
-            print(f"  MISMATCH {mismatch}", flush=True)
-    return total
+def file_of(config: str) -> Path:
+    """The blocks of this very card and firmware, a line each."""
+    return FOLDER / f"{config}-{fingerprint.card(config)}-{fingerprint.firmware(config)}.jsonl"
 
 
-def keep(config: str, totals: list[Total]) -> None:
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    result = {
-        "card": fingerprint.card(config),
-        "firmware": fingerprint.firmware(config),
-        "runs": [asdict(total) for total in totals],
+def keep(path: Path, seed: int, dialect: str, profile: str, result: Result) -> None:
+    block = {
+        "dialect": dialect,
+        "profile": profile,
+        "seed": seed,
+        "line": result.line,
+        "transactions": len(result.transactions),
+        "mismatches": len(result.mismatches),
+        "replies": result.replies,
+        "simulated_s": result.simulated_s,
     }
-    (FOLDER / f"{config}.json").write_text(json.dumps(result, indent=1) + "\n")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a") as file:
+        file.write(json.dumps(block) + "\n")
 
 
 def main() -> int:
@@ -385,26 +359,24 @@ def main() -> int:
     parser.add_argument("--dialect", choices=DIALECTS, help="this one only")
     parser.add_argument("--profile", choices=PROFILES, help="drive, instead of the dialect's own")
     options = parser.parse_args()
-    # The small card has no image of the other dialects (docs/guide/limits.md).
-    chosen = "card" if options.config == "tiny" else options.dialect
+    # Only the standard card has images of the other dialects (docs/guide/limits.md).
+    chosen = options.dialect if options.config == "standard" else "card"
     if options.dialect not in (None, chosen):
         raise CardError(f"the card {options.config} has no dialect {options.dialect}")
     runs = [each for each in RUNS if chosen in (None, each[0])]
     shares = sum(share for *_, share in runs)
-    totals = [
-        run(
-            dialect,
-            options.profile or profile,
-            blocks(options.seed, math.ceil(options.count * share / shares)),
-        )
-        for dialect, profile, share in runs
-    ]
-    if not (options.dialect or options.profile):
-        keep(options.config, totals)
-    for total in totals:
-        print(f"{total.dialect}, {total.profile}: {total.transactions} transactions, ", end="")
-        print(f"{len(total.mismatches)} mismatches")
-    return int(any(total.mismatches for total in totals))
+    path, wrong = file_of(options.config), False
+    for dialect, own_profile, share in runs:
+        profile = options.profile or own_profile
+        for seed, count in blocks(options.seed, math.ceil(options.count * share / shares)).items():
+            with tempfile.TemporaryDirectory() as folder:
+                result = soak(Path(folder), seed, count, dialect, profile)
+            keep(path, seed, dialect, profile, result)
+            print(f"  {result}", flush=True)
+            for mismatch in result.mismatches:
+                print(f"  MISMATCH {mismatch}", flush=True)
+            wrong = wrong or bool(result.mismatches)
+    return int(wrong)
 
 
 if __name__ == "__main__":

@@ -6,11 +6,13 @@ Traffic and checks: campaigns/soak/run.py. The drive is live: it ramps, refuses 
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
-from campaigns.soak import page
-from campaigns.soak.run import BLOCK, SoakJudge, Total, Transaction, blocks, keep, soak
-from sim.card.run_card import Frame
+from campaigns.soak import page, run
+from campaigns.soak.run import BLOCK, SoakJudge, Transaction, blocks, soak
+from sim.card.run_card import CardError, Frame
 from tb.agents.crc16 import with_crc
 from tb.lib.seeds import seeded
 from tb.model import fc_telegram as fc
@@ -119,38 +121,45 @@ def test_a_run_is_cut_into_blocks_of_their_own_seed():
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    monkeypatch.setattr("campaigns.soak.run.FOLDER", tmp_path)
-    monkeypatch.setattr("campaigns.bench.fingerprint.card", lambda config: f"card-{config}")
-    monkeypatch.setattr("campaigns.bench.fingerprint.firmware", lambda config: f"firmware-{config}")
-    for config, mismatches in (("standard", []), ("tiny", ["master: expected 01, got 02"])):
-        total = Total(
-            "card", "vlt6000", [1, 2], 20_000, mismatches, {"exception 2": 12}, ["9600 bit/s 8E1"], 90.0
-        )
-        keep(config, [total])
+    """Results of both cards: a shorter block of the same seed, a mismatch of the small card."""
+    monkeypatch.setattr(run, "FOLDER", tmp_path)
+    monkeypatch.setattr(run.fingerprint, "card", lambda config: f"card-{config}")
+    monkeypatch.setattr(run.fingerprint, "firmware", lambda config: f"firmware-{config}")
+    for config in ("standard", "tiny"):
+        for seed, count, line in (
+            (1, 500, "19200 bit/s 8N1"),
+            (2, 500, "9600 bit/s 8E1"),
+            (1, 20, "19200 bit/s 8N1"),
+        ):
+            wrong = ["master: expected 01, got 02"] if config == "tiny" and count == 20 else []
+            done = [Transaction("read_number", 1, b"")] * count
+            result = run.Result(done, wrong, Counter({"exception 2": 12}), 1.0, 90.0, line)
+            run.keep(run.file_of(config), seed, "card", "vlt6000", result)
     return tmp_path
 
 
-def test_the_page_has_both_cards_and_their_bounds(kept):
-    text = page.page(kept)
+def test_the_page_has_both_cards_and_counts_a_seed_once(kept):
+    text = page.page()
     assert "standard card `card-standard`, firmware `firmware-standard`" in text
-    assert "| card | vlt6000 | 1 to 2 | 9600 bit/s 8E1 | 20,000 | 0 | 2.3e-04 | 2 min |" in text
-    assert "| card | vlt6000 | 1 to 2 | 9600 bit/s 8E1 | 20,000 | 1 | 3.3e-04 | 2 min |" in text
-    assert text.count("- card: 12 exception 2.") == 2
+    assert "| card | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 1,000 | 0 | 4.6e-03 | 3 min |" in text
+    assert text.count("- card, vlt6000: 24 exception 2.") == 2
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (None, r"tiny\.json is missing in .*; run `make soak CONFIG=tiny` first"),
-        ("{}", r"tiny\.json is no result of `make soak CONFIG=tiny`"),
-        (
-            '{"card": "x", "firmware": "y"}',
-            r"tiny\.json is of another card; run `make soak CONFIG=tiny` again",
-        ),
-    ],
-)
-def test_a_page_is_refused_without_a_result_of_this_card(kept, text, said):
-    path = kept / "tiny.json"
-    path.unlink() if text is None else path.write_text(text)
-    with pytest.raises(page.PageError, match=said):
-        page.page(kept)
+def test_a_mismatch_stays_on_the_page(kept):
+    assert "| card | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 520 | 1 | 1.3e-02 | 3 min |" in page.page()
+
+
+def test_a_page_is_refused_without_both_cards(kept):
+    path = run.file_of("tiny")
+    path.write_text("{}\n")
+    with pytest.raises(page.PageError, match=r"tiny-.*\.jsonl is no result of `make soak CONFIG=tiny`"):
+        page.page()
+    path.unlink()
+    with pytest.raises(page.PageError, match=r"no result of the tiny card .* run `make soak CONFIG=tiny`"):
+        page.page()
+
+
+def test_the_small_card_has_one_dialect(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["soak", "--config", "tiny", "--dialect", "builtin"])
+    with pytest.raises(CardError, match="the card tiny has no dialect builtin"):
+        run.main()

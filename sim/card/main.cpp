@@ -30,7 +30,7 @@ using namespace card;
 constexpr SimClock kClock{CARD_CLK_HZ};
 constexpr int kDriveResponseUs = 5'000;       // of the simulated drive; real drives take 2.3 ms to 50 ms
 constexpr double kForeignDriveSeconds = 0.3;  // longer than any legal drive needs
-constexpr double kStartSeconds = 0.1;         // run before 'ready': firmware boot and speed measurement
+constexpr double kStartSeconds = 0.3;         // run before 'ready': boot, of SERV too, and speed measurement
 constexpr int kStepUs = 500;                  // between two readings of the wall clock
 constexpr double kWarnBelow = 0.98;           // x real time
 constexpr int kWarnEvery = 10;                // simulated seconds

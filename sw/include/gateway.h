@@ -35,7 +35,7 @@ struct gateway {
     uint8_t ticket;               /* of newest */
     uint8_t exchange;             /* enum exchange_stage */
     uint8_t next;                 /* the place of the older waiting write, if any waits */
-    uint8_t committed_ticket; /* of the last commit; another while a commit is due */
+    uint8_t committed_ticket;     /* of the last commit; another while a commit is due */
     bool uncommitted;             /* newest has not taken effect yet (FRAME-6) */
     bool wants_drive;             /* the telegram of newest is still to be sent */
     uint8_t reply_outcome;        /* enum outcome: of the telegram received for at_drive */
