@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proves with a solver that a changed module behaves like the original: no test can detect the change.
 
-The module is compared as both cards contain it, with their parameters. Registers and signals of equal names
+The module is compared with each set of parameters that it has in a card of configs.toml, as built or with one
+option. Registers and signals of equal names
 are paired. There are two ways, and one that succeeds is enough.
 
 By pairs: if all pairs are equal in one clock, they must be equal in the next one. They have the same power-up
@@ -10,7 +11,10 @@ memory on both sides counts as one: its inputs are proved equal, so what it read
 
 By steps, for a module without memory: the dropped pairs may have any values that keep the others equal for
 some clocks. With them the others must be equal in the next clock, too. That proves another numbering of
-states.
+states. One pair alone is tried first, then all that differed.
+
+An input of an instance that is inverted: the instance's module is compared with itself, `~input` for `input`.
+Both sides get a reset in their first clock, as the card has it.
 
 No output is ever dropped. The clock of power-up itself, in which the card is in reset, is not compared by
 pairs. A module that is not proved to be the same may still be the same.
@@ -18,6 +22,7 @@ pairs. A module that is not proved to be the same may still be the same.
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 import subprocess
@@ -26,6 +31,8 @@ from pathlib import Path
 from rtl.sources import ROOT, card_files, configurations
 
 TOP = "rtu2fc"
+# Parameters of TOP in the cards to compare; none: the card as configs.toml has it.
+OPTIONS = ("", "STRICT_T15 0", "PREPARE_EARLY 0", "BREAK_TOLERANT 1", "DE_LIMIT 0", "MASTER_LOSS_STOP 1")
 LONGEST_S = 300
 ROUNDS = 8  # of dropped pairs
 SIDES = ("original", "changed")
@@ -61,7 +68,13 @@ hierarchy -top pairs
 opt_clean
 sat -tempinduct -prove-asserts -maxsteps {steps} pairs
 """
+# Of a module with a reset; its body has in_reset for rst.
+FIRST_CLOCK = """  reg in_first = 1'b1;
+  wire in_reset = rst || in_first;
+  always @(posedge clk) in_first <= 1'b0;
+"""
 MOST_STEPS = 4
+MOST_ALONE = 4
 UNPROVEN = re.compile(r"^\s+Unproven \$equiv \S+: (\S+)_gold\b", re.M)
 
 
@@ -84,7 +97,7 @@ def yosys(folder: Path, name: str, script: str) -> str:
     return done.stdout
 
 
-def elaborate(config: str, folder: Path, side: str, changed: Path | None) -> list[str]:
+def elaborate(config: str, option: str, folder: Path, side: str, changed: Path | None) -> list[str]:
     """The modules of the card, each with its parameters; `changed` replaces the file of its name."""
     sources = folder / "sources"
     sources.mkdir(parents=True, exist_ok=True)
@@ -95,12 +108,14 @@ def elaborate(config: str, folder: Path, side: str, changed: Path | None) -> lis
             used = Path(shutil.copy(used, sources))
         names.append(str(used.relative_to(ROOT)))
     image = configurations()[config]["firmware_hex"]
-    yosys(
-        folder,
-        side,
-        f'read_verilog -defer -DSYNTHESIS {" ".join(names)}\nchparam -set FIRMWARE_HEX "{image}" {TOP}\n'
-        f"hierarchy -top {TOP}\nwrite_rtlil {(folder / side).relative_to(ROOT)}.il\n",
+    setting = f"-set {option}" if option else ""
+    script = (
+        f"read_verilog -defer -DSYNTHESIS {' '.join(names)}",
+        f'chparam -set FIRMWARE_HEX "{image}" {setting} {TOP}',
+        f"hierarchy -top {TOP}",
+        f"write_rtlil {(folder / side).relative_to(ROOT)}.il",
     )
+    yosys(folder, side, "\n".join(script) + "\n")
     return re.findall(r"^module (\S+)", (folder / f"{side}.il").read_text(), re.M)
 
 
@@ -127,12 +142,17 @@ def alike(variant: str, folder: Path) -> bool:
         unequal.append(set(UNPROVEN.findall(said)).difference(*unequal))
         if not unequal[-1] or unequal[-1] & never:
             break
-    drop(unequal[0] - never, folder)
-    try:
-        said = yosys(folder, "steps", read + STEPS.format(folder=where, steps=MOST_STEPS))
-    except SameError:  # it has a memory, or is too large
-        return False
-    return "Induction step proven: SUCCESS!" in said
+    names = unequal[0] - never
+    alone = [{name} for name in sorted(names)] if len(names) <= MOST_ALONE else []
+    for dropped in [*alone, names]:
+        drop(dropped, folder)
+        try:
+            said = yosys(folder, "steps", read + STEPS.format(folder=where, steps=MOST_STEPS))
+        except SameError:  # it has a memory, or is too large
+            return False
+        if "Induction step proven: SUCCESS!" in said:
+            return True
+    return False
 
 
 def differ_at_power_up(folder: Path) -> set[str]:
@@ -159,16 +179,28 @@ def outputs(variant: str, folder: Path) -> set[str]:
     return set(re.findall(r"^  wire (?:\S+ )*?output \d+ (\S+)$", body, re.M))
 
 
-def proved_same(changed: Path, folder: Path) -> bool:
-    """Whether the module in this file behaves in both cards as the one in the file of this name in rtl/."""
+def proved_same_inverted(path: Path, port: str, folder: Path) -> bool:
+    """Whether the module behaves in both cards the same with `~port` for its input `port`."""
+    header, end, body = path.read_text().partition("\n);\n")
+    if re.search(r"^ *input +wire +rst\b", header, re.M):
+        body = FIRST_CLOCK + re.sub(r"\brst\b", "in_reset", body)
+    both = []
+    for side, of_input in zip(SIDES, (port, f"(~{port})"), strict=True):
+        both.append(folder / f"{side}_module" / path.name)
+        both[-1].parent.mkdir(parents=True, exist_ok=True)
+        both[-1].write_text(header + end + re.sub(rf"\b{port}\b", of_input, body))
+    return proved_same(both[1], folder, both[0])
+
+
+def proved_same(changed: Path, folder: Path, original: Path | None = None) -> bool:
+    """Whether the module in this file behaves in both cards as `original`; None: as the one of rtl/."""
     folder.mkdir(parents=True, exist_ok=True)
-    found = False
-    for config in configurations():
-        before = elaborate(config, folder, "original", None)
-        after = elaborate(config, folder, "changed", changed)
-        for variant in before:
-            if plain(variant) == changed.stem:
-                found = True
-                if variant not in after or not alike(variant, folder):
-                    return False
-    return found
+    compared: set[str] = set()
+    for config, option in itertools.product(configurations(), OPTIONS):
+        before = elaborate(config, option, folder, "original", original)
+        after = elaborate(config, option, folder, "changed", changed)
+        for variant in {name for name in before if plain(name) == changed.stem} - compared:
+            if variant not in after or not alike(variant, folder):
+                return False
+            compared.add(variant)
+    return bool(compared)
