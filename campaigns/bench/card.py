@@ -34,7 +34,7 @@ SIGNALS = (
     *("candidate", "commit", "queue_reply", "queue_telegram", "drive_candidate"),
 )
 MODBUS, DRIVE = 0, 1
-UNIT_ADDRESS = 1
+UNIT_ADDRESS, BROADCAST_ADDRESS = 1, 0
 BOOT_MS = 20  # BOOT-1, unless the configuration says otherwise
 # The shortest response time a drive may have: two characters, as long as the pause (FC-8).
 SHORTEST_DELAY_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT

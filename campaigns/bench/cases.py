@@ -12,6 +12,7 @@ import random
 from dataclasses import dataclass
 
 from campaigns.bench.card import (
+    BROADCAST_ADDRESS,
     CORRECT,
     EXTRA_SILENCE_BITS,
     LATE,
@@ -54,10 +55,11 @@ NOISE_BITS = 6.5  # after t3.5 of a noise character: 45 bits up to 19200 bit/s
 @dataclass(frozen=True)
 class Case:
     name: str
-    local: bool
+    local: bool  # answered without the drive
     pdu: bytes
     before: bytes | None = None  # request that sets the case up
     after: bytes | None = None
+    to_all: bool = False
 
 
 def text(name: str, pdu: bytes, ind: int) -> Case:
@@ -65,21 +67,29 @@ def text(name: str, pdu: bytes, ind: int) -> Case:
     return Case(name, False, pdu, before=rtu.write_register(0, ind), after=rtu.write_register(0, 0))
 
 
+# Every kind of request that the firmware translates. The values of 40002 and 40003 are the defaults.
+LOCAL_WORDS = (0, 1000, 15)
 CASES = {
     case.name: case
     for case in (
         Case("read 16 coils", True, rtu.read_coils(32, 16)),
         Case("read 40001-40003", True, rtu.read_registers(0, 3)),
+        Case("write 40002", True, rtu.write_register(1, LOCAL_WORDS[1])),
+        Case("write 40001-40003", True, rtu.write_registers(0, LOCAL_WORDS)),
+        Case("write coil 65", True, rtu.write_coil(card_model.EEPROM, False)),
         Case("exception 67", True, bytes([0x2B])),
         Case("start motor", False, rtu.write_coils(0, START_MOTOR)),
+        Case("write coil 7", False, rtu.write_coil(6, True)),
         Case("write parameter", False, rtu.write_register(parameter(104), 60)),
+        Case("write 2 words", False, rtu.write_registers(parameter(207), (0, 60))),
         Case("read parameter", False, rtu.read_registers(parameter(514), 2)),
         text("read 20 characters", rtu.read_registers(parameter(TEXT_PNU), 10), 0x0400),
+        text("write 20 characters", rtu.write_registers(parameter(TEXT_PNU), LETTERS), 0x0500),
+        Case("start motor, broadcast", False, rtu.write_coils(0, START_MOTOR), to_all=True),
     )
 }
 
-# Every size of every request that the firmware translates. The values of 40002 and 40003 are the defaults.
-LOCAL_WORDS = (0, 1000, 15)
+# Every size of these requests.
 SIZES = {
     case.name: case
     for case in (
@@ -90,7 +100,7 @@ SIZES = {
             Case(f"write {n} of 40001-40003", True, rtu.write_registers(0, LOCAL_WORDS[:n]))
             for n in (1, 2, 3)
         ),
-        *(Case(f"write {n} words", False, rtu.write_registers(parameter(207), (0, 60)[-n:])) for n in (1, 2)),
+        Case("write 1 word", False, rtu.write_registers(parameter(207), (60,))),
         *(text(f"read {2 * n} letters", rtu.read_registers(parameter(TEXT_PNU), n), 0x0400) for n in TEXTS),
         *(
             text(f"write {2 * n} letters", rtu.write_registers(parameter(TEXT_PNU), LETTERS[:n]), 0x0500)
@@ -98,6 +108,11 @@ SIZES = {
         ),
     )
 }
+# The smallest and the largest of each, as far as CASES has none of them.
+EXTREMES = (
+    *("read 1 coils", "read 128 coils", "write 1 coils", "write 32 coils", "write 1 word"),
+    *("read 1 of 40001-40003", "write 1 of 40001-40003", "read 2 letters", "write 2 letters"),
+)
 
 
 # ---------------------------------------------------------------- one request, byte for byte
@@ -150,8 +165,8 @@ def turnaround(
     repeats: int,
     names: tuple[str, ...],
     seed: int,
-    build: Build = STANDARD,
     settled: bool = False,
+    build: Build = STANDARD,
 ) -> Outcome:
     """Runs every case a few times; checks the card's bytes and their times.
 
@@ -164,28 +179,30 @@ def turnaround(
     model = Model()
     outcome = Outcome()
 
-    def ask(pdu: bytes, name: str, local: bool) -> None:
-        step = model.ask(pdu)
-        talk = bench.ask(
-            rtu.build(UNIT_ADDRESS, pdu), start=bench.next_start(EXTRA_SILENCE_BITS + rng.random() * 3)
-        )
-        sample = measure(bench, talk, name)
-        where = f"{name} at {baud} {form}"
+    def ask(case: Case) -> None:
+        step = model.ask(case.pdu, case.to_all)
+        start = bench.next_start(EXTRA_SILENCE_BITS + rng.random() * 3)
+        address = BROADCAST_ADDRESS if case.to_all else UNIT_ADDRESS
+        talk = bench.ask(rtu.build(address, case.pdu), start=start)
+        sample = measure(bench, talk, case.name)
+        where = f"{case.name} at {baud} {form}"
         outcome.add(sample, where)
         due = model.due(step, talk)
         outcome.compare(talk, due.telegrams, due.reply, where)
-        outcome.check(len(due.telegrams) == (not local), f"{where}: {len(due.telegrams)} telegrams due")
-        figures = (sample.local,) if local else (sample.telegram, sample.answer)
-        outcome.check(None not in (*figures, sample.ratio), f"{where}: not measured")
+        outcome.check(len(due.telegrams) == (not case.local), f"{where}: {len(due.telegrams)} telegrams due")
+        figures = [sample.local] if case.local else [sample.telegram]
+        if not case.to_all:
+            figures += [sample.ratio] if case.local else [sample.answer, sample.ratio]
+        outcome.check(None not in figures, f"{where}: not measured")
 
     for name in names:
         case = (CASES | SIZES)[name]
         if case.before:
-            ask(case.before, "write 40001", True)
+            ask(Case("write 40001", True, case.before))
         for _ in range(repeats):
-            ask(case.pdu, name, case.local)
+            ask(case)
         if case.after:
-            ask(case.after, "write 40001", True)
+            ask(Case("write 40001", True, case.after))
     if build == LATE:
         # No limits without early preparation: the card is compared with it.
         outcome.faults = [fault for fault in outcome.faults if "PERF" not in fault and "floor" not in fault]
@@ -234,11 +251,18 @@ def _became(request: Request, due: Due, talk: Talk) -> str:
     return f"answered {by}"
 
 
-def random_requests(baud: int, form: str, count: int, seed: int, settled: bool = False) -> Outcome:
+def random_requests(
+    baud: int,
+    form: str,
+    count: int,
+    seed: int,
+    settled: bool = False,
+    build: Build = STANDARD,
+) -> Outcome:
     """Compares legal and illegal requests with the model: right bytes, right times, due silence."""
     rng = random.Random(f"random/{seed}/{baud}/{form}")
-    line = Line.of(baud, form)
-    bench = Bench(line, drive=example_drive())
+    line = Line.of(baud, form, build.clk_hz)
+    bench = Bench(line, build=build, drive=example_drive())
     if settled:
         bench.idle_until(SHOW_OVER_S * bench.clk_hz)
     model = Model()
@@ -263,13 +287,14 @@ def random_requests(baud: int, form: str, count: int, seed: int, settled: bool =
         for turn, exchange in zip(("first", "repeat"), talk.exchanges, strict=False):
             if not exchange.broadcast:
                 outcome.drive_did[exchange.answer.name, turn] += 1
-    outcome.stack_bytes = stack_used(bench)
+    outcome.stack_bytes = stack_used(bench, build)
     return outcome.finish(bench)
 
 
-def stack_used(bench: Bench) -> int:
+def stack_used(bench: Bench, build: Build) -> int:
     """Bytes of the firmware's stack that differ from the loaded image: its high-water mark."""
-    bottom, top = (symbols()[name] // 4 for name in ("_bss_end", "_stack_top"))
+    found = symbols(build.image_folder / "firmware.elf")
+    bottom, top = (found[name] // 4 for name in ("_bss_end", "_stack_top"))
     words = bench.memory(range(bottom, top))
     return 4 * (len(words) - next((i for i, word in enumerate(words) if word), len(words)))
 
@@ -280,11 +305,11 @@ ASKED = {"process": rtu.write_coils(0, START_MOTOR), "parameter": rtu.read_regis
 SHORT_WAIT = 4  # register 40003: just enough for the exchanges here
 
 
-def drive_faults(baud: int, form: str, quick: bool) -> Outcome:
+def drive_faults(baud: int, form: str, quick: bool, build: Build = STANDARD) -> Outcome:
     """FC-8, FC-9: each invalid answer gets one repeat; each slow answer within the rules is accepted.
 
     The second failure gives 255, and the drive's own fault numbers are passed on."""
-    bench = Bench(Line.of(baud, form), drive=example_drive())
+    bench = Bench(Line.of(baud, form, build.clk_hz), build=build, drive=example_drive())
     model = Model()
     outcome = Outcome()
 
@@ -332,10 +357,10 @@ def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) ->
     outcome.check(not talk.marks["commit"], f"{where}: was committed")
 
 
-def gate(baud: int, form: str, quick: bool) -> Outcome:
+def gate(baud: int, form: str, quick: bool, build: Build = STANDARD) -> Outcome:
     """FRAME-6: a character between t1.5 and t3.5 revokes the frame."""
-    line = Line.of(baud, form)
-    bench = Bench(line, drive=example_drive())
+    line = Line.of(baud, form, build.clk_hz)
+    bench = Bench(line, build=build, drive=example_drive())
     outcome = Outcome()
     early, late = line.t15_bits + 0.5, line.t35_bits - 0.5
     start = rtu.write_coils(0, START_MOTOR)
@@ -364,10 +389,10 @@ def gate(baud: int, form: str, quick: bool) -> Outcome:
     return outcome.finish(bench)
 
 
-def overtaken(baud: int, form: str, quick: bool) -> Outcome:
+def overtaken(baud: int, form: str, quick: bool, build: Build = STANDARD) -> Outcome:
     """FRAME-7: another frame while the drive is still answering. The old reply is dropped, the exchange is
     completed, the newest request is served without delay."""
-    line = Line.of(baud, form)
+    line = Line.of(baud, form, build.clk_hz)
     outcome = Outcome()
     newer = {
         "a foreign frame": (FOREIGN, rtu.read_coils(0, 8)),
@@ -377,7 +402,7 @@ def overtaken(baud: int, form: str, quick: bool) -> Outcome:
     if quick and baud < 2400:
         newer = {"a foreign frame": newer["a foreign frame"]}
     for what, (address, pdu) in newer.items():
-        bench = Bench(line, drive=example_drive())
+        bench = Bench(line, build=build, drive=example_drive())
         model = Model()
         start_motor = model.ask(rtu.write_coils(0, START_MOTOR))
         first = bench.ask_and_leave(rtu.build(UNIT_ADDRESS, rtu.write_coils(0, START_MOTOR)))

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from campaigns.bench.card import MODBUS, UNIT_ADDRESS, Bench, Talk
+from campaigns.bench.card import MODBUS, STANDARD, UNIT_ADDRESS, Bench, Build, Talk
 from campaigns.bench.judge import T35_ACCURACY_BITS, Outcome, measure
 from campaigns.bench.traffic import FOREIGN, example_drive
-from campaigns.bench.wave import CLK_HZ, Line
+from campaigns.bench.wave import Line
 from tb.agents import rtu
 from tb.model import card as card_model
 
@@ -57,9 +57,9 @@ def boundary(passes: Callable[[float], bool], good: float, bad: float, resolutio
     return good
 
 
-def conformance(baud: int, form: str) -> Outcome:
-    line = Line.of(baud, form)
-    bench = Bench(line, drive=example_drive())
+def conformance(baud: int, form: str, build: Build = STANDARD) -> Outcome:
+    line = Line.of(baud, form, build.clk_hz)
+    bench = Bench(line, build=build, drive=example_drive())
     outcome, rows = Outcome(), {}
     here = f"at {baud} {form}"
 
@@ -140,7 +140,7 @@ def conformance(baud: int, form: str) -> Outcome:
     slow = boundary(lambda error: understands(-error), 0, 0.15, RESOLUTION_RATE)
     fast = boundary(understands, 0, 0.15, RESOLUTION_RATE)
     rows["rate"] = f"{100 * slow:.1f} / {100 * fast:.1f} %"
-    if baud * 64 <= CLK_HZ:
+    if baud * 64 <= build.clk_hz:
         outcome.check(min(slow, fast) >= TOLERANCE, f"tolerance {here}: {slow:.3f} {fast:.3f} (LINE-5)")
 
     # Damage.

@@ -91,7 +91,7 @@ def tree() -> dict[str, str]:
     """Hashes of everything that `make bench` measures in this tree."""
     found = {"card": card(), "firmware": firmware(), "bench": bench()}
     with contextlib.suppress(SourcesError):
-        found["tiny card"] = card("tiny")
+        found |= {"tiny card": card("tiny"), "tiny firmware": firmware("tiny")}
     return found
 
 

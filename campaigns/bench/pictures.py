@@ -15,6 +15,7 @@ from campaigns.bench.report import (
     RIVAL_ROWS,
     RIVALS,
     SHOWN_BAUD,
+    CardResults,
     Results,
     measured_on,
     samples,
@@ -30,14 +31,15 @@ OURS, CARD, LATE = "#c62828", "#2e7d32", "#e39b33"
 
 
 def draw(results: Results) -> None:
+    """All pictures are of the standard card."""
     use_style()
     for name, picture in PICTURE_OF.items():
-        save(name, picture(results), measured_on(results.fingerprint))
+        save(name, picture(results.card("standard")), measured_on(results.fingerprint))
 
 
-def _transactions(results: Results):
+def _transactions(results: CardResults):
     """For each case a bar for the wire's floor, with the card's time on top."""
-    figure, panels = subplots(1, 2, figsize=(11, 4.2), width_ratios=(1, 2.4))
+    figure, panels = subplots(1, 2, figsize=(11, 4.8), width_ratios=(1, 2.4))
     colours = {
         "request": WIRE,
         "t3.5": SILENCE,
@@ -51,7 +53,7 @@ def _transactions(results: Results):
         (panels[1], EXCHANGES, "with the drive"),
     ):
         for at, name in enumerate(reversed(names)):
-            found = samples(results, "early", case=name, baud=SHOWN_BAUD, form=FORM)
+            found = samples(results, "turnaround", case=name, baud=SHOWN_BAUD, form=FORM)
             worst = max(found, key=lambda sample: sample.total - sample.floor)
             left = 0.0
             for what, seconds in worst.floor_parts.items():
@@ -87,7 +89,7 @@ def _transactions(results: Results):
     return figure
 
 
-def _overhead(results: Results):
+def _overhead(results: CardResults):
     """Histograms of the random requests' latencies, with the limit."""
     figure, panels = subplots(1, 3, figsize=(11, 3.4), sharey=True)
     for panel, attribute, title, unit in (
@@ -122,13 +124,13 @@ def _overhead(results: Results):
     return figure
 
 
-def _early(results: Results):
+def _early(results: CardResults):
     """Time lost after t3.5 for each rate: with and without prepare early, and the limit."""
     figure, panel = subplots(figsize=(8, 4))
     limit = [1e6 / baud for baud in BAUDS]
     panel.plot(BAUDS, limit, color="black", linewidth=0.8, linestyle="--")
     panel.text(BAUDS[1] * 1.05, limit[1] * 1.2, "the limit: one bit of the line")
-    for kind, colour, name in (("late", LATE, "prepare early off"), ("early", CARD, "ours")):
+    for kind, colour, name in (("late", LATE, "prepare early off"), ("turnaround", CARD, "ours")):
         lost = [
             [1e6 / baud * value for value in values(samples(results, kind, baud=baud, form=FORM), "local")]
             for baud in BAUDS
@@ -152,7 +154,7 @@ def _early(results: Results):
     return figure
 
 
-def _latency(results: Results):
+def _latency(results: CardResults):
     """From the request's end to the reply's first bit: this card and other slaves."""
 
     def ours(kind: str) -> float:
@@ -160,7 +162,7 @@ def _latency(results: Results):
         return legal + statistics.median(values(found, "local"))
 
     legal = Line.of(SHOWN_BAUD, FORM).t35_bits
-    bars = {"rtu2fc": ours("early"), "rtu2fc, prepare early off": ours("late")}
+    bars = {"rtu2fc": ours("turnaround"), "rtu2fc, prepare early off": ours("late")}
     for name, latency in zip(RIVALS, RIVAL_ROWS["latency"], strict=True):
         bars[name.split("/")[0]] = float(latency.strip("*"))
     figure, panel = subplots(figsize=(8, 3.6))

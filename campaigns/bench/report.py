@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from campaigns.bench.card import TINY
+from campaigns.bench.card import Build
 from campaigns.bench.cases import CASES
 from campaigns.bench.conformance import ROWS
 from campaigns.bench.judge import (
@@ -31,10 +31,11 @@ RESULTS = ROOT / "docs/reports/results.md"
 TEMPLATE = ROOT / "campaigns/bench/results.md.in"
 MEASURED_ON = "Measured on"
 LOCAL = tuple(name for name, case in CASES.items() if case.local)
-EXCHANGES = tuple(name for name, case in CASES.items() if not case.local)
+EXCHANGES = tuple(name for name, case in CASES.items() if not (case.local or case.to_all))
 SHOWN_BAUD = 19200
 DRIVE_LINE = Line.of_drive()
-JUDGED = ("early", "random", "drive_faults", "gate", "overtaken", "conformance")
+OF_CASES = ("turnaround", "sizes")
+JUDGED = (*OF_CASES, "random", "drive_faults", "gate", "overtaken", "conformance")
 
 # Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Measured once
 # and recorded here; their code is not part of this project.
@@ -63,35 +64,67 @@ RIVAL_ROWS = {
 
 
 @dataclass
-class Results:
-    """All data of a report."""
+class Image:
+    """Sizes of a card's firmware in bytes."""
 
-    seed: int
-    fingerprint: dict[str, str]  # subject of the measurement, campaigns/bench/fingerprint.py
-    outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
-    code_bytes: int = 0
-    data_bytes: int = 0
-    stack_bytes: int = 0
-    card_clk_hz: int = 0  # of the virtual card
-    stack_path: list[str] = field(default_factory=list)
-    # Simulated seconds per second of wall time (of processor time for the bench itself).
-    speeds: dict[str, float] = field(default_factory=dict)
+    code: int
+    data: int
+    stack: int  # by the call graph
+    stack_path: list[str]
+
+
+@dataclass
+class CardResults:
+    """Data of one card; `late`: of the standard card without early preparation."""
+
+    config: str
+    outcomes: dict[str, tuple[Piece, Outcome]]
+    image: Image
+
+    @property
+    def clk_hz(self) -> int:
+        return Build(self.config).clk_hz
 
     @property
     def stack_seen(self) -> int:
         return max((outcome.stack_bytes for _, outcome in self.outcomes.values()), default=0)
 
     def faults(self) -> list[str]:
-        found = [fault for _, outcome in self.outcomes.values() for fault in outcome.faults]
-        if self.stack_seen > self.stack_bytes:
-            found.append(f"{self.stack_seen} bytes of stack seen, {self.stack_bytes} by call graph")
+        found = [
+            f"{self.config}: {fault}" for _, outcome in self.outcomes.values() for fault in outcome.faults
+        ]
+        if self.stack_seen > self.image.stack:
+            found.append(
+                f"{self.config}: {self.stack_seen} bytes of stack seen, {self.image.stack} by call graph"
+            )
         return found
+
+
+@dataclass
+class Results:
+    """All data of a report."""
+
+    seed: int
+    fingerprint: dict[str, str]  # subject of the measurement, campaigns/bench/fingerprint.py
+    outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
+    images: dict[str, Image] = field(default_factory=dict)  # by configuration
+    card_clk_hz: int = 0  # of the virtual card
+    # Simulated seconds per second of wall time (of processor time for the bench itself).
+    speeds: dict[str, float] = field(default_factory=dict)
+
+    def card(self, config: str) -> CardResults:
+        mine = {name: item for name, item in self.outcomes.items() if item[0].build.config == config}
+        return CardResults(config, mine, self.images[config])
+
+    def faults(self) -> list[str]:
+        measured = {piece.build.config for piece, _ in self.outcomes.values()}
+        return [fault for config in sorted(measured) for fault in self.card(config).faults()]
 
 
 # ---------------------------------------------------------------- statistics
 
 
-def samples(results: Results, kind: str | tuple[str, ...], **fits: object) -> list[Sample]:
+def samples(results: CardResults, kind: str | tuple[str, ...], **fits: object) -> list[Sample]:
     """Samples of one or several kinds of work; `fits` are required attributes, one or several values each."""
     kinds = kind if isinstance(kind, tuple) else (kind,)
     found = [
@@ -130,14 +163,9 @@ def verdict(met: bool) -> str:
     return "met" if met else "**missed**"
 
 
-def summary(
-    results: Results,
-    of_cases: str = "early",
-    judged: tuple[str, ...] = JUDGED,
-    of_random: str = "random",
-) -> str:
+def summary(results: CardResults) -> str:
     """The table of targets."""
-    cases, chance, everything = (samples(results, kind) for kind in (of_cases, of_random, judged))
+    cases, chance, everything = (samples(results, kind) for kind in (OF_CASES, "random", JUDGED))
     rows: list[list[object]] = []
 
     def row(name: str, target: str, numbers: list[float], met: Callable[[float], bool], text: str) -> None:
@@ -184,26 +212,24 @@ def summary(
         numbers = [bits for s in everything for line in getattr(s, attribute).values() for bits in line]
         inside = [max(bits, 0.0) if bits >= least else bits for bits in numbers]
         row(name, "0 … 1 bit", numbers, lambda v, least=least: least <= v <= DE_LIMIT_BITS, span(inside))
-    for kind, name in (
-        (of_cases, "cases: right bytes and bits on both lines"),
-        (of_random, "random: right bytes and bits on both lines, silence where due"),
-        ("drive_faults", "a drive that answers wrong, late or not at all: one repeat, then 255"),
-        ("gate", "a character between t1.5 and t3.5: nothing sent, nothing changed"),
-        ("overtaken", "another frame while the drive answers: newest served, exchange finished"),
-        ("conformance", "conformance rows"),
+    for kinds, name in (
+        (OF_CASES, "cases: right bytes and bits on both lines"),
+        (("random",), "random: right bytes and bits on both lines, silence where due"),
+        (("drive_faults",), "a drive that answers wrong, late or not at all: one repeat, then 255"),
+        (("gate",), "a character between t1.5 and t3.5: nothing sent, nothing changed"),
+        (("overtaken",), "another frame while the drive answers: newest served, exchange finished"),
+        (("conformance",), "conformance rows"),
     ):
-        if kind not in judged:
-            continue
-        outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind == kind]
+        outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind in kinds]
         checks, faults = sum(o.checks for o in outcomes), sum(len(o.faults) for o in outcomes)
         rows.append([name, "no fault", f"{faults} faults", verdict(faults == 0), f"{checks} checks"])
     return rows_of("case | target | worst measured | verdict | of", rows)
 
 
-def by_rate(results: Results, kind: str = "early") -> str:
+def by_rate(results: CardResults) -> str:
     rows = []
     for baud in BAUDS:
-        found = samples(results, kind, baud=baud)
+        found = samples(results, OF_CASES, baud=baud)
         if not found:
             continue
         spans = [span(values(found, attribute)) for attribute in ("local", "telegram", "answer")]
@@ -216,18 +242,18 @@ def by_rate(results: Results, kind: str = "early") -> str:
     )
 
 
-def transactions(results: Results) -> str:
+def transactions(results: CardResults) -> str:
     rows = []
-    for name in CASES:
+    for name in (*LOCAL, *EXCHANGES):
         row: list[object] = [name]
         for baud in (9600, SHOWN_BAUD, 115200):
-            found = samples(results, "early", case=name, baud=baud, form=FORM)
+            found = samples(results, "turnaround", case=name, baud=baud, form=FORM)
             if found:
                 worst = max(found, key=lambda sample: sample.total - sample.floor)
                 row += [f"{1e3 * worst.floor:.3f}", f"{1e3 * worst.total:.3f}"]
             else:
                 row += ["-", "-"]
-        row.append(f"{max(values(samples(results, 'early', case=name), 'ratio')):.4f}")
+        row.append(f"{max(values(samples(results, 'turnaround', case=name), 'ratio')):.4f}")
         rows.append(row)
     return rows_of(
         "transaction | floor 9600 | ours | floor 19200 | ours | floor 115200 | ours | "
@@ -237,16 +263,19 @@ def transactions(results: Results) -> str:
 
 
 def table(results: Results) -> str:
-    """The table that the command prints."""
-    parts = ["", summary(results), "", by_rate(results), "", transactions(results), "", firmware(results), ""]
-    return "\n".join(parts)
+    """The tables that the command prints."""
+    parts = []
+    for config in sorted({piece.build.config for piece, _ in results.outcomes.values()}):
+        card = results.card(config)
+        parts += [f"\n{config} card", summary(card), by_rate(card), transactions(card), firmware(card)]
+    return "\n\n".join(parts) + "\n"
 
 
-def early_or_late(results: Results) -> str:
+def early_or_late(results: CardResults) -> str:
     rows = []
     for baud in BAUDS:
         bit_us = 1e6 / baud
-        early = samples(results, "early", baud=baud, form=FORM)
+        early = samples(results, "turnaround", baud=baud, form=FORM)
         late = samples(results, "late", baud=baud)
         for what, attribute, unit_us in (
             ("reply", "local", bit_us),
@@ -284,9 +313,9 @@ def with_kind(found: list[Sample], what: str) -> list[Sample]:
     return [s for s in found if (s.telegram is not None) == (what == "telegram")]
 
 
-def firmware(results: Results) -> str:
+def firmware(results: CardResults) -> str:
     """Clocks from an event for the firmware to its queued answer."""
-    early, chance = samples(results, "early"), samples(results, "random")
+    early, chance = samples(results, "turnaround"), samples(results, "random")
     rows = []
     for name in (*CASES, "write 40001"):
         found = [sample for sample in early if sample.case == name]
@@ -307,12 +336,12 @@ def budgets(clk_hz: int, baud: int) -> tuple[float, float]:
     return (line.t35_bits - line.half_bits) * line.bit, drive_line.character_bits * drive_line.bit
 
 
-def shares(results: Results) -> dict[tuple[str, int], tuple[float, float]]:
+def shares(results: CardResults) -> dict[tuple[str, int], tuple[float, float]]:
     """Budget and its greatest use, for each rate."""
     found = {}
     for baud in BAUDS:
-        at_rate = samples(results, ("early", "random"), baud=baud)
-        request, reply = budgets(CLK_HZ, baud)
+        at_rate = samples(results, (*OF_CASES, "random"), baud=baud)
+        request, reply = budgets(results.clk_hz, baud)
         for what, attribute, allowed in (
             ("request", "decode_clocks", request),
             ("drive's reply", "answer_clocks", reply),
@@ -322,7 +351,7 @@ def shares(results: Results) -> dict[tuple[str, int], tuple[float, float]]:
     return found
 
 
-def budget(results: Results) -> str:
+def budget(results: CardResults) -> str:
     rows = []
     used = shares(results)
     for baud in BAUDS:
@@ -341,12 +370,12 @@ def budget(results: Results) -> str:
     )
 
 
-def slowest_clock_hz(results: Results) -> float:
+def slowest_clock_hz(results: CardResults) -> float:
     """Clock at which the slowest request would be ready just in time."""
-    return CLK_HZ * max((worst / allowed for allowed, worst in shares(results).values()), default=0)
+    return results.clk_hz * max((worst / allowed for allowed, worst in shares(results).values()), default=0)
 
 
-def counted(results: Results, attribute: str) -> Counter:
+def counted(results: CardResults, attribute: str) -> Counter:
     """A table of counts, summed over all random pieces."""
     total: Counter = Counter()
     for piece, outcome in results.outcomes.values():
@@ -355,7 +384,7 @@ def counted(results: Results, attribute: str) -> Counter:
     return total
 
 
-def outcomes(results: Results) -> str:
+def outcomes(results: CardResults) -> str:
     """Outcomes of the random requests: exception numbers in order, silences last."""
 
     def order(what: str) -> tuple[int, list[object]]:
@@ -367,7 +396,7 @@ def outcomes(results: Results) -> str:
     return rows_of("what came of it | requests", [*rows, ["**all**", became.total()]])
 
 
-def drive_table(results: Results) -> str:
+def drive_table(results: CardResults) -> str:
     """Answers of the drive, and which of them the card had to accept."""
     did = counted(results, "drive_did")
     refused = {answer.name for answer in (*REFUSED, UNFIT)}
@@ -379,20 +408,19 @@ def drive_table(results: Results) -> str:
     return rows_of("the drive's answer | is a reply | to a telegram | to its repeat", rows)
 
 
-def tiny(results: Results) -> str:
-    found = samples(results, "tiny")
-    decode, answer = (values(found, attribute) for attribute in ("decode_clocks", "answer_clocks"))
-    slow, last = budgets(TINY.clk_hz, SHOWN_BAUD)
-    above, _ = budgets(TINY.clk_hz, max(BAUDS))
+def image(results: CardResults) -> str:
+    found = results.image
+    path = " → ".join(found.stack_path)
+    sizes = rows_of(
+        "code and constants | variables | deepest stack by call graph | deepest seen in the random requests",
+        [[f"{size} bytes" for size in (found.code, found.data, found.stack, results.stack_seen)]],
+    )
     return f"""\
-Configuration `tiny`, {TINY.clk_hz / 1e6:g} MHz: the same cases, rates, formats and limits.
+The slowest request would still be in time with a clock of {slowest_clock_hz(results) / 1e6:.1f} MHz.
 
-{summary(results, "tiny", ("tiny",), "")}
+{sizes}
 
-{by_rate(results, "tiny")}
-
-Clocks of its firmware: request → queued {span(decode, 0)}, drive's reply → queued {span(answer, 0)}. Budgets
-at its clock: {slow:,.0f} for a request at {SHOWN_BAUD} bit/s, {above:,.0f} above, {last:,.0f} for a reply."""
+Deepest path: {path} (`sw/tools/stack.py`)."""
 
 
 def measured_on(fingerprint: dict[str, str]) -> str:
@@ -407,19 +435,25 @@ def stated() -> dict[str, str]:
     return {name.strip(): digits for name, digits in found}
 
 
-def conformance(results: Results) -> str:
+def conformance(results: CardResults, rivals: bool) -> str:
+    """The rows at SHOWN_BAUD, with the other designs or alone, and those elsewhere."""
     ours = [(piece, outcome) for piece, outcome in results.outcomes.values() if piece.kind == "conformance"]
     ours.sort(key=lambda item: (item[0].baud != SHOWN_BAUD, item[0].baud, item[0].form))
     at_rate = [(piece, outcome) for piece, outcome in ours if piece.baud == SHOWN_BAUD]
     others = [(piece, outcome) for piece, outcome in ours if piece.baud != SHOWN_BAUD]
     header = " | ".join(
-        ["at 19200"]
+        [f"at {SHOWN_BAUD}"]
         + [f"**rtu2fc {piece.form}**" for piece, _ in at_rate]
-        + list(RIVALS)
+        + list(RIVALS if rivals else ())
         + ["as the specification has it"]
     )
     rows = [
-        [text, *(outcome.rows[key] for _, outcome in at_rate), *RIVAL_ROWS[key], SPECIFICATION[key]]
+        [
+            text,
+            *(outcome.rows[key] for _, outcome in at_rate),
+            *(RIVAL_ROWS[key] if rivals else ()),
+            SPECIFICATION[key],
+        ]
         for key, text in ROWS.items()
     ]
     first = rows_of(header, rows)
@@ -456,32 +490,33 @@ def speeds(results: Results) -> str:
 
 def document(results: Results) -> str:
     """Fills TEMPLATE with numbers and tables."""
-    chance = samples(results, "random")
     missed = results.faults()
-    return TEMPLATE.read_text().format(
-        seed=results.seed,
-        measured_on=f"{MEASURED_ON} {measured_on(results.fingerprint)}.",
-        mhz=f"{CLK_HZ / 1e6:g}",
-        formats=", ".join(FORMAT_NAMES),
-        form=FORM,
-        summary=summary(results),
-        missed="".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
-        by_rate=by_rate(results),
-        transactions=transactions(results),
-        requests=len(chance),
-        outcomes=outcomes(results),
-        drive=drive_table(results),
-        early_or_late=early_or_late(results),
-        tiny=tiny(results),
-        conformance=conformance(results),
-        firmware=firmware(results),
-        budget=budget(results),
-        slowest_mhz=f"{slowest_clock_hz(results) / 1e6:.1f}",
-        code=results.code_bytes,
-        data=results.data_bytes,
-        stack=results.stack_bytes,
-        stack_seen=results.stack_seen,
-        stack_path=" → ".join(results.stack_path),
-        card_mhz=f"{results.card_clk_hz / 1e6:g}",
-        speeds=speeds(results),
-    )
+    content = {
+        "seed": results.seed,
+        "measured_on": f"{MEASURED_ON} {measured_on(results.fingerprint)}.",
+        "formats": ", ".join(FORMAT_NAMES),
+        "form": FORM,
+        "missed": "".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
+        "early_or_late": early_or_late(results.card("standard")),
+        "card_mhz": f"{results.card_clk_hz / 1e6:g}",
+        "speeds": speeds(results),
+    }
+    for config in results.images:
+        card = results.card(config)
+        content |= {
+            f"{config}_{name}": text
+            for name, text in (
+                ("mhz", f"{card.clk_hz / 1e6:g}"),
+                ("summary", summary(card)),
+                ("by_rate", by_rate(card)),
+                ("transactions", transactions(card)),
+                ("requests", len(samples(card, "random"))),
+                ("outcomes", outcomes(card)),
+                ("drive", drive_table(card)),
+                ("conformance", conformance(card, rivals=config == "standard")),
+                ("firmware", firmware(card)),
+                ("budget", budget(card)),
+                ("image", image(card)),
+            )
+        }
+    return TEMPLATE.read_text().format(**content)

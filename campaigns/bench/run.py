@@ -24,9 +24,9 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from campaigns.bench.card import BenchError
+from campaigns.bench.card import BenchError, Build
 from campaigns.bench.judge import Outcome
-from campaigns.bench.report import RESULTS, Results, document, stated, table
+from campaigns.bench.report import RESULTS, Image, Results, document, stated, table
 from campaigns.bench.wave import CLK_HZ
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
 from rtl.command import Parser, in_processes, run_main
@@ -67,8 +67,9 @@ def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
 
 
 def measure_firmware(results: Results) -> None:
-    results.code_bytes, results.data_bytes = stack.sizes()
-    results.stack_bytes, results.stack_path = stack.deepest()
+    for config in sorted({piece.build.config for piece, _ in results.outcomes.values()}):
+        elf = Build(config).image_folder / "firmware.elf"
+        results.images[config] = Image(*stack.sizes(elf), *stack.deepest(elf))
 
 
 def virtual_card_speed() -> tuple[float, int]:

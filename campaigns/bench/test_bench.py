@@ -12,6 +12,7 @@ import pickle
 import re
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,12 +20,12 @@ import pytest
 from campaigns.bench import fingerprint
 from campaigns.bench import report as bench_report
 from campaigns.bench import run as bench
-from campaigns.bench.card import EXTRA_SILENCE_BITS, LATE, UNIT_ADDRESS, Bench
-from campaigns.bench.cases import CASES, Model, turnaround
+from campaigns.bench.card import EXTRA_SILENCE_BITS, LATE, STANDARD, TINY, UNIT_ADDRESS, Bench
+from campaigns.bench.cases import CASES, EXTREMES, SIZES, Model, turnaround
 from campaigns.bench.conformance import boundary
 from campaigns.bench.judge import Outcome, Sample, measure
 from campaigns.bench.traffic import example_drive
-from campaigns.bench.wave import Line, characters, edges_of, faults
+from campaigns.bench.wave import BAUDS, Line, characters, edges_of, faults
 from campaigns.bench.work import RANDOM, Piece, fast, whole
 from sw.tools import stack
 from tb.agents import rtu
@@ -46,7 +47,7 @@ def pieces(*kinds: str) -> pytest.MarkDecorator:
     seen: set[tuple[str, int]] = set()
     parameters = []
     for piece in chosen:
-        again = (piece.kind, piece.baud) in seen or (kinds != ("early",) and piece.baud not in FEW_RATES)
+        again = (piece.kind, piece.baud) in seen or (kinds != ("turnaround",) and piece.baud not in FEW_RATES)
         seen.add((piece.kind, piece.baud))
         slow = again or piece.name in LONG
         parameters.append(pytest.param(piece, id=piece.name, marks=[pytest.mark.slow] if slow else []))
@@ -61,7 +62,7 @@ def run(piece: Piece) -> None:
 
 
 @pytest.mark.rule("PERF-1", "PERF-2", "PERF-3", "FRAME-8")
-@pieces("early")
+@pieces("turnaround")
 def test_turnaround_keeps_its_limits(piece: Piece) -> None:
     run(piece)
 
@@ -144,7 +145,8 @@ def test_limits_can_be_missed() -> None:
 
 def test_card_without_prepare_early_misses_the_limits() -> None:
     """From the pins to the judge, with a real card beyond the limits: the build without prepare early."""
-    outcome = turnaround(19200, "8E1", 1, ("read 16 coils", "start motor"), SEED, LATE)
+    names = ("read 16 coils", "start motor")
+    outcome = turnaround(19200, "8E1", 1, names, SEED, build=LATE)
     missed = " ".join(fault for sample in outcome.samples for fault in sample.faults())
     assert "PERF-1" in missed and "PERF-2" in missed
 
@@ -325,12 +327,31 @@ def test_generated_edges_have_no_fault(form: str) -> None:
 
 def test_random_requests_are_evenly_distributed() -> None:
     """5,000 in all, and equally many in each format at each rate."""
-    found = [piece for piece in whole(SEED) if piece.kind == "random"]
+    found = [piece for piece in whole(SEED) if piece.kind == "random" and piece.build == STANDARD]
     assert sum(piece.more["count"] for piece in found) == sum(RANDOM.values()) == 5000
     for baud, total in RANDOM.items():
         for form in FORMS:
             mine = [piece.more["count"] for piece in found if (piece.baud, piece.form) == (baud, form)]
             assert len(FORMS) * sum(mine) == total
+
+
+def test_both_cards_are_measured_alike() -> None:
+    """The same pieces for each: every case in each format at each rate; every size, but at 300 bit/s."""
+
+    def asked(build) -> list[Piece]:
+        return [replace(p, build=STANDARD) for p in whole(SEED) if p.build == build]
+
+    standard = asked(STANDARD)
+    assert asked(TINY) == standard
+    for baud in BAUDS:
+        for form in FORMS:
+            here = [p for p in standard if (p.baud, p.form) == (baud, form)]
+            assert {"turnaround", "sizes", "random", "gate", "overtaken"} <= {p.kind for p in here}
+            assert [p.more["names"] for p in here if p.kind == "turnaround"] == [tuple(CASES)]
+            sizes = next(p.more["names"] for p in here if p.kind == "sizes")
+            assert baud < 9600 or sizes == tuple(SIZES)
+        at_rate = {name for p in standard if (p.kind, p.baud) == ("sizes", baud) for name in p.more["names"]}
+        assert at_rate == (set(EXTREMES) if baud == 300 else set(SIZES))
 
 
 def test_boundary_is_found_from_both_sides() -> None:

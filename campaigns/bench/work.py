@@ -7,7 +7,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from campaigns.bench.card import LATE, STANDARD, TINY, Build
-from campaigns.bench.cases import CASES, SIZES, drive_faults, gate, overtaken, random_requests, turnaround
+from campaigns.bench.cases import (
+    CASES,
+    EXTREMES,
+    SIZES,
+    drive_faults,
+    gate,
+    overtaken,
+    random_requests,
+    turnaround,
+)
 from campaigns.bench.conformance import conformance
 from campaigns.bench.judge import Outcome
 from campaigns.bench.wave import BAUDS, FORMAT_NAMES
@@ -27,8 +36,9 @@ DRIVE_FAULTS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
-# All sizes: where t3.5 is shortest, and where it has the fewest bits.
-SIZES_AT = ((115200, "8N1"), (38400, "8E1"), (19200, "8E1"))
+# At lower rates each format has a quarter of the sizes: every size once at each rate. At 300 bit/s a request
+# takes a second, so each format has the extremes alone.
+EACH_SIZE_FROM, QUARTER_FROM = 9600, 1200
 # Random requests by rate, 5,000 in all and equally many in each format: more where more fit into a second.
 RANDOM = {300: 16, 1200: 48, 2400: 100, 4800: 252, 9600: 700, 19200: 1300, 38400: 1284, 115200: 1300}
 RANDOM_PIECE = 50
@@ -44,43 +54,50 @@ FAST_FEW = ("read 16 coils", "start motor")
 class Piece:
     """One call; `cost` is roughly the simulated time, so that long pieces start first."""
 
-    kind: str
+    kind: str  # one of KINDS_OF_WORK
     baud: int
     form: str
     function: Callable[..., Outcome]
     more: dict[str, object] = field(default_factory=dict)
     cost: float = 0.0
+    build: Build = STANDARD
 
     @property
     def name(self) -> str:
         number = f"-{self.more['part']}" if "part" in self.more else ""
-        return f"{self.kind}-{self.baud}-{self.form}{number}"
+        return f"{self.build.config}-{self.kind}-{self.baud}-{self.form}{number}"
 
     def run(self) -> Outcome:
         more = {key: value for key, value in self.more.items() if key != "part"}
-        return self.function(self.baud, self.form, **more)
+        return self.function(self.baud, self.form, build=self.build, **more)
 
 
-KINDS = {STANDARD: "early", LATE: "late", TINY: "tiny"}
-KINDS_OF_WORK = (*KINDS.values(), "random", "drive_faults", "gate", "overtaken", "conformance")
+CARDS = (STANDARD, TINY)
+KINDS_OF_WORK = (
+    *("turnaround", "sizes", "late", "random"),
+    *("drive_faults", "gate", "overtaken", "conformance"),
+)
 
 
 def _turnaround(
-    baud: int,
-    form: str,
-    seed: int,
-    repeats: int,
-    names: tuple[str, ...],
-    build: Build = STANDARD,
-    **more: object,
+    kind: str, baud: int, form: str, seed: int, repeats: int, names: tuple[str, ...], build: Build
 ) -> Piece:
     settled = form == SETTLED_FORM
-    more |= {"repeats": repeats, "names": names, "seed": seed, "build": build, "settled": settled}
+    more = {"repeats": repeats, "names": names, "seed": seed, "settled": settled}
     cost = (repeats + 1) * len(names) / baud + settled * SETTLED_COST
-    return Piece(KINDS[build], baud, form, turnaround, more, cost)
+    return Piece(kind, baud, form, turnaround, more, cost, build)
 
 
-def _random(baud: int, seed: int) -> Iterator[Piece]:
+def _sizes(baud: int, form: str, seed: int, build: Build) -> Piece:
+    names = tuple(SIZES)
+    if baud < QUARTER_FROM:
+        names = EXTREMES
+    elif baud < EACH_SIZE_FROM:
+        names = names[FORMAT_NAMES.index(form) :: len(FORMAT_NAMES)]
+    return _turnaround("sizes", baud, form, seed, 1, names, build)
+
+
+def _random(baud: int, seed: int, build: Build) -> Iterator[Piece]:
     """Equally many in each format."""
     share, part = RANDOM[baud] // len(FORMAT_NAMES), 0
     for form in FORMAT_NAMES:
@@ -88,42 +105,50 @@ def _random(baud: int, seed: int) -> Iterator[Piece]:
             count = min(left, RANDOM_PIECE)
             more = {"count": count, "seed": seed + part, "part": part, "settled": part % 2 == 1}
             cost = count / baud + more["settled"] * SETTLED_COST
-            yield Piece("random", baud, form, random_requests, more, cost)
+            yield Piece("random", baud, form, random_requests, more, cost, build)
             part += 1
 
 
 def whole(seed: int) -> Iterator[Piece]:
-    names = tuple(CASES)
+    """The same for each card, and the standard card without early preparation."""
+    for build in CARDS:
+        yield from _card(seed, build)
     for baud in BAUDS:
-        repeats = REPEATS.get(baud, REPEATS_ELSE)
+        yield _turnaround("late", baud, FORM, seed, REPEATS.get(baud, REPEATS_ELSE), tuple(CASES), LATE)
+
+
+def _card(seed: int, build: Build) -> Iterator[Piece]:
+    for baud in BAUDS:
         for form in FORMAT_NAMES:
             quick = {"quick": form != FORM}
-            yield _turnaround(baud, form, seed, repeats, names)
-            yield _turnaround(baud, form, seed, repeats, names, TINY)
-            yield Piece("gate", baud, form, gate, quick, (4 if form != FORM else 12) / baud)
-            yield Piece("overtaken", baud, form, overtaken, quick, 5 / baud)
-        yield _turnaround(baud, FORM, seed, repeats, names, LATE)
-        yield from _random(baud, seed)
-    for baud, form in SIZES_AT:
-        for build in (STANDARD, TINY):
-            yield _turnaround(baud, form, seed, 2, tuple(SIZES), build, part="sizes")
+            repeats = REPEATS.get(baud, REPEATS_ELSE)
+            yield _turnaround("turnaround", baud, form, seed, repeats, tuple(CASES), build)
+            yield _sizes(baud, form, seed, build)
+            yield Piece("gate", baud, form, gate, quick, (4 if form != FORM else 12) / baud, build)
+            yield Piece("overtaken", baud, form, overtaken, quick, 5 / baud, build)
+        yield from _random(baud, seed, build)
     for baud in DRIVE_FAULTS:
-        yield Piece("drive_faults", baud, FORM, drive_faults, {"quick": False}, 60 / baud)
+        yield Piece("drive_faults", baud, FORM, drive_faults, {"quick": False}, 60 / baud, build)
     for baud, form in CONFORMANCE:
-        yield Piece("conformance", baud, form, conformance, cost=80 / baud)
+        yield Piece("conformance", baud, form, conformance, {}, 80 / baud, build)
 
 
 def fast(seed: int) -> Iterator[Piece]:
+    """The part in `make test`: the standard card, a few of everything."""
+
+    def few(baud: int, form: str, names: tuple[str, ...]) -> Piece:
+        return _turnaround("turnaround", baud, form, seed, 1, names, STANDARD)
+
     names = tuple(CASES)
     for baud in BAUDS:
         yield Piece("gate", baud, FORM, gate, {"quick": True}, 3 / baud)
         if baud < 2400:
-            yield _turnaround(baud, "8N2", seed, 1, FAST_FEW)
+            yield few(baud, "8N2", FAST_FEW)
         elif baud < 9600:
-            yield _turnaround(baud, FORM, seed, 1, names)
+            yield few(baud, FORM, names)
         else:
             for form in FORMAT_NAMES:
-                yield _turnaround(baud, form, seed, 1, names)
+                yield few(baud, form, names)
         yield Piece("overtaken", baud, FORM, overtaken, {"quick": True}, 3 / baud)
     yield Piece("drive_faults", 115200, FORM, drive_faults, {"quick": True})
     for baud, form, count in FAST_RANDOM:
