@@ -76,6 +76,12 @@ def core_table(config: str, results: dict[str, dict[str, int]]) -> list[str]:
     return [titles, f"|---|{'---:|' * len(core.RESULTS)}", *rows]
 
 
+def core_count(result: dict, *wanted: str) -> int:
+    """Flips of the core with these results, in all scenarios of both cards."""
+    scenarios = [found for of_card in result["results"].values() for found in of_card.values()]
+    return sum(found.get(what, 0) for found in scenarios for what in wanted)
+
+
 def in_all(merged: list[dict]) -> str:
     """Flips of all cards, and how often one can do what is forbidden."""
     count = sum(card["flips"] for card in merged)
@@ -133,6 +139,9 @@ def page(folder: Path) -> str:
         plants_count=f"{plants['count']:,}",
         plants="\n".join(plant_rows(plants["frames"])),
         core_flips=f"{core_flips['flips']:,}",
+        core_altered=f"{core_count(core_flips, *core.ALTERED):,}",
+        core_altered_1=f"{core_count(core_flips, core.ALTERED[0]):,}",
+        core_altered_0=f"{core_count(core_flips, core.ALTERED[1]):,}",
         core="\n\n".join("\n".join(core_table(*each)) for each in core_flips["results"].items()),
         bound=bound.words(differences, random_frames["judged"]),
         flips=in_all(list(all_flips.values())),

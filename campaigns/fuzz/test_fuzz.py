@@ -622,7 +622,10 @@ def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
     core = {
         "cards": {"standard": card, "tiny": "four five three"},
         "flips": 4000,
-        "results": {"standard": {"05": {"as asked": 1000}}, "tiny": {"06": {"as asked": 2999, "none": 1}}},
+        "results": {
+            "standard": {"05": {"as asked": 990, "altered, bit 10 = 1": 7}},
+            "tiny": {"06": {"as asked": 2999, "none": 1, "altered, bit 10 = 0": 3}},
+        },
     }
     (folder / "core-flips.json").write_text(json.dumps(core))
     for config, its_card in (("standard", card), ("tiny", "four five three")):
@@ -650,7 +653,8 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
         "| wrong-order | EXC: address before quantity | not found |",
         "`make core-flips`: 4,000 flips",
         "| scenario on the standard card | altered, bit 10 = 1 | altered, bit 10 = 0 | as asked |",
-        "| 06 | 0 | 0 | 2,999 | 0 | 0 | 0 | 1 |",
+        "10 of them altered a telegram: 7 with bit 10 = 1, 3 with bit 10 = 0.",
+        "| 06 | 0 | 3 | 2,999 | 0 | 0 | 0 | 1 |",
         "8 flips of both cards: 0 unrequested or altered telegrams and stuck drivers, at most 4.4e-01",
         "standard card `one`, firmware `two`: 4 flips in 1 shards, 4 at 9600 bit/s 8O1, in 2 minutes",
         "tiny card `four`, firmware `five`: 4 flips",
