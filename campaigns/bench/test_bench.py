@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from campaigns.bench import fingerprint
+from campaigns.bench import conformance, fingerprint, judge
 from campaigns.bench import report as bench_report
 from campaigns.bench import run as bench
 from campaigns.bench.card import EXTRA_SILENCE_BITS, LATE, STANDARD, TINY, UNIT_ADDRESS, Bench
@@ -26,7 +26,7 @@ from campaigns.bench.conformance import boundary
 from campaigns.bench.judge import Outcome, Sample, measure
 from campaigns.bench.traffic import example_drive
 from campaigns.bench.wave import BAUDS, Line, characters, edges_of, faults
-from campaigns.bench.work import RANDOM, Piece, fast, whole
+from campaigns.bench.work import KINDS_OF_WORK, RANDOM, Piece, fast, whole
 from sw.tools import stack
 from tb.agents import rtu
 
@@ -352,6 +352,51 @@ def test_both_cards_are_measured_alike() -> None:
             assert baud < 9600 or sizes == tuple(SIZES)
         at_rate = {name for p in standard if (p.kind, p.baud) == ("sizes", baud) for name in p.more["names"]}
         assert at_rate == (set(EXTREMES) if baud == 300 else set(SIZES))
+
+
+@pytest.mark.parametrize("build", [STANDARD, TINY], ids=["standard", "tiny"])
+def test_every_kind_of_work_is_in_the_whole_bench(build) -> None:
+    """Numbers as a reader of the page understands them, not as the code counts them."""
+    found = [piece for piece in whole(SEED) if piece.build == build]
+    assert {p.kind for p in found} == {*KINDS_OF_WORK} - {"late"}
+    for kind in ("gate", "overtaken"):
+        thorough = {p.baud for p in found if p.kind == kind and not p.more["quick"]}
+        assert thorough == set(BAUDS), kind
+    assert {p.baud for p in found if p.kind == "drive_faults" and not p.more["quick"]} == {
+        9600,
+        19200,
+        115200,
+    }
+    rows = {(p.baud, p.form) for p in found if p.kind == "conformance"}
+    assert rows == {(19200, form) for form in FORMS} | {(b, "8E1") for b in BAUDS if b >= 2400}
+    assert all(p.more["repeats"] >= 2 for p in found if p.kind == "turnaround" and p.baud > 300)
+
+
+def test_every_size_is_in_the_bench() -> None:
+    def asked(begin: str) -> set[str]:
+        return {name for name in SIZES if name.startswith(begin)}
+
+    assert {f"read {n} coils" for n in range(1, 129)} <= asked("read")
+    assert {f"write {n} coils" for n in range(1, 33)} <= asked("write")
+    for does in ("read", "write"):
+        assert {f"{does} {2 * n} letters" for n in range(1, 11)} <= asked(does)
+        assert {f"{does} {n} of 40001-40003" for n in range(1, 4)} <= asked(does)
+
+
+def test_limits_are_those_of_the_rules() -> None:
+    assert conformance.TOLERANCE == 0.04  # LINE-5
+    assert judge.T35_ACCURACY_BITS == 0.25  # FRAME-1
+    assert (judge.LIMIT_BITS, judge.LIMIT_RATIO, judge.DE_LIMIT_BITS) == (1, 1.01, 1)  # PERF, LINE-6, FC-10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("build", [STANDARD, TINY], ids=["standard", "tiny"])
+def test_either_card_is_judged_by_the_limits(monkeypatch, build) -> None:
+    names = ("read 16 coils", "start motor")
+    assert turnaround(19200, "8E1", 1, names, SEED, build=build).faults == []
+    monkeypatch.setattr(judge, "LIMIT_BITS", 0.1)
+    missed = " ".join(turnaround(19200, "8E1", 1, names, SEED, build=build).faults)
+    assert "(PERF-1)" in missed and "(PERF-2)" in missed and "(PERF-3)" in missed
 
 
 def test_boundary_is_found_from_both_sides() -> None:

@@ -11,20 +11,26 @@ import re
 from campaigns.bench import report as bench_report
 from campaigns.bench.card import STANDARD
 from campaigns.bench.work import RANDOM
-from rtl.sources import ROOT
+from rtl.sources import ROOT, configurations
 from tools import figures, panel_picture
 
 
-def table_under(first_cell: str) -> list[list[str]]:
-    """Rows of the table of docs/reports/results.md whose header starts so."""
+def tables_under(first_cell: str) -> list[list[list[str]]]:
+    """Rows of each table of docs/reports/results.md whose header starts so: one for each card."""
     lines = bench_report.RESULTS.read_text().splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith(f"| {first_cell} |"))
-    rows = []
-    for line in lines[at + 2 :]:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip() for cell in line.strip("|").split("|")])
-    return rows
+    tables = []
+    for at, line in enumerate(lines):
+        if line.startswith(f"| {first_cell} |"):
+            end = next((n for n in range(at, len(lines)) if not lines[n].startswith("|")), len(lines))
+            tables.append(
+                [[cell.strip() for cell in row.strip("|").split("|")] for row in lines[at + 2 : end]]
+            )
+    return tables
+
+
+def table_under(first_cell: str) -> list[list[str]]:
+    """The table of the standard card."""
+    return tables_under(first_cell)[0]
 
 
 def number(cell: str) -> float:
@@ -32,9 +38,10 @@ def number(cell: str) -> float:
 
 
 def test_results_verdicts_are_those_of_their_numbers() -> None:
-    rows = table_under("case")
-    assert {row[3] for row in rows} == {"met"}
-    for name, target, worst, _, of in rows:
+    tables = tables_under("case")
+    assert len(tables) == len(configurations())
+    assert {row[3] for rows in tables for row in rows} == {"met"}
+    for name, target, worst, _, of in [row for rows in tables for row in rows]:
         low, high = {"≤": (-1e9, None), "≥": (0.0, 1e9), "0": (0.0, None), "n": (0.0, 0.0)}[target[0]]
         if high is None:
             high = number(re.search(r"(?:≤|…) ([\d.]+)", target)[1])

@@ -1,23 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proves with a solver that a changed module behaves like the original: no test can detect the change.
 
-The module is compared with each set of parameters that it has in a card of configs.toml, as built or with one
-option. Registers and signals of equal names
-are paired. There are two ways, and one that succeeds is enough.
+The module is compared with each set of parameters that it has in a card of configs.toml: as built, or with
+OPTIONS. Registers and signals of equal names are paired. Both sides must have the same signals with two
+names, because equiv_make pairs one of these names only. There are two ways, and one that succeeds is enough.
+A memory on both sides counts as one: its inputs must be equal, so what it reads is equal.
 
-By pairs: if all pairs are equal in one clock, they must be equal in the next one. They have the same power-up
-values, so they are equal for ever. A pair that differs is dropped, and the proof begins again without it. A
-memory on both sides counts as one: its inputs are proved equal, so what it reads is equal.
+By pairs: if all pairs are equal in one clock, they must be equal in the next one. Registers that power up
+alike must make them equal, too, for the first clock. A pair that differs is dropped, and the proof begins
+again without it.
 
-By steps, for a module without memory: the dropped pairs may have any values that keep the others equal for
-some clocks. With them the others must be equal in the next clock, too. That proves another numbering of
-states. One pair alone is tried first, then all that differed.
+By steps: the same over up to MOST_STEPS clocks. The dropped pairs may have any values that keep the others
+equal in all of these clocks. This proves another numbering of states. One pair alone is dropped first, then
+all that differed.
 
 An input of an instance that is inverted: the instance's module is compared with itself, `~input` for `input`.
 Both sides get a reset in their first clock, as the card has it.
 
-No output is ever dropped. The clock of power-up itself, in which the card is in reset, is not compared by
-pairs. A module that is not proved to be the same may still be the same.
+No output is ever dropped. A change that brings an undefined bit, such as one out of range, is never proved. A
+module that is not proved to be the same may still be the same.
 """
 
 from __future__ import annotations
@@ -32,11 +33,15 @@ from rtl.sources import ROOT, card_files, configurations
 
 TOP = "rtu2fc"
 # Parameters of TOP in the cards to compare; none: the card as configs.toml has it.
-OPTIONS = ("", "STRICT_T15 0", "PREPARE_EARLY 0", "BREAK_TOLERANT 1", "DE_LIMIT 0", "MASTER_LOSS_STOP 1")
+OPTIONS = (
+    *("", "STRICT_T15 0", "BREAK_TOLERANT 1", "STRICT_T15 0 -set BREAK_TOLERANT 1"),
+    *("PREPARE_EARLY 0", "DE_LIMIT 0", "MASTER_LOSS_STOP 1"),
+    *(f"CLK_HZ {hz}" for hz in (2_000_000, 2_457_600, 27_000_000, 100_000_000)),
+)
 LONGEST_S = 300
 ROUNDS = 8  # of dropped pairs
 SIDES = ("original", "changed")
-# Of one module on one side. A memory stays one cell.
+# Of one module on one side. A memory stays one cell, which cut() takes out.
 READ = """read_rtlil {folder}/{side}.il
 hierarchy -top {variant}
 proc
@@ -48,26 +53,20 @@ opt_clean
 async2sync
 rename -top {side}
 write_rtlil {folder}/{side}_flat.il
-design -stash {side}
 """
-PAIRS = """design -copy-from original original
-design -copy-from changed changed
-equiv_make -blacklist {folder}/dropped original changed pairs
+PAIR = """read_rtlil {folder}/original_cut.il
+read_rtlil {folder}/changed_cut.il
+equiv_make {asserts} -blacklist {folder}/dropped original changed pairs
 hierarchy -top pairs
 opt_clean
-delete t:$mem_v2
-equiv_struct
+"""
+PAIRS = """equiv_struct
 equiv_simple -seq 1
 equiv_induct -seq 1
 equiv_status
 """
-STEPS = """design -copy-from original original
-design -copy-from changed changed
-equiv_make -make_assert -blacklist {folder}/dropped original changed pairs
-hierarchy -top pairs
-opt_clean
-sat -tempinduct -prove-asserts -maxsteps {steps} pairs
-"""
+FIRST = "equiv_simple -seq 1\nequiv_status\n"
+STEPS = "sat -tempinduct -prove-asserts -maxsteps {steps} pairs\n"
 # Of a module with a reset; its body has in_reset for rst.
 FIRST_CLOCK = """  reg in_first = 1'b1;
   wire in_reset = rst || in_first;
@@ -75,7 +74,23 @@ FIRST_CLOCK = """  reg in_first = 1'b1;
 """
 MOST_STEPS = 4
 MOST_ALONE = 4
+# Of a signal; another name of it would not be paired.
+INVERTED = """  wire width {bits} output {number} {place}
+  cell $not $not{number}
+    parameter \\A_SIGNED 0
+    parameter \\A_WIDTH {bits}
+    parameter \\Y_WIDTH {bits}
+    connect \\A {signal}
+    connect \\Y {place}
+  end
+"""
+ALIAS = re.compile(r"^  connect ([^$\n]*) (\\[^$\n]*|\{[^$\n]*)$", re.M)  # two names of one signal
+REGISTER = re.compile(r"^    connect \\Q (\\\S+)$", re.M)  # whole ones, no parts of a word
+MEMORY = re.compile(r"^(?:  attribute .*\n)*  cell \$mem_v2 (\S+)\n((?:    .*\n)*)  end\n", re.M)
 UNPROVEN = re.compile(r"^\s+Unproven \$equiv \S+: (\S+)_gold\b", re.M)
+
+
+_kept: dict[tuple[str, str], str] = {}  # by card and option
 
 
 class SameError(Exception):
@@ -116,6 +131,21 @@ def elaborate(config: str, option: str, folder: Path, side: str, changed: Path |
         f"write_rtlil {(folder / side).relative_to(ROOT)}.il",
     )
     yosys(folder, side, "\n".join(script) + "\n")
+    return modules(folder, side)
+
+
+def elaborate_once(config: str, option: str, folder: Path, original: Path | None) -> list[str]:
+    """The original side; that of rtl/ is kept for the next mutant."""
+    if original is not None:
+        return elaborate(config, option, folder, "original", original)
+    if (config, option) not in _kept:
+        elaborate(config, option, folder, "original", None)
+        _kept[config, option] = (folder / "original.il").read_text()
+    (folder / "original.il").write_text(_kept[config, option])
+    return modules(folder, "original")
+
+
+def modules(folder: Path, side: str) -> list[str]:
     return re.findall(r"^module (\S+)", (folder / f"{side}.il").read_text(), re.M)
 
 
@@ -127,37 +157,90 @@ def plain(variant: str) -> str:
 def alike(variant: str, folder: Path) -> bool:
     """Whether a module with these parameters behaves the same on both sides."""
     where = folder.relative_to(ROOT)
-    read = "".join(READ.format(folder=where, side=side, variant=variant) for side in SIDES)
-    never = outputs(variant, folder)
+    if undefined(folder, "changed") > undefined(folder, "original"):
+        return False
+    memories, names = [], []
+    for side in SIDES:
+        yosys(folder, f"{side}_read", READ.format(folder=where, side=side, variant=variant))
+        rest, parameters = cut(text_of(side, folder))
+        (folder / f"{side}_cut.il").write_text(rest)
+        memories.append(parameters)
+        names.append(set(ALIAS.findall(rest)))
+    if memories[0] != memories[1] or names[0] != names[1]:
+        return False
+    never = outputs(folder)
     unequal: list[set[str]] = []  # of each round
-    while len(unequal) < ROUNDS:
+    while len(unequal) < ROUNDS and not differ_at_power_up(folder):
         drop(set().union(*unequal), folder)
-        said = yosys(folder, "pairs", read + PAIRS.format(folder=where))
+        said = yosys(folder, "pairs", PAIR.format(folder=where, asserts="") + PAIRS)
         if "Equivalence successfully proven!" in said:
-            apart = differ_at_power_up(folder).difference(*unequal)
-            if not apart:
+            if equal_at_first(set().union(*unequal), folder):
                 return True
-            unequal.append(apart)
-            continue
+            break
         unequal.append(set(UNPROVEN.findall(said)).difference(*unequal))
         if not unequal[-1] or unequal[-1] & never:
             break
-    names = unequal[0] - never
+    names = (unequal[0] if unequal else differ_at_power_up(folder)) - never
     alone = [{name} for name in sorted(names)] if len(names) <= MOST_ALONE else []
+    steps = PAIR.format(folder=where, asserts="-make_assert") + STEPS.format(steps=MOST_STEPS)
     for dropped in [*alone, names]:
         drop(dropped, folder)
         try:
-            said = yosys(folder, "steps", read + STEPS.format(folder=where, steps=MOST_STEPS))
-        except SameError:  # it has a memory, or is too large
+            if "Induction step proven: SUCCESS!" in yosys(folder, "steps", steps):
+                return True
+        except SameError:  # it is too large
             return False
-        if "Induction step proven: SUCCESS!" in said:
-            return True
     return False
+
+
+def undefined(folder: Path, side: str) -> int:
+    """Undefined bits in the constants of all modules."""
+    constants = re.findall(r"\d+'([01xz-]+)", (folder / f"{side}.il").read_text())
+    return sum(digits.count("x") for digits in constants)
+
+
+def cut(text: str) -> tuple[str, list[str]]:
+    """A module without its memories, and their parameters.
+
+    What a memory reads is an input of the module; what goes into it are outputs.
+    """
+    lines, parameters = [], []
+
+    def take_out(found: re.Match) -> str:
+        name, body = found[1], found[2]
+        parameters.append(name + "".join(re.findall(r"^    parameter .*\n", body, re.M)))
+        size = {key: int(value) for key, value in re.findall(r"^    parameter \\(\w+) (\d+)$", body, re.M)}
+        for port, signal in re.findall(r"^    connect \\((?:RD|WR)_(?:ADDR|DATA|EN)) (.+)$", body, re.M):
+            bits = size[f"{port[:2]}_PORTS"] * {"ADDR": size["ABITS"], "DATA": size["WIDTH"]}.get(
+                port[3:], size["WIDTH"] if port == "WR_EN" else 1
+            )
+            place, number = f"\\memory.{len(parameters)}.{port}", 1000 + len(lines)
+            if port == "RD_DATA":
+                lines.append(f"  wire width {bits} input {number} {place}\n  connect {signal} {place}\n")
+            else:
+                lines.append(INVERTED.format(number=number, bits=bits, place=place, signal=signal))
+        return ""
+
+    rest = MEMORY.sub(take_out, text)
+    end = rest.rindex("end\n")
+    return rest[:end] + "".join(lines) + rest[end:], parameters
+
+
+def equal_at_first(dropped: set[str], folder: Path) -> bool:
+    """Whether equal registers make all pairs equal that were not dropped: so they are in the first clock."""
+    registers = set.intersection(*(set(REGISTER.findall(text_of(side, folder))) for side in SIDES))
+    drop(dropped - registers, folder)
+    said = yosys(folder, "first", PAIR.format(folder=folder.relative_to(ROOT), asserts="") + FIRST)
+    return set(UNPROVEN.findall(said)) <= registers
+
+
+def text_of(side: str, folder: Path) -> str:
+    return (folder / f"{side}_flat.il").read_text()
 
 
 def differ_at_power_up(folder: Path) -> set[str]:
     """Names with another power-up value on the other side."""
-    one, other = (power_up((folder / f"{side}_flat.il").read_text()) for side in SIDES)
+    one, other = (power_up(text_of(side, folder)) for side in SIDES)
     return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
 
 
@@ -173,10 +256,10 @@ def drop(names: set[str], folder: Path) -> None:
     (folder / "dropped").write_text("".join(f"{name}\n" for name in sorted(names)))
 
 
-def outputs(variant: str, folder: Path) -> set[str]:
-    text = (folder / "original.il").read_text()
-    body = text[text.index(f"module {variant}\n") :].partition("\nend\n")[0]
-    return set(re.findall(r"^  wire (?:\S+ )*?output \d+ (\S+)$", body, re.M))
+def outputs(folder: Path) -> set[str]:
+    """Names of the outputs, with what goes into a memory."""
+    text = (folder / "original_cut.il").read_text()
+    return set(re.findall(r"^  wire (?:\S+ )*?output \d+ (\S+)$", text, re.M))
 
 
 def proved_same_inverted(path: Path, port: str, folder: Path) -> bool:
@@ -197,9 +280,10 @@ def proved_same(changed: Path, folder: Path, original: Path | None = None) -> bo
     folder.mkdir(parents=True, exist_ok=True)
     compared: set[str] = set()
     for config, option in itertools.product(configurations(), OPTIONS):
-        before = elaborate(config, option, folder, "original", original)
-        after = elaborate(config, option, folder, "changed", changed)
-        for variant in {name for name in before if plain(name) == changed.stem} - compared:
+        before = elaborate_once(config, option, folder, original)
+        new = {name for name in before if plain(name) == changed.stem} - compared
+        after = elaborate(config, option, folder, "changed", changed) if new else []
+        for variant in new:
             if variant not in after or not alike(variant, folder):
                 return False
             compared.add(variant)
