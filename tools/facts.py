@@ -26,6 +26,7 @@ FIGURE = r"\d[\d,]*(?:\.\d+)?"
 UNITS = (
     *("flips?", "frames", "proofs", "tasks", "tests", "cells", "LUTs?", "transactions", "mutants", "bugs"),
     *("slaves", "masters", "starts", "drive bits?", "MHz", "MB", "min", "minutes", "requests", "trials"),
+    *("runs", "power-ups", "resets", "clocks", "cases", "checks", "writes", "steps", "inputs", "scenarios"),
 )
 # A number with one of the units after it, or with a word between, or in "5 of 8 UNITS".
 ALONE = r"(?<![\w.,/#-])"

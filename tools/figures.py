@@ -56,6 +56,21 @@ def both_cards(text: str) -> str:
     return f"measured on another card: {', '.join(older)}" if older else ""
 
 
+def soak(text: str) -> str:
+    """Both cards, the image of each row, and the judge."""
+    images = {
+        (config, dialect): digits
+        for config, part in re.findall(r"^## The (\w+) card$(.*?)(?=^## |\Z)", text, re.M | re.DOTALL)
+        for dialect, digits in re.findall(r"^\| (\w+) \| `(\w+)` \|", part, re.M)
+    }
+    other = [key for key, digits in images.items() if digits != fingerprint.firmware(*key)]
+    if older := both_cards(text):
+        return older
+    if other or not images:
+        return "measured on another firmware"
+    return "" if f"judge `{fingerprint.soak()}`" in text else "measured by another judge"
+
+
 def one_and_both(text: str) -> str:
     """A page with parts of the standard card, and one part of each card."""
     return both_cards(text) or one_card(BOTH.sub("", text))
@@ -103,7 +118,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "coverage": (one_card, "make coverage-rtl"),
     "line-quality": (one_card, "make line-quality"),
     "fuzz": (one_and_both, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
-    "soak": (both_cards, "make soak COUNT=20000 (of both cards) and soak-page"),
+    "soak": (soak, "make soak COUNT=20000 (of both cards) and soak-page"),
     "mutants": (mutants, "make mutate"),
     "proved-flips": (proved_flips, "make formal-flips"),
     "synthesis": (synthesis, "make synth"),

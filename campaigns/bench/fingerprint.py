@@ -56,8 +56,10 @@ def card(config: str = "standard") -> str:
     return _digest([(config, entry), *map(_code, card_files(config))])
 
 
-def firmware(config: str = "standard") -> str:
+def firmware(config: str = "standard", dialect: str = "card") -> str:
     image = ROOT / configurations()[config]["firmware_hex"]
+    if dialect != "card":
+        image = image.parent / dialect / image.name
     return _digest([(config, image.read_text() if image.exists() else "")])
 
 
@@ -70,6 +72,14 @@ def judge() -> str:
     core = [ROOT / "campaigns/flips/core_machine.c", ROOT / "sw/port/host/mailbox_model.c"]
     code = [*HARNESS, *drive, *core]
     return _digest([*map(_python, [*python, *AGENTS, *HARNESS_PYTHON]), *map(_code, code)])
+
+
+def soak() -> str:
+    """Traffic and judge of the soak, with the virtual card around the Verilog."""
+    python = [ROOT / "campaigns/soak/run.py", *sorted((ROOT / "tb/model").glob("*.py")), *AGENTS]
+    around = [path for folder in ("sim/card", "sim/drive") for path in sorted((ROOT / folder).iterdir())]
+    code = [*HARNESS, *(path for path in around if path.suffix in (".c", ".cpp", ".h"))]
+    return _digest([*map(_python, python), *map(_code, code)])
 
 
 def shard(config: str = "standard") -> str:

@@ -12,7 +12,7 @@ formal/MODULE.sby no longer holds or tb/test_MODULE.py fails, or if either takes
 unchanged module. The tests are MORE_BENCHES, too; they run on Icarus, or on Verilator if a test runs only
 there. A mutant that is not caught is the same if campaigns/mutate/same.py proves that it behaves like the
 original, and survives otherwise. Each module writes build/mutate/MODULE.json, from which an interrupted run
-continues. Both kinds are listed. Exit 1: a mutant survives.
+continues. The report lists both kinds. Exit 1: a mutant survives.
 """
 
 import concurrent.futures

@@ -34,9 +34,13 @@ def read(config: str) -> list[dict]:
     try:
         for block in map(json.loads, path.read_text().splitlines()):
             key = block["dialect"], block["profile"], block["seed"]
+            if block["firmware"] != fingerprint.firmware(config, block["dialect"]):
+                continue
             blocks[key] = max(block, blocks.get(key, block), key=_weight)
     except (ValueError, KeyError, TypeError) as error:
         raise PageError(f"{path} is no result of `{command}`") from error
+    if not blocks:
+        raise PageError(f"no result of the {config} card's firmware as it is now; run `{command}` first")
     return [blocks[key] for key in sorted(blocks)]
 
 
@@ -64,7 +68,8 @@ def section(config: str, blocks: list[dict]) -> str:
         count = sum(block["transactions"] for block in run_blocks)
         seen = sum(block["mismatches"] for block in run_blocks)
         cells = (
-            *(dialect, profile, len(run_blocks), in_short([block["line"] for block in run_blocks])),
+            *(dialect, f"`{run_blocks[0]['firmware']}`", profile, len(run_blocks)),
+            in_short([block["line"] for block in run_blocks]),
             *(f"{count:,}", seen, bound.words(seen, count)),
             f"{sum(block['simulated_s'] for block in run_blocks) / 60:.0f} min",
         )
@@ -79,12 +84,11 @@ def section(config: str, blocks: list[dict]) -> str:
         [
             f"## The {config} card",
             "",
-            f"Measured on the {config} card `{fingerprint.card(config)}`, firmware "
-            f"`{fingerprint.firmware(config)}`.",
+            f"Measured on the {config} card `{fingerprint.card(config)}`.",
             "",
-            "| dialect | drive | blocks | bit/s: formats | transactions | mismatches "
-            f"| at {bound.SURE} at most | simulated |",
-            "|---|---|---:|---|---:|---:|---:|---:|",
+            "| dialect | image | drive | blocks | bit/s: formats | transactions | with a mismatch "
+            f"| bound of their share at {bound.SURE} | simulated |",
+            "|---|---|---|---:|---|---:|---:|---:|---:|",
             *rows,
             "",
             "Replies:",
@@ -96,7 +100,7 @@ def section(config: str, blocks: list[dict]) -> str:
 
 def page() -> str:
     sections = [section(config, read(config)) for config in configurations()]
-    return TEMPLATE.read_text().format(cards="\n\n".join(sections), block=run.BLOCK)
+    return TEMPLATE.read_text().format(cards="\n\n".join(sections), block=run.BLOCK, judge=fingerprint.soak())
 
 
 def main() -> int:

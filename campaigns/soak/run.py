@@ -43,6 +43,7 @@ RUNS = (("card", "vlt6000", 4), ("builtin", "vlt8000", 1), ("hvac_basic", "hvac_
 UNIT, OTHER_UNIT, BROADCAST = 1, 7, 0
 # Switches 1-3 of rates that suit the clock of the virtual card and are not too slow.
 SWIFT = [bits for bits, rate in RATES.items() if 9600 <= rate.baud <= 38400]
+PROGRAMS = {"standard": ROOT / "build/card", "tiny": ROOT / "build/tiny/card"}
 UNANSWERED_S = 0.15  # wall time after a request without a reply, as after a broadcast
 PDU_MAX = 253
 COMMANDS = (0x047C, 0x047C, 0x043C, 0x0474, 0x046C, 0x0478, 0x045C, 0x057C, 0x04FC, 0x847C, 0x067C, 0x1C7C)
@@ -212,6 +213,7 @@ class SoakJudge:
     drive: VltDrive
     frames: list[Frame]
     mismatches: list[str] = field(default_factory=list)
+    wrong: int = 0  # transactions with a mismatch, and frames that none of them expected
     replies: Counter = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
@@ -272,16 +274,19 @@ class SoakJudge:
             if len(self.mismatches) > before:
                 what = f"transaction {number}, {asked.kind}, unit {asked.unit}: {asked.pdu.hex(' ')}"
                 self.mismatches.insert(before, what)
+                self.wrong += 1
             if len(self.mismatches) > MISMATCHES_MAX:
                 return
         for (line, sender), left in self.seen.items():
             self.mismatches += [f"{line} line, {sender}: not expected: {f.data.hex(' ')}" for f in left]
+            self.wrong += len(left)
 
 
 @dataclass(frozen=True)
 class Result:
     transactions: list[Transaction]
     mismatches: list[str]
+    wrong: int  # transactions with a mismatch
     replies: Counter  # number of replies by function or exception code
     wall_s: float
     simulated_s: float
@@ -289,14 +294,17 @@ class Result:
 
     def __str__(self) -> str:
         return (
-            f"{len(self.transactions)} transactions: {len(self.mismatches)} mismatches, "
+            f"{len(self.transactions)} transactions: {self.wrong} with a mismatch, "
             f"{len(self.transactions) / self.wall_s:.1f} transactions/s, "
             f"{self.simulated_s:.1f} s simulated in {self.wall_s:.1f} s"
         )
 
 
-def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Result:
-    """One block; `seed` also selects rate and format of the network line."""
+def soak(folder: Path, seed: int, count: int, dialect: str, profile: str, config: str = "standard") -> Result:
+    """One block; `seed` also selects rate and format of the network line.
+
+    A card that ends or no longer speaks is a mismatch of the block, which keeps its transactions until then.
+    """
     rng = random.Random(f"soak/{dialect}/{profile}/{seed}")
     rate_switches, format_switches = rng.choice(SWIFT), rng.choice(list(FORMATS))
     rate, line_format = RATES[rate_switches], FORMATS[format_switches]
@@ -304,23 +312,30 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str) -> Res
     line = f"{rate.baud} bit/s 8{line_format.parity[0].upper()}{line_format.stop_bits}"
     print(f"soak: seed {seed}, dialect {dialect}, drive {profile}, {line}, {count} transactions", flush=True)
     options = ("--dialect", dialect, "--profile", profile, "--sw-baud", switches, "--speed", "max", "--quiet")
-    done = []
-    with RunningCard(folder, *options) as card:
+    done, ended = [], ""
+    with RunningCard(folder, *options, program=PROGRAMS[config]) as card:
         began = time.monotonic()
-        with Pymodbus(card.link) as master:
-            for asked in Traffic(rng, dialect, profile).requests(count):
-                answered = asked.unit == UNIT
-                received = master.send(asked.unit, asked.pdu, answered)
-                if not answered:
-                    time.sleep(UNANSWERED_S)
-                done.append(Transaction(asked.kind, asked.unit, asked.pdu, received))
+        try:
+            with Pymodbus(card.link) as master:
+                for asked in Traffic(rng, dialect, profile).requests(count):
+                    answered = asked.unit == UNIT
+                    received = master.send(asked.unit, asked.pdu, answered)
+                    if not answered:
+                        time.sleep(UNANSWERED_S)
+                    done.append(Transaction(asked.kind, asked.unit, asked.pdu, received))
+            if card.stop() != 0:
+                ended = "the card does not end with code 0"
+        except (CardError, ConnectionError) as error:
+            ended = f"the card no longer speaks: {error}"
         wall = time.monotonic() - began
-        if card.stop() != 0:
-            raise CardError("build/card does not end with code 0")
         entries, frames = card.entries(), card.frames()
     judge = SoakJudge(CardModel(name=dialect), VltDrive(profile), frames)
     judge.check_all(done)
-    return Result(done, judge.mismatches, judge.replies, wall, entries[-1]["t"], line)
+    if ended:
+        judge.mismatches.append(ended)
+        judge.wrong += 1
+    simulated_s = entries[-1]["t"] if entries else 0.0
+    return Result(done, judge.mismatches, judge.wrong, judge.replies, wall, simulated_s, line)
 
 
 def blocks(seed: int, count: int) -> dict[int, int]:
@@ -329,18 +344,20 @@ def blocks(seed: int, count: int) -> dict[int, int]:
 
 
 def file_of(config: str) -> Path:
-    """The blocks of this very card and firmware, a line each."""
-    return FOLDER / f"{config}-{fingerprint.card(config)}-{fingerprint.firmware(config)}.jsonl"
+    """The blocks of this very card, with this traffic and judge, a line each."""
+    return FOLDER / f"{config}-{fingerprint.card(config)}-{fingerprint.soak()}.jsonl"
 
 
-def keep(path: Path, seed: int, dialect: str, profile: str, result: Result) -> None:
+def keep(config: str, seed: int, dialect: str, profile: str, result: Result) -> None:
+    path = file_of(config)
     block = {
+        "firmware": fingerprint.firmware(config, dialect),
         "dialect": dialect,
         "profile": profile,
         "seed": seed,
         "line": result.line,
         "transactions": len(result.transactions),
-        "mismatches": len(result.mismatches),
+        "mismatches": result.wrong,
         "replies": result.replies,
         "simulated_s": result.simulated_s,
     }
@@ -365,13 +382,13 @@ def main() -> int:
         raise CardError(f"the card {options.config} has no dialect {options.dialect}")
     runs = [each for each in RUNS if chosen in (None, each[0])]
     shares = sum(share for *_, share in runs)
-    path, wrong = file_of(options.config), False
+    wrong = False
     for dialect, own_profile, share in runs:
         profile = options.profile or own_profile
         for seed, count in blocks(options.seed, math.ceil(options.count * share / shares)).items():
             with tempfile.TemporaryDirectory() as folder:
-                result = soak(Path(folder), seed, count, dialect, profile)
-            keep(path, seed, dialect, profile, result)
+                result = soak(Path(folder), seed, count, dialect, profile, options.config)
+            keep(options.config, seed, dialect, profile, result)
             print(f"  {result}", flush=True)
             for mismatch in result.mismatches:
                 print(f"  MISMATCH {mismatch}", flush=True)

@@ -6,12 +6,14 @@ Traffic and checks: campaigns/soak/run.py. The drive is live: it ramps, refuses 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import pytest
 
 from campaigns.soak import page, run
 from campaigns.soak.run import BLOCK, SoakJudge, Transaction, blocks, soak
+from rtl.sources import ROOT
 from sim.card.run_card import CardError, Frame
 from tb.agents.crc16 import with_crc
 from tb.lib.seeds import seeded
@@ -124,7 +126,8 @@ def kept(tmp_path, monkeypatch):
     """Results of both cards: a shorter block of the same seed, a mismatch of the small card."""
     monkeypatch.setattr(run, "FOLDER", tmp_path)
     monkeypatch.setattr(run.fingerprint, "card", lambda config: f"card-{config}")
-    monkeypatch.setattr(run.fingerprint, "firmware", lambda config: f"firmware-{config}")
+    monkeypatch.setattr(run.fingerprint, "firmware", lambda config, dialect: f"{dialect}-{config}")
+    monkeypatch.setattr(run.fingerprint, "soak", lambda: "judge")
     for config in ("standard", "tiny"):
         for seed, count, line in (
             (1, 500, "19200 bit/s 8N1"),
@@ -133,20 +136,27 @@ def kept(tmp_path, monkeypatch):
         ):
             wrong = ["master: expected 01, got 02"] if config == "tiny" and count == 20 else []
             done = [Transaction("read_number", 1, b"")] * count
-            result = run.Result(done, wrong, Counter({"exception 2": 12}), 1.0, 90.0, line)
-            run.keep(run.file_of(config), seed, "card", "vlt6000", result)
+            result = run.Result(done, wrong, len(wrong), Counter({"exception 2": 12}), 1.0, 90.0, line)
+            run.keep(config, seed, "card", "vlt6000", result)
     return tmp_path
 
 
 def test_the_page_has_both_cards_and_counts_a_seed_once(kept):
     text = page.page()
-    assert "standard card `card-standard`, firmware `firmware-standard`" in text
-    assert "| card | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 1,000 | 0 | 4.6e-03 | 3 min |" in text
+    assert "standard card `card-standard`." in text
+    assert "with judge `judge`" in text
+    assert (
+        "| card | `card-standard` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 1,000 | 0 | 4.6e-03 | 3 min |"
+        in text
+    )
     assert text.count("- card, vlt6000: 24 exception 2.") == 2
 
 
 def test_a_mismatch_stays_on_the_page(kept):
-    assert "| card | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 520 | 1 | 1.3e-02 | 3 min |" in page.page()
+    assert (
+        "| card | `card-tiny` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 520 | 1 | 1.3e-02 | 3 min |"
+        in page.page()
+    )
 
 
 def test_a_page_is_refused_without_both_cards(kept):
@@ -157,6 +167,52 @@ def test_a_page_is_refused_without_both_cards(kept):
     path.unlink()
     with pytest.raises(page.PageError, match=r"no result of the tiny card .* run `make soak CONFIG=tiny`"):
         page.page()
+
+
+def test_another_firmware_or_judge_counts_nothing(kept, monkeypatch):
+    monkeypatch.setattr(run.fingerprint, "firmware", lambda config, dialect: "another")
+    with pytest.raises(page.PageError, match="no result of the standard card's firmware as it is now"):
+        page.page()
+    monkeypatch.setattr(run.fingerprint, "soak", lambda: "another")
+    with pytest.raises(page.PageError, match="no result of the standard card as it is now"):
+        page.page()
+
+
+def test_a_card_that_ends_is_a_mismatch(tmp_path, monkeypatch):
+    """The block keeps what was done until then."""
+
+    class Ends(run.Pymodbus):
+        turns = 0
+
+        def send(self, *asked):
+            self.turns += 1
+            if self.turns > 5:
+                raise ConnectionError("no such port")
+            return super().send(*asked)
+
+    monkeypatch.setattr(run, "Pymodbus", Ends)
+    found = soak(tmp_path, 3, 20, "card", "vlt6000")
+    assert len(found.transactions) == 5
+    assert found.wrong >= 1 and found.mismatches[-1] == "the card no longer speaks: no such port"
+
+
+def test_the_program_is_that_of_the_card(tmp_path, monkeypatch):
+    monkeypatch.setitem(run.PROGRAMS, "tiny", ROOT / "build/none/card")
+    with pytest.raises(CardError, match="build/none/card is missing"):
+        soak(tmp_path, 1, 1, "card", "vlt6000", "tiny")
+
+
+def test_the_published_page_has_both_cards_without_a_mismatch():
+    """20,000 transactions each; the standard card in three dialects."""
+    done: dict[str, dict[str, int]] = {}
+    for line in page.PAGE.read_text().splitlines():
+        if heading := re.match(r"## The (\w+) card", line):
+            of_card = done.setdefault(heading[1], {})
+        if row := re.match(r"\| (\w+) \| `\w+` \| .*\| ([\d,]+) \| (\d+) \| [\d.e-]+ \| \d+ min \|$", line):
+            of_card[row[1]] = int(row[2].replace(",", ""))
+            assert row[3] == "0", line
+    assert done["standard"].keys() == {"card", "builtin", "hvac_basic"}
+    assert min(sum(of_card.values()) for of_card in done.values()) >= 20_000
 
 
 def test_the_small_card_has_one_dialect(monkeypatch):
