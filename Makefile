@@ -177,7 +177,7 @@ bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
 .PHONY: bench bench-fast line-quality soak soak-page masters conformance agents-example coverage-rtl figures
-bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (1 h)
+bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (60 min)
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
 bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs

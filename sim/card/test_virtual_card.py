@@ -305,7 +305,8 @@ def test_for_ends_the_card_and_ready_names_the_pty():
     run = run_card("--for", "1.0", "--quiet")
     assert run.returncode == 0
     assert re.fullmatch(r"ready modbus=/dev/pts/\d+ drive=sim\n", run.stdout)
-    assert time.monotonic() - began > 0.85
+    # The boot, kStartSeconds of sim/card/main.cpp, runs as fast as it can.
+    assert time.monotonic() - began > 0.65
 
 
 def test_a_link_left_by_a_card_that_was_killed_is_taken_over(tmp_path):
