@@ -34,7 +34,7 @@ SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 PIECES = list(fast(SEED))
 FORMS = ("8N1", "8N2", "8E1", "8O1")
 FEW_RATES = (1200, 19200, 115200)
-LONG = ("random-115200-8E1",)
+LONG = ("standard-random-115200-8E1", "standard-turnaround-2400-8E1")
 
 
 def pieces(*kinds: str) -> pytest.MarkDecorator:
@@ -370,6 +370,10 @@ def test_every_kind_of_work_is_in_the_whole_bench(build) -> None:
     rows = {(p.baud, p.form) for p in found if p.kind == "conformance"}
     assert rows == {(19200, form) for form in FORMS} | {(b, "8E1") for b in BAUDS if b >= 2400}
     assert all(p.more["repeats"] >= 2 for p in found if p.kind == "turnaround" and p.baud > 300)
+
+
+def test_the_long_pieces_exist() -> None:
+    assert set(LONG) <= {piece.name for piece in PIECES}
 
 
 def test_every_size_is_in_the_bench() -> None:
