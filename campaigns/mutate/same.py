@@ -74,7 +74,7 @@ FIRST_CLOCK = """  reg in_first = 1'b1;
 """
 MOST_STEPS = 4
 MOST_ALONE = 4
-# Of a signal; another name of it would not be paired.
+# An output for a signal. It is inverted, because equiv_make does not pair a second name of a signal.
 INVERTED = """  wire width {bits} output {number} {place}
   cell $not $not{number}
     parameter \\A_SIGNED 0
@@ -88,7 +88,6 @@ ALIAS = re.compile(r"^  connect ([^$\n]*) (\\[^$\n]*|\{[^$\n]*)$", re.M)  # two 
 REGISTER = re.compile(r"^    connect \\Q (\\\S+)$", re.M)  # whole ones, no parts of a word
 MEMORY = re.compile(r"^(?:  attribute .*\n)*  cell \$mem_v2 (\S+)\n((?:    .*\n)*)  end\n", re.M)
 UNPROVEN = re.compile(r"^\s+Unproven \$equiv \S+: (\S+)_gold\b", re.M)
-
 
 _kept: dict[tuple[str, str], str] = {}  # by card and option
 
