@@ -192,7 +192,7 @@ line-quality: firmware drive | setup-test ## the limits of rate error, edges and
 soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models (COUNT=, SEED=, CONFIG=)
 	@$(RUN) campaigns.soak.run --config $(CONFIG) $(SEEDED)
 
-soak-page: | setup-test ## docs/reports/soak.md from the soaks of both cards
+soak-page: firmware | setup-test ## docs/reports/soak.md from the soaks of both cards
 	@$(RUN) campaigns.soak.page
 
 conformance: | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)

@@ -57,16 +57,10 @@ def both_cards(text: str) -> str:
 
 
 def soak(text: str) -> str:
-    """Both cards, the image of each row, and the judge."""
-    images = {
-        (config, dialect): digits
-        for config, part in re.findall(r"^## The (\w+) card$(.*?)(?=^## |\Z)", text, re.M | re.DOTALL)
-        for dialect, digits in re.findall(r"^\| (\w+) \| `(\w+)` \|", part, re.M)
-    }
-    other = [key for key, digits in images.items() if digits != fingerprint.firmware(*key)]
+    """Both cards, the sources of their images, and the judge. Images are not built in a new checkout."""
     if older := both_cards(text):
         return older
-    if other or not images:
+    if f"firmware sources `{host.fingerprint()}`" not in text:
         return "measured on another firmware"
     return "" if f"judge `{fingerprint.soak()}`" in text else "measured by another judge"
 

@@ -94,3 +94,16 @@ def test_older_pages_are_named_with_their_commands(monkeypatch, tmp_path):
         figures.marked(PAGE.replace("ab`", "ff`"), "measured on another", "make b")
     )
     assert figures.older_pages() == {"b": "make b"}
+
+
+def test_a_page_of_the_soak_names_sources_that_need_no_build(monkeypatch):
+    """A new checkout has no image. Cards, sources of the firmware and judge are compared."""
+    monkeypatch.setattr(figures.host, "fingerprint", lambda: "0123abcd0123")
+    monkeypatch.setattr(figures.fingerprint, "soak", lambda: "4567abcd4567")
+    monkeypatch.setattr(figures.fingerprint, "firmware", lambda *_: pytest.fail("an image was read"))
+    cards = " ".join(f"{config} card `{digits}`" for config, digits in NOW.items())
+    page = f"{cards}, firmware sources `0123abcd0123`, judge `4567abcd4567`"
+    assert figures.soak(page) == ""
+    assert figures.soak(page.replace("0123abcd", "ffffabcd")) == "measured on another firmware"
+    assert figures.soak(page.replace("4567abcd", "ffffabcd")) == "measured by another judge"
+    assert figures.soak(page.replace(NOW["tiny"], OTHER)) == "measured on another card: tiny"

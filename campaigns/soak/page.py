@@ -16,6 +16,7 @@ from campaigns.fuzz import bound
 from campaigns.soak import run
 from rtl.command import run_main
 from rtl.sources import ROOT, configurations
+from sw.test import host
 
 TEMPLATE = ROOT / "campaigns/soak/soak.md.in"
 PAGE = ROOT / "docs/reports/soak.md"
@@ -100,7 +101,9 @@ def section(config: str, blocks: list[dict]) -> str:
 
 def page() -> str:
     sections = [section(config, read(config)) for config in configurations()]
-    return TEMPLATE.read_text().format(cards="\n\n".join(sections), block=run.BLOCK, judge=fingerprint.soak())
+    return TEMPLATE.read_text().format(
+        cards="\n\n".join(sections), block=run.BLOCK, judge=fingerprint.soak(), sources=host.fingerprint()
+    )
 
 
 def main() -> int:

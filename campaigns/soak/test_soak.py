@@ -128,6 +128,7 @@ def kept(tmp_path, monkeypatch):
     monkeypatch.setattr(run.fingerprint, "card", lambda config: f"card-{config}")
     monkeypatch.setattr(run.fingerprint, "firmware", lambda config, dialect: f"{dialect}-{config}")
     monkeypatch.setattr(run.fingerprint, "soak", lambda: "judge")
+    monkeypatch.setattr(page.host, "fingerprint", lambda: "sources")
     for config in ("standard", "tiny"):
         for seed, count, line in (
             (1, 500, "19200 bit/s 8N1"),
@@ -144,7 +145,8 @@ def kept(tmp_path, monkeypatch):
 def test_the_page_has_both_cards_and_counts_a_seed_once(kept):
     text = page.page()
     assert "standard card `card-standard`." in text
-    assert "with judge `judge`" in text
+    assert "firmware sources `sources`" in text
+    assert "judge `judge`" in text
     assert (
         "| card | `card-standard` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 1,000 | 0 | 4.6e-03 | 3 min |"
         in text
