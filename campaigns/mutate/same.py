@@ -270,7 +270,7 @@ def proved_same_inverted(path: Path, port: str, folder: Path) -> bool:
     for side, of_input in zip(SIDES, (port, f"(~{port})"), strict=True):
         both.append(folder / f"{side}_module" / path.name)
         both[-1].parent.mkdir(parents=True, exist_ok=True)
-        both[-1].write_text(header + end + re.sub(rf"\b{port}\b", of_input, body))
+        both[-1].write_text(header + end + re.sub(rf"(?<!\.)\b{port}\b", of_input, body))
     return proved_same(both[1], folder, both[0])
 
 

@@ -231,10 +231,13 @@ def test_the_inverted_input_of_an_instance_is_known():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("port", "proved"), [("beat", True), ("kick", False)])
-def test_a_solver_compares_a_module_with_an_input_inverted(port, proved):
-    """The supervisor counts the changes of beat; the level of kick counts."""
-    path = next(path for path in rtl_files() if path.stem == "supervisor")
+@pytest.mark.parametrize(
+    ("module", "port", "proved"),
+    [("supervisor", "beat", True), ("supervisor", "kick", False), ("commit_gate", "watch", False)],
+)
+def test_a_solver_compares_a_module_with_an_input_inverted(module, port, proved):
+    """The supervisor counts changes of beat, and the level of kick. An instance in the gate has `watch`."""
+    path = next(path for path in rtl_files() if path.stem == module)
     assert same.proved_same_inverted(path, port, ROOT / f"build/mutate/inverted_{port}") == proved
 
 

@@ -8,6 +8,7 @@ import pytest
 from cocotb.triggers import Timer
 
 from regs.generated.card_tables import FORMATS, RATES, SILENCE_START
+from tb.lib.fields import Fields
 from tb.lib.runner import run
 
 
@@ -18,14 +19,15 @@ async def every_switch_pattern_selects_its_table_entry(dut):
         dut.sw_baud.value = bits
         await Timer(1, unit="ns")
         rate, entry = RATES[switches[:3]], FORMATS[switches[3:]]
+        pins = Fields(dut, line="line")
         shown = [
-            dut.baud_undivided,
-            dut.baud_mask,
-            dut.half_end,
-            dut.half_uneven,
-            dut.parity_enable,
-            dut.parity_odd,
-            dut.two_stop,
+            pins.baud_undivided,
+            pins.baud_mask,
+            pins.line_half_end,
+            pins.line_half_uneven,
+            pins.line_parity_enable,
+            pins.line_parity_odd,
+            pins.line_two_stop,
         ]
         wanted = [rate.ratio == 1, rate.mask, SILENCE_START + rate.half_ticks - 1, rate.half_uneven]
         wanted += [entry.parity != "none", entry.parity == "odd", entry.stop_bits == 2]

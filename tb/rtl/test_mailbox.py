@@ -471,6 +471,36 @@ async def a_write_waits_for_a_running_exchange_and_leaves_after_newer_requests(d
 
 
 @cocotb.test()
+async def stop_leaves_when_the_master_is_lost_and_not_before(dut):
+    """SAFE-7, through the registers: the order to watch, the time from the card's ticks, the stop."""
+    period = 3
+    mailbox = await Mailbox(dut).start()
+    mailbox.telegrams = stops = Strobes(mailbox.dut, "telegram_start", "telegram_control", "telegram_stop")
+    mailbox.dut.request_writes_coils.value = 1
+    ticket = await mailbox.request()
+    await mailbox.pulse("request_commit")
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["waiting"], stop=1, ticket=ticket ^ 8)
+    # The supervisor is written for other things, too.
+    await mailbox.write("SUPERVISOR", running=1, period=1, ticket=ticket)
+    for beat in range(2 * period):
+        mailbox.dut.ticks.value = TICKS ^ beat & 1
+        await mailbox.bench.clocks(2)
+    assert not (await mailbox.read("EXCHANGE"))["stop_due"], "nobody ordered to watch"
+    await mailbox.write("SUPERVISOR", watch=1, running=1, period=period, ticket=ticket)
+    for _ in range(period + 1):
+        assert not (await mailbox.read("EXCHANGE"))["stop_due"], "before its time"
+        assert await mailbox.settle() == (0, 0)
+        mailbox.dut.ticks.value = mailbox.dut.ticks.value.to_unsigned() ^ 1
+        await mailbox.bench.clocks(2)
+    assert (await mailbox.read("EXCHANGE"))["stop_due"]
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["waiting"], stop=0, ticket=ticket ^ 8)
+    assert await mailbox.settle() == (0, 0), "a write that waits is not the stop"
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["waiting"], stop=1, ticket=ticket ^ 8)
+    assert await mailbox.settle() == (0, 1)
+    assert stops.values == [(1, 1)]
+
+
+@cocotb.test()
 async def a_telegram_is_never_changed_in_the_moment_of_its_start(dut):
     """Whichever clock the write comes in: what starts is what was committed."""
     mailbox = await Mailbox(dut).start()
@@ -610,7 +640,14 @@ async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
 
 @pytest.mark.rule("FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "LOOP-1", "WDG-1")
 def test_mailbox(sim):
-    run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters={"MEMORY_BYTES": MEMORY_BYTES})
+    settings = {"MEMORY_BYTES": MEMORY_BYTES}
+    run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters=settings, testcase=r"(?!stop_)\w+")
+
+
+@pytest.mark.rule("SAFE-7")
+def test_mailbox_with_the_stop_of_a_lost_master(sim):
+    settings = {"MEMORY_BYTES": MEMORY_BYTES, "MASTER_LOSS_STOP": 1}
+    run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters=settings, testcase=r"stop_\w+")
 
 
 def test_every_field_that_is_read_has_a_source():
