@@ -83,11 +83,16 @@ CASES = {
         Case("write parameter", False, rtu.write_register(parameter(104), 60)),
         Case("write 2 words", False, rtu.write_registers(parameter(207), (0, 60))),
         Case("read parameter", False, rtu.read_registers(parameter(514), 2)),
+        Case("read 1 word", False, rtu.read_registers(parameter(514), 1)),
         text("read 20 characters", rtu.read_registers(parameter(TEXT_PNU), 10), 0x0400),
         text("write 20 characters", rtu.write_registers(parameter(TEXT_PNU), LETTERS), 0x0500),
         Case("start motor, broadcast", False, rtu.write_coils(0, START_MOTOR), to_all=True),
+        Case("write coil 7, broadcast", False, rtu.write_coil(6, True), to_all=True),
+        Case("write 2 words, broadcast", False, rtu.write_registers(parameter(207), (0, 60)), to_all=True),
     )
 }
+# Those with the longest preparation, for many phases of the bit and of the poll loop.
+SLOWEST = ("write 20 characters", "read 20 characters", "write 2 words, broadcast")
 
 # Every size of these requests.
 SIZES = {

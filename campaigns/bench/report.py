@@ -24,7 +24,7 @@ from campaigns.bench.judge import (
 )
 from campaigns.bench.traffic import REFUSED, UNFIT
 from campaigns.bench.wave import BAUDS, CLK_HZ, FORMAT_NAMES, Line
-from campaigns.bench.work import FORM, Piece
+from campaigns.bench.work import FORM, PHASES, PHASES_AT, Piece
 from rtl.sources import ROOT
 
 RESULTS = ROOT / "docs/reports/results.md"
@@ -34,7 +34,7 @@ LOCAL = tuple(name for name, case in CASES.items() if case.local)
 EXCHANGES = tuple(name for name, case in CASES.items() if not (case.local or case.to_all))
 SHOWN_BAUD = 19200
 DRIVE_LINE = Line.of_drive()
-OF_CASES = ("turnaround", "sizes")
+OF_CASES = ("turnaround", "sizes", "phases")
 JUDGED = (*OF_CASES, "random", "drive_faults", "gate", "overtaken", "conformance")
 
 # Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Measured once
@@ -315,7 +315,7 @@ def with_kind(found: list[Sample], what: str) -> list[Sample]:
 
 def firmware(results: CardResults) -> str:
     """Clocks from an event for the firmware to its queued answer."""
-    early, chance = samples(results, "turnaround"), samples(results, "random")
+    early, chance = samples(results, OF_CASES), samples(results, "random")
     rows = []
     for name in (*CASES, "write 40001"):
         found = [sample for sample in early if sample.case == name]
@@ -496,6 +496,8 @@ def document(results: Results) -> str:
         "measured_on": f"{MEASURED_ON} {measured_on(results.fingerprint)}.",
         "formats": ", ".join(FORMAT_NAMES),
         "form": FORM,
+        "phases": PHASES,
+        "phases_at": " and ".join(map(str, PHASES_AT)),
         "missed": "".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
         "early_or_late": early_or_late(results.card("standard")),
         "card_mhz": f"{results.card_clk_hz / 1e6:g}",

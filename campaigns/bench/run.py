@@ -7,12 +7,14 @@
     python -m campaigns.bench.run --only KIND               repeats one kind, keeps the rest of the last run
     python -m campaigns.bench.run --report                  rewrites the report from the last whole run
 
+A whole run that was interrupted goes on with the pieces that are left (build/bench_pieces).
 Exit 1 if a limit is missed, 2 if something to measure is missing or the last whole run was of another card,
 firmware or bench than the tree. Measurements: campaigns/bench/cases.py.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickle
 import re
@@ -21,6 +23,7 @@ import sys
 import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from pathlib import Path
 
 from campaigns.bench import fingerprint
@@ -35,6 +38,7 @@ from sw.tools import stack
 from tb.lib import runner
 
 KEPT = ROOT / "build/bench_results.pickle"
+ENDED = ROOT / "build/bench_pieces"
 DEFAULT_SEED = 1
 VIRTUAL_CARD = ROOT / "build/card"
 VIRTUAL_CARD_S = 5
@@ -45,12 +49,46 @@ def _work(piece: Piece) -> tuple[Piece, Outcome, float]:
     return piece, piece.run(), time.process_time() - began
 
 
-def measure(pieces: list[Piece], jobs: int, results: Results) -> None:
+def file_of_ended(results: Results) -> Path:
+    """The pieces that have ended of a whole run with this seed, of this card, firmware and bench."""
+    subject = repr((results.seed, sorted(results.fingerprint.items())))
+    return ENDED / f"{hashlib.sha256(subject.encode()).hexdigest()[:12]}.pickle"
+
+
+def ended(path: Path) -> Iterator[tuple[Piece, Outcome, float]]:
+    """What an interrupted run has left. Its last piece may be cut off."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        while True:
+            try:
+                yield pickle.load(file)
+            except (pickle.UnpicklingError, AttributeError, ImportError, EOFError, TypeError):
+                return
+
+
+def measured(pieces: list[Piece], jobs: int, keep: Path | None) -> Iterator[tuple[Piece, Outcome, float]]:
+    """The pieces with their outcomes; those of an interrupted run first. `keep`: gets each that ends."""
+    found = {result[0].name: result for result in ended(keep)} if keep else {}
+    found = {piece.name: found[piece.name] for piece in pieces if piece.name in found}
+    yield from found.values()
+    if keep:
+        # Written anew, because a piece that was cut off would hide all after it.
+        keep.parent.mkdir(parents=True, exist_ok=True)
+        keep.write_bytes(b"".join(map(pickle.dumps, found.values())))
+    for result in in_processes(jobs, _work, [piece for piece in pieces if piece.name not in found]):
+        if keep:
+            with keep.open("ab") as file:
+                file.write(pickle.dumps(result))
+        yield result
+
+
+def measure(pieces: list[Piece], jobs: int, results: Results, keep: Path | None = None) -> None:
     """Runs the pieces, the longest first, and reports each one's end."""
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
     simulated = used = 0.0
     began = time.monotonic()
-    for done, (piece, outcome, seconds) in enumerate(in_processes(jobs, _work, pieces), 1):
+    for done, (piece, outcome, seconds) in enumerate(measured(pieces, jobs, keep), 1):
         results.outcomes[piece.name] = (piece, outcome)
         simulated += outcome.simulated_s
         used += seconds
@@ -164,7 +202,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise BenchError(f"{VIRTUAL_CARD.relative_to(ROOT)} is missing; run `make card`")
         if not given.report:
             pieces = list((fast if given.fast else whole)(results.seed))
-            measure([p for p in pieces if given.only in (None, p.kind)], given.jobs, results)
+            keep = None if given.fast or given.only else file_of_ended(results)
+            measure([p for p in pieces if given.only in (None, p.kind)], given.jobs, results, keep)
             measure_firmware(results)
             if other := fingerprint.difference(tree, fingerprint.tree()):
                 raise BenchError(f"the {' and the '.join(other)} changed meanwhile; run `make bench`")
@@ -173,6 +212,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not (given.fast or again):
             measure_simulations(results)
             KEPT.write_bytes(pickle.dumps(results))
+            file_of_ended(results).unlink()
     except (BenchError, SourcesError, stack.StackError, FileNotFoundError) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2

@@ -350,6 +350,9 @@ def test_both_cards_are_measured_alike() -> None:
             assert [p.more["names"] for p in here if p.kind == "turnaround"] == [tuple(CASES)]
             sizes = next(p.more["names"] for p in here if p.kind == "sizes")
             assert baud < 9600 or sizes == tuple(SIZES)
+            phases = [p.more for p in here if p.kind == "phases"]
+            assert len(phases) == (baud >= 38400)
+            assert all(more["repeats"] == 100 and "write 20 characters" in more["names"] for more in phases)
         at_rate = {name for p in standard if (p.kind, p.baud) == ("sizes", baud) for name in p.more["names"]}
         assert at_rate == (set(EXTREMES) if baud == 300 else set(SIZES))
 
@@ -513,3 +516,27 @@ def test_stack_refuses_recursion(tmp_path: Path) -> None:
     source = "int f(int x) { return x ? f(x - 1) * 3 + x : 1; } void _start(void) { f(4); }"
     with pytest.raises(stack.StackError, match="recursion: _start -> f -> f"):
         stack.deepest(compiled(tmp_path, source))
+
+
+def test_an_interrupted_run_goes_on_with_what_is_left(monkeypatch, tmp_path) -> None:
+    """A piece whose result was cut off is measured again; nothing counts twice."""
+    monkeypatch.setattr(bench, "ENDED", tmp_path)
+    asked = [piece for piece in fast(SEED) if piece.kind == "gate"][:4]
+    begun: list[str] = []
+
+    def work(_, __, pieces):
+        for piece in pieces:
+            begun.append(piece.name)
+            yield piece, Outcome(), 1.0
+
+    monkeypatch.setattr(bench, "in_processes", work)
+    keep = bench.file_of_ended(bench_report.Results(SEED, {"card": "0"}))
+    first = bench.measured(asked, 1, keep)
+    assert [next(first)[0].name for _ in range(3)] == begun == [piece.name for piece in asked[:3]]
+    first.close()
+    keep.write_bytes(keep.read_bytes()[:-1])
+    assert [piece.name for piece, _, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
+    assert begun[3:] == [piece.name for piece in asked[2:]]
+    assert [piece.name for piece, _, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
+    assert len(begun) == 5
+    assert bench.file_of_ended(bench_report.Results(SEED, {"card": "1"})) != keep, "of another card"

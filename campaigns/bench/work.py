@@ -11,6 +11,7 @@ from campaigns.bench.cases import (
     CASES,
     EXTREMES,
     SIZES,
+    SLOWEST,
     drive_faults,
     gate,
     overtaken,
@@ -36,6 +37,8 @@ DRIVE_FAULTS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
+# The slowest cases, where t1.5 to t3.5 is shortest: a case that is late in one phase of fifty is found.
+PHASES, PHASES_AT = 100, (38400, 115200)
 # At lower rates each format has a quarter of the sizes: every size once at each rate. At 300 bit/s a request
 # takes a second, so each format has the extremes alone.
 EACH_SIZE_FROM, QUARTER_FROM = 9600, 1200
@@ -74,7 +77,7 @@ class Piece:
 
 CARDS = (STANDARD, TINY)
 KINDS_OF_WORK = (
-    *("turnaround", "sizes", "late", "random"),
+    *("turnaround", "sizes", "phases", "late", "random"),
     *("drive_faults", "gate", "overtaken", "conformance"),
 )
 
@@ -126,6 +129,8 @@ def _card(seed: int, build: Build) -> Iterator[Piece]:
             yield _sizes(baud, form, seed, build)
             yield Piece("gate", baud, form, gate, quick, (4 if form != FORM else 12) / baud, build)
             yield Piece("overtaken", baud, form, overtaken, quick, 5 / baud, build)
+            if baud in PHASES_AT:
+                yield _turnaround("phases", baud, form, seed + 1, PHASES, SLOWEST, build)
         yield from _random(baud, seed, build)
     for baud in DRIVE_FAULTS:
         yield Piece("drive_faults", baud, FORM, drive_faults, {"quick": False}, 60 / baud, build)
