@@ -23,7 +23,7 @@ import math
 from constraints.synth import MARGIN
 from rtl.command import run_main
 
-CLOCKS_MHZ = (12, 25, 33, 48, 100)
+CLOCKS_MHZ = (12, 25, 34.368, 48, 100)
 TAU, WINDOW = 1 / 9.148e9, 1.56e-11
 BITS = 115200 + 9600  # edges a second: both lines at full rate, another level with each bit
 YEAR_S = 365.25 * 24 * 3600

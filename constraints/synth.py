@@ -33,7 +33,7 @@ TEMPLATE = ROOT / "constraints/synthesis.md.in"
 MARGIN = 1.5
 # The board with the least room in its part: all its seeds are tried, and so many of them must be in time.
 FULLEST = "card-xo2-1200"
-ENOUGH_SEEDS = 6
+ENOUGH_SEEDS = 8
 
 
 def route(entry: Board, folder: Path) -> tuple[int, dict]:

@@ -3,14 +3,14 @@
 //
 // Switches close to ground, with the FPGA's pull-ups. LEDs are connected between 3.3 V and
 // the pins. Only DE controls each transceiver. Its receiver stays enabled (RE low on the
-// card), because the card is deaf while it sends. clk: 33 MHz oscillator.
+// card), because the card is deaf while it sends. clk: 34.368 MHz oscillator.
 // There is no reset pin. reset_sync holds the reset for the first clocks after
 // configuration, and the switches settle before the card starts.
 // Rules: TOP-1, LINE-6, LED-2.
 `default_nettype none
 
 module card_xo2_1200 #(
-    parameter CLK_HZ = 33_000_000,
+    parameter CLK_HZ = 34_368_000,
     parameter FIRMWARE_HEX = "firmware.hex"
 ) (
     input  wire       clk,

@@ -4,7 +4,7 @@
 // Configuration tiny: defaults of the top's parameters. Clock in Hz, memory in bytes,
 // PLACES: committed writes that can wait (FRAME-7).
 
-`define CONFIG_CLK_HZ 33000000
+`define CONFIG_CLK_HZ 34368000
 `define CONFIG_SOFT_CORE 2'd1  // serv
 `define CONFIG_MEMORY_BYTES 6144
 `define CONFIG_PLACES 2'd1
