@@ -3,12 +3,16 @@
 
     python -m tools.facts
 
-docs/facts.toml has a table for each sentence with figures in README.md, docs/ and docs/guide/. Each `{}` of
+docs/facts.toml has a `fact` for each sentence with figures in README.md, docs/ and docs/guide/. Each `{}` of
 `says` is a figure. `from` and `find` say where it comes from: a file, and a regular expression with one group
-for each `{}`. `scale` multiplies it first. A figure that no command prints has `why` instead: a setting, a
-figure of the manual, a rule, a result of an earlier card. UNITS names the units of a figure. A figure in no
-sentence of docs/facts.toml is a mistake, as is one that differs from its source. The pages of `aside` are
-left out, with a reason. Prints one line for each mistake; exit 1 if there is one.
+for each `{}`. `scale` multiplies it first (one number, or one for each group), or `over` is divided by it;
+`{:.2f}` rounds it. With `tested`, a test that compares the page with its source, `says` is a regular
+expression. A figure without a source has `why`: arithmetic, a manual's, or a result of an earlier card.
+
+A `constant` means the same on every page. It has no `page`, and each match of its `find` is one. UNITS names
+the units of a figure. A figure in no sentence of docs/facts.toml is a mistake, as is one that differs from
+its source. The pages of `aside` are left out, with a reason. Prints one line for each mistake; exit 1 if
+there is one.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ import re
 import tomllib
 from functools import cache
 from pathlib import Path
+from string import Formatter
 
 from rtl.command import run_main
 from rtl.sources import ROOT
@@ -27,11 +32,13 @@ UNITS = (
     *("flips?", "frames", "proofs", "tasks", "tests", "cells", "LUTs?", "transactions", "mutants", "bugs"),
     *("slaves", "masters", "starts", "drive bits?", "MHz", "MB", "min", "minutes", "requests", "trials"),
     *("runs", "power-ups", "resets", "clocks", "cases", "checks", "writes", "steps", "inputs", "scenarios"),
+    *("k?bit/s", "characters?", "[µu]s"),
 )
-# A number with one of the units after it, or with a word between, or in "5 of 8 UNITS".
+# A number or a range with one of the units after it, or with a word between, or in "5 of 8 UNITS".
 ALONE = r"(?<![\w.,/#-])"
+RANGE = rf"(?:{FIGURE}(?: to | and | or |-|…))?{FIGURE}"
 BETWEEN = rf"(?: of (?:the )?{FIGURE})?(?: (?:more|random|planted|other))?"
-COUNTED = re.compile(rf"{ALONE}{FIGURE}{BETWEEN} (?:{'|'.join(UNITS)})\b")
+COUNTED = re.compile(rf"{ALONE}{RANGE}(?:{BETWEEN} (?:{'|'.join(UNITS)}))\b(?!/)")
 BITS = re.compile(rf"{ALONE}\d+\.\d+ bits?\b")
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
 SPACE = re.compile(r"\s+")
@@ -55,48 +62,69 @@ def source(name: str) -> str:
     return (ROOT / name).read_text()
 
 
-def sentence(fact: dict) -> tuple[str, str]:
-    """The sentence with its figures, and what is wrong with the fact."""
-    says, places = fact["says"], fact["says"].count("{}")
+class Scaled(float):
+    """A figure after `scale` or `over`, without a format in at most six digits."""
+
+    def __format__(self, form: str) -> str:
+        return format(float(self), form or "g")
+
+
+def scaled(text: str, scale: float, over: float | None) -> str | Scaled:
+    figure = text.replace("_", "")
+    if over is None and scale == 1:
+        return figure
+    number = float(figure.replace(",", ""))
+    return Scaled(number * scale if over is None else over / number)
+
+
+def sentences(fact: dict) -> tuple[list[str], str]:
+    """The sentence with its figures, of a constant one or more; what is wrong with the fact."""
+    says = fact["says"]
+    if "tested" in fact:
+        named = Path(fact["page"]).name in source(fact["tested"])
+        return [says], "" if named else f"{fact['tested']} does not name {fact['page']}"
+    places = sum(field is not None for _, field, _, _ in Formatter().parse(says))
     if "why" in fact:
-        return says, "" if not places else "a sentence with `why` has no {}"
-    found = re.search(fact["find"], source(fact["from"]), re.MULTILINE)
-    if found is None:
-        return says, f"{fact['from']} has no {fact['find']!r}"
-    if len(found.groups()) != places:
-        return says, f"{places} {{}} in the sentence, {len(found.groups())} groups in `find`"
-    return says.format(*(scaled(text, fact.get("scale", 1)) for text in found.groups())), ""
-
-
-def scaled(text: str, scale: float) -> str:
-    if scale == 1:
-        return text
-    return f"{float(text.replace('_', '').replace(',', '')) * scale:g}"
+        return [says], "" if not places else "a sentence with `why` has no {}"
+    found = list(re.finditer(fact["find"], source(fact["from"]), re.MULTILINE))
+    if not found:
+        return [says], f"{fact['from']} has no {fact['find']!r}"
+    groups = len(found[0].groups())
+    scale = fact.get("scale", 1)
+    scales = scale if isinstance(scale, list) else [scale] * groups
+    if not places == groups == len(scales):
+        return [says], f"{places} {{}} in the sentence, {groups} groups in `find`, {len(scales)} in `scale`"
+    used = found[:1] if "page" in fact else found
+    over = fact.get("over")
+    return [
+        says.format(*(scaled(text, by, over) for text, by in zip(match.groups(), scales, strict=True)))
+        for match in used
+    ], ""
 
 
 def mistakes(texts: dict[str, str], facts: list[dict]) -> list[str]:
-    """`texts`: each page by its name."""
-    found, covered = [], {name: [] for name in texts}
+    """`texts`: each page by its name. `facts`: without `page` a constant."""
+    found, words = [], {name: plain(text) for name, text in texts.items()}
+    spans = {name: [] for name in texts}
     for fact in facts:
-        says, wrong = sentence(fact)
-        name = fact["page"]
-        if name not in texts:
-            found.append(f"docs/facts.toml: no page {name}")
-        elif wrong:
+        said, wrong = sentences(fact)
+        on = [fact["page"]] if "page" in fact else list(texts)
+        if not texts.keys() >= set(on):
+            found.append(f"docs/facts.toml: no page {on[0]}")
+            continue
+        if wrong:
             found.append(f"docs/facts.toml: {fact['says']!r}: {wrong}")
-        elif says not in plain(texts[name]):
-            found.append(f"{name}: does not say {says!r}, as docs/facts.toml has it")
-        covered.get(name, []).append(says)
-    for name, text in texts.items():
-        words = plain(text)
-        spans = [
-            (match.start(), match.end())
-            for says in covered[name]
-            for match in re.finditer(re.escape(says), words)
-        ]
-        for match in sorted([*COUNTED.finditer(words), *BITS.finditer(words)], key=re.Match.start):
-            if not any(start <= match.start() and match.end() <= end for start, end in spans):
-                near = words[max(0, match.start() - 40) : match.end() + 30].strip()
+        pattern = "|".join(said if "tested" in fact else map(re.escape, said))
+        met = {name: [match.span() for match in re.finditer(pattern, words[name])] for name in on}
+        if not wrong and not any(met.values()):
+            where = fact.get("page", "no page")
+            found.append(f"{where}: does not say {' or '.join(said)!r}, as docs/facts.toml has it")
+        for name in on:
+            spans[name] += met[name]
+    for name, text in words.items():
+        for match in sorted([*COUNTED.finditer(text), *BITS.finditer(text)], key=re.Match.start):
+            if not any(start <= match.start() and match.end() <= end for start, end in spans[name]):
+                near = text[max(0, match.start() - 40) : match.end() + 30].strip()
                 found.append(f"{name}: {match[0]!r} is in no sentence of docs/facts.toml: ...{near}...")
     return found
 
@@ -105,7 +133,7 @@ def main() -> int:
     said = tomllib.loads(FACTS.read_text())
     aside = {entry["page"] for entry in said["aside"]}
     texts = {name: path.read_text() for path in pages() if (name := str(path.relative_to(ROOT))) not in aside}
-    found = mistakes(texts, said["fact"])
+    found = mistakes(texts, [*said["constant"], *said["fact"]])
     print("\n".join(found), end="\n" if found else "")
     return 1 if found else 0
 

@@ -8,7 +8,7 @@ import pytest
 from tools import facts
 
 PAGE = "docs/" + "page.md"  # in two parts: there is no such page
-REPORT = "| frames | 15,000 |\n[tiny]\nclk_hz = 33_000_000\n"
+REPORT = "| frames | 15,000 |\n[tiny]\nclk_hz = 33_000_000\nbaud = 9600\nfast = 19_200\nlong = 3.5\n"
 TEXT = """# Page
 
 None of 15,000 random
@@ -17,22 +17,29 @@ flips did harm. The card runs at 33 MHz, and replies after 0.63 bit (once).
 ```
 300 tests in a listing
 ```
-At 9600 bit/s nothing is a figure, nor in 16 bits, [a link](a.md#12-tests) or 8N1.
+The table has 300 µs. At 9600 bit/s a bit is 104 µs, and t3.5 is 3.5 characters or 4 ms.
+Nothing is a figure in [a link](a.md#12-tests) or in 8N1.
 """
 TIED = [
     {"says": "None of {} random flips", "from": "report", "find": r"^\| frames \| ([\d,]+) \|"},
     {"says": "at {} MHz", "from": "report", "find": r"clk_hz = ([\d_]+)", "scale": 1e-6},
     {"says": "0.63 bit (once)", "why": "measured once"},
+    {"says": r"table has \d+ µs", "tested": "test"},
+    {"says": "a bit is {:.0f} µs", "from": "report", "find": r"^baud = (\d+)", "over": 1e6},
+]
+CONSTANTS = [
+    {"says": "{} bit/s", "from": "report", "find": r"^(?:baud|fast) = ([\d_]+)"},
+    {"says": "{} characters", "from": "report", "find": r"^long = ([\d.]+)"},
 ]
 
 
-def found(text: str = TEXT, entries: list[dict] = TIED) -> list[str]:
-    return facts.mistakes({PAGE: text}, [{"page": PAGE} | entry for entry in entries])
+def found(text: str = TEXT, entries: list[dict] = TIED, constants: list[dict] = CONSTANTS) -> list[str]:
+    return facts.mistakes({PAGE: text}, [*constants, *({"page": PAGE} | entry for entry in entries)])
 
 
 @pytest.fixture(autouse=True)
 def report(monkeypatch):
-    monkeypatch.setattr(facts, "source", lambda name: {"report": REPORT}[name])
+    monkeypatch.setattr(facts, "source", lambda name: {"report": REPORT, "test": PAGE}[name])
 
 
 def test_figures_that_equal_their_source_pass():
@@ -40,13 +47,23 @@ def test_figures_that_equal_their_source_pass():
 
 
 @pytest.mark.parametrize(
-    ("was", "now"), [("15,000 random", "13,000 random"), ("33 MHz", "25 MHz"), ("0.63 bit", "0.64 bit")]
+    ("was", "now"),
+    [
+        *[("15,000 random", "13,000 random"), ("33 MHz", "25 MHz"), ("0.63 bit", "0.64 bit")],
+        *[("104 µs", "105 µs"), ("300 µs", "300 or 400 µs")],
+    ],
 )
 def test_a_figure_that_drifts_is_named_twice(was, now):
     """Once for the sentence that is gone, once for the figure that is in no sentence."""
     drifted = found(TEXT.replace(was, now))
     assert len(drifted) == 2 and all(line.startswith(f"{PAGE}: ") for line in drifted)
     assert "does not say" in drifted[0] and now.split()[0] in drifted[1]
+
+
+@pytest.mark.parametrize(("was", "now"), [("9600 bit/s", "4800 bit/s"), ("3.5 characters", "1.5 characters")])
+def test_a_constant_that_drifts_is_named(was, now):
+    assert any(f"{now!r} is in no sentence" in line for line in found(TEXT.replace(was, now)))
+    assert found(f"{TEXT}At {was} and {was}.") == []
 
 
 @pytest.mark.parametrize("left_out", range(len(TIED)))
@@ -63,12 +80,29 @@ def test_a_figure_that_is_not_tied_is_named(left_out):
             {"says": "{} of {}", "from": "report", "find": "frames . ([0-9,]+)"},
             "2 {} in the sentence, 1 groups",
         ),
+        (
+            {"says": "{} to {}", "from": "report", "find": "(1)(5)", "scale": [1]},
+            "2 groups in `find`, 1 in `scale`",
+        ),
         ({"says": "{} MHz", "why": "a setting"}, "a sentence with `why` has no {}"),
+        ({"says": "Page", "tested": "report"}, f"report does not name {PAGE}"),
     ],
 )
 def test_an_entry_without_its_source_is_named(entry, reason):
     (line,) = found(entries=[*TIED, entry])
     assert line.startswith("docs/facts.toml: ") and reason in line
+
+
+def test_a_constant_that_no_page_says_is_named():
+    (line,) = found(constants=[*CONSTANTS, {"says": "{} bits", "from": "report", "find": "(15)"}])
+    assert line.startswith("no page: does not say '15 bits'")
+
+
+@pytest.mark.parametrize("unit", ["kbit/s", "characters", "µs", "us"])
+def test_a_unit_is_watched(unit):
+    for figure in ("7", "7 to 8", "7…8", "7 and 8", "6 of 8"):
+        (line,) = found(f"{TEXT}It has {figure} {unit}.")
+        assert f"{figure} {unit}' is in no sentence" in line
 
 
 def test_an_entry_of_no_page_is_named():
