@@ -32,14 +32,13 @@ UNITS = (
     *("flips?", "frames", "proofs", "tasks", "tests", "cells", "LUTs?", "transactions", "mutants", "bugs"),
     *("slaves", "masters", "starts", "drive bits?", "MHz", "MB", "min", "minutes", "requests", "trials"),
     *("runs", "power-ups", "resets", "clocks", "cases", "checks", "writes", "steps", "inputs", "scenarios"),
-    *("k?bit/s", "characters?", "[µu]s"),
+    *("k?bit/s", "(?:data |stop )?bits?", "bytes", "KiB", "characters?", "[mµu]?s", "seconds?", "hours?"),
 )
-# A number or a range with one of the units after it, or with a word between, or in "5 of 8 UNITS".
+# A number or a range and one of the units, or with a word between, or in "5 of 8 UNITS", or "16-bit".
 ALONE = r"(?<![\w.,/#-])"
 RANGE = rf"(?:{FIGURE}(?: to | and | or |-|…))?{FIGURE}"
 BETWEEN = rf"(?: of (?:the )?{FIGURE})?(?: (?:more|random|planted|other))?"
-COUNTED = re.compile(rf"{ALONE}{RANGE}(?:{BETWEEN} (?:{'|'.join(UNITS)}))\b(?!/)")
-BITS = re.compile(rf"{ALONE}\d+\.\d+ bits?\b")
+COUNTED = re.compile(rf"{ALONE}{RANGE}(?:-bit|{BETWEEN} (?:{'|'.join(UNITS)}))\b(?!/)")
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
 SPACE = re.compile(r"\s+")
 
@@ -62,19 +61,19 @@ def source(name: str) -> str:
     return (ROOT / name).read_text()
 
 
-class Scaled(float):
-    """A figure after `scale` or `over`, without a format in at most six digits."""
+class Figure(str):
+    """A figure as its source has it, which a format may round."""
 
     def __format__(self, form: str) -> str:
-        return format(float(self), form or "g")
+        return format(float(self.replace(",", "")), form) if form else str(self)
 
 
-def scaled(text: str, scale: float, over: float | None) -> str | Scaled:
-    figure = text.replace("_", "")
+def scaled(text: str, scale: float, over: float | None) -> Figure:
+    figure = Figure(text.replace("_", ""))
     if over is None and scale == 1:
         return figure
     number = float(figure.replace(",", ""))
-    return Scaled(number * scale if over is None else over / number)
+    return Figure(f"{number * scale if over is None else over / number:.10g}")
 
 
 def sentences(fact: dict) -> tuple[list[str], str]:
@@ -122,7 +121,7 @@ def mistakes(texts: dict[str, str], facts: list[dict]) -> list[str]:
         for name in on:
             spans[name] += met[name]
     for name, text in words.items():
-        for match in sorted([*COUNTED.finditer(text), *BITS.finditer(text)], key=re.Match.start):
+        for match in COUNTED.finditer(text):
             if not any(start <= match.start() and match.end() <= end for start, end in spans[name]):
                 near = text[max(0, match.start() - 40) : match.end() + 30].strip()
                 found.append(f"{name}: {match[0]!r} is in no sentence of docs/facts.toml: ...{near}...")
