@@ -76,27 +76,38 @@ def scaled(text: str, scale: float, over: float | None) -> Figure:
     return Figure(f"{number * scale if over is None else over / number:.10g}")
 
 
-def sentences(fact: dict) -> tuple[list[str], str]:
-    """The sentence with its figures, of a constant one or more; what is wrong with the fact."""
+def filled(says: str, figures: list[Figure]) -> tuple[str, str]:
+    """The sentence with its figures, and as a regular expression with each figure in a group."""
+    text, pattern, following = "", "", iter(figures)
+    for words, field, form, _ in Formatter().parse(says):
+        text, pattern = text + words, pattern + re.escape(words)
+        if field is not None:
+            figure = format(figures[int(field)] if field else next(following), form)
+            text, pattern = text + figure, f"{pattern}({re.escape(figure)})"
+    return text, pattern
+
+
+def sentences(fact: dict) -> tuple[list[tuple[str, str]], str]:
+    """The sentence, of a constant one or more; what is wrong with the fact."""
     says = fact["says"]
     if "tested" in fact:
         named = Path(fact["page"]).name in source(fact["tested"])
-        return [says], "" if named else f"{fact['tested']} does not name {fact['page']}"
+        return [(says, f"({says})")], "" if named else f"{fact['tested']} does not name {fact['page']}"
+    whole = [(says, f"({re.escape(says)})")]
     places = sum(field is not None for _, field, _, _ in Formatter().parse(says))
     if "why" in fact:
-        return [says], "" if not places else "a sentence with `why` has no {}"
+        return whole, "" if not places else "a sentence with `why` has no {}"
     found = list(re.finditer(fact["find"], source(fact["from"]), re.MULTILINE))
     if not found:
-        return [says], f"{fact['from']} has no {fact['find']!r}"
+        return whole, f"{fact['from']} has no {fact['find']!r}"
     groups = len(found[0].groups())
     scale = fact.get("scale", 1)
     scales = scale if isinstance(scale, list) else [scale] * groups
     if not places == groups == len(scales):
-        return [says], f"{places} {{}} in the sentence, {groups} groups in `find`, {len(scales)} in `scale`"
-    used = found[:1] if "page" in fact else found
-    over = fact.get("over")
+        return whole, f"{places} {{}} in the sentence, {groups} groups in `find`, {len(scales)} in `scale`"
+    used, over = found[:1] if "page" in fact else found, fact.get("over")
     return [
-        says.format(*(scaled(text, by, over) for text, by in zip(match.groups(), scales, strict=True)))
+        filled(says, [scaled(text, by, over) for text, by in zip(match.groups(), scales, strict=True)])
         for match in used
     ], ""
 
@@ -104,7 +115,7 @@ def sentences(fact: dict) -> tuple[list[str], str]:
 def mistakes(texts: dict[str, str], facts: list[dict]) -> list[str]:
     """`texts`: each page by its name. `facts`: without `page` a constant."""
     found, words = [], {name: plain(text) for name, text in texts.items()}
-    spans = {name: [] for name in texts}
+    said_in = {name: [] for name in texts}
     for fact in facts:
         said, wrong = sentences(fact)
         on = [fact["page"]] if "page" in fact else list(texts)
@@ -113,19 +124,29 @@ def mistakes(texts: dict[str, str], facts: list[dict]) -> list[str]:
             continue
         if wrong:
             found.append(f"docs/facts.toml: {fact['says']!r}: {wrong}")
-        pattern = "|".join(said if "tested" in fact else map(re.escape, said))
-        met = {name: [match.span() for match in re.finditer(pattern, words[name])] for name in on}
+        pattern = "|".join(pattern for _, pattern in said)
+        met = {name: list(re.finditer(pattern, words[name])) for name in on}
         if not wrong and not any(met.values()):
-            where = fact.get("page", "no page")
-            found.append(f"{where}: does not say {' or '.join(said)!r}, as docs/facts.toml has it")
+            where, says = fact.get("page", "no page"), " or ".join(text for text, _ in said)
+            found.append(f"{where}: does not say {says!r}, as docs/facts.toml has it")
         for name in on:
-            spans[name] += met[name]
+            said_in[name] += met[name]
     for name, text in words.items():
-        for match in COUNTED.finditer(text):
-            if not any(start <= match.start() and match.end() <= end for start, end in spans[name]):
-                near = text[max(0, match.start() - 40) : match.end() + 30].strip()
-                found.append(f"{name}: {match[0]!r} is in no sentence of docs/facts.toml: ...{near}...")
+        for figure in COUNTED.finditer(text):
+            if not any(covers(sentence, figure) for sentence in said_in[name]):
+                near = text[max(0, figure.start() - 40) : figure.end() + 30].strip()
+                found.append(f"{name}: {figure[0]!r} is in no sentence of docs/facts.toml: ...{near}...")
     return found
+
+
+def covers(sentence: re.Match, figure: re.Match) -> bool:
+    """The figure is one that the sentence takes from its source, not one that only stands in it."""
+    start, end = figure.span()
+    return (
+        sentence.start() <= start
+        and end <= sentence.end()
+        and any(first < end and start < last for first, last in sentence.regs[1:])
+    )
 
 
 def main() -> int:

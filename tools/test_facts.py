@@ -119,6 +119,17 @@ def test_a_unit_is_watched(unit):
         assert f"{figure} {unit}' is in no sentence" in line
 
 
+def test_a_figure_beside_a_tied_one_needs_its_own_source():
+    entries = [*TIED, {"says": "after {} clocks of 8 bits", "from": "report", "find": r"(\d)\.5"}]
+    (line,) = found(f"{TEXT}It ends after 3 clocks of 8 bits.", entries)
+    assert "'8 bits' is in no sentence" in line
+
+
+def test_the_figures_of_a_source_may_be_in_another_order():
+    entry = {"says": "{1} of {0} bits", "from": "report", "find": r"(\d)\.(5)"}
+    assert found(f"{TEXT}It has 5 of 3 bits.", [*TIED, entry]) == []
+
+
 def test_the_bits_of_a_word_are_watched():
     (line,) = found(f"{TEXT}It has a 24-bit step.")
     assert "'24-bit' is in no sentence" in line

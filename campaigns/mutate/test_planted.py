@@ -70,3 +70,5 @@ def test_the_guide_lists_every_plant():
         assert row.endswith(f" | `{plant.seen_by}` |"), plant.name
         before = f"`{plant.before}`" if plant.before else "nothing"
         assert f" | {before} | " in row, plant.name
+    unseen = sum(not plant.before for plant in PLANTS)
+    assert f"Of {len(PLANTS)} bugs {unseen} were seen by nothing." in " ".join(text.split())
