@@ -35,25 +35,27 @@ UNITS = (
     *("k?bit/s", "(?:data |stop )?bits?", "bytes", "KiB", "characters?", "[mµu]?s", "seconds?", "hours?"),
 )
 # A number or a range and one of the units, or with a word between, or in "5 of 8 UNITS", or "16-bit".
-ALONE = r"(?<![\w.,/#-])"
+ALONE = r"(?<![\w.,/#-])(?<!\bbit )(?<!\bcoil )(?<!\bfunction )(?<!= )"
 RANGE = rf"(?:{FIGURE}(?: to | and | or |-|…))?{FIGURE}"
 BETWEEN = rf"(?: of (?:the )?{FIGURE})?(?: (?:more|random|planted|other))?"
 COUNTED = re.compile(rf"{ALONE}{RANGE}(?:-bit|{BETWEEN} (?:{'|'.join(UNITS)}))\b(?!/)")
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
+TABLE = re.compile(r"<!-- generated: .*?<!-- end -->", re.DOTALL)
 SPACE = re.compile(r"\s+")
 
 
 def pages() -> list[Path]:
-    """Pages that people write. The handbook's tables and the reports are generated."""
+    """Pages that people write. The reports and the reference are generated."""
     return [
         ROOT / "README.md",
         *sorted((ROOT / "docs").glob("*.md")),
-        *sorted((ROOT / "docs/guide").glob("*.md")),
+        *sorted((ROOT / "docs/guide").rglob("*.md")),
     ]
 
 
 def plain(text: str) -> str:
-    return SPACE.sub(" ", FENCE.sub("", text))
+    """The text without listings and tables that a command writes."""
+    return SPACE.sub(" ", FENCE.sub("", TABLE.sub("", text)))
 
 
 @cache

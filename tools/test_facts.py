@@ -24,8 +24,11 @@ flips did harm. The card runs at 33 MHz, and replies after 0.63 bit (once).
 ```
 300 tests in a listing
 ```
+<!-- generated: table -->
+| 300 tests in a table |
+<!-- end -->
 The table has 300 µs. At 9600 bit/s a bit is 104 µs, and t3.5 is 3.5 characters or 4.01 ms.
-Nothing is a figure in [a link](a.md#12-tests) or in 8N1.
+Nothing is a figure in [a link](a.md#12-tests) or in 8N1. There bit 6 starts it, and function 10 writes.
 """
 TIED = [
     {"says": "None of {} random flips", "from": "report", "find": r"^\| frames \| ([\d,]+) \|"},
@@ -152,4 +155,4 @@ def test_an_entry_of_no_page_is_named():
 
 def test_every_page_that_people_write_is_read():
     names = {path.name for path in facts.pages()}
-    assert {"README.md", "hardening.md", "performance.md", "testing.md"} <= names
+    assert {"README.md", "hardening.md", "performance.md", "testing.md", "time-outs.md"} <= names
