@@ -7,7 +7,8 @@ docs/facts.toml has a `fact` for each sentence with figures in README.md, docs/ 
 `says` is a figure. `from` and `find` say where it comes from: a file, and a regular expression with one group
 for each `{}`. `scale` multiplies it first (one number, or one for each group), or `over` is divided by it;
 `{:.2f}` rounds it. With `tested`, a test that compares the page with its source, `says` is a regular
-expression. A figure without a source has `why`: arithmetic, a manual's, or a result of an earlier card.
+expression. A figure without a source has `why`: a manual's, or a result of an earlier card. With `from` and
+`find` too, `why` is arithmetic, from numbers that `find` has.
 
 A `constant` means the same on every page. It has no `page`, and each match of its `find` is one. UNITS names
 the units of a figure. A figure in no sentence of docs/facts.toml is a mistake, as is one that differs from
@@ -97,11 +98,15 @@ def sentences(fact: dict) -> tuple[list[tuple[str, str]], str]:
         return [(says, f"({says})")], "" if named else f"{fact['tested']} does not name {fact['page']}"
     whole = [(says, f"({re.escape(says)})")]
     places = sum(field is not None for _, field, _, _ in Formatter().parse(says))
-    if "why" in fact:
-        return whole, "" if not places else "a sentence with `why` has no {}"
+    if "why" in fact and places:
+        return whole, "a sentence with `why` has no {}"
+    if "why" in fact and "from" not in fact:
+        return whole, ""
     found = list(re.finditer(fact["find"], source(fact["from"]), re.MULTILINE))
     if not found:
         return whole, f"{fact['from']} has no {fact['find']!r}"
+    if "why" in fact:
+        return whole, ""
     groups = len(found[0].groups())
     scale = fact.get("scale", 1)
     scales = scale if isinstance(scale, list) else [scale] * groups

@@ -148,6 +148,15 @@ def test_a_source_that_drifts_is_named(was, now, monkeypatch):
     assert any("does not say" in line for line in found())
 
 
+@pytest.mark.parametrize(
+    ("find", "wrong"), [("long = 3.5", []), ("long = 2.5", ["report has no 'long = 2.5'"])]
+)
+def test_a_figure_by_arithmetic_follows_its_premise(find, wrong):
+    entry = {"says": "7 bits", "why": "twice 3.5", "from": "report", "find": find}
+    lines = found(f"{TEXT}It has 7 bits.", [*TIED, entry])
+    assert len(lines) == len(wrong) and all(said in line for said, line in zip(wrong, lines, strict=True))
+
+
 def test_an_entry_of_no_page_is_named():
     gone = {"page": "docs/" + "gone.md", "says": "x", "why": "y"}
     assert facts.mistakes({PAGE: "Nothing."}, [gone]) == [f"docs/facts.toml: no page {gone['page']}"]
