@@ -8,8 +8,9 @@
     --count N                                        mutants of each file; 0: all
 
 A mutant is one small change in a file of the core or in gateway.c. It is caught if the fuzzer's corpus or a
-host test fails or does not end. A survivor must be listed in sw/test/survivors.toml with the reason why no
-test can catch it. A mutant that compiles to the same code is not counted.
+host test fails or does not end. One that is not caught is the same if sw/test/same.py proves that it behaves
+like the original, and survives otherwise. A survivor must be listed in sw/test/survivors.toml with the reason
+why no test can catch it. A mutant that is proved the same, or compiles to the same code, is not counted.
 
 Results: build/mutate/firmware/*.json.
 """
@@ -37,6 +38,7 @@ from tree_sitter import Node
 from rtl.command import Parser, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources, stamped
 from sw.test.loops import nodes, parser
+from sw.test.same import proved_same
 from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/mutate/firmware"
@@ -47,6 +49,8 @@ BY_GATEWAY = ("guard_of",)  # functions of the core that only the poll loop call
 FILES = (*CORE, GATEWAY)
 SEED = "1"  # of the random tests, so that the result for a mutant is repeatable
 CAUGHT_PERCENT = 95
+SAME = "proved the same"
+NOT_COUNTED = ("does not compile", "same code", SAME)
 MUTANTS_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
@@ -284,6 +288,9 @@ class MutantBuild:
         self.mutant = mutant
         return all(self.same[place] == code for place, code in changed.items())
 
+    def proved_same(self) -> bool:
+        return proved_same(self.folder, self.touched(), self.folder / "same")
+
 
 def fuzzer_of(mutant: Mutant) -> str:
     return "gateway" if mutant.file == GATEWAY or mutant.function in BY_GATEWAY else "translate"
@@ -353,7 +360,9 @@ class MutationRun:
         self.builds.link_libraries()
         if fate := self.tests_fail(items[LIKELY:]):
             return fate
-        return (self.replay and replay_fails(self.builds.make_sanitized_replayer, fuzzer)) or "survives"
+        if self.replay and (fate := replay_fails(self.builds.make_sanitized_replayer, fuzzer)):
+            return fate
+        return SAME if self.builds.proved_same() else "survives"
 
     def tests_fail(self, items: list[pytest.Item]) -> str:
         read, write = os.pipe()
@@ -455,15 +464,15 @@ def report(count: int, write: bool) -> int:
     shown.append(f"{'file':14}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
     for name in (*FILES, "all"):
         of = [m for m in results if name in (m["file"], "all")]
-        dead = [m for m in of if m["fate"] in ("does not compile", "same code")]
+        dead = [m["fate"] for m in of if m["fate"] in NOT_COUNTED]
         alive = [m for m in of if m["fate"] == "survives"]
         counted = len(of) - len(dead)
         caught = counted - len(alive)
         percent = 100 * caught / counted
-        same = sum(m["fate"] == "same code" for m in dead)
+        fails, code, proved = map(dead.count, NOT_COUNTED)
         shown.append(
             f"{name:14}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
-            f"   {same} same code, {len(dead) - same} do not compile"
+            f"   {code} same code, {proved} {SAME}, {fails} do not compile"
         )
         if counted < MUTANTS_PER_FILE:
             wrong.append(f"{name}: fewer than {MUTANTS_PER_FILE} mutants")
@@ -479,8 +488,11 @@ def report(count: int, write: bool) -> int:
     survivors = [key(mutant_of(result)) for result in results if result["fate"] == "survives"]
     wrong += [f"survives without a reason: {': '.join(k)}" for k in survivors if k not in why]
     tried = {key(mutant) for mutant in wanted}
-    wrong += [f"survivors.toml: caught: {': '.join(k)}" for k in why if k in tried and k not in survivors]
-    print("\n".join(wrong) or f"every survivor has its reason ({SURVIVORS.relative_to(ROOT)})")
+    wrong += [
+        f"survivors.toml: no survivor: {': '.join(k)}" for k in why if k in tried and k not in survivors
+    ]
+    listed = f"{len(survivors)} survivors, each with its reason by hand ({SURVIVORS.relative_to(ROOT)})"
+    print("\n".join(wrong) or (listed if survivors else "no survivor"))
     if write and not wrong:
         put_figures("mutate", stamped("\n".join(shown)))
     return 1 if wrong else 0

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The solver's proof that a mutant of the firmware is no change: right ones are proved, wrong ones never."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from sw.test import same
+from sw.test.host import BUILDS, ROOT
+
+LIMIT = ("WRITE_COIL, FORM_SINGLE, 1, coil_write", "WRITE_COIL, FORM_SINGLE, 2, coil_write")
+PROVED = [
+    ("coils.c", "if (shift > 24)", "if (shift >= 24)"),
+    # Of the second word no bit comes into the byte.
+    ("coils.c", "if (shift > 24)", "if (shift > 16)"),
+    ("translate.c", *LIMIT),
+]
+WRONG = {
+    "a limit two higher": ("coils.c", "if (shift > 24)", "if (shift >= 27)"),
+    "a limit one higher": ("coils.c", "if (shift > 24)", "if (shift > 25)"),
+    "another number": ("coils.c", "CONTROL_COILS = 32", "CONTROL_COILS = 33"),
+    "a sum with the other sign": ("guard.c", "+= *word - value", "-= *word - value"),
+    "a store left out": ("reply.c", "    txn->out.reply[1] = (uint8_t)code;\n", ""),
+    "a length left out": ("reply.c", "    txn->reply_length = 5;\n", ""),
+    "another argument": ("telegram.c", "return end(txn, to, 0, 0);", "return end(txn, to, 0, 1);"),
+    "another result": ("guard.c", "<< 2 ^ txn->check", "<< 3 ^ txn->check"),
+    "a row of another function": ("translate.c", "{WRITE_COIL, FORM_SINGLE, 1", "{WRITE_COIL, FORM_READ, 1"),
+    "a handler of another row": ("translate.c", "1, coil_write}", "1, coils_write}"),
+    "a limit of registers": (
+        "translate.c",
+        "FORM_SINGLE, 0, register_write",
+        "FORM_SINGLE, 1, register_write",
+    ),
+    "a limit of the last row": ("translate.c", "FORM_READ, 128,", "FORM_READ, 127,"),
+}
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the firmware's sources."""
+    folder = tmp_path_factory.mktemp("tree")
+    shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
+    shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
+    return folder
+
+
+@pytest.fixture
+def one_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The build of the card alone. A proof needs all builds, and a reason against it needs one."""
+    monkeypatch.setattr(same, "BUILDS", {"card": BUILDS["card"]})
+
+
+def why_not(tree: Path, tmp_path: Path, file: str, before: str, after: str) -> str:
+    path = tree / "sw/src" / file
+    text = (ROOT / "sw/src" / file).read_text()
+    assert text.count(before) == 1
+    path.write_text(text.replace(before, after))
+    try:
+        return same.why_not_same(tree, [f"sw/src/{file}"], tmp_path)
+    finally:
+        path.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after"),
+    [pytest.param(*row, id=row[2], marks=[pytest.mark.slow] * (row[0] == "translate.c")) for row in PROVED],
+)
+@pytest.mark.usefixtures("one_build")
+def test_a_mutant_without_an_effect_is_proved(tree: Path, tmp_path: Path, file: str, before: str, after: str):
+    assert why_not(tree, tmp_path, file, before, after) == ""
+
+
+@pytest.mark.parametrize(
+    "change",
+    [pytest.param(name, marks=[pytest.mark.slow] * (" row" in name or "limit" in name)) for name in WRONG],
+)
+@pytest.mark.usefixtures("one_build")
+def test_a_change_of_the_firmware_is_never_proved(tree: Path, tmp_path: Path, change: str):
+    reason = why_not(tree, tmp_path, *WRONG[change])
+    print(reason)
+    assert reason
+
+
+def test_every_build_counts(tree: Path, tmp_path: Path):
+    reason = why_not(tree, tmp_path, "coils.c", "telegram_process(txn, 0)", "telegram_process(txn, 1)")
+    assert reason.startswith("sw/src/coils.c STATUS_REFRESH: coils_read: an argument of telegram_process")
+
+
+# ---------------------------------------------------------------- small functions
+
+HEAD = """
+#include <stdint.h>
+uint32_t ask(uint32_t a);
+void tell(uint32_t a, uint32_t b);
+extern uint32_t shared;
+"""
+ALIKE = {
+    "another sum": ("uint32_t f(uint32_t a){return a + a;}", "uint32_t f(uint32_t a){return a << 1;}"),
+    "another comparison": (
+        "uint32_t f(uint32_t a, uint32_t b){return a < b ? 1u : 7u;}",
+        "uint32_t f(uint32_t a, uint32_t b){return b >= a + 1u && a + 1u ? 1u : 7u;}",
+    ),
+    "stores that may meet": (
+        "void f(uint32_t *a, uint8_t *b){*a = 0x01010101u; *b = 1;}",
+        "void f(uint32_t *a, uint8_t *b){*b = 1; *a = 0x01010101u;}",
+    ),
+    "a signed shift": (
+        "int32_t f(int32_t a){return a >> 31;}",
+        "int32_t f(int32_t a){return a < 0 ? -1 : 0;}",
+    ),
+    "a call that is shared": (
+        "uint32_t f(uint32_t a){return a ? ask(a) : ask(0);}",
+        "uint32_t f(uint32_t a){return ask(a);}",
+    ),
+    "a loop": (
+        "void f(uint8_t *a, uint32_t n){uint32_t i; for (i = 0; i < n; i++) a[i] = (uint8_t)(i << 1);}",
+        "void f(uint8_t *a, uint32_t n){uint32_t i; for (i = 0; i < n; i++) a[i] = (uint8_t)(i + i);}",
+    ),
+    "a column that nobody reads": (
+        "static const uint8_t t[][2] = {{1, 2}, {3, 4}};"
+        "uint32_t f(uint32_t a){return a == t[0][0] ? 5 : a == t[1][0] ? 6 : 7;}",
+        "static const uint8_t t[][2] = {{1, 2}, {3, 9}};"
+        "uint32_t f(uint32_t a){return a == t[0][0] ? 5 : a == t[1][0] ? 6 : 7;}",
+    ),
+}
+LOOP = "void f(uint8_t *a, uint32_t n){uint32_t i; for (i = 0; i < n; i++) a[i] = 1;}"
+TABLE = "static const uint8_t t[8] = {1, 2, 3, 4, 5, 6, 7, 8};"
+DIFFERENT = {
+    "one off": ("uint32_t f(uint32_t a){return a > 24;}", "uint32_t f(uint32_t a){return a >= 24;}"),
+    "one value of all": (
+        "uint32_t f(uint32_t a){return a;}",
+        "uint32_t f(uint32_t a){return a == 77 ? 0 : a;}",
+    ),
+    "signed for unsigned": (
+        "uint32_t f(uint32_t a, uint32_t b){return a < b;}",
+        "uint32_t f(uint32_t a, uint32_t b){return (int32_t)a < (int32_t)b;}",
+    ),
+    "the other shift": (
+        "int32_t f(int32_t a){return a >> 3;}",
+        "int32_t f(int32_t a){return (uint32_t)a >> 3;}",
+    ),
+    "two stores the other way round": (
+        "void f(uint32_t *a, uint32_t *b){*a = 1; *b = 2;}",
+        "void f(uint32_t *a, uint32_t *b){*b = 2; *a = 1;}",
+    ),
+    "a store left out": (
+        "void f(uint32_t *a){a[0] = 1; a[1] = 2;}",
+        "void f(uint32_t *a){a[0] = 1;}",
+    ),
+    "a store of one byte": ("void f(uint32_t *a){*a = 1;}", "void f(uint8_t *a){*a = 1;}"),
+    "a store at another place": ("void f(uint8_t *a){a[1] = 1;}", "void f(uint8_t *a){a[2] = 1;}"),
+    "a variable of all files": ("void f(void){shared = 1;}", "void f(void){shared = 2;}"),
+    "a call left out": ("void f(uint32_t a){tell(a, 1); tell(a, 2);}", "void f(uint32_t a){tell(a, 2);}"),
+    "two calls the other way round": (
+        "void f(void){tell(1, 1); ask(2);}",
+        "void f(void){ask(2); tell(1, 1);}",
+    ),
+    "the second argument": ("void f(uint32_t a){tell(a, 1);}", "void f(uint32_t a){tell(a, 2);}"),
+    "a store on the other side of a call": (
+        "void f(void){shared = 1; ask(2);}",
+        "void f(void){ask(2); shared = 1;}",
+    ),
+    "a value of before a call": (
+        "uint32_t f(void){ask(1); return shared;}",
+        "uint32_t f(void){uint32_t a = shared; ask(1); return a;}",
+    ),
+    "another function": (
+        "uint32_t g(uint32_t a){return ask(a);} uint32_t f(void){return ask(1);}",
+        "uint32_t g(uint32_t a){return ask(a);} uint32_t f(void){return g(2);}",
+    ),
+    "a callee": (
+        "static uint32_t g(uint32_t a){return a + 1;} uint32_t f(uint32_t a){return g(a);}",
+        "static uint32_t g(uint32_t a){return a + 2;} uint32_t f(uint32_t a){return g(a);}",
+    ),
+    "a round more": (LOOP, LOOP.replace("i < n", "i <= n")),
+    "a round less": (LOOP, LOOP.replace("i = 0", "i = 1")),
+    "a loop that writes another value": (LOOP, LOOP.replace("= 1;", "= (uint8_t)i;")),
+    "a loop that never ends": (LOOP, LOOP.replace("i < n", "1")),
+    "a constant": (
+        TABLE + "uint32_t f(void){return t[3];}",
+        TABLE.replace("4", "9") + "uint32_t f(void){return t[3];}",
+    ),
+    "a table read at any place": (
+        TABLE + "uint32_t f(uint32_t a){return t[a & 7];}",
+        TABLE.replace("4", "9") + "uint32_t f(uint32_t a){return t[a & 7];}",
+    ),
+    "a table that is passed on": (
+        TABLE + "void f(void){tell((uint32_t)t, 1);}",
+        TABLE.replace("4", "9") + "void f(void){tell((uint32_t)t, 1);}",
+    ),
+    "a table that is stored": (
+        TABLE + "void f(uint32_t *a){*a = (uint32_t)t;}",
+        TABLE.replace("4", "9") + "void f(uint32_t *a){*a = (uint32_t)t;}",
+    ),
+    "a table of all files": (
+        "extern const uint8_t t[2]; const uint8_t t[2] = {1, 2}; uint32_t f(void){return t[0];}",
+        "extern const uint8_t t[2]; const uint8_t t[2] = {1, 3}; uint32_t f(void){return t[0];}",
+    ),
+    "a variable's first value": (
+        "static uint32_t v = 1; uint32_t f(void){return v++;}",
+        "static uint32_t v = 2; uint32_t f(void){return v++;}",
+    ),
+    "a variable's size": (
+        "uint8_t v[4]; uint32_t f(void){return v[0];}",
+        "uint8_t v[5]; uint32_t f(void){return v[0];}",
+    ),
+    "a function that is missing": ("void f(void){} void g(void){}", "void f(void){}"),
+    "a local variable that is passed on": (
+        "uint32_t f(void){uint32_t v[2] = {1, 2}; tell((uint32_t)v, 0); return 0;}",
+        "uint32_t f(void){uint32_t v[2] = {1, 3}; tell((uint32_t)v, 0); return 0;}",
+    ),
+}
+
+
+def why_small_differ(tmp_path: Path, one: str, other: str) -> str:
+    """Empty if the two are proved alike in any way of compiling them."""
+    reasons = []
+    for way in same.WAYS:
+        sides = []
+        for code in (one, other):
+            (tmp_path / "f.c").write_text(HEAD + code)
+            sides.append(same.compiled(tmp_path, "f.c", "card", way, tmp_path / "f.o"))
+        try:
+            same.prove_object(*sides)
+            return ""
+        except same.NotProved as error:
+            reasons.append(str(error))
+    print("; ".join(reasons))
+    return reasons[0]
+
+
+@pytest.mark.parametrize("change", ALIKE)
+def test_the_same_in_other_words_is_proved(tmp_path: Path, change: str):
+    assert why_small_differ(tmp_path, *ALIKE[change]) == ""
+    assert why_small_differ(tmp_path, *reversed(ALIKE[change])) == ""
+
+
+@pytest.mark.parametrize("change", DIFFERENT)
+def test_another_behaviour_is_never_proved(tmp_path: Path, change: str):
+    assert why_small_differ(tmp_path, *DIFFERENT[change])
+    assert why_small_differ(tmp_path, *reversed(DIFFERENT[change]))
+
+
+def test_a_solver_without_an_answer_proves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(same.Limit, "answer", lambda *terms: same.z3.unknown)
+    assert why_small_differ(tmp_path, *ALIKE["another comparison"])
+
+
+def test_a_source_that_does_not_compile_is_not_proved(tree: Path, tmp_path: Path):
+    assert why_not(tree, tmp_path, "reply.c", "return OUTCOME_REPLY;\n}\n\nenum outcome reply_fault", "}}")
