@@ -25,6 +25,7 @@ ASK_514 = H("81 1202 0000 0000 0000 0000 0000")
 TELL_514 = H(f"1202 0000 0000 012C {STATUS}")
 REPLY_514 = H("01 03 04 0000 012C")
 READ_IND, REPLY_IND = H("03 0000 0001"), H("01 03 02 0000")
+GUARD = 5  # of the words of the settings
 VALID_HIGH = 0x04  # bit 10 of the control word, in its upper byte
 NETWORK_RED, NETWORK_GREEN, DRIVE_RED, DRIVE_GREEN = 1, 2, 4, 8
 # A wait ends so many ms late: the tick under way, and one for a long round of the firmware before it.
@@ -176,6 +177,28 @@ def test_a_telegram_that_differs_in_its_second_pass_is_never_sent(
         bench.wait(400)
         bench.request(READ_IND)
     assert len(passes) == 2, "after the commit no request is even read"
+    assert bench.telegrams == [] and bench.replies == []
+
+
+# Of the two highest bits the commit alone sees a flip.
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("bit", range(30))
+@pytest.mark.parametrize("bench", [Gateway], ids=["host"], indirect=True)
+def test_a_flip_of_the_next_guard_word_in_the_second_pass_sends_nothing(bench: Bench, bit: int):
+    mailbox, memory = bench.mailbox, bench.gateway.memory
+    place = bench.gateway.lib.host_size_of_images() + 4 * GUARD + bit // 8
+    passes = []
+
+    def flip() -> int:
+        passes.append(mailbox.length)
+        if len(passes) == 2:
+            memory[place] = memory.raw[place] ^ 1 << bit % 8
+        return mailbox.length
+
+    mailbox.reads["LENGTH"] = flip
+    bench.request(COMMAND)
+    bench.wait(20)
+    assert len(passes) == 2
     assert bench.telegrams == [] and bench.replies == []
 
 
@@ -486,6 +509,22 @@ def test_a_reply_prepared_too_late_for_its_wrong_bcc_is_never_sent(bench: Bench)
     assert bench.replies == []
     bench.drive(TELL_514)
     assert bench.replies == [REPLY_514]
+
+
+@pytest.mark.rule("FC-8")
+def test_without_a_telegram_nothing_is_prepared_from_the_last_one(bench: Bench):
+    """The drive's last answer is still in the memory, and would fit the same request."""
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.drive(TELL_514)
+    assert bench.replies == [REPLY_514]
+    bench.request(READ_514)
+    bench.telegram_ends()
+    written = []
+    bench.mailbox.writes["REPLY"] = lambda **fields: written.append(fields)
+    bench.wait(20)
+    assert bench.telegrams == [ASK_514, ASK_514]
+    assert written == []
 
 
 @pytest.mark.rule("FC-8")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import random
 import re
 from collections.abc import Iterator
@@ -63,6 +64,24 @@ def same(left: str, right: str) -> bool:
 
 
 # ---------------------------------------------------------------- flipped bits
+
+FUNCTION = 6  # the place of the function code in a transaction
+
+
+@in_every_dialect
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("value", ["0000", "FF00"])
+def test_a_write_that_flips_into_a_read_gets_no_more_than_its_confirmation(card: Translator, value: str):
+    """The value of a write is no quantity: a reply of so many coils would reach beyond the transaction."""
+    txn = card.do(H(f"05 0000 {value}"))
+    assert txn.outcome == EXCHANGE and txn.memory.raw[FUNCTION] == 5
+    after = bytes(16384)
+    txn.memory = ctypes.create_string_buffer(txn.memory.raw + after, len(txn.memory) + len(after))
+    txn.memory[FUNCTION] = 1
+    assert txn.drive_reply(H(RUNNING)) == REPLY
+    assert txn.reply == H(f"01 0000 {value}")
+    assert txn.memory.raw.endswith(after)
+
 
 EVERYTHING_WRITTEN = (
     "0F 0000 0020 04 7C04 0020",  # control word and reference
