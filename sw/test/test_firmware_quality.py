@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import json
 import os
 import random
 import shutil
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -240,3 +242,20 @@ def test_every_file_of_the_core_has_enough_mutants_and_every_reason_its_mutant()
     there = {firmware_mutate.key(mutant) for mutant in mutants}
     assert firmware_mutate.reasons().keys() <= there
     assert all(firmware_mutate.reasons().values())
+
+
+@pytest.mark.parametrize(("fate", "code"), [("test some", 0), (firmware_mutate.SAME, 0), ("survives", 1)])
+def test_a_survivor_that_is_neither_proved_nor_listed_fails(
+    fate: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    mutants = firmware_mutate.chosen_mutants(60)
+    listed = [firmware_mutate.key(mutant) in firmware_mutate.reasons() for mutant in mutants]
+    fates = ["survives" if is_listed else "test some" for is_listed in listed]
+    fates[listed.index(False)] = fate
+    rows = [asdict(mutant) | {"fate": fate} for mutant, fate in zip(mutants, fates, strict=True)]
+    (tmp_path / "shard-1-of-1.json").write_text(json.dumps({"seconds": 1, "mutants": rows}))
+    monkeypatch.setattr(firmware_mutate, "FOLDER", tmp_path)
+    assert firmware_mutate.report(60, write=False) == code
+    says = capsys.readouterr().out
+    assert ("survives without a reason" in says) == bool(code)
+    assert f"{int(fate == firmware_mutate.SAME)} {firmware_mutate.SAME}, 0 do not compile\n" in says
