@@ -22,8 +22,9 @@ import math
 
 from constraints.synth import MARGIN
 from rtl.command import run_main
+from rtl.sources import configurations
 
-CLOCKS_MHZ = (12, 25, 34.368, 48, 100)
+CLOCKS_MHZ = sorted({25, 48, 100} | {entry["clk_hz"] / 1e6 for entry in configurations().values()})
 TAU, WINDOW = 1 / 9.148e9, 1.56e-11
 BITS = 115200 + 9600  # edges a second: both lines at full rate, another level with each bit
 YEAR_S = 365.25 * 24 * 3600
@@ -63,7 +64,7 @@ def table() -> str:
         noise = 2 * clock
         tau = enough_tau(clock, noise)
         cells = (
-            f"{mhz} MHz",
+            f"{mhz:g} MHz",
             f"{settling_s(clock) * 1e9:.1f} ns",
             power_of_ten(log10_years(clock, BITS)),
             power_of_ten(log10_years(clock, noise)),

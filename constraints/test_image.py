@@ -27,7 +27,7 @@ pytestmark = pytest.mark.needs("synth")
 
 BOARDS = boards()
 # A board of each family, with the small configuration, which routes faster.
-SMALL = {"config": "tiny", "clk_hz": 34_368_000}
+SMALL = {"config": "tiny", "clk_hz": BOARDS["card-xo2-1200"].clk_hz}
 FULL = {
     "ice40": replace(BOARDS["hx8k-breakout"], **SMALL),
     "machxo2": BOARDS["card-xo2-1200"],

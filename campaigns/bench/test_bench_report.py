@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from campaigns.bench import report as bench_report
 from campaigns.bench.card import STANDARD
+from campaigns.bench.cases import CASES, SLOWEST
 from campaigns.bench.work import RANDOM
 from rtl.sources import ROOT, configurations
 from tools import figures, panel_picture
@@ -91,3 +94,16 @@ def test_results_and_pictures_are_of_one_run() -> None:
 def test_results_stack_seen_is_within_the_call_graph_s() -> None:
     _, _, by_graph, seen = map(number, table_under("code and constants")[0])
     assert 0 < seen <= by_graph
+
+
+@pytest.mark.parametrize("part", ["## The firmware", "### Firmware of the small card"])
+def test_the_cases_of_many_phases_are_the_slowest_ones(part: str) -> None:
+    """By the published clocks: of the requests, of the drive's replies, of the broadcasts."""
+    text = bench_report.RESULTS.read_text().partition(f"{part}\n")[2].partition("\n#")[0]
+    rows = re.findall(r"^\| (\w[^|]*) \| \d+ \| (\d+) \| [\d-]+ \| ([\d-]+) \|$", text, re.MULTILINE)
+    clocks = {name: (int(request), int(reply.replace("-", "0"))) for name, request, reply in rows}
+    alone = {name: clocks[name] for name, case in CASES.items() if not case.to_all}
+    to_all = {name: clocks[name] for name, case in CASES.items() if case.to_all}
+    request, reply = (max(alone, key=lambda name: alone[name][column]) for column in (0, 1))
+    broadcast = max(to_all, key=lambda name: to_all[name][0])
+    assert (request, reply, broadcast) == SLOWEST

@@ -37,7 +37,8 @@ DRIVE_FAULTS = (9600, 19200, 115200)
 # Repetitions, each in another phase of the bit and of the poll loop.
 REPEATS = {300: 1, 1200: 2, 2400: 2}
 REPEATS_ELSE = 4
-# The slowest cases, where t1.5 to t3.5 is shortest: a case that is late in one phase of fifty is found.
+# The slowest cases, where the firmware has least time. Four repeats missed one that was late in one phase of
+# fifty.
 PHASES, PHASES_AT = 100, (38400, 115200)
 # At lower rates each format has a quarter of the sizes: every size once at each rate. At 300 bit/s a request
 # takes a second, so each format has the extremes alone.

@@ -26,7 +26,8 @@ from sw.test.symbolic import (
 )
 
 Sections = dict[str, Section]
-# Of transaction.h, in bytes: the next settings in struct translator; in struct settings CONTROL and GUARD.
+# Of transaction.h: the offsets in bytes of the next settings in struct translator, and of GUARD in struct
+# settings; CONTROL is a word's number. With a wrong offset nothing is proved: guard_of() reads other words.
 AT_NEXT, AT_GUARD, CONTROL = 28, 20, 3
 BITS = 32
 

@@ -45,7 +45,7 @@ SHF_WRITE, SHF_ALLOC, SHT_RELA, SHT_NOBITS, SHT_SYMTAB = 1, 2, 4, 8, 2
 
 
 class NotProved(Exception):
-    """One line: what is different, or is not understood."""
+    """The proof fails. The text names the difference, or what the execution does not understand."""
 
 
 # ---------------------------------------------------------------- the object file

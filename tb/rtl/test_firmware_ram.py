@@ -99,7 +99,9 @@ BLOCK_RAMS = {
 
 
 @pytest.mark.rule("TOP-2")
-@pytest.mark.parametrize("words", BLOCK_RAMS)
+@pytest.mark.parametrize(
+    "words", [pytest.param(words, marks=[pytest.mark.slow] * (words > 2048)) for words in BLOCK_RAMS]
+)
 def test_memory_fits_into_the_block_rams_that_its_words_need(words):
     """Banks and lanes exist for this alone. A simulation does not show them."""
     folder = (ROOT / "build/tests/firmware_ram").relative_to(ROOT)
