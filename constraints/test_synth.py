@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from constraints import flow, parts, synth
-from constraints.boards import boards
+from constraints.boards import board, boards
 from constraints.flow import (
     SynthError,
     frozen,
@@ -537,7 +537,11 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
         parts, "count_part", lambda *part: {"cells": limit + (part[1] == "machxo2"), "brams": 0}
     )
     monkeypatch.setitem(TARGETS, "ice40", limit)
-    seeds = dict(enumerate([50.0, None, *[49.6] * 4, None, 60.0], 1))
+    fullest = board(synth.FULLEST)
+    needed = synth.MARGIN * fullest.clk_hz / 1e6
+    enough, just = synth.ENOUGH_SEEDS, round(needed + 0.1, 1)
+    seeds = dict(enumerate([None, *[just] * (enough - 1), None, 60.0], 1))
+    last = len(seeds)
     monkeypatch.setattr(synth, "each_seed", lambda entry: seeds)
     monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
     monkeypatch.setattr(synth, "DOCS", tmp_path / "synthesis.md")
@@ -546,16 +550,19 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     assert f"synth: front end: {limit + 1} cells on machxo2" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     monkeypatch.setattr(parts, "count_part", lambda *part: {"cells": limit, "brams": 0})
-    seeds[8] = 49.4
+    seeds[last] = round(needed - 0.1, 1)
     assert synth.main() == 1
     said = capsys.readouterr().err
-    assert said == "synth: card-xo2-1200: 5 of 8 seeds fit in time, but 6 are its target\n"
+    assert (
+        said
+        == f"synth: {fullest.name}: {enough - 1} of {last} seeds fit in time, but {enough} are its target\n"
+    )
     assert not list(tmp_path.iterdir())
-    seeds[8] = 60.0
+    seeds[last] = 60.0
     assert synth.main() == 0
     written = (tmp_path / "synthesis.md").read_text()
     assert measured_from() in written
-    assert "`card-xo2-1200` fits with 6 of 8 seeds, Fmax from 49.6 to 60.0 MHz." in written
+    assert f"`{fullest.name}` fits with {enough} of {last} seeds, Fmax from {just} to 60.0 MHz." in written
 
 
 # ---------------------------------------------------------------- is docs/reports/synthesis.md up to date?
