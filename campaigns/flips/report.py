@@ -40,17 +40,22 @@ def seen(outcome: str, why: str) -> str:
     return why
 
 
-def rare(notable: Iterable[dict]) -> list[str]:
-    """A row for each thing that was seen, the worst outcome first."""
-    where: dict[tuple[str, str], Counter] = defaultdict(Counter)
+def rare_counts(notable: Iterable[dict]) -> dict[str, dict[str, Counter]]:
+    """What was seen, by outcome, and how often in each register."""
+    where: dict[str, dict[str, Counter]] = defaultdict(lambda: defaultdict(Counter))
     for entry in notable:
         path = entry["flip"].split("[", 1)[0]
-        where[entry["what"], seen(entry["what"], entry["why"])][path.removeprefix("core_i.")] += 1
-    worst_first = sorted(where.items(), key=lambda item: (OUTCOMES.index(item[0][0]), item[0]))
+        where[entry["what"]][seen(entry["what"], entry["why"])][path.removeprefix("core_i.")] += 1
+    return where
+
+
+def rare(counts: dict[str, dict[str, dict[str, int]]]) -> list[str]:
+    """The table of rare_counts(), the worst outcome first."""
     rows = [
         f"| {outcome} | {what} | {sum(found.values()):,} | "
-        + ", ".join(f"`{name}` {count}" for name, count in found.most_common(REGISTERS))
+        + ", ".join(f"`{name}` {count}" for name, count in Counter(found).most_common(REGISTERS))
         + " |"
-        for (outcome, what), found in worst_first
+        for outcome in OUTCOMES
+        for what, found in sorted(counts.get(outcome, {}).items())
     ]
     return [*HEAD, *rows]

@@ -605,7 +605,7 @@ def test_rare_outcomes_are_counted_with_the_registers():
     flip = {"flip": "core_i.decoder[0] bit 3 at 7", "trial": "1/2"}
     kinds = [{"what": outcome, "why": why} for outcome, why, _ in RARE[-1:] + 3 * RARE[:1]]
     forbidden = {"what": FORBIDDEN[0], "why": "a telegram"}
-    head, _, *rows = flips_report.rare([flip | kind for kind in [*kinds, forbidden]])
+    head, _, *rows = flips_report.rare(flips_report.rare_counts(flip | kind for kind in [*kinds, forbidden]))
     assert head.startswith("| outcome | seen ")
     assert rows == [
         f"| {FORBIDDEN[0]} | a telegram | 1 | `decoder` 1 |",

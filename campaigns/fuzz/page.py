@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/reports/fuzz.md from the results in build/fuzz; `make fuzz-page`.
+"""Writes docs/reports/fuzz.md from the results of four campaigns; `make fuzz-page`.
 
     python -m campaigns.fuzz.page
 
-Four campaigns must have run on one card, firmware and judge: the fuzzer, the planted bugs, the flips of the
-whole card, and those of the core alone. Exit 2: a result is missing, or is of another card.
+The campaigns are the fuzzer, the planted bugs, the flips of the core alone, and those of each whole card.
+Their results in build/fuzz go into docs/reports/fuzz.json first, and the page is made of that file. So a
+campaign whose card, firmware and judge have not changed need not run again. Exit 2: a result is missing, or
+is of another card than the others.
 """
 
 from __future__ import annotations
@@ -24,8 +26,11 @@ from rtl.sources import ROOT, configurations
 
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
 PAGE = ROOT / "docs/reports/fuzz.md"
+RECORD = ROOT / "docs/reports/fuzz.json"
 # campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
 UNJUDGED = "no unrequested telegram; every last request answered"
+# Part of the record, and the command of its campaign.
+PARTS = {"random": "make fuzz", "plants": "make fuzz-plants", "core": "make core-flips"}
 
 
 class PageError(Exception):
@@ -43,10 +48,6 @@ def read(path: Path, command: str, keys: set[str]) -> dict:
     except (ValueError, AttributeError) as error:
         raise PageError(f"{path} is no result of `{command}`") from error
     return result
-
-
-def seeds(results: list[dict]) -> str:
-    return ", ".join(str(seed) for seed in sorted({result["seed"] for result in results}))
 
 
 def minutes(seconds: float) -> str:
@@ -82,25 +83,26 @@ def core_count(result: dict, *wanted: str) -> int:
     return sum(found.get(what, 0) for found in scenarios for what in wanted)
 
 
-def in_all(merged: list[dict]) -> str:
+def in_all(cards: list[dict]) -> str:
     """Flips of all cards, and how often one can do what is forbidden."""
-    count = sum(card["flips"] for card in merged)
-    harm = sum(entry["what"] in flips.FORBIDDEN for card in merged for entry in card["notable"])
+    count = sum(card["flips"] for card in cards)
+    harm = sum(card["forbidden"] for card in cards)
     return (
         f"{count:,} flips of both cards: {harm} unrequested or altered telegrams and stuck drivers, "
         f"at most {bound.words(harm, count)} of the flips at {bound.SURE}"
     )
 
 
-def card_flips(merged: dict) -> str:
+def card_flips(part: dict) -> str:
     """The section of one card."""
+    merged = part | {"flips_at": dict(sorted((int(baud), count) for baud, count in part["flips_at"].items()))}
     card, firmware, _ = merged["card"].split()
     return "\n".join(
         [
             f"#### Of the {merged['config']} card",
             "",
             f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
-            f"{merged['shards']} shards, {flips.rates(merged)}, "
+            f"{len(merged['shards'])} shards, {flips.rates(merged)}, "
             f"in {minutes(merged['wall_s'])} minutes of one core.",
             "",
             *flips.table(merged),
@@ -108,27 +110,119 @@ def card_flips(merged: dict) -> str:
     )
 
 
-def page(folder: Path) -> str:
-    """The text of the page, from the results in `folder`."""
-    shards = [fuzz.load(path) for path in fuzz.find([str(folder)])]
-    random_frames = fuzz.merge(shards)
-    plants = read(folder / "plants.json", "make fuzz-plants", fuzz_run.PLANTS_KEYS)
-    core_flips = read(folder / "core-flips.json", "make core-flips", core.KEYS)
-    flip_shards = flips.load(folder)
-    all_flips = {merged["config"]: merged for merged in flips.merge_each(flip_shards)}
-    lacking = [config for config in configurations() if config not in all_flips]
-    if lacking:
-        raise PageError(f"no flips of the card {lacking[0]}; run `make flips CONFIG={lacking[0]}` first")
+def rare_flips(card: dict) -> str:
+    """The rare outcomes of one card."""
+    return "\n".join([f"Of the {card['config']} card:", "", *flips_report.rare(card["rare"])])
+
+
+def random_shard(shard: dict) -> dict:
+    """A shard of the fuzzer, as the record counts it."""
+    sums = ("frames", "judged", "cases", "wall_s")
+    return {
+        "card": shard["card"],
+        "shards": [str(shard["seed"])],
+        "differences": len(shard["differences"]),
+        **{key: shard[key] for key in sums},
+    }
+
+
+def flips_shard(shard: dict) -> dict:
+    """A shard of flips, as the record counts it."""
+    return {
+        "config": shard["config"],
+        "card": shard["card"],
+        "shards": [f"{shard['seed']} at {shard['baud']}"],
+        "flips": shard["flips"],
+        "flips_at": {str(shard["baud"]): shard["flips"]},
+        "bits": {part: [bits] for part, bits in shard["bits"].items()},
+        "counts": shard["counts"],
+        "forbidden": sum(entry["what"] in flips.FORBIDDEN for entry in shard["notable"]),
+        "rare": flips_report.rare_counts(shard["notable"]),
+        "wall_s": shard["wall_s"],
+    }
+
+
+def add(total: dict, new: dict) -> dict:
+    """Adds numbers, joins lists, in dictionaries alike; anything else is equal in both."""
+    result = dict(total)
+    for key, value in new.items():
+        have = result.get(key)
+        if have is None or isinstance(value, str):
+            result[key] = value
+        elif isinstance(value, dict):
+            result[key] = add(have, value)
+        elif isinstance(value, list):
+            result[key] = sorted({*have, *value})
+        else:
+            result[key] = have + value
+    return result
+
+
+def with_shards(kept: dict | None, shards: list[dict]) -> dict | None:
+    """The kept result with the shards that it does not count yet; shards of another card begin anew."""
+    cards = {shard["card"] for shard in shards}
+    if len(cards) > 1:
+        raise PageError("the results in build/fuzz come from different cards; remove the older ones")
+    if kept and cards and cards != {kept["card"]}:
+        kept = None
+    for shard in shards:
+        if kept is None or not {*shard["shards"]} & {*kept["shards"]}:
+            kept = add(kept or {}, shard)
+    return kept
+
+
+def longer(kept: dict | None, new: dict | None) -> dict | None:
+    """The newer result; of two results of the same cards the one that counted more."""
+    if kept is None or new is None:
+        return new or kept
+    same = all(kept.get(key) == new.get(key) for key in ("card", "cards"))
+    sizes = [result.get("flips") or result["count"] for result in (kept, new)]
+    return kept if same and sizes[1] < sizes[0] else new
+
+
+def whole(folder: Path, name: str, part: str, keys: set[str]) -> dict | None:
+    """The result of a campaign without shards, if it left one."""
+    return read(folder / name, PARTS[part], keys) if (folder / name).exists() else None
+
+
+def renewed(record: dict, folder: Path) -> dict:
+    """The record with the results in `folder`."""
+    files = [path for path in sorted(folder.glob("*.json")) if fuzz.RESULT.fullmatch(path.name)]
+    random_shards = [random_shard(fuzz.load(path)) for path in files]
+    flips_shards = list(map(flips_shard, flips.load(folder) if any(folder.glob("flips-*.json")) else []))
+    plants = whole(folder, "plants.json", "plants", fuzz_run.PLANTS_KEYS)
+    core_flips = whole(folder, "core-flips.json", "core", core.KEYS)
+    parts = {
+        "random": with_shards(record.get("random"), random_shards),
+        "plants": longer(record.get("plants"), plants),
+        "core": longer(record.get("core"), core_flips),
+    }
+    for config in configurations():
+        of_card = [shard for shard in flips_shards if shard["config"] == config]
+        parts[f"flips of {config}"] = with_shards(record.get(f"flips of {config}"), of_card)
+    return json.loads(json.dumps({name: part for name, part in parts.items() if part}))
+
+
+def page(record: dict) -> str:
+    """The text of the page."""
+    for part, command in PARTS.items():
+        if part not in record:
+            raise PageError(f"{part}: no result; run `{command}` first")
+    random_frames, plants, core_flips = (record[part] for part in PARTS)
+    all_flips = {config: record.get(f"flips of {config}") for config in configurations()}
+    for config, found in all_flips.items():
+        if found is None:
+            raise PageError(f"no flips of the card {config}; run `make flips CONFIG={config}` first")
     cards = {result["card"] for result in (random_frames, plants, all_flips["standard"])}
     judges = {result["card"].split()[-1] for result in all_flips.values()}
     same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
     if len(cards) > 1 or len(judges) > 1 or not same_cores:
-        raise PageError("the results come from different cards; remove the older ones")
+        raise PageError("the results come from different cards; run the older campaigns again")
     card, firmware, judge = random_frames["card"].split()
-    differences = len(random_frames["differences"])
+    differences = random_frames["differences"]
     return TEMPLATE.read_text().format(
         measured_on=f"card `{card}`, firmware `{firmware}`, judge `{judge}`",
-        fuzz_seeds=seeds(shards),
+        fuzz_seeds=", ".join(sorted(random_frames["shards"], key=int)),
         frames=f"{random_frames['frames']:,}",
         cases=f"{random_frames['cases']:,}",
         fuzz_minutes=minutes(random_frames["wall_s"]),
@@ -146,15 +240,16 @@ def page(folder: Path) -> str:
         bound=bound.words(differences, random_frames["judged"]),
         flips=in_all(list(all_flips.values())),
         flips_tables="\n\n".join(map(card_flips, all_flips.values())),
-        rare="\n".join(
-            flips_report.rare(entry for merged in all_flips.values() for entry in merged["notable"])
-        ),
+        rare="\n\n".join(map(rare_flips, all_flips.values())),
     )
 
 
 def main() -> int:
-    PAGE.write_text(page(fuzz.FOLDER))
-    print(f"wrote {PAGE.relative_to(ROOT)}")
+    kept = json.loads(RECORD.read_text()) if RECORD.exists() else {}
+    record = renewed(kept, fuzz.FOLDER)
+    RECORD.write_text(json.dumps(record, indent=1) + "\n")
+    PAGE.write_text(page(record))
+    print(f"wrote {PAGE.relative_to(ROOT)} and {RECORD.name}")
     return 0
 
 

@@ -644,7 +644,7 @@ def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
 
 def test_page_states_the_results_of_all_campaigns(tmp_path):
     results_of_all_campaigns(tmp_path)
-    text = fuzz_page.page(tmp_path)
+    text = fuzz_page.page(fuzz_page.renewed({}, tmp_path))
     for said in (
         "card `one`, firmware `two`, judge `three`",
         "seeds 7, 8: 15,000 frames in 4 cases",
@@ -669,7 +669,7 @@ def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
     results_of_all_campaigns(tmp_path)
     difference = {"case": "22/1", "what": ["no reply"]}
     (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [difference], "one two three")))
-    text = fuzz_page.page(tmp_path)
+    text = fuzz_page.page(fuzz_page.renewed({}, tmp_path))
     assert (
         "| differences: 1: at most 4.4e-04 of the frames at 99 % |" in text
         and "no difference" not in text
@@ -697,7 +697,62 @@ def test_page_needs_all_results_of_one_card(tmp_path, file, content, complaint):
     if content is not None:
         (tmp_path / file).write_text(json.dumps(content))
     with pytest.raises(fuzz_page.PageError, match=complaint):
-        fuzz_page.page(tmp_path)
+        fuzz_page.page(fuzz_page.renewed({}, tmp_path))
+
+
+def test_page_keeps_the_results_of_campaigns_that_were_not_run_again(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = fuzz_page.renewed({}, tmp_path)
+    for path in tmp_path.iterdir():
+        path.unlink()
+    assert fuzz_page.renewed(record, tmp_path) == record
+
+
+def test_page_adds_new_shards_to_those_of_the_same_card(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = fuzz_page.renewed({}, tmp_path)
+    assert fuzz_page.renewed(record, tmp_path) == record, "no shard counts twice"
+    (tmp_path / "9.json").write_text(json.dumps(result(9, 90_000, [], "one two three")))
+    shard = json.loads((tmp_path / "flips-tiny-9-9600.json").read_text())
+    notable = {"what": "wrong reply", "flip": "time_i.count[3]", "why": "reply 11 01 00 00"}
+    shard |= {"seed": 10, "baud": 4800, "notable": [notable], "bits": dict.fromkeys(PARTS, 9)}
+    (tmp_path / "flips-tiny-10-4800.json").write_text(json.dumps(shard))
+    text = fuzz_page.page(fuzz_page.renewed(record, tmp_path))
+    for said in (
+        "seeds 7, 8, 9: 105,000 frames in 6 cases",
+        "firmware `five`: 8 flips in 2 shards, 4 at 4800 bit/s 8N1, 4 at 9600 bit/s 8O1, in 4 minutes",
+        "| no effect | 8 |",
+        "| 8 or 9 |",
+        "| wrong reply | with a wrong CRC, or cut short | 1 | `time_i.count` 1 |",
+    ):
+        assert said in text
+
+
+def test_page_begins_anew_with_another_card(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = fuzz_page.renewed({}, tmp_path)
+    for path in (tmp_path / "7.json", tmp_path / "8.json"):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"card": "six two three"}))
+    newer = fuzz_page.renewed(record, tmp_path)
+    assert newer["random"]["frames"] == 15_000
+    with pytest.raises(fuzz_page.PageError, match="different cards"):
+        fuzz_page.page(newer)
+    (tmp_path / "7.json").write_text(json.dumps(result(7, 30, [], "one two three")))
+    with pytest.raises(fuzz_page.PageError, match="different cards"):
+        fuzz_page.renewed(record, tmp_path)
+
+
+def test_page_does_not_lose_a_longer_result_of_the_same_card(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = fuzz_page.renewed({}, tmp_path)
+    for name, what in (("plants.json", {"count": 1}), ("core-flips.json", {"flips": 1})):
+        (tmp_path / name).write_text(json.dumps(json.loads((tmp_path / name).read_text()) | what))
+    assert fuzz_page.renewed(record, tmp_path) == record
+
+
+@pytest.mark.figures
+def test_page_is_made_of_the_record():
+    assert fuzz_page.PAGE.read_text() == fuzz_page.page(json.loads(fuzz_page.RECORD.read_text()))
 
 
 def test_template_has_the_headings_that_other_pages_link_to():
