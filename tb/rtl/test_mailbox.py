@@ -72,6 +72,7 @@ LGE = AREAS["DRIVE_LGE"]
 REQUEST_BANKS = (AREAS["REQUEST_FRAME_0"], AREAS["REQUEST_FRAME_1"])
 TICKS = 0x5B
 MEMORY_BYTES = 6144
+NOTHING = b"\x5a\x5a\x5a\x5a"  # what no access carries
 LONGEST_WAIT = 16  # clocks of a bus access
 
 
@@ -103,8 +104,8 @@ class Mailbox:
         lane = address % 4
         dut.core_addr.value = address - lane
         dut.core_wstrb.value = 0 if value is None else ((1 << size) - 1) << lane
-        # The lanes that are not written carry something else.
-        data = bytearray(b"\x5a\x5a\x5a\x5a")
+        # The lanes that are not written carry something else, and all of them do after the access.
+        data = bytearray(NOTHING)
         data[lane : lane + size] = (value or 0).to_bytes(size, "little")
         dut.core_wdata.value = int.from_bytes(data, "little")
         dut.core_valid.value = 1
@@ -116,6 +117,7 @@ class Mailbox:
             raise AssertionError(f"no answer within {LONGEST_WAIT} clocks")
         read = dut.core_rdata.value.to_unsigned()
         dut.core_valid.value = 0
+        dut.core_wdata.value = int.from_bytes(NOTHING, "little")
         await self.bench.clocks()
         return read >> 8 * lane & ((1 << 8 * size) - 1)
 
