@@ -559,10 +559,12 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     )
     assert not list(tmp_path.iterdir())
     seeds[last] = 60.0
+    seeds[last + 1] = round(needed - 1, 1)
     assert synth.main() == 0
     written = (tmp_path / "synthesis.md").read_text()
     assert measured_from() in written
-    assert f"`{fullest.name}` fits with {enough} of {last} seeds, Fmax from {just} to 60.0 MHz." in written
+    fit = f"`{fullest.name}`: {enough + 1} of {last + 1} seeds fit, {enough} of them in time"
+    assert f"{fit}; Fmax from {seeds[last + 1]} to 60.0 MHz." in written
 
 
 # ---------------------------------------------------------------- is docs/reports/synthesis.md up to date?

@@ -10,10 +10,10 @@ for each `{}`. `scale` multiplies it first (one number, or one for each group), 
 expression. A figure without a source has `why`: a manual's, or a result of an earlier card. With `from` and
 `find` too, `why` is arithmetic, from numbers that `find` has.
 
-A `constant` means the same on every page. It has no `page`, and each match of its `find` is one. UNITS names
-the units of a figure. A figure in no sentence of docs/facts.toml is a mistake, as is one that differs from
-its source. The pages of `aside` are left out, with a reason. Prints one line for each mistake; exit 1 if
-there is one.
+A `constant` means the same on every page. It has no `page`, and each match of its `find` is one. In any other
+source the matches of `find` must agree, or `sum` adds them up. UNITS names the units of a figure. A figure in
+no sentence of docs/facts.toml is a mistake, as is one that differs from its source, or a count in letters.
+Pages of `aside` are left out, with a reason. Prints one line for each mistake; exit 1 if there is one.
 """
 
 from __future__ import annotations
@@ -29,17 +29,33 @@ from rtl.sources import ROOT
 
 FACTS = ROOT / "docs/facts.toml"
 FIGURE = r"\d[\d,]*(?:\.\d+)?"
-UNITS = (
+RESULTS = (
     *("flips?", "frames", "proofs", "tasks", "tests", "cells", "LUTs?", "transactions", "mutants", "bugs"),
     *("slaves", "masters", "starts", "drive bits?", "MHz", "MB", "min", "minutes", "requests", "trials"),
     *("runs", "power-ups", "resets", "clocks", "cases", "checks", "writes", "steps", "inputs", "scenarios"),
-    *("k?bit/s", "(?:data |stop )?bits?", "bytes", "KiB", "characters?", "[mµu]?s", "seconds?", "hours?"),
+    "seeds",
+)
+UNITS = (
+    *RESULTS,
+    "k?bit/s",
+    "(?:data |stop )?bits?",
+    "bytes",
+    "KiB",
+    "characters?",
+    "[mµu]?s",
+    "seconds?",
+    "hours?",
 )
 # A number or a range and one of the units, or with a word between, or in "5 of 8 UNITS", or "16-bit".
 ALONE = r"(?<![\w.,/#-])(?<!\bbit )(?<!\bcoil )(?<!\bfunction )(?<!= )"
 RANGE = rf"(?:{FIGURE}(?: to | and | or |-|…))?{FIGURE}"
 BETWEEN = rf"(?: of (?:the )?{FIGURE})?(?: (?:more|random|planted|other))?"
 COUNTED = re.compile(rf"{ALONE}{RANGE}(?:-bit|{BETWEEN} (?:{'|'.join(UNITS)}))\b(?!/)")
+# Counts in letters would have no source. Small ones, and those of bits and bytes, are no results.
+LETTERS = "four|five|six|seven|eight|nine|ten|eleven|twelve|twenty(?:-[a-z]+)?|thirty|fifty|hundred|thousand"
+IN_LETTERS = re.compile(
+    rf"\b(?:{LETTERS})(?: other| more| random)? (?:{'|'.join(RESULTS)})\b(?!-)", re.IGNORECASE
+)
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
 TABLE = re.compile(r"<!-- generated: .*?<!-- end -->", re.DOTALL)
 SPACE = re.compile(r"\s+")
@@ -112,10 +128,16 @@ def sentences(fact: dict) -> tuple[list[tuple[str, str]], str]:
     scales = scale if isinstance(scale, list) else [scale] * groups
     if not places == groups == len(scales):
         return whole, f"{places} {{}} in the sentence, {groups} groups in `find`, {len(scales)} in `scale`"
-    used, over = found[:1] if "page" in fact else found, fact.get("over")
+    used, over = [match.groups() for match in found], fact.get("over")
+    if fact.get("sum"):
+        used = [
+            [f"{sum(int(text.replace(',', '')) for text in column):,}" for column in zip(*used, strict=True)]
+        ]
+    elif "page" in fact and len(set(used)) > 1:
+        return whole, f"{len(used)} matches of {fact['find']!r} that differ"
     return [
-        filled(says, [scaled(text, by, over) for text, by in zip(match.groups(), scales, strict=True)])
-        for match in used
+        filled(says, [scaled(text, by, over) for text, by in zip(texts, scales, strict=True)])
+        for texts in (used[:1] if "page" in fact else used)
     ], ""
 
 
@@ -143,6 +165,7 @@ def mistakes(texts: dict[str, str], facts: list[dict]) -> list[str]:
             if not any(covers(sentence, figure) for sentence in said_in[name]):
                 near = text[max(0, figure.start() - 40) : figure.end() + 30].strip()
                 found.append(f"{name}: {figure[0]!r} is in no sentence of docs/facts.toml: ...{near}...")
+        found += [f"{name}: {count[0]!r} in digits, please" for count in IN_LETTERS.finditer(text)]
     return found
 
 

@@ -122,6 +122,14 @@ def test_a_unit_is_watched(unit):
         assert f"{figure} {unit}' is in no sentence" in line
 
 
+def test_a_count_in_letters_is_named():
+    """It would have no source. Bits and bytes in letters are no results."""
+    assert found(f"{TEXT}The word has four bytes.") == []
+    for count in ("Seven cases", "twenty-five flips", "ten other clocks"):
+        (line,) = found(f"{TEXT}{count}.")
+        assert f"{count!r} in digits, please" in line
+
+
 def test_a_figure_beside_a_tied_one_needs_its_own_source():
     entries = [*TIED, {"says": "after {} clocks of 8 bits", "from": "report", "find": r"(\d)\.5"}]
     (line,) = found(f"{TEXT}It ends after 3 clocks of 8 bits.", entries)
@@ -131,6 +139,16 @@ def test_a_figure_beside_a_tied_one_needs_its_own_source():
 def test_the_figures_of_a_source_may_be_in_another_order():
     entry = {"says": "{1} of {0} bits", "from": "report", "find": r"(\d)\.(5)"}
     assert found(f"{TEXT}It has 5 of 3 bits.", [*TIED, entry]) == []
+
+
+def test_the_matches_of_a_source_must_agree_or_are_added_up(monkeypatch):
+    """One table for each card: the first alone would be the wrong figure."""
+    monkeypatch.setattr(facts, "source", lambda _: f"{REPORT}\n| silent | 1,100 |\n| silent | 50 |\n")
+    entry = {"says": "{} flips fell silent", "from": "report", "find": r"^\| silent \| ([\d,]+) \|"}
+    left = [fact for fact in TIED if "tested" not in fact]
+    text = f"{TEXT}In all 1,150 flips fell silent."
+    assert any("2 matches" in line for line in found(text, [*left, entry]))
+    assert not any("silent" in line for line in found(text, [*left, entry | {"sum": True}]))
 
 
 def test_the_bits_of_a_word_are_watched():

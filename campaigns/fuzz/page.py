@@ -12,8 +12,10 @@ is of another card than the others.
 from __future__ import annotations
 
 import json
+from functools import reduce
 from pathlib import Path
 
+from campaigns.bench import fingerprint
 from campaigns.flips import core
 from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
@@ -116,22 +118,16 @@ def rare_flips(card: dict) -> str:
 
 
 def random_shard(shard: dict) -> dict:
-    """A shard of the fuzzer, as the record counts it."""
+    """A shard of the fuzzer, as the record keeps it."""
     sums = ("frames", "judged", "cases", "wall_s")
-    return {
-        "card": shard["card"],
-        "shards": [str(shard["seed"])],
-        "differences": len(shard["differences"]),
-        **{key: shard[key] for key in sums},
-    }
+    found = {"card": shard["card"], "differences": len(shard["differences"])}
+    return found | {key: shard[key] for key in sums}
 
 
 def flips_shard(shard: dict) -> dict:
-    """A shard of flips, as the record counts it."""
+    """A shard of flips, as the record keeps it."""
     return {
-        "config": shard["config"],
         "card": shard["card"],
-        "shards": [f"{shard['seed']} at {shard['baud']}"],
         "flips": shard["flips"],
         "flips_at": {str(shard["baud"]): shard["flips"]},
         "bits": {part: [bits] for part, bits in shard["bits"].items()},
@@ -143,7 +139,7 @@ def flips_shard(shard: dict) -> dict:
 
 
 def add(total: dict, new: dict) -> dict:
-    """Adds numbers, joins lists, in dictionaries alike; anything else is equal in both."""
+    """Adds numbers, joins lists, in dictionaries alike; a text is equal in both."""
     result = dict(total)
     for key, value in new.items():
         have = result.get(key)
@@ -158,61 +154,88 @@ def add(total: dict, new: dict) -> dict:
     return result
 
 
-def with_shards(kept: dict | None, shards: list[dict]) -> dict | None:
-    """The kept result with the shards that it does not count yet; shards of another card begin anew."""
-    cards = {shard["card"] for shard in shards}
-    if len(cards) > 1:
-        raise PageError("the results in build/fuzz come from different cards; remove the older ones")
-    if kept and cards and cards != {kept["card"]}:
-        kept = None
-    for shard in shards:
-        if kept is None or not {*shard["shards"]} & {*kept["shards"]}:
-            kept = add(kept or {}, shard)
-    return kept
+def with_shards(kept: dict, new: dict, count: str) -> dict:
+    """The kept shards and the new ones; of one name the one that counted more, which may have grown since.
+
+    Kept shards of another card go as soon as there is one of this card.
+    """
+    cards = {shard["card"] for shard in new.values()}
+    shards = {name: shard for name, shard in kept.items() if not cards or shard["card"] in cards}
+    for name, shard in new.items():
+        if name not in shards or shard[count] >= shards[name][count]:
+            shards[name] = shard
+    return shards
 
 
-def longer(kept: dict | None, new: dict | None) -> dict | None:
-    """The newer result; of two results of the same cards the one that counted more."""
-    if kept is None or new is None:
-        return new or kept
+def longer(kept: dict, new: dict, count: str) -> dict:
+    """The new result; of two results of the same cards the one that counted more."""
     same = all(kept.get(key) == new.get(key) for key in ("card", "cards"))
-    sizes = [result.get("flips") or result["count"] for result in (kept, new)]
-    return kept if same and sizes[1] < sizes[0] else new
+    return kept if not new or (kept and same and new[count] < kept[count]) else new
 
 
-def whole(folder: Path, name: str, part: str, keys: set[str]) -> dict | None:
+def whole(folder: Path, name: str, part: str, keys: set[str]) -> dict:
     """The result of a campaign without shards, if it left one."""
-    return read(folder / name, PARTS[part], keys) if (folder / name).exists() else None
+    return read(folder / name, PARTS[part], keys) if (folder / name).exists() else {}
 
 
-def renewed(record: dict, folder: Path) -> dict:
-    """The record with the results in `folder`."""
-    files = [path for path in sorted(folder.glob("*.json")) if fuzz.RESULT.fullmatch(path.name)]
-    random_shards = [random_shard(fuzz.load(path)) for path in files]
-    flips_shards = list(map(flips_shard, flips.load(folder) if any(folder.glob("flips-*.json")) else []))
+def renewed(record: dict, folder: Path, cards: dict[str, str]) -> dict:
+    """The record with the results in `folder`, which must be of these cards, by configuration."""
+    random_shards = {
+        path.stem: random_shard(fuzz.load(path))
+        for path in sorted(folder.glob("*.json"))
+        if fuzz.RESULT.fullmatch(path.name)
+    }
     plants = whole(folder, "plants.json", "plants", fuzz_run.PLANTS_KEYS)
     core_flips = whole(folder, "core-flips.json", "core", core.KEYS)
+    of_flips = {config: {} for config in cards}
+    for shard in flips.load(folder) if any(folder.glob("flips-*.json")) else []:
+        of_flips[shard["config"]][f"{shard['seed']} at {shard['baud']}"] = flips_shard(shard)
+    of_standard = [*random_shards.values(), *([plants] if plants else [])]
+    found = [("standard", result["card"]) for result in of_standard]
+    found += [(config, shard["card"]) for config, shards in of_flips.items() for shard in shards.values()]
+    found += list(core_flips.get("cards", {}).items())
+    for config, card in found:
+        if card != cards[config]:
+            raise PageError(f"a result in {folder.name} is of another {config} card, {card}; remove it")
     parts = {
-        "random": with_shards(record.get("random"), random_shards),
-        "plants": longer(record.get("plants"), plants),
-        "core": longer(record.get("core"), core_flips),
+        "random": with_shards(record.get("random", {}), random_shards, "frames"),
+        "plants": longer(record.get("plants", {}), plants, "count"),
+        "core": longer(record.get("core", {}), core_flips, "flips"),
     }
-    for config in configurations():
-        of_card = [shard for shard in flips_shards if shard["config"] == config]
-        parts[f"flips of {config}"] = with_shards(record.get(f"flips of {config}"), of_card)
-    return json.loads(json.dumps({name: part for name, part in parts.items() if part}))
+    for config, shards in of_flips.items():
+        parts[f"flips of {config}"] = with_shards(record.get(f"flips of {config}", {}), shards, "flips")
+    return json.loads(json.dumps(parts))
+
+
+def text_of(record: dict) -> str:
+    """The record as JSON, a line for each shard and for each part without shards."""
+    lines = []
+    for part, content in record.items():
+        one_line = part in ("plants", "core")
+        rows = [f"  {json.dumps(name)}: {json.dumps(shard)}" for name, shard in content.items()]
+        body = json.dumps(content) if one_line else "{\n" + ",\n".join(rows) + "\n }"
+        lines.append(f" {json.dumps(part)}: {body}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def total(shards: dict) -> dict:
+    """All shards as one, with their names."""
+    return reduce(add, shards.values(), {}) | {
+        "shards": sorted(shards, key=lambda name: int(name.split()[0]))
+    }
 
 
 def page(record: dict) -> str:
     """The text of the page."""
     for part, command in PARTS.items():
-        if part not in record:
+        if not record.get(part):
             raise PageError(f"{part}: no result; run `{command}` first")
-    random_frames, plants, core_flips = (record[part] for part in PARTS)
-    all_flips = {config: record.get(f"flips of {config}") for config in configurations()}
-    for config, found in all_flips.items():
-        if found is None:
+    all_flips = {}
+    for config in configurations():
+        if not record.get(f"flips of {config}"):
             raise PageError(f"no flips of the card {config}; run `make flips CONFIG={config}` first")
+        all_flips[config] = total(record[f"flips of {config}"]) | {"config": config}
+    random_frames, plants, core_flips = total(record["random"]), record["plants"], record["core"]
     cards = {result["card"] for result in (random_frames, plants, all_flips["standard"])}
     judges = {result["card"].split()[-1] for result in all_flips.values()}
     same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
@@ -222,7 +245,7 @@ def page(record: dict) -> str:
     differences = random_frames["differences"]
     return TEMPLATE.read_text().format(
         measured_on=f"card `{card}`, firmware `{firmware}`, judge `{judge}`",
-        fuzz_seeds=", ".join(sorted(random_frames["shards"], key=int)),
+        fuzz_seeds=", ".join(random_frames["shards"]),
         frames=f"{random_frames['frames']:,}",
         cases=f"{random_frames['cases']:,}",
         fuzz_minutes=minutes(random_frames["wall_s"]),
@@ -246,8 +269,9 @@ def page(record: dict) -> str:
 
 def main() -> int:
     kept = json.loads(RECORD.read_text()) if RECORD.exists() else {}
-    record = renewed(kept, fuzz.FOLDER)
-    RECORD.write_text(json.dumps(record, indent=1) + "\n")
+    cards = {config: fingerprint.shard(config) for config in configurations()}
+    record = renewed(kept, fuzz.FOLDER, cards)
+    RECORD.write_text(text_of(record))
     PAGE.write_text(page(record))
     print(f"wrote {PAGE.relative_to(ROOT)} and {RECORD.name}")
     return 0

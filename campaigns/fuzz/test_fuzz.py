@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from campaigns.bench import fingerprint
+from campaigns.flips.run import FORBIDDEN
 from campaigns.flips.trial import PARTS
 from campaigns.fuzz import case_file
 from campaigns.fuzz import page as fuzz_page
@@ -612,6 +613,13 @@ def test_report_names_an_invalid_result(tmp_path):
         fuzz_report.find([str(tmp_path)])
 
 
+CARDS = {"standard": "one two three", "tiny": "four five three"}
+
+
+def renewed(record: dict, folder: Path) -> dict:
+    return fuzz_page.renewed(record, folder, CARDS)
+
+
 def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
     """Result files of fuzz, plants, core-flips and flips."""
     for seed in (7, 8):
@@ -644,7 +652,7 @@ def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
 
 def test_page_states_the_results_of_all_campaigns(tmp_path):
     results_of_all_campaigns(tmp_path)
-    text = fuzz_page.page(fuzz_page.renewed({}, tmp_path))
+    text = fuzz_page.page(renewed({}, tmp_path))
     for said in (
         "card `one`, firmware `two`, judge `three`",
         "seeds 7, 8: 15,000 frames in 4 cases",
@@ -668,8 +676,8 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
 def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
     results_of_all_campaigns(tmp_path)
     difference = {"case": "22/1", "what": ["no reply"]}
-    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [difference], "one two three")))
-    text = fuzz_page.page(fuzz_page.renewed({}, tmp_path))
+    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [difference], CARDS["standard"])))
+    text = fuzz_page.page(renewed({}, tmp_path))
     assert (
         "| differences: 1: at most 4.4e-04 of the frames at 99 % |" in text
         and "no difference" not in text
@@ -687,6 +695,7 @@ def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
             "no result of lenient-t15",
         ),
         ("core-flips.json", {"flips": 2, "cards": {}, "results": {}}, "different cards"),
+        ("core-flips.json", {"flips": 2, "cards": {"tiny": "x"}, "results": {}}, "another tiny card, x"),
         ("core-flips.json", {"seed": 1}, "no result of `make core-flips`"),
         ("flips-tiny-9-9600.json", None, "run `make flips CONFIG=tiny` first"),
     ],
@@ -697,27 +706,27 @@ def test_page_needs_all_results_of_one_card(tmp_path, file, content, complaint):
     if content is not None:
         (tmp_path / file).write_text(json.dumps(content))
     with pytest.raises(fuzz_page.PageError, match=complaint):
-        fuzz_page.page(fuzz_page.renewed({}, tmp_path))
+        fuzz_page.page(renewed({}, tmp_path))
 
 
 def test_page_keeps_the_results_of_campaigns_that_were_not_run_again(tmp_path):
     results_of_all_campaigns(tmp_path)
-    record = fuzz_page.renewed({}, tmp_path)
+    record = renewed({}, tmp_path)
     for path in tmp_path.iterdir():
         path.unlink()
-    assert fuzz_page.renewed(record, tmp_path) == record
+    assert renewed(record, tmp_path) == record
 
 
 def test_page_adds_new_shards_to_those_of_the_same_card(tmp_path):
     results_of_all_campaigns(tmp_path)
-    record = fuzz_page.renewed({}, tmp_path)
-    assert fuzz_page.renewed(record, tmp_path) == record, "no shard counts twice"
-    (tmp_path / "9.json").write_text(json.dumps(result(9, 90_000, [], "one two three")))
+    record = renewed({}, tmp_path)
+    assert renewed(record, tmp_path) == record, "no shard counts twice"
+    (tmp_path / "9.json").write_text(json.dumps(result(9, 90_000, [], CARDS["standard"])))
     shard = json.loads((tmp_path / "flips-tiny-9-9600.json").read_text())
     notable = {"what": "wrong reply", "flip": "time_i.count[3]", "why": "reply 11 01 00 00"}
     shard |= {"seed": 10, "baud": 4800, "notable": [notable], "bits": dict.fromkeys(PARTS, 9)}
     (tmp_path / "flips-tiny-10-4800.json").write_text(json.dumps(shard))
-    text = fuzz_page.page(fuzz_page.renewed(record, tmp_path))
+    text = fuzz_page.page(renewed(record, tmp_path))
     for said in (
         "seeds 7, 8, 9: 105,000 frames in 6 cases",
         "firmware `five`: 8 flips in 2 shards, 4 at 4800 bit/s 8N1, 4 at 9600 bit/s 8O1, in 4 minutes",
@@ -728,26 +737,65 @@ def test_page_adds_new_shards_to_those_of_the_same_card(tmp_path):
         assert said in text
 
 
+def test_page_takes_what_a_shard_found_after_an_earlier_page(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = renewed({}, tmp_path)
+    grown = result(8, 50_000, [{"case": "8/1", "what": ["unrequested"]}], CARDS["standard"])
+    (tmp_path / "8.json").write_text(json.dumps(grown))
+    path = tmp_path / "flips-standard-9-9600.json"
+    notable = {"what": FORBIDDEN[0], "flip": "time_i.count[3]", "why": "telegram"}
+    more = {
+        "flips": 500,
+        "counts": {f"card: {FORBIDDEN[0]}": 1, "card: no effect": 499},
+        "notable": [notable],
+    }
+    path.write_text(json.dumps(json.loads(path.read_text()) | more))
+    newer = renewed(record, tmp_path)
+    text = fuzz_page.page(newer)
+    assert "57,000 frames" in text and "| differences: 1:" in text
+    assert "504 flips of both cards: 1 unrequested" in text
+    (tmp_path / "8.json").write_text(json.dumps(result(8, 30, [], CARDS["standard"])))
+    assert renewed(newer, tmp_path) == newer, "begun anew, the shard has counted less so far"
+
+
+def test_page_takes_no_result_of_another_card(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = renewed({}, tmp_path)
+    other = {"card": "six two three"}
+    for name in ("7.json", "plants.json", "flips-standard-9-9600.json"):
+        was = (tmp_path / name).read_text()
+        (tmp_path / name).write_text(json.dumps(json.loads(was) | other))
+        with pytest.raises(fuzz_page.PageError, match="another standard card, six two three"):
+            renewed(record, tmp_path)
+        (tmp_path / name).write_text(was)
+
+
 def test_page_begins_anew_with_another_card(tmp_path):
     results_of_all_campaigns(tmp_path)
-    record = fuzz_page.renewed({}, tmp_path)
-    for path in (tmp_path / "7.json", tmp_path / "8.json"):
-        path.write_text(json.dumps(json.loads(path.read_text()) | {"card": "six two three"}))
-    newer = fuzz_page.renewed(record, tmp_path)
-    assert newer["random"]["frames"] == 15_000
+    record = renewed({}, tmp_path)
+    for path in tmp_path.iterdir():
+        path.unlink()
+    (tmp_path / "7.json").write_text(json.dumps(result(7, 30, [], "six two three")))
+    newer = fuzz_page.renewed(record, tmp_path, CARDS | {"standard": "six two three"})
+    assert fuzz_page.total(newer["random"])["frames"] == 30
     with pytest.raises(fuzz_page.PageError, match="different cards"):
         fuzz_page.page(newer)
-    (tmp_path / "7.json").write_text(json.dumps(result(7, 30, [], "one two three")))
-    with pytest.raises(fuzz_page.PageError, match="different cards"):
-        fuzz_page.renewed(record, tmp_path)
 
 
 def test_page_does_not_lose_a_longer_result_of_the_same_card(tmp_path):
     results_of_all_campaigns(tmp_path)
-    record = fuzz_page.renewed({}, tmp_path)
+    record = renewed({}, tmp_path)
     for name, what in (("plants.json", {"count": 1}), ("core-flips.json", {"flips": 1})):
         (tmp_path / name).write_text(json.dumps(json.loads((tmp_path / name).read_text()) | what))
-    assert fuzz_page.renewed(record, tmp_path) == record
+    assert renewed(record, tmp_path) == record
+
+
+def test_record_has_a_line_for_each_shard(tmp_path):
+    results_of_all_campaigns(tmp_path)
+    record = renewed({}, tmp_path)
+    text = fuzz_page.text_of(record)
+    assert json.loads(text) == record
+    assert sum(line.startswith("  ") for line in text.splitlines()) == 4
 
 
 @pytest.mark.figures

@@ -221,7 +221,7 @@ def copy_project(root: Path) -> None:
         elif source.exists():
             shutil.copy(source, root / name)
     (root / ".venv").symlink_to(ROOT / ".venv")
-    for image in ("firmware.hex", "tiny/firmware.hex"):
+    for image in ("firmware.hex", "firmware.elf", "tiny/firmware.hex", "tiny/firmware.elf"):
         made = ROOT / "build" / image
         if made.exists():
             (root / "build" / image).parent.mkdir(parents=True, exist_ok=True)

@@ -98,6 +98,21 @@ def test_comments_keep_the_fingerprint(tmp_path):
     assert mutate.fingerprint(path) != before
 
 
+@pytest.mark.parametrize("folder", ["", "tiny"])
+def test_a_tree_has_the_image_and_its_symbols(tmp_path, monkeypatch, folder):
+    """Tests of the whole card read both; without them the unchanged module fails."""
+    monkeypatch.setattr(mutate, "ROOT", tmp_path)
+    for name in ("firmware.hex", "firmware.elf"):
+        made = tmp_path / "build" / folder / name
+        made.parent.mkdir(parents=True, exist_ok=True)
+        made.write_text(name)
+    mutate.copy_project(tmp_path / "tree")
+    assert {path.name for path in (tmp_path / "tree/build" / folder).iterdir() if path.is_file()} == {
+        "firmware.hex",
+        "firmware.elf",
+    }
+
+
 def test_check_without_end_counts_as_caught(tmp_path, monkeypatch):
     monkeypatch.setattr(mutate, "WORK", tmp_path)
     tree = mutate.Tree(0, "bcc")

@@ -226,17 +226,21 @@ class MutantBuild:
         return self._run("gcc", *flags, "-c", file, "-o", self._object(file, build, changed))
 
     def touched(self) -> list[str]:
-        """The sources to compile again; a header is included by all of the core and by gateway.c."""
+        """The sources to compile again; of a header all sources, for any may include it."""
         if self.mutant is None:
             return []
         name = self.mutant.file
-        return [f"sw/src/{name}"] if name.endswith(".c") else [*self.core, f"sw/src/{GATEWAY}"]
+        return (
+            [f"sw/src/{name}"] if name.endswith(".c") else [file for file in self.files if file not in HOST]
+        )
 
     def change(self, mutant: Mutant | None) -> None:
         """Restores the file of the last mutant and writes this one."""
         if self.mutant:
             shutil.copy(ROOT / "sw/src" / self.mutant.file, self.folder / "sw/src" / self.mutant.file)
         self.mutant, self.compiled = mutant, set()
+        # If the mutant does not compile in a build, that build must not link an earlier one.
+        shutil.rmtree(self.folder / "changed", ignore_errors=True)
         if mutant:
             source = (ROOT / "sw/src" / mutant.file).read_bytes()
             changed = source[: mutant.start] + mutant.new.encode() + source[mutant.end :]

@@ -244,6 +244,17 @@ def test_every_file_of_the_core_has_enough_mutants_and_every_reason_its_mutant()
     assert all(firmware_mutate.reasons().values())
 
 
+@pytest.mark.slow
+def test_a_changed_header_is_compiled_into_every_source_that_includes_it(tmp_path):
+    """diagnostics.c alone reads the code for an invalid request."""
+    mutants = firmware_mutate.all_mutants()
+    mutant = next(each for each in mutants if (each.file, each.change) == ("dialect.h", "1 -> 2"))
+    builds = firmware_mutate.MutantBuild(tmp_path)
+    builds.change(mutant)
+    assert "sw/src/diagnostics.c" in builds.touched()
+    assert not builds.same_code(), mutant
+
+
 @pytest.mark.parametrize(("fate", "code"), [("test some", 0), (firmware_mutate.SAME, 0), ("survives", 1)])
 def test_a_survivor_that_is_neither_proved_nor_listed_fails(
     fate: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
