@@ -50,7 +50,8 @@ UNITS = (
 ALONE = r"(?<![\w.,/#-])(?<!\bbit )(?<!\bcoil )(?<!\bfunction )(?<!= )"
 RANGE = rf"(?:{FIGURE}(?: to | and | or |-|…))?{FIGURE}"
 BETWEEN = rf"(?: of (?:the )?{FIGURE})?(?: (?:more|random|planted|other))?"
-COUNTED = re.compile(rf"{ALONE}{RANGE}(?:-bit|{BETWEEN} (?:{'|'.join(UNITS)}))\b(?!/)")
+WITH_UNIT = rf"{RANGE}(?:-bit\b|{BETWEEN} (?:%|(?:{'|'.join(UNITS)})\b))(?!/)"
+COUNTED = re.compile(rf"{ALONE}(?:{WITH_UNIT}|(?<=\bone in |\bbit in ){FIGURE}\b)")
 # Counts in letters would have no source. Small ones, and those of bits and bytes, are no results.
 LETTERS = "four|five|six|seven|eight|nine|ten|eleven|twelve|twenty(?:-[a-z]+)?|thirty|fifty|hundred|thousand"
 IN_LETTERS = re.compile(

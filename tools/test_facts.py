@@ -111,7 +111,7 @@ def test_a_constant_that_no_page_says_is_named():
 
 UNITS = (
     "bit/s, kbit/s, bit, bits, data bits, stop bits, drive bits, bytes, KiB, character, characters, "
-    "ms, µs, us, s, seconds, minutes, hours"
+    "ms, µs, us, s, seconds, minutes, hours, %"
 )
 
 
@@ -120,6 +120,12 @@ def test_a_unit_is_watched(unit):
     for figure in ("7", "1.7", "7 to 8", "7…8", "7 and 8", "6 of 8"):
         (line,) = found(f"{TEXT}It has {figure} {unit}.")
         assert f"{figure} {unit}' is in no sentence" in line
+
+
+def test_one_in_so_many_is_watched():
+    for what in ("one", "one bit"):
+        (line,) = found(f"{TEXT}Of the flips {what} in 2,000 did harm.")
+        assert "'2,000' is in no sentence" in line
 
 
 def test_a_count_in_letters_is_named():

@@ -20,7 +20,7 @@ DIALECTS = ("card", "builtin", "hvac_basic")
 # Name and preprocessor symbols of each build.
 BUILDS = {name: [f"-DDIALECT=DIALECT_{name.upper()}"] for name in DIALECTS} | {
     option: ["-DDIALECT=DIALECT_CARD", f"-D{option}=1"]
-    for option in ("STATUS_REFRESH", "ADR_SHORT", "DIAGNOSTICS", "MASTER_LOSS_STOP")
+    for option in ("STATUS_REFRESH", "ADR_SHORT", "DIAGNOSTICS", "MASTER_LOSS_STOP", "PLACES")
 }
 # The translation core: the files that decide the content of telegrams and replies.
 CORE = (

@@ -400,9 +400,9 @@ def of_core(item: pytest.Item) -> bool:
 
 
 def of_gateway(item: pytest.Item) -> bool:
-    """Tests of the poll loop in the host library, and of second exchanges. The card's image has no mutant."""
+    """Tests of the poll loop in the host libraries, and of second exchanges. An image has no mutant."""
     if item.path == ROOT / GATEWAY_TESTS:
-        return "[host" in item.name or "any_sequence" in item.name
+        return any(name in item.name for name in ("[host", "[small", "any_sequence"))
     return item.name.startswith(("test_the_second_telegram", "test_after"))
 
 

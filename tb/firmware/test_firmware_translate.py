@@ -963,9 +963,10 @@ MODELS = {
     "ADR_SHORT": {"adr": 0x01, "adr_broadcast": 0x20},
     "DIAGNOSTICS": {"diagnostics": True},
     "MASTER_LOSS_STOP": {},
+    "PLACES": {},  # 1, as on the small card
 }
-# Options with other values than 0 and 1. The dialects and the configurations set them.
-NO_SWITCHES = {"DIALECT", "PLACES"}
+# An option with other values. The dialects are builds of their own.
+NO_SWITCHES = {"DIALECT"}
 
 
 def test_every_option_has_a_build_and_a_model():
