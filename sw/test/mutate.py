@@ -418,6 +418,7 @@ def run_shard(part: int, parts: int, count: int, replay: bool) -> Path:
     run = MutationRun(MutantBuild(FOLDER / f"shard-{part}-of-{parts}"), mutants, results, replay)
     options = [
         "-q",
+        "--all",
         "--capture=no",
         "-p",
         "no:cacheprovider",

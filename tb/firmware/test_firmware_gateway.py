@@ -113,7 +113,10 @@ def two_places(request: pytest.FixtureRequest) -> Bench:
     return Bench(request.param)
 
 
-@pytest.fixture(params=[Gateway, SmallGateway, Machine], ids=["host", "small", "card"])
+OF_BOTH_CARDS = [Gateway, pytest.param(SmallGateway, marks=pytest.mark.slow), Machine]
+
+
+@pytest.fixture(params=OF_BOTH_CARDS, ids=["host", "small", "card"])
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     """The same sources: for the host as on either card, and the standard card's image on an RV32I machine."""
     yield Bench(request.param)
