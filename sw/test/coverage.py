@@ -70,7 +70,17 @@ def measure() -> None:
         done = compile_library(build, FOLDER, *FLAGS)
         if done.returncode:
             sys.exit(done.stderr)
-    pytest = [sys.executable, "-m", "pytest", "-q", "--all", "-p", "no:cacheprovider", "-k", f"not ({RANDOM})"]
+    pytest = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "--all",
+        "-p",
+        "no:cacheprovider",
+        "-k",
+        f"not ({RANDOM})",
+    ]
     print(run(*pytest, *TESTS, FIRMWARE_LIBRARIES=str(FOLDER)).splitlines()[-1])
 
 
