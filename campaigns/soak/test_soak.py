@@ -125,6 +125,7 @@ def test_a_run_is_cut_into_blocks_of_their_own_seed():
 def kept(tmp_path, monkeypatch):
     """Results of both cards: a shorter block of the same seed, a mismatch of the small card."""
     monkeypatch.setattr(run, "FOLDER", tmp_path)
+    monkeypatch.setattr(page, "PAGE", tmp_path / "soak.md")
     monkeypatch.setattr(run.fingerprint, "card", lambda config: f"card-{config}")
     monkeypatch.setattr(run.fingerprint, "firmware", lambda config, dialect: f"{dialect}-{config}")
     monkeypatch.setattr(run.fingerprint, "soak", lambda: "judge")
@@ -168,6 +169,21 @@ def test_a_page_is_refused_without_both_cards(kept):
         page.page()
     path.unlink()
     with pytest.raises(page.PageError, match=r"no result of the tiny card .* run `make soak CONFIG=tiny`"):
+        page.page()
+
+
+def test_the_section_of_a_card_that_has_not_changed_stays(kept, monkeypatch):
+    before = page.page()
+    page.PAGE.write_text(before)
+    run.file_of("tiny").unlink()
+    assert page.page() == before
+    for what, now in (("soak", lambda: "another"), ("card", lambda config: f"another-{config}")):
+        with monkeypatch.context() as patch:
+            patch.setattr(run.fingerprint, what, now)
+            with pytest.raises(page.NotMeasuredError):
+                page.page()
+    monkeypatch.setattr(page.host, "fingerprint", lambda: "another")
+    with pytest.raises(page.NotMeasuredError):
         page.page()
 
 
