@@ -518,15 +518,18 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     total = tried - alike
     missing = [module for module in benches() if module not in kept]
     summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
-    summary += f" A solver proved {alike} more to behave like the original."
-    if missing:
-        summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
     others = [
         line
         for line in re.findall(r"^- `\w+`: .*$", old, re.M)
         if re.match(r"- `(\w+)`", line)[1] not in rows
     ]
     listed = sorted(others + survivors)
+    proved = sum(line.endswith(f": {SAME}") for line in listed)
+    summary += f" A solver proved {proved} more to behave like the original."
+    if alike > proved:
+        summary += f" {alike - proved} have a reason by hand, from before there was a solver."
+    if missing:
+        summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
     text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))
     text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(listed) or "None.")
     DOCUMENT.write_text(text)

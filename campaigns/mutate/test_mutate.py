@@ -286,6 +286,11 @@ def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
     assert "| `uart` | 9 | 1 | 0 | 1 | 0 | 0 | 100.0 % | `02` |\n" in text
     assert "1 of 2 caught, 50.0 %. A solver proved 1 more to behave like the original." in text
     assert "- `bcc`: `a == b` → `a != b`: survived\n- `bcc`: `c` → `d`: proved the same" in text
+    by_hand = text.replace("proved the same", "the same: nobody reads it")
+    mutate.DOCUMENT.write_text(by_hand)
+    mutate.write_document({"uart": mutate.row_of("uart", "02", 9, [caught])}, [])
+    said = "A solver proved 0 more to behave like the original. 1 have a reason by hand"
+    assert said in mutate.DOCUMENT.read_text()
     mutate.write_document({"bcc": mutate.row_of("bcc", "03", 7, [caught])}, [])
     assert "survived\n" not in mutate.DOCUMENT.read_text()
 
