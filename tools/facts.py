@@ -166,7 +166,9 @@ def mistakes(texts: dict[str, str], facts: list[dict]) -> list[str]:
             if not any(covers(sentence, figure) for sentence in said_in[name]):
                 near = text[max(0, figure.start() - 40) : figure.end() + 30].strip()
                 found.append(f"{name}: {figure[0]!r} is in no sentence of docs/facts.toml: ...{near}...")
-        found += [f"{name}: {count[0]!r} in digits, please" for count in IN_LETTERS.finditer(text)]
+        found += [
+            f"{name}: {count[0]!r} is a count in letters; write digits" for count in IN_LETTERS.finditer(text)
+        ]
     return found
 
 

@@ -133,7 +133,7 @@ def test_a_count_in_letters_is_named():
     assert found(f"{TEXT}The word has four bytes.") == []
     for count in ("Seven cases", "twenty-five flips", "ten other clocks"):
         (line,) = found(f"{TEXT}{count}.")
-        assert f"{count!r} in digits, please" in line
+        assert f"{count!r} is a count in letters" in line
 
 
 def test_a_figure_beside_a_tied_one_needs_its_own_source():
