@@ -527,7 +527,7 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     proved = sum(line.endswith(f": {SAME}") for line in listed)
     summary += f" A solver proved {proved} more to behave like the original."
     if alike > proved:
-        summary += f" {alike - proved} have a reason by hand, from before there was a solver."
+        summary += f" Excused by hand, before there was a solver: {alike - proved}."
     if missing:
         summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
     text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))

@@ -164,6 +164,18 @@ CHANGES = {
     "another rate at 2 MHz": ("baud_base", "64'd65536", "64'd65535", False),
     "another result on the small card": ("commit_gate", "|| PLACES == 2'd1)", "|| 1'b0)", False),
     "another result with an option": ("rtu_rx", "|| held || state == S_WAIT", "|| held", False),
+    "a fault that only a flipped bit makes": (
+        "guarded_bit",
+        "assign fault = held == opposite",
+        "assign fault = 0",
+        False,
+    ),
+    "both faults in place of either": (
+        "telegram_slot",
+        "licence_fault || fresh_fault",
+        "licence_fault && fresh_fault",
+        False,
+    ),
     "an undefined bit": ("bcc", "value == 8'h00", "value[7] == 1'bx", False),
 }
 
@@ -178,6 +190,20 @@ def test_a_solver_compares_a_module_with_the_original(request, module, old, new,
     assert old in path.read_text()
     changed.write_text(path.read_text().replace(old, new, 1))
     assert same.proved_same(changed, folder) == proved
+
+
+@pytest.mark.slow
+def test_a_solver_compares_the_whole_card_with_each_option(request, monkeypatch):
+    """The name of the top module is the same with all of them."""
+    monkeypatch.setattr(same, "OPTIONS", ("", "MASTER_LOSS_STOP 1"))
+    path = next(path for path in rtl_files() if path.stem == same.TOP)
+    folder = ROOT / "build/mutate" / request.node.name
+    changed = folder / "changed" / path.name
+    changed.parent.mkdir(parents=True, exist_ok=True)
+    old, new = ".MASTER_LOSS_STOP(MASTER_LOSS_STOP)", ".MASTER_LOSS_STOP(1'b0)"
+    assert old in path.read_text()
+    changed.write_text(path.read_text().replace(old, new, 1))
+    assert not same.proved_same(changed, folder)
 
 
 # Bodies of bcc that differ at power-up or in an output of a dropped register.
@@ -289,7 +315,9 @@ def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
     by_hand = text.replace("proved the same", "the same: nobody reads it")
     mutate.DOCUMENT.write_text(by_hand)
     mutate.write_document({"uart": mutate.row_of("uart", "02", 9, [caught])}, [])
-    said = "A solver proved 0 more to behave like the original. 1 have a reason by hand"
+    said = (
+        "A solver proved 0 more to behave like the original. Excused by hand, before there was a solver: 1."
+    )
     assert said in mutate.DOCUMENT.read_text()
     mutate.write_document({"bcc": mutate.row_of("bcc", "03", 7, [caught])}, [])
     assert "survived\n" not in mutate.DOCUMENT.read_text()
