@@ -310,7 +310,11 @@ def index_word() -> str:
             "03 reads texts; 06 and 10 write numbers",
             "likewise",
         ],
-        [f"{constant('IND_TEXT_WRITE', codes) >> 8:02X}xxh", "10 writes texts; 03 reads numbers", "likewise"],
+        [
+            f"{constant('IND_TEXT_WRITE', codes) >> 8:02X}xxh",
+            "10 writes texts; 06 writes numbers; 03 reads numbers",
+            "likewise",
+        ],
     ]
     return table(["40001", "effect", "low byte xx"], rows)
 
