@@ -68,13 +68,13 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 
 #:
 #: Variables
-#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, replay); default: standard
+#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, flips, replay); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, test-all, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        without the tests that `make test` runs (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
-#:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips) or transactions (soak); RUNS=n: executions (fuzz-firmware)
-#:   MODULE=name   a module of rtl/ (formal, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
+#:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
+#:   MODULE=name   a module of rtl/ (formal, formal-flips, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, DIALECT=name, STRICT_T15=no,
@@ -102,7 +102,7 @@ run: card ## * the virtual card with a simulated drive: a panel in the terminal 
 
 card: ## * build/card, the virtual card as a program; build/card --help (25 s after a change)
 
-firmware: $(BUILD)/firmware.hex ## the firmware images: standard, tiny, one a dialect
+firmware: $(BUILD)/firmware.hex ## the firmware images: both cards, each dialect, each option, boards with 16 KiB
 
 .PHONY: waves wireshark telegrams replay
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name (10 s for a module)
@@ -234,7 +234,7 @@ core-flips: firmware | setup-test ## every flip of the core while it serves a re
 	@$(RUN) campaigns.flips.core --jobs $(JOBS)
 
 .PHONY: fuzz-page
-fuzz-page: | setup-test ## docs/reports/fuzz.md from the results of these four in build/fuzz
+fuzz-page: | setup-test ## docs/reports/fuzz.md from the results of fuzz, fuzz-plants, core-flips and flips
 	@$(RUN) campaigns.fuzz.page
 
 ##@ Firmware

@@ -7,8 +7,8 @@
 // rtu_rx, and proved there: no revoke together with candidate or commit; a newer candidate began with a start bit;
 // broadcast and writes_coils stay until the next candidate.
 // Assumed of network_port: a line on which a character begins is not silent, a quiet line is. Assumed of mailbox_regs:
-// one order in a clock. Not assumed is a candidate for each
-// commit or revoke: a restart of the firmware resets the gate alone.
+// one order in a clock. No candidate is assumed before a commit or revoke, because a restart of the firmware resets
+// the gate alone.
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -67,12 +67,13 @@ reg g_newest = 1'b0;  // no other request was committed since the order
 reg g_to_all = 1'b0;  // ordered for a broadcast
 reg g_answered = 1'b0;  // since the order the cause had its reply
 reg [1:0] g_sends = 2'd0;
-reg g_first = 1'b0;  // not sent yet; the order of a repeat before that takes it back
+reg g_first = 1'b0;  // not sent yet; a repeat ordered before the first start withdraws it
 reg g_placed = 1'b0;  // its licence had waited
 reg g_waited = 1'b0;  // in the clock before another licence waited
 reg g_open = 1'b0;
 
-// An order of the loop-back test has no request (LOOP-1). One in the clock in which a request ends is for that one.
+// An order of the loop-back test has no request (LOOP-1). In the clock in which a request ends, an order is still for
+// that request.
 wire g_for_newest = queue_ticket == ticket && !loopback_open && !candidate && !g_revoked;
 
 // ---- the stop when the master is lost (SAFE-7)
@@ -125,7 +126,7 @@ always @(posedge clk) if (g_past) a_no_stop : assert (!stop_due && !telegram_sto
 reg g_stops = 1'b0;  // the telegram in the memory was ordered as the stop
 always @(posedge clk) begin
   if (queue_telegram || use_waiting) g_stops <= use_waiting && g_for_stop;
-  // From this way no telegram has the start bit 1: fc_tx sends it as 0 with telegram_stop.
+  // The stop never carries the start bit: fc_tx sends it as 0 with telegram_stop.
   if (g_past) a_stops : assert (telegram_stop == g_stops);
 end
 
@@ -379,7 +380,7 @@ always @* begin
 end
 `endif
 
-// ---- it is not safe by doing nothing
+// ---- covers: the module does act
 always @(posedge clk) begin
   if (g_sound) begin
     c_telegram : cover (telegram_start);

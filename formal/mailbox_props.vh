@@ -110,10 +110,10 @@ reg g_committed = 1'b0;
 reg g_heard = 1'b0;
 reg g_spent = 1'b0;
 reg g_reply_ours = 1'b0;  // the reply was queued for the newest request
-reg g_here = 1'b0;  // the telegram is as it was when it was queued for ...
-reg g_ours = 1'b0;  // ... the newest request, as it then was
-reg g_licensed = 1'b0;  // and that one was committed
-reg g_control = 1'b0;  // and writes coils
+reg g_here = 1'b0;  // the memory holds the telegram as it was queued
+reg g_ours = 1'b0;  // it was queued for the request that was the newest then
+reg g_licensed = 1'b0;  // that request has committed
+reg g_control = 1'b0;  // that request writes coils
 reg g_open = 1'b0;  // the loop-back test sends without a request (LOOP-1)
 // FRAME-6: at t3.5 the candidate commits, unless a character has begun.
 wire g_commit = commit && modbus_silent && (candidate || g_candidate);
@@ -283,7 +283,7 @@ always @(posedge clk) begin
     a_reset : assert (!core_rst || !(core_ready && g_core_rst) && !regs_valid &&
         (ram_wstrb == 4'b0000 || modbus_write_ready || drive_write_ready));
     a_which : assert (!regs_valid || (core_addr[31] && !core_addr[10]));
-    // A restart of the firmware takes back what it had queued, and its lamps.
+    // A restart of the firmware drops its reply and telegram and turns the LEDs off (WDG-1).
     a_restart : assert (!g_core_rst || !(reply_start || telegram_start || telegram_queued || reply_queued || core_ready));
     a_dark : assert (!g_core_rst || leds == 4'd0);
   end
@@ -332,7 +332,7 @@ always @(posedge clk) begin
   end
 end
 
-// ---- it is not right by doing nothing
+// ---- covers: the module does act
 always @(posedge clk) begin
   if (g_sound) begin
     c_telegram : cover (telegram_start && telegram_length == 5'd14);

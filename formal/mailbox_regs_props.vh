@@ -91,7 +91,7 @@ end
 // ---- what induction needs to know
 always @(posedge clk) if (g_past) i_due : assert (flags[g_kind] == g_due);
 
-// ---- it is not right by doing nothing
+// ---- covers: the module does act
 always @(posedge clk) begin
   if (g_past && !rst) begin
     c_with_clear : cover (g_read && g_read_events && rdata[g_kind] && $past(g_cleared && g_happens, 2));

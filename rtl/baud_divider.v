@@ -4,7 +4,8 @@
 // One chain serves both ports: a divider by three, then up to seven halvings. A rate is the base
 // tick itself (115200) or slower by 3 x a power of 2, from 3 (38400) to 384 (300). A port ticks
 // with every third base tick at which all count bits under its mask are 1: mask = ratio / 3 - 1.
-// There is no reset, because card_time counts these ticks, too.
+// There is no reset: the phase of the ticks does not matter, and rst lasts until card_time has
+// counted some of them.
 // Clock domain: clk. Rules: LINE-2, LINE-4, FC-1.
 `default_nettype none
 

@@ -4,21 +4,21 @@
 // A bus without bias falls low when nobody drives it. It then stays low from the end of a
 // request to the reply. For the UART such a low is a character of zeros without a stop bit.
 //
-// A start bit is held back after a good frame or the card's own reply, as long as nothing but
-// silence and breaks has followed. So it is while the receiver drops everything up to the next
-// silence. Such a start bit may begin a character or a break. The first high of the line decides for a character: its start bit is passed
-// on then, late, and its byte at its end. If the line has been low up to the vote on the stop bit,
-// it is a break: neither start bit nor byte is passed on.
-// busy: level, a character or an undecided low is on the line; no silence is counted then. After the
-// decision for a break the silence goes on, though the line is low. So each break costs one
+// A start bit is held back after a good frame or the card's own reply, as long as only silence and
+// breaks have followed. It is also held back while the receiver drops everything up to the next
+// t3.5. Such a start bit may begin a character or a break. The first high of the line decides for a
+// character: its start bit is passed on then, late, and its byte at its end. If the line has been
+// low up to the vote on the stop bit, it is a break: neither start bit nor byte is passed on.
+// busy: level, a character or an undecided low is on the line; no silence is counted then. After
+// the decision for a break the silence goes on, though the line is low. So each break costs one
 // character of time, and no limit of silence is reached in a low that may become a character.
 // in_break: level, the line is low and the low is a break. A reply may start then.
 //
 // line_start: the start bit as the UART sees it, in the clock of a start bit that is held back too.
 // watched_start: the one of start_watch, which comes for each low of ten ticks.
-// may_break: level, the frame up to the last character is good, or the receiver drops everything, as
-// after the card's own reply: a bus that is low most of the time would else never be silent again.
-// sending: level, DE.
+// may_break: level, the frame up to the last character is good, or the receiver drops everything,
+// as after the card's own reply. Otherwise a bus that is low most of the time would never be silent
+// again. sending: level, DE.
 // fault: the halves of in_break disagree. A flipped bit ends a break then, and never makes one
 // (docs/hardening.md, Break filter, SAFE-4).
 // Clock domain: clk. Rules: FRAME-3, FRAME-6, SAFE-2, SAFE-4.

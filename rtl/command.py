@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Common to all commands: `--version`, one line for a wrong option and after Ctrl-C.
 
-A reader of the output that stops is no error.
+A reader that closes the output early (`| head`) is no error.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]
 
 
 def _end_by_ctrl_c() -> None:
-    """For a worker process: Ctrl-C ends it without a word, its parent has the line."""
+    """For a worker process: Ctrl-C ends it silently; its parent prints the line."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -85,7 +85,7 @@ def threads(count: int) -> Iterator[ThreadPoolExecutor]:
             ending = threading.Thread(target=pool.shutdown, kwargs={"cancel_futures": True})
             ending.start()
             while ending.is_alive():
-                # A task may have begun after Ctrl-C, and a process that starts its program loses a signal.
+                # Repeat the signal: a task may start after Ctrl-C, and a starting process may miss it.
                 interrupt_children()
                 ending.join(1)
             raise

@@ -4,7 +4,9 @@
 // Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, rs485_dir,
 // uart. The receiver listens after a telegram that expects a reply. Character format: 9600 8E1,
 // fixed (FC-1). This module only wires; network_port has the same shape. telegram and exchange:
-// vectors of regs/card.toml. Clock domain: clk.
+// vectors of regs/card.toml. PAUSE_TICKS: two characters, in 1/16 bit. listen_again: forget the
+// received reply and listen anew. listen_stop and telegram_start end the listening.
+// Clock domain: clk.
 // Rules: FC-1, FC-8, FC-10.
 `default_nettype none
 

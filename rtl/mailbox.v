@@ -5,7 +5,8 @@
 // writes the drive's replies. The firmware sees all of it through one bus. The commit gate
 // decides what leaves. Only wires in here. request, telegram, exchange,
 // supervision: vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
-// commit_gate, like MASTER_LOSS_STOP. Clock domain: clk.
+// commit_gate, like MASTER_LOSS_STOP. MEMORY_BYTES: of bus_arbiter. core_rst: reset of the soft
+// core; it also empties the commit gate. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
 
@@ -297,7 +298,7 @@ module mailbox #(
       .fault(supervision[`CARD_SUPERVISION_FAULT_BITS])
   );
 
-  // For waveforms only, and for the supervisor only.
+  // reply_queued is for waveforms; the supervisor reads START_SEEN.
   wire unused = &{1'b0, reply_queued, exchange[`CARD_EXCHANGE_START_SEEN_BITS]};
 
 endmodule

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The registers between the front end and the firmware.
 //
-// The map is written in regs/mailbox.rdl alone. What is read fills two words, which
+// The map is written in regs/mailbox.rdl alone. Readable bytes fill two words, which
 // repeat over the whole map: word 0 with request, exchange, length and time, word 1
 // with the events in place of the request. rdata is 0 unless a word was read a clock
 // before: a line may read the memory while a register is written. Any write strobe writes
 // the whole word. An event that comes while its flag is being cleared is kept.
 // queue_telegram, use_waiting, repeat_telegram and keep_write are the actions of TELEGRAM.
 // keep_write needs no line; the others need a drive line on which nothing is sent.
-// Clock domain: clk. Rules: FRAME-4, FRAME-5, FRAME-7, FC-8.
+// rst turns the LEDs off. Event flags and lengths stay: a restart of the firmware loses no event,
+// and a telegram on the wire keeps its length (WDG-1).
+// Clock domain: clk. Rules: FRAME-4, FRAME-5, FRAME-7, FC-8, WDG-1.
 `default_nettype none
 
 // Written by `make regs`, the macros of regs/ that this file uses:

@@ -6,8 +6,8 @@
 // LANE: the byte that the lane keeps, with its parity bit; the other bits of rdata are 0, so that
 // lanes can be ORed. The array has ALL words of the image, because $readmemh reads a file from its
 // first line. For the same reason it has all 36 bits of a word, and a write to the lane writes
-// them all: no tool loads or writes a part everywhere. Synthesis keeps the words and bits that
-// rdata can show.
+// them all: not every tool can load or write a part of a word. Synthesis keeps the words and bits
+// that rdata can show.
 // FIRMWARE_HEX: $readmemh image, one word of 36 bits a line. Clock domain: clk.
 // Rules: TOP-1, TOP-2.
 `default_nettype none

@@ -7,11 +7,13 @@
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults are those of the configuration standard, or of the file
-// regs/generated/config_<name>.v that was read before. SOFT_CORE: see soft_core. PLACES: committed writes that can
-// wait, see commit_gate. DE_LIMIT: LIMIT of driver_limit. MASTER_LOSS_STOP: 1, the card may stop
-// the drive when the master is lost, if the firmware has the option of that name; see master_loss
-// and docs/guide/master-loss.md. BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it;
-// see break_filter. Rules: TOP-1, TOP-2.
+// regs/generated/config_<name>.v that was read before. SOFT_CORE: see soft_core. STRICT_T15,
+// PREPARE_EARLY: see rtu_rx. MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see
+// firmware_ram. PLACES: committed writes that can wait, see commit_gate. DE_LIMIT: LIMIT of
+// driver_limit. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the
+// firmware has the option of that name; see master_loss and docs/guide/master-loss.md.
+// BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it; see break_filter.
+// Rules: TOP-1, TOP-2.
 `default_nettype none
 
 // Written by `make regs`, the macros of regs/ that this file uses:
@@ -77,7 +79,7 @@ module rtu2fc #(
     output wire       led_drive_green
 );
 
-  // Nothing runs before the switches are known.
+  // Ports, supervisor and soft core wait in reset for the switches (LINE-8).
   wire rst_pin;
   wire sw_ready;
   wire rst = rst_pin || !sw_ready;

@@ -25,9 +25,10 @@
 // other has begun, or everything up to the next t3.5 is dropped. 0 without BREAK_TOLERANT.
 //
 // Each discarded frame counts one event, for the first that applies of framing error, parity
-// error, over-length and CRC error. A frame that is continued between t1.5 and t3.5 counts
-// count_t15 instead. count_foreign: a good frame for another unit. frame_writes_coils: the
-// function is 05 or 15, the only ones that may command the drive.
+// error, over-length and CRC error. With STRICT_T15 = 1 a character between t1.5 and t3.5 counts
+// count_t15 instead, but after a good frame for this card it gives revoke. count_foreign: a good
+// frame for another unit. frame_writes_coils: the function is 05 or 15, the only ones that may
+// command the drive.
 // fault: the halves of frame_bank disagree; the newest frame must be dropped. One clock: bank_i
 // ends in 0.
 // Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.

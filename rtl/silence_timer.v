@@ -12,12 +12,13 @@
 // when DE falls.
 // busy must rise with the pin and not with the filtered line, because the filter's delay is
 // subtracted here. The count stops while busy is high, so a glitch or a false start costs only
-// its own duration. restart, at the end of each character, restarts the count; sending holds it
-// at its start.
+// its own duration. restart, at the vote on the first stop bit of each character, restarts the
+// count; sending holds it at its start.
 // half_reached, short_reached, long_reached: one clock. long_silent: level, until the next restart.
 // half_end: the count in the last tick of a half. half_uneven takes one tick off the second,
 // fourth and sixth half. GUARDED = 1: a flipped bit in the count restarts it, so that a frame
 // never ends before t3.5 (docs/hardening.md, Silence timer parity, SAFE-4).
+// WIDTH: bits of the count. SHORT_HALVES, LONG_HALVES: the two limits, in halves.
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8, SAFE-4.
 `default_nettype none
 

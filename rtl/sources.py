@@ -4,7 +4,8 @@
     python -m rtl.sources [CONFIG]     default: standard; exit 2 for a configuration that is not there
 
 The project's own files come from rtl/rtl.f, the core's from configs.toml, and one file of macros carries
-what the configuration sets. That file is first; the others may be read in any order.
+what the configuration sets. The core's files come first, because their `timescale holds for all that
+follow. The macros come second, the others in any order.
 """
 
 import importlib.util

@@ -6,9 +6,9 @@
 // core and the queued reply and telegram. The lines and the switch settings are not reset, so a
 // telegram on the wire is finished. Three bites are a fault if in between neither a reply was
 // sent nor a good telegram came from the drive.
-// Fault (LED-5): an invalid unit address, a firmware image with a wrong checksum, or the third
-// bite. Until the next reset the soft core is stopped, both ports are in reset (both DE low) and
-// both LEDs are red.
+// Fault (LED-5): an invalid unit address (not while the loop-back test is open), halt (the
+// firmware found a wrong sum of its image), or the third bite. Until the next reset the soft core
+// is stopped, both ports are in reset (both DE low) and both LEDs are red.
 // Loop-back test (LOOP-1): open if its switch pattern is set at power-up, until the firmware
 // closes it. It never opens again before the next reset.
 // loopback_heard: since the reset a character began on a line while neither port was sending

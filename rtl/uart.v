@@ -16,8 +16,8 @@
 // start_seen: one clock, when a start bit passed its vote. It never comes from a character that
 // is being sent, because the port holds the line high then.
 //
-// Sending. A byte is accepted while the line is idle, or from the first stop bit of the previous
-// character on. A byte that is offered within one bit leaves no gap (FC-8, LINE-1). Its
+// Sending. A byte is accepted while the line is idle, or after the last data bit of the previous
+// character. A byte that is offered within one bit leaves no gap (FC-8, LINE-1). Its
 // character begins at the next tick with line_ready. Every bit lasts exactly 16 ticks. sending:
 // level, from the first start bit to the end of the last stop bit on the pin. With send_check
 // the data bits come from check_bit in place of send_data.

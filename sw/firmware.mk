@@ -17,6 +17,7 @@ FIRMWARE_HOST_DIR ?= build/host
 # Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,waiting_places).
 firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
+# Bytes of stack that the linker reserves in every image; sw/tools/stack.py compares them with the use.
 FIRMWARE_STACK := 160
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,\

@@ -160,13 +160,13 @@ def net_types() -> list[str]:
 
 def licences() -> list[str]:
     """Every file has a licence and a copyright, by its own lines or by REUSE.toml."""
-    # Of its readers of encodings, the one that needs no library of the system.
+    # The detector of encodings that needs no library of the system.
     os.environ["REUSE_ENCODING_MODULE"] = "charset_normalizer"
     return tool(sys.executable, "-m", "reuse", "lint", "--lines")
 
 
 def finished() -> list[str]:
-    """Nothing left for later, nothing left out, no place of one machine."""
+    """No TODO marks, no skipped tests, no absolute paths."""
     wrong = []
     for path in (path for path in source_files() if path.name != OUR_OWN):
         for number, line in enumerate(path.read_text().splitlines(), 1):

@@ -142,8 +142,8 @@ install_packages() {
   echo >&2 "setup: installing with apt: ${packages[*]}"
   local install=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive
     apt-get install -y -q --no-install-recommends "${packages[@]}")
-  # The lists are fetched only when the packages cannot be had without; a list of somebody else's that
-  # cannot be fetched does no harm as long as ours are found.
+  # apt-get update runs only if the installation fails without it. Its failure is ignored if the packages are
+  # then found.
   if ! "${install[@]}" >"$log" 2>&1 </dev/null; then
     "${as_root[@]}" apt-get update -q >>"$log" 2>&1 </dev/null || true
     if ! "${install[@]}" >>"$log" 2>&1 </dev/null; then
@@ -219,7 +219,7 @@ fi
 
 # An environment moved to another place is made anew: its scripts carry the old path.
 if [ -e "$venv/bin/pip" ] && ! grep -qF "$venv/" "$venv/bin/pip"; then
-  # Through a link that would empty somebody else's.
+  # If .venv is a link, --clear would empty another project's environment.
   [ ! -L "$venv" ] || die ".venv is a link to $(readlink -f "$venv"), which belongs there; remove the link"
   python3 -m venv --clear "$venv"
 fi

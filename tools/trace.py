@@ -2,9 +2,9 @@
 """Which test shows which rule, and what its last run said.
 
 Rules come from docs/reference/requirements.md, tests from the `rule` marks that pytest collects, results
-from the last runs (build/results.json, written by tb/lib/pytest_plugin.py). Rules of whose tests none has
-run are named. It fails on a rule without a test, on a mark that names no rule, on a test whose last run
-failed, and on a cocotb test that no run has chosen. --complete fails on a test that was not run, too.
+from the last runs (build/results.json, written by tb/lib/pytest_plugin.py). It prints each rule none of
+whose tests has run. It fails on a rule without a test, on a mark that names no rule, on a test whose last
+run failed, and on a cocotb test that no run has chosen. --complete fails on a test that was not run, too.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Result:
 
 
 def read_results() -> dict[str, Result]:
-    """Whatever has run; ValueError for a file that is none of ours."""
+    """Results of the last runs by test; ValueError for a file of another form."""
     if not RESULTS.exists():
         return {}
     found = {}
@@ -111,7 +111,7 @@ def shown_rules(rules: dict[str, str], tests: dict[str, list[str]], results: dic
 
 
 def cocotb_tests(path: Path) -> set[str]:
-    """What a file has for the simulator."""
+    """Names of the cocotb tests in a file."""
     return {
         node.name
         for node in ast.walk(ast.parse(path.read_text()))

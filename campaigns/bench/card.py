@@ -45,7 +45,7 @@ DRIVERS, PROBES = ("modbus_de", "drive_de"), SIGNALS[4:]
 # early', or with a slower core, the firmware's time comes on top.
 MARGIN_BITS = 4
 MARGIN_S, SLOW_MARGIN_S = 0.0003, 0.005
-# The card counts the wait of FC-9 in whole milliseconds, and the repeat may have to wait for the pause.
+# The card counts the wait of FC-9 in ticks of 1/1200 s, and the repeat may have to wait for the pause.
 WAIT_MARGIN_S = 0.006
 DEFAULT_WAIT_S = 0.15  # register 40003
 # Before the end of the wait: start of a late reply (the shortest reply lasts twice that), end of a last one.

@@ -31,7 +31,7 @@ T35_ACCURACY_BITS = 0.25
 TELEGRAM_EARLY_BITS = 1 / 16
 SENDER_ERROR = 0.04  # LINE-5
 PAUSE_ACCURACY_BITS = 1 / 16
-# The firmware counts the wait in whole milliseconds and rounds up twice.
+# The firmware counts the wait in ticks of 1/1200 s: it ends one to two ticks and a round of the loop late.
 WAIT_LIMIT_MS = 3.0
 
 

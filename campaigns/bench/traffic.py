@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random traffic: requests of masters, damage of their frames, and misbehaviour of the drive.
 
-Other tests cover: breaks and line noise inside a frame (conformance.py, tb/test_uart_rx.py), senders beside
+Other tests cover: breaks and line noise inside a frame (conformance.py, tb/rtl/test_uart.py), senders beside
 the nominal rate (conformance.py), a frame while the card still answers (cases.py), resets.
 """
 

@@ -32,7 +32,7 @@ enum {
 
 enum step_kind {
     ROUND,          /* of the firmware's loop, from one reading of TIME to the next */
-    CANDIDATE,      /* a good frame and t1.5 */
+    CANDIDATE,      /* a good frame and half a character */
     COMMIT,         /* t3.5 */
     CHARACTER,      /* before t3.5 */
     TICK,           /* 1/1200 s */

@@ -37,7 +37,8 @@ CORE_X0_WORDS = {"standard": 1, "tiny": 16}
 START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
 CLEAR_BITS = 0.5  # FRAME-1 permits a quarter of a bit either way
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
-SILENCE_S = 0.12  # the watchdog acts after 64 ms, and the firmware starts in 25 ms
+# The watchdog bites 80 ms after the last kick at the latest, and the firmware starts in 25 ms.
+SILENCE_S = 0.12
 BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.

@@ -8,8 +8,8 @@
 
 A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if
-formal/MODULE.sby no longer holds or tb/test_MODULE.py fails, or if either takes far longer than on the
-unchanged module. The tests are MORE_BENCHES, too; they run on Icarus, or on Verilator if a test runs only
+formal/MODULE.sby no longer holds, or if tb/*/test_MODULE.py or a bench of MORE_BENCHES fails, or if one of
+them takes far longer than on the unchanged module. Tests run on Icarus, or on Verilator if a test runs only
 there. A mutant that is not caught is the same if campaigns/mutate/same.py proves that it behaves like the
 original, and survives otherwise. Each module writes build/mutate/MODULE.json, from which an interrupted run
 continues. The report lists both kinds. Exit 1: a mutant survives.

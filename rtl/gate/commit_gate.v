@@ -8,7 +8,7 @@
 //   reply_slot     the reply: once, on a silent line, never after another character
 //   telegram_slot  the telegram: only with a licence, at most once more as a repeat
 //   waiting_place  the licence of a committed write that waits for a running exchange
-//   loopback_end   end of the loop-back test, the one exception: no master is there (LOOP-1)
+//   loopback_end   end of the loop-back test, in which orders need no request (LOOP-1)
 //   master_loss    the licence of the stop that leaves when the master is lost (SAFE-7)
 //
 // keep_write moves the licence of the newest request to the place of its kind as soon as that
@@ -17,8 +17,8 @@
 // rst. PLACES: 2, one for a broadcast and one for a unicast write; 1, only the broadcast's,
 // and keep_write for a unicast write is ignored.
 //
-// MASTER_LOSS_STOP: 1, use_waiting with waiting_stop orders the telegram under the licence of
-// master_loss, which leaves with telegram_stop; 0, there is none and waiting_stop is ignored.
+// MASTER_LOSS_STOP = 1: use_waiting with waiting_stop orders a telegram under the licence of
+// master_loss, and telegram_stop is 1 for it. 0: waiting_stop is ignored, telegram_stop is 0.
 //
 // Without a committed request no telegram starts. Without a committed write of coils none has
 // telegram_control; fc_tx then sends bit 10 of its control word as 0 (SAFE-1).

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the clock in which the loop-back test ends, and with it all that the test queued.
+// Marks the clock in which the loop-back test ends. reply_slot and telegram_slot then drop what
+// the test queued (LOOP-1).
 //
 // closing: loopback_open was 1 in the clock before and is 0 now.
 // Clock domain: clk. Rule: LOOP-1.

@@ -2,12 +2,13 @@
 // The licence of the one stop that leaves when the master is lost.
 //
 // watch, with rights: the firmware gives period and, for a write of coils, whether it leaves the
-// start bit at 1 (running). running arms, its absence disarms; no other request changes that.
-// commits and watch begin the wait anew. due: armed, and more than period passed without either;
-// period 0: never. The licence is one: take while it is due disarms, until a write of coils arms
-// again. Both decisions are guarded bits. The count is none: the firmware measures the same time
-// and orders only if both agree (docs/hardening.md, Loss of the master).
-// rights: the order is for the newest request, which is committed; that never comes with commits.
+// start bit at 1 (running). running = 1 arms, running = 0 disarms; other requests change neither.
+// commits and watch restart the wait. due: armed, and more than period has passed since the last
+// of both; never with period 0. take while due disarms, until a write of coils arms again.
+// armed and over are guarded bits. The count is not guarded: the firmware measures the same time,
+// and both must agree (docs/hardening.md, Loss of the master).
+// rights: the order is for the newest request, which is committed. rights and commits never come
+// in one clock.
 // Units: period counts changes of beat, 1/1200 s; at most 1 more passes.
 // fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // rst disarms. Clock domain: clk. Rules: SAFE-7, SAFE-4.

@@ -13,11 +13,12 @@
 // of coils when that leaves, and for a broadcast the firmware's answer, which sends nothing.
 // takes_reply, takes_telegram, licenses: rights of an order with queue_ticket. An order
 // with the ticket of an older request has none. A broadcast takes no reply (MAP-9).
-// keep: the firmware orders that the request's licence waits. It does so from the commit on
-// (kept), which spends a write of coils; its reply stays (FRAME-7). Another write may need a
-// second telegram while it is the newest request (MAP-8). keep for a candidate is remembered
-// until the commit and forgotten with the candidate. A request that licenses the
-// telegram in telegram_slot (used) has no second licence to keep.
+// keep: the firmware orders that the request's licence moves to its place. The licence moves
+// with the commit, or at once if the request is committed (kept). That spends a write of coils;
+// its reply may still leave (FRAME-7). Another write is not spent: it may need a second telegram
+// while it is the newest request (MAP-8). keep for a candidate is remembered until the candidate
+// ends. keep has no effect while the request licenses the telegram in telegram_slot (used).
+// rst ends the request but leaves the ticket, which the firmware reads after its start.
 // fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // commits, withdrawn, kept, reply_left, command_left: strobes.
 // Clock domain: clk. Rules: FRAME-6, FRAME-7, MAP-9, FC-9, SAFE-4.

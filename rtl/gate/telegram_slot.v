@@ -10,13 +10,15 @@
 // transmissions). A broadcast has no repeat (FC-9). The repeat is lost with the reply, and
 // with a newer write that waits (others_wait). A newer committed request ends it, too, unless
 // the licence came from a place. A write to the telegram's memory (touched) and the end of the
-// loop-back test take licence and telegram. While that test is open, every order of queue has
-// a licence, but no command (LOOP-1).
-// control: the licensed request writes coils, so bit 10 of the control word may be 1.
+// loop-back test end the licence and drop the telegram. While that test is open, every order of
+// queue has a licence, but no command (LOOP-1).
+// control: the licence is that of a write of coils or of the stop, so bit 10 of the control word
+// may be 1.
 // stop: master_loss gave the licence (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
 // command_left: the write of coils of the newest request leaves in this clock.
 // fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
 // own: from this clock on the newest request licenses the telegram here.
+// started: the telegram of the last order has started. rst drops licence and telegram.
 // In the clock of any order no telegram starts. Clock domain: clk.
 // Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4, SAFE-7.
 `default_nettype none

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Modbus RTU in the card's terms (maps of chapter 5, exceptions of chapter 6).
+// Modbus RTU in the card's terms: coils and registers (MAP-1 to MAP-9), exceptions (EXC).
 
 #include <cstdio>
 

@@ -3,7 +3,7 @@
  * Connects mailbox and translation core: decides when to decode, queue, commit, wait, repeat and abandon.
  *
  * There are no interrupts. gateway_poll is one step of the poll loop. It must run at least once between a commit
- * and the next candidate (1.1 ms at 115200 baud).
+ * and the next candidate: 0.6 ms at 115200 bit/s, four characters of 8N1 and half a character of silence.
  */
 #ifndef GATEWAY_H
 #define GATEWAY_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Codes of both protocols, shared by the files of the translation core. Includes and calls go one way: translate to
- * coils and registers; these three to reply and telegram; translate to guard. */
+/* Codes of both protocols, shared by the files of the translation core. Includes and calls go one way: translate calls
+ * coils, registers and diagnostics; these four call reply; translate, coils and registers also call telegram and guard. */
 #ifndef CODES_H
 #define CODES_H
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Modbus application protocol V1.1b3, 6.8, 6.9, 6.13, 6.21. A reply is prepared before its request is committed
- * (FRAME-6). So a reply reports the counts of requests with that request, one more than is counted yet.
+ * (FRAME-6). So a reply reports the counter of requests plus one.
  */
 #include "diagnostics.h"
 
@@ -47,7 +47,7 @@ static volatile uint16_t *counter_at(uint32_t i)
     return mailbox_counter(COUNT_CRC) + i * (FRAME_STRIDE / sizeof(uint16_t));
 }
 
-/* The faults of the network line: a message that was none. */
+/* Sub-function 12: network frames that were discarded or revoked. */
 static uint32_t errors(void)
 {
     return (uint32_t)*mailbox_counter(COUNT_CRC) + *mailbox_counter(COUNT_PARITY) + *mailbox_counter(COUNT_FRAMING) +
@@ -209,7 +209,7 @@ void diagnostics_commit(const struct transaction *txn)
 {
     mailbox_count(mailbox_counter(COUNT_REQUESTS));
     if (txn->reply_length == 0)
-        return; /* the drive is asked, or nobody */
+        return; /* no reply yet, because the drive is asked first, or none at all */
     diagnostics_done(txn);
     if (txn->out.reply[0] == DIAGNOSTIC && (txn->address == SUB_RESTART || txn->address == SUB_CLEAR))
         clear();

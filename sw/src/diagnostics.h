@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Functions 08, 0B, 11 and 2B/0E (MAP-10), and the counters that they tell. Only with the option DIAGNOSTICS. */
+/* Functions 08, 0B, 11 and 2B/0E (MAP-10), and the counters that they report. Only with the option DIAGNOSTICS. */
 #ifndef DIAGNOSTICS_H
 #define DIAGNOSTICS_H
 
@@ -11,7 +11,7 @@ enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_
 /* Counts a committed request, and its reply if that needs no drive. Clears the counters if it asked for that. */
 void diagnostics_commit(const struct transaction *txn);
 
-/* Counts the reply that txn->reply holds, or a broadcast that was sent to the drive. */
+/* Counts the reply that txn->out.reply holds, or a broadcast that was sent to the drive. */
 void diagnostics_done(const struct transaction *txn);
 
 #endif

@@ -87,7 +87,7 @@ static void start_exchange(struct gateway *g, struct transaction *txn, uint32_t 
                           (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u) | action);
 }
 
-/* The only functions below a write's are the two that read. */
+/* All functions but 01 and 03, those of DIAGNOSTICS included: they are translated twice. */
 static bool is_write(const struct transaction *txn)
 {
     return txn->function > READ_REGISTERS;
@@ -125,8 +125,8 @@ static bool drive_is_wanted(struct gateway *g)
 }
 
 /* FC-9: the time-out for the drive's reply, and for a line that is never silent. A dead drive holds up nobody: the
- * time-out is the default at most while a telegram waits. '>' guarantees the full wait, however early in a tick
- * wait_start was sampled; the additional tick, however long the round was before it. */
+ * time-out is the default at most while a telegram waits. '>' covers the part of a tick before wait_start was sampled,
+ * the additional tick a long round before that. So the wait is never too short. */
 static bool timed_out(struct gateway *g)
 {
     uint32_t tens = g->translator.settings.word[LOCAL_DRIVE_TIMEOUT];
@@ -166,7 +166,8 @@ static void abandon_exchange(struct gateway *g)
     end_exchange(g);
 }
 
-/* FC-9 allows one repeat. While a telegram waits there is none. The gate refuses that of an older reading. */
+/* FC-9 allows one repeat, and none while another telegram waits. The gate refuses to repeat a reading after a newer
+ * commit. */
 static void repeat_or_abandon(struct gateway *g)
 {
     mailbox_write(LISTEN, 0);
@@ -434,7 +435,8 @@ static void watch_master(const struct gateway *g)
                                   (translate_is_running(&g->translator) ? MAILBOX__SUPERVISOR__RUNNING_bm : 0u));
 }
 
-/* `request` is the other reading than the one that led here (docs/hardening.md, Committed by two bits). */
+/* request: the second reading of REQUEST; poll_request() decided with the first (docs/hardening.md, Committed by two
+ * bits). */
 static void commit(struct gateway *g, uint32_t request)
 {
     translate_commit(&g->translator, g->newest->check + state_of(request));
@@ -518,7 +520,7 @@ static void poll_events(void)
 
 /* ---- the poll loop */
 
-/* A request from before a restart, or from before the loop-back test heard it, is not served. */
+/* A request that came before a restart, or during the loop-back test, is not served. */
 static void forget_request(struct gateway *g)
 {
     g->ticket = g->committed_ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;

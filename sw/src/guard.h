@@ -28,7 +28,8 @@ void guard_set_coils(struct settings *settings, uint32_t which, uint32_t value);
 /* A check word of the telegram of txn and of the next settings (docs/hardening.md, Telegram made twice). */
 uint32_t guard_of(const struct translator *t, const struct transaction *txn);
 
-/* What the guard word of the next settings lacks until their commit (docs/hardening.md, Prepared settings). */
+/* The guard word of the next settings is too small by this key until the commit adds it (docs/hardening.md, Prepared
+ * settings). */
 #define GUARD_KEY 0x20u
 
 #endif

@@ -20,8 +20,8 @@ enum { LISTEN = TICKS(1000), TRANSFER = TICKS(40), RESULT = TICKS(12000) };
 enum { AT_LGE = 1, AT_ADR = 2, AT_DATA = 3, PATTERN = 16, CRC = 2, LENGTH = PATTERN - AT_ADR, LONGER = 30 };
 enum { FILLER = 0x5A };
 
-/* After the pattern: the CRC of the longer one, inverted bit by bit as it is sent, and the byte that is stored no
- * more. */
+/* After the pattern: the inverted CRC of the longer one, as the network port sends it. Then FILLER, the byte that the
+ * drive port must not overwrite. */
 static const uint8_t pattern[PATTERN + CRC + 1] = {0x02, LENGTH, 0x81, 0x00, 0x00, 0x00, 0x00, 0x55, 0xAA,  0xFF,
                                                    0x01, 0x00,   0x00, 0x00, 0x00, 0x73, 0x27, 0xB7, FILLER};
 

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Start and poll loop: image check, watchdog kicks, gateway, check of the settings (LED-5, WDG-1, SAFE-4). */
 #include "gateway.h"
 #include "image.h"
 #include "mailbox_port.h"

@@ -102,7 +102,7 @@ class Traffic:
         self.model.counts["overrun"] += 1
 
     def cut(self) -> None:
-        """A gap of 2 t1.5 characters inside: the first part is thrown away, the rest is a bad frame."""
+        """A gap of 1.5 x t1.5 inside: the first part is thrown away, the rest is a bad frame."""
         data = rtu.build(9, READ)
         gap = 1.5 * rtu.t15_ps(self.fmt.baud) / self.fmt.bit_ps
         self.send(data, Flaws(gaps={3: gap}))

@@ -666,7 +666,7 @@ def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
     ],
 )
 def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
-    """Two characters of the drive line take 2290 us: 27500 clocks, 4 to 5 per instruction."""
+    """Two characters of the drive line take 2290 us: 27500 clocks, 5 to 6 per instruction."""
     bench = Bench(functools.partial(Machine, dialect=dialect))
     bench.request(READ_TEXT)
     bench.telegram_ends()

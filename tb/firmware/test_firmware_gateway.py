@@ -1359,7 +1359,7 @@ def instructions_until(bench: Bench, happened: str) -> int:
 @pytest.mark.rule("PERF-1", "PERF-2")
 @pytest.mark.parametrize("what", WORST_REQUESTS)
 def test_every_request_is_queued_in_time(what: str):
-    """At the highest rates the candidate comes 1500 us before t3.5: 18000 clocks, 4 to 5 per instruction."""
+    """At the highest rates the candidate comes 1500 us before t3.5: 18000 clocks, 5 to 6 per instruction."""
     bench = Bench(Machine)
     bench.local(H("06 0000 0500"))
     bench.mailbox.candidate(WORST_REQUESTS[what])

@@ -19,7 +19,7 @@ CLK_HZ = int(os.environ.get(CLOCK_VARIABLE, SLOW_HZ[CONFIG]))
 # Duration of a round of the poll loop at these clocks in ms: a time-out may be noticed so much later.
 ROUNDS_MS = {"standard": 0.5, "tiny": 5.0}
 ROUND_MS = ROUNDS_MS[CONFIG]
-# A time-out of the firmware ends up to two ticks of 1 ms and a round late, never early.
+# A time-out of the firmware ends one to two ticks (1/1200 s) and a round late, never early.
 OVERDUE_MS = 2 + ROUND_MS
 # Time in ms until the telegram of a broadcast has been sent, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]

@@ -40,8 +40,8 @@ from tb.model.wire import (
 SYNC_CLOCKS = 4
 # A receiver samples the last bit in the middle of the stop bit: half a bit before the end, and a margin.
 STOP_BITS = 0.6
-# Delays in ms: of a tick of the firmware's millisecond clock, and of the last character of a reply that the
-# firmware still waits for.
+# Allowances in ms: for the firmware's clock (ticks of 1/1200 s), and for the last character of a reply that
+# the firmware still waits for.
 TICK_MS, LAST_CHARACTER_MS = 2.2, 4.5
 # A reading's telegram that a newer request overtakes may leave or not, from this long after it was queued on.
 OVERTAKEN_MS = 6.0

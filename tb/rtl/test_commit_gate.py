@@ -23,8 +23,8 @@ INPUTS = """
 """.split()  # noqa: SIM905 (a table reads better than a list)
 
 
-# What tells a candidate, a commit and a licence. Verilator hands out a copy of a register that is a port, and
-# what is written to it is lost: these two flip on Icarus.
+# Registers of candidate, commit and licence. On Verilator a write to a register that is a port is lost, so
+# PORTS flip on Icarus only.
 PORTS = [] if getattr(cocotb, "SIM_NAME", "") == "Verilator" else ["is_candidate", "telegram_queued"]
 BITS = ["committed", "uncommitted", "licensed", "unlicensed", *PORTS]
 
@@ -570,7 +570,7 @@ async def a_request_that_has_its_reply_licenses_nothing_more(dut):
     assert await gate.settle() == (1, 0)
     await gate.queue_telegram(ticket, repeat=1)
     assert await gate.settle() == (1, 0)
-    # Neither does it stain the next one, nor does the next one's candidate wash it clean.
+    # A revoked candidate does not clear `spent`; the next committed request is not spent.
     newer = await gate.candidate()
     await gate.pulse("revoke")
     await gate.queue_telegram(newer)

@@ -180,7 +180,7 @@ async def what_came_from_a_place_has_one_repeat_and_can_lose_it(dut, ended_by):
         await slot.pulse("reply_left")
     for _ in range(2):
         await slot.pulse("again")
-        # The reply to a newer request is none to this one.
+        # A reply to a newer request does not answer this one.
         assert await slot.left() == 1 + (ended_by in ("nothing", "a newer commit", "reply_left"))
 
 
