@@ -34,7 +34,11 @@ SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 PIECES = list(fast(SEED))
 FORMS = ("8N1", "8N2", "8E1", "8O1")
 FEW_RATES = (1200, 19200, 115200)
-LONG = ("standard-random-115200-8E1", "standard-turnaround-2400-8E1")
+LONG = (
+    "standard-random-115200-8E1",
+    "standard-turnaround-2400-8E1",
+    "standard-turnaround-300-8N2",
+)
 
 
 def pieces(*kinds: str) -> pytest.MarkDecorator:

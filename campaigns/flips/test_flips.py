@@ -108,6 +108,7 @@ def clocked(path: Path) -> set[str]:
     return {name for block in blocks for name in re.findall(assignment, block)}
 
 
+@pytest.mark.slow
 @pytest.mark.rule("SAFE-4")
 def test_flips_in_copies_have_the_outcomes_of_flips_alone(places):
     """Of two groups, whose traffic differs."""

@@ -109,8 +109,9 @@ def section(config: str, blocks: list[dict]) -> str:
 
 def kept(config: str, text: str) -> str:
     """The section of this card in the page `text`, if it would be measured alike now; else empty."""
+    after = " ".join(TEMPLATE.read_text().split("{cards}")[1].split()[:4])
     found = re.search(
-        rf"^## The {config} card$.*?(?=\n\n(?:## |What the requests are))", text, re.DOTALL | re.MULTILINE
+        rf"^## The {config} card$.*?(?=\n\n(?:## |{re.escape(after)}))", text, re.DOTALL | re.MULTILINE
     )
     of = (f"sources `{host.fingerprint()}`", f"judge `{fingerprint.soak()}`")
     now = f"Measured on the {config} card `{fingerprint.card(config)}`."

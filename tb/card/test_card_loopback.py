@@ -137,6 +137,7 @@ def check_verdict_lasts(card: FastCard, shows: str) -> None:
         assert any(abs(lasted - ms) <= ACCURACY * VERDICT_MS for ms in expected)
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=1) as card:

@@ -255,6 +255,7 @@ def test_example_is_short():
     assert len(regs.MACRO_BLOCK.sub("", EXAMPLE.read_text()).splitlines()) < 100
 
 
+@pytest.mark.slow
 def test_example_is_synthesised():
     """No undriven net, no latch, and no cell but those of the part."""
     files = [*needed_files("network_port"), EXAMPLE]
@@ -287,6 +288,7 @@ def simulate(sim: str, baud: int, testcase: list[str] | None = None, clk_hz: int
     )
 
 
+@pytest.mark.slow("icarus")
 def test_holding_registers(sim):
     shorter = ("random_", "limits_", "first_", "a_write_", "broadcasts_", "frames_", "a_character_")
     simulate(sim, 19_200, [f"{name}.*" for name in shorter])

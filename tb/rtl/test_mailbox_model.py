@@ -179,6 +179,7 @@ async def the_model_decides_as_the_gate(dut):
     assert len(left) >= 6, "replies, and telegrams of each licence, repeated; the repeat of a stop is rare"
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-7")
 def test_the_model_decides_as_the_gate(sim):
     run("commit_gate", "tb.rtl.test_mailbox_model", sim=sim, parameters={"MASTER_LOSS_STOP": 1})

@@ -623,6 +623,7 @@ LONG = [
 ]
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule(
     *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
     *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "LOOP-1"),
@@ -632,7 +633,7 @@ def test_network_port(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
-@pytest.mark.slow("icarus")
+@pytest.mark.slow
 @pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-6", "LINE-5", "SAFE-4")
 def test_network_port_at_length(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=LONG)
