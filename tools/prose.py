@@ -6,7 +6,8 @@
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of that
 page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
 "docs/hardening.md, Guarded bits". Card or firmware must cite each such heading. Each page of docs/ needs a
-link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. Each Verilog module and each C
+link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. A list has an
+empty line before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and each C
 file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that codespell
 does not know. Prints one line for each mistake; exit 1 if there is one.
 """
@@ -31,6 +32,8 @@ CODE = re.compile(r"`[^`\n]*`")
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)[^)]*\)")
 HEADING = re.compile(r"^#{1,6} +(.*?) *#*$", re.MULTILINE)
 ANCHOR = re.compile(r"<a (?:id|name)=\"([^\"]+)\"")
+SHALLOW = re.compile(r"^ {1,3}(?:[-*+]|\d+\.) ", re.MULTILINE)
+UNPARTED = re.compile(r"^(?![-*+] |\d+\. |[\s|#>]).+\n(?=(?:[-*+]|1\.) )", re.MULTILINE)
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 HARDENING = ROOT / "docs/hardening.md"
@@ -100,6 +103,20 @@ def dead_links(page: Path, known: set[Path]) -> list[str]:
             where = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
             wrong.append(f"{where}:{line}: {link[1]}: {reason}")
     return wrong
+
+
+def lost_lists(page: Path) -> list[str]:
+    """Lists that GitHub sees and Python-Markdown does not: no line before it, or less than four blanks."""
+    text = FENCE.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), page.read_text())
+    where = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
+    return [
+        f"{where}:{text.count(chr(10), 0, found.start()) + 1}: {reason}"
+        for kind, reason in (
+            (SHALLOW, "an inner list needs four blanks"),
+            (UNPARTED, "a list needs an empty line before it"),
+        )
+        for found in kind.finditer(text)
+    ]
 
 
 def mechanisms() -> tuple[str, ...]:
@@ -178,6 +195,7 @@ def check() -> list[str]:
     pages = [ROOT / name for name in names if name.endswith(".md")]
     wrong = spelling([name for name in names if not NO_PROSE.search(name)])
     wrong += [line for page in pages for line in dead_links(page, known)]
+    wrong += [line for page in pages for line in lost_lists(page)]
     for name in names:
         if Path(name).suffix in SOURCES and not name.startswith(("tools/prose.py", "tools/test_prose.py")):
             wrong += dead_citations(name, (ROOT / name).read_text(), known)

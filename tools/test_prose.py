@@ -55,6 +55,26 @@ def test_a_dead_link_is_found_with_its_line(pages: Path, link: str, reason: str)
     assert dead(pages) == [f"12: {link}: {reason}"]
 
 
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("- outer\n  - inner\n", "2: an inner list needs four blanks"),
+        ("- outer\n   1. inner\n", "2: an inner list needs four blanks"),
+        ("These are:\n- one\n", "1: a list needs an empty line before it"),
+    ],
+)
+def test_a_list_that_the_site_would_lose_is_found(tmp_path: Path, text: str, reason: str):
+    page = tmp_path / "page.md"
+    page.write_text(text)
+    assert prose.lost_lists(page) == [f"{page}:{reason}"]
+
+
+def test_lists_that_the_site_shows_pass(tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text("These are:\n\n- outer, and\n  more\n    - inner\n- next\n\n```\n  - no list\n```\n")
+    assert prose.lost_lists(page) == []
+
+
 def test_a_citation_needs_its_page_and_its_heading():
     known = {(prose.ROOT / "docs/hardening.md").resolve()}
     good = "// see docs/hardening.md, Guarded\n    // bits (SAFE-4)\n"
