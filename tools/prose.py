@@ -3,13 +3,13 @@
 
     python -m tools.prose
 
-A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of that
-page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
+A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of
+that page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
 "docs/hardening.md, Guarded bits". Card or firmware must cite each such heading. Each page of docs/ needs a
-link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. A list has an
-empty line before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and each C
-file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that codespell
-does not know. Prints one line for each mistake; exit 1 if there is one.
+link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. A list has an empty line
+before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and
+each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that
+codespell does not know. Prints one line for each mistake; exit 1 if there is one.
 """
 
 import re

@@ -53,7 +53,12 @@ BENCH_ARGS = {
     "rtu_rx": ["--sim=icarus", "--all"],
 }
 # The whole card is tested by subject.
-MORE_BENCHES = {"rtu2fc": ["card_supervision", "card_power_up", "card_loopback"]}
+MORE_BENCHES = {
+    "rtu2fc": [
+        *("card_supervision", "card_power_up", "card_loopback", "card_both_lines", "card_breaks"),
+        *("card_driver_time", "card_master_loss"),
+    ]
+}
 COPIED = (
     "campaigns",
     "constraints",

@@ -144,7 +144,6 @@ def test_a_character_after_a_request_does_what_it_did(card: Card):
     strict.pins.close()
 
 
-@pytest.mark.slow
 @pytest.mark.rule("FRAME-3")
 def test_without_the_option_each_of_these_lows_revokes():
     card = Card("8N1", ())

@@ -43,6 +43,8 @@ STEP_MS = 250
 SHOW = ("red", "green", "orange", "off")
 ACCURACY = 0.01
 ALL_SWITCHES = {"sw_baud": 0x1FF, "sw_addr": 0xFF}
+# The card reads the switches 0.83 ms after a reset.
+SETTLED_MS = 0.7
 READ_DRIVE_TIMEOUT = rtu.read_registers(2, 1)
 DRIVE_TIMEOUT = bytes.fromhex("03 02 00 0F")
 
@@ -482,6 +484,21 @@ def test_switches(sim, config):
         "invalid_address_turns_both_leds_red_and_keeps_both_lines_silent",
     ]
     run_card(sim, config, what)
+
+
+@pytest.mark.rule("LINE-8")
+def test_switches_that_settle_late_are_read_right_after_any_reset():
+    """The pull-ups charge the lines of the switches meanwhile. The time since the last reset varies."""
+    later = seeded("times between resets")
+    with FastCard(baud=BAUD, form="8N2", address=1) as card:
+        card.run(card.boot_ms)
+        for _ in range(8):
+            card.run(later.uniform(0, 10))
+            released = card.reset()
+            card.set(sw_addr=2)
+            card.plan(released + SETTLED_MS * MS, "sw_addr", 1)
+            card.run(card.boot_ms)
+            assert card.request(rtu.build(1, READ_DRIVE_TIMEOUT)), "not the address of the settled switches"
 
 
 @pytest.mark.parametrize("bits", [1, 2])
