@@ -47,11 +47,12 @@ def other_folder(monkeypatch, request) -> Path:
     return folder
 
 
-# Always the card's own part; the other families in `make test-slow`.
-SLOW = [pytest.param(family, marks=pytest.mark.slow) for family in FULL if family != "machxo2"]
+TWIN = [pytest.mark.slow, pytest.mark.twin]
+OTHERS = [pytest.param(family, marks=TWIN) for family in FULL if family != "machxo2"]
+GOWIN = ["card-gw1n-9", pytest.param("tang-nano-9k", marks=TWIN)]
 
 
-@pytest.mark.parametrize("family", ["machxo2", *SLOW])
+@pytest.mark.parametrize("family", ["machxo2", *OTHERS])
 def test_bitstream_equals_a_full_build(family, other_folder):
     entry = FULL[family]
     folder = other_folder / entry.name
@@ -117,7 +118,7 @@ def bytes_of_image(entry: Board, firmware: Path) -> list[list[int]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["card-gw1n-9", "tang-nano-9k"])
+@pytest.mark.parametrize("name", GOWIN)
 def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(name, tmp_path):
     """With the present firmware, in the design that `make synth` has left if it is of these sources."""
     entry = BOARDS[name]
@@ -156,7 +157,7 @@ def part_and_pins(entry: Board, bitstream: Path) -> tuple[int, set[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["card-gw1n-9", "tang-nano-9k"])
+@pytest.mark.parametrize("name", GOWIN)
 def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(name, tmp_path):
     """As docs/guide/hardware.md says: JTAG stays, and RECONFIG_N, READY, DONE and the SPI pins stay."""
     entry = BOARDS[name]

@@ -14,11 +14,15 @@ from constraints.synth import MARGIN
 from rtl.sources import ROOT, card_files, configurations
 
 LISTS = portability.lists()
+# These take longest, a minute each.
+FLOWS = [
+    pytest.param(flow, marks=[pytest.mark.twin] * (flow in ("xilinx", "nexus"))) for flow in LISTS["flows"]
+]
 
 
 @pytest.mark.slow
 @pytest.mark.needs("synth")
-@pytest.mark.parametrize("flow", LISTS["flows"])
+@pytest.mark.parametrize("flow", FLOWS)
 def test_a_flow_takes_the_card_and_finds_its_memories(flow):
     entry = LISTS["flows"][flow]
     found = portability.cells(flow, entry["command"])

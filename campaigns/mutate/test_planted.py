@@ -16,6 +16,13 @@ from campaigns.mutate import planted
 from rtl.sources import ROOT
 
 PLANTS = planted.planted()
+# These take a minute each, most of it for the copy and the build of another card.
+LONG = ("loop-back-deaf-on-the-drive-line", "pause-10-percent-short", "watchdog-at-half-speed")
+OTHERS = [
+    pytest.param(plant.name, marks=[pytest.mark.twin] * (plant.name in LONG))
+    for plant in PLANTS
+    if not plant.in_firmware
+]
 GUIDE = ROOT / "docs/guide/testing.md"
 
 
@@ -57,7 +64,7 @@ def test_a_bug_that_its_test_does_not_see_is_named(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.needs("synth")
-@pytest.mark.parametrize("name", [plant.name for plant in PLANTS if not plant.in_firmware])
+@pytest.mark.parametrize("name", OTHERS)
 def test_every_other_planted_bug_is_seen(name, tmp_path):
     assert failed_by(name, "--work", str(tmp_path))[name]
 

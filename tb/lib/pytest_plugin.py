@@ -24,7 +24,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--card", choices=list(configurations()), help="run the whole card's tests only, as this card"
     )
     parser.addoption("--all", action="store_true", help="run every test, not only the choice of `make test`")
-    parser.addoption("--rest", action="store_true", help="with --all: leave out the choice of `make test`")
+    parser.addoption(
+        "--rest", action="store_true", help="with --all, the rest of CI: without `make test` and twins"
+    )
     parser.addoption(
         "--figures", action="store_true", help="run the checks of measured pages, and only those"
     )
@@ -76,7 +78,8 @@ def wanted(item: pytest.Item, config: pytest.Config) -> bool:
     if config.getoption("--card"):
         return "config" in getattr(item, "fixturenames", ())
     if config.getoption("--all"):
-        return not costly(item, config) and not (config.getoption("--rest") and in_make_test(item))
+        known = in_make_test(item) or item.get_closest_marker("twin")
+        return not costly(item, config) and not (config.getoption("--rest") and known)
     return in_make_test(item)
 
 
