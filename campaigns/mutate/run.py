@@ -56,7 +56,7 @@ BENCH_ARGS = {
 MORE_BENCHES = {
     "rtu2fc": [
         *("card_supervision", "card_power_up", "card_loopback", "card_both_lines", "card_breaks"),
-        *("card_driver_time", "card_master_loss"),
+        "card_driver_time",
     ]
 }
 COPIED = (
