@@ -71,7 +71,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, flips, replay); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, test-all, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
-#:   REST=1        as CI: without the tests that `make test` runs, and without another board or rate (test-all)
+#:   REST=1        as CI: without the tests that `make test` runs, and without twins, more cases of a test (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, formal-flips, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)

@@ -47,6 +47,7 @@ def other_folder(monkeypatch, request) -> Path:
     return folder
 
 
+# CI builds one board of each test: a build takes one to six minutes.
 TWIN = [pytest.mark.slow, pytest.mark.twin]
 OTHERS = [pytest.param(family, marks=TWIN) for family in FULL if family != "machxo2"]
 GOWIN = ["card-gw1n-9", pytest.param("tang-nano-9k", marks=TWIN)]

@@ -14,7 +14,7 @@ from constraints.synth import MARGIN
 from rtl.sources import ROOT, card_files, configurations
 
 LISTS = portability.lists()
-# These take longest, a minute each.
+# Two take a minute each. CI runs the others.
 FLOWS = [
     pytest.param(flow, marks=[pytest.mark.twin] * (flow in ("xilinx", "nexus"))) for flow in LISTS["flows"]
 ]

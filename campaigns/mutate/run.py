@@ -55,8 +55,8 @@ BENCH_ARGS = {
 # The whole card is tested by subject.
 MORE_BENCHES = {
     "rtu2fc": [
-        *("card_supervision", "card_power_up", "card_loopback", "card_both_lines", "card_breaks"),
-        "card_driver_time",
+        f"card_{subject}"
+        for subject in ("supervision", "power_up", "loopback", "both_lines", "breaks", "driver_time")
     ]
 }
 COPIED = (

@@ -16,7 +16,7 @@ from campaigns.mutate import planted
 from rtl.sources import ROOT
 
 PLANTS = planted.planted()
-# These take a minute each, most of it for the copy and the build of another card.
+# These take a minute each. CI plants the others.
 LONG = ("loop-back-deaf-on-the-drive-line", "pause-10-percent-short", "watchdog-at-half-speed")
 OTHERS = [
     pytest.param(plant.name, marks=[pytest.mark.twin] * (plant.name in LONG))

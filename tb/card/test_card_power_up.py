@@ -43,7 +43,7 @@ STEP_MS = 250
 SHOW = ("red", "green", "orange", "off")
 ACCURACY = 0.01
 ALL_SWITCHES = {"sw_baud": 0x1FF, "sw_addr": 0xFF}
-# The card reads the switches 0.83 ms after a reset.
+# The card reads the switches 1/1200 s after a reset (rtl/card_time.v), later than this.
 SETTLED_MS = 0.7
 READ_DRIVE_TIMEOUT = rtu.read_registers(2, 1)
 DRIVE_TIMEOUT = bytes.fromhex("03 02 00 0F")
