@@ -24,6 +24,7 @@ from pathlib import Path
 from constraints import flow, image, parts
 from constraints.boards import TABLE, Board, board, boards
 from rtl.command import Parser, run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError, card_files, configurations
 
 RESULTS = flow.BUILD / "results.json"
@@ -196,7 +197,7 @@ def write_docs(results: dict) -> None:
     text = text.replace("{seeds}", seeds_line(FULLEST, results["seeds"]))
     text = text.replace("{design}", measured_from())
     text = text.replace("{parts}", "\n".join(parts.part_row(*item) for item in results["parts"].items()))
-    DOCS.write_text(text)
+    write_page(DOCS, text)
 
 
 def main() -> int:

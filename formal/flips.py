@@ -10,8 +10,9 @@ flips.toml are asserted, for so many clocks. The registers of the properties (g_
 defined, so a property file can say what the neighbours of the module still promise.
 
 Prints a line for each bit, and a table. --write, for all modules, puts it into docs/reports/proved-flips.md.
-A bit that is not proved is no error: it is listed. Exit 1: a promise does not hold without a flip, or what it
-is about never happens in these clocks (`happens`). Exit 2: unknown module, or a tool is missing.
+flips.toml lists the bits that are not proved. Exit 1: a bit is not proved and not listed, or listed and
+proved; a promise does not hold without a flip, or what it is about never happens in these clocks (`happens`).
+Exit 2: unknown module, or a tool is missing.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from pathlib import Path
 
 from formal.prove import FOLDER, ROOT, join, source
 from rtl.command import Parser, run_main, threads
-from rtl.sources import without_comments
+from rtl.report_page import write_page
+from rtl.sources import needed_files, rtl_files, without_comments
 from tb.lib.options import at_least
 
 WORK = Path("build/formal/flips")
@@ -72,12 +74,12 @@ def known() -> dict[str, dict]:
 
 
 def fingerprint(module: str) -> str:
-    """Hash of the module's Verilog and its properties, without comments, and of what is proved of it."""
+    """Hash of the module's Verilog and its properties, without comments, and of what the solver is asked."""
     files = (FOLDER / f"{module}.sby").read_text().partition("[files]")[2].split()
     paths = [ROOT / name for name in files if name.startswith("rtl/")]
     paths += [source(module), FOLDER / f"{module}_props.vh"]
     code = [" ".join(without_comments(path).split()) for path in paths]
-    about = {key: value for key, value in known()[module].items() if key not in ("says", "left")}
+    about = {key: value for key, value in known()[module].items() if key not in ("says", "unproved", "left")}
     return hashlib.sha256(json.dumps([code, about], sort_keys=True).encode()).hexdigest()[:12]
 
 
@@ -289,6 +291,46 @@ def table(found: list[Found]) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
+def surprises(found: list[Found]) -> list[str]:
+    """Bits whose proof ends otherwise than flips.toml says."""
+    lines = []
+    for module, about in known().items():
+        mine = {one.bit.name: one.broken for one in found if one.module == module}
+        listed = set(about.get("unproved", []))
+        for name, broken in mine.items():
+            if bool(broken) != (name in listed):
+                lines.append(
+                    f"{module}: {name} is {'not proved and not' if broken else 'proved, but'} in `unproved`"
+                )
+        lines += [f"{module}: it has no flip-flop {name}" for name in sorted(listed - mine.keys()) if mine]
+    return lines
+
+
+def proved_bits(found: list[Found]) -> str:
+    """Registers by module, each once: with how many of its bits, where it has several."""
+    parts = []
+    for module in known():
+        counts: dict[str, list[bool]] = {}
+        for one in found:
+            if one.module == module:
+                counts.setdefault(one.bit.name.split("[")[0], []).append(not one.broken)
+        names = [
+            f"`{name}`" if len(bits) == 1 else f"`{name}` ({sum(bits)} of {len(bits)} bits)"
+            for name, bits in counts.items()
+            if any(bits)
+        ]
+        if names:
+            parts.append(f"- `{module}`: {', '.join(names)}.")
+    return "\n".join(parts)
+
+
+def sampled() -> str:
+    """Modules with flip-flops of their own that no proof of the table has in it."""
+    tried = {path.stem for module in known() for path in needed_files(module)}
+    others = [p.stem for p in rtl_files() if p.stem not in tried and "posedge" in without_comments(p)]
+    return ", ".join(f"`{name}`" for name in sorted(others))
+
+
 def left(found: list[Found]) -> str:
     parts = []
     for module, about in known().items():
@@ -320,11 +362,22 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     print("\n" + table(found))
     print(f"in {time.monotonic() - began:.0f} s of wall time, {options.jobs} at a time")
-    if options.write and not options.modules:
-        text = TEMPLATE.read_text().replace("@TABLE@", table(found)).replace("@LEFT@", left(found))
-        DOCUMENT.write_text(text)
+    wrong = surprises(found)
+    for line in wrong:
+        print(f"formal-flips: {line}", file=sys.stderr)
+    if options.write and not options.modules and not wrong:
+        fields = {
+            "TABLE": table(found),
+            "LEFT": left(found),
+            "PROVED": proved_bits(found),
+            "SAMPLED": sampled(),
+        }
+        text = TEMPLATE.read_text()
+        for name, value in fields.items():
+            text = text.replace(f"@{name}@", value)
+        write_page(DOCUMENT, text)
         print(f"wrote {DOCUMENT.relative_to(ROOT)}")
-    return 0
+    return int(bool(wrong))
 
 
 if __name__ == "__main__":

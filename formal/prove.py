@@ -22,6 +22,7 @@ from pathlib import Path
 
 from formal import pins as formal_pins
 from rtl.command import Parser, run_main, threads
+from rtl.report_page import write_page
 from tb.lib.options import at_least
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -242,7 +243,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"\n{len(tasks) - failed} passed, {failed} failed")
     print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
     if options.write and not (options.modules or options.task or failed):
-        DOCUMENT.write_text(document(tasks, took, options.jobs))
+        write_page(DOCUMENT, document(tasks, took, options.jobs))
         print(f"wrote {DOCUMENT}")
     return 1 if failed else 0
 

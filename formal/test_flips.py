@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 
 import pytest
@@ -94,3 +95,38 @@ def test_the_table_counts_what_is_proved():
     found = [flips.Found("fc_tx", one, ""), flips.Found("fc_tx", flips.Bit("state[1]", "cell", 1), "a_stop")]
     assert " | 10 | 2 | 1 | `" in flips.table(found)
     assert flips.left(found).startswith("- `fc_tx`: `state[1]`. In the card ")
+
+
+def of_the_gate(*broken: str) -> list[flips.Found]:
+    """Results in which the listed bits of the gate, and these bits, are not proved; two others are."""
+    listed = flips.known()["commit_gate"]["unproved"]
+    bad = (*listed, *broken)
+    names = [*listed, "request_i.ticket[0]", "request_i.ticket[1]"]
+    return [
+        flips.Found("commit_gate", flips.Bit(name, "cell", 0), "a_caused" if name in bad else "")
+        for name in names
+    ]
+
+
+def test_a_bit_that_is_no_longer_proved_is_an_error():
+    assert flips.surprises(of_the_gate()) == []
+    lost = flips.surprises(of_the_gate("request_i.ticket[1]"))
+    assert lost == ["commit_gate: request_i.ticket[1] is not proved and not in `unproved`"]
+
+
+def test_a_listed_bit_that_is_proved_or_gone_is_an_error():
+    first, second, *others = of_the_gate()
+    found = flips.surprises([dataclasses.replace(first, broken=""), *others])
+    assert found == [
+        f"commit_gate: {first.bit.name} is proved, but in `unproved`",
+        f"commit_gate: it has no flip-flop {second.bit.name}",
+    ]
+
+
+def test_the_page_names_proved_registers_and_modules_that_are_only_sampled():
+    assert flips.proved_bits(of_the_gate("request_i.ticket[1]")) == (
+        "- `commit_gate`: `request_i.ticket` (1 of 2 bits)."
+    )
+    sampled = flips.sampled()
+    assert all(f"`{name}`" in sampled for name in ("uart", "fc_rx", "rtu_tx", "supervisor"))
+    assert not any(f"`{name}`" in sampled for name in ("rtu_rx", "commit_gate", "telegram_slot", "mailbox"))

@@ -37,8 +37,9 @@ FACTS = ROOT / "tools/datasheet.toml"
 TOP = ROOT / "rtl/rtu2fc.v"
 HARDWARE = ROOT / "docs/guide/hardware.md"
 SUITE = "conformance"  # page of the conformance suite
+SUITE_CARDS = ("standard card", "tiny card")
 # Pages whose figures are printed.
-MEASURED = ("results", "line-quality", "synthesis")
+MEASURED = ("results", "line-quality", "synthesis", SUITE)
 PAGES = 2
 SIZES = (1.0, 0.96, 0.92)
 CARD = r"Measured on\s(?:the\sstandard\s)?card `(\w+)`"
@@ -297,10 +298,18 @@ def conformance() -> str:
 
 
 def suite() -> str:
-    """One sentence about the suite's report."""
-    path = figures.path_of(SUITE)
-    title = re.search(r"^# (.*)$", path.read_text(), re.MULTILINE)
-    return f"The conformance suite: {html.escape(title[1] if title else SUITE)} ({path.relative_to(ROOT)})."
+    """One sentence with the suite's results of both cards."""
+    found = table(SUITE, "")
+    counts = [(name, found.column(name)) for name in ("passed", "own code", "failed")]
+    cards = [
+        f"{html.escape(row[0])} {', '.join(f'{row[n]} {name}' for name, n in counts)}"
+        for row in found.rows
+        if row[0] in SUITE_CARDS and row[found.column("by")] == "pins"
+    ]
+    if len(cards) != len(SUITE_CARDS):
+        raise DatasheetError(f"{SUITE}.md has no result of both cards on the pins; run `make conformance`")
+    path = figures.path_of(SUITE).relative_to(ROOT)
+    return f"The conformance suite, on the pins: {'; '.join(cards)} ({path})."
 
 
 COMMERCIAL = {
@@ -403,7 +412,7 @@ def page() -> str:
         "turnaround": as_html(turnaround.header, turnaround.rows),
         "bench": marked(f"`{measured}`"),
         "line": as_html(["limit", "least found", "promise"], [[row[0], row[1], row[3]] for row in line.rows]),
-        "line_steps": stated("line-quality", r"([\d.]+)\sbit\.", "how fine its steps are"),
+        "line_steps": stated("line-quality", r"rate or ([\d.]+)\sbit,", "how fine its steps are"),
         "line_card": marked(f"`{stated('line-quality', CARD)}`"),
         "rivals": ", ".join(html.escape(name.split(" ")[0]) for name in rivals().values()),
         "resources": resource_table,

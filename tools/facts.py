@@ -33,7 +33,7 @@ RESULTS = (
     *("flips?", "frames", "proofs", "tasks", "tests", "cells", "LUTs?", "transactions", "mutants", "bugs"),
     *("slaves", "masters", "starts", "drive bits?", "MHz", "MB", "min", "minutes", "requests", "trials"),
     *("runs", "power-ups", "resets", "clocks", "cases", "checks", "writes", "steps", "inputs", "scenarios"),
-    "seeds",
+    *("seeds", "wires", "telegrams?", "replies", "limits", "rules"),
 )
 UNITS = (
     *RESULTS,

@@ -3,7 +3,8 @@
 
     python -m tools.figures            a line each; exit 1 when a page is of an older card
     python -m tools.figures --mark     writes the notice below the title of such a page, removes other notices
-    python -m tools.figures --check    exits 1 when a notice is missing or not true (part of `make lint`)
+    python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page has other
+                                       numbers than its command wrote (part of `make lint`)
 
 A page states the fingerprint of the sources that it was measured on (campaigns/bench/fingerprint.py). This
 check compares it with the sources of this tree. It runs before a release, not in `make test`.
@@ -21,6 +22,7 @@ from campaigns.bench import report as bench_report
 from campaigns.mutate import run as mutate
 from constraints import synth
 from formal import flips
+from rtl import report_page
 from rtl.command import run_main
 from rtl.sources import ROOT, rtl_files
 from sw.test import host
@@ -63,6 +65,13 @@ def soak(text: str) -> str:
     if f"firmware sources `{host.fingerprint()}`" not in text:
         return "measured on another firmware"
     return "" if f"judge `{fingerprint.soak()}`" in text else "measured by another judge"
+
+
+def masters(text: str) -> str:
+    """The standard card and the sources of its images. Images are not built in a new checkout."""
+    if older := one_card(text):
+        return older
+    return "" if f"firmware sources `{host.fingerprint()}`" in text else "measured on another firmware"
 
 
 def one_and_both(text: str) -> str:
@@ -116,7 +125,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "mutants": (mutants, "make mutate"),
     "proved-flips": (proved_flips, "make formal-flips"),
     "synthesis": (synthesis, "make synth"),
-    "masters": (one_card, "make masters"),
+    "masters": (masters, "make masters"),
     "firmware-quality": (firmware, "make fuzz-firmware RUNS=10000000, mutate-firmware"),
 }
 
@@ -170,6 +179,10 @@ def main() -> int:
             wrong += bool(older)
             state = f"of an older card: {older}; {command} renews it" if older else "of this card"
             print(f"{path.relative_to(ROOT)}: {state}")
+    if options.check:
+        for path in report_page.changed(REPORTS):
+            wrong += 1
+            print(f"{path.relative_to(ROOT)}: its numbers are not those that its command wrote")
     return 1 if wrong else 0
 
 

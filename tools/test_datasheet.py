@@ -74,9 +74,20 @@ def test_the_card_of_the_figures_is_named(reports):
     assert re.search(r"older card:</b> [^.]*\bresults\b", datasheet.page())
 
 
-def test_the_conformance_suite_is_named(reports):
-    (reports / "conformance.md").write_text("# Conformance of <two>\n")
-    assert "The conformance suite: Conformance of &lt;two&gt; (reports/conformance.md)." in datasheet.page()
+def test_the_results_of_the_conformance_suite_are_printed(reports):
+    path = reports / "conformance.md"
+    change(
+        path,
+        re.search(r"^\| tiny card \| pins \|.*$", path.read_text(), re.MULTILINE)[0],
+        "| tiny card | pins | x | 1 | 2 | 3 | 4 | 5 |",
+    )
+    assert re.search(
+        r"standard card \d+ passed, \d+ own code, \d+ failed; tiny card 1 passed, 2 own code, 3 failed",
+        datasheet.page(),
+    )
+    change(path, "| tiny card | pins |", "| tiny card | air |")
+    with pytest.raises(DatasheetError, match="no result of both cards"):
+        datasheet.page()
 
 
 def test_without_older_pages_there_is_no_notice(monkeypatch):
@@ -108,7 +119,7 @@ def test_without_older_pages_there_is_no_notice(monkeypatch):
         ),
         (
             "line-quality",
-            "rate and 0.004 bit",
+            "0.05 % of a rate or 0.004 bit",
             "rate",
             "reports/line-quality.md does not say how fine its steps are",
         ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pytest
 
+from rtl import report_page
 from rtl.sources import ROOT
 from tools import figures, report
 
@@ -107,3 +108,36 @@ def test_a_page_of_the_soak_names_sources_that_need_no_build(monkeypatch):
     assert figures.soak(page.replace("0123abcd", "ffffabcd")) == "measured on another firmware"
     assert figures.soak(page.replace("4567abcd", "ffffabcd")) == "measured by another judge"
     assert figures.soak(page.replace(NOW["tiny"], OTHER)) == "measured on another card: tiny"
+
+
+def test_a_number_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsys):
+    """Words may change, and a notice may come and go. A number may not, and none may leave the page."""
+    page = tmp_path / "a.md"
+    text = "# Title\n\n603 of 604 lines, card `0123456789ab`.\n"
+    report_page.write_page(page, text)
+    monkeypatch.setattr(figures, "REPORTS", tmp_path)
+    monkeypatch.setattr(figures, "ROOT", tmp_path)
+    monkeypatch.setattr(figures, "PAGES", {"a": (lambda _: "", "make a")})
+    monkeypatch.setattr("sys.argv", ["figures", "--check"])
+    assert figures.main() == 0
+    page.write_text(text.replace("lines", "of all lines"))
+    assert figures.main() == 0
+    for changed in (text.replace("603", "604"), text.replace("ab`", "aa`"), text.replace("603 of ", "")):
+        page.write_text(changed)
+        assert figures.main() == 1
+        assert "a.md: its numbers are not those that its command wrote" in capsys.readouterr().out
+    page.write_text(figures.marked(text, "measured on none", "make a COUNT=5"))
+    assert report_page.changed(tmp_path) == []
+
+
+def test_a_new_page_needs_its_numbers_on_record(tmp_path):
+    (tmp_path / "b.md").write_text("no number\n")
+    assert report_page.changed(tmp_path) == [tmp_path / "b.md"]
+
+
+@pytest.mark.parametrize("sources", ["0123abcd0123", ""])
+def test_a_page_of_the_masters_names_the_sources_of_its_images(monkeypatch, sources):
+    monkeypatch.setattr(figures.host, "fingerprint", lambda: "0123abcd0123")
+    page = f"card `{NOW['standard']}`, firmware sources `{sources}`"
+    assert figures.masters(page) == ("" if sources else "measured on another firmware")
+    assert figures.masters(page.replace(NOW["standard"], OTHER)).startswith("measured on card")

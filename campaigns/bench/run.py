@@ -33,6 +33,7 @@ from campaigns.bench.report import RESULTS, Image, Results, document, stated, ta
 from campaigns.bench.wave import CLK_HZ
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
 from rtl.command import Parser, in_processes, run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError
 from sw.tools import stack
 from tb.lib import runner
@@ -155,7 +156,7 @@ def write(results: Results) -> None:
     from campaigns.bench import pictures as bench_pictures  # delays the slow import of matplotlib
 
     bench_pictures.draw(results)
-    RESULTS.write_text(document(results))
+    write_page(RESULTS, document(results))
 
 
 def last_run(of: dict[str, str]) -> Results:

@@ -34,6 +34,7 @@ from campaigns.conformance.fixture import FAULTS, ModelLine
 from campaigns.conformance.fixture import PROFILE as MODEL
 from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
 from rtl.command import Parser, run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError
 from sim.card.run_card import CardError, RunningCard
 from sim.harness.library import BuildError
@@ -211,7 +212,8 @@ def write(kept: dict[str, dict]) -> None:
     ]
     marks = [[case.number, *(MARKS[verdicts[name][case.number].outcome] for name in there)] for case in CASES]
     faults, clean = found_by_own_tests()
-    PAGE.write_text(
+    write_page(
+        PAGE,
         TEMPLATE.read_text().format(
             summary=table(
                 ["slave", "by", "measured", "passed", "own code", "failed", "n.a.", "not visible"], summary
@@ -228,7 +230,7 @@ def write(kept: dict[str, dict]) -> None:
             planted=len(FAULTS),
             clean=clean,
             count=len(CASES),
-        )
+        ),
     )
 
 

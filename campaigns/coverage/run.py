@@ -24,6 +24,7 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from rtl.command import Parser, run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, bench_file, rtl_files
 from tb.lib.options import at_least
 
@@ -236,7 +237,7 @@ def main(arguments: list[str] | None = None) -> int:
         if taken < LEAST * total:
             wrong.append(f"{kind}: {100 * taken / total:.1f} %, less than {100 * LEAST:.0f} %")
     print(table(found))
-    PAGE.write_text(page(found, gaps, reasons, len(files)))
+    write_page(PAGE, page(found, gaps, reasons, len(files)))
     for line in wrong:
         print(f"coverage-rtl: {line}")
     return 1 if wrong else 0

@@ -24,6 +24,7 @@ from campaigns.fuzz import report as fuzz
 from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.plants import PLANTS
 from rtl.command import run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, configurations
 
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
@@ -272,7 +273,7 @@ def main() -> int:
     cards = {config: fingerprint.shard(config) for config in configurations()}
     record = renewed(kept, fuzz.FOLDER, cards)
     RECORD.write_text(text_of(record))
-    PAGE.write_text(page(record))
+    write_page(PAGE, page(record))
     print(f"wrote {PAGE.relative_to(ROOT)} and {RECORD.name}")
     return 0
 

@@ -31,6 +31,7 @@ from campaigns.line_quality.work import (
     whole,
 )
 from rtl.command import Parser, in_processes, run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError
 from tb.lib.options import at_least
@@ -137,7 +138,7 @@ def write(kept: dict) -> None:
         eye_forms=" and ".join(EYE_FORMS),
         eye_characters=EYE_CHARACTERS,
     )
-    PAGE.write_text(text)
+    write_page(PAGE, text)
 
 
 def faults(limits: list[Limit]) -> list[str]:

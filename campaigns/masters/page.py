@@ -168,7 +168,7 @@ def layout(value: object, depth: int = 5) -> str:
 def page(results: dict) -> str:
     text = TEMPLATE.read_text()
     fields = {
-        "MEASURED": f"card `{results['card']}`, firmware `{results['firmware']}`",
+        "MEASURED": f"card `{results['card']}`, firmware sources `{results['sources']}`",
         "SYSTEM": results["system"],
         "READING": least_s(results, "read-word"),
         "SILENT": least_s(results, "silent"),

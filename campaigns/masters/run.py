@@ -23,9 +23,11 @@ from campaigns.masters import examples, judge, page, session
 from campaigns.masters.cases import cases
 from campaigns.masters.install import InstallError, install
 from campaigns.masters.masters import BY_ID, Master
+from rtl import report_page
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT
 from sim.card.run_card import CardError
+from sw.test import host
 from tb.model.card import DIALECTS
 
 
@@ -61,7 +63,7 @@ def write(results: dict) -> None:
 
 
 def write_page(results: dict) -> None:
-    page.PAGE.write_text(page.page(results))
+    report_page.write_page(page.PAGE, page.page(results))
     print(f"wrote {page.PAGE.relative_to(ROOT)}; `make regs` writes the handbook's tables")
 
 
@@ -84,7 +86,7 @@ def main() -> int:
     chosen = [BY_ID[master] for master in options.master or BY_ID]
     results: dict = {
         "card": fingerprint.card(),
-        "firmware": fingerprint.firmware(),
+        "sources": host.fingerprint(),  # of the images of all dialects
         "system": f"{platform.system()} {platform.release().split('-')[0]}",
         "timeout_s": session.TIMEOUT_S,
         "socat": socat_version(),

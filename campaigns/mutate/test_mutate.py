@@ -311,6 +311,7 @@ def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
     assert "| `bcc` | 7 | 2 | 0 | 0 | 1 | 1 | 0.0 % | `01` |\n" in text
     assert "| `uart` | 9 | 1 | 0 | 1 | 0 | 0 | 100.0 % | `02` |\n" in text
     assert "1 of 2 caught, 50.0 %. A solver proved 1 more to behave like the original." in text
+    assert "These are 3 of 16 possible mutants, always the same ones." in text
     assert "- `bcc`: `a == b` → `a != b`: survived\n- `bcc`: `c` → `d`: proved the same" in text
     by_hand = text.replace("proved the same", "the same: nobody reads it")
     mutate.DOCUMENT.write_text(by_hand)

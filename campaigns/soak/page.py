@@ -17,6 +17,7 @@ from campaigns.bench import fingerprint
 from campaigns.fuzz import bound
 from campaigns.soak import run
 from rtl.command import run_main
+from rtl.report_page import write_page
 from rtl.sources import ROOT, configurations
 from sw.test import host
 
@@ -139,7 +140,7 @@ def page() -> str:
 
 
 def main() -> int:
-    PAGE.write_text(page())
+    write_page(PAGE, page())
     print(f"wrote {PAGE.relative_to(ROOT)}")
     return 0
 

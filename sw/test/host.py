@@ -13,6 +13,7 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
+from rtl.report_page import write_page
 from rtl.sources import without_comments
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,5 +81,5 @@ def stamped(text: str) -> str:
 
 
 def put_figures(name: str, text: str) -> None:
-    DOCUMENT.write_text(with_figures(name, text))
+    write_page(DOCUMENT, with_figures(name, text))
     print(f"wrote {DOCUMENT.relative_to(ROOT)}")

@@ -55,6 +55,7 @@ MUTANTS_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
 SLOW = ("random", "any_sequence", "parameters_end", "no_other_register")
+LOST_MASTER = "running"  # the fixture of the tests with MASTER_LOSS_STOP
 GATEWAY_TESTS = "tb/firmware/test_firmware_gateway.py"
 TESTS = ["tb/firmware/test_firmware_translate.py", "tb/firmware/test_firmware_dialects.py", GATEWAY_TESTS]
 
@@ -364,6 +365,9 @@ class MutationRun:
         self.builds.link_libraries()
         if fate := self.tests_fail(items[LIKELY:]):
             return fate
+        # In a child of their own: TESTS_S is for the tests of one kind.
+        if fuzzer != "gateway" and (fate := self.tests_fail(self.items["gateway"])):
+            return fate
         if self.replay and (fate := replay_fails(self.builds.make_sanitized_replayer, fuzzer)):
             return fate
         return SAME if self.builds.proved_same() else "survives"
@@ -402,7 +406,8 @@ def of_core(item: pytest.Item) -> bool:
 def of_gateway(item: pytest.Item) -> bool:
     """Tests of the poll loop in the host libraries, and of second exchanges. An image has no mutant."""
     if item.path == ROOT / GATEWAY_TESTS:
-        return any(name in item.name for name in ("[host", "[small", "any_sequence"))
+        hosts = any(name in item.name for name in ("[host", "[small", "any_sequence"))
+        return hosts or LOST_MASTER in item.fixturenames
     return item.name.startswith(("test_the_second_telegram", "test_after"))
 
 

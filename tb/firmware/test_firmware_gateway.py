@@ -1705,6 +1705,27 @@ def test_the_stop_commands_a_drive_whose_last_write_left_bit_10_clear(running: B
     assert running.telegrams[2:] == [H("81 0438 1999")]
 
 
+@pytest.mark.rule("SAFE-7")
+def test_a_drive_that_was_stopped_gets_no_stop(running: Bench):
+    running.request(H("0F 0000 0010 02 3C04"))
+    answer(running)
+    running.wait(1000)
+    assert running.telegrams == [SEND_START, SEND_STOP], "the second is the master's own"
+
+
+@pytest.mark.rule("SAFE-7")
+def test_the_stop_goes_to_the_own_drive_after_broadcasts(running: Bench):
+    """Each of the firmware's slots has had a broadcast, which goes to all drives."""
+    for _ in range(4):
+        running.request(START_40, broadcast=True)
+        running.telegram_ends()
+        running.wait(5)
+    everyone = H("80 047C 1999")
+    assert running.telegrams == [SEND_START, *[everyone] * 4]
+    running.wait(TIMEOUT_MS + 5)
+    assert running.telegrams[5:] == [SEND_STOP]
+
+
 @pytest.mark.rule("SAFE-7", "FC-9")
 def test_the_stop_is_repeated_once(running: Bench):
     running.wait(TIMEOUT_MS + 5)

@@ -65,6 +65,40 @@ def same(left: str, right: str) -> bool:
 
 # ---------------------------------------------------------------- flipped bits
 
+
+def guard_of(card: Translator, pdu: bytes, broadcast: bool = False) -> int:
+    """The word by which two passes of a request are compared (docs/hardening.md, Telegram made twice)."""
+    txn = card.request(pdu, broadcast=broadcast)
+    assert txn.outcome == EXCHANGE
+    function = card.lib.guard_of
+    function.restype, function.argtypes = ctypes.c_uint32, [ctypes.c_void_p, ctypes.c_void_p]
+    return function(card.memory, txn.memory)
+
+
+@in_every_dialect
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize(
+    ("head", "size"),
+    [("0F 0000 0020 04", 4), ("06 0815", 2), ("10 0815 0002 04", 4)],
+    ids=["coils", "06", "10"],
+)
+def test_passes_that_differ_in_one_bit_do_not_agree(card: Translator, head: str, size: int):
+    """A flip between the passes changes one bit of the control word or of a parameter's value."""
+    draw = seeded("passes")
+    for _ in range(20):
+        value = draw.getrandbits(8 * size)
+        right = guard_of(card, H(head) + value.to_bytes(size, "big"))
+        for bit in range(8 * size):
+            assert guard_of(card, H(head) + (value ^ 1 << bit).to_bytes(size, "big")) != right, (value, bit)
+
+
+@in_every_dialect
+@pytest.mark.rule("SAFE-4")
+def test_a_unicast_pass_and_a_broadcast_pass_do_not_agree(card: Translator):
+    pdu = H("0F 0000 0020 04 7C04 9919")
+    assert guard_of(card, pdu) != guard_of(card, pdu, broadcast=True)
+
+
 FUNCTION = 6  # the place of the function code in a transaction
 
 
