@@ -74,7 +74,7 @@ def known() -> dict[str, dict]:
 
 
 def fingerprint(module: str) -> str:
-    """Hash of the module's Verilog and its properties, without comments, and of what the solver is asked."""
+    """Hash of a module's Verilog, its properties and its settings of the solver. Comments do not count."""
     files = (FOLDER / f"{module}.sby").read_text().partition("[files]")[2].split()
     paths = [ROOT / name for name in files if name.startswith("rtl/")]
     paths += [source(module), FOLDER / f"{module}_props.vh"]

@@ -1715,7 +1715,7 @@ def test_a_drive_that_was_stopped_gets_no_stop(running: Bench):
 
 @pytest.mark.rule("SAFE-7")
 def test_the_stop_goes_to_the_own_drive_after_broadcasts(running: Bench):
-    """Each of the firmware's slots has had a broadcast, which goes to all drives."""
+    """A broadcast goes to all drives; the stop must not inherit its address."""
     for _ in range(4):
         running.request(START_40, broadcast=True)
         running.telegram_ends()
