@@ -450,8 +450,8 @@ def jump_offset(code: int) -> int:
 class Limit:
     """The time and the steps of one proof, and its solver."""
 
-    def __init__(self, addresses: set[str]) -> None:
-        self.steps, self.end = 0, time.monotonic() + LONGEST_S
+    def __init__(self, addresses: set[str], solver_ms: int = SOLVER_MS) -> None:
+        self.steps, self.end, self.solver_ms = 0, time.monotonic() + LONGEST_S, solver_ms
         self.numbers = itertools.count()
         # No object is at the address 0, and none reaches over the end of the memory.
         self.facts = [
@@ -468,7 +468,7 @@ class Limit:
         if time.monotonic() > self.end:
             raise NotProved(f"no end within {LONGEST_S} s")
         solver = z3.Solver()
-        solver.set(timeout=SOLVER_MS)
+        solver.set(timeout=self.solver_ms)
         solver.add(*self.facts, *terms)
         return solver.check()
 

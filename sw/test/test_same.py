@@ -23,6 +23,9 @@ PROVED = [
     ("translate.c", *LIMIT),
     # By its contract: it is another value, which shows the same flips.
     ("guard.c", "<< 2 ^ txn->check", "<< 1 ^ txn->check"),
+    ("telegram.c", "check + (from[-1] >> 3)", "check + (from[-1] >> 3) + 1"),
+    # By its contract: PCD takes the place of what another step stores.
+    ("telegram.c", "while (at < to)", "while (at <= to)"),
 ]
 WRONG = {
     "a limit two higher": ("coils.c", "if (shift > 24)", "if (shift >= 27)"),
@@ -43,6 +46,11 @@ WRONG = {
         "t->next.word[GUARD] << 2 ^ txn->check",
         "(t->next.word[GUARD] << 16 | t->next.word[GUARD] >> 16) ^ txn->check",
     ),
+    "a check without its history": ("telegram.c", "check += check + bcc", "check -= check + bcc"),
+    "a check of the last word": ("telegram.c", "check + (from[-1] >> 3)", "from[-1]"),
+    "a check that cancels": ("telegram.c", "check + (from[-1] >> 3)", "check - from[-1]"),
+    "another BCC": ("telegram.c", "bcc ^ bcc >> 8", "bcc ^ bcc >> 9"),
+    "two steps too many": ("telegram.c", "while (at < to)", "while (at < to + 5)"),
     "a row of another function": ("translate.c", "{WRITE_COIL, FORM_SINGLE, 1", "{WRITE_COIL, FORM_READ, 1"),
     "a handler of another row": ("translate.c", "1, coil_write}", "1, coils_write}"),
     "a limit of registers": (
@@ -53,7 +61,8 @@ WRONG = {
     "a limit of the last row": ("translate.c", "FORM_READ, 128,", "FORM_READ, 127,"),
 }
 TWIN = "a limit two higher"  # as "a limit one higher", and as long
-SLOW = (" row", "limit", "guard of", "guard that cancels", "guard that hides")
+SLOW = (" row", "limit", "guard of", "guard that cancels", "guard that hides", "a check")
+SLOW_FILES = ("translate.c", "telegram.c")
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +76,9 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def one_build(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The build of the card alone. A proof needs all builds, and a reason against it needs one."""
+    """One build and two lengths of a telegram. A proof needs all, and a reason against it needs one."""
     monkeypatch.setattr(same, "BUILDS", {"card": BUILDS["card"]})
+    monkeypatch.setattr(contracts, "LENGTHS", [1, 9])
 
 
 def why_not(tree: Path, tmp_path: Path, file: str, before: str, after: str) -> str:
@@ -84,7 +94,7 @@ def why_not(tree: Path, tmp_path: Path, file: str, before: str, after: str) -> s
 
 @pytest.mark.parametrize(
     ("file", "before", "after"),
-    [pytest.param(*row, id=row[2], marks=[pytest.mark.slow] * (row[0] == "translate.c")) for row in PROVED],
+    [pytest.param(*row, id=row[2], marks=[pytest.mark.slow] * (row[0] in SLOW_FILES)) for row in PROVED],
 )
 @pytest.mark.usefixtures("one_build")
 def test_a_mutant_without_an_effect_is_proved(tree: Path, tmp_path: Path, file: str, before: str, after: str):

@@ -1726,6 +1726,23 @@ def test_the_stop_goes_to_the_own_drive_after_broadcasts(running: Bench):
     assert running.telegrams[5:] == [SEND_STOP]
 
 
+@pytest.mark.rule("SAFE-4", "SAFE-7")
+def test_the_stop_goes_to_the_own_drive_after_a_flipped_bit(running: Bench):
+    """The stop has a transaction of its own. Its mark of a broadcast is flipped after the first stop."""
+    running.wait(TIMEOUT_MS + 5)
+    memory = running.gateway.memory
+    telegram = memory.raw.find(SEND_STOP)
+    broadcast = telegram - 4
+    function = broadcast - 2
+    assert memory.raw[function : telegram - 1] == H("05 00 00 00 06")
+    answer(running)
+    memory[broadcast] = 1
+    running.request(START_40)
+    answer(running)
+    running.wait(TIMEOUT_MS + 5)
+    assert running.telegrams == [SEND_START, SEND_STOP] * 2
+
+
 @pytest.mark.rule("SAFE-7", "FC-9")
 def test_the_stop_is_repeated_once(running: Bench):
     running.wait(TIMEOUT_MS + 5)

@@ -7,6 +7,7 @@ import ctypes
 import random
 import re
 from collections.abc import Iterator
+from itertools import combinations
 
 import pytest
 
@@ -90,6 +91,20 @@ def test_passes_that_differ_in_one_bit_do_not_agree(card: Translator, head: str,
         right = guard_of(card, H(head) + value.to_bytes(size, "big"))
         for bit in range(8 * size):
             assert guard_of(card, H(head) + (value ^ 1 << bit).to_bytes(size, "big")) != right, (value, bit)
+
+
+@pytest.mark.rule("SAFE-4")
+def test_passes_with_two_bytes_that_changed_places_do_not_agree(card: Translator):
+    """Such telegrams have the same BCC. A longer text may agree (docs/hardening.md, Telegram made twice)."""
+    reply_to(card, "06 0000 0500")
+    head, draw = H("10 14D1 0003 06"), seeded("places")
+    for _ in range(20):
+        text = bytes(draw.sample(range(32, 127), 6))
+        right = guard_of(card, head + text)
+        for one, other in combinations(range(6), 2):
+            changed = bytearray(text)
+            changed[one], changed[other] = text[other], text[one]
+            assert guard_of(card, head + bytes(changed)) != right, (text, one, other)
 
 
 @in_every_dialect
