@@ -68,7 +68,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 
 #:
 #: Variables
-#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, flips, replay); default: standard
+#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, fuzz, flips, replay); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, test-all, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        as CI: without the tests that `make test` runs, and without twins, more cases of a test (test-all)
@@ -215,8 +215,8 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 starts: firmware | setup-test ## power-up with random register contents, reset at any clock (COUNT=, SEED=, CONFIG=)
 	@$(RUN) campaigns.starts.run --config $(CONFIG) $(SEEDED)
 
-fuzz: firmware drive | setup-test ## * random lines and drives against the models (1 min for 2000 frames; COUNT=frames; REPLAY=case)
-	@$(RUN) campaigns.fuzz.run $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
+fuzz: firmware drive | setup-test ## * random lines and drives against the models (1 min for 2000 frames; COUNT=frames; CONFIG=tiny; REPLAY=case)
+	@$(RUN) campaigns.fuzz.run --config $(CONFIG) $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
 
 fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
 	@$(RUN) campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)

@@ -74,11 +74,6 @@ def masters(text: str) -> str:
     return "" if f"firmware sources `{host.fingerprint()}`" in text else "measured on another firmware"
 
 
-def one_and_both(text: str) -> str:
-    """A page with parts of the standard card, and one part of each card."""
-    return both_cards(text) or one_card(BOTH.sub("", text))
-
-
 def mutants(text: str) -> str:
     """The page has a row for each module, with the fingerprint of the module's code."""
     rows = dict(ROW.findall(text))
@@ -120,7 +115,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "conformance": (both_cards, "make conformance"),
     "coverage": (one_card, "make coverage-rtl"),
     "line-quality": (one_card, "make line-quality"),
-    "fuzz": (one_and_both, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
+    "fuzz": (both_cards, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
     "soak": (soak, "make soak COUNT=20000 (of both cards) and soak-page"),
     "mutants": (mutants, "make mutate"),
     "proved-flips": (proved_flips, "make formal-flips"),

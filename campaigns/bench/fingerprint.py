@@ -19,7 +19,7 @@ from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
 
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
-MODELS = ("card", "fc_telegram", "vlt_drive")
+MODEL_FILES = [ROOT / f"tb/model/{name}.py" for name in ("card", "fc_telegram", "vlt_drive")]
 AGENTS = [ROOT / f"tb/agents/{name}.py" for name in ("crc16", "rtu")]
 HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
 HARNESS_PYTHON = [
@@ -63,34 +63,60 @@ def firmware(config: str = "standard", dialect: str = "card") -> str:
     return _digest([(config, image.read_text() if image.exists() else "")])
 
 
-def judge() -> str:
-    """Actions of the fuzzer and the flips on the card, and their verdicts."""
-    folders = [ROOT / "campaigns/fuzz", ROOT / "campaigns/flips", ROOT / "tb/model"]
-    others = (*NO_JUDGES, *TEXTS)
-    python = sorted(path for folder in folders for path in folder.glob("*.py") if path.stem not in others)
+def _lines() -> list[tuple[str, str]]:
+    """The card between two far ends, and the models: what fuzzer and flips share."""
+    python = sorted(path for path in (ROOT / "tb/model").glob("*.py") if path.stem not in NO_JUDGES)
+    python += [ROOT / "campaigns/fuzz/case.py", *AGENTS, *HARNESS_PYTHON]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
+    return [*map(_python, python), *map(_code, [*HARNESS, *drive])]
+
+
+def _campaign(name: str) -> list[tuple[str, str]]:
+    others = (*NO_JUDGES, *TEXTS, "case")
+    return [
+        _python(path) for path in sorted((ROOT / "campaigns" / name).glob("*.py")) if path.stem not in others
+    ]
+
+
+def fuzz_judge() -> str:
+    """Actions of the fuzzer on the card, and its verdicts."""
+    traffic = [
+        ROOT / "campaigns/soak/run.py",
+        ROOT / "sim/view/capture.py",
+        ROOT / "tb/lib/recorded_buses.py",
+    ]
+    captures = [(path.name, path.read_bytes().hex()) for path in sorted((ROOT / "tb/captures").glob("*.sr"))]
+    return _digest([*_lines(), *_campaign("fuzz"), *map(_python, traffic), *captures])
+
+
+def flips_judge() -> str:
+    """Actions of the flips on the card, and their verdicts."""
     core = [ROOT / "campaigns/flips/core_machine.c", ROOT / "sw/port/host/mailbox_model.c"]
-    code = [*HARNESS, *drive, *core]
-    return _digest([*map(_python, [*python, *AGENTS, *HARNESS_PYTHON]), *map(_code, code)])
+    return _digest([*_lines(), *_campaign("flips"), *map(_code, core)])
 
 
 def soak() -> str:
     """Traffic and judge of the soak, with the virtual card around the Verilog."""
-    python = [ROOT / "campaigns/soak/run.py", *sorted((ROOT / "tb/model").glob("*.py")), *AGENTS]
+    python = [ROOT / "campaigns/soak/run.py", *MODEL_FILES, *AGENTS]
     around = [path for folder in ("sim/card", "sim/drive") for path in sorted((ROOT / folder).iterdir())]
     code = [*HARNESS, *(path for path in around if path.suffix in (".c", ".cpp", ".h"))]
     return _digest([*map(_python, python), *map(_code, code)])
 
 
-def shard(config: str = "standard") -> str:
-    """Card, firmware and judge, as stated in results of fuzzer and flips; only equal ones are added up."""
-    return f"{card(config)} {firmware(config)} {judge()}"
+def fuzz(config: str = "standard") -> str:
+    """Card, firmware and judge, as stated in results of the fuzzer; only equal ones are added up."""
+    return f"{card(config)} {firmware(config)} {fuzz_judge()}"
+
+
+def flips(config: str = "standard") -> str:
+    """As fuzz(), for results of the flips."""
+    return f"{card(config)} {firmware(config)} {flips_judge()}"
 
 
 def bench() -> str:
     """Code that determines measurements and verdicts, without the layout of the report."""
     python = [ROOT / f"campaigns/bench/{name}.py" for name in BENCH]
-    python += [*(ROOT / f"tb/model/{name}.py" for name in MODELS), *AGENTS]
+    python += [*MODEL_FILES, *AGENTS]
     drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
     code = [*HARNESS, *(path for path in drive if path.suffix != ".csv")]
     tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]

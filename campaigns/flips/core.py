@@ -332,7 +332,7 @@ def _work(work: tuple[str, Path, Scenario]) -> tuple[str, str, Flips, float]:
 def keep(results: dict[str, dict[str, Counter]]) -> None:
     """Writes the result file: by card and scenario."""
     flips = sum(found.total() for rows in results.values() for found in rows.values())
-    kept = {"cards": {config: fingerprint.shard(config) for config in results}, "flips": flips}
+    kept = {"cards": {config: fingerprint.flips(config) for config in results}, "flips": flips}
     FILE.parent.mkdir(parents=True, exist_ok=True)
     FILE.write_text(json.dumps(kept | {"results": results}, indent=1) + "\n")
 

@@ -31,6 +31,7 @@ from campaigns.flips.trial import (
     FORMS,
     GROUP,
     OUTCOMES,
+    PACES,
     PARTS,
     Outcome,
     Places,
@@ -62,7 +63,7 @@ def shard(seed: int, count: int, places: Places) -> dict:
     result = {
         "seed": seed,
         "config": places.target.config,
-        "card": fingerprint.shard(places.target.config),
+        "card": fingerprint.flips(places.target.config),
         "baud": places.baud,
         "bits": {part: places.bits(part) for part in PARTS},
         "counts": Counter(),
@@ -185,7 +186,7 @@ def load(folder: Path) -> list[dict]:
 def tell(name: str, places: Places) -> int:
     outcome, case, played, verdict = trial(name, places)
     print(f"{outcome.flip} ({outcome.flip.part}): {outcome.what}: {outcome.why}")
-    print("\n".join(story(case, played, verdict)))
+    print("\n".join(story(case, played, verdict, PACES[places.target.config])))
     return int(outcome.what in FORBIDDEN)
 
 
@@ -210,7 +211,7 @@ def main() -> int:
         seed = random.randrange(1 << 31) if options.seed is None else options.seed
         count = options.count or 500
         path = file_of(seed, options.baud, options.config)
-        refuse_to_lose_a_longer_result(path, count, "flips", options.config)
+        refuse_to_lose_a_longer_result(path, count, fingerprint.flips(options.config), "flips")
         about = f"{count} flips at {options.baud} bit/s, {options.config} card"
         print(f"flips: seed {seed}, {about}", flush=True)
         merged = [merge([shard(seed, count, Places(Target(config=options.config), options.baud))])]

@@ -26,6 +26,7 @@ from campaigns.flips.trial import (
     FORMS,
     GROUP,
     OUTCOMES,
+    PACES,
     PARTS,
     Flip,
     FlipPlayer,
@@ -38,7 +39,7 @@ from campaigns.flips.trial import (
     trial,
 )
 from campaigns.fuzz.bound import at_most
-from campaigns.fuzz.case import BOOT_S, PACES, Played, clk_hz
+from campaigns.fuzz.case import BOOT_S, Played, clk_hz
 from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, TX, Pins

@@ -12,7 +12,7 @@ import random
 from collections import defaultdict
 from dataclasses import dataclass, field
 
-from campaigns.fuzz.case import PACES, Played, Player, clk_hz
+from campaigns.fuzz.case import Pace, Played, Player, clk_hz, serv_pace
 from campaigns.soak.run import wire
 from regs.generated.mailbox import FRAMES_BYTES
 from rtl.sources import configuration
@@ -39,6 +39,9 @@ CLEAR_BITS = 0.5  # FRAME-1 permits a quarter of a bit either way
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
 # The watchdog bites 80 ms after the last kick at the latest, and the firmware starts in 25 ms.
 SILENCE_S = 0.12
+SERV_CLK_HZ = 5_000_000  # of the small card here: its own clock costs seven times the time
+SERV_BOOT_S = 0.2  # of that clock; it answers after 0.15 s at the latest
+PACES = {"standard": Pace(), "tiny": serv_pace(SERV_CLK_HZ, SERV_BOOT_S)}
 BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.
@@ -103,7 +106,7 @@ class Places:
 
     def __post_init__(self) -> None:
         config = self.target.config
-        self.line = LineFormat(self.baud, FORMS[self.baud], clk_hz(self.baud, config))
+        self.line = LineFormat(self.baud, FORMS[self.baud], clk_hz(self.baud, PACES[config]))
         self.registers = registers.registers(self.target.files(), self.line.clk_hz, self.target.parameters)
         program = (self.target.image_folder("card") / "firmware.bin").read_bytes()
         image = len(program) // BYTES_PER_WORD
@@ -195,7 +198,7 @@ class FlipPlayer(Player):
     """Plays a case and flips one bit on the way."""
 
     def __init__(self, case: dict, target: Target, flip: Flip | None) -> None:
-        super().__init__(case, target, extra="flips")
+        super().__init__(case, target, extra="flips", pace=PACES[target.config])
         self.flip = flip
         names = {name: number for number, (name, _, _) in enumerate(self.pins.variables())}
         self.pins.watch(names[f"TOP.{registers.TOP}.core_rst"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One case of the fuzzer: a card after power-up, the actions of its two far ends, and the verdict.
+"""One case of the fuzzer, played: a card after power-up, and the actions of its two far ends.
 
 A case is plain data, kept as JSON and replayed exactly. Its events happen on the network line, one after the
 other; each event sets the drive's behaviour from then on.
@@ -19,15 +19,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
+from rtl.sources import configuration
 from sim.harness.library import Target
 from sim.harness.pins import DRIVE, NETWORK, Pins
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good
 from tb.model import fc_telegram
-from tb.model.card import DIALECTS, DRIVE_TIMEOUT, CardModel, word
+from tb.model.card import DIALECTS, DRIVE_TIMEOUT, word
 from tb.model.vlt_drive import VltDrive
-from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import GARBLED_BITS, Burst, FarCharacter, LineFormat
 
 # Clock for a rate, in Hz: at least 64 times the rate (LINE-5) and 2 MHz (TOP-1); no more, because each clock
@@ -41,18 +40,13 @@ BUDGET_CLOCKS = 10000
 # enough for nearly all answers; later answers meet the next frame.
 SETTLE_CLOCKS = 3000
 SERV_TIMES = 10  # clocks of the small card's core for one of the standard card's
-SERV_CLK_HZ = 5_000_000
 # A driver that is on for longer stays on for ever; the longest frame is 34 characters (SAFE-2).
 STUCK_BITS = 400
 BOOT_S = 0.05  # of a clock six times slower than BOOT-1's
-SERV_BOOT_S = 0.2  # it answers after 0.15 s at the latest
 # Shortest pause before a drive answers (FC-8), a bit longer than the card must accept.
 DRIVE_DELAY_BITS = 24.0
 SHORTEST_TELEGRAM_BITS = 80
-LOCAL = 3  # number of the last requests that need no drive
 LONG_WAIT = 100  # of register 40003, in 10 ms
-# Of register 40003, in 10 ms: up to here the wait ends before the drive's answer about a parameter (21 ms).
-SHORT_WAIT = 2
 PARAMETER = 514  # a drive without it returns a fault number, which is an answer too
 
 
@@ -66,14 +60,20 @@ class Pace:
     boot_s: float = BOOT_S
 
 
-PACES = {
-    "standard": Pace(),
-    "tiny": Pace(SERV_CLK_HZ, SERV_TIMES * SETTLE_CLOCKS, SERV_TIMES * BUDGET_CLOCKS, SERV_BOOT_S),
-}
+def serv_pace(clk_hz: int, boot_s: float) -> Pace:
+    """Of a card with the small core, at one clock for all rates."""
+    return Pace(clk_hz, SERV_TIMES * SETTLE_CLOCKS, SERV_TIMES * BUDGET_CLOCKS, boot_s)
 
 
-def clk_hz(baud: int, config: str = "standard") -> int:
-    return max(CLK_HZ.get(baud, 0), PACES[config].slow_clk_hz)
+def own_pace(config: str) -> Pace:
+    """Own clock of the small card: at a slower one its firmware is too slow for frames in a row (PERF-1)."""
+    settings = configuration(config)
+    serv = settings["soft_core"] == "serv"
+    return serv_pace(settings["clk_hz"], settings["boot_ms"] / 1000) if serv else Pace()
+
+
+def clk_hz(baud: int, pace: Pace | None = None) -> int:
+    return max(CLK_HZ.get(baud, 0), (pace or Pace()).slow_clk_hz)
 
 
 def probes(dialect: str) -> list[dict]:
@@ -108,10 +108,12 @@ class Played:
 class Player:
     """Plays a case's events onto the lines of a card."""
 
-    def __init__(self, case: dict, target: Target, wave: Path | None = None, extra: str = "") -> None:
+    def __init__(
+        self, case: dict, target: Target, wave: Path | None = None, extra: str = "", pace: Pace | None = None
+    ) -> None:
         self.case = case
-        self.pace = PACES[target.config]
-        clock = clk_hz(case["baud"], target.config)
+        self.pace = pace or own_pace(target.config)
+        clock = clk_hz(case["baud"], self.pace)
         library = target.library(clock, "waves" if wave else extra)
         self.line = LineFormat(case["baud"], case["form"], clock)
         self.pins = Pins(library, target.image_folder(case["dialect"]), self.line, case["address"], wave)
@@ -369,34 +371,3 @@ def spoilt(reply: bytes, how: dict) -> bytes:
     if "cut" in how:
         data = data[: how["cut"] % len(data)]
     return bytes.fromhex(how.get("before", "")) + bytes(data) + bytes.fromhex(how.get("after", ""))
-
-
-def run(
-    case: dict, target: Target, wave: Path | None = None, *, strict_t15: bool = True
-) -> tuple[Verdict, Played]:
-    """Plays and judges a case."""
-    player = Player(case, target, wave)
-    played = player.play()
-    judge = LineJudge(
-        CardModel(name=case["dialect"]), player.line, case["address"], player.pace.budget_clocks, strict_t15
-    )
-    verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
-    if verdict.unclear:
-        verdict.differences += aftermath(case, played, player.line, verdict, player.wait)
-    return verdict, played
-
-
-def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wait: int) -> list[str]:
-    """Errors after the end of the judge; `wait`: last value of register 40003 that may count."""
-    found = []
-    frames = possible_frames(played.network, line, case["address"])
-    if asked(frames, played.replies, case["dialect"]):
-        found += unasked(frames, played.telegrams, line.clk_hz, verdict.until, wait)
-    else:
-        verdict.counts["too much possible behind the judge"] += 1
-    # An exchange with a wait beyond the end of the case has no end to check. If the wait is too short for the
-    # drive's answer, some dialects do not answer.
-    mute = wait <= SHORT_WAIT and "silent" not in DIALECTS[case["dialect"]].codes
-    count = LOCAL if wait > LONG_WAIT or mute else None
-    last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
-    return found + unanswered(last, played.network, played.replies, played.end, count)

@@ -33,7 +33,7 @@ RECORD = ROOT / "docs/reports/fuzz.json"
 # campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
 UNJUDGED = "no unrequested telegram; every last request answered"
 # Part of the record, and the command of its campaign.
-PARTS = {"random": "make fuzz", "plants": "make fuzz-plants", "core": "make core-flips"}
+PARTS = {"plants": "make fuzz-plants", "core": "make core-flips"}
 
 
 class PageError(Exception):
@@ -118,10 +118,46 @@ def rare_flips(card: dict) -> str:
     return "\n".join([f"Of the {card['config']} card:", "", *flips_report.rare(card["rare"])])
 
 
+def frames_in_all(cards: list[dict]) -> str:
+    """Frames of all cards, and how often one can differ."""
+    differences, judged = (sum(card[key] for card in cards) for key in ("differences", "judged"))
+    found = f"differences: {differences}" if differences else "no difference"
+    return (
+        f"{judged:,} frames of both cards judged to their end: {found}, at most "
+        f"{bound.words(differences, judged)} of the frames at {bound.SURE}"
+    )
+
+
+def random_row(card: dict) -> str:
+    """The fuzzer's results on one card."""
+    its_card, firmware, judge = card["card"].split()
+    cells = [
+        f"{card['config']} card `{its_card}`, firmware `{firmware}`",
+        f"`{judge}`",
+        ", ".join(card["shards"]),
+        f"{card['frames']:,}",
+        f"{card['cases']:,}",
+        minutes(card["wall_s"]),
+        f"{card['judged']:,}",
+        f"{card['differences']}",
+        bound.words(card["differences"], card["judged"]),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def event_rows(cards: list[dict]) -> str:
+    """What the fuzzer did, by the name of its traffic (docs/guide/testing.md)."""
+    rows = []
+    for name in sorted({name for card in cards for name in card["events"]}):
+        counts = [f"{card['events'].get(name, 0):,}" for card in cards]
+        rows.append(f"| {' | '.join([name, *counts])} |")
+    return "\n".join(rows)
+
+
 def random_shard(shard: dict) -> dict:
     """A shard of the fuzzer, as the record keeps it."""
     sums = ("frames", "judged", "cases", "wall_s")
-    found = {"card": shard["card"], "differences": len(shard["differences"])}
+    found = {"card": shard["card"], "differences": len(shard["differences"]), "events": shard["events"]}
     return found | {key: shard[key] for key in sums}
 
 
@@ -137,6 +173,11 @@ def flips_shard(shard: dict) -> dict:
         "rare": flips_report.rare_counts(shard["notable"]),
         "wall_s": shard["wall_s"],
     }
+
+
+def without_judge(result: dict) -> list[str]:
+    """Card and firmware of a result. Two campaigns may have had two versions of the judge."""
+    return result["card"].split()[:2]
 
 
 def add(total: dict, new: dict) -> dict:
@@ -179,30 +220,38 @@ def whole(folder: Path, name: str, part: str, keys: set[str]) -> dict:
     return read(folder / name, PARTS[part], keys) if (folder / name).exists() else {}
 
 
-def renewed(record: dict, folder: Path, cards: dict[str, str]) -> dict:
-    """The record with the results in `folder`, which must be of these cards, by configuration."""
-    random_shards = {
-        path.stem: random_shard(fuzz.load(path))
-        for path in sorted(folder.glob("*.json"))
-        if fuzz.RESULT.fullmatch(path.name)
-    }
+def renewed(record: dict, folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> dict:
+    """The record with the results in `folder`.
+
+    They must be of these cards, by configuration: `cards` for the fuzzer, `flipped` for the flips.
+    """
+    of_frames: dict[str, dict] = {config: {} for config in cards}
+    for path in sorted(folder.glob("*.json")):
+        if fuzz.RESULT.fullmatch(path.name):
+            shard = fuzz.load(path)
+            of_frames[shard["config"]][str(shard["seed"])] = random_shard(shard)
     plants = whole(folder, "plants.json", "plants", fuzz_run.PLANTS_KEYS)
     core_flips = whole(folder, "core-flips.json", "core", core.KEYS)
     of_flips = {config: {} for config in cards}
     for shard in flips.load(folder) if any(folder.glob("flips-*.json")) else []:
         of_flips[shard["config"]][f"{shard['seed']} at {shard['baud']}"] = flips_shard(shard)
-    of_standard = [*random_shards.values(), *([plants] if plants else [])]
-    found = [("standard", result["card"]) for result in of_standard]
-    found += [(config, shard["card"]) for config, shards in of_flips.items() for shard in shards.values()]
-    found += list(core_flips.get("cards", {}).items())
-    for config, card in found:
-        if card != cards[config]:
+    found = [("standard", plants["card"], cards)] if plants else []
+    for its_shards, its_cards in ((of_frames, cards), (of_flips, flipped)):
+        found += [
+            (config, shard["card"], its_cards)
+            for config, shards in its_shards.items()
+            for shard in shards.values()
+        ]
+    found += [(config, card, flipped) for config, card in core_flips.get("cards", {}).items()]
+    for config, card, its_cards in found:
+        if card != its_cards[config]:
             raise PageError(f"a result in {folder.name} is of another {config} card, {card}; remove it")
     parts = {
-        "random": with_shards(record.get("random", {}), random_shards, "frames"),
         "plants": longer(record.get("plants", {}), plants, "count"),
         "core": longer(record.get("core", {}), core_flips, "flips"),
     }
+    for config, shards in of_frames.items():
+        parts[f"frames of {config}"] = with_shards(record.get(f"frames of {config}", {}), shards, "frames")
     for config, shards in of_flips.items():
         parts[f"flips of {config}"] = with_shards(record.get(f"flips of {config}", {}), shards, "flips")
     return json.loads(json.dumps(parts))
@@ -231,29 +280,35 @@ def page(record: dict) -> str:
     for part, command in PARTS.items():
         if not record.get(part):
             raise PageError(f"{part}: no result; run `{command}` first")
-    all_flips = {}
+    all_frames, all_flips = {}, {}
     for config in configurations():
+        if not record.get(f"frames of {config}"):
+            raise PageError(f"no frames of the card {config}; run `make fuzz CONFIG={config}` first")
+        all_frames[config] = total(record[f"frames of {config}"]) | {"config": config}
         if not record.get(f"flips of {config}"):
             raise PageError(f"no flips of the card {config}; run `make flips CONFIG={config}` first")
         all_flips[config] = total(record[f"flips of {config}"]) | {"config": config}
-    random_frames, plants, core_flips = total(record["random"]), record["plants"], record["core"]
-    cards = {result["card"] for result in (random_frames, plants, all_flips["standard"])}
-    judges = {result["card"].split()[-1] for result in all_flips.values()}
+    plants, core_flips = record["plants"], record["core"]
     same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
-    if len(cards) > 1 or len(judges) > 1 or not same_cores:
+    judges = {merged["card"].split()[-1] for merged in all_flips.values()}
+    if (
+        not same_cores
+        or len(judges) > 1
+        or without_judge(plants) != without_judge(all_frames["standard"])
+        or any(without_judge(all_frames[config]) != without_judge(all_flips[config]) for config in all_flips)
+    ):
         raise PageError("the results come from different cards; run the older campaigns again")
-    card, firmware, judge = random_frames["card"].split()
-    differences = random_frames["differences"]
+    cards = list(all_frames.values())
+    differences = any(card["differences"] for card in cards)
     return TEMPLATE.read_text().format(
-        measured_on=f"card `{card}`, firmware `{firmware}`, judge `{judge}`",
-        fuzz_seeds=", ".join(random_frames["shards"]),
-        frames=f"{random_frames['frames']:,}",
-        cases=f"{random_frames['cases']:,}",
-        fuzz_minutes=minutes(random_frames["wall_s"]),
-        judged=f"{random_frames['judged']:,}",
-        differences=f"differences: {differences}" if differences else "no difference",
-        others="with the differences above" if differences else UNJUDGED,
+        flips_judge="".join(judges),
+        frames=frames_in_all(cards),
+        random="\n".join(map(random_row, cards)),
+        configs=" | ".join(all_frames),
+        events=event_rows(cards),
+        others="the differences above include theirs" if differences else UNJUDGED,
         plants_seed=plants["seed"],
+        plants_judge=plants["card"].split()[-1],
         plants_count=f"{plants['count']:,}",
         plants="\n".join(plant_rows(plants["frames"])),
         core_flips=f"{core_flips['flips']:,}",
@@ -261,7 +316,6 @@ def page(record: dict) -> str:
         core_altered_1=f"{core_count(core_flips, core.ALTERED[0]):,}",
         core_altered_0=f"{core_count(core_flips, core.ALTERED[1]):,}",
         core="\n\n".join("\n".join(core_table(*each)) for each in core_flips["results"].items()),
-        bound=bound.words(differences, random_frames["judged"]),
         flips=in_all(list(all_flips.values())),
         flips_tables="\n\n".join(map(card_flips, all_flips.values())),
         rare="\n\n".join(map(rare_flips, all_flips.values())),
@@ -270,8 +324,9 @@ def page(record: dict) -> str:
 
 def main() -> int:
     kept = json.loads(RECORD.read_text()) if RECORD.exists() else {}
-    cards = {config: fingerprint.shard(config) for config in configurations()}
-    record = renewed(kept, fuzz.FOLDER, cards)
+    cards = {config: fingerprint.fuzz(config) for config in configurations()}
+    flipped = {config: fingerprint.flips(config) for config in configurations()}
+    record = renewed(kept, fuzz.FOLDER, cards, flipped)
     RECORD.write_text(text_of(record))
     write_page(PAGE, page(record))
     print(f"wrote {PAGE.relative_to(ROOT)} and {RECORD.name}")

@@ -18,8 +18,7 @@ from rtl.command import run_main
 from rtl.sources import ROOT
 
 FOLDER = ROOT / "build/fuzz"
-# The name of a shard's result is its seed; cases are in the same folder.
-RESULT = re.compile(r"\d+\.json")
+RESULT = re.compile(r"fuzz-\w+-\d+\.json")  # cases and results of flips are in the same folder
 SUMS = ("frames", "judged", "cases", "wall_s", "simulated_s")
 COUNTS = ("events", "outcomes", "rates", "unclear")
 
@@ -31,7 +30,9 @@ class ReportError(Exception):
 def load(path: Path) -> dict:
     try:
         result = json.loads(path.read_text())
-        if not all(key in result for key in ("seed", "card", "differences", "worst", *SUMS, *COUNTS)):
+        if not all(
+            key in result for key in ("seed", "config", "card", "differences", "worst", *SUMS, *COUNTS)
+        ):
             raise ValueError
     except (OSError, ValueError, TypeError) as error:
         raise ReportError(f"{path} is no result of a fuzz shard") from error
@@ -50,8 +51,14 @@ def find(arguments: list[str]) -> list[Path]:
     return found
 
 
+def merge_each(results: list[dict]) -> list[dict]:
+    """The results of each card as one."""
+    configs = sorted({result["config"] for result in results})
+    return [merge([result for result in results if result["config"] == config]) for config in configs]
+
+
 def merge(results: list[dict]) -> dict:
-    """Merges results; of several results with one seed only one counts."""
+    """Merges results of one card; of several results with one seed only one counts."""
     results = list({result["seed"]: result for result in results}.values())
     if len({result["card"] for result in results}) > 1:
         raise ReportError("the results come from different cards; remove the older ones")
@@ -64,6 +71,7 @@ def merge(results: list[dict]) -> dict:
     }
     merged["differences"] = [{"seed": r["seed"], **d} for r in results for d in r["differences"]]
     merged["shards"], merged["card"] = len(results), results[0]["card"]
+    merged["config"] = results[0]["config"]
     return merged
 
 
@@ -75,8 +83,8 @@ def table(title: str, counts: Counter) -> list[str]:
 def report(merged: dict) -> str:
     per_s = merged["frames"] / merged["wall_s"] if merged["wall_s"] else 0.0
     lines = [
-        f"card {merged['card']}: {merged['shards']} shards, {merged['frames']} network frames in "
-        f"{merged['cases']} cases, {merged['judged']} of them judged to their end: "
+        f"{merged['config']} card {merged['card']}: {merged['shards']} shards, {merged['frames']} network "
+        f"frames in {merged['cases']} cases, {merged['judged']} of them judged to their end: "
         f"{len(merged['differences'])} differences",
         f"{merged['simulated_s']:.0f} s simulated in {merged['wall_s']:.0f} s of the shards' time, "
         f"{per_s:.0f} frames/s",
@@ -95,9 +103,9 @@ def report(merged: dict) -> str:
 
 
 def main() -> int:
-    merged = merge([load(path) for path in find(sys.argv[1:])])
-    print(report(merged))
-    return 1 if merged["differences"] else 0
+    merged = merge_each([load(path) for path in find(sys.argv[1:])])
+    print("\n\n".join(map(report, merged)))
+    return int(any(card["differences"] for card in merged))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Differential fuzzing of the whole card: random lines and drive, judged by the models; `make fuzz`.
 
-    make fuzz [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
-    python -m campaigns.fuzz.run [--seed N] [--count FRAMES] [--bauds 9600,115200] [--seconds S]
-    python -m campaigns.fuzz.run --replay build/fuzz/SEED-CASE.json [--wave FILE.fst]
+    make fuzz [CONFIG=tiny] [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
+    python -m campaigns.fuzz.run [--config tiny] [--seed N] [--count FRAMES] [--bauds 9600]
+    python -m campaigns.fuzz.run [--config tiny] --replay build/fuzz/case-FILE.json [--wave FILE.fst]
     python -m campaigns.fuzz.run --plants [NAME ...]     # frames until each planted bug is found
 
 A run is a stateless shard: the same seed and count make the same cases anywhere. During the run it writes
-build/fuzz/SEED.json, and for each difference the smallest case found (JSON, for --replay) with its waveform
-(FST). `make fuzz-report` merges the results of any number of shards. Exit 0: no difference; 1: differences;
-2: an invalid command line or a missing tool.
+build/fuzz/fuzz-CONFIG-SEED.json. For each difference it writes the smallest case found and its waveform,
+case-CONFIG-SEED-N.json and .fst. `make fuzz-report` merges the results of any number of shards. Exit 0: no
+difference; 1: differences; 2: an invalid command line or a missing tool.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz import case_file
-from campaigns.fuzz.case import Played, clk_hz, run
+from campaigns.fuzz.case import Pace, Played, clk_hz, own_pace
 from campaigns.fuzz.case_file import CaseError
 from campaigns.fuzz.plants import PLANTS, PlantError, named
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.traffic import make
+from campaigns.fuzz.trial import run
 from rtl.command import Parser, run_main
-from rtl.sources import ROOT, SourcesError
+from rtl.sources import ROOT, SourcesError, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS
 from tb.lib.options import at_least
@@ -59,6 +60,7 @@ class Result:
     """
 
     seed: int
+    config: str = "standard"
     card: str = ""  # Verilog, image and judge, campaigns/bench/fingerprint.py
     frames: int = 0
     judged: int = 0
@@ -95,17 +97,17 @@ def shard(
     so_far: Callable[[Result], None] = lambda result: None,
 ) -> Result:
     """Plays cases until `count` network frames were judged, or the time is over."""
-    result, began = Result(seed, fingerprint.shard()), time.monotonic()
+    result, began = Result(seed, target.config, fingerprint.fuzz(target.config)), time.monotonic()
     kept_at = began
     play = functools.partial(run, target=target, strict_t15=strict_t15)
     while result.judged < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
         name = f"{seed}/{result.cases}"
-        case = make(name, bauds)
+        case = make(name, bauds, target.config)
         verdict, played = play(case)
         result.cases += 1
         result.frames += len(played.frames)
         result.judged += played.judged(verdict.until)
-        result.simulated_s += played.end / clk_hz(case["baud"])
+        result.simulated_s += played.end / clk_hz(case["baud"], own_pace(target.config))
         result.events.update(event["what"] for event in case["events"])
         result.rates[f"{case['baud']} {case['form']}"] += len(played.frames)
         result.outcomes.update(verdict.counts)
@@ -120,7 +122,7 @@ def shard(
             so_far(result)
             print(f"fuzz: DIFFERENCE in case {name}: {'; '.join(verdict.differences)}", flush=True)
             if small:
-                found |= _shrunk(name, case, play, folder)
+                found |= _shrunk(f"case-{target.config}-{name}", case, play, folder)
                 so_far(result)
         result.wall_s = time.monotonic() - began
         if result.wall_s > kept_at - began + KEPT_EACH_S:
@@ -130,13 +132,13 @@ def shard(
     return result
 
 
-def file_of(seed: int) -> Path:
-    return FOLDER / f"{seed}.json"
+def file_of(seed: int, config: str) -> Path:
+    return FOLDER / f"fuzz-{config}-{seed}.json"
 
 
 def keep(result: Result) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    path = file_of(result.seed)
+    path = file_of(result.seed, result.config)
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(vars(result), indent=1) + "\n")
     partial.rename(path)
@@ -144,14 +146,11 @@ def keep(result: Result) -> None:
         print(f"fuzz: {result.judged} frames", end="\r", file=sys.stderr, flush=True)
 
 
-def refuse_to_lose_a_longer_result(
-    path: Path, count: int, what: str = "judged", config: str = "standard"
-) -> None:
-    """Refuses to overwrite a longer result of the same seed."""
+def refuse_to_lose_a_longer_result(path: Path, count: int, card: str, what: str = "judged") -> None:
+    """Refuses to overwrite a longer result of the same seed and card."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         before = json.loads(path.read_text())
-        same = before["card"] == fingerprint.shard(config)
-        if same and before[what] > count:
+        if before["card"] == card and before[what] > count:
             said = f"{shown(path)} has {before[what]} of this seed and card already"
             raise FuzzError(f"{said}; take another seed or remove it")
 
@@ -172,9 +171,9 @@ def _shrunk(name: str, case: dict, play: Play, folder: Path) -> dict:
     return {"what": verdict.differences, "events": len(case["events"]), "file": path.name}
 
 
-def story(case: dict, played: Played, verdict: Verdict) -> list[str]:
-    """All traffic on the two lines, one line each."""
-    ms = clk_hz(case["baud"]) / 1000
+def story(case: dict, played: Played, verdict: Verdict, pace: Pace) -> list[str]:
+    """All traffic on the two lines, one line each; times in ms."""
+    ms = clk_hz(case["baud"], pace) / 1000
     lines: list[tuple[float, str]] = []
     for line, heard in (("network", played.network), ("drive", played.drive)):
         run_of: list = []
@@ -198,11 +197,11 @@ class FuzzError(Exception):
     """Error for the user, in one line."""
 
 
-def replay(path: Path, wave: Path | None) -> int:
+def replay(path: Path, wave: Path | None, target: Target = OWN) -> int:
     case = case_file.read(path)
-    verdict, played = run(case, OWN, wave)
+    verdict, played = run(case, target, wave)
     print(f"{case['baud']} bit/s {case['form']}, address {case['address']}, dialect {case['dialect']}; ms")
-    print("\n".join(story(case, played, verdict)))
+    print("\n".join(story(case, played, verdict, own_pace(target.config))))
     if verdict.unclear:
         print(f"judged in part: {verdict.unclear}")
     return 1 if verdict.differences else 0
@@ -228,7 +227,7 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
         lived += [] if result.differences else [plant.name]
         frames[plant.name] = result.frames if result.differences else None
     if not names:
-        kept = {"seed": seed, "count": count, "card": fingerprint.shard(), "frames": frames}
+        kept = {"seed": seed, "count": count, "card": fingerprint.fuzz(), "frames": frames}
         PLANTS_FILE.parent.mkdir(parents=True, exist_ok=True)
         PLANTS_FILE.write_text(json.dumps(kept, indent=1) + "\n")
     print(f"fuzz: {len(lived)} planted bugs not found {' '.join(lived)}".rstrip())
@@ -239,6 +238,7 @@ def main() -> int:
     parser = Parser(prog="fuzz", description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=at_least(0))
     parser.add_argument("--count", type=at_least(1), help="network frames, judged; default 2000")
+    parser.add_argument("--config", choices=configurations(), default="standard")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
     parser.add_argument("--bauds", default="", help="these rates only, with commas")
     parser.add_argument("--replay", type=Path, metavar="FILE.json", help="play one case again and tell it")
@@ -252,7 +252,7 @@ def main() -> int:
     if options.wave and (options.wave.is_dir() or not options.wave.resolve().parent.is_dir()):
         parser.error(f"--wave {options.wave}: no file can be written there")
     if options.replay:
-        return replay(options.replay, options.wave)
+        return replay(options.replay, options.wave, Target(config=options.config))
     options.seed = random.randrange(1 << 31) if options.seed is None else options.seed
     options.count = options.count or 2000
     try:
@@ -261,11 +261,17 @@ def main() -> int:
         parser.error(f"--bauds {options.bauds}: numbers with commas")
     if set(bauds) - set(BAUDS):
         parser.error(f"--bauds: the rates are {', '.join(map(str, sorted(BAUDS)))}")
+    if options.plants is not None and options.config != "standard":
+        parser.error("--plants: the bugs are planted in the standard card")
     if options.plants is not None:
         return plants(options.plants, options.seed, options.count, bauds)
-    refuse_to_lose_a_longer_result(file_of(options.seed), options.count)
-    print(f"fuzz: seed {options.seed}, {options.count} frames", flush=True)
-    result = shard(options.seed, options.count, bauds=bauds, seconds=options.seconds, so_far=keep)
+    card = fingerprint.fuzz(options.config)
+    refuse_to_lose_a_longer_result(file_of(options.seed, options.config), options.count, card)
+    print(f"fuzz: {options.config} card, seed {options.seed}, {options.count} frames", flush=True)
+    target = Target(config=options.config)
+    result = shard(
+        options.seed, options.count, bauds=bauds, target=target, seconds=options.seconds, so_far=keep
+    )
     keep(result)
     print(f"fuzz: {result}")
     return 1 if result.differences else 0

@@ -14,6 +14,7 @@ import subprocess
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -26,15 +27,18 @@ from campaigns.fuzz import page as fuzz_page
 from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.aftermath import asked, possible_frames
-from campaigns.fuzz.case import Played, aftermath, clk_hz, run
+from campaigns.fuzz.case import Pace, Played, clk_hz, own_pace
 from campaigns.fuzz.plants import PLANTS, named
+from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
-from campaigns.fuzz.traffic import make
-from rtl.sources import ROOT, card_files
+from campaigns.fuzz.traffic import QUIET_PULSES_BITS, make
+from campaigns.fuzz.trial import aftermath, run
+from rtl.sources import ROOT, card_files, configurations
 from sim.harness.library import Target
 from sw.test.host import INCLUDES
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
+from tb.lib.recorded_buses import BUSES
 from tb.lib.seeds import seeded
 from tb.model.card import DRIVE_TIMEOUT, CardModel
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
@@ -67,12 +71,21 @@ def test_random_lines_and_drives_show_no_difference(number, tmp_path):
 
 # Cases in which the card was right and an earlier judge was wrong.
 CASES = sorted((ROOT / "campaigns/fuzz/cases").glob("*.json"))
+SMALL_CARDS_CASES = sorted((ROOT / "campaigns/fuzz/cases/tiny").glob("*.json"))
 
 
 @pytest.mark.rule("FC-9", "FRAME-7")
 @pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
 def test_judge_accepts_either_of_two_right_outcomes(path):
     verdict, _ = run(json.loads(path.read_text()), Target())
+    assert not verdict.differences
+
+
+@pytest.mark.slow
+@pytest.mark.rule("FRAME-7")
+@pytest.mark.parametrize("path", SMALL_CARDS_CASES, ids=[path.stem for path in SMALL_CARDS_CASES])
+def test_judge_knows_that_the_small_card_has_one_place(path):
+    verdict, _ = run(json.loads(path.read_text()), Target(config="tiny"))
     assert not verdict.differences
 
 
@@ -88,7 +101,7 @@ def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
 
 @pytest.mark.rule("SAFE-3")
 def test_last_answers_are_checked_after_the_judge():
-    played, check = after_the_judge(make("4711/23"))
+    played, check = after_the_judge(make("4711/36"))
     mute = replace(played, replies=played.replies[:-1])
     assert "nothing to the good request 03" in check(mute)[0]
     twice = replace(played, replies=[*played.replies, played.replies[-1]])
@@ -96,7 +109,7 @@ def test_last_answers_are_checked_after_the_judge():
 
 
 @pytest.mark.rule("SAFE-1", "FC-9")
-@pytest.mark.parametrize("name", ["4711/16", "4711/23", "4711/45"])
+@pytest.mark.parametrize("name", ["4711/36", "4711/85", "4711/142"])
 def test_unrequested_commands_are_found_after_the_judge(name):
     """Cases with writes of coils, as in most random cases."""
     case = make(name)
@@ -212,7 +225,7 @@ def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
     case = json.loads(kept.read_text())
     again, played = run(case, target)
     assert again.differences == found["what"]
-    assert story(case, played, again)[-1] == f"DIFFERENCE {found['what'][0]}"
+    assert story(case, played, again, Pace())[-1] == f"DIFFERENCE {found['what'][0]}"
     assert kept.with_suffix(".fst").stat().st_size > 10_000
     own, _ = run(case, Target())
     assert not own.differences
@@ -266,20 +279,20 @@ def test_generated_cases_are_valid_files():
     for number in range(300):
         case = make(f"9/{number}")
         assert case_file.check(json.loads(json.dumps(case))) == case
-    for path in CASES:
+    for path in (*CASES, *SMALL_CARDS_CASES):
         assert case_file.read(path)
 
 
 @pytest.mark.parametrize("what", ["judged", "flips"])
 def test_longer_result_of_the_same_seed_is_kept(tmp_path, what):
     path = tmp_path / "7.json"
-    fuzz.refuse_to_lose_a_longer_result(path, 100, what)
-    path.write_text(json.dumps({"card": fingerprint.shard(), what: 500}))
-    fuzz.refuse_to_lose_a_longer_result(path, 500, what)
+    fuzz.refuse_to_lose_a_longer_result(path, 100, "this", what)
+    path.write_text(json.dumps({"card": "this", what: 500}))
+    fuzz.refuse_to_lose_a_longer_result(path, 500, "this", what)
     with pytest.raises(fuzz.FuzzError, match="has 500 of this seed"):
-        fuzz.refuse_to_lose_a_longer_result(path, 499, what)
+        fuzz.refuse_to_lose_a_longer_result(path, 499, "this", what)
     path.write_text(json.dumps({"card": "another", what: 500}))
-    fuzz.refuse_to_lose_a_longer_result(path, 499, what)
+    fuzz.refuse_to_lose_a_longer_result(path, 499, "this", what)
 
 
 @pytest.mark.parametrize(
@@ -315,7 +328,21 @@ HARM = (
     *("short gap", "middle gap", "long gap", "soon", "later", "babble", "rude babble", "interrupted"),
     *("drive silent", "drive bcc", "drive edit", "drive raw", "drive fault", "drive pwe", "drive flaws"),
     *("drive gaps", "drive cut", "drive before", "drive after", "drive bytes"),
+    *("pulse in a silence", "pulse at the commit", "recorded", "recorded and damaged"),
+    *("waiting broadcast", "waiting write", "waiting write of the card's own", "waiting reading"),
 )
+RECORDED = {frame.data.hex() for frames in recorded_frames() for frame in frames}
+
+
+def waiting(event: dict, address: int) -> str:
+    """What a request that waits for the drive is (FRAME-7)."""
+    data = bytes.fromhex(event["bytes"])
+    if data[1] in (1, 3):
+        return "waiting reading"
+    if data[0] != address:
+        return "waiting broadcast"
+    own = data[1] in (6, 16) and int.from_bytes(data[2:4], "big") < 10
+    return "waiting write of the card's own" if own else "waiting write"
 
 
 def test_traffic_has_every_kind_of_fault():
@@ -337,6 +364,18 @@ def test_traffic_has_every_kind_of_fault():
             met["break"] += any(bits > 10 for bits in event.get("pulses", []))
             met["noise"] += len(event.get("pulses", [])) > 2
             met["glitches"] += len(event.get("glitches", []))
+            if event["what"] == "quiet_glitches":
+                after = [
+                    at - line.character_bits * len(event["bytes"]) / 2 - line.t35_bits
+                    for at, _ in event.get("glitches", [])
+                ]
+                met["pulse in a silence"] += len(after)
+                met["pulse at the commit"] += any(abs(bits) < 1 for bits in after)
+            if event["what"] == "recorded":
+                whole = event["bytes"] in RECORDED and "glitches" not in event
+                met["recorded" if whole else "recorded and damaged"] += 1
+            if event["what"] == "waiting" and event["gap"][0] == "own":
+                met[waiting(event, case["address"])] += 1
             met["fast sender"] += event.get("error", 0) > 0.02
             met["slow sender"] += event.get("error", 0) < -0.02
             met["babble"] += len(event.get("babble", {}).get("bytes", "")) > 2
@@ -344,6 +383,34 @@ def test_traffic_has_every_kind_of_fault():
             met["interrupted"] += "interrupt" in event
             met["wrong CRC"] += "bytes" in event and not crc_good(bytes.fromhex(event["bytes"]))
     assert not {kind: met[kind] for kind in HARM if met[kind] < 20}
+
+
+def test_pulses_in_a_silence_are_short_and_apart():
+    """Below a quarter bit each (LINE-5), and short together, because each stops the count of the silence."""
+    for number in range(400):
+        for event in make(f"9/{number}")["events"]:
+            if event["what"] == "quiet_glitches" and "glitches" in event:
+                places, widths = zip(*event["glitches"], strict=True) if event["glitches"] else ((), ())
+                assert sum(widths) < QUIET_PULSES_BITS + 0.01 and all(0 < width < 0.25 for width in widths)
+                assert all(later - before > 1 for before, later in pairwise(places))
+
+
+def test_recorded_frames_are_those_of_the_recordings():
+    """The good ones have the recordings' numbers (tb/captures/README.md), and a silence before them."""
+    for bus, frames in zip(BUSES, recorded_frames(), strict=True):
+        good = [
+            frame
+            for frame in frames
+            if crc_good(frame.data) and not frame.flaws and frame.data[0] == bus.unit
+        ]
+        assert len(good) == bus.good
+        assert all(frame.silence > 0.99 for frame in good)
+
+
+def test_the_small_card_is_fuzzed_at_its_own_clock_and_with_its_one_image():
+    cases = [make(f"9/{number}", config="tiny") for number in range(100)]
+    assert {case["dialect"] for case in cases} == {"card"}
+    assert own_pace("tiny").slow_clk_hz == configurations()["tiny"]["clk_hz"]
 
 
 # ---------------------------------------------------------------- the judge
@@ -537,13 +604,18 @@ def test_judge_follows_either_outcome_of_an_open_rule():
 def test_page_describes_this_card():
     """The judge may have become stricter since."""
     said = " ".join((ROOT / "docs/reports/fuzz.md").read_text().split())
-    card = f"card `{fingerprint.card()}`, firmware `{fingerprint.firmware()}`"
-    assert card in said, "run `make fuzz`, fuzz-plants, flips of both cards, core-flips and fuzz-page"
+    for config in configurations():
+        card = f"{config} card `{fingerprint.card(config)}`, firmware `{fingerprint.firmware(config)}`"
+        message = "run `make fuzz`, fuzz-plants, flips of both cards, core-flips and fuzz-page"
+        assert said.count(card) == 2, message  # frames, flips
 
 
-def result(seed: int, frames: int, differences: list[dict], card: str = "one") -> dict:
+def result(
+    seed: int, frames: int, differences: list[dict], card: str = "one", config: str = "standard"
+) -> dict:
     return {
         "seed": seed,
+        "config": config,
         "card": card,
         "frames": frames,
         "judged": frames - 1,
@@ -560,14 +632,23 @@ def result(seed: int, frames: int, differences: list[dict], card: str = "one") -
 
 
 def test_shards_are_merged(tmp_path, capsys, monkeypatch):
-    (tmp_path / "1.json").write_text(json.dumps(result(1, 10, [])))
-    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [{"case": "22/1", "what": ["no reply"]}])))
-    (tmp_path / "22-1.json").write_text("{}")
+    found = [{"case": "22/1", "what": ["no reply"]}]
+    for name, content in (
+        ("fuzz-standard-1", result(1, 10, [])),
+        ("fuzz-standard-22", result(22, 30, found)),
+        ("fuzz-tiny-1", result(1, 7, [], "other", "tiny")),
+        ("case-standard-22-1", {}),
+    ):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
     monkeypatch.setattr("sys.argv", ["fuzz_report", str(tmp_path)])
     assert fuzz_report.main() == 1
     shown = capsys.readouterr().out
-    total = "card one: 2 shards, 40 network frames in 4 cases, 38 of them judged to their end: 1 differences"
-    assert total in shown and "no reply" in shown
+    for total in (
+        "standard card one: 2 shards, 40 network frames in 4 cases, 38 of them judged to their end: 1 diff",
+        "tiny card other: 1 shards, 7 network frames in 2 cases, 6 of them judged to their end: 0 diff",
+    ):
+        assert total in shown
+    assert "no reply" in shown
     merged = fuzz_report.merge([result(1, 10, []), result(1, 10, []), result(2, 5, [])])
     assert merged["frames"] == 15 and merged["worst"] == {"reply": 2.0}
     assert merged["events"] == Counter(legal=15)
@@ -583,7 +664,7 @@ def test_shard_keeps_its_intermediate_result(tmp_path, monkeypatch):
 
     def so_far(found: fuzz.Result) -> None:
         fuzz.keep(found)
-        frames.append(fuzz_report.load(tmp_path / "8.json")["frames"])
+        frames.append(fuzz_report.load(tmp_path / "fuzz-standard-8.json")["frames"])
 
     done = shard(8, 150, bauds=(115200,), folder=tmp_path, so_far=so_far)
     assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
@@ -599,8 +680,8 @@ def test_shard_stopped_while_shrinking_keeps_the_difference(tmp_path, monkeypatc
     target = named("no-repeat").target()
     with pytest.raises(KeyboardInterrupt):
         shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, so_far=fuzz.keep)
-    (found,) = fuzz_report.load(tmp_path / "1.json")["differences"]
-    case = json.loads((tmp_path / f"{found['case'].replace('/', '-')}.json").read_text())
+    (found,) = fuzz_report.load(tmp_path / "fuzz-standard-1.json")["differences"]
+    case = json.loads((tmp_path / f"case-standard-{found['case'].replace('/', '-')}.json").read_text())
     assert run(case, target)[0].differences == found["what"]
 
 
@@ -614,21 +695,28 @@ def test_report_names_an_invalid_result(tmp_path):
 
 
 CARDS = {"standard": "one two three", "tiny": "four five three"}
+FLIPPED = {"standard": "one two six", "tiny": "four five six"}  # by another judge
 
 
 def renewed(record: dict, folder: Path) -> dict:
-    return fuzz_page.renewed(record, folder, CARDS)
+    return fuzz_page.renewed(record, folder, CARDS, FLIPPED)
 
 
-def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
+def keep_frames(folder: Path, seed: int, frames: int, config: str = "standard", **more) -> None:
+    found = result(seed, frames, more.get("differences", []), more.get("card", CARDS[config]), config)
+    (folder / f"fuzz-{config}-{seed}.json").write_text(json.dumps(found))
+
+
+def results_of_all_campaigns(folder: Path) -> None:
     """Result files of fuzz, plants, core-flips and flips."""
-    for seed in (7, 8):
-        (folder / f"{seed}.json").write_text(json.dumps(result(seed, 1000 * seed, [], card)))
+    keep_frames(folder, 7, 7000)
+    keep_frames(folder, 8, 8000)
+    keep_frames(folder, 7, 900, "tiny")
     frames = {plant.name: 33 for plant in PLANTS} | {"cut-value": 12345, "wrong-order": None}
-    plants = {"seed": 5, "count": 20000, "card": card, "frames": frames}
+    plants = {"seed": 5, "count": 20000, "card": CARDS["standard"], "frames": frames}
     (folder / "plants.json").write_text(json.dumps(plants))
     core = {
-        "cards": {"standard": card, "tiny": "four five three"},
+        "cards": FLIPPED,
         "flips": 4000,
         "results": {
             "standard": {"05": {"as asked": 990, "altered, bit 10 = 1": 7}},
@@ -636,7 +724,7 @@ def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
         },
     }
     (folder / "core-flips.json").write_text(json.dumps(core))
-    for config, its_card in (("standard", card), ("tiny", "four five three")):
+    for config, its_card in FLIPPED.items():
         shard = {
             "seed": 9,
             "config": config,
@@ -652,11 +740,14 @@ def results_of_all_campaigns(folder: Path, card: str = "one two three") -> None:
 
 def test_page_states_the_results_of_all_campaigns(tmp_path):
     results_of_all_campaigns(tmp_path)
-    text = fuzz_page.page(renewed({}, tmp_path))
+    text = " ".join(fuzz_page.page(renewed({}, tmp_path)).split())
     for said in (
-        "card `one`, firmware `two`, judge `three`",
-        "seeds 7, 8: 15,000 frames in 4 cases",
-        "| 14,998 judged to their end | no difference: at most 3.1e-04 of the frames at 99 % |",
+        "20,000 frames each, with judge `three`.",
+        "Both campaigns below have judge `six`.",
+        "15,897 frames of both cards judged to their end: no difference, at most 2.9e-04 of the frames",
+        "| standard card `one`, firmware `two` | `three` | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | 3.1e-04 |",
+        "| tiny card `four`, firmware `five` | `three` | 7 | 900 | 2 | 0 | 899 | 0 | 5.1e-03 |",
+        "| legal | 15,000 | 900 |",
         "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
         "| wrong-order | EXC: address before quantity | not found |",
         "`make core-flips`: 4,000 flips",
@@ -671,18 +762,15 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
     ):
         assert said in text
     assert all(f"| {plant.name} | {plant.rules[0]}" in text for plant in PLANTS)
+    assert fuzz_page.UNJUDGED in text
 
 
 def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
     results_of_all_campaigns(tmp_path)
-    difference = {"case": "22/1", "what": ["no reply"]}
-    (tmp_path / "22.json").write_text(json.dumps(result(22, 30, [difference], CARDS["standard"])))
+    keep_frames(tmp_path, 22, 30, differences=[{"case": "22/1", "what": ["no reply"]}])
     text = fuzz_page.page(renewed({}, tmp_path))
-    assert (
-        "| differences: 1: at most 4.4e-04 of the frames at 99 % |" in text
-        and "no difference" not in text
-        and fuzz_page.UNJUDGED not in text
-    )
+    assert "judged to their end: differences: 1, at most 4.2e-04 of the frames at 99 %" in text
+    assert "no difference" not in text and fuzz_page.UNJUDGED not in text
 
 
 @pytest.mark.parametrize(
@@ -698,6 +786,7 @@ def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
         ("core-flips.json", {"flips": 2, "cards": {"tiny": "x"}, "results": {}}, "another tiny card, x"),
         ("core-flips.json", {"seed": 1}, "no result of `make core-flips`"),
         ("flips-tiny-9-9600.json", None, "run `make flips CONFIG=tiny` first"),
+        ("fuzz-tiny-7.json", None, "run `make fuzz CONFIG=tiny` first"),
     ],
 )
 def test_page_needs_all_results_of_one_card(tmp_path, file, content, complaint):
@@ -721,14 +810,14 @@ def test_page_adds_new_shards_to_those_of_the_same_card(tmp_path):
     results_of_all_campaigns(tmp_path)
     record = renewed({}, tmp_path)
     assert renewed(record, tmp_path) == record, "no shard counts twice"
-    (tmp_path / "9.json").write_text(json.dumps(result(9, 90_000, [], CARDS["standard"])))
+    keep_frames(tmp_path, 9, 90_000)
     shard = json.loads((tmp_path / "flips-tiny-9-9600.json").read_text())
     notable = {"what": "wrong reply", "flip": "time_i.count[3]", "why": "reply 11 01 00 00"}
     shard |= {"seed": 10, "baud": 4800, "notable": [notable], "bits": dict.fromkeys(PARTS, 9)}
     (tmp_path / "flips-tiny-10-4800.json").write_text(json.dumps(shard))
     text = fuzz_page.page(renewed(record, tmp_path))
     for said in (
-        "seeds 7, 8, 9: 105,000 frames in 6 cases",
+        "| 7, 8, 9 | 105,000 | 6 |",
         "firmware `five`: 8 flips in 2 shards, 4 at 4800 bit/s 8N1, 4 at 9600 bit/s 8O1, in 4 minutes",
         "| no effect | 8 |",
         "| 8 or 9 |",
@@ -740,8 +829,7 @@ def test_page_adds_new_shards_to_those_of_the_same_card(tmp_path):
 def test_page_takes_what_a_shard_found_after_an_earlier_page(tmp_path):
     results_of_all_campaigns(tmp_path)
     record = renewed({}, tmp_path)
-    grown = result(8, 50_000, [{"case": "8/1", "what": ["unrequested"]}], CARDS["standard"])
-    (tmp_path / "8.json").write_text(json.dumps(grown))
+    keep_frames(tmp_path, 8, 50_000, differences=[{"case": "8/1", "what": ["unrequested"]}])
     path = tmp_path / "flips-standard-9-9600.json"
     notable = {"what": FORBIDDEN[0], "flip": "time_i.count[3]", "why": "telegram"}
     more = {
@@ -752,9 +840,9 @@ def test_page_takes_what_a_shard_found_after_an_earlier_page(tmp_path):
     path.write_text(json.dumps(json.loads(path.read_text()) | more))
     newer = renewed(record, tmp_path)
     text = fuzz_page.page(newer)
-    assert "57,000 frames" in text and "| differences: 1:" in text
+    assert "| 7, 8 | 57,000 |" in text and "differences: 1," in text
     assert "504 flips of both cards: 1 unrequested" in text
-    (tmp_path / "8.json").write_text(json.dumps(result(8, 30, [], CARDS["standard"])))
+    keep_frames(tmp_path, 8, 30)
     assert renewed(newer, tmp_path) == newer, "begun anew, the shard has counted less so far"
 
 
@@ -762,7 +850,7 @@ def test_page_takes_no_result_of_another_card(tmp_path):
     results_of_all_campaigns(tmp_path)
     record = renewed({}, tmp_path)
     other = {"card": "six two three"}
-    for name in ("7.json", "plants.json", "flips-standard-9-9600.json"):
+    for name in ("fuzz-standard-7.json", "plants.json", "flips-standard-9-9600.json"):
         was = (tmp_path / name).read_text()
         (tmp_path / name).write_text(json.dumps(json.loads(was) | other))
         with pytest.raises(fuzz_page.PageError, match="another standard card, six two three"):
@@ -775,9 +863,10 @@ def test_page_begins_anew_with_another_card(tmp_path):
     record = renewed({}, tmp_path)
     for path in tmp_path.iterdir():
         path.unlink()
-    (tmp_path / "7.json").write_text(json.dumps(result(7, 30, [], "six two three")))
-    newer = fuzz_page.renewed(record, tmp_path, CARDS | {"standard": "six two three"})
-    assert fuzz_page.total(newer["random"])["frames"] == 30
+    keep_frames(tmp_path, 7, 30, card="six two three")
+    newer = fuzz_page.renewed(record, tmp_path, CARDS | {"standard": "six two three"}, FLIPPED)
+    assert fuzz_page.total(newer["frames of standard"])["frames"] == 30
+    assert newer["frames of tiny"] == record["frames of tiny"]
     with pytest.raises(fuzz_page.PageError, match="different cards"):
         fuzz_page.page(newer)
 
@@ -795,7 +884,7 @@ def test_record_has_a_line_for_each_shard(tmp_path):
     record = renewed({}, tmp_path)
     text = fuzz_page.text_of(record)
     assert json.loads(text) == record
-    assert sum(line.startswith("  ") for line in text.splitlines()) == 4
+    assert sum(line.startswith("  ") for line in text.splitlines()) == 5
 
 
 @pytest.mark.figures

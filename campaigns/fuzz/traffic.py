@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import random
 
-from campaigns.fuzz.case import clk_hz
+from campaigns.fuzz.case import clk_hz, own_pace
+from campaigns.fuzz.recorded import recorded_frames
 from campaigns.soak.run import Traffic, wire
 from regs.generated.card_tables import CHARACTER_BITS
 from sim.harness.pins import BAUDS, FORMS
@@ -35,9 +36,17 @@ DIALECT_PROFILES = {
     "hvac_basic": ("hvac_basic",),
 }
 WAITS = (3, 3, 3, 4, 4, 2)  # register 40003, in 10 ms: short, because a silent drive costs simulation time
+# Of register 40003: beyond the 150 ms after which a waiting telegram ends an exchange (FC-9).
+LONGER_WAIT = 20
 FOREIGN = (2, 7, 99, 246, 247)
 # Bits beyond the uncertain margin: near the limit, or anywhere.
 NEAR_BITS = 3.0
+# Pulses in a silence: their length in bits together. Each stops the count of silence for its own length. The
+# judge allows 1.3 bits after t3.5 (PERF-1).
+QUIET_PULSES_BITS = 0.3
+APART_BITS = 1.2  # least distance of two pulses
+RECORDED_FRAMES = (2, 8)  # least and most of one recording in a row
+RECORDED_SILENCE_BITS = 200.0  # longer silences of a recording are cut to this
 
 
 class FuzzTraffic(Traffic):
@@ -63,14 +72,16 @@ class FuzzTraffic(Traffic):
 class Maker:
     """Generates one case."""
 
-    def __init__(self, seed: str, bauds: tuple[int, ...] = ()) -> None:
+    def __init__(self, seed: str, bauds: tuple[int, ...] = (), config: str = "standard") -> None:
         self.rng = rng = random.Random(seed)
         rates = {baud: RATES[baud] for baud in bauds or BAUDS}
         (self.baud,) = rng.choices(list(rates), [weight / events for weight, events in rates.values()])
         self.form = rng.choice(list(FORMS))
-        self.line = LineFormat(self.baud, self.form, clk_hz(self.baud))
+        self.line = LineFormat(self.baud, self.form, clk_hz(self.baud, own_pace(config)))
         self.address = rng.choice((1, 1, 247, rng.randint(1, 247)))
         self.dialect = rng.choices(list(DIALECT_PROFILES), (8, 2, 1))[0]
+        if config != "standard":
+            self.dialect = "card"  # the small card has no image of another dialect
         self.profile = rng.choice(DIALECT_PROFILES[self.dialect])
         self.traffic = FuzzTraffic(rng, self.dialect, self.profile)
         self.kinds = {
@@ -85,8 +96,11 @@ class Maker:
             self.collision: 8,
             self.noise: 4,
             self.glitches: 4,
+            self.quiet_glitches: 6,
+            self.recorded: 3,
             self.drifting: 5,
             self.bad_drive: 8,
+            self.waiting: 4,
             self.babble: 5,
         }
 
@@ -302,6 +316,63 @@ class Maker:
         event["glitches"] = found
         return event
 
+    def quiet_glitches(self) -> list[dict]:
+        """Pulses below a quarter bit in the silence after a frame, in every second case at the commit."""
+        event = self._frame("quiet_glitches", self._pdu())
+        frame_bits = len(event["bytes"]) // 2 * self.line.character_bits
+        follower = self._frame("quiet_glitches", self._pdu())
+        t35 = self.line.t35_bits
+        how = self.rng.random()
+        if how < 0.2:
+            silent = self._middle_gap(extra=QUIET_PULSES_BITS)
+            follower["gap"] = ["own", silent]
+        elif how < 0.4:
+            silent = self._long_gap(extra=QUIET_PULSES_BITS)
+            follower["gap"] = ["own", silent]
+        else:
+            # Up to the exchange with the drive and its reply.
+            silent = t35 + 2.0 + (0.04 * self.baud) ** self.rng.random()
+            follower["gap"] = ["idle", round(max(1.0, silent - t35) + self.rng.uniform(1, 20), 2)]
+        at = t35 + self.rng.uniform(-1, 1) if self.rng.random() < 0.5 else self.rng.uniform(0.1, silent)
+        found, left = [], QUIET_PULSES_BITS
+        while left > 0.02 and len(found) < 3:
+            width = min(left, self.rng.choice((0.02, self.rng.uniform(0.02, 0.24))))
+            if 0 < at < silent - APART_BITS and all(abs(frame_bits + at - o) > APART_BITS for o, _ in found):
+                found.append([round(frame_bits + at, 3), round(width, 3)])
+            left -= width
+            at = self.rng.uniform(0.1, silent)
+        event["glitches"] = sorted(found)
+        return [event, follower]
+
+    def recorded(self) -> list[dict]:
+        """Frames of a recorded bus with their own gaps and silences; one of them may be damaged."""
+        frames = self.rng.choice(recorded_frames())
+        count = self.rng.randint(*RECORDED_FRAMES)
+        first = self.rng.randrange(max(1, len(frames) - count))
+        events = []
+        for frame in frames[first : first + count]:
+            silence = min(frame.silence * self.line.t35_bits, RECORDED_SILENCE_BITS)
+            clear = self._margin() + 0.1
+            if abs(silence - self.line.t35_bits) < clear:
+                silence = self.line.t35_bits + clear
+            event = {"what": "recorded", "gap": ["own", round(silence, 2)], "bytes": frame.data.hex()}
+            event |= {
+                key: dict(value) for key, value in (("gaps", frame.gaps), ("flaws", frame.flaws)) if value
+            }
+            events.append(event)
+        events[0]["gap"] = self._idle()
+        damaged = self.rng.choice(events)
+        how, data = self.rng.random(), bytearray.fromhex(damaged["bytes"])
+        place = self.rng.randrange(len(data))
+        if how < 0.2:
+            data[place] ^= 1 << self.rng.randrange(8)
+            damaged["bytes"] = bytes(data).hex()
+        elif how < 0.4:
+            damaged["glitches"] = [[round(self.rng.uniform(0.1, 8 * len(data)), 3), 0.2]]
+        elif how < 0.5:
+            damaged["flaws"] = {str(place): self.rng.choice(("parity", "stop"))}
+        return events
+
     def drifting(self) -> dict:
         """A sender up to 3 % off, with gaps inside."""
         error = round(self.rng.uniform(-0.03, 0.03), 4)
@@ -315,14 +386,48 @@ class Maker:
 
     def bad_drive(self) -> dict:
         """A request for the drive, and a slow, silent, wrong or broken drive."""
-        pdu = self.rng.choice((self.traffic.read_number, self.traffic.write_number, self.traffic.command))()[
-            0
-        ][1]
-        event = self._frame("bad_drive", pdu, self.address)
+        event = self._frame("bad_drive", self._to_the_drive(), self.address)
         event["drive"] = [self._manner() for _ in range(self.rng.choice((1, 1, 2)))]
         if self.rng.random() < 0.15:
             event["interrupt"] = {"gap": 5.0, "bytes": self.rng.randbytes(self.rng.randint(1, 4)).hex()}
         return event
+
+    def waiting(self) -> list[dict]:
+        """Requests to all and to the card while the drive is silent or slow (FRAME-7, FC-9)."""
+        rng, address = self.rng, self.address
+        slow = {"gap": round(rng.uniform(100, 350), 2)}
+        first = self._frame("waiting", self._to_the_drive(), address)
+        first["drive"] = [
+            rng.choice(({"silent": True}, {"silent": True}, slow)) for _ in range(rng.choice((1, 2)))
+        ]
+        events = [first]
+        for _ in range(rng.choice((1, 2, 2, 3, 4))):
+            (pdu, unit) = rng.choice(
+                (
+                    (self.traffic.command()[0][1], 0),
+                    (self.traffic.write_number()[0][1], 0),
+                    (self.traffic.command()[0][1], address),
+                    (self.traffic.write_number()[0][1], address),
+                    (self.traffic.read_number()[0][1], address),
+                    (self.traffic.local()[0][1], address),
+                )
+            )
+            follower = self._frame("waiting", pdu, unit)
+            follower["gap"] = ["own", self._long_gap()]
+            if rng.random() < 0.2:
+                follower["drive"] = [{"silent": True}]
+            events.append(follower)
+        if rng.random() < 0.15:
+            longer, shorter = (
+                self._frame("waiting", wire_write(DRIVE_TIMEOUT, wait), address)
+                for wait in (LONGER_WAIT, rng.choice(WAITS))
+            )
+            return [longer, *events, shorter]
+        return events
+
+    def _to_the_drive(self) -> bytes:
+        of_one = (self.traffic.read_number, self.traffic.write_number, self.traffic.command)
+        return self.rng.choice(of_one)()[0][1]
 
     def babble(self) -> dict:
         """Unrequested characters on the drive line, from before the commit on."""
@@ -396,5 +501,5 @@ def wire_write(register: int, value: int) -> bytes:
     return b"\x06" + wire(register, value)
 
 
-def make(seed: str, bauds: tuple[int, ...] = ()) -> dict:
-    return Maker(seed, bauds).case()
+def make(seed: str, bauds: tuple[int, ...] = (), config: str = "standard") -> dict:
+    return Maker(seed, bauds, config).case()

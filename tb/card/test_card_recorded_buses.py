@@ -13,54 +13,27 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from rtl.sources import ROOT
 from sim.harness.library import BuildError
-from sim.view.capture import open_capture
 from sim.view.replay import Fate, Replay
 from tb.agents import rtu
 from tb.lib.config import SLOW_HZ
+from tb.lib.recorded_buses import FLOATING, METERS, MODULE, SLAVE, Bus
 from tb.model.card import CardModel
 from tb.model.whole_card import SYNC_CLOCKS, LineJudge
 from tb.model.wire import UNSURE_BITS, LineFormat
 
-CAPTURES = ROOT / "tb/captures"
 CLK_HZ = SLOW_HZ["standard"]
 BUDGET_CLOCKS = 10_000  # as the fuzzer allows (campaigns/fuzz/case.py)
 FOREIGN = 9
 WRONG_LENGTH = 65  # exception (EXC 2)
 
 
-@dataclass(frozen=True)
-class Bus:
-    """A channel of a recording. `unit`: the only address that occurs. `good`: number of good frames."""
-
-    name: str
-    channel: str
-    baud: int
-    form: str
-    unit: int
-    good: int
-    invert: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.name}-{self.channel}"
-
-    def replay(self, unit: int, replies: bool = True) -> Replay:
-        line = LineFormat(self.baud, self.form, CLK_HZ)
-        edges = open_capture(CAPTURES / f"{self.name}.sr").edges(self.channel, CLK_HZ, invert=self.invert)
-        try:
-            return Replay(edges, line, unit, replies=replies)
-        except BuildError as error:
-            pytest.fail(str(error), pytrace=False)
-
-
-MODULE = [Bus("brainchild-io-16do", channel, 19200, "8E1", 1, 15, True) for channel in ("1", "0")]
-METERS = [
-    Bus("flowmeter_target0_val0", "RXTX", 9600, "8N1", 247, 74),
-    Bus("flowmeter_target_15liter_per_min", "RXTX", 9600, "8N1", 247, 132),
-]
-SLAVE = [Bus("wizmodbus", channel, 9600, "8N1", 1, 44) for channel in ("RX", "TX")]
-FLOATING = Bus("wizmodbus", "BA+", 9600, "8N1", 1, 0)
+def opened(bus: Bus, unit: int, replies: bool = True) -> Replay:
+    line = LineFormat(bus.baud, bus.form, CLK_HZ)
+    try:
+        return Replay(bus.edges(CLK_HZ), line, unit, replies=replies)
+    except BuildError as error:
+        pytest.fail(str(error), pytrace=False)
 
 
 def buses(*found: Bus) -> list:
@@ -114,7 +87,7 @@ def check_strobes(replay: Replay, unit: int) -> None:
 @pytest.mark.parametrize("bus", buses(*MODULE, *SLAVE, *METERS))
 def test_the_good_frames_of_our_unit_are_committed_and_served(bus: Bus):
     """The flow meter's own replies are left out: the card is in its place."""
-    with bus.replay(bus.unit, replies=bus not in METERS) as replay:
+    with opened(bus, bus.unit, replies=bus not in METERS) as replay:
         replay.play()
         assert sum(not fate.piece.fault for fate in replay.fates) == bus.good
         kept = [fate for fate in replay.fates if not fate.left_out]
@@ -134,7 +107,7 @@ def test_the_good_frames_of_our_unit_are_committed_and_served(bus: Bus):
 @pytest.mark.rule("FRAME-5", "SAFE-1")
 @pytest.mark.parametrize("bus", buses(*MODULE, *SLAVE, *METERS, FLOATING))
 def test_nothing_ever_leaves_for_a_foreign_unit(bus: Bus):
-    with bus.replay(FOREIGN) as replay:
+    with opened(bus, FOREIGN) as replay:
         replay.play()
         assert not replay.replies and not replay.telegrams
         assert not any(replay.strobes(name) for name in ("candidate", "commit", "revoke"))
@@ -148,7 +121,7 @@ def test_nothing_ever_leaves_for_a_foreign_unit(bus: Bus):
 def test_a_slaves_reply_to_our_own_unit_is_answered_as_a_request():
     """Most have the wrong length of a request; the echo of a write is that write."""
     bus = MODULE[1]
-    with bus.replay(bus.unit) as replay:
+    with opened(bus, bus.unit) as replay:
         replay.play()
         model = CardModel(name="card")
         answered = []
@@ -170,7 +143,7 @@ def test_a_slaves_reply_to_our_own_unit_is_answered_as_a_request():
 @pytest.mark.parametrize("bus", [pytest.param(bus, id=str(bus)) for bus in METERS])
 def test_a_second_slave_with_our_address(bus: Bus):
     """Both answer each request. The card hears nothing while it sends, and never starts into a character."""
-    with bus.replay(bus.unit) as replay:
+    with opened(bus, bus.unit) as replay:
         replay.play()
         bit = replay.line.bit
         requests = [fate for fate in replay.fates if not fate.is_reply]
@@ -196,7 +169,7 @@ def test_a_second_slave_with_our_address(bus: Bus):
 @pytest.mark.rule("FRAME-4")
 def test_a_wire_that_falls_low_after_each_request_is_not_served():
     """The low is a character with a wrong stop bit (BA+)."""
-    with FLOATING.replay(FLOATING.unit) as replay:
+    with opened(FLOATING, FLOATING.unit) as replay:
         replay.play()
         requests = [fate for fate in replay.fates if fate.piece.begins_good]
         assert len(requests) == SLAVE[0].good and all("stop bit" in fate.piece.fault for fate in requests)

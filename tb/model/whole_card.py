@@ -133,6 +133,7 @@ class LineJudge:
         self.candidate_at = 0.0
         self.status_changed = -NEVER
         self.status_before = [0] * len(STATUS)
+        self.overtaking: list[float] = []  # times of all candidates and commits
         self.doubtful = False
         self.status_doubts: list[list[int]] = []  # status images if late replies of the drive do not count
         # The firmware starts with the candidate and may send from t3.5, so only its time beyond t3.5 shows.
@@ -149,7 +150,7 @@ class LineJudge:
         telegrams: Sequence[Burst],
         until: float,
     ) -> Verdict:
-        self.replies, self.telegrams = replies, telegrams
+        self.replies, self.telegrams, self.from_drive = replies, telegrams, drive
         # Start, earliest end and latest end of everything on the drive line.
         self.busy = [(h.start, h.end, h.end + h.slack) for h in drive]
         self.busy += [(float(b.rise), float(b.fall), float(b.fall)) for b in telegrams]
@@ -180,6 +181,8 @@ class LineJudge:
                 heard, self.replies
             ):
                 early = unsure + event.slack if event.what in ("candidate", "commit") else 0.0
+                if event.what in ("candidate", "commit"):
+                    self.overtaking.append(event.at - early)
                 found.append((event.at - early, 0, self._heard, event))
         except Unclear as unclear:
             found.append((unclear.at, 2, self._raise, unclear))
@@ -218,7 +221,7 @@ class LineJudge:
                 request.overtaken = not self._keeps_place(request)
             if self.exchange:
                 self.exchange.second_overtaken = True
-                if not self.exchange.request.writes:
+                if not self._keeps_place(self.exchange.request):
                     self.exchange.overtaken, self.exchange.settled = True, NEVER
         elif self.exchange and self.exchange.overtaken:
             self.exchange.settled = event.at
@@ -229,6 +232,8 @@ class LineJudge:
                 self.exchange.superseded = min(
                     self.exchange.superseded, event.at + event.slack + UNSURE_BITS * self.line.bit
                 )
+                if self._repeat_is_held(self.exchange):
+                    self.exchange.overtaken, self.exchange.settled = True, event.at
             self._commit(event.frame, event.at)
 
     def _keeps_place(self, request: Request) -> bool:
@@ -266,8 +271,9 @@ class LineJudge:
         exchange = self.exchange
         if not (exchange and exchange.phase == "wait" and self.queue and at >= self._wait_from(exchange)):
             return False
-        left = next((burst.data for burst in self.telegrams if burst.rise > at), None)
-        return left == self.queue[0].telegram != exchange.request.telegram
+        left = next((burst for burst in self.telegrams if burst.rise > at), None)
+        in_time = left is not None and left.rise <= self._starts_by(at + self.budget)
+        return in_time and left.data == self.queue[0].telegram != exchange.request.telegram
 
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
         """A write that waited may be repeated after a newer request without a telegram (FC-9, FRAME-7).
@@ -276,6 +282,17 @@ class LineJudge:
         """
         request = exchange.request
         return request.waited and self._keeps_place(request) and not request.broadcast and not self.queue
+
+    def _was_repeated_just_then(self, exchange: Exchange, burst: Burst) -> bool:
+        """The firmware repeated a write that waited before it saw the commit of a newer telegram."""
+        request = exchange.request
+        kept = request.waited and self._keeps_place(request) and not request.broadcast
+        in_time = all(burst.rise <= newer.committed + self.budget for newer in self.queue)
+        return kept and in_time and burst.data == request.telegram
+
+    def _repeat_is_held(self, exchange: Exchange) -> bool:
+        """A repeat that waits for a free line is not sent after a newer request (FC-9)."""
+        return exchange.phase == "line" and exchange.sends == 1 and not self._keeps_its_repeat(exchange)
 
     def _wait_behind(self, exchange: Exchange, request: Request, at: float) -> None:
         """A newer write takes the place of an older one of its kind; a reading waits for nothing newer."""
@@ -448,6 +465,18 @@ class LineJudge:
         last = max((end for start, _, end in self.busy if start <= at), default=0.0)
         return last + (PAUSE_BITS + 0.25) * self.drive.bit
 
+    def _is_garbled_until(self, end: float) -> bool:
+        """Whether characters up to `end` follow one whose start bit the card missed while it sent (FC-10)."""
+        for heard in reversed(self.from_drive):
+            if heard.start >= end:
+                continue
+            if end - heard.end > self.drive.bit:
+                return False
+            if any(burst.rise < heard.start < burst.fall < heard.end for burst in self.telegrams):
+                return True
+            end = heard.start
+        return False
+
     def _starts_by(self, queued: float) -> float:
         """Latest start of a telegram queued at `queued`; each character on the line delays it."""
         while (quiet := self._quiet_at(queued)) > queued:
@@ -464,7 +493,7 @@ class LineJudge:
     def _telegram(self, burst: Burst) -> None:
         data, exchange = burst.data, self.exchange
         if exchange and exchange.phase == "wait" and burst.rise >= self._wait_from(exchange):
-            self._after_wait(exchange, burst.rise)
+            self._after_wait(exchange, burst.rise, self._was_repeated_just_then(exchange, burst))
             exchange = self.exchange
         held = exchange and exchange.phase == "line" and exchange.overtaken
         repeats = exchange and exchange.sends == 1 and data == exchange.request.telegram
@@ -496,6 +525,10 @@ class LineJudge:
         early = burst.rise - SYNC_CLOCKS
         before = max((end for start, end, _ in self.busy if start < early), default=0.0)
         if burst.rise < before + pause:
+            if self._is_garbled_until(before):
+                raise Unclear(
+                    burst.rise, "a pause after a character of the drive across the end of a telegram"
+                )
             self._fail(burst.rise, f"telegram {data.hex(' ')} after a pause too short (FC-8)")
         exchange.phase, exchange.end = "wait", float(burst.fall)
         exchange.sends += 1
@@ -556,9 +589,13 @@ class LineJudge:
             by = self._starts_by(self._wait_by(exchange))
             if any(at < burst.rise < by and burst.data == asker.telegram for burst in self.telegrams):
                 return False
-            # The repeat may stay unsent, as it was overtaken or this reply kept the line busy. Then only a
-            # read of the status image shows whether the reply was accepted.
-            self.doubtful = exchange.overtaken or self._starts_by(at) > self._abandoned_from(exchange)
+            # The repeat may stay unsent: it was overtaken, or will be before it can leave, or this reply kept
+            # the line busy. Then only a read of the status image shows whether the reply was accepted.
+            self.doubtful = (
+                exchange.overtaken
+                or self._starts_by(at) > self._abandoned_from(exchange)
+                or any(exchange.end < newer < self._starts_by(at) for newer in self.overtaking)
+            )
             return True
         raise Unclear(at, "a reply of the drive at the end of its wait, which nothing later reveals")
 
@@ -636,10 +673,10 @@ class LineJudge:
             self._abandon(exchange, until)
         return True
 
-    def _after_wait(self, exchange: Exchange, at: float) -> None:
+    def _after_wait(self, exchange: Exchange, at: float, repeated: bool = False) -> None:
         """The wait ended without a reply: repeat once, but not after a newer request, or abandon (FC-9)."""
         superseded = at > exchange.superseded
-        if exchange.sends == 1 and (not superseded or self._keeps_its_repeat(exchange)):
+        if exchange.sends == 1 and (not superseded or repeated or self._keeps_its_repeat(exchange)):
             exchange.overtaken |= superseded
             exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
             exchange.phase, exchange.receiver = "line", None

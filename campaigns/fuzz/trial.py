@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays and judges one case of the fuzzer (case.py).
+
+The judge follows the two lines up to the point at which the rules leave the outcome open. After that point
+only safety is checked (aftermath.py).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
+from campaigns.fuzz.case import LONG_WAIT, Played, Player, probes
+from rtl.sources import configuration
+from sim.harness.library import Target
+from tb.model.card import DIALECTS, CardModel
+from tb.model.whole_card import LineJudge, Verdict
+from tb.model.wire import LineFormat
+
+LOCAL = 3  # number of the last requests that need no drive
+# Of register 40003, in 10 ms: up to here the wait ends before the drive's answer about a parameter (21 ms).
+SHORT_WAIT = 2
+
+
+def run(
+    case: dict, target: Target, wave: Path | None = None, *, strict_t15: bool = True
+) -> tuple[Verdict, Played]:
+    player = Player(case, target, wave)
+    played = player.play()
+    judge = LineJudge(
+        CardModel(name=case["dialect"]),
+        player.line,
+        case["address"],
+        player.pace.budget_clocks,
+        strict_t15,
+        configuration(target.config)["waiting_places"],
+    )
+    verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
+    if verdict.unclear:
+        verdict.differences += aftermath(case, played, player.line, verdict, player.wait)
+    return verdict, played
+
+
+def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wait: int) -> list[str]:
+    """Errors after the end of the judge; `wait`: last value of register 40003 that may count."""
+    found = []
+    frames = possible_frames(played.network, line, case["address"])
+    if asked(frames, played.replies, case["dialect"]):
+        found += unasked(frames, played.telegrams, line.clk_hz, verdict.until, wait)
+    else:
+        verdict.counts["too much possible behind the judge"] += 1
+    # An exchange with a wait beyond the end of the case has no end to check. If the wait is too short for the
+    # drive's answer, some dialects do not answer.
+    mute = wait <= SHORT_WAIT and "silent" not in DIALECTS[case["dialect"]].codes
+    count = LOCAL if wait > LONG_WAIT or mute else None
+    last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
+    return found + unanswered(last, played.network, played.replies, played.end, count)
