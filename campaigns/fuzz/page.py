@@ -12,6 +12,7 @@ is of another card than the others.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from functools import reduce
 from pathlib import Path
 
@@ -107,6 +108,10 @@ def card_flips(part: dict) -> str:
             f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
             f"{len(merged['shards'])} shards, {flips.rates(merged)}, "
             f"in {minutes(merged['wall_s'])} minutes of one core.",
+            *(
+                f"{count} of these shards ran with an earlier judge, `{judge}`."
+                for judge, count in merged["ran_with"].items()
+            ),
             "",
             *flips.table(merged),
         ]
@@ -287,7 +292,9 @@ def page(record: dict) -> str:
         all_frames[config] = total(record[f"frames of {config}"]) | {"config": config}
         if not record.get(f"flips of {config}"):
             raise PageError(f"no flips of the card {config}; run `make flips CONFIG={config}` first")
-        all_flips[config] = total(record[f"flips of {config}"]) | {"config": config}
+        shards = record[f"flips of {config}"]
+        ran_with = Counter(shard["ran_with"] for shard in shards.values() if "ran_with" in shard)
+        all_flips[config] = total(shards) | {"config": config, "ran_with": ran_with}
     plants, core_flips = record["plants"], record["core"]
     same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
     judges = {merged["card"].split()[-1] for merged in all_flips.values()}

@@ -743,7 +743,7 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
     text = " ".join(fuzz_page.page(renewed({}, tmp_path)).split())
     for said in (
         "20,000 frames each, with judge `three`.",
-        "Both campaigns below have judge `six`.",
+        "Both campaigns below count for judge `six`.",
         "15,897 frames of both cards judged to their end: no difference, at most 2.9e-04 of the frames",
         "| standard card `one`, firmware `two` | `three` | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | 3.1e-04 |",
         "| tiny card `four`, firmware `five` | `three` | 7 | 900 | 2 | 0 | 899 | 0 | 5.1e-03 |",
@@ -869,6 +869,16 @@ def test_page_begins_anew_with_another_card(tmp_path):
     assert newer["frames of tiny"] == record["frames of tiny"]
     with pytest.raises(fuzz_page.PageError, match="different cards"):
         fuzz_page.page(newer)
+
+
+def test_page_names_the_judge_that_a_shard_of_flips_ran_with(tmp_path):
+    """A shard may count for a newer judge (docs/guide/testing.md); run again, it is of that judge."""
+    results_of_all_campaigns(tmp_path)
+    record = renewed({}, tmp_path)
+    record["flips of tiny"]["9 at 9600"]["ran_with"] = "five"
+    said = "1 of these shards ran with an earlier judge, `five`."
+    assert fuzz_page.page(record).count(said) == 1
+    assert said not in fuzz_page.page(renewed(record, tmp_path))
 
 
 def test_page_does_not_lose_a_longer_result_of_the_same_card(tmp_path):

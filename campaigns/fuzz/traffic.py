@@ -317,7 +317,7 @@ class Maker:
         return event
 
     def quiet_glitches(self) -> list[dict]:
-        """Pulses below a quarter bit in the silence after a frame, in every second case at the commit."""
+        """Pulses below a quarter bit in the silence after a frame, often at the commit."""
         event = self._frame("quiet_glitches", self._pdu())
         frame_bits = len(event["bytes"]) // 2 * self.line.character_bits
         follower = self._frame("quiet_glitches", self._pdu())
