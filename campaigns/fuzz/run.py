@@ -122,7 +122,7 @@ def shard(
             so_far(result)
             print(f"fuzz: DIFFERENCE in case {name}: {'; '.join(verdict.differences)}", flush=True)
             if small:
-                found |= _shrunk(f"case-{target.config}-{name}", case, play, folder)
+                found |= _shrunk(target.config, name, case, play, folder)
                 so_far(result)
         result.wall_s = time.monotonic() - began
         if result.wall_s > kept_at - began + KEPT_EACH_S:
@@ -159,15 +159,16 @@ def shown(path: Path) -> Path:
     return path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
 
 
-def _shrunk(name: str, case: dict, play: Play, folder: Path) -> dict:
+def _shrunk(config: str, name: str, case: dict, play: Play, folder: Path) -> dict:
     """Shrinks a case with a difference and keeps it with its waveform."""
-    path = folder / f"{name.replace('/', '-')}.json"
+    path = folder / f"case-{config}-{name.replace('/', '-')}.json"
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(case, indent=1) + "\n")
     case = shrink(case, lambda tried: bool(play(tried)[0].differences))
     path.write_text(json.dumps(case, indent=1) + "\n")
     verdict, _ = play(case, wave=path.with_suffix(".fst"))
-    print(f"fuzz:   {shown(path)} and .fst; make fuzz REPLAY={shown(path)}")
+    setting = "" if config == OWN.config else f"CONFIG={config} "
+    print(f"fuzz:   {shown(path)} and .fst; make fuzz {setting}REPLAY={shown(path)}")
     return {"what": verdict.differences, "events": len(case["events"]), "file": path.name}
 
 

@@ -27,7 +27,8 @@ from campaigns.fuzz import page as fuzz_page
 from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.aftermath import asked, possible_frames
-from campaigns.fuzz.case import Pace, Played, clk_hz, own_pace
+from campaigns.fuzz.case import Pace, Played, Player, clk_hz, own_pace
+from campaigns.fuzz.judge import FuzzJudge
 from campaigns.fuzz.plants import PLANTS, named
 from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
@@ -40,7 +41,7 @@ from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.recorded_buses import BUSES
 from tb.lib.seeds import seeded
-from tb.model.card import DRIVE_TIMEOUT, CardModel
+from tb.model.card import DRIVE_TIMEOUT, CardModel, word
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
 from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
@@ -87,6 +88,31 @@ def test_judge_accepts_either_of_two_right_outcomes(path):
 def test_judge_knows_that_the_small_card_has_one_place(path):
     verdict, _ = run(json.loads(path.read_text()), Target(config="tiny"))
     assert not verdict.differences
+
+
+@pytest.mark.slow
+@pytest.mark.rule("FRAME-7")
+def test_a_dropped_reading_leaves_at_once_or_not_at_all():
+    """The reading of the kept case leaves 0.4 ms after the newer write; here, much later."""
+    (path,) = (path for path in SMALL_CARDS_CASES if path.stem == "reading-leaves-as-a-newer-write-commits")
+    case = json.loads(path.read_text())
+    player = Player(case, Target(config="tiny"))
+    played = player.play()
+    reading, later = played.telegrams[0], 6 * player.line.clk_hz // 1000
+    until = reading.rise + later + 1
+
+    def differences(telegram: Burst) -> list[str]:
+        judge = FuzzJudge(CardModel(), player.line, case["address"], player.pace.budget_clocks, places=1)
+        return judge.evaluate(played.network, played.drive, played.replies, [telegram], until).differences
+
+    assert not differences(reading)
+    (said,) = differences(shifted(reading, later))
+    assert "telegram 02 0e 81 10 7d" in said and "expected 02 0e 81 22 04" in said
+
+
+def shifted(burst: Burst, clocks: int) -> Burst:
+    characters = [replace(one, start=one.start + clocks, end=one.end + clocks) for one in burst.characters]
+    return replace(burst, rise=burst.rise + clocks, fall=burst.fall + clocks, characters=characters)
 
 
 def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
@@ -330,6 +356,7 @@ HARM = (
     *("drive gaps", "drive cut", "drive before", "drive after", "drive bytes"),
     *("pulse in a silence", "pulse at the commit", "recorded", "recorded and damaged"),
     *("waiting broadcast", "waiting write", "waiting write of the card's own", "waiting reading"),
+    "negative value beyond one register",
 )
 RECORDED = {frame.data.hex() for frames in recorded_frames() for frame in frames}
 
@@ -371,6 +398,8 @@ def test_traffic_has_every_kind_of_fault():
                 ]
                 met["pulse in a silence"] += len(after)
                 met["pulse at the commit"] += any(abs(bits) < 1 for bits in after)
+            if event["what"] == "large_value" and word(bytes.fromhex(event["bytes"]), 4) == 1:
+                met["negative value beyond one register"] += drives[0]["pwe"] == 0xFFFF7FFF
             if event["what"] == "recorded":
                 whole = event["bytes"] in RECORDED and "glitches" not in event
                 met["recorded" if whole else "recorded and damaged"] += 1

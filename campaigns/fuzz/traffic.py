@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 
-from campaigns.fuzz.case import clk_hz, own_pace
+from campaigns.fuzz.case import DRIVE_DELAY_BITS, clk_hz, own_pace
 from campaigns.fuzz.recorded import recorded_frames
 from campaigns.soak.run import Traffic, wire
 from regs.generated.card_tables import CHARACTER_BITS
@@ -39,6 +39,8 @@ WAITS = (3, 3, 3, 4, 4, 2)  # register 40003, in 10 ms: short, because a silent 
 # Of register 40003: beyond the 150 ms after which a waiting telegram ends an exchange (FC-9).
 LONGER_WAIT = 20
 FOREIGN = (2, 7, 99, 246, 247)
+# 32-bit values of a parameter that just fit one register, or just do not (MAP-7).
+LIMITS = (0xFFFF, 0x10000, 0xFFFF7FFF, 0xFFFF8000, 0xFFFFFFFF, 0x8000, 0x7FFFFFFF)
 # Bits beyond the uncertain margin: near the limit, or anywhere.
 NEAR_BITS = 3.0
 # Pulses in a silence: their length in bits together. Each stops the count of silence for its own length. The
@@ -100,6 +102,7 @@ class Maker:
             self.recorded: 3,
             self.drifting: 5,
             self.bad_drive: 8,
+            self.large_value: 4,
             self.waiting: 4,
             self.babble: 5,
         }
@@ -392,6 +395,11 @@ class Maker:
             event["interrupt"] = {"gap": 5.0, "bytes": self.rng.randbytes(self.rng.randint(1, 4)).hex()}
         return event
 
+    def large_value(self) -> dict:
+        """A read of a parameter whose value is at the limits of one register."""
+        event = self._frame("large_value", self.traffic.read_number()[0][1], self.address)
+        return event | {"drive": [{"gap": DRIVE_DELAY_BITS, "pwe": self.rng.choice(LIMITS)}]}
+
     def waiting(self) -> list[dict]:
         """Requests to all and to the card while the drive is silent or slow (FRAME-7, FC-9)."""
         rng, address = self.rng, self.address
@@ -469,11 +477,7 @@ class Maker:
                 {"edit": [[rng.randrange(3, 12), rng.randrange(1, 256)]]},
                 {"edit": [[rng.randrange(0, 14), bit]], "raw": True},
                 {"fault": rng.choice((0, 1, 2, 3, 4, 5, 17, 130, 131, 6, 7, 11, 18, 99, 255))},
-                {
-                    "pwe": rng.choice(
-                        (0xFFFF, 0x10000, 0xFFFF7FFF, 0xFFFF8000, 0xFFFFFFFF, 0x8000, 0x7FFFFFFF)
-                    )
-                },
+                {"pwe": rng.choice(LIMITS)},
                 {"flaws": {str(rng.randrange(0, 8)): rng.choice(("parity", "stop"))}},
                 {"gaps": {str(rng.randrange(1, 8)): self._within(0, PAUSE_BITS - 0.5)}},
                 {"gaps": {str(rng.randrange(1, 8)): self._within(PAUSE_BITS + 0.7, PAUSE_BITS + 30)}},
