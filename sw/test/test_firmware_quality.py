@@ -259,14 +259,37 @@ def test_a_changed_header_is_compiled_into_every_source_that_includes_it(tmp_pat
 def test_a_survivor_that_is_neither_proved_nor_listed_fails(
     fate: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):
-    mutants = firmware_mutate.chosen_mutants(60)
-    listed = [firmware_mutate.key(mutant) in firmware_mutate.reasons() for mutant in mutants]
-    fates = ["survives" if is_listed else "test some" for is_listed in listed]
-    fates[listed.index(False)] = fate
-    rows = [asdict(mutant) | {"fate": fate} for mutant, fate in zip(mutants, fates, strict=True)]
-    (tmp_path / "shard-1-of-1.json").write_text(json.dumps({"seconds": 1, "mutants": rows}))
-    monkeypatch.setattr(firmware_mutate, "FOLDER", tmp_path)
+    one_not_listed(fate, tmp_path, monkeypatch)
     assert firmware_mutate.report(60, write=False) == code
     says = capsys.readouterr().out
     assert ("survives without a reason" in says) == bool(code)
     assert f"{int(fate == firmware_mutate.SAME)} {firmware_mutate.SAME}, 0 do not compile\n" in says
+
+
+def one_not_listed(fate: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> firmware_mutate.Mutant:
+    """Results in `folder`: the listed mutants survive, one other has this fate, the rest is caught."""
+    mutants = firmware_mutate.chosen_mutants(60)
+    listed = [firmware_mutate.key(mutant) in firmware_mutate.reasons() for mutant in mutants]
+    fates = ["survives" if is_listed else "test some" for is_listed in listed]
+    other = listed.index(False)
+    fates[other] = fate
+    rows = [asdict(mutant) | {"fate": fate} for mutant, fate in zip(mutants, fates, strict=True)]
+    (folder / "shard-1-of-1.json").write_text(json.dumps({"seconds": 1, "mutants": rows}))
+    monkeypatch.setattr(firmware_mutate, "FOLDER", folder)
+    return mutants[other]
+
+
+@pytest.mark.parametrize(("fate", "code"), [("test added", 0), ("survives", 1)])
+def test_survivors_are_tried_again_alone(
+    fate: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    survivor = one_not_listed("survives", tmp_path, monkeypatch)
+
+    def evaluated(mutants: list[firmware_mutate.Mutant], *_: object) -> list[dict]:
+        assert mutants == [survivor]
+        return [asdict(survivor) | {"fate": fate}]
+
+    monkeypatch.setattr(firmware_mutate, "evaluated", evaluated)
+    monkeypatch.setattr("sys.argv", ["mutate", "--survivors"])
+    assert firmware_mutate.main() == code
+    assert ("survives without a reason" in capsys.readouterr().out) == bool(code)

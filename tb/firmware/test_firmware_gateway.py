@@ -1089,6 +1089,20 @@ def test_a_telegram_queued_too_late_frees_the_drive_line(bench: Bench):
     assert bench.telegrams == [ASK_514]
 
 
+@pytest.mark.rule("FRAME-3", "LED-4")
+@pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
+def test_a_revoked_telegram_is_no_fault_of_the_drive(firmware: type):
+    """Even if the round before the revoke took 5 ms."""
+    bench = Bench(firmware)
+    bench.offer(READ_514)
+    bench.mailbox.time += 5
+    bench.gateway.poll()
+    bench.mailbox.character()
+    bench.poll()
+    assert bench.gateway.is_idle()
+    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0
+
+
 # ---------------------------------------------------------------- broadcast
 
 
@@ -1505,11 +1519,17 @@ def test_a_broadcast_telegram_is_sent_after_the_pause(bench: Bench):
 
 
 @pytest.mark.rule("LED-5")
-def test_the_poll_loop_is_idle_only_without_a_request_or_exchange():
-    bench = Bench()
+@pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
+def test_the_poll_loop_is_idle_only_without_a_request_or_exchange(firmware: type):
+    """In an idle round without a new tick the main loop checks a word of the image or the settings."""
+    bench = Bench(firmware)
 
     def idle() -> bool:
-        return bool(bench.gateway.lib.gateway_is_idle(bench.gateway.memory) & 1)
+        found = bench.gateway.is_idle()
+        assert bench.gateway.poll() == found
+        bench.mailbox.time += 1
+        assert not bench.gateway.poll(), "the work of a tick"
+        return found
 
     assert idle()
     bench.offer(READ_IND)
@@ -1525,6 +1545,19 @@ def test_the_poll_loop_is_idle_only_without_a_request_or_exchange():
     bench.mailbox.loopback = True
     bench.restart()
     assert idle(), "the loop-back test, in which the image is checked too"
+
+
+@pytest.mark.rule("LOOP-1")
+@pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
+def test_a_failed_loopback_test_shows_both_leds_red_after_the_power_up_show(firmware: type):
+    """Without the pattern on the lines. The LEDs of a card without a master would flash."""
+    bench = Bench(firmware)
+    bench.mailbox.loopback = True
+    bench.restart()
+    bench.wait(2100)
+    for _ in range(100):
+        bench.wait(10)
+        assert bench.mailbox.led == NETWORK_RED | DRIVE_RED
 
 
 # ---------------------------------------------------------------- counters
@@ -1743,6 +1776,24 @@ def test_the_stop_goes_to_the_own_drive_after_a_flipped_bit(running: Bench):
     assert running.telegrams == [SEND_START, SEND_STOP] * 2
 
 
+@pytest.mark.rule("SAFE-7", "FRAME-7")
+def test_a_reading_that_waits_leaves_after_the_stop(running: Bench):
+    """Each transaction is in use: at the drive, both waiting writes, the reading, the stop."""
+    running.request(START_40)
+    running.telegram_ends()
+    running.request(START_40, broadcast=True)
+    running.request(START_40)
+    running.request(READ_514)
+    running.wait(160)
+    running.telegram_ends()
+    running.wait(5)
+    answer(running)
+    everyone = H("80 047C 1999")
+    assert running.telegrams == [SEND_START, SEND_START, everyone, SEND_START, SEND_STOP]
+    answer(running)
+    assert running.telegrams[5:] == [ASK_514]
+
+
 @pytest.mark.rule("SAFE-7", "FC-9")
 def test_the_stop_is_repeated_once(running: Bench):
     running.wait(TIMEOUT_MS + 5)
@@ -1814,3 +1865,13 @@ def test_one_clock_alone_sends_no_stop(running: Bench, early: str):
         running.mailbox.limit = 1 << 19
     running.wait(TIMEOUT_MS - 2 if early == "gate" else 2000)
     assert running.telegrams == [SEND_START]
+
+
+@pytest.mark.rule("SAFE-7", "FC-9")
+def test_one_clock_alone_prevents_no_repeat(running: Bench):
+    """The stop that waits would; it waits only if the gate's clock agrees."""
+    running.request(READ_514)
+    running.mailbox.limit = 1 << 19
+    running.telegram_ends()
+    running.wait(160)
+    assert running.telegrams == [SEND_START, ASK_514, ASK_514]

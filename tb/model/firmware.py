@@ -67,7 +67,8 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
         ("translate_drive_again", None, pointer),
         ("translate_drive_silent", ctypes.c_int, pointer),
         ("gateway_init", None, pointer),
-        ("gateway_poll", None, pointer),
+        ("gateway_poll", ctypes.c_bool, pointer),
+        ("gateway_is_idle", ctypes.c_bool, pointer),
         ("host_connect", None, ReadHook, WriteHook),
         ("host_size_of_translator", u32),
         ("host_size_of_images", u32),
@@ -232,5 +233,9 @@ class Gateway:
         self.lib.host_connect(*self._hooks)
         self.lib.gateway_init(self.memory)
 
-    def poll(self) -> None:
-        self.lib.gateway_poll(self.memory)
+    def poll(self) -> bool:
+        """A round; whether it was idle, so that the main loop may check the image."""
+        return self.lib.gateway_poll(self.memory)
+
+    def is_idle(self) -> bool:
+        return self.lib.gateway_is_idle(self.memory)
