@@ -38,7 +38,7 @@ from campaigns.flips.trial import (
     traffic,
     trial,
 )
-from campaigns.fuzz.bound import at_most
+from campaigns.fuzz.bound import at_most, words
 from campaigns.fuzz.case import BOOT_S, Played, clk_hz
 from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
@@ -679,3 +679,4 @@ def test_each_bit_of_the_memory_is_there_once(config):
 )
 def test_bound_of_what_was_seen_so_often(seen, tries, bound):
     assert at_most(seen, tries) == pytest.approx(bound, rel=5e-3)
+    assert at_most(seen, tries) <= float(words(seen, tries)) <= 1.01 * at_most(seen, tries)

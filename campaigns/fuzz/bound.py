@@ -32,4 +32,7 @@ def _so_few(seen: int, tries: int, rate: float) -> float:
 
 
 def words(seen: int, tries: int) -> str:
-    return f"{at_most(seen, tries):.1e}"
+    """The bound with three digits, rounded up, so that it stays a bound."""
+    rate = at_most(seen, tries)
+    last = 10.0 ** (math.floor(math.log10(rate)) - 2)
+    return f"{math.ceil(round(rate / last, 6)) * last:.2e}"

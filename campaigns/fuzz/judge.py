@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The judge of the fuzzer: tb/model/whole_card.py, and one more outcome that is right.
 
-A reading waits for a busy drive line in place of an older request. A newer request drops it (FRAME-7). The line
-becomes free while the firmware still looks at the newer request: then the reading's telegram may leave. The
-slow firmware of the small card does so; flips have no traffic on a busy line. Unit of time: clocks.
+A reading waits for a busy drive line in place of an older request. A newer request drops it (FRAME-7). The
+line becomes free while the firmware still looks at the newer request: then the reading's telegram may leave.
+The slow firmware of the small card does so; flips have no traffic on a busy line. Unit of time: clocks.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class FuzzJudge(LineJudge):
         super()._telegram(burst)
 
     def _leaves_just_then(self, burst: Burst) -> bool:
-        """The dropped reading took the line over from the request before it, which waits for nothing newer."""
+        """The dropped reading had taken the line over from the request before it."""
         exchange, dropped = self.exchange, self.dropped
         others = [request.telegram for request in self.queue]
         return (

@@ -128,8 +128,8 @@ def frames_in_all(cards: list[dict]) -> str:
     differences, judged = (sum(card[key] for card in cards) for key in ("differences", "judged"))
     found = f"differences: {differences}" if differences else "no difference"
     return (
-        f"{judged:,} frames of both cards judged to their end: {found}, at most "
-        f"{bound.words(differences, judged)} of the frames at {bound.SURE}"
+        f"{judged:,} frames of both cards judged to their end, each with the judge of its row: {found}, "
+        f"at most {bound.words(differences, judged)} of the frames at {bound.SURE}"
     )
 
 

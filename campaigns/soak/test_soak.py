@@ -149,7 +149,7 @@ def test_the_page_has_both_cards_and_counts_a_seed_once(kept):
     assert "firmware sources `sources`" in text
     assert "judge `judge`" in text
     assert (
-        "| card | `card-standard` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 1,000 | 0 | 4.6e-03 | 3 min |"
+        "| card | `card-standard` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 1,000 | 0 | 4.60e-03 | 3 min |"
         in text
     )
     assert text.count("- card, vlt6000: 24 exception 2.") == 2
@@ -157,7 +157,7 @@ def test_the_page_has_both_cards_and_counts_a_seed_once(kept):
 
 def test_a_mismatch_stays_on_the_page(kept):
     assert (
-        "| card | `card-tiny` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 520 | 1 | 1.3e-02 | 3 min |"
+        "| card | `card-tiny` | vlt6000 | 2 | 9600: 8E1; 19200: 8N1 | 520 | 1 | 1.27e-02 | 3 min |"
         in page.page()
     )
 
