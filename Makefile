@@ -161,7 +161,7 @@ report: | setup-test ## * tests, rules, figures and pictures in one page: build/
 formal: | setup-test ## * prove the promises of formal/ (2 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
-formal-flips: | setup-test ## prove that one flipped bit does no harm, bit by bit (8 min; MODULE=name)
+formal-flips: | setup-test ## prove that one flipped bit does no harm, bit by bit (23 min; MODULE=name)
 	@$(RUN) formal.flips $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 mutate: firmware | setup-test ## change modules on purpose; proofs and benches must notice (hours; MODULE=)

@@ -51,7 +51,8 @@ reg g_command_left = 1'b0;
 wire g_commits = commit && modbus_silent && (candidate || g_pending);
 // A commit on a line that is not silent ends the candidate, too.
 wire g_revoked = g_pending && (revoke || modbus_start_seen || (commit && !modbus_silent));
-wire g_broadcast_done = queue_reply && queue_ticket == ticket && broadcast;
+reg [3:0] g_ticket = 4'd0;  // its number
+wire g_broadcast_done = queue_reply && queue_ticket == g_ticket && broadcast;
 
 // ---- the reply: ordered for the newest request
 reg g_reply_due = 1'b0;
@@ -74,7 +75,7 @@ reg g_open = 1'b0;
 
 // An order of the loop-back test has no request (LOOP-1). In the clock in which a request ends, an order is still for
 // that request.
-wire g_for_newest = queue_ticket == ticket && !loopback_open && !candidate && !g_revoked;
+wire g_for_newest = queue_ticket == g_ticket && !loopback_open && !candidate && !g_revoked;
 
 // ---- the stop when the master is lost (SAFE-7)
 `ifdef STOP
@@ -87,7 +88,7 @@ wire g_for_newest = queue_ticket == ticket && !loopback_open && !candidate && !g
 (* hierconn *) wire \g_loss.loss_i.over_i.opposite ;
 initial assume (!\g_loss.loss_i.beat_before );
 wire g_for_stop = waiting_stop;
-wire g_watch = watch && queue_ticket == ticket && g_committed && !candidate;
+wire g_watch = watch && queue_ticket == g_ticket && g_committed && !candidate;
 reg g_beat = 1'b0;
 reg g_start = 1'b0;  // a write of coils with the start bit 1 was committed, and no stop was licensed since
 reg g_known = 1'b0;
@@ -135,15 +136,17 @@ reg [1:0] g_there = 2'b00;
 reg [1:0] g_place_command = 2'b00;  // that request writes coils
 reg g_wish = 1'b0;  // ordered for the candidate
 `ifdef SMALL
-wire g_keep = keep_write && queue_ticket == ticket && broadcast;
+wire g_keep = keep_write && queue_ticket == g_ticket && broadcast;
 `else
-wire g_keep = keep_write && queue_ticket == ticket;
+wire g_keep = keep_write && queue_ticket == g_ticket;
 `endif
 wire g_may_keep = !candidate && (g_commits ? g_wish || g_keep : g_keep && g_committed && !g_spent);
 // It has a telegram of its own in the memory.
 wire g_own_now = queue_telegram && g_for_newest;
 wire g_has_own = g_commits ? g_own_now || g_cause == G_PENDING : g_cause == G_COMMITTED && g_newest;
-wire [1:0] g_filled = {kept && broadcast, kept && !broadcast};
+// Not `kept` alone: a register that flips must not change the rule (formal/flips.py).
+wire g_kept = kept && g_may_keep;
+wire [1:0] g_filled = {g_kept && broadcast, g_kept && !broadcast};
 wire g_take = use_waiting && !g_for_stop;
 wire [1:0] g_taken = {g_take && waiting_to_all, g_take && !waiting_to_all};
 wire g_use = use_waiting && (g_for_stop ? stop_due : g_there[waiting_to_all]);
@@ -160,16 +163,16 @@ always @(posedge clk) begin
     if (g_revoked) g_pending <= 1'b0;
     if (g_committed && (modbus_start_seen || reply_start)) g_heard <= 1'b1;
   end
-  if (g_commits) {g_spent, g_command_left} <= {kept && writes_coils, 1'b0};
+  if (g_commits) {g_spent, g_command_left} <= {g_kept && writes_coils, 1'b0};
   else begin
-    if (kept && writes_coils) g_spent <= 1'b1;
+    if (g_kept && writes_coils) g_spent <= 1'b1;
     if (reply_start || g_broadcast_done) g_spent <= 1'b1;
     if (telegram_start && telegram_control && g_newest) {g_spent, g_command_left} <= 2'b11;
   end
 
   if (queue_reply) begin
     g_reply_waits <= reply_after_drive;
-    g_reply_due <= queue_ticket == ticket && !loopback_open && !reply_empty && !broadcast &&
+    g_reply_due <= queue_ticket == g_ticket && !loopback_open && !reply_empty && !broadcast &&
         (g_pending || (g_committed && !g_heard));
   end else if (reply_start) g_reply_due <= 1'b0;
   if (candidate || g_revoked || (g_committed && modbus_start_seen)) g_reply_due <= 1'b0;
@@ -184,7 +187,7 @@ always @(posedge clk) begin
   if (use_waiting) begin
     g_cause <= g_use ? G_COMMITTED : G_NO_CAUSE;
     {g_command, g_newest, g_to_all, g_answered, g_sends} <= {
-      g_for_stop || g_place_command[waiting_to_all], queue_ticket == ticket && !candidate,
+      g_for_stop || g_place_command[waiting_to_all], queue_ticket == g_ticket && !candidate,
       waiting_to_all && !g_for_stop, 1'b0, 2'd0
     };
     g_placed <= 1'b1;
@@ -223,7 +226,7 @@ reg g_mark_kept = 1'b0;  // its licence was kept
 reg [1:0] g_mark_there = 2'b00;  // and waits
 reg g_mark_left = 1'b0;  // a command that it caused has left
 wire g_mark = g_commits && g_pick && !g_marked && writes_coils;
-wire g_mark_kept_now = kept && (g_commits ? g_mark : g_mark_newest);
+wire g_mark_kept_now = g_kept && (g_commits ? g_mark : g_mark_newest);
 always @(posedge clk) begin
   if (g_mark) g_marked <= 1'b1;
   if (g_commits) g_mark_newest <= g_mark;
@@ -302,7 +305,6 @@ end
 
 // The firmware sees whether the telegram that it ordered last has left.
 reg g_started = 1'b0;
-reg [3:0] g_ticket = 4'd0;
 always @(posedge clk) begin
   if (telegram_start) g_started <= 1'b1;
   if (g_order || repeat_telegram || rst) g_started <= 1'b0;

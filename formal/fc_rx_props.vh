@@ -183,3 +183,13 @@ always @(posedge clk) begin
     c_gap : cover (bad && $past(long_reached));
   end
 end
+
+`ifdef FLIPPED
+// ---- one flipped bit of the receiver (formal/flips.py): no telegram counts as good without its BCC
+reg g_checked = 1'b0;  // a sound character came in the clock before, and the BCC was right
+always @(posedge clk) begin
+  g_checked <= byte_valid && check_good && !g_damaged;
+  if (g_past) f_checked : assert (!good || g_good || g_checked);
+  if (g_past) c_counts : cover (good && !g_good);
+end
+`endif

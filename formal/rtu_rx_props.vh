@@ -191,6 +191,11 @@ wire [2:0] g_counted = {2'd0, count_crc} + {2'd0, count_parity} + {2'd0, count_f
 `ifdef FLIPPED
 // ---- one flipped bit of the receiver (formal/flips.py): the gate acts on a candidate and its commit, never on one alone
 always @(posedge clk) if (g_past) f_accepts : assert (!(commit && (candidate || g_open)) || g_commit);
+// SAFE-1: what it lets the gate do is what its own characters said.
+always @(posedge clk)
+  if (g_past)
+    f_rights : assert (!(commit && (candidate || g_open)) ||
+        (frame_broadcast == g_broadcast && frame_writes_coils == g_writes_coils));
 always @(posedge clk) if (g_past) c_accepted : cover (commit && (candidate || g_open));
 always @(posedge clk) if (g_past) c_spoilt : cover (count_crc || count_parity || revoke);
 `endif

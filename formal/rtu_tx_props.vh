@@ -101,3 +101,8 @@ end
 
 // ---- covers
 always @(posedge clk) c_sent : cover (g_past && g_sending && !sending && !g_rst && g_length == 5'd3);
+
+`ifdef FLIPPED
+// ---- one flipped bit of the sender (formal/flips.py): a reply does begin in these clocks
+always @(posedge clk) c_begins : cover (g_past && sending && !g_sending);
+`endif

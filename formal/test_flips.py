@@ -86,7 +86,7 @@ def test_the_fingerprint_follows_verilog_and_promises(monkeypatch, tmp_path):
 
 def test_an_unknown_module_is_one_line(capsys):
     assert flips.main(["nothing"]) == 2
-    there = "commit_gate, rtu_rx, fc_tx, silence_timer"
+    there = "commit_gate, rtu_rx, fc_tx, silence_timer, fc_rx, rtu_tx, uart"
     assert capsys.readouterr().err == f"formal-flips: no module nothing; there are: {there}\n"
 
 
@@ -101,7 +101,7 @@ def of_the_gate(*broken: str) -> list[flips.Found]:
     """Results in which the listed bits of the gate, and these bits, are not proved; two others are."""
     listed = flips.known()["commit_gate"]["unproved"]
     bad = (*listed, *broken)
-    names = [*listed, "request_i.ticket[0]", "request_i.ticket[1]"]
+    names = [*listed, "request_i.fine[0]", "request_i.fine[1]"]
     return [
         flips.Found("commit_gate", flips.Bit(name, "cell", 0), "a_caused" if name in bad else "")
         for name in names
@@ -110,8 +110,8 @@ def of_the_gate(*broken: str) -> list[flips.Found]:
 
 def test_a_bit_that_is_no_longer_proved_is_an_error():
     assert flips.surprises(of_the_gate()) == []
-    lost = flips.surprises(of_the_gate("request_i.ticket[1]"))
-    assert lost == ["commit_gate: request_i.ticket[1] is not proved and not in `unproved`"]
+    lost = flips.surprises(of_the_gate("request_i.fine[1]"))
+    assert lost == ["commit_gate: request_i.fine[1] is not proved and not in `unproved`"]
 
 
 def test_a_listed_bit_that_is_proved_or_gone_is_an_error():
@@ -124,9 +124,11 @@ def test_a_listed_bit_that_is_proved_or_gone_is_an_error():
 
 
 def test_the_page_names_proved_registers_and_modules_that_are_only_sampled():
-    assert flips.proved_bits(of_the_gate("request_i.ticket[1]")) == (
-        "- `commit_gate`: `request_i.ticket` (1 of 2 bits)."
+    assert flips.proved_bits(of_the_gate("request_i.fine[1]")) == (
+        "- `commit_gate`: `request_i.fine` (1 of 2 bits)."
     )
     sampled = flips.sampled()
-    assert all(f"`{name}`" in sampled for name in ("uart", "fc_rx", "rtu_tx", "supervisor"))
-    assert not any(f"`{name}`" in sampled for name in ("rtu_rx", "commit_gate", "telegram_slot", "mailbox"))
+    assert all(f"`{name}`" in sampled for name in ("bus_arbiter", "driver_limit", "supervisor"))
+    assert not any(
+        f"`{name}`" in sampled for name in ("rtu_rx", "uart", "commit_gate", "telegram_slot", "mailbox")
+    )

@@ -223,3 +223,19 @@ def test_a_page_that_does_not_match_the_promises_is_found(monkeypatch, tmp_path,
     assert before in page
     formal.DOCUMENT.write_text(page.replace(before, after))
     assert formal.drifted(tasks)
+
+
+def test_promises_about_flips_are_left_out():
+    text = "`ifdef X\na\n`ifdef FLIPPED\nb\n`endif\n`endif\n`ifdef FLIPPED\nc\n`else\nd\n`endif\ne"
+    assert formal.not_flipped(text).split() == ["`ifdef", "X", "a", "`endif", "d", "e"]
+
+
+def test_the_fingerprint_of_a_proof_follows_the_verilog_and_the_promises(monkeypatch, tmp_path):
+    """Not comments, nor promises about flips."""
+    before = formal.fingerprint("fc_tx")
+    text = (ROOT / "rtl/fc_tx.v").read_text()
+    monkeypatch.setattr(formal, "source", lambda module: tmp_path / f"{module}.v")
+    for changed, same in ((text + "// a comment\n", True), (text.replace("& ~VALID", "", 1), False)):
+        (tmp_path / "fc_tx.v").write_text(changed)
+        assert (formal.fingerprint("fc_tx") == before) == same
+    assert "& ~VALID" in text

@@ -8,6 +8,9 @@
 // character. Each character arrives once and unchanged, with parity error and framing error if and only if it had them. Nothing else
 // arrives. Noise is left out: that is the glitch filter's task.
 //
+// CHECKED: whatever is on the line, a received character without a parity error is the eight bits that the check unit
+// got. So a byte that changes after the check unit saw it has a parity error (SAFE-4). Assumed: the port does not send.
+//
 // SEND: every character is well-formed in every format (LINE-1, LINE-3, FC-1). The ghost keeps the byte that was taken
 // and counts ticks since its start bit. Both together give the level of the line.
 
@@ -181,6 +184,60 @@ end
 `endif
 
 `else
+`ifdef CHECKED
+
+always @* assume (!send_valid);
+
+reg [7:0] g_bits = 8'd0;  // the last bits of the check unit
+reg [3:0] g_count = 4'd0;  // of them, those of this character
+reg g_sum = 1'b0;  // their parity
+always @(posedge clk) begin
+  if (bit_valid) begin
+    g_bits  <= {bit_data, g_bits[7:1]};
+    g_count <= g_count + 4'd1;
+    g_sum   <= g_sum ^ bit_data;
+  end
+  if (state[S_START] || rst) begin
+    g_count <= 4'd0;
+    g_sum   <= 1'b0;
+  end
+end
+
+always @(posedge clk) begin
+  if (g_past) begin
+    a_same : assert (!byte_valid || byte_parity_error || byte_data == g_bits);
+    a_eight : assert (!byte_valid || g_count == 4'd8);
+    c_sound : cover (byte_valid && !byte_parity_error && !byte_framing_error);
+  end
+end
+
+// ---- helpers for induction
+always @(posedge clk) begin
+  if (g_past) begin
+    i_states : assert (g_state_count <= 3'd1 && !loaded && !driving);
+    i_shift : assert (((shift ^ g_bits) & ~(8'hFF >> g_count)) == 8'd0);
+    i_count : assert (!state[S_DATA] || g_count == {1'b0, bits_done});
+    i_sum : assert (!state[S_DATA] || parity == (g_sum ^ parity_odd));
+    i_late : assert (!(state[S_PARITY] || state[S_STOP] || byte_valid) || g_count == 4'd8);
+    i_range : assert (g_count <= 4'd8);
+    i_top : assert (g_sum == ^(g_bits & ~(8'hFF >> g_count)));
+    i_parity : assert (!(state[S_PARITY] || state[S_STOP] || byte_valid) || parity == ^{g_bits, parity_odd});
+    i_start : assert (!state[S_START] || phase <= 4'd7);
+    i_valid : assert (!byte_valid || !(state[S_DATA] || state[S_PARITY] || state[S_STOP]));
+  end
+end
+
+`ifdef COVER
+// A low until the start bit has passed, then the line stays high: FF, in a format without parity.
+always @* assume (tick16 && !parity_enable && !parity_odd && !two_stop && line == !(idle || state[S_START]));
+`endif
+
+`ifdef FLIPPED
+// ---- one flipped bit of the receiver (formal/flips.py): a tick a clock, so that the last bits of a character fit
+always @* assume (tick16);
+`endif
+
+`else
 
 // The port holds the line high while it sends (glitch_filter).
 always @* begin
@@ -285,4 +342,5 @@ always @(posedge clk)
   c_no_gap : cover (g_sending && g_last && g_go && g_byte == 8'h5A && g_waiting == 8'h7C);
 `endif
 
+`endif
 `endif

@@ -21,7 +21,7 @@ from campaigns.bench import fingerprint
 from campaigns.bench import report as bench_report
 from campaigns.mutate import run as mutate
 from constraints import synth
-from formal import flips
+from formal import flips, prove
 from rtl import report_page
 from rtl.command import run_main
 from rtl.sources import ROOT, rtl_files
@@ -90,6 +90,13 @@ def proved_flips(text: str) -> str:
     return f"these modules have changed: {', '.join(older)}" if older else ""
 
 
+def proofs(text: str) -> str:
+    """The page has rows for each module, with the fingerprint of what was proved."""
+    rows = set(ROW.findall(text))
+    older = sorted({name for name, of in rows if of != prove.fingerprint(name)})
+    return f"these modules have changed: {', '.join(older)}" if older else ""
+
+
 def synthesis(_: str) -> str:
     return "synthesised from another design" if synth.stale() else ""
 
@@ -118,6 +125,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "fuzz": (both_cards, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
     "soak": (soak, "make soak COUNT=20000 (of both cards) and soak-page"),
     "mutants": (mutants, "make mutate"),
+    "proofs": (proofs, "make formal"),
     "proved-flips": (proved_flips, "make formal-flips"),
     "synthesis": (synthesis, "make synth"),
     "masters": (masters, "make masters"),

@@ -31,6 +31,7 @@ from pathlib import Path
 
 from campaigns.fuzz.bound import SURE, at_most
 from campaigns.mutate.same import SameError, proved_same, proved_same_inverted
+from formal import prove
 from rtl.command import Parser, run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
@@ -373,9 +374,11 @@ class Tree:
 
 
 def fingerprint(path: Path) -> str:
-    """Hash of a module's code and its promises, without comments."""
+    """Hash of a module's code and its promises, without comments, and without those of formal/flips.py."""
     proof = [ROOT / f"formal/{path.stem}{end}" for end in ("_props.vh", ".sby")]
-    promises = [re.sub(r"(//|#).*", "", file.read_text()) for file in proof if file.exists()]
+    promises = [
+        re.sub(r"(//|#).*", "", prove.not_flipped(file.read_text())) for file in proof if file.exists()
+    ]
     words = " ".join(" ".join([code_only(path.read_text()), *promises]).split())
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 

@@ -88,6 +88,14 @@ def test_every_mutant_changes_the_text(module):
         assert text[: mutant.start] + mutant.text + text[mutant.end :] != text, mutant.before
 
 
+def test_promises_about_flips_keep_the_fingerprint(monkeypatch):
+    """The proofs of the mutants do not read them."""
+    path = ROOT / "rtl/fc_rx.v"
+    before = mutate.fingerprint(path)
+    monkeypatch.setattr(mutate.prove, "not_flipped", lambda text: text)
+    assert mutate.fingerprint(path) != before
+
+
 def test_comments_keep_the_fingerprint(tmp_path):
     path = tmp_path / "m.v"
     path.write_text("module m;\n  wire a = b; // why\nendmodule\n")
