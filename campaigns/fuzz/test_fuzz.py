@@ -127,7 +127,7 @@ def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
 
 @pytest.mark.rule("SAFE-3")
 def test_last_answers_are_checked_after_the_judge():
-    played, check = after_the_judge(make("4711/36"))
+    played, check = after_the_judge(make("4711/93"))
     mute = replace(played, replies=played.replies[:-1])
     assert "nothing to the good request 03" in check(mute)[0]
     twice = replace(played, replies=[*played.replies, played.replies[-1]])
@@ -135,7 +135,7 @@ def test_last_answers_are_checked_after_the_judge():
 
 
 @pytest.mark.rule("SAFE-1", "FC-9")
-@pytest.mark.parametrize("name", ["4711/36", "4711/85", "4711/142"])
+@pytest.mark.parametrize("name", ["4711/93", "4711/119", "4711/142"])
 def test_unrequested_commands_are_found_after_the_judge(name):
     """Cases with writes of coils, as in most random cases."""
     case = make(name)
