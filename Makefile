@@ -130,7 +130,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report
-test: | setup-test ## * every rule once, large modules on both simulators (7.5 min from a clean clone; TEST=name: a part)
+test: | setup-test ## * every rule once, large modules on both simulators (7.9 min from a clean clone; TEST=name: a part)
 	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)
@@ -158,7 +158,7 @@ report: | setup-test ## * tests, rules, figures and pictures in one page: build/
 
 ##@ Prove
 .PHONY: formal formal-flips mutate
-formal: | setup-test ## * prove the promises of formal/ (2 min; MODULE=name: one module)
+formal: | setup-test ## * prove the promises of formal/ (3 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 formal-flips: | setup-test ## prove that one flipped bit does no harm, bit by bit (23 min; MODULE=name)

@@ -62,24 +62,31 @@ def properties(text: str) -> tuple[int, int, int]:
     return promises, len(asserts) - promises, len(re.findall(r"\bcover \(", text))
 
 
-def active(text: str, defines: set[str]) -> str:
-    """The lines that remain after `ifdef, `else and `endif."""
-    lines, stack = [], []
+def active(text: str, defines: set[str], followed: set[str] | None = None) -> str:
+    """The lines that remain after `ifdef, `else and `endif. With `followed`, blocks of other names stay."""
+    lines = []
+    blocks: list[tuple[bool, bool]] = []  # is it followed, and do its lines count
     for line in text.splitlines():
-        word = line.split()[:2]
-        if word[:1] == ["`ifndef"] or (word[:1] in (["`else"], ["`endif"]) and not stack):
-            raise SystemExit(
-                f"formal: {word[0]} in a property file: only `ifdef, `else and `endif are followed"
-            )
-        if word[:1] == ["`ifdef"]:
-            stack.append(word[1] in defines)
-        elif word[:1] == ["`else"]:
-            stack[-1] = not stack[-1]
-        elif word[:1] == ["`endif"]:
-            stack.pop()
-        elif all(stack):
+        word, _, name = line.strip().partition(" ")
+        if word == "`ifndef" or (word in ("`else", "`endif") and not blocks):
+            raise SystemExit(f"formal: {word} in a property file: only `ifdef, `else and `endif are followed")
+        if word == "`ifdef":
+            name = name.split()[0]
+            follows = followed is None or name in followed
+            blocks.append((follows, not follows or name in defines))
+        follows = bool(blocks) and blocks[-1][0] and word in ("`ifdef", "`else", "`endif")
+        if follows and word == "`else":
+            blocks[-1] = (True, not blocks[-1][1])
+        if not follows and all(counts for _, counts in blocks):
             lines.append(line)
+        if word == "`endif":
+            blocks.pop()
     return "\n".join(lines)
+
+
+def not_flipped(text: str) -> str:
+    """A property file without FLIPPED, which formal/flips.py alone defines."""
+    return active(text, set(), {"FLIPPED"})
 
 
 def tasks_of(sby: Path) -> list[Task]:
@@ -119,24 +126,6 @@ def join(module: str) -> None:
     path = ROOT / WORK / f"joined/{module}.v"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(joined)
-
-
-def not_flipped(text: str) -> str:
-    """A property file without FLIPPED, which formal/flips.py alone defines."""
-    lines = []
-    blocks: list[tuple[str, bool]] = []  # name and whether its lines count
-    for line in text.splitlines():
-        word, _, name = line.strip().partition(" ")
-        if word == "`ifdef":
-            blocks.append((name, name != "FLIPPED"))
-        flipped = bool(blocks) and blocks[-1][0] == "FLIPPED"
-        if flipped and word == "`else":
-            blocks[-1] = ("FLIPPED", True)
-        elif all(counts for _, counts in blocks) and not (flipped and word in ("`ifdef", "`endif")):
-            lines.append(line)
-        if word == "`endif":
-            blocks.pop()
-    return "\n".join(lines)
 
 
 def fingerprint(module: str) -> str:
