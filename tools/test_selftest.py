@@ -494,6 +494,7 @@ def run(*arguments: object) -> tuple[int, str, str]:
     return process.returncode, output, errors
 
 
+@pytest.mark.slow
 def test_an_adapter_that_echoes_is_understood():
     """Else each write of one coil would seem answered by its own echo."""
     adapter = Adapter(echo=True)
@@ -684,6 +685,7 @@ def test_a_coil_that_is_1_after_the_power_up_is_a_cross(coil):
             test.boot()
 
 
+@pytest.mark.slow
 def test_a_noisy_line_is_a_cross(tmp_path):
     with RunningCard(tmp_path, "--control", "--quiet") as card:
         test = start_until("this dialect", card.link, "--row", "answers come")

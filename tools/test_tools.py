@@ -404,6 +404,7 @@ def test_an_unknown_layer_is_named():
 WAITING = "test_card_" + "waiting"  # in two parts, so that no test file has the name with .py
 
 
+@pytest.mark.slow
 def test_the_name_of_a_test_file_fits():
     """With its folder or without, with .py or without: pytest collects the tests of that file alone."""
     chosen = set()

@@ -19,6 +19,7 @@ def test_make_test_shows_every_rule(monkeypatch):
     assert missing == []
 
 
+@pytest.mark.slow
 def test_the_rest_and_make_test_are_all_tests(monkeypatch):
     """The run of CI calls `make test` and `make test-all REST=1`, which leaves out twins.
 

@@ -72,6 +72,7 @@ def test_the_command_passes_the_slave_without_faults(capsys):
     assert shown[-1].startswith("0 failed; 14 tests need the pins")
 
 
+@pytest.mark.slow
 def test_the_command_names_what_a_port_shows_of_a_fault(capsys):
     with PtySlave("06 does not write") as slave:
         assert serial.main(command(slave, "--functions", "3,6")) == 1
@@ -80,7 +81,9 @@ def test_the_command_names_what_a_port_shows_of_a_fault(capsys):
     assert "n.a.       AP-3   no function 16" in shown
 
 
-@pytest.mark.parametrize(("code", "outcome"), [(2, "own code"), (66, "fail")])
+@pytest.mark.parametrize(
+    ("code", "outcome"), [(2, "own code"), pytest.param(66, "fail", marks=pytest.mark.slow)]
+)
 def test_the_command_accepts_the_own_code_that_it_was_given(code, outcome, capsys):
     with PtySlave("sends exception 2 for a wrong quantity") as slave:
         result = serial.main(command(slave, "--functions", "3,6", "--own-codes", f"quantity={code}"))

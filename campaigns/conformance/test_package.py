@@ -101,6 +101,7 @@ def test_the_version_is_that_of_the_release():
     assert stated[1] == (ROOT / "VERSION").read_text().strip()
 
 
+@pytest.mark.slow
 def test_the_tests_of_the_package_run_with_the_installed_package_alone(site, tmp_path):
     shutil.copytree(AGENTS / "tests", tmp_path / "tests", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(AGENTS / "pyproject.toml", tmp_path)

@@ -54,6 +54,7 @@ def test_every_planted_bug_in_the_firmware_is_seen(tmp_path):
     assert [name for name, failed in found.items() if not failed] == []
 
 
+@pytest.mark.slow
 def test_a_bug_that_its_test_does_not_see_is_named(tmp_path):
     table = tmp_path / "table.toml"
     text = planted.TABLE.read_text()

@@ -326,6 +326,7 @@ def test_card_removes_only_its_own_link(tmp_path):
 
 
 # ---------------------------------------------------------------- time
+@pytest.mark.slow
 def test_one_core_can_run_the_card():
     """2.3 x real time on the machine of results.md, 0.9 x on a slow one that runs two tests at once."""
     run = run_card("--for", "3")

@@ -11,6 +11,7 @@ import pytest
 from constraints.boards import board
 from tb.agents import rtu
 from tb.lib.fast_card import FastCard
+from tb.lib.shares import first
 from tb.model.fc_telegram import build_process
 
 PARAMETERS = (("MEMORY_BYTES", board("card-gw1n-9").memory_bytes), ("MASTER_LOSS_STOP", 1))
@@ -34,8 +35,11 @@ class Drive:
         return ANSWER
 
 
+DIALECTS = ("", "builtin", "hvac_basic")
+
+
 @pytest.mark.rule("MAP-10", "SAFE-7", "TOP-2")
-@pytest.mark.parametrize("dialect", ["", "builtin", "hvac_basic"], ids=lambda dialect: dialect or "card")
+@pytest.mark.parametrize("dialect", first(DIALECTS), ids=lambda dialect: dialect or "card")
 def test_all_options_work_together(dialect):
     drive = Drive()
     with FastCard(drive=drive, dialect=f"large/all/{dialect}", parameters=PARAMETERS) as card:

@@ -360,7 +360,7 @@ def test_other_switch_settings_do_not_start_the_loopback_test(config, share: Sha
 # ---------------------------------------------------------------- pytest
 
 
-@pytest.mark.slow("icarus")
+@pytest.mark.slow
 @pytest.mark.rule("LOOP-1", "SAFE-1")
 def test_loopback_transfers(sim, config):
     parameters = {"CLK_HZ": SLOW_HZ[config]}

@@ -232,8 +232,9 @@ HALVES = ("armed_i.held", "armed_i.opposite", "over_i.held", "over_i.opposite")
 COUNTS = ("left", "limit")
 
 
+@pytest.mark.slow
 @pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize("started", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("started", [False, True])
 def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
     """Both halves of a pair at once, too: then the firmware's clock alone holds the stop back."""
     with Master(extra="flips") as master:

@@ -105,8 +105,8 @@ def in_make_test(item: pytest.Item) -> bool:
     """Large modules on both simulators, small ones on Icarus, the whole card on Verilator.
 
     Verilator compiles for long and runs fast. It runs every small module as a part of the card. Tests marked
-    `all_cards` run as both cards on both simulators. Tests marked `slow` show nothing that another test does
-    not show in less time. Tests marked `needs` wait for tools that `make test` does not install.
+    `all_cards` run as both cards on both simulators. Tests marked `slow` are left to CI: each rule has a test
+    that takes less time. Tests marked `needs` wait for tools that `make test` does not install.
     """
     sim, config = place(item)
     slow = item.get_closest_marker("slow")

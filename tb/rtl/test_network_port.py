@@ -668,7 +668,7 @@ def test_network_port_lenient(sim):
     )
 
 
-@pytest.mark.slow("icarus")
+@pytest.mark.slow
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-8", "SAFE-2")
 def test_network_port_on_a_bus_without_bias(sim):
     run(

@@ -581,7 +581,7 @@ def test_rtu_rx(sim):
     run_receiver(sim, [COMMON, "strict_.*"])
 
 
-@pytest.mark.slow("icarus")
+@pytest.mark.slow
 @pytest.mark.rule("FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6")
 def test_rtu_rx_lenient(sim):
     run_receiver(sim, [COMMON, "lenient_.*"], STRICT_T15=0)

@@ -184,7 +184,7 @@ def run_line(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> No
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize(
     ("clk_hz", "slowest", "fastest"),
-    [(2_000_000, 300, 19_200), (7_372_800, 38_400, 115_200)],
+    [(2_000_000, 300, 19_200), pytest.param(7_372_800, 38_400, 115_200, marks=pytest.mark.slow)],
 )
 def test_baud_error(sim, clk_hz, slowest, fastest):
     """In the second case the clock is 64 times the fastest rate, the least that the rule allows."""
