@@ -4,7 +4,7 @@
     python -m tools.figures            a line each; exit 1 when a page is of an older card
     python -m tools.figures --mark     writes the notice below the title of such a page, removes other notices
     python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page has other
-                                       numbers than its command wrote (part of `make lint`)
+                                       results than its command wrote (part of `make lint`)
 
 A page states the fingerprint of the sources that it was measured on (campaigns/bench/fingerprint.py). This
 check compares it with the sources of this tree. It runs before a release, not in `make test`.
@@ -29,7 +29,8 @@ from sw.test import host
 
 REPORTS = ROOT / "docs/reports"
 CARD = re.compile(r"\bcard `([0-9a-f]{12})`", re.IGNORECASE)
-BOTH = re.compile(r"\b(standard|tiny) card `([0-9a-f]{12})`")
+BOTH = re.compile(r"\b(standard|tiny) card `([0-9a-f]{12})`", re.IGNORECASE)
+SOURCES = re.compile(r"\bfirmware\s+sources\s+`([0-9a-f]{12})`")
 NOTICE = "> **Of an older card.** "
 ROW = re.compile(r"^\| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", re.MULTILINE)
 
@@ -54,24 +55,27 @@ def both_cards(text: str) -> str:
     """A page that names the standard card and the small one."""
     stated = set(BOTH.findall(text))
     now = {config: fingerprint.card(config) for config in ("standard", "tiny")}
-    older = [config for config in now if {card for name, card in stated if name == config} != {now[config]}]
+    older = [
+        config for config in now if {card for name, card in stated if name.lower() == config} != {now[config]}
+    ]
     return f"measured on another card: {', '.join(older)}" if older else ""
 
 
+def with_firmware(check: Callable[[str], str]) -> Callable[[str], str]:
+    """The check of the cards, then that of the images' sources. Images are not built in a new checkout."""
+
+    def both(text: str) -> str:
+        stated = set(SOURCES.findall(text))
+        return check(text) or ("" if stated == {host.fingerprint()} else "measured on another firmware")
+
+    return both
+
+
 def soak(text: str) -> str:
-    """Both cards, the sources of their images, and the judge. Images are not built in a new checkout."""
-    if older := both_cards(text):
+    """Both cards, the sources of their images, and the judge."""
+    if older := with_firmware(both_cards)(text):
         return older
-    if f"firmware sources `{host.fingerprint()}`" not in text:
-        return "measured on another firmware"
     return "" if f"judge `{fingerprint.soak()}`" in text else "measured by another judge"
-
-
-def masters(text: str) -> str:
-    """The standard card and the sources of its images. Images are not built in a new checkout."""
-    if older := one_card(text):
-        return older
-    return "" if f"firmware sources `{host.fingerprint()}`" in text else "measured on another firmware"
 
 
 def mutants(text: str) -> str:
@@ -118,17 +122,20 @@ def firmware(text: str) -> str:
 
 # Page of docs/reports: its check, which returns why it is an older page (empty: it is not), and its command.
 PAGES: dict[str, tuple[Callable[[str], str], str]] = {
-    "results": (bench, "make bench"),
-    "conformance": (both_cards, "make conformance"),
-    "coverage": (one_card, "make coverage-rtl"),
-    "line-quality": (one_card, "make line-quality"),
-    "fuzz": (both_cards, "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"),
+    "results": (with_firmware(bench), "make bench"),
+    "conformance": (with_firmware(both_cards), "make conformance"),
+    "coverage": (with_firmware(both_cards), "make coverage-rtl"),
+    "line-quality": (with_firmware(one_card), "make line-quality"),
+    "fuzz": (
+        with_firmware(both_cards),
+        "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page",
+    ),
     "soak": (soak, "make soak COUNT=20000 (of both cards) and soak-page"),
     "mutants": (mutants, "make mutate"),
     "proofs": (proofs, "make formal"),
     "proved-flips": (proved_flips, "make formal-flips"),
     "synthesis": (synthesis, "make synth"),
-    "masters": (masters, "make masters"),
+    "masters": (with_firmware(one_card), "make masters"),
     "firmware-quality": (firmware, "make fuzz-firmware RUNS=10000000, mutate-firmware"),
 }
 
@@ -185,7 +192,7 @@ def main() -> int:
     if options.check:
         for path in report_page.changed(REPORTS):
             wrong += 1
-            print(f"{path.relative_to(ROOT)}: its numbers are not those that its command wrote")
+            print(f"{path.relative_to(ROOT)}: its results are not those that its command wrote")
     return 1 if wrong else 0
 
 

@@ -110,34 +110,51 @@ def test_a_page_of_the_soak_names_sources_that_need_no_build(monkeypatch):
     assert figures.soak(page.replace(NOW["tiny"], OTHER)) == "measured on another card: tiny"
 
 
-def test_a_number_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsys):
-    """Words may change, and a notice may come and go. A number may not, and none may leave the page."""
+def test_a_result_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsys):
+    """Words may change, and a notice may come and go. A number, a row or a listed name may not."""
     page = tmp_path / "a.md"
     text = "# Title\n\n603 of 604 lines, card `0123456789ab`.\n"
+    text += "\n| PERF-2 | met |\n\n- `gate`: `spent`.\n- more\n"
     report_page.write_page(page, text)
     monkeypatch.setattr(figures, "REPORTS", tmp_path)
     monkeypatch.setattr(figures, "ROOT", tmp_path)
     monkeypatch.setattr(figures, "PAGES", {"a": (lambda _: "", "make a")})
     monkeypatch.setattr("sys.argv", ["figures", "--check"])
     assert figures.main() == 0
-    page.write_text(text.replace("lines", "of all lines"))
+    page.write_text(text.replace("lines", "of all lines").replace("more", "less"))
     assert figures.main() == 0
-    for changed in (text.replace("603", "604"), text.replace("ab`", "aa`"), text.replace("603 of ", "")):
+    numbers = [("603", "604"), ("ab`", "aa`"), ("603 of ", "")]
+    words = [("met", "missed"), ("| PERF-2 | met |\n", ""), ("`spent`", "`queued`")]
+    for changed in (text.replace(old, new) for old, new in (*numbers, *words)):
         page.write_text(changed)
         assert figures.main() == 1
-        assert "a.md: its numbers are not those that its command wrote" in capsys.readouterr().out
+        assert "a.md: its results are not those that its command wrote" in capsys.readouterr().out
     page.write_text(figures.marked(text, "measured on none", "make a COUNT=5"))
     assert report_page.changed(tmp_path) == []
 
 
-def test_a_new_page_needs_its_numbers_on_record(tmp_path):
+def test_a_new_page_needs_its_results_on_record(tmp_path):
     (tmp_path / "b.md").write_text("no number\n")
     assert report_page.changed(tmp_path) == [tmp_path / "b.md"]
 
 
 @pytest.mark.parametrize("sources", ["0123abcd0123", ""])
-def test_a_page_of_the_masters_names_the_sources_of_its_images(monkeypatch, sources):
+def test_a_page_names_the_sources_of_its_images(monkeypatch, sources):
     monkeypatch.setattr(figures.host, "fingerprint", lambda: "0123abcd0123")
-    page = f"card `{NOW['standard']}`, firmware sources `{sources}`"
-    assert figures.masters(page) == ("" if sources else "measured on another firmware")
-    assert figures.masters(page.replace(NOW["standard"], OTHER)).startswith("measured on card")
+    check = figures.with_firmware(figures.one_card)
+    page = f"card `{NOW['standard']}`, firmware\nsources `{sources}`"
+    assert check(page) == ("" if sources else "measured on another firmware")
+    assert check(page.replace(NOW["standard"], OTHER)).startswith("measured on card")
+
+
+WITHOUT_FIRMWARE = ("mutants", "proofs", "proved-flips", "synthesis")  # measured on modules or netlists alone
+
+
+def test_after_a_change_of_the_firmware_each_page_that_ran_it_says_so(monkeypatch):
+    """The report of synthesis has the images in its netlists; `make synth` compares them itself."""
+    monkeypatch.undo()
+    monkeypatch.setattr(figures.host, "fingerprint", lambda: "0123abcd0123")
+    silent = {
+        page for page, (check, _) in figures.PAGES.items() if not check(figures.path_of(page).read_text())
+    }
+    assert silent == set(WITHOUT_FIRMWARE)

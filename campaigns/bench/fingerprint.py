@@ -17,6 +17,7 @@ from pathlib import Path
 
 from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
+from sw.test import host
 
 BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
 MODEL_FILES = [ROOT / f"tb/model/{name}.py" for name in ("card", "fc_telegram", "vlt_drive")]
@@ -61,6 +62,12 @@ def firmware(config: str = "standard", dialect: str = "card") -> str:
     if dialect != "card":
         image = image.parent / dialect / image.name
     return _digest([(config, image.read_text() if image.exists() else "")])
+
+
+def firmware_sources(images: dict[str, str]) -> str:
+    """The firmware's sources, if they make these images. Pages state them: a new checkout has no image."""
+    of_this_tree = images == {config: firmware(config) for config in images}
+    return f"firmware sources `{host.fingerprint()}`" if of_this_tree else "other firmware sources"
 
 
 def _lines() -> list[tuple[str, str]]:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
+from campaigns.bench import fingerprint
 from campaigns.bench.card import Build
 from campaigns.bench.cases import CASES
 from campaigns.bench.conformance import ROWS
@@ -488,12 +489,17 @@ def speeds(results: Results) -> str:
 # ---------------------------------------------------------------- the document
 
 
+def firmware_sources(stated: dict[str, str]) -> str:
+    return fingerprint.firmware_sources({"standard": stated["firmware"], "tiny": stated["tiny firmware"]})
+
+
 def document(results: Results) -> str:
     """Fills TEMPLATE with numbers and tables."""
     missed = results.faults()
     content = {
         "seed": results.seed,
-        "measured_on": f"{MEASURED_ON} {measured_on(results.fingerprint)}.",
+        "measured_on": f"{MEASURED_ON} {measured_on(results.fingerprint)}.\n"
+        f"Both images are of {firmware_sources(results.fingerprint)}.",
         "formats": ", ".join(FORMAT_NAMES),
         "form": FORM,
         "phases": PHASES,

@@ -38,6 +38,7 @@ from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError
 from sim.card.run_card import CardError, RunningCard
 from sim.harness.library import BuildError
+from sw.test import host
 from tb.agents.uart import Format
 from tb.lib.card import baud_switches
 
@@ -123,11 +124,15 @@ def library(name: str) -> list[Verdict]:
                 server.wait()
 
 
+def own_card(config: str) -> str:
+    return f"{config} card `{fingerprint.card(config)}`, firmware sources `{host.fingerprint()}`"
+
+
 def subjects() -> dict[str, Subject]:
     """Every column of the page, in its order."""
     found = []
     for config in CARDS:
-        stated = partial(lambda config: f"{config} card `{fingerprint.card(config)}`", config)
+        stated = partial(own_card, config)
         found.append(Subject(config, f"{config} card", "pins", partial(card_pins, config), True, stated))
         found.append(
             Subject(

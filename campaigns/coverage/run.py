@@ -26,6 +26,7 @@ from campaigns.bench import fingerprint
 from rtl.command import Parser, run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, bench_file, rtl_files
+from sw.test import host
 from tb.lib.options import at_least
 
 COUNTS = ROOT / "build/coverage_rtl"
@@ -206,6 +207,8 @@ def why_table(gaps: list[Hole], reasons: dict[Hole, str]) -> str:
 def page(found: dict[str, Module], gaps: list[Hole], reasons: dict[Hole, str], runs: int) -> str:
     return TEMPLATE.read_text().format(
         card=fingerprint.card(),
+        tiny=fingerprint.card("tiny"),
+        sources=host.fingerprint(),
         runs=runs,
         table=table(found),
         holes=why_table(gaps, reasons) if gaps else "None.",

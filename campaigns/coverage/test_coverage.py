@@ -55,7 +55,7 @@ def root(tmp_path):
 
 @pytest.mark.figures
 def test_the_page_is_of_this_card():
-    assert f"Card `{fingerprint.card()}`" in coverage_rtl.PAGE.read_text(), "run `make coverage-rtl`"
+    assert f"Standard card `{fingerprint.card()}`" in coverage_rtl.PAGE.read_text(), "run `make coverage-rtl`"
 
 
 def test_runs_add_up_and_foreign_files_do_not_count(root):

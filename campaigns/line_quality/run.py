@@ -34,6 +34,7 @@ from rtl.command import Parser, in_processes, run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError
+from sw.test import host
 from tb.lib.options import at_least
 
 KEPT = ROOT / "build/line_quality/results.json"
@@ -127,7 +128,7 @@ def write(kept: dict) -> None:
     tables = [f"### {form}\n\n{table(limits, 'network', form)}" for form in ALL_FORMS]
     text = TEMPLATE.read_text().format(
         seed=kept["seed"],
-        measured_on=f"card `{kept['card']}`, firmware `{kept['firmware']}`",
+        measured_on="card `{card}`, firmware `{firmware}` of firmware sources `{sources}`".format_map(kept),
         worst=worst(limits),
         tables="\n\n".join(tables),
         drive=table(limits, "drive", "8E1"),
@@ -168,6 +169,7 @@ def main(arguments: list[str] | None = None) -> int:
                 "seed": given.seed,
                 "card": fingerprint.card(),
                 "firmware": fingerprint.firmware(),
+                "sources": host.fingerprint(),
                 "limits": [asdict(one) for one in limits],
                 "eyes": eyes,
             }
