@@ -128,12 +128,126 @@ def test_one_in_so_many_is_watched():
         assert "'2,000' is in no sentence" in line
 
 
-def test_a_count_in_letters_is_named():
-    """It would have no source. Bits and bytes in letters are no results."""
-    assert found(f"{TEXT}The word has four bytes.") == []
-    for count in ("Seven cases", "twenty-five flips", "ten other clocks"):
-        (line,) = found(f"{TEXT}{count}.")
-        assert f"{count!r} is a count in letters" in line
+BARE = (
+    *("2030", "6,104", "0.25", "9/16", "¼", "15th", "1.1e-4", "5 of them", "14 to 15", "600 s", "3-pin"),
+    *("four of them", "Seven", "twenty-five", "a hundred", "a dozen", "two modules", "Three old functions"),
+)
+
+
+@pytest.mark.parametrize("figure", BARE)
+def test_a_number_without_a_unit_is_watched(figure):
+    lines = found(f"{TEXT}It is {figure}, | {figure} | and **{figure}**.")
+    assert len(lines) in (3, 6) and all("is in no sentence" in line for line in lines)
+
+
+NAMES = (
+    *("coils 1-32", "Bit 10", "functions 3, 4 and 16", "function 0F", "registers 40001 to 40003", "switch 9"),
+    *(
+        "VLT 2800, 6000 HVAC, 8000 AQUA",
+        "STRICT_T15 = 5",
+        "SAFE-4",
+        "EIA-485",
+        "CRC-16",
+        "8E1",
+        "t3.5",
+        "p19",
+    ),
+    *("version 1.20.3", "2026-11-22", "99h", "047Ch", "a 00 byte", "as 0 or 1", "`99 of 98`", "``9 ` 9``"),
+    *(
+        "[a link](9.md#99)",
+        '<a id="9"></a>',
+        "https://a.org/99",
+        "two flip-flops",
+        "four-byte",
+        "seeds 7101, 7103",
+    ),
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_number_that_names_a_thing_or_a_value_is_no_figure(name):
+    assert found(f"{TEXT}It is {name}.") == []
+
+
+def test_the_number_of_an_item_or_a_step_is_no_figure():
+    assert found(f"{TEXT}\n3. The item.\n| 17 | the step |\n") == []
+    (line,) = found(f"{TEXT}\n| 170 | flips that were lost |\n")
+    assert "'170' is in no sentence" in line
+
+
+LOOSE = ("12 V", "pin 20 or 21", "| 37 | GND |", "four of them", "the 16th")
+
+
+@pytest.mark.parametrize("number", LOOSE)
+def test_a_page_that_names_many_numbers_is_loose(number):
+    said = facts.mistakes({PAGE: f"It is {number}."}, [], ["docs/p*.md"])
+    assert said == [] and facts.mistakes({PAGE: "It is 20 or 12 V."}, [], ["docs/guide/*"]) != []
+
+
+WATCHED = (
+    "9/16 bit",
+    "¼ bit",
+    "7 modules",
+    "3 more beats",
+    "four rows",
+    "two drives",
+    "5 ms",
+    "6 of 8 frames",
+)
+
+
+@pytest.mark.parametrize("figure", WATCHED)
+def test_a_loose_page_has_units_fractions_and_counts(figure):
+    (line,) = facts.mistakes({PAGE: f"It is {figure}."}, [], [PAGE])
+    assert f"{figure.removesuffix(' bit') if '/' in figure or '¼' in figure else figure}' is in no" in line
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        ({"says": "{:letters} cases", "find": r"^long = ([\d.]+)", "scale": 2}, "seven cases"),
+        ({"says": "{:Letters} cases", "find": r"^long = ([\d.]+)", "scale": 2}, "Seven cases"),
+        ({"says": "{:letters} cases", "find": r"^long = ([\d.]+)", "scale": 20}, "70 cases"),
+        ({"says": "{:letters} keys", "find": r"^\w+ = ", "count": True}, "five keys"),
+        (
+            {"says": "{} or {:letters}", "find": r"^\w+ = ", "count": True, "reckon": ["a * 2", "a - 1"]},
+            "10 or four",
+        ),
+        (
+            {"says": "{} of {}", "find": r"^baud = (\d+)\nfast = ([\d_]+)", "reckon": ["b - a", "b"]},
+            "9600 of 19200",
+        ),
+    ],
+)
+def test_a_count_and_a_reckoned_figure(entry, text):
+    entries = [*TIED, entry | {"from": "report"}]
+    assert found(f"{TEXT}It has {text}.", entries) == []
+    for other in ("99 cases", "six keys", "11 or four", "10 or five", "9601 of 19200", "eight cases"):
+        assert any("does not say" in line for line in found(f"{TEXT}It has {other}.", entries))
+
+
+def test_each_match_of_a_source_is_said():
+    entry = {"says": "rate {}", "from": "report", "find": r"^(?:baud|fast) = ([\d_]+)", "each": True}
+    entries, both = [*TIED, entry], f"{TEXT}Rate: rate 9600, rate 19200."
+    assert found(both, entries) == []
+    (line,) = found(f"{TEXT}Rate: rate 9600.", entries)
+    assert "does not say 'rate 19200'" in line
+    assert len(found(both.replace("rate 9600", "rate 9601"), entries)) == 2
+
+
+def test_the_expressions_are_as_many_as_the_figures():
+    entry = {"says": "{} of {}", "from": "report", "find": r"^baud = (\d+)", "reckon": ["a"]}
+    (line,) = found(entries=[*TIED, entry])
+    assert "2 {} in the sentence, 1 expressions in `reckon`" in line
+
+
+@pytest.mark.parametrize(("state", "lines"), [("not yet released", 1), ("2026-12-01", 0)])
+def test_the_list_of_changes_is_read_up_to_its_release(state, lines, tmp_path):
+    path = tmp_path / "CHANGELOG.md"
+    path.write_text(
+        f"# Changelog\n\n## [0.2.0] - {state}\n\nIt has 7 tests.\n\n## History\n\nIt had 8 tests.\n"
+    )
+    assert len(facts.mistakes({PAGE: facts.written(path)}, [])) == lines
 
 
 def test_a_figure_beside_a_tied_one_needs_its_own_source():
@@ -189,3 +303,4 @@ def test_an_entry_of_no_page_is_named():
 def test_every_page_that_people_write_is_read():
     names = {path.name for path in facts.pages()}
     assert {"README.md", "hardening.md", "performance.md", "testing.md", "time-outs.md"} <= names
+    assert {facts.ROOT / "sim/card/README.md", facts.ROOT / "CHANGELOG.md"} <= set(facts.pages())
