@@ -792,8 +792,8 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
         "Judge of both campaigns below: `six`, as far as no row names an earlier one.",
         "15,897 frames of both cards judged to their end, each with the judge of its row: no difference, "
         "at most 2.90e-04 of the frames",
-        "| standard card `one`, firmware `two` | `three`, an earlier one | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | "
-        "3.08e-04 |",
+        "| standard card `one`, firmware `two` | `three`, an earlier one | 7, 8 | 15,000 | 4 | 0 | "
+        "14,998 | 0 | 3.08e-04 |",
         "| tiny card `four`, firmware `five` | `three`, an earlier one | 7 | 900 | 2 | 0 | 899 | 0 | "
         "5.11e-03 |",
         "| legal | 15,000 | 900 |",
