@@ -417,7 +417,8 @@ def image(results: CardResults) -> str:
         [[f"{size} bytes" for size in (found.code, found.data, found.stack, results.stack_seen)]],
     )
     return f"""\
-The slowest request would still be in time with a clock of {slowest_clock_hz(results) / 1e6:.1f} MHz.
+The slowest request is ready at t3.5 from {slowest_clock_hz(results) / 1e6:.1f} MHz on; the clock here is \
+{results.clk_hz / 1e6:g} MHz.
 
 {sizes}
 

@@ -17,12 +17,15 @@ from functools import reduce
 from pathlib import Path
 
 from campaigns.bench import fingerprint
+from campaigns.bench.wave import BAUDS
 from campaigns.flips import core
 from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
+from campaigns.flips.trial import PACES
 from campaigns.fuzz import bound
 from campaigns.fuzz import report as fuzz
 from campaigns.fuzz import run as fuzz_run
+from campaigns.fuzz.case import clk_hz
 from campaigns.fuzz.plants import PLANTS
 from rtl.command import run_main
 from rtl.report_page import write_page
@@ -97,6 +100,17 @@ def in_all(cards: list[dict]) -> str:
     )
 
 
+def conditions(config: str, bauds: list[int]) -> str:
+    """What the flips of one card did not vary."""
+    clocks = sorted({clk_hz(baud, PACES[config]) / 1e6 for baud in bauds})
+    others = [baud for baud in BAUDS if baud not in bauds]
+    return (
+        f"The model's clock was {' or '.join(f'{clock:.4g}' for clock in clocks)} MHz, not the card's own. "
+        f"The rates {', '.join(map(str, others[:-1]))} and {others[-1]} bit/s were not among these. "
+        "Dialect `card`, and a drive that always answers."
+    )
+
+
 def card_flips(part: dict) -> str:
     """The section of one card."""
     merged = part | {"flips_at": dict(sorted((int(baud), count) for baud, count in part["flips_at"].items()))}
@@ -108,6 +122,7 @@ def card_flips(part: dict) -> str:
             f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
             f"{len(merged['shards'])} shards, {flips.rates(merged)}, "
             f"in {minutes(merged['wall_s'])} minutes of one core.",
+            conditions(merged["config"], list(merged["flips_at"])),
             *(
                 f"{count} of these shards ran with an earlier judge, `{judge}`."
                 for judge, count in merged["ran_with"].items()

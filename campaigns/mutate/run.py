@@ -56,6 +56,8 @@ BENCH_ARGS = {
     "rtu_rx": ["--sim=icarus", "--all"],
 }
 # The whole card is tested by subject.
+# Modules that the bench of another one plays.
+BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram"}
 MORE_BENCHES = {
     "rtu2fc": [
         f"card_{subject}"
@@ -308,9 +310,10 @@ class Tree:
 
     def tested(self) -> tuple[bool, str]:
         arguments = BENCH_ARGS.get(self.module, ["--sim=icarus"])
+        benches = (BENCH_IN.get(self.module, self.module), *MORE_BENCHES.get(self.module, ()))
         return self.run(
             *(sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"),
-            *(str(bench_file(name)) for name in (self.module, *MORE_BENCHES.get(self.module, ()))),
+            *(str(bench_file(name)) for name in benches),
             *arguments,
         )
 
@@ -555,7 +558,7 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
 
 
 def benches() -> list[str]:
-    return [path.stem for path in rtl_files() if bench_file(path.stem)]
+    return [path.stem for path in rtl_files() if bench_file(BENCH_IN.get(path.stem, path.stem))]
 
 
 def main() -> int:

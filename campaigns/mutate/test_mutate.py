@@ -80,6 +80,10 @@ def test_an_output_of_an_instance_is_left_open():
     assert {".frame_writes_coils(),", ".long_silent()", ".crc_clear(),"} <= opened
 
 
+def test_every_module_has_mutants():
+    assert mutate.benches() == [path.stem for path in rtl_files()]
+
+
 @pytest.mark.parametrize("module", mutate.benches())
 def test_every_mutant_changes_the_text(module):
     path = next(path for path in rtl_files() if path.stem == module)
