@@ -211,7 +211,10 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
 
 ##@ Attack
-.PHONY: starts fuzz fuzz-plants fuzz-report flips flips-report core-flips
+.PHONY: starts starts-page fuzz fuzz-plants fuzz-report flips flips-report core-flips
+starts-page: firmware | setup-test ## docs/reports/starts.md from the starts of both cards
+	@$(RUN) campaigns.starts.page
+
 starts: firmware | setup-test ## power-up with random register contents, reset at any clock (COUNT=, SEED=, CONFIG=)
 	@$(RUN) campaigns.starts.run --config $(CONFIG) $(SEEDED)
 

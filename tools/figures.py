@@ -130,6 +130,7 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
         with_firmware(both_cards),
         "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page",
     ),
+    "starts": (with_firmware(both_cards), "make starts (of both cards) and starts-page"),
     "soak": (soak, "make soak COUNT=20000 (of both cards) and soak-page"),
     "mutants": (mutants, "make mutate"),
     "proofs": (proofs, "make formal"),

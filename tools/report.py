@@ -42,6 +42,7 @@ PAGES = {
     "firmware-quality": "make coverage-firmware, fuzz-firmware, mutate-firmware",
     "mutants": "make mutate",
     "fuzz": "make fuzz, fuzz-plants, flips, core-flips and fuzz-page",
+    "starts": "make starts and starts-page",
     "soak": "make soak and soak-page",
     "masters": "make masters",
 }

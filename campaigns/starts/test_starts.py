@@ -7,7 +7,9 @@ import sys
 
 import pytest
 
+from campaigns.starts import page
 from campaigns.starts import run as campaign
+from tools import figures
 
 
 @pytest.fixture
@@ -36,3 +38,23 @@ def test_a_run_goes_on_where_it_was(started) -> None:
     campaign.run("reset", "standard", range(4))
     assert campaign.run("reset", "standard", range(6))[3] == "does not answer"
     assert started == [("reset", seed) for seed in range(6)]
+
+
+def test_the_page_has_a_row_for_each_card_and_kind(monkeypatch, tmp_path) -> None:
+    """A failed start is on it, and the bound beside each count."""
+    monkeypatch.setattr(page.run, "FOLDER", tmp_path)
+    monkeypatch.setattr(page.fingerprint, "firmware", lambda config: "0123abcd0123")
+    for config in ("standard", "tiny"):
+        for kind in page.starts.KINDS:
+            page.run.file_of(kind, config).write_text(
+                "5\n6 does not answer\n7\n" if kind == "reset" else "0\n1\n"
+            )
+    text = page.page()
+    assert "| standard | power-up | 2 | 0 to 1 | 0 | 9.00e-01 |" in text
+    assert "| tiny | reset | 3 | 5 to 7 | 1 | 9.42e-01 |" in text
+    assert figures.PAGES["starts"][0](text) == ""
+    page.run.file_of("reset", "tiny").unlink()
+    with pytest.raises(
+        page.PageError, match="no reset of the tiny card as it is now; run `make starts CONFIG=tiny`"
+    ):
+        page.page()
