@@ -38,7 +38,6 @@ from campaigns.flips.trial import (
     traffic,
     trial,
 )
-from campaigns.fuzz.bound import at_most, words
 from campaigns.fuzz.case import BOOT_S, Played, clk_hz
 from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
@@ -46,6 +45,7 @@ from sim.harness.pins import DRIVE, TX, Pins
 from sim.harness.registers import TOP
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
+from tb.lib.bound import at_most, words
 from tb.lib.shares import Share, shares
 from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.whole_card import Verdict

@@ -22,7 +22,6 @@ from campaigns.flips import core
 from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
 from campaigns.flips.trial import PACES
-from campaigns.fuzz import bound
 from campaigns.fuzz import report as fuzz
 from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.case import clk_hz
@@ -30,6 +29,7 @@ from campaigns.fuzz.plants import PLANTS
 from rtl.command import run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, configurations
+from tb.lib import bound
 
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
 PAGE = ROOT / "docs/reports/fuzz.md"

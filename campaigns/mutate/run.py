@@ -29,12 +29,12 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from campaigns.fuzz.bound import SURE, at_most
 from campaigns.mutate.same import SameError, proved_same, proved_same_inverted
 from formal import prove
 from rtl.command import Parser, run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
+from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
 
 WORK = ROOT / "build/mutate"

@@ -14,12 +14,12 @@ import re
 from collections import Counter
 
 from campaigns.bench import fingerprint
-from campaigns.fuzz import bound
 from campaigns.soak import run
 from rtl.command import run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, configurations
 from sw.test import host
+from tb.lib import bound
 
 TEMPLATE = ROOT / "campaigns/soak/soak.md.in"
 PAGE = ROOT / "docs/reports/soak.md"
