@@ -2,7 +2,7 @@
 """What must stay true of a function whose result may be another one. A solver proves it.
 
 sw/test/same.py asks for a contract when a function is not the same. A contract gets the sections of both
-sides, and a function for the sections of another source in the same build. It raises NotProved.
+sides, and the project's own sources in the same build. It raises NotProved.
 """
 
 from __future__ import annotations
@@ -14,28 +14,33 @@ from dataclasses import replace
 
 import z3
 
+from sw.test.compare import SAVED, Comparison
+from sw.test.fields import EXPECTS, NEXT, REPLY_OUTCOME, Field, Originals, never_exceeds, users
 from sw.test.symbolic import (
     RA,
+    SHF_WRITE,
     SP,
     Limit,
     Machine,
     NotProved,
     Section,
     State,
+    Stop,
     read_memory,
     variables,
     word,
 )
 
 Sections = dict[str, Section]
-Contract = Callable[[Sections, Sections, Callable[[str], Sections]], None]
+Contract = Callable[[Sections, Sections, Originals], None]
 # Of transaction.h: the offsets in bytes of the next settings in struct translator, and of GUARD in struct
 # settings; CONTROL is a word's number. With a wrong offset nothing is proved: guard_of() reads other words.
 AT_NEXT, AT_GUARD, CONTROL = 28, 20, 3
 BITS, WORD_BYTES = 32, 4
+PCD_BYTES, LAST_SHIFT = 4, 3  # end(): bytes before BCC, and the shift of the last word
 STACK_BYTES = 256  # more than the firmware has
 CONTRACT_S = 600  # longest proof of a contract
-FLIP_MS = 60_000  # for the solver, with the sums of 8 words
+FLIP_MS = 60_000  # for the solver, with the sums of 8 words or a memory of many stores
 
 
 MEMORY = z3.Array("memory", z3.BitVecSort(32), z3.BitVecSort(8))
@@ -47,52 +52,84 @@ LENGTHS = sorted({1, 9, *range(7, 26, 2)})
 SIZES = [(0, 4), (2, 2), (4, 0), *((0, size) for size in range(2, 21, 2))]
 
 
-def returns(side: Sections, name: str, limit: Limit, *arguments: z3.BitVecRef) -> list[State]:
+class Whole(Machine):
+    """A machine that follows all calls. So it may do anything with the address of a constant."""
+
+    def __init__(self, name: str, side: Sections, limit: Limit) -> None:
+        constants = {
+            key for key, section in side.items() if not section.is_code and not section.flags & SHF_WRITE
+        }
+        super().__init__(side[name], side, constants, limit)
+
+    def no_secret(self, *terms: z3.ExprRef) -> None:
+        self.no_part(*terms)
+
+
+def returns(
+    side: Sections, name: str, limit: Limit, *arguments: z3.BitVecRef, path: tuple[z3.BoolRef, ...] = ()
+) -> list[State]:
     """The states in which a function returns, with its calls of functions in the same source, from MEMORY."""
     regs = [z3.BitVec(f"x{i}", 32) for i in range(32)]
     regs[SP] = STACK
     regs[10 : 10 + len(arguments)] = arguments
-    return list(finished(side, f".text.{name}", limit, State(0, regs, MEMORY)))
+    name = name if name in side else f".text.{name}"
+    return list(finished(side, name, limit, State(0, regs, MEMORY, path)))
 
 
 def finished(side: Sections, name: str, limit: Limit, begin: State) -> Iterator[State]:
+    for stop in stopped(side, name, limit, begin, []):
+        if not stop.target.eq(begin.regs[RA]) or not stop.state.regs[SP].eq(begin.regs[SP]):
+            raise NotProved(f"{name}: another return address or stack")
+        yield stop.state
+
+
+def stopped(side: Sections, name: str, limit: Limit, begin: State, cuts: list[int]) -> Iterator[Stop]:
+    """The returns and the cuts that a function reaches first, with its calls."""
     todo = [begin]
     while todo:
-        for stop in Machine(side[name], {}, set(), limit).run(todo.pop(), []):
-            if stop.kind == "call":
-                callee = stop.state.copy()
-                callee.pc, callee.regs[RA] = 0, limit.fresh()
-                called = str(stop.target).removeprefix("&")
-                if called not in side:
-                    raise NotProved(f"{name} calls {called}")
-                todo += [replace(state, pc=stop.state.pc) for state in finished(side, called, limit, callee)]
-            elif stop.target.eq(begin.regs[RA]) and stop.state.regs[SP].eq(begin.regs[SP]):
-                yield stop.state
-            else:
-                raise NotProved(f"{name}: another return address or stack")
+        for stop in Whole(name, side, limit).run(todo.pop(), cuts):
+            if stop.kind != "call":
+                yield stop
+                continue
+            callee = str(stop.target).removeprefix("&")
+            if callee not in side:
+                raise NotProved(f"{name} calls {callee}")
+            states = finished(side, callee, limit, called(stop, limit))
+            todo += [replace(state, pc=stop.state.pc) for state in states]
+
+
+def called(stop: Stop, limit: Limit) -> State:
+    """The callee's first state."""
+    state = stop.state.copy()
+    state.pc, state.regs[RA] = 0, limit.fresh()
+    return state
 
 
 def load(memory: z3.ArrayRef, address: z3.BitVecRef) -> z3.BitVecRef:
     return z3.simplify(z3.Concat(*(read_memory(memory, address + word(i)) for i in (3, 2, 1, 0))))
 
 
-def once(contract: Contract) -> Contract:
-    """The same code, as many builds have it, is proved once."""
-    proved: set[str] = set()
+def once(*files: str) -> Callable[[Contract], Contract]:
+    """The same code, as many builds have it, is proved once. files: the other sources that count."""
 
-    @functools.wraps(contract)
-    def prove(original: Sections, changed: Sections, source: Callable[[str], Sections]) -> None:
-        sides = (original, changed, source("sw/src/telegram.c"), source("sw/src/guard.c"))
-        code = repr([sorted(side.items()) for side in sides])
-        if code not in proved:
-            contract(original, changed, source)
-            proved.add(code)
+    def decorate(contract: Contract) -> Contract:
+        proved: set[str] = set()
 
-    return prove
+        @functools.wraps(contract)
+        def prove(original: Sections, changed: Sections, source: Originals) -> None:
+            sides = (original, changed, *(source(f"sw/src/{file}") for file in files))
+            code = repr([sorted(side.items()) for side in sides])
+            if code not in proved:
+                contract(original, changed, source)
+                proved.add(code)
+
+        return prove
+
+    return decorate
 
 
-@once
-def guard_of(original: Sections, changed: Sections, source: Callable[[str], Sections]) -> None:
+@once("telegram.c", "guard.c")
+def guard_of(original: Sections, changed: Sections, source: Originals) -> None:
     """guard_of() is compared with itself alone. So its value may be another, if it still shows each flip.
 
     - It stores nothing and depends on two words alone: the guard word of the next settings, and the check
@@ -186,7 +223,7 @@ def stores(memory: z3.ArrayRef) -> set[int]:
     return found - set(range(STACK.as_long() - STACK_BYTES, STACK.as_long()))
 
 
-def check_word(source: Callable[[str], Sections]) -> set[int]:
+def check_word(source: Originals) -> set[int]:
     """The places of the transaction's word that guard_of() reads."""
     limit = Limit(set())
     (state,) = returns(source("sw/src/guard.c"), "guard_of", limit, TRANSLATOR, TRANSACTION)
@@ -196,8 +233,10 @@ def check_word(source: Callable[[str], Sections]) -> set[int]:
     return found
 
 
-@once
-def end(original: Sections, changed: Sections, source: Callable[[str], Sections]) -> None:
+_ends: set[str] = set()  # proved
+
+
+def end(original: Sections, changed: Sections, source: Originals) -> None:
     """end() makes a check word that guard_of() alone reads, to compare it with that of another pass.
 
     So it may be another word, if it still shows what the original's word shows:
@@ -205,12 +244,21 @@ def end(original: Sections, changed: Sections, source: Callable[[str], Sections]
     - a flipped bit of a byte of the telegram or of the process data;
     - two bytes of neighbouring words that change places, which leave the BCC as it is.
 
-    All else must be the same. This holds for every length of a telegram (FC-3) and all bytes.
+    All else must be the same. This holds for every length of a telegram (FC-3) and all bytes. A change that
+    leaves the last word as it is needs no proof of its own if the sums of both sides are opposite.
     """
     check = check_word(source)
-    pcd1, pcd2 = z3.BitVecs("pcd1 pcd2", 32)
     begun = returns(source("sw/src/telegram.c"), "begin", Limit(set()), TRANSACTION)
     (first,) = {int(str(z3.simplify(state.regs[10] - word(1)))) for state in begun}
+    parts = [{name: side[name] for name in (".text.end", ".text.put_word")} for side in (original, changed)]
+    code = repr((parts, check, first))
+    if code not in _ends:
+        same_end(*parts, check, first)
+        _ends.add(code)
+
+
+def same_end(original: Sections, changed: Sections, check: set[int], first: int) -> None:
+    pcd1, pcd2 = z3.BitVecs("pcd1 pcd2", 32)
     over = time.monotonic() + CONTRACT_S
     for length in LENGTHS:
         limit = Limit(set())
@@ -230,16 +278,64 @@ def end(original: Sections, changed: Sections, source: Callable[[str], Sections]
         flips += [(pcd, pcd ^ word(1 << bit)) for pcd in (pcd1, pcd2) for bit in range(16)]
         changes = [[flip] for flip in flips]
         bytes_ = list(telegram.values())
-        for here, there in zip(bytes_, bytes_[WORD_BYTES:], strict=False):
-            changes.append([(here, there), (there, here)])
+        swaps = [
+            [(here, there), (there, here)] for here, there in zip(bytes_, bytes_[WORD_BYTES:], strict=False)
+        ]
+        at_last = first + (length + PCD_BYTES) // WORD_BYTES * WORD_BYTES
+        if opposite((original, changed), min(check), at_last, TRANSACTION, at, pcd1, pcd2):
+            last = z3.simplify(z3.substitute(load(one.memory, word(at_last)), *named))
+            swaps = [swap for swap in swaps if not limit.holds((), z3.substitute(last, *swap) == last)]
+        changes += swaps
         for change in changes:
             if time.monotonic() > over:
                 raise NotProved(f"end: no proof within {CONTRACT_S} s")
             shows(Limit(set(), FLIP_MS), sides, change)
 
 
-@once
-def telegram_parameter(original: Sections, changed: Sections, source: Callable[[str], Sections]) -> None:
+def opposite(sides: tuple[Sections, Sections], check: int, last: int, *arguments: z3.BitVecRef) -> bool:
+    """Whether both check words together are twice the last word of the telegram, shifted as end() does.
+
+    Then a change that leaves the last word as it is shows in both check words or in none. The proof goes
+    round by round, which is faster. Each round begins with any BCC, the same on both sides, and with any sum,
+    which has the other sign on the other side.
+    """
+    limit, name = Limit(set(), FLIP_MS), ".text.end"
+    heads = [Machine(side[name], {}, set(), limit).loop_heads() for side in sides]
+    regs = [z3.BitVec(f"x{i}", 32) for i in range(32)]
+    regs[SP] = STACK
+    regs[10 : 10 + len(arguments)] = arguments
+    states = [State(0, list(regs), MEMORY) for _ in sides]
+    while True:
+        stops = []
+        for side, cuts, state in zip(sides, heads, states, strict=True):
+            try:
+                found = list(stopped(side, name, limit, state, cuts))
+            except NotProved:
+                return False
+            if len(found) != 1:
+                return False
+            stops += found
+        left, right = (stop.state for stop in stops)
+        if stops[0].kind != stops[1].kind:
+            return False
+        if stops[0].kind == "return":
+            words = [load(state.memory, word(check)) for state in (left, right)]
+            shifted = z3.LShR(load(left.memory, word(last)), LAST_SHIFT)
+            return limit.holds((), words[0] + words[1] == 2 * shifted)
+        if not left.memory.eq(right.memory):
+            return False
+        for i, (one, other) in enumerate(zip(left.regs, right.regs, strict=True)):
+            if one.eq(other) and not reads(one):
+                continue
+            left.regs[i] = right.regs[i] = limit.fresh()
+            if not one.eq(other):
+                negative = limit.holds((), one == -other)
+                right.regs[i] = z3.simplify(-left.regs[i]) if negative else limit.fresh()
+        states = [left, right]
+
+
+@once("telegram.c", "guard.c")
+def telegram_parameter(original: Sections, changed: Sections, source: Originals) -> None:
     """The same telegram, check word and return, for each size of a number and of a text (MAP-7, MAP-8)."""
     ak, ind = z3.BitVecs("ak ind", 32)
     for zeros, size in SIZES:
@@ -262,10 +358,250 @@ def same_but(places: set[int], one: State, other: State, limit: Limit) -> None:
     """The result and all stores are the same, but for the bytes at `places`."""
     for place in (stores(one.memory) | stores(other.memory)) - places:
         left, right = (read_memory(state.memory, word(place)) for state in (one, other))
+        if any(name.startswith("&") for term in (left, right) for name in variables(term)):
+            raise NotProved("an address is stored")
         if not limit.holds(other.path, left == right):
             raise NotProved("another byte is stored")
     if not limit.holds(other.path, one.regs[10] == other.regs[10]):
         raise NotProved("another result")
 
 
-CONTRACTS = {"guard_of": guard_of, "end": end, "telegram_parameter": telegram_parameter}
+# ---------------------------------------------------------------- gateway.c
+
+
+def not_on_stack(place: z3.BitVecRef, top: z3.BitVecRef) -> z3.BoolRef:
+    """An object of the caller does not lie where the function puts its frame."""
+    return z3.UGE(place - top + word(STACK_BYTES), word(STACK_BYTES))
+
+
+class UnderFact(Comparison):
+    """A comparison that knows the most that a field of the first argument's struct holds.
+
+    Functions of the same source that have no loops are followed at their calls.
+    """
+
+    def __init__(
+        self, name: str, sides: tuple[Sections, Sections], at: int, most: int, followed: set[str]
+    ) -> None:
+        limit = Limit(sides[0].keys() | sides[1].keys(), FLIP_MS, CONTRACT_S)
+        machines = tuple(Machine(side[f".text.{name}"], side, set(), limit) for side in sides)
+        super().__init__(name, machines, False)
+        self.sides, self.at, self.most, self.followed = sides, at, most, followed
+
+    def facts(self, memory: z3.ArrayRef) -> tuple[z3.BoolRef, ...]:
+        place = z3.simplify(self.entry[10] + word(self.at))
+        return not_on_stack(place, self.stack), z3.ULE(z3.Select(memory, place), self.most)
+
+    def unseen(self, store: z3.ArrayRef) -> bool:
+        """The field is no register of the hardware, so a store of what it holds already has no effect."""
+        place = z3.simplify(store.arg(1) - self.entry[10])
+        return super().unseen(store) or place.eq(word(self.at))
+
+    def stops(self, side: int, begin: State) -> Iterator[Stop]:
+        for stop in super().stops(side, begin):
+            name = str(stop.target).removeprefix("&").removeprefix(".text.")
+            if stop.kind != "call" or name not in self.followed:
+                yield stop
+                continue
+            for state in finished(self.sides[side], f".text.{name}", self.limit, called(stop, self.limit)):
+                yield from self.stops(side, replace(state, pc=stop.state.pc))
+
+
+def under_fact(
+    name: str, field: Field, largest: str, header: str, followed: set[str] = frozenset()
+) -> Contract:
+    """The same behaviour wherever the field holds no more than `largest`, and the proof that it never does.
+
+    The proof is of the original: each store, in each function of all sources, stores no more. The changed
+    function behaves as the original as long as this holds. So it holds with the changed one, too.
+    """
+
+    def prove(original: Sections, changed: Sections, source: Originals) -> None:
+        most = source.value(largest, header)
+        never_exceeds(source, field, most)
+        UnderFact(name, (original, changed), source.offset(field), most, followed).prove()
+
+    return prove
+
+
+FRAME = 5 << 28  # a place for the frame memory
+
+
+class Copying(Machine):
+    """Keeps the bytes that are read, and the bytes that are stored in this order."""
+
+    def __init__(self, code: Section, limit: Limit) -> None:
+        super().__init__(code, {}, set(), limit)
+        self.read: list[int] = []
+        self.stored: list[tuple[int, z3.BitVecRef]] = []
+
+    def load(self, state: State, funct: int, address: z3.BitVecRef) -> z3.BitVecRef:
+        self.read += [self.place(address) + i for i in range(1 << (funct & 3))]
+        return super().load(state, funct, address)
+
+    def store(self, state: State, funct: int, address: z3.BitVecRef, value: z3.BitVecRef) -> None:
+        if funct:
+            raise NotProved("a store of more than a byte")
+        self.stored.append((self.place(address), z3.simplify(z3.Extract(7, 0, value))))
+
+    def place(self, address: z3.BitVecRef) -> int:
+        place = z3.simplify(z3.substitute(address, (z3.BitVec("&host_frames", 32), word(FRAME))))
+        if not z3.is_bv_value(place):
+            raise NotProved("an unknown place")
+        return place.as_long()
+
+
+def copy_telegram(original: Sections, changed: Sections, source: Originals) -> None:
+    """copy_telegram() puts a telegram into the frame memory. It may copy other bytes after the BCC.
+
+    The hardware sends as many bytes as the telegram has. For each length up to the longest (FC-3):
+
+    - The telegram's bytes are stored in their places, each once, from the last to the first.
+    - All other stores are of the telegram's array, too, each byte in its place. They come before these.
+    - Nothing is read but the array and the length.
+
+    The code of the loop is that of the original: the steps of four bytes count (docs/hardening.md).
+    """
+    name, most = ".text.copy_telegram", source.value("TELEGRAM_MAX", "transaction.h")
+    frame = FRAME + source.value("TELEGRAM_FRAME_address - FRAMES_address", "mailbox_port.h")
+    size, stride = (
+        source.value("4 * TELEGRAM_WORDS", "transaction.h"),
+        source.value("FRAME_STRIDE", "mailbox.h"),
+    )
+    telegram, at_length = (
+        TRANSACTION.as_long() + source.value(f"offsetof(struct transaction, {member})", "transaction.h")
+        for member in ("out.telegram", "telegram_length")
+    )
+    loops = []
+    for side in (original, changed):
+        (head,) = Machine(side[name], {}, set(), Limit(set())).loop_heads()
+        if any(at >= head for at in side[name].relocs):
+            raise NotProved("copy_telegram: an address in the loop")
+        loops.append((head, side[name].content[head:]))
+    if loops[0] != loops[1]:
+        raise NotProved("copy_telegram: another loop")
+    for length in range(1, most + 1):
+        limit = Limit(set())
+        machine = Copying(changed[name], limit)
+        regs = [z3.BitVec(f"x{i}", 32) for i in range(32)]
+        regs[10] = TRANSACTION
+        memory = z3.Store(MEMORY, word(at_length), z3.BitVecVal(length, 8))
+        stops = list(machine.run(State(0, list(regs), memory), []))
+        if [stop.kind for stop in stops] != ["return"]:
+            raise NotProved("copy_telegram: more than a path, or a call")
+        kept = stops[0].state.regs
+        if not all(kept[i].eq(regs[i]) for i in (RA, *SAVED)):
+            raise NotProved("copy_telegram: another return")
+        slots = [(place - frame) // stride for place, _ in machine.stored]
+        if slots != list(range(len(slots)))[::-1] or not length <= len(slots) <= size:
+            raise NotProved("copy_telegram: a byte is left out, comes twice or in another order")
+        for slot, (place, value) in zip(slots, machine.stored, strict=True):
+            right = z3.simplify(z3.Select(memory, word(telegram + slot)))
+            if place != frame + stride * slot or not limit.holds((), value == right):
+                raise NotProved("copy_telegram: another byte")
+        if not set(machine.read) <= {at_length, *range(telegram, telegram + size)}:
+            raise NotProved("copy_telegram: reads something else")
+
+
+# ---------------------------------------------------------------- translate.c
+
+CORE_SOURCES = ("coils.c", "registers.c", "telegram.c", "reply.c", "guard.c")
+# They read the kind of a telegram: of the reply to a telegram that was sent, and after registers_limit().
+READERS = {"translate_drive_reply", "answer_parameter", "may_be_text", "registers_read", "write_run"}
+
+
+def linked(files: dict[str, Sections]) -> Sections:
+    """The functions and constants of several sources, each named after its source."""
+    shared = {
+        section.name.removeprefix(".text."): f"{file} {section.name}"
+        for file, sections in files.items()
+        for section in sections.values()
+        if section.is_code and section.shared
+    }
+    found = {}
+    for file, sections in files.items():
+        for name, section in sections.items():
+            relocs = {
+                at: tuple(
+                    replace(
+                        row,
+                        name=f"{file} {row.name}" if row.name in sections else shared.get(row.name, row.name),
+                    )
+                    for row in rows
+                )
+                for at, rows in section.relocs.items()
+            }
+            found[f"{file} {name}"] = replace(section, relocs=relocs)
+    return found
+
+
+class OfOthers(Comparison):
+    """Requests of all functions but 05."""
+
+    def first_facts(self, memory: z3.ArrayRef) -> tuple[z3.BoolRef, ...]:
+        pdu = self.entry[12]
+        return not_on_stack(pdu, self.stack), z3.Select(memory, pdu) != self.code
+
+
+def translate_request(original: Sections, changed: Sections, source: Originals) -> None:
+    """A request of function 05 that makes no telegram leaves any kind of telegram in its transaction.
+
+    `expects` is the kind of the telegram sent (codes.h), so without one it has no meaning. In the original it
+    is that of an older request. Nobody else reads it (READERS). All else must be the same:
+
+    - for 05, the outcome and all memory, with the code of all functions that it calls;
+    - for each other function code, the behaviour in every respect.
+    """
+    apart = Originals(source.build, ("-fno-inline",), source.folder)
+    readers = {section.name.removeprefix(".text.") for _, section, loads, _ in users(apart, EXPECTS) if loads}
+    if not readers <= READERS:
+        raise NotProved(f"expects is read by {', '.join(sorted(readers - READERS))}")
+    same_request(original, changed, source)
+
+
+@once(*CORE_SOURCES)
+def same_request(original: Sections, changed: Sections, source: Originals) -> None:
+    code = source.value("WRITE_COIL", "codes.h")
+    hidden = {
+        name
+        for name in original.keys() | changed.keys()
+        if name not in original or name not in changed or not original[name].like(changed[name])
+        if not (original | changed)[name].is_code
+    }
+    limit, name = Limit(original.keys() | changed.keys(), longest_s=CONTRACT_S), ".text.translate_request"
+    machines = tuple(Machine(side[name], side, hidden, limit) for side in (original, changed))
+    others = OfOthers("translate_request", machines, False)
+    others.code = code
+    others.prove()
+
+    core = {file: source(f"sw/src/{file}") for file in CORE_SOURCES}
+    sides = [linked({"translate.c": side, **core}) for side in (original, changed)]
+    limit = Limit(sides[0].keys() | sides[1].keys(), longest_s=CONTRACT_S)
+    arguments = (TRANSLATOR, TRANSACTION, DATA, *z3.BitVecs("pdu_length broadcast", 32))
+    path = (z3.Select(MEMORY, DATA) == code,)
+    ends = [returns(side, f"translate.c {name}", limit, *arguments, path=path) for side in sides]
+    kind, telegram = (
+        TRANSACTION.as_long() + source.offset(EXPECTS),
+        source.value("OUTCOME_EXCHANGE", "transaction.h"),
+    )
+    for one in ends[0]:
+        for other in ends[1]:
+            if not limit.possible(one.path, z3.And(*other.path)):
+                continue
+            both = replace(other, path=one.path + other.path)
+            same_but({kind}, one, both, limit)
+            kinds = [read_memory(state.memory, word(kind)) for state in (one, other)]
+            if not limit.holds(both.path, z3.Or(one.regs[10] != telegram, kinds[0] == kinds[1])):
+                raise NotProved("translate_request: another kind of telegram")
+
+
+CONTRACTS = {
+    "guard_of": guard_of,
+    "end": end,
+    "telegram_parameter": telegram_parameter,
+    "start_next": under_fact("start_next", NEXT, "PLACES - 1", "options.h", {"other", "first_waiting"}),
+    "copy_telegram": copy_telegram,
+    "translate_request": translate_request,
+    "finish_exchange": under_fact("finish_exchange", REPLY_OUTCOME, "OUTCOME_REPLY", "transaction.h"),
+}
+OF_CONSTANTS = {"translate_request"}  # contracts that follow a constant that differs

@@ -450,8 +450,9 @@ def jump_offset(code: int) -> int:
 class Limit:
     """The time and the steps of one proof, and its solver."""
 
-    def __init__(self, addresses: set[str], solver_ms: int = SOLVER_MS) -> None:
-        self.steps, self.end, self.solver_ms = 0, time.monotonic() + LONGEST_S, solver_ms
+    def __init__(self, addresses: set[str], solver_ms: int = SOLVER_MS, longest_s: float = LONGEST_S) -> None:
+        self.steps, self.solver_ms = 0, solver_ms
+        self.longest_s, self.end = longest_s, time.monotonic() + longest_s
         self.numbers = itertools.count()
         # No object is at the address 0, and none reaches over the end of the memory.
         self.facts = [
@@ -466,7 +467,7 @@ class Limit:
 
     def answer(self, *terms: z3.BoolRef) -> z3.CheckSatResult:
         if time.monotonic() > self.end:
-            raise NotProved(f"no end within {LONGEST_S} s")
+            raise NotProved(f"no end within {self.longest_s} s")
         solver = z3.Solver()
         solver.set(timeout=self.solver_ms)
         solver.add(*self.facts, *terms)

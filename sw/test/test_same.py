@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 import z3
 
-from sw.test import contracts, same, symbolic
+from sw.test import contracts, fields, same, symbolic
 from sw.test.host import BUILDS, ROOT
 from tb.lib.seeds import seeded
 
 LIMIT = ("WRITE_COIL, FORM_SINGLE, 1, coil_write", "WRITE_COIL, FORM_SINGLE, 2, coil_write")
+COPIED = ("(txn->telegram_length + 3u) & ~3u", "(txn->telegram_length + 4u) & ~3u")
 PROVED = [
     ("coils.c", "if (shift > 24)", "if (shift >= 24)"),
     # Of the second word no bit comes into the byte.
@@ -24,8 +25,15 @@ PROVED = [
     # By its contract: it is another value, which shows the same flips.
     ("guard.c", "<< 2 ^ txn->check", "<< 1 ^ txn->check"),
     ("telegram.c", "check + (from[-1] >> 3)", "check + (from[-1] >> 3) + 1"),
+    ("telegram.c", "check += check + bcc", "check += check - bcc"),
     # By its contract: PCD takes the place of what another step stores.
     ("telegram.c", "while (at < to)", "while (at <= to)"),
+    # By its contract: the kind of a telegram that is not made.
+    ("translate.c", "WRITE_COIL, FORM_SINGLE, 1, coil_write", "WRITE_COIL, FORM_SINGLE, 0, coil_write"),
+    # By its contract: bytes after BCC come along.
+    ("gateway.c", *COPIED),
+    # By its contract: a drive's reply never has this outcome in this dialect.
+    ("gateway.c", "if (TRAITS.text_by_size && g->reply_outcome", "if (g->reply_outcome"),
 ]
 WRONG = {
     "a limit two higher": ("coils.c", "if (shift > 24)", "if (shift >= 27)"),
@@ -63,6 +71,53 @@ WRONG = {
 TWIN = "a limit two higher"  # as "a limit one higher", and as long
 SLOW = (" row", "limit", "guard of", "guard that cancels", "guard that hides", "a check")
 SLOW_FILES = ("translate.c", "telegram.c")
+COPY, AGAIN = COPIED[0], "TRAITS.text_by_size && g->reply_outcome == OUTCOME_EXCHANGE"
+TURN = "        if (PLACES > 1)\n            g->next = (uint8_t)other(g->next);\n    } else"
+ROW = "{WRITE_COIL, FORM_SINGLE, 1, coil_write}"
+# Changes in functions with a contract: build, file, code, changed code.
+AGAINST_CONTRACTS = {
+    "a copy that is short": ("card", "gateway.c", COPY, "(txn->telegram_length + 2u) & ~3u"),
+    "a copy beyond the place": ("card", "gateway.c", COPY, "(txn->telegram_length + 6u) & ~3u"),
+    "a copy of everything but the end": ("card", "gateway.c", COPY, "txn->telegram_length & ~3u | 4u"),
+    "a copy one place further": (
+        "card",
+        "gateway.c",
+        "mailbox_frame(TELEGRAM_FRAME) + length",
+        "mailbox_frame(TELEGRAM_FRAME) + length + 1",
+    ),
+    "a copy of other bytes": (
+        "card",
+        "gateway.c",
+        "out.telegram.byte + length",
+        "out.telegram.byte + length - 1",
+    ),
+    "a copy with two bytes exchanged": ("card", "gateway.c", "byte = byte3", "byte = byte2"),
+    "a copy that leaves out the address": ("card", "gateway.c", "        frame[0].byte = byte0;\n", ""),
+    "a copy from the other end": (
+        "card",
+        "gateway.c",
+        "        frame[3].byte = byte3;\n        frame[2].byte = byte2;\n",
+        "        frame[2].byte = byte2;\n        frame[3].byte = byte3;\n",
+    ),
+    "a second telegram after a reply": ("card", "gateway.c", AGAIN, "g->reply_outcome == OUTCOME_REPLY"),
+    "a second telegram after anything": ("card", "gateway.c", AGAIN, "g->reply_outcome <= OUTCOME_EXCHANGE"),
+    "a second telegram of a dialect": ("builtin", "gateway.c", AGAIN, "g->reply_outcome == OUTCOME_SILENT"),
+    "a place that is none": (
+        "PLACES",
+        "gateway.c",
+        TURN,
+        "        g->next = (uint8_t)(g->next == 0);\n    } else",
+    ),
+    "another field for the place": (
+        "PLACES",
+        "gateway.c",
+        TURN,
+        "        g->ticket = (uint8_t)other(g->next);\n    } else",
+    ),
+    "a place that is kept": ("card", "gateway.c", TURN, "    } else"),
+    "a coil with a byte count": ("card", "translate.c", ROW, "{WRITE_COIL, FORM_COUNTED, 0, coil_write}"),
+    "a coil for a register": ("card", "translate.c", ROW, "{WRITE_COIL, FORM_SINGLE, 0, register_write}"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +172,97 @@ def test_a_change_of_the_firmware_is_never_proved(tree: Path, tmp_path: Path, ch
     reason = why_not(tree, tmp_path, *WRONG[change])
     print(reason)
     assert reason
+
+
+@pytest.mark.parametrize(
+    "change",
+    [pytest.param(name, marks=[pytest.mark.slow] * ("coil" in name)) for name in AGAINST_CONTRACTS],
+)
+def test_a_contract_lets_no_other_behaviour_pass(tree: Path, tmp_path: Path, change: str):
+    build, file, before, after = AGAINST_CONTRACTS[change]
+    way = same.WAYS[file == "translate.c"]
+    source = fields.Originals(build, way, tmp_path)
+    changed = changed_sections(tree, tmp_path, build, way, file, before, after)
+    with pytest.raises(symbolic.NotProved) as refused:
+        same.prove_object(source(f"sw/src/{file}"), changed, source)
+    print(refused.value)
+
+
+def changed_sections(
+    tree: Path, tmp_path: Path, build: str, way: tuple[str, ...], file: str, *change: str
+) -> dict[str, symbolic.Section]:
+    path = tree / "sw/src" / file
+    text = (ROOT / "sw/src" / file).read_text()
+    assert text.count(change[0]) == 1
+    path.write_text(text.replace(*change))
+    try:
+        return symbolic.compiled(tree, f"sw/src/{file}", build, way, tmp_path / "changed.o")
+    finally:
+        path.write_text(text)
+
+
+def test_another_place_of_the_only_one_is_proved(tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(same, "BUILDS", {"PLACES": BUILDS["PLACES"]})
+    assert why_not(tree, tmp_path, "gateway.c", TURN, TURN.replace("> 1", "> 0")) == ""
+
+
+# ---------------------------------------------------------------- facts about fields
+
+
+@pytest.mark.parametrize(
+    ("build", "field", "most", "holds"),
+    [
+        ("card", fields.REPLY_OUTCOME, 2, True),
+        ("card", fields.REPLY_OUTCOME, 1, False),
+        ("builtin", fields.REPLY_OUTCOME, 2, False),  # it asks for a text then
+        ("PLACES", fields.NEXT, 0, True),
+        ("card", fields.NEXT, 0, False),
+    ],
+)
+def test_a_bound_of_a_field_is_proved_only_where_it_holds(
+    tmp_path: Path, build: str, field: fields.Field, most: int, holds: bool
+):
+    source = fields.Originals(build, same.WAYS[0], tmp_path)
+    if holds:
+        fields.never_exceeds(source, field, most)
+    else:
+        with pytest.raises(symbolic.NotProved):
+            fields.never_exceeds(source, field, most)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("    g->drive_online = false;\n", "    g->drive_online = false;\n    g->reply_outcome = 3;\n"),
+        ("    g->drive_online = false;\n", "    g->drive_online = false;\n    g->reply_outcome++;\n"),
+        ("    gateway_init(g);\n", "    gateway_init(g);\n    g->reply_outcome = 3;\n"),
+        ("    poll_events();\n", "    poll_events();\n    leds_init((struct leds *)&g->reply_outcome, 3);\n"),
+    ],
+)
+def test_another_use_of_a_field_refuses_its_bound(
+    tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str
+):
+    file = "main.c" if "gateway_init" in before else "gateway.c"
+    path = tree / "sw/src" / file
+    text = (ROOT / "sw/src" / file).read_text()
+    assert text.count(before) == 1
+    monkeypatch.setattr(fields, "ROOT", tree)
+    monkeypatch.setattr(fields, "_kept", {})
+    path.write_text(text.replace(before, after))
+    try:
+        with pytest.raises(symbolic.NotProved) as refused:
+            fields.never_exceeds(fields.Originals("card", same.WAYS[0], tmp_path), fields.REPLY_OUTCOME, 2)
+    finally:
+        path.write_text(text)
+    print(refused.value)
+
+
+@pytest.mark.parametrize("build", ["card", "builtin", "hvac_basic"])
+def test_who_reads_the_kind_of_a_telegram(tmp_path: Path, build: str):
+    source = fields.Originals(build, same.WAYS[0], tmp_path)
+    readers = {section.name for _, section, loads, _ in fields.users(source, fields.EXPECTS) if loads}
+    assert readers <= {f".text.{name}" for name in contracts.READERS}
+    assert len(readers) >= 3
 
 
 def test_every_build_counts(tree: Path, tmp_path: Path):
