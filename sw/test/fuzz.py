@@ -25,6 +25,7 @@ from pathlib import Path
 
 from rtl.command import Parser, run_main, threads
 from sw.test.host import DIALECTS, ROOT, put_figures, stamped
+from tb.lib.bound import SURE, words
 from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/fuzz-firmware"
@@ -131,6 +132,15 @@ def refresh(folder: Path) -> None:
             subprocess.run(list(map(str, merge)), cwd=ROOT, capture_output=True, check=True)
 
 
+def summary(runs: int, findings: int) -> list[str]:
+    """The block's last lines, with the bound beside the findings. libFuzzer's runs are no random choice."""
+    return [
+        f"{runs} runs, {findings} findings",
+        f"Were the inputs a random choice, at most {words(findings, runs)} of all would find something, "
+        f"at {SURE}.",
+    ]
+
+
 def main() -> int:
     parser = Parser(prog="fuzz-firmware", description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="runs of all fuzzers together")
@@ -153,7 +163,7 @@ def main() -> int:
         f"{one.fuzzer:22}{one.runs:>10} runs{one.branches:>6} edges{one.seconds:>9} s" for one in results
     ]
     found = [result for result in results if result.finding]
-    shown.append(f"{total} runs, {len(found)} findings")
+    shown += summary(total, len(found))
     print("\n".join(shown))
     for result in found:
         print(f"FOUND  {result.says}")

@@ -4,7 +4,7 @@
     python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; then the report
     python -m sw.test.mutate --shard I/N      part I of N, on any machine; writes its result file
     python -m sw.test.mutate --report         merges them; exit 1 for a survivor without a reason
-    python -m sw.test.mutate --survivors      tries survivors without a reason again; then the report
+    python -m sw.test.mutate --survivors      proves or tries those without a reason again; then the report
     python -m sw.test.mutate --list           every mutant, a line each
     --count N                                        mutants of each file; 0: all
 
@@ -39,7 +39,8 @@ from tree_sitter import Node
 from rtl.command import Parser, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources, stamped
 from sw.test.loops import nodes, parser
-from sw.test.same import proved_same
+from sw.test.same import proved_same, why_not_same
+from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/mutate/firmware"
@@ -451,14 +452,38 @@ def keep(file: Path, seconds: float, results: list[dict]) -> None:
     file.write_text(json.dumps({"seconds": round(seconds), "mutants": results}, indent=1) + "\n")
 
 
+def proved_of(mutants: list[Mutant]) -> list[Mutant]:
+    """Those that the solver proves to behave like the original."""
+    folder = FOLDER / "proofs"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
+    shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
+    proved = []
+    for mutant in mutants:
+        path, source = folder / "sw/src" / mutant.file, (ROOT / "sw/src" / mutant.file).read_bytes()
+        path.write_bytes(source[: mutant.start] + mutant.new.encode() + source[mutant.end :])
+        files = [f"sw/src/{mutant.file}"] if mutant.file.endswith(".c") else list(sources())
+        why = why_not_same(folder, files, folder / "same")
+        print(f"{mutant.file}:{mutant.line} {mutant.change}: {why or SAME}", flush=True)
+        proved += [] if why else [mutant]
+        path.write_bytes(source)
+    shutil.rmtree(folder)
+    return proved
+
+
 def run_survivors(replay: bool) -> None:
-    """Tries those again that survived, after tests were added: a mutant that was caught stays caught."""
+    """Tries those again that survived, after contracts or tests were added: first the solver alone.
+
+    A mutant that was caught stays caught.
+    """
     kept = {file: json.loads(file.read_text()) for file in sorted(FOLDER.glob("shard-*.json"))}
     listed = reasons()
     alive = [mutant for shard in kept.values() for mutant in shard["mutants"] if mutant["fate"] == "survives"]
     again = [mutant_of(result) for result in alive if key(mutant_of(result)) not in listed]
     begun = time.monotonic()
-    fates = {mutant_of(result): result["fate"] for result in evaluated(again, "survivors", replay)}
+    fates = dict.fromkeys(proved_of(again), SAME)
+    if rest := [mutant for mutant in again if mutant not in fates]:
+        fates |= {mutant_of(result): result["fate"] for result in evaluated(rest, "survivors", replay)}
     added = (time.monotonic() - begun) / max(1, len(kept))
     for file, shard in kept.items():
         for result in shard["mutants"]:
@@ -493,7 +518,7 @@ def report(count: int, write: bool) -> int:
         print(error, file=sys.stderr)
         return 2
     why, wrong, shown = reasons(), [], []
-    shown.append(f"{'file':14}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
+    shown.append(f"{'file':14}{'possible':>8}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
     for name in (*FILES, "all"):
         of = [m for m in results if name in (m["file"], "all")]
         dead = [m["fate"] for m in of if m["fate"] in NOT_COUNTED]
@@ -502,8 +527,9 @@ def report(count: int, write: bool) -> int:
         caught = counted - len(alive)
         percent = 100 * caught / counted
         fails, code, proved = map(dead.count, NOT_COUNTED)
+        possible = sum(len(mutants_of(file)) for file in FILES if name in (file, "all"))
         shown.append(
-            f"{name:14}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
+            f"{name:14}{possible:8}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
             f"   {code} same code, {proved} {SAME}, {fails} do not compile"
         )
         if counted < MUTANTS_PER_FILE:
@@ -515,6 +541,9 @@ def report(count: int, write: bool) -> int:
         for how in by:
             by[how] += mutant["fate"].startswith(how)
     shown.append("caught by: " + ", ".join(f"{how} {count}" for how, count in by.items()))
+    bound = f"{100 * at_most(len(alive), counted):.2f} %"
+    shown.append(f"Were the {counted} a random choice, at most {bound} of all would survive, at {SURE}.")
+    shown.append("But tests were added for these, so of the others more may survive.")
     print("\n".join(shown))
     print(f"{sum(json.loads(file.read_text())['seconds'] for file in files)} s of {len(files)} processes")
     survivors = [key(mutant_of(result)) for result in results if result["fate"] == "survives"]
@@ -538,7 +567,9 @@ def main() -> int:
         "--count", type=at_least(0), default=60, help="mutants of each file; 0: all (default: %(default)s)"
     )
     parser.add_argument("--report", action="store_true")
-    parser.add_argument("--survivors", action="store_true", help="try the survivors again, with added tests")
+    parser.add_argument(
+        "--survivors", action="store_true", help="try the survivors again, with added contracts or tests"
+    )
     parser.add_argument("--list", action="store_true")
     parser.add_argument(
         "--write", action="store_true", help="put the table into docs/reports/firmware-quality.md"

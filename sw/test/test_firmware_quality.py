@@ -121,6 +121,31 @@ def test_the_fuzzers_find_a_planted_bug(bug: str, tmp_path: Path):
     assert result.finding
 
 
+DECODE = "    outcome = decode(t, txn, pdu, pdu_length);\n"
+
+
+@pytest.mark.parametrize("made", [False, True])
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_only_the_kind_of_a_telegram_that_was_made_is_read(dialect: str, made: bool, tmp_path: Path):
+    """The contract of translate_request() rests on this: a wrong kind changes nothing without a telegram."""
+    shutil.copytree(ROOT / "sw", tmp_path / "sw")
+    path = tmp_path / "sw/src/translate.c"
+    text = path.read_text()
+    assert text.count(DECODE) == 1
+    after = f"    if (outcome {'==' if made else '!='} OUTCOME_EXCHANGE)\n        txn->expects = 0xAA;\n"
+    path.write_text(text.replace(DECODE, f"    txn->expects = 0x55;\n{DECODE}{after}"))
+    done = firmware_fuzz.build(tmp_path, f"FUZZ_TREE={tmp_path}", fuzzers=[(dialect, "gateway")])
+    assert done.returncode == 0, done.stderr
+    result = firmware_fuzz.fuzz(tmp_path, dialect, "gateway", RUNS["gateway"], 1)
+    assert bool(result.finding) == made, f"{result.says}; input: {result.finding}"
+    assert made or result.runs >= RUNS["gateway"]
+
+
+def test_the_block_of_the_fuzzers_has_a_bound_beside_its_zero():
+    assert firmware_fuzz.summary(1000, 0)[0] == "1000 runs, 0 findings"
+    assert "at most 4.60e-03 of all would find something, at 99 %." in firmware_fuzz.summary(1000, 0)[1]
+
+
 @pytest.mark.parametrize("target", firmware_fuzz.TARGETS)
 def test_the_corpus_is_small(target: str):
     inputs = list((firmware_fuzz.CORPUS / target).iterdir())
@@ -289,6 +314,7 @@ def test_survivors_are_tried_again_alone(
         assert mutants == [survivor]
         return [asdict(survivor) | {"fate": fate}]
 
+    monkeypatch.setattr(firmware_mutate, "proved_of", lambda mutants: [])
     monkeypatch.setattr(firmware_mutate, "evaluated", evaluated)
     monkeypatch.setattr("sys.argv", ["mutate", "--survivors"])
     assert firmware_mutate.main() == code
