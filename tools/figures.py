@@ -176,6 +176,10 @@ def main() -> int:
     wrong = 0
     for page, (check, command) in PAGES.items():
         path = path_of(page)
+        if not path.exists():
+            wrong += 1
+            print(f"{path.relative_to(ROOT)}: not there; {command} writes it")
+            continue
         text = path.read_text()
         older = check(without_notice(text))
         right = marked(text, older, command)

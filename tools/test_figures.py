@@ -133,6 +133,16 @@ def test_a_result_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, cap
     assert report_page.changed(tmp_path) == []
 
 
+@pytest.mark.parametrize("option", ["--check", "--mark"])
+def test_a_missing_page_is_one_line(monkeypatch, tmp_path, capsys, option):
+    monkeypatch.setattr(figures, "REPORTS", tmp_path)
+    monkeypatch.setattr(figures, "ROOT", tmp_path)
+    monkeypatch.setattr(figures, "PAGES", {"a": (lambda _: "", "make a")})
+    monkeypatch.setattr("sys.argv", ["figures", option])
+    assert figures.main() == 1
+    assert capsys.readouterr().out == "a.md: not there; make a writes it\n"
+
+
 def test_a_new_page_needs_its_results_on_record(tmp_path):
     (tmp_path / "b.md").write_text("no number\n")
     assert report_page.changed(tmp_path) == [tmp_path / "b.md"]

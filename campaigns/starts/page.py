@@ -9,13 +9,12 @@ Both cards must have been started as they are now. Exit 2: a result is missing.
 from __future__ import annotations
 
 from campaigns.bench import fingerprint
-from campaigns.fuzz import bound
 from campaigns.starts import run
 from rtl.command import run_main
 from rtl.report_page import write_page
 from rtl.sources import ROOT, configurations
 from sw.test import host
-from tb.lib import starts
+from tb.lib import bound, starts
 
 TEMPLATE = ROOT / "campaigns/starts/starts.md.in"
 PAGE = ROOT / "docs/reports/starts.md"
