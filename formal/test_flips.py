@@ -15,19 +15,18 @@ from rtl.sources import ROOT
 ABOUT = {"task": "prove", "promises": ["a_caused", "a_command"], "clocks": 3}
 
 
-@pytest.fixture(scope="module")
-def gate() -> dict:
-    """The netlist of the gate, in folders of this process: pytest runs tests in parallel."""
+@pytest.fixture(scope="module", autouse=True)
+def own_folders():
+    """Folders of this process: pytest runs tests in parallel."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flips, "WORK", flips.WORK / f"test-{os.getpid()}")
         patch.setattr(formal, "WORK", flips.WORK)
-        patch.setattr(flips, "script", own_script(flips.script))
-        yield flips.netlist("commit_gate", "prove")
+        yield
 
 
-def own_script(script):
-    joined = f"{flips.WORK}/joined"
-    return lambda *about: [line.replace("build/formal/joined", joined) for line in script(*about)]
+@pytest.fixture(scope="module")
+def gate() -> dict:
+    return flips.netlist("commit_gate", "prove")
 
 
 def bit(gate: dict, name: str) -> flips.Bit:
@@ -71,6 +70,35 @@ def test_what_never_happens_is_an_error(monkeypatch, capsys):
         flips.prove("fc_tx", 1)
 
 
+def test_a_register_without_a_path_to_the_promise_is_not_proved(gate):
+    """The gate's `stop` ends in the telegram's bits, of which a_caused says nothing."""
+    leading = flips.leading_to(gate, "commit_gate", ["a_caused", "a_command"])
+    apart = {one.name for one in flips.bits(gate, "commit_gate") if (one.cell, one.at) not in leading}
+    assert apart == {"telegram_i.stop", "telegram_i.started"}
+
+
+def test_a_promise_that_no_flip_breaks_is_an_error(monkeypatch, capsys):
+    """It may say nothing: a_stop, if no flip of the sender breaks it."""
+    monkeypatch.setattr(flips, "netlist", lambda *_: {})
+    monkeypatch.setattr(flips, "bits", lambda *_: [flips.Bit("state[0]", "cell", 0)])
+    monkeypatch.setattr(flips, "leading_to", lambda *_: {("cell", 0)})
+    without_flip = {"c_commands": "c_commands", "c_not_stopped": "c_not_stopped"}
+    monkeypatch.setattr(
+        flips,
+        "check",
+        lambda _design, _module, _about, bit, happens=(): (
+            "a_control" if bit else without_flip.get("".join(happens), "")
+        ),
+    )
+    with pytest.raises(flips.FlipError, match="fc_tx: no flip breaks a_stop, which may say nothing"):
+        flips.prove("fc_tx", 1)
+
+
+@pytest.mark.rule("SAFE-4")
+def test_a_planted_fault_lets_a_flip_break_the_promise_of_the_silence_timer():
+    assert flips.planted("silence_timer").broken == "f_never_early"
+
+
 def test_a_telegram_happens_in_the_clocks_of_the_proof(gate):
     assert flips.check(gate, "commit_gate", ABOUT, None, ("c_command",)) == "c_command"
 
@@ -92,8 +120,15 @@ def test_an_unknown_module_is_one_line(capsys):
 
 def test_the_table_counts_what_is_proved():
     one = flips.Bit("spent", "cell", 0)
-    found = [flips.Found("fc_tx", one, ""), flips.Found("fc_tx", flips.Bit("state[1]", "cell", 1), "a_stop")]
-    assert " | 10 | 2 | 1 | `" in flips.table(found)
+    found = [
+        flips.Found("fc_tx", one),
+        flips.Found("fc_tx", flips.Bit("state[1]", "cell", 1), "a_stop"),
+        flips.Found("fc_tx", flips.Bit("adr[0]", "cell", 2), apart=True),
+        flips.Found("fc_tx", flips.Bit("adr[1]", "cell", 3), apart=True),
+    ]
+    assert " | 10 | 4 | 2 | 1 | 1 | `" in flips.table(found)
+    assert flips.registers_with("proved", found) == "- `fc_tx`: `spent`."
+    assert flips.registers_with("no path", found) == "- `fc_tx`: `adr` (2 of 2 bits)."
     assert flips.left(found).startswith("- `fc_tx`: `state[1]`. In the card ")
 
 
@@ -124,7 +159,7 @@ def test_a_listed_bit_that_is_proved_or_gone_is_an_error():
 
 
 def test_the_page_names_proved_registers_and_modules_that_are_only_sampled():
-    assert flips.proved_bits(of_the_gate("request_i.fine[1]")) == (
+    assert flips.registers_with("proved", of_the_gate("request_i.fine[1]")) == (
         "- `commit_gate`: `request_i.fine` (1 of 2 bits)."
     )
     sampled = flips.sampled()
