@@ -167,6 +167,7 @@ def test_selftest_needs_a_port():
     assert one_line(done.stderr) == "say which port: make selftest PORT=/dev/ttyUSB0"
 
 
+@pytest.mark.slow
 def test_replay_needs_a_file_a_unit_and_a_rate():
     done = command("make", "replay", "FILE=bus.sr", "UNIT=1")
     assert done.returncode == 2

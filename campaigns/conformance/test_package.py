@@ -134,6 +134,7 @@ def runner(site: Path, folder: Path, *options: str) -> subprocess.CompletedProce
     return alone(site, script + f"runpy.run_path({program!r}, run_name='__main__')\n", folder)
 
 
+@pytest.mark.slow
 def test_the_example_runs_with_the_installed_package_alone(site, tmp_path):
     done = example(site, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

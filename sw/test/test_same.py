@@ -70,7 +70,7 @@ WRONG = {
 }
 TWIN = "a limit two higher"  # as "a limit one higher", and as long
 SLOW = (" row", "limit", "guard of", "guard that cancels", "guard that hides", "a check")
-SLOW_FILES = ("translate.c", "telegram.c")
+SLOW_FILES = ("translate.c", "telegram.c", "gateway.c")
 COPY, AGAIN = COPIED[0], "TRAITS.text_by_size && g->reply_outcome == OUTCOME_EXCHANGE"
 TURN = "        if (PLACES > 1)\n            g->next = (uint8_t)other(g->next);\n    } else"
 ROW = "{WRITE_COIL, FORM_SINGLE, 1, coil_write}"
@@ -201,6 +201,7 @@ def changed_sections(
         path.write_text(text)
 
 
+@pytest.mark.slow
 def test_another_place_of_the_only_one_is_proved(tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(same, "BUILDS", {"PLACES": BUILDS["PLACES"]})
     assert why_not(tree, tmp_path, "gateway.c", TURN, TURN.replace("> 1", "> 0")) == ""

@@ -962,7 +962,11 @@ def test_counts_run_over_to_0():
 
 @pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7")
 @pytest.mark.parametrize(
-    "dialect", [pytest.param(d, marks=pytest.mark.rule(RULES[d])) for d in ("builtin", "hvac_basic")]
+    "dialect",
+    [
+        pytest.param("builtin", marks=pytest.mark.rule(RULES["builtin"])),
+        pytest.param("hvac_basic", marks=[pytest.mark.rule(RULES["hvac_basic"]), pytest.mark.slow]),
+    ],
 )
 def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str):
     rng = seeded(f"gateway events, {dialect}")

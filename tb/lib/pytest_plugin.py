@@ -109,8 +109,8 @@ def in_make_test(item: pytest.Item) -> bool:
     that takes less time. Tests marked `needs` wait for tools that `make test` does not install.
     """
     sim, config = place(item)
-    slow = item.get_closest_marker("slow")
-    if slow and (not slow.args or sim in slow.args):
+    # A case has a mark of its own beside that of its test.
+    if any(not slow.args or sim in slow.args for slow in item.iter_markers("slow")):
         return False
     if item.get_closest_marker("all_cards"):
         return True

@@ -464,7 +464,7 @@ def test_drive_port(sim):
     run_port(sim, rf"(?!{'|'.join(MANY_REPLIES)})\w+")
 
 
-@pytest.mark.slow("icarus")
+@pytest.mark.slow
 @pytest.mark.rule("LINE-5", "FC-8")
 def test_many_replies(sim):
     run_port(sim, *MANY_REPLIES)

@@ -425,6 +425,7 @@ async def random_good_and_bad_telegrams_are_distinguished(dut):
             await rx.listen()
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FC-1", "FC-2", "FC-7", "FC-8", "SAFE-3")
 def test_fc_rx(sim):
     run("fc_rx_bcc", "tb.rtl.test_fc_rx", sim=sim, extra_sources=[ROOT / "tb/rtl/fc_rx_bcc.v"])

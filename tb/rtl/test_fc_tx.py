@@ -201,6 +201,7 @@ async def reset_releases_the_line_and_the_next_telegram_is_whole(dut):
         assert await tx.telegram(COMMAND) == build_process(0x047C, 0x2000), f"after a reset in clock {at}"
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-1", "SAFE-2", "SAFE-4")
 def test_fc_tx(sim):
     run("fc_tx_line", "tb.rtl.test_fc_tx", sim=sim, extra_sources=[ROOT / "tb/rtl/fc_tx_line.v"])

@@ -576,6 +576,7 @@ def run_receiver(sim: str, testcase: list[str], **parameters: int) -> None:
     )
 
 
+@pytest.mark.slow("icarus")
 @pytest.mark.rule("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "SAFE-1")
 def test_rtu_rx(sim):
     run_receiver(sim, [COMMON, "strict_.*"])
