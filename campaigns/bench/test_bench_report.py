@@ -15,6 +15,7 @@ from campaigns.bench.card import STANDARD
 from campaigns.bench.cases import CASES, SLOWEST
 from campaigns.bench.work import RANDOM
 from rtl.sources import ROOT, configurations
+from tb.lib import bound
 from tools import figures, panel_picture
 
 
@@ -49,7 +50,15 @@ def test_results_verdicts_are_those_of_their_numbers() -> None:
         if high is None:
             high = number(re.search(r"(?:≤|…) ([\d.]+)", target)[1])
         assert all(low <= number(part) <= high for part in worst.split("…")), name
-        assert number(of) > 0, name
+        assert number(of.split(",")[0]) > 0, name
+
+
+def test_the_zero_of_random_requests_has_its_bound() -> None:
+    rows = [row for rows in tables_under("case") for row in rows if row[0].startswith("random: right bytes")]
+    assert len(rows) == len(configurations())
+    for row in rows:
+        checks = int(number(row[4].split(",")[0]))
+        assert row[4].endswith(f"at most {bound.words(int(number(row[2])), checks)} at {bound.SURE}")
 
 
 def test_results_counts_add_up() -> None:
