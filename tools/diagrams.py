@@ -638,7 +638,7 @@ def broadcast() -> Drawing:
 
 def loop_back() -> Drawing:
     """Both ports wired to each other: their telegrams, and the verdict."""
-    with FastCard(LOOPBACK, wired=1) as card:
+    with FastCard(LOOPBACK, wired=1, seed=POWER_UP) as card:
         card.run(2100)
         seen, shown = Recorded(card), card.shown
     telegram, frame = seen.frames("drive_tx", FROM_CARD)[0], seen.frames("modbus_tx", FROM_CARD)[0]
@@ -670,7 +670,7 @@ def loop_back() -> Drawing:
 
 def power_up() -> Drawing:
     """Both LEDs from power-up on, without master and drive."""
-    with FastCard() as card:
+    with FastCard(seed=POWER_UP) as card:
         card.run(LEDS_MS)
         shown = card.shown
     drawing = Drawing(

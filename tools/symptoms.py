@@ -32,6 +32,7 @@ from tb.model.vlt_drive import VltDrive
 
 RECORDINGS = ROOT / "docs/recordings"
 GUIDE = ROOT / "docs/guide/debugging.md"
+POWER_UP = 1  # seed of the registers: it decides the phases of the tick counters, and so the times
 COMMAND = re.compile(
     r"^```\n\$ \.venv/bin/python (-m sim\.view\.(?:frames docs/recordings|replay tb/captures)/.*)\n"
     r"(?:.*\n)*?```$",
@@ -63,7 +64,7 @@ class Bus(FastCard):
         self.drive_spoils: Callable[[bytes], bytes | None] = lambda reply: reply
         self._lived_us = 0
         self._said_ps = 0.0
-        super().__init__(baud=baud, form=form, address=address, drive=self._drive)
+        super().__init__(baud=baud, form=form, address=address, drive=self._drive, seed=POWER_UP)
         self.run(BOOTED_MS)
 
     def _drive(self, telegram: bytes) -> bytes | None:
