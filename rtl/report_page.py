@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a measured page, and notices results that were changed by hand later.
+"""Writes a measured page, and notices what was changed by hand later.
 
-    python -m rtl.report_page            pages of docs/reports with other results; exit 1 when there is one
-    python -m rtl.report_page FILE...    accepts the results of these pages as they are
+    python -m rtl.report_page            pages of docs/reports that were changed; exit 1 when there is one
+    python -m rtl.report_page FILE...    accepts these pages as they are
 
 Every command that measures writes its page through `write_page`. The folder's numbers.json then has a
-checksum of the page's results, in their order: all numbers and fingerprints, the rows of its tables, and
-list items that begin with a name in code. Other words may change without it. Accept results by hand only for
-what no command printed: a date, or words of a template.
+checksum of the page, without its notice. Accept a page by hand only after a change of words in its template:
+no command printed them.
 """
 
 from __future__ import annotations
@@ -24,13 +23,11 @@ from rtl.sources import ROOT
 REPORTS = ROOT / "docs/reports"
 RECORD = "numbers.json"
 # It comes and goes without a measurement.
-NOTICE = re.compile(r"^> \*\*Of an older card\.\*\* .*\n", re.MULTILINE)
-RESULT = re.compile(r"^(?:\||- `).*$|`[0-9a-f]{12}`|\d[\d.,]*", re.MULTILINE)
+NOTICE = re.compile(r"^> \*\*Of an older card\.\*\* .*\n\n?", re.MULTILINE)
 
 
 def checksum(text: str) -> str:
-    results = (result.rstrip(".,") for result in RESULT.findall(NOTICE.sub("", text)))
-    return hashlib.sha256("\0".join(results).encode()).hexdigest()[:16]
+    return hashlib.sha256(NOTICE.sub("", text).encode()).hexdigest()[:16]
 
 
 def kept(folder: Path) -> dict[str, str]:
@@ -49,7 +46,7 @@ def write_page(path: Path, text: str) -> None:
 
 
 def changed(folder: Path) -> list[Path]:
-    """Pages of the folder with other results than their command wrote."""
+    """Pages of the folder that are not as their command wrote them."""
     record = kept(folder)
     return [
         path for path in sorted(folder.glob("*.md")) if record.get(path.name) != checksum(path.read_text())
@@ -61,7 +58,7 @@ def main() -> int:
         accept(Path(name).resolve())
     found = changed(REPORTS)
     for path in found:
-        print(f"{path.relative_to(ROOT)}: its results are not those that its command wrote")
+        print(f"{path.relative_to(ROOT)}: it is not as its command wrote it")
     return 1 if found else 0
 
 

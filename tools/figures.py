@@ -3,8 +3,8 @@
 
     python -m tools.figures            a line each; exit 1 when a page is of an older card
     python -m tools.figures --mark     writes the notice below the title of such a page, removes other notices
-    python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page has other
-                                       results than its command wrote (part of `make lint`)
+    python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page is not
+                                       as its command wrote it (part of `make lint`)
 
 A page states the fingerprint of the sources that it was measured on (campaigns/bench/fingerprint.py). This
 check compares it with the sources of this tree. It runs before a release, not in `make test`.
@@ -197,7 +197,7 @@ def main() -> int:
     if options.check:
         for path in report_page.changed(REPORTS):
             wrong += 1
-            print(f"{path.relative_to(ROOT)}: its results are not those that its command wrote")
+            print(f"{path.relative_to(ROOT)}: it is not as its command wrote it")
     return 1 if wrong else 0
 
 
