@@ -8,6 +8,7 @@ sides, and the project's own sources in the same build. It raises NotProved.
 from __future__ import annotations
 
 import functools
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -242,10 +243,12 @@ def end(original: Sections, changed: Sections, source: Originals) -> None:
     So it may be another word, if it still shows what the original's word shows:
 
     - a flipped bit of a byte of the telegram or of the process data;
-    - two bytes of neighbouring words that change places, which leave the BCC as it is.
+    - two bytes of them that change places, which leaves the BCC as it is.
 
-    All else must be the same. This holds for every length of a telegram (FC-3) and all bytes. A change that
-    leaves the last word as it is needs no proof of its own if the sums of both sides are opposite.
+    All else must be the same. This holds for every length of a telegram (FC-3) and all bytes. If the sums of
+    both sides are opposite, a change that leaves the last word as it is needs no proof of its own. Of the
+    exchanges with the last word only those of neighbouring words must show then. Each side hides a few,
+    as seldom: those that change its sum and the last word by opposite amounts, or by the same.
     """
     check = check_word(source)
     begun = returns(source("sw/src/telegram.c"), "begin", Limit(set()), TRANSACTION)
@@ -258,7 +261,8 @@ def end(original: Sections, changed: Sections, source: Originals) -> None:
 
 
 def same_end(original: Sections, changed: Sections, check: set[int], first: int) -> None:
-    pcd1, pcd2 = z3.BitVecs("pcd1 pcd2", 32)
+    pcd = [z3.BitVec(f"pcd_byte{i}", 8) for i in range(PCD_BYTES)]
+    pcd1, pcd2 = (z3.Concat(z3.BitVec(f"above{i}", 16), pcd[i + 1], pcd[i]) for i in (0, 2))
     over = time.monotonic() + CONTRACT_S
     for length in LENGTHS:
         limit = Limit(set())
@@ -274,16 +278,18 @@ def same_end(original: Sections, changed: Sections, check: set[int], first: int)
         ]
         if any(reads(side) for side in sides):
             raise NotProved("end: the check word depends on more than the telegram")
-        flips = [(byte, byte ^ (1 << bit)) for byte in telegram.values() for bit in range(8)]
-        flips += [(pcd, pcd ^ word(1 << bit)) for pcd in (pcd1, pcd2) for bit in range(16)]
-        changes = [[flip] for flip in flips]
-        bytes_ = list(telegram.values())
-        swaps = [
-            [(here, there), (there, here)] for here, there in zip(bytes_, bytes_[WORD_BYTES:], strict=False)
-        ]
+        bytes_ = [*telegram.values(), *pcd]
+        zeros = [(byte, z3.BitVecVal(0, 8)) for byte in bytes_]
+        difference = sides[1] - sides[0]
+        if limit.holds((), difference == z3.simplify(z3.substitute(difference, *zeros))):
+            continue  # words that differ by a number alone show the same
+        changes = [[(byte, byte ^ (1 << bit))] for byte in bytes_ for bit in range(8)]
+        swaps = [[(here, there), (there, here)] for here, there in itertools.combinations(bytes_, 2)]
         at_last = first + (length + PCD_BYTES) // WORD_BYTES * WORD_BYTES
         if opposite((original, changed), min(check), at_last, TRANSACTION, at, pcd1, pcd2):
             last = z3.simplify(z3.substitute(load(one.memory, word(at_last)), *named))
+            near = zip(bytes_, bytes_[WORD_BYTES:], strict=False)
+            swaps = [[(here, there), (there, here)] for here, there in near]
             swaps = [swap for swap in swaps if not limit.holds((), z3.substitute(last, *swap) == last)]
         changes += swaps
         for change in changes:
