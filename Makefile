@@ -130,7 +130,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 
 ##@ Test
 .PHONY: test test-all test-gates lint format trace report
-test: | setup-test ## * every rule once, large modules on both simulators (7.9 min from a clean clone; TEST=name: a part)
+test: | setup-test ## * every rule once, some modules on both simulators (8.5 min from a clean clone; TEST=name: a part)
 	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
 	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
 	@$(PYTEST) $(if $(TEST),--all)

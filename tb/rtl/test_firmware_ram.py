@@ -74,11 +74,11 @@ async def image_is_loaded_and_byte_writes_change_only_their_bytes(dut):
         assert await memory.access(n) == as_read(kept[n])
 
 
-WORDS = [48, 1024, pytest.param(3072, marks=pytest.mark.slow)]
+SIZES = [48, 1024, pytest.param(3072, marks=pytest.mark.slow)]
 
 
 @pytest.mark.rule("TOP-1", "TOP-2", "SAFE-4")
-@pytest.mark.parametrize("words", WORDS, ids=["banks", "lanes", "banks_of_lanes"])
+@pytest.mark.parametrize("words", SIZES, ids=["banks", "lanes", "banks_of_lanes"])
 def test_firmware_ram(sim, words, tmp_path):
     hex_file: Path = tmp_path / "image.hex"
     write_image(hex_file, words)
