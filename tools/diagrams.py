@@ -41,7 +41,7 @@ from sim.view.wave_file import WaveFile
 from tb.agents import rtu
 from tb.agents.uart import Format
 from tb.lib.card import MS, baud_switches
-from tb.lib.fast_card import SLOW_HZ, FastCard
+from tb.lib.fast_card import SHOWN_SEED, SLOW_HZ, FastCard
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
@@ -51,8 +51,6 @@ LINE = Format.named(9600, "8E1")
 BIT = LINE.bit_ps
 LOOPBACK = "111001111"
 BOOTED_MS = 25.0
-# Seed of the registers at power-up. It decides the phases of the tick counters, and so the pictures.
-POWER_UP = 1
 REGISTER = rtu.build(1, rtu.read_registers(2, 1))  # answered by the card itself
 START = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
 BROADCAST = rtu.build(0, START[1:-2])
@@ -388,7 +386,7 @@ class Run(FastCard):
     def __init__(self, wave: Path | None = None) -> None:
         drive = VltDrive(example=True)
         switches = baud_switches(LINE.baud, "8E1")
-        super().__init__(switches, form="8E1", drive=drive.telegram, wave=wave, seed=POWER_UP)
+        super().__init__(switches, form="8E1", drive=drive.telegram, wave=wave, seed=SHOWN_SEED)
         self.run(BOOTED_MS)
 
     def recorded_now(self, ms_more: float = 5.0) -> Recorded:
@@ -638,7 +636,7 @@ def broadcast() -> Drawing:
 
 def loop_back() -> Drawing:
     """Both ports wired to each other: their telegrams, and the verdict."""
-    with FastCard(LOOPBACK, wired=1, seed=POWER_UP) as card:
+    with FastCard(LOOPBACK, wired=1, seed=SHOWN_SEED) as card:
         card.run(2100)
         seen, shown = Recorded(card), card.shown
     telegram, frame = seen.frames("drive_tx", FROM_CARD)[0], seen.frames("modbus_tx", FROM_CARD)[0]
@@ -670,7 +668,7 @@ def loop_back() -> Drawing:
 
 def power_up() -> Drawing:
     """Both LEDs from power-up on, without master and drive."""
-    with FastCard(seed=POWER_UP) as card:
+    with FastCard(seed=SHOWN_SEED) as card:
         card.run(LEDS_MS)
         shown = card.shown
     drawing = Drawing(

@@ -26,13 +26,12 @@ from rtl.sources import ROOT
 from tb.agents import rtu
 from tb.agents.uart import Character, Flaws, Format, waveform
 from tb.lib.card import MS
-from tb.lib.fast_card import FastCard, Line
+from tb.lib.fast_card import SHOWN_SEED, FastCard, Line
 from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, Recorder
 from tb.model.vlt_drive import VltDrive
 
 RECORDINGS = ROOT / "docs/recordings"
 GUIDE = ROOT / "docs/guide/debugging.md"
-POWER_UP = 1  # seed of the registers: it decides the phases of the tick counters, and so the times
 COMMAND = re.compile(
     r"^```\n\$ \.venv/bin/python (-m sim\.view\.(?:frames docs/recordings|replay tb/captures)/.*)\n"
     r"(?:.*\n)*?```$",
@@ -64,7 +63,7 @@ class Bus(FastCard):
         self.drive_spoils: Callable[[bytes], bytes | None] = lambda reply: reply
         self._lived_us = 0
         self._said_ps = 0.0
-        super().__init__(baud=baud, form=form, address=address, drive=self._drive, seed=POWER_UP)
+        super().__init__(baud=baud, form=form, address=address, drive=self._drive, seed=SHOWN_SEED)
         self.run(BOOTED_MS)
 
     def _drive(self, telegram: bytes) -> bytes | None:

@@ -224,7 +224,7 @@ def summary(results: CardResults) -> str:
     ):
         outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind in kinds]
         checks, faults = sum(o.checks for o in outcomes), sum(len(o.faults) for o in outcomes)
-        # Of random requests alone a zero bounds the rate.
+        # A zero bounds a rate only if the requests are random.
         at_most = f", at most {bound.words(faults, checks)} at {bound.SURE}" if kinds == ("random",) else ""
         rows.append([name, "no fault", f"{faults} faults", verdict(faults == 0), f"{checks} checks{at_most}"])
     return rows_of("case | target | worst measured | verdict | of", rows)
