@@ -37,12 +37,12 @@ from campaigns.flips.trial import (
     Places,
     trial,
 )
-from campaigns.fuzz import bound
 from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
 from rtl.command import Parser, run_main
 from rtl.sources import configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.registers import RegistersError
+from tb.lib import bound
 from tb.lib.options import at_least
 
 KEPT_EACH = 50

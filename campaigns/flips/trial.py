@@ -27,9 +27,18 @@ from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import LineFormat, drive_line, taken_by_a_drive
 
 ADDRESS = 1
-# Formats by rate; the first rate is the default. At the slowest rate the firmware queues its telegram long
-# before the commit, at the fastest it rarely does.
-FORMS = {38400: "8E1", 19200: "8N2", 9600: "8O1", 4800: "8N1"}
+# Formats of the eight rates (LINE-2, LINE-3); the first rate is the default. At the slowest rate the firmware
+# queues its telegram long before the commit, at the fastest it rarely does.
+FORMS = {
+    38400: "8E1",
+    19200: "8N2",
+    9600: "8O1",
+    4800: "8N1",
+    115200: "8E1",
+    2400: "8O1",
+    1200: "8N2",
+    300: "8N1",
+}
 BAUDS = tuple(FORMS)
 BYTES_PER_WORD = 4
 # Words of register x0 in the register file. SERV's file has words of two bits.
@@ -200,6 +209,7 @@ class FlipPlayer(Player):
     def __init__(self, case: dict, target: Target, flip: Flip | None) -> None:
         super().__init__(case, target, extra="flips", pace=PACES[target.config])
         self.flip = flip
+        self.places = configuration(target.config)["waiting_places"]
         names = {name: number for number, (name, _, _) in enumerate(self.pins.variables())}
         self.pins.watch(names[f"TOP.{registers.TOP}.core_rst"])
         self.variable = names[f"TOP.{registers.TOP}.{flip.path}"] if flip else 0
@@ -223,7 +233,7 @@ class FlipPlayer(Player):
 
     def outcome(self, flip: Flip) -> tuple[Outcome, Played, Verdict]:
         lit, played = self.pins.lit(), self.played()
-        judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks)
+        judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks, places=self.places)
         verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
         return classify(flip, played, verdict, self, lit), played, verdict
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Iterable
 from functools import reduce
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from campaigns.bench.wave import BAUDS
 from campaigns.flips import core
 from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
@@ -103,12 +103,15 @@ def in_all(cards: list[dict]) -> str:
 def conditions(config: str, bauds: list[int]) -> str:
     """What the flips of one card did not vary."""
     clocks = sorted({clk_hz(baud, PACES[config]) / 1e6 for baud in bauds})
-    others = [baud for baud in BAUDS if baud not in bauds]
     return (
-        f"The model's clock was {' or '.join(f'{clock:.4g}' for clock in clocks)} MHz, not the card's own. "
-        f"The rates {', '.join(map(str, others[:-1]))} and {others[-1]} bit/s were not among these. "
+        f"The model's clock was {in_words(f'{clock:.4g}' for clock in clocks)} MHz, not the card's own. "
         "Dialect `card`, and a drive that always answers."
     )
+
+
+def in_words(words: Iterable[str]) -> str:
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def card_flips(part: dict) -> str:

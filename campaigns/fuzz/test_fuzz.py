@@ -28,7 +28,6 @@ from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.aftermath import asked, possible_frames
 from campaigns.fuzz.case import Pace, Played, Player, clk_hz, own_pace
-from campaigns.fuzz.judge import FuzzJudge
 from campaigns.fuzz.plants import PLANTS, named
 from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
@@ -102,7 +101,7 @@ def test_a_dropped_reading_leaves_at_once_or_not_at_all():
     until = reading.rise + later + 1
 
     def differences(telegram: Burst) -> list[str]:
-        judge = FuzzJudge(CardModel(), player.line, case["address"], player.pace.budget_clocks, places=1)
+        judge = LineJudge(CardModel(), player.line, case["address"], player.pace.budget_clocks, places=1)
         return judge.evaluate(played.network, played.drive, played.replies, [telegram], until).differences
 
     assert not differences(reading)

@@ -11,11 +11,10 @@ from pathlib import Path
 
 from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
 from campaigns.fuzz.case import LONG_WAIT, Played, Player, probes
-from campaigns.fuzz.judge import FuzzJudge
 from rtl.sources import configuration
 from sim.harness.library import Target
 from tb.model.card import DIALECTS, CardModel
-from tb.model.whole_card import Verdict
+from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import LineFormat
 
 LOCAL = 3  # number of the last requests that need no drive
@@ -28,7 +27,7 @@ def run(
 ) -> tuple[Verdict, Played]:
     player = Player(case, target, wave)
     played = player.play()
-    judge = FuzzJudge(
+    judge = LineJudge(
         CardModel(name=case["dialect"]),
         player.line,
         case["address"],

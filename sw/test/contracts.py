@@ -8,8 +8,6 @@ sides, and the project's own sources in the same build. It raises NotProved.
 from __future__ import annotations
 
 import functools
-import itertools
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -38,10 +36,9 @@ Contract = Callable[[Sections, Sections, Originals], None]
 # settings; CONTROL is a word's number. With a wrong offset nothing is proved: guard_of() reads other words.
 AT_NEXT, AT_GUARD, CONTROL = 28, 20, 3
 BITS, WORD_BYTES = 32, 4
-PCD_BYTES, LAST_SHIFT = 4, 3  # end(): bytes before BCC, and the shift of the last word
 STACK_BYTES = 256  # more than the firmware has
 CONTRACT_S = 600  # longest proof of a contract
-FLIP_MS = 60_000  # for the solver, with the sums of 8 words or a memory of many stores
+FLIP_MS = 60_000  # for the solver, with a memory of many stores
 
 
 MEMORY = z3.Array("memory", z3.BitVecSort(32), z3.BitVecSort(8))
@@ -194,24 +191,6 @@ def shows(limit: Limit, sides: list[z3.ExprRef], changes: Pairs, values: Pairs =
 # ---------------------------------------------------------------- telegram.c
 
 
-def reads(term: z3.ExprRef) -> set[int]:
-    """The places of MEMORY that a term reads. All must be known."""
-    seen, found, todo = set(), set(), [term]
-    while todo:
-        one = todo.pop()
-        if one.get_id() in seen:
-            continue
-        seen.add(one.get_id())
-        if z3.is_select(one):
-            place = z3.simplify(one.arg(1))
-            if not one.arg(0).eq(MEMORY) or not z3.is_bv_value(place):
-                raise NotProved("a read at an unknown place")
-            found.add(place.as_long())
-        else:
-            todo += one.children()
-    return found
-
-
 def stores(memory: z3.ArrayRef) -> set[int]:
     """The places that were stored to, without those on the stack. All must be known."""
     found = set()
@@ -224,120 +203,17 @@ def stores(memory: z3.ArrayRef) -> set[int]:
     return found - set(range(STACK.as_long() - STACK_BYTES, STACK.as_long()))
 
 
-def check_word(source: Originals) -> set[int]:
-    """The places of the transaction's word that guard_of() reads."""
-    limit = Limit(set())
-    (state,) = returns(source("sw/src/guard.c"), "guard_of", limit, TRANSLATOR, TRANSACTION)
-    found = {place for place in reads(state.regs[10]) if place >= TRANSACTION.as_long()}
-    if len(found) != 4:
-        raise NotProved("guard_of: more than one word of the transaction")
-    return found
-
-
-_ends: set[str] = set()  # proved
-
-
+@once("telegram.c")
 def end(original: Sections, changed: Sections, source: Originals) -> None:
-    """end() makes a check word that guard_of() alone reads, to compare it with that of another pass.
-
-    So it may be another word, if it still shows what the original's word shows:
-
-    - a flipped bit of a byte of the telegram or of the process data;
-    - two bytes of them that change places, which leaves the BCC as it is.
-
-    All else must be the same. This holds for every length of a telegram (FC-3) and all bytes. If the sums of
-    both sides are opposite, a change that leaves the last word as it is needs no proof of its own. Of the
-    exchanges with the last word only those of neighbouring words must show then. Each side hides a few,
-    as seldom: those that change its sum and the last word by opposite amounts, or by the same.
-    """
-    check = check_word(source)
+    """The same telegram, check word and return, for each length of a telegram (FC-3) and all bytes."""
     begun = returns(source("sw/src/telegram.c"), "begin", Limit(set()), TRANSACTION)
     (first,) = {int(str(z3.simplify(state.regs[10] - word(1)))) for state in begun}
-    parts = [{name: side[name] for name in (".text.end", ".text.put_word")} for side in (original, changed)]
-    code = repr((parts, check, first))
-    if code not in _ends:
-        same_end(*parts, check, first)
-        _ends.add(code)
-
-
-def same_end(original: Sections, changed: Sections, check: set[int], first: int) -> None:
-    pcd = [z3.BitVec(f"pcd_byte{i}", 8) for i in range(PCD_BYTES)]
-    pcd1, pcd2 = (z3.Concat(z3.BitVec(f"above{i}", 16), pcd[i + 1], pcd[i]) for i in (0, 2))
-    over = time.monotonic() + CONTRACT_S
+    pcd1, pcd2 = z3.BitVecs("pcd1 pcd2", 32)
     for length in LENGTHS:
         limit = Limit(set())
-        at = word(first + length)
-        one, other = (
-            single(returns(side, "end", limit, TRANSACTION, at, pcd1, pcd2)) for side in (original, changed)
-        )
-        same_but(check, one, other, limit)
-        telegram = {place: z3.BitVec(f"byte{place - first}", 8) for place in range(first, first + length)}
-        named = [(z3.Select(MEMORY, word(place)), byte) for place, byte in telegram.items()]
-        sides = [
-            z3.simplify(z3.substitute(load(state.memory, word(min(check))), *named)) for state in (one, other)
-        ]
-        if any(reads(side) for side in sides):
-            raise NotProved("end: the check word depends on more than the telegram")
-        bytes_ = [*telegram.values(), *pcd]
-        zeros = [(byte, z3.BitVecVal(0, 8)) for byte in bytes_]
-        difference = sides[1] - sides[0]
-        if limit.holds((), difference == z3.simplify(z3.substitute(difference, *zeros))):
-            continue  # words that differ by a number alone show the same
-        changes = [[(byte, byte ^ (1 << bit))] for byte in bytes_ for bit in range(8)]
-        swaps = [[(here, there), (there, here)] for here, there in itertools.combinations(bytes_, 2)]
-        at_last = first + (length + PCD_BYTES) // WORD_BYTES * WORD_BYTES
-        if opposite((original, changed), min(check), at_last, TRANSACTION, at, pcd1, pcd2):
-            last = z3.simplify(z3.substitute(load(one.memory, word(at_last)), *named))
-            near = zip(bytes_, bytes_[WORD_BYTES:], strict=False)
-            swaps = [[(here, there), (there, here)] for here, there in near]
-            swaps = [swap for swap in swaps if not limit.holds((), z3.substitute(last, *swap) == last)]
-        changes += swaps
-        for change in changes:
-            if time.monotonic() > over:
-                raise NotProved(f"end: no proof within {CONTRACT_S} s")
-            shows(Limit(set(), FLIP_MS), sides, change)
-
-
-def opposite(sides: tuple[Sections, Sections], check: int, last: int, *arguments: z3.BitVecRef) -> bool:
-    """Whether both check words together are twice the last word of the telegram, shifted as end() does.
-
-    Then a change that leaves the last word as it is shows in both check words or in none. The proof goes
-    round by round, which is faster. Each round begins with any BCC, the same on both sides, and with any sum,
-    which has the other sign on the other side.
-    """
-    limit, name = Limit(set(), FLIP_MS), ".text.end"
-    heads = [Machine(side[name], {}, set(), limit).loop_heads() for side in sides]
-    regs = [z3.BitVec(f"x{i}", 32) for i in range(32)]
-    regs[SP] = STACK
-    regs[10 : 10 + len(arguments)] = arguments
-    states = [State(0, list(regs), MEMORY) for _ in sides]
-    while True:
-        stops = []
-        for side, cuts, state in zip(sides, heads, states, strict=True):
-            try:
-                found = list(stopped(side, name, limit, state, cuts))
-            except NotProved:
-                return False
-            if len(found) != 1:
-                return False
-            stops += found
-        left, right = (stop.state for stop in stops)
-        if stops[0].kind != stops[1].kind:
-            return False
-        if stops[0].kind == "return":
-            words = [load(state.memory, word(check)) for state in (left, right)]
-            shifted = z3.LShR(load(left.memory, word(last)), LAST_SHIFT)
-            return limit.holds((), words[0] + words[1] == 2 * shifted)
-        if not left.memory.eq(right.memory):
-            return False
-        for i, (one, other) in enumerate(zip(left.regs, right.regs, strict=True)):
-            if one.eq(other) and not reads(one):
-                continue
-            left.regs[i] = right.regs[i] = limit.fresh()
-            if not one.eq(other):
-                negative = limit.holds((), one == -other)
-                right.regs[i] = z3.simplify(-left.regs[i]) if negative else limit.fresh()
-        states = [left, right]
+        arguments = (TRANSACTION, word(first + length), pcd1, pcd2)
+        one, other = (single(returns(side, "end", limit, *arguments)) for side in (original, changed))
+        same_but(set(), one, other, limit)
 
 
 @once("telegram.c", "guard.c")

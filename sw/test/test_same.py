@@ -24,8 +24,8 @@ PROVED = [
     ("translate.c", *LIMIT),
     # By its contract: it is another value, which shows the same flips.
     ("guard.c", "<< 2 ^ txn->check", "<< 1 ^ txn->check"),
-    ("telegram.c", "check + (from[-1] >> 3)", "check + (from[-1] >> 3) + 1"),
-    ("telegram.c", "check += check + bcc", "check += check - bcc"),
+    # By its contract: the compiler keeps another register.
+    ("telegram.c", '        __asm__("" : "+r"(from));', "        ;"),
     # By its contract: PCD takes the place of what another step stores.
     ("telegram.c", "while (at < to)", "while (at <= to)"),
     # By its contract: the kind of a telegram that is not made.
@@ -55,11 +55,8 @@ WRONG = {
         "(t->next.word[GUARD] << 16 | t->next.word[GUARD] >> 16) ^ txn->check",
     ),
     "a check without its history": ("telegram.c", "check += check + bcc", "check -= check + bcc"),
-    # The bytes of PCD1 could change places, among others.
-    "a check with one sum of two": ("telegram.c", "check += check + bcc", "check = check + bcc"),
-    "a check with turns": ("telegram.c", "check += check + bcc", "check = bcc - check"),
     "a check of the last word": ("telegram.c", "check + (from[-1] >> 3)", "from[-1]"),
-    "a check that cancels": ("telegram.c", "check + (from[-1] >> 3)", "check - from[-1]"),
+    "a check with another shift": ("telegram.c", "from[-1] >> 3", "from[-1] >> 4"),
     "another BCC": ("telegram.c", "bcc ^ bcc >> 8", "bcc ^ bcc >> 9"),
     "two steps too many": ("telegram.c", "while (at < to)", "while (at < to + 5)"),
     "a row of another function": ("translate.c", "{WRITE_COIL, FORM_SINGLE, 1", "{WRITE_COIL, FORM_READ, 1"),

@@ -16,6 +16,7 @@ from sw.test.host import BUILDS, DIALECTS
 from tb.lib.seeds import seeded
 from tb.model.card import CardModel, Step, without_counts
 from tb.model.examples import EXAMPLES
+from tb.model.fc_telegram import build
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Transaction, Translator
 
 H = bytes.fromhex
@@ -105,6 +106,36 @@ def test_passes_with_two_bytes_that_changed_places_do_not_agree(card: Translator
             changed = bytearray(text)
             changed[one], changed[other] = text[other], text[one]
             assert guard_of(card, head + bytes(changed)) != right, (text, one, other)
+
+
+def check_word(telegram: bytes) -> int:
+    """Of ADR to PCD, as docs/hardening.md defines it (Telegram made twice)."""
+    stx, lge, *with_bcc = build(telegram[1:], adr=telegram[0])
+    padded = telegram + bytes(-len(telegram) % 4)
+    total, xor = 0, stx ^ lge
+    for at in range(0, len(padded), 4):
+        xor ^= int.from_bytes(padded[at : at + 4], "little")
+        total = 2 * total + xor
+    last = bytes(with_bcc)[len(padded) - 4 : len(padded)]
+    return (total + (int.from_bytes(last, "little") >> 3)) % 2**32
+
+
+@in_every_dialect
+@pytest.mark.rule("SAFE-4")
+def test_the_check_word_of_a_telegram_is_the_documented_sum(card: Translator):
+    """With the same settings two guard words differ by their telegrams alone."""
+    draw = seeded("check word")
+    pdus = [H(head) + draw.randbytes(size) for head, size in (("06 0815", 2), ("10 0815 0002 04", 4)) * 20]
+    if card.dialect == "card":
+        reply_to(card, "06 0000 0500")
+        sizes = range(2, 21, 2)
+        pdus += [
+            H("10 14D1 00") + bytes([n // 2, n]) + bytes(draw.choices(range(32, 127), k=n)) for n in sizes
+        ]
+    first = pdus[-1]
+    for pdu in pdus:
+        differ = check_word(card.request(pdu).telegram) ^ check_word(card.request(first).telegram)
+        assert guard_of(card, pdu) ^ guard_of(card, first) == differ, pdu.hex()
 
 
 @in_every_dialect

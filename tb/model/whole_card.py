@@ -133,6 +133,8 @@ class LineJudge:
         self.candidate_at = 0.0
         self.status_changed = -NEVER
         self.status_before = [0] * len(STATUS)
+        self.dropped: Request | None = None  # the last reading that lost its place
+        self.dropped_at = -NEVER
         self.overtaking: list[float] = []  # times of all candidates and commits
         self.doubtful = False
         self.status_doubts: list[list[int]] = []  # status images if late replies of the drive do not count
@@ -263,6 +265,21 @@ class LineJudge:
             raise Unclear(exchange.queued_from, "a telegram that fits either of two requests")
         return True
 
+    def _left_as_it_was_dropped(self, exchange: Exchange, data: bytes, at: float) -> bool:
+        """The drive line became free while the firmware still looked at the request that drops this reading.
+
+        The reading had taken the line over from the request before it, which never left.
+        """
+        dropped = self.dropped
+        return (
+            dropped is not None
+            and at <= self.dropped_at + self.late
+            and exchange.phase == "line"
+            and exchange.overtaken
+            and data == dropped.telegram
+            and data not in (exchange.request.telegram, *(request.telegram for request in self.queue))
+        )
+
     def _next_was_queued(self, at: float) -> bool:
         """The wait ended before this commit, while the drive sent: the next telegram is queued already.
 
@@ -313,12 +330,13 @@ class LineJudge:
             self.exchange.waits = min(low, now), max(high, now)
         request = Request(pdu, frame.broadcast, frame.end, self.card.question, committed=at)
         self.newest = request
-        kept = [older for older in self.queue if self._keeps_place(older)]
         exchange = self.exchange
-        if len(kept) < len(self.queue) and exchange.phase == "wait" and at >= self._wait_from(exchange):
-            # The wait ended before, and the reading that is dropped now holds a busy line for as long again.
-            exchange.held = self._ms(min(exchange.waits[1], GIVE_UP)) + TICK_MS * self.ms + self.budget
-        self.queue = kept
+        if gone := [older for older in self.queue if not self._keeps_place(older)]:
+            self.dropped, self.dropped_at = gone[-1], at
+            self.queue = [older for older in self.queue if self._keeps_place(older)]
+            if exchange.phase == "wait" and at >= self._wait_from(exchange):
+                # The wait ended before, and the dropped reading holds a busy line for as long again.
+                exchange.held = self._ms(min(exchange.waits[1], GIVE_UP)) + TICK_MS * self.ms + self.budget
         if step.reply is not None:
             self._answer(request, "local reply", step.reply, at, at + self.late)
             if self.status_changed > self.candidate_at - self.budget:
@@ -492,6 +510,10 @@ class LineJudge:
 
     def _telegram(self, burst: Burst) -> None:
         data, exchange = burst.data, self.exchange
+        if exchange and self._left_as_it_was_dropped(exchange, data, burst.rise):
+            self._start(self.dropped, exchange.queued_from, burst.rise)
+            exchange = self.exchange
+            exchange.superseded = min(exchange.superseded, self.dropped_at)
         if exchange and exchange.phase == "wait" and burst.rise >= self._wait_from(exchange):
             self._after_wait(exchange, burst.rise, self._was_repeated_just_then(exchange, burst))
             exchange = self.exchange
