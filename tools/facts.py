@@ -4,10 +4,11 @@
     python -m tools.facts
 
 A figure is a number, or a count in letters: from "four" on, or "two" and "three" before a word of KINDS.
-Figures stand in README.md, docs/, docs/guide/, sim/card/README.md, and in CHANGELOG.md below a version that
-is not yet released. NO_FIGURE lists the numbers that are no figures: names such as "coil 7", values such as
-"= 1", code and links. On a page of `loose` most numbers are such names. There a figure has a unit, is a
-fraction, or counts one of THINGS. Generated tables, listings and the pages of `aside` are left out.
+Figures stand in README.md, CONTRIBUTING.md, docs/, docs/guide/ and sim/card/README.md. Of CHANGELOG.md the
+version that is not yet released counts. NO_FIGURE lists the numbers that are no figures: names such as
+"coil 7", values such as "= 1", code and links. On a page of `loose` most numbers are such names. There a
+figure has a unit, is a fraction, or counts one of THINGS. Generated tables, listings and the pages of `aside`
+are left out.
 
 docs/facts.toml has a `fact` for each sentence with figures. Each `{}` of `says` is a figure. `from` and
 `find` say where it comes from: a file, and a regular expression with one group for each `{}`. `scale`
@@ -143,6 +144,7 @@ def pages() -> list[Path]:
         *sorted((ROOT / "docs").glob("*.md")),
         *sorted((ROOT / "docs/guide").rglob("*.md")),
         ROOT / "sim/card/README.md",
+        ROOT / "CONTRIBUTING.md",
         ROOT / "CHANGELOG.md",
     ]
 
