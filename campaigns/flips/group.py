@@ -39,7 +39,7 @@ class GroupPlayer(FlipPlayer):
         self.own: Flip | None = None  # of a copy
         self.outcomes: dict[Flip, Outcome] = {}
 
-    def _run(self, until: float, to_the_end: bool = True) -> list[tuple[int, int]]:
+    def _run_with_flips(self, until: float, to_the_end: bool) -> list[tuple[int, int]]:
         switched: list[tuple[int, int]] = []
         while self.waiting and self.waiting[0].at < until:
             switched = Player._run(self, max(self.waiting[0].at, self.pins.now + 1), to_the_end)

@@ -48,7 +48,7 @@ from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.bound import at_most, words
 from tb.lib.shares import Share, shares
 from tb.model.fc_telegram import ADR_BROADCAST, build_process
-from tb.model.whole_card import Verdict
+from tb.model.whole_card import NEVER, Verdict
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
 RTL = ROOT / "rtl"
@@ -61,6 +61,8 @@ TELEGRAM = build_process(0x047C, 0)
 ALTERED = build_process(0x047C, 0x2000)
 # At a clock that no trial reaches.
 NO_FLIP = Flip(10**9, "network_i.uart_i.driving", 0, 0, "card")
+PROBES = 2  # requests at the end of a trial
+LONGEST_BITE_S = 0.1  # WDG-1
 DISTURBED = "no telegram, but the drive line disturbed"
 
 
@@ -144,8 +146,18 @@ def test_a_flip_in_the_code_halts_the_card(places):
 def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
     trap = next(register for register in places.registers if register.name == "trap")
     at = int(0.11 * clk_hz(BAUD))
-    outcome, *_ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
+    outcome, case, played, _ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
     assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+    assert len(played.frames) == len(case["events"]) + 2 * PROBES, "asked again after the restart"
+
+
+@pytest.mark.rule("WDG-1")
+def test_a_watchdog_bites_in_the_silence_of_a_trial(places):
+    """So a stopped core is found before the probes, and not by them."""
+    _, case, played, _ = trial("test", places, NO_FLIP)
+    probe = played.network[-(len(COMMAND) + len(rtu.build(1, rtu.read_coils(0, 32))))].start
+    assert len(played.frames) == len(case["events"]) + PROBES
+    assert (probe - played.replies[-PROBES - 1].fall) / LINE.clk_hz > LONGEST_BITE_S
 
 
 @pytest.mark.rule("SAFE-4", "LED-5")
@@ -361,9 +373,13 @@ def burst(line: LineFormat, data: bytes, at: float) -> Burst:
 
 
 def verdict_of(
-    asked: bytes, sent: list[tuple[bytes, float]], replies: list[tuple[bytes, float]], newer: Iterable = ()
+    asked: bytes,
+    sent: list[tuple[bytes, float]],
+    replies: list[tuple[bytes, float]],
+    newer: Iterable = (),
+    reset_ms: float = NEVER,
 ) -> str:
-    """Verdict on telegrams and replies after a request, each at its time in ms."""
+    """Verdict on telegrams and replies after a request, each at its time in ms. The card may restart."""
     ms = LINE.clk_hz / 1000
     drive = drive_line(LINE.clk_hz)
     played = Played(
@@ -374,7 +390,7 @@ def verdict_of(
         int(300 * ms),
         1,
     )
-    return telegrams(Flip(int(60 * ms), "somewhere", 0, 0, "card"), played, LINE)[0]
+    return telegrams(Flip(int(60 * ms), "somewhere", 0, 0, "card"), played, LINE, reset_ms * ms)[0]
 
 
 @pytest.mark.parametrize(
@@ -434,6 +450,23 @@ def test_reply_made_by_a_flip_confirms_nothing():
         assert verdict_of(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == expected
 
 
+@pytest.mark.rule("SAFE-4", "WDG-1")
+@pytest.mark.parametrize("confirmed", [True, False])
+@pytest.mark.parametrize("reset_ms", [NEVER, 80.0])
+def test_only_a_restart_forgets_a_confirmed_command(confirmed, reset_ms):
+    """Later the reference alone is written: the telegram has the command again."""
+    newer = heard(rtu.build(1, bytes.fromhex("0f 0010 0010 02 2222")), 90 * LINE.clk_hz / 1000)
+
+    def verdict(word: int) -> str:
+        sent = [(TELEGRAM, 50), (build_process(word, 0x2222), 120)]
+        return verdict_of(COMMAND, sent, [(CONFIRMED, 75)] * confirmed, newer, reset_ms)
+
+    may_forget = not confirmed or reset_ms < NEVER
+    assert verdict(0x047C) == ""
+    assert verdict(0) == ("" if may_forget else "altered telegram, bit 10 = 0")
+    assert verdict(0x043C) == FORBIDDEN[1]
+
+
 @pytest.mark.parametrize("when", [0.0, 0.5, 0.97, 1.0])
 def test_revoked_command_requests_nothing(when):
     end = heard(COMMAND, 40 * LINE.clk_hz / 1000)[-1].end
@@ -490,8 +523,23 @@ def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):
     on = burst(drive_line(LINE.clk_hz), data, 50 * ms)
     on.fall = int(140 * ms)
     played = Played(heard(COMMAND, 40 * ms), [], [], [on], on.fall, [])
-    player = SimpleNamespace(line=LINE, resets=0)
-    assert classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what == expected
+    assert class_of(played) == expected
+
+
+def class_of(played: Played) -> str:
+    player = SimpleNamespace(line=LINE, resets=0, reset_from=NEVER)
+    return classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what
+
+
+@pytest.mark.rule("SAFE-2")
+@pytest.mark.parametrize(("characters", "expected"), [(69, "no effect"), (71, "driver stuck")])
+def test_driver_of_the_network_line_that_stays_on_is_reported(characters, expected):
+    """It may send two of the longest frames, one after the other."""
+    ms = LINE.clk_hz / 1000
+    reply = burst(LINE, CONFIRMED, 75 * ms)
+    reply.fall = round(reply.rise + characters * LINE.character_bits * LINE.bit)
+    telegram = burst(drive_line(LINE.clk_hz), TELEGRAM, 50 * ms)
+    assert class_of(Played(heard(COMMAND, 40 * ms), [], [reply], [telegram], reply.fall, [])) == expected
 
 
 def test_unfinished_burst_counts_up_to_its_end():
@@ -560,7 +608,7 @@ def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
         "counts": {f"card: {what}": 1},
         "flips": 1,
     }
-    result |= {"wall_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
+    result |= {"cpu_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
     monkeypatch.setattr(flips, "shard", lambda *about: result)
     monkeypatch.setattr(flips, "Places", lambda *about: None)
     monkeypatch.setattr(flips, "refuse_to_lose_a_longer_result", lambda *about: None)
@@ -632,13 +680,14 @@ def test_shards_of_flips_are_merged():
             "bits": bits,
             "counts": counts,
             "notable": notable,
-            "wall_s": 1.0,
+            "cpu_s": 1.0,
         }
 
     merged = merge([shard(1), shard(1), shard(2, baud=19200, there=9)])
     assert merged["flips"] == 8 and len(merged["notable"]) == 2
     assert "| bits there | 8 or 9 |" in report(merged)
-    assert "standard card one: 8 flips in 2 s: 4 at 9600 bit/s 8O1, 4 at 19200 bit/s 8N2" in report(merged)
+    rates = "4 at 9600 bit/s 8O1, 4 at 19200 bit/s 8N2"
+    assert f"standard card one: 8 flips in 2 s of one core: {rates}" in report(merged)
     with pytest.raises(FlipsError, match="different cards"):
         merge([shard(1), shard(2, card="another")])
     with pytest.raises(FlipsError, match="different cards"):

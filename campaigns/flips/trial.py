@@ -23,7 +23,7 @@ from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
 from tb.model import fc_telegram
 from tb.model.card import READS, CardModel
-from tb.model.whole_card import LineJudge, Verdict
+from tb.model.whole_card import NEVER, LineJudge, Verdict
 from tb.model.wire import LineFormat, drive_line, taken_by_a_drive
 
 ADDRESS = 1
@@ -213,9 +213,17 @@ class FlipPlayer(Player):
         names = {name: number for number, (name, _, _) in enumerate(self.pins.variables())}
         self.pins.watch(names[f"TOP.{registers.TOP}.core_rst"])
         self.variable = names[f"TOP.{registers.TOP}.{flip.path}"] if flip else 0
-        self.resets = 0
+        self.resets = 0  # clocks of them since the traffic began
+        self.reset_from = NEVER  # clock from which the card may have restarted
 
     def _run(self, until: float, to_the_end: bool = True) -> list[tuple[int, int]]:
+        since, before = self.pins.now, self.pins.watched()
+        switched = self._run_with_flips(until, to_the_end)
+        if self.pins.watched() > before:
+            self.reset_from = min(self.reset_from, since)
+        return switched
+
+    def _run_with_flips(self, until: float, to_the_end: bool) -> list[tuple[int, int]]:
         flip = self.flip
         if flip is None or flip.at >= until:
             return super()._run(until, to_the_end)
@@ -238,7 +246,7 @@ class FlipPlayer(Player):
         return classify(flip, played, verdict, self, lit), played, verdict
 
     def finish(self) -> None:
-        started = self.pins.watched()
+        started, self.reset_from = self.pins.watched(), NEVER
         for event in self.case["events"]:
             self._event(event)
         self._settle()
@@ -306,7 +314,7 @@ def trial(
 def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, lit: set[str]) -> Outcome:
     clk = player.line.clk_hz
     answered = bool(played.replies) and played.replies[-1].rise > played.network[-1].end
-    what, why = telegrams(flip, played, player.line)
+    what, why = telegrams(flip, played, player.line, player.reset_from)
     lines = ((played.replies, player.line), (played.telegrams, drive_line(clk)))
     stuck = [b for bursts, line in lines for b in bursts if b.fall - b.rise > longest(line)]
     if stuck and what not in FORBIDDEN:
@@ -345,10 +353,10 @@ def reply_effect(played: Played) -> str:
     return "wrong reply"
 
 
-def telegrams(flip: Flip, played: Played, line: LineFormat) -> tuple[str, str]:
-    """Compares telegrams that a drive would accept with the requests."""
+def telegrams(flip: Flip, played: Played, line: LineFormat, reset_from: float = NEVER) -> tuple[str, str]:
+    """Compares telegrams that a drive would accept with the requests. `reset_from`: see expected()."""
     frames = asked(played, line)
-    causes = expected(frames, played)
+    causes = expected(frames, played, reset_from)
     found: dict[str, str] = {}
     sent: dict[int, list[float]] = defaultdict(list)  # times of the telegrams of each request
     # Until a newer request is committed, the older one's telegram may still leave.
@@ -446,11 +454,11 @@ def asked(played: Played, line: LineFormat) -> list[tuple[float, float, bytes]]:
     return found
 
 
-def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[set[bytes]]:
+def expected(frames: list[tuple[float, float, bytes]], played: Played, reset_from: float) -> list[set[bytes]]:
     """Telegrams that each request may cause.
 
-    An unconfirmed request may have changed the control image or not, and the card may have restarted before
-    any request (WDG-1).
+    An unconfirmed request may have changed the control image or not. From the clock `reset_from` on the card
+    may have restarted, with an image of zeros (WDG-1).
     """
     images, causes = [[0] * 32], []
     for n, (_, end, data) in enumerate(frames):
@@ -459,6 +467,8 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[s
         # A flip may send its own reply, also to a broadcast.
         confirmed = data[0] == ADDRESS and any(r[:2] == data[:2] and crc_good(r) for r in replies[:1])
         changed, found = [], set()
+        if end > reset_from:
+            images = [*images, [0] * 32]
         for image in images:
             card = CardModel()
             card.coils[:32] = image
@@ -467,6 +477,6 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played) -> list[s
             if step.telegram is not None:
                 found.add(fc_telegram.build(step.telegram[1:], adr=step.telegram[0]))
         images = changed if confirmed else [*images, *changed]
-        images = [list(image) for image in {tuple(image) for image in [*images, [0] * 32]}]
+        images = [list(image) for image in {tuple(image) for image in images}]
         causes.append(found)
     return causes

@@ -124,7 +124,7 @@ def card_flips(part: dict) -> str:
             "",
             f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
             f"{len(merged['shards'])} shards, {flips.rates(merged)}, "
-            f"in {minutes(merged['wall_s'])} minutes of one core.",
+            f"in {minutes(merged['cpu_s'])} minutes of one core.",
             conditions(merged["config"], list(merged["flips_at"])),
             *(
                 f"{count} of these shards ran with an earlier judge, `{judge}`."
@@ -200,7 +200,7 @@ def flips_shard(shard: dict) -> dict:
         "counts": shard["counts"],
         "forbidden": sum(entry["what"] in flips.FORBIDDEN for entry in shard["notable"]),
         "rare": flips_report.rare_counts(shard["notable"]),
-        "wall_s": shard["wall_s"],
+        "cpu_s": shard["cpu_s"],
     }
 
 

@@ -760,7 +760,7 @@ def results_of_all_campaigns(folder: Path) -> None:
             "baud": 9600,
             "bits": dict.fromkeys(PARTS, 8),
             "flips": 4,
-            "wall_s": 120.0,
+            "cpu_s": 120.0,
         }
         shard |= {"counts": {"card: no effect": 4}, "notable": []}
         (folder / f"flips-{config}-9-9600.json").write_text(json.dumps(shard))
