@@ -167,8 +167,8 @@ def table(merged: dict) -> list[str]:
 def report(merged: dict) -> str:
     """Table of the effects, and a line for each notable flip."""
     lines = [
-        f"{merged['config']} card {merged['card']}: {merged['flips']} flips in {merged['cpu_s']:.0f} s of one "
-        f"core: {rates(merged)}",
+        f"{merged['config']} card {merged['card']}: {merged['flips']} flips in {merged['cpu_s']:.0f} s of "
+        f"one core: {rates(merged)}",
         "",
     ]
     lines += table(merged)
