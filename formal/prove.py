@@ -211,7 +211,7 @@ def document(tasks: list[Task], took: float, jobs: int) -> str:
 
 def without_times(text: str) -> str:
     """Times, fingerprints and the notice of an older page left out: tools/figures.py looks after these."""
-    text = re.sub(r"^> \*\*Of an older card\.\*\* .*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^> \*\*Out of date\.\*\* .*$", "", text, flags=re.MULTILINE)
     return re.sub(r"\b\d+( s\b|(?= at a time))|`[0-9a-f]{12}`", "", " ".join(text.split()))
 
 

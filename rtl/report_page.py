@@ -23,7 +23,7 @@ from rtl.sources import ROOT
 REPORTS = ROOT / "docs/reports"
 RECORD = "numbers.json"
 # It comes and goes without a measurement.
-NOTICE = re.compile(r"^> \*\*Of an older card\.\*\* .*\n\n?", re.MULTILINE)
+NOTICE = re.compile(r"^> \*\*Out of date\.\*\* .*\n\n?", re.MULTILINE)
 
 
 def checksum(text: str) -> str:

@@ -55,6 +55,7 @@ UNITS = (
     "[mµu]?s",
     "seconds?",
     "hours?",
+    "mA",
 )
 # A number or a range and one of the units, or with a word between, or in "5 of 8 UNITS", or "16-bit".
 ALONE = r"(?<![\w.,/#-])(?<!\bbit )(?<!\bcoil )(?<!\bfunction )(?<!= )"

@@ -31,7 +31,17 @@ REPORTS = ROOT / "docs/reports"
 CARD = re.compile(r"\bcard `([0-9a-f]{12})`", re.IGNORECASE)
 BOTH = re.compile(r"\b(standard|tiny) card `([0-9a-f]{12})`", re.IGNORECASE)
 SOURCES = re.compile(r"\bfirmware\s+sources\s+`([0-9a-f]{12})`")
-NOTICE = "> **Of an older card.** "
+# Of a page: the words before a judge's name, and the function of fingerprint.py that gives it.
+JUDGES = {
+    "starts": {"Judge ": "starts"},
+    "soak": {r"\bjudge ": "soak"},
+    "fuzz": {
+        r"firmware `\w+` \| ": "fuzz_judge",
+        "frames each, with judge ": "fuzz_judge",
+        "Judge of both campaigns below: ": "flips_judge",
+    },
+}
+NOTICE = "> **Out of date.** "
 ROW = re.compile(r"^\| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", re.MULTILINE)
 
 
@@ -71,11 +81,18 @@ def with_firmware(check: Callable[[str], str]) -> Callable[[str], str]:
     return both
 
 
-def soak(text: str) -> str:
-    """Both cards, the sources of their images, and the judge."""
-    if older := with_firmware(both_cards)(text):
-        return older
-    return "" if f"judge `{fingerprint.soak()}`" in text else "measured by another judge"
+def judged(page: str) -> Callable[[str], str]:
+    """Both cards, the sources of their images, and the page's judges."""
+
+    def check(text: str) -> str:
+        if older := with_firmware(both_cards)(text):
+            return older
+        for said, judge in JUDGES[page].items():
+            if set(re.findall(rf"{said}`(\w+)`", text)) != {getattr(fingerprint, judge)()}:
+                return "measured by another judge"
+        return ""
+
+    return check
 
 
 def mutants(text: str) -> str:
@@ -127,11 +144,17 @@ PAGES: dict[str, tuple[Callable[[str], str], str]] = {
     "coverage": (with_firmware(both_cards), "make coverage-rtl"),
     "line-quality": (with_firmware(one_card), "make line-quality"),
     "fuzz": (
-        with_firmware(both_cards),
+        judged("fuzz"),
         "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page",
     ),
-    "starts": (with_firmware(both_cards), "make starts (of both cards) and starts-page"),
-    "soak": (soak, "make soak COUNT=20000 (of both cards) and soak-page"),
+    "starts": (
+        judged("starts"),
+        "make starts (of both cards) and starts-page",
+    ),
+    "soak": (
+        judged("soak"),
+        "make soak COUNT=20000 (of both cards) and soak-page",
+    ),
     "mutants": (mutants, "make mutate"),
     "proofs": (proofs, "make formal"),
     "proved-flips": (proved_flips, "make formal-flips"),

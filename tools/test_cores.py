@@ -191,6 +191,17 @@ def rows_after(title: str, header: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
 
 
+def test_the_guide_has_the_places_of_every_field():
+    """The tables of format, request, telegram and exchange, and the start of the silence timer."""
+    verilog = "\n".join(path.read_text() for path in sorted((ROOT / "rtl").glob("*.v")))
+    defined = dict(re.findall(r"`define (CARD_\w+_BITS) ([\d:]+)", verilog))
+    stated = dict(re.findall(r"^\| `(CARD_\w+_BITS)` \| ([\d-]+) \|", GUIDE, re.MULTILINE))
+    assert len(stated) > 20
+    assert stated == {name: defined[name].replace(":", "-") for name in stated}
+    (start,) = set(re.findall(r"`define CARD_SILENCE_START 9'd(\d+)", verilog))
+    assert f"`CARD_SILENCE_START` is {start}," in GUIDE
+
+
 @pytest.mark.parametrize("port", PORTS)
 def test_the_guide_has_the_bits_of_every_port(port):
     text = (ROOT / f"rtl/{port}.v").read_text()

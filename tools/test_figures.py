@@ -78,9 +78,7 @@ def test_every_report_has_its_check_and_its_place():
 
 
 def test_a_notice_stands_below_the_title_once_and_is_removed():
-    notice = (
-        "# Title\n\n> **Of an older card.** Measured on none. `make it` renews this page.\n\nMeasured on card"
-    )
+    notice = "# Title\n\n> **Out of date.** Measured on none. `make it` renews this page.\n\nMeasured on card"
     one = figures.marked(PAGE, "measured on none", "make it")
     assert one.startswith(notice)
     assert figures.marked(one, "measured on none", "make it") == one
@@ -104,10 +102,41 @@ def test_a_page_of_the_soak_names_sources_that_need_no_build(monkeypatch):
     monkeypatch.setattr(figures.fingerprint, "firmware", lambda *_: pytest.fail("an image was read"))
     cards = " ".join(f"{config} card `{digits}`" for config, digits in NOW.items())
     page = f"{cards}, firmware sources `0123abcd0123`, judge `4567abcd4567`"
-    assert figures.soak(page) == ""
-    assert figures.soak(page.replace("0123abcd", "ffffabcd")) == "measured on another firmware"
-    assert figures.soak(page.replace("4567abcd", "ffffabcd")) == "measured by another judge"
-    assert figures.soak(page.replace(NOW["tiny"], OTHER)) == "measured on another card: tiny"
+    check, _ = figures.PAGES["soak"]
+    assert check(page) == ""
+    assert check(page.replace("0123abcd", "ffffabcd")) == "measured on another firmware"
+    assert check(page.replace("4567abcd", "ffffabcd")) == "measured by another judge"
+    assert check(page.replace(NOW["tiny"], OTHER)) == "measured on another card: tiny"
+
+
+JUDGED = {
+    "starts": ["Judge `{starts}`."],
+    "soak": ["judge `{soak}`"],
+    "fuzz": [
+        "| firmware `0123` | `{fuzz_judge}` |",
+        "at most 7 frames each, with judge `{fuzz_judge}`.",
+        "Judge of both campaigns below: `{flips_judge}`.",
+    ],
+}
+
+
+@pytest.mark.parametrize("page", JUDGED)
+def test_a_page_of_another_judge_is_out_of_date(page, monkeypatch):
+    monkeypatch.setattr(figures.host, "fingerprint", lambda: "0123abcd0123")
+    cards = " ".join(f"{config} card `{digits}`" for config, digits in NOW.items())
+    check, _ = figures.PAGES[page]
+    names = ("starts", "soak", "fuzz_judge", "flips_judge")
+    now = {name: getattr(figures.fingerprint, name)() for name in names}
+    lines = [line.format(**now) for line in JUDGED[page]]
+    head = f"{cards}, firmware sources `0123abcd0123`"
+    assert check("\n".join([head, *lines])) == ""
+    for number, line in enumerate(JUDGED[page]):
+        other = [*lines[:number], line.format(**dict.fromkeys(names, "another")), *lines[number + 1 :]]
+        assert check("\n".join([head, *other])) == "measured by another judge"
+        left_out = [*lines[:number], *lines[number + 1 :]]
+        assert check("\n".join([head, *left_out])) == "measured by another judge"
+    said = figures.path_of(page).read_text()
+    assert all(figures.re.search(rf"{words}`\w+`", said) for words in figures.JUDGES[page])
 
 
 def test_a_page_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsys):

@@ -27,6 +27,7 @@ HARNESS_PYTHON = [
     ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
 ]
 NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i", "test_core", "test_flips", "test_fuzz")
+STARTS = ("starts", "supervision")
 DIGITS = 12
 TEXTS = ("page", "report")  # of the fuzzer; they change no verdict
 
@@ -108,6 +109,11 @@ def soak() -> str:
     around = [path for folder in ("sim/card", "sim/drive") for path in sorted((ROOT / folder).iterdir())]
     code = [*HARNESS, *(path for path in around if path.suffix in (".c", ".cpp", ".h"))]
     return _digest([*map(_python, python), *map(_code, code)])
+
+
+def starts() -> str:
+    """What is done at a start, and its verdict."""
+    return _digest([_python(path) for path in (*(ROOT / f"tb/lib/{name}.py" for name in STARTS), *AGENTS)])
 
 
 def fuzz(config: str = "standard") -> str:

@@ -151,18 +151,12 @@ def frames_in_all(cards: list[dict]) -> str:
     )
 
 
-def named_judge(judge: str, config: str) -> str:
-    """The judge of a campaign; says so if the present one is another."""
-    now = fingerprint.fuzz(config).split()[-1]
-    return f"`{judge}`" if judge == now else f"`{judge}`, an earlier one"
-
-
 def random_row(card: dict) -> str:
     """The fuzzer's results on one card."""
     its_card, firmware, judge = card["card"].split()
     cells = [
         f"{card['config']} card `{its_card}`, firmware `{firmware}`",
-        named_judge(judge, card["config"]),
+        f"`{judge}`",
         ", ".join(card["shards"]),
         f"{card['frames']:,}",
         f"{card['cases']:,}",
@@ -342,7 +336,7 @@ def page(record: dict) -> str:
         events=event_rows(cards),
         others="the differences above include theirs" if differences else UNJUDGED,
         plants_seed=plants["seed"],
-        plants_judge=named_judge(plants["card"].split()[-1], "standard"),
+        plants_judge=plants["card"].split()[-1],
         plants_count=f"{plants['count']:,}",
         plants="\n".join(plant_rows(plants["frames"])),
         core_flips=f"{core_flips['flips']:,}",

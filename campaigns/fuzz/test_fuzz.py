@@ -766,12 +766,6 @@ def results_of_all_campaigns(folder: Path) -> None:
         (folder / f"flips-{config}-9-9600.json").write_text(json.dumps(shard))
 
 
-def test_a_judge_of_an_earlier_campaign_is_named_as_one(monkeypatch):
-    monkeypatch.setattr(fuzz_page.fingerprint, "fuzz", lambda config: f"{config} image judge")
-    assert fuzz_page.named_judge("judge", "tiny") == "`judge`"
-    assert fuzz_page.named_judge("three", "tiny") == "`three`, an earlier one"
-
-
 def test_the_page_names_the_firmware_s_sources_if_they_make_its_images(monkeypatch):
     monkeypatch.setattr(
         fuzz_page.fingerprint, "firmware", lambda config: {"standard": "two", "tiny": "five"}[config]
@@ -787,14 +781,12 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
     text = " ".join(fuzz_page.page(renewed({}, tmp_path)).split())
     for said in (
         "The images are of other firmware sources.",
-        "20,000 frames each, with judge `three`, an earlier one.",
+        "20,000 frames each, with judge `three`.",
         "Judge of both campaigns below: `six`, as far as no row names an earlier one.",
         "15,897 frames of both cards judged to their end, each with the judge of its row: no difference, "
         "at most 2.90e-04 of the frames",
-        "| standard card `one`, firmware `two` | `three`, an earlier one | 7, 8 | 15,000 | 4 | 0 | "
-        "14,998 | 0 | 3.08e-04 |",
-        "| tiny card `four`, firmware `five` | `three`, an earlier one | 7 | 900 | 2 | 0 | 899 | 0 | "
-        "5.11e-03 |",
+        "| standard card `one`, firmware `two` | `three` | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | 3.08e-04 |",
+        "| tiny card `four`, firmware `five` | `three` | 7 | 900 | 2 | 0 | 899 | 0 | 5.11e-03 |",
         "| legal | 15,000 | 900 |",
         "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
         "| wrong-order | EXC: address before quantity | not found |",

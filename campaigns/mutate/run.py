@@ -55,9 +55,9 @@ BENCH_ARGS = {
     "network_port": ["--sim=icarus", "--all"],
     "rtu_rx": ["--sim=icarus", "--all"],
 }
-# The whole card is tested by subject.
 # Modules that the bench of another one plays.
 BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram"}
+# The whole card is tested by subject.
 MORE_BENCHES = {
     "rtu2fc": [
         f"card_{subject}"

@@ -49,7 +49,11 @@ def page() -> str:
     ]
     rows = [row(config, kind) for config in configurations() for kind in starts.KINDS]
     return TEMPLATE.read_text().format(
-        cards="; ".join(cards), sources=host.fingerprint(), rows="\n".join(rows), sure=bound.SURE
+        cards="; ".join(cards),
+        sources=host.fingerprint(),
+        judge=fingerprint.starts(),
+        rows="\n".join(rows),
+        sure=bound.SURE,
     )
 
 

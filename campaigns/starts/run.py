@@ -3,8 +3,8 @@
 
     python -m campaigns.starts.run [--config NAME] [--count STARTS] [--seed FIRST]
 
-Each seed is one start of each kind (tb/lib/starts.py). The results of this card and firmware are kept in
-build/starts; a run that was stopped goes on where it was. Exit 0: every start was alive and left the image
+Each seed is one start of each kind (tb/lib/starts.py). The results of this card, firmware and judge are kept
+in build/starts; a run that was stopped goes on where it was. Exit 0: every start was alive and left the image
 as it was (SAFE-5); 1: at least one did not; 2: an invalid command line.
 """
 
@@ -25,8 +25,9 @@ EVERY_S = 20  # between two lines of progress
 
 
 def file_of(kind: str, config: str) -> Path:
-    """The results of this very card and firmware."""
-    return FOLDER / f"{config}-{kind}-{fingerprint.card(config)}-{fingerprint.firmware(config)}.txt"
+    """The results of this very card and firmware, with this judge."""
+    of = f"{fingerprint.card(config)}-{fingerprint.firmware(config)}-{fingerprint.starts()}"
+    return FOLDER / f"{config}-{kind}-{of}.txt"
 
 
 def results(path: Path) -> dict[int, str]:

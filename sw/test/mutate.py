@@ -50,11 +50,12 @@ FILES = (*CORE, GATEWAY)
 SEED = "1"  # of the random tests, so that the result for a mutant is repeatable
 SAME = "proved the same"
 NOT_COUNTED = ("does not compile", "same code", SAME)
-MUTANTS_PER_FILE = 20
+LEAST_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
 SLOW = ("random", "any_sequence", "parameters_end", "no_other_register")
-LOST_MASTER = "running"  # the fixture of the tests with MASTER_LOSS_STOP
+# Fixtures of the tests with MASTER_LOSS_STOP and with DIAGNOSTICS: poll loops of other builds.
+POLL_LOOPS = {"running", "diagnosed", "diagnosed_card"}
 GATEWAY_TESTS = "tb/firmware/test_firmware_gateway.py"
 TESTS = ["tb/firmware/test_firmware_translate.py", "tb/firmware/test_firmware_dialects.py", GATEWAY_TESTS]
 
@@ -395,7 +396,7 @@ class MutationRun:
 
 def of_core(item: pytest.Item) -> bool:
     return (
-        "bench" not in item.fixturenames
+        not {"bench", *POLL_LOOPS} & set(item.fixturenames)
         and "option" not in names(item)
         and not item.name.startswith(("test_the_second_telegram", "test_after"))
     )
@@ -403,9 +404,10 @@ def of_core(item: pytest.Item) -> bool:
 
 def of_gateway(item: pytest.Item) -> bool:
     """Tests of the poll loop in the host libraries, and of second exchanges. An image has no mutant."""
+    if POLL_LOOPS & set(item.fixturenames):
+        return True
     if item.path == ROOT / GATEWAY_TESTS:
-        hosts = any(name in item.name for name in ("[host", "[small", "any_sequence"))
-        return hosts or LOST_MASTER in item.fixturenames
+        return any(name in item.name for name in ("[host", "[small", "any_sequence"))
     return item.name.startswith(("test_the_second_telegram", "test_after"))
 
 
@@ -512,8 +514,8 @@ def report(count: int, write: bool) -> int:
             f"{name:14}{possible:8}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
             f"   {code} same code, {proved} {SAME}, {fails} do not compile"
         )
-        if counted < MUTANTS_PER_FILE:
-            wrong.append(f"{name}: fewer than {MUTANTS_PER_FILE} mutants")
+        if counted < LEAST_PER_FILE:
+            wrong.append(f"{name}: fewer than {LEAST_PER_FILE} mutants")
     by = {"corpus": 0, "test": 0, "never ends": 0, "crashes": 0}
     for mutant in results:
         for how in by:

@@ -32,6 +32,7 @@ from tb.model.card import OBJECTS, VERSION, CardModel, without_counts
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Gateway, Transaction, Translator
 from tb.model.rv32i import Machine
 
+GUIDE = ROOT / "docs/guide/dialects.md"
 RULES = {"card": "DIALECT-CARD", "builtin": "DIALECT-BUILTIN", "hvac_basic": "DIALECT-HVAC-BASIC"}
 
 
@@ -391,6 +392,9 @@ def test_a_broadcast_of_1_or_2_registers_is_a_number_and_of_more_a_text(card: Tr
 @in_all
 def test_parameters_end_with_the_bits_of_pnu(card: Translator):
     highest = 4095 if card.dialect == "hvac_basic" else 2047
+    (row,) = re.findall(r"^\| parameter numbers \|(.*)\|$", GUIDE.read_text(), re.MULTILINE)
+    stated = dict(zip(("card", "builtin", "hvac_basic"), row.split("|"), strict=True))
+    assert stated[card.dialect].split()[0] == f"1…{highest}"
     starts = [a for a in range(9, 65536) if card.request(H(f"03 {a:04x} 0001")).outcome == EXCHANGE]
     assert starts == [10 * pnu - 1 for pnu in range(1, highest + 1)]
 
@@ -859,9 +863,6 @@ def test_diagnostics_to_all_are_ignored(pdu: str):
 
 
 class DiagnosedBench(Bench):
-    def __init__(self) -> None:
-        super().__init__(functools.partial(Gateway, dialect="hvac_basic"))
-
     def asks(self, pdu: str) -> bytes:
         """A local request's reply, without the unit address."""
         self.local(H(pdu))
@@ -883,9 +884,53 @@ class DiagnosedBench(Bench):
             self.poll()
 
 
+@pytest.fixture
+def diagnosed() -> DiagnosedBench:
+    return DiagnosedBench(functools.partial(Gateway, dialect="hvac_basic"))
+
+
+@pytest.fixture
+def diagnosed_card() -> DiagnosedBench:
+    """Of the dialect that answers for a silent drive (MAP-7)."""
+    return DiagnosedBench(functools.partial(Gateway, option="DIAGNOSTICS"))
+
+
+@pytest.mark.rule("MAP-10", "FC-9")
+def test_an_answer_for_a_silent_drive_is_counted_as_an_exception(diagnosed_card: DiagnosedBench):
+    bench = diagnosed_card
+    bench.request(H("03 1413 0002"))
+    is_silent(bench)
+    assert bench.replies[-1] == H("01 83 FF") and bench.count(13) == 1 and bench.events() == 1
+
+
+@pytest.mark.rule("MAP-10", "FRAME-7")
+@pytest.mark.parametrize("end", ["silence", "a value", "a refusal"])
+def test_a_request_that_was_overtaken_counts_as_no_reply(diagnosed_card: DiagnosedBench, end: str):
+    bench = diagnosed_card
+    bench.request(H("03 1413 0002"))
+    bench.telegram_ends()
+    assert bench.count(13) == 0 and bench.events() == 1
+    replies = len(bench.replies)
+    if end == "silence":
+        is_silent(bench)
+    else:
+        bench.drive(
+            H("1202 0000 0000 012C 0F03 2000" if end == "a value" else "7202 0000 0000 0002 0F03 2000")
+        )
+    assert len(bench.replies) == replies
+    assert bench.count(13) == 0 and bench.events() == 2, "two counts that were read"
+
+
+def is_silent(bench: Bench) -> None:
+    """Until the exchange is over, with its one repeat."""
+    for _ in range(2):
+        bench.telegram_ends()
+        bench.wait(200)
+
+
 @pytest.mark.rule("MAP-10")
-def test_the_counters_say_what_was_on_the_line():
-    bench = DiagnosedBench()
+def test_the_counters_say_what_was_on_the_line(diagnosed: DiagnosedBench):
+    bench = diagnosed
     assert bench.count(14) == 1 and bench.count(11) == 2 and bench.count(13) == 0 and bench.count(12) == 0
     bench.happens(
         "foreign", "foreign", "foreign", "crc", "parity", "parity", "framing", "t15", "overrun", "revoked"
@@ -908,9 +953,7 @@ def test_the_counters_say_what_was_on_the_line():
     bench.drive(H("7202 0000 0000 0002 0F03 2000"))
     assert bench.replies[-1] == H("01 86 04") and bench.events() == 10 and bench.count(13) == 3
     bench.request(H("03 1413 0002"))
-    for _ in range(2):
-        bench.telegram_ends()
-        bench.wait(200)
+    is_silent(bench)
     assert bench.replies[-1][1:3] != H("83 04") and bench.count(13) == 3, "no reply, no count"
     assert bench.count(2) == 0b11_0011_1111 & ~(1 << 6 | 1 << 7)
     # To all: counted as done, as refused, or not at all.
@@ -935,8 +978,8 @@ def test_the_counters_say_what_was_on_the_line():
 
 @pytest.mark.rule("MAP-10")
 @pytest.mark.parametrize("clear", ["08 000A 0000", "08 0001 0000", "08 0001 FF00"])
-def test_a_restart_or_a_clear_changes_nothing_but_counters(clear: str):
-    bench = DiagnosedBench()
+def test_a_restart_or_a_clear_changes_nothing_but_counters(diagnosed: DiagnosedBench, clear: str):
+    bench = diagnosed
     bench.asks("06 0008 0003")
     bench.asks("07")
     bench.happens("crc", "foreign", "drive_bad")
@@ -951,8 +994,8 @@ def test_a_restart_or_a_clear_changes_nothing_but_counters(clear: str):
 
 
 @pytest.mark.rule("MAP-10")
-def test_counts_run_over_to_0():
-    bench = DiagnosedBench()
+def test_counts_run_over_to_0(diagnosed: DiagnosedBench):
+    bench = diagnosed
     for _ in range(0x10000):
         bench.mailbox.event("crc")
         bench.gateway.poll()
