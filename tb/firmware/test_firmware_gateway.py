@@ -18,6 +18,7 @@ from tb.lib.shares import first
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.firmware import Connected, Gateway, frame_memory, library
 from tb.model.rv32i import Hung, Machine
+from tb.model.whole_card import OVERTAKEN_MS
 
 H = bytes.fromhex
 STATUS = "0F03 2000"
@@ -474,6 +475,26 @@ def test_the_reply_is_queued_before_the_bcc_and_sent_with_it(bench: Bench):
     assert bench.replies[-1] == H("01 01 02 03 0F")
 
 
+@pytest.mark.rule("PERF-3")
+def test_the_reply_is_prepared_once_while_the_bcc_is_awaited(bench: Bench):
+    """A round that prepares it again would be longer for nothing."""
+    mailbox, prepared = bench.mailbox, []
+
+    def queue(**fields: int) -> None:
+        prepared.append(fields["length"])
+        mailbox.write_register("REPLY", **fields)
+
+    bench.request(READ_514)
+    bench.telegram_ends()
+    mailbox.writes["REPLY"] = queue
+    mailbox.drive_data(TELL_514)
+    for _ in range(3):
+        bench.poll()
+    assert prepared == [len(REPLY_514)]
+    mailbox.bcc()
+    assert bench.replies == [REPLY_514]
+
+
 @pytest.mark.rule("FC-8", "FC-6")
 def test_data_and_bcc_in_one_round_are_answered(bench: Bench):
     bench.request(READ_514)
@@ -593,6 +614,40 @@ def test_a_silent_drive_gets_one_repeat_then_the_master_gets_255(bench: Bench):
     bench.wait(1000)
     assert len(bench.telegrams) == 2
     assert len(bench.replies) == 1
+
+
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("answered", [True, False])
+def test_after_an_exchange_each_byte_of_the_telegrams_place_is_another(bench: Bench, answered: bool):
+    """One that stays in the next telegram makes its BCC wrong (hardening.md, Telegram's place filled)."""
+    bench.request(READ_514)
+    bench.telegram_ends()
+    if answered:
+        bench.drive(TELL_514)
+    else:
+        bench.wait(150 + OVERDUE_MS)
+        bench.telegram_ends()
+        bench.wait(150 + OVERDUE_MS)
+    assert len(bench.replies) == 1
+    assert len(set(bench.mailbox.memory("TELEGRAM_FRAME", 32))) == 32
+
+
+@pytest.mark.rule("FC-9")
+def test_the_wait_is_never_too_short(bench: Bench):
+    """A telegram ends just before a tick, in a round that still has the time of the tick before."""
+    mailbox, wait = bench.mailbox, 150 * 12 // 10
+    bench.request(READ_514)
+    began = mailbox.ticks
+    mailbox.ticks = began + 1
+    mailbox.telegram_ends()
+    for tick in range(wait + 1):
+        mailbox.ticks = began + 1 + tick
+        bench.gateway.poll()
+        bench.gateway.poll()
+        assert len(bench.telegrams) == 1, tick
+    mailbox.ticks += 2
+    bench.poll()
+    assert len(bench.telegrams) == 2
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
@@ -1455,6 +1510,18 @@ def test_an_unsent_start_never_follows_a_newer_stop(bench: Bench):
     bench.wait(400)
     assert bench.telegrams == [H("81 043C 0000")]
     assert bench.replies == [H("01 0F 0000 0020")]
+
+
+@pytest.mark.rule("FRAME-7", "FC-8")
+def test_a_start_on_a_busy_line_gives_way_to_a_stop_within_6_ms(bench: Bench):
+    """Longer than the pause of two characters, but no longer than the model of the whole card allows."""
+    bench.mailbox.quiet = False
+    bench.request(START)
+    bench.request(STOP)
+    bench.wait(int(OVERTAKEN_MS))
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [to("us", TELEGRAM_OF_STOP)]
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-1")

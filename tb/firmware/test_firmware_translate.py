@@ -17,7 +17,7 @@ from tb.lib.seeds import seeded
 from tb.model.card import CardModel, Step, without_counts
 from tb.model.examples import EXAMPLES
 from tb.model.fc_telegram import build
-from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Transaction, Translator
+from tb.model.firmware import EXCHANGE, JUNK, NOT_A_REPLY, REPLY, SILENT, Transaction, Translator
 
 H = bytes.fromhex
 RUNNING = "0F03 2000"  # status word and output frequency of a healthy drive
@@ -143,6 +143,15 @@ def test_the_check_word_of_a_telegram_is_the_documented_sum(card: Translator):
 def test_a_unicast_pass_and_a_broadcast_pass_do_not_agree(card: Translator):
     pdu = H("0F 0000 0020 04 7C04 9919")
     assert guard_of(card, pdu) != guard_of(card, pdu, broadcast=True)
+
+
+@in_every_dialect
+@pytest.mark.rule("MAP-5")
+def test_a_read_of_local_registers_writes_no_byte_after_its_reply(card: Translator):
+    txn, length = card.do(H("03 0001 0001")), ctypes.c_uint32()
+    start = card.lib.host_reply(txn.memory, ctypes.byref(length))
+    assert length.value == 4
+    assert ctypes.string_at(start, 8)[length.value :] == bytes([JUNK] * 4)
 
 
 FUNCTION = 6  # the place of the function code in a transaction
