@@ -28,6 +28,7 @@ from campaigns.flips.trial import (
     OUTCOMES,
     PACES,
     PARTS,
+    RESETTING,
     Flip,
     FlipPlayer,
     Places,
@@ -149,6 +150,19 @@ def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
     outcome, case, played, _ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
     assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
     assert len(played.frames) == len(case["events"]) + 2 * PROBES, "asked again after the restart"
+
+
+@pytest.mark.rule("SAFE-4", "WDG-1")
+@pytest.mark.parametrize("path", RESETTING)
+@pytest.mark.parametrize("tick", [0, 1])
+def test_a_flip_that_resets_the_card_for_a_clock_is_a_reset(places, path, tick):
+    """The first reference is lost with it. In every second tick the switches are ready again at once."""
+    events = commands((1, 0x1111))
+    _, _, played, _ = trial("test", places, NO_FLIP, events)
+    at = round(played.replies[0].fall + 1000 + tick * LINE.clk_hz / 1200)
+    outcome, _, played, _ = trial("test", places, Flip(at, path, 0, 0, "card"), events)
+    assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+    assert played.telegrams[-1].data == TELEGRAM
 
 
 @pytest.mark.rule("WDG-1")

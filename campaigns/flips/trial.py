@@ -51,6 +51,8 @@ SILENCE_S = 0.12
 SERV_CLK_HZ = 5_000_000  # of the small card here: its own clock costs seven times the time
 SERV_BOOT_S = 0.2  # of that clock; it answers after 0.15 s at the latest
 PACES = {"standard": Pace(), "tiny": serv_pace(SERV_CLK_HZ, SERV_BOOT_S)}
+# A flip of these resets the core, maybe for that one clock alone, in which the count of resets does not look.
+RESETTING = ("switches_i.ready", "reset_i.released", "supervisor_i.restarting")
 BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.
@@ -241,6 +243,8 @@ class FlipPlayer(Player):
 
     def outcome(self, flip: Flip) -> tuple[Outcome, Played, Verdict]:
         lit, played = self.pins.lit(), self.played()
+        if flip.path in RESETTING:
+            self.resets, self.reset_from = max(self.resets, 1), min(self.reset_from, flip.at)
         judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks, places=self.places)
         verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
         return classify(flip, played, verdict, self, lit), played, verdict
