@@ -611,6 +611,7 @@ def test_a_silent_drive_gets_one_repeat_then_the_master_gets_255(bench: Bench):
     bench.wait(OVERDUE_MS)
     assert bench.replies == [H("01 83 FF")]
     assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
+    assert bench.mailbox.counter("COUNT_EXCEPTIONS") == 0, "only with DIAGNOSTICS"
     bench.wait(1000)
     assert len(bench.telegrams) == 2
     assert len(bench.replies) == 1
@@ -620,16 +621,21 @@ def test_a_silent_drive_gets_one_repeat_then_the_master_gets_255(bench: Bench):
 @pytest.mark.parametrize("answered", [True, False])
 def test_after_an_exchange_each_byte_of_the_telegrams_place_is_another(bench: Bench, answered: bool):
     """One that stays in the next telegram makes its BCC wrong (hardening.md, Telegram's place filled)."""
+    place = "TELEGRAM_FRAME"
     bench.request(READ_514)
     bench.telegram_ends()
+    if not answered:
+        bench.wait(150 + OVERDUE_MS)
+        bench.telegram_ends()
+    bench.mailbox.store(place, b"\x55" * 32)
     if answered:
         bench.drive(TELL_514)
     else:
         bench.wait(150 + OVERDUE_MS)
-        bench.telegram_ends()
-        bench.wait(150 + OVERDUE_MS)
     assert len(bench.replies) == 1
-    assert len(set(bench.mailbox.memory("TELEGRAM_FRAME", 32))) == 32
+    left = bench.mailbox.memory(place, 32)
+    assert left[0] == 0xFF, "the address of no drive"
+    assert len(set(left)) == 32 and 0x55 not in left, left.hex(" ")
 
 
 @pytest.mark.rule("FC-9")
@@ -1758,6 +1764,21 @@ def test_counters_survive_a_restart_and_count_during_the_loopback_test(bench: Be
 
 
 # ---------------------------------------------------------------- loss of the master
+
+STOP_DUE = REGISTERS["EXCHANGE"].pack(stop_due=1)
+
+
+@pytest.mark.rule("SAFE-7")
+def test_without_the_option_no_stop_is_sent(bench: Bench):
+    """Nor after a flip that shows its licence."""
+    mailbox = bench.mailbox
+    bench.local(H("06 0001 0008"))
+    bench.request(START)
+    answer(bench)
+    mailbox.reads["EXCHANGE"] = lambda: mailbox.read_register("EXCHANGE") | STOP_DUE
+    bench.wait(500)
+    assert bench.telegrams == [to("us", TELEGRAM_OF_START)]
+
 
 START_40 = H("0F 0000 0020 04 7C04 9919")
 SEND_START, SEND_STOP = H("81 047C 1999"), H("81 043C 1999")
