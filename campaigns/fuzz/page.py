@@ -12,7 +12,6 @@ is of another card than the others.
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterable
 from functools import reduce
 from pathlib import Path
@@ -126,10 +125,6 @@ def card_flips(part: dict) -> str:
             f"{len(merged['shards'])} shards, {flips.rates(merged)}, "
             f"in {minutes(merged['cpu_s'])} minutes of one core.",
             conditions(merged["config"], list(merged["flips_at"])),
-            *(
-                f"{count} of these shards ran with an earlier judge, `{judge}`."
-                for judge, count in merged["ran_with"].items()
-            ),
             "",
             *flips.table(merged),
         ]
@@ -310,9 +305,7 @@ def page(record: dict) -> str:
         all_frames[config] = total(record[f"frames of {config}"]) | {"config": config}
         if not record.get(f"flips of {config}"):
             raise PageError(f"no flips of the card {config}; run `make flips CONFIG={config}` first")
-        shards = record[f"flips of {config}"]
-        ran_with = Counter(shard["ran_with"] for shard in shards.values() if "ran_with" in shard)
-        all_flips[config] = total(shards) | {"config": config, "ran_with": ran_with}
+        all_flips[config] = total(record[f"flips of {config}"]) | {"config": config}
     plants, core_flips = record["plants"], record["core"]
     same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
     judges = {merged["card"].split()[-1] for merged in all_flips.values()}

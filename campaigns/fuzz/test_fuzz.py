@@ -782,7 +782,7 @@ def test_page_states_the_results_of_all_campaigns(tmp_path):
     for said in (
         "The images are of other firmware sources.",
         "20,000 frames each, with judge `three`.",
-        "Judge of both campaigns below: `six`, as far as no row names an earlier one.",
+        "Judge of both campaigns below: `six`.",
         "15,897 frames of both cards judged to their end, each with the judge of its row: no difference, "
         "at most 2.90e-04 of the frames",
         "| standard card `one`, firmware `two` | `three` | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | 3.08e-04 |",
@@ -909,16 +909,6 @@ def test_page_begins_anew_with_another_card(tmp_path):
     assert newer["frames of tiny"] == record["frames of tiny"]
     with pytest.raises(fuzz_page.PageError, match="different cards"):
         fuzz_page.page(newer)
-
-
-def test_page_names_the_judge_that_a_shard_of_flips_ran_with(tmp_path):
-    """A shard may count for a newer judge (docs/guide/testing.md); run again, it is of that judge."""
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    record["flips of tiny"]["9 at 9600"]["ran_with"] = "five"
-    said = "1 of these shards ran with an earlier judge, `five`."
-    assert fuzz_page.page(record).count(said) == 1
-    assert said not in fuzz_page.page(renewed(record, tmp_path))
 
 
 def test_page_does_not_lose_a_longer_result_of_the_same_card(tmp_path):
