@@ -52,7 +52,7 @@ SERV_CLK_HZ = 5_000_000  # of the small card here: its own clock costs seven tim
 SERV_BOOT_S = 0.2  # of that clock; it answers after 0.15 s at the latest
 PACES = {"standard": Pace(), "tiny": serv_pace(SERV_CLK_HZ, SERV_BOOT_S)}
 # A flip of these resets the core, maybe for that one clock alone, in which the count of resets does not look.
-RESETTING = ("switches_i.ready", "reset_i.released", "supervisor_i.restarting")
+RESETTING = ("switches_i.ready", "reset_i.released", "supervisor_i.restarting", "supervisor_i.stopped")
 BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.
