@@ -24,7 +24,7 @@ from pathlib import Path
 
 from formal import pins as formal_pins
 from rtl.command import Parser, run_main, threads
-from rtl.report_page import write_page
+from rtl.report_page import NOTICE, write_page
 from rtl.sources import without_comments
 from tb.lib.options import at_least
 
@@ -211,7 +211,7 @@ def document(tasks: list[Task], took: float, jobs: int) -> str:
 
 def without_times(text: str) -> str:
     """Times, fingerprints and the notice of an older page left out: tools/figures.py looks after these."""
-    text = re.sub(r"^> \*\*Out of date\.\*\* .*$", "", text, flags=re.MULTILINE)
+    text = NOTICE.sub("", text)
     return re.sub(r"\b\d+( s\b|(?= at a time))|`[0-9a-f]{12}`", "", " ".join(text.split()))
 
 

@@ -23,7 +23,8 @@ from rtl.sources import ROOT
 REPORTS = ROOT / "docs/reports"
 RECORD = "numbers.json"
 # It comes and goes without a measurement.
-NOTICE = re.compile(r"^> \*\*Out of date\.\*\* .*\n\n?", re.MULTILINE)
+NOTICE_HEAD = "> **Out of date.** "
+NOTICE = re.compile(rf"^{re.escape(NOTICE_HEAD)}.*\n\n?", re.MULTILINE)
 
 
 def checksum(text: str) -> str:

@@ -41,7 +41,6 @@ JUDGES = {
         "Judge of both campaigns below: ": "flips_judge",
     },
 }
-NOTICE = "> **Out of date.** "
 ROW = re.compile(r"^\| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", re.MULTILINE)
 
 
@@ -169,7 +168,7 @@ def path_of(page: str) -> Path:
 
 
 def without_notice(text: str) -> str:
-    return re.sub(rf"^{re.escape(NOTICE)}.*\n\n", "", text, count=1, flags=re.MULTILINE)
+    return report_page.NOTICE.sub("", text, count=1)
 
 
 def marked(text: str, older: str, command: str) -> str:
@@ -177,7 +176,7 @@ def marked(text: str, older: str, command: str) -> str:
     text = without_notice(text)
     if not older:
         return text
-    notice = f"{NOTICE}{older[0].upper()}{older[1:]}. `{command}` renews this page.\n\n"
+    notice = f"{report_page.NOTICE_HEAD}{older[0].upper()}{older[1:]}. `{command}` renews this page.\n\n"
     return re.sub(r"^(# .*\n\n)", lambda title: title[1] + notice, text, count=1, flags=re.MULTILINE)
 
 
@@ -215,7 +214,7 @@ def main() -> int:
                 print(f"{path.relative_to(ROOT)}: the notice on its card is not true; run `make format`")
         else:
             wrong += bool(older)
-            state = f"of an older card: {older}; {command} renews it" if older else "of this card"
+            state = f"out of date: {older}; {command} renews it" if older else "of this card"
             print(f"{path.relative_to(ROOT)}: {state}")
     if options.check:
         for path in report_page.changed(REPORTS):
