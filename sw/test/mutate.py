@@ -340,7 +340,7 @@ class MutationRun:
         for number, mutant in enumerate(self.mutants, 1):
             items = self.items[fuzzer_of(mutant)]
             fate = self.fate(mutant, items)
-            self.results.append(asdict(mutant) | {"change": mutant.change, "fate": fate})
+            self.results.append(asdict(mutant) | {"fate": fate})
             place = f"{mutant.file}:{mutant.line} {mutant.change}"
             print(f"{number}/{len(self.mutants)} {place}: {fate}", flush=True)
             # A test that caught one mutant often catches the next.
@@ -526,7 +526,7 @@ def report(count: int, write: bool) -> int:
     shown.append("But tests were added for these, so of the others more may survive.")
     print("\n".join(shown))
     print(f"{sum(json.loads(file.read_text())['seconds'] for file in files)} s of {len(files)} processes")
-    wrong += [f"survives: {m['file']}:{m['line']} {m['function']}: {m['change']}" for m in alive]
+    wrong += [f"survives: {m['file']}:{m['line']} {m['function']}: {mutant_of(m).change}" for m in alive]
     print("\n".join(wrong) or "no survivor")
     if write and not wrong:
         put_figures("mutate", stamped("\n".join(shown)))
