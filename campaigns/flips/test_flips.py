@@ -28,7 +28,6 @@ from campaigns.flips.trial import (
     OUTCOMES,
     PACES,
     PARTS,
-    RESETTING,
     Flip,
     FlipPlayer,
     Places,
@@ -38,11 +37,12 @@ from campaigns.flips.trial import (
     too_early,
     traffic,
     trial,
+    turns_green,
 )
 from campaigns.fuzz.case import BOOT_S, Played, clk_hz
 from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
-from sim.harness.pins import DRIVE, TX, Pins
+from sim.harness.pins import DRIVE, SIGNALS, TX, Pins
 from sim.harness.registers import TOP
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
@@ -158,20 +158,47 @@ def test_a_flip_that_stops_the_core_brings_the_watchdog(places):
 def test_a_flip_that_resets_the_card_for_a_clock_is_a_reset(places, tick, share: Share):
     """The first reference is lost with it. In every second tick the switches are ready again at once.
 
-    All registers next to the reset are flipped. A register that RESETTING lacks alters the last telegram.
+    All registers next to the reset are flipped.
     """
     events = commands((1, 0x1111))
     _, _, played, _ = trial("test", places, NO_FLIP, events)
     at = round(played.replies[0].fall + 1000 + tick * LINE.clk_hz / 1200)
     near = ("supervisor_i.", "reset_i.", "switches_i.ready")
     aimed = [register for register in places.registers if register.path.startswith(near)]
-    assert {register.path for register in aimed} > set(RESETTING)
     for path, bit in share.of([(register.path, bit) for register in aimed for bit in register.bits]):
         outcome, _, played, _ = trial("test", places, Flip(at, path, 0, bit, "card"), events)
         assert outcome.what not in FORBIDDEN, outcome
-        if path in RESETTING:
+        if path in (
+            "switches_i.ready",
+            "reset_i.released",
+            "supervisor_i.restarting",
+            "supervisor_i.stopped",
+        ):
             assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
             assert played.telegrams[-1].data == TELEGRAM
+
+
+@pytest.mark.rule("SAFE-4", "WDG-1", "LED-1")
+def test_a_jump_to_the_start_of_the_program_is_a_restart():
+    """`make flips` met it: the core is not reset, the LEDs' show begins again, and the image is zeros."""
+    places = Places(baud=38400)
+    flip = Flip(466344, "core_i.g_picorv32.core_i.latched_stalu", 0, 0, "core")
+    outcome, _, played, _ = trial("81019/117", places, flip)
+    assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+    assert played.telegrams[-1].data == build_process(0x047C, 0)
+
+
+@pytest.mark.rule("LED-1")
+@pytest.mark.parametrize(
+    ("red", "green", "network", "turns"), [(500, 500, 0, 1), (500, 501, 0, 0), (500, 500, 1, 0)]
+)
+def test_the_step_from_red_to_green_is_one_of_the_show(red, green, network, turns):
+    """Later the network LED is lit whenever the drive LED is (LED-2)."""
+    edges: dict[int, list[tuple[int, int]]] = {number: [] for number in range(len(SIGNALS))}
+    edges[SIGNALS.index("led_drive_red")] = [(100, 1), (red, 0)]
+    edges[SIGNALS.index("led_drive_green")] = [(green, 1)]
+    edges[SIGNALS.index("led_modbus_red")] = [(400, network)]
+    assert turns_green(edges) == [500] * turns
 
 
 @pytest.mark.rule("WDG-1")

@@ -18,6 +18,7 @@ from regs.generated.mailbox import FRAMES_BYTES
 from rtl.sources import configuration
 from sim.harness import registers
 from sim.harness.library import Target
+from sim.harness.pins import SIGNALS
 from sim.harness.registers import Register
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
@@ -51,8 +52,8 @@ SILENCE_S = 0.12
 SERV_CLK_HZ = 5_000_000  # of the small card here: its own clock costs seven times the time
 SERV_BOOT_S = 0.2  # of that clock; it answers after 0.15 s at the latest
 PACES = {"standard": Pace(), "tiny": serv_pace(SERV_CLK_HZ, SERV_BOOT_S)}
-# A flip of these resets the core, maybe for that one clock alone, in which the count of resets does not look.
-RESETTING = ("switches_i.ready", "reset_i.released", "supervisor_i.restarting", "supervisor_i.stopped")
+SHOW_STEP_S = 0.25  # of the LEDs' show at a start (LED-1)
+TICK_S = 1 / 1200  # of the firmware's time
 BITES = 3  # watchdog resets until the card halts (LED-5)
 # A sender that a flip restarts may append a frame to the present one, but no more: two of the longest frames,
 # 34 characters each, and a margin.
@@ -243,11 +244,27 @@ class FlipPlayer(Player):
 
     def outcome(self, flip: Flip) -> tuple[Outcome, Played, Verdict]:
         lit, played = self.pins.lit(), self.played()
-        if flip.path in RESETTING:
-            self.resets, self.reset_from = max(self.resets, 1), min(self.reset_from, flip.at)
         judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks, places=self.places)
         verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
-        return classify(flip, played, verdict, self, lit), played, verdict
+        outcome = classify(flip, played, verdict, self, lit)
+        if outcome.what in FORBIDDEN and (began := self._began_again()) < NEVER:
+            self.resets, self.reset_from = max(self.resets, 1), min(self.reset_from, max(began, flip.at))
+            outcome = classify(flip, played, verdict, self, lit)
+        return outcome, played, verdict
+
+    def _began_again(self) -> float:
+        """The clock at which the program began again, by the LEDs' show; NEVER: it did not (LED-1).
+
+        A flip can begin it again without a reset that is counted: by a jump to its start, or by a reset of
+        one clock. Runs on until the show of such a start has turned the drive LED from red to green.
+        """
+        shown = [at for at, lit in self.pins.edges[SIGNALS.index("led_drive_red")] if lit]
+        if not shown:
+            return NEVER
+        boot, step, tick = shown[0], SHOW_STEP_S * self.line.clk_hz, TICK_S * self.line.clk_hz
+        self._run(self.pins.now + boot + 2 * step)
+        began = [at - step - boot for at in turns_green(self.pins.edges)]
+        return next((at - tick for at in began if at > 2 * tick), NEVER)
 
     def finish(self) -> None:
         started, self.reset_from = self.pins.watched(), NEVER
@@ -341,6 +358,20 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     if "PERF" in why or "FRAME-8" in why:
         return Outcome(flip, "timing", why)
     return Outcome(flip, reply_effect(played), why)
+
+
+def turns_green(edges: dict[int, list[tuple[int, int]]]) -> list[int]:
+    """Clocks at which the drive LED turns from red to green with the network LED dark, as in the show."""
+    red, green, *network = (
+        edges[SIGNALS.index(f"led_{led}")]
+        for led in ("drive_red", "drive_green", "modbus_red", "modbus_green")
+    )
+    falls = {at for at, lit in red if not lit}
+    return [at for at, lit in green if lit and at in falls and not any(level_at(led, at) for led in network)]
+
+
+def level_at(edges: list[tuple[int, int]], at: int) -> int:
+    return next((level for clock, level in reversed(edges) if clock <= at), 0)
 
 
 def longest(line: LineFormat) -> float:
