@@ -45,10 +45,9 @@ ROW = re.compile(r"^\| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", re.MULTILINE)
 
 
 def bench(_: str) -> str:
-    cards = ("card", "tiny card")
     stated, tree = bench_report.stated(), fingerprint.tree()
-    other = [name for name in cards if stated.get(name) != tree.get(name)]
-    return f"measured on another {' and another '.join(other)}" if other else ""
+    other = [name for name in ("card", "tiny card", "bench") if stated.get(name) != tree.get(name)]
+    return f"measured with another {' and another '.join(other)}" if other else ""
 
 
 def one_card(text: str) -> str:

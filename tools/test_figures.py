@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from rtl import report_page
@@ -71,9 +73,8 @@ def test_a_page_of_the_firmware(monkeypatch, text, older):
 
 
 def test_every_report_has_its_check_and_its_place():
-    """`make lint` compares the page of the proofs with their files, so it has no notice."""
     pages = {path.stem for path in (ROOT / "docs/reports").glob("*.md")}
-    assert pages == {*figures.PAGES, "proofs"}
+    assert pages == figures.PAGES.keys()
     assert pages <= set(report.PAGES)
 
 
@@ -137,6 +138,40 @@ def test_a_page_of_another_judge_is_out_of_date(page, monkeypatch):
         assert check("\n".join([head, *left_out])) == "measured by another judge"
     said = figures.path_of(page).read_text()
     assert all(figures.re.search(rf"{words}`\w+`", said) for words in figures.JUDGES[page])
+
+
+@pytest.mark.parametrize("name", ["card", "tiny card", "bench"])
+def test_the_page_of_the_bench_names_both_cards_and_the_bench(name, monkeypatch):
+    stated = {"card": "0123", "tiny card": "4567", "bench": "89ab", "firmware": "cdef"}
+    monkeypatch.setattr(figures.bench_report, "stated", lambda: stated)
+    monkeypatch.setattr(figures.fingerprint, "tree", lambda: stated)
+    assert figures.bench("") == ""
+    monkeypatch.setattr(figures.fingerprint, "tree", lambda: stated | {name: OTHER})
+    assert figures.bench("") == f"measured with another {name}"
+
+
+ROWS = {"mutants": "rtu_rx", "proofs": "rtu_rx", "proved-flips": "rtu_rx"}
+
+
+@pytest.mark.parametrize("page", ROWS)
+@pytest.mark.parametrize("other", ["another", ""])
+def test_a_row_of_a_module_that_has_changed_is_out_of_date(page, other):
+    """`other` is empty for a row that is missing, which is no mistake in the proofs' page alone."""
+    check, _ = figures.PAGES[page]
+    text = figures.path_of(page).read_text()
+    assert check(text) == ""
+    row = re.compile(rf"^(\| `{ROWS[page]}` \|.*\| `)\w+(` \|\n)", re.MULTILINE)
+    assert row.search(text)
+    changed = row.sub(rf"\g<1>{OTHER}\2" if other else "", text)
+    missing_is_right = page == "proofs" and not other
+    assert check(changed) == ("" if missing_is_right else f"these modules have changed: {ROWS[page]}")
+
+
+def test_a_synthesis_of_another_design_is_out_of_date(monkeypatch, tmp_path):
+    check, _ = figures.PAGES["synthesis"]
+    assert check("") == ""
+    monkeypatch.setattr(figures.synth, "DOCS", tmp_path / "synthesis.md")
+    assert check("") == "synthesised from another design"
 
 
 def test_a_page_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsys):

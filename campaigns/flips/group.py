@@ -82,7 +82,7 @@ class GroupPlayer(FlipPlayer):
             return
         os.close(reader)
         self.own, self.waiting, self.writer = flip, [], writer
-        self.pins.flip(self.variables[flip], flip.word, flip.bit)
+        self._make(flip, self.variables[flip])
 
     def play_flips(self) -> dict[Flip, Outcome]:
         """Returns in this process only; a copy ends in here."""

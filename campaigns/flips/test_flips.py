@@ -201,6 +201,16 @@ def test_the_step_from_red_to_green_is_one_of_the_show(red, green, network, turn
     assert turns_green(edges) == [500] * turns
 
 
+@pytest.mark.rule("SAFE-4", "WDG-1")
+@pytest.mark.parametrize("part_of_boot", [0.5, 0.98])
+def test_a_reset_before_the_traffic_counts(places, part_of_boot):
+    """The second one is not over when the traffic begins, so requests have no answer."""
+    trap = next(register for register in places.registers if register.name == "trap")
+    at = int(part_of_boot * BOOT_S * clk_hz(BAUD))
+    outcome, *_ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
+    assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
+
+
 @pytest.mark.rule("WDG-1")
 def test_a_watchdog_bites_in_the_silence_of_a_trial(places):
     """So a stopped core is found before the probes, and not by them."""
@@ -748,6 +758,15 @@ def test_shards_of_flips_are_merged():
         ("standard", "one", 4),
         ("tiny", "two", 4),
     ]
+
+
+def test_a_part_s_bound_counts_all_that_is_forbidden_in_it():
+    counts = Counter({f"{part}: no effect": 1000 for part in PARTS})
+    counts += Counter({f"core: {what}": 1 for what in (*FORBIDDEN, "silent")})
+    rows = flips.table({"counts": counts, "bits": {part: [8] for part in PARTS}})
+    bounds = {part: words(0, 1000) for part in PARTS} | {"core": words(len(FORBIDDEN), 1006)}
+    every = words(len(FORBIDDEN), 1000 * len(PARTS) + 6)
+    assert f"| {flips.BOUND} | {' | '.join([*bounds.values(), every])} |" in rows
 
 
 def test_each_bit_of_the_memory_is_there_once(config):

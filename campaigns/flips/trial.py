@@ -216,7 +216,8 @@ class FlipPlayer(Player):
         names = {name: number for number, (name, _, _) in enumerate(self.pins.variables())}
         self.pins.watch(names[f"TOP.{registers.TOP}.core_rst"])
         self.variable = names[f"TOP.{registers.TOP}.{flip.path}"] if flip else 0
-        self.resets = 0  # clocks of them since the traffic began
+        self.resets = 0  # clocks of them since the flip
+        self.resets_before: int | None = None  # clocks of them before the flip, as at power-up
         self.reset_from = NEVER  # clock from which the card may have restarted
 
     def _run(self, until: float, to_the_end: bool = True) -> list[tuple[int, int]]:
@@ -233,10 +234,14 @@ class FlipPlayer(Player):
         switched = super()._run(max(flip.at, self.pins.now + 1), to_the_end)
         if self.pins.now >= flip.at:
             self.flip = None
-            self.pins.flip(self.variable, flip.word, flip.bit)
+            self._make(flip, self.variable)
         if switched and not to_the_end:
             return switched
         return super()._run(until, to_the_end) if self.pins.now < until else switched
+
+    def _make(self, flip: Flip, variable: int) -> None:
+        self.resets_before = self.pins.watched()
+        self.pins.flip(variable, flip.word, flip.bit)
 
     def play_all(self) -> None:
         self._run(int(self.pace.boot_s * self.line.clk_hz))
@@ -280,7 +285,7 @@ class FlipPlayer(Player):
             },
         ]
         self._ask(probes)
-        self.resets = self.pins.watched() - started
+        self.resets = self.pins.watched() - (started if self.resets_before is None else self.resets_before)
         if self.resets:
             # A damaged program is detected at each start; the card halts after the third.
             self._run(self.pins.now + BITES * self.pace.boot_s * self.line.clk_hz)

@@ -29,7 +29,7 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from campaigns.mutate.same import SameError, proved_same, proved_same_inverted
+from campaigns.mutate.same import TOP, SameError, proved_same, proved_same_inverted
 from formal import prove
 from rtl.command import Parser, run_main
 from rtl.report_page import write_page
@@ -48,18 +48,13 @@ SAME = "proved the same"
 LONGEST_S = 900  # for the unchanged module; a mutant has TIMES_LONGER of the measured time
 TIMES_LONGER = 5
 LEAST_S = 60
-# The bench of the whole card is slow on Icarus. `make test` leaves out a part of the others there.
-BENCH_ARGS = {
-    "rtu2fc": ["--sim=verilator"],
-    "drive_port": ["--sim=icarus", "--all"],
-    "network_port": ["--sim=icarus", "--all"],
-    "rtu_rx": ["--sim=icarus", "--all"],
-}
+# The bench of the whole card is slow on Icarus. Of the others `make test` leaves out a part there.
+OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", "--all"]
 # Modules that the bench of another one plays.
 BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram"}
 # The whole card is tested by subject.
 MORE_BENCHES = {
-    "rtu2fc": [
+    TOP: [
         f"card_{subject}"
         for subject in ("supervision", "power_up", "loopback", "both_lines", "breaks", "driver_time")
     ]
@@ -309,13 +304,8 @@ class Tree:
         return self.run(sys.executable, "-m", "formal.prove", self.module, "--task", "prove", "--jobs", "1")
 
     def tested(self) -> tuple[bool, str]:
-        arguments = BENCH_ARGS.get(self.module, ["--sim=icarus"])
-        benches = (BENCH_IN.get(self.module, self.module), *MORE_BENCHES.get(self.module, ()))
-        return self.run(
-            *(sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider"),
-            *(str(bench_file(name)) for name in benches),
-            *arguments,
-        )
+        pytest = (sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider")
+        return self.run(*pytest, *bench_arguments(self.module))
 
     def same(self, mutant: Mutant) -> bool:
         folder = ROOT / "build/mutate" / f"same-{self.root.name}"
@@ -555,6 +545,12 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(listed) or "None.")
     write_page(DOCUMENT, text)
     print(f"wrote {DOCUMENT}")
+
+
+def bench_arguments(module: str) -> list[str]:
+    """Files of a module's tests and options, for pytest."""
+    files = (BENCH_IN.get(module, module), *MORE_BENCHES.get(module, ()))
+    return [*(str(bench_file(name)) for name in files), *(OF_CARD if module == TOP else OF_MODULE)]
 
 
 def benches() -> list[str]:

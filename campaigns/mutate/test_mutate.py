@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from dataclasses import asdict
 
 import pytest
@@ -82,6 +84,20 @@ def test_an_output_of_an_instance_is_left_open():
 
 def test_every_module_has_mutants():
     assert mutate.benches() == [path.stem for path in rtl_files()]
+
+
+@pytest.mark.parametrize("options", [mutate.OF_CARD, mutate.OF_MODULE])
+def test_no_module_is_without_tests(options):
+    """A test with the mark slow is left out without --all."""
+    commands = [mutate.bench_arguments(module) for module in mutate.benches()]
+    files = {
+        name for names in commands if names[-len(options) :] == options for name in names[: -len(options)]
+    }
+    pytest_only = (sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider")
+    done = subprocess.run(
+        [*pytest_only, *files, *options], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert {line.split("::")[0] for line in done.stdout.splitlines() if "::" in line} == files
 
 
 @pytest.mark.parametrize("module", mutate.benches())
