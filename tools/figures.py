@@ -3,8 +3,8 @@
 
     python -m tools.figures            a line each; exit 1 when a page is of an older card
     python -m tools.figures --mark     writes the notice below the title of such a page, removes other notices
-    python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page is not
-                                       as its command wrote it (part of `make lint`)
+    python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page or picture
+                                       is not as its command wrote it (part of `make lint`)
 
 A page states the fingerprint of the sources that it was measured on (campaigns/bench/fingerprint.py). This
 check compares it with the sources of this tree. It runs before a release, not in `make test`.
@@ -24,6 +24,7 @@ from constraints import synth
 from formal import flips, prove
 from rtl import report_page
 from rtl.command import run_main
+from rtl.report_page import FOLDERS
 from rtl.sources import ROOT, rtl_files
 from sw.test import host
 
@@ -216,7 +217,7 @@ def main() -> int:
             state = f"out of date: {older}; {command} renews it" if older else "of this card"
             print(f"{path.relative_to(ROOT)}: {state}")
     if options.check:
-        for path in report_page.changed(REPORTS):
+        for path in (path for folder in FOLDERS for path in report_page.changed(folder)):
             wrong += 1
             print(f"{path.relative_to(ROOT)}: it is not as its command wrote it")
     return 1 if wrong else 0

@@ -6,10 +6,12 @@ from __future__ import annotations
 import re
 
 import pytest
+from matplotlib.figure import Figure
 
+from campaigns import plots
 from rtl import report_page
 from rtl.sources import ROOT
-from tools import figures, report
+from tools import figures, panel_picture, report
 
 NOW = {"standard": "0123456789ab", "tiny": "ba9876543210"}
 OTHER = "000000000000"
@@ -181,6 +183,7 @@ def test_a_page_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsy
     text += "\n| PERF-2 | met |\n\n- `gate`: `spent`.\n- more\n"
     report_page.write_page(page, text)
     monkeypatch.setattr(figures, "REPORTS", tmp_path)
+    monkeypatch.setattr(figures, "FOLDERS", (tmp_path,))
     monkeypatch.setattr(figures, "ROOT", tmp_path)
     monkeypatch.setattr(figures, "PAGES", {"a": (lambda _: "", "make a")})
     monkeypatch.setattr("sys.argv", ["figures", "--check"])
@@ -203,6 +206,24 @@ def test_a_missing_page_is_one_line(monkeypatch, tmp_path, capsys, option):
     monkeypatch.setattr("sys.argv", ["figures", option])
     assert figures.main() == 1
     assert capsys.readouterr().out == "a.md: not there; make a writes it\n"
+
+
+def test_a_picture_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path):
+    monkeypatch.setattr(plots, "PICTURES", tmp_path)
+    figure = Figure()
+    figure.text(0.5, 0.5, "41.4 bits")
+    plots.save("a", figure)
+    picture = tmp_path / "a.svg"
+    assert report_page.changed(tmp_path) == []
+    picture.write_text(picture.read_text().replace("41.4", "21.4"))
+    assert report_page.changed(tmp_path) == [picture]
+    picture.unlink()
+    assert report_page.changed(tmp_path) == [picture]
+
+
+def test_every_measured_picture_has_its_record():
+    drawn = {path.name for path in plots.PICTURES.glob("*.svg")} - {panel_picture.PICTURE.name}
+    assert report_page.kept(plots.PICTURES).keys() == drawn
 
 
 def test_a_new_page_needs_its_record(tmp_path):
