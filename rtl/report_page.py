@@ -5,8 +5,8 @@
     python -m rtl.report_page FILE...    accepts these files as they are
 
 Every command that measures writes its page through `write_page`, and its pictures through
-campaigns/plots.py. The folder's numbers.json then has a checksum of the file, without its notice. Accept a page
-by hand only after a change of words in its template: no command printed them.
+campaigns/plots.py. The folder's numbers.json then has a checksum of the file, without its notice. Accept a
+page by hand only after a change of words in its template: no command printed them.
 """
 
 from __future__ import annotations
