@@ -777,9 +777,12 @@ def test_the_page_names_the_firmware_s_sources_if_they_make_its_images(monkeypat
     assert named({"standard": "two", "tiny": "two"}) == "other firmware sources"
 
 
-def test_the_page_is_that_of_its_record():
-    record = json.loads(fuzz_page.RECORD.read_text())
-    assert NOTICE.sub("", fuzz_page.PAGE.read_text()) == fuzz_page.page(record)
+def test_the_page_is_that_of_its_record(monkeypatch):
+    """Both may be of an earlier firmware: `make figures` compares that."""
+    written = NOTICE.sub("", fuzz_page.PAGE.read_text())
+    sources = re.search(r"^The images are of (.*)\.$", written, re.MULTILINE)[1]
+    monkeypatch.setattr(fuzz_page.fingerprint, "firmware_sources", lambda _: sources)
+    assert written == fuzz_page.page(json.loads(fuzz_page.RECORD.read_text()))
 
 
 def test_page_states_the_results_of_all_campaigns(tmp_path):
