@@ -35,9 +35,11 @@ PIECES = list(fast(SEED))
 FORMS = ("8N1", "8N2", "8E1", "8O1")
 FEW_RATES = (1200, 19200, 115200)
 LONG = (
+    "standard-drive_faults-115200-8E1",
     "standard-random-115200-8E1",
     "standard-turnaround-2400-8E1",
     "standard-turnaround-300-8N2",
+    "standard-turnaround-4800-8E1",
 )
 
 

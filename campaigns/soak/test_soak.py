@@ -50,7 +50,6 @@ EVERYWHERE = (
             "builtin", "vlt8000", 100, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.slow]
         ),
         pytest.param("builtin", "vlt2800", 50, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.slow]),
-        pytest.param("hvac_basic", "hvac_basic", 40, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
         pytest.param(
             *("hvac_basic", "hvac_basic", 100),
             marks=[pytest.mark.rule("DIALECT-HVAC-BASIC"), pytest.mark.slow],

@@ -335,6 +335,7 @@ def test_one_core_can_run_the_card():
     assert possible[1] >= 0.3
 
 
+@pytest.mark.slow
 def test_speed_max_runs_ahead_of_wall_time(tmp_path):
     """The same traffic as in real time, in the same simulated time."""
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "4") as card:
@@ -733,6 +734,7 @@ def test_log_is_complete_and_described(tmp_path):
     assert all(re.search(r'"t":\d+\.\d{6},', line) for line in card.log.read_text().splitlines())
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
 def test_the_log_shows_the_leds(tmp_path):
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "6") as card:

@@ -270,7 +270,8 @@ def test_any_character_of_the_second_before_is_a_failure(config, name: str, kind
 
 
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.parametrize("at_ms", [0, *(pytest.param(ms, marks=pytest.mark.slow) for ms in (300, 700))])
+@pytest.mark.slow
+@pytest.mark.parametrize("at_ms", [0, 300, 700])
 def test_a_card_set_to_the_test_by_mistake_serves_at_once(config, at_ms: float):
     """The first request that it hears is another unit's, the second its own; both LEDs are red for 12 s."""
     with FastCard(SWITCHES, config=config) as card:

@@ -349,6 +349,7 @@ def test_power_up_show_lights_one_led_after_the_other_and_delays_nothing(config)
         assert near((modbus[3].since_ps - drive[0].since_ps) / MS, 7 * STEP_MS)
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LED-2", "LED-3", "LED-4")
 def test_both_leds_flash_once_a_second_after_the_power_up_show(config):
     with FastCard(config=config) as card:

@@ -599,6 +599,7 @@ def test_variants(variant):
     run_card("verilator", "standard", what, **{variant: 0})
 
 
+@pytest.mark.slow
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9", "TOP-2")
 def test_own_clock(config):
     """On Verilator only: so many clocks take minutes on Icarus, and both agree at a slow clock."""

@@ -921,6 +921,24 @@ def test_a_request_that_was_overtaken_counts_as_no_reply(diagnosed_card: Diagnos
     assert bench.count(13) == 0 and bench.events() == 2, "two counts that were read"
 
 
+@pytest.mark.rule("MAP-10", "FRAME-3")
+def test_a_request_whose_telegram_was_dropped_is_not_counted(diagnosed_card: DiagnosedBench):
+    bench = diagnosed_card
+    bench.offer(H("03 1413 0002"))
+    bench.character()
+    bench.wait(20)
+    assert bench.events() == 0 and bench.telegrams == []
+
+
+@pytest.mark.rule("MAP-10", "MAP-8")
+def test_a_request_with_two_telegrams_is_counted_once(diagnosed: DiagnosedBench):
+    refused_number(diagnosed)
+    diagnosed.telegram_ends()
+    diagnosed.drive(TELL_TEXT)
+    assert diagnosed.replies == [REPLY_TEXT]
+    assert diagnosed.events() == 1
+
+
 def is_silent(bench: Bench) -> None:
     """Until the exchange is over, with its one repeat."""
     for _ in range(2):

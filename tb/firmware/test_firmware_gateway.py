@@ -55,6 +55,7 @@ class Bench:
         # One round for the event, one for its consequences.
         self.gateway.poll()
         self.gateway.poll()
+        assert not self.mailbox.halted
 
     def offer(self, pdu: bytes, broadcast: bool = False) -> None:
         """A request until it is a candidate."""
@@ -146,10 +147,10 @@ def test_a_telegram_is_queued_at_t15_and_sent_at_t35(bench: Bench):
 
 
 @pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize("end", ["answered", "silent", "broadcast"])
+@pytest.mark.parametrize("end", ["answered", "silent", "broadcast of coils", "broadcast of a parameter"])
 def test_the_end_of_an_exchange_ends_its_licence(bench: Bench, end: str):
-    broadcast = end == "broadcast"
-    bench.request(H("05 000A FF00") if broadcast else READ_514, broadcast=broadcast)
+    broadcasts = {"broadcast of coils": START, "broadcast of a parameter": SET_207}
+    bench.request(broadcasts.get(end, READ_514), broadcast=end in broadcasts)
     bench.telegram_ends()
     if end == "answered":
         bench.drive(TELL_514)
@@ -308,15 +309,20 @@ def test_the_loopback_test_is_closed_at_every_normal_start(bench: Bench):
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize("request_pdu", core_flips.REQUESTS)
 def test_adr_of_a_telegram_is_written_last(request_pdu):
-    """Until then ADR is 127, which no drive has, and none accepts the telegram, complete or not."""
+    """Until then ADR is 127, which no drive has, and none accepts the telegram, complete or not.
+
+    Four bytes are in registers of their own, so a skipped store exchanges no two bytes.
+    """
     slots = AREAS["TELEGRAM_FRAME"]
     places = [FRAMES + slots.at(i) for i in range(slots.length)]
-    stored = []
+    stored, registers = [], []
 
     class Watched(Machine):
         def _store(self, address: int, size: int, value: int) -> None:
             if address in places:
                 stored.append((places.index(address), frame_memory()[slots.at(0)]))
+                # rs2 of the store
+                registers.append(self.memory[self.pc - 2] >> 4 | (self.memory[self.pc - 1] & 1) << 4)
             super()._store(address, size, value)
 
     bench = Bench(Watched)
@@ -325,11 +331,13 @@ def test_adr_of_a_telegram_is_written_last(request_pdu):
     bench.drive(H("0F03 2000"))
     assert sorted({place for place, _ in stored}) == list(range(32)), "the end of the exchange"
     stored.clear()
+    registers.clear()
     bench.offer(request_pdu)
     order = [place for place, _ in stored]
     # Telegrams of 6 and 14 bytes, in steps of four.
     assert order == list(range(len(order) - 1, -1, -1)) and len(order) in (8, 16)
     assert {adr for _, adr in stored} == {0xFF}, "ADR must be that of no drive until then"
+    assert [len(set(registers[i : i + 4])) for i in range(0, len(order), 4)] == [4] * (len(order) // 4)
 
 
 @pytest.mark.rule("FRAME-6")
@@ -376,6 +384,28 @@ def test_a_revoked_request_whose_ticket_returns_changes_nothing(bench: Bench, pd
     assert bench.replies[-3:] == bench.replies[:3]
     bench.request(H("05 000A FF00"))
     assert bench.telegrams[-1] == H("81 0400 0000")
+
+
+@pytest.mark.rule("FRAME-3", "MAP-5")
+def test_a_write_takes_effect_whatever_its_ticket(bench: Bench):
+    """There are 16 tickets. Each write is followed by two readings, so every ticket has its write."""
+    for value in range(16):
+        bench.local(rtu.write_register(0, value))
+        for _ in range(2):
+            bench.local(READ_IND)
+            assert bench.replies[-1] == H("01 03 02") + value.to_bytes(2, "big")
+
+
+@pytest.mark.rule("FRAME-3", "FRAME-6")
+def test_a_write_with_the_ticket_of_the_last_commit_takes_effect(bench: Bench):
+    """15 candidates were revoked between the two."""
+    bench.local(READ_IND)
+    for _ in range(15):
+        bench.offer(READ_IND)
+        bench.character()
+    bench.local(H("06 0000 0102"))
+    bench.local(READ_IND)
+    assert bench.replies[-1] == H("01 03 02 0102")
 
 
 @pytest.mark.rule("FRAME-6", "FRAME-7")
@@ -729,6 +759,26 @@ def test_the_wait_extends_for_a_bcc_in_progress(bench: Bench):
     assert len(bench.telegrams) == 1
 
 
+@pytest.mark.rule("FRAME-7", "LED-4")
+def test_a_drive_whose_repeat_is_refused_has_not_replied(bench: Bench):
+    """A newer request is committed just before the firmware orders the repeat."""
+    mailbox = bench.mailbox
+
+    def overtaken(**order: int) -> None:
+        mailbox.writes.clear()
+        mailbox.candidate(READ_IND)
+        mailbox.commit()
+        mailbox.write_register("TELEGRAM", **order)
+
+    bench.request(READ_514)
+    bench.telegram_ends()
+    mailbox.writes["TELEGRAM"] = overtaken
+    bench.wait(150 + OVERDUE_MS)
+    bench.wait(20)
+    assert bench.telegrams == [ASK_514] and bench.replies == [REPLY_IND]
+    assert mailbox.counter("COUNT_DRIVE_NO_REPLY") == 1
+
+
 @pytest.mark.rule("FC-9", "FRAME-7")
 def test_a_reply_after_the_last_wait_is_ignored(bench: Bench):
     bench.request(READ_514)
@@ -1004,6 +1054,28 @@ def test_a_newer_write_of_the_same_kind_takes_the_place_of_the_older(bench: Benc
     assert bench.replies == ([H("01 0F 0000 0020")] if unit == "us" else [])
 
 
+@pytest.mark.rule("FRAME-7", "SAFE-4")
+def test_an_older_telegram_has_the_ticket_of_no_candidate_that_comes_soon(bench: Bench):
+    """A newer candidate may come before the order. Three requests a round, so every ticket has its turn."""
+    mailbox, tickets = bench.mailbox, []
+
+    def watched(**order: int) -> None:
+        tickets.append(order["ticket"])
+        mailbox.write_register("TELEGRAM", **order)
+
+    for _ in range(16):
+        bench.request(READ_514)
+        bench.telegram_ends()
+        bench.request(START, broadcast=True)
+        bench.local(READ_IND)
+        mailbox.writes["TELEGRAM"] = watched
+        bench.drive(TELL_514)
+        mailbox.writes.clear()
+        bench.telegram_ends()
+        assert bench.telegrams[-1] == to("all", TELEGRAM_OF_START)
+        assert tickets.pop() not in [mailbox.ticket + after & 15 for after in range(5)]
+
+
 @pytest.mark.rule("FRAME-7", "FC-9")
 def test_a_write_that_waited_is_answered_and_repeated_like_any_other(bench: Bench):
     bench.request(READ_514)
@@ -1033,7 +1105,7 @@ def test_a_write_that_waited_is_repeated_even_after_a_newer_request(bench: Bench
 
 
 @pytest.mark.rule("FC-9")
-@pytest.mark.parametrize("before", ["reading", "repeated", "text", "write", "broadcast"])
+@pytest.mark.parametrize("before", first(["reading", "text", "write", "broadcast", "repeated"], 4))
 @pytest.mark.parametrize("unit", ["all", "us"])
 def test_a_dead_drive_holds_up_a_stop_for_150_ms_at_most(bench: Bench, before: str, unit: str):
     bench.local(H("06 0002 03E8"))  # 10 s
@@ -1056,6 +1128,17 @@ def test_a_dead_drive_holds_up_a_stop_for_150_ms_at_most(bench: Bench, before: s
         bench.telegram_ends()
     assert to(unit, TELEGRAM_OF_STOP) in bench.telegrams[count - 1 : count + 1]
     assert len(bench.telegrams) <= count + 1, "nothing is repeated while it waits"
+
+
+@pytest.mark.rule("FC-9")
+@pytest.mark.parametrize("tens", [16, 1000])
+def test_a_stop_that_waits_shortens_each_longer_wait_to_150_ms(bench: Bench, tens: int):
+    bench.local(bytes([6, 0, 2]) + tens.to_bytes(2, "big"))
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.request(STOP)
+    bench.wait(150 + OVERDUE_MS)
+    assert bench.telegrams == [ASK_514, to("us", TELEGRAM_OF_STOP)]
 
 
 @pytest.mark.rule("FC-9")
@@ -1120,6 +1203,7 @@ def test_no_older_telegram_is_repeated_after_a_newer_request(bench: Bench):
 
 @pytest.mark.rule("FRAME-7", "FC-8")
 def test_a_telegram_that_waits_for_its_pause_is_sent_before_a_newer_one(bench: Bench):
+    bench.wait(100)
     bench.mailbox.quiet = False
     bench.request(H("05 0006 FF00"))
     bench.request(H("05 0001 FF00"))
@@ -1155,6 +1239,7 @@ def test_a_telegram_queued_too_late_frees_the_drive_line(bench: Bench):
 def test_a_revoked_telegram_is_no_fault_of_the_drive(firmware: type):
     """Even if the round before the revoke took 5 ms."""
     bench = Bench(firmware)
+    bench.wait(100)
     bench.offer(READ_514)
     bench.mailbox.time += 5
     bench.gateway.poll()
@@ -1194,6 +1279,11 @@ def test_a_broadcast_to_local_registers_is_executed_without_a_reply(bench: Bench
 
 # ---------------------------------------------------------------- LEDs
 
+POWER_UP_SHOW = [
+    *(DRIVE_RED, DRIVE_GREEN, DRIVE_RED | DRIVE_GREEN, 0),
+    *(NETWORK_RED, NETWORK_GREEN, NETWORK_RED | NETWORK_GREEN, 0),
+]
+
 
 def shown(bench: Bench, ms: int) -> list[tuple[int, int]]:
     """The LED states of the next `ms`, each with its duration."""
@@ -1213,9 +1303,7 @@ def test_power_up_shows_each_colour_of_each_led_then_both_flash_red(bench: Bench
     bench.mailbox.time = start
     bench.restart()
     show = shown(bench, 4000)
-    orange_drive, orange_network = DRIVE_RED | DRIVE_GREEN, NETWORK_RED | NETWORK_GREEN
-    colours = [DRIVE_RED, DRIVE_GREEN, orange_drive, 0, NETWORK_RED, NETWORK_GREEN, orange_network, 0]
-    assert [state for state, _ in show[:8]] == colours
+    assert [state for state, _ in show[:8]] == POWER_UP_SHOW
     # The first tick sets the first state, which therefore counts one ms less.
     assert [ms for _, ms in show[:8]] == [249] + [250] * 7
     red = DRIVE_RED | NETWORK_RED
@@ -1558,6 +1646,33 @@ def test_a_line_that_is_never_silent_holds_a_write_until_the_time_out(bench: Ben
     assert bench.telegrams == []
 
 
+@pytest.mark.rule("FRAME-6", "FC-9")
+def test_a_candidate_does_not_prolong_the_wait_of_an_older_telegram(bench: Bench):
+    bench.mailbox.quiet = False
+    bench.request(START)
+    bench.wait(140)
+    bench.offer(READ_IND)
+    bench.wait(20)
+    bench.character()
+    bench.mailbox.pause_over()
+    bench.wait(20)
+    assert bench.telegrams == []
+
+
+@pytest.mark.rule("FRAME-7", "FC-9")
+def test_a_write_that_waited_for_an_exchange_waits_for_the_line_anew(bench: Bench):
+    bench.request(READ_514)
+    bench.telegram_ends()
+    bench.wait(100)
+    bench.request(START, broadcast=True)
+    bench.mailbox.quiet = False
+    bench.drive(TELL_514)
+    bench.wait(100)
+    bench.mailbox.pause_over()
+    bench.poll()
+    assert bench.telegrams == [ASK_514, to("all", TELEGRAM_OF_START)]
+
+
 @pytest.mark.rule("FC-9", "MAP-9")
 def test_a_broadcast_that_cannot_be_sent_gives_way_to_a_stop_after_150_ms(bench: Bench):
     bench.local(H("06 0002 03E8"))  # 10 s
@@ -1577,6 +1692,18 @@ def test_a_slow_commit_does_not_count_as_a_wait_for_the_drive_line(bench: Bench)
     bench.offer(READ_514)
     bench.wait(73)
     bench.commit()
+    assert bench.telegrams == [ASK_514]
+
+
+@pytest.mark.rule("FRAME-6", "FC-9")
+def test_the_wait_for_a_busy_drive_line_begins_at_the_commit(bench: Bench):
+    bench.local(H("06 0002 0005"))  # 50 ms
+    bench.mailbox.quiet = False
+    bench.offer(READ_514)
+    bench.wait(73)
+    bench.commit()
+    bench.wait(40)
+    bench.mailbox.pause_over()
     assert bench.telegrams == [ASK_514]
 
 
@@ -1620,14 +1747,15 @@ def test_the_poll_loop_is_idle_only_without_a_request_or_exchange(firmware: type
     assert idle(), "the loop-back test, in which the image is checked too"
 
 
-@pytest.mark.rule("LOOP-1")
+@pytest.mark.rule("LOOP-1", "LED-1")
 @pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
 def test_a_failed_loopback_test_shows_both_leds_red_after_the_power_up_show(firmware: type):
     """Without the pattern on the lines. The LEDs of a card without a master would flash."""
     bench = Bench(firmware)
     bench.mailbox.loopback = True
     bench.restart()
-    bench.wait(2100)
+    assert [state for state, _ in shown(bench, 1990)] == POWER_UP_SHOW
+    bench.wait(110)
     for _ in range(100):
         bench.wait(10)
         assert bench.mailbox.led == NETWORK_RED | DRIVE_RED
@@ -1736,6 +1864,19 @@ def test_each_event_is_counted_in_its_own_counter(bench: Bench):
     assert bench.mailbox.events == 0
 
 
+@pytest.mark.rule("MAP-10")
+def test_without_the_option_nothing_is_counted_for_diagnostics(bench: Bench):
+    bench.request(START, broadcast=True)
+    bench.telegram_ends()
+    for reply in (TELL_514, H(f"7068 0000 0000 0011 {STATUS}")):
+        bench.request(READ_514 if reply == TELL_514 else H("06 040F 003C"))
+        bench.telegram_ends()
+        bench.drive(reply)
+    bench.request(H("07"))
+    assert bench.replies == [REPLY_514, H("01 86 11"), H("01 87 43")]
+    assert bench.mailbox.counter("COUNT_COMPLETED") == bench.mailbox.counter("COUNT_EXCEPTIONS") == 0
+
+
 @pytest.mark.rule("FRAME-4")
 def test_an_event_between_reading_and_clearing_is_not_lost(bench: Bench):
     mailbox = bench.mailbox
@@ -1778,6 +1919,11 @@ def test_without_the_option_no_stop_is_sent(bench: Bench):
     mailbox.reads["EXCHANGE"] = lambda: mailbox.read_register("EXCHANGE") | STOP_DUE
     bench.wait(500)
     assert bench.telegrams == [to("us", TELEGRAM_OF_START)]
+    bench.request(READ_514)
+    for _ in range(2):
+        bench.telegram_ends()
+        bench.wait(150 + OVERDUE_MS)
+    assert bench.telegrams[1:] == [ASK_514] * 2, "nor does one that is due prevent a repeat"
 
 
 START_40 = H("0F 0000 0020 04 7C04 9919")
@@ -1832,6 +1978,24 @@ def test_a_drive_that_was_stopped_gets_no_stop(running: Bench):
     answer(running)
     running.wait(1000)
     assert running.telegrams == [SEND_START, SEND_STOP], "the second is the master's own"
+
+
+@pytest.mark.rule("SAFE-7")
+def test_the_stop_keeps_every_other_bit_of_the_control_word(running: Bench):
+    running.request(H("0F 0000 0010 02 FFFF"))
+    answer(running)
+    running.wait(TIMEOUT_MS + 5)
+    assert running.telegrams[2:] == [H("81 FFBF 1999")]
+
+
+@pytest.mark.rule("SAFE-7")
+def test_a_stopped_drive_gets_no_stop_whatever_its_other_bits(running: Bench):
+    running.request(H("0F 0000 0010 02 BFFF"))
+    answer(running)
+    mailbox = running.mailbox
+    mailbox.reads["EXCHANGE"] = lambda: mailbox.read_register("EXCHANGE") | STOP_DUE
+    running.wait(1000)
+    assert len(running.telegrams) == 2
 
 
 @pytest.mark.rule("SAFE-7")
@@ -1899,11 +2063,13 @@ def test_the_image_keeps_the_start_if_the_gate_has_no_licence_any_more(running: 
     def refused(**order: int) -> None:
         if order["stop"]:
             mailbox.since = mailbox.ticks
+            mailbox.time += 10  # a long round
         mailbox.write_register("TELEGRAM", **order)
 
     mailbox.writes["TELEGRAM"] = refused
-    running.wait(TIMEOUT_MS + 5)
+    running.wait(TIMEOUT_MS + 20)
     assert running.telegrams == [SEND_START]
+    assert mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "the drive was not asked"
     running.local(READ_CONTROL)
     assert running.replies[-1] == H("01 01 02 7C04")
 
@@ -1941,6 +2107,21 @@ def test_settings_with_a_flipped_bit_make_no_stop(running: Bench):
     settings[3] ^= 1 << 20
     running.wait(1000)
     assert running.telegrams == [SEND_START]
+
+
+@pytest.mark.rule("SAFE-4", "SAFE-7", "FC-9")
+def test_a_stop_that_seems_due_shortens_no_wait_of_a_stopped_drive(running: Bench):
+    """A flip shows the stop as due, though the master has stopped the drive itself."""
+    mailbox = running.mailbox
+    running.request(H("0F 0000 0010 02 3C04"))
+    answer(running)
+    running.local(H("06 0002 03E8"))  # 10 s
+    mailbox.reads["EXCHANGE"] = lambda: mailbox.read_register("EXCHANGE") | STOP_DUE
+    running.request(READ_514)
+    running.telegram_ends()
+    running.wait(1000)
+    running.drive(TELL_514)
+    assert running.replies[-1] == REPLY_514
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-7")

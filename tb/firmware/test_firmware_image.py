@@ -92,6 +92,7 @@ def test_the_image_check_continues_after_a_revoked_or_committed_request(fate: st
     assert card.mailbox.halted
 
 
+@pytest.mark.slow
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_an_image_damaged_while_idle_halts_within_one_check():
     rng = seeded("damaged bits")
@@ -337,7 +338,7 @@ MOMENTS_MS = [500, LISTEN_MS + 35, 32, LISTEN_MS - 2, LISTEN_MS + 75, 1500, 9000
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-@pytest.mark.parametrize("at_ms", first(MOMENTS_MS, 2))
+@pytest.mark.parametrize("at_ms", first(MOMENTS_MS, 1))
 def test_a_character_of_somebody_else_ends_the_test_at_any_time(at_ms: int):
     card = BootedFirmware(loopback=True)
     card.mailbox.bank = 1

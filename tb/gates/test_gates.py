@@ -71,6 +71,7 @@ def test_firmware_memory_in_block_rams(family, tmp_path):
     )
 
 
+@pytest.mark.slow
 @first_family
 def test_a_wrong_look_up_table_is_found(family, tmp_path):
     """Inverts the first look-up table of the netlist."""
