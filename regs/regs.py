@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates all files derived from regs/mailbox.rdl, regs/card.toml, configs.toml and VERSION.
+"""Generates all files derived from regs/mailbox.rdl, regs/card.toml, configs.toml, rtl/rtl.f and VERSION.
 
     python -m regs.regs            writes the files
     python -m regs.regs --check    exits 1 and names every file that is not up to date
@@ -8,7 +8,8 @@ From the mailbox map: C header, linker symbols, Python constants, Markdown page.
 From the card tables: Verilog table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
 From both: the block of macros in each Verilog file that uses them.
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
-From the version of the release: a C header (MAP-10).
+From the list of Verilog files: the lists in the .core files for FuseSoC.
+From the version of the release: a C header (MAP-10), the versions in the .core files and of tb/agents.
 """
 
 import argparse
@@ -18,6 +19,7 @@ import re
 import sys
 import tempfile
 import tomllib
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -28,12 +30,15 @@ from systemrdl import RDLCompiler
 from systemrdl.node import FieldNode, RegNode
 
 from rtl.command import run_main
+from rtl.sources import needed_files, rtl_files
 
 ROOT = Path(__file__).resolve().parents[1]
 RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
 CONFIGS = "configs.toml"
 VERSION = "VERSION"
+AGENTS = "tb/agents/pyproject.toml"
+EXAMPLE = "docs/example/holding_registers.core"
 WORD_BYTES = 4
 # The Verilog files that may use macros, and the block that has them there.
 WITH_MACROS = ("rtl/**/*.v", "tb/rtl/*.v", "docs/example/*.v", "formal/*_props.vh")
@@ -614,13 +619,48 @@ def standard_unless_another() -> list[str]:
     return ["`ifndef CONFIG_CLK_HZ\n", *defines, "`endif\n"]
 
 
+def release_version() -> str:
+    return (ROOT / VERSION).read_text().strip()
+
+
 def version_header() -> str:
-    version = (ROOT / VERSION).read_text().strip()
     return (
         "/* SPDX-License-Identifier: Apache-2.0 */\n"
         f"/* Generated from {VERSION} by `make regs`; edit that file, not this one. */\n"
-        "\n#ifndef VERSION_H\n#define VERSION_H\n\n" + f'#define CARD_VERSION "{version}"\n\n#endif\n'
+        f'\n#ifndef VERSION_H\n#define VERSION_H\n\n#define CARD_VERSION "{release_version()}"\n\n#endif\n'
     )
+
+
+# ---------------------------------------------------------------- other people's build tools
+
+
+def core_lists() -> dict[str, set[str]]:
+    """The Verilog files of each core. A file is in one core only, because a design may take both ports."""
+
+    def names(paths: Iterable[Path]) -> set[str]:
+        return {str(path.relative_to(ROOT)) for path in paths}
+
+    network, drive = names(needed_files("network_port")), names(needed_files("drive_port"))
+    # A port needs the times and formats of the card, but does not instantiate them.
+    line = network & drive | {"rtl/baud_base.v", "rtl/baud_divider.v"}
+    network |= {"regs/generated/card_tables.v"}
+    card = names(rtl_files()) - network - drive - line
+    return {"line": line, "network_port": network - line, "drive_port": drive - line, "rtu2fc": card}
+
+
+def with_version_and_list(path: Path, files: set[str] | None) -> str:
+    """A .core file with the version of all our cores in it, and with these files in its fileset `rtl`."""
+    text = re.sub(r"(:rtu2fc:\w+:)[\d.]+", rf"\g<1>{release_version()}", path.read_text())
+    if files is None:
+        return text
+    listed = "".join(f"      - {name}\n" for name in sorted(files))
+    fileset = r"(^  rtl:\n(?:    .*\n)*?    files:\n)(?:      - .*\n)*"
+    return re.sub(fileset, rf"\g<1>{listed}", text, count=1, flags=re.MULTILINE)
+
+
+def package_of_agents() -> str:
+    text = (ROOT / AGENTS).read_text()
+    return re.sub(r'^version = ".*"$', f'version = "{release_version()}"', text, flags=re.MULTILINE)
 
 
 def generate() -> dict[str, str]:
@@ -637,10 +677,14 @@ def generate() -> dict[str, str]:
         "regs/generated/card_tables.py": card_python(card),
         "regs/generated/card_tables.h": card_cpp(card),
         "regs/generated/version.h": version_header(),
+        AGENTS: package_of_agents(),
     }
     files |= {
         f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()
     }
+    lists = core_lists()
+    for path in (*sorted(ROOT.glob("*.core")), ROOT / EXAMPLE):
+        files[str(path.relative_to(ROOT))] = with_version_and_list(path, lists.get(path.stem))
     # Of these files `make regs` writes the macros only.
     written = [path for folder in WITH_MACROS for path in sorted(ROOT.glob(folder))]
     return files | {str(path.relative_to(ROOT)): with_macros(path.read_text()) for path in written}

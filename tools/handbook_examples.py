@@ -10,11 +10,38 @@ from __future__ import annotations
 from sim.card.masters import as_pymodbus_call, words
 from tb.agents.crc16 import crc_good
 from tb.model import fc_telegram
-from tools.handbook_sources import HandbookError, examples, facts, functions, spaced, table, word
+from tb.model.card import COUNTED, READS
+from tb.model.examples import EXAMPLES
 from tools.prose import slug
 
+FUNCTIONS = {
+    0x01: "read coils",
+    0x03: "read holding registers",
+    0x05: "write one coil",
+    0x06: "write one register",
+    0x0F: "write several coils",
+    0x10: "write several registers",
+}
+COIL_FUNCTIONS = (0x01, 0x05, 0x0F)
 MBPOLL = "mbpoll -m rtu -a {unit} -b 9600 -P none -s 2"
 PORT = "/dev/ttyUSB0"
+
+
+class HandbookError(Exception):
+    """A source or a page that does not fit; the message is one line."""
+
+
+def table(head: list[str], rows: list[list[object]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *("| " + " | ".join(map(str, row)) + " |" for row in rows)])
+
+
+def word(value: int) -> str:
+    return f"{value:04X}h"
+
+
+def spaced(data: bytes) -> str:
+    return data.hex(" ").upper()
 
 
 def items(count: int, name: str) -> str:
@@ -23,23 +50,21 @@ def items(count: int, name: str) -> str:
 
 def request_words(adu: bytes) -> str:
     """A request, field by field."""
-    unit = "all units" if adu[0] == 0 else f"unit {adu[0]}"
+    function = adu[1]
+    begin = f"{'all units' if adu[0] == 0 else f'unit {adu[0]}'}; {function:02X}"
+    begin += f" {FUNCTIONS.get(function, 'unknown function')}"
     crc = f"CRC {spaced(adu[-2:])}"
-    names = {code: facts()["function"][str(code)] for code, _, _ in functions()}
-    coded = f"{adu[1]:02X} {names.get(adu[1], 'unknown function')}"
-    forms = {code: form for code, form, _ in functions()}
-    form = forms.get(adu[1])
-    if form is None or len(adu) < 8 or (form != "counted" and len(adu) != 8):
-        return f"{unit}; {coded}; {spaced(adu[2:-2]) or 'no data'}; {crc}"
-    thing = "coil" if adu[1] in (1, 5, 15) else "register"
+    if function not in FUNCTIONS or len(adu) < 8 or (function not in COUNTED and len(adu) != 8):
+        return f"{begin}; {spaced(adu[2:-2]) or 'no data'}; {crc}"
+    thing = "coil" if function in COIL_FUNCTIONS else "register"
     start, operand = words(adu[2:6])
-    at = f"from {thing} {start + 1} ({spaced(adu[2:4])})"
-    if form == "single":
-        shown = word(operand) if thing == "register" else {0xFF00: "on", 0: "off"}.get(operand, word(operand))
-        return f"{unit}; {coded}; {thing} {start + 1} ({spaced(adu[2:4])}) = {shown}; {crc}"
-    if form == "read":
-        return f"{unit}; {coded}; {at}; {items(operand, thing)}; {crc}"
-    return f"{unit}; {coded}; {at}; {items(operand, thing)}; {adu[6]} bytes: {spaced(adu[7:-2])}; {crc}"
+    at = f"{thing} {start + 1} ({spaced(adu[2:4])})"
+    if function in READS:
+        return f"{begin}; from {at}; {items(operand, thing)}; {crc}"
+    if function in COUNTED:
+        return f"{begin}; from {at}; {items(operand, thing)}; {adu[6]} bytes: {spaced(adu[7:-2])}; {crc}"
+    on_off = {0xFF00: "on", 0: "off"} if thing == "coil" else {}
+    return f"{begin}; {at} = {on_off.get(operand, word(operand))}; {crc}"
 
 
 def reply_words(adu: bytes) -> str:
@@ -55,14 +80,12 @@ def reply_words(adu: bytes) -> str:
 
 def is_plain(adu: bytes) -> bool:
     """A request that every master can make: to one unit, with a length, quantity and function that fit."""
-    forms = {code: (form, coils) for code, form, coils in functions()}
-    if adu[0] == 0 or adu[1] not in forms:
+    if adu[0] == 0 or adu[1] not in FUNCTIONS:
         return False
-    form, is_coils = forms[adu[1]]
-    if form != "counted":
+    if adu[1] not in COUNTED:
         return len(adu) == 8
     quantity = words(adu[4:6])[0]
-    return adu[6] == len(adu) - 9 == (-(-quantity // 8) if is_coils else 2 * quantity)
+    return adu[6] == len(adu) - 9 == (-(-quantity // 8) if adu[1] in COIL_FUNCTIONS else 2 * quantity)
 
 
 def pymodbus_call(adu: bytes) -> str:
@@ -156,7 +179,7 @@ def title(example: dict) -> str:
 
 def example_list() -> str:
     rows = []
-    for example in examples().values():
+    for example in EXAMPLES.values():
         link = f"[{title(example)}](#{slug(title(example))})"
         rows.append([link, f"{int(example['request'][3:5], 16):02X}", example["source"]])
     return table(["example", "function", "document"], rows)
@@ -164,10 +187,10 @@ def example_list() -> str:
 
 def worked_examples() -> str:
     parts = []
-    for example in examples().values():
+    for example in EXAMPLES.values():
         lines = [f"### {title(example)}", "", f"`{example['id']}`, {example['source']}."]
         if "after" in example:
-            before = title(examples()[example["after"]])
+            before = title(EXAMPLES[example["after"]])
             lines[-1] += f" After [{before}](#{slug(before)})."
         if "note" in example:
             lines[-1] += f" Note: {example['note']}."

@@ -28,10 +28,9 @@ from rtl.sources import (
     needed_files,
     rtl_files,
 )
-from tools import cores
 
 TOP = "rtu2fc"
-EXAMPLE = cores.EXAMPLE.with_suffix(".v")
+EXAMPLE = ROOT / "docs/example/holding_registers.v"
 FOLDERS = ("campaigns", "constraints", "docs", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
 # From the top down: a module may import what stands below it or in its own line.
 LAYERS = (
@@ -77,7 +76,7 @@ def source_files() -> list[Path]:
     """Every text file of our own that carries code."""
     found = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES]
     found += [ROOT / name for name in ("Makefile", "configs.toml", "pyproject.toml", ".ci/run")]
-    found += cores.core_files()
+    found += ROOT.glob("*.core")
     return sorted(path for path in found if "__pycache__" not in path.parts)
 
 
@@ -236,7 +235,6 @@ def firmware() -> list[str]:
 
 CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("rtl/rtl.f complete", file_list),
-    (".core files complete", cores.check),
     ("generated files current", registers),
     ("verilator -Wall", verilator),
     ("iverilog -g2005 -Wall", icarus),

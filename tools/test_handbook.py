@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The owner's handbook: every code, coil, register, LED state, switch and example of the sources has its row.
+"""The owner's handbook: every code, coil, register, LED state, switch and example of the card has its row.
 
-The expected values come from the rules, from the model (tb/model) and from real masters on a pty, not from
-tools/handbook.py.
+The tables are written by hand. The expected values come from the rules, from the model (tb/model), from the
+manuals and, for the examples, from real masters on a pty.
 """
 
 from __future__ import annotations
 
-import itertools
 import os
 import pty
 import re
 import select
-import shutil
 import subprocess
-import sys
 import threading
 import tomllib
 import tty
@@ -25,37 +22,38 @@ import pytest
 from rtl.sources import ROOT
 from sim.card.masters import Pymodbus, as_pymodbus_call
 from tb.agents import rtu
-from tb.agents.crc16 import crc16
 from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
 from tb.model.examples import EXAMPLES
-from tools import handbook, handbook_examples, handbook_sources
+from tools import handbook, handbook_examples
 
 PAGES = ROOT / "docs/guide/handbook"
 FC = tomllib.loads((ROOT / "regs/fc.toml").read_text())
 Row = dict[str, str]
 MINUS = "\N{MINUS SIGN}"
-EMPTY = "<!-- generated: {} -->\n<!-- end -->\n\n"
 
 
-def rows_of(text: str) -> list[Row]:
-    """The rows of the first Markdown table of a text, by column."""
-    lines = [line for line in text.splitlines() if line.startswith("|")]
-    head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
-    return [dict(zip(head, row, strict=True)) for row in rows]
+def rows(page: str, head: str, after: str = "# ") -> list[Row]:
+    """The rows of the first table with this head, or beginning of a head, after a text of the page."""
+    text = (PAGES / f"{page}.md").read_text().partition(after)[2]
+    table = re.search(rf"^\| {re.escape(head)}.*\n(?:\|.*\n)*", text, re.MULTILINE)[0]
+    heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
+    return [dict(zip(heads, line, strict=True)) for line in lines]
 
 
-def block(name: str) -> str:
-    """A generated table as it stands in its page."""
-    found = [
-        m for page in PAGES.rglob("*.md") for m in handbook.BLOCK.finditer(page.read_text()) if m[1] == name
-    ]
-    assert len(found) == 1
-    return found[0][2]
+def switch_rows(head: str) -> list[Row]:
+    return rows("switches-and-leds", head)
 
 
-def rows(name: str) -> list[Row]:
-    return rows_of(block(name))
+def register_rows(head: str) -> list[Row]:
+    return rows("registers-and-parameters", head)
+
+
+EXAMPLE_BLOCK = next(
+    block[2]
+    for block in handbook.BLOCK.finditer((PAGES / "examples.md").read_text())
+    if block[1] == "examples"
+)
 
 
 def numbers(text: str) -> range:
@@ -73,83 +71,21 @@ def is_on(row: Row, *switches: str) -> str:
     return "".join({"ON": "1", "OFF": "0"}[row[switch]] for switch in switches)
 
 
-# ---------------------------------------------------------------- the generator
+# ---------------------------------------------------------------- the generated blocks
 
 
-def test_tables_are_current():
-    for page in handbook.pages():
-        text = page.read_text()
-        assert handbook.with_tables(text) == text, f"{page.name}: run `make regs`"
+def test_blocks_are_current():
+    for page, text in handbook.pages().items():
+        assert page.read_text() == text, f"{page.name}: run `make regs`"
 
 
-@pytest.fixture
-def copy(tmp_path, monkeypatch) -> Path:
-    """The pages in a folder of their own."""
-    guides = tmp_path / "docs/guide"
-    shutil.copytree(PAGES, guides / "handbook")
-    monkeypatch.setattr(handbook, "GUIDES", guides)
-    monkeypatch.setattr(handbook, "PROJECT", tmp_path)
-    monkeypatch.setattr(sys, "argv", ["handbook", "--check"])
-    return guides / "handbook"
-
-
-def replaced(path: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-
-
-def test_a_changed_row_is_found_and_written_anew(copy, capsys, monkeypatch):
-    page = copy / "switches-and-leds.md"
-    before = page.read_text()
-    assert handbook.main() == 0
-    replaced(page, "| 9600 | ON | ON | ON |", "| 9600 | ON | ON | OFF |")
-    assert handbook.main() == 1
-    assert (
-        "handbook/switches-and-leds.md differs from its sources; run `make regs`" in capsys.readouterr().err
-    )
-    monkeypatch.setattr(sys, "argv", ["handbook"])
-    assert handbook.main() == 0
-    assert page.read_text() == before
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("generated: rates", "generated: rats", "no page has the table 'rates'"),
-        ("# Switches", f"{EMPTY.format('leds')}# Switches", "table 'leds' stands twice"),
-        ("# Switches", f"{EMPTY.format('rats')}# Switches", "switches-and-leds.md: no table 'rats'"),
-        ("<!-- end -->", "", "switches-and-leds.md: a generated table without its end"),
-    ],
-)
-def test_a_page_that_does_not_fit_is_one_line(copy, capsys, old, new, message):
-    replaced(copy / "switches-and-leds.md", old, new)
-    assert handbook.main() == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1
-
-
-def test_a_source_without_a_word_is_one_line(copy, capsys, monkeypatch):
-    """As after a new bit in regs/fc.toml."""
-    monkeypatch.delitem(handbook_sources.facts()["control"], "jog")
-    assert handbook.main() == 2
-    assert capsys.readouterr().err == "handbook: regs/handbook.toml has no entry 'jog'\n"
-
-
-def test_no_table_stands_in_two_documents():
-    """Two pages share no two rows that people wrote and that follow each other.
-
-    Reports of campaigns are all alike, and two masters of one library show the same words.
-    """
-    seen: dict[tuple[str, str], str] = {}
-    for page in sorted((ROOT / "docs").rglob("*.md")):
-        if page.parent.name == "reports":
-            continue
-        lines = handbook.BLOCK.sub("", page.read_text()).splitlines()
-        pairs = {pair for pair in itertools.pairwise(lines) if all(line.startswith("| ") for line in pair)}
-        for pair in pairs:
-            assert pair not in seen, f"{page.name} and {seen[pair]}: {pair[0]}"
-            seen[pair] = page.name
+def test_a_page_that_does_not_fit_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "page.md").write_text((PAGES / "examples.md").read_text().replace("<!-- end -->", "", 1))
+    monkeypatch.setattr(handbook, "GUIDES", tmp_path)
+    with pytest.raises(
+        handbook.HandbookError, match=r"^block 'examples' stands 0 times in the pages instead"
+    ):
+        handbook.pages()
 
 
 # ---------------------------------------------------------------- switches, LEDs, drive
@@ -158,7 +94,8 @@ def test_no_table_stands_in_two_documents():
 @pytest.mark.rule("LINE-2")
 def test_every_rate_has_its_switches():
     found = {
-        is_on(row, "SW1", "SW2", "SW3"): (int(row["bit/s"]), row["on the original"]) for row in rows("rates")
+        is_on(row, "SW1", "SW2", "SW3"): (int(row["bit/s"]), row["on the original"])
+        for row in switch_rows("bit/s")
     }
     manual = {"000": 300, "001": 1200, "010": 2400, "011": 4800, "111": 9600, "101": 19200}
     ours = {"100": 38400, "110": 115200}
@@ -167,7 +104,9 @@ def test_every_rate_has_its_switches():
 
 @pytest.mark.rule("LINE-3")
 def test_every_format_has_its_switches():
-    found = {is_on(row, "SW4", "SW5"): (row["short"], row["on the original"]) for row in rows("formats")}
+    found = {
+        is_on(row, "SW4", "SW5"): (row["short"], row["on the original"]) for row in switch_rows("parity")
+    }
     assert found == {
         "11": ("8N2", "yes"),
         "01": ("8O1", "yes"),
@@ -179,25 +118,25 @@ def test_every_format_has_its_switches():
 @pytest.mark.rule("LINE-7")
 def test_addresses_are_binary():
     heads = [f"SW{n} ({2 ** (n - 1)})" for n in range(1, 9)]
-    addresses = [int(row["address"]) for row in rows("addresses")]
-    for row in rows("addresses"):
+    addresses = [int(row["address"]) for row in switch_rows("address | hex")]
+    for row in switch_rows("address | hex"):
         pattern = is_on(row, *heads)
         assert (
             sum(2**i for i in range(8) if pattern[i] == "1") == int(row["address"]) == hexadecimal(row["hex"])
         )
         assert sum(map(int, row["sum"].split(" + "))) == int(row["address"])
     assert {1, 0x55, 0xAA, 0xF7} <= set(addresses)
-    assert "0 and more than 247 are invalid" in block("leds")
+    assert any("0 and more than 247 are invalid" in row["do"] for row in switch_rows("shows"))
 
 
 @pytest.mark.rule("LOOP-1")
 def test_switches_of_the_loop_back_test():
-    (row,) = rows("loop-back-switches")
+    (row,) = switch_rows("SW1")
     assert is_on(row, *(f"SW{n}" for n in range(1, 10))) == "111001111"
 
 
 def test_every_switch_has_its_row():
-    found = [(row["switch block"], n) for row in rows("switches") for n in numbers(row["switch"])]
+    found = [(row["switch block"], n) for row in switch_rows("switch block") for n in numbers(row["switch"])]
     assert sorted(found) == [(name, n) for name in ("address", "baud") for n in range(1, 10)]
 
 
@@ -206,12 +145,8 @@ def test_every_state_of_the_leds_has_its_row():
     """The states of the virtual card's log, and all that LED-1 to LED-5 and LOOP-1 name."""
     code = (ROOT / "sim/card/led_watch.cpp").read_text()
     states = set(re.findall(r'"([\w-]+)"', "".join(re.findall(r"\bk(?:Solid|Flash)\[\] = \{(.*?)\};", code))))
-    assert states == {state for led in handbook_sources.facts()["led"] for state in led["shows"]}
-    forms = {"red": "red, steady", "orange": "orange, steady", "off": "both LEDs dark"}
-    forms |= {f"{colour}-flash": f"{colour}, flashing" for colour in ("red", "green")}
-    shown = [row["shows"] for row in rows("leds")]
-    for led, text in zip(handbook_sources.facts()["led"], shown, strict=True):
-        assert text.startswith(forms[led["shows"][0]] if len(led["shows"]) == 1 else ", ".join(led["shows"]))
+    assert states == {"off", "red", "green", "orange", "red-flash", "green-flash"}
+    shown = [row["shows"] for row in switch_rows("shows")]
     for text in (
         "red, green, orange, off, 250 ms each, once",
         "green, flashing, 1 Hz",
@@ -220,12 +155,13 @@ def test_every_state_of_the_leds_has_its_row():
         "orange, steady, both LEDs, 12 s",
     ):
         assert text in shown
-    assert all(row["do"] for row in rows("leds"))
+    assert any(text.startswith("both LEDs dark") for text in shown)
+    assert all(row["do"] for row in switch_rows("shows"))
 
 
 @pytest.mark.rule("FC-1")
 def test_drive_parameters_are_those_of_the_manual():
-    found = {row["parameter"]: row["value"] for row in rows("drive-parameters")}
+    found = {row["parameter"]: row["value"] for row in rows("drive-parameters", "parameter")}
     assert found == {"500": "FC protocol", "501": "1", "502": "9600 baud"}
 
 
@@ -240,9 +176,9 @@ def serves(pdu: bytes) -> bool:
 
 @pytest.mark.rule("MAP-1", "MAP-2")
 def test_every_coil_has_one_row_with_its_access():
-    found = {n: row for row in rows("coils") for n in numbers(row["coils"])}
+    found = {n: row for row in rows("coils-and-words", "coils") for n in numbers(row["coils"])}
     assert sorted(found) == list(range(1, 129))
-    assert sum(len(numbers(row["coils"])) for row in rows("coils")) == 128
+    assert sum(len(numbers(row["coils"])) for row in rows("coils-and-words", "coils")) == 128
     assert not serves(rtu.read_coils(128, 1))
     for coil, row in found.items():
         wire = numbers(row["address on the wire"])
@@ -252,7 +188,7 @@ def test_every_coil_has_one_row_with_its_access():
 
 
 def test_every_function_has_its_row():
-    found = {int(row["function, hex (decimal)"][:2], 16): row for row in rows("functions")}
+    found = {int(row["function, hex (decimal)"][:2], 16): row for row in rows("functions", "function, hex")}
     assert set(found) == FUNCTIONS
     for function, build in (
         (0x01, rtu.read_coils),
@@ -266,27 +202,32 @@ def test_every_function_has_its_row():
         assert row["as a broadcast"] == ("ignored" if function in (0x01, 0x03) else "carried out")
 
 
+def word_rows(name: str) -> list[Row]:
+    return rows("coils-and-words", "bit", f"## {name.capitalize()} word")
+
+
 @pytest.mark.parametrize(("name", "first"), [("control", 1), ("status", 33)])
 def test_every_bit_of_both_words_has_its_row(name, first):
     """Bits that differ have a row for each kind of drive; together all drives have each bit once."""
     found: dict[int, list[Row]] = {}
-    for row in rows(f"{name}-word"):
+    for row in word_rows(name):
         bit = int(row["bit"])
         found.setdefault(bit, []).append(row)
         assert int(row["coil"]) == first + bit and hexadecimal(row["value"]) == 1 << bit
     assert sorted(found) == list(range(16))
-    names = {entry["name"] for entry in FC[name].values()}
-    assert {row["name"] for same in found.values() for row in same} == names
+    known = {(entry["bit"], entry["name"], entry["zero"], entry["one"]) for entry in FC[name].values()}
+    shown = {(bit, row["name"], row["0"], row["1"]) for bit, same in found.items() for row in same}
+    assert shown == known
     drives = sorted(["VLT 2800", "VLT 5000", "VLT 6000", "VLT 8000", "VLT HVAC Basic Drive"])
     for same in found.values():
         named = [drive for row in same for drive in row["drives"].split(", ")]
         assert named == ["all"] or sorted(named) == drives
-    kinds = {int(row["bit"]): row["name"] for row in rows(f"{name}-word") if "VLT 6000" in row["drives"]}
+    kinds = {int(row["bit"]): row["name"] for row in word_rows(name) if "VLT 6000" in row["drives"]}
     assert kinds == {"control": {9: "No function"}, "status": {2: "Stand by", 6: "Not in use"}}[name]
 
 
 def test_control_words_say_their_bits():
-    found = {hexadecimal(row["control word"]): row for row in rows("control-words")}
+    found = {hexadecimal(row["control word"]): row for row in rows("coils-and-words", "control word")}
     assert {0x047C, 0x043C, 0x2C20, 0} <= set(found)
     for value, row in found.items():
         assert bytes.fromhex(row["bytes of coils 1-16"].strip("`")) == value.to_bytes(2, "little")
@@ -297,7 +238,7 @@ def test_control_words_say_their_bits():
 
 
 def test_references_are_percent_of_4000h():
-    for row in rows("references"):
+    for row in rows("coils-and-words", "reference"):
         value = hexadecimal(row["reference"])
         shown = float(row["speed"].replace(MINUS, "-").removesuffix(" %"))
         signed = int.from_bytes(value.to_bytes(2, "big"), "big", signed=True)
@@ -309,7 +250,7 @@ def test_references_are_percent_of_4000h():
 
 @pytest.mark.rule("MAP-5")
 def test_every_local_register_has_its_row_with_its_default():
-    found = {n: row for row in rows("local-registers") for n in numbers(row["register"])}
+    found = {n: row for row in register_rows("register") for n in numbers(row["register"])}
     assert sorted(found) == list(range(40001, 40010))
     model = CardModel()
     for number, row in found.items():
@@ -320,19 +261,20 @@ def test_every_local_register_has_its_row_with_its_default():
             assert row["at power-up"] == str(model.registers[wire])
         else:
             assert row["note"] == "refused with exception 64"
-    text = block("defaults")
-    assert "1000 (10 s)" in text and "15 (150 ms)" in text
+    defaults = {row["value"]: row["at power-up"] for row in rows("time-outs", "value")}
+    assert defaults["40002, network time-out"] == "1000 (10 s)"
+    assert defaults["40003, drive time-out"] == "15 (150 ms)"
 
 
 @pytest.mark.rule("MAP-6")
 def test_addresses_of_parameters():
-    for row in rows("parameter-addresses"):
+    for row in register_rows("parameter |"):
         pnu, wire = int(row["parameter"]), int(row["address on the wire"])
         assert wire + 1 == 10 * pnu == int(row["register"]) == int(row["4x reference"]) - 40000
         assert hexadecimal(row["hex"]) == wire
         telegram = CardModel().request(rtu.read_registers(wire, 1)).telegram
         assert int.from_bytes(telegram[1:3], "big") & 0xFFF == pnu
-    for row in rows("parameter-groups"):
+    for row in register_rows("parameters"):
         first, last = (int(number) for number in row["parameters"].split("-"))
         assert numbers(row["registers"]) == range(10 * first, 10 * last + 1)
         assert numbers(row["addresses on the wire"]) == range(10 * first - 1, 10 * last)
@@ -341,9 +283,9 @@ def test_addresses_of_parameters():
 @pytest.mark.rule("MAP-7")
 def test_values_and_their_registers():
     """One register as the model answers it, after a drive that sends the number."""
-    kinds = {row["name"]: int(row["registers"]) for row in rows("data-types") if row["name"] != "text"}
+    kinds = {row["name"]: int(row["registers"]) for row in register_rows("type") if row["name"] != "text"}
     assert kinds == {"int16": 1, "int32": 2, "uint8": 1, "uint16": 1, "uint32": 2}
-    for row in rows("register-values"):
+    for row in register_rows("number"):
         number = int(row["number"].replace(MINUS, "-"))
         parts = [hexadecimal(part) for part in row["its registers"].split()]
         raw = b"".join(part.to_bytes(2, "big") for part in parts)
@@ -360,7 +302,7 @@ def test_values_and_their_registers():
 def test_conversion_is_that_of_the_manual():
     """Table of p17."""
     manual = {74: 3.6, 2: 100.0, 1: 10.0, 0: 1.0, -1: 0.1, -2: 0.01, -3: 0.001, -4: 0.0001}
-    found = {int(row["index"].replace(MINUS, "-")): row for row in rows("conversion")}
+    found = {int(row["index"].replace(MINUS, "-")): row for row in register_rows("index")}
     assert {index: float(row["factor"]) for index, row in found.items()} == manual
     for index, row in found.items():
         if index != 74:
@@ -371,7 +313,7 @@ def test_conversion_is_that_of_the_manual():
 @pytest.mark.rule("FC-4")
 def test_storage_by_coil_65():
     """PKE as the model sends it."""
-    for row in rows("storage"):
+    for row in register_rows("registers | coil 65"):
         registers = int(row["registers"])
         for stored, column in enumerate(list(row)[1:]):
             model = CardModel()
@@ -386,7 +328,7 @@ def test_storage_by_coil_65():
 
 @pytest.mark.rule("EXC")
 def test_every_exception_code_has_its_row_with_cause_and_cure():
-    found = rows("exceptions")
+    found = rows("exceptions", "`card`")
     for row in found:
         assert row["cause"] and row["cure"] and row["meaning"]
         assert row["hex"] == f"{int(row['`card`'].strip('*')):02X}h"
@@ -411,7 +353,7 @@ def test_each_reason_has_the_code_of_the_model(dialect):
         "no such coil or register": rtu.read_coils(128, 1),
         "value refused by the card": rtu.write_register(2, 0),
     }
-    found = {row["meaning"]: row for row in rows("exceptions")}
+    found = {row["meaning"]: row for row in rows("exceptions", "`card`")}
     for meaning, pdu in asked.items():
         reply = CardModel(name=dialect).request(pdu).reply
         assert found[meaning][f"`{dialect}`"].strip("*") == str(reply[1])
@@ -420,7 +362,7 @@ def test_each_reason_has_the_code_of_the_model(dialect):
 @pytest.mark.rule("FRAME-1", "FC-9")
 def test_times_of_every_rate():
     """Silences by FRAME-1; the longest exchange from characters, silences and two waits of 150 ms."""
-    found = {int(row["bit/s"]): row for row in rows("line-times")}
+    found = {int(row["bit/s"]): row for row in rows("time-outs", "bit/s")}
     assert sorted(found) == [300, 1200, 2400, 4800, 9600, 19200, 38400, 115200]
     drive = 11 / 9.6  # a character, ms
     for rate, row in found.items():
@@ -436,12 +378,12 @@ def test_times_of_every_rate():
     # docs/guide/timing.md names it.
     assert found[9600]["shortest time-out"] == "**400**"
     assert "**400 ms is the shortest" in (ROOT / "docs/guide/timing.md").read_text()
-    parts = [int(row["time"].removesuffix(" ms")) for row in rows("exception-steps")]
+    parts = [int(row["time"].removesuffix(" ms")) for row in rows("time-outs", "part")]
     assert parts[-1] == int(found[9600]["exception 255"]) and abs(sum(parts[:-1]) - parts[-1]) <= 2
 
 
 def test_times_of_the_card_are_those_of_the_rules():
-    values = {row["time"]: row["value"] for row in rows("times")}
+    values = {row["time"]: row["value"] for row in rows("time-outs", "time")}
     assert values["start"] == "20 ms, small card 60 ms"
     assert values["pause on the drive line"] == "2.29 ms"
     assert values["wait for the drive"] == "40003 \N{MULTIPLICATION SIGN} 10 ms, 150 ms by default"
@@ -452,54 +394,14 @@ def test_times_of_the_card_are_those_of_the_rules():
 # ---------------------------------------------------------------- worked examples
 
 
-def steps() -> list[dict]:
-    return [step for example in EXAMPLES.values() for step in [*example.get("setup", []), example]]
+def shown(label: str) -> list[str]:
+    return re.findall(rf"^{label} +(.*)$", EXAMPLE_BLOCK, re.MULTILINE)
 
 
-def sections() -> dict[str, str]:
-    """The examples of the page by id."""
-    parts = re.split(r"^### .*$", block("examples"), flags=re.MULTILINE)[1:]
-    return {re.search(r"`([\w-]+)`", part)[1]: part for part in parts}
-
-
-def shown(section: str, label: str) -> list[str]:
-    return re.findall(rf"^{label} +(.*)$", section, re.MULTILINE)
-
-
-def test_every_example_stands_with_its_exact_bytes():
-    """All frames of each example in their order; CRC and BCC computed."""
-    found = sections()
-    assert list(found) == list(EXAMPLES)
-    for name, example in EXAMPLES.items():
-        whole = [*example.get("setup", []), example]
-        section = found[name]
-        assert shown(section, "request") == [step["request"] for step in whole]
-        assert shown(section, "reply") == [step["reply"] or "none" for step in whole]
-        exchanges = [exchange for step in whole for exchange in step["drive"]]
-        assert shown(section, "telegram") == [exchange["telegram"] for exchange in exchanges]
-        assert shown(section, "drive") == [exchange["reply"] or "no reply" for exchange in exchanges]
-        assert example["source"] in section
-        for text in shown(section, "request") + shown(section, "reply"):
-            adu = bytes.fromhex(text) if text != "none" else b""
-            assert crc16(adu[:-2]).to_bytes(2, "little") == adu[-2:] or not adu
-            assert not adu or f"CRC {text[-5:]}" in section
-        for text in shown(section, "telegram") + shown(section, "drive"):
-            assert text == "no reply" or fc_telegram.bcc(bytes.fromhex(text)) == 0
-    listed = [row["document"] for row in rows("example-list")]
-    assert listed == [example["source"] for example in EXAMPLES.values()]
-
-
-def plain_steps() -> list:
-    """Requests with a line for the masters; by the page, in its order."""
-    found = [
-        step
-        for step in steps()
-        if step["reply"] and handbook_examples.is_plain(bytes.fromhex(step["request"]))
-    ]
-    return [
-        pytest.param(i, step, id=f"{i}-{step['request'][:5].replace(' ', '')}")
-        for i, step in enumerate(found)
-    ]
+def plain_steps() -> list[dict]:
+    """Requests with a line for the masters, in the page's order."""
+    steps = [step for example in EXAMPLES.values() for step in [*example.get("setup", []), example]]
+    return [s for s in steps if s["reply"] and handbook_examples.is_plain(bytes.fromhex(s["request"]))]
 
 
 class Recorder:
@@ -512,18 +414,11 @@ class Recorder:
         return call
 
 
-def test_malformed_requests_and_broadcasts_alone_have_no_master():
-    calls = block("examples").count("\npymodbus ")
-    assert calls == len(plain_steps()) == block("examples").count("\nmbpoll ")
-    assert len(steps()) - calls == 4
-
-
-@pytest.mark.parametrize(("place", "step"), plain_steps())
-def test_the_call_of_pymodbus_makes_the_request(place, step):
-    text = shown(block("examples"), "pymodbus")[place]
-    request = bytes.fromhex(step["request"])
-    called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
-    assert called == (request[0], *as_pymodbus_call(request))
+def test_the_calls_of_pymodbus_make_the_requests():
+    for text, step in zip(shown("pymodbus"), plain_steps(), strict=True):
+        request = bytes.fromhex(step["request"])
+        called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
+        assert called == (request[0], *as_pymodbus_call(request)), text
 
 
 class Answers:
@@ -549,22 +444,23 @@ class Answers:
         return self.request
 
 
-@pytest.mark.parametrize(("place", "step"), plain_steps())
-def test_masters_send_and_show_what_the_page_says(place, step):
+@pytest.mark.slow
+def test_masters_send_and_show_what_the_page_says():
     """Real masters, without a card: pymodbus and mbpoll get the reply of the example."""
-    request, reply = bytes.fromhex(step["request"]), bytes.fromhex(step["reply"])
-    results = re.findall(r"^(pymodbus|mbpoll) +(.*)\n +→ (.*)$", block("examples"), re.MULTILINE)
-    (_, _, by_pymodbus), (_, command, by_mbpoll) = results[2 * place], results[2 * place + 1]
+    results = re.findall(r"^(pymodbus|mbpoll) +(.*)\n +→ (.*)$", EXAMPLE_BLOCK, re.MULTILINE)
+    for place, step in enumerate(plain_steps()):
+        request, reply = bytes.fromhex(step["request"]), bytes.fromhex(step["reply"])
+        (_, _, by_pymodbus), (_, command, by_mbpoll) = results[2 * place], results[2 * place + 1]
 
-    far = Answers(reply, len(request))
-    with Pymodbus(Path(far.path)) as client:
-        answer = client.ask(request).answer
-    assert far.close() == request
-    assert answer == by_pymodbus
+        far = Answers(reply, len(request))
+        with Pymodbus(Path(far.path)) as client:
+            answer = client.ask(request).answer
+        assert far.close() == request
+        assert answer == by_pymodbus
 
-    far = Answers(reply, len(request))
-    words = [far.path if word == handbook_examples.PORT else word for word in command.split()]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
-    assert far.close() == request
-    output = (done.stdout + done.stderr).replace("\t", "")
-    assert all(part in output for part in by_mbpoll.split(", ")), output
+        far = Answers(reply, len(request))
+        words = [far.path if word == handbook_examples.PORT else word for word in command.split()]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
+        assert far.close() == request
+        output = (done.stdout + done.stderr).replace("\t", "")
+        assert all(part in output for part in by_mbpoll.split(", ")), output
