@@ -17,9 +17,9 @@ from tb.lib.runner import ROOT
 CONTROL = """Preset reference LSB, Preset reference MSB, DC brake, Coast stop, Quick stop, Freeze frequency,
 Ramp stop / start, Reset, Jog, No function / Ramp, Data valid, Relay 1, Relay 2, Setup LSB, Setup MSB,
 Reversing"""
-STATUS = """Control ready, Drive ready, Stand by / Coasting, Trip, Not in use, Not in use, Not in use / Trip lock,
-Warning, Speed = reference, Serial control, Frequency in range, Running, No function, Voltage warning,
-Current limit, Thermal warning"""
+STATUS = """Control ready, Drive ready, Stand by / Coasting, Trip, Not in use, Not in use,
+Not in use / Trip lock, Warning, Speed = reference, Serial control, Frequency in range, Running, No function,
+Voltage warning, Current limit, Thermal warning"""
 
 
 def verilog_value(literal: str) -> int:
