@@ -28,7 +28,10 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(BUILD)/pycache
 unexport PYTHONDONTWRITEBYTECODE
 export OBJCACHE := ccache
-export CCACHE_DIR := $(CURDIR)/$(BUILD)/ccache
+# As rtl/cache.py: kept for every checkout, so without the checkout's path.
+export CCACHE_DIR := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/rtu2fc/ccache
+export CCACHE_MAXSIZE := 1G
+export CCACHE_BASEDIR := $(CURDIR)
 # The random tests of pytest: the same seed in each run, unless SEED= gives another.
 export COCOTB_RANDOM_SEED := $(SEED)
 ifeq ($(SEED),)

@@ -247,7 +247,7 @@ class Tree:
         self.path = next(path for path in rtl_files() if path.stem == module)
         self.original = self.path.read_text()
         self.file = self.root / self.path.relative_to(ROOT)
-        self.env = os.environ | {"CCACHE_DIR": str(ROOT / "build/ccache"), "COCOTB_RANDOM_SEED": "1"}
+        self.env = os.environ | {"COCOTB_RANDOM_SEED": "1"}
 
     def run(self, *command: str) -> tuple[bool, str]:
         """Runs a command; returns whether it succeeded in time, and its output.

@@ -16,7 +16,7 @@ CARD_DIR := $(CARD_FOLDER)/card_objects
 export VIRTUAL_CARD := $(CARD_FOLDER)/card
 CARD_MODEL := $(CARD_DIR)/model
 CARD_RTL := $(wildcard rtl/*.v rtl/*/*.v regs/generated/*.v) rtl/rtl.f configs.toml rtl/sources.py requirements.txt \
-	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py sim/harness/power_up.py
+	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py sim/harness/power_up.py rtl/cache.py
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
 # A file named after the clock. Everything that is built for one clock depends on it.
@@ -32,6 +32,8 @@ endif
 
 CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
 	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/harness -Iregs/generated $(DRIVE_CPPFLAGS)
+# Looked up when it is used: the set-up may have just installed it.
+CARD_CCACHE = $(shell command -v ccache)
 # Verilator's own headers are system headers, so the compiler gives no warnings for them.
 CARD_MODEL_INCLUDES = -isystem $(CARD_MODEL) \
 	$(addprefix -isystem $(shell $(CARD_VERILATOR) --getenv VERILATOR_ROOT)/,include include/vltstd)
@@ -50,19 +52,19 @@ $(CARD_CLOCK):
 	@rm -f $(CARD_DIR)/clk_*
 	@touch $@
 
-# The model is built by the harness; CARD_MODEL is a link to its folder. The header stands for the whole model.
+# The model is built by the harness; CARD_MODEL is a copy of it. The header stands for the whole model.
 $(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
 	@echo "$(VIRTUAL_CARD): the card's Verilog as C++"
 	$(CARD_PYTHON) -m sim.harness.library model $(CONFIG) $(CARD_CLK_HZ) $(CARD_MODEL)
 	@touch $@
 
 $(CARD_DIR)/%.o: sim/card/%.cpp $(CARD_CLOCK) sim/card/card.mk | $(DRIVE_TABLES)
-	$(or $(HOST_CXX),g++) $(CARD_CXXFLAGS) -c -o $@ $<
+	$(CARD_CCACHE) $(or $(HOST_CXX),g++) $(CARD_CXXFLAGS) -c -o $@ $<
 
 $(CARD_DIR)/virtual_card.o: $(CARD_MODEL)/Vrtu2fc.h sim/harness/card_model.h
 $(CARD_DIR)/virtual_card.o: CARD_CXXFLAGS += -DCARD_WAVES $(CARD_MODEL_INCLUDES)
 
 $(CARD_DIR)/vlt_drive.o: sim/drive/vlt_drive.c sim/drive/vlt_drive.h $(DRIVE_TABLES) | $(CARD_CLOCK)
-	$(or $(HOST_CC),gcc) $(DRIVE_CFLAGS) $(DRIVE_CPPFLAGS) -c -o $@ $<
+	$(CARD_CCACHE) $(or $(HOST_CC),gcc) $(DRIVE_CFLAGS) $(DRIVE_CPPFLAGS) -c -o $@ $<
 
 -include $(CARD_OBJECTS:.o=.d)

@@ -4,42 +4,37 @@
     python -m sim.harness.library bench            the libraries of the measuring bench: `make bench-card`
     python -m sim.harness.library tiny             the tiny card of the measuring bench
     python -m sim.harness.library model CONFIG CLK_HZ FOLDER
-                                                   the model of the virtual card; FOLDER becomes a link to it
+                                                   the model of the virtual card, copied to FOLDER
 
-A build lies in a folder named by everything that it was made from. So nothing stale is used, and several
-processes may share a build; a lock a folder makes the others wait for the first. A card with a planted bug is
-built by the same function from changed sources.
+A build lies in the cache of rtl/cache.py under a hash of everything that it was made from. So nothing stale
+is used, and all checkouts on a machine share it. A card with a planted bug is built by the same function from
+changed sources.
 """
 
 from __future__ import annotations
 
-import fcntl
 import functools
-import hashlib
 import os
 import re
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtl import cache
 from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configuration, configurations
 from sim.harness import registers
 from sim.harness.power_up import copies_without_values
 
 HERE = ROOT / "sim/harness"
-BUILD = ROOT / "build/harness"
 LIBRARY = HERE / "card_library.cpp"
 HEADERS = (HERE / "card_model.h", HERE / "line_player.h")
 POWER_UP = HERE / "power_up.py"
 WAIVERS = (ROOT / "tools/verilator.vlt", HERE / "probes.vlt")
 IMAGE = "firmware.hex"  # read from the working directory when a card is switched on
-KEPT, KEPT_S = 24, 3600  # builds; more only while they are young
 # Without these two passes g++ 12 spills less in the one long function that a clock is: a tenth faster.
 OPTIMISE = "-O3 -fno-tree-pre -fno-store-merging"
 FLAGS = (
@@ -161,38 +156,27 @@ def _folder(
         waivers.append(registers.public(found, registers.FOLDER / f"{name}.vlt"))
     if extra == "program":
         waivers.append(HERE / "wave.vlt")
-    content = hashlib.sha256(f"{ROOT} {sorted(settings.items())} {extra} {FLAGS} {EXTRA} {LINK}".encode())
-    for path in (*sources, *waivers, POWER_UP, *((LIBRARY, *HEADERS) if library else ())):
-        content.update(path.name.encode() + b"\0" + path.read_bytes())
-    folder = BUILD / content.hexdigest()[:16]
-    done = folder / "built"
-    with _lock(folder):
-        if not done.exists():
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
-            copies = copies_without_values(sources, folder / "sources")
-            _verilate(folder, [*waivers, *copies], settings, extra)
-            if library:
-                _link(folder, extra)
-            done.touch()
-            _forget_old()
-        os.utime(folder)
-    return folder
+    recipe = LINK if library else ()
+    files = (*sources, *waivers, POWER_UP, *((LIBRARY, *HEADERS) if library else ()))
+    name = cache.key(
+        sorted(settings.items()),
+        *(extra, FLAGS, EXTRA[extra], recipe),
+        files=files,
+        packages=["verilator"],
+        tool="g++ --version",
+    )
 
+    def make(folder: Path) -> list[Path]:
+        _verilate(folder, [*waivers, *copies_without_values(sources, folder / "sources")], settings, extra)
+        if library:
+            return [_link(folder, extra)]
+        return [path for path in folder.iterdir() if path.suffix in (".h", ".a")]
 
-@contextmanager
-def _lock(folder: Path):
-    """Other processes wait; the system releases the lock if this one dies."""
-    BUILD.mkdir(parents=True, exist_ok=True)
-    with open(folder.with_suffix(".lock"), "w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+    return cache.made("harness", name, make)
 
 
 def _verilate(folder: Path, sources: Sequence[Path], settings: Mapping[str, int], extra: str) -> None:
-    if shutil.which("ccache"):
-        os.environ.setdefault("OBJCACHE", "ccache")
-        os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
+    cache.use_ccache()
     generics = [f"-G{name}={value}" for name, value in settings.items()]
     _tool("verilator", *FLAGS, *EXTRA[extra], *generics, "--Mdir", folder, *sources)
     text = "".join(path.read_text() for path in sorted(folder.glob("Vrtu2fc___024root*.cpp")))
@@ -204,18 +188,15 @@ def _verilate(folder: Path, sources: Sequence[Path], settings: Mapping[str, int]
         raise BuildError("the harness needs a register at each input, and the card has logic before it")
 
 
-def _link(folder: Path, extra: str) -> None:
+def _link(folder: Path, extra: str) -> Path:
     root = _tool("verilator", "--getenv", "VERILATOR_ROOT").strip()
+    library = folder / "libcard.so"
     _tool(
-        *("g++", *LINK, DEFINES.get(extra, "-DCARD"), "-o", folder / "libcard.so", LIBRARY, "-I", HERE),
+        *("g++", *LINK, DEFINES.get(extra, "-DCARD"), "-o", library, LIBRARY, "-I", HERE),
         *("-isystem", folder, "-isystem", f"{root}/include", "-isystem", f"{root}/include/vltstd"),
         *(folder / "libVrtu2fc.a", folder / "libverilated.a", "-llz4", "-lz", "-lpthread"),
     )
-    for path in folder.iterdir():
-        if path.is_dir():
-            shutil.rmtree(path)
-        elif path.name != "libcard.so":
-            path.unlink()
+    return library
 
 
 def _tool(*command: object) -> str:
@@ -231,23 +212,10 @@ def _tool(*command: object) -> str:
     return done.stdout
 
 
-def _forget_old() -> None:
-    """Another process may have just been given a young build."""
-    folders = sorted((path.stat().st_mtime, path) for path in BUILD.iterdir() if path.is_dir())
-    for used, folder in folders[:-KEPT]:
-        if time.time() - used > KEPT_S:
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.with_suffix(".lock").unlink(missing_ok=True)
-
-
 def main(kind: str, *words: str) -> None:
     if kind == "model":
         config, clk_hz, name = words
-        link = Path(name)
-        if link.is_dir() and not link.is_symlink():
-            shutil.rmtree(link)
-        link.unlink(missing_ok=True)
-        link.symlink_to(model(int(clk_hz), config))
+        shutil.copytree(model(int(clk_hz), config), name, dirs_exist_ok=True)
         return
     config = "tiny" if kind == "tiny" else "standard"
     clk_hz = configurations()[config]["clk_hz"]

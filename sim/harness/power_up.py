@@ -11,6 +11,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from rtl.sources import ROOT
+
 # A register with a value in its declaration, in any position of a line.
 DECLARED = re.compile(r"(\breg\b(?:\s+signed)?(?:\s*\[[^\]]*\])?\s*\w+)\s*=[^=;,\n][^;,\n]*(?=[;,])")
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
@@ -39,7 +41,7 @@ def copies_without_values(sources: Sequence[Path], folder: Path) -> list[Path]:
     """Copies below this folder, in folders named as theirs, because the waivers of Verilator go by those."""
     copies = []
     for path in sources:
-        copies.append(folder / path.relative_to(path.anchor))
+        copies.append(folder / path.relative_to(ROOT if path.is_relative_to(ROOT) else path.anchor))
         copies[-1].parent.mkdir(parents=True, exist_ok=True)
         copies[-1].write_text(without_values(path.read_text()))
     return copies

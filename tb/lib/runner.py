@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds a module for a simulator and runs the cocotb tests of a Python module on it.
 
-Every build has a folder named by everything it was made from: sources, parameters, tool options. No stale
-build is reused, and several pytest workers can share it.
+Every build lies in the cache of rtl/cache.py, under a hash of everything it was made from: sources,
+parameters, options, tools. No stale build is reused, and all checkouts on a machine share it.
 Environment: WAVES=1 writes build/waves/<test>.fst with the line traffic as .pcapng and .jsonl, and prints
 the file names. RTL_COVERAGE=folder counts coverage of rtl/ on Verilator and leaves one file per simulation
 there (campaigns/coverage/run.py).
@@ -10,22 +10,20 @@ there (campaigns/coverage/run.py).
 
 from __future__ import annotations
 
-import fcntl
-import hashlib
 import os
 import re
 import shutil
-import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from cocotb_tools import config as cocotb_files
 from cocotb_tools.runner import as_sv_literal, get_runner
 
+from rtl import cache
 from rtl.sources import ROOT, configuration, needed_files, rtl_files
 from sim.harness.power_up import copies_without_values
 from sim.view.waves import save_file
@@ -44,7 +42,6 @@ PUBLIC_PORTS = ROOT / "tb/gates/ports.vlt"
 COVERAGE_OFF = ROOT / "tb/lib/coverage.vlt"
 WAVES_FOLDER = ROOT / "build/waves"
 TIMESCALE = ("1ns", "1ps")
-BUILDS_KEPT = 3
 
 IMAGE = "firmware.hex"  # name of the firmware image for the card while a test runs
 LINES = "lines"  # base name of capture and log while a test runs
@@ -152,6 +149,8 @@ def run(
             waves=waves,
             extra_env={
                 "PYTHONWARNINGS": "error::DeprecationWarning",
+                # A build of another checkout names the libraries of that one, which may be gone.
+                "LD_LIBRARY_PATH": _library_path(),
                 CONFIG_VARIABLE: config,
                 **clock,
                 **(_recording(run_folder, parameters) if waves else {}),
@@ -165,6 +164,11 @@ def run(
             _keep_recording(run_folder, dump, test_name, top, parameters)
         _keep_coverage(run_folder / "coverage.dat", test_name)
     _check_results(results)
+
+
+def _library_path() -> str:
+    folders = [str(cocotb_files.libs_dir), os.environ.get("LD_LIBRARY_PATH", "")]
+    return os.pathsep.join(filter(None, folders))
 
 
 def _filter(testcase: str | Sequence[str] | None) -> str | None:
@@ -195,15 +199,6 @@ def _test_name() -> str:
     """The running pytest test as a file name: module.test[parameters]."""
     node = os.environ["PYTEST_CURRENT_TEST"].rsplit(" (", 1)[0]
     return re.sub(r"[^\w.=-]+", "-", Path(node.split("::")[0]).stem + "." + node.split("::")[-1]).strip("-")
-
-
-@contextmanager
-def _lock(path: Path):
-    """Excludes the other pytest workers; the system releases the lock if this worker dies."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with open(path, "w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 def _random_contents() -> list[str]:
@@ -240,36 +235,28 @@ def _build(
     if inside:
         inputs.append(inside)
         args.append("--no-public-flat-rw")
+    place = ""
     if sim == "verilator" and os.environ.get("RTL_COVERAGE"):
         args += COVERAGE_ARGS
         inputs.append(COVERAGE_OFF)
-    setup = (
-        f"{top} {sorted(parameters.items())} {args} {waves} {random_contents} {sys.version} {ROOT}".encode()
+        place = ROOT  # the counts name the files by their paths
+    name = cache.key(
+        *(top, sorted(parameters.items()), args, waves, random_contents, TIMESCALE, place),
+        files=[*inputs, POWER_UP],
+        packages=["cocotb", "verilator"] if sim == "verilator" else ["cocotb"],
+        tool="g++ --version" if sim == "verilator" else "iverilog -V",
     )
-    content = hashlib.sha256(setup)
-    for path in [*inputs, POWER_UP]:
-        content.update(str(path).encode() + b"\0" + Path(path).read_bytes())
-    variant = hashlib.sha256(setup).hexdigest()[:8]
-    base = ROOT / "build/bench" / sim
-    folder = base / f"{top}-{variant}-{content.hexdigest()[:16]}"
-    done = folder / "built"
-    with _lock(base / f"{folder.name}.lock"):
-        if done.exists():
-            # runner.test() reads these attributes, which runner.build() would have set.
-            runner.build_dir, runner.parameters, runner.waves = folder, dict(parameters), waves
-            runner.sources = inputs
-            return folder
-        shutil.rmtree(folder, ignore_errors=True)
+    made = top if sim == "verilator" else "sim.vvp"
+
+    def make(folder: Path) -> list[Path]:
+        cache.use_ccache()
+        files = inputs
         if random_contents:
-            inputs = [_without_values(Path(path), folder / "sources") for path in inputs]
-        # Most of a Verilator build is its run-time library, which ccache keeps.
-        if shutil.which("ccache"):
-            os.environ.setdefault("OBJCACHE", "ccache")
-            os.environ.setdefault("CCACHE_DIR", str(ROOT / "build/ccache"))
+            files = [_without_values(Path(path), folder / "sources") for path in inputs]
         try:
             runner.build(
                 hdl_toplevel=top,
-                sources=inputs,
+                sources=files,
                 parameters=parameters,
                 build_args=args,
                 build_dir=folder,
@@ -278,15 +265,13 @@ def _build(
             )
         except RuntimeError:
             pytest.fail(f"{sim} could not build {top}; its messages are above", pytrace=False)
-        done.touch()
-        _forget_old_builds(base, f"{top}-{variant}-")
+        return [folder / made]
+
+    folder = cache.made(sim, f"{top}-{name}", make)
+    # runner.test() reads these attributes, which runner.build() would have set.
+    runner.build_dir, runner.parameters, runner.waves = folder, dict(parameters), waves
+    runner.sources = inputs
     return folder
-
-
-def _forget_old_builds(base: Path, prefix: str) -> None:
-    builds = sorted(base.glob(f"{prefix}*/built"), key=lambda path: path.stat().st_mtime)
-    for built in builds[:-BUILDS_KEPT]:
-        shutil.rmtree(built.parent, ignore_errors=True)
 
 
 def _recording(run_folder: Path, parameters: Mapping[str, object]) -> dict[str, str]:
