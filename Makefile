@@ -150,7 +150,7 @@ test-gates: firmware | setup-synth ## the manual's examples on netlists and fini
 lint: | setup-lint ## * every static check (1 min)
 	@$(RUN) tools.lint
 
-format: | setup-lint ## * lay out Verilog and Python; mark the pages of an older card (3 s)
+format: | setup-lint ## * lay out Verilog and Python (3 s)
 	@$(RUN) tools.lint --format
 
 trace: | setup-test ## * which test shows which rule, and its last result (8 s)

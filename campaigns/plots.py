@@ -6,7 +6,6 @@ from __future__ import annotations
 import matplotlib
 from matplotlib.figure import Figure
 
-from rtl import report_page
 from rtl.sources import ROOT
 
 PICTURES = ROOT / "docs/pictures"
@@ -30,6 +29,4 @@ def save(name: str, figure: Figure, description: str | None = None) -> None:
     """Saves as docs/pictures/NAME.svg; `description` goes into the file's metadata."""
     PICTURES.mkdir(exist_ok=True)
     about = {"Date": None} | ({"Description": description} if description else {})
-    path = PICTURES / f"{name}.svg"
-    figure.savefig(path, metadata=about, bbox_inches="tight")
-    report_page.accept(path)
+    figure.savefig(PICTURES / f"{name}.svg", metadata=about, bbox_inches="tight")

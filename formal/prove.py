@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the proofs of formal/ and prints a table; exit 1 if one fails or a cover is not reached.
 
-    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write | --check]
+    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write]
 
 formal/X_props.vh states the promises of rtl/X.v. Both are joined to one module in build/formal/joined, where
 the properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever from
 reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
 formal/pins.py, which checks that the assumptions let every pin move. --write puts the table of a full run
-into docs/reports/proofs.md; --check runs nothing and compares that page with the present promises. Exit 2
-with one line: unknown module, or a tool is missing.
+into docs/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
 """
 
 import hashlib
@@ -24,7 +23,7 @@ from pathlib import Path
 
 from formal import pins as formal_pins
 from rtl.command import Parser, run_main, threads
-from rtl.report_page import NOTICE, write_page
+from rtl.report_page import write_page
 from rtl.sources import without_comments
 from tb.lib.options import at_least
 
@@ -209,29 +208,12 @@ def document(tasks: list[Task], took: float, jobs: int) -> str:
     return TEMPLATE.read_text().replace("@TABLE@", table(tasks)).replace("@SUMMARY@", summary)
 
 
-def without_times(text: str) -> str:
-    """Times, fingerprints and the notice of an older page left out: tools/figures.py looks after these."""
-    text = NOTICE.sub("", text)
-    return re.sub(r"\b\d+( s\b|(?= at a time))|`[0-9a-f]{12}`", "", " ".join(text.split()))
-
-
-def drifted(tasks: list[Task]) -> bool:
-    """Whether the page has other tasks, depths or counts, or comes from another template."""
-    for task in tasks:
-        task.passed = True
-    page = DOCUMENT.read_text() if DOCUMENT.exists() else ""
-    return without_times(document(tasks, 0, 0)) != without_times(page)
-
-
 def main(arguments: list[str] | None = None) -> int:
     parser = Parser(prog="formal", description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts with this")
     parser.add_argument("--write", action="store_true", help="put the table into docs/reports/proofs.md")
-    parser.add_argument(
-        "--check", action="store_true", help="does docs/reports/proofs.md match the promises?"
-    )
     options = parser.parse_args(arguments)
     known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
     for module in options.modules:
@@ -240,13 +222,6 @@ def main(arguments: list[str] | None = None) -> int:
             return 2
     tasks = [task for module in options.modules or known for task in tasks_of(known[module])]
     tasks = [task for task in tasks if task.name.startswith(options.task or "")]
-    if options.check:
-        if options.modules or options.task:
-            parser.error("--check compares the whole page")
-        if drifted(tasks):
-            print("docs/reports/proofs.md does not match the promises; run `make formal`", file=sys.stderr)
-            return 1
-        return 0
     for tool in TOOLS:
         if shutil.which(tool) is None:
             print(f"formal: {tool} is missing; run `make setup`", file=sys.stderr)

@@ -2,9 +2,6 @@
 """Which measured page is of an older card, and which command renews it.
 
     python -m tools.figures            a line each; exit 1 when a page is of an older card
-    python -m tools.figures --mark     writes the notice below the title of such a page, removes other notices
-    python -m tools.figures --check    exits 1 when a notice is missing or not true, or when a page or picture
-                                       is not as its command wrote it (part of `make lint`)
 
 A page states the fingerprint of the sources that it was measured on (campaigns/bench/fingerprint.py). This
 check compares it with the sources of this tree. It runs before a release, not in `make test`.
@@ -12,7 +9,6 @@ check compares it with the sources of this tree. It runs before a release, not i
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -22,9 +18,7 @@ from campaigns.bench import report as bench_report
 from campaigns.mutate import run as mutate
 from constraints import synth
 from formal import flips, prove
-from rtl import report_page
 from rtl.command import run_main
-from rtl.report_page import FOLDERS
 from rtl.sources import ROOT, rtl_files
 from sw.test import host
 
@@ -167,34 +161,12 @@ def path_of(page: str) -> Path:
     return REPORTS / f"{page}.md"
 
 
-def without_notice(text: str) -> str:
-    return report_page.NOTICE.sub("", text, count=1)
-
-
-def marked(text: str, older: str, command: str) -> str:
-    """The page with its notice below the title, or without one."""
-    text = without_notice(text)
-    if not older:
-        return text
-    notice = f"{report_page.NOTICE_HEAD}{older[0].upper()}{older[1:]}. `{command}` renews this page.\n\n"
-    return re.sub(r"^(# .*\n\n)", lambda title: title[1] + notice, text, count=1, flags=re.MULTILINE)
-
-
 def older_pages() -> dict[str, str]:
     """Pages of an older card, each with the command that renews it."""
-    return {
-        page: command
-        for page, (check, command) in PAGES.items()
-        if check(without_notice(path_of(page).read_text()))
-    }
+    return {page: command for page, (check, command) in PAGES.items() if check(path_of(page).read_text())}
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    choice = parser.add_mutually_exclusive_group()
-    choice.add_argument("--mark", action="store_true", help="write the notices")
-    choice.add_argument("--check", action="store_true", help="fail when a notice is missing or not true")
-    options = parser.parse_args()
     wrong = 0
     for page, (check, command) in PAGES.items():
         path = path_of(page)
@@ -202,24 +174,10 @@ def main() -> int:
             wrong += 1
             print(f"{path.relative_to(ROOT)}: not there; {command} writes it")
             continue
-        text = path.read_text()
-        older = check(without_notice(text))
-        right = marked(text, older, command)
-        if options.mark:
-            if right != text:
-                path.write_text(right)
-        elif options.check:
-            if right != text:
-                wrong += 1
-                print(f"{path.relative_to(ROOT)}: the notice on its card is not true; run `make format`")
-        else:
-            wrong += bool(older)
-            state = f"out of date: {older}; {command} renews it" if older else "of this card"
-            print(f"{path.relative_to(ROOT)}: {state}")
-    if options.check:
-        for path in (path for folder in FOLDERS for path in report_page.changed(folder)):
-            wrong += 1
-            print(f"{path.relative_to(ROOT)}: it is not as its command wrote it")
+        older = check(path.read_text())
+        wrong += bool(older)
+        state = f"out of date: {older}; {command} renews it" if older else "of this card"
+        print(f"{path.relative_to(ROOT)}: {state}")
     return 1 if wrong else 0
 
 

@@ -46,7 +46,7 @@ LAYERS = (
     ("rtl",),
     ("tb.agents",),  # a package of its own: it imports nothing of ours
 )
-GENERATORS = ("regs.regs", "sim.view.fc_tables", "formal.prove", "constraints.boards", "tools.handbook")
+GENERATORS = ("regs.regs", "sim.view.fc_tables", "constraints.boards", "tools.handbook")
 SUFFIXES = {
     ".v",
     ".vh",
@@ -207,11 +207,6 @@ def circle(imported: dict[str, set[str]]) -> list[str]:
     return []
 
 
-def notices() -> list[str]:
-    """A page of measured figures says so when the card has changed since."""
-    return tool(sys.executable, "-m", "tools.figures", "--check")
-
-
 def ruff_check() -> list[str]:
     return tool("ruff", "check", "--quiet", "--output-format", "concise", ".")
 
@@ -223,10 +218,6 @@ def ruff_format() -> list[str]:
 
 def prose() -> list[str]:
     return tool(sys.executable, "-m", "tools.prose")
-
-
-def facts() -> list[str]:
-    return tool(sys.executable, "-m", "tools.facts")
 
 
 def firmware() -> list[str]:
@@ -244,9 +235,7 @@ CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("licence of every file (REUSE)", licences),
     ("nothing unfinished, skipped or absolute", finished),
     ("imports go one way", imports),
-    ("pages of an older card say so", notices),
     ("spelling and links", prose),
-    ("figures in sentences", facts),
     ("ruff check", ruff_check),
     ("ruff format", ruff_format),
     ("firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops", firmware),
@@ -260,7 +249,6 @@ def main() -> int:
         problems = tool("verible-verilog-format", "--inplace", *hand_written_verilog())
         problems += tool("ruff", "check", "--quiet", "--select", "I", "--fix", ".")
         problems += tool("ruff", "format", "--quiet", ".")
-        problems += tool(sys.executable, "-m", "tools.figures", "--mark")
         print("\n".join(problems), end="\n" if problems else "")
         return 1 if problems else 0
 

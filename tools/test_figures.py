@@ -6,12 +6,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from matplotlib.figure import Figure
 
-from campaigns import plots
-from rtl import report_page
 from rtl.sources import ROOT
-from tools import figures, panel_picture, report
+from tools import figures, report
 
 NOW = {"standard": "0123456789ab", "tiny": "ba9876543210"}
 OTHER = "000000000000"
@@ -80,21 +77,11 @@ def test_every_report_has_its_check_and_its_place():
     assert pages <= set(report.PAGES)
 
 
-def test_a_notice_stands_below_the_title_once_and_is_removed():
-    notice = "# Title\n\n> **Out of date.** Measured on none. `make it` renews this page.\n\nMeasured on card"
-    one = figures.marked(PAGE, "measured on none", "make it")
-    assert one.startswith(notice)
-    assert figures.marked(one, "measured on none", "make it") == one
-    assert figures.marked(one, "", "make it") == figures.without_notice(one) == PAGE
-
-
 def test_older_pages_are_named_with_their_commands(monkeypatch, tmp_path):
     monkeypatch.setattr(figures, "REPORTS", tmp_path)
     monkeypatch.setattr(figures, "PAGES", {name: (figures.one_card, f"make {name}") for name in ("a", "b")})
     (tmp_path / "a.md").write_text(PAGE)
-    (tmp_path / "b.md").write_text(
-        figures.marked(PAGE.replace("ab`", "ff`"), "measured on another", "make b")
-    )
+    (tmp_path / "b.md").write_text(PAGE.replace("ab`", "ff`"))
     assert figures.older_pages() == {"b": "make b"}
 
 
@@ -171,61 +158,6 @@ def test_a_synthesis_of_another_design_is_out_of_date(monkeypatch, tmp_path):
     assert check("") == "synthesised from another design"
     page.write_text(figures.synth.measured_from())
     assert check("") == ""
-
-
-def test_a_page_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path, capsys):
-    """A notice may come and go."""
-    page = tmp_path / "a.md"
-    text = "# Title\n\n603 of 604 lines, card `0123456789ab`.\n"
-    text += "\n| PERF-2 | met |\n\n- `gate`: `spent`.\n- more\n"
-    report_page.write_page(page, text)
-    monkeypatch.setattr(figures, "REPORTS", tmp_path)
-    monkeypatch.setattr(figures, "FOLDERS", (tmp_path,))
-    monkeypatch.setattr(figures, "ROOT", tmp_path)
-    monkeypatch.setattr(figures, "PAGES", {"a": (lambda _: "", "make a")})
-    monkeypatch.setattr("sys.argv", ["figures", "--check"])
-    assert figures.main() == 0
-    numbers = [("603", "604"), ("ab`", "aa`"), ("603 of ", "")]
-    words = [("lines", "branches"), ("met", "missed"), ("| PERF-2 | met |\n", ""), ("`spent`", "`queued`")]
-    for changed in (text.replace(old, new) for old, new in (*numbers, *words)):
-        page.write_text(changed)
-        assert figures.main() == 1
-        assert "a.md: it is not as its command wrote it" in capsys.readouterr().out
-    page.write_text(figures.marked(text, "measured on none", "make a COUNT=5"))
-    assert report_page.changed(tmp_path) == []
-
-
-@pytest.mark.parametrize("option", ["--check", "--mark"])
-def test_a_missing_page_is_one_line(monkeypatch, tmp_path, capsys, option):
-    monkeypatch.setattr(figures, "REPORTS", tmp_path)
-    monkeypatch.setattr(figures, "ROOT", tmp_path)
-    monkeypatch.setattr(figures, "PAGES", {"a": (lambda _: "", "make a")})
-    monkeypatch.setattr("sys.argv", ["figures", option])
-    assert figures.main() == 1
-    assert capsys.readouterr().out == "a.md: not there; make a writes it\n"
-
-
-def test_a_picture_that_was_changed_by_hand_fails_lint(monkeypatch, tmp_path):
-    monkeypatch.setattr(plots, "PICTURES", tmp_path)
-    figure = Figure()
-    figure.text(0.5, 0.5, "41.4 bits")
-    plots.save("a", figure)
-    picture = tmp_path / "a.svg"
-    assert report_page.changed(tmp_path) == []
-    picture.write_text(picture.read_text().replace("41.4", "21.4"))
-    assert report_page.changed(tmp_path) == [picture]
-    picture.unlink()
-    assert report_page.changed(tmp_path) == [picture]
-
-
-def test_every_measured_picture_has_its_record():
-    drawn = {path.name for path in plots.PICTURES.glob("*.svg")} - {panel_picture.PICTURE.name}
-    assert report_page.kept(plots.PICTURES).keys() == drawn
-
-
-def test_a_new_page_needs_its_record(tmp_path):
-    (tmp_path / "b.md").write_text("no number\n")
-    assert report_page.changed(tmp_path) == [tmp_path / "b.md"]
 
 
 @pytest.mark.parametrize("sources", ["0123abcd0123", ""])

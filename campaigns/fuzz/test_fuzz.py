@@ -33,7 +33,6 @@ from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
 from campaigns.fuzz.traffic import QUIET_PULSES_BITS, make
 from campaigns.fuzz.trial import aftermath, run
-from rtl.report_page import NOTICE
 from rtl.sources import ROOT, card_files, configurations
 from sim.harness.library import Target
 from sw.test.host import INCLUDES
@@ -775,14 +774,6 @@ def test_the_page_names_the_firmware_s_sources_if_they_make_its_images(monkeypat
     named = fuzz_page.fingerprint.firmware_sources
     assert named({"standard": "two", "tiny": "five"}) == "firmware sources `six`"
     assert named({"standard": "two", "tiny": "two"}) == "other firmware sources"
-
-
-def test_the_page_is_that_of_its_record(monkeypatch):
-    """Both may be of an earlier firmware: `make figures` compares that."""
-    written = NOTICE.sub("", fuzz_page.PAGE.read_text())
-    sources = re.search(r"^The images are of (.*)\.$", written, re.MULTILINE)[1]
-    monkeypatch.setattr(fuzz_page.fingerprint, "firmware_sources", lambda _: sources)
-    assert written == fuzz_page.page(json.loads(fuzz_page.RECORD.read_text()))
 
 
 def test_page_states_the_results_of_all_campaigns(tmp_path):
