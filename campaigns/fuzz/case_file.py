@@ -127,6 +127,13 @@ def check(case: object) -> dict:
     return case
 
 
+def text(case: dict) -> str:
+    """The case as JSON, a line for each event."""
+    head = json.dumps({key: value for key, value in case.items() if key != "events"})
+    events = ",\n".join(f"  {json.dumps(event)}" for event in case["events"])
+    return f'{head[:-1]}, "events": [\n{events}\n]}}\n'
+
+
 def read(path: Path) -> dict:
     try:
         case = json.loads(path.read_text())

@@ -163,9 +163,9 @@ def _shrunk(config: str, name: str, case: dict, play: Play, folder: Path) -> dic
     """Shrinks a case with a difference and keeps it with its waveform."""
     path = folder / f"case-{config}-{name.replace('/', '-')}.json"
     folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(case, indent=1) + "\n")
+    path.write_text(case_file.text(case))
     case = shrink(case, lambda tried: bool(play(tried)[0].differences))
-    path.write_text(json.dumps(case, indent=1) + "\n")
+    path.write_text(case_file.text(case))
     verdict, _ = play(case, wave=path.with_suffix(".fst"))
     setting = "" if config == OWN.config else f"CONFIG={config} "
     print(f"fuzz:   {shown(path)} and .fst; make fuzz {setting}REPLAY={shown(path)}")

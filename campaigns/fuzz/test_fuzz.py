@@ -10,20 +10,14 @@ from __future__ import annotations
 import functools
 import json
 import re
-import subprocess
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
-from campaigns.bench import fingerprint
-from campaigns.flips.run import FORBIDDEN
-from campaigns.flips.trial import PARTS
 from campaigns.fuzz import case_file
-from campaigns.fuzz import page as fuzz_page
 from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.aftermath import asked, possible_frames
@@ -33,9 +27,8 @@ from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
 from campaigns.fuzz.traffic import QUIET_PULSES_BITS, make
 from campaigns.fuzz.trial import aftermath, run
-from rtl.sources import ROOT, card_files, configurations
+from rtl.sources import ROOT, configurations
 from sim.harness.library import Target
-from sw.test.host import INCLUDES
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.recorded_buses import BUSES
@@ -46,7 +39,7 @@ from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
 # Frames and rates of each shard: cheap rates, and shards with all rates. `make test` runs the last two.
-SHARDS = (*((1200, (38400, 19200)),) * 4, (200, ()), (60, ()), (150, (38400, 19200)))
+SHARDS = (*((1200, (38400, 19200)),) * 2, (200, ()), (60, ()), (150, (38400, 19200)))
 EVERYWHERE = (
     *("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
     *("FC-1", "FC-8", "FC-9", "FC-10", "EXC", "MAP-3", "LINE-5", "LINE-6", "SAFE-1", "SAFE-2", "SAFE-3"),
@@ -55,7 +48,7 @@ EVERYWHERE = (
 
 @pytest.mark.rule(*EVERYWHERE)
 @pytest.mark.parametrize(
-    "number", [*(pytest.param(number, marks=pytest.mark.slow) for number in range(5)), 5, 6]
+    "number", [*(pytest.param(number, marks=pytest.mark.slow) for number in range(3)), 3, 4]
 )
 def test_random_lines_and_drives_show_no_difference(number, tmp_path):
     frames, bauds = SHARDS[number]
@@ -134,7 +127,7 @@ def test_last_answers_are_checked_after_the_judge():
 
 
 @pytest.mark.rule("SAFE-1", "FC-9")
-@pytest.mark.parametrize("name", ["4711/93", "4711/119", "4711/142"])
+@pytest.mark.parametrize("name", ["4711/93", pytest.param("4711/142", marks=pytest.mark.slow)])
 def test_unrequested_commands_are_found_after_the_judge(name):
     """Cases with writes of coils, as in most random cases."""
     case = make(name)
@@ -223,21 +216,9 @@ def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
     assert not [word for length, word in words if length == 16 and word & 0x0400]
 
 
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)
-def test_every_plant_applies_and_fits(plant, tmp_path):
-    if not plant.old:
-        return
-    changed = tmp_path / Path(plant.file).name
-    changed.write_text(plant._changed())
-    if plant.file.startswith("rtl/"):
-        sources = [changed if path == ROOT / plant.file else path for path in card_files()]
-        check = ["iverilog", "-g2005", "-t", "null", "-s", "rtu2fc", *sources]
-    else:
-        # A header is first searched in its own folder.
-        source = changed if changed.suffix == ".c" else ROOT / "sw/src/gateway.c"
-        check = ["gcc", "-std=c99", "-fsyntax-only", f"-I{tmp_path}", *INCLUDES, source]
-    done = subprocess.run(check, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+def test_every_plant_has_its_place():
+    for plant in PLANTS:
+        assert not plant.old or plant._changed() != (ROOT / plant.file).read_text(), plant.name
 
 
 @pytest.mark.slow
@@ -257,77 +238,47 @@ def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("change", "complaint"),
     [
-        ("{", "no case of the fuzzer"),
-        ("[]", "the case is no object"),
-        ('{"seed": 1}', "the case has no 'baud'"),
-        ("baud: 19201", "'baud' cannot be 19201"),
-        ("form: 8X1", "'form' cannot be"),
-        ("address: 300", "'address' cannot be 300"),
-        ("dialect: none", "'dialect' cannot be"),
-        ("profile: vlt", "'profile' cannot be"),
-        ("events: 3", "'events' cannot be 3"),
-        ("event: gap None", "event 0 has no 'gap'"),
-        ('event: gap ["at", 1]', "event 0: 'gap' cannot be"),
-        ("event: bytes 012", "'bytes' cannot be"),
-        ('event: bytes ""', "'bytes' cannot be"),
-        ("event: byts 01", "'byts' is not known"),
-        ('event: flaws {"0": "pairity"}', "'flaws' cannot be"),
-        ("event: pulses [1]", "one of 'bytes', 'pdu', 'pulses'"),
-        ('event: drive [{"gpa": 3}]', "event 0, drive: 'gpa' is not known"),
-        ("event: babble {}", "event 0: 'babble' cannot be"),
+        ({"baud": 19201}, "'baud' cannot be 19201"),
+        ({"seed": 1}, "the case: 'seed' is not known"),
+        (
+            {"events": [{"gap": ["idle", 1.0], "pulses": [1], "bytes": "01"}]},
+            "one of 'bytes', 'pdu', 'pulses'",
+        ),
+        ({"events": [{"gap": ["at", 1], "bytes": "01"}]}, "event 0: 'gap' cannot be"),
+        ({"events": [{"gap": ["idle", 1], "bytes": "01", "drive": [{"gpa": 3}]}]}, "event 0, drive: 'gpa'"),
     ],
 )
-def test_invalid_case_is_refused(tmp_path, text, complaint):
-    """A good case with one change, or an invalid file."""
-    case = {"baud": 19200, "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
-    case["events"] = [{"what": "legal", "gap": ["idle", 10.0], "bytes": "0101000000087dcc"}]
-    assert case_file.check(case) == case
-    if match := re.fullmatch(r"(?:(event): )?(\w+):? (.+)", text):
-        try:
-            value = json.loads(match[3])
-        except ValueError:
-            value = match[3]
-        place = case["events"][0] if match[1] else case
-        place[match[2]] = value
-        if value == "None":
-            del place[match[2]]
-        text = json.dumps(case)
+def test_invalid_case_is_refused(tmp_path, change, complaint):
     path = tmp_path / "case.json"
-    path.write_text(text)
+    path.write_text(json.dumps(make("9/1") | change))
     with pytest.raises(CaseError, match=re.escape(complaint)):
+        replay(path, None)
+    path.write_text("{")
+    with pytest.raises(CaseError, match="no case of the fuzzer"):
         replay(path, None)
 
 
-def test_generated_cases_are_valid_files():
-    for number in range(300):
-        case = make(f"9/{number}")
-        assert case_file.check(json.loads(json.dumps(case))) == case
+def test_kept_cases_are_valid_files():
     for path in (*CASES, *SMALL_CARDS_CASES):
         assert case_file.read(path)
 
 
-@pytest.mark.parametrize("what", ["judged", "flips"])
-def test_longer_result_of_the_same_seed_is_kept(tmp_path, what):
+def test_longer_result_of_the_same_seed_is_kept(tmp_path):
     path = tmp_path / "7.json"
-    fuzz.refuse_to_lose_a_longer_result(path, 100, "this", what)
-    path.write_text(json.dumps({"card": "this", what: 500}))
-    fuzz.refuse_to_lose_a_longer_result(path, 500, "this", what)
+    path.write_text(json.dumps({"card": "this", "judged": 500}))
+    fuzz.refuse_to_lose_a_longer_result(path, 500, "this")
     with pytest.raises(fuzz.FuzzError, match="has 500 of this seed"):
-        fuzz.refuse_to_lose_a_longer_result(path, 499, "this", what)
-    path.write_text(json.dumps({"card": "another", what: 500}))
-    fuzz.refuse_to_lose_a_longer_result(path, 499, "this", what)
+        fuzz.refuse_to_lose_a_longer_result(path, 499, "this")
+    fuzz.refuse_to_lose_a_longer_result(path, 499, "another")
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--replay", "x.json", "--seed", "4"], "--replay plays one case"),
-        (["--replay", "x.json", "--count", "4"], "--replay plays one case"),
         (["--replay", "x.json", "--wave", "nowhere/x.fst"], "no file can be written there"),
-        (["--replay", "x.json", "--wave", "."], "no file can be written there"),
-        (["--wave", "x.fst"], "--wave is of a case"),
     ],
 )
 def test_contradicting_options_are_refused(monkeypatch, capsys, words, said):
@@ -376,6 +327,7 @@ def test_traffic_has_every_kind_of_fault():
     cases = [make(f"9/{number}") for number in range(400)]
     met: Counter = Counter()
     for case in cases:
+        assert case_file.check(json.loads(json.dumps(case))) == case
         line = LineFormat(case["baud"], case["form"], clk_hz(case["baud"]))
         for event in case["events"]:
             drives = [part for manner in event.get("drive", []) for part in manner.get("parts", [manner])]
@@ -395,6 +347,10 @@ def test_traffic_has_every_kind_of_fault():
                     at - line.character_bits * len(event["bytes"]) / 2 - line.t35_bits
                     for at, _ in event.get("glitches", [])
                 ]
+                # Below a quarter bit each (LINE-5), and short together: each stops the count of the silence.
+                places, widths = zip(*event.get("glitches", []) or [(0, 0.1)], strict=True)
+                assert sum(widths) < QUIET_PULSES_BITS + 0.01 and all(0 < width < 0.25 for width in widths)
+                assert all(later - before > 1 for before, later in pairwise(places))
                 met["pulse in a silence"] += len(after)
                 met["pulse at the commit"] += any(abs(bits) < 1 for bits in after)
             if event["what"] == "large_value" and word(bytes.fromhex(event["bytes"]), 4) == 1:
@@ -411,16 +367,6 @@ def test_traffic_has_every_kind_of_fault():
             met["interrupted"] += "interrupt" in event
             met["wrong CRC"] += "bytes" in event and not crc_good(bytes.fromhex(event["bytes"]))
     assert not {kind: met[kind] for kind in HARM if met[kind] < 20}
-
-
-def test_pulses_in_a_silence_are_short_and_apart():
-    """Below a quarter bit each (LINE-5), and short together, because each stops the count of the silence."""
-    for number in range(400):
-        for event in make(f"9/{number}")["events"]:
-            if event["what"] == "quiet_glitches" and "glitches" in event:
-                places, widths = zip(*event["glitches"], strict=True) if event["glitches"] else ((), ())
-                assert sum(widths) < QUIET_PULSES_BITS + 0.01 and all(0 < width < 0.25 for width in widths)
-                assert all(later - before > 1 for before, later in pairwise(places))
 
 
 def test_recorded_frames_are_those_of_the_recordings():
@@ -628,74 +574,18 @@ def test_judge_follows_either_outcome_of_an_open_rule():
 # ---------------------------------------------------------------- the report
 
 
-@pytest.mark.figures
-def test_page_describes_this_card():
-    """The judge may have become stricter since."""
-    said = " ".join((ROOT / "docs/reports/fuzz.md").read_text().split())
-    for config in configurations():
-        card = f"{config} card `{fingerprint.card(config)}`, firmware `{fingerprint.firmware(config)}`"
-        message = "run `make fuzz`, fuzz-plants, flips of both cards, core-flips and fuzz-page"
-        assert said.count(card) == 2, message  # frames, flips
-
-
-def result(
-    seed: int, frames: int, differences: list[dict], card: str = "one", config: str = "standard"
-) -> dict:
-    return {
-        "seed": seed,
-        "config": config,
-        "card": card,
-        "frames": frames,
-        "judged": frames - 1,
-        "cases": 2,
-        "events": {"legal": frames},
-        "outcomes": {"commit": 1},
-        "rates": {"9600 8E1": frames},
-        "unclear": {},
-        "worst": {"reply": float(seed)},
-        "differences": differences,
-        "wall_s": 1.0,
-        "simulated_s": 2.0,
-    }
-
-
-def test_shards_are_merged(tmp_path, capsys, monkeypatch):
-    found = [{"case": "22/1", "what": ["no reply"]}]
-    for name, content in (
-        ("fuzz-standard-1", result(1, 10, [])),
-        ("fuzz-standard-22", result(22, 30, found)),
-        ("fuzz-tiny-1", result(1, 7, [], "other", "tiny")),
-        ("case-standard-22-1", {}),
-    ):
-        (tmp_path / f"{name}.json").write_text(json.dumps(content))
-    monkeypatch.setattr("sys.argv", ["fuzz_report", str(tmp_path)])
-    assert fuzz_report.main() == 1
-    shown = capsys.readouterr().out
-    for total in (
-        "standard card one: 2 shards, 40 network frames in 4 cases, 38 of them judged to their end: 1 diff",
-        "tiny card other: 1 shards, 7 network frames in 2 cases, 6 of them judged to their end: 0 diff",
-    ):
-        assert total in shown
-    assert "no reply" in shown
-    merged = fuzz_report.merge([result(1, 10, []), result(1, 10, []), result(2, 5, [])])
-    assert merged["frames"] == 15 and merged["worst"] == {"reply": 2.0}
-    assert merged["events"] == Counter(legal=15)
+def test_shards_of_one_card_alone_are_merged():
+    one = vars(
+        fuzz.Result(1, card="one", frames=10, judged=9, events=Counter(legal=10), worst={"reply": 1.0})
+    )
+    two = one | {"seed": 2, "worst": {"reply": 2.0}, "differences": [{"case": "2/1", "what": ["no reply"]}]}
+    merged = fuzz_report.merge([one, one, two])
+    assert merged["frames"] == 20 and merged["worst"] == {"reply": 2.0}, "no shard counts twice"
+    shown = fuzz_report.report(merged)
+    assert "2 shards, 20 network frames in 0 cases, 18 of them judged to their end: 1 differences" in shown
+    assert "DIFFERENCE case 2/1 : no reply" in shown and "| legal | 20 |" in shown
     with pytest.raises(fuzz_report.ReportError, match="different cards"):
-        fuzz_report.merge([result(1, 10, []), result(2, 5, [], card="another")])
-
-
-@pytest.mark.slow
-def test_shard_keeps_its_intermediate_result(tmp_path, monkeypatch):
-    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
-    monkeypatch.setattr(fuzz, "KEPT_EACH_S", 0)
-    frames = []
-
-    def so_far(found: fuzz.Result) -> None:
-        fuzz.keep(found)
-        frames.append(fuzz_report.load(tmp_path / "fuzz-standard-8.json")["frames"])
-
-    done = shard(8, 150, bauds=(115200,), folder=tmp_path, so_far=so_far)
-    assert len(frames) > 1 and frames == sorted(frames) and frames[-1] == done.frames
+        fuzz_report.merge([one, two | {"card": "another"}])
 
 
 @pytest.mark.slow
@@ -717,223 +607,3 @@ def test_report_names_an_invalid_result(tmp_path):
     (tmp_path / "1.json").write_text("{}")
     with pytest.raises(fuzz_report.ReportError, match="no result of a fuzz shard"):
         fuzz_report.load(tmp_path / "1.json")
-    (tmp_path / "1.json").unlink()
-    with pytest.raises(fuzz_report.ReportError, match="make fuzz"):
-        fuzz_report.find([str(tmp_path)])
-
-
-CARDS = {"standard": "one two three", "tiny": "four five three"}
-FLIPPED = {"standard": "one two six", "tiny": "four five six"}  # by another judge
-
-
-def renewed(record: dict, folder: Path) -> dict:
-    return fuzz_page.renewed(record, folder, CARDS, FLIPPED)
-
-
-def keep_frames(folder: Path, seed: int, frames: int, config: str = "standard", **more) -> None:
-    found = result(seed, frames, more.get("differences", []), more.get("card", CARDS[config]), config)
-    (folder / f"fuzz-{config}-{seed}.json").write_text(json.dumps(found))
-
-
-def results_of_all_campaigns(folder: Path) -> None:
-    """Result files of fuzz, plants, core-flips and flips."""
-    keep_frames(folder, 7, 7000)
-    keep_frames(folder, 8, 8000)
-    keep_frames(folder, 7, 900, "tiny")
-    frames = {plant.name: 33 for plant in PLANTS} | {"cut-value": 12345, "wrong-order": None}
-    plants = {"seed": 5, "count": 20000, "card": CARDS["standard"], "frames": frames}
-    (folder / "plants.json").write_text(json.dumps(plants))
-    core = {
-        "cards": FLIPPED,
-        "flips": 4000,
-        "results": {
-            "standard": {"05": {"as asked": 990, "altered, bit 10 = 1": 7}},
-            "tiny": {"06": {"as asked": 2999, "none": 1, "altered, bit 10 = 0": 3}},
-        },
-    }
-    (folder / "core-flips.json").write_text(json.dumps(core))
-    for config, its_card in FLIPPED.items():
-        shard = {
-            "seed": 9,
-            "config": config,
-            "card": its_card,
-            "baud": 9600,
-            "bits": dict.fromkeys(PARTS, 8),
-            "flips": 4,
-            "cpu_s": 120.0,
-        }
-        shard |= {"counts": {"card: no effect": 4}, "notable": []}
-        (folder / f"flips-{config}-9-9600.json").write_text(json.dumps(shard))
-
-
-def test_the_page_names_the_firmware_s_sources_if_they_make_its_images(monkeypatch):
-    monkeypatch.setattr(
-        fuzz_page.fingerprint, "firmware", lambda config: {"standard": "two", "tiny": "five"}[config]
-    )
-    monkeypatch.setattr(fuzz_page.fingerprint.host, "fingerprint", lambda: "six")
-    named = fuzz_page.fingerprint.firmware_sources
-    assert named({"standard": "two", "tiny": "five"}) == "firmware sources `six`"
-    assert named({"standard": "two", "tiny": "two"}) == "other firmware sources"
-
-
-def test_page_states_the_results_of_all_campaigns(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    text = " ".join(fuzz_page.page(renewed({}, tmp_path)).split())
-    for said in (
-        "The images are of other firmware sources.",
-        "20,000 frames each, with judge `three`.",
-        "Judge of both campaigns below: `six`.",
-        "15,897 frames of both cards judged to their end, each with the judge of its row: no difference, "
-        "at most 2.90e-04 of the frames",
-        "| standard card `one`, firmware `two` | `three` | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | 3.08e-04 |",
-        "| tiny card `four`, firmware `five` | `three` | 7 | 900 | 2 | 0 | 899 | 0 | 5.11e-03 |",
-        "| legal | 15,000 | 900 |",
-        "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
-        "| wrong-order | EXC: address before quantity | not found |",
-        "`make core-flips`: 4,000 flips",
-        "| scenario on the standard card | altered, bit 10 = 1 | altered, bit 10 = 0 | as asked |",
-        "10 of them altered a telegram: 7 with bit 10 = 1, 3 with bit 10 = 0.",
-        "| 06 | 0 | 3 | 2,999 | 0 | 0 | 0 | 1 |",
-        "8 flips of both cards: 0 unrequested or altered telegrams and stuck drivers, at most 4.38e-01",
-        "standard card `one`, firmware `two`: 4 flips in 1 shards, 4 at 9600 bit/s 8O1, in 2 minutes",
-        "tiny card `four`, firmware `five`: 4 flips",
-        "| no effect | 4 |",
-        "| first five rows together, at most, at 99 % | 6.84e-01 |",
-    ):
-        assert said in text
-    assert all(f"| {plant.name} | {plant.rules[0]}" in text for plant in PLANTS)
-    assert fuzz_page.UNJUDGED in text
-
-
-def test_page_with_a_difference_does_not_say_that_there_is_none(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    keep_frames(tmp_path, 22, 30, differences=[{"case": "22/1", "what": ["no reply"]}])
-    text = fuzz_page.page(renewed({}, tmp_path))
-    assert "its row: differences: 1, at most 4.17e-04 of the frames at 99 %" in text
-    assert "no difference" not in text and fuzz_page.UNJUDGED not in text
-
-
-@pytest.mark.parametrize(
-    ("file", "content", "complaint"),
-    [
-        ("plants.json", None, "run `make fuzz-plants` first"),
-        (
-            "plants.json",
-            {"seed": 1, "count": 2, "card": "one two three", "frames": {}},
-            "no result of lenient-t15",
-        ),
-        ("core-flips.json", {"flips": 2, "cards": {}, "results": {}}, "different cards"),
-        ("core-flips.json", {"flips": 2, "cards": {"tiny": "x"}, "results": {}}, "another tiny card, x"),
-        ("core-flips.json", {"seed": 1}, "no result of `make core-flips`"),
-        ("flips-tiny-9-9600.json", None, "run `make flips CONFIG=tiny` first"),
-        ("fuzz-tiny-7.json", None, "run `make fuzz CONFIG=tiny` first"),
-    ],
-)
-def test_page_needs_all_results_of_one_card(tmp_path, file, content, complaint):
-    results_of_all_campaigns(tmp_path)
-    (tmp_path / file).unlink()
-    if content is not None:
-        (tmp_path / file).write_text(json.dumps(content))
-    with pytest.raises(fuzz_page.PageError, match=complaint):
-        fuzz_page.page(renewed({}, tmp_path))
-
-
-def test_page_keeps_the_results_of_campaigns_that_were_not_run_again(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    for path in tmp_path.iterdir():
-        path.unlink()
-    assert renewed(record, tmp_path) == record
-
-
-def test_page_adds_new_shards_to_those_of_the_same_card(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    assert renewed(record, tmp_path) == record, "no shard counts twice"
-    keep_frames(tmp_path, 9, 90_000)
-    shard = json.loads((tmp_path / "flips-tiny-9-9600.json").read_text())
-    notable = {"what": "wrong reply", "flip": "time_i.count[3]", "why": "reply 11 01 00 00"}
-    shard |= {"seed": 10, "baud": 4800, "notable": [notable], "bits": dict.fromkeys(PARTS, 9)}
-    (tmp_path / "flips-tiny-10-4800.json").write_text(json.dumps(shard))
-    text = fuzz_page.page(renewed(record, tmp_path))
-    for said in (
-        "| 7, 8, 9 | 105,000 | 6 |",
-        "firmware `five`: 8 flips in 2 shards, 4 at 4800 bit/s 8N1, 4 at 9600 bit/s 8O1, in 4 minutes",
-        "| no effect | 8 |",
-        "| 8 or 9 |",
-        "| wrong reply | with a wrong CRC, or cut short | 1 | `time_i.count` 1 |",
-    ):
-        assert said in text
-
-
-def test_page_takes_what_a_shard_found_after_an_earlier_page(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    keep_frames(tmp_path, 8, 50_000, differences=[{"case": "8/1", "what": ["unrequested"]}])
-    path = tmp_path / "flips-standard-9-9600.json"
-    notable = {"what": FORBIDDEN[0], "flip": "time_i.count[3]", "why": "telegram"}
-    more = {
-        "flips": 500,
-        "counts": {f"card: {FORBIDDEN[0]}": 1, "card: no effect": 499},
-        "notable": [notable],
-    }
-    path.write_text(json.dumps(json.loads(path.read_text()) | more))
-    newer = renewed(record, tmp_path)
-    text = fuzz_page.page(newer)
-    assert "| 7, 8 | 57,000 |" in text and "differences: 1," in text
-    assert "504 flips of both cards: 1 unrequested" in text
-    keep_frames(tmp_path, 8, 30)
-    assert renewed(newer, tmp_path) == newer, "begun anew, the shard has counted less so far"
-
-
-def test_page_takes_no_result_of_another_card(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    other = {"card": "six two three"}
-    for name in ("fuzz-standard-7.json", "plants.json", "flips-standard-9-9600.json"):
-        was = (tmp_path / name).read_text()
-        (tmp_path / name).write_text(json.dumps(json.loads(was) | other))
-        with pytest.raises(fuzz_page.PageError, match="another standard card, six two three"):
-            renewed(record, tmp_path)
-        (tmp_path / name).write_text(was)
-
-
-def test_page_begins_anew_with_another_card(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    for path in tmp_path.iterdir():
-        path.unlink()
-    keep_frames(tmp_path, 7, 30, card="six two three")
-    newer = fuzz_page.renewed(record, tmp_path, CARDS | {"standard": "six two three"}, FLIPPED)
-    assert fuzz_page.total(newer["frames of standard"])["frames"] == 30
-    assert newer["frames of tiny"] == record["frames of tiny"]
-    with pytest.raises(fuzz_page.PageError, match="different cards"):
-        fuzz_page.page(newer)
-
-
-def test_page_does_not_lose_a_longer_result_of_the_same_card(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    for name, what in (("plants.json", {"count": 1}), ("core-flips.json", {"flips": 1})):
-        (tmp_path / name).write_text(json.dumps(json.loads((tmp_path / name).read_text()) | what))
-    assert renewed(record, tmp_path) == record
-
-
-def test_record_has_a_line_for_each_shard(tmp_path):
-    results_of_all_campaigns(tmp_path)
-    record = renewed({}, tmp_path)
-    text = fuzz_page.text_of(record)
-    assert json.loads(text) == record
-    assert sum(line.startswith("  ") for line in text.splitlines()) == 5
-
-
-@pytest.mark.figures
-def test_page_is_made_of_the_record():
-    assert fuzz_page.PAGE.read_text() == fuzz_page.page(json.loads(fuzz_page.RECORD.read_text()))
-
-
-def test_template_has_the_headings_that_other_pages_link_to():
-    headings = [
-        re.findall(r"^#{1,3} .*", path.read_text(), re.M) for path in (fuzz_page.TEMPLATE, fuzz_page.PAGE)
-    ]
-    assert headings[0] == headings[1]

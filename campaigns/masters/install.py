@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Puts the masters below build/masters: those in Python, the older pymodbus, modbus-serial, one adapter.
+"""Puts the masters below build/masters: those in Python, the older pymodbus, modbus-serial.
 
-Versions: requirements.txt, pymodbus-2.txt and package-lock.json of this folder. mbpoll, socat and libmodbus
-are Debian packages (tools/setup.sh, layer `masters`). A second call finds everything in place and ends.
+Versions: requirements.txt, pymodbus-2.txt and package.json of this folder. mbpoll, socat and libmodbus are
+Debian packages (tools/setup.sh, layer `masters`). A second call finds everything in place and ends.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
-from campaigns.masters.masters import FOLDER, HERE, LIBMODBUS, NODE_MODULES, OLD_PYMODBUS, PYTHON
+from campaigns.masters.masters import FOLDER, HERE, NODE_MODULES, OLD_PYMODBUS, PYTHON
 
 COMMANDS = ("gcc", "mbpoll", "socat", "node", "npm")
 OLDEST, NEWEST = 13, 19  # minor versions of Python 3: anymodbus needs 3.13, tmodbus 3.12
 PIP = ("-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-input")
+# Without install scripts: the package of the serial port brings its library ready-made.
+NPM = ("npm", "install", "--ignore-scripts", "--no-package-lock", "--no-audit", "--no-fund", "--silent")
+PINS = tuple(HERE / name for name in ("requirements.txt", "pymodbus-2.txt", "package.json"))
 
 
 class InstallError(Exception):
@@ -59,66 +61,21 @@ def find_python() -> str:
     )
 
 
-def stamp(*paths: Path) -> str:
-    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
-
-
-def part(name: str, content: str, target: Path, what: str, make: Callable[[], None]) -> None:
-    """Makes a part anew if its sources have changed."""
-    mark = FOLDER / f"{name}.stamp"
-    if target.exists() and mark.exists() and mark.read_text() == content:
+def install() -> None:
+    """Everything; InstallError in one line for the first thing that is missing or cannot be downloaded."""
+    if missing := [name for name in COMMANDS if shutil.which(name) is None]:
+        raise InstallError(f"{', '.join(missing)}: not installed; run `tools/setup.sh masters`")
+    pins = (*PINS, HERE.parents[1] / "requirements.txt")
+    mark = FOLDER / hashlib.sha256(b"".join(path.read_bytes() for path in pins)).hexdigest()[:12]
+    if mark.exists():
         return
-    print(f"masters: {what}", flush=True)
-    mark.unlink(missing_ok=True)
-    make()
-    mark.write_text(content)
-
-
-def environment() -> None:
-    shutil.rmtree(FOLDER / "venv", ignore_errors=True)
+    print("masters: downloading pymodbus, modbus-serial and the others into build/masters", flush=True)
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    node = NODE_MODULES.parent
+    node.mkdir(parents=True)
     run(find_python(), "-m", "venv", FOLDER / "venv")
     run(PYTHON, *PIP, "-r", "requirements.txt")
-
-
-def old_pymodbus() -> None:
-    shutil.rmtree(OLD_PYMODBUS, ignore_errors=True)
     run(PYTHON, *PIP, "--no-deps", "--target", OLD_PYMODBUS, "-r", "pymodbus-2.txt")
-
-
-def node() -> None:
-    folder = NODE_MODULES.parent
-    folder.mkdir(exist_ok=True)
-    for name in ("package.json", "package-lock.json"):
-        shutil.copy(HERE / name, folder)
-    # Without install scripts: the package of the serial port brings its library ready-made.
-    run("npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund", "--silent", folder=folder)
-
-
-def libmodbus() -> None:
-    run("gcc", "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-o", LIBMODBUS, source(), "-lmodbus")
-
-
-def source() -> Path:
-    return HERE / "adapters/libmodbus.c"
-
-
-def install() -> None:
-    """Everything; InstallError in one line for the first thing that is missing."""
-    missing = [name for name in COMMANDS if shutil.which(name) is None]
-    if missing:
-        raise InstallError(f"{', '.join(missing)}: not installed; run `tools/setup.sh masters`")
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    pins, old = HERE / "requirements.txt", HERE / "pymodbus-2.txt"
-    common = HERE.parents[1] / "requirements.txt"
-    downloads = "downloading the masters in Python into build/masters/venv"
-    part("venv", stamp(pins, common), PYTHON, downloads, environment)
-    part(
-        "old",
-        stamp(pins, old),
-        OLD_PYMODBUS,
-        "downloading pymodbus 2 into build/masters/pymodbus2",
-        old_pymodbus,
-    )
-    packages = "downloading modbus-serial from npm into build/masters/node"
-    part("node", stamp(HERE / "package-lock.json"), NODE_MODULES, packages, node)
-    part("libmodbus", stamp(source()), LIBMODBUS, "compiling the adapter of libmodbus", libmodbus)
+    shutil.copy(HERE / "package.json", node)
+    run(*NPM, folder=node)
+    mark.touch()

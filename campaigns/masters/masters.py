@@ -17,7 +17,6 @@ HERE = ROOT / "campaigns/masters"
 PYTHON = FOLDER / "venv/bin/python"
 OLD_PYMODBUS = FOLDER / "pymodbus2"
 NODE_MODULES = FOLDER / "node/node_modules"
-LIBMODBUS = FOLDER / "libmodbus"
 # Device that the examples name; the campaign puts the pty's name in its place.
 PORT = "/dev/ttyUSB0"
 # Joins a TCP port and the serial line; the example of RTU over TCP names the same port.
@@ -31,18 +30,15 @@ class Master:
 
     id: str
     title: str
-    adapter: str  # file of adapters/
+    adapter: str  # module or program of adapters/
     example: str  # file of example_programs/
     by_tcp: bool = False
     environment: dict[str, str] = field(default_factory=dict)
 
     def command(self) -> list[str]:
-        name, _, kind = self.adapter.partition(".")
-        if kind == "py":
-            return [str(PYTHON), "-m", f"campaigns.masters.adapters.{name}"]
-        if kind == "js":
+        if self.adapter.endswith(".js"):
             return ["node", str(HERE / "adapters" / self.adapter)]
-        return [str(LIBMODBUS)]
+        return [str(PYTHON), "-m", f"campaigns.masters.adapters.{self.adapter}"]
 
     def environ(self) -> dict[str, str]:
         return os.environ | {"NODE_PATH": str(NODE_MODULES), "PYTHONPATH": ""} | self.environment
@@ -52,23 +48,18 @@ class Master:
         return HERE / "example_programs" / self.example
 
 
+OLD = {"PYTHONPATH": str(OLD_PYMODBUS)}
 MASTERS = (
-    Master("pymodbus", "pymodbus", "pymodbus.py", "pymodbus.py"),
-    Master(
-        "pymodbus2",
-        "pymodbus 2",
-        "pymodbus2.py",
-        "pymodbus2.py",
-        environment={"PYTHONPATH": str(OLD_PYMODBUS)},
-    ),
-    Master("mbpoll", "mbpoll", "mbpoll.py", "mbpoll.sh"),
-    Master("libmodbus", "libmodbus", "libmodbus.c", "libmodbus.c"),
-    Master("minimalmodbus", "minimalmodbus", "minimalmodbus.py", "minimalmodbus.py"),
-    Master("modbus_tk", "modbus_tk", "modbus_tk.py", "modbus_tk.py"),
-    Master("umodbus", "umodbus", "umodbus.py", "umodbus.py"),
-    Master("tmodbus", "tmodbus", "tmodbus.py", "tmodbus.py"),
-    Master("anymodbus", "anymodbus", "anymodbus.py", "anymodbus.py"),
+    Master("pymodbus", "pymodbus", "pymodbus", "pymodbus.py"),
+    Master("pymodbus2", "pymodbus 2", "pymodbus2", "pymodbus2.py", environment=OLD),
+    Master("mbpoll", "mbpoll", "mbpoll", "mbpoll.sh"),
+    Master("libmodbus", "libmodbus", "libmodbus", "libmodbus.c"),
+    Master("minimalmodbus", "minimalmodbus", "minimalmodbus", "minimalmodbus.py"),
+    Master("modbus_tk", "modbus_tk", "modbus_tk", "modbus_tk.py"),
+    Master("umodbus", "umodbus", "umodbus", "umodbus.py"),
+    Master("tmodbus", "tmodbus", "tmodbus", "tmodbus.py"),
+    Master("anymodbus", "anymodbus", "anymodbus", "anymodbus.py"),
     Master("modbus-serial", "modbus-serial", "modbus_serial.js", "modbus_serial.js"),
-    Master("socat", "RTU over TCP", "pymodbus.py", "socat.py", by_tcp=True),
+    Master("socat", "RTU over TCP", "pymodbus", "socat.py", by_tcp=True),
 )
 BY_ID = {master.id: master for master in MASTERS}

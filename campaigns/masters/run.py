@@ -57,8 +57,15 @@ def show(master: Master, dialect: str, records: dict) -> None:
         print(f"  {master.title}, {dialect}, {case.title}: {records[case.id]['answer']}")
 
 
+def kept(records: dict) -> dict:
+    """Answers and times: the bytes were judged."""
+    return {case: {key: record[key] for key in ("answer", "took")} for case, record in records.items()}
+
+
 def write(results: dict) -> None:
-    page.ANSWERS.write_text(page.layout(results) + "\n")
+    for found in results["masters"].values():
+        found["dialects"] = {dialect: kept(records) for dialect, records in found["dialects"].items()}
+    page.ANSWERS.write_text(page.layout(results, 4) + "\n")
     write_page(results)
 
 

@@ -7,57 +7,37 @@ from importlib.metadata import version
 
 from anymodbus import BusConfig, ModbusError, ModbusExceptionResponse, RetryPolicy, sync
 
-from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, serve
+from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, Calls
 from rtl.command import run_main
 
 PARITIES = {"N": "none", "E": "even"}
 
 
-class Anymodbus(Adapter):
-    version = version("anymodbus")
-    errors = (ModbusError,)
-
-    def __init__(self, bus: sync.Bus | None = None) -> None:
-        self.bus = bus  # it closes the port when nothing refers to it any more
-        self.slave = bus.slave(UNIT) if bus else None
-
-    def code_of(self, error: Exception) -> int | None:
-        return error.exception_code if isinstance(error, ModbusExceptionResponse) else None
-
-    def read_coils(self, address: int, count: int) -> list[int]:
-        return list(self.slave.read_coils(address, count=count))
-
-    def read_registers(self, address: int, count: int) -> list[int]:
-        return list(self.slave.read_holding_registers(address, count=count))
-
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        return list(self.slave.read_input_registers(address, count=count))
-
-    def write_coil(self, address: int, value: int) -> None:
-        self.slave.write_coil(address, on=bool(value))
-
-    def write_register(self, address: int, value: int) -> None:
-        self.slave.write_register(address, value)
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        self.slave.write_coils(address, [bool(v) for v in values])
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        self.slave.write_registers(address, values)
-
-    def read_text(self, address: int, count: int) -> str:
-        return self.slave.read_string(address, register_count=count)
-
-    def write_text(self, address: int, text: str) -> None:
-        self.slave.write_string(address, text, register_count=len(text) // 2)
-
-
-def opened(port: str, timeout: float | None, parity: str) -> Anymodbus:
+def opened(port: str, timeout: float | None, parity: str) -> Calls:
     config = None
     if timeout is not None:
         config = BusConfig(request_timeout=timeout, retries=RetryPolicy(retries=0))
-    return Anymodbus(sync.open_modbus_rtu(port, baudrate=BAUD, parity=PARITIES[parity], config=config))
+    bus = sync.open_modbus_rtu(port, baudrate=BAUD, parity=PARITIES[parity], config=config)
+
+    def slave():
+        return bus.slave(UNIT)  # the bus closes the port when nothing refers to it any more
+
+    return {
+        "read-coils": lambda at, count: slave().read_coils(at, count=count),
+        "read-registers": lambda at, count: slave().read_holding_registers(at, count=count),
+        "read-inputs": lambda at, count: slave().read_input_registers(at, count=count),
+        "write-coil": lambda at, value: slave().write_coil(at, on=bool(value)),
+        "write-register": lambda at, value: slave().write_register(at, value),
+        "write-coils": lambda at, values: slave().write_coils(at, list(map(bool, values))),
+        "write-registers": lambda at, values: slave().write_registers(at, values),
+        "read-text": lambda at, count: slave().read_string(at, register_count=count),
+        "write-text": lambda at, text: slave().write_string(at, text, register_count=len(text) // 2),
+    }
+
+
+def code_of(error: Exception) -> int | None:
+    return error.exception_code if isinstance(error, ModbusExceptionResponse) else None
 
 
 if __name__ == "__main__":
-    run_main("anymodbus", lambda: serve(opened, Anymodbus))
+    run_main("anymodbus", Adapter(version("anymodbus"), (ModbusError,), opened, code_of).serve)

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Common to the adapters in Python: a request comes in as a line, an answer goes out as a line of JSON.
+"""The common part of the adapters: each asks one master for what it reads from its standard input.
 
-    python -m campaigns.masters.adapters.NAME PORT TIMEOUT PARITY
+    python -m campaigns.masters.adapters.NAME PORT TIMEOUT PARITY    TIMEOUT in s, or `default`; PARITY N or E
 
-PORT is a device, or `HOST:PORT` for RTU over TCP. TIMEOUT is in seconds, or `default` for the master's own.
-PARITY is N or E. The line is 9600 bit/s, the unit is 1, addresses are on-wire. The first line out is `ready`
-with the master's version, or the answer to the failed opening. Requests:
+First line of output: {"ready": version}, or the error of the opening. Then, a line for each request:
 
     read-coils ADDRESS COUNT         read-registers ADDRESS COUNT
     read-inputs ADDRESS COUNT        function 04
@@ -24,9 +22,13 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 BAUD, UNIT = 9600, 1
 DEFAULT = "default"
+# What each request calls: the address, then a count, a value or a list of values.
+Calls = dict[str, Callable[[int, Any], Any]]
 
 
 class ShownError(Exception):
@@ -37,67 +39,35 @@ class ShownError(Exception):
         self.code = code
 
 
-def text_of(registers: list[int]) -> str:
-    """Two characters a register, the first in the high byte."""
-    return b"".join(value.to_bytes(2, "big") for value in registers).decode("latin-1")
-
-
-def registers_of(text: str) -> list[int]:
-    data = text.encode("latin-1")
-    return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
-
-
+@dataclass(frozen=True)
 class Adapter:
-    """A master's calls. A master without a call of its own for texts inherits these two."""
+    """A master. `errors`: its own kinds; `code_of`: the number in an error, if it has one."""
 
-    version = ""
-    errors: tuple[type[Exception], ...] = ()
+    version: str
+    errors: tuple[type[Exception], ...]
+    opened: Callable[[str, float | None, str], Calls]
+    code_of: Callable[[Exception], int | None] = lambda error: None
 
-    def read_coils(self, address: int, count: int) -> list[int]:
-        raise NotImplementedError
-
-    def read_registers(self, address: int, count: int) -> list[int]:
-        raise NotImplementedError
-
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        raise NotImplementedError
-
-    def write_coil(self, address: int, value: int) -> None:
-        raise NotImplementedError
-
-    def write_register(self, address: int, value: int) -> None:
-        raise NotImplementedError
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        raise NotImplementedError
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        raise NotImplementedError
-
-    def read_text(self, address: int, count: int) -> str:
-        return text_of(self.read_registers(address, count))
-
-    def write_text(self, address: int, text: str) -> None:
-        self.write_registers(address, registers_of(text))
-
-    def code_of(self, error: Exception) -> int | None:
-        """The exception's number, if the master gives it as a number."""
-        return None
-
-    def ask(self, line: str) -> dict:
+    def ask(self, calls: Calls, line: str) -> dict:
         what, address, *rest = line.split()
         at = int(address)
-        if what in ("read-coils", "read-registers", "read-inputs"):
-            values = getattr(self, what.replace("-", "_"))(at, int(rest[0]))
-            return {"values": [int(value) for value in values]}
         if what == "read-text":
-            return {"text": self.read_text(at, int(rest[0]))}
+            if "read-text" in calls:
+                return {"text": calls["read-text"](at, int(rest[0]))}
+            registers = calls["read-registers"](at, int(rest[0]))
+            return {"text": b"".join(value.to_bytes(2, "big") for value in registers).decode("latin-1")}
+        if what.startswith("read-"):
+            return {"values": [int(value) for value in calls[what](at, int(rest[0]))]}
         if what == "write-text":
-            self.write_text(at, bytes.fromhex(rest[0]).decode("latin-1"))
-        elif what in ("write-coil", "write-register"):
-            getattr(self, what.replace("-", "_"))(at, int(rest[0]))
+            data = bytes.fromhex(rest[0])
+            if "write-text" in calls:
+                calls["write-text"](at, data.decode("latin-1"))
+            else:
+                words = [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
+                calls["write-registers"](at, words)
         else:
-            getattr(self, what.replace("-", "_"))(at, [int(value) for value in rest])
+            values = [int(value) for value in rest]
+            calls[what](at, values if what.endswith("s") else values[0])
         return {"done": True}
 
     def failed(self, error: Exception) -> dict:
@@ -111,23 +81,22 @@ class Adapter:
         code = self.code_of(error)
         return {"shows": said} | ({} if code is None else {"code": int(code)})
 
+    def serve(self) -> int:
+        """Opens the port and answers requests until their end. What a master raises is the subject here."""
+        port, timeout, parity = sys.argv[1:]
+        try:
+            calls = self.opened(port, None if timeout == DEFAULT else float(timeout), parity)
+        except Exception as error:
+            tell(self.failed(error))
+            return 0
+        tell({"ready": self.version})
+        for line in sys.stdin:
+            try:
+                tell(self.ask(calls, line))
+            except Exception as error:
+                tell(self.failed(error))
+        return 0
+
 
 def tell(answer: dict) -> None:
     print(json.dumps(answer), flush=True)
-
-
-def serve(opened: Callable[[str, float | None, str], Adapter], kind: type[Adapter]) -> int:
-    """Opens the port and answers requests until their end."""
-    port, timeout, parity = sys.argv[1:]
-    try:
-        adapter = opened(port, None if timeout == DEFAULT else float(timeout), parity)
-    except Exception as error:  # the subject of the campaign: whatever a master raises
-        tell(kind().failed(error))
-        return 0
-    tell({"ready": adapter.version})
-    for line in sys.stdin:
-        try:
-            tell(adapter.ask(line))
-        except Exception as error:
-            tell(adapter.failed(error))
-    return 0

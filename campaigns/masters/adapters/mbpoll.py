@@ -6,10 +6,11 @@ from __future__ import annotations
 import re
 import subprocess
 
-from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, ShownError, serve
+from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, Calls, ShownError
 from rtl.command import run_main
 
 PARITIES = {"N": "none", "E": "even"}
+COILS, INPUTS, REGISTERS = "034"  # of mbpoll's option -t
 
 
 def version() -> str:
@@ -23,44 +24,34 @@ def version() -> str:
     return found[0] if found else "of unknown version"
 
 
-class Mbpoll(Adapter):
-    def __init__(self, port: str = "", timeout: float | None = None, parity: str = "N") -> None:
-        self.version = version()
-        self.line = ["mbpoll", "-m", "rtu", "-a", str(UNIT), "-b", str(BAUD), "-P", PARITIES[parity]]
-        self.line += ["-s", "2", *([] if timeout is None else ["-o", str(timeout)])]
-        self.port = port
+def opened(port: str, timeout: float | None, parity: str) -> Calls:
+    line = ["mbpoll", "-m", "rtu", "-a", str(UNIT), "-b", str(BAUD), "-P", PARITIES[parity], "-s", "2"]
+    line += [] if timeout is None else ["-o", str(timeout)]
 
-    def _run(self, kind: int, address: int, count: int = 0, values: list[int] | None = None) -> list[int]:
+    def run(kind: str, at: int, *more: str, values: list[int]) -> list[int]:
         """References of mbpoll count from 1; -1 asks once."""
-        command = [*self.line, "-t", str(kind), "-r", str(address + 1), "-1"]
-        command += ["-c", str(count)] if count else []
-        command += [self.port, *map(str, values or [])]
+        command = [*line, "-t", kind, "-r", str(at + 1), "-1", *more, port, *map(str, values)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise ShownError(" ".join(done.stderr.split()) or f"exit code {done.returncode}")
         return [int(value) for value in re.findall(r"^\[\d+\]:\s+(\d+)", done.stdout, re.MULTILINE)]
 
-    def read_coils(self, address: int, count: int) -> list[int]:
-        return self._run(0, address, count)
+    def read(kind: str):
+        return lambda at, count: run(kind, at, "-c", str(count), values=[])
 
-    def read_registers(self, address: int, count: int) -> list[int]:
-        return self._run(4, address, count)
+    def write(kind: str):
+        return lambda at, what: run(kind, at, values=what if isinstance(what, list) else [what])
 
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        return self._run(3, address, count)
-
-    def write_coil(self, address: int, value: int) -> None:
-        self._run(0, address, values=[value])
-
-    def write_register(self, address: int, value: int) -> None:
-        self._run(4, address, values=[value])
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        self._run(0, address, values=values)
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        self._run(4, address, values=values)
+    return {
+        "read-coils": read(COILS),
+        "read-registers": read(REGISTERS),
+        "read-inputs": read(INPUTS),
+        "write-coil": write(COILS),
+        "write-register": write(REGISTERS),
+        "write-coils": write(COILS),
+        "write-registers": write(REGISTERS),
+    }
 
 
 if __name__ == "__main__":
-    run_main("mbpoll", lambda: serve(Mbpoll, Mbpoll))
+    run_main("mbpoll", Adapter(version(), (), opened).serve)

@@ -5,54 +5,28 @@ from __future__ import annotations
 
 import minimalmodbus
 
-from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, serve
+from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, Calls
 from rtl.command import run_main
 
 
-class Minimalmodbus(Adapter):
-    version = minimalmodbus.__version__
-    errors = (minimalmodbus.ModbusException,)
-
-    def __init__(self, instrument: minimalmodbus.Instrument | None = None) -> None:
-        self.instrument = instrument
-
-    def read_coils(self, address: int, count: int) -> list[int]:
-        return self.instrument.read_bits(address, count, functioncode=1)
-
-    def read_registers(self, address: int, count: int) -> list[int]:
-        return self.instrument.read_registers(address, count)
-
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        return self.instrument.read_registers(address, count, functioncode=4)
-
-    def write_coil(self, address: int, value: int) -> None:
-        self.instrument.write_bit(address, value, functioncode=5)
-
-    def write_register(self, address: int, value: int) -> None:
-        self.instrument.write_register(address, value, functioncode=6)
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        self.instrument.write_bits(address, values)
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        self.instrument.write_registers(address, values)
-
-    def read_text(self, address: int, count: int) -> str:
-        return self.instrument.read_string(address, count)
-
-    def write_text(self, address: int, text: str) -> None:
-        self.instrument.write_string(address, text, len(text) // 2)
-
-
-def opened(port: str, timeout: float | None, parity: str) -> Minimalmodbus:
-    instrument = minimalmodbus.Instrument(port, UNIT)
-    instrument.serial.baudrate = BAUD
-    instrument.serial.stopbits = 2
-    instrument.serial.parity = parity
+def opened(port: str, timeout: float | None, parity: str) -> Calls:
+    of = minimalmodbus.Instrument(port, UNIT)
+    of.serial.baudrate, of.serial.stopbits, of.serial.parity = BAUD, 2, parity
     if timeout is not None:
-        instrument.serial.timeout = timeout
-    return Minimalmodbus(instrument)
+        of.serial.timeout = timeout
+    return {
+        "read-coils": lambda at, count: of.read_bits(at, count, functioncode=1),
+        "read-registers": of.read_registers,
+        "read-inputs": lambda at, count: of.read_registers(at, count, functioncode=4),
+        "write-coil": lambda at, value: of.write_bit(at, value, functioncode=5),
+        "write-register": lambda at, value: of.write_register(at, value, functioncode=6),
+        "write-coils": of.write_bits,
+        "write-registers": of.write_registers,
+        "read-text": of.read_string,
+        "write-text": lambda at, text: of.write_string(at, text, len(text) // 2),
+    }
 
 
 if __name__ == "__main__":
-    run_main("minimalmodbus", lambda: serve(opened, Minimalmodbus))
+    adapter = Adapter(minimalmodbus.__version__, (minimalmodbus.ModbusException,), opened)
+    run_main("minimalmodbus", adapter.serve)

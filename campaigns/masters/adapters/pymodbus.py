@@ -10,52 +10,17 @@ from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
-from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, ShownError, serve
+from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, Calls, ShownError
 from rtl.command import run_main
 
 
-class Pymodbus(Adapter):
-    version = pymodbus.__version__
-    errors = (ModbusException,)
-
-    def __init__(self, client: ModbusSerialClient | ModbusTcpClient | None = None) -> None:
-        self.client = client
-
-    def _good(self, response: Any) -> Any:
-        if response.isError():
-            raise ShownError(str(response), response.exception_code)
-        return response
-
-    def read_coils(self, address: int, count: int) -> list[int]:
-        return self._good(self.client.read_coils(address, count=count, device_id=UNIT)).bits[:count]
-
-    def read_registers(self, address: int, count: int) -> list[int]:
-        return self._good(self.client.read_holding_registers(address, count=count, device_id=UNIT)).registers
-
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        return self._good(self.client.read_input_registers(address, count=count, device_id=UNIT)).registers
-
-    def write_coil(self, address: int, value: int) -> None:
-        self._good(self.client.write_coil(address, bool(value), device_id=UNIT))
-
-    def write_register(self, address: int, value: int) -> None:
-        self._good(self.client.write_register(address, value, device_id=UNIT))
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        self._good(self.client.write_coils(address, [bool(v) for v in values], device_id=UNIT))
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        self._good(self.client.write_registers(address, values, device_id=UNIT))
-
-    def read_text(self, address: int, count: int) -> str:
-        registers = self.read_registers(address, count)
-        return self.client.convert_from_registers(registers, self.client.DATATYPE.STRING)
-
-    def write_text(self, address: int, text: str) -> None:
-        self.write_registers(address, self.client.convert_to_registers(text, self.client.DATATYPE.STRING))
+def good(response: Any) -> Any:
+    if response.isError():
+        raise ShownError(str(response), response.exception_code)
+    return response
 
 
-def opened(port: str, timeout: float | None, parity: str) -> Pymodbus:
+def opened(port: str, timeout: float | None, parity: str) -> Calls:
     options: dict[str, Any] = {} if timeout is None else {"timeout": timeout, "retries": 0}
     if ":" in port:
         host, _, number = port.rpartition(":")
@@ -64,8 +29,27 @@ def opened(port: str, timeout: float | None, parity: str) -> Pymodbus:
         client = ModbusSerialClient(port, baudrate=BAUD, parity=parity, stopbits=2, **options)
     if not client.connect():
         raise ShownError("connect() returns False")
-    return Pymodbus(client)
+    text = client.DATATYPE.STRING
+
+    def read(method: Any):
+        return lambda at, count: good(method(at, count=count, device_id=UNIT)).registers
+
+    def write(method: Any):
+        return lambda at, value: good(method(at, value, device_id=UNIT))
+
+    registers, write_registers = read(client.read_holding_registers), write(client.write_registers)
+    return {
+        "read-coils": lambda at, count: good(client.read_coils(at, count=count, device_id=UNIT)).bits[:count],
+        "read-registers": registers,
+        "read-inputs": read(client.read_input_registers),
+        "write-coil": lambda at, value: write(client.write_coil)(at, bool(value)),
+        "write-register": write(client.write_register),
+        "write-coils": lambda at, values: write(client.write_coils)(at, list(map(bool, values))),
+        "write-registers": write_registers,
+        "read-text": lambda at, count: client.convert_from_registers(registers(at, count), text),
+        "write-text": lambda at, value: write_registers(at, client.convert_to_registers(value, text)),
+    }
 
 
 if __name__ == "__main__":
-    run_main("pymodbus", lambda: serve(opened, Pymodbus))
+    run_main("pymodbus", Adapter(pymodbus.__version__, (ModbusException,), opened).serve)

@@ -9,51 +9,33 @@ from pymodbus.client.sync import ModbusSerialClient
 from pymodbus.exceptions import ModbusException
 from pymodbus.version import version
 
-from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, ShownError, serve
+from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, Calls, ShownError
 from rtl.command import run_main
 
 
-class Pymodbus2(Adapter):
-    version = version.short()
-    errors = (ModbusException,)
-
-    def __init__(self, client: ModbusSerialClient | None = None) -> None:
-        self.client = client
-
-    def _good(self, response: Any) -> Any:
-        if response.isError():
-            raise ShownError(str(response), getattr(response, "exception_code", None))
-        return response
-
-    def read_coils(self, address: int, count: int) -> list[int]:
-        return self._good(self.client.read_coils(address, count, unit=UNIT)).bits[:count]
-
-    def read_registers(self, address: int, count: int) -> list[int]:
-        return self._good(self.client.read_holding_registers(address, count, unit=UNIT)).registers
-
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        return self._good(self.client.read_input_registers(address, count, unit=UNIT)).registers
-
-    def write_coil(self, address: int, value: int) -> None:
-        self._good(self.client.write_coil(address, bool(value), unit=UNIT))
-
-    def write_register(self, address: int, value: int) -> None:
-        self._good(self.client.write_register(address, value, unit=UNIT))
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        self._good(self.client.write_coils(address, [bool(v) for v in values], unit=UNIT))
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        self._good(self.client.write_registers(address, values, unit=UNIT))
+def good(response: Any) -> Any:
+    if response.isError():
+        raise ShownError(str(response), getattr(response, "exception_code", None))
+    return response
 
 
-def opened(port: str, timeout: float | None, parity: str) -> Pymodbus2:
+def opened(port: str, timeout: float | None, parity: str) -> Calls:
     options = {} if timeout is None else {"timeout": timeout}
     client = ModbusSerialClient("rtu", port=port, baudrate=BAUD, parity=parity, stopbits=2, **options)
     if not client.connect():
         raise ShownError("connect() returns False")
-    return Pymodbus2(client)
+    return {
+        "read-coils": lambda at, count: good(client.read_coils(at, count, unit=UNIT)).bits[:count],
+        "read-registers": lambda at, count: (
+            good(client.read_holding_registers(at, count, unit=UNIT)).registers
+        ),
+        "read-inputs": lambda at, count: good(client.read_input_registers(at, count, unit=UNIT)).registers,
+        "write-coil": lambda at, value: good(client.write_coil(at, bool(value), unit=UNIT)),
+        "write-register": lambda at, value: good(client.write_register(at, value, unit=UNIT)),
+        "write-coils": lambda at, values: good(client.write_coils(at, list(map(bool, values)), unit=UNIT)),
+        "write-registers": lambda at, values: good(client.write_registers(at, values, unit=UNIT)),
+    }
 
 
 if __name__ == "__main__":
-    run_main("old-pymodbus", lambda: serve(opened, Pymodbus2))
+    run_main("old-pymodbus", Adapter(version.short(), (ModbusException,), opened).serve)

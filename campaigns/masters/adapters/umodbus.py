@@ -4,54 +4,36 @@
 from __future__ import annotations
 
 from importlib.metadata import version
-from typing import Any
 
 import serial
 from umodbus.client.serial import rtu
 from umodbus.exceptions import ModbusError
 
-from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, serve
+from campaigns.masters.adapters.common import BAUD, UNIT, Adapter, Calls
 from rtl.command import run_main
 
-
-class Umodbus(Adapter):
-    version = version("uModbus")
-    errors = (ModbusError,)
-
-    def __init__(self, port: serial.Serial | None = None) -> None:
-        self.port = port
-
-    def code_of(self, error: Exception) -> int | None:
-        return getattr(error, "error_code", None)
-
-    def _send(self, adu: bytes) -> Any:
-        return rtu.send_message(adu, self.port)
-
-    def read_coils(self, address: int, count: int) -> list[int]:
-        return self._send(rtu.read_coils(UNIT, address, count))
-
-    def read_registers(self, address: int, count: int) -> list[int]:
-        return self._send(rtu.read_holding_registers(UNIT, address, count))
-
-    def read_inputs(self, address: int, count: int) -> list[int]:
-        return self._send(rtu.read_input_registers(UNIT, address, count))
-
-    def write_coil(self, address: int, value: int) -> None:
-        self._send(rtu.write_single_coil(UNIT, address, value))
-
-    def write_register(self, address: int, value: int) -> None:
-        self._send(rtu.write_single_register(UNIT, address, value))
-
-    def write_coils(self, address: int, values: list[int]) -> None:
-        self._send(rtu.write_multiple_coils(UNIT, address, values))
-
-    def write_registers(self, address: int, values: list[int]) -> None:
-        self._send(rtu.write_multiple_registers(UNIT, address, values))
+REQUESTS = {
+    "read-coils": rtu.read_coils,
+    "read-registers": rtu.read_holding_registers,
+    "read-inputs": rtu.read_input_registers,
+    "write-coil": rtu.write_single_coil,
+    "write-register": rtu.write_single_register,
+    "write-coils": rtu.write_multiple_coils,
+    "write-registers": rtu.write_multiple_registers,
+}
 
 
-def opened(port: str, timeout: float | None, parity: str) -> Umodbus:
-    return Umodbus(serial.Serial(port, BAUD, parity=parity, stopbits=2, timeout=timeout))
+def opened(name: str, timeout: float | None, parity: str) -> Calls:
+    port = serial.Serial(name, BAUD, parity=parity, stopbits=2, timeout=timeout)
+
+    def call(request):
+        return lambda at, what: rtu.send_message(request(UNIT, at, what), port)
+
+    return {what: call(request) for what, request in REQUESTS.items()}
 
 
 if __name__ == "__main__":
-    run_main("umodbus", lambda: serve(opened, Umodbus))
+    adapter = Adapter(
+        version("uModbus"), (ModbusError,), opened, lambda error: getattr(error, "error_code", None)
+    )
+    run_main("umodbus", adapter.serve)
