@@ -16,8 +16,11 @@ import pytest
 
 from constraints.boards import boards
 from rtl.command import VERSION, version
-from rtl.sources import ROOT
-from tb.model.card import OBJECTS
+from rtl.sources import ROOT, configurations
+from tb.agents.rtu import build, write_register
+from tb.card.test_card_large_memory import PARAMETERS
+from tb.lib.fast_card import FastCard
+from tb.model.card import DIALECTS, OBJECTS
 from tools import datasheet, figures, release, trace
 from tools.release import Image
 from tools.trace import Result
@@ -148,6 +151,19 @@ def test_images_of_every_dialect_and_option():
     assert names == sorted([*options, "hvac-basic", "hvac-basic-refresh"])
     large = {image.name for image in found if image.path.parts[1] == "large"}
     assert large == {f"{name}{end}" for name in ("card", "builtin", "hvac-basic") for end in ("", "-all")}
+
+
+def test_every_image_speaks_its_dialect():
+    """Each has a code of its own for the value 0 of 40003. The names alone would not show the wrong one."""
+    for image in firmware_images():
+        config = "tiny" if "tiny" in image.path.parts else "standard"
+        folder = image.path.parent.relative_to(Path(configurations()[config]["firmware_hex"]).parent)
+        dialect = next((name for name in DIALECTS if name in image.path.parts), "card")
+        parameters = PARAMETERS if "large" in image.path.parts else ()
+        with FastCard(dialect=str(folder), config=config, parameters=parameters, seed=1) as card:
+            card.run(card.boot_ms)
+            refused = card.request(build(1, write_register(2, 0)))
+            assert refused and refused.data[1:-2] == bytes([0x86, DIALECTS[dialect].codes["value"]]), image
 
 
 @pytest.mark.slow
