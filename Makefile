@@ -76,6 +76,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
 #:   REST=1        as CI: without the tests that `make test` runs, and without twins, more cases of a test (test-all)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
+#:   SAMPLE=n      mutants, or all (kills); default: 60
 #:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, formal-flips, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
@@ -160,7 +161,7 @@ report: | setup-test ## * tests, rules, figures and pictures in one page: build/
 	@$(RUN) tools.report
 
 ##@ Prove
-.PHONY: formal formal-flips mutate
+.PHONY: formal formal-flips mutate kills
 formal: | setup-test ## * prove the promises of formal/ (3 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
@@ -169,6 +170,9 @@ formal-flips: | setup-test ## prove that one flipped bit does no harm, bit by bi
 
 mutate: firmware | setup-test ## change modules on purpose; proofs and benches must notice (hours; MODULE=)
 	@$(RUN) campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
+
+kills: firmware | setup-synth setup-firmware ## which test notices each planted bug and SAMPLE= mutants (45 min; SAMPLE=60)
+	@$(RUN) campaigns.kills.run $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS)
 
 ##@ Measure
 # Built by content: at once if nothing has changed.

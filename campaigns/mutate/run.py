@@ -48,8 +48,12 @@ SAME = "proved the same"
 LONGEST_S = 900  # for the unchanged module; a mutant has TIMES_LONGER of the measured time
 TIMES_LONGER = 5
 LEAST_S = 60
+# Every test that `make test` or CI runs.
+IN_CI = ("--all",)
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider")
+FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - .*)?$", re.M)
 # The bench of the whole card is slow on Icarus. Of the others `make test` leaves out a part there.
-OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", "--all"]
+OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", *IN_CI]
 # Modules that the bench of another one plays.
 BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram"}
 # The whole card is tested by subject.
@@ -109,6 +113,7 @@ class Mutant:
     text: str  # replacement
     verdict: str = ""  # caught, same, survived; invalid: does not compile
     by: str = ""  # proof, test
+    node: str = ""  # the test of pytest, or the proof
     seconds: float = 0.0
 
     @property
@@ -205,6 +210,13 @@ def mutants(module: str, path: Path) -> list[Mutant]:
     return found
 
 
+def shuffled(module: str, seed: int) -> list[Mutant]:
+    """All mutants of a module, in the order in which a run with this seed tries them."""
+    found = mutants(module, next(path for path in rtl_files() if path.stem == module))
+    random.Random(f"{seed} {module}").shuffle(found)
+    return found
+
+
 def inverted_input(text: str, mutant: Mutant) -> tuple[Path, str] | None:
     """File and input of the instance whose connection the mutant inverts."""
     if mutant.text != f"~({text[mutant.start : mutant.end]})":
@@ -234,19 +246,15 @@ def copy_project(root: Path) -> None:
             shutil.copy(made, root / "build" / image)
 
 
-class Tree:
-    """A copy of the project in which one module is changed."""
+class Copy:
+    """A copy of the project, in which checks run."""
 
-    def __init__(self, number: int, module: str) -> None:
-        self.root = WORK / f"tree-{module}-{number}"
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.root = WORK / f"tree-{name}"
         copy_project(self.root)
-        self.checks: list[str] = []
         self.longest_s: float = LONGEST_S
         self.child: subprocess.Popen | None = None
-        self.module = module
-        self.path = next(path for path in rtl_files() if path.stem == module)
-        self.original = self.path.read_text()
-        self.file = self.root / self.path.relative_to(ROOT)
         self.env = os.environ | {"COCOTB_RANDOM_SEED": "1"}
 
     def run(self, *command: str) -> tuple[bool, str]:
@@ -262,7 +270,7 @@ class Tree:
         code, output = done
         if code not in (0, 1):
             raise SystemExit(
-                f"mutate: {self.module}: exit code {code} of {' '.join(command)}:\n{output[-800:]}"
+                f"mutate: {self.name}: exit code {code} of {' '.join(command)}:\n{output[-800:]}"
             )
         return code == 0, output
 
@@ -291,6 +299,27 @@ class Tree:
         if self.child and self.child.poll() is None:
             os.killpg(self.child.pid, signal.SIGKILL)
 
+    def failing_test(self, *arguments: str) -> str:
+        """The first test that fails; the files where none ends in time; "" if all pass."""
+        passed, output = self.run(*PYTEST, *arguments)
+        found = FAILED.search(output)
+        return "" if passed else found[1] if found else " ".join(arguments)
+
+    def remove(self) -> None:
+        shutil.rmtree(self.root, ignore_errors=True)
+
+
+class Tree(Copy):
+    """A copy of the project in which one module is changed."""
+
+    def __init__(self, number: int | str, module: str) -> None:
+        super().__init__(f"{module}-{number}")
+        self.checks: list[str] = []
+        self.module = module
+        self.path = next(path for path in rtl_files() if path.stem == module)
+        self.original = self.path.read_text()
+        self.file = self.root / self.path.relative_to(ROOT)
+
     def compiles(self) -> bool:
         files = [
             str(self.root / path.relative_to(ROOT))
@@ -300,12 +329,13 @@ class Tree:
         done = self.try_once("iverilog", "-g2005", "-t", "null", "-s", self.module, *files)
         return done is not None and done[0] == 0
 
-    def proved(self) -> tuple[bool, str]:
-        return self.run(sys.executable, "-m", "formal.prove", self.module, "--task", "prove", "--jobs", "1")
-
-    def tested(self) -> tuple[bool, str]:
-        pytest = (sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider")
-        return self.run(*pytest, *bench_arguments(self.module))
+    def failing(self, check: str, changed: bool = True) -> str:
+        """The test or proof that fails. A changed file that Yosys cannot read is no failed proof."""
+        if check == "test":
+            return self.failing_test(*bench_arguments(self.module))
+        proof = ("-m", "formal.prove", self.module, "--task", "prove", "--jobs", "1")
+        passed, output = self.run(sys.executable, *proof)
+        return "" if passed or (changed and "ERROR" in output) else f"formal/{self.module}.sby, task prove"
 
     def same(self, mutant: Mutant) -> bool:
         folder = ROOT / "build/mutate" / f"same-{self.root.name}"
@@ -322,17 +352,12 @@ class Tree:
         """Runs all checks on the unchanged module, which must pass; sorts them by time."""
         if not self.compiles():
             raise SystemExit(f"mutate: {self.module} does not compile unchanged")
-        checks = {"test": self.tested}
-        if (ROOT / f"formal/{self.module}.sby").exists():
-            checks["proof"] = self.proved
+        checks = ["test", *["proof"] * (ROOT / f"formal/{self.module}.sby").exists()]
         times = {}
-        for name, check in checks.items():
+        for name in checks:
             began = time.monotonic()
-            passed, output = check()
-            if not passed:
-                raise SystemExit(
-                    f"mutate: {name} of {self.module} fails on the unchanged module:\n{output[-800:]}"
-                )
+            if failed := self.failing(name, changed=False):
+                raise SystemExit(f"mutate: {self.module}: {failed} fails on the unchanged module")
             times[name] = time.monotonic() - began
         self.checks = sorted(times, key=times.get)
         self.longest_s = max(LEAST_S, TIMES_LONGER * max(times.values()))
@@ -350,10 +375,8 @@ class Tree:
             else:
                 mutant.verdict = "survived"
                 for name in self.checks:
-                    passed, output = {"test": self.tested, "proof": self.proved}[name]()
-                    # A file that Yosys cannot read is not a failed proof.
-                    if not passed and not (name == "proof" and "ERROR" in output):
-                        mutant.verdict, mutant.by = "caught", name
+                    if node := self.failing(name):
+                        mutant.verdict, mutant.by, mutant.node = "caught", name, node
                         break
                 if mutant.verdict == "survived" and self.same(mutant):
                     mutant.verdict = "same"
@@ -361,9 +384,6 @@ class Tree:
             self.file.write_text(self.original)
         mutant.seconds = time.monotonic() - began
         return mutant
-
-    def remove(self) -> None:
-        shutil.rmtree(self.root, ignore_errors=True)
 
 
 def fingerprint(path: Path) -> str:
@@ -382,11 +402,9 @@ class MutationRun:
     def __init__(self, module: str, count: int, seed: int, shard: tuple[int, int]) -> None:
         self.module, self.seed = module, seed
         self.wanted = -(-count // shard[1])
-        path = next(path for path in rtl_files() if path.stem == module)
-        self.of = fingerprint(path)
-        found = mutants(module, path)
+        self.of = fingerprint(next(path for path in rtl_files() if path.stem == module))
+        found = shuffled(module, seed)
         self.possible = len(found)
-        random.Random(f"{seed} {module}").shuffle(found)
         suffix = "" if shard[1] == 1 else f".{shard[0]}of{shard[1]}"
         self.file = WORK / f"{module}{suffix}.json"
         known = self.read()

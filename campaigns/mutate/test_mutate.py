@@ -160,7 +160,7 @@ def test_a_check_that_did_not_run_is_no_verdict(tmp_path, monkeypatch):
     monkeypatch.setattr(mutate, "WORK", tmp_path)
     tree = mutate.Tree(0, "bcc")
     for command in ("echo nothing to run; exit 5", "kill -9 $$"):
-        with pytest.raises(SystemExit, match="mutate: bcc: exit code"):
+        with pytest.raises(SystemExit, match="mutate: bcc-0: exit code"):
             tree.run("bash", "-c", command)
 
 
