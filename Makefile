@@ -50,9 +50,15 @@ endif
 MODBUS_LINK := $(BUILD)/modbus
 # A test file may be given with its folder; pytest -k takes its name.
 NAMED = $(notdir $(TEST))
-PYTEST = $(RUN) pytest -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD)) \
+PYTEST = $(RUN) pytest --durations=30 -n $(JOBS) --dist=worksteal $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD)) \
 	$(if $(TEST),-k '$(NAMED)')
+# What the tests start.
+TESTED = firmware card drive bench-card $(BUILD)/host/libtranslate.so
 SEEDED = $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
+
+# The tools that the tests named by TEST= need; ends the command if no test fits: $(call named,command).
+named = [ -z "$(TEST)" ] || { layers=$$($(RUN) tools.names $(1) '$(NAMED)' $(if $(SIM),--sim=$(SIM)) \
+	$(if $(CARD),--card=$(CARD))) && { [ -z "$$layers" ] || tools/setup.sh $$layers; }; }
 
 # ---------------------------------------------------------------- help
 .PHONY: help help-all
@@ -72,9 +78,9 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:
 #: Variables
 #:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, fuzz, flips, replay); default: standard
-#:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, test-all, test-gates, waves)
-#:   SIM=name      icarus or verilator (test, test-all, waves); CARD=name: the whole card's tests as this card
-#:   REST=1        as CI: without the tests that `make test` runs, and without twins, more cases of a test (test-all)
+#:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, nightly, test-gates, waves)
+#:   SIM=name      icarus or verilator (test, nightly, waves); CARD=name: the whole card's tests as this card
+#:   FOLDERS=names of these folders the tests that are not in make test (nightly)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   SAMPLE=n      mutants, or all (kills); default: 60
 #:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
@@ -111,7 +117,7 @@ firmware: $(BUILD)/firmware.hex ## the firmware images: both cards, each dialect
 .PHONY: waves wireshark telegrams replay
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name (10 s for a module)
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
-	@$(RUN) tools.names waves '$(NAMED)' --sim=$(or $(SIM),icarus)
+	@$(RUN) tools.names waves '$(NAMED)' --sim=$(or $(SIM),icarus) >/dev/null
 	@mkdir -p $(BUILD)/waves && touch $(BUILD)/waves/begun
 	@WAVES=1 $(RUN) pytest -q --all --sim=$(or $(SIM),icarus) -k '$(NAMED)'
 	@[ -n "$$(find $(BUILD)/waves -name '*.fst' -newer $(BUILD)/waves/begun)" ] || \
@@ -133,17 +139,18 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
-.PHONY: test test-all test-gates lint format trace report
-test: | setup-test ## * every rule once, some modules on both simulators (8.5 min from a clean clone; TEST=name: a part)
-	@[ -z "$(TEST)" ] || $(RUN) tools.names test '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
-	@$(MAKE) -j$(JOBS) firmware card drive bench-card $(BUILD)/host/libtranslate.so
+.PHONY: test nightly test-all test-gates lint format trace report
+test: | setup-test ## * every rule of the card, each test of a few seconds (8.5 min from a clean clone; TEST=name: a part)
+	@$(call named,test)
+	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) $(if $(TEST),--all)
 
-test-all: | setup-test ## * every test: both cards, both simulators, boards, pages (35 min; REST=1: those not in make test)
-	@[ -z "$(TEST)" ] || $(RUN) tools.names test-all '$(NAMED)' $(if $(SIM),--sim=$(SIM)) $(if $(CARD),--card=$(CARD))
-	@tools/setup.sh all
-	@$(MAKE) firmware card drive bench-card $(BUILD)/host/libtranslate.so
-	@$(PYTEST) --all $(if $(REST),--rest)
+nightly: | setup-test ## * every test: both cards, both simulators, boards, pages (35 min; TEST=name: a part)
+	@$(if $(TEST),$(call named,nightly),tools/setup.sh all)
+	@$(MAKE) -j$(JOBS) $(TESTED)
+	@$(PYTEST) --all $(if $(FOLDERS),-m nightly $(FOLDERS))
+
+test-all: nightly ## the older name of make nightly
 
 test-gates: firmware | setup-synth ## the manual's examples on netlists and finished images (1 to 4 minutes each; TEST=)
 	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(NAMED)')

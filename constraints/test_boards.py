@@ -41,7 +41,7 @@ from tb.lib.runner import ROOT, WAIVERS, run
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
 
-pytestmark = pytest.mark.needs("synth")
+pytestmark = pytest.mark.nightly("synth")
 
 # Board outputs that are not outputs of the card.
 CONSTANT = {"wifi_gpio0": 1}
@@ -51,7 +51,9 @@ BAUD = 38_400
 BOARDS = boards()
 each_board = pytest.mark.parametrize("name", BOARDS)
 # The card is the same on each board. CI starts it on the boards to own alone.
-STARTED = [pytest.param(name, marks=[pytest.mark.twin] * (not name.startswith("card-"))) for name in BOARDS]
+STARTED = [
+    pytest.param(name, marks=[pytest.mark.nightly] * (not name.startswith("card-"))) for name in BOARDS
+]
 
 
 @each_board

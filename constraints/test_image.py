@@ -23,7 +23,7 @@ from sw.tools.seal import adds_up
 from tb.lib.runner import ROOT
 from tools.test_tools import command, one_line
 
-pytestmark = pytest.mark.needs("synth")
+pytestmark = pytest.mark.nightly("synth")
 
 BOARDS = boards()
 # A board of each family, with the small configuration, which routes faster.
@@ -48,7 +48,7 @@ def other_folder(monkeypatch, request) -> Path:
 
 
 # CI builds one board of each test: a build takes one to six minutes.
-TWIN = [pytest.mark.slow, pytest.mark.twin]
+TWIN = pytest.mark.nightly
 OTHERS = [pytest.param(family, marks=TWIN) for family in FULL if family != "machxo2"]
 GOWIN = ["card-gw1n-9", pytest.param("tang-nano-9k", marks=TWIN)]
 
@@ -118,7 +118,7 @@ def bytes_of_image(entry: Board, firmware: Path) -> list[list[int]]:
     return [block for block in blocks if any(block)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", GOWIN)
 def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(name, tmp_path):
     """With the present firmware, in the design that `make synth` has left if it is of these sources."""
@@ -157,7 +157,7 @@ def part_and_pins(entry: Board, bitstream: Path) -> tuple[int, set[str]]:
     return int.from_bytes(command[-4:], "big"), {name for name in found if name.endswith("_AS_GPIO")}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", GOWIN)
 def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(name, tmp_path):
     """As docs/guide/hardware.md says: JTAG stays, and RECONFIG_N, READY, DONE and the SPI pins stay."""

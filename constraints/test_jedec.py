@@ -258,12 +258,12 @@ def packed():
         yield image.make(BOARD, firmware, folder / BOARD.name / "random.bit")
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_the_decoded_jed_is_what_was_packed(packed):
     check_decoded(BOARD, packed, packed.with_suffix(".hex"))
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_build_and_image_leave_both_files(packed):
     left = {path.name for path in packed.parent.glob("*.jed")} | {
         path.name for path in packed.parent.glob("*.bit")
@@ -275,7 +275,7 @@ def test_build_and_image_leave_both_files(packed):
         assert File.read(jed).stream() == stream.ljust(-(-len(stream) // 16) * 16, b"\xff")
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_a_design_too_large_for_the_flash_leaves_nothing(packed, monkeypatch):
     monkeypatch.setattr(jedec, "FLASHES", {"LCMXO2-1200HC": jedec.Flash(IDCODE, 100, 0)})
     output = packed.parent / "large.bit"
@@ -308,7 +308,7 @@ def holds(part: Part, jed: Path) -> bool:
     return b"".join(part.rows()) == stream.ljust(PAGES * 16, b"\0")
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_openfpgaloader_writes_the_same_pages(packed, part):
     jed = packed.with_suffix(".jed")
     done = openfpgaloader(part, "-f", "--verify", "-v", jed)
@@ -322,7 +322,7 @@ def test_openfpgaloader_writes_the_same_pages(packed, part):
     assert {"PROGRAMN", "INITN", "DONE", "Slave SPI port", "I2c port"} < pins.keys()
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 @pytest.mark.parametrize(("words", "noticed"), [(["--verify"], True), ([], False)])
 def test_only_verify_notices_a_page_that_did_not_keep_its_content(packed, part, words, noticed):
     part.worn = {0}
@@ -331,7 +331,7 @@ def test_only_verify_notices_a_page_that_did_not_keep_its_content(packed, part, 
     assert (done.returncode != 0, "Verify Failure" in done.stdout) == (noticed, noticed)
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_an_uncompressed_bitstream_empties_the_flash_and_the_jed_recovers_it(packed, part):
     """Why docs/guide/hardware.md forbids `-f` with one: openFPGALoader 0.10 even reports success."""
     jed, plain = packed.with_suffix(".jed"), packed.parent / "plain.bit"
@@ -343,7 +343,7 @@ def test_an_uncompressed_bitstream_empties_the_flash_and_the_jed_recovers_it(pac
     assert openfpgaloader(part, "-f", "--verify", jed).returncode == 0 and holds(part, jed)
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_a_compressed_bitstream_brings_other_feature_bits(packed, part):
     """Why docs/guide/hardware.md forbids `-f` with any .bit."""
     done = openfpgaloader(part, "-f", packed)
@@ -351,7 +351,7 @@ def test_a_compressed_bitstream_brings_other_feature_bits(packed, part):
     assert (any(part.flash), part.feabits) == (True, 0x0460)
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_without_f_the_bitstream_goes_to_the_configuration_memory_only(packed, part):
     done = openfpgaloader(part, packed)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -16,12 +16,11 @@ from rtl.sources import ROOT, card_files, configurations
 LISTS = portability.lists()
 # Two take a minute each. CI runs the others.
 FLOWS = [
-    pytest.param(flow, marks=[pytest.mark.twin] * (flow in ("xilinx", "nexus"))) for flow in LISTS["flows"]
+    pytest.param(flow, marks=[pytest.mark.nightly] * (flow in ("xilinx", "nexus"))) for flow in LISTS["flows"]
 ]
 
 
-@pytest.mark.slow
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 @pytest.mark.parametrize("flow", FLOWS)
 def test_a_flow_takes_the_card_and_finds_its_memories(flow):
     entry = LISTS["flows"][flow]
@@ -49,7 +48,7 @@ def test_a_register_without_reason_and_a_reason_without_register_are_named():
     ]
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_slang_takes_the_sources_in_any_order(capfd):
     assert portability.slang(card_files()) == []
     assert portability.slang(card_files()[::-1]) == []
@@ -59,7 +58,7 @@ def test_slang_takes_the_sources_in_any_order(capfd):
 VENDORS = sorted(path.stem for path in (ROOT / "constraints/vendor").glob("*.tcl") if path.stem != "card")
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 @pytest.mark.parametrize("vendor", VENDORS)
 def test_a_vendor_script_names_every_source_the_image_and_the_part(vendor, tmp_path):
     """Under tclsh, with the vendor's commands printed. It does not show that the vendor takes them."""

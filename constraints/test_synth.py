@@ -35,7 +35,7 @@ from tb.gates import netlists as gates
 from tb.gates.netlists import GATES_HZ, netlist
 from tb.lib.runner import ROOT, firmware
 
-pytestmark = pytest.mark.needs("synth")
+pytestmark = pytest.mark.nightly("synth")
 
 # Yosys's name of a part of each family whose netlists are examined here.
 DEVICES = {family: device for family, (device, _) in COUNTED_ON.items()} | {"gowin": "gw1n"}

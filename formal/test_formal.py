@@ -47,11 +47,12 @@ RULES = {
 
 
 def run(*arguments: str, **options) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "formal.prove", "--jobs", "1", *arguments]
+    known = [] if os.environ.get("CI") else ["--known"]
+    command = [sys.executable, "-m", "formal.prove", "--jobs", "1", *known, *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, **options)
 
 
-# `make test` proves the modules that decide what leaves; `make formal` and `make test-all` prove all. The
+# `make test` proves the modules that decide what leaves; `make formal`, CI and `make nightly` prove all. The
 # gate that joins them takes 14 s, so it is not among them.
 DECIDING = (
     *(
@@ -67,7 +68,7 @@ DECIDING = (
 
 
 def marks(module: str) -> list[pytest.MarkDecorator]:
-    return [pytest.mark.rule(*RULES[module]), *([] if module in DECIDING else [pytest.mark.slow])]
+    return [pytest.mark.rule(*RULES[module]), *([] if module in DECIDING else [pytest.mark.nightly])]
 
 
 @pytest.mark.parametrize("module", [pytest.param(module, marks=marks(module)) for module in MODULES])
@@ -76,7 +77,7 @@ def test_promises_hold(module: str) -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("module", MODULES)
 def test_every_cover_is_reached(module: str) -> None:
     done = run(module, "--task", "cover")
@@ -119,7 +120,7 @@ def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
     [
         ("silence_timer", "prove_drive", "always @* assume (!busy);", "never allow busy = 1"),
         *(
-            pytest.param("network_port", "prove", more, errors, marks=pytest.mark.slow)
+            pytest.param("network_port", "prove", more, errors, marks=pytest.mark.nightly)
             for more, errors in (
                 ("", ""),
                 ("always @* assume (!tick16);", "the assumptions never allow tick16 = 1"),

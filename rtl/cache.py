@@ -101,7 +101,7 @@ def _forget_old(kind: Path) -> None:
     found = sorted(((path.stat().st_mtime, path) for path in kind.iterdir() if path.is_dir()), reverse=True)
     size = 0
     for used, path in found:
-        size += sum(file.stat().st_size for file in path.iterdir())
+        size += 4096 + sum(file.stat().st_size for file in path.iterdir())
         if size > KEPT_BYTES and time.time() - used > KEPT_S:
             shutil.rmtree(path, ignore_errors=True)
             path.with_name(f"{path.name}.lock").unlink(missing_ok=True)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a test name fits any test, before anything is built.
+"""Whether a test name fits any test, before anything is built, and which tools those tests need.
 
     python -m tools.names COMMAND TEST [--sim SIM] [--card CARD]     exit 2, with one line, when no test fits
+
+It prints the layers of tools/setup.sh that the tests need beside `test`, from their mark `nightly`.
 
 TEST is an expression of `pytest -k`, or the name of a test file. A plain word that occurs in no test file is
 refused at once; all else is left to pytest, which collects the tests (about 10 s).
@@ -69,6 +71,7 @@ def main() -> int:
     if code != pytest.ExitCode.OK:
         print(f"{options.command}: no test{where} fits '{options.test}'", file=sys.stderr)
         return 2
+    print(*sorted(collector.layers))
     return 0
 
 

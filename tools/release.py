@@ -75,7 +75,7 @@ def changelog_wrong(text: str, version: str) -> Iterator[str]:
 def tests_wrong(results: dict[str, trace.Result], collected: set[str], now: str) -> Iterator[str]:
     good = {test for test, result in results.items() if result.outcome == "passed" and result.commit == now}
     if missing := len(collected - good):
-        yield f"{missing} of {len(collected)} tests have not passed on commit {now}; run `make test-all`"
+        yield f"{missing} of {len(collected)} tests have not passed on commit {now}; run `make nightly`"
 
 
 def figures_wrong() -> Iterator[str]:

@@ -82,7 +82,7 @@ def test_ctrl_c_ends_workers_without_a_word(kind):
     assert stopped("-c", POOL, kind, begun="begun", times=2) == (130, "work: stopped\n")
 
 
-@pytest.mark.needs("lint")
+@pytest.mark.nightly("lint")
 def test_ctrl_c_ends_lint_in_one_line():
     assert stopped("-m", "tools.lint", begun="rtl/rtl.f complete") == (130, "lint: stopped\n")
 

@@ -171,7 +171,7 @@ def test_a_new_port_needs_words(monkeypatch, tmp_path):
         datasheet.ports()
 
 
-@pytest.mark.needs("pages")
+@pytest.mark.nightly("pages")
 def test_two_pages_and_the_same_bytes_at_another_time(tmp_path):
     """pdf() refuses another number of pages."""
     page = datasheet.page()

@@ -16,7 +16,7 @@ from tb.lib.fast_card import FastCard
 from tools import chromium, diagrams
 from tools.diagrams import BIT, DIAGRAMS, DRAWINGS, difference, svg
 
-pytestmark = pytest.mark.needs("pages")
+pytestmark = pytest.mark.nightly("pages")
 
 
 @pytest.mark.parametrize("name", DRAWINGS)

@@ -444,7 +444,7 @@ class Answers:
         return self.request
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_masters_send_and_show_what_the_page_says():
     """Real masters, without a card: pymodbus and mbpoll get the reply of the example."""
     results = re.findall(r"^(pymodbus|mbpoll) +(.*)\n +→ (.*)$", EXAMPLE_BLOCK, re.MULTILINE)

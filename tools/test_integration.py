@@ -65,7 +65,7 @@ def fusesoc(library: Path, *words: str) -> str:
     return done.stdout + done.stderr
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 @pytest.mark.parametrize("top", [*TOPS, "rtu2fc --flag=tiny"])
 def test_lint_target(top, library):
     name, *flag = top.split()
@@ -73,7 +73,7 @@ def test_lint_target(top, library):
     assert "Verilator" in said and "%Warning" not in said
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 @pytest.mark.parametrize("top", TOPS)
 def test_synth_target(top, library):
     """The netlist has all pins, flip-flops, no latch and no cell that is not one of the part."""
@@ -88,7 +88,7 @@ def test_synth_target(top, library):
     assert ("SB_RAM40_4K" in used) == (top == "rtu2fc")
 
 
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_a_wrong_script_or_a_missing_tool_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "wrong.tcl").write_text("set x [lindex]\n")
     monkeypatch.chdir(tmp_path)

@@ -119,7 +119,7 @@ def test_each_module_and_each_c_file_has_a_row():
     ]
 
 
-@pytest.mark.needs("lint")
+@pytest.mark.nightly("lint")
 def test_a_misspelt_word_is_found(tmp_path: Path):
     page = tmp_path / "page.md"
     page.write_text("One word here is rec" + "ieved.\n")  # in two, because this file is checked as well

@@ -67,7 +67,7 @@ def test_every_test_has_passed_on_the_commit():
     assert list(release.tests_wrong({"a": good, "b": good}, {"a", "b"}, "now")) == []
     for of_b in ({"b": Result("passed", "before")}, {"b": Result("failed", "now")}, {}):
         (line,) = release.tests_wrong({"a": good} | of_b, {"a", "b"}, "now")
-        assert line.startswith("1 of 2 tests have not passed on commit now; run `make test-all`")
+        assert line.startswith("1 of 2 tests have not passed on commit now; run `make nightly`")
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def started(monkeypatch, *words: str) -> int:
         ),
         (
             lambda patch: patch.setattr(trace, "read_results", dict),
-            "1 of 1 tests have not passed on commit abc1234; run `make test-all`",
+            "1 of 1 tests have not passed on commit abc1234; run `make nightly`",
         ),
         (
             lambda patch: patch.setattr(
@@ -166,7 +166,7 @@ def test_every_image_speaks_its_dialect():
             assert refused and refused.data[1:-2] == bytes([0x86, DIALECTS[dialect].codes["value"]]), image
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_data_sheet_offers_what_a_release_has():
     """No image with MASTER_LOSS_STOP alone, which does nothing in these designs."""
     rows = re.findall(r"<tr><td><code>([\w-]+)</code></td>.*?<td>([\w, -]+)</td></tr>", datasheet.images())
@@ -179,7 +179,7 @@ def test_the_data_sheet_offers_what_a_release_has():
     assert not [name for names in offered.values() for name in names if "stop" in name]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_image_built_elsewhere_has_the_same_bytes(tmp_path):
     for name in ("sw", "regs/generated", "configs.toml", "constraints/boards.toml"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

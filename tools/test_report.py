@@ -19,7 +19,7 @@ from tools import chromium, report, trace
 from tools.report import Run
 from tools.trace import Result
 
-pytestmark = pytest.mark.needs("pages")
+pytestmark = pytest.mark.nightly("pages")
 
 pytest_plugins = ("pytester",)
 

@@ -413,7 +413,7 @@ def run(*arguments: object) -> tuple[int, str, str]:
     return process.returncode, output, errors
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_adapter_that_echoes_is_understood():
     """Else each write of one coil would seem answered by its own echo."""
     adapter = Adapter(echo=True)
@@ -500,7 +500,7 @@ def test_a_port_in_use_is_one_line():
 # ---------------------------------------------------------------- against the virtual card
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("dialect", "drive"), [("card", "yes"), ("builtin", "no"), ("hvac_basic", "yes")])
 def test_the_virtual_card_passes(tmp_path, dialect, drive):
     """But for lateness: the virtual card falls behind on a busy machine."""
@@ -524,7 +524,7 @@ def start_until(text: str, *arguments: object, **how: tuple[str, ...]) -> subpro
     return process
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_power_cycle_is_seen(tmp_path):
     with RunningCard(tmp_path, "--control", "--quiet") as card:
         test = start_until("switch the card off", card.link, "--boot", "yes", "--row", "off and on")
@@ -556,7 +556,7 @@ def test_a_coil_that_is_1_after_the_power_up_is_a_cross(coil):
             test.boot()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_port_that_goes_away_is_one_line(tmp_path):
     with RunningCard(tmp_path, "--quiet") as card:
         test = start_until("this dialect", card.link)
@@ -580,7 +580,7 @@ def test_ctrl_c_is_one_line_and_writes_back():
     adapter.close()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_ctrl_c_stops_the_motor(tmp_path, how):
     with RunningCard(tmp_path, "--quiet") as card:
         test = start(card.link, "--drive", "yes", "--start", "40", "--row", "motor turns")

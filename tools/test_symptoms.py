@@ -20,7 +20,7 @@ from tb.lib.card import MS
 from tools import symptoms
 from tools.symptoms import COMMAND, GUIDE, RECORDINGS, SYMPTOMS, with_outputs
 
-pytestmark = pytest.mark.needs("views")
+pytestmark = pytest.mark.nightly("views")
 
 # Tolerance for changes of the firmware.
 SAME_S = 0.002

@@ -100,7 +100,7 @@ def test_a_wrong_command_is_one_line(words, said):
     assert len(lines) == 1 and said in lines[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -175,7 +175,7 @@ def test_file_list_sets_the_parameters_of_the_configuration(sources, config, tmp
 
 
 @pytest.mark.rule("TOP-1", "TOP-2")
-@pytest.mark.parametrize("order", ["reversed", pytest.param("shuffled", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("order", ["reversed", pytest.param("shuffled", marks=pytest.mark.nightly)])
 def test_sources_elaborate_in_any_order_with_nothing_else(sources, order, config, tmp_path):
     """But for the macros of a configuration other than `standard`, which come first. In any folder."""
     macros = [line for line in sources if f"config_{config}" in line] if config != "standard" else []
@@ -276,14 +276,14 @@ def test_a_circle_of_imports_is_named():
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["imports in a circle: b <- c <- b"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_second_setup_does_nothing():
     assert command("make", "setup-test").returncode == 0
     done = command("make", "setup-test")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("target", ["test", "waves"])
 def test_a_name_that_fits_no_test_is_one_line(target):
     typo = "test_" + "comit_gate"  # in two parts, so that no test file has it

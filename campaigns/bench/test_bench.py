@@ -56,7 +56,7 @@ def pieces(*kinds: str) -> pytest.MarkDecorator:
         again = (piece.kind, piece.baud) in seen or (kinds != ("turnaround",) and piece.baud not in FEW_RATES)
         seen.add((piece.kind, piece.baud))
         slow = again or piece.name in LONG
-        parameters.append(pytest.param(piece, id=piece.name, marks=[pytest.mark.slow] if slow else []))
+        parameters.append(pytest.param(piece, id=piece.name, marks=[pytest.mark.nightly] if slow else []))
     return pytest.mark.parametrize("piece", parameters)
 
 
@@ -402,7 +402,7 @@ def test_limits_are_those_of_the_rules() -> None:
     assert (judge.LIMIT_BITS, judge.LIMIT_RATIO, judge.DE_LIMIT_BITS) == (1, 1.01, 1)  # PERF, LINE-6, FC-10
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("build", [STANDARD, TINY], ids=["standard", "tiny"])
 def test_either_card_is_judged_by_the_limits(monkeypatch, build) -> None:
     names = ("read 16 coils", "start motor")

@@ -63,7 +63,7 @@ CODE_2 = "sends exception 2 for a wrong quantity"
         (CODE_2, ["--own-codes", "quantity=2"], 0, "own code   AP-4  "),
         pytest.param(
             *("06 does not write", [], 1, "fail       AP-2   after 06: the register holds 42439"),
-            marks=pytest.mark.slow,
+            marks=pytest.mark.nightly,
         ),
     ],
 )
@@ -182,7 +182,7 @@ def test_the_card_on_its_pins_fails_nothing_that_is_quick():
     assert [verdict.outcome for verdict in found] == [PASS] * 4 + [OWN_CODE] * 2, found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_card_on_its_pins_fails_nothing(config):
     with CardDriver(config) as driver:
         found = grade(driver, PROFILE)
@@ -193,7 +193,7 @@ def test_the_card_on_its_pins_fails_nothing(config):
     assert none == {"AP-23", "AP-24", "AP-28", "AP-33", "AP-34", "AP-35"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_design_is_graded_on_its_pins(tmp_path):
     """The example, and the example with an unconnected DE."""
     design = designs()["holding_registers"]

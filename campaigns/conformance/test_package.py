@@ -46,7 +46,7 @@ def alone(site: Path, script: str, folder: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_wheel_holds_every_module_and_each_is_imported_alone(site, tmp_path):
     with zipfile.ZipFile(next(site.parent.glob("*.whl"))) as archive:
         code = sorted(name for name in archive.namelist() if name.endswith(".py"))
@@ -70,7 +70,7 @@ def test_the_version_is_that_of_the_release():
     assert stated[1] == (ROOT / "VERSION").read_text().strip()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tests_of_the_package_run_with_the_installed_package_alone(site, tmp_path):
     shutil.copytree(AGENTS / "tests", tmp_path / "tests", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(AGENTS / "pyproject.toml", tmp_path)
@@ -87,7 +87,7 @@ def example(site: Path, folder: Path, *options: str) -> subprocess.CompletedProc
     return alone(site, script + f"runpy.run_path({EXAMPLE!r}, run_name='__main__')\n", folder)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("fault", "options", "code", "said"),
     [
@@ -111,7 +111,7 @@ def test_the_example_passes_a_good_slave_and_names_a_fault(fault, options, code,
     assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("words", "reason"),
     [(["--form", "9E1"], "--form: invalid choice: '9E1'"), (["nowhere.v"], "there is no nowhere.v")],

@@ -30,7 +30,7 @@ from campaigns.flips.core import (
     Run,
 )
 from rtl.sources import ROOT, configurations
-from tb.lib.shares import first
+from tb.lib.nightly import first
 from tb.model import fc_telegram
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.rv32i import Machine
@@ -60,7 +60,11 @@ def flips_of(image: str, scenario: core.Scenario, kinds: int = core.ALL) -> Flip
     [
         ("tiny", "05, coil 11, revoked"),
         ("tiny", "01, coils 1-32"),
-        *(pytest.param(image, each.name, marks=pytest.mark.slow) for image in IMAGES for each in SCENARIOS),
+        *(
+            pytest.param(image, each.name, marks=pytest.mark.nightly)
+            for image in IMAGES
+            for each in SCENARIOS
+        ),
     ],
 )
 def test_few_flips_alter_a_telegram(image: str, name: str):
@@ -167,7 +171,7 @@ def test_registers_that_an_instruction_reads(word, registers):
     assert registers_read(word) == registers
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_flips_are_of_each_bit():
     """Eleven bits of the program counter and 32 of the instruction; of a store, seven of each register."""
     scenario = BY_NAME["no request"]

@@ -58,7 +58,7 @@ NO_FLIP = Flip(10**9, "network_i.uart_i.driving", 0, 0, "card")
 PROBES = 2  # requests at the end of a trial
 DISTURBED = "no telegram, but the drive line disturbed"
 # Of the flips that a test lists, the parts that are made: `make test` makes every eleventh.
-PARTLY = pytest.mark.parametrize("each", [11, pytest.param(1, marks=pytest.mark.slow)])
+PARTLY = pytest.mark.parametrize("each", [11, pytest.param(1, marks=pytest.mark.nightly)])
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def clocked(path: Path) -> set[str]:
     return {name for block in blocks for name in re.findall(assignment, block)}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("SAFE-4")
 def test_flips_in_copies_have_the_outcomes_of_flips_alone(places):
     """Of two groups, whose traffic differs."""
@@ -121,7 +121,7 @@ RESETS = ("switches_i.ready", "reset_i.released", "supervisor_i.restarting", "su
 @pytest.mark.rule("SAFE-4", "WDG-1")
 @pytest.mark.parametrize("tick", [0, 1])
 @pytest.mark.parametrize(
-    "near", [RESETS, pytest.param(("supervisor_i.", "reset_i.", RESETS[0]), marks=pytest.mark.slow)]
+    "near", [RESETS, pytest.param(("supervisor_i.", "reset_i.", RESETS[0]), marks=pytest.mark.nightly)]
 )
 def test_a_flip_that_resets_the_card_for_a_clock_is_a_reset(places, tick, near):
     """The first reference is lost with it. In every second tick the switches are ready again at once.
@@ -165,7 +165,7 @@ def test_the_step_from_red_to_green_is_one_of_the_show(red, green, network, turn
 
 
 @pytest.mark.rule("SAFE-4", "WDG-1")
-@pytest.mark.parametrize("part_of_boot", [0.98, pytest.param(0.5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("part_of_boot", [0.98, pytest.param(0.5, marks=pytest.mark.nightly)])
 def test_a_reset_before_the_traffic_counts(places, part_of_boot):
     """The second one is not over when the traffic begins, so requests have no answer."""
     trap = next(register for register in places.registers if register.name == "trap")
@@ -175,7 +175,7 @@ def test_a_reset_before_the_traffic_counts(places, part_of_boot):
 
 
 @pytest.mark.rule("SAFE-4", "LED-5")
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_flip_in_the_small_card_has_an_effect():
     """Half of a guarded bit restarts the firmware, whatever it does just then."""
     places = Places(Target(config="tiny"))
@@ -249,8 +249,8 @@ def test_no_flip_of_the_receiver_changes_a_command(places, each: int):
         "between candidate and commit",
         "while the drive answers",
         "after a broadcast",
-        pytest.param("near a telegram's end", marks=pytest.mark.slow),
-        pytest.param("near a broadcast's end", marks=pytest.mark.slow),
+        pytest.param("near a telegram's end", marks=pytest.mark.nightly),
+        pytest.param("near a broadcast's end", marks=pytest.mark.nightly),
     ],
 )
 def test_no_flip_of_the_gate_or_the_sender_makes_a_command(places, moment, each: int):
@@ -312,10 +312,10 @@ ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "net
 @pytest.mark.parametrize(
     ("baud", "revoked_at", "by", "each"),
     [
-        pytest.param(19200, 0.9, 0x00, 3, marks=pytest.mark.slow),
+        pytest.param(19200, 0.9, 0x00, 3, marks=pytest.mark.nightly),
         (38400, 0.9, 0x00, 101),
-        pytest.param(9600, 0.5, 0xFF, 5, marks=pytest.mark.slow),
-        pytest.param(38400, 0.9, 0x55, 5, marks=pytest.mark.slow),
+        pytest.param(9600, 0.5, 0xFF, 5, marks=pytest.mark.nightly),
+        pytest.param(38400, 0.9, 0x55, 5, marks=pytest.mark.nightly),
     ],
 )
 def test_no_flip_commits_a_revoked_frame(baud, revoked_at, by, each):

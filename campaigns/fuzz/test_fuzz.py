@@ -48,7 +48,7 @@ EVERYWHERE = (
 
 @pytest.mark.rule(*EVERYWHERE)
 @pytest.mark.parametrize(
-    "number", [*(pytest.param(number, marks=pytest.mark.slow) for number in range(3)), 3, 4]
+    "number", [*(pytest.param(number, marks=pytest.mark.nightly) for number in range(3)), 3, 4]
 )
 def test_random_lines_and_drives_show_no_difference(number, tmp_path):
     frames, bauds = SHARDS[number]
@@ -74,7 +74,7 @@ def test_judge_accepts_either_of_two_right_outcomes(path):
     assert not verdict.differences
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-7")
 @pytest.mark.parametrize("path", SMALL_CARDS_CASES, ids=[path.stem for path in SMALL_CARDS_CASES])
 def test_judge_knows_that_the_small_card_has_one_place(path):
@@ -82,7 +82,7 @@ def test_judge_knows_that_the_small_card_has_one_place(path):
     assert not verdict.differences
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-7")
 def test_a_dropped_reading_leaves_at_once_or_not_at_all():
     """The reading of the kept case leaves 0.4 ms after the newer write; here, much later."""
@@ -127,7 +127,7 @@ def test_last_answers_are_checked_after_the_judge():
 
 
 @pytest.mark.rule("SAFE-1", "FC-9")
-@pytest.mark.parametrize("name", ["4711/93", pytest.param("4711/142", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["4711/93", pytest.param("4711/142", marks=pytest.mark.nightly)])
 def test_unrequested_commands_are_found_after_the_judge(name):
     """Cases with writes of coils, as in most random cases."""
     case = make(name)
@@ -173,7 +173,7 @@ def test_possible_states_are_limited():
 
 
 @pytest.mark.rule("FRAME-3")
-@pytest.mark.parametrize("frames", [80, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("frames", [80, pytest.param(400, marks=pytest.mark.nightly)])
 def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
     lenient = named("lenient-t15").target()
     seed = seeded("lenient").randrange(1 << 31)
@@ -188,9 +188,9 @@ def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
     ("name", "frames"),
     [
         ("lenient-t15", 1500),
-        pytest.param("newest-not-served", 2500, marks=pytest.mark.slow),
-        pytest.param("any-pnu", 2500, marks=pytest.mark.slow),
-        pytest.param("short-adr", 500, marks=pytest.mark.slow),
+        pytest.param("newest-not-served", 2500, marks=pytest.mark.nightly),
+        pytest.param("any-pnu", 2500, marks=pytest.mark.nightly),
+        pytest.param("short-adr", 500, marks=pytest.mark.nightly),
     ],
 )
 def test_a_planted_bug_is_found(name, frames, tmp_path):
@@ -201,7 +201,7 @@ def test_a_planted_bug_is_found(name, frames, tmp_path):
     assert result.differences, f"{name} lived through {result.frames} frames"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("SAFE-1", "FC-5")
 def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
     """From the function code on one pin to bit 10 on the other, on the wired card."""
@@ -221,7 +221,7 @@ def test_every_plant_has_its_place():
         assert not plant.old or plant._changed() != (ROOT / plant.file).read_text(), plant.name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
     target = named("no-repeat").target()
     result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)
@@ -288,7 +288,7 @@ def test_contradicting_options_are_refused(monkeypatch, capsys, words, said):
     assert stopped.value.code == 2 and said in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_shard_is_reproducible():
     assert make("7/3") == make("7/3")
     assert make("7/3") != make("7/4")
@@ -588,7 +588,7 @@ def test_shards_of_one_card_alone_are_merged():
         fuzz_report.merge([one, two | {"card": "another"}])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_shard_stopped_while_shrinking_keeps_the_difference(tmp_path, monkeypatch):
     def stopped(case: dict, fails: Callable[[dict], bool]) -> dict:
         raise KeyboardInterrupt

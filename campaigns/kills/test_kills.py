@@ -39,8 +39,7 @@ def test_what_nothing_notices_is_named_and_a_second_run_keeps_it(tmp_path, monke
     assert row.by in (tmp_path / "matrix.tsv").read_text()
 
 
-@pytest.mark.twin
-@pytest.mark.needs("synth")
+@pytest.mark.nightly("synth")
 def test_every_planted_bug_is_noticed():
     command = [sys.executable, "-m", "campaigns.kills.run", "--sample=0", "--seed=1", "--jobs=1"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

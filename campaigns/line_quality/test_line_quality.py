@@ -35,7 +35,7 @@ SLOW = ("network-115200-8E1", "network-19200-8N2")  # the first: all quantities
 @pytest.mark.parametrize(
     "piece",
     [
-        pytest.param(piece, id=names(piece), marks=[pytest.mark.slow] if names(piece) in SLOW else [])
+        pytest.param(piece, id=names(piece), marks=[pytest.mark.nightly] if names(piece) in SLOW else [])
         for piece in FAST
     ],
 )

@@ -164,7 +164,7 @@ def test_a_check_that_did_not_run_is_no_verdict(tmp_path, monkeypatch):
             tree.run("bash", "-c", command)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_verdicts_of_a_tree(tmp_path, monkeypatch):
     """A mutant that every text of a bench would catch, one without effect, and one that does not compile."""
     monkeypatch.setattr(mutate, "WORK", tmp_path)
@@ -208,7 +208,7 @@ CHANGES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("module", "old", "new", "proved"), CHANGES.values(), ids=CHANGES)
 def test_a_solver_compares_a_module_with_the_original(request, module, old, new, proved):
     path = next(path for path in rtl_files() if path.stem == module)
@@ -220,7 +220,7 @@ def test_a_solver_compares_a_module_with_the_original(request, module, old, new,
     assert same.proved_same(changed, folder) == proved
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_solver_compares_the_whole_card_with_each_option(request, monkeypatch):
     """The name of the top module is the same with all of them."""
     monkeypatch.setattr(same, "OPTIONS", ("", "MASTER_LOSS_STOP 1"))
@@ -259,7 +259,7 @@ TOYS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("original", "changed", "proved"), TOYS.values(), ids=TOYS)
 def test_a_solver_compares_from_power_up_on(request, original, changed, proved):
     path = next(path for path in rtl_files() if path.stem == "bcc")
@@ -299,7 +299,7 @@ def test_the_inverted_input_of_an_instance_is_known():
     assert known["mailbox", ".core_rst(core_rst),"] == "core_rst"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("module", "port", "proved"),
     [("supervisor", "beat", True), ("supervisor", "kick", False), ("commit_gate", "watch", False)],

@@ -43,16 +43,18 @@ EVERYWHERE = (
         pytest.param(
             *("card", "vlt6000", 60), marks=pytest.mark.rule(*EVERYWHERE, "FC-7", "MAP-8", "DIALECT-CARD")
         ),
-        pytest.param("card", "vlt6000", 200, marks=[pytest.mark.rule("DIALECT-CARD"), pytest.mark.slow]),
-        pytest.param("card", "vlt5000", 50, marks=[pytest.mark.rule("DIALECT-CARD"), pytest.mark.slow]),
+        pytest.param("card", "vlt6000", 200, marks=[pytest.mark.rule("DIALECT-CARD"), pytest.mark.nightly]),
+        pytest.param("card", "vlt5000", 50, marks=[pytest.mark.rule("DIALECT-CARD"), pytest.mark.nightly]),
         pytest.param("builtin", "vlt8000", 40, marks=pytest.mark.rule("DIALECT-BUILTIN")),
         pytest.param(
-            "builtin", "vlt8000", 100, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.slow]
+            "builtin", "vlt8000", 100, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]
         ),
-        pytest.param("builtin", "vlt2800", 50, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.slow]),
+        pytest.param(
+            "builtin", "vlt2800", 50, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]
+        ),
         pytest.param(
             *("hvac_basic", "hvac_basic", 100),
-            marks=[pytest.mark.rule("DIALECT-HVAC-BASIC"), pytest.mark.slow],
+            marks=[pytest.mark.rule("DIALECT-HVAC-BASIC"), pytest.mark.nightly],
         ),
     ],
 )

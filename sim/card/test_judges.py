@@ -25,7 +25,7 @@ from sim.view.wireshark import SCRIPT, environment
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 
-pytestmark = pytest.mark.needs("views")
+pytestmark = pytest.mark.nightly("views")
 
 BIT_S = 1 / 9600
 DAMAGED = bytes.fromhex("01 01 00 00 00 10 3D C7")

@@ -26,7 +26,7 @@ from sim.card import panel
 from sim.card.panel import KEYS, LINES_KEPT, LiveCard, Panel, View
 from sim.card.test_virtual_card import RawPort, request_of
 from tb.agents.crc16 import with_crc
-from tb.lib.shares import first
+from tb.lib.nightly import first
 
 RECORDED = [json.loads(line) for line in (ROOT / "sim/card/panel.jsonl").read_text().splitlines()]
 COLUMNS, ROWS = 80, 24

@@ -199,7 +199,7 @@ def test_wrong_options_are_one_line_and_exit_2(options, says):
     ("option", "room"),
     [
         *(("--log", 0), ("--pcap", 0), ("--log", 400)),
-        *(pytest.param("--wave", room, marks=pytest.mark.slow) for room in (0, 50_000)),
+        *(pytest.param("--wave", room, marks=pytest.mark.nightly) for room in (0, 50_000)),
     ],
 )
 def test_full_disk_is_reported(tmp_path, option, room):
@@ -219,7 +219,7 @@ def test_full_disk_is_reported(tmp_path, option, room):
     assert run.stderr.startswith(f"card: cannot write {file}: ") and run.stderr.count("\n") == 1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_disk_that_fills_up_ends_a_wave_soon(tmp_path):
     """The waveform's writer says nothing of it, before the run ends."""
     wave = tmp_path / "card.fst"
@@ -326,7 +326,7 @@ def test_card_removes_only_its_own_link(tmp_path):
 
 
 # ---------------------------------------------------------------- time
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_core_can_run_the_card():
     """2.3 x real time on the machine of results.md, 0.9 x on a slow one that runs two tests at once."""
     run = run_card("--for", "3")
@@ -335,7 +335,7 @@ def test_one_core_can_run_the_card():
     assert possible[1] >= 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_speed_max_runs_ahead_of_wall_time(tmp_path):
     """The same traffic as in real time, in the same simulated time."""
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "4") as card:
@@ -532,7 +532,7 @@ def test_without_the_option_pymodbus_gets_exception_67(tmp_path, dialect):
         client.close()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FC-6", "MAP-1", "MAP-3")
 def test_motor_started_by_coils_ramps(tmp_path):
     """Start to 40 % and ramp stop; with ramps of 60 s, 40 % takes some seconds."""
@@ -734,7 +734,7 @@ def test_log_is_complete_and_described(tmp_path):
     assert all(re.search(r'"t":\d+\.\d{6},', line) for line in card.log.read_text().splitlines())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
 def test_the_log_shows_the_leds(tmp_path):
     with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "6") as card:

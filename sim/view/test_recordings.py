@@ -30,7 +30,7 @@ from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
 from tb.lib.runner import WAVES_FOLDER, run
 from tb.model import fc_telegram
 
-pytestmark = pytest.mark.needs("views")
+pytestmark = pytest.mark.nightly("views")
 
 BAUD = 9600
 PS_PER_S = 1_000_000_000_000

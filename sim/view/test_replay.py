@@ -122,8 +122,8 @@ def test_a_glitch_costs_no_character():
     assert [(c.start, c.byte, c.fault) for c in heard] == [(1150, 0x55, "")]
 
 
-@pytest.mark.needs("views")
-@pytest.mark.slow
+@pytest.mark.nightly("views")
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "channel", "baud", "form", "more"),
     [
@@ -377,7 +377,7 @@ CUT = ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]
 
 def another_card(*values: object):
     """A case that Verilator builds a card for, some seconds."""
-    return pytest.param(*values, marks=pytest.mark.slow)
+    return pytest.param(*values, marks=pytest.mark.nightly)
 
 
 def test_the_format_of_the_factory_is_the_default(tmp_path, capsys):
@@ -448,7 +448,7 @@ def test_a_reply_to_our_own_unit_is_named(tmp_path, capsys):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-6")
 def test_the_commits_at_the_lowest_rate_are_in_their_rows(tmp_path, capsys):
     """t3.5 is 128 ms there."""
@@ -485,7 +485,7 @@ def test_replies_of_the_unit_can_be_left_out(tmp_path, capsys):
     assert "left out" not in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_replies_of_the_recorded_slave_can_be_left_out(capsys):
     file = CAPTURES / "flowmeter_target0_val0.sr"
     options = ["--unit", "247", "--baud", "9600", "--format", "8N1", "--replies", "no"]

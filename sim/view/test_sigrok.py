@@ -29,7 +29,7 @@ from sim.view import fc_tables
 from sim.view.lines_vcd import SAMPLE_S, write_vcd
 from tb.model import fc_telegram
 
-pytestmark = pytest.mark.needs("views")
+pytestmark = pytest.mark.nightly("views")
 
 DECODERS = ROOT / "sim/view/sigrok"
 PLAYED = ("ex1-start-40", "ex4-write-104", "ex5-read-514", "ex6b-text-533", "refused-17")

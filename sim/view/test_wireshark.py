@@ -27,7 +27,7 @@ from tb.agents.uart import Format
 from tb.lib.recording import DRIVE, MODBUS, Recorder
 from tb.model import fc_telegram
 
-pytestmark = pytest.mark.needs("views")
+pytestmark = pytest.mark.nightly("views")
 
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
 VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity())[0].parameters}

@@ -26,7 +26,7 @@ from sw.test.host import DIALECTS, DOCUMENT, ROOT
 from sw.tools.stack import deepest, reserved
 from tb.model.firmware import build
 
-pytestmark = pytest.mark.needs("firmware")
+pytestmark = pytest.mark.nightly("firmware")
 
 FUZZERS = [(dialect, target) for dialect in DIALECTS for target in firmware_fuzz.TARGETS]
 RUNS = {"translate": 60_000, "gateway": 8_000}
@@ -266,7 +266,7 @@ def test_every_file_of_the_core_has_enough_mutants():
         assert sum(mutant.file == name for mutant in mutants) >= firmware_mutate.LEAST_PER_FILE
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_changed_header_is_compiled_into_every_source_that_includes_it(tmp_path):
     """diagnostics.c alone reads the code for an invalid request."""
     mutants = firmware_mutate.all_mutants()

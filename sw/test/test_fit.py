@@ -7,7 +7,7 @@ from rtl.sources import ROOT
 from sw.tools import fit
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("PERF-4")
 def test_the_table_of_the_limits_is_of_this_firmware():
     assert "\n".join(fit.table()) in (ROOT / "docs/guide/limits.md").read_text()

@@ -158,7 +158,7 @@ def why_not(tree: Path, tmp_path: Path, file: str, before: str, after: str) -> s
 
 @pytest.mark.parametrize(
     ("file", "before", "after"),
-    [pytest.param(*row, id=row[2], marks=[pytest.mark.slow] * (row[0] in SLOW_FILES)) for row in PROVED],
+    [pytest.param(*row, id=row[2], marks=[pytest.mark.nightly] * (row[0] in SLOW_FILES)) for row in PROVED],
 )
 @pytest.mark.usefixtures("one_build")
 def test_a_mutant_without_an_effect_is_proved(tree: Path, tmp_path: Path, file: str, before: str, after: str):
@@ -170,8 +170,8 @@ def test_a_mutant_without_an_effect_is_proved(tree: Path, tmp_path: Path, file: 
     [
         pytest.param(
             name,
-            marks=[pytest.mark.slow] * any(word in name for word in SLOW)
-            + [pytest.mark.twin] * (name == TWIN),
+            marks=[pytest.mark.nightly] * any(word in name for word in SLOW)
+            + [pytest.mark.nightly] * (name == TWIN),
         )
         for name in WRONG
     ],
@@ -187,7 +187,7 @@ def test_a_change_of_the_firmware_is_never_proved(tree: Path, tmp_path: Path, ch
     "change",
     [
         pytest.param(
-            name, marks=[pytest.mark.slow] * any(word in name for word in ("coil", "place", "second"))
+            name, marks=[pytest.mark.nightly] * any(word in name for word in ("coil", "place", "second"))
         )
         for name in AGAINST_CONTRACTS
     ],
@@ -215,7 +215,7 @@ def changed_sections(
         path.write_text(text)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_another_place_of_the_only_one_is_proved(tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(same, "BUILDS", {"PLACES": BUILDS["PLACES"]})
     assert why_not(tree, tmp_path, "gateway.c", TURN, TURN.replace("> 1", "> 0")) == ""

@@ -107,7 +107,7 @@ def check_answered(card: Card, outcome: Outcome, late_bits: float, what: str) ->
     assert -UNSURE_BITS < after < late_bits, f"{what}: {after:.2f} bits after t3.5"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-8")
 def test_a_low_up_to_the_reply_is_silence(card: Card):
     """It begins at the next clock after the request, or at any time before the commit."""
@@ -117,7 +117,7 @@ def test_a_low_up_to_the_reply_is_silence(card: Card):
         check_answered(card, card.request(after, [(300, 0)]), LATE_BITS, what)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3")
 def test_a_break_that_ends_before_the_commit_is_silence(card: Card):
     for lows in (1, 2):
@@ -125,7 +125,7 @@ def test_a_break_that_ends_before_the_commit_is_silence(card: Card):
         check_answered(card, outcome, lows * LATE_BITS, f"{lows} lows")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
 def test_a_character_after_a_request_does_what_it_did(card: Card):
     """As on the card without the option. 00 with a good stop bit resembles a break most."""
@@ -166,7 +166,7 @@ def without_the_slave() -> list[tuple[int, int]]:
     return [edge for i, edge in enumerate(edges) if not i or edge[1] != edges[i - 1][1]]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-7")
 @pytest.mark.parametrize(
     ("parameters", "served"), [(TOLERANT, True), ((), False)], ids=["tolerant", "default"]

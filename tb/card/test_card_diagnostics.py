@@ -143,7 +143,7 @@ def play(card: FastCard, rng: random.Random, frames: int) -> Traffic:
 
 @pytest.mark.rule("MAP-10", "FRAME-4")
 @pytest.mark.parametrize(
-    ("baud", "form"), [pytest.param(19200, "8E1", marks=pytest.mark.slow), (115200, "8N1")]
+    ("baud", "form"), [pytest.param(19200, "8E1", marks=pytest.mark.nightly), (115200, "8N1")]
 )
 def test_the_counters_are_those_of_the_line(config: str, baud: int, form: str):
     rng = seeded(f"diagnostics at {baud} bit/s")

@@ -39,7 +39,7 @@ RATES = [(115_200, "8N1"), (38_400, "8E1"), (19_200, "8O1"), (9_600, "8N2"), (4_
 
 # The small card is simulated slowly. CI tries its fastest and its slowest rate.
 CASES = [
-    pytest.param(*rate, card, marks=[pytest.mark.twin] * (card == "tiny" and rate in RATES[1:-1]))
+    pytest.param(*rate, card, marks=[pytest.mark.nightly] * (card == "tiny" and rate in RATES[1:-1]))
     for card in ("tiny", "standard")
     for rate in RATES
 ]
@@ -87,7 +87,7 @@ def test_the_small_card_is_in_time_with_its_two_slowest_requests():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("PERF-1", "PERF-2", "FRAME-8")
 @pytest.mark.parametrize(("baud", "form", "card_config"), CASES)
 def test_requests_of_all_kinds_are_in_time(baud, form, card_config):

@@ -11,7 +11,7 @@ import pytest
 from constraints.boards import board
 from tb.agents import rtu
 from tb.lib.fast_card import FastCard
-from tb.lib.shares import first
+from tb.lib.nightly import first
 from tb.model.fc_telegram import build_process
 
 PARAMETERS = (("MEMORY_BYTES", board("card-gw1n-9").memory_bytes), ("MASTER_LOSS_STOP", 1))

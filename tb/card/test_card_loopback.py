@@ -21,8 +21,8 @@ from tb.lib.bench import Bench
 from tb.lib.card import MS, switch_word
 from tb.lib.config import CLK_HZ, SLOW_HZ, boot_clocks
 from tb.lib.fast_card import FastCard, Line
+from tb.lib.nightly import first
 from tb.lib.runner import run
-from tb.lib.shares import Share, first, shares
 from tb.lib.supervision import Leds, Shown
 from tb.model import fc_telegram
 
@@ -137,7 +137,7 @@ def check_verdict_lasts(card: FastCard, shows: str) -> None:
         assert any(abs(lasted - ms) <= ACCURACY * VERDICT_MS for ms in expected)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=1) as card:
@@ -149,7 +149,7 @@ def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_w
         assert flashing == {"green", "off"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_a_failed_loopback_test_is_red_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=0) as card:
@@ -157,7 +157,7 @@ def test_a_failed_loopback_test_is_red_for_twelve_seconds_and_then_the_card_work
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LOOP-1", "LINE-7", "LED-5")
 def test_the_loopback_test_needs_no_address_but_the_start_after_it_does(config):
     with FastCard(SWITCHES, config=config, wired=1, address=0) as card:
@@ -270,7 +270,7 @@ def test_any_character_of_the_second_before_is_a_failure(config, name: str, kind
 
 
 @pytest.mark.rule("LOOP-1")
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("at_ms", [0, 300, 700])
 def test_a_card_set_to_the_test_by_mistake_serves_at_once(config, at_ms: float):
     """The first request that it hears is another unit's, the second its own; both LEDs are red for 12 s."""
@@ -304,7 +304,7 @@ def test_a_failed_test_is_over_at_once(config):
 # the drive line, and long after it.
 AFTER_MS = [
     *(3.0, 0.3),
-    *(pytest.param(ms, marks=pytest.mark.slow) for ms in (0.1, 1.2, 1.7, 6, 8, 17)),
+    *(pytest.param(ms, marks=pytest.mark.nightly) for ms in (0.1, 1.2, 1.7, 6, 8, 17)),
 ]
 
 
@@ -349,9 +349,9 @@ def test_a_character_after_a_passed_test_makes_it_a_failed_one(config, name: str
 
 
 @pytest.mark.rule("LOOP-1")
-@shares(3)
-def test_other_switch_settings_do_not_start_the_loopback_test(config, share: Share):
-    for switch in share.of(range(9)):
+@pytest.mark.parametrize("step", first([3, 1]))
+def test_other_switch_settings_do_not_start_the_loopback_test(config, step: int):
+    for switch in range(9)[::step]:
         moved = SWITCHES[:switch] + "10"[int(SWITCHES[switch])] + SWITCHES[switch + 1 :]
         with FastCard(moved, config=config, wired=1) as card:
             card.run(LISTEN_MS + TRANSFERS_MS)
@@ -361,7 +361,7 @@ def test_other_switch_settings_do_not_start_the_loopback_test(config, share: Sha
 # ---------------------------------------------------------------- pytest
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LOOP-1", "SAFE-1")
 def test_loopback_transfers(sim, config):
     parameters = {"CLK_HZ": SLOW_HZ[config]}

@@ -135,7 +135,7 @@ def test_the_stop_is_repeated_once_when_the_drive_is_silent():
         assert master.card.led("drive") in ("red", "off")
 
 
-@pytest.mark.parametrize("passed_ms", [2000, pytest.param(12_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("passed_ms", [2000, pytest.param(12_000, marks=pytest.mark.nightly)])
 def test_without_a_time_there_is_no_stop(passed_ms: float):
     """In the longer case longer than the default time."""
     with Master(tens=0) as master:
@@ -147,7 +147,7 @@ def test_without_a_time_there_is_no_stop(passed_ms: float):
         assert master.heard() == [STOP], "a time that is set later counts for the drive that runs"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_default_time_is_10_s():
     with Master(tens=1000) as master:
         commit = master.started()
@@ -232,7 +232,7 @@ HALVES = ("armed_i.held", "armed_i.opposite", "over_i.held", "over_i.opposite")
 COUNTS = ("left", "limit")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize("started", [False, True])
 def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):

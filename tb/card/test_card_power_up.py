@@ -349,7 +349,7 @@ def test_power_up_show_lights_one_led_after_the_other_and_delays_nothing(config)
         assert near((modbus[3].since_ps - drive[0].since_ps) / MS, 7 * STEP_MS)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LED-2", "LED-3", "LED-4")
 def test_both_leds_flash_once_a_second_after_the_power_up_show(config):
     with FastCard(config=config) as card:
@@ -401,7 +401,7 @@ def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_c
             assert card.led("modbus") == "green"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LED-3", "MAP-5")
 def test_network_time_out_is_ten_seconds_by_default_and_never_with_40002_at_0(config):
     with FastCard(config=config, baud=BAUD, form="8N2") as card:
@@ -465,7 +465,6 @@ def test_boot(sim, config):
     run_card(sim, config, what, CLK_HZ=own_hz(config))
 
 
-@pytest.mark.all_cards
 @pytest.mark.rule("SAFE-6")
 def test_drivers_in_reset(sim, config):
     run_card(sim, config, "reset_switches_both_drivers_off_without_a_clock")
@@ -514,7 +513,7 @@ def test_image_damaged_in_the_file(sim, config, bits):
     run_card(sim, config, "image_damaged_in_the_file_ends_in_the_fault", FIRMWARE_HEX=str(file))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_image_damaged_while_running(config):
     """The second holds at the card's own clock: on a slower one SERV has time for no word in most rounds.

@@ -106,7 +106,7 @@ def check_broadcasts(clk_hz: int, baud: int, form: str) -> None:
 
 @pytest.mark.rule("LINE-5", "FRAME-6")
 @pytest.mark.parametrize(
-    ("form", "baud"), [pytest.param("8E1", 19_200, marks=pytest.mark.slow), ("8N2", 9600)]
+    ("form", "baud"), [pytest.param("8E1", 19_200, marks=pytest.mark.nightly), ("8N2", 9600)]
 )
 def test_a_pulse_after_a_request_costs_no_reply(form, baud):
     assert check_replies(2_400_000, baud, form, step=40) > 60
@@ -123,17 +123,17 @@ EVERY = [
     (19_200, 1, 2_400_000, "8E1"),
     (38_400, 2, 2_400_000, "8O1"),
     (115_200, 5, 2_400_000, "8N1"),
-    pytest.param(19_200, 5, 12_000_000, "8E1", marks=pytest.mark.twin),
+    pytest.param(19_200, 5, 12_000_000, "8E1", marks=pytest.mark.nightly),
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("baud", "step", "clk_hz", "form"), EVERY)
 def test_every_pulse_after_a_request_costs_no_reply(form, baud, step, clk_hz):
     assert check_replies(clk_hz, baud, form, step) > 400
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("baud", "clk_hz", "form"),
     [(4800, 2_400_000, "8N2"), (38_400, 12_000_000, "8O1"), (115_200, 12_000_000, "8N1")],

@@ -38,7 +38,9 @@ def opened(bus: Bus, unit: int, replies: bool = True) -> Replay:
 
 def buses(*found: Bus) -> list:
     """In `make test` the short recording alone."""
-    return [pytest.param(bus, id=str(bus), marks=[] if bus in MODULE else pytest.mark.slow) for bus in found]
+    return [
+        pytest.param(bus, id=str(bus), marks=[] if bus in MODULE else pytest.mark.nightly) for bus in found
+    ]
 
 
 @dataclass
@@ -138,7 +140,7 @@ def test_a_slaves_reply_to_our_own_unit_is_answered_as_a_request():
         assert [burst.data[3:5] for burst in replay.telegrams] == [bytes.fromhex("0008")] * 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-1", "FRAME-7", "SAFE-2")
 @pytest.mark.parametrize("bus", [pytest.param(bus, id=str(bus)) for bus in METERS])
 def test_a_second_slave_with_our_address(bus: Bus):
@@ -165,7 +167,7 @@ def test_a_second_slave_with_our_address(bus: Bus):
         assert not replay.telegrams
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-4")
 def test_a_wire_that_falls_low_after_each_request_is_not_served():
     """The low is a character with a wrong stop bit (BA+)."""

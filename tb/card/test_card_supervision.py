@@ -462,7 +462,7 @@ def test_fault_by_the_watchdog(sim, config):
     run_card(sim, config, "third_bite_without_an_exchange_causes_the_fault", slow=slowly(sim, config))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LED-5", "WDG-1")
 def test_repeated_bites(config):
     """On Verilator only: dozens of starts, which take minutes on Icarus."""

@@ -61,7 +61,7 @@ def finish(card: FastCard, requests: list[bytes]) -> int:
 
 
 AFTER = {"a local reading": LOCAL, "a reading": READ, "a local write": NETWORK_TIMEOUT}
-MORE = [pytest.param(after, marks=pytest.mark.slow) for after in list(AFTER)[1:]]
+MORE = [pytest.param(after, marks=pytest.mark.nightly) for after in list(AFTER)[1:]]
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
@@ -123,14 +123,16 @@ BEFORE = {"a reading": [READ], "a text": [READ_TEXT], "a write": [coils(0x047C, 
 
 @pytest.mark.rule("FC-9", "FRAME-7")
 @pytest.mark.parametrize("unit", [0, 1])
-@pytest.mark.parametrize("before", [*BEFORE, "a broadcast", pytest.param("a repeat", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "before", [*BEFORE, "a broadcast", pytest.param("a repeat", marks=pytest.mark.nightly)]
+)
 def test_a_dead_drive_does_not_hold_up_a_stop(before: str, unit: int):
     """40003 is 10 s, the drive is silent, a reading waits, the master sends a stop."""
     check_stop("standard", before, unit)
 
 
 @pytest.mark.rule("FC-9", "FRAME-7", "TOP-2")
-@pytest.mark.parametrize("unit", [1, pytest.param(0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("unit", [1, pytest.param(0, marks=pytest.mark.nightly)])
 def test_a_dead_drive_does_not_hold_up_a_stop_of_the_small_card(unit: int):
     check_stop("tiny", "a reading", unit)
 
@@ -165,7 +167,7 @@ def first_variable() -> int:
     return int(re.search(r"^(\w+) \w _bss_start$", listing, re.MULTILINE)[1], 16) // 4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("WDG-1", "FRAME-7")
 @pytest.mark.parametrize("bitten_ms", [1, 5, 12])
 def test_a_write_after_a_bite_follows_the_telegram_on_the_line(bitten_ms: float):

@@ -543,8 +543,10 @@ def run_card(
     )
 
 
-@pytest.mark.slow
-@pytest.mark.examples
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("sim", "config"), [("verilator", "standard"), ("verilator", "tiny"), ("icarus", "standard")]
+)
 @pytest.mark.rule(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )
@@ -553,7 +555,7 @@ def test_examples(sim, config):
     run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule(
     *("FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
     *("LINE-3", "LINE-6", "LINE-7", "LINE-8", "SAFE-2"),
@@ -562,27 +564,25 @@ def test_network(sim, config):
     run_card(sim, config, NETWORK)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FC-6", "FC-7", "FC-8", "FC-9", "FC-10", "MAP-3")
 def test_drive(sim, config):
     run_card(sim, config, DRIVE)
 
 
-@pytest.mark.slow("icarus")
 @pytest.mark.rule("FC-8", "FRAME-6")
 def test_telegrams_leave_in_time(sim):
     """The standard card; the tiny card runs this at its own clock in `test_own_clock`."""
     run_card(sim, "standard", QUICK[:1], 2 * SLOW_HZ["standard"])
 
 
-@pytest.mark.slow("icarus")
 @pytest.mark.rule("MAP-9")
 def test_broadcasts_follow_each_other(sim):
     """The standard card; the tiny card runs this at its own clock in `test_own_clock`."""
     run_card(sim, "standard", QUICK[1:], 2 * SLOW_HZ["standard"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
 @pytest.mark.parametrize("variant", ["STRICT_T15", "PREPARE_EARLY"])
 def test_variants(variant):
@@ -599,14 +599,14 @@ def test_variants(variant):
     run_card("verilator", "standard", what, **{variant: 0})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9", "TOP-2")
 def test_own_clock(config):
     """On Verilator only: so many clocks take minutes on Icarus, and both agree at a slow clock."""
     run_card("verilator", config, QUICK, own_hz(config))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.cards("tiny")
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
 def test_manual_at_own_clock(config):

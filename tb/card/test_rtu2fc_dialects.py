@@ -205,7 +205,6 @@ spoken_in_each = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.slow("icarus")
 @pytest.mark.rule("FC-8", "FRAME-7")
 @pytest.mark.rule("DIALECT-BUILTIN")
 def test_second_exchange(sim: str, config: str):

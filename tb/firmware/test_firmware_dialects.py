@@ -1026,7 +1026,7 @@ def test_counts_run_over_to_0(diagnosed: DiagnosedBench):
     "dialect",
     [
         pytest.param("builtin", marks=pytest.mark.rule(RULES["builtin"])),
-        pytest.param("hvac_basic", marks=[pytest.mark.rule(RULES["hvac_basic"]), pytest.mark.slow]),
+        pytest.param("hvac_basic", marks=[pytest.mark.rule(RULES["hvac_basic"]), pytest.mark.nightly]),
     ],
 )
 def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str):

@@ -13,8 +13,8 @@ from campaigns.flips import core as core_flips
 from regs.generated.mailbox import AREAS, FRAMES, REGISTERS
 from sw.tools.stack import reserved
 from tb.agents import rtu
+from tb.lib.nightly import first
 from tb.lib.seeds import seeded
-from tb.lib.shares import first
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.firmware import Connected, Gateway, frame_memory, library
 from tb.model.rv32i import Hung, Machine
@@ -115,7 +115,7 @@ def two_places(request: pytest.FixtureRequest) -> Bench:
     return Bench(request.param)
 
 
-OF_BOTH_CARDS = [Gateway, pytest.param(SmallGateway, marks=pytest.mark.slow), Machine]
+OF_BOTH_CARDS = [Gateway, pytest.param(SmallGateway, marks=pytest.mark.nightly), Machine]
 
 
 @pytest.fixture(params=OF_BOTH_CARDS, ids=["host", "small", "card"])
@@ -688,7 +688,7 @@ def test_the_wait_is_never_too_short(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
-@pytest.mark.parametrize("tens", [1, 2, 50, pytest.param(7000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tens", [1, 2, 50, pytest.param(7000, marks=pytest.mark.nightly)])
 def test_the_wait_is_register_40003(bench: Bench, tens: int):
     bench.local(bytes([6, 0, 2]) + tens.to_bytes(2, "big"))
     bench.request(READ_514)

@@ -15,8 +15,8 @@ import pytest
 
 from rtl.sources import ROOT
 from sw.tools.seal import SUMS, seal
+from tb.lib.nightly import first
 from tb.lib.seeds import seeded
-from tb.lib.shares import first
 from tb.model.fake_mailbox import FakeMailbox
 from tb.model.firmware import Gateway, library
 from tb.model.rv32i import Hung, Machine, image
@@ -92,7 +92,7 @@ def test_the_image_check_continues_after_a_revoked_or_committed_request(fate: st
     assert card.mailbox.halted
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_an_image_damaged_while_idle_halts_within_one_check():
     rng = seeded("damaged bits")

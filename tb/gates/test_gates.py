@@ -29,7 +29,7 @@ each_family = pytest.mark.parametrize("family", COUNTED_ON)
 first_family = pytest.mark.parametrize(
     "family",
     [
-        pytest.param(family, marks=[pytest.mark.slow] if number else [])
+        pytest.param(family, marks=[pytest.mark.nightly] if number else [])
         for number, family in enumerate(COUNTED_ON)
     ],
 )
@@ -56,7 +56,7 @@ def test_uart_in_cells(family):
 
 
 @pytest.mark.rule("TOP-1")
-@pytest.mark.slow
+@pytest.mark.nightly
 @each_family
 def test_firmware_memory_in_block_rams(family, tmp_path):
     """As large as the tiny card's memory, so that it is mapped to block RAMs."""
@@ -71,7 +71,7 @@ def test_firmware_memory_in_block_rams(family, tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @first_family
 def test_a_wrong_look_up_table_is_found(family, tmp_path):
     """Inverts the first look-up table of the netlist."""

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration and clock of a whole-card simulation; `run()` of runner.py sets both by environment.
 
-A test with an argument `config` runs for every configuration (TOP-2). tb/lib/pytest_plugin.py says which of
-them run in `make test` and which in `make test-all`.
+A test with an argument `config` runs for every configuration (TOP-2), for all but the first at night only.
 """
 
 from __future__ import annotations

@@ -5,13 +5,16 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from rtl.sources import commit, configurations
+from tb.lib.nightly import first
 from tb.lib.runner import ROOT, SIMULATORS, recordings
 
 # `make test` repeats its random tests by this seed. SEED= gives another; the long run of CI draws one.
@@ -23,10 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--card", choices=list(configurations()), help="run the whole card's tests only, as this card"
     )
-    parser.addoption("--all", action="store_true", help="run every test, not only the choice of `make test`")
-    parser.addoption(
-        "--rest", action="store_true", help="with --all, the rest of CI: without `make test` and twins"
-    )
+    parser.addoption("--all", action="store_true", help="run every test, those marked `nightly`, too")
     parser.addoption(
         "--figures", action="store_true", help="run the checks of measured pages, and only those"
     )
@@ -49,17 +49,28 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A test with an argument `sim` runs on both simulators, a test with `config` as both cards."""
+    """Chooses simulators for an argument `sim` and cards for `config`, unless the test chooses itself.
+
+    A module runs on Icarus, and at night on Verilator, which compiles for long. The whole card runs on
+    Verilator, for it takes minutes on Icarus: as the standard card, and at night as the small one.
+    """
     sim, card = (metafunc.config.getoption(option) for option in ("--sim", "--card"))
-    sims = [sim] if sim else SIMULATORS
-    cards = [card] if card else configurations()
-    names = set(metafunc.fixturenames)
-    if {"sim", "config"} <= names:
-        metafunc.parametrize(("sim", "config"), [(sim, config) for sim in sims for config in cards])
-    elif "sim" in names:
-        metafunc.parametrize("sim", sims)
-    elif "config" in names:
-        metafunc.parametrize("config", cards)
+    chosen = {
+        name for mark in metafunc.definition.iter_markers("parametrize") for name in words(mark.args[0])
+    }
+    asked = set(metafunc.fixturenames) - chosen
+    whole = "config" in metafunc.fixturenames
+    if "sim" in asked and whole and sim == "icarus":
+        metafunc.parametrize("sim", [pytest.param(sim, marks=pytest.mark.nightly)])
+    elif "sim" in asked:
+        metafunc.parametrize("sim", [sim] if sim else ["verilator"] if whole else first(SIMULATORS))
+    if "config" in asked:
+        cards = list(configurations())
+        metafunc.parametrize("config", [card] if card else cards[:1] if sim == "icarus" else first(cards))
+
+
+def words(names: str | Sequence[str]) -> Sequence[str]:
+    return re.findall(r"\w+", names) if isinstance(names, str) else names
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -70,78 +81,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def wanted(item: pytest.Item, config: pytest.Config) -> bool:
+    parameters = item.callspec.params if hasattr(item, "callspec") else {}
+    sim, card = parameters.get("sim"), parameters.get("config")
     cards = item.get_closest_marker("cards")
-    if cards and place(item)[1] not in cards.args:
+    if cards and card not in cards.args:
         return False
     if config.getoption("--figures") or item.get_closest_marker("figures"):
         return config.getoption("--figures") and item.get_closest_marker("figures") is not None
+    if sim and config.getoption("--sim") not in (None, sim):
+        return False
     if config.getoption("--card"):
-        return "config" in getattr(item, "fixturenames", ())
-    if config.getoption("--all"):
-        known = in_make_test(item) or item.get_closest_marker("twin")
-        return not costly(item, config) and not (config.getoption("--rest") and known)
-    return in_make_test(item)
-
-
-def place(item: pytest.Item) -> tuple[str | None, str | None]:
-    """Simulator and card of a test; None where the test has no choice."""
-    parameters = item.callspec.params if hasattr(item, "callspec") else {}
-    return parameters.get("sim"), parameters.get("config")
-
-
-def costly(item: pytest.Item, config: pytest.Config) -> bool:
-    """Tests of the whole card that take minutes on Icarus: all but the manual's examples (marked `examples`).
-
-    `SIM=icarus` asks for those of the standard card, `CARD=tiny` for those of the small one: SERV takes ten
-    times the clocks.
-    """
-    sim, card = place(item)
-    if sim != "icarus" or card is None or item.get_closest_marker("all_cards"):
-        return False
-    return card == "tiny" or not (item.get_closest_marker("examples") or config.getoption("--sim"))
-
-
-def in_make_test(item: pytest.Item) -> bool:
-    """Large modules on both simulators, small ones on Icarus, the whole card on Verilator.
-
-    Verilator compiles for long and runs fast. It runs every small module as a part of the card. Tests marked
-    `all_cards` run as both cards on both simulators. Tests marked `slow` are left to CI: each rule has a test
-    that takes less time. Tests marked `needs` wait for tools that `make test` does not install.
-    """
-    sim, config = place(item)
-    # A case has a mark of its own beside that of its test.
-    if any(not slow.args or sim in slow.args for slow in item.iter_markers("slow")):
-        return False
-    if item.get_closest_marker("all_cards"):
-        return True
-    if item.get_closest_marker("needs") or config == "tiny":
-        return False
-    # SIM=verilator asks for all of them.
-    if sim == "verilator" and item.path.name in SMALL and not item.config.getoption("--sim"):
-        return False
-    return not (sim == "icarus" and config)
-
-
-# Benches that take less time on Icarus than Verilator takes to compile the module.
-SMALL = {
-    f"test_{module}.py"
-    for module in (
-        *(
-            "agents",
-            "baud_base",
-            "baud_divider",
-            "bcc",
-            "break_filter",
-            "bus_arbiter",
-            "card_tables",
-            "card_time",
-            "crc16_modbus",
-        ),
-        *("firmware_ram", "glitch_filter", "guarded_bit", "loopback_end", "mailbox_regs", "parity_guard"),
-        *("reset_sync", "reply_slot", "request_fate", "rs485_dir", "rtu_tx", "silence_timer", "supervisor"),
-        *("start_watch", "switch_sampler", "sync_2ff", "telegram_slot", "holding_registers"),
-    )
-}
+        return card == config.getoption("--card")
+    return config.getoption("--all") or item.get_closest_marker("nightly") is None
 
 
 # Last result of every test with commit and time, for `make trace` and `make report`. Each run updates its

@@ -17,6 +17,7 @@ from tb.agents.rs485 import DirectionMonitor
 from tb.agents.uart import Flaws, Format, Frame, Sent, now_ps, with_gaps
 from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import ReadPort, WritePort, at_once
+from tb.lib.nightly import on_verilator
 from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
@@ -456,7 +457,7 @@ MANY_REPLIES = (
 )
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule(
     "LINE-4", "LINE-5", "FC-1", "FC-2", "FC-7", "FC-8", "FC-9", "FC-10", "SAFE-1", "SAFE-2", "SAFE-3"
 )
@@ -464,7 +465,7 @@ def test_drive_port(sim):
     run_port(sim, rf"(?!{'|'.join(MANY_REPLIES)})\w+")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("LINE-5", "FC-8")
 def test_many_replies(sim):
     run_port(sim, *MANY_REPLIES)

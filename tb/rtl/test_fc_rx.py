@@ -14,6 +14,7 @@ import pytest
 from regs.generated.card_tables import CHARACTER_BITS, TICKS_PER_BIT
 from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import WritePort, at_once
+from tb.lib.nightly import on_verilator
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, build_parameter, build_process, build_text
@@ -425,7 +426,7 @@ async def random_good_and_bad_telegrams_are_distinguished(dut):
             await rx.listen()
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("FC-1", "FC-2", "FC-7", "FC-8", "SAFE-3")
 def test_fc_rx(sim):
     run("fc_rx_bcc", "tb.rtl.test_fc_rx", sim=sim, extra_sources=[ROOT / "tb/rtl/fc_rx_bcc.v"])

@@ -12,6 +12,7 @@ from cocotb.triggers import First, ValueChange
 from tb.agents.uart import Format, UartMonitor
 from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import ReadPort, at_once
+from tb.lib.nightly import on_verilator
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, build_process
@@ -201,7 +202,7 @@ async def reset_releases_the_line_and_the_next_telegram_is_whole(dut):
         assert await tx.telegram(COMMAND) == build_process(0x047C, 0x2000), f"after a reset in clock {at}"
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("FC-1", "FC-2", "FC-8", "SAFE-1", "SAFE-2", "SAFE-4")
 def test_fc_tx(sim):
     run("fc_tx_line", "tb.rtl.test_fc_tx", sim=sim, extra_sources=[ROOT / "tb/rtl/fc_tx_line.v"])

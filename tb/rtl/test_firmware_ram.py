@@ -74,7 +74,7 @@ async def image_is_loaded_and_byte_writes_change_only_their_bytes(dut):
         assert await memory.access(n) == as_read(kept[n])
 
 
-SIZES = [48, 1024, pytest.param(3072, marks=pytest.mark.slow)]
+SIZES = [48, 1024, pytest.param(3072, marks=pytest.mark.nightly)]
 
 
 @pytest.mark.rule("TOP-1", "TOP-2", "SAFE-4")
@@ -103,7 +103,7 @@ BLOCK_RAMS = {
 
 @pytest.mark.rule("TOP-2")
 @pytest.mark.parametrize(
-    "words", [pytest.param(words, marks=[pytest.mark.slow] * (words > 2048)) for words in BLOCK_RAMS]
+    "words", [pytest.param(words, marks=[pytest.mark.nightly] * (words > 2048)) for words in BLOCK_RAMS]
 )
 def test_memory_fits_into_the_block_rams_that_its_words_need(words):
     """Banks and lanes exist for this alone. A simulation does not show them."""

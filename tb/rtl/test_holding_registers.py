@@ -21,6 +21,7 @@ from tb.agents import edges, rtu
 from tb.agents.modbus_master import ModbusMaster
 from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench
+from tb.lib.nightly import on_verilator
 from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
@@ -255,7 +256,7 @@ def test_example_is_short():
     assert len(regs.MACRO_BLOCK.sub("", EXAMPLE.read_text()).splitlines()) < 100
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_example_is_synthesised():
     """No undriven net, no latch, and no cell but those of the part."""
     files = [*needed_files("network_port"), EXAMPLE]
@@ -288,7 +289,7 @@ def simulate(sim: str, baud: int, testcase: list[str] | None = None, clk_hz: int
     )
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 def test_holding_registers(sim):
     shorter = ("random_", "limits_", "first_", "a_write_", "broadcasts_", "frames_", "a_character_")
     simulate(sim, 19_200, [f"{name}.*" for name in shorter])
@@ -298,7 +299,7 @@ def test_holding_registers_at_one_clock_a_tick(sim):
     simulate(sim, 19_200, ["random_.*", "frames_.*"], SLOWEST_HZ)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_holding_registers_at_the_highest_rate(sim):
     """Above 19200 bit/s the silences are fixed."""
     simulate(sim, 115_200)

@@ -10,6 +10,7 @@ import pytest
 
 from regs.generated.mailbox import REGISTERS, VALUES
 from tb.lib.bench import Strobes
+from tb.lib.nightly import on_verilator
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.model.fake_mailbox import FakeMailbox
@@ -179,7 +180,7 @@ async def the_model_decides_as_the_gate(dut):
     assert len(left) >= 6, "replies, and telegrams of each licence, repeated; the repeat of a stop is rare"
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-7")
 def test_the_model_decides_as_the_gate(sim):
     run("commit_gate", "tb.rtl.test_mailbox_model", sim=sim, parameters={"MASTER_LOSS_STOP": 1})

@@ -16,6 +16,7 @@ from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench, Strobes
 from tb.lib.card import baud_switches, switch_word
 from tb.lib.memory_ports import ReadPort, WritePort
+from tb.lib.nightly import on_verilator
 from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
@@ -623,7 +624,7 @@ LONG = [
 ]
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule(
     *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
     *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "LOOP-1"),
@@ -633,13 +634,13 @@ def test_network_port(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-6", "LINE-5", "SAFE-4")
 def test_network_port_at_length(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=LONG)
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("LINE-2", "FRAME-1")
 def test_silences_at_every_rate(sim):
     """A character at 300 bit/s takes 70,000 clocks."""
@@ -647,14 +648,14 @@ def test_silences_at_every_rate(sim):
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("FRAME-8", "LINE-5")
 def test_reply_to_a_slow_sender(sim):
     what = "first_bit_of_a_reply_is_never_early_for_any_sender"
     run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("FRAME-3")
 def test_network_port_lenient(sim):
     parameters = {"STRICT_T15": 0}
@@ -668,7 +669,7 @@ def test_network_port_lenient(sim):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-8", "SAFE-2")
 def test_network_port_on_a_bus_without_bias(sim):
     run(
@@ -681,7 +682,7 @@ def test_network_port_on_a_bus_without_bias(sim):
     )
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("LINE-5")
 def test_a_pulse_at_the_commit_of_a_port_that_does_not_prepare_early(sim):
     run(

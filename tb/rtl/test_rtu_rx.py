@@ -14,6 +14,7 @@ from cocotb.triggers import Timer
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.bench import Bench, Strobes
+from tb.lib.nightly import on_verilator
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
@@ -576,13 +577,13 @@ def run_receiver(sim: str, testcase: list[str], **parameters: int) -> None:
     )
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "SAFE-1")
 def test_rtu_rx(sim):
     run_receiver(sim, [COMMON, "strict_.*"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6")
 def test_rtu_rx_lenient(sim):
     run_receiver(sim, [COMMON, "lenient_.*"], STRICT_T15=0)

@@ -13,6 +13,7 @@ import pytest
 from regs.generated.card_tables import RATES, Rate
 from tb.agents.uart import Flaws, Format, Frame, UartMonitor, UartSource
 from tb.lib.bench import Bench, Strobes
+from tb.lib.nightly import on_verilator
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.rtl.test_uart import FORMATS, TICK, levels_of, set_format
@@ -180,11 +181,11 @@ def run_line(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> No
     )
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize(
     ("clk_hz", "slowest", "fastest"),
-    [(2_000_000, 300, 19_200), pytest.param(7_372_800, 38_400, 115_200, marks=pytest.mark.slow)],
+    [(2_000_000, 300, 19_200), pytest.param(7_372_800, 38_400, 115_200, marks=pytest.mark.nightly)],
 )
 def test_baud_error(sim, clk_hz, slowest, fastest):
     """In the second case the clock is 64 times the fastest rate, the least that the rule allows."""
@@ -202,13 +203,13 @@ def test_bad_lines(sim):
     run_line(sim, 2_000_000, PIN_TESTS)
 
 
-@pytest.mark.slow("icarus")
+@on_verilator
 @pytest.mark.rule("LINE-2", "LINE-4")
 @pytest.mark.parametrize(
     ("clk_hz", "slowest", "forms"),
     [
         (2_000_000, 300, FORMATS),
-        pytest.param(12_000_000, 300, ("8N2",), marks=pytest.mark.slow),
+        pytest.param(12_000_000, 300, ("8N2",), marks=pytest.mark.nightly),
         (100_000_000, 9600, ("8E1",)),
     ],
 )

@@ -111,7 +111,7 @@ def test_without_mkdocs_it_is_one_line(tmp_path):
     assert re.fullmatch(r"docs: \w+ is missing; run `make docs`\n", done.stderr)
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_a_folder_with_other_files_stays(tmp_path):
     (tmp_path / "mine").write_text("all I have")
     for folder in (tmp_path, tmp_path / "mine"):
@@ -120,7 +120,7 @@ def test_a_folder_with_other_files_stays(tmp_path):
     assert (tmp_path / "mine").read_text() == "all I have"
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_dead_links_and_lost_pages_are_named(project):
     with (project / "docs/glossary.md").open("a") as page:
         page.write("\n[dead](nosuch.md) [no heading](hardening.md#nosuch)\n")
@@ -133,7 +133,7 @@ def test_dead_links_and_lost_pages_are_named(project):
         assert sum(part in line for line in lines) == 1, part
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_two_runs_write_the_same_bytes(site, tmp_path):
     make(tmp_path / "site")
     first, second = (
@@ -143,7 +143,7 @@ def test_two_runs_write_the_same_bytes(site, tmp_path):
     assert first == second
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_no_page_asks_a_host(site):
     pages = {page: Asked(page.read_text()) for page in site.rglob("*.html")}
     assert {str(page): elsewhere(asked.all) for page, asked in pages.items() if elsewhere(asked.all)} == {}
@@ -155,7 +155,7 @@ def test_no_page_asks_a_host(site):
         assert elsewhere([one for pair in addresses for one in pair]) == [], style
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_the_index_has_the_exceptions(site):
     entries = json.loads((site / "search/search_index.json").read_text())["docs"]
     assert {entry["location"].split("#")[0] for entry in entries} >= {
@@ -169,7 +169,7 @@ def test_the_index_has_the_exceptions(site):
     assert (site / "search/search_index.js").read_text().startswith("var __index = {")
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_every_picture_of_the_pages_is_shown(site):
     sources = [*(ROOT / "docs").rglob("*.md"), *hooks.PAGES]
     pictures = {
@@ -201,7 +201,7 @@ class Parts(HTMLParser):
             self.count[tag] += 1
 
 
-@pytest.mark.needs("docs")
+@pytest.mark.nightly("docs")
 def test_pages_have_the_parts_that_they_have_on_github(site):
     """A list without an empty line before it, for one, is no list for Python-Markdown."""
     github = MarkdownIt("gfm-like", {"html": True, "linkify": False})
@@ -224,8 +224,7 @@ return [];
 """
 
 
-@pytest.mark.needs("docs")
-@pytest.mark.needs("pages")
+@pytest.mark.nightly("docs", "pages")
 def test_a_browser_searches_without_a_server(site):
     page = (site / "index.html").read_text()
     seen = chromium.evaluate(page, SEARCH, site, options=("--virtual-time-budget=20000",))
@@ -248,9 +247,7 @@ return [...document.querySelectorAll('iframe')].map(frame => {
 """
 
 
-@pytest.mark.slow
-@pytest.mark.needs("docs")
-@pytest.mark.needs("pages")
+@pytest.mark.nightly("docs", "pages")
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_is_cut_off(site, tmp_path, width):
     folder = tmp_path / "site"
@@ -276,8 +273,7 @@ return [wrap.scrollLeft > 100, cells[0].textContent, Math.round(cells[0].getBoun
 """
 
 
-@pytest.mark.needs("docs")
-@pytest.mark.needs("pages")
+@pytest.mark.nightly("docs", "pages")
 def test_the_code_of_an_exception_stays_in_sight_on_a_phone(site, tmp_path):
     folder = tmp_path / "site"
     shutil.copytree(site, folder)
