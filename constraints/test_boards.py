@@ -17,12 +17,10 @@ from constraints.boards import (
     CARD,
     CONFIGURATION,
     DOCS,
-    WIRED,
     Board,
     boards,
     functions,
     gowin_pads,
-    main,
     pin_tables,
     ports,
     problems,
@@ -41,7 +39,8 @@ from tb.lib.runner import ROOT, WAIVERS, run
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
 
-pytestmark = pytest.mark.nightly("synth")
+# For the databases of the parts.
+synth = pytest.mark.nightly("synth")
 
 # Board outputs that are not outputs of the card.
 CONSTANT = {"wifi_gpio0": 1}
@@ -56,6 +55,7 @@ STARTED = [
 ]
 
 
+@synth
 @each_board
 def test_pins_wrapper_and_table_agree(name):
     assert problems(BOARDS[name]) == []
@@ -71,6 +71,7 @@ def card(name: str) -> list[str]:
     return [str(path) for path in (*card_files(BOARDS[name].config), BOARDS[name].wrapper)]
 
 
+@synth
 @each_board
 def test_wrapper_is_clean_verilog(name):
     """No warnings in either simulator, including open ports. `make lint` checks the card's own files."""
@@ -96,6 +97,7 @@ GUIDE = (ROOT / "docs/guide/debugging.md").read_text().split("## A card with oth
 PARAMETERS = re.findall(r"\.([A-Z0-9_]+)\((1'b[01])\)", GUIDE.split("\n## ")[0])
 
 
+@synth
 @each_board
 def test_the_guide_s_parameters_reach_the_card_of_a_board(name, tmp_path):
     """Each line of the guide, after the line that it names."""
@@ -141,6 +143,7 @@ def route_ports_alone(entry: Board, folder: Path) -> dict:
     return place_and_route(entry, folder, "pins", 1)
 
 
+@synth
 @each_board
 def test_package_has_every_pin(name):
     report = route_ports_alone(BOARDS[name], ROOT / "build/tests" / f"pins-{name}")
@@ -215,7 +218,13 @@ def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
         tang |= {port: (site, header) for port, site in zip(listed, sites, strict=False) if port}
     leds = zip(LED_ORDER, ("10", "11", "13", "14"), strict=True)
     tang |= {f"{port}_n": (site, f"LED {number}") for number, (port, site) in enumerate(leds, 1)}
-    return {"icebreaker": ice, "ulx3s-25": ulx3s, "tang-nano-9k": tang}
+    hx8k = dict(zip(LINES, ("K14", "K16", "K15", "L16", "M16", "M15"), strict=True)) | {"clk": "J3"}
+    hx8k |= dict(zip(LED_ORDER, ("B5", "B4", "A2", "A1"), strict=True))
+    for port, sites in HX8K_SWITCHES.items():
+        hx8k |= {f"{port}[{bit}]": site for bit, site in enumerate(sites.split(), 1)}
+    header = " ".join(HX8K_J2).split()
+    hx8k = {port: (site, "J2" if site in header else "on the board") for port, site in hx8k.items()}
+    return {"icebreaker": ice, "hx8k-breakout": hx8k, "ulx3s-25": ulx3s, "tang-nano-9k": tang}
 
 
 def exchange_pins(monkeypatch: pytest.MonkeyPatch, name: str, one: str, other: str) -> None:
@@ -228,22 +237,23 @@ def exchange_pins(monkeypatch: pytest.MonkeyPatch, name: str, one: str, other: s
 
 
 def differs_from_documents(entry: Board) -> list[str]:
-    """Ports whose pin differs from the board's documents and docs/guide/hardware.md."""
+    """Ports that the board should not have, or whose pin is not that of its documents."""
     found = {pin.port: (pin.site, pin.remark) for pin in entry.pins()}
-    if entry.name == "hx8k-breakout":
-        own = dict(zip(LED_ORDER, ("B5", "B4", "A2", "A1"), strict=True)) | {"clk": "J3"}
-        own |= dict(zip(LINES, ("K14", "K16", "K15", "L16", "M16", "M15"), strict=True))
-        for port, sites in HX8K_SWITCHES.items():
-            own |= {f"{port}[{bit}]": site for bit, site in enumerate(sites.split(), 1)}
-        header = " ".join(HX8K_J2).split()
-        return [
-            port
-            for port, (site, remark) in found.items()
-            if own.get(port, site) != site or (site in header) != (remark == "J2")
-        ]
     wanted = as_documented()[entry.name]
     return sorted(port for port in wanted.keys() | found.keys() if wanted.get(port) != found.get(port))
 
+
+# The level that lights the LEDs of the network and of the drive: by docs/guide/hardware.md for the cards, by
+# the schematics for the boards; iCEBreaker has the LEDs of the drive on a Pmod. Written by hand, so that a
+# port that is renamed and inverted does not bring its own expectation.
+LIT = {
+    "card-xo2-1200": "00",
+    "card-gw1n-9": "00",
+    "icebreaker": "01",
+    "hx8k-breakout": "11",
+    "ulx3s-25": "11",
+    "tang-nano-9k": "00",
+}
 
 # FPGA pins of the cards. Circuit boards are laid out by docs/reference/pins.md, so a pin that moves, with
 # its page made anew, breaks the boards that exist.
@@ -292,14 +302,9 @@ def test_ports_of_a_card_are_on_their_pins(name):
     assert moved_ports(name) == []
 
 
-@pytest.mark.parametrize("name", CARD_PINS)
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [("drive_rx", "drive_tx"), ("modbus_de", "drive_de"), ("sw_baud_n[1]", "sw_baud_n[3]")],
-)
-def test_exchanged_ports_of_a_card_are_found(monkeypatch, name, one, other):
-    exchange_pins(monkeypatch, name, one, other)
-    assert moved_ports(name) == sorted((one, other))
+def test_exchanged_ports_of_a_card_are_found(monkeypatch):
+    exchange_pins(monkeypatch, "card-gw1n-9", "modbus_de", "drive_de")
+    assert moved_ports("card-gw1n-9") == ["drive_de", "modbus_de"]
 
 
 # Oscillators on the boards, from their own documents.
@@ -314,9 +319,8 @@ def test_every_board_has_its_pins_from_a_document():
     assert {BOARDS[name].family for name in CARD_PINS} <= set(CONFIGURATION)
 
 
-@pytest.mark.parametrize("name", DEVELOPMENT)
-def test_clock_of_a_development_board_is_its_oscillator(name):
-    assert BOARDS[name].clk_hz == OSCILLATORS_HZ[name]
+def test_clocks_of_the_development_boards_are_their_oscillators():
+    assert {name: BOARDS[name].clk_hz for name in DEVELOPMENT} == OSCILLATORS_HZ
 
 
 @pytest.mark.parametrize("name", DEVELOPMENT)
@@ -324,26 +328,25 @@ def test_ports_are_on_the_documented_connector_pins(name):
     assert differs_from_documents(BOARDS[name]) == []
 
 
+@pytest.mark.rule("LED-2")
+@pytest.mark.parametrize("name", BOARDS)
+def test_leds_are_lit_by_the_documented_level(name):
+    """What ends in _n is lit by a low pin: test_pins_and_polarities."""
+    leds = {port for port in ports(BOARDS[name].wrapper) if port.startswith("led_")}
+    levels = dict(zip(("modbus", "drive"), LIT[name], strict=True))
+    assert leds == {led + "_n" * (levels[led.split("_")[1]] == "0") for led in LED_ORDER}
+
+
 @pytest.mark.parametrize(
     ("name", "one", "other"),
-    [
-        ("icebreaker", "modbus_tx", "modbus_de"),
-        ("icebreaker", "modbus_rx", "drive_rx"),
-        ("icebreaker", "sw_addr_n[1]", "sw_addr_n[5]"),
-        ("hx8k-breakout", "modbus_tx", "modbus_de"),
-        ("hx8k-breakout", "clk", "drive_de"),
-        ("hx8k-breakout", "sw_addr_n[1]", "sw_addr_n[2]"),
-        ("ulx3s-25", "modbus_tx", "drive_tx"),
-        ("ulx3s-25", "led_drive_red", "led_drive_green"),
-        ("tang-nano-9k", "modbus_tx", "modbus_de"),
-        ("tang-nano-9k", "sw_addr_n[3]", "sw_addr_n[4]"),
-    ],
+    [("icebreaker", "modbus_rx", "drive_rx"), ("hx8k-breakout", "led_drive_red", "led_drive_green")],
 )
 def test_exchanged_ports_are_found(monkeypatch, name, one, other):
     exchange_pins(monkeypatch, name, one, other)
     assert {one, other} <= set(differs_from_documents(BOARDS[name]))
 
 
+@synth
 @pytest.mark.parametrize(("name", "count"), [("card-xo2-1200", 15), ("card-gw1n-9", 21)])
 def test_the_configuration_pins_of_a_card_are_known(name, count):
     """With an empty list every pin would pass."""
@@ -353,6 +356,7 @@ def test_the_configuration_pins_of_a_card_are_known(name, count):
     assert len(listed) == count
 
 
+@synth
 def test_the_banks_of_a_board_s_pins_are_known():
     """The clock's pad, an LED, a line; the database has four banks."""
     pads = gowin_pads("GW1N-9C", BOARDS["tang-nano-9k"].part)
@@ -426,6 +430,7 @@ def run_pins(entry: Board, folder: Path) -> None:
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("LED-2", "LINE-6", "LINE-8")
 @each_board
 def test_pins_and_polarities(name, tmp_path):
@@ -474,6 +479,7 @@ async def answers_without_ever_having_been_reset(dut):
     drive.check_direction()
 
 
+@synth
 @pytest.mark.rule("TOP-1", "LED-1", "LINE-7")
 @pytest.mark.parametrize("name", STARTED)
 def test_power_up_without_a_reset(name):
@@ -512,180 +518,72 @@ def spoilt(tmp_path, monkeypatch):
     return copy
 
 
-def buffer_fault(port: str, old: str, new: str, message: str) -> tuple[str, str, str]:
-    """A change in the IOBUF line of a port."""
-    ways = {"tx": "NONE DRIVE=8 SLEWRATE=SLOW", "de": "NONE DRIVE=8 SLEWRATE=SLOW", "clk": "NONE"}
-    line = f'IOBUF PORT "{port}" IO_TYPE=LVCMOS33 PULLMODE={ways.get(port.split("_")[-1], "UP")};'
-    assert old in line
-    return line, line.replace(old, new), message
-
-
-BUFFER_FAULTS = [
-    buffer_fault("clk", "NONE", "DOWN", "input clk is pulled (PULLMODE DOWN)"),
-    buffer_fault(
-        "modbus_rx", "PULLMODE=UP", "PULLMODE=NONE", "input modbus_rx has no pull-up (PULLMODE NONE)"
+IOBUF = 'IOBUF PORT "{}" IO_TYPE=LVCMOS33 PULLMODE={};'
+DRIVEN = "NONE DRIVE=8 SLEWRATE=SLOW"
+# Board, pin file or wrapper, what stands there, what shall stand there, the message.
+FAULTS = [
+    ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "#", "port modbus_tx has no pin"),
+    ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 47 #", "pin 47 is used twice"),
+    ("icebreaker", ".pcf", "set_io modbus_tx 2", "set_io modbus_out 2", "there is no port modbus_out"),
+    ("icebreaker", ".pcf", "-pullup yes modbus_rx", "modbus_rx", "input modbus_rx has no pull-up"),
+    ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
+    ("icebreaker", ".v", ".drive_de(drive_de)", ".drive_de()", "the card's port drive_de is not connected"),
+    ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
+    ("card-gw1n-9", ".v", "BYTES(16384)", "BYTES(8192)", "the wrapper's MEMORY_BYTES is not the 16384"),
+    ("ulx3s-25", ".lpf", 'COMP "drive_de"', 'COMP "clk"', "port clk has two pins"),
+    ("ulx3s-25", ".lpf", 'PORT "wifi_gpio0"', 'PORT "x"', "port wifi_gpio0 has no buffer line"),
+    (
+        "tang-nano-9k",
+        ".cst",
+        'drive_red_n" IO_TYPE=LVCMOS18',
+        'drive_red_n" IO_TYPE=LVCMOS33',
+        "is not LVCMOS18",
     ),
-    buffer_fault("sw_addr_n[8]", " PULLMODE=UP", "", "input sw_addr_n[8] has no pull-up (PULLMODE not set)"),
-    buffer_fault("drive_rx", "LVCMOS33", "LVCMOS25", "input drive_rx is not LVCMOS33 (IO_TYPE LVCMOS25)"),
-    buffer_fault("drive_tx", "IO_TYPE=LVCMOS33 ", "", "output drive_tx is not LVCMOS33 (IO_TYPE not set)"),
-    buffer_fault("drive_de", "NONE", "UP", "output drive_de is pulled (PULLMODE UP)"),
-    buffer_fault("modbus_tx", "DRIVE=8 ", "", "output modbus_tx has no strength of its part (DRIVE not set)"),
-    buffer_fault("modbus_tx", "DRIVE=8", "DRIVE=9", "output modbus_tx has no strength of its part (DRIVE 9)"),
-    buffer_fault("modbus_de", "SLOW", "FAST", "output modbus_de has not the slow edges (SLEWRATE FAST)"),
-    buffer_fault("modbus_de", " SLEWRATE=SLOW", "", "output modbus_de has not the slow edges"),
-    buffer_fault("drive_rx", "UP;", "UP DRIVE=8;", "input drive_rx has DRIVE, which it cannot use"),
-    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "drive_rx" X=1;', "port drive_rx has two buffer lines"),
-    buffer_fault("drive_rx", "UP;", 'UP;\nIOBUF PORT "x" X=1;', "buffer line of x, which is no port"),
-]
-
-
-def as_cst(text: str) -> str:
-    """The line of an .lpf in the words of a .cst."""
-    words = (("IOBUF PORT", "IO_PORT"), ("PULLMODE", "PULL_MODE"), ("SLEWRATE", "SLEW_RATE"))
-    for lattice, gowin in words:
-        text = text.replace(lattice, gowin)
-    return text
-
-
-def misplaced(name: str, port: str, old: str, new: str, message: str) -> tuple[str, str, str, str, str]:
-    """A port of a card on a wrong pin."""
-    if BOARDS[name].family == "gowin":
-        return name, ".cst", f'IO_LOC "{port}" {old};', f'IO_LOC "{port}" {new};', message
-    line = f'LOCATE COMP "{port}" SITE "{old}";'
-    return name, ".lpf", line, line.replace(f'"{old}"', f'"{new}"'), message
-
-
-NO_CLOCK = "clk is on {}, which is no clock pin"
-CONFIGURES = "{} is on {}, which is {} of the part's configuration"
-MISPLACED = [
-    misplaced("card-xo2-1200", "clk", "27", "24", NO_CLOCK.format(24)),
-    # The complementary pin of a clock pair.
-    misplaced("card-xo2-1200", "clk", "27", "28", NO_CLOCK.format(28)),
-    misplaced("card-gw1n-9", "clk", "84", "83", NO_CLOCK.format(83)),
-    # A clock pin by the data sheet, but not by nextpnr.
-    misplaced("card-gw1n-9", "clk", "84", "56", NO_CLOCK.format(56)),
-    *(
-        misplaced("card-xo2-1200", port, old, new, CONFIGURES.format(port, new, function))
-        for port, old, new, function in (
-            ("sw_addr_n[8]", "23", "131", "TCK"),
-            ("sw_addr_n[7]", "22", "137", "TDO"),
-            ("modbus_de", "75", "119", "PROGRAMN"),
-            ("drive_de", "83", "110", "INITN"),
-            ("drive_tx", "82", "109", "DONE"),
-            ("modbus_tx", "74", "70", "SN"),
-            ("modbus_rx", "73", "120", "JTAGENB"),
-            ("clk", "27", "126", "SCL/PCLKT0_0"),
-        )
+    # The complementary pin of a clock pair; a clock pin by the data sheet, but not by nextpnr.
+    ("card-xo2-1200", ".lpf", 'clk" SITE "27"', 'clk" SITE "28"', "clk is on 28, which is no clock pin"),
+    ("card-gw1n-9", ".cst", '"clk" 84', '"clk" 56', "clk is on 56, which is no clock pin"),
+    (
+        *("card-xo2-1200", ".lpf", '"modbus_de" SITE "75"', '"modbus_de" SITE "119"'),
+        "modbus_de is on 119, which is PROGRAMN of the part's configuration",
     ),
-    *(
-        misplaced("card-gw1n-9", port, old, new, CONFIGURES.format(port, new, function))
-        for port, old, new, function in (
-            ("modbus_de", "139", "20", "RECONFIG_N"),
-            ("modbus_tx", "138", "143", "MODE1"),
-            ("drive_de", "63", "22", "READY"),
-            ("drive_tx", "62", "21", "DONE"),
-            ("sw_addr_n[7]", "54", "4", "JTAGSEL_N/LPLL_T_IN"),
-            ("sw_addr_n[8]", "60", "14", "TCK"),
-            ("led_drive_green_n", "82", "94", "MCS_N/D5"),
-        )
+    (
+        *("card-gw1n-9", ".cst", '"drive_de" 63', '"drive_de" 22'),
+        "drive_de is on 22, which is READY of the part's configuration",
     ),
     # Then bank 3 has only the receiver's output.
     (
-        "card-gw1n-9",
-        ".cst",
-        'IO_LOC "modbus_tx" 138;\nIO_LOC "modbus_de" 139;',
-        'IO_LOC "modbus_tx" 110;\nIO_LOC "modbus_de" 111;',
-        "bank 3 has inputs alone",
+        *("card-gw1n-9", ".cst", 'IO_LOC "modbus_tx" 138;\nIO_LOC "modbus_de" 139;'),
+        *('IO_LOC "modbus_tx" 110;\nIO_LOC "modbus_de" 111;', "bank 3 has inputs alone"),
+    ),
+    *(
+        ("ulx3s-25", ".lpf", line := IOBUF.format(port, pull), line.replace(old, new), said)
+        for port, pull, old, new, said in (
+            ("clk", "NONE", "NONE", "DOWN", "input clk is pulled (PULLMODE DOWN)"),
+            ("sw_addr_n[8]", "UP", " PULLMODE=UP", "", "sw_addr_n[8] has no pull-up (PULLMODE not set)"),
+            ("drive_rx", "UP", "LVCMOS33", "LVCMOS25", "drive_rx is not LVCMOS33 (IO_TYPE LVCMOS25)"),
+            ("modbus_tx", DRIVEN, "=8", "=9", "modbus_tx has no strength of its part (DRIVE 9)"),
+            ("modbus_de", DRIVEN, "SLOW", "FAST", "modbus_de has not the slow edges (SLEWRATE FAST)"),
+            ("drive_rx", "UP", "UP;", "UP DRIVE=8;", "input drive_rx has DRIVE, which it cannot use"),
+            ("drive_rx", "UP", "UP;", 'UP;\nIOBUF PORT "drive_rx" X=1;', "drive_rx has two buffer lines"),
+            ("drive_rx", "UP", "UP;", 'UP;\nIOBUF PORT "x" X=1;', "buffer line of x, which is no port"),
+        )
     ),
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "file", "old", "new", "message"),
-    [
-        ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "#", "port modbus_tx has no pin"),
-        ("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 47 #", "pin 47 is used twice"),
-        ("icebreaker", ".pcf", "set_io modbus_tx 2", "set_io modbus_out 2", "there is no port modbus_out"),
-        ("icebreaker", ".pcf", "-pullup yes modbus_rx", "modbus_rx", "input modbus_rx has no pull-up"),
-        ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
-        (
-            "icebreaker",
-            ".v",
-            ".drive_de(drive_de)",
-            ".drive_de()",
-            "the card's port drive_de is not connected",
-        ),
-        ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
-        (
-            "card-gw1n-9",
-            ".v",
-            ".MEMORY_BYTES(16384)",
-            ".MEMORY_BYTES(8192)",
-            "the wrapper's MEMORY_BYTES is not the 16384",
-        ),
-        ("ulx3s-25", ".lpf", 'SITE "C18"', 'SITE "B15"', "pin B15 is used twice"),
-        (
-            "tang-nano-9k",
-            ".cst",
-            'IO_PORT "led_drive_red_n" IO_TYPE=LVCMOS18',
-            'IO_PORT "led_drive_red_n" IO_TYPE=LVCMOS33',
-            "output led_drive_red_n is not LVCMOS18 (IO_TYPE LVCMOS33)",
-        ),
-        ("ulx3s-25", ".lpf", 'LOCATE COMP "drive_de"', 'LOCATE COMP "clk"', "port clk has two pins"),
-        (
-            "ulx3s-25",
-            ".lpf",
-            'IOBUF PORT "wifi_gpio0"',
-            'IOBUF PORT "x"',
-            "port wifi_gpio0 has no buffer line",
-        ),
-        ("icebreaker", ".pcf", "set_io drive_de", "set_io -pullup yes drive_de", "output drive_de is pulled"),
-        ("icebreaker", ".pcf", "set_io clk", "set_io -pullup yes clk", "input clk is pulled"),
-        (
-            "icebreaker",
-            ".pcf",
-            "yes modbus_rx",
-            "maybe modbus_rx",
-            "input modbus_rx has no pull-up (PULLMODE ?)",
-        ),
-        (
-            "icebreaker",
-            ".pcf",
-            "-pullup yes modbus_rx",
-            "-pullup yes -pullup_resistor 3P3K modbus_rx",
-            "input modbus_rx has -pullup_resistor, which it cannot use",
-        ),
-        *MISPLACED,
-        *(("card-xo2-1200", ".lpf", *fault) for fault in BUFFER_FAULTS),
-        *(
-            (name, ".cst", as_cst(old), as_cst(new), message)
-            for name in ("card-gw1n-9", "tang-nano-9k")
-            for old, new, message in BUFFER_FAULTS
-        ),
-        *(("ulx3s-25", ".lpf", *fault) for fault in BUFFER_FAULTS),
-        (
-            "ulx3s-25",
-            ".lpf",
-            *buffer_fault("modbus_tx", "DRIVE=8", "DRIVE=24", "output modbus_tx has no strength of its part"),
-        ),
-    ],
-)
+@synth
+@pytest.mark.parametrize(("name", "file", "old", "new", "message"), FAULTS)
 def test_error_in_a_board_is_found(spoilt, name, file, old, new, message):
     assert any(message in line for line in problems(spoilt(name, file, old, new)))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
-        # Red and green of an LED, both LEDs, a polarity, both lines, two switches, a polarity.
-        ("icebreaker", ".led_modbus_red(led_modbus_red)", ".led_modbus_red(led_modbus_green)"),
-        ("card-xo2-1200", "led_drive_red_n = !led_drive_red", "led_drive_red_n = !led_modbus_red"),
         ("card-gw1n-9", "led_modbus_green_n = !", "led_modbus_green_n = "),
-        ("tang-nano-9k", ".drive_tx(drive_tx)", ".drive_tx(drive_de)"),
         ("ulx3s-25", ".modbus_rx(modbus_rx)", ".modbus_rx(drive_rx)"),
-        ("ulx3s-25", "wifi_gpio0 = 1'b1", "wifi_gpio0 = 1'b0"),
         ("icebreaker", "{~button_n, ~sw_baud_n}", "{~sw_baud_n, ~button_n}"),
-        ("hx8k-breakout", "~sw_addr_n", "sw_addr_n"),
     ],
 )
 def test_a_wrongly_wired_wrapper_is_found(spoilt, tmp_path, name, old, new):
@@ -693,37 +591,21 @@ def test_a_wrongly_wired_wrapper_is_found(spoilt, tmp_path, name, old, new):
         run_pins(spoilt(name, ".v", old, new), tmp_path)
 
 
+@synth
 def test_pin_missing_in_the_package_is_found(spoilt):
     entry = spoilt("icebreaker", ".pcf", "set_io modbus_tx 2 #", "set_io modbus_tx 49 #")
     with pytest.raises(SynthError, match="pin named '49'"):
         route_ports_alone(entry, ROOT / "build/tests/pins-spoilt")
 
 
+@synth
 def test_a_clock_too_slow_for_its_configuration_is_found():
     assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
 
 
-def test_port_without_a_known_other_end_is_found(monkeypatch):
-    monkeypatch.delitem(WIRED, "drive_de")
-    assert problems(BOARDS["hx8k-breakout"]) == ["hx8k-breakout: the other end of drive_de is unknown"]
-
-
+@synth
 def test_pin_tables_equal_the_pin_files():
     assert DOCS.read_text() == pin_tables(), "run `make pins`"
-
-
-def test_outdated_pin_table_is_found(monkeypatch, capsys):
-    stale = ROOT / "build/tests/pins.md"
-    stale.parent.mkdir(parents=True, exist_ok=True)
-    stale.write_text(DOCS.read_text().replace("| 75 |", "| 76 |"))
-    monkeypatch.setattr("constraints.boards.DOCS", stale)
-    monkeypatch.setattr("sys.argv", ["boards", "--check"])
-    assert main() == 1
-    assert capsys.readouterr().err == "build/tests/pins.md is not what the pin files say; run `make pins`\n"
-    monkeypatch.setattr("sys.argv", ["boards"])
-    assert main() == 0
-    assert capsys.readouterr().out == f"wrote build/tests/pins.md: {len(BOARDS)} boards\n"
-    assert stale.read_text() == DOCS.read_text()
 
 
 def test_ports_are_read_bit_by_bit():

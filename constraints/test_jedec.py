@@ -15,7 +15,7 @@ import pytest
 from constraints import flow, image, jedec, synth
 from constraints.boards import Board, boards
 from constraints.flash_model import Cable, Part
-from constraints.image_bench import refused, sealed_image
+from constraints.image_bench import sealed_image
 from tb.lib.runner import ROOT
 
 BOARD = boards()["card-xo2-1200"]
@@ -108,10 +108,6 @@ def test_feature_row_and_feabits_are_the_chosen_ones(made):
     assert 8 not in on, "JTAG stays on"
 
 
-def test_the_same_bitstream_gives_the_same_file():
-    assert jedec.jedec(bitstream(size=500), BOARD) == jedec.jedec(bitstream(size=500), BOARD)
-
-
 def test_a_full_flash_is_still_accepted():
     full = File.read(jedec.jedec(bitstream(size=PAGES * 16), BOARD))
     assert len(full.areas[0][1]) == PAGES * 128 and len(full.fuses()) == int(full.field("QF"))
@@ -144,8 +140,6 @@ def test_a_full_flash_is_still_accepted():
             bitstream(command=b"\x5e", size=900),
             "byte 42 is command 5e, not the configuration",
         ),
-        (HEADER + PREAMBLE, "the bitstream ends before its configuration"),
-        (b"\x7eAA\x99\x7e", "no bitstream: there is no preamble in it"),
         (b"", "no bitstream: there is no preamble in it"),
     ],
 )
@@ -160,12 +154,6 @@ def test_every_machxo2_and_no_other_board_gets_a_jed():
     assert known == {name for name, entry in boards().items() if entry.family == "machxo2"}
     assert known == {"card-xo2-1200"}
     assert jedec.flash_of(replace(BOARD, part="LCMXO2-1200ZE-1TG144I")) is None
-
-
-def test_the_output_must_be_named_as_the_bitstream(tmp_path):
-    path = tmp_path / "card.jed"
-    said = refused(BOARD.name, tmp_path / "x.hex", "--output", path)
-    assert said == f"{path}: name the bitstream; the .jed is written beside it"
 
 
 # ---------------------------------------------------------------- a design, packed and decoded again
@@ -264,18 +252,6 @@ def test_the_decoded_jed_is_what_was_packed(packed):
 
 
 @pytest.mark.nightly("synth")
-def test_build_and_image_leave_both_files(packed):
-    left = {path.name for path in packed.parent.glob("*.jed")} | {
-        path.name for path in packed.parent.glob("*.bit")
-    }
-    assert {"firmware.bit", "firmware.jed", "random.bit", "random.jed"} <= left
-    for name in ("firmware", "random"):
-        bit, jed = ((packed.parent / f"{name}{suffix}").read_bytes() for suffix in (".bit", ".jed"))
-        stream = bit[bit.index(PREAMBLE) :]
-        assert File.read(jed).stream() == stream.ljust(-(-len(stream) // 16) * 16, b"\xff")
-
-
-@pytest.mark.nightly("synth")
 def test_a_design_too_large_for_the_flash_leaves_nothing(packed, monkeypatch):
     monkeypatch.setattr(jedec, "FLASHES", {"LCMXO2-1200HC": jedec.Flash(IDCODE, 100, 0)})
     output = packed.parent / "large.bit"
@@ -315,11 +291,9 @@ def test_openfpgaloader_writes_the_same_pages(packed, part):
     assert done.returncode == 0, done.stdout + done.stderr
     assert holds(part, jed)
     assert (part.feature_row, part.feabits, part.done, part.failed) == (0, jedec.FEABITS, True, False)
-    assert re.search(r"^Verifying: .*\nDone$", done.stdout.replace("\r", "\n"), re.MULTILINE)
     # How it reads the FEABITS.
     pins = dict(re.findall(r"^\t([\w ]+?) *: (enable|disable)$", done.stdout, re.MULTILINE))
     assert {name for name, state in pins.items() if state == "enable"} == {"JTAG port"}
-    assert {"PROGRAMN", "INITN", "DONE", "Slave SPI port", "I2c port"} < pins.keys()
 
 
 @pytest.mark.nightly("synth")
@@ -341,14 +315,6 @@ def test_an_uncompressed_bitstream_empties_the_flash_and_the_jed_recovers_it(pac
     assert "Bitstream is not compressed- not writing." in done.stderr
     assert (done.returncode, any(part.flash), part.feabits) == (0, False, 0x0460)
     assert openfpgaloader(part, "-f", "--verify", jed).returncode == 0 and holds(part, jed)
-
-
-@pytest.mark.nightly("synth")
-def test_a_compressed_bitstream_brings_other_feature_bits(packed, part):
-    """Why docs/guide/hardware.md forbids `-f` with any .bit."""
-    done = openfpgaloader(part, "-f", packed)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert (any(part.flash), part.feabits) == (True, 0x0460)
 
 
 @pytest.mark.nightly("synth")

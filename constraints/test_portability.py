@@ -36,6 +36,7 @@ def test_other_memories_and_memories_of_flip_flops_are_named():
     assert line == "x: 1900 flip-flops, so a memory is made of them"
 
 
+@pytest.mark.nightly
 def test_each_register_without_reset_has_its_reason():
     assert portability.compare_registers(portability.of_both_cards(), LISTS["without_reset"]) == []
 

