@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Changes a Verilog module in one place at a time and checks whether its proofs or tests fail.
 
-    python -m campaigns.mutate.run MODULE ... [--count N] [--seed N] [--jobs N] [--shard K/N]
+    python -m campaigns.mutate.run MODULE ... [--count N] [--seed N] [--jobs N]
     python -m campaigns.mutate.run --all [...]          every module of rtl/ that has a bench
     python -m campaigns.mutate.run --report             one table of everything in build/mutate/
     ... --write                          also writes it into docs/reports/mutants.md
@@ -31,7 +31,7 @@ from pathlib import Path
 
 from campaigns.mutate.same import TOP, SameError, proved_same, proved_same_inverted
 from formal import prove
-from rtl.command import Parser, run_main
+from rtl.command import Parser, run_main, threads
 from rtl.report_page import write_page
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
 from tb.lib.bound import SURE, at_most
@@ -399,17 +399,15 @@ def fingerprint(path: Path) -> str:
 class MutationRun:
     """The mutants of one module and their verdicts; the result file is written after each verdict."""
 
-    def __init__(self, module: str, count: int, seed: int, shard: tuple[int, int]) -> None:
-        self.module, self.seed = module, seed
-        self.wanted = -(-count // shard[1])
+    def __init__(self, module: str, count: int, seed: int) -> None:
+        self.module, self.wanted, self.seed = module, count, seed
         self.of = fingerprint(next(path for path in rtl_files() if path.stem == module))
         found = shuffled(module, seed)
         self.possible = len(found)
-        suffix = "" if shard[1] == 1 else f".{shard[0]}of{shard[1]}"
-        self.file = WORK / f"{module}{suffix}.json"
+        self.file = WORK / f"{module}.json"
         known = self.read()
         self.evaluated = [known[mutant.key] for mutant in found if mutant.key in known]
-        self.left = [mutant for mutant in found[shard[0] :: shard[1]] if mutant.key not in known]
+        self.left = [mutant for mutant in found if mutant.key not in known]
 
     def read(self) -> dict[tuple, Mutant]:
         """Verdicts of an earlier run of the same module and seed."""
@@ -464,17 +462,11 @@ class MutationRun:
             finally:
                 free.append(tree)
 
-        with concurrent.futures.ThreadPoolExecutor(len(trees)) as pool:
+        with threads(len(trees)) as pool:  # a mutant that Ctrl-C interrupts has no verdict
             while self.left and (missing := self.wanted - len(self.valid)) > 0:
                 batch, self.left = self.left[:missing], self.left[missing:]
-                try:
-                    for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
-                        self.keep(done.result())
-                except BaseException:  # such as Ctrl-C: an interrupted mutant has no verdict
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    for tree in trees:
-                        tree.stop()
-                    raise
+                for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
+                    self.keep(done.result())
 
 
 def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
@@ -506,11 +498,9 @@ def report(write: bool) -> int:
             )
             continue
         # Changes that did not compile do not count.
-        invalid = sum(row["verdict"] == "invalid" for row in document["mutants"])
-        group = groups.setdefault(module, (of, document["possible"] - invalid, []))[2]
-        valid = (Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid")
-        group += [mutant for mutant in valid if mutant.key not in {other.key for other in group}]
-    groups = {module: found for module, found in groups.items() if found[2]}
+        valid = [Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid"]
+        if valid:
+            groups[module] = of, document["possible"] - len(document["mutants"]) + len(valid), valid
     if not groups:
         print("mutate: nothing in build/mutate; run `make mutate`", file=sys.stderr)
         return 2
@@ -548,10 +538,7 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
         if re.match(r"- `(\w+)`", line)[1] not in rows
     ]
     listed = sorted(others + survivors)
-    proved = sum(line.endswith(f": {SAME}") for line in listed)
-    summary += f" A solver proved {proved} more to behave like the original."
-    if alike > proved:
-        summary += f" Excused by hand, before there was a solver: {alike - proved}."
+    summary += f" A solver proved {alike} more to behave like the original."
     if missing:
         summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
     summary += (
@@ -586,7 +573,6 @@ def main() -> int:
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=at_least(1), default=2)
-    parser.add_argument("--shard", default="0/1", metavar="K/N", help="of the mutants of each module")
     options = parser.parse_args()
     if options.report:
         return report(options.write)
@@ -598,12 +584,9 @@ def main() -> int:
         if module not in known:
             print(f"mutate: no module {module} with a bench; there are: {', '.join(known)}", file=sys.stderr)
             return 2
-    shard = re.fullmatch(r"(\d+)/(\d+)", options.shard)
-    if shard is None or not int(shard[1]) < int(shard[2]):
-        parser.error(f"--shard {options.shard}: K/N with K from 0 to N - 1")
     try:
         for module in modules:
-            MutationRun(module, options.count, options.seed, (int(shard[1]), int(shard[2]))).run(options.jobs)
+            MutationRun(module, options.count, options.seed).run(options.jobs)
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2
