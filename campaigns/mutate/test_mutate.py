@@ -82,6 +82,7 @@ def test_an_output_of_an_instance_is_left_open():
 
 def test_every_module_has_mutants():
     assert mutate.benches() == [path.stem for path in rtl_files()]
+    assert not [module for module in mutate.benches() if "None" in mutate.bench_arguments(module)]
 
 
 def test_every_mutant_changes_the_text():

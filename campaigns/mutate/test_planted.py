@@ -18,6 +18,8 @@ def test_every_plant_applies(plant):
     plant.place(text)
     assert text.replace(plant.old, plant.new) != text
     assert plant.rules and plant.what
+    file, _, test = plant.seen.partition("::")
+    assert not test or f"def {plant.seen_by}(" in (ROOT / file).read_text(), plant.seen
 
 
 def test_names_are_unique():
