@@ -59,7 +59,7 @@ class FirmwareKills(mutate.MutationRun):
             fate = mutate.replay_fails(self.builds.link_replayer, fuzzer)
             return ("noticed", CORPUS_TEST) if fate else ("unnoticed", "")
         if fate in mutate.NOT_COUNTED:
-            return "same" if fate == mutate.SAME else "invalid", fate
+            return "invalid" if fate in ("does not compile", "same code") else "same", fate
         test = fate.removeprefix("test ")
         # A test that noticed one mutant often notices the next.
         items.sort(key=lambda item: item.name != test)
