@@ -91,7 +91,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   BREAK_TOLERANT=yes   docs/guide/debugging.md (replay)
 #:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
 #:   SLAVE=name    this slave alone, with its faults in the terminal (conformance)
-#:   JOBS=n        processes; default: 2. CHECK=1: compare a page instead of writing it (coverage-firmware)
+#:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
@@ -191,14 +191,14 @@ bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
 .PHONY: bench bench-fast line-quality soak soak-page masters conformance agents-example coverage-rtl figures
-bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes docs/reports/results.md (60 min)
+bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes build/reports/results.md (60 min)
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
 bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
 	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
 
-figures: firmware | setup-test ## * which measured page is of an older card, and what renews it (6 s)
-	@code=0; $(RUN) tools.figures || code=$$?; $(RUN) pytest -q --figures --tb=no || code=$$?; exit $$code
+figures: | setup-test ## * which measured figures are of an older card, and what renews them (3 s)
+	@$(RUN) tools.figures
 
 line-quality: firmware drive | setup-test ## the limits of rate error, edges and glitches, at all rates and formats
 	@$(RUN) campaigns.line_quality.run $(SEEDED) --jobs $(JOBS)
@@ -206,7 +206,7 @@ line-quality: firmware drive | setup-test ## the limits of rate error, edges and
 soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models (COUNT=, SEED=, CONFIG=)
 	@$(RUN) campaigns.soak.run --config $(CONFIG) $(SEEDED)
 
-soak-page: firmware | setup-test ## docs/reports/soak.md from the soaks of both cards
+soak-page: firmware | setup-test ## build/reports/soak.md from the soaks of both cards
 	@$(RUN) campaigns.soak.page
 
 conformance: | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
@@ -226,7 +226,7 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 
 ##@ Attack
 .PHONY: starts starts-page fuzz fuzz-plants fuzz-report flips flips-report core-flips
-starts-page: firmware | setup-test ## docs/reports/starts.md from the starts of both cards
+starts-page: firmware | setup-test ## build/reports/starts.md from the starts of both cards
 	@$(RUN) campaigns.starts.page
 
 starts: firmware | setup-test ## power-up with random register contents, reset at any clock (COUNT=, SEED=, CONFIG=)
@@ -251,7 +251,7 @@ core-flips: firmware | setup-test ## every flip of the core while it serves a re
 	@$(RUN) campaigns.flips.core --jobs $(JOBS)
 
 .PHONY: fuzz-page
-fuzz-page: | setup-test ## docs/reports/fuzz.md from the results of fuzz, fuzz-plants, core-flips and flips
+fuzz-page: | setup-test ## build/reports/fuzz.md from the results of fuzz, fuzz-plants, core-flips and flips
 	@$(RUN) campaigns.fuzz.page
 
 ##@ Firmware
@@ -309,7 +309,7 @@ regs-check: | setup-test ## fail when something derived from regs/ has drifted
 	@$(RUN) sim.view.fc_tables --check
 	@$(RUN) tools.handbook --check
 
-diagrams: firmware | setup-test ## timing diagrams from runs of the card, docs/diagrams
+diagrams: firmware | setup-test ## timing diagrams from runs of the card: build/diagrams
 	@$(RUN) tools.diagrams
 
 symptoms: firmware | setup-test ## the recordings of the debugging guide, from runs of the card
@@ -318,15 +318,16 @@ symptoms: firmware | setup-test ## the recordings of the debugging guide, from r
 panel-picture: | setup-demo ## the picture of the panel in the README (2 s)
 	@$(RUN) tools.panel_picture
 
-docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s)
+docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
+	@$(RUN) campaigns.masters.run --page
 	@$(RUN) tools.site.build
 
-datasheet: | setup-pages ## the data sheet from the measured pages: build/datasheet, HTML and PDF (3 s)
+datasheet: | setup-pages ## the data sheet from docs/evidence.json: build/datasheet, HTML and PDF (3 s)
 	@$(RUN) tools.datasheet
 
 ##@ Workshop
 .PHONY: setup clean release version
-release: | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
+release: diagrams | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
 	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
 
 version: ## the version of the release, as in VERSION

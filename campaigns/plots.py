@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Common style of the pictures that matplotlib draws into docs/pictures."""
+"""Common style of the pictures that matplotlib draws into build/pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from rtl.sources import ROOT
 
-PICTURES = ROOT / "docs/pictures"
+PICTURES = ROOT / "build/pictures"
+IN_README = ROOT / "docs/pictures"  # what README.md shows is part of the repository
 STYLE = {
     "svg.hashsalt": "rtu2fc",  # fixed, so that equal numbers give equal files
     "svg.fonttype": "none",
@@ -26,7 +27,8 @@ def use_style() -> None:
 
 
 def save(name: str, figure: Figure, description: str | None = None) -> None:
-    """Saves as docs/pictures/NAME.svg; `description` goes into the file's metadata."""
-    PICTURES.mkdir(exist_ok=True)
+    """Saves as build/pictures/NAME.svg; `description` goes into the file's metadata."""
+    folder = IN_README if (IN_README / f"{name}.svg").exists() else PICTURES
+    folder.mkdir(parents=True, exist_ok=True)
     about = {"Date": None} | ({"Description": description} if description else {})
-    figure.savefig(PICTURES / f"{name}.svg", metadata=about, bbox_inches="tight")
+    figure.savefig(folder / f"{name}.svg", metadata=about, bbox_inches="tight")

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turns a board into a bitstream: synthesis, place and route, timing, packing; one line of figures a board.
 
-    python -m constraints.synth [BOARD...]     default: all of them, and docs/reports/synthesis.md
+    python -m constraints.synth [BOARD...]     default: all of them, and build/reports/synthesis.md
     python -m constraints.synth --check
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
 constraints/image.py inserts an image without another place and route. Exit 1 if a board does not fit its part
 or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, if fewer than
-ENOUGH_SEEDS seeds place the fullest board in time, or with `--check` if docs/reports/synthesis.md describes
+ENOUGH_SEEDS seeds place the fullest board in time, or with `--check` if build/reports/synthesis.md describes
 another design; 2 for an unknown board.
 """
 
@@ -24,11 +24,10 @@ from pathlib import Path
 from constraints import flow, image, parts
 from constraints.boards import TABLE, Board, board, boards
 from rtl.command import Parser, run_main
-from rtl.report_page import write_page
+from rtl.report_page import evidence, publish
 from rtl.sources import ROOT, SourcesError, card_files, configurations
 
 RESULTS = flow.BUILD / "results.json"
-DOCS = ROOT / "docs/reports/synthesis.md"
 TEMPLATE = ROOT / "constraints/synthesis.md.in"
 # Ratio of Fmax to the board's clock.
 MARGIN = 1.5
@@ -145,7 +144,7 @@ def too_big(name: str, row: dict) -> list[str]:
     ]
 
 
-# ---------------------------------------------------------------- docs/reports/synthesis.md
+# ---------------------------------------------------------------- build/reports/synthesis.md
 
 
 def measured_files() -> list[Path]:
@@ -168,10 +167,9 @@ def measured_from() -> str:
 
 def stale() -> list[str]:
     """Message if the table is out of date."""
-    if DOCS.exists() and measured_from() in DOCS.read_text():
+    if evidence().get("synthesis", {}).get("of") == {"design": measured_from()}:
         return []
-    shown = DOCS.relative_to(ROOT) if DOCS.is_relative_to(ROOT) else DOCS
-    return [f"{shown} describes another design; run `make synth`"]
+    return ["docs/evidence.json has the figures of another design; run `make synth`"]
 
 
 def board_row(name: str, row: dict) -> str:
@@ -197,7 +195,8 @@ def write_docs(results: dict) -> None:
     text = text.replace("{seeds}", seeds_line(FULLEST, results["seeds"]))
     text = text.replace("{design}", measured_from())
     text = text.replace("{parts}", "\n".join(parts.part_row(*item) for item in results["parts"].items()))
-    write_page(DOCS, text)
+    said = seeds_line(FULLEST, results["seeds"])
+    publish("synthesis", text, "make synth", {"design": measured_from()}, said, ["", "Share of each part"])
 
 
 def main() -> int:

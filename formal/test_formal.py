@@ -181,14 +181,13 @@ def test_an_unsupported_condition_is_rejected() -> None:
 
 
 @pytest.mark.parametrize("sound", [True, False])
-def test_one_failure_fails_the_run_and_keeps_the_page(monkeypatch, tmp_path, sound) -> None:
+def test_one_failure_fails_the_run_and_keeps_the_page(monkeypatch, written, sound) -> None:
     def run_of(task: formal.Task) -> formal.Task:
         task.passed = sound or (task.module, task.name) != ("uart", "cover_receive")
         return task
 
-    page = tmp_path / "proofs.md"
+    page = written / "proofs.md"
     page.write_text("as it was")
-    monkeypatch.setattr(formal, "DOCUMENT", page)
     monkeypatch.setattr(formal, "run", run_of)
     monkeypatch.setattr(formal, "join", lambda module: None)
     assert formal.main(["--write"]) == (0 if sound else 1)

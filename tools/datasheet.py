@@ -3,7 +3,7 @@
 
     python -m tools.datasheet [FOLDER]     default: build/datasheet
 
-Measured figures come from docs/reports alone, with the card that they name. Ports and parameters come from
+Measured figures come from docs/evidence.json, with the card that they name. Ports and parameters come from
 rtl/rtu2fc.v, configurations from configs.toml, boards from constraints/boards.toml. tools/datasheet.toml has
 the makers' figures, and electrical notes with values of docs/guide/hardware.md. A missing figure is an error,
 one line, exit 2. Chromium prints the PDF; its dates are fixed, so two runs give the same bytes.
@@ -22,9 +22,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from campaigns.bench import fingerprint
+from campaigns.line_quality.limits import QUANTITIES
 from constraints import image
 from constraints.boards import boards
 from rtl.command import VERSION, Parser, run_main
+from rtl.report_page import evidence
 from rtl.sources import ROOT, SourcesError, configurations, without_comments
 from sim.harness.pins import BAUDS, FORMS
 from tb.agents import rtu
@@ -38,12 +40,15 @@ TOP = ROOT / "rtl/rtu2fc.v"
 HARDWARE = ROOT / "docs/guide/hardware.md"
 SUITE = "conformance"  # page of the conformance suite
 SUITE_CARDS = ("standard card", "tiny card")
-# Pages whose figures are printed.
-MEASURED = ("results", "line-quality", "synthesis", SUITE)
+# Reports whose figures are printed, and the commands that write them.
+COMMANDS = {
+    "results": "make bench",
+    "line-quality": "make line-quality",
+    "synthesis": "make synth",
+    SUITE: "make conformance",
+}
 PAGES = 2
 SIZES = (1.0, 0.96, 0.92)
-CARD = r"Measured on\s(?:the\sstandard\s)?card `(\w+)`"
-HEADING = re.compile(r"^#+ +(.*)$")
 PARAMETER = re.compile(r"^\s*parameter\s+(?:\[[^\]]*\]\s*)?(\w+)\s*=\s*([^,\n]+)", re.MULTILINE)
 CLOCK = re.compile(r"^// clk: CLK_HZ, (\d+ to \d+ MHz)\.", re.MULTILINE)
 VALUE = re.compile(r"(?:[-\d.]+ to \+)?\d[\d.]*(?: (?:mA|V|MHz|ppm|kΩ|Ω|°C)\b| °C)")
@@ -106,50 +111,41 @@ class DatasheetError(Exception):
 
 @dataclass(frozen=True)
 class Table:
-    file: str
+    name: str  # of its report
     header: list[str]
     rows: list[list[str]]
 
     def row(self, begin: str) -> list[str]:
         found = [row for row in self.rows if row[0].startswith(begin)]
         if len(found) != 1:
-            raise DatasheetError(f"{self.file}: {len(found)} rows begin with {begin!r}, one is needed")
+            raise DatasheetError(f"{self.name}: {len(found)} rows begin with {begin!r}, one is needed")
         return found[0]
 
     def column(self, begin: str) -> int:
         found = [n for n, name in enumerate(self.header) if name.startswith(begin)]
         if not found:
-            raise DatasheetError(f"{self.file}: no column begins with {begin!r}")
+            raise DatasheetError(f"{self.name}: no column begins with {begin!r}")
         return found[0]
 
 
-def cells(line: str) -> list[str]:
-    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+def of(report: str, subject: str) -> str:
+    """The fingerprint of what a report was measured on."""
+    try:
+        return evidence()[report]["of"][subject]
+    except KeyError as error:
+        raise DatasheetError(
+            f"docs/evidence.json has no {error.args[0]!r}; run `{COMMANDS[report]}`"
+        ) from None
 
 
-def table(page: str, heading: str) -> Table:
-    """The first table below a heading of a report; an empty heading: the first of the page."""
-    path = figures.path_of(page)
-    name = str(path.relative_to(ROOT))
-    lines = path.read_text().splitlines()
-    titles = (n for n, line in enumerate(lines) if (found := HEADING.match(line)) and found[1] == heading)
-    begin = next(titles, None) if heading else 0
-    if begin is None:
-        raise DatasheetError(f"{name} has no heading {heading!r}")
-    first = next((n for n in range(begin, len(lines)) if lines[n].startswith("|")), None)
-    if first is None:
-        raise DatasheetError(f"{name} has no table below {heading or 'its title'!r}")
-    last = next((n for n in range(first, len(lines)) if not lines[n].startswith("|")), len(lines))
-    header, _, *rows = map(cells, lines[first:last])
-    return Table(name, header, rows)
-
-
-def stated(page: str, pattern: str, fact: str = "on which design it was measured") -> str:
-    path = figures.path_of(page)
-    found = re.search(pattern, path.read_text())
-    if not found:
-        raise DatasheetError(f"{path.relative_to(ROOT)} does not say {fact}")
-    return found[1]
+def table(report: str, heading: str) -> Table:
+    """A table of a report; an empty heading: the one below its title."""
+    try:
+        header, *rows = evidence()[report]["tables"][heading]
+    except KeyError:
+        wanted = f"{report}, {heading}" if heading else report
+        raise DatasheetError(f"docs/evidence.json has no {wanted}; run `{COMMANDS[report]}`") from None
+    return Table(report, header, rows)
 
 
 # ---------------------------------------------------------------- HTML
@@ -279,7 +275,7 @@ def resources() -> tuple[str, str]:
         f"{name.replace('*', '').replace('`', '')} {' / '.join(parts.row(name)[n] for n in counts)}"
         for name in PARTS
     )
-    note = f"Design {stated('synthesis', r'Design ([0-9a-f]{16})')}. Cells on MachXO2 / iCE40: {words}."
+    note = f"Design {of('synthesis', 'design')}. Cells on MachXO2 / iCE40: {words}."
     return as_html(["board", "part", *wanted], rows), html.escape(note)
 
 
@@ -307,9 +303,8 @@ def suite() -> str:
         if row[0] in SUITE_CARDS and row[found.column("by")] == "pins"
     ]
     if len(cards) != len(SUITE_CARDS):
-        raise DatasheetError(f"{SUITE}.md has no result of both cards on the pins; run `make conformance`")
-    path = figures.path_of(SUITE).relative_to(ROOT)
-    return f"The conformance suite, on the pins: {'; '.join(cards)} ({path})."
+        raise DatasheetError(f"{SUITE}: no result of both cards on the pins; run `make conformance`")
+    return f"The conformance suite, on the pins: {'; '.join(cards)}."
 
 
 COMMERCIAL = {
@@ -375,13 +370,13 @@ def images() -> str:
 
 
 def older() -> str:
-    """A notice for each measured page of an older card."""
-    pages = [page for page in figures.older_pages() if page in MEASURED]
-    if not pages:
+    """A notice if a report is of an older card."""
+    found = {name: command for name, command in figures.older().items() if name in COMMANDS}
+    if not found:
         return ""
-    commands = ", ".join(f"<code>{figures.PAGES[page][1]}</code>" for page in pages)
+    commands = ", ".join(f"<code>{command}</code>" for command in found.values())
     return (
-        f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(pages)}. They are printed as '
+        f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(found)}. They are printed as '
         f"measured, with the card that they name. To renew them: {commands}.</p>"
     )
 
@@ -391,7 +386,7 @@ def page() -> str:
     facts = tomllib.loads(FACTS.read_text())
     resource_table, design = resources()
     turnaround, line = table("results", "Turnaround, rate by rate"), table("line-quality", "")
-    measured = "`, firmware `".join([stated("results", CARD), stated("results", r"firmware `(\w+)`")])
+    measured = "`, firmware `".join(of("results", subject) for subject in ("standard card", "firmware"))
     content = {
         "version": VERSION.read_text().strip(),
         "card": fingerprint.card(),
@@ -412,8 +407,8 @@ def page() -> str:
         "turnaround": as_html(turnaround.header, turnaround.rows),
         "bench": marked(f"`{measured}`"),
         "line": as_html(["limit", "least found", "promise"], [[row[0], row[1], row[3]] for row in line.rows]),
-        "line_steps": stated("line-quality", r"rate or ([\d.]+)\sbit,", "how fine its steps are"),
-        "line_card": marked(f"`{stated('line-quality', CARD)}`"),
+        "line_steps": f"{QUANTITIES['glitch'].resolution:g}",
+        "line_card": marked(f"`{of('line-quality', 'standard card')}`"),
         "rivals": ", ".join(html.escape(name.split(" ")[0]) for name in rivals().values()),
         "resources": resource_table,
         "design": design,
@@ -454,7 +449,7 @@ def main() -> int:
     for name, content in (("rtu2fc-datasheet.html", text.encode()), ("rtu2fc-datasheet.pdf", printed)):
         (folder / name).write_bytes(content)
         print(f"wrote {folder / name}" if folder != OUT else f"wrote {(folder / name).relative_to(ROOT)}")
-    if figures.older_pages().keys() & set(MEASURED):
+    if figures.older().keys() & COMMANDS.keys():
         print("datasheet: its figures are of an older card; `make figures` lists them", file=sys.stderr)
     return 0
 

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/diagrams/*.svg: timing diagrams of runs of the card, by WaveDrom.
+"""Draws build/diagrams/*.svg: timing diagrams of runs of the card, by WaveDrom.
 
-    python -m tools.diagrams [--check] [NAME ...]
+    python -m tools.diagrams [NAME ...]
 
 Each diagram is made from a run of the whole card with its firmware (tb/lib/fast_card.py). The recording holds
 every edge on the pins and some strobes inside; the diagram is a window on it. Levels, frames, arrows and all
 figures come from the recording; only the texts are written here. The runs are deterministic, so the same
-sources give the same pictures. --check names the diagrams that have changed: other texts or bytes, or a
-figure beyond the tolerance for changes of the firmware. The WaveJSON, for WaveDrom's editor, goes to
-build/diagrams.
+sources give the same pictures. The WaveJSON, for WaveDrom's editor, goes to build/diagrams, too.
 
-Times are in ps since power-up. Exit code: 1 if --check finds a difference, 2 for an unknown name.
+Times are in ps since power-up. Exit code 2 for an unknown name.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
@@ -45,8 +43,7 @@ from tb.lib.fast_card import SHOWN_SEED, SLOW_HZ, FastCard
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
-DIAGRAMS = ROOT / "docs/diagrams"
-JSON = ROOT / "build/diagrams"
+DIAGRAMS = ROOT / "build/diagrams"
 LINE = Format.named(9600, "8E1")
 BIT = LINE.bit_ps
 LOOPBACK = "111001111"
@@ -299,30 +296,6 @@ def svg(drawing: Drawing) -> str:
     root.insert(0, ground)
     ElementTree.indent(root, " ")
     return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-# Tolerance of a figure: hardware determines bits, firmware the rest.
-TOLERANCE = {"bits": 0.05, "ms": 1.0}
-FIGURE = re.compile(r"(\d+\.\d+|\d+) (bits|ms)\b")
-
-
-def said(picture: str) -> list[str]:
-    """All texts of a picture, in its order."""
-    return [
-        words.text for words in ElementTree.fromstring(picture).iter() if words.tag == TEXT and words.text
-    ]
-
-
-def difference(old: str, new: str) -> str | None:
-    """First difference between two pictures of a run."""
-    for was, now in zip_longest(said(old), said(new), fillvalue="nothing"):
-        figures = zip(FIGURE.findall(was), FIGURE.findall(now), strict=False)
-        same = FIGURE.sub("#", was) == FIGURE.sub("#", now) and all(
-            unit == other and abs(float(a) - float(b)) <= TOLERANCE[unit] for (a, unit), (b, other) in figures
-        )
-        if not same:
-            return f"'{was}' is now '{now}'"
-    return None
 
 
 # ---------------------------------------------------------------- reading a recording
@@ -817,28 +790,18 @@ DRAWINGS: dict[str, Callable[[], Drawing]] = {
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing, say what has changed")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(DRAWINGS)} (default: all)")
     args = parser.parse_args()
     if unknown := [name for name in args.names if name not in DRAWINGS]:
         print(f"diagrams: no diagram '{unknown[0]}'; there are {', '.join(DRAWINGS)}", file=sys.stderr)
         return 2
-    changed = 0
+    DIAGRAMS.mkdir(parents=True, exist_ok=True)
     for name in args.names or DRAWINGS:
-        drawing, path = DRAWINGS[name](), DIAGRAMS / f"{name}.svg"
-        text = svg(drawing)
-        if args.check:
-            wrong = difference(path.read_text(), text) if path.exists() else "it is missing"
-            if wrong:
-                print(f"docs/diagrams/{name}.svg: {wrong}; run `make diagrams`")
-                changed += 1
-        else:
-            DIAGRAMS.mkdir(parents=True, exist_ok=True)
-            JSON.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-            (JSON / f"{name}.json").write_text(json.dumps(drawing.json, indent=1, ensure_ascii=False) + "\n")
-            print(f"{name}: " + ", ".join(f"{what} {value}" for what, value in drawing.figures.items()))
-    return int(changed > 0)
+        drawing = DRAWINGS[name]()
+        (DIAGRAMS / f"{name}.svg").write_text(svg(drawing))
+        (DIAGRAMS / f"{name}.json").write_text(json.dumps(drawing.json, indent=1, ensure_ascii=False) + "\n")
+        print(f"{name}: " + ", ".join(f"{what} {value}" for what, value in drawing.figures.items()))
+    return 0
 
 
 if __name__ == "__main__":

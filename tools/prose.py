@@ -20,6 +20,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from rtl.command import run_main
+from rtl.report_page import REPORTS
 from rtl.sources import ROOT
 
 WORDS = ROOT / "tools/words.txt"
@@ -92,7 +93,10 @@ def dead_links(page: Path, known: set[Path]) -> list[str]:
         target, _, anchor = unquote(link[1]).partition("#")
         if ELSEWHERE.match(target):
             continue
-        file = (page.parent / target).resolve() if target else page.resolve()
+        folder = REPORTS if page.suffix == ".in" else page.parent
+        file = (folder / target).resolve() if target else page.resolve()
+        if file.is_relative_to(ROOT / "build"):
+            continue  # a report or picture that a command writes
         reason = ""
         if file not in known and not any(file in path.parents for path in known):
             reason = "no such file"
@@ -194,7 +198,8 @@ def check() -> list[str]:
     known = {(ROOT / name).resolve() for name in names}
     pages = [ROOT / name for name in names if name.endswith(".md")]
     wrong = spelling([name for name in names if not NO_PROSE.search(name)])
-    wrong += [line for page in pages for line in dead_links(page, known)]
+    templates = [ROOT / name for name in names if name.endswith(".md.in")]
+    wrong += [line for page in [*pages, *templates] for line in dead_links(page, known)]
     wrong += [line for page in pages for line in lost_lists(page)]
     for name in names:
         if Path(name).suffix in SOURCES and not name.startswith(("tools/prose.py", "tools/test_prose.py")):

@@ -41,6 +41,8 @@ DIST = ROOT / "build/dist"
 AGAIN = ROOT / "build/release-check"
 SUMS = "SHA256SUMS"
 CHANGELOG = ROOT / "CHANGELOG.md"
+# Folders of build/ that the site shows; their commands have written them before.
+SHOWN = ("reports", "pictures", "diagrams")
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
 OPTIONS = ("all", "refresh", "stop")
 # The date of every file in the archive, the first that zip knows.
@@ -79,23 +81,13 @@ def tests_wrong(results: dict[str, trace.Result], collected: set[str], now: str)
 
 
 def figures_wrong() -> Iterator[str]:
-    if older := figures.older_pages():
-        pages = ", ".join(f"{page} ({command})" for page, command in older.items())
-        yield f"measured pages are of an older card, and these commands renew them: {pages}"
-
-
-def page_checks_wrong() -> Iterator[str]:
-    """The tests of the measured pages. Only `make figures` runs them."""
-    print("  tests of the measured pages", flush=True)
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--figures"], cwd=ROOT, capture_output=True, check=False
-    )
-    if done.returncode:
-        yield "the tests of the measured pages fail; run `make figures`"
+    if older := figures.older():
+        reports = ", ".join(f"{name} ({command})" for name, command in older.items())
+        yield f"figures are of an older card, and these commands renew them: {reports}"
 
 
 def refusals(version: str, tag: str) -> list[str]:
-    """Why this tree is no release, one line a reason; the slow reasons only if there is no quick one."""
+    """Why this tree is no release, one line a reason; the slow reason only if there is no quick one."""
     now = commit()
     found = [f"the tag is {tag}, but VERSION says v{version}"] if tag not in ("", f"v{version}") else []
     found += [*figures_wrong(), *changelog_wrong(CHANGELOG.read_text(), version)]
@@ -105,7 +97,7 @@ def refusals(version: str, tag: str) -> list[str]:
         found.append("some files are not committed")
     if not found:
         found += tests_wrong(trace.read_results(), trace.collect().all, now)
-    return found or list(page_checks_wrong())
+    return found
 
 
 # ---------------------------------------------------------------- what is in it
@@ -322,13 +314,15 @@ def differences(one: dict[str, str], other: dict[str, str]) -> list[str]:
 
 
 def copy_sources(target: Path) -> None:
-    """The files of this tree, but for those that git ignores; and the results of the tests."""
+    """The files of this tree, but for those that git ignores; the results of the tests, reports, pictures."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ReleaseError("the check needs a git repository")
     names = [name for name in done.stdout.split("\0") if name and (ROOT / name).is_file()]
     names += [str(trace.RESULTS.relative_to(ROOT))] * trace.RESULTS.exists()
+    for folder in SHOWN:
+        names += [str(path.relative_to(ROOT)) for path in (ROOT / "build" / folder).glob("*.*")]
     for name in names:
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, target / name)

@@ -3,11 +3,10 @@
 
     python -m tools.report [--out FILE]
 
-Takes the pages of docs/ as their commands wrote them (make bench, synth, formal, diagrams, ...), the results
-of the last tests (build/results.json) and the rule table, and writes build/report.html with all of it inside.
-A result says of which commit it is; what no longer exists is left out, what is of another commit than the
-newest results is marked.
-A page that is not there is named as missing. Exit 2 when there is nothing to report or no place for it.
+Takes the reports of build/reports, or their figures in docs/evidence.json where a report was not written
+here, the results of the last tests (build/results.json) and the rule table, and writes build/report.html with
+all of it inside. A result says of which commit it is; what no longer exists is left out, what is of another
+commit than the newest results is marked. Exit 2 when there is nothing to report or no place for it.
 """
 
 from __future__ import annotations
@@ -24,28 +23,12 @@ from pathlib import Path
 from markdown_it import MarkdownIt
 
 from rtl.command import run_main
+from rtl.report_page import REPORTS, evidence, page_of
 from rtl.sources import ROOT, commit
 from tools import trace
 from tools.trace import Result
 
 OUT = ROOT / "build/report.html"
-# Page of docs/, and the command that writes it.
-PAGES = {
-    "results": "make bench",
-    "conformance": "make conformance",
-    "synthesis": "make synth",
-    "timing": "make diagrams",
-    "line-quality": "make line-quality",
-    "proofs": "make formal",
-    "proved-flips": "make formal-flips",
-    "coverage": "make coverage-rtl",
-    "firmware-quality": "make coverage-firmware, fuzz-firmware, mutate-firmware",
-    "mutants": "make mutate",
-    "fuzz": "make fuzz, fuzz-plants, flips, core-flips and fuzz-page",
-    "starts": "make starts and starts-page",
-    "soak": "make soak and soak-page",
-    "masters": "make masters",
-}
 KINDS = {".svg": "image/svg+xml", ".png": "image/png"}
 IMAGE = re.compile(r'<img src="([^"]+)"')
 LINK = re.compile(r'<a href="([^"]*)">(.*?)</a>', re.DOTALL)
@@ -66,15 +49,18 @@ class Section:
 
 def inline(page: Path, text: str) -> str:
     """The pictures into the page; links to what is in it stay, all others become plain text."""
+    names = evidence()
 
     def picture(found: re.Match) -> str:
         file = page.parent / found[1]
+        if not file.exists():
+            return found[0]
         content = base64.b64encode(file.read_bytes()).decode()
         return f'<img src="data:{KINDS[file.suffix]};base64,{content}"'
 
     def link(found: re.Match) -> str:
         target = Path(found[1].split("#")[0]).stem
-        return f'<a href="#{target}">{found[2]}</a>' if target in PAGES else found[2]
+        return f'<a href="#{target}">{found[2]}</a>' if target in names else found[2]
 
     return LINK.sub(link, IMAGE.sub(picture, text))
 
@@ -89,26 +75,15 @@ def fitted(found: re.Match) -> str:
     return text.replace("<table>", '<table class="wide">') if text.count("<th>") >= WIDE else text
 
 
-def document(name: str) -> Path:
-    """A report, or the guide of that name where there is no report."""
-    report = ROOT / f"docs/reports/{name}.md"
-    return report if report.exists() else ROOT / f"docs/guide/{name}.md"
-
-
 def page(name: str, command: str) -> Section:
-    """A page of docs/, its headings a step lower than they stand there."""
-    file = document(name)
-    if not file.exists():
-        return Section(
-            name, name, f"<h2>{name}</h2><p class=bad>Not there yet: <code>{command}</code> writes it.</p>"
-        )
-    text = MarkdownIt("commonmark", {"html": True}).enable("table").render(file.read_text())
+    """A report, its headings a step lower than they stand there."""
+    text = MarkdownIt("commonmark", {"html": True}).enable("table").render(page_of(name))
     title = re.search(r"<h1>(.*?)</h1>", text)
-    text = HEADING.sub(lambda found: f"<{found[1]}h{int(found[2]) + 1}>", inline(file, text))
+    text = HEADING.sub(lambda found: f"<{found[1]}h{int(found[2]) + 1}>", inline(REPORTS / name, text))
     text = re.sub(r"<table>.*?</table>", fitted, text, flags=re.DOTALL)
     text = text.replace("<table", '<div class="tables"><table').replace("</table>", "</table></div>")
-    source = f'<p class="source">{file.relative_to(ROOT)}, from <code>{command}</code></p>'
-    return Section(name, title[1] if title else name, text.replace("</h2>", f"</h2>{source}", 1))
+    source = f'<p class="source">from <code>{command}</code></p>'
+    return Section(name, title[1], text.replace("</h2>", f"</h2>{source}", 1))
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:
@@ -199,16 +174,6 @@ def rules(run: Run) -> Section:
     return Section("rules", "Rules", "<h2>Rules</h2>" + table(header, rows))
 
 
-def picture() -> str:
-    """A start command on both lines, as the guide shows it."""
-    file = document("timing")
-    found = re.search(r"!\[([^\]]+)\]\((\S*/start-motor\.svg)\)", file.read_text())
-    if not found:
-        raise ReportError(f"{file.relative_to(ROOT)} has no picture start-motor.svg")
-    image = inline(file, f'<img src="{found[2]}" alt="{found[1]}">')
-    return f"<figure>{image}<figcaption>{found[1]}.</figcaption></figure>"
-
-
 def summary(run: Run) -> Section:
     count = Counter(run.outcomes.values())
     known = trace.read_rules()
@@ -233,7 +198,7 @@ def summary(run: Run) -> Section:
         "<h1>rtu2fc</h1><p>The Modbus RTU option card of Danfoss VLT 6000 drives, rebuilt as open hardware. "
         f"This page was made from commit <code>{html.escape(commit())}</code>. "
         "Each part names the command that printed its figures.</p>"
-        f'<div class="tiles">{shown}</div>{picture()}<p>{run.provenance()}</p>{rest}'
+        f'<div class="tiles">{shown}</div><p>{run.provenance()}</p>{rest}'
         "<p>Not affiliated with Danfoss; VLT is their trademark.</p>"
     )
     return Section("summary", "Summary", body)
@@ -242,7 +207,7 @@ def summary(run: Run) -> Section:
 def build(run: Run) -> str:
     sections = [
         summary(run),
-        *(page(name, command) for name, command in PAGES.items()),
+        *(page(name, entry["command"]) for name, entry in evidence().items()),
         rules(run),
         tests(run),
     ]

@@ -80,10 +80,9 @@ def releasable(monkeypatch, tmp_path):
     found.all.add("a")
     monkeypatch.setattr(release, "CHANGELOG", changelog)
     monkeypatch.setattr(release, "commit", lambda: "abc1234")
-    monkeypatch.setattr(figures, "older_pages", dict)
+    monkeypatch.setattr(figures, "older", dict)
     monkeypatch.setattr(trace, "collect", lambda: found)
     monkeypatch.setattr(trace, "read_results", lambda: {"a": Result("passed", "abc1234")})
-    monkeypatch.setattr(release, "page_checks_wrong", lambda: iter(()))
     monkeypatch.setattr(release, "build", lambda draft, chosen, _: built.append((draft, len(chosen))))
     return built
 
@@ -97,8 +96,8 @@ def started(monkeypatch, *words: str) -> int:
     ("change", "line"),
     [
         (
-            lambda patch: patch.setattr(figures, "older_pages", lambda: {"results": "make bench"}),
-            "measured pages are of an older card, and these commands renew them: results (make bench)",
+            lambda patch: patch.setattr(figures, "older", lambda: {"results": "make bench"}),
+            "figures are of an older card, and these commands renew them: results (make bench)",
         ),
         (
             lambda patch: patch.setattr(release, "commit", lambda: ""),
@@ -111,12 +110,6 @@ def started(monkeypatch, *words: str) -> int:
         (
             lambda patch: patch.setattr(trace, "read_results", dict),
             "1 of 1 tests have not passed on commit abc1234; run `make nightly`",
-        ),
-        (
-            lambda patch: patch.setattr(
-                release, "page_checks_wrong", lambda: iter(["the pages' tests fail"])
-            ),
-            "the pages' tests fail",
         ),
     ],
 )

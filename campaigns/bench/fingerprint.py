@@ -13,6 +13,8 @@ import contextlib
 import hashlib
 import json
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from rtl.command import run_main
@@ -63,12 +65,6 @@ def firmware(config: str = "standard", dialect: str = "card") -> str:
     if dialect != "card":
         image = image.parent / dialect / image.name
     return _digest([(config, image.read_text() if image.exists() else "")])
-
-
-def firmware_sources(images: dict[str, str]) -> str:
-    """The firmware's sources, if they make these images. Pages state them: a new checkout has no image."""
-    of_this_tree = images == {config: firmware(config) for config in images}
-    return f"firmware sources `{host.fingerprint()}`" if of_this_tree else "other firmware sources"
 
 
 def _lines() -> list[tuple[str, str]]:
@@ -142,6 +138,24 @@ def tree() -> dict[str, str]:
     with contextlib.suppress(SourcesError):
         found |= {"tiny card": card("tiny"), "tiny firmware": firmware("tiny")}
     return found
+
+
+# What a report may have been measured on or by, by the name in docs/evidence.json.
+SUBJECTS: dict[str, Callable[[], str]] = {
+    "standard card": card,
+    "tiny card": partial(card, "tiny"),
+    "firmware": host.fingerprint,
+    "bench": bench,
+    "fuzz judge": fuzz_judge,
+    "flips judge": flips_judge,
+    "soak judge": soak,
+    "starts judge": starts,
+}
+
+
+def now(*names: str) -> dict[str, str]:
+    """The present fingerprints of these subjects."""
+    return {name: SUBJECTS[name]() for name in names}
 
 
 def difference(one: dict[str, str], other: dict[str, str]) -> list[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of docs/reports/results.md, from the results of campaigns/bench/run.py."""
+"""The pictures of build/reports/results.md, from the results of campaigns/bench/run.py."""
 
 from __future__ import annotations
 

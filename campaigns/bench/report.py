@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bench's table and docs/reports/results.md, from the results of campaigns/bench/run.py."""
+"""The bench's table and build/reports/results.md, from the results of campaigns/bench/run.py."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from campaigns.bench import fingerprint
 from campaigns.bench.card import Build
 from campaigns.bench.cases import CASES
 from campaigns.bench.conformance import ROWS
@@ -27,9 +26,19 @@ from campaigns.bench.traffic import REFUSED, UNFIT
 from campaigns.bench.wave import BAUDS, CLK_HZ, FORMAT_NAMES, Line
 from campaigns.bench.work import FORM, PHASES, PHASES_AT, Piece
 from rtl.sources import ROOT
+from sw.test import host
 from tb.lib import bound
 
-RESULTS = ROOT / "docs/reports/results.md"
+# Tables that go into docs/evidence.json.
+REPORT_TABLES = (
+    "The targets",
+    "Turnaround, rate by rate",
+    "Whole transactions, ms",
+    "Early preparation",
+    "Conformance",
+    "Targets of the small card",
+    "Turnaround of the small card",
+)
 TEMPLATE = ROOT / "campaigns/bench/results.md.in"
 MEASURED_ON = "Measured on"
 LOCAL = tuple(name for name, case in CASES.items() if case.local)
@@ -432,14 +441,6 @@ def measured_on(fingerprint: dict[str, str]) -> str:
     return ", ".join(f"{name} `{digits}`" for name, digits in fingerprint.items())
 
 
-def stated() -> dict[str, str]:
-    """Fingerprints stated in docs/reports/results.md; empty if there are none."""
-    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
-    line = next((line for line in lines if line.startswith(MEASURED_ON)), "")
-    found = re.findall(r"([a-z ]+) `(\w+)`", line.removeprefix(MEASURED_ON))
-    return {name.strip(): digits for name, digits in found}
-
-
 def conformance(results: CardResults, rivals: bool) -> str:
     """The rows at SHOWN_BAUD, with the other designs or alone, and those elsewhere."""
     ours = [(piece, outcome) for piece, outcome in results.outcomes.values() if piece.kind == "conformance"]
@@ -493,17 +494,13 @@ def speeds(results: Results) -> str:
 # ---------------------------------------------------------------- the document
 
 
-def firmware_sources(stated: dict[str, str]) -> str:
-    return fingerprint.firmware_sources({"standard": stated["firmware"], "tiny": stated["tiny firmware"]})
-
-
 def document(results: Results) -> str:
     """Fills TEMPLATE with numbers and tables."""
     missed = results.faults()
     content = {
         "seed": results.seed,
         "measured_on": f"{MEASURED_ON} {measured_on(results.fingerprint)}.\n"
-        f"Both images are of {firmware_sources(results.fingerprint)}.",
+        f"Both images are of firmware sources `{host.fingerprint()}`.",
         "formats": ", ".join(FORMAT_NAMES),
         "form": FORM,
         "phases": PHASES,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures the card on its pins and prints the results.
 
-    python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes docs/reports/results.md and
-    docs/pictures/*.svg
+    python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes build/reports/results.md and
+    build/pictures/*.svg
     python -m campaigns.bench.run --fast                    the part in `make test`: prints, writes nothing
     python -m campaigns.bench.run --only KIND               repeats one kind, keeps the rest of the last run
     python -m campaigns.bench.run --report                  rewrites the report from the last whole run
@@ -29,12 +29,13 @@ from pathlib import Path
 from campaigns.bench import fingerprint
 from campaigns.bench.card import BenchError, Build
 from campaigns.bench.judge import Outcome
-from campaigns.bench.report import RESULTS, Image, Results, document, stated, table
+from campaigns.bench.report import REPORT_TABLES, Image, Results, document, table
 from campaigns.bench.wave import CLK_HZ
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
 from rtl.command import Parser, in_processes, run_main
-from rtl.report_page import write_page
+from rtl.report_page import evidence, publish
 from rtl.sources import ROOT, SourcesError
+from sw.test import host
 from sw.tools import stack
 from tb.lib import runner
 
@@ -156,7 +157,7 @@ def write(results: Results) -> None:
     from campaigns.bench import pictures as bench_pictures  # delays the slow import of matplotlib
 
     bench_pictures.draw(results)
-    write_page(RESULTS, document(results))
+    publish("results", document(results), "make bench", of_report(results.fingerprint), keep=REPORT_TABLES)
 
 
 def last_run(of: dict[str, str]) -> Results:
@@ -174,13 +175,18 @@ def last_run(of: dict[str, str]) -> Results:
     return results
 
 
+def of_report(tree: dict[str, str]) -> dict[str, str]:
+    """What was measured, by the names of docs/evidence.json."""
+    cards = {"standard card": tree["card"], "tiny card": tree.get("tiny card", "")}
+    return cards | {"firmware": host.fingerprint(), "bench": tree["bench"]}
+
+
 def of_this_tree(tree: dict[str, str]) -> str:
-    """Whether docs/reports/results.md still describes what was measured now."""
-    other = fingerprint.difference(stated(), tree)
-    if other:
+    """Whether docs/evidence.json still has the figures of what was measured now."""
+    if other := fingerprint.difference(evidence()["results"]["of"], of_report(tree)):
         names = " and another ".join(other)
-        return f"note: docs/reports/results.md describes another {names}; `make bench` renews it"
-    return "docs/reports/results.md is of this card, firmware and bench"
+        return f"note: the figures of docs/evidence.json are of another {names}; `make bench` renews them"
+    return "the figures of docs/evidence.json are of this card, firmware and bench"
 
 
 def main(arguments: list[str] | None = None) -> int:

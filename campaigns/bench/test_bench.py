@@ -470,25 +470,6 @@ def test_results_of_another_tree_are_refused(tmp_path, monkeypatch, capsys, kept
     assert kept is None or bench.KEPT.read_bytes() == kept
 
 
-def test_new_report_states_its_fingerprints(tmp_path, monkeypatch) -> None:
-    """The fingerprints in the report are read back, and an outdated report is named."""
-    tree = {"card": "a" * 12, "firmware": "b" * 12, "bench": "c" * 12, "tiny card": "d" * 12}
-    monkeypatch.setattr(bench_report, "RESULTS", tmp_path / "results.md")
-    line = f"{bench_report.MEASURED_ON} {bench_report.measured_on(tree)}."
-    bench_report.RESULTS.write_text(f"# Results\n\n{line}\n")
-    assert bench_report.stated() == tree
-    assert bench.of_this_tree(tree).startswith("docs/reports/results.md is of this card")
-    assert bench.of_this_tree(tree | {"firmware": "0"}).startswith(
-        "note: docs/reports/results.md describes another firmware;"
-    )
-
-
-@pytest.mark.figures
-def test_report_describes_this_card() -> None:
-    """After a change of Verilog, firmware or bench, `make bench` renews the report and its pictures."""
-    assert not fingerprint.difference(bench_report.stated(), fingerprint.tree())
-
-
 # ---------------------------------------------------------------- sw/tools/stack.py
 
 STACK_C = """

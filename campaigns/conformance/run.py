@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grades every slave by the numbered tests and writes docs/reports/conformance.md (`make conformance`).
+"""Grades every slave by the numbered tests and writes build/reports/conformance.md (`make conformance`).
 
     python -m campaigns.conformance.run                 every slave
     python -m campaigns.conformance.run --only NAME     one slave; prints its faults, own codes and reasons
@@ -14,6 +14,7 @@ is 2. Exit 1 when our card fails a test.
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -34,7 +35,7 @@ from campaigns.conformance.fixture import FAULTS, ModelLine
 from campaigns.conformance.fixture import PROFILE as MODEL
 from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
 from rtl.command import Parser, run_main
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError
 from sim.card.run_card import CardError, RunningCard
 from sim.harness.library import BuildError
@@ -43,7 +44,6 @@ from tb.agents.uart import Format
 from tb.lib.card import baud_switches
 
 KEPT = BUILD / "results.json"
-PAGE = ROOT / "docs/reports/conformance.md"
 TEMPLATE = Path(__file__).parent / "conformance.md.in"
 CARDS = {"standard": "build/card", "tiny": "build/tiny/card"}
 UNIT = 17
@@ -122,6 +122,9 @@ def library(name: str) -> list[Verdict]:
             except subprocess.TimeoutExpired:
                 server.kill()
                 server.wait()
+
+
+STATED = re.compile(r"(\w+ card) `(\w+)`, firmware sources `(\w+)`")
 
 
 def own_card(config: str) -> str:
@@ -217,8 +220,12 @@ def write(kept: dict[str, dict]) -> None:
     ]
     marks = [[case.number, *(MARKS[verdicts[name][case.number].outcome] for name in there)] for case in CASES]
     faults, clean = found_by_own_tests()
-    write_page(
-        PAGE,
+    of: dict[str, str] = {}
+    for one in kept.values():
+        if own := STATED.match(one["stated"]):
+            of |= {own[1]: own[2], "firmware": own[3]}
+    publish(
+        "conformance",
         TEMPLATE.read_text().format(
             summary=table(
                 ["slave", "by", "measured", "passed", "own code", "failed", "n.a.", "not visible"], summary
@@ -236,6 +243,10 @@ def write(kept: dict[str, dict]) -> None:
             clean=clean,
             count=len(CASES),
         ),
+        "make conformance",
+        of,
+        f"{faults} of {len(FAULTS)} planted faults are found by their own tests.",
+        keep=[""],
     )
 
 
@@ -304,10 +315,9 @@ def main(arguments: list[str] | None = None) -> int:
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps(kept, indent=1))
     if missing := [name for name in every if name not in kept]:
-        print(f"{named(PAGE)} is as it was: it needs a result of {', '.join(missing)}, too")
+        print(f"no report yet: it needs a result of {', '.join(missing)}, too")
     else:
         write(kept)
-        print(f"written: {named(PAGE)}")
     failed = failures_of_ours(kept)
     for line in failed:
         print(f"fails: {line}")

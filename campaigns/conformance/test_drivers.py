@@ -220,7 +220,7 @@ def test_a_design_that_cannot_be_fetched_or_built_is_one_line(tmp_path):
         grade_design(Design("no_such_top", entry))
 
 
-def test_the_page_waits_for_every_slave(monkeypatch, tmp_path, capsys):
+def test_the_page_waits_for_every_slave(monkeypatch, written, capsys):
     """Two slaves without a simulation, one of them ours; results and page in a folder of their own."""
     verdicts = [Verdict(case.number, PASS) for case in CASES]
     found = [Verdict("SL-1", FAIL, "no reply"), Verdict("SL-2", NONE, "no function 5"), *verdicts[2:]]
@@ -230,16 +230,16 @@ def test_the_page_waits_for_every_slave(monkeypatch, tmp_path, capsys):
     }
     monkeypatch.setattr(run, "subjects", lambda: subjects)
     monkeypatch.setattr(run, "named", lambda path: path.name)
-    for name in ("KEPT", "PAGE"):
-        monkeypatch.setattr(run, name, tmp_path / name)
+    monkeypatch.setattr(run, "KEPT", written / "KEPT")
     with pytest.raises(run.ConformanceError, match=r"^there is no slave 'other'; there are one, ours$"):
         run.main(["--check", "other"])
     assert run.main(["--only", "one"]) == 1, "it fails a test"
     shown = capsys.readouterr().out
     assert "  fail       SL-1   no reply\n" in shown
-    assert "PAGE is as it was: it needs a result of ours, too\n" in shown and not run.PAGE.exists()
+    report = written / "conformance.md"
+    assert "no report yet: it needs a result of ours, too\n" in shown and not report.exists()
     assert run.main(["--only", "ours"]) == 0
-    page = run.PAGE.read_text()
+    page = report.read_text()
     assert f"| one | pty |  | {len(CASES) - 2} | 0 | 1 | 1 | 0 |" in page and "| ours | pins |" in page
     assert "- SL-1: no reply\n" in page and "| SL-1 | **✗** | ✓ |\n| SL-2 | n.a. | ✓ |" in page
     run.KEPT.write_text("{}}")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coverage of rtl/ by the tests, counted by Verilator: lines, branches, toggles; `make coverage-rtl`.
 
-    python -m campaigns.coverage.run [--jobs N]    runs the tests of TESTS, writes docs/reports/coverage.md
+    python -m campaigns.coverage.run [--jobs N]    runs the tests of TESTS, writes build/reports/coverage.md
     python -m campaigns.coverage.run --report      writes the page from the counts of the last run
 
 campaigns/coverage/holes.toml must explain every line and branch that no test took, and every explanation must
@@ -24,13 +24,12 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from rtl.command import Parser, run_main
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import ROOT, bench_file, rtl_files
 from sw.test import host
 from tb.lib.options import at_least
 
 COUNTS = ROOT / "build/coverage_rtl"
-PAGE = ROOT / "docs/reports/coverage.md"
 TEMPLATE = ROOT / "campaigns/coverage/coverage.md.in"
 EXPLAINED = ROOT / "campaigns/coverage/holes.toml"
 # The Verilog of the card: written by hand, and by `make regs`.
@@ -240,7 +239,11 @@ def main(arguments: list[str] | None = None) -> int:
         if taken < LEAST * total:
             wrong.append(f"{kind}: {100 * taken / total:.1f} %, less than {100 * LEAST:.0f} %")
     print(table(found))
-    write_page(PAGE, page(found, gaps, reasons, len(files)))
+    kinds = ("lines", "branches", "toggles")
+    said = [f"{shown(module.counters[kind] for module in found.values())[0]} {kind}" for kind in kinds]
+    text = page(found, gaps, reasons, len(files))
+    of = fingerprint.now("standard card", "tiny card", "firmware")
+    publish("coverage", text, "make coverage-rtl", of, f"Taken: {', '.join(said)}.")
     for line in wrong:
         print(f"coverage-rtl: {line}")
     return 1 if wrong else 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rare outcomes of flips, as a table for docs/reports/fuzz.md."""
+"""The rare outcomes of flips, as a table for build/reports/fuzz.md."""
 
 from __future__ import annotations
 

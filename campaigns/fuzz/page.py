@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/reports/fuzz.md from the results of four campaigns; `make fuzz-page`.
+"""Writes build/reports/fuzz.md from the results of four campaigns; `make fuzz-page`.
 
     python -m campaigns.fuzz.page
 
 The campaigns are the fuzzer, the planted bugs, the flips of the core alone, and those of each whole card.
-Their results in build/fuzz go into docs/reports/fuzz.json first, and the page is made of that file. So a
-campaign whose card, firmware and judge have not changed need not run again. Exit 2: a result is missing, or
-is of another card than the others.
+Their results are in build/fuzz. Exit 2: a result is missing, or is of another card than the present one.
 """
 
 from __future__ import annotations
@@ -26,16 +24,16 @@ from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.case import clk_hz
 from campaigns.fuzz.plants import PLANTS
 from rtl.command import run_main
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import ROOT, configurations
+from sw.test import host
 from tb.lib import bound
 
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
-PAGE = ROOT / "docs/reports/fuzz.md"
-RECORD = ROOT / "docs/reports/fuzz.json"
 # campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
 UNJUDGED = "no unrequested telegram; every last request answered"
 # Part of the record, and the command of its campaign.
+COMMAND = "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"
 PARTS = {"plants": "make fuzz-plants", "core": "make core-flips"}
 
 
@@ -193,11 +191,6 @@ def flips_shard(shard: dict) -> dict:
     }
 
 
-def without_judge(result: dict) -> list[str]:
-    """Card and firmware of a result. Two campaigns may have had two versions of the judge."""
-    return result["card"].split()[:2]
-
-
 def add(total: dict, new: dict) -> dict:
     """Adds numbers, joins lists, in dictionaries alike; a text is equal in both."""
     result = dict(total)
@@ -214,32 +207,13 @@ def add(total: dict, new: dict) -> dict:
     return result
 
 
-def with_shards(kept: dict, new: dict, count: str) -> dict:
-    """The kept shards and the new ones; of one name the one that counted more, which may have grown since.
-
-    Kept shards of another card go as soon as there is one of this card.
-    """
-    cards = {shard["card"] for shard in new.values()}
-    shards = {name: shard for name, shard in kept.items() if not cards or shard["card"] in cards}
-    for name, shard in new.items():
-        if name not in shards or shard[count] >= shards[name][count]:
-            shards[name] = shard
-    return shards
-
-
-def longer(kept: dict, new: dict, count: str) -> dict:
-    """The new result; of two results of the same cards the one that counted more."""
-    same = all(kept.get(key) == new.get(key) for key in ("card", "cards"))
-    return kept if not new or (kept and same and new[count] < kept[count]) else new
-
-
 def whole(folder: Path, name: str, part: str, keys: set[str]) -> dict:
     """The result of a campaign without shards, if it left one."""
     return read(folder / name, PARTS[part], keys) if (folder / name).exists() else {}
 
 
-def renewed(record: dict, folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> dict:
-    """The record with the results in `folder`.
+def collected(folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> dict:
+    """The results in `folder`.
 
     They must be of these cards, by configuration: `cards` for the fuzzer, `flipped` for the flips.
     """
@@ -260,30 +234,14 @@ def renewed(record: dict, folder: Path, cards: dict[str, str], flipped: dict[str
             for config, shards in its_shards.items()
             for shard in shards.values()
         ]
-    found += [(config, card, flipped) for config, card in core_flips.get("cards", {}).items()]
+    if core_flips:
+        found += [(config, core_flips["cards"].get(config, "none"), flipped) for config in flipped]
     for config, card, its_cards in found:
         if card != its_cards[config]:
             raise PageError(f"a result in {folder.name} is of another {config} card, {card}; remove it")
-    parts = {
-        "plants": longer(record.get("plants", {}), plants, "count"),
-        "core": longer(record.get("core", {}), core_flips, "flips"),
-    }
-    for config, shards in of_frames.items():
-        parts[f"frames of {config}"] = with_shards(record.get(f"frames of {config}", {}), shards, "frames")
-    for config, shards in of_flips.items():
-        parts[f"flips of {config}"] = with_shards(record.get(f"flips of {config}", {}), shards, "flips")
-    return json.loads(json.dumps(parts))
-
-
-def text_of(record: dict) -> str:
-    """The record as JSON, a line for each shard and for each part without shards."""
-    lines = []
-    for part, content in record.items():
-        one_line = part in ("plants", "core")
-        rows = [f"  {json.dumps(name)}: {json.dumps(shard)}" for name, shard in content.items()]
-        body = json.dumps(content) if one_line else "{\n" + ",\n".join(rows) + "\n }"
-        lines.append(f" {json.dumps(part)}: {body}")
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    parts = {"plants": plants, "core": core_flips}
+    parts |= {f"frames of {config}": shards for config, shards in of_frames.items()}
+    return parts | {f"flips of {config}": shards for config, shards in of_flips.items()}
 
 
 def total(shards: dict) -> dict:
@@ -293,39 +251,29 @@ def total(shards: dict) -> dict:
     }
 
 
+def cards_of(record: dict, what: str) -> list[dict]:
+    """All shards of each card as one."""
+    command = {"frames": "fuzz", "flips": "flips"}[what]
+    for config in configurations():
+        if not record.get(f"{what} of {config}"):
+            raise PageError(f"no {what} of the card {config}; run `make {command} CONFIG={config}` first")
+    return [total(record[f"{what} of {config}"]) | {"config": config} for config in configurations()]
+
+
 def page(record: dict) -> str:
     """The text of the page."""
     for part, command in PARTS.items():
         if not record.get(part):
             raise PageError(f"{part}: no result; run `{command}` first")
-    all_frames, all_flips = {}, {}
-    for config in configurations():
-        if not record.get(f"frames of {config}"):
-            raise PageError(f"no frames of the card {config}; run `make fuzz CONFIG={config}` first")
-        all_frames[config] = total(record[f"frames of {config}"]) | {"config": config}
-        if not record.get(f"flips of {config}"):
-            raise PageError(f"no flips of the card {config}; run `make flips CONFIG={config}` first")
-        all_flips[config] = total(record[f"flips of {config}"]) | {"config": config}
+    cards, all_flips = cards_of(record, "frames"), cards_of(record, "flips")
     plants, core_flips = record["plants"], record["core"]
-    same_cores = core_flips["cards"] == {config: merged["card"] for config, merged in all_flips.items()}
-    judges = {merged["card"].split()[-1] for merged in all_flips.values()}
-    if (
-        not same_cores
-        or len(judges) > 1
-        or without_judge(plants) != without_judge(all_frames["standard"])
-        or any(without_judge(all_frames[config]) != without_judge(all_flips[config]) for config in all_flips)
-    ):
-        raise PageError("the results come from different cards; run the older campaigns again")
-    cards = list(all_frames.values())
     differences = any(card["differences"] for card in cards)
     return TEMPLATE.read_text().format(
-        sources=fingerprint.firmware_sources(
-            {config: merged["card"].split()[1] for config, merged in all_frames.items()}
-        ),
-        flips_judge="".join(judges),
+        sources=f"firmware sources `{host.fingerprint()}`",
+        flips_judge=all_flips[0]["card"].split()[-1],
         frames=frames_in_all(cards),
         random="\n".join(map(random_row, cards)),
-        configs=" | ".join(all_frames),
+        configs=" | ".join(card["config"] for card in cards),
         events=event_rows(cards),
         others="the differences above include theirs" if differences else UNJUDGED,
         plants_seed=plants["seed"],
@@ -337,20 +285,25 @@ def page(record: dict) -> str:
         core_altered_1=f"{core_count(core_flips, core.ALTERED[0]):,}",
         core_altered_0=f"{core_count(core_flips, core.ALTERED[1]):,}",
         core="\n\n".join("\n".join(core_table(*each)) for each in core_flips["results"].items()),
-        flips=in_all(list(all_flips.values())),
-        flips_tables="\n\n".join(map(card_flips, all_flips.values())),
-        rare="\n\n".join(map(rare_flips, all_flips.values())),
+        flips=in_all(all_flips),
+        flips_tables="\n\n".join(map(card_flips, all_flips)),
+        rare="\n\n".join(map(rare_flips, all_flips)),
     )
 
 
 def main() -> int:
-    kept = json.loads(RECORD.read_text()) if RECORD.exists() else {}
     cards = {config: fingerprint.fuzz(config) for config in configurations()}
     flipped = {config: fingerprint.flips(config) for config in configurations()}
-    record = renewed(kept, fuzz.FOLDER, cards, flipped)
-    RECORD.write_text(text_of(record))
-    write_page(PAGE, page(record))
-    print(f"wrote {PAGE.relative_to(ROOT)} and {RECORD.name}")
+    found = collected(fuzz.FOLDER, cards, flipped)
+    text = page(found)
+    altered = core_count(found["core"], *core.ALTERED)
+    said = (
+        f"{frames_in_all(cards_of(found, 'frames'))}.\n{in_all(cards_of(found, 'flips'))}.\n"
+        f"{altered:,} of {found['core']['flips']:,} flips in the core alone altered a telegram."
+    )
+    of = fingerprint.now("standard card", "tiny card", "firmware", "fuzz judge", "flips judge")
+    keep = ["Random frames", *(f"Of the {config} card" for config in configurations())]
+    publish("fuzz", text, COMMAND, of, said, keep)
     return 0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of a receiver with 16 samples a bit, by arithmetic alone; docs/reports/line-quality.md derives them.
+"""Limits of a receiver with 16 samples a bit, by arithmetic alone.
 
 The middle vote of three comes SAMPLE ticks after the tick that first saw the start bit. That tick comes
 between zero and one tick after the edge. So each limit is a span: at its beginning the first characters can

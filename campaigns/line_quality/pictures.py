@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of docs/reports/line-quality.md."""
+"""The pictures of build/reports/line-quality.md."""
 
 from __future__ import annotations
 

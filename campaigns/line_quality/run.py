@@ -2,7 +2,7 @@
 """Measures line faults that the card tolerates, on its pins, and compares with theory; `make line-quality`.
 
     python -m campaigns.line_quality.run [--seed N] [--jobs N]    everything; writes
-    docs/reports/line-quality.md
+    build/reports/line-quality.md
     python -m campaigns.line_quality.run --fast                   the part in `make test`; writes nothing
     python -m campaigns.line_quality.run --report                 writes the page from the last whole run
 
@@ -31,14 +31,13 @@ from campaigns.line_quality.work import (
     whole,
 )
 from rtl.command import Parser, in_processes, run_main
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError
 from sim.harness.library import BuildError
 from sw.test import host
 from tb.lib.options import at_least
 
 KEPT = ROOT / "build/line_quality/results.json"
-PAGE = ROOT / "docs/reports/line-quality.md"
 TEMPLATE = ROOT / "campaigns/line_quality/line-quality.md.in"
 DEFAULT_SEED = 1
 
@@ -139,7 +138,10 @@ def write(kept: dict) -> None:
         eye_forms=" and ".join(EYE_FORMS),
         eye_characters=EYE_CHARACTERS,
     )
-    write_page(PAGE, text)
+    asked = sum(one.asked for one in limits)
+    said = f"{len(limits)} limits, {asked:,} characters; {len(faults(limits))} outside theory and LINE-5."
+    of = {"standard card": kept["card"], "firmware": kept["sources"]}
+    publish("line-quality", text, "make line-quality", of, said, keep=[""])
 
 
 def faults(limits: list[Limit]) -> list[str]:

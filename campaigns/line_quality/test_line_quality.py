@@ -11,7 +11,6 @@ import random
 
 import pytest
 
-from campaigns.bench import fingerprint
 from campaigns.fuzz.case import clk_hz
 from campaigns.line_quality import run as line_quality
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
@@ -109,9 +108,3 @@ def test_every_rate_and_format_is_measured():
         (baud, form) for baud in (300, 1200, 2400, 4800, 9600, 19200, 38400, 115200) for form in ALL_FORMS
     }
     assert min(piece.line.bit for piece in pieces) == 64
-
-
-@pytest.mark.figures
-def test_the_page_is_of_this_card():
-    said = " ".join(line_quality.PAGE.read_text().split())
-    assert f"standard card `{fingerprint.card()}`" in said, "run `make line-quality`"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/reports/masters.md and the tables of the handbook's page, from answers.json."""
+"""build/reports/masters.md and the tables of the handbook's page, from answers.json."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ from campaigns.masters.cases import SILENCE, Case, cases
 from campaigns.masters.judge import CRASH, NUMBER, TIME_OUT, how
 from campaigns.masters.masters import BY_ID, HERE, MASTERS, PORT, SOCAT, TCP_PORT, Master
 from campaigns.masters.session import ENDLESS
-from rtl.sources import ROOT
 from tb.model.card import DIALECTS
 
 ANSWERS = HERE / "answers.json"
 TEMPLATE = HERE / "masters.md.in"
-PAGE = ROOT / "docs/reports/masters.md"
 LONG = 60  # characters; a longer text is cut to its first part in the wide table
 RIGHT = "✓"
 NUMBERS = re.compile(r"0x[0-9a-f]+|\d+")

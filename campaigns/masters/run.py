@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Eleven Modbus masters ask the virtual card, in all three dialects; `make masters`.
 
-    python -m campaigns.masters.run                    writes answers.json and docs/reports/masters.md
+    python -m campaigns.masters.run                    writes answers.json and build/reports/masters.md
     python -m campaigns.masters.run --master mbpoll    a part (also --dialect); prints it, writes nothing
     python -m campaigns.masters.run --page             writes the page from answers.json alone
 
@@ -25,7 +25,6 @@ from campaigns.masters.install import InstallError, install
 from campaigns.masters.masters import BY_ID, Master
 from rtl import report_page
 from rtl.command import Parser, run_main
-from rtl.sources import ROOT
 from sim.card.run_card import CardError
 from sw.test import host
 from tb.model.card import DIALECTS
@@ -70,8 +69,10 @@ def write(results: dict) -> None:
 
 
 def write_page(results: dict) -> None:
-    report_page.write_page(page.PAGE, page.page(results))
-    print(f"wrote {page.PAGE.relative_to(ROOT)}; `make regs` writes the handbook's tables")
+    of = {"standard card": results["card"], "firmware": results["sources"]}
+    said = f"{len(results['masters'])} masters, each answer as the rules have it."
+    report_page.publish("masters", page.page(results), "make masters", of, said)
+    print("`make regs` writes the handbook's tables")
 
 
 def main() -> int:

@@ -4,7 +4,7 @@
     python -m campaigns.mutate.run MODULE ... [--count N] [--seed N] [--jobs N]
     python -m campaigns.mutate.run --all [...]          every module of rtl/ that has a bench
     python -m campaigns.mutate.run --report             one table of everything in build/mutate/
-    ... --write                          also writes it into docs/reports/mutants.md
+    ... --write                          also writes it into build/reports/mutants.md
 
 A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if
@@ -32,14 +32,13 @@ from pathlib import Path
 from campaigns.mutate.same import TOP, SameError, proved_same, proved_same_inverted
 from formal import prove
 from rtl.command import Parser, run_main, threads
-from rtl.report_page import write_page
+from rtl.report_page import evidence, publish
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
 from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
 
 WORK = ROOT / "build/mutate"
 TEMPLATE = ROOT / "campaigns/mutate/mutants.md.in"
-DOCUMENT = ROOT / "docs/reports/mutants.md"
 HEADER = (
     "| module | possible | tried | by proof | by test | proved the same | survived | caught | of |\n"
     "|---|---:|---:|---:|---:|---:|---:|---:|---|"
@@ -520,9 +519,9 @@ def report(write: bool) -> int:
 
 
 def write_document(rows: dict[str, str], survivors: list[str]) -> None:
-    """Replaces rows and survivors of the modules that were run; the others stay."""
-    old = DOCUMENT.read_text() if DOCUMENT.exists() else ""
-    kept = {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\|$", old, re.M)} | rows
+    """Replaces the rows of the modules that were run; docs/evidence.json has those of the others."""
+    before = evidence().get("mutants", {}).get("tables", {}).get("", [])[1:]
+    kept = {row[0].strip("`"): f"| {' | '.join(row)} |" for row in before} | rows
     known = {path.stem for path in rtl_files()}
     table = [row for module, row in sorted(kept.items()) if module in known]
     numbers = [re.findall(r"\| (\d+) ", row) for row in table]
@@ -532,12 +531,6 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     possible = sum(int(re.search(r"\| (\d+) ", row)[1]) for row in table)
     bound = 100 * at_most(survived, total)
     summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
-    others = [
-        line
-        for line in re.findall(r"^- `\w+`: .*$", old, re.M)
-        if re.match(r"- `(\w+)`", line)[1] not in rows
-    ]
-    listed = sorted(others + survivors)
     summary += f" A solver proved {alike} more to behave like the original."
     if missing:
         summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
@@ -547,9 +540,9 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
         "of the others more may survive."
     )
     text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))
-    text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(listed) or "None.")
-    write_page(DOCUMENT, text)
-    print(f"wrote {DOCUMENT}")
+    text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(sorted(survivors)) or "None.")
+    of = dict(re.match(r"\| `(\w+)` .*`(\w+)` \|", row).groups() for row in table)
+    publish("mutants", text, "make mutate", of, summary, keep=[""])
 
 
 def bench_arguments(module: str) -> list[str]:
@@ -567,7 +560,7 @@ def main() -> int:
     parser.add_argument("modules", nargs="*", metavar="MODULE")
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--report", action="store_true")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/reports/mutants.md")
+    parser.add_argument("--write", action="store_true", help="put the table into build/reports/mutants.md")
     parser.add_argument(
         "--count", type=at_least(1), default=40, help="mutants a module (default: %(default)s)"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes and verdicts of `make mutate`; docs/reports/mutants.md describes the present modules."""
+"""Changes and verdicts of `make mutate`, and its report."""
 
 from __future__ import annotations
 
@@ -11,17 +11,8 @@ import pytest
 
 from campaigns.mutate import run as mutate
 from campaigns.mutate import same
+from rtl import report_page
 from rtl.sources import ROOT, rtl_files
-
-ROW = re.compile(
-    r"^\| `(\w+)` \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) % \| `(\w+)` \|$", re.M
-)
-SURVIVOR = re.compile(r"^- `(\w+)`: `(.*)` → `(.*?)`: (.*)$", re.M)
-FEWEST = 30
-
-
-def rows() -> dict[str, re.Match]:
-    return {found[1]: found for found in ROW.finditer(mutate.DOCUMENT.read_text())}
 
 
 def test_changes_affect_only_code():
@@ -279,8 +270,7 @@ def test_a_survivor_fails(tmp_path, monkeypatch, capsys):
         assert ("`a` → `b`: survived" in capsys.readouterr().out) == bool(result)
 
 
-def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
-    monkeypatch.setattr(mutate, "DOCUMENT", tmp_path / "mutants.md")
+def test_rows_of_other_modules_stay(written):
     survivors = [
         mutate.Mutant("bcc", 1, "a == b", "a != b", 0, 1, "!=", "survived"),
         mutate.Mutant("bcc", 2, "c", "d", 2, 3, "d", "same"),
@@ -288,38 +278,13 @@ def test_rows_of_other_modules_stay(tmp_path, monkeypatch):
     mutate.write_document(
         {"bcc": mutate.row_of("bcc", "01", 7, survivors)}, list(map(mutate.survivor_of, survivors))
     )
+    text = (written / "mutants.md").read_text()
+    assert "- `bcc`: `a == b` → `a != b`: survived\n- `bcc`: `c` → `d`: proved the same" in text
     caught = mutate.Mutant("uart", 1, "", "", 0, 1, "", "caught", "test")
     mutate.write_document({"uart": mutate.row_of("uart", "02", 9, [caught])}, [])
-    text = mutate.DOCUMENT.read_text()
+    text = (written / "mutants.md").read_text()
     assert "| `bcc` | 7 | 2 | 0 | 0 | 1 | 1 | 0.0 % | `01` |\n" in text
     assert "| `uart` | 9 | 1 | 0 | 1 | 0 | 0 | 100.0 % | `02` |\n" in text
     assert "1 of 2 caught, 50.0 %. A solver proved 1 more to behave like the original." in text
     assert "These are 3 of 16 possible mutants, always the same ones." in text
-    assert "- `bcc`: `a == b` → `a != b`: survived\n- `bcc`: `c` → `d`: proved the same" in text
-    mutate.write_document({"bcc": mutate.row_of("bcc", "03", 7, [caught])}, [])
-    assert "survived\n" not in mutate.DOCUMENT.read_text()
-
-
-@pytest.mark.figures
-@pytest.mark.parametrize("module", mutate.benches())
-def test_document_is_of_this_module(module):
-    row = rows().get(module)
-    assert row is not None, f"make mutate MODULE={module}"
-    total, proof, test, alike, survived = (int(row[at]) for at in range(3, 8))
-    path = next(path for path in rtl_files() if path.stem == module)
-    assert row[9] == mutate.fingerprint(path), f"the code has changed: make mutate MODULE={module}"
-    assert proof + test + alike + survived == total
-
-
-def test_no_row_has_few_mutants_or_a_survivor():
-    for module, row in rows().items():
-        possible, total, survived = (int(row[at]) for at in (2, 3, 7))
-        assert total >= min(FEWEST, possible), module
-        assert survived == 0, module
-
-
-@pytest.mark.figures
-def test_every_mutant_that_was_not_caught_is_listed():
-    listed = [found.groups() for found in SURVIVOR.finditer(mutate.DOCUMENT.read_text())]
-    assert {entry[3] for entry in listed} <= {mutate.SAME}
-    assert len(listed) == sum(int(row[6]) + int(row[7]) for row in rows().values())
+    assert report_page.evidence()["mutants"]["of"] == {"bcc": "01", "uart": "02"}

@@ -6,7 +6,6 @@ Traffic and checks: campaigns/soak/run.py. The drive is live: it ramps, refuses 
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 
 import pytest
@@ -126,7 +125,6 @@ def test_a_run_is_cut_into_blocks_of_their_own_seed():
 def kept(tmp_path, monkeypatch):
     """Results of both cards: a shorter block of the same seed, a mismatch of the small card."""
     monkeypatch.setattr(run, "FOLDER", tmp_path)
-    monkeypatch.setattr(page, "PAGE", tmp_path / "soak.md")
     monkeypatch.setattr(run.fingerprint, "card", lambda config: f"card-{config}")
     monkeypatch.setattr(run.fingerprint, "firmware", lambda config, dialect: f"{dialect}-{config}")
     monkeypatch.setattr(run.fingerprint, "soak", lambda: "judge")
@@ -173,21 +171,6 @@ def test_a_page_is_refused_without_both_cards(kept):
         page.page()
 
 
-def test_the_section_of_a_card_that_has_not_changed_stays(kept, monkeypatch):
-    before = page.page()
-    page.PAGE.write_text(before)
-    run.file_of("tiny").unlink()
-    assert page.page() == before
-    for what, now in (("soak", lambda: "another"), ("card", lambda config: f"another-{config}")):
-        with monkeypatch.context() as patch:
-            patch.setattr(run.fingerprint, what, now)
-            with pytest.raises(page.NotMeasuredError):
-                page.page()
-    monkeypatch.setattr(page.host, "fingerprint", lambda: "another")
-    with pytest.raises(page.NotMeasuredError):
-        page.page()
-
-
 def test_another_firmware_or_judge_counts_nothing(kept, monkeypatch):
     monkeypatch.setattr(run.fingerprint, "firmware", lambda config, dialect: "another")
     with pytest.raises(page.PageError, match="no result of the standard card's firmware as it is now"):
@@ -219,19 +202,6 @@ def test_the_program_is_that_of_the_card(tmp_path, monkeypatch):
     monkeypatch.setitem(run.PROGRAMS, "tiny", ROOT / "build/none/card")
     with pytest.raises(CardError, match="build/none/card is missing"):
         soak(tmp_path, 1, 1, "card", "vlt6000", "tiny")
-
-
-def test_the_published_page_has_both_cards_without_a_mismatch():
-    """20,000 transactions each; the standard card in three dialects."""
-    done: dict[str, dict[str, int]] = {}
-    for line in page.PAGE.read_text().splitlines():
-        if heading := re.match(r"## The (\w+) card", line):
-            of_card = done.setdefault(heading[1], {})
-        if row := re.match(r"\| (\w+) \| `\w+` \| .*\| ([\d,]+) \| (\d+) \| [\d.e-]+ \| \d+ min \|$", line):
-            of_card[row[1]] = int(row[2].replace(",", ""))
-            assert row[3] == "0", line
-    assert done["standard"].keys() == {"card", "builtin", "hvac_basic"}
-    assert min(sum(of_card.values()) for of_card in done.values()) >= 20_000
 
 
 def test_the_small_card_has_one_dialect(monkeypatch):

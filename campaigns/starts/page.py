@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/reports/starts.md from the results in build/starts; `make starts-page`.
+"""Writes build/reports/starts.md from the results in build/starts; `make starts-page`.
 
     python -m campaigns.starts.page
 
@@ -11,13 +11,12 @@ from __future__ import annotations
 from campaigns.bench import fingerprint
 from campaigns.starts import run
 from rtl.command import run_main
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import ROOT, configurations
 from sw.test import host
 from tb.lib import bound, starts
 
 TEMPLATE = ROOT / "campaigns/starts/starts.md.in"
-PAGE = ROOT / "docs/reports/starts.md"
 
 
 class PageError(Exception):
@@ -58,8 +57,8 @@ def page() -> str:
 
 
 def main() -> int:
-    write_page(PAGE, page())
-    print(f"wrote {PAGE.relative_to(ROOT)}")
+    of = fingerprint.now("standard card", "tiny card", "firmware", "starts judge")
+    publish("starts", page(), "make starts of both cards, and starts-page", of, keep=[""])
     return 0
 
 

@@ -9,7 +9,6 @@ import pytest
 
 from campaigns.starts import page
 from campaigns.starts import run as campaign
-from tools import figures
 
 
 @pytest.fixture
@@ -52,7 +51,6 @@ def test_the_page_has_a_row_for_each_card_and_kind(monkeypatch, tmp_path) -> Non
     text = page.page()
     assert "| standard | power-up | 2 | 0 to 1 | 0 | 9.00e-01 |" in text
     assert "| tiny | reset | 3 | 5 to 7 | 1 | 9.42e-01 |" in text
-    assert figures.PAGES["starts"][0](text) == ""
     page.run.file_of("reset", "tiny").unlink()
     with pytest.raises(
         page.PageError, match="no reset of the tiny card as it is now; run `make starts CONFIG=tiny`"

@@ -24,13 +24,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rtl.command import Parser, run_main, threads
-from sw.test.host import DIALECTS, ROOT, put_figures, stamped
+from sw.test.host import DIALECTS, ROOT, put_figures
 from tb.lib.bound import SURE, words
 from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/fuzz-firmware"
 CORPUS = ROOT / "sw/test/corpus"
-LONG = 10_000_000  # runs; shorter campaigns do not go into the document
+LONG = 10_000_000  # runs; shorter campaigns do not go into docs/evidence.json
 # Share of the runs. A run of the poll loop takes as long as eight of the core.
 TARGETS = {"translate": 0.85, "gateway": 0.15}
 OPTIONS = ["-max_len=256", "-len_control=20", "-timeout=10", "-print_final_stats=1"]
@@ -147,7 +147,7 @@ def main() -> int:
     parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
     parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")
     parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--write", action="store_true", help=f"{LONG} runs or more: into the document")
+    parser.add_argument("--write", action="store_true", help=f"{LONG} runs or more: into docs/evidence.json")
     parser.add_argument("--refresh", action="store_true", help="add new branches to sw/test/corpus")
     given = parser.parse_args()
     folder = given.folder.absolute()
@@ -169,7 +169,8 @@ def main() -> int:
         print(f"FOUND  {result.says}")
         print(f"       {folder / result.fuzzer.replace('/', '/fuzz_')} {result.finding}")
     if given.write and not found and total >= LONG:
-        put_figures("fuzz", stamped("\n".join([f"{given.runs} runs, seed {given.seed}", *shown])))
+        text = "\n".join([f"{given.runs} runs, seed {given.seed}", *shown])
+        put_figures("fuzzing", f"make fuzz-firmware RUNS={given.runs}", text)
     if given.refresh and not found:
         refresh(folder)
     return 1 if found else 0

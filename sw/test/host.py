@@ -8,12 +8,11 @@ load folders of builds (FIRMWARE_LIBRARIES, tb/model/firmware.py).
 from __future__ import annotations
 
 import hashlib
-import re
 import subprocess
 from functools import cache
 from pathlib import Path
 
-from rtl.report_page import write_page
+from rtl.report_page import publish
 from rtl.sources import without_comments
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +35,6 @@ CORE = (
 )
 INCLUDES = ["-Isw/include", "-Isw/src", "-Iregs/generated", "-Isw/port/host"]
 HOST = ("sw/port/host/host.c", "sw/port/host/mailbox_model.c")
-DOCUMENT = ROOT / "docs/reports/firmware-quality.md"
 # The tests that need no simulator. Random tests do not count for the coverage.
 TESTS = [f"tb/firmware/test_firmware_{part}.py" for part in ("translate", "dialects", "gateway", "image")]
 RANDOM = "random or any_sequence"
@@ -58,14 +56,6 @@ def compile_library(build: str, folder: Path, *flags: str, tree: Path = ROOT) ->
     return subprocess.run(command, cwd=tree, capture_output=True, text=True, check=False)
 
 
-def with_figures(name: str, text: str) -> str:
-    """The document with `text` in the block `name`."""
-    block = re.compile(rf"(?<=^```{name}\n).*?(?=^```$)", re.DOTALL | re.MULTILINE)
-    document, count = block.subn(lambda _: text.rstrip("\n") + "\n", DOCUMENT.read_text())
-    assert count == 1, name
-    return document
-
-
 def fingerprint() -> str:
     """A short hash of the firmware's C files. Comments and layout do not count."""
     content = hashlib.sha256()
@@ -75,11 +65,8 @@ def fingerprint() -> str:
     return content.hexdigest()[:12]
 
 
-def stamped(text: str) -> str:
-    """The text with the line that names the firmware that was measured."""
-    return f"firmware sources {fingerprint()}\n{text}"
-
-
-def put_figures(name: str, text: str) -> None:
-    write_page(DOCUMENT, with_figures(name, text))
-    print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+def put_figures(title: str, command: str, text: str) -> None:
+    """The report of a command on the firmware: what it printed."""
+    name = f"firmware-{title.split()[0].lower()}"
+    page = f"# Firmware: {title}\n\n`{command}`, firmware sources `{fingerprint()}`:\n\n```\n{text}\n```\n"
+    publish(name, page, command, {"firmware": fingerprint()}, text)

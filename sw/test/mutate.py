@@ -36,7 +36,7 @@ from _pytest.runner import runtestprotocol
 from tree_sitter import Node
 
 from rtl.command import Parser, run_main
-from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources, stamped
+from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
 from sw.test.loops import nodes, parser
 from sw.test.same import proved_same, why_not_same
 from tb.lib.bound import SURE, at_most
@@ -529,7 +529,7 @@ def report(count: int, write: bool) -> int:
     wrong += [f"survives: {m['file']}:{m['line']} {m['function']}: {mutant_of(m).change}" for m in alive]
     print("\n".join(wrong) or "no survivor")
     if write and not wrong:
-        put_figures("mutate", stamped("\n".join(shown)))
+        put_figures("mutants", "make mutate-firmware", "\n".join(shown))
     return 1 if wrong else 0
 
 
@@ -545,9 +545,7 @@ def main() -> int:
         "--survivors", action="store_true", help="try the survivors again, with added contracts or tests"
     )
     parser.add_argument("--list", action="store_true")
-    parser.add_argument(
-        "--write", action="store_true", help="put the table into docs/reports/firmware-quality.md"
-    )
+    parser.add_argument("--write", action="store_true", help="put the table into docs/evidence.json")
     parser.add_argument("--tests-only", action="store_true", help="do not run the fuzzers' corpus")
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)

@@ -19,10 +19,9 @@ import pytest
 from sw.test import analysis as firmware_analysis
 from sw.test import coverage as firmware_coverage
 from sw.test import fuzz as firmware_fuzz
-from sw.test import host as firmware_host
 from sw.test import loops as firmware_loops
 from sw.test import mutate as firmware_mutate
-from sw.test.host import DIALECTS, DOCUMENT, ROOT
+from sw.test.host import DIALECTS, ROOT
 from sw.tools.stack import deepest, reserved
 from tb.model.firmware import build
 
@@ -192,25 +191,12 @@ def test_the_deepest_stack_of_every_image_fits_the_reserved_memory():
         assert 0 < size <= reserved(), image
 
 
-@pytest.mark.figures
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_the_page_states_the_stack(dialect: str):
-    size, _ = deepest(build("build/firmware.elf" if dialect == "card" else f"build/{dialect}/firmware.elf"))
-    assert f"| {dialect} | {size} of {reserved()} |" in DOCUMENT.read_text(), (
-        f"{DOCUMENT.name}: stack of {dialect}"
-    )
-
-
 # ---------------------------------------------------------------- coverage
 
 
 @pytest.fixture
-def coverage(monkeypatch, tmp_path):
-    """`make coverage-firmware` with so many branches taken of ten, beside a page that says all ten."""
-    page = tmp_path / "page.md"
-    for module in (firmware_host, firmware_coverage):
-        monkeypatch.setattr(module, "DOCUMENT", page)
-        monkeypatch.setattr(module, "ROOT", tmp_path)
+def coverage(monkeypatch, written):
+    """`make coverage-firmware` with so many branches taken of ten."""
     monkeypatch.setattr(firmware_coverage, "measure", lambda: None)
 
     def main(file: str, taken: int, *options: str) -> int:
@@ -221,9 +207,6 @@ def coverage(monkeypatch, tmp_path):
         monkeypatch.setattr(firmware_coverage, "counted", counted)
         return firmware_coverage.main(list(options))
 
-    page.write_text("```coverage\n```\n")
-    assert main("leds.c", 10, "--write") == 0
-    assert page.read_text().count("10 of 10") == 2 * (len(DIALECTS) + 1)
     return main
 
 
@@ -232,11 +215,11 @@ def test_a_branch_of_the_core_that_no_test_takes_fails(coverage, capsys):
     assert "hole  all: coils.c: line 7" in capsys.readouterr().out
 
 
-def test_a_page_with_other_figures_fails_and_stays(coverage, tmp_path, capsys):
+def test_a_good_run_writes_its_table(coverage, written):
     assert coverage("leds.c", 10, "--check") == 0
-    assert coverage("leds.c", 9, "--check") == 1
-    assert "page.md has other figures: make coverage-firmware\n" in capsys.readouterr().err
-    assert "9 of 10" not in (tmp_path / "page.md").read_text()
+    assert not (written / "firmware-branches.md").exists()
+    assert coverage("leds.c", 10, "--write") == 0
+    assert (written / "firmware-branches.md").read_text().count("10 of 10") == 2 * (len(DIALECTS) + 1)
 
 
 # ---------------------------------------------------------------- static analysis

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from rtl import report_page
 from rtl.sources import commit, configurations
 from tb.lib.nightly import first
 from tb.lib.runner import ROOT, SIMULATORS, recordings
@@ -27,9 +28,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--card", choices=list(configurations()), help="run the whole card's tests only, as this card"
     )
     parser.addoption("--all", action="store_true", help="run every test, those marked `nightly`, too")
-    parser.addoption(
-        "--figures", action="store_true", help="run the checks of measured pages, and only those"
-    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -46,6 +44,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_report_header(config: pytest.Config) -> str:
     return f"random tests: repeat with SEED={os.environ['COCOTB_RANDOM_SEED']}"
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A folder in the place of build/reports and docs/evidence.json, for a command that writes a report."""
+    monkeypatch.setattr(report_page, "REPORTS", tmp_path)
+    monkeypatch.setattr(report_page, "EVIDENCE", tmp_path / "evidence.json")
+    return tmp_path
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -86,8 +92,6 @@ def wanted(item: pytest.Item, config: pytest.Config) -> bool:
     cards = item.get_closest_marker("cards")
     if cards and card not in cards.args:
         return False
-    if config.getoption("--figures") or item.get_closest_marker("figures"):
-        return config.getoption("--figures") and item.get_closest_marker("figures") is not None
     if sim and config.getoption("--sim") not in (None, sim):
         return False
     if config.getoption("--card"):

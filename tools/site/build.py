@@ -3,7 +3,8 @@
 
     python -m tools.site.build [FOLDER]     default: build/docs-site
 
-Prints the first page and the number of pages. A dead link is an error, and so is a page without a place in
+Prints the first page and the number of pages. Pictures and whole reports come from build/, if their commands
+have written them. A dead link is an error, and so is a page without a place in
 mkdocs.yml: exit 1, one line for each. Exit 2 without MkDocs, or for a folder with other files.
 """
 
@@ -68,6 +69,8 @@ def main() -> int:
         print("\n".join(wrong), file=sys.stderr)
         return 1
     print(f"{relpath(site / 'index.html')}: {len(list(site.rglob('*.html')))} pages")
+    if not (ROOT / "build/diagrams").exists():
+        print("docs: the timing diagrams are missing; run `make diagrams docs`", file=sys.stderr)
     return 0
 
 

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hooks of MkDocs: pages from outside docs/, links that lead out of docs/, lists and anchors as GitHub's."""
+"""Hooks of MkDocs: pages from outside docs/, links that lead out of docs/, lists and anchors as GitHub's.
+
+Reports and pictures come from build/, where their commands wrote them. A report that is not there becomes a
+page of its main figures (docs/evidence.json), a picture that is not there becomes its description. A line
+`<!-- evidence: REPORT, HEADING -->` of a guide becomes that table.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +13,7 @@ from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rtl.report_page import REPORTS, evidence, markdown, page_of
 from rtl.sources import ROOT
 from tools.prose import CODE, ELSEWHERE, FENCE, LINK, slug
 
@@ -26,8 +32,11 @@ PAGES = {
     ROOT / "tb/agents/README.md": "guide/agents.md",
     ROOT / "tb/captures/README.md": "guide/captures.md",
 }
+BUILT = ROOT / "build"
+LIST = DOCS / "reports.md"
+EVIDENCE = re.compile(r"^<!-- evidence: ([\w-]+), (.*) -->$", re.MULTILINE)
 # Code is found first, so that a link in it stays. The last group is the target of a link.
-IN_PAGE = re.compile(f"{FENCE.pattern}|{CODE.pattern}|{LINK.pattern}", FENCE.flags)
+IN_PAGE = re.compile(f"{FENCE.pattern}|{CODE.pattern}|!?{LINK.pattern}", FENCE.flags)
 INDENT = re.compile(f"{FENCE.pattern}|^ {{3}}", FENCE.flags)
 
 
@@ -41,13 +50,30 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
     for source, name in PAGES.items():
         files.append(File.generated(config, name, abs_src_path=str(source)))
+    for name in evidence():
+        files.append(File.generated(config, f"reports/{name}.md", content=page_of(name)))
+    for folder in ("diagrams", "pictures"):
+        for path in sorted((BUILT / folder).glob("*.svg")):
+            files.append(File.generated(config, f"{folder}/{path.name}", abs_src_path=str(path)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     if page.parent is None:  # no neighbours to list beside it
         page.meta["hide"] = ["navigation"]
-    return indented(moved(markdown, Path(page.file.abs_src_path), page.file.src_uri))
+    name = page.file.src_uri
+    source = page.file.abs_src_path or REPORTS / Path(name).name  # the figures of a report that is not there
+    return indented(moved(filled(markdown), Path(source), name))
+
+
+def filled(text: str) -> str:
+    """The text with the tables of docs/evidence.json, each with its command."""
+
+    def table(found: re.Match) -> str:
+        entry = evidence()[found[1]]
+        return f"{markdown(entry['tables'][found[2]])}\n\nMeasured by `{entry['command']}`."
+
+    return EVIDENCE.sub(table, text)
 
 
 def moved(markdown: str, source: Path, name: str) -> str:
@@ -61,11 +87,16 @@ def moved(markdown: str, source: Path, name: str) -> str:
         path, hash_, anchor = (found[2] or "").partition("#")
         if not path or ELSEWHERE.match(path):
             return found[0]
-        text = found[0][1 : found[0].index("](")]
+        shown, text = found[0][: found[0].index("](")].split("[", 1)
         file = (source.parent / path).resolve()
-        if file in PAGES or file.is_relative_to(DOCS):
-            place = PAGES.get(file) or str(file.relative_to(DOCS))
-            return f"[{text}]({relpath(place, Path(name).parent)}{hash_}{anchor})"
+        if file == LIST and anchor in evidence():
+            file, hash_, anchor = REPORTS / f"{anchor}.md", "", ""
+        top = BUILT if file.is_relative_to(BUILT) else DOCS
+        if shown and top == BUILT and not file.exists():
+            return f"*{text}: `make diagrams` draws this picture.*"
+        if file in PAGES or file.is_relative_to(top):
+            place = PAGES.get(file) or str(file.relative_to(top))
+            return f"{shown}[{text}]({relpath(place, Path(name).parent)}{hash_}{anchor})"
         outside = str(file.relative_to(ROOT))
         return text if outside in text else f"{text} (`{outside}`)"
 

@@ -3,25 +3,25 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
 import sys
-from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from markdown_it import MarkdownIt
 
+from rtl.report_page import evidence
 from rtl.sources import ROOT
 from tools import chromium
 from tools.site import hooks
 
+REPORTS = [f"reports/{name}.md" for name in evidence()]
 NAV = re.findall(r"([\w/-]+\.md)$", (ROOT / "tools/site/mkdocs.yml").read_text(), re.MULTILINE)
 # What the build reads besides docs/ and tools/.
-READ = ("rtl/command.py", "rtl/sources.py", *(str(page.relative_to(ROOT)) for page in hooks.PAGES))
+READ = [f"rtl/{name}.py" for name in ("command", "report_page", "sources")]
+READ += [str(page.relative_to(ROOT)) for page in hooks.PAGES]
 # The browser opens pages as files here; a script may look into frames of other files.
 LOOK_INSIDE = ("--allow-file-access-from-files",)
 
@@ -35,7 +35,7 @@ def make(folder: Path, root: Path = ROOT) -> subprocess.CompletedProcess:
 def site(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("built") / "site"
     done = make(folder)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.returncode == 0, done.stderr
     assert re.fullmatch(rf"\S*index\.html: {len(NAV)} pages\n", done.stdout)
     return folder
 
@@ -74,7 +74,7 @@ def elsewhere(addresses: list[str]) -> list[str]:
 
 def test_every_page_is_in_the_navigation_once():
     pages = [str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")]
-    assert sorted(NAV) == sorted([*pages, *hooks.PAGES.values()])
+    assert sorted(NAV) == sorted([*pages, *REPORTS, *hooks.PAGES.values()])
 
 
 def test_a_link_out_of_docs_becomes_text():
@@ -90,8 +90,21 @@ def test_a_link_out_of_docs_becomes_text():
         moved("[a](../../docs/guide/dialects.md)", "sim/card/README.md", "guide/virtual-card.md")
         == "[a](dialects.md)"
     )
+    assert (
+        moved("[a](../reports.md#proofs) [b](../reports.md)")
+        == "[a](../reports/proofs.md) [b](../reports.md)"
+    )
+    missing = "![A b](../../build/diagrams/nothing.svg)"
+    assert moved(missing) == "*A b: `make diagrams` draws this picture.*"
     for untouched in ("`[a](../../rtl/x.v)`", "```\n[a](../../rtl/x.v)\n```\n", "[a](https://example.org/x)"):
         assert moved(untouched) == untouched
+
+
+def test_a_table_of_the_evidence_stands_in_a_guide():
+    text = hooks.filled("a\n\n<!-- evidence: results, The targets -->\n\nb")
+    header, *rows = evidence()["results"]["tables"]["The targets"]
+    assert f"| {' | '.join(header)} |\n| ---" in text and text.count("\n| ") == len(rows) + 2
+    assert "`make bench`" in text
 
 
 def test_what_belongs_to_a_list_is_indented_by_four():
@@ -155,63 +168,6 @@ def test_no_page_asks_a_host(site):
         assert elsewhere([one for pair in addresses for one in pair]) == [], style
 
 
-@pytest.mark.nightly("docs")
-def test_the_index_has_the_exceptions(site):
-    entries = json.loads((site / "search/search_index.json").read_text())["docs"]
-    assert {entry["location"].split("#")[0] for entry in entries} >= {
-        "guide/handbook/exceptions.html",
-        "reports/results.html",
-        "index.html",
-    }
-    exceptions = [entry["text"] for entry in entries if entry["location"] == "guide/handbook/exceptions.html"]
-    assert re.search(r"\b67\b", exceptions[0])
-    # Opened as a file, a page cannot read JSON.
-    assert (site / "search/search_index.js").read_text().startswith("var __index = {")
-
-
-@pytest.mark.nightly("docs")
-def test_every_picture_of_the_pages_is_shown(site):
-    sources = [*(ROOT / "docs").rglob("*.md"), *hooks.PAGES]
-    pictures = {
-        (source.parent / name).resolve().relative_to(ROOT / "docs")
-        for source in sources
-        for name in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", source.read_text())
-    }
-    shown = {
-        (page.parent / name).resolve().relative_to(site)
-        for page in site.rglob("*.html")
-        for name in Asked(page.read_text()).pictures
-    }
-    assert shown == pictures
-    assert {picture.suffix for picture in pictures} == {".svg"}
-
-
-class Parts(HTMLParser):
-    """How many rows, list items, headings and so on a page has."""
-
-    KINDS = (*("ul", "ol", "li", "table", "tr", "td", "th", "img"), *("strong", "em", "blockquote"))
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.count = Counter()
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in self.KINDS or re.fullmatch("h[1-6]", tag):
-            self.count[tag] += 1
-
-
-@pytest.mark.nightly("docs")
-def test_pages_have_the_parts_that_they_have_on_github(site):
-    """A list without an empty line before it, for one, is no list for Python-Markdown."""
-    github = MarkdownIt("gfm-like", {"html": True, "linkify": False})
-    docs = {page: str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
-    for source, name in (docs | hooks.PAGES).items():
-        page = (site / name).with_suffix(".html").read_text()
-        article = page[page.index("<article") : page.index("</article>")]
-        assert Parts(article).count == Parts(github.render(source.read_text())).count, name
-
-
 SEARCH = """
 const word = document.querySelector('[data-md-component=search-query]');
 word.focus(); word.value = 'exception 67'; word.dispatchEvent(new Event('keyup'));
@@ -248,39 +204,12 @@ return [...document.querySelectorAll('iframe')].map(frame => {
 
 
 @pytest.mark.nightly("docs", "pages")
-@pytest.mark.parametrize("width", [390, 1280])
-def test_nothing_is_cut_off(site, tmp_path, width):
+def test_nothing_is_cut_off_on_a_phone(site, tmp_path):
     folder = tmp_path / "site"
     shutil.copytree(site, folder)
     names = [str(page.relative_to(site)) for page in sorted(site.rglob("*.html"))]
-    frames = "".join(f'<iframe src="{name}" width="{width}" height="800"></iframe>' for name in names)
+    frames = "".join(f'<iframe src="{name}" width="390" height="800"></iframe>' for name in names)
     seen = chromium.evaluate(f"<!doctype html><body>{frames}", LAYOUT, folder, 1600, LOOK_INSIDE)
     assert seen.console == []
     assert [found[0] for found in seen.found] == names
     assert [found for found in seen.found if found[1:] != [0, 0, []]] == []
-
-
-# Of the exceptions' table, scrolled to its right end: whether it scrolls, and where a row's cells are.
-SCROLLED = """
-const page = document.querySelector('iframe').contentDocument;
-const table = [...page.querySelectorAll('article table')].find(one => one.textContent.includes('builtin'));
-const wrap = table.closest('.md-typeset__scrollwrap');
-wrap.scrollLeft = 10000;
-const cells = [...table.querySelectorAll('tbody tr')][3].querySelectorAll('td');
-return [wrap.scrollLeft > 100, cells[0].textContent, Math.round(cells[0].getBoundingClientRect().left) >= 0,
-        cells[cells.length - 1].getBoundingClientRect().right <= page.documentElement.clientWidth + 1,
-        page.defaultView.getComputedStyle(cells[0]).backgroundColor];
-"""
-
-
-@pytest.mark.nightly("docs", "pages")
-def test_the_code_of_an_exception_stays_in_sight_on_a_phone(site, tmp_path):
-    folder = tmp_path / "site"
-    shutil.copytree(site, folder)
-    page = (
-        '<!doctype html><body><iframe src="guide/handbook/exceptions.html" width="390" height="800"></iframe>'
-    )
-    seen = chromium.evaluate(page, SCROLLED, folder, 1600, LOOK_INSIDE)
-    scrolls, code, visible, right_end, background = seen.found
-    assert (scrolls, code, visible, right_end) == (True, "2", True, True)
-    assert "rgba(0, 0, 0, 0)" not in background, "the cells below it would show through"
