@@ -39,7 +39,7 @@ H = bytes.fromhex
 BY_NAME = {each.name: each for each in SCENARIOS}
 COMMAND, PARAMETER = H("81 047C 1999"), H("81 20CD 0000 00001234 0000 0000")
 NEXT, OTHER_NEXT = H("81 0C7C 1999"), H("81 0C7D 2211")
-IMAGES = {config: core.image_of(config).read_bytes() for config in configurations()}
+IMAGES = tuple(configurations())
 KINDS = {"register": OF_REGISTER, "program counter": OF_PC, "instruction": OF_WORD}
 FEW = ("06, a parameter", "no request")  # in `make test`
 every = pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda each: each.name)
@@ -50,8 +50,12 @@ few = pytest.mark.parametrize(
 )
 
 
+def content_of(image: str) -> bytes:
+    return core.image_of(image).read_bytes()
+
+
 def flips_of(image: str, scenario: core.Scenario, kinds: int = core.ALL) -> Flips:
-    return core.every_flip(scenario, IMAGES[image], core.memory_of(image), kinds)
+    return core.every_flip(scenario, content_of(image), core.memory_of(image), kinds)
 
 
 @pytest.mark.rule("SAFE-4")
@@ -146,8 +150,8 @@ def registers_read(word: int) -> set[int]:
 @pytest.mark.parametrize("image", IMAGES)
 def test_both_machines_play_the_same(image: str, scenario: core.Scenario):
     """The same telegrams, and instructions that read the same registers."""
-    telegrams, words = played_in_python(scenario, IMAGES[image])
-    flips = core.every_flip(scenario, IMAGES[image], kinds=OF_REGISTER)
+    telegrams, words = played_in_python(scenario, content_of(image))
+    flips = core.every_flip(scenario, content_of(image), kinds=OF_REGISTER)
     run = core.play(scenario)
     assert run.earlier + run.sent == telegrams
     assert flips.instructions == len(words)
@@ -180,7 +184,7 @@ def test_flips_are_of_each_bit():
     assert by_kind["instruction"].results.total() == 32 * by_kind["instruction"].instructions
     together = sum((flips.results for flips in by_kind.values()), Counter())
     assert flips_of("standard", scenario).results == together
-    _, words = played_in_python(scenario, IMAGES["standard"])
+    _, words = played_in_python(scenario, content_of("standard"))
     stores = [word for word in words if word & 0x7F == 0x23]
     assert flips_of("standard", scenario, OF_STORE).results.total() == 7 * sum(
         len(registers_read(word)) for word in stores
@@ -250,9 +254,9 @@ def test_a_planted_flaw_is_found(flaw: str, tmp_path: Path):
         check=True,
     )
     image = (tmp_path / "build/firmware.bin").read_bytes()
-    assert image != IMAGES["standard"]
+    assert image != content_of("standard")
     flips = core.every_flip(BY_NAME[name], image, kinds=KINDS[kind])
-    without = core.every_flip(BY_NAME[name], IMAGES["standard"], kinds=KINDS[kind])
+    without = core.every_flip(BY_NAME[name], content_of("standard"), kinds=KINDS[kind])
     assert core.altered(flips.results) > core.altered(without.results) and flips.found, flips.results
     print(f"{flaw}: {flips.found[0]}")
 
@@ -263,7 +267,7 @@ def test_a_planted_flaw_is_found(flaw: str, tmp_path: Path):
 @every
 def test_each_scenario_is_served_without_a_flip(scenario: core.Scenario):
     """Its telegram, if not revoked or local, and those of the next requests; without it these alone."""
-    core.load(IMAGES["standard"], core.MEMORY)
+    core.load(content_of("standard"), core.MEMORY)
     sound, lost = core.play(scenario), core.play(scenario, lost=True)
     own = not scenario.revoked and not scenario.local
     assert len(sound.sent) == 3 + own and len(lost.sent) == 3 and not sound.how
