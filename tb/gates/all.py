@@ -2,7 +2,7 @@
 """The manual's examples on netlists and finished images of the whole card, with the bench of the whole card.
 
 On Icarus a netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an idle machine.
-Therefore `make test-gates` runs them, not `make test`. docs/guide/testing.md has the durations.
+Therefore `make test-gates` runs them, not `make test`.
 """
 
 from pathlib import Path
