@@ -138,7 +138,7 @@ def has_text(reply: bytes) -> str:
 @functools.cache
 def status_bits(dialect: str) -> tuple[tuple[int, str, str], ...]:
     """Number of each bit of the status word, and its phrases for 0 and 1; an empty one says nothing."""
-    profile, _ = read_profile(ROOT / DRIVES / f"{DRIVE[dialect]}.csv", read_capacity())
+    profile = read_profile(ROOT / DRIVES / f"{DRIVE[dialect]}.csv", read_capacity())
     bits = tomllib.loads((ROOT / WORDS).read_text())["status"].values()
     there = [bit for bit in bits if bit.get("only") in (None, *kinds(profile))]
     return tuple((bit["bit"], phrase(bit, bit["zero"]), phrase(bit, bit["one"])) for bit in there)

@@ -11,8 +11,15 @@ from tools import trace
 
 
 @pytest.fixture(scope="module")
-def collected() -> trace.Collector:
-    return trace.collect(nightly=False)
+def collected(request) -> trace.Collector:
+    """The tests of this run if it is that of `make test`; else they are collected once more."""
+    config = request.config
+    part = any(config.getoption(option) for option in ("keyword", "--all", "--sim", "--card", "--figures"))
+    if part or config.args != config.getini("testpaths"):
+        return trace.collect(nightly=False)
+    found = trace.Collector()
+    found.pytest_collection_modifyitems(request.session.items)
+    return found
 
 
 def test_make_test_shows_every_rule(collected):

@@ -3,16 +3,15 @@
 
     python -m sim.drive.drive_table sim/drive/vlt5000.csv sim/drive/vlt6000.csv build/sim/drive_profiles.h
 
-The header holds the array `drive_profiles`; only sim/drive/vlt_drive.c includes it. Every malformed line is
-reported as `file:line: message`; the exit code is then 1.
+The header holds the array `drive_profiles`; only sim/drive/vlt_drive.c includes it. The first malformed line
+is reported as `file:line: message`; the exit code is then 1.
 
 A profile is a CSV file. `#` lines are comments. `#: key = number` lines are settings, decimal or 0x:
 
     pnu_bits           bits of PKE that are the parameter number, 11 or 12
     index_first        index of an array's first element, 0 or 1
     fault_unknown_ak   fault number for an AK that the drive does not know
-    fc_status          1: status word bit 2 = 0 coasting, bit 6 = 1 trip lock; 0: bit 2 = 1 stand by
-    relay_bus, relay_running, relay_alarm   relay choices: control word, motor runs, drive tripped
+    fc_status          1: status word bit 2 = 0 coasting; 0: bit 2 = 1 stand by
     example_status, example_frequency       process words of the example state
     example PNU = number, example PNU[INDEX] = number   a value of the example state
 
@@ -43,7 +42,6 @@ SETTINGS = {
     "index_first": (0, 1, 1),
     "fault_unknown_ak": (0, 255, 130),
     "fc_status": (0, 1, 0),
-    **{f"relay_{what}": (0, 255, 255) for what in ("bus", "running", "alarm")},
     "example_status": (0, 0xFFFF, 0x0F03),
     "example_frequency": (0, 0xFFFF, 0x2000),
 }
@@ -118,34 +116,20 @@ class Capacity:
 def read_capacity(header: Path = HEADER) -> Capacity:
     """Reads roles and array sizes from the C header."""
     source = header.read_text()
-
-    def number(name: str) -> int:
-        return int(re.search(rf"#define {name} (\d+)", source).group(1))
-
+    names = ("DRIVE_PARAMETERS_MAX", "DRIVE_SLOTS_MAX", "DRIVE_TEXTS_MAX", "DRIVE_TEXT_MAX")
+    numbers = (int(re.search(rf"#define {name} (\d+)", source)[1]) for name in names)
     roles = re.findall(r"^  DRIVE_ROLE_(\w+)", source, re.MULTILINE)
-    return Capacity(
-        number("DRIVE_PARAMETERS_MAX"),
-        number("DRIVE_SLOTS_MAX"),
-        number("DRIVE_TEXTS_MAX"),
-        number("DRIVE_TEXT_MAX"),
-        [role.lower() for role in roles if role not in ("NONE", "COUNT")],
-    )
+    return Capacity(*numbers, [role.lower() for role in roles if role not in ("NONE", "COUNT")])
 
 
-def integer(row: dict[str, str], column: str, low: int, high: int) -> int:
+def number(text: str, name: str, low: int, high: int) -> int:
     try:
-        value = int(row[column], 10)
+        value = int(text, 0)
     except ValueError:
-        raise TableError(f"{column} '{row[column]}' is not a whole number") from None
+        raise TableError(f"{name} '{text}' is not a whole number") from None
     if not low <= value <= high:
-        raise TableError(f"{column} {value} is outside {low} to {high}")
+        raise TableError(f"{name} {value} is outside {low} to {high}")
     return value
-
-
-def choice(row: dict[str, str], column: str, allowed: list[str]) -> str:
-    if row[column] not in allowed:
-        raise TableError(f"{column} '{row[column]}' is not one of {', '.join(allowed)}")
-    return row[column]
 
 
 def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter:
@@ -153,83 +137,60 @@ def parse_row(fields: list[str], pnu_bits: int, capacity: Capacity) -> Parameter
     if len(fields) != len(COLUMNS):
         raise TableError(f"{len(fields)} columns instead of {len(COLUMNS)}")
     row = dict(zip(COLUMNS, fields, strict=True))
-    if not all(" " <= character <= "~" for field in fields for character in field):
-        raise TableError("only printable ASCII characters are allowed")
-    pnu = integer(row, "pnu", 1, (1 << pnu_bits) - 1)
-    if not row["name"]:
-        raise TableError("name is empty")
-    kind = choice(row, "type", [*RANGES, "text"])
-    conversion = integer(row, "conversion", min(CONVERSIONS), max(CONVERSIONS))
-    if conversion not in CONVERSIONS:
-        raise TableError(f"conversion {conversion} is not one of {CONVERSIONS}")
+
+    def integer(column: str, low: int, high: int) -> int:
+        return number(row[column], column, low, high)
+
+    for column, allowed in (
+        ("type", [*RANGES, "text"]),
+        ("conversion", list(map(str, CONVERSIONS))),
+        ("access", list(ACCESS)),
+        ("while_running", ["0", "1"]),
+        ("role", ["", *capacity.roles]),
+        ("source", SOURCES),
+    ):
+        if row[column] not in allowed:
+            raise TableError(f"{column} '{row[column]}' is not one of {', '.join(allowed)}")
+    kind, role = row["type"], row["role"]
+    pnu = integer("pnu", 1, (1 << pnu_bits) - 1)
     low, high = RANGES.get(kind, (0, capacity.text_max))
-    minimum = integer(row, "min", low, high)
-    maximum = integer(row, "max", minimum, high)
-    array = integer(row, "array", 0, 255)
+    minimum = integer("min", low, high)
+    maximum = integer("max", minimum, high)
+    array = integer("array", 0, 255)
     if kind == "text":
         initial, text = 0, row["default"]
-        if array:
-            raise TableError("a text cannot be an array")
-        if not minimum <= len(text) <= maximum:
-            raise TableError(f"default has {len(text)} characters, not {minimum} to {maximum}")
+        if not minimum <= len(text) <= maximum or array or role:
+            raise TableError(f"a text is no array, has no role and {minimum} to {maximum} characters")
     else:
-        initial, text = integer(row, "default", minimum, maximum), ""
-    role = choice(row, "role", ["", *capacity.roles])
-    if role and kind == "text":
-        raise TableError("a text cannot have a role")
-    if array and role not in ("", "presets", "relay_1") and not role.startswith("fault_"):
-        raise TableError(f"an array cannot have role {role}")
-    if role.startswith("fault_") and not array:
-        raise TableError(f"role {role} needs an array")
-    choice(row, "source", SOURCES)
+        initial, text = integer("default", minimum, maximum), ""
+    logs = role.startswith("fault_")
+    if logs != bool(array) and role not in ("", "presets"):
+        raise TableError(f"role {role} {'needs an array' if logs else 'cannot have an array'}")
     return Parameter(
-        pnu,
-        row["name"],
-        kind,
-        conversion,
-        minimum,
-        maximum,
-        initial,
-        text,
-        array,
-        choice(row, "access", list(ACCESS)),
-        choice(row, "while_running", ["0", "1"]) == "1",
-        row["unit"],
-        role,
+        *(pnu, row["name"], kind, int(row["conversion"]), minimum, maximum, initial, text, array),
+        *(row["access"], row["while_running"] == "1", row["unit"], role),
     )
 
 
-def parse_setting(number: int, line: str, profile: Profile) -> None:
-    """Parses a `#:` line; `number` is its line number."""
-    match = re.fullmatch(r"#:\s*(\w+)(?:\s+(\d+)(?:\[(\d+)\])?)?\s*=\s*(-?\w+)\s*", line)
-    known = match is not None and (match[1] in SETTINGS if match[2] is None else match[1] == "example")
-    if not known:
+def parse_setting(line: int, text: str, profile: Profile) -> None:
+    """Parses a `#:` line."""
+    match = re.fullmatch(r"#:\s*(\w+)(?:\s+(\d+)(?:\[(\d+)\])?)?\s*=\s*(-?\w+)\s*", text)
+    if match is None or (match[1] not in SETTINGS if match[2] is None else match[1] != "example"):
         raise TableError(f"setting must be one of {', '.join(SETTINGS)}, example PNU[INDEX] = NUMBER")
-    try:
-        value = int(match[4], 0)
-    except ValueError:
-        raise TableError(f"{match[1]} '{match[4]}' is not a whole number") from None
     if match[2] is not None:
-        profile.examples.append((number, int(match[2]), int(match[3] or 0), value))
-        return
-    low, high, _ = SETTINGS[match[1]]
-    if match[1] in profile.settings:
-        raise TableError(f"{match[1]} is set twice")
-    if not low <= value <= high:
-        raise TableError(f"{match[1]} {value} is outside {low} to {high}")
-    profile.settings[match[1]] = value
+        value = number(match[4], "example", *RANGES["int32"])
+        profile.examples.append((line, int(match[2]), int(match[3] or 0), value))
+    else:
+        profile.settings[match[1]] = number(match[4], match[1], *SETTINGS[match[1]][:2])
 
 
 def check_example(profile: Profile, pnu: int, index: int, value: int) -> None:
-    """Checks that an example is a value that the table allows; readouts and logs are exempt."""
-    parameter = next((p for p in profile.parameters if p.pnu == pnu), None)
-    if parameter is None or parameter.type == "text":
-        raise TableError(f"example {pnu} is no number of this table")
-    first = profile.setting("index_first") if parameter.array else 0
-    if not first <= index < first + max(parameter.array, 1):
-        raise TableError(f"example {pnu} has no index {index}")
-    if not parameter.min <= value <= parameter.max:
-        raise TableError(f"example {pnu} is outside {parameter.min} to {parameter.max}")
+    """Checks that an example is a value that the table allows."""
+    parameter = next((p for p in profile.parameters if p.pnu == pnu and p.type != "text"), None)
+    first = profile.setting("index_first") if parameter and parameter.array else 0
+    if parameter is None or not first <= index < first + max(parameter.array, 1):
+        raise TableError(f"example {pnu}[{index}] is no number of this table")
+    number(str(value), f"example {pnu}", parameter.min, parameter.max)
 
 
 def check_presets(parameters: list[Parameter]) -> None:
@@ -256,55 +217,34 @@ def add_row(profile: Profile, parameter: Parameter, used: dict[str, int]) -> Non
     profile.parameters.append(parameter)
 
 
-def read_profile(path: Path, capacity: Capacity) -> tuple[Profile, list[str]]:
-    """Returns the profile and its errors, each as `file:line: message`."""
-    profile = Profile(path.stem)
-    errors: list[str] = []
-    used = {"values": 0, "texts": 0}
-    header_seen = False
-    number = 0
-
-    def tell(line: int, message: object) -> None:
-        errors.append(f"{path}:{line}: {message}")
-
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        try:
-            if line.startswith("#:"):
-                parse_setting(number, line, profile)
-                continue
-            if not line.strip() or line.startswith("#"):
-                continue
-            fields = next(csv.reader([line], strict=True))
-            if not header_seen:
-                header_seen = True
-                if fields != COLUMNS:
-                    raise TableError(f"columns must be {','.join(COLUMNS)}")
-                continue
-            add_row(profile, parse_row(fields, profile.setting("pnu_bits"), capacity), used)
-        except (TableError, csv.Error) as error:
-            tell(number, error)
-    if errors:
-        return profile, errors
-
-    for what, have, room in (
-        ("parameters", len(profile.parameters), capacity.parameters),
-        ("values", used["values"], capacity.slots),
-        ("texts", used["texts"], capacity.texts),
-    ):
-        if have > room:
-            tell(number, f"{have} {what}, vlt_drive.h has room for {room}")
-    if not profile.parameters:
-        tell(number, "no parameters")
+def read_profile(path: Path, capacity: Capacity) -> Profile:
+    """Reads a table. TableError at its first malformed line: `file:line: message`."""
+    profile, used, header_seen, line = Profile(path.stem), {"values": 0, "texts": 0}, False, 0
     try:
+        for line, text in enumerate(path.read_text(encoding="ascii").splitlines(), 1):
+            if text.startswith("#:"):
+                parse_setting(line, text, profile)
+            elif text.strip() and not text.startswith("#"):
+                fields = next(csv.reader([text], strict=True))
+                if header_seen:
+                    add_row(profile, parse_row(fields, profile.setting("pnu_bits"), capacity), used)
+                elif fields != COLUMNS:
+                    raise TableError(f"columns must be {','.join(COLUMNS)}")
+                header_seen = True
+        for what, have, room in (
+            ("parameters", len(profile.parameters), capacity.parameters),
+            ("values", used["values"], capacity.slots),
+            ("texts", used["texts"], capacity.texts),
+        ):
+            if have > room:
+                raise TableError(f"{have} {what}, vlt_drive.h has room for {room}")
         check_presets(profile.parameters)
-    except TableError as error:
-        tell(number, error)
-    for line, pnu, index, value in profile.examples:
-        try:
-            check_example(profile, pnu, index, value)
-        except TableError as error:
-            tell(line, error)
-    return profile, errors
+        for example in profile.examples:
+            line = example[0]
+            check_example(profile, *example[1:])
+    except (TableError, csv.Error) as error:
+        raise TableError(f"{path}:{line}: {error}") from None
+    return profile
 
 
 def c_string(text: str) -> str:
@@ -343,8 +283,7 @@ def render_profile(profile: Profile) -> str:
     name, get = profile.name, profile.setting
     return (
         f'    {{"{name}", {(1 << get("pnu_bits")) - 1}, {get("index_first")}, {get("fault_unknown_ak")}, '
-        f"{'true' if get('fc_status') else 'false'}, {get('relay_bus')}, {get('relay_running')}, "
-        f"{get('relay_alarm')}, {get('example_status')}, {get('example_frequency')}, "
+        f"{'true' if get('fc_status') else 'false'}, {get('example_status')}, {get('example_frequency')}, "
         f"{len(profile.examples)}, {f'{name}_examples' if profile.examples else 'NULL'}, "
         f"{len(profile.parameters)}, {name}_parameters, {name}_by_role}},"
     )
@@ -367,19 +306,10 @@ def main() -> int:
     parser.add_argument("header", type=Path, help="C header to write")
     arguments = parser.parse_args()
     capacity = read_capacity()
-    profiles: list[Profile] = []
-    errors: list[str] = []
-    for path in arguments.profile:
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", path.stem):
-            parser.error(f"{path}: the file's name must be a C name in lower case")
-        try:
-            profile, wrong = read_profile(path, capacity)
-        except (OSError, UnicodeDecodeError) as error:
-            parser.error(f"{path}: {error}")
-        profiles.append(profile)
-        errors += wrong
-    if errors:
-        print("\n".join(errors), file=sys.stderr)
+    try:
+        profiles = [read_profile(path, capacity) for path in arguments.profile]
+    except (OSError, ValueError) as error:
+        print(error, file=sys.stderr)
         return 1
     arguments.header.parent.mkdir(parents=True, exist_ok=True)
     partial = arguments.header.with_name(arguments.header.name + ".partial")

@@ -8,6 +8,7 @@ hand-made ones.
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -24,8 +25,6 @@ from sim.drive.drive_bench import (
     QUICK_STOP,
     RAMP_2,
     RAMP_STOP,
-    RELAY_1,
-    RELAY_2,
     RESET,
     REVERSE,
     SECOND,
@@ -83,19 +82,10 @@ HAND_MADE = [
 ]
 
 
-@pytest.mark.parametrize(("request_hex", "reply_hex"), HAND_MADE)
-def test_examples_of_the_manual_byte_for_byte(request_hex: str, reply_hex: str):
-    assert VltDrive(example=True).telegram(bytes.fromhex(request_hex)) == bytes.fromhex(reply_hex)
-
-
-def test_refusal_byte_for_byte():
-    """Write 104 while the motor must not be disturbed: AK 7, PWE low 17."""
-    drive = VltDrive(example=True)
-    drive.refuse(104, 17)
-    request = bytes.fromhex("02 0E 01 20 68 00 00 00 00 00 3C 00 00 00 00 79")
-    assert drive.telegram(request) == bytes.fromhex("02 0E 01 70 68 00 00 00 00 00 11 0F 03 20 00 28")
-    drive.refuse(104, None)
-    assert drive.telegram(request)[3] == 0x10
+def test_examples_of_the_manual_byte_for_byte():
+    for request_hex, reply_hex in HAND_MADE:
+        reply = VltDrive(example=True).telegram(bytes.fromhex(request_hex))
+        assert reply == bytes.fromhex(reply_hex), request_hex
 
 
 def test_the_python_model_builds_the_hand_made_telegrams():
@@ -118,25 +108,21 @@ def test_the_python_model_parses_the_hand_made_telegrams():
     assert refused.fault == 17
 
 
-@pytest.mark.parametrize(
-    ("telegram", "complaint"),
-    [
+def test_the_python_model_names_the_error_of_a_telegram():
+    for telegram, complaint in (
         ("02 06 81", "shortest"),
         ("03 06 81 04 7C 19 99 7C", "starts with 03"),
         ("02 07 81 04 7C 19 99 7C", "LGE 07"),
         ("02 06 81 04 7C 19 99 7E", "BCC 7E instead of 7D"),
         ("02 08 81 04 7C 19 99 00 00 73", "fits no kind of telegram"),
         ("02 0D 81 12 02 00 00 00 00 00 00 00 00 00 9E", "with AK 1"),
-    ],
-)
-def test_the_python_model_names_the_error_of_a_telegram(telegram: str, complaint: str):
-    with pytest.raises(fc.TelegramError, match=complaint):
-        fc.parse(bytes.fromhex(telegram))
+    ):
+        with pytest.raises(fc.TelegramError, match=complaint):
+            fc.parse(bytes.fromhex(telegram))
 
 
-@pytest.mark.parametrize(
-    ("telegram", "reply", "words"),
-    [
+def test_telegrams_are_described():
+    for telegram, reply, words in (
         (HAND_MADE[0][0], False, "start, reference 40.0 %"),
         (HAND_MADE[0][1], True, "running, on reference, output frequency 50.0 %"),
         ("02 06 80 04 7C 19 99 7C", False, "broadcast; start, reference 40.0 %"),
@@ -148,24 +134,16 @@ def test_the_python_model_names_the_error_of_a_telegram(telegram: str, complaint
         (HAND_MADE[9][0], False, 'write text parameter 533 = "1234567890"'),
         ("02 06 81 00 01 00 00 84", False, "no process command"),
         ("02 06 81 04 7C 19 99 00", False, "bad telegram: BCC 00 instead of 7D"),
-    ],
-)
-def test_telegram_is_described(telegram: str, reply: bool, words: str):
-    assert fc.describe(bytes.fromhex(telegram), reply) == words
+    ):
+        assert fc.describe(bytes.fromhex(telegram), reply) == words
 
 
-@pytest.mark.parametrize("adr", [0x01, 0x81])
-def test_the_reply_echoes_the_address_byte_of_either_format(adr: int):
-    reply = VltDrive().telegram(fc.build_process(0, 0, adr))
-    assert reply[2] == adr
-
-
-@pytest.mark.parametrize("adr", [0x00, 0x02, 0x1F, 0x40, 0x41, 0x60, 0x7F, 0x82, 0xC1, 0xFF])
-def test_a_telegram_for_another_drive_is_not_answered_and_does_nothing(adr: int):
+def test_a_telegram_for_another_drive_is_not_answered_and_does_nothing():
     drive = VltDrive()
-    assert drive.telegram(fc.build_process(START, FULL_SPEED, adr)) is None
-    assert drive.outcome is Outcome.NOT_MINE
-    assert drive.control_word == 0
+    for adr in (0x00, 0x02, 0x1F, 0x40, 0x41, 0x60, 0x7F, 0x82, 0xC1, 0xFF):
+        assert drive.telegram(fc.build_process(START, FULL_SPEED, adr)) is None, adr
+        assert (drive.outcome, drive.control_word) == (Outcome.NOT_MINE, 0), adr
+    assert [drive.telegram(fc.build_process(0, 0, adr))[2] for adr in (0x01, 0x81)] == [0x01, 0x81]
 
 
 def test_the_address_is_a_parameter_of_the_drive():
@@ -179,17 +157,16 @@ def test_the_address_is_a_parameter_of_the_drive():
     assert drive.outcome is Outcome.BROADCAST
 
 
-@pytest.mark.parametrize("adr", [0x80, *range(0x20, 0x40)])
-def test_a_broadcast_is_executed_and_never_answered(adr: int):
-    drive = VltDrive()
-    assert drive.telegram(fc.build_process(START, 0x1999, adr)) is None
-    assert drive.outcome is Outcome.BROADCAST
-    assert (drive.control_word, drive.reference_word) == (START, 0x1999)
-    assert drive.telegram(fc.build_parameter(2, 209, pwe=150, adr=adr)) is None
-    assert drive.get(209) == 150
-    assert drive.telegram(fc.build_text(533, b"ALL", adr=adr)) is None
-    assert drive.get_text(533) == "ALL"
-    assert drive.telegram(fc.build_parameter(1, 514, adr=adr)) is None
+def test_a_broadcast_is_executed_and_never_answered():
+    for adr in (0x80, *range(0x20, 0x40)):
+        drive = VltDrive()
+        assert drive.telegram(fc.build_process(START, 0x1999, adr)) is None, adr
+        assert drive.outcome is Outcome.BROADCAST
+        assert (drive.control_word, drive.reference_word) == (START, 0x1999)
+        assert drive.telegram(fc.build_parameter(2, 209, pwe=150, adr=adr)) is None
+        assert drive.telegram(fc.build_text(533, b"ALL", adr=adr)) is None
+        assert (drive.get(209), drive.get_text(533)) == (150, "ALL"), adr
+        assert drive.telegram(fc.build_parameter(1, 514, adr=adr)) is None
 
 
 def spoilt_telegrams() -> Iterator[tuple[str, bytes]]:
@@ -214,26 +191,14 @@ def spoilt_telegrams() -> Iterator[tuple[str, bytes]]:
     yield "text read with characters", fc.build(fc.words(0xF215, 0x0400) + b"123456" + data)
 
 
-@pytest.mark.parametrize(
-    ("what", "telegram"), list(spoilt_telegrams()), ids=lambda x: x if isinstance(x, str) else ""
-)
-def test_damaged_telegram_is_ignored(what: str, telegram: bytes):
+def test_a_damaged_telegram_is_ignored():
     drive = VltDrive()
-    assert drive.telegram(telegram) is None, what
-    assert drive.outcome is Outcome.DAMAGED
-    assert (drive.control_word, drive.status_word) == (0, 0x0607)
+    for what, telegram in spoilt_telegrams():
+        assert drive.telegram(telegram) is None, what
+        assert (drive.outcome, drive.control_word, drive.status_word) == (Outcome.DAMAGED, 0, 0x0607), what
 
 
 # ---- parameters --------------------------------------------------------------------------------
-
-
-def test_the_table_has_all_the_parameters():
-    assert len(ROWS) == 209
-
-
-def test_the_logs_606_to_617_are_the_arrays():
-    arrays = {int(row["pnu"]): int(row["array"]) for row in ROWS if row["array"] != "0"}
-    assert arrays == {**dict.fromkeys(range(606, 615), 20), **dict.fromkeys(range(615, 618), 10)}
 
 
 def test_each_element_of_a_log_is_read_by_its_own_index():
@@ -244,11 +209,6 @@ def test_each_element_of_a_log_is_read_by_its_own_index():
         for index in indices:
             drive.set(pnu, index, index)
         assert [ask(drive, fc.AK_READ, pnu, ind=i).pwe for i in indices] == indices
-
-
-def test_the_texts_are_533_534_and_the_nameplate_621_to_631():
-    texts = {int(row["pnu"]): row["access"] for row in ROWS if row["type"] == "text"}
-    assert texts == {533: "rw", 534: "rw", **dict.fromkeys(range(621, 632), "ro")}
 
 
 def ramping_down() -> VltDrive:
@@ -275,9 +235,8 @@ def test_stopping_motor_counts_as_running(state):
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault is None
 
 
-@pytest.mark.parametrize(
-    ("why", "ak", "pnu", "ind", "pwe", "fault"),
-    [
+def test_each_refusal_has_its_number():
+    for why, ak, pnu, ind, pwe, fault in (
         ("no such number", fc.AK_READ, 999, 0, 0, 0),
         ("number 0", fc.AK_READ, 0, 0, 0, 0),
         ("the greatest number", fc.AK_READ, 2047, 0, 0, 0),
@@ -304,15 +263,12 @@ def test_stopping_motor_counts_as_running(state):
         ("text neither read nor written", fc.AK_TEXT, 533, 0x0000, 0, 3),
         ("the bus's own address", fc.AK_WRITE_WORD, 501, 0, 2, 130),
         *((f"AK {ak}, which is none", ak, 104, 0, 60, 130) for ak in range(4, 13)),
-    ],
-)
-def test_each_refusal_has_its_number(why: str, ak: int, pnu: int, ind: int, pwe: int, fault: int):
-    drive = VltDrive()
-    reply = ask(drive, ak, pnu, pwe, ind)
-    assert (reply.ak, reply.pnu, reply.ind) == (fc.REPLY_REFUSED, pnu, ind), why
-    assert reply.pwe == fault, "PWE high is 0, PWE low the number"
-    assert (reply.pcd1, reply.pcd2) == (drive.status_word, drive.frequency_word)
-    assert drive.eeprom_writes == 0
+    ):
+        drive = VltDrive()
+        reply = ask(drive, ak, pnu, pwe, ind)
+        assert (reply.ak, reply.pnu, reply.ind) == (fc.REPLY_REFUSED, pnu, ind), why
+        assert reply.pwe == fault, f"{why}: PWE high is 0, PWE low the number"
+        assert (reply.pcd1, reply.pcd2) == (drive.status_word, drive.frequency_word), why
 
 
 def test_factory_setup_allows_only_the_setup_choice():
@@ -330,35 +286,20 @@ def test_ak_0_is_answered_without_a_value():
     assert (reply.ak, reply.pnu, reply.ind, reply.pwe) == (0, 0, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("ak", "pnu", "value", "kept"),
-    [
+def test_only_eeprom_values_survive_a_power_cycle():
+    for ak, pnu, value, kept in (
         (fc.AK_WRITE_WORD, 104, 60, False),
         (fc.AK_WRITE_DOUBLE, 105, 738, False),
         (fc.AK_EEPROM_WORD, 104, 60, True),
         (fc.AK_EEPROM_DOUBLE, 105, 738, True),
         (fc.AK_EEPROM_WORD, 214, -2500, True),
-    ],
-)
-def test_only_eeprom_values_survive_a_power_cycle(ak: int, pnu: int, value: int, kept: bool):
-    drive = VltDrive()
-    before = drive.get(pnu)
-    assert ask(drive, ak, pnu, value).fault is None
-    assert drive.get(pnu) == value
-    drive.power_cycle()
-    assert drive.get(pnu) == drive.get_eeprom(pnu) == (value if kept else before)
-    assert drive.eeprom_writes == kept
-
-
-def test_bit_11_of_pke_is_ignored():
-    reply = VltDrive().telegram(fc.build_parameter(fc.AK_READ, 0x800 | 104))
-    assert reply[3:5] == bytes.fromhex("10 68")
-
-
-def test_word_write_uses_only_pwe_low():
-    drive = VltDrive()
-    assert ask(drive, fc.AK_WRITE_WORD, 104, 0xABCD003C).fault is None
-    assert drive.get(104) == 60
+    ):
+        drive = VltDrive()
+        before = drive.get(pnu)
+        assert ask(drive, ak, pnu, value).fault is None
+        assert drive.get(pnu) == value
+        drive.power_cycle()
+        assert drive.get(pnu) == (value if kept else before), (ak, pnu)
 
 
 def test_a_telegram_can_write_and_start_at_once():
@@ -388,23 +329,16 @@ def test_direct_access_can_set_every_parameter():
 # ---- texts -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", [0, 1, 4, 10, 19, 20])
-def test_a_display_text_of_up_to_20_characters_comes_back_unpadded(n: int):
-    drive = VltDrive()
-    text = b"ABCDEFGHIJKLMNOPQRST"[:n]
-    request = fc.build_text(534, text)
-    reply = drive.telegram(request)
-    assert request[1] == reply[1] == 10 + n
-    assert fc.parse(reply, reply=True).text == text
-    assert read_text(drive, 534) == text
-    drive.power_cycle()
-    assert drive.get_text(534) == text.decode()
-
-
-def test_a_display_text_of_21_characters_is_refused():
-    drive = VltDrive()
+def test_a_display_text_of_up_to_20_characters_comes_back_unpadded():
+    for n in (0, 1, 4, 10, 19, 20):
+        drive, text = VltDrive(), b"ABCDEFGHIJKLMNOPQRST"[:n]
+        request = fc.build_text(534, text)
+        reply = drive.telegram(request)
+        assert request[1] == reply[1] == 10 + n
+        assert fc.parse(reply, reply=True).text == read_text(drive, 534) == text
+        drive.power_cycle()
+        assert drive.get_text(534) == text.decode()
     assert write_text(drive, 533, b"X" * 21).fault == 2
-    assert read_text(drive, 533) == b""
 
 
 def test_a_text_longer_than_20_characters_is_sent_whole():
@@ -425,12 +359,6 @@ def test_a_drive_just_powered_up_stands_by_without_current():
     assert ask(drive, fc.AK_READ, 514).pwe == 0
 
 
-def test_the_preheater_warms_a_motor_that_stands():
-    drive = VltDrive()
-    assert ask(drive, fc.AK_WRITE_WORD, 112, 1).fault is None
-    assert ask(drive, fc.AK_READ, 514).pwe == 300, "3.00 A: 50 % of 6.00 A"
-
-
 def test_start_at_40_percent_ramps_up_to_20_hz():
     """Ramp-up time 10 s from 0 to 50 Hz, so 5 Hz a second."""
     drive = VltDrive()
@@ -445,14 +373,14 @@ def test_start_at_40_percent_ramps_up_to_20_hz():
     assert (drive.get(512), drive.get(510), drive.get(509)) == (200, 19998, 400)
 
 
-@pytest.mark.parametrize("part", [1, 7, 999, 1000, 1001, 333_333])
-def test_time_steps_may_have_any_length(part: int):
-    drive = VltDrive()
-    control(drive, START, FULL_SPEED)
-    for _ in range(SECOND // part):
-        drive.step(part)
-    drive.step(SECOND % part)
-    assert drive.frequency_mhz == 5000
+def test_time_steps_may_have_any_length():
+    for part in (7, 999, 1000, 1001, 333_333):
+        drive = VltDrive()
+        control(drive, START, FULL_SPEED)
+        for _ in range(SECOND // part):
+            drive.step(part)
+        drive.step(SECOND % part)
+        assert drive.frequency_mhz == 5000, part
 
 
 def test_ramp_times_come_from_their_parameters():
@@ -489,30 +417,6 @@ def test_a_control_word_without_bit_10_is_ignored_with_its_reference():
     assert (drive.control_word, drive.reference_word) == (START, 0x2000)
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "obeyed"),
-    [
-        (COAST, QUICK_STOP, "coast"),
-        (COAST, DC_BRAKE, "coast"),
-        (COAST, RAMP_STOP, "coast"),
-        (QUICK_STOP, DC_BRAKE, "ramp"),
-        (QUICK_STOP, RAMP_STOP, "ramp"),
-        (DC_BRAKE, RAMP_STOP, "brake"),
-        (COAST, JOG & ~0x0400, "coast"),
-    ],
-)
-def test_stronger_of_two_stops_is_obeyed(first: int, second: int, obeyed: str):
-    """Coast before quick stop before DC brake before ramp stop; their bits are active low."""
-    drive = brought_to(50)
-    drive.set(115, 20)  # brake for 2.0 s
-    control(drive, first & second | 0x0400)
-    ramping = obeyed == "ramp"
-    assert hertz(drive) == (50 if ramping else 0), "only a ramp leaves the output on"
-    drive.step(SECOND)
-    assert hertz(drive) == (45 if ramping else 0)
-    assert drive.running == (obeyed != "coast"), "coasting counts as stopped, braking does not"
-
-
 def test_a_ramp_stop_wins_over_freeze():
     drive = brought_to(50)
     control(drive, RAMP_STOP & FREEZE, FULL_SPEED)
@@ -528,21 +432,12 @@ def test_bit_9_has_no_function():
     assert hertz(drive) == 5
 
 
-@pytest.mark.parametrize("stop", [COAST, QUICK_STOP, DC_BRAKE])
-@pytest.mark.parametrize("also", [0, 0x0100], ids=["", "jog"])
-def test_a_stop_wins_over_start_jog_and_freeze(stop: int, also: int):
-    drive = brought_to(50)
-    control(drive, (stop | also) & ~0x0020, FULL_SPEED)
-    drive.step(10 * SECOND)
-    assert hertz(drive) == 0
-
-
-def test_a_quick_stop_ramps_down_even_while_start_is_held():
-    drive = brought_to(50)
-    control(drive, QUICK_STOP, FULL_SPEED)
-    drive.step(4 * SECOND)
-    assert hertz(drive) == 30
-    assert control(drive, 0)[0] == 0x0E03, "turning, not on reference"
+def test_a_stop_wins_over_start_jog_and_freeze():
+    for stop, jog in itertools.product((COAST, QUICK_STOP, DC_BRAKE), (0, 0x0100)):
+        drive = brought_to(50)
+        control(drive, (stop | jog) & ~0x0020, FULL_SPEED)
+        drive.step(10 * SECOND)
+        assert hertz(drive) == 0, (stop, jog)
 
 
 def test_the_dc_brake_holds_current_for_its_time():
@@ -580,15 +475,15 @@ def test_freeze_keeps_the_frequency_until_it_is_released():
     assert control(drive, 0) == (0x0F03, 0x4000)
 
 
-@pytest.mark.parametrize(("selector", "reverses"), [(0, False), (1, True), (2, False), (3, True)])
-def test_bit_15_reverses_only_if_506_allows_the_bus(selector: int, reverses: bool):
+def test_bit_15_reverses_only_if_506_allows_the_bus():
     """Default of 506 is 0, digital input; 2 needs the (unwired) input as well."""
-    drive = VltDrive()
-    ask(drive, fc.AK_WRITE_WORD, 506, selector)
-    control(drive, START | REVERSE, 0x2000)
-    drive.step(10 * SECOND)
-    assert hertz(drive) == (-25 if reverses else 25)
-    assert control(drive, 0)[1] == (0xE000 if reverses else 0x2000)
+    for selector, reverses in enumerate((False, True, False, True)):
+        drive = VltDrive()
+        ask(drive, fc.AK_WRITE_WORD, 506, selector)
+        control(drive, START | REVERSE, 0x2000)
+        drive.step(10 * SECOND)
+        assert hertz(drive) == (-25 if reverses else 25), selector
+        assert control(drive, 0)[1] == (0xE000 if reverses else 0x2000)
 
 
 def test_a_negative_reference_turns_the_motor_backwards_through_standstill():
@@ -600,29 +495,15 @@ def test_a_negative_reference_turns_the_motor_backwards_through_standstill():
     assert (hertz(drive), control(drive, 0)) == (-25, (0x0F03, 0xE000))
 
 
-@pytest.mark.parametrize("choice", range(4))
-def test_bits_0_and_1_choose_the_preset_reference(choice: int):
-    drive = VltDrive()
-    for pnu, percent in zip(range(211, 215), (1000, 2000, -3000, 4000), strict=True):
-        ask(drive, fc.AK_WRITE_WORD, pnu, percent)
-    control(drive, START | choice, 0x1000)  # 25 % from the bus
-    drive.step(20 * SECOND)
-    assert hertz(drive) == (17.5, 22.5, -2.5, 32.5)[choice], "sum of both"
-
-
-@pytest.mark.parametrize(
-    ("kind", "preset", "reference", "expected_hz"),
-    [(0, 5000, 0x2000, 50), (0, 6000, 0x2000, 50), (1, 5000, 0x2000, 37.5), (2, 5000, 0x2000, 25)],
-    ids=["sum", "sum, limited to 100 %", "relative", "external"],
-)
-def test_reference_type_joins_bus_and_preset(kind: int, preset: int, reference: int, expected_hz: float):
-    drive = VltDrive()
-    ask(drive, fc.AK_WRITE_WORD, 202, 1000)
-    ask(drive, fc.AK_WRITE_WORD, 210, kind)
-    ask(drive, fc.AK_WRITE_WORD, 211, preset)
-    control(drive, START, reference)
-    drive.step(20 * SECOND)
-    assert hertz(drive) == expected_hz
+def test_reference_type_joins_bus_and_preset():
+    """Sum, sum limited to 100 %, relative, external."""
+    for kind, preset, expected_hz in ((0, 5000, 50), (0, 6000, 50), (1, 5000, 37.5), (2, 5000, 25)):
+        drive = VltDrive()
+        for pnu, value in ((202, 1000), (210, kind), (211, preset)):
+            ask(drive, fc.AK_WRITE_WORD, pnu, value)
+        control(drive, START, 0x2000)
+        drive.step(20 * SECOND)
+        assert hertz(drive) == expected_hz, (kind, preset)
 
 
 def test_reference_spans_204_to_205_and_output_frequency_201_to_202():
@@ -648,25 +529,6 @@ def test_the_bus_cannot_start_what_505_reserves_for_the_digital_input():
     assert control(drive, START, FULL_SPEED) == (0x0607, 0)
 
 
-def test_relays_follow_bits_11_and_12_if_selected():
-    drive = VltDrive()
-    control(drive, RAMP_STOP | RELAY_1 | RELAY_2)
-    assert (drive.relay(1), drive.relay(2)) == (False, False), "as delivered: alarm and running"
-    ask(drive, fc.AK_WRITE_WORD, 323, 26)
-    ask(drive, fc.AK_WRITE_WORD, 326, 26)
-    assert (drive.relay(1), drive.relay(2)) == (True, True)
-    control(drive, RAMP_STOP | RELAY_2)
-    assert (drive.relay(1), drive.relay(2)) == (False, True)
-
-
-def test_relays_show_alarm_and_running_as_delivered():
-    drive = VltDrive()
-    control(drive, START)
-    assert (drive.relay(1), drive.relay(2)) == (False, True)
-    drive.trip(4)
-    assert (drive.relay(1), drive.relay(2)) == (True, False)
-
-
 def test_trip_stops_the_output_and_only_an_edge_resets_it():
     drive = brought_to(50)
     control(drive, START | RESET, FULL_SPEED)  # bit 7 stands before the trip: no edge later
@@ -678,25 +540,6 @@ def test_trip_stops_the_output_and_only_an_edge_resets_it():
     assert control(drive, RAMP_STOP)[0] == 0x0608
     assert control(drive, RAMP_STOP | RESET)[0] == 0x0607
     assert drive.alarm == 0
-
-
-def test_only_a_power_cycle_resets_a_trip_lock():
-    drive = VltDrive()
-    drive.trip_lock(12)
-    control(drive, RAMP_STOP)
-    assert control(drive, RAMP_STOP | RESET)[0] == 0x0608, "bit 6 is not used by a VLT 6000"
-    drive.power_cycle()
-    assert (control(drive, 0)[0], drive.alarm) == (0x0607, 0)
-    drive.trip(12)
-    assert control(drive, RAMP_STOP | RESET)[0] == 0x0607, "an ordinary trip again"
-
-
-def test_a_drive_that_has_tripped_already_is_not_locked_by_the_next_alarm():
-    drive = VltDrive()
-    drive.trip(4)
-    drive.trip_lock(12)
-    assert drive.alarm == 4
-    assert control(drive, RAMP_STOP | RESET)[0] == 0x0607
 
 
 def test_fault_log_has_the_newest_trip_first_and_survives_a_power_cycle():
@@ -711,40 +554,23 @@ def test_fault_log_has_the_newest_trip_first_and_survives_a_power_cycle():
     assert ask(drive, fc.AK_READ, 616, ind=1).pwe == 567, "hours run at the trip"
 
 
-def test_eleven_trips_leave_the_last_ten_in_the_log():
-    drive = VltDrive()
-    for alarm in range(1, 12):
-        drive.trip(alarm)
-        drive.power_cycle()
-    assert [drive.get(615, i) for i in range(1, 11)] == list(range(11, 1, -1))
-
-
-def test_a_warning_and_the_current_limit_show_in_the_status_word():
+def test_the_current_limit_shows_in_the_status_word():
     drive = brought_to(50)
-    drive.warn(0x00000100)
-    assert control(drive, 0)[0] == 0x0F83
-    assert ask(drive, fc.AK_READ, 531).pwe == 0x100
-    drive.warn(0)
     ask(drive, fc.AK_WRITE_WORD, 215, 59)  # 5.9 A, the motor takes 6.00 A
     assert control(drive, 0)[0] == 0x4F03
 
 
-@pytest.mark.parametrize(
-    ("function", "after_hz", "alarm"),
-    [(0, 25, 0), (1, 25, 0), (2, 0, 0), (3, 10, 0), (4, 50, 0), (5, 0, 17)],
-    ids=["off", "freeze", "stop", "jog", "max", "stop and trip"],
-)
-def test_bus_timeout_acts_as_556_selects(function: int, after_hz: float, alarm: int):
-    drive = brought_to(25)
-    ask(drive, fc.AK_WRITE_WORD, 323, 26)
-    ask(drive, fc.AK_WRITE_WORD, 555, 2)
-    ask(drive, fc.AK_WRITE_WORD, 556, function)
-    control(drive, START | RELAY_1, 0x2000)
-    for _ in range(20):
-        drive.step(SECOND)
-        control(drive, 0)  # telegrams without a valid control word do not count
-    assert (hertz(drive), drive.alarm) == (after_hz, alarm)
-    assert drive.relay(1) == (function == 0)
+def test_bus_timeout_acts_as_556_selects():
+    """Off, freeze, stop, jog, max, stop and trip."""
+    for function, (after_hz, alarm) in enumerate(((25, 0), (25, 0), (0, 0), (10, 0), (50, 0), (0, 17))):
+        drive = brought_to(25)
+        for pnu, value in ((555, 2), (556, function)):
+            ask(drive, fc.AK_WRITE_WORD, pnu, value)
+        control(drive, START, 0x2000)
+        for _ in range(20):
+            drive.step(SECOND)
+            control(drive, 0)  # telegrams without a valid control word do not count
+        assert (hertz(drive), drive.alarm) == (after_hz, alarm), function
 
 
 def test_control_words_in_time_prevent_the_bus_timeout():
@@ -764,18 +590,6 @@ def test_forced_drive_reports_the_forced_words_and_stands_still():
     drive.step(SECOND)
     assert (drive.frequency_mhz, drive.control_word) == (0, START)
     assert ask(drive, fc.AK_WRITE_WORD, 104, 60).fault is None
-    drive.release_process()
-    drive.step(SECOND)
-    assert drive.frequency_mhz == 6000, "from here on it lives: 6 Hz after a second of 60 Hz in 10 s"
-
-
-def test_two_drives_are_independent():
-    one, two = VltDrive(), VltDrive()
-    two.set(501, 2)
-    for request in (fc.build_process(START, FULL_SPEED, 0x81), fc.build_parameter(2, 209, pwe=77, adr=0x81)):
-        assert [drive.telegram(request) is None for drive in (one, two)] == [False, True]
-    assert (one.control_word, two.control_word) == (START, 0)
-    assert (one.get(209), two.get(209)) == (77, 100)
 
 
 # ---- random telegrams --------------------------------------------------------------------------
@@ -785,7 +599,7 @@ def test_random_bytes_do_not_upset_the_drive():
     """Random bytes, random data in a good frame, one damaged byte: silence or a well-formed reply."""
     rng = seeded("bytes")
     drive = VltDrive()
-    for _ in range(20_000):
+    for _ in range(8000):
         if rng.random() < 0.2:
             request = rng.randbytes(rng.randrange(300))
         else:
@@ -838,33 +652,15 @@ def test_a_good_table_becomes_a_c_header(tmp_path: Path):
     [
         ("104,x,uint16,0,24,1000,50,0,rw,0,Hz", "11 columns instead of 13"),
         ("104,x,uint24,0,24,1000,50,0,rw,0,Hz,,memory", "type 'uint24' is not one of"),
-        ("2048,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 2048 is outside 1 to 2047"),
-        ("ten,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 'ten' is not a whole number"),
-        ("104,,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "name is empty"),
-        ("104,x,uint16,5,24,1000,50,0,rw,0,Hz,,memory", "conversion 5 is not one of"),
         ("104,x,uint8,0,24,1000,50,0,rw,0,Hz,,memory", "max 1000 is outside 24 to 255"),
-        ("104,x,uint16,0,24,20,50,0,rw,0,Hz,,memory", "max 20 is outside 24 to 65535"),
-        ("104,x,uint16,0,24,1000,23,0,rw,0,Hz,,memory", "default 23 is outside 24 to 1000"),
         ("104,x,uint16,0,24,1000,50.5,0,rw,0,Hz,,memory", "default '50.5' is not a whole number"),
-        ("104,x,uint16,0,24,1000,50,0,wo,0,Hz,,memory", "access 'wo' is not one of rw, ro, local"),
-        ("104,x,uint16,0,24,1000,50,0,rw,Y,Hz,,memory", "while_running 'Y' is not one of 0, 1"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,speed,memory", "role 'speed' is not one of"),
-        ("104,x,uint16,0,24,1000,50,9,rw,0,Hz,jog_frequency,memory", "an array cannot have role"),
-        ("104,x,text,0,0,4,HELLO,0,ro,1,,,memory", "default has 5 characters"),
-        ("104,x,text,0,0,61,,0,ro,1,,,memory", "max 61 is outside 0 to 60"),
+        ("104,x,uint16,0,24,1000,50,9,rw,0,Hz,jog_frequency,memory", "role jog_frequency cannot have an"),
+        ("104,x,text,0,0,4,HELLO,0,ro,1,,,memory", "a text is no array, has no role and 0 to 4 characters"),
         ("100,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 100 does not follow 103"),
         ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,ramp_up,memory", "role ramp_up is given twice"),
-        ("#: pnu_bits = 16", "pnu_bits 16 is outside 11 to 12"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,,rumour", "source 'rumour' is not one of document, partly, "),
         ("104,x,int16,-2,0,100,0,0,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
-        ("104,x,int16,-2,0,100,0,3,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
         ("#: colour = 3", "setting must be one of"),
-        ("#: colour 104 = 3", "setting must be one of"),
-        ("#: index_first = two", "index_first 'two' is not a whole number"),
-        ("#: index_first = 2", "index_first 2 is outside 0 to 1"),
-        ("#: example 104 = 3", "example 104 is no number of this table"),
-        ("#: example 103[1] = 3", "example 103 has no index 1"),
-        ("#: example 103 = 11", "example 103 is outside 1 to 10"),
+        ("#: example 103[1] = 3", "example 103[1] is no number of this table"),
     ],
 )
 def test_a_malformed_row_is_told_with_its_line(tmp_path: Path, row: str, message: str):
@@ -874,12 +670,6 @@ def test_a_malformed_row_is_told_with_its_line(tmp_path: Path, row: str, message
     assert messages.startswith(f"{tmp_path / 'toy.csv'}:4: ")
     assert message in messages
     assert not header.exists()
-
-
-def test_all_malformed_rows_are_told_at_once(tmp_path: Path):
-    code, messages, _ = make_table(tmp_path, f"{COLUMN_LINE}\n1,x\n{GOOD_ROW}\n2,y\n")
-    assert code == 1
-    assert [line.split(":")[1] for line in messages.splitlines()] == ["2", "4"]
 
 
 def test_a_table_too_large_for_the_drive_is_refused(tmp_path: Path):

@@ -13,7 +13,7 @@
  * - A text write is answered with the text; texts are always kept in EEPROM.
  * - Digital inputs are not wired: nothing started or reversed there, terminal 27 closed (no coasting).
  * - Jog counts as a start and overrides freeze; every stop overrides freeze.
- * - The control word's setup bits 13 and 14 do nothing (no Multi-setup).
+ * - The control word's bits 11 to 14 (relays, setup) do nothing that an observer sees.
  */
 #include "vlt_drive.h"
 
@@ -34,8 +34,6 @@ enum { /* control word */
   CTW_JOG = 1 << 8,
   CTW_RAMP_2 = 1 << 9,
   CTW_VALID = 1 << 10,
-  CTW_RELAY_1 = 1 << 11,
-  CTW_RELAY_2 = 1 << 12,
   CTW_REVERSE = 1 << 15
 };
 
@@ -45,8 +43,6 @@ enum { /* status word */
   STW_STAND_BY = 1 << 2,
   STW_NOT_COASTING = 1 << 2, /* the same bit of another drive */
   STW_TRIP = 1 << 3,
-  STW_TRIP_LOCK = 1 << 6,
-  STW_WARNING = 1 << 7,
   STW_ON_REFERENCE = 1 << 8,
   STW_BUS_CONTROL = 1 << 9,
   STW_IN_RANGE = 1 << 10,
@@ -359,7 +355,6 @@ static uint16_t live_status(const drive_t *d) {
   bool fc = d->profile->fc_status;
   if (d->alarm != 0) {
     status |= STW_TRIP;
-    if (fc && d->locked) status |= STW_TRIP_LOCK;
   } else {
     status |= STW_CONTROL_READY | STW_DRIVE_READY;
     if (running) status |= STW_RUNNING;
@@ -373,7 +368,6 @@ static uint16_t live_status(const drive_t *d) {
       status |= STW_CURRENT_LIMIT;
     }
   }
-  if (d->warnings != 0) status |= STW_WARNING;
   int64_t low = scaled(d, DRIVE_ROLE_FREQUENCY_MIN, NANO, 0);
   int64_t high = scaled(d, DRIVE_ROLE_FREQUENCY_MAX, NANO, INT64_MAX);
   if (output >= scaled(d, DRIVE_ROLE_RANGE_LOW, NANO, low) &&
@@ -405,22 +399,6 @@ int32_t drive_frequency_mhz(const drive_t *d) { return (int32_t)(d->frequency_nh
 
 uint8_t drive_alarm(const drive_t *d) { return d->alarm; }
 
-uint32_t drive_eeprom_writes(const drive_t *d) { return d->eeprom_writes; }
-
-bool drive_relay(const drive_t *d, unsigned number) {
-  bool first = number == 1;
-  const drive_parameter_t *one = by_role(d, DRIVE_ROLE_RELAY_1);
-  bool paired = one != NULL && one->length > 1;
-  int64_t what = paired ? d->ram[one->slot + !first]
-                        : setting(d, first ? DRIVE_ROLE_RELAY_1 : DRIVE_ROLE_RELAY_2, 0);
-  if (what == d->profile->relay_bus) {
-    return (d->control & (first ? CTW_RELAY_1 : CTW_RELAY_2)) != 0 && !bus_timed_out(d);
-  }
-  if (what == d->profile->relay_running) return d->frequency_nhz != 0 || command(d) == GO_RUN;
-  if (what == d->profile->relay_alarm) return d->alarm != 0;
-  return false;
-}
-
 void drive_trip(drive_t *d, uint8_t alarm) {
   if (d->alarm != 0 || alarm == 0 || alarm > ALARM_MAX) return;
   d->alarm = alarm;
@@ -431,14 +409,6 @@ void drive_trip(drive_t *d, uint8_t alarm) {
   settle(d);
 }
 
-void drive_trip_lock(drive_t *d, uint8_t alarm) {
-  if (d->alarm != 0) return;
-  drive_trip(d, alarm);
-  d->locked = d->alarm != 0;
-}
-
-void drive_warn(drive_t *d, uint32_t warnings) { d->warnings = warnings; }
-
 /* Executes the PCD of a request. Bit 10 = 0: both words are ignored. */
 static void control(drive_t *d, uint16_t ctw, uint16_t reference) {
   if (!(ctw & CTW_VALID)) return;
@@ -447,7 +417,7 @@ static void control(drive_t *d, uint16_t ctw, uint16_t reference) {
   d->reference = reference;
   d->controlled = true;
   d->bus_idle_us = 0;
-  if (reset && !d->locked) d->alarm = 0;
+  if (reset) d->alarm = 0;
   settle(d);
 }
 
@@ -498,9 +468,6 @@ static bool live(const drive_t *d, const drive_parameter_t *p, int64_t *value) {
     case DRIVE_ROLE_SHOW_CONTROL_WORD:
       *value = d->control;
       break;
-    case DRIVE_ROLE_SHOW_WARNING_WORD:
-      *value = d->warnings;
-      break;
     default:
       return false;
   }
@@ -527,17 +494,6 @@ int drive_get(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value) {
   if (p->type == DRIVE_TEXT) return DRIVE_FAULT_TYPE;
   int fault = locate(d, p, index, &slot);
   if (fault == DRIVE_OK && (d->pinned[at] || !live(d, p, value))) *value = d->ram[slot];
-  return fault;
-}
-
-int drive_get_eeprom(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value) {
-  uint16_t at = find(d, pnu);
-  size_t slot;
-  if (at == NOWHERE) return DRIVE_FAULT_NO_PARAMETER;
-  const drive_parameter_t *p = &d->profile->parameters[at];
-  if (p->type == DRIVE_TEXT) return DRIVE_FAULT_TYPE;
-  int fault = locate(d, p, index, &slot);
-  if (fault == DRIVE_OK) *value = d->eeprom[slot];
   return fault;
 }
 
@@ -580,13 +536,6 @@ int drive_set_text(drive_t *d, uint16_t pnu, const char *text) {
   if (p->type != DRIVE_TEXT) return DRIVE_FAULT_TYPE;
   if (n > DRIVE_TEXT_MAX) return DRIVE_FAULT_LIMITS;
   store_text(d, p, (const uint8_t *)text, n);
-  return DRIVE_OK;
-}
-
-int drive_refuse(drive_t *d, uint16_t pnu, int fault) {
-  uint16_t at = find(d, pnu);
-  if (at == NOWHERE) return DRIVE_FAULT_NO_PARAMETER;
-  d->refuse[at] = (uint16_t)(fault + 1);
   return DRIVE_OK;
 }
 
@@ -679,7 +628,6 @@ static int write_number(drive_t *d, const drive_parameter_t *p, size_t slot, uns
   d->ram[slot] = value;
   if (ak == AK_EEPROM_DOUBLE || ak == AK_EEPROM_WORD) {
     d->eeprom[slot] = value;
-    d->eeprom_writes++;
   }
   settle(d);
   return DRIVE_OK;
@@ -708,8 +656,6 @@ static size_t parameter_job(drive_t *d, const uint8_t *data, size_t n, uint8_t *
 
   if (p == NULL) {
     fault = DRIVE_FAULT_NO_PARAMETER;
-  } else if (d->refuse[at] != 0) {
-    fault = d->refuse[at] - 1;
   } else if (!known) {
     fault = d->profile->fault_unknown_ak;
   } else if ((ak == AK_TEXT) != (p->type == DRIVE_TEXT)) {
@@ -724,10 +670,7 @@ static size_t parameter_job(drive_t *d, const uint8_t *data, size_t n, uint8_t *
       fault = writable(p);
       if (fault == DRIVE_OK) fault = writable_now(d, p);
       if (fault == DRIVE_OK && (int64_t)characters > p->max) fault = DRIVE_FAULT_LIMITS;
-      if (fault == DRIVE_OK) {
-        store_text(d, p, data + DATA_PWE, characters);
-        d->eeprom_writes++;
-      }
+      if (fault == DRIVE_OK) store_text(d, p, data + DATA_PWE, characters);
     } else if (how != TEXT_READ) {
       fault = DRIVE_FAULT_SUB_INDEX;
     }
@@ -801,8 +744,6 @@ static void power_up(drive_t *d) {
   d->controlled = false;
   d->bus_idle_us = 0;
   d->alarm = 0;
-  d->locked = false;
-  d->warnings = 0;
   d->frequency_nhz = 0;
   d->dc_brake_us = 0;
   d->dc_braking = false;
@@ -832,8 +773,6 @@ void drive_force_process(drive_t *d, uint16_t status, uint16_t frequency) {
   d->forced_frequency = frequency;
   settle(d);
 }
-
-void drive_release_process(drive_t *d) { d->forced = false; }
 
 void drive_example_state(drive_t *d) {
   const drive_profile_t *profile = d->profile;

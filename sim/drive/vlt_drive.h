@@ -110,8 +110,6 @@ typedef enum {
   DRIVE_ROLE_REFERENCE_TYPE, /* 0 sum, 1 relative, 2 external/preset */
   DRIVE_ROLE_PRESETS, /* the first of four parameters in a row, or an array of four and more */
   DRIVE_ROLE_CURRENT_LIMIT,
-  DRIVE_ROLE_RELAY_1, /* an array: its second element is relay 2 */
-  DRIVE_ROLE_RELAY_2, /* or a digital output that bit 12 of the control word can work */
   DRIVE_ROLE_SELECT_COAST, /* selectors: 0 digital input, 1 bus, 2 logic and, 3 logic or */
   DRIVE_ROLE_SELECT_QUICK_STOP,
   DRIVE_ROLE_SELECT_DC_BRAKE,
@@ -133,7 +131,6 @@ typedef enum {
   DRIVE_ROLE_SHOW_STATUS_WORD,
   DRIVE_ROLE_SHOW_ALARM_WORD,
   DRIVE_ROLE_SHOW_CONTROL_WORD,
-  DRIVE_ROLE_SHOW_WARNING_WORD,
   DRIVE_ROLE_FAULT_CODE, /* arrays, newest entry first */
   DRIVE_ROLE_FAULT_TIME,
   DRIVE_ROLE_FAULT_VALUE,
@@ -171,10 +168,7 @@ typedef struct {
   uint16_t pnu_mask;                  /* 07FFh: bit 11 of PKE is ignored; 0FFFh: it is used */
   uint8_t index_first;                /* index of an array's first element */
   uint8_t fault_unknown_ak;           /* fault number for an AK that the drive does not know */
-  bool fc_status;                     /* status word: bit 2 = 0 coasting, bit 6 = 1 trip lock; else bit
-                                         2 = 1 stand by, bit 6 unused */
-  uint8_t relay_bus;                  /* relay choice: bits 11/12 of the control word */
-  uint8_t relay_running, relay_alarm; /* relay choices: motor runs, drive has tripped */
+  bool fc_status; /* status word: bit 2 = 0 coasting; else bit 2 = 1 stand by */
   uint16_t example_status, example_frequency;
   uint16_t example_count;
   const drive_example_t *examples;
@@ -190,8 +184,6 @@ typedef struct {
   char text[DRIVE_TEXTS_MAX][DRIVE_TEXT_MAX + 1];
   uint8_t text_length[DRIVE_TEXTS_MAX];
   bool pinned[DRIVE_PARAMETERS_MAX];      /* readout fixed by drive_set() */
-  uint16_t refuse[DRIVE_PARAMETERS_MAX];  /* fault number + 1 set by drive_refuse() */
-  uint32_t eeprom_writes;
 
   uint16_t control, reference; /* last valid ones: bit 10 was 1 */
   bool controlled;             /* a valid control word has come since power-up */
@@ -200,8 +192,6 @@ typedef struct {
   uint16_t forced_status, forced_frequency;
 
   uint8_t alarm; /* 0 = not tripped */
-  bool locked;   /* by a trip lock */
-  uint32_t warnings;
   int64_t frequency_nhz; /* output frequency, negative = reverse */
   int64_t dc_brake_us;   /* braking time left */
   bool dc_braking;       /* the command is DC brake */
@@ -235,7 +225,6 @@ void drive_example_state(drive_t *d);
 /* Pins status and output frequency word of every reply. The motor then stands still for every control
  * word (which is still recorded), so parameters that need a stopped motor can be written. */
 void drive_force_process(drive_t *d, uint16_t status, uint16_t frequency);
-void drive_release_process(drive_t *d);
 
 /* Access without the bus: no limits, access rights or modes; index 0 for a parameter that is not an
  * array. drive_set() of a readout pins it. Both return DRIVE_OK or the fault number 0, 3, 4 or 5
@@ -243,20 +232,10 @@ void drive_release_process(drive_t *d);
 int drive_set(drive_t *d, uint16_t pnu, uint8_t index, int64_t value);
 int drive_set_text(drive_t *d, uint16_t pnu, const char *text);
 int drive_get(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value);
-int drive_get_eeprom(const drive_t *d, uint16_t pnu, uint8_t index, int64_t *value);
 int drive_get_text(const drive_t *d, uint16_t pnu, char text[DRIVE_TEXT_MAX + 1]);
 
-/* Refuses every access to a parameter with this fault number (0 to 65534); DRIVE_OK ends that.
- * Returns DRIVE_OK, or 0 if there is no such parameter. */
-int drive_refuse(drive_t *d, uint16_t pnu, int fault);
-
-/* Trip with an alarm number 1 to 99: output off, entry in the fault log. Ignored while tripped.
- * drive_trip_lock() makes a trip that only drive_power_cycle() resets. */
+/* Trip with an alarm number 1 to 99: output off, entry in the fault log. Ignored while tripped. */
 void drive_trip(drive_t *d, uint8_t alarm);
-void drive_trip_lock(drive_t *d, uint8_t alarm);
-
-/* Warnings shown in the warning word and in bit 7 of the status word; 0 ends them. */
-void drive_warn(drive_t *d, uint32_t warnings);
 
 /* State visible to an observer of the drive. */
 uint16_t drive_status_word(const drive_t *d);
@@ -266,8 +245,6 @@ uint16_t drive_reference_word(const drive_t *d); /* sent with that control word 
 int32_t drive_frequency_mhz(const drive_t *d);
 uint8_t drive_alarm(const drive_t *d); /* 0 = none */
 bool drive_running(const drive_t *d);  /* turning, started, or DC-braking: writes may give fault 17 */
-bool drive_relay(const drive_t *d, unsigned number); /* relay 1 or 2 energised */
-uint32_t drive_eeprom_writes(const drive_t *d);
 
 /* Size of a drive_t in bytes, for callers without the structure. */
 size_t drive_size(void);

@@ -41,13 +41,7 @@ def quoted(text: str) -> str:
 
 
 def profiles() -> list[Profile]:
-    found = []
-    for path in sorted((ROOT / DRIVES).glob("*.csv")):
-        profile, errors = read_profile(path, read_capacity())
-        if errors:
-            raise SystemExit("\n".join(errors))
-        found.append(profile)
-    return found
+    return [read_profile(path, read_capacity()) for path in sorted((ROOT / DRIVES).glob("*.csv"))]
 
 
 def kinds(profile: Profile) -> tuple[str, str]:

@@ -33,7 +33,7 @@ pytestmark = pytest.mark.nightly("views")
 
 DECODERS = ROOT / "sim/view/sigrok"
 PLAYED = ("ex1-start-40", "ex4-write-104", "ex5-read-514", "ex6b-text-533", "refused-17")
-VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity())[0].parameters}
+VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity()).parameters}
 BIT = 1e6 / 9600  # in samples
 CHARACTER = 11 * BIT
 START = bytes.fromhex("02 06 81 04 7C 19 99 7D")

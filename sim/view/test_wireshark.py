@@ -30,7 +30,7 @@ from tb.model import fc_telegram
 pytestmark = pytest.mark.nightly("views")
 
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
-VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity())[0].parameters}
+VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity()).parameters}
 BITS = {
     f"vltfc.{prefix}.{name}": bit["bit"]
     for prefix, word in (("ctw", "control"), ("stw", "status"))
@@ -545,7 +545,7 @@ def test_the_last_telegram_may_have_no_reply_too(tmp_path):
 def test_the_preference_chooses_the_drive(tmp_path, drive, name):
     """Parameter names, and bits 2 and 6 of the status word, which later drives use differently."""
     if name is None:
-        profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())[0]
+        profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())
         name = next((p.name for p in profile.parameters if p.pnu == 514), "unknown")
     reply = fc_telegram.build_parameter(1, 514, pcd1=0x0044)
     capture = capture_of(tmp_path, (DRIVE, False, reply))
@@ -555,7 +555,7 @@ def test_the_preference_chooses_the_drive(tmp_path, drive, name):
 
 
 def test_capture_names_its_drive(tmp_path):
-    profile = read_profile(ROOT / "sim/drive/hvac_basic.csv", read_capacity())[0]
+    profile = read_profile(ROOT / "sim/drive/hvac_basic.csv", read_capacity())
     motor = next(p for p in profile.parameters if p.pnu > 2047)
     reply = fc_telegram.build_parameter(1, motor.pnu)
     got = read(capture_of(tmp_path, (DRIVE, False, reply), dialect="hvac_basic"), tmp_path / "settings")[1]

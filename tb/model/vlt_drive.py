@@ -74,16 +74,11 @@ def load_library() -> ctypes.CDLL:
         ("drive_step", None, [pointer, u32]),
         ("drive_example_state", None, [pointer]),
         ("drive_force_process", None, [pointer, u16, u16]),
-        ("drive_release_process", None, [pointer]),
         ("drive_set", integer, [pointer, u16, u8, i64]),
         ("drive_set_text", integer, [pointer, u16, text]),
         ("drive_get", integer, [pointer, u16, u8, value]),
-        ("drive_get_eeprom", integer, [pointer, u16, u8, value]),
         ("drive_get_text", integer, [pointer, u16, pointer]),
-        ("drive_refuse", integer, [pointer, u16, integer]),
         ("drive_trip", None, [pointer, u8]),
-        ("drive_trip_lock", None, [pointer, u8]),
-        ("drive_warn", None, [pointer, u32]),
         ("drive_status_word", u16, [pointer]),
         ("drive_frequency_word", u16, [pointer]),
         ("drive_control_word", u16, [pointer]),
@@ -91,8 +86,6 @@ def load_library() -> ctypes.CDLL:
         ("drive_frequency_mhz", ctypes.c_int32, [pointer]),
         ("drive_alarm", u8, [pointer]),
         ("drive_running", ctypes.c_bool, [pointer]),
-        ("drive_relay", ctypes.c_bool, [pointer, ctypes.c_uint]),
-        ("drive_eeprom_writes", u32, [pointer]),
     ):
         function = getattr(library, name)
         function.restype = result
@@ -151,9 +144,6 @@ class VltDrive:
         """Forces status and output frequency word; the motor then stands still."""
         self._library.drive_force_process(self._drive, status, frequency)
 
-    def release_process(self) -> None:
-        self._library.drive_release_process(self._drive)
-
     def _done(self, pnu: int, fault: int) -> None:
         if fault != -1:
             raise DriveError(pnu, fault)
@@ -167,11 +157,6 @@ class VltDrive:
         self._done(pnu, self._library.drive_get(self._drive, pnu, index, ctypes.byref(value)))
         return value.value
 
-    def get_eeprom(self, pnu: int, index: int = 0) -> int:
-        value = ctypes.c_int64()
-        self._done(pnu, self._library.drive_get_eeprom(self._drive, pnu, index, ctypes.byref(value)))
-        return value.value
-
     def set_text(self, pnu: int, text: str) -> None:
         """Sets a text of up to 60 characters, more than fit through the card."""
         self._done(pnu, self._library.drive_set_text(self._drive, pnu, text.encode("ascii")))
@@ -181,21 +166,9 @@ class VltDrive:
         self._done(pnu, self._library.drive_get_text(self._drive, pnu, text))
         return text.value.decode("latin-1")
 
-    def refuse(self, pnu: int, fault: int | None) -> None:
-        """Refuses every access to a parameter with this fault number; None ends it."""
-        self._done(pnu, self._library.drive_refuse(self._drive, pnu, -1 if fault is None else fault))
-
     def trip(self, alarm: int) -> None:
         """Trips with alarm 1 to 99."""
         self._library.drive_trip(self._drive, alarm)
-
-    def trip_lock(self, alarm: int) -> None:
-        """Trips with an alarm that only power_cycle() resets."""
-        self._library.drive_trip_lock(self._drive, alarm)
-
-    def warn(self, warnings: int) -> None:
-        """Sets bits of the warning word; 0 ends the warning."""
-        self._library.drive_warn(self._drive, warnings)
 
     @property
     def status_word(self) -> int:
@@ -226,11 +199,3 @@ class VltDrive:
     @property
     def running(self) -> bool:
         return self._library.drive_running(self._drive)
-
-    @property
-    def eeprom_writes(self) -> int:
-        return self._library.drive_eeprom_writes(self._drive)
-
-    def relay(self, number: int) -> bool:
-        """Relay 1 or 2 pulled in."""
-        return self._library.drive_relay(self._drive, number)
