@@ -22,7 +22,6 @@ import pytest
 from rtl.sources import ROOT
 from sim.card.masters import Pymodbus, as_pymodbus_call
 from tb.agents import rtu
-from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
 from tb.model.examples import EXAMPLES
 from tools import handbook, handbook_examples
@@ -115,29 +114,10 @@ def test_every_format_has_its_switches():
     }
 
 
-@pytest.mark.rule("LINE-7")
-def test_addresses_are_binary():
-    heads = [f"SW{n} ({2 ** (n - 1)})" for n in range(1, 9)]
-    addresses = [int(row["address"]) for row in switch_rows("address | hex")]
-    for row in switch_rows("address | hex"):
-        pattern = is_on(row, *heads)
-        assert (
-            sum(2**i for i in range(8) if pattern[i] == "1") == int(row["address"]) == hexadecimal(row["hex"])
-        )
-        assert sum(map(int, row["sum"].split(" + "))) == int(row["address"])
-    assert {1, 0x55, 0xAA, 0xF7} <= set(addresses)
-    assert any("0 and more than 247 are invalid" in row["do"] for row in switch_rows("shows"))
-
-
 @pytest.mark.rule("LOOP-1")
 def test_switches_of_the_loop_back_test():
     (row,) = switch_rows("SW1")
     assert is_on(row, *(f"SW{n}" for n in range(1, 10))) == "111001111"
-
-
-def test_every_switch_has_its_row():
-    found = [(row["switch block"], n) for row in switch_rows("switch block") for n in numbers(row["switch"])]
-    assert sorted(found) == [(name, n) for name in ("address", "baud") for n in range(1, 10)]
 
 
 @pytest.mark.rule("LED-1", "LED-5")
@@ -226,25 +206,6 @@ def test_every_bit_of_both_words_has_its_row(name, first):
     assert kinds == {"control": {9: "No function"}, "status": {2: "Stand by", 6: "Not in use"}}[name]
 
 
-def test_control_words_say_their_bits():
-    found = {hexadecimal(row["control word"]): row for row in rows("coils-and-words", "control word")}
-    assert {0x047C, 0x043C, 0x2C20, 0} <= set(found)
-    for value, row in found.items():
-        assert bytes.fromhex(row["bytes of coils 1-16"].strip("`")) == value.to_bytes(2, "little")
-        assert ("data valid" in row["its bits"]) == bool(value & 0x400)
-        meaning = fc_telegram.describe_control(value, 0).split(", ")[0]
-        wanted = {"no process command": "none", "jog": "jog"}.get(meaning, meaning)
-        assert wanted in row["use"] or (meaning == "ramp stop" and "reset" in row["use"])
-
-
-def test_references_are_percent_of_4000h():
-    for row in rows("coils-and-words", "reference"):
-        value = hexadecimal(row["reference"])
-        shown = float(row["speed"].replace(MINUS, "-").removesuffix(" %"))
-        signed = int.from_bytes(value.to_bytes(2, "big"), "big", signed=True)
-        assert abs(shown - 100 * signed / 0x4000) <= 0.005
-
-
 # ---------------------------------------------------------------- registers, parameters
 
 
@@ -264,63 +225,6 @@ def test_every_local_register_has_its_row_with_its_default():
     defaults = {row["value"]: row["at power-up"] for row in rows("time-outs", "value")}
     assert defaults["40002, network time-out"] == "1000 (10 s)"
     assert defaults["40003, drive time-out"] == "15 (150 ms)"
-
-
-@pytest.mark.rule("MAP-6")
-def test_addresses_of_parameters():
-    for row in register_rows("parameter |"):
-        pnu, wire = int(row["parameter"]), int(row["address on the wire"])
-        assert wire + 1 == 10 * pnu == int(row["register"]) == int(row["4x reference"]) - 40000
-        assert hexadecimal(row["hex"]) == wire
-        telegram = CardModel().request(rtu.read_registers(wire, 1)).telegram
-        assert int.from_bytes(telegram[1:3], "big") & 0xFFF == pnu
-    for row in register_rows("parameters"):
-        first, last = (int(number) for number in row["parameters"].split("-"))
-        assert numbers(row["registers"]) == range(10 * first, 10 * last + 1)
-        assert numbers(row["addresses on the wire"]) == range(10 * first - 1, 10 * last)
-
-
-@pytest.mark.rule("MAP-7")
-def test_values_and_their_registers():
-    """One register as the model answers it, after a drive that sends the number."""
-    kinds = {row["name"]: int(row["registers"]) for row in register_rows("type") if row["name"] != "text"}
-    assert kinds == {"int16": 1, "int32": 2, "uint8": 1, "uint16": 1, "uint32": 2}
-    for row in register_rows("number"):
-        number = int(row["number"].replace(MINUS, "-"))
-        parts = [hexadecimal(part) for part in row["its registers"].split()]
-        raw = b"".join(part.to_bytes(2, "big") for part in parts)
-        assert len(parts) == kinds[row["type"]]
-        assert int.from_bytes(raw, "big", signed=number < 0) == number
-        model = CardModel()
-        model.request(rtu.read_registers(5139, 1))
-        reply = fc_telegram.build_parameter(2, 514, pwe=int.from_bytes(raw, "big"))
-        answer = model.drive_reply(fc_telegram.without_bcc(reply[2:])).reply
-        shown = f"exception {answer[1]}" if answer[0] & 0x80 else answer[2:].hex().upper() + "h"
-        assert row["a read of one register gives"] == shown
-
-
-def test_conversion_is_that_of_the_manual():
-    """Table of p17."""
-    manual = {74: 3.6, 2: 100.0, 1: 10.0, 0: 1.0, -1: 0.1, -2: 0.01, -3: 0.001, -4: 0.0001}
-    found = {int(row["index"].replace(MINUS, "-")): row for row in register_rows("index")}
-    assert {index: float(row["factor"]) for index, row in found.items()} == manual
-    for index, row in found.items():
-        if index != 74:
-            assert float(row["300 that was read means"]) == pytest.approx(300 * manual[index])
-            assert float(row["to set 600 write"]) * manual[index] == pytest.approx(600)
-
-
-@pytest.mark.rule("FC-4")
-def test_storage_by_coil_65():
-    """PKE as the model sends it."""
-    for row in register_rows("registers | coil 65"):
-        registers = int(row["registers"])
-        for stored, column in enumerate(list(row)[1:]):
-            model = CardModel()
-            model.request(rtu.write_coil(64, bool(stored)))
-            telegram = model.request(rtu.write_registers(1039, [0] * registers)).telegram
-            pke = int.from_bytes(telegram[1:3], "big")
-            assert row[column] == f"AK {pke >> 12}, {pke:04X}h"
 
 
 # ---------------------------------------------------------------- exceptions, time-outs
@@ -357,29 +261,6 @@ def test_each_reason_has_the_code_of_the_model(dialect):
     for meaning, pdu in asked.items():
         reply = CardModel(name=dialect).request(pdu).reply
         assert found[meaning][f"`{dialect}`"].strip("*") == str(reply[1])
-
-
-@pytest.mark.rule("FRAME-1", "FC-9")
-def test_times_of_every_rate():
-    """Silences by FRAME-1; the longest exchange from characters, silences and two waits of 150 ms."""
-    found = {int(row["bit/s"]): row for row in rows("time-outs", "bit/s")}
-    assert sorted(found) == [300, 1200, 2400, 4800, 9600, 19200, 38400, 115200]
-    drive = 11 / 9.6  # a character, ms
-    for rate, row in found.items():
-        t15, t35 = (0.75, 1.75) if rate > 19200 else (16500 / rate, 38500 / rate)
-        assert float(row["t1.5"]) == pytest.approx(t15, abs=250 / rate + 0.005)
-        assert float(row["t3.5"]) == pytest.approx(t35, abs=250 / rate + 0.005)
-        fixed, character = t35 + 2 * drive + 300, 11000 / rate
-        assert float(row["exception 255"]) == pytest.approx(fixed + 32 * drive + 5 * character, abs=1)
-        assert float(row["text read"]) == pytest.approx(fixed + 32 * drive + 25 * character, abs=1)
-        assert float(row["text written"]) == pytest.approx(fixed + 64 * drive + 8 * character, abs=1)
-        longest = max(float(row[column]) for column in ("exception 255", "text read", "text written"))
-        assert 0 <= int(row["shortest time-out"].strip("*")) - longest <= 50
-    # docs/guide/timing.md names it.
-    assert found[9600]["shortest time-out"] == "**400**"
-    assert "**400 ms is the shortest" in (ROOT / "docs/guide/timing.md").read_text()
-    parts = [int(row["time"].removesuffix(" ms")) for row in rows("time-outs", "part")]
-    assert parts[-1] == int(found[9600]["exception 255"]) and abs(sum(parts[:-1]) - parts[-1]) <= 2
 
 
 def test_times_of_the_card_are_those_of_the_rules():

@@ -328,7 +328,7 @@ def test_the_card_is_left_as_it_was_found(capsys):
 
 
 def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
-    monkeypatch.setattr(selftest, "TURN_S", 0.01)
+    monkeypatch.setattr(selftest, "TURN_S", 0.1)
     line = ModelLine("card", with_drive("card"))
     ask(line, drive=True, start=40)
     output = capsys.readouterr().out
@@ -346,7 +346,7 @@ def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
 
 
 def test_a_motor_that_does_not_turn_gets_its_stop(capsys, monkeypatch):
-    monkeypatch.setattr(selftest, "TURN_S", 0.01)
+    monkeypatch.setattr(selftest, "TURN_S", 0.1)
     drive = with_drive("card")
     drive.trip(13)
     line = ModelLine("card", drive)

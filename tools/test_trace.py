@@ -14,7 +14,7 @@ from tools import trace
 def collected(request) -> trace.Collector:
     """The tests of this run if it is that of `make test`; else they are collected once more."""
     config = request.config
-    part = any(config.getoption(option) for option in ("keyword", "--all", "--sim", "--card", "--figures"))
+    part = any(config.getoption(option) for option in ("keyword", "--all", "--sim", "--card"))
     if part or config.args != config.getini("testpaths"):
         return trace.collect(nightly=False)
     found = trace.Collector()
