@@ -91,8 +91,7 @@ CASES = {
         Case("write 2 words, broadcast", False, rtu.write_registers(parameter(207), (0, 60)), to_all=True),
     )
 }
-# Those that take the firmware longest: a request, a drive's reply, a broadcast. A test compares them with
-# the report.
+# Those that take the firmware longest: a request, a drive's reply, a broadcast.
 SLOWEST = ("write 20 characters", "read 20 characters", "write 2 words, broadcast")
 
 # Every size of these requests.

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 import random
+from dataclasses import replace
 
 import pytest
 
 from campaigns.fuzz.case import clk_hz
-from campaigns.line_quality import run as line_quality
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
-from campaigns.line_quality.measure import Limit, Prober, halve, holds
+from campaigns.line_quality.measure import Limit, Prober, holds
 from campaigns.line_quality.waveform import Badness, edges
 from campaigns.line_quality.work import FAST, FORM, Piece, whole
 from tb.model.wire import LineFormat
@@ -27,21 +27,16 @@ def names(piece: Piece) -> str:
     return f"{'drive' if piece.of_drive else 'network'}-{piece.line.baud}-{piece.line.form}"
 
 
-SLOW = ("network-115200-8E1", "network-19200-8N2")  # the first: all quantities
+DAILY = replace(FAST[1], quantities=("glitch",))  # 115200 bit/s; rate errors are tested below
 
 
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize(
-    "piece",
-    [
-        pytest.param(piece, id=names(piece), marks=[pytest.mark.nightly] if names(piece) in SLOW else [])
-        for piece in FAST
-    ],
+    "piece", [DAILY, *(pytest.param(piece, marks=pytest.mark.nightly) for piece in FAST)], ids=names
 )
 def test_limits_keep_the_promise(piece: Piece):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
     limits = piece.run(SEED)
-    print(line_quality.table(limits, limits[0].line, limits[0].form))
     assert {one.quantity for one in limits} == set(piece.quantities)
     assert not [fault for one in limits for fault in one.faults]
 
@@ -52,7 +47,7 @@ def test_all_formats_tolerate_a_rate_error_of_4_percent(error: float):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")
     for form in ALL_FORMS:
         with Prober(LineFormat(115200, form, clk_hz(115200))) as prober:
-            assert holds(prober, Badness(error=error), 500, f"{SEED}/{form}"), form
+            assert holds(prober, Badness(error=error), 200, f"{SEED}/{form}"), form
 
 
 # ---------------------------------------------------------------- the measurement
@@ -96,10 +91,6 @@ def test_waveform_has_the_chosen_faults():
     shaken, _ = edges(LINE, b"\x55", start, Badness(jitter=0.1), random.Random(1))
     off = {round((at - was) / bit, 6) for (at, _), (was, _) in zip(shaken, clean[:10], strict=True)}
     assert off == {-0.1, 0.1}
-
-
-def test_halving_finds_the_limit():
-    assert 0.295 <= halve(lambda amount: amount < 0.3, 0.0, 1.0, 0.005) < 0.3
 
 
 def test_every_rate_and_format_is_measured():
