@@ -35,7 +35,9 @@ EVERYWHERE = (
         pytest.param(
             "builtin", "vlt8000", 100, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]
         ),
-        pytest.param("builtin", "vlt2800", 50, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]),
+        pytest.param(
+            "builtin", "vlt2800", 50, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]
+        ),
         pytest.param(
             *("hvac_basic", "hvac_basic", 100),
             marks=[pytest.mark.rule("DIALECT-HVAC-BASIC"), pytest.mark.nightly],
