@@ -75,7 +75,3 @@ def test_no_byte_is_lost_when_both_lines_have_characters(baud):
             assert shown, f"no reply, place {first}"
             state = rtu.build(1, b"\x01\x04" + little_endian(status, frequency))
             assert shown.data == state, f"place {first}"
-            # The records would grow, and with them the time to read them. The next request needs the last DE.
-            for line in ("modbus", "drive"):
-                card.recorded[f"{line}_tx"].clear()
-                del card.recorded[f"{line}_de"][:-2]

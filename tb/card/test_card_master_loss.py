@@ -12,6 +12,7 @@ from tb.agents import rtu
 from tb.lib.card import MS
 from tb.lib.config import ROUND_MS
 from tb.lib.fast_card import FastCard
+from tb.lib.nightly import first
 from tb.model.fc_telegram import build
 
 pytestmark = pytest.mark.rule("SAFE-7")
@@ -115,10 +116,10 @@ def test_one_stop_leaves_after_the_time_and_the_image_shows_it(unit: int):
         commit = master.started(unit=unit)
         passed = master.stop_ms(commit)
         assert 10 * TENS <= passed <= 10 * TENS + LATE_MS
-        master.card.run(1000)
+        master.card.run(400)
         assert master.heard() == [STOP], "once"
         assert master.image() == 0x043C
-        master.card.run(500)
+        master.card.run(200)
         assert master.heard() == [], "nor after the next silence"
         commit = master.started()
         assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
@@ -130,12 +131,12 @@ def test_the_stop_is_repeated_once_when_the_drive_is_silent():
     with Master() as master:
         master.started()
         master.drive.silent = True
-        master.card.run(1500)
+        master.card.run(700)
         assert master.heard() == [STOP, STOP]
         assert master.card.led("drive") in ("red", "off")
 
 
-@pytest.mark.parametrize("passed_ms", [2000, pytest.param(12_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("passed_ms", first([500, 12_000]))
 def test_without_a_time_there_is_no_stop(passed_ms: float):
     """In the longer case longer than the default time."""
     with Master(tens=0) as master:
@@ -164,7 +165,7 @@ def test_without_a_start_there_is_none(control: int | None):
             master.write(control)
             master.card.run(25)
             assert len(master.heard()) == 1
-        master.card.run(1000)
+        master.card.run(400)
         assert master.heard() == []
 
 
@@ -172,7 +173,7 @@ def test_a_written_stop_ends_the_watch():
     with Master() as master:
         master.started()
         master.write(0x0434)
-        master.card.run(1000)
+        master.card.run(400)
         assert master.heard() == [telegram(0x0434)], "the master's own"
         assert master.image() == 0x0434
 
@@ -222,7 +223,7 @@ def test_a_running_exchange_with_a_dead_drive_holds_it_up_150_ms_at_most():
 def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
     with Master(option=option, image=image) as master:
         master.started()
-        master.card.run(1500)
+        master.card.run(400)
         assert master.heard() == []
         assert master.image() == START
 

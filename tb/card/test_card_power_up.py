@@ -1,41 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """The card after power-up: boot time, LEDs, switches, and faults that must keep it from starting.
 
-Both simulators run the real firmware. Icarus reaches about 25000 clocks a second, so it sees only the first
-step of the power-up show. Tests of several seconds run on the Verilated card without cocotb (`FastCard`), at
-a slow clock. No timer is shortened.
+At a slow clock, unless a test is about the clock. No timer is shortened.
 """
 
 from __future__ import annotations
 
 import random
+from pathlib import Path
 
 import cocotb
 import pytest
-from cocotb.triggers import RisingEdge, Timer
+from cocotb.triggers import Timer
 
-from rtl.sources import ROOT, configuration
-from sw.tools.bin2hex import LANE_BITS, WORD_BITS, hex_line
-from sw.tools.stack import symbols
+from rtl.sources import configuration
+from sw.tools.bin2hex import LANE_BITS, WORD_BITS
 from tb.agents import rtu
 from tb.agents.fc_slave import Script
-from tb.agents.uart import Format, now_ps, sleep_until
 from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
-from tb.lib.config import CLK_HZ, CONFIG, ROUNDS_MS, SLOW_HZ, own_hz
-from tb.lib.fast_card import FastCard
+from tb.lib.config import CLK_HZ, ROUNDS_MS, SLOW_HZ, boot_clocks, own_hz
+from tb.lib.fast_card import LEDS, RESET_CLOCKS, FastCard, Shown, steps_ms
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
+from tb.lib.starts import check_start
 from tb.lib.supervision import (
-    BITE_PS,
-    Shown,
+    BITE_MS,
     WatchedCard,
     constant_word,
     control_pdu,
     firmware_words,
+    function_words,
     process,
-    steps_ms,
-    within,
+    write_image,
 )
 
 BAUD = 38_400
@@ -47,49 +44,27 @@ ALL_SWITCHES = {"sw_baud": 0x1FF, "sw_addr": 0xFF}
 SETTLED_MS = 0.7
 READ_DRIVE_TIMEOUT = rtu.read_registers(2, 1)
 DRIVE_TIMEOUT = bytes.fromhex("03 02 00 0F")
+IMAGES = 12  # with flipped bits
 
 
 def near(ms: float, expected: float) -> bool:
     return abs(ms - expected) <= ACCURACY * expected
 
 
-def assert_never_sent(card: WatchedCard) -> None:
-    """Checks that DE never rose and tx never fell."""
-    for line in (card.modbus, card.drive):
-        assert not line.direction.pulses
-        assert all(level for _, level in line.monitor.edges)
-
-
 # ---------------------------------------------------------------- boot
 
 
-@cocotb.test()
-async def first_request_that_ends_after_the_boot_time_is_answered(dut):
-    card = WatchedCard(dut, baud=115_200)
-    await card.switch_on()
-    adu = rtu.build(1, READ_DRIVE_TIMEOUT)
-    length = len(adu) * card.modbus.fmt.character_ps
-    limit = card.released_ps + card.boot_limit_ps
-    await card.firmware.round()
-    booted = now_ps() - card.released_ps
-    dut._log.info("first round of the poll loop %.2f ms after the reset", booted / MS)
-    await sleep_until(limit - length)
-    done = await card.master.request(adu, 10 * MS)
-    assert done.sent.end_ps <= limit + card.bench.period_ps
-    assert done.data == rtu.build(1, DRIVE_TIMEOUT)
-    assert not card.drive.direction.pulses
-    card.check_lines()
+@pytest.mark.rule("BOOT-1")
+def test_boot(config):
+    """At the card's own clock, the first request that ends with the boot time is answered."""
+    assert configuration(config)["boot_ms"] == {"standard": 20, "tiny": 60}[config]
+    with FastCard(config=config, baud=BAUD, clk_hz=own_hz(config)) as card:
+        card.run_until(RESET_CLOCKS * card.period_ps)
+        check_start(card, card.now_ps)
+        card.modbus.check()
 
 
 # ---------------------------------------------------------------- drivers without a clock
-
-
-async def off_without_a_clock(dut) -> None:
-    """Stops the clock, then asserts rst_n: both drivers are off at once and stay off."""
-    dut.rst_n.value = 0
-    for _ in range(3):
-        await Timer(1, unit="ns")
-        assert not int(dut.modbus_de.value) and not int(dut.drive_de.value)
 
 
 @cocotb.test()
@@ -102,7 +77,11 @@ async def reset_switches_both_drivers_off_without_a_clock(dut):
         dut.network_i.dir_i.de.value, dut.drive_i.dir_i.de.value = drivers
         await Timer(1, unit="ns")
         assert (int(dut.modbus_de.value), int(dut.drive_de.value)) == drivers
-        await off_without_a_clock(dut)
+        # The clock stands still.
+        dut.rst_n.value = 0
+        for _ in range(3):
+            await Timer(1, unit="ns")
+            assert not int(dut.modbus_de.value) and not int(dut.drive_de.value)
         bench.clock.start()
         await bench.clocks(4)
         dut.rst_n.value = 1
@@ -111,115 +90,119 @@ async def reset_switches_both_drivers_off_without_a_clock(dut):
             assert not int(dut.modbus_de.value) and not int(dut.drive_de.value)
 
 
-@cocotb.test()
-async def reset_in_the_middle_of_a_frame_switches_its_driver_off_without_a_clock(dut):
-    card = await WatchedCard(dut, baud=BAUD).boot()
-    for adu, driver in (
-        (rtu.build(1, READ_DRIVE_TIMEOUT), dut.modbus_de),
-        (rtu.build(1, control_pdu(0x047C, 0x1999)), dut.drive_de),
-    ):
-        await card.master.send(adu)
-        await within(40 * MS, RisingEdge(driver), "DE")
-        await Timer(0.5 * MS, unit="ps")
-        assert int(driver.value)
-        card.bench.clock.stop()
-        await off_without_a_clock(dut)
-        card.bench.clock.start()
-        await card.bench.clocks(10)
-        dut.rst_n.value = 1
-        await card.firmware.round()
+def run_without_a_clock(sim: str, config: str) -> None:
+    run(
+        "rtu2fc",
+        "tb.card.test_card_power_up",
+        sim=sim,
+        config=config,
+        parameters={"CLK_HZ": SLOW_HZ[config]},
+    )
+
+
+@pytest.mark.rule("SAFE-6")
+@pytest.mark.parametrize("card", ["standard", pytest.param("tiny", marks=pytest.mark.nightly)])
+def test_drivers_in_reset(card: str):
+    """On Icarus, which compiles the card in two seconds."""
+    run_without_a_clock("icarus", card)
+
+
+@pytest.mark.nightly
+@pytest.mark.rule("SAFE-6")
+def test_drivers_in_reset_of_the_verilated_card(config):
+    run_without_a_clock("verilator", config)
+
+
+@pytest.mark.rule("SAFE-6")
+def test_drivers_in_reset_while_they_send(config):
+    with FastCard(config=config, baud=BAUD) as card:
+        card.run(card.boot_ms)
+        for adu, line in (
+            (rtu.build(1, READ_DRIVE_TIMEOUT), card.modbus),
+            (rtu.build(1, control_pdu(0x047C, 0x1999)), card.drive),
+        ):
+            assert card.run_until(card.modbus.send(adu, 5 * MS) + 40 * MS, f"{line.name}_de")
+            card.run(0.5)
+            begin = card.now_ps
+            assert line.driven
+            card.reset()
+            assert not line.driven and line.de[-1][0] <= begin + card.period_ps
+            card.run(card.boot_ms)
 
 
 # ---------------------------------------------------------------- switches
 
 
-@cocotb.test()
-async def processor_stays_in_reset_until_the_switches_are_read(dut):
-    """The processor stays in reset until address and rate have been read."""
-    card = WatchedCard(dut, baud=BAUD)
-    await card.switch_on()
-    clocks = 0
-    while not int(dut.sw_ready.value):
-        assert int(dut.rst.value) and (clocks == 0 or int(dut.core_rst.value))
-        clocks += 1
-        await card.bench.clocks()
-    assert clocks > 100
-    await card.firmware.round()
-    await card.check_alive()
+@pytest.mark.rule("LINE-2", "LINE-3", "LINE-7", "LINE-8")
+def test_switches_moved_after_power_up_have_no_effect_until_the_next_reset(config):
+    address, form = 0b0101_0101, "8E1"
+    settings = {"sw_baud": switch_word(baud_switches(BAUD, form)), "sw_addr": address}
+    with FastCard(config=config, baud=BAUD, form=form, address=address) as card:
+        card.run(card.boot_ms)
+        # First each group alone, then all seventeen switches at once; the last setting is valid too.
+        for moved in ({"sw_baud": 0b111}, {"sw_baud": 0b11000}, {"sw_addr": 0xFF}, ALL_SWITCHES):
+            card.set(**{name: settings[name] ^ bits for name, bits in moved.items()})
+            assert card.request(rtu.build(address, READ_DRIVE_TIMEOUT)).data == rtu.build(
+                address, DRIVE_TIMEOUT
+            )
+            card.set(**settings)
+        other = {name: settings[name] ^ bits for name, bits in ALL_SWITCHES.items()}
+        card.set(**other)
+        ask = rtu.build(other["sw_addr"], READ_DRIVE_TIMEOUT)
+        assert card.request(ask, 5) is None, "not yet the address that the switches show now"
+        # The next reset reads the switches as they are then.
+        card.set(sw_baud=switch_word(baud_switches(BAUD, form, "1111")))
+        card.reset()
+        card.run(card.boot_ms)
+        assert card.request(ask).data == rtu.build(other["sw_addr"], DRIVE_TIMEOUT)
+        card.modbus.check()
 
 
-@cocotb.test()
-async def switches_moved_after_power_up_have_no_effect_until_the_next_reset(dut):
-    address, baud, form = 0b0101_0101, BAUD, "8E1"
-    card = await WatchedCard(dut, baud=baud, form=form, address=address).boot()
-    settings = {"sw_baud": switch_word(baud_switches(baud, form)), "sw_addr": address}
-    # First each group alone, then all seventeen switches at once; the last setting is valid too.
-    for moved in ({"sw_baud": 0b111}, {"sw_baud": 0b11000}, {"sw_addr": 0xFF}, ALL_SWITCHES):
-        for name, bits in moved.items():
-            getattr(dut, name).value = settings[name] ^ bits
-        await card.ask(READ_DRIVE_TIMEOUT, DRIVE_TIMEOUT)
-        for name, value in settings.items():
-            getattr(dut, name).value = value
-    other = {name: settings[name] ^ bits for name, bits in ALL_SWITCHES.items()}
-    for name, value in other.items():
-        getattr(dut, name).value = value
-    await card.master.send(rtu.build(other["sw_addr"], READ_DRIVE_TIMEOUT))
-    await card.quiet(4, "a request to the address that the switches show now")
-    # The next reset reads the switches as they are then.
-    dut.rst_n.value = 0
-    dut.sw_baud.value = switch_word(baud_switches(BAUD, "8N2", "1111"))
-    await card.bench.clocks(8)
-    dut.rst_n.value = 1
-    await card.firmware.round()
-    card.modbus.set_format(Format.named(BAUD, "8N2"))
-    done = await card.master.request(rtu.build(other["sw_addr"], READ_DRIVE_TIMEOUT), 10 * MS)
-    assert done.data == rtu.build(other["sw_addr"], DRIVE_TIMEOUT)
-    card.check_lines()
+@pytest.mark.rule("LINE-7", "LED-5")
+def test_an_invalid_address_turns_both_leds_red_and_keeps_both_lines_silent(config):
+    with WatchedCard(config, baud=BAUD, address=0) as card:
+        for address in (0, 248, 255):
+            card.set(sw_addr=address)
+            card.reset()
+            card.run(1)
+            assert card.fault
+            shown = {led: len(history) for led, history in card.shown.items()}
+            # This wait and the requests together take longer than a start.
+            for to in dict.fromkeys((address, 0, 1)):
+                card.run(0.3 * card.boot_ms)
+                card.modbus.send(rtu.build(to, control_pdu(0x047C, 0x1999)))
+                card.quiet(13, f"a request to {to}, switches {address}")
+            assert {led: len(history) for led, history in card.shown.items()} == shown, "solid"
+        assert not card.modbus.de and not card.drive.de
+        assert all(level for line in (card.modbus, card.drive) for _, level in line.tx)
+        card.set(sw_addr=247)
+        card.reset()
+        card.boot()
+        assert not card.fault
+        card.address = 247
+        card.ask(READ_DRIVE_TIMEOUT, DRIVE_TIMEOUT)
+        card.check_lines()
 
 
-@cocotb.test()
-async def invalid_address_turns_both_leds_red_and_keeps_both_lines_silent(dut):
-    card = WatchedCard(dut, baud=BAUD, address=0)
-    await card.switch_on()
-    for address in (0, 248, 255):
-        dut.sw_addr.value = address
-        dut.rst_n.value = 0
-        await card.bench.clocks(8)
-        dut.rst_n.value = 1
-        await Timer(1 * MS, unit="ps")
-        assert card.leds.fault
-        card.leds.forget()
-        # This wait and the requests together take longer than a start.
-        await Timer(round(0.06 * card.boot_limit_ps), unit="ps")
-        for to in dict.fromkeys((address, 0, 1)):
-            await card.master.send(rtu.build(to, control_pdu(0x047C, 0x1999)))
-            await card.quiet(3, f"a request to {to}, switches {address}")
-        assert all(len(history) == 1 for history in card.leds.shown.values()), "solid, not flashing"
-    assert_never_sent(card)
-    dut.sw_addr.value = 247
-    dut.rst_n.value = 0
-    await card.bench.clocks(8)
-    dut.rst_n.value = 1
-    await card.firmware.round()
-    assert not card.leds.fault
-    card.address = 247
-    await card.ask(READ_DRIVE_TIMEOUT, DRIVE_TIMEOUT)
-    card.check_lines()
+@pytest.mark.rule("LINE-8")
+def test_switches_that_settle_late_are_read_right_after_any_reset():
+    """The pull-ups charge the lines of the switches meanwhile. The time since the last reset varies.
+
+    Until then the switches show an address that would be a fault.
+    """
+    later = seeded("times between resets")
+    with FastCard(baud=BAUD, form="8N2", address=1) as card:
+        card.run(card.boot_ms)
+        for _ in range(8):
+            card.run(later.uniform(0, 10))
+            released = card.reset()
+            card.set(sw_addr=0)
+            card.plan(released + SETTLED_MS * MS, "sw_addr", 1)
+            card.run(card.boot_ms)
+            assert card.request(rtu.build(1, READ_DRIVE_TIMEOUT)), "not the address of the settled switches"
 
 
 # ---------------------------------------------------------------- damaged image
-
-
-async def faults_silently(card: WatchedCard, limit_ps: float, what: str) -> None:
-    """Both LEDs turn solid red in time; requests to start the motor have no effect before or after."""
-    asking = cocotb.start_soon(request_continuously(card))
-    await card.leds.until(lambda: card.leds.fault, limit_ps, f"fault, {what}")
-    card.leds.forget()
-    await Timer(20 * MS, unit="ps")
-    asking.cancel()
-    card.modbus.source.hold(1)
-    assert all(len(history) == 1 for history in card.leds.shown.values()), "solid, not flashing"
-    assert_never_sent(card)
 
 
 def two_bits_of_a_byte(rng: random.Random) -> tuple[int, int]:
@@ -229,89 +212,63 @@ def two_bits_of_a_byte(rng: random.Random) -> tuple[int, int]:
     return byte + first, byte + second
 
 
-async def request_continuously(card: WatchedCard) -> None:
-    """A master that starts the motor every few milliseconds, by address and by broadcast."""
-    while True:
-        for to in (1, 0):
-            await card.master.send(rtu.build(to, control_pdu(0x047C, 0x1999)))
-            await Timer(3 * MS, unit="ps")
+def check_fault(config: str, folder: Path, word: int, bits: tuple[int, ...], limit_ms: float) -> None:
+    """A card with this image ends in the fault, and never sends."""
+    words = firmware_words(config)
+    words[word] ^= sum(1 << bit for bit in bits)
+    with WatchedCard(config, baud=BAUD, dialect=write_image(folder, words)) as card:
+        card.until_fault(limit_ms * MS, f"word {word} bits {bits}")
+        assert not card.modbus.de and not card.drive.de
+        assert all(level for line in (card.modbus, card.drive) for _, level in line.tx)
 
 
-@cocotb.test()
-async def image_damaged_in_the_file_ends_in_the_fault(dut):
+@pytest.mark.rule("LED-5", "SAFE-4")
+@pytest.mark.parametrize("bits", [1, 2])
+def test_image_damaged_in_the_file(config, bits: int, tmp_path: Path):
     """Wrong checksums halt the card; after a flipped bit the watchdog bites, three times."""
-    card = WatchedCard(dut, baud=BAUD)
-    await card.switch_on()
-    await faults_silently(card, 3 * card.boot_limit_ps, "start-up check")
+    flipped = two_bits_of_a_byte(seeded("damaged bits of the file"))[:bits]
+    check_fault(config, tmp_path, constant_word(config), flipped, 3 * boot_ms(config))
 
 
-def checking_words() -> range:
-    """The words of the image that check the image."""
-    of_card = symbols((ROOT / configuration(CONFIG)["firmware_hex"]).with_suffix(".elf"))
-    begin = next(address for name, address in of_card.items() if name.split(".")[0] == "check")
-    return range(begin // 4, min(address for address in of_card.values() if address > begin) // 4)
+def boot_ms(config: str) -> float:
+    """Time of BOOT-1 at the slow clock."""
+    return boot_clocks(config) * 1000 / SLOW_HZ[config]
 
 
-@cocotb.test()
-async def any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram(dut):
+@pytest.mark.rule("LED-5", "SAFE-4")
+def test_image_damaged_anywhere(config, tmp_path: Path):
     """Parity finds one flip. Of two, the checksums find them, or the program traps or hangs three times.
 
     Two in the code that checks may stop the check, and the card works on (docs/hardening.md).
     """
     rng = seeded("flipped bits of the image")
-    card = WatchedCard(dut, baud=BAUD)
-    await card.switch_on()
-    for _ in range(12):
-        word = rng.randrange(len(firmware_words()))
+    for _ in range(IMAGES):
+        word = rng.randrange(len(firmware_words(config)))
         bits = rng.choice((two_bits_of_a_byte(rng), (rng.randrange(WORD_BITS),)))
-        if word in checking_words():
+        if word in function_words(config, "check"):
             bits = bits[:1]
-        dut.rst_n.value = 0
-        await card.bench.clocks(8)
-        card.firmware.restore()
-        card.firmware.damage(word, *bits)
-        await card.bench.clocks(8)
-        dut.rst_n.value = 1
-        await Timer(1 * MS, unit="ps")
-        await faults_silently(card, 3 * (BITE_PS + card.boot_limit_ps), f"word {word} bits {bits}")
+        check_fault(config, tmp_path, word, bits, 3 * (BITE_MS + boot_ms(config)))
 
 
-@cocotb.test()
-@cocotb.parametrize(bits=[1, 2])
-async def image_damaged_while_running_ends_in_the_fault_within_a_second(dut, bits):
-    """Reading for the checksums detects one flipped bit by parity; two of a byte make a checksum wrong."""
+@pytest.mark.nightly
+@pytest.mark.rule("LED-5", "SAFE-4")
+@pytest.mark.parametrize("bits", [1, 2])
+def test_image_damaged_while_running(config, bits: int):
+    """Reading for the checksums detects one flipped bit by parity; two of a byte make a checksum wrong.
+
+    The second holds at the card's own clock: on a slower one SERV has time for no word in most rounds.
+    PicoRV32 keeps it at the slow clock, too.
+    """
     rng = seeded("damaged bits")
-    card = await WatchedCard(dut, baud=BAUD).boot()
-    await card.check_alive()
-    card.firmware.damage(constant_word(), *two_bits_of_a_byte(rng)[:bits])
-    damaged_at = now_ps()
-    sent = len(card.modbus.monitor.characters)
-    await card.leds.until(lambda: card.leds.fault, 1000 * MS, "fault")
-    dut._log.info("found %.1f ms after the damage", (now_ps() - damaged_at) / MS)
-    card.leds.forget()
-    await card.master.send(rtu.build(1, control_pdu(0x047C, 0x1999)))
-    await card.quiet(4, "a request after the fault")
-    assert len(card.modbus.monitor.characters) == sent and not card.drive.monitor.characters
-    assert all(len(history) == 1 for history in card.leds.shown.values()), "solid, not flashing"
-    card.firmware.restore_damaged()
-
-
-# ---------------------------------------------------------------- LEDs, the first step
-
-
-@cocotb.test()
-async def drive_led_is_red_for_a_quarter_second_while_requests_are_served(dut):
-    card = await WatchedCard(dut, baud=BAUD).boot()
-    await card.leds.until(lambda: card.leds.show("drive") == "red", 2 * MS, "drive LED red")
-    card.leds.forget()
-    await card.check_alive()
-    await card.write_control(0x047C, 0x1999)
-    await card.leds.until(lambda: card.leds.show("drive") == "green", 260 * MS, "drive LED green")
-    ((shown, ms),) = steps_ms(card.leds.shown["drive"])
-    dut._log.info("first step %.2f ms", ms)
-    assert shown == "red" and near(ms, STEP_MS)
-    assert card.leds.show("modbus") == "off"
-    card.check_lines()
+    with WatchedCard(config, baud=BAUD, clk_hz=own_hz(config) if config == "tiny" else None) as card:
+        card.boot()
+        card.check_alive()
+        card.damage(constant_word(config), *two_bits_of_a_byte(rng)[:bits])
+        limit = card.now_ps + 1000 * MS
+        while not card.fault:
+            assert card.run_until(limit, *LEDS), "no fault"
+        card.until_fault(limit, "damaged while running")
+        assert card.sent() == (1, 0)
 
 
 # ---------------------------------------------------------------- LEDs, all of it
@@ -381,13 +338,17 @@ def to_next_flash(card: FastCard, led: str = "modbus") -> None:
 def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_card(config):
     with FastCard(config=config, baud=BAUD, form="8N2") as card:
         to_next_flash(card)
+        # Neither of these is a good frame for this card.
+        others = rtu.build(2, READ_DRIVE_TIMEOUT), rtu.build(1, READ_DRIVE_TIMEOUT)[:-1] + b"\0"
+        for adu in others:
+            assert card.request(adu, 5) is None
+        card.run(50)
         assert card.led("modbus") == "red", "before the first frame"
         set_register(card, 1, 30)
         card.run(10)
         assert card.led("modbus") == "green"
         end = card.modbus.frames()[-1].start_ps - rtu.t35_ps(BAUD)
-        # Neither of these is a good frame for this card.
-        for adu in (rtu.build(2, READ_DRIVE_TIMEOUT), rtu.build(1, READ_DRIVE_TIMEOUT)[:-1] + b"\0"):
+        for adu in others:
             card.run(100)
             assert card.request(adu, 5) is None
         turned = card.run_until_led("modbus", "red", 300)
@@ -429,8 +390,8 @@ def test_drive_led_shows_how_the_last_exchange_ended(config):
         assert card.led("drive") == "red", "no exchange"
         pdu = control_pdu(0x047C, 0x1999)
         telegram, reply = process(0x047C, 0x1999)
+        # All of these end while the LED is lit.
         for shows, replies in (("green", [reply]), ("red", [None, None]), ("green", [None, reply])):
-            to_next_flash(card, "drive")
             for one in replies:
                 script.expect(telegram, one)
             answer = card.request(rtu.build(1, pdu)).data
@@ -441,97 +402,3 @@ def test_drive_led_shows_how_the_last_exchange_ended(config):
         # A refusal by the drive is a reply, so the exchange succeeded.
         to_next_flash(card, "drive")
         assert card.led("drive") == "green"
-
-
-# ---------------------------------------------------------------- pytest
-
-
-def run_card(sim: str, config: str, testcase: str | list[str], **parameters: object) -> None:
-    run(
-        "rtu2fc",
-        "tb.card.test_card_power_up",
-        sim=sim,
-        config=config,
-        parameters={"CLK_HZ": SLOW_HZ[config], **parameters},
-        testcase=testcase,
-    )
-
-
-@pytest.mark.rule("BOOT-1")
-def test_boot(sim, config):
-    """At the card's own clock."""
-    assert configuration(config)["boot_ms"] == {"standard": 20, "tiny": 60}[config]
-    what = "first_request_that_ends_after_the_boot_time_is_answered"
-    run_card(sim, config, what, CLK_HZ=own_hz(config))
-
-
-@pytest.mark.rule("SAFE-6")
-def test_drivers_in_reset(sim, config):
-    run_card(sim, config, "reset_switches_both_drivers_off_without_a_clock")
-
-
-@pytest.mark.rule("SAFE-6")
-def test_drivers_in_reset_while_they_send(sim, config):
-    what = "reset_in_the_middle_of_a_frame_switches_its_driver_off_without_a_clock"
-    run_card(sim, config, what)
-
-
-@pytest.mark.rule("LINE-2", "LINE-3", "LINE-7", "LINE-8", "LED-5")
-def test_switches(sim, config):
-    what = [
-        "processor_stays_in_reset_until_the_switches_are_read",
-        "switches_moved_after_power_up_have_no_effect_until_the_next_reset",
-        "invalid_address_turns_both_leds_red_and_keeps_both_lines_silent",
-    ]
-    run_card(sim, config, what)
-
-
-@pytest.mark.rule("LINE-8")
-def test_switches_that_settle_late_are_read_right_after_any_reset():
-    """The pull-ups charge the lines of the switches meanwhile. The time since the last reset varies."""
-    later = seeded("times between resets")
-    with FastCard(baud=BAUD, form="8N2", address=1) as card:
-        card.run(card.boot_ms)
-        for _ in range(8):
-            card.run(later.uniform(0, 10))
-            released = card.reset()
-            card.set(sw_addr=2)
-            card.plan(released + SETTLED_MS * MS, "sw_addr", 1)
-            card.run(card.boot_ms)
-            assert card.request(rtu.build(1, READ_DRIVE_TIMEOUT)), "not the address of the settled switches"
-
-
-@pytest.mark.parametrize("bits", [1, 2])
-@pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_in_the_file(sim, config, bits):
-    words = firmware_words(config)
-    for bit in two_bits_of_a_byte(seeded("damaged bits of the file"))[:bits]:
-        words[constant_word(config)] ^= 1 << bit
-    file = ROOT / f"build/tests/damaged-{bits}-{sim}-{config}.hex"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text("".join(map(hex_line, words)))
-    run_card(sim, config, "image_damaged_in_the_file_ends_in_the_fault", FIRMWARE_HEX=str(file))
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_while_running(config):
-    """The second holds at the card's own clock: on a slower one SERV has time for no word in most rounds.
-
-    PicoRV32 keeps it at the bench's clock too. On Verilator only, for the length.
-    """
-    clk_hz = own_hz(config) if config == "tiny" else SLOW_HZ[config]
-    what = "image_damaged_while_running_ends_in_the_fault_within_a_second"
-    run_card("verilator", config, what, CLK_HZ=clk_hz)
-
-
-@pytest.mark.rule("LED-5", "SAFE-4")
-def test_image_damaged_anywhere(config):
-    """On Verilator only: some of these programs hang for three bites, which takes minutes on Icarus."""
-    what = "any_flipped_bits_of_the_image_end_in_the_fault_and_never_in_a_telegram"
-    run_card("verilator", config, what)
-
-
-@pytest.mark.rule("LED-1")
-def test_first_step_of_the_show(sim, config):
-    run_card(sim, config, "drive_led_is_red_for_a_quarter_second_while_requests_are_served")

@@ -18,6 +18,7 @@ from tb.agents.fc_slave import Script
 from tb.lib.card import MS
 from tb.lib.config import own_hz
 from tb.lib.fast_card import FastCard
+from tb.lib.nightly import first
 from tb.model.fc_telegram import bcc
 
 # Readings for the drive and for the card, and writes of the card's own registers.
@@ -27,7 +28,7 @@ REPLY_LOCAL = rtu.build(1, bytes.fromhex("03 02 0000"))
 NETWORK_TIMEOUT = rtu.build(1, bytes.fromhex("06 0001 03E8"))
 DRIVE_TIMEOUT_10_S = rtu.build(1, bytes.fromhex("06 0002 03E8"))
 READ_TEXT = rtu.build(1, rtu.read_registers(5329, 10))
-WRITES = 4
+WRITES = 2
 ASKED, BROADCAST = 0x81, 0x80
 GIVE_UP_MS = 150
 # Longest telegram of these, 14 or 16 characters of 11 bits, and the pause of 2 characters.
@@ -61,11 +62,10 @@ def finish(card: FastCard, requests: list[bytes]) -> int:
 
 
 AFTER = {"a local reading": LOCAL, "a reading": READ, "a local write": NETWORK_TIMEOUT}
-MORE = [pytest.param(after, marks=pytest.mark.nightly) for after in list(AFTER)[1:]]
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("after", [*list(AFTER)[:1], *MORE])
+@pytest.mark.parametrize("after", first(list(AFTER)))
 def test_no_broadcast_is_lost_after_an_exchange(config: str, after: str):
     """The drive is silent, so that each broadcast and the request after it fall into the exchange."""
     with FastCard(baud=19_200, config=config, drive=Script(), clk_hz=clock(config)) as card:
@@ -80,7 +80,7 @@ def test_no_broadcast_is_lost_after_an_exchange(config: str, after: str):
 
 
 @pytest.mark.rule("FRAME-7", "TOP-2")
-@pytest.mark.parametrize("after", [*list(AFTER)[:1], *MORE])
+@pytest.mark.parametrize("after", first(list(AFTER)))
 def test_no_unicast_write_is_lost_after_an_exchange(after: str):
     with FastCard(baud=19_200, drive=Script()) as card:
         card.run(card.boot_ms)
@@ -92,9 +92,8 @@ def test_no_unicast_write_is_lost_after_an_exchange(after: str):
 
 
 @pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize("first", ["broadcast", "unicast"])
-def test_both_kinds_wait_and_leave_in_the_order_of_commit(first: str):
-    units = (0, 1) if first == "broadcast" else (1, 0)
+@pytest.mark.parametrize("units", [(0, 1), (1, 0)])
+def test_both_kinds_wait_and_leave_in_the_order_of_commit(units: tuple[int, int]):
     with FastCard(baud=19_200) as card:
         card.run(card.boot_ms)
         end = finish(card, [READ, coils(0x0401, units[0]), coils(0x0402, units[1]), LOCAL])
@@ -119,20 +118,23 @@ def test_a_newer_write_of_its_kind_takes_the_place(unit: int):
 
 
 BEFORE = {"a reading": [READ], "a text": [READ_TEXT], "a write": [coils(0x047C, 1)]}
+CASES = [
+    *(("a reading", 0), ("a text", 1), ("a write", 0), ("a broadcast", 1)),
+    *(("a reading", 1), ("a text", 0), ("a write", 1), ("a broadcast", 0)),
+    *(("a repeat", 0), ("a repeat", 1)),
+]
 
 
 @pytest.mark.rule("FC-9", "FRAME-7")
-@pytest.mark.parametrize("unit", [0, 1])
-@pytest.mark.parametrize(
-    "before", [*BEFORE, "a broadcast", pytest.param("a repeat", marks=pytest.mark.nightly)]
-)
-def test_a_dead_drive_does_not_hold_up_a_stop(before: str, unit: int):
+@pytest.mark.parametrize("case", first(CASES, 4), ids=lambda case: "{}-{}".format(*case))
+def test_a_dead_drive_does_not_hold_up_a_stop(case: tuple[str, int]):
     """40003 is 10 s, the drive is silent, a reading waits, the master sends a stop."""
-    check_stop("standard", before, unit)
+    check_stop("standard", *case)
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("FC-9", "FRAME-7", "TOP-2")
-@pytest.mark.parametrize("unit", [1, pytest.param(0, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("unit", [1, 0])
 def test_a_dead_drive_does_not_hold_up_a_stop_of_the_small_card(unit: int):
     check_stop("tiny", "a reading", unit)
 
@@ -143,8 +145,7 @@ def check_stop(config: str, before: str, unit: int) -> None:
         assert card.request(DRIVE_TIMEOUT_10_S)
         if before == "a text":
             assert card.request(rtu.build(1, bytes.fromhex("06 0000 0400")))
-        first = [coils(0x047C, 0), READ] if before == "a broadcast" else BEFORE.get(before, [READ])
-        finish(card, first)
+        finish(card, [coils(0x047C, 0), READ] if before == "a broadcast" else BEFORE.get(before, [READ]))
         if before == "a repeat":
             card.run(10_100)
         count = len(sent(card))
@@ -180,8 +181,8 @@ def test_a_write_after_a_bite_follows_the_telegram_on_the_line(bitten_ms: float)
         card.modbus.send(text, 5 * MS)
         assert card.run_until(card.now_ps + 30 * MS, "drive_de")
         card.run(bitten_ms)
-        first = first_variable()
-        for word in range(first, first + 60):
+        begin = first_variable()
+        for word in range(begin, begin + 60):
             card.flip("ram_i.g_bank[0].g_part.bank_i.words", word, 0)
         card.run(card.boot_ms)
         assert card.drive.driven, "the old telegram is still on the line"

@@ -205,6 +205,7 @@ spoken_in_each = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("FC-8", "FRAME-7")
 @pytest.mark.rule("DIALECT-BUILTIN")
 def test_second_exchange(sim: str, config: str):
@@ -213,10 +214,14 @@ def test_second_exchange(sim: str, config: str):
     run_card(sim, config, "builtin", testcase)
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("FC-9")
 @spoken_in_each
 def test_documents(config: str, dialect: str):
-    """On Verilator only: more than a second on the lines takes minutes on Icarus."""
+    """On Verilator only: more than a second on the lines takes minutes on Icarus.
+
+    `make test` has these documents on the virtual card (sim/card/test_documents.py).
+    """
     run_card(
         "verilator",
         config,

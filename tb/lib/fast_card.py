@@ -10,7 +10,10 @@ any model (tb/agents/fc_slave.py).
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -20,15 +23,16 @@ from sim.harness import simulated_card
 from sim.harness.library import BuildError, build
 from sim.harness.simulated_card import APART, CROSSED, INPUTS, SimulatedCard
 from tb.agents import rtu
+from tb.agents.edges import Trace
 from tb.agents.uart import Character, Flaws, Format, Frame, waveform
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import SLOW_HZ, boot_clocks
 from tb.lib.runner import firmware
 from tb.lib.seeds import seeded
-from tb.lib.supervision import Shown, colour
 
 OUTPUTS = tuple(name for name in simulated_card.SIGNALS if name not in ("queue_reply", "queue_telegram"))
 LEDS = OUTPUTS[4:8]
+COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
 RESET_CLOCKS = 10  # SAFE-5
 # From the telegram's last stop bit to the reply's start bit: the pause of two characters and a little more.
 REPLY_DELAY_BITS = 23
@@ -43,6 +47,19 @@ def library(config: str, clk_hz: int, extra: str = "", parameters: tuple[tuple[s
         pytest.fail(str(error), pytrace=False)
 
 
+@dataclass(frozen=True)
+class Shown:
+    """A LED colour and its start."""
+
+    since_ps: int
+    colour: str
+
+
+def steps_ms(history: list[Shown]) -> list[tuple[str, float]]:
+    """Each colour with its duration in ms, without the last one, which still lasts."""
+    return [(now.colour, (then.since_ps - now.since_ps) / MS) for now, then in pairwise(history)]
+
+
 class Line:
     """One line of the card: the frames that the card sent on it, and transmissions to the card."""
 
@@ -51,6 +68,8 @@ class Line:
         self.tx = card.recorded[f"{name}_tx"]
         self.de = card.recorded[f"{name}_de"]
         self._free_ps = 0
+        self._frames: list[Frame] = []
+        self._read = 0  # edges of tx that are in these frames
 
     @property
     def driven(self) -> bool:
@@ -72,26 +91,22 @@ class Line:
 
     def frames(self) -> list[Frame]:
         """Frames of the card, one for each time that DE was high."""
-        found = []
-        for (rise, _), (fall, _) in zip(self.de[::2], self.de[1::2], strict=False):
-            found.append(Frame(tuple(self._characters(rise, fall))))
-        return found
+        for (rise, _), (fall, _) in list(zip(self.de[::2], self.de[1::2], strict=False))[len(self._frames) :]:
+            end = bisect_right(self.tx, (fall, 1), self._read)
+            edges = self.tx[self._read : end]
+            self._read = end
+            self._frames.append(Frame(tuple(self._characters(edges, rise))))
+        return list(self._frames)
 
-    def _level(self, when: float) -> int:
-        return next((level for at, level in reversed(self.tx) if at <= when), 1)
+    def _characters(self, edges: list[tuple[int, int]], rise: int) -> Iterator[Character]:
+        return (c for c in Trace(self.fmt, edges).characters if c.start_ps >= rise)
 
-    def _characters(self, rise: int, fall: int) -> list[Character]:
-        bit, at, found = self.fmt.bit_ps, rise, []
-        for start, level in self.tx:
-            if level or not at <= start < fall:
-                continue
-            bits = [self._level(start + (i + 0.5) * bit) for i in range(self.fmt.bits)]
-            byte = sum(bits[1 + i] << i for i in range(8))
-            end = round(start + self.fmt.character_ps)
-            parity_ok = not self.fmt.parity_bits or bits[9] == self.fmt.parity_bit(byte)
-            found.append(Character(byte, start, end, parity_ok, all(bits[9 + self.fmt.parity_bits :])))
-            at = end - bit / 2
-        return found
+    def check(self) -> None:
+        """Every character lies in a whole frame, and DE was high for each."""
+        frames = self.frames()
+        assert all(frame.ok for frame in frames), f"{self.name}: {frames}"
+        heard = [c for frame in frames for c in frame.characters]
+        assert heard == Trace(self.fmt, self.tx).characters, f"{self.name}: characters without DE"
 
 
 # Seed of the registers at power-up in the runs that diagrams and recordings show. It decides the phases of
@@ -105,8 +120,8 @@ class FastCard:
     drive: telegram to reply, None for silence. clk_hz: default that of the slow card. seed: of the registers
     at power-up (SAFE-5); without it each card draws one and prints it. extra: "flips" for `flip`.
     wave: FST file, closed with the card.
-    dialect: folder of the image below that of the configuration. parameters: of rtl/rtu2fc.v, beside the
-    configuration's.
+    dialect: folder of the image below that of the configuration, or any folder with a firmware.hex.
+    parameters: of rtl/rtu2fc.v, beside the configuration's.
     """
 
     def __init__(
@@ -146,6 +161,7 @@ class FastCard:
         # Every change of every output, as (ps, new level).
         self.recorded: dict[str, list[tuple[int, int]]] = {name: [] for name in OUTPUTS}
         self.drive_model = drive
+        self.reply_bits = REPLY_DELAY_BITS
         self.modbus = Line(self, "modbus", Format.named(baud, form))
         self.drive = Line(self, "drive", Format.named(DRIVE_BAUD, "8E1"))
         # Colours of each LED, with the time of each change.
@@ -224,14 +240,14 @@ class FastCard:
         history = self.shown[led]
         if history[-1].since_ps == when_ps:
             history.pop()  # red and green changed at once
-        now = colour(self._lit[f"led_{led}_red"], self._lit[f"led_{led}_green"])
+        now = COLOURS[self._lit[f"led_{led}_red"], self._lit[f"led_{led}_green"]]
         if not history or history[-1].colour != now:
             history.append(Shown(when_ps, now))
 
     def _answer(self) -> None:
         reply = self.drive_model(self.drive.frames()[-1].data)
         if reply is not None:
-            self.drive.send(reply, REPLY_DELAY_BITS * self.drive.fmt.bit_ps)
+            self.drive.send(reply, self.reply_bits * self.drive.fmt.bit_ps)
 
     # ------------------------------------------------------------ for tests
 
@@ -239,10 +255,15 @@ class FastCard:
         """A word of the firmware memory, without its parity."""
         return self._card.memory_word(word)
 
+    @functools.cached_property
+    def variables(self) -> dict[str, int]:
+        """Number of each register and memory, by its name below the card."""
+        names = [variable for variable, _, _ in self._card.variables()]
+        return {name.removeprefix("TOP.rtu2fc."): number for number, name in enumerate(names)}
+
     def flip(self, name: str, word: int, bit: int) -> None:
         """Flips a bit of a register or memory."""
-        names = [variable for variable, _, _ in self._card.variables()]
-        self._card.flip(names.index(f"TOP.rtu2fc.{name}"), word, bit)
+        self._card.flip(self.variables[name], word, bit)
 
     def recorded_so_far(self) -> dict[str, list[tuple[int, int]]]:
         """Every change of every output until now, as (ps, new level)."""
@@ -265,9 +286,12 @@ class FastCard:
     def request(self, adu: bytes, timeout_ms: float = 100) -> Frame | None:
         """Sends a request; returns the answer, or None after the time-out."""
         end = self.modbus.send(adu, 1.05 * rtu.t35_ps(self.modbus.fmt.baud))
-        before = len(self.modbus.frames())
-        limit = end + timeout_ms * MS
-        while self.run_until(limit, "modbus_de"):
-            if not self.modbus.driven and len(self.modbus.frames()) > before:
-                return self.modbus.frames()[-1]
+        return self.next_frame(self.modbus, end + timeout_ms * MS)
+
+    def next_frame(self, line: Line, limit_ps: float) -> Frame | None:
+        """Runs to the end of the card's next frame on a line; None if there is none by then."""
+        before = len(line.frames())
+        while self.run_until(limit_ps, f"{line.name}_de"):
+            if len(line.frames()) > before:
+                return line.frames()[-1]
         return None
