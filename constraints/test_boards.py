@@ -93,31 +93,6 @@ def test_wrapper_is_clean_verilog(name):
         assert said == []
 
 
-GUIDE = (ROOT / "docs/guide/debugging.md").read_text().split("## A card with other parameters\n")[1]
-PARAMETERS = re.findall(r"\.([A-Z0-9_]+)\((1'b[01])\)", GUIDE.split("\n## ")[0])
-
-
-@synth
-@each_board
-def test_the_guide_s_parameters_reach_the_card_of_a_board(name, tmp_path):
-    """Each line of the guide, after the line that it names."""
-    assert [parameter for parameter, _ in PARAMETERS] == ["BREAK_TOLERANT", "STRICT_T15"]
-    entry = BOARDS[name]
-    lines = "".join(f"      .{parameter}({value}),\n" for parameter, value in PARAMETERS)
-    wrapper, dump = tmp_path / entry.wrapper.name, tmp_path / "dump.v"
-    text = entry.wrapper.read_text()
-    assert text.count("rtu2fc #(\n") == 1
-    wrapper.write_text(text.replace("rtu2fc #(\n", f"rtu2fc #(\n{lines}"))
-    (instance,) = re.findall(r"rtu2fc #\(.*?\n  \) (\w+) \(", text, re.DOTALL)
-    names = ", ".join(f"{entry.top}.{instance}.network_i.{parameter}" for parameter, _ in PARAMETERS)
-    dump.write_text(f'module dump; initial begin $display("%b %b", {names}); $finish; end endmodule\n')
-    files = [*card(name)[:-1], wrapper, dump]
-    build = ["iverilog", "-g2005", "-s", entry.top, "-s", "dump", "-o", tmp_path / "sim", *files]
-    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True)
-    done = subprocess.run([tmp_path / "sim"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == " ".join(value[-1] for _, value in PARAMETERS)
-
-
 def route_ports_alone(entry: Board, folder: Path) -> dict:
     """Runs nextpnr on a small design with the board's ports and pins; returns its report."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -207,10 +182,7 @@ def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
     }
     tang = {"clk": ("52", "on the board")}
     places = {
-        "J6": [
-            *(f"sw_addr_n[{bit}]" for bit in range(1, 9)),
-            *(f"sw_baud_n[{bit}]" for bit in range(1, 10)),
-        ],
+        "J6": [*(f"sw_addr_n[{bit}]" for bit in range(1, 9)), *(f"sw_baud_n[{bit}]" for bit in range(1, 10))],
         "J7": [None] * 9 + ["drive_de", "drive_tx", *[None] * 6, *LINES[:3], "drive_rx"],
     }
     for header, listed in places.items():

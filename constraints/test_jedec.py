@@ -136,10 +136,7 @@ def test_a_full_flash_is_still_accepted():
             "the bitstream is for no part, but LCMXO2-1200HC-4TG144I is 0x012ba043",
         ),
         (bitstream(size=900, end=b""), "the bitstream is incomplete: its last command is not DONE"),
-        (
-            bitstream(command=b"\x5e", size=900),
-            "byte 42 is command 5e, not the configuration",
-        ),
+        (bitstream(command=b"\x5e", size=900), "byte 42 is command 5e, not the configuration"),
         (b"", "no bitstream: there is no preamble in it"),
     ],
 )

@@ -19,15 +19,7 @@ import pytest
 
 from constraints import flow, parts, synth
 from constraints.boards import board, boards
-from constraints.flow import (
-    SynthError,
-    frozen,
-    mapping,
-    sandboxed,
-    tool,
-    unsafe,
-    without_loose_inputs,
-)
+from constraints.flow import SynthError, frozen, mapping, sandboxed, tool, unsafe, without_loose_inputs
 from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
 from constraints.parts import COUNTED_ON, FLOWS, TARGETS, over_target
 from constraints.synth import measured_from, route, stale
@@ -358,8 +350,7 @@ def seeds(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("planted", "tried"),
-    [({4: None, 2: 18.0, 7: 90.0}, [4, 2]), ({4: None, 2: 17.99, 7: 18.01}, [4, 2, 7])],
+    ("planted", "tried"), [({4: None, 2: 18.0, 7: 90.0}, [4, 2]), ({4: None, 2: 17.99, 7: 18.01}, [4, 2, 7])]
 )
 def test_first_seed_in_time_is_used(seeds, tmp_path, planted, tried):
     """Seeds are tried in the order of the table, none after the first success; its design is kept."""

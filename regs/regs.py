@@ -88,12 +88,6 @@ def area_length(area: RegNode) -> int:
     return area.array_dimensions[0] if area.is_array else 1
 
 
-def field_access(field: FieldNode) -> str:
-    return {(True, True): "rw", (True, False): "ro", (False, True): "wo"}[
-        (field.is_sw_readable, field.is_sw_writable)
-    ]
-
-
 def field_reset(field: FieldNode) -> int | None:
     """The reset value, or None if the field has none."""
     reset = field.get_property("reset")
@@ -226,7 +220,6 @@ def python_constants(registers: Map) -> str:
         "",
         "    bit: int",
         "    width: int",
-        "    access: str",
         "    reset: int | None",
         "",
         "    def get(self, word: int) -> int:",
@@ -289,10 +282,7 @@ def python_constants(registers: Map) -> str:
         for field in reg.fields():
             reset = field_reset(field)
             reset_text = "None" if reset is None else f"0x{reset:X}"
-            lines.append(
-                f'            "{field.inst_name}": '
-                f'Field({field.low}, {field.width}, "{field_access(field)}", {reset_text}),'
-            )
+            lines.append(f'            "{field.inst_name}": Field({field.low}, {field.width}, {reset_text}),')
         lines += ["        },", "    ),"]
     lines += ["}", "", "# Named values of the field of a register.", "VALUES = {"]
     for reg in registers.registers:

@@ -256,12 +256,7 @@ ROWS: tuple[Row, ...] = (
     Row(
         "MAP-2",
         "05 sets and clears coil 65",
-        (
-            done(write_coil(EEPROM, True)),
-            coil_65(True),
-            done(write_coil(EEPROM, False)),
-            coil_65(False),
-        ),
+        (done(write_coil(EEPROM, True)), coil_65(True), done(write_coil(EEPROM, False)), coil_65(False)),
     ),
     Row(
         "MAP-2",
@@ -330,10 +325,7 @@ ROWS: tuple[Row, ...] = (
     Row(
         "FRAME-5",
         "a frame of 300 bytes: silence, and the next one is answered",
-        (
-            Ask(bytes([0x10]) + bytes(296), None),
-            Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout),
-        ),
+        (Ask(bytes([0x10]) + bytes(296), None), Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout)),
     ),
     # Diagnostics. The counts are of the asks in this row, so a frame of somebody else's is a cross.
     Row(

@@ -217,8 +217,7 @@ NEIGHBOURS = {4, 7, 1, 13, 21, 37, 69, 133}  # of unit 5, one switch each
 
 @pytest.mark.rule("LINE-7")
 @pytest.mark.parametrize(
-    ("before", "asked"),
-    [([1000, 15], NEIGHBOURS), (None, NEIGHBOURS | {2, 8, 16, 32, 64, 128, 0b10100000})],
+    ("before", "asked"), [([1000, 15], NEIGHBOURS), (None, NEIGHBOURS | {2, 8, 16, 32, 64, 128, 0b10100000})]
 )
 def test_each_switch_of_the_address_is_tried(before, asked):
     """If the unit is silent, also each switch alone and the reverse order."""
