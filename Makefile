@@ -319,7 +319,7 @@ panel-picture: | setup-demo ## the picture of the panel in the README (2 s)
 	@$(RUN) tools.panel_picture
 
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
-	@$(RUN) campaigns.masters.run --page
+	@$(RUN) campaigns.masters.run --page >/dev/null
 	@$(RUN) tools.site.build
 
 datasheet: | setup-pages ## the data sheet from docs/evidence.json: build/datasheet, HTML and PDF (3 s)

@@ -54,7 +54,7 @@ def inline(page: Path, text: str) -> str:
     def picture(found: re.Match) -> str:
         file = page.parent / found[1]
         if not file.exists():
-            return found[0]
+            return '<img src="data:,"'  # its text remains
         content = base64.b64encode(file.read_bytes()).decode()
         return f'<img src="data:{KINDS[file.suffix]};base64,{content}"'
 
