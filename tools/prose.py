@@ -38,7 +38,7 @@ UNPARTED = re.compile(r"^(?![-*+] |\d+\. |[\s|#>]).+\n(?=(?:[-*+]|1\.) )", re.MU
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 HARDENING = ROOT / "docs/hardening.md"
-LISTS = tuple(ROOT / "docs" / name for name in ("pages.md", "guide/handbook.md", "guide/handbook/masters.md"))
+LISTS = tuple(ROOT / "docs" / name for name in ("pages.md", "guide/handbook.md"))
 SITE = ROOT / "tools/site/mkdocs.yml"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 MECHANISM = re.compile(r"docs/hardening\.md, ")

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import json
-import re
 from functools import cache
 from pathlib import Path
 
-from campaigns.masters.cases import SILENCE, Case, cases
+from campaigns.masters.cases import Case, cases
 from campaigns.masters.judge import CRASH, NUMBER, TIME_OUT, how
-from campaigns.masters.masters import BY_ID, HERE, MASTERS, PORT, SOCAT, TCP_PORT, Master
+from campaigns.masters.masters import BY_ID, HERE, MASTERS, Master
 from campaigns.masters.session import ENDLESS
 from tb.model.card import DIALECTS
 
@@ -18,7 +17,6 @@ ANSWERS = HERE / "answers.json"
 TEMPLATE = HERE / "masters.md.in"
 LONG = 60  # characters; a longer text is cut to its first part in the wide table
 RIGHT = "✓"
-NUMBERS = re.compile(r"0x[0-9a-f]+|\d+")
 
 
 class PageError(Exception):
@@ -179,54 +177,12 @@ def page(results: dict) -> str:
     return text
 
 
-# ---------------------------------------------------------------- sections of the handbook
-
-
-def code_rows(results: dict, master: Master) -> list[list[object]]:
-    """Each code with the texts for it, without repeats, in the order of the codes."""
-    found: dict[int | str, dict[str, str]] = {}
-    for dialect in DIALECTS:
-        for case in cases(dialect):
-            if case.is_error:
-                answer = results["masters"][master.id]["dialects"][dialect][case.id]["answer"]
-                text = words(answer) + (" (not an error of its own kind)" if "crash" in answer else "")
-                # Texts that differ in the function alone stand once.
-                found.setdefault(case.expect, {}).setdefault(NUMBERS.sub("", text), text)
-    ordered = sorted(
-        found.items(), key=lambda item: (item[0] == SILENCE, item[0] if item[0] != SILENCE else 0)
-    )
-    return [[code, "<br>".join(texts.values())] for code, texts in ordered]
-
-
-def section(master: Master, results: dict | None = None) -> str:
-    """Example, its output and the texts of the exceptions."""
-    results = results or load()
-    found = results["masters"][master.id]
-    kind = {"c": "c", "js": "js", "py": "python", "sh": "sh"}[master.example.rpartition(".")[2]]
-    source = [
-        line
-        for line in master.example_path.read_text().splitlines()
-        if "SPDX" not in line and line != "#!/bin/sh"
-    ]
-    tried = (
-        f"pymodbus {found['version']} by socat {results['socat']}" if master.by_tcp else name(results, master)
-    )
-    parts = [f"Tried: {tried}."]
-    if master.by_tcp:
-        parts += ["```\nsocat " + " ".join(SOCAT).format(tcp=TCP_PORT, device=PORT) + "\n```"]
-    parts += [f"```{kind}\n" + "\n".join(source).strip() + "\n```"]
-    parts += [
-        "It printed, on the virtual card with a drive that stands:",
-        "```text\n" + found["example"].strip() + "\n```",
-    ]
-    parts.append(table(["code", f"{master.title} shows"], code_rows(results, master)))
-    return "\n\n".join(parts)
+# ---------------------------------------------------------------- the table of the handbook
 
 
 def tables() -> dict[str, object]:
-    """For tools/handbook.py: the generated blocks of docs/guide/handbook/masters.md."""
-    blocks = {f"master-{master.id}": lambda master=master: section(master) for master in MASTERS}
-    return blocks | {"masters-time-outs": lambda: own_time_outs(load())}
+    """For tools/handbook.py: the generated block of docs/guide/handbook/masters.md."""
+    return {"masters-time-outs": lambda: own_time_outs(load())}
 
 
 def own_time_outs(results: dict) -> str:
