@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 
 import pytest
 
@@ -152,10 +150,3 @@ def test_late_signal_of_a_port_changes_picture_and_figure(name, signal, figure, 
     assert svg(right) != svg(wrong)
     moved = float(wrong.figures[figure].split()[0]) - float(right.figures[figure].split()[0])
     assert abs(moved) == pytest.approx(2, abs=0.1)
-
-
-def test_unknown_name_gives_one_line_and_exit_2():
-    command = [sys.executable, "-m", "tools.diagrams", "comit"]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert run.returncode == 2
-    assert run.stdout == "" and run.stderr.count("\n") == 1 and "'comit'" in run.stderr

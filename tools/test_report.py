@@ -119,15 +119,6 @@ def test_results_say_of_what_they_are(text: str):
     assert rows["gates/all.py"] == "<td>1</td><td></td><td></td><td></td>"
 
 
-def test_a_rule_counts_as_shown_when_a_test_of_it_has_passed_and_none_failed(text: str):
-    by_others = sum(by not in ("test", "open") for by in RULES.values())
-    shown = len(trace.shown_rules(RULES, SHOWN, {"tb/test_a.py::test_frame": "passed"}))
-    assert shown == by_others + 1
-    assert f'<b class="bad">{shown} of {len(RULES)}</b><span>rules shown</span>' in text
-    assert "SAFE-1" in re.search(r"Not shown: (.*?)\.</p>", text)[1]
-    assert not re.search(r"Not shown: .*\bFC-1\b", text)
-
-
 def test_red_is_only_what_has_failed():
     """After a part of the tests, all of which passed: nothing is red."""
     run = Run({"tb/test_a.py::test_frame": Result("passed", **NEW)}, COLLECTED, SHOWN)
@@ -181,25 +172,6 @@ def test_a_run_writes_its_commit_and_time(pytester: pytest.Pytester):
         entry = written[f"{name}::{test}"]
         assert (entry["outcome"], entry["commit"]) == (outcome, commit())
         assert re.fullmatch(r"20\d\d-\d\d-\d\d \d\d:\d\d", entry["at"])
-
-
-# Whatever is wider than its place: the page itself, or a table or picture that would need a scroll bar.
-SCRIPT = """
-const wide = [];
-const page = document.documentElement;
-if (page.scrollWidth > innerWidth) wide.push(`page: ${page.scrollWidth} of ${innerWidth}`);
-for (const box of document.querySelectorAll(".tables, main, section, .tiles"))
-  if (box.scrollWidth > box.clientWidth + 1)
-    wide.push(`${box.closest("section")?.id}: ${box.scrollWidth} of ${box.clientWidth}`);
-for (const img of document.images) if (!img.naturalWidth) wide.push(`no picture: ${img.alt}`);
-return wide;
-"""
-
-
-def test_a_browser_shows_it_whole_and_has_nothing_to_say(text: str, tmp_path):
-    seen = chromium.evaluate(text, SCRIPT, tmp_path, 1200)
-    assert seen.found == []
-    assert seen.console == []
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess:

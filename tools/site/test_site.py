@@ -112,27 +112,6 @@ def test_what_belongs_to_a_list_is_indented_by_four():
     assert hooks.indented("```\n   a\n```\n  - b\n") == "```\n   a\n```\n  - b\n"
 
 
-def test_without_mkdocs_it_is_one_line(tmp_path):
-    command = [
-        sys.executable,
-        "-c",
-        "import sys; sys.modules['mkdocs'] = None; from tools.site import build\n",
-    ]
-    command[-1] += "sys.argv[1:] = [sys.argv[1]]; sys.exit(build.main())"
-    done = subprocess.run([*command, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert re.fullmatch(r"docs: \w+ is missing; run `make docs`\n", done.stderr)
-
-
-@pytest.mark.nightly("docs")
-def test_a_folder_with_other_files_stays(tmp_path):
-    (tmp_path / "mine").write_text("all I have")
-    for folder in (tmp_path, tmp_path / "mine"):
-        done = make(folder)
-        assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done.stderr
-    assert (tmp_path / "mine").read_text() == "all I have"
-
-
 @pytest.mark.nightly("docs")
 def test_dead_links_and_lost_pages_are_named(project):
     with (project / "docs/glossary.md").open("a") as page:
@@ -144,16 +123,6 @@ def test_dead_links_and_lost_pages_are_named(project):
     assert len(lines) == 3, done.stderr
     for part in ("'nosuch.md'", "#nosuch", "guide/lost.md"):
         assert sum(part in line for line in lines) == 1, part
-
-
-@pytest.mark.nightly("docs")
-def test_two_runs_write_the_same_bytes(site, tmp_path):
-    make(tmp_path / "site")
-    first, second = (
-        {str(file.relative_to(top)): file.read_bytes() for file in top.rglob("*") if file.is_file()}
-        for top in (site, tmp_path / "site")
-    )
-    assert first == second
 
 
 @pytest.mark.nightly("docs")
