@@ -183,7 +183,7 @@ def of_report(tree: dict[str, str]) -> dict[str, str]:
 
 def of_this_tree(tree: dict[str, str]) -> str:
     """Whether docs/evidence.json still has the figures of what was measured now."""
-    if other := fingerprint.difference(evidence()["results"]["of"], of_report(tree)):
+    if other := fingerprint.difference(evidence().get("results", {}).get("of", {}), of_report(tree)):
         names = " and another ".join(other)
         return f"note: the figures of docs/evidence.json are of another {names}; `make bench` renews them"
     return "the figures of docs/evidence.json are of this card, firmware and bench"
