@@ -23,7 +23,7 @@ FIRMWARE_STACK := 160
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
 	translate.c coils.c registers.c diagnostics.c telegram.c reply.c guard.c gateway.c leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
-FIRMWARE_HOST := sw/port/host/host.c sw/port/host/mailbox_model.c
+FIRMWARE_HOST := $(addprefix sw/port/host/,host.c mailbox_model.c machine.c)
 FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/generated/*.h)
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
@@ -111,7 +111,7 @@ $(addsuffix /libtranslate.so,$(FIRMWARE_HOST_DIR) $(addprefix build/host/,$(FIRM
 		$(FIRMWARE_SOURCES) $(FIRMWARE_HOST)
 
 # The images on a machine, with flips (campaigns/flips/core.py).
-build/host/libcore.so: campaigns/flips/core_machine.c sw/port/host/mailbox_model.c $(FIRMWARE_HEADERS) sw/firmware.mk | $(SETUP)
+build/host/libcore.so: campaigns/flips/core_machine.c $(FIRMWARE_SOURCES) $(FIRMWARE_HOST) $(FIRMWARE_HEADERS) sw/firmware.mk | $(SETUP)
 	@mkdir -p $(@D)
-	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O2 -fPIC -shared -o $@ \
-		campaigns/flips/core_machine.c sw/port/host/mailbox_model.c
+	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O2 -fno-strict-aliasing -fPIC -shared -o $@ \
+		campaigns/flips/core_machine.c $(FIRMWARE_SOURCES) $(FIRMWARE_HOST)

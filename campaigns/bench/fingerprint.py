@@ -28,7 +28,7 @@ HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_mo
 HARNESS_PYTHON = [
     ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
 ]
-NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "rv32i", "test_core", "test_flips", "test_fuzz")
+NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "test_core", "test_flips", "test_fuzz")
 STARTS = ("starts", "supervision")
 DIGITS = 12
 TEXTS = ("page", "report")  # of the fuzzer; they change no verdict
@@ -95,7 +95,7 @@ def fuzz_judge() -> str:
 
 def flips_judge() -> str:
     """Actions of the flips on the card, and their verdicts."""
-    core = [ROOT / "campaigns/flips/core_machine.c", ROOT / "sw/port/host/mailbox_model.c"]
+    core = [ROOT / "campaigns/flips/core_machine.c", *sorted((ROOT / "sw/port/host").glob("*.c"))]
     return _digest([*_lines(), *_campaign("flips"), *map(_code, core)])
 
 

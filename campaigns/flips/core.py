@@ -25,7 +25,6 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from campaigns.fuzz.run import FOLDER
-from regs.generated.mailbox import FRAMES_BYTES, REGISTERS
 from rtl.command import Parser, in_processes, run_main
 from rtl.sources import ROOT, configurations
 from tb.agents import rtu
@@ -42,7 +41,6 @@ TEXT_WRITE = rtu.write_register(0, 0x0500)  # 40001: the index with which a writ
 # Without a round of the loop for so long the firmware hangs. The longest round of a request takes 800.
 LONGEST_ROUND = 4000
 MEMORY = 8192  # bytes, for an image of no card
-REGISTERS_SPAN = 32  # bytes
 
 # As in core_machine.c.
 ROUND, CANDIDATE, COMMIT, CHARACTER, TICK, TELEGRAM_ENDS, EXCHANGE_ROUND, DRIVE_SAYS, DRIVE_ENDS = range(9)
@@ -182,7 +180,7 @@ def after() -> list[tuple]:
 def library() -> ctypes.CDLL:
     lib = ctypes.CDLL(str(build("build/host/libcore.so")))
     u32 = ctypes.c_uint32
-    lib.core_load.argtypes = [ctypes.c_char_p, u32, u32, u32, ctypes.c_char_p]
+    lib.core_load.argtypes = [ctypes.c_char_p, u32, u32, u32]
     lib.core_play.argtypes = [ctypes.POINTER(Step), u32, u32, u32]
     lib.core_play.restype = lib.core_instructions.restype = u32
     lib.core_found.argtypes, lib.core_found.restype = [u32], ctypes.POINTER(Found)
@@ -192,11 +190,7 @@ def library() -> ctypes.CDLL:
 
 def load(image: bytes, memory: int) -> None:
     """The image into the machine, whose last bytes of memory are the frame memory's."""
-    registers = bytearray(REGISTERS_SPAN)
-    for register in REGISTERS.values():
-        # The last one of a name at an offset; both have the same size.
-        registers[register.offset] = register.size
-    library().core_load(image, len(image), memory - FRAMES_BYTES, LONGEST_ROUND, bytes(registers))
+    library().core_load(image, len(image), memory, LONGEST_ROUND)
 
 
 @dataclass

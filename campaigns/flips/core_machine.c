@@ -6,25 +6,21 @@
  * A scenario is a list of steps. In a watched step every instruction is the start of copies of the machine, each with
  * one flip. A copy plays the rest of the scenario. Copies with the same telegrams are counted together.
  *
- * The machine is that of tb/model/rv32i.py: it stops at an access that the card does not have, at an unknown instruction
- * and after too long a round.
+ * The machine is that of the firmware's tests (sw/port/host/machine.h). A run stops, too, after too long a round.
  */
 #include <stdbool.h>
 #include <stddef.h>
 #include <string.h>
 
-#include "mailbox_model.h"
+#include "host.h"
 #include "mailbox_port.h"
 
 enum {
-    MEMORY_MAX = 8192,
-    REGISTERS_SPAN = 32, /* bytes after which the registers repeat (rtl/bus_arbiter.v) */
     STEPS_MAX = 128,
     PDU_MAX = 32,
     SENT_MAX = 12,
     FOUND_MAX = 8192,
     EXAMPLES = 8,
-    STACK_FILL = 0x5A,
     FIRST_ROUND = 100000, /* instructions; the check of the whole image */
     LAST_PC_BIT = 12,     /* a memory of 8 KiB */
     FIRST_PC_BIT = 2,     /* instructions are aligned */
@@ -78,34 +74,26 @@ struct found {
     struct flip example[EXAMPLES];
 };
 
-struct machine {
-    uint32_t x[32];
-    uint32_t pc;
-    uint32_t word_flip; /* bits of the next instruction */
+struct run {
     uint32_t step;
     uint32_t left; /* instructions until the round is too long */
     bool in_round;
-    bool reads_time;
     bool exchanging;
     struct mailbox mailbox;
     struct telegrams out;
-    uint8_t memory[MEMORY_MAX];
+    struct machine cpu;
 };
 
 /* For core.py; described below. */
-void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest,
-               const uint8_t *registers);
+void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest);
 uint32_t core_play(const struct step *scenario, uint32_t count, uint32_t kinds, uint32_t part);
 uint32_t core_instructions(void);
 const struct found *core_found(uint32_t i);
 extern const uint32_t core_found_size;
 
-volatile uint32_t host_frames[FRAMES_bytes / sizeof(uint32_t)];
-
 /* Set by core_load. */
-static uint8_t image[MEMORY_MAX];
-static uint32_t image_size, memory_size, longest_round;
-static uint8_t register_size[REGISTERS_SPAN]; /* by offset; 0: nothing is there */
+static struct machine loaded;
+static uint32_t longest_round;
 
 static struct step steps[STEPS_MAX];
 static uint32_t step_count;
@@ -122,25 +110,14 @@ static uint8_t frame_at(uint32_t base, uint32_t i)
     return ((volatile uint8_t *)host_frames)[base - FRAMES_address + i * FRAME_STRIDE];
 }
 
-/* XOR of STX, LGE and all bytes, the BCC included. */
-static bool bcc_fits(uint32_t length)
-{
-    uint32_t bcc = 0x02u ^ length;
-    uint32_t i;
-
-    for (i = 0; i < length; i++)
-        bcc ^= frame_at(TELEGRAM_FRAME_address, i);
-    return (bcc & 0xFF) == 0;
-}
-
-static void stop(struct machine *m, enum ending ending)
+static void stop(struct run *m, enum ending ending)
 {
     m->out.ending = ending;
     m->step = step_count;
 }
 
 /* After everything that may start a telegram: keeps it, without its BCC. */
-static void collect(struct machine *m, uint32_t sent_before)
+static void collect(struct run *m, uint32_t sent_before)
 {
     struct telegrams *out = &m->out;
     const uint32_t length = m->mailbox.telegram_length;
@@ -148,12 +125,12 @@ static void collect(struct machine *m, uint32_t sent_before)
 
     if (m->mailbox.unknown != 0)
         stop(m, STOPPED);
-    if (m->mailbox.sent_telegrams == sent_before)
-        return;
-    if (length < 2 || length > MAILBOX_FRAME_MAX || !bcc_fits(length)) {
+    if (m->mailbox.broken & BROKEN_BCC) {
         stop(m, REFUSED);
         return;
     }
+    if (m->mailbox.sent_telegrams == sent_before)
+        return;
     if (out->sent == SENT_MAX) {
         too_many = true;
         return;
@@ -166,204 +143,33 @@ static void collect(struct machine *m, uint32_t sent_before)
 
 /* ---- the machine */
 
-static uint32_t extended(uint32_t value, uint32_t bits)
-{
-    const uint32_t sign = 1u << (bits - 1);
-
-    return (value ^ sign) - sign;
-}
-
-/* As rtl/bus_arbiter.v decodes an address. */
-static bool is_register(uint32_t address)
-{
-    return address >> 31 && !(address >> 10 & 1);
-}
-
-static uint32_t offset_of(uint32_t address)
-{
-    return address % REGISTERS_SPAN;
-}
-
-/* `size` bytes of the memory, or of the frame memory at its end; 0: not aligned. The memory repeats over all addresses, and
- * the last quarter of 8 KiB over one of 6 KiB (rtl/bus_arbiter.v). */
-static uint8_t *place_of(struct machine *m, uint32_t address, uint32_t size)
-{
-    const uint32_t end = memory_size + FRAMES_bytes;
-
-    if (address % size != 0)
-        return 0;
-    address &= MEMORY_MAX - 1;
-    if (address >= end)
-        address -= MEMORY_MAX - end;
-    return address < memory_size ? m->memory + address : (uint8_t *)host_frames + (address - memory_size);
-}
-
-/* Reads `size` bytes; false: the card has no such access. */
-static bool load(struct machine *m, uint32_t address, uint32_t size, uint32_t *value)
+static bool execute(struct run *m)
 {
     const uint32_t sent = m->mailbox.sent_telegrams;
-    const uint8_t *place;
 
-    *value = 0;
-    if (is_register(address)) {
-        if (register_size[offset_of(address)] != size)
-            return false;
-        m->reads_time |= offset_of(address) == offsetof(MAILBOX_t, TIME);
-        *value = mailbox_on_read(&m->mailbox, offset_of(address));
-        collect(m, sent);
-        return true;
-    }
-    place = place_of(m, address, size);
-    if (place)
-        memcpy(value, place, size);
-    return place != 0;
-}
-
-static bool is_order_refused(const struct machine *m, uint32_t value)
-{
-    const uint32_t action = MAILBOX_FIELD(TELEGRAM, ACTION, value);
-
-    return action != MAILBOX__TELEGRAM__ACTION__KEEP && action != MAILBOX__TELEGRAM__ACTION__REPEAT &&
-           !m->mailbox.loopback && !bcc_fits(MAILBOX_FIELD(TELEGRAM, LENGTH, value));
-}
-
-/* Writes `size` bytes; false: the card has no such access. */
-static bool store(struct machine *m, uint32_t address, uint32_t size, uint32_t value)
-{
-    const uint32_t sent = m->mailbox.sent_telegrams;
-    uint8_t *place;
-
-    if (is_register(address)) {
-        if (register_size[offset_of(address)] != size)
-            return false;
-        if (offset_of(address) == offsetof(MAILBOX_t, TELEGRAM) && is_order_refused(m, value)) {
-            stop(m, REFUSED);
-            return true;
-        }
-        mailbox_on_write(&m->mailbox, offset_of(address), value);
-        collect(m, sent);
-        return true;
-    }
-    place = place_of(m, address, size);
-    if (place)
-        memcpy(place, &value, size);
-    return place != 0;
-}
-
-static uint32_t alu(uint32_t funct3, bool alternate, uint32_t a, uint32_t b)
-{
-    switch (funct3) {
-    case 0:
-        return alternate ? a - b : a + b;
-    case 1:
-        return a << (b & 31);
-    case 2:
-        return (int32_t)a < (int32_t)b;
-    case 3:
-        return a < b;
-    case 4:
-        return a ^ b;
-    case 5:
-        return alternate ? (uint32_t)((int32_t)a >> (b & 31)) : a >> (b & 31);
-    case 6:
-        return a | b;
-    default:
-        return a & b;
-    }
-}
-
-static bool taken(uint32_t funct3, uint32_t a, uint32_t b)
-{
-    const bool less = funct3 & 2 ? a < b : (int32_t)a < (int32_t)b;
-
-    return (funct3 & 4 ? less : a == b) != (funct3 & 1);
-}
-
-/* One instruction. false: none, or one with an access that the card does not have. */
-static bool execute(struct machine *m)
-{
-    const uint32_t pc = m->pc;
-    const uint8_t *place = place_of(m, pc, 4);
-    uint32_t word, opcode, rd, funct3, a, b, imm;
-    uint32_t value = 0;
-
-    if (!place)
+    host_connect(&m->mailbox, 0);
+    if (!machine_step(&m->cpu))
         return false;
-    memcpy(&word, place, 4);
-    word ^= m->word_flip;
-    m->word_flip = 0;
-    opcode = word & 0x7F;
-    rd = word >> 7 & 31;
-    funct3 = word >> 12 & 7;
-    a = m->x[word >> 15 & 31];
-    b = m->x[word >> 20 & 31];
-    imm = extended(word >> 20, 12);
-    m->pc = pc + 4;
-    switch (opcode) {
-    case 0x37:
-        value = word & 0xFFFFF000;
-        break;
-    case 0x17:
-        value = pc + (word & 0xFFFFF000);
-        break;
-    case 0x6F:
-        imm = word >> 31 << 20 | (word >> 12 & 0xFF) << 12 | (word >> 20 & 1) << 11 | (word >> 21 & 0x3FF) << 1;
-        value = pc + 4;
-        m->pc = pc + extended(imm, 21);
-        break;
-    case 0x67:
-        value = pc + 4;
-        m->pc = (a + imm) & ~1u;
-        break;
-    case 0x63:
-        if (funct3 == 2 || funct3 == 3)
-            return false;
-        imm = word >> 31 << 12 | (rd & 1) << 11 | (word >> 25 & 0x3F) << 5 | (rd & 30);
-        if (taken(funct3, a, b))
-            m->pc = pc + extended(imm, 13);
-        return true;
-    case 0x03:
-        if (funct3 == 3 || funct3 > 5 || !load(m, a + imm, 1u << (funct3 & 3), &value))
-            return false;
-        if (funct3 < 2)
-            value = extended(value & (funct3 ? 0xFFFFu : 0xFFu), funct3 ? 16 : 8);
-        break;
-    case 0x23:
-        imm = extended(word >> 25 << 5 | rd, 12);
-        return funct3 < 3 && store(m, a + imm, 1u << funct3, b);
-    case 0x13:
-        value = alu(funct3, funct3 == 5 && word >> 25 == 0x20, a, imm);
-        break;
-    case 0x33:
-        if (word >> 25 != 0 && word >> 25 != 0x20)
-            return false;
-        value = alu(funct3, word >> 25 == 0x20, a, b);
-        break;
-    default:
-        return false;
-    }
-    if (rd != 0)
-        m->x[rd] = value;
+    collect(m, sent);
     return true;
 }
 
 /* One instruction of a round. Its end is the next reading of TIME, which is undone. */
-static void advance(struct machine *m)
+static void advance(struct run *m)
 {
-    const uint32_t pc = m->pc;
+    const uint32_t pc = m->cpu.pc;
     const bool first = !m->in_round;
 
     if (first) {
         m->in_round = true;
         m->left = longest_round;
     }
-    m->reads_time = false;
     if (!execute(m) || m->left-- == 0) {
         stop(m, STOPPED);
         return;
     }
-    if (m->reads_time && !first) {
-        m->pc = pc;
+    if (m->cpu.reads_time && !first) {
+        m->cpu.pc = pc;
         m->in_round = false;
         m->step++;
     }
@@ -372,7 +178,7 @@ static void advance(struct machine *m)
 /* ---- the scenario */
 
 /* What a drive answers to the telegram that left last: a value of the asked kind. */
-static void drive_says(struct machine *m)
+static void drive_says(struct run *m)
 {
     static const uint8_t status[] = {0x0F, 0x03, 0x20, 0x00};
     const uint8_t *asked = m->out.byte[m->out.sent - 1] + 1; /* after ADR */
@@ -397,7 +203,7 @@ static bool is_broadcast(uint8_t adr)
     return adr == 0x80 || (adr >= 0x20 && adr <= 0x3F);
 }
 
-static void event(struct machine *m, const struct step *step)
+static void event(struct run *m, const struct step *step)
 {
     struct mailbox *mailbox = &m->mailbox;
     const uint32_t sent = mailbox->sent_telegrams;
@@ -440,7 +246,7 @@ static void event(struct machine *m, const struct step *step)
 }
 
 /* Whether the next thing is an instruction; if not, the next event happens. */
-static bool is_at_instruction(struct machine *m)
+static bool is_at_instruction(struct run *m)
 {
     const struct step *step = steps + m->step;
 
@@ -450,30 +256,21 @@ static bool is_at_instruction(struct machine *m)
     return false;
 }
 
-static void play_on(struct machine *m)
+static void play_on(struct run *m)
 {
     while (m->step < step_count)
         if (is_at_instruction(m))
             advance(m);
 }
 
-static void start(struct machine *m)
+static void start(struct run *m)
 {
     memset(m, 0, sizeof *m);
-    memset(m->memory, STACK_FILL, sizeof m->memory);
-    memcpy(m->memory, image, image_size);
+    m->cpu = loaded;
     mailbox_init(&m->mailbox);
-    m->left = FIRST_ROUND;
-    while (!m->reads_time) {
-        const uint32_t pc = m->pc;
-
-        if (!execute(m) || m->left-- == 0) {
-            stop(m, STOPPED);
-            return;
-        }
-        if (m->reads_time)
-            m->pc = pc;
-    }
+    host_connect(&m->mailbox, 0);
+    if (!machine_round(&m->cpu, FIRST_ROUND))
+        stop(m, STOPPED);
 }
 
 /* ---- flips */
@@ -502,20 +299,20 @@ static uint32_t registers_read(uint32_t word)
     return opcode == 0x67 || opcode == 0x03 || opcode == 0x13 ? rs1 & ~1u : 0;
 }
 
-static bool try_flip(const struct machine *sound, const struct flip *flip)
+static bool try_flip(const struct run *sound, const struct flip *flip)
 {
-    static struct machine m;
+    static struct run m;
     uint32_t frames[FRAMES_bytes / sizeof(uint32_t)];
     struct found *kept;
 
     memcpy(frames, (const void *)host_frames, sizeof frames);
     m = *sound;
     if (flip->kind == OF_PC)
-        m.pc ^= 1u << flip->bit;
+        m.cpu.pc ^= 1u << flip->bit;
     else if (flip->kind == OF_WORD)
-        m.word_flip = 1u << flip->bit;
+        m.cpu.word_flip = 1u << flip->bit;
     else
-        m.x[flip->which] ^= 1u << flip->bit;
+        m.cpu.x[flip->which] ^= 1u << flip->bit;
     advance(&m);
     play_on(&m);
     kept = find(&m.out);
@@ -528,7 +325,7 @@ static bool try_flip(const struct machine *sound, const struct flip *flip)
     return true;
 }
 
-static bool try_bits(const struct machine *m, struct flip flip, uint32_t kind, uint32_t first, uint32_t last)
+static bool try_bits(const struct run *m, struct flip flip, uint32_t kind, uint32_t first, uint32_t last)
 {
     flip.kind = (uint8_t)kind;
     for (; first <= last; first++) {
@@ -539,13 +336,13 @@ static bool try_bits(const struct machine *m, struct flip flip, uint32_t kind, u
     return true;
 }
 
-static bool try_all(struct machine *m, uint32_t kinds)
+static bool try_all(struct run *m, uint32_t kinds)
 {
-    struct flip flip = {.instruction = instructions, .pc = m->pc};
+    struct flip flip = {.instruction = instructions, .pc = m->cpu.pc};
     uint32_t word, which;
     bool room = true;
 
-    memcpy(&word, place_of(m, m->pc, 4), 4);
+    memcpy(&word, machine_place(&m->cpu, m->cpu.pc, 4), 4);
     if (kinds & OF_STORE && (word & 0x7F) != 0x23)
         return true;
     for (which = 1; which < 32; which++)
@@ -565,15 +362,11 @@ static bool try_all(struct machine *m, uint32_t kinds)
 
 const uint32_t core_found_size = sizeof(struct found);
 
-/* memory, longest: bytes of memory, and instructions of a round; registers: the size of the access at each offset. */
-void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest,
-               const uint8_t *registers)
+/* memory, longest: bytes of memory, and instructions of a round. */
+void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t longest)
 {
-    memcpy(image, bytes, size);
-    image_size = size;
-    memory_size = memory;
+    machine_load(&loaded, bytes, size, memory);
     longest_round = longest;
-    memcpy(register_size, registers, sizeof register_size);
 }
 
 /*
@@ -582,7 +375,7 @@ void core_load(const uint8_t *bytes, uint32_t size, uint32_t memory, uint32_t lo
  */
 uint32_t core_play(const struct step *scenario, uint32_t count, uint32_t kinds, uint32_t part)
 {
-    static struct machine m;
+    static struct run m;
     bool room = true;
 
     if (count > STEPS_MAX)

@@ -19,7 +19,7 @@ enum outcome coils_answer(const struct translator *t, struct transaction *txn, u
 
     txn->out.reply[0] = txn->function;
     txn->out.reply[1] = (uint8_t)bytes;
-    for (i = 0; i < bytes; i++, coil += 8) {
+    for (i = 0; i < bytes; i++, coil += 8) { /* at most 16 turns: 128 coils, 8 in each byte */
         const uint32_t *word = &image[coil >> 5];
         const uint32_t shift = coil & 31u;
         uint32_t bits = word[0] >> shift;
@@ -88,7 +88,7 @@ enum outcome coils_write(struct translator *t, struct transaction *txn, frame_by
 
     if (!writable(txn, txn->operand))
         return reply_exception(txn, TRAITS.bad_address);
-    for (shift = 0; shift < txn->operand; shift += 8)
+    for (shift = 0; shift < txn->operand; shift += 8) /* at most 4 turns: 32 coils, 8 in each byte */
         bits |= (uint32_t)data++->byte << shift;
     return write_run(t, txn, txn->operand, bits);
 }

@@ -62,7 +62,7 @@ static uint32_t faults(void)
     uint32_t found = 0;
     uint32_t i;
 
-    for (i = 0; i < end; i++)
+    for (i = 0; i < end; i++) /* at most 10 turns: the counters of faults, and the one of other units */
         if (i != foreign && *counter_at(i) != 0)
             found |= 1u << i;
     return found;
@@ -72,7 +72,7 @@ static void clear(void)
 {
     uint32_t i;
 
-    for (i = 0; i < COUNTERS; i++)
+    for (i = 0; i < COUNTERS; i++) /* at most 13 turns: COUNTERS */
         *counter_at(i) = 0;
 }
 
@@ -113,7 +113,7 @@ static enum outcome echo(struct transaction *txn, frame_byte *pdu, uint32_t leng
 {
     uint32_t i;
 
-    for (i = AT_SUB; i < length; i++)
+    for (i = AT_SUB; i < length; i++) /* at most 28 turns: an echo of 29 bytes without its function */
         txn->out.reply[i] = pdu[i].byte;
     return finish(txn, length);
 }
@@ -145,7 +145,7 @@ static uint32_t put_text(struct transaction *txn, uint32_t at, const char *text,
 {
     uint32_t i;
 
-    for (i = 0; i < length; i++)
+    for (i = 0; i < length; i++) /* at most 13 turns: server_id */
         txn->out.reply[at + i] = (uint8_t)text[i];
     return at + length;
 }
@@ -172,7 +172,7 @@ static enum outcome identify(struct transaction *txn, frame_byte *pdu)
     txn->out.reply[2] = (uint8_t)code;
     txn->out.reply[3] = CONFORMITY;
     txn->out.reply[6] = (uint8_t)(end - id);
-    for (; id < end; id++) {
+    for (; id < end; id++) { /* at most 3 turns: OBJECTS */
         txn->out.reply[at] = (uint8_t)id;
         txn->out.reply[at + 1] = objects[id].length;
         at = put_text(txn, at + 2, objects[id].text, objects[id].length);

@@ -19,7 +19,7 @@ static void queue_reply(const struct gateway *g, const struct transaction *txn, 
 
     if (txn != g->newest)
         return;
-    while (from != end)
+    while (from != end) /* at most 29 turns: an echo of 29 bytes (MAP-10) */
         (++frame)->byte = *from++;
     mailbox_write(REPLY, (txn->reply_length + 1u) << MAILBOX__REPLY__LENGTH_bp | after_drive |
                              (uint32_t)g->ticket << MAILBOX__REPLY__TICKET_bp);
@@ -62,7 +62,7 @@ static void copy_telegram(const struct transaction *txn)
     volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME) + length;
     const uint8_t *from = txn->out.telegram.byte + length;
 
-    do {
+    do { /* at most 8 turns: TELEGRAM_WORDS */
         uint8_t byte0 = from[-4];
         uint8_t byte1 = from[-3];
         uint8_t byte2 = from[-2];
@@ -149,7 +149,7 @@ static void end_exchange(struct gateway *g)
     enum { BYTES = 32, ADR_OF_NO_DRIVE = 0xFF, STEP = 4 };
     uint32_t i;
 
-    for (i = 0; i < BYTES; i++)
+    for (i = 0; i < BYTES; i++) /* at most 32 turns: BYTES */
         mailbox_put(&mailbox_frame(TELEGRAM_FRAME)[i].byte, ADR_OF_NO_DRIVE + STEP * i);
     g->exchange = EXCHANGE_IDLE;
 }
@@ -339,6 +339,7 @@ static struct transaction *free_slot(struct gateway *g)
 {
     struct transaction *txn = g->transactions;
 
+    /* at most 3 turns: one slot is neither at the drive nor in a place */
     while (txn == g->at_drive || txn == g->waiting[0] || txn == g->waiting[PLACES - 1])
         txn++;
     return txn;
@@ -373,7 +374,7 @@ static enum outcome translate_twice(struct gateway *g)
     enum outcome outcome;
 
     g->wants_drive = false;
-    do {
+    do { /* at most 2 turns: passes */
         outcome = translate_newest(g);
         if (outcome == OUTCOME_NOT_A_REPLY)
             return outcome;
@@ -513,6 +514,7 @@ static void poll_events(void)
     if (events == 0)
         return;
     mailbox_write(EVENTS, events);
+    /* at most 8 turns: the flags of EVENTS */
     for (; events != 0; events >>= 1, counter += FRAME_STRIDE / sizeof *counter)
         if (events & 1u)
             mailbox_count(counter);

@@ -8,7 +8,7 @@ uint32_t guard_copy(struct settings *to, const struct settings *from)
 
     /* Without the loop the copy takes half as long (PERF-2). */
 #pragma GCC unroll 6
-    for (i = 0; i < SETTINGS; i++)
+    for (i = 0; i < SETTINGS; i++) /* at most 6 turns: SETTINGS */
         if (i == CONTROL || i == EEPROM)
             sum -= to->word[i] = from->word[i];
         else

@@ -14,7 +14,7 @@ bool image_step(struct image *image, const volatile uint32_t *begin, const volat
     uint32_t sum = image->sum;
     uint32_t sums = image->sums;
 
-    for (; words != 0 && at != end; words--) {
+    for (; words != 0 && at != end; words--) { /* at most 64 turns: START_WORDS, IDLE_WORDS in the poll loop */
         sum += *at++;
         sums += sum;
     }

@@ -42,7 +42,7 @@ static void fill(volatile struct frame_slot *to, const uint8_t *from, uint32_t b
 {
     uint32_t i;
 
-    for (i = 0; i < bytes; i++)
+    for (i = 0; i < bytes; i++) /* at most 16 turns: PATTERN */
         to[i].byte = from[i];
 }
 
@@ -50,7 +50,7 @@ static bool same(frame_byte *received, const uint8_t *sent)
 {
     uint32_t i;
 
-    for (i = 0; i < PATTERN; i++)
+    for (i = 0; i < PATTERN; i++) /* at most 16 turns: PATTERN */
         if (received[i].byte != sent[i])
             return false;
     return true;
@@ -61,7 +61,7 @@ static void send_to_network(void)
     volatile struct frame_slot *bank = free_bank();
     uint32_t i;
 
-    for (i = 0; i <= PATTERN; i++)
+    for (i = 0; i <= PATTERN; i++) /* at most 17 turns: PATTERN and one */
         bank[i].byte = mailbox_frame(DRIVE_FRAME)[i].byte = FILLER;
     fill(mailbox_frame(TELEGRAM_FRAME), pattern + AT_ADR, LENGTH);
     mailbox_write(TELEGRAM, LENGTH << MAILBOX__TELEGRAM__LENGTH_bp | MAILBOX__TELEGRAM__NO_REPLY_bm);

@@ -31,14 +31,14 @@ int main(void)
 
     image_begin(&image, _start);
     /* The whole image first (docs/hardening.md, Firmware image check). */
-    do {
+    do { /* at most 24 turns: the words of the smallest memory, START_WORDS in each turn */
         check(&image, START_WORDS);
         kick();
     } while (image.at != _start);
     /* One register for the settings and for all else: their check finds a flipped bit of it (SAFE-4). */
     __asm__("" : "+r"(g));
     gateway_init(g);
-    for (;;) {
+    for (;;) { /* endless: the poll loop, under the watchdog */
         kick();
         if (!gateway_poll(g))
             continue;
@@ -46,8 +46,8 @@ int main(void)
         if (g->now & 1u) {
             check(&image, IDLE_WORDS);
         } else {
+            /* endless: until the watchdog restarts the firmware (docs/hardening.md, Guarded settings) */
             while (!translate_copy_settings(&g->translator)) {
-                /* until the watchdog restarts the firmware (docs/hardening.md, Guarded settings) */
             }
         }
     }

@@ -106,7 +106,7 @@ enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, ui
     uint32_t i;
 
     begin_answer(txn);
-    for (i = 0; i < txn->out.reply[1]; i++)
+    for (i = 0; i < txn->out.reply[1]; i++) /* at most 20 turns: 10 registers of 2 characters */
         txn->out.reply[2 + i] = i < characters ? text[i].byte : ' ';
     return OUTCOME_REPLY;
 }
@@ -119,7 +119,7 @@ static enum outcome read_local(const struct translator *t, struct transaction *t
 
     if (i == LOCAL_REGISTERS)
         return reply_exception(txn, TRAITS.bad_address);
-    for (; i < end; i++)
+    for (; i < end; i++) /* at most 3 turns: LOCAL_REGISTERS */
         at = put_register(txn, at, t->settings.word[i]);
     begin_answer(txn);
     return OUTCOME_REPLY;
@@ -151,7 +151,7 @@ static enum outcome write_local(struct translator *t, struct transaction *txn, f
     /* The drive time-out, never 0, is the last local register, so it ends the run. */
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
         return reply_exception(txn, TRAITS.bad_value);
-    for (; i < end; i++, data += 2)
+    for (; i < end; i++, data += 2) /* at most 3 turns: LOCAL_REGISTERS */
         guard_set_local(&t->next, i, word_at(data));
     return reply_confirm(txn);
 }

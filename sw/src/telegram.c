@@ -31,7 +31,7 @@ static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uin
     at[0] = 0;
     at[1] = 0;
     at[2] = 0;
-    do {
+    do { /* at most 8 turns: TELEGRAM_WORDS */
         bcc ^= *from;
         check += check + bcc;
         from++;
@@ -69,7 +69,7 @@ enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t z
     /* Four bytes a step (PERF-2). Up to two bytes after the data come along; PCD takes their place. */
     to = at + bytes;
     if (at != to)
-        do {
+        do { /* at most 5 turns: 10 registers of 2 characters, 4 a turn */
             at[0] = data[0].byte;
             at[1] = data[1].byte;
             at[2] = data[2].byte;
@@ -92,7 +92,7 @@ void telegram_as_text(struct transaction *txn)
     txn->out.telegram.byte[AT_PKE] |= AK_TEXT << 4;
     txn->out.telegram.byte[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
     /* A text has no leading zeros. */
-    for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++)
+    for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++) /* at most 4 turns: PWE */
         *at++ = txn->out.telegram.byte[AT_VALUE + i];
     end(txn, at, 0, 0);
 }

@@ -53,6 +53,7 @@ static const struct function *find_function(uint32_t code)
 {
     const struct function *function;
 
+    /* at most 6 turns: the table of functions */
     for (function = functions; function < functions + sizeof functions / sizeof *functions; function++)
         if (function->code == code)
             return function;
@@ -124,7 +125,7 @@ static uint32_t status_of(frame_byte *data, uint32_t length)
     uint8_t pcd[4];
     uint32_t i;
 
-    for (i = 0; i < 4; i++) {
+    for (i = 0; i < 4; i++) { /* at most 4 turns: PCD */
         const uint32_t at = length - 4 + i;
 
         pcd[i] = data[at < 24 ? at : 24 + (at & 3u)].byte;

@@ -586,7 +586,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     start = take(input);
     m.loopback = (start & 0x0F) == 0x0F;
     m.ticks = start << 8;
-    host_connect(on_read, on_write);
+    host_connect(&m, NULL);
+    host_watch(~0u, ~0u, on_read, on_write);
     restart();
     for (events = 0; events < EVENTS && in.at < in.end; events++)
         event(take(&in));

@@ -34,7 +34,7 @@ CORE = (
     "dialect.h",
 )
 INCLUDES = ["-Isw/include", "-Isw/src", "-Iregs/generated", "-Isw/port/host"]
-HOST = ("sw/port/host/host.c", "sw/port/host/mailbox_model.c")
+HOST = tuple(f"sw/port/host/{name}.c" for name in ("host", "mailbox_model", "machine"))
 # The tests that need no simulator. Random tests do not count for the coverage.
 TESTS = [f"tb/firmware/test_firmware_{part}.py" for part in ("translate", "dialects", "gateway", "image")]
 RANDOM = "random or any_sequence"

@@ -4,20 +4,19 @@
     python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; then the report
     python -m sw.test.mutate --shard I/N      part I of N, on any machine; writes its result file
     python -m sw.test.mutate --report         merges them; exit 1 for a survivor
-    python -m sw.test.mutate --survivors      proves or tries them again; then the report
     python -m sw.test.mutate --list           every mutant, a line each
     --count N                                        mutants of each file; 0: all
 
 A mutant is one small change in a file of the core or in gateway.c. It is caught if the fuzzer's corpus or a
-host test fails or does not end. One that is not caught is the same if sw/test/same.py proves that it behaves
-like the original, and survives otherwise. One survivor fails the command. A mutant that is proved the same,
-or compiles to the same code, is not counted.
+host test fails or does not end. One that is not caught survives, and one survivor fails the command. A mutant
+that compiles to the same code, or that sw/test/survivors.toml excuses, is not counted.
 
 Results: build/mutate/firmware/*.json.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import random
@@ -27,18 +26,20 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
 
 import pytest
+import tree_sitter_c
 from _pytest.runner import runtestprotocol
-from tree_sitter import Node
+from tree_sitter import Language, Node
+from tree_sitter import Parser as SourceParser
 
 from rtl.command import Parser, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
-from sw.test.loops import nodes, parser
-from sw.test.same import proved_same, why_not_same
 from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
 
@@ -48,8 +49,9 @@ GATEWAY = "gateway.c"
 BY_GATEWAY = ("guard_of",)  # functions of the core that only the poll loop calls
 FILES = (*CORE, GATEWAY)
 SEED = "1"  # of the random tests, so that the result for a mutant is repeatable
-SAME = "proved the same"
-NOT_COUNTED = ("does not compile", "same code", SAME)
+EXCUSED = "excused"
+NOT_COUNTED = ("does not compile", "same code", EXCUSED)
+SURVIVORS = ROOT / "sw/test/survivors.toml"
 LEAST_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
@@ -84,6 +86,7 @@ OPERATORS = {
     "--": ["++"],
 }
 WORDS = {"true": "false", "false": "true"}
+parser = SourceParser(Language(tree_sitter_c.language()))
 CONDITIONS = ("if_statement", "while_statement", "conditional_expression")
 
 
@@ -104,6 +107,12 @@ class Mutant:
 
 def mutant_of(result: dict) -> Mutant:
     return Mutant(**{field.name: result[field.name] for field in fields(Mutant)})
+
+
+def nodes(node: Node) -> Iterator[Node]:
+    yield node
+    for child in node.children:
+        yield from nodes(child)
 
 
 def function_name(node: Node | None) -> str:
@@ -185,6 +194,42 @@ def chosen_mutants(count: int) -> list[Mutant]:
     return chosen
 
 
+# ---------------------------------------------------------------- survivors with a reason
+
+
+@cache
+def functions_of(source: bytes) -> list[tuple[int, int, str]]:
+    """Begin, end and hash of the text of each function or table."""
+    nodes_there = parser.parse(source).root_node.children
+    return [(n.start_byte, n.end_byte, hashlib.sha256(n.text).hexdigest()[:8]) for n in nodes_there]
+
+
+def around(mutant: Mutant) -> tuple[int, str]:
+    """The mutant's place in its function or table, and the hash of that."""
+    of = functions_of((ROOT / "sw/src" / mutant.file).read_bytes())
+    return next((mutant.start - begin, text) for begin, end, text in of if begin <= mutant.start < end)
+
+
+@cache
+def excuses() -> dict[tuple, str]:
+    rows = tomllib.loads(SURVIVORS.read_text())["mutant"]
+    return {(row["file"], row["at"], row["of"], row["change"]): row["why"] for row in rows}
+
+
+def is_excused(mutant: Mutant) -> bool:
+    return (mutant.file, *around(mutant), mutant.change) in excuses()
+
+
+def outdated() -> list[str]:
+    """Rows that excuse no mutant of the present sources."""
+    rows = {(mutant.file, *around(mutant), mutant.change) for mutant in all_mutants()}
+    return [
+        f"survivors.toml: {file}: `{change}`: the function has changed; try the mutant again"
+        for file, at, of, change in excuses()
+        if (file, at, of, change) not in rows
+    ]
+
+
 # ---------------------------------------------------------------- one mutant's builds
 
 
@@ -199,12 +244,10 @@ class MutantBuild:
         shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
         shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
         self.files = [*sources(), *HOST]
-        self.core = [f"sw/src/{file}" for file in CORE if file.endswith(".c")]
-        common = ["sw/test/fuzz.c", "sw/test/replay.c"]
         # The sources of each fuzzer; fuzzer_of() selects one.
         self.replayers = {
-            "translate": [*self.core, "sw/src/diagnostics.c", *HOST, *common, "sw/test/fuzz_translate.c"],
-            "gateway": [*self.files, *common, "sw/test/fuzz_gateway.c"],
+            fuzzer: [*self.files, "sw/test/fuzz.c", "sw/test/replay.c", f"sw/test/fuzz_{fuzzer}.c"]
+            for fuzzer in ("translate", "gateway")
         }
         needed = dict.fromkeys(file for files in self.replayers.values() for file in files)
         for build in BUILDS:
@@ -292,9 +335,6 @@ class MutantBuild:
         self.mutant = mutant
         return all(self.same[place] == code for place, code in changed.items())
 
-    def proved_same(self) -> bool:
-        return proved_same(self.folder, self.touched(), self.folder / "same")
-
 
 def fuzzer_of(mutant: Mutant) -> str:
     return "gateway" if mutant.file == GATEWAY or mutant.function in BY_GATEWAY else "translate"
@@ -369,7 +409,7 @@ class MutationRun:
             return fate
         if self.replay and (fate := replay_fails(self.builds.make_sanitized_replayer, fuzzer)):
             return fate
-        return SAME if self.builds.proved_same() else "survives"
+        return EXCUSED if is_excused(mutant) else "survives"
 
     def tests_fail(self, items: list[pytest.Item]) -> str:
         read, write = os.pipe()
@@ -443,49 +483,8 @@ def run_shard(part: int, parts: int, count: int, replay: bool) -> None:
     name = f"shard-{part}-of-{parts}"
     begun = time.monotonic()
     results = evaluated(chosen_mutants(count)[part - 1 :: parts], name, replay)
-    keep(FOLDER / f"{name}.json", time.monotonic() - begun, results)
-
-
-def keep(file: Path, seconds: float, results: list[dict]) -> None:
-    file.write_text(json.dumps({"seconds": round(seconds), "mutants": results}, indent=1) + "\n")
-
-
-def proved_of(mutants: list[Mutant]) -> list[Mutant]:
-    """Those that the solver proves to behave like the original."""
-    folder = FOLDER / "proofs"
-    shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
-    shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
-    proved = []
-    for mutant in mutants:
-        path, source = folder / "sw/src" / mutant.file, (ROOT / "sw/src" / mutant.file).read_bytes()
-        path.write_bytes(source[: mutant.start] + mutant.new.encode() + source[mutant.end :])
-        files = [f"sw/src/{mutant.file}"] if mutant.file.endswith(".c") else list(sources())
-        why = why_not_same(folder, files, folder / "same")
-        print(f"{mutant.file}:{mutant.line} {mutant.change}: {why or SAME}", flush=True)
-        proved += [] if why else [mutant]
-        path.write_bytes(source)
-    shutil.rmtree(folder)
-    return proved
-
-
-def run_survivors(replay: bool) -> None:
-    """Tries those again that survived, after contracts or tests were added: first the solver alone.
-
-    A mutant that was caught stays caught.
-    """
-    kept = {file: json.loads(file.read_text()) for file in sorted(FOLDER.glob("shard-*.json"))}
-    alive = [mutant for shard in kept.values() for mutant in shard["mutants"] if mutant["fate"] == "survives"]
-    again = [mutant_of(result) for result in alive]
-    begun = time.monotonic()
-    fates = dict.fromkeys(proved_of(again), SAME)
-    if rest := [mutant for mutant in again if mutant not in fates]:
-        fates |= {mutant_of(result): result["fate"] for result in evaluated(rest, "survivors", replay)}
-    added = (time.monotonic() - begun) / max(1, len(kept))
-    for file, shard in kept.items():
-        for result in shard["mutants"]:
-            result["fate"] = fates.get(mutant_of(result), result["fate"])
-        keep(file, shard["seconds"] + added, shard["mutants"])
+    kept = {"seconds": round(time.monotonic() - begun), "mutants": results}
+    (FOLDER / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n")
 
 
 # ---------------------------------------------------------------- the report
@@ -499,7 +498,7 @@ def report(count: int, write: bool) -> int:
         error = f"{len(results)} results of {len(wanted)} mutants: a shard is missing or old"
         print(error, file=sys.stderr)
         return 2
-    wrong, shown = [], []
+    wrong, shown = outdated(), []
     shown.append(f"{'file':14}{'possible':>8}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
     for name in (*FILES, "all"):
         of = [m for m in results if name in (m["file"], "all")]
@@ -508,11 +507,11 @@ def report(count: int, write: bool) -> int:
         counted = len(of) - len(dead)
         caught = counted - len(alive)
         percent = 100 * caught / counted
-        fails, code, proved = map(dead.count, NOT_COUNTED)
+        fails, code, excused = map(dead.count, NOT_COUNTED)
         possible = sum(len(mutants_of(file)) for file in FILES if name in (file, "all"))
         shown.append(
             f"{name:14}{possible:8}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
-            f"   {code} same code, {proved} {SAME}, {fails} do not compile"
+            f"   {code} same code, {excused} {EXCUSED}, {fails} do not compile"
         )
         if counted < LEAST_PER_FILE:
             wrong.append(f"{name}: fewer than {LEAST_PER_FILE} mutants")
@@ -541,9 +540,6 @@ def main() -> int:
         "--count", type=at_least(0), default=60, help="mutants of each file; 0: all (default: %(default)s)"
     )
     parser.add_argument("--report", action="store_true")
-    parser.add_argument(
-        "--survivors", action="store_true", help="try the survivors again, with added contracts or tests"
-    )
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--write", action="store_true", help="put the table into docs/evidence.json")
     parser.add_argument("--tests-only", action="store_true", help="do not run the fuzzers' corpus")
@@ -553,9 +549,7 @@ def main() -> int:
         for mutant in all_mutants():
             print(f"{mutant.file}:{mutant.line} {mutant.function}: {mutant.change}")
         return 0
-    if given.survivors:
-        run_survivors(not given.tests_only)
-    if given.survivors or given.report:
+    if given.report:
         return report(given.count, given.write)
     if given.shard:
         part, _, parts = given.shard.partition("/")

@@ -7,7 +7,6 @@ design guide of the VLT HVAC Basic Drive (MG.18.C2.02).
 
 from __future__ import annotations
 
-import functools
 import random
 import re
 from collections.abc import Iterator
@@ -29,8 +28,7 @@ from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, r
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS as MODEL_DIALECTS
 from tb.model.card import OBJECTS, VERSION, CardModel, without_counts
-from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Gateway, Transaction, Translator
-from tb.model.rv32i import Machine
+from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Build, Transaction, Translator
 
 GUIDE = ROOT / "docs/guide/dialects.md"
 RULES = {"card": "DIALECT-CARD", "builtin": "DIALECT-BUILTIN", "hvac_basic": "DIALECT-HVAC-BASIC"}
@@ -427,15 +425,16 @@ START, SEND_START = H("05 0006 FF00"), H("81 0040 0000")
 
 @pytest.fixture(
     params=[
-        pytest.param((dialect, firmware), marks=pytest.mark.rule(RULES[dialect]), id=f"{dialect}-{name}")
+        pytest.param(
+            Build(dialect, on_card=on_card), marks=pytest.mark.rule(RULES[dialect]), id=f"{dialect}-{name}"
+        )
         for dialect in ("builtin", "hvac_basic")
-        for firmware, name in ((Gateway, "host"), (Machine, "card"))
+        for name, on_card in (("host", False), ("card", True))
     ]
 )
 def bench(request: pytest.FixtureRequest) -> Bench:
     """The same sources twice: compiled for the host, and as the dialect's image on an RV32I machine."""
-    dialect, firmware = request.param
-    return Bench(functools.partial(firmware, dialect=dialect))
+    return Bench(request.param)
 
 
 def refused_number(bench: Bench, pdu: bytes = READ_TEXT) -> None:
@@ -671,7 +670,7 @@ def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
 )
 def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
     """Two characters of the drive line take 2290 us: 27500 clocks, 5 to 6 per instruction."""
-    bench = Bench(functools.partial(Machine, dialect=dialect))
+    bench = Bench(Build(dialect, on_card=True))
     bench.request(READ_TEXT)
     bench.telegram_ends()
     bench.mailbox.drive_data(NO_NUMBER)
@@ -886,13 +885,13 @@ class DiagnosedBench(Bench):
 
 @pytest.fixture
 def diagnosed() -> DiagnosedBench:
-    return DiagnosedBench(functools.partial(Gateway, dialect="hvac_basic"))
+    return DiagnosedBench(Build("hvac_basic"))
 
 
 @pytest.fixture
 def diagnosed_card() -> DiagnosedBench:
     """Of the dialect that answers for a silent drive (MAP-7)."""
-    return DiagnosedBench(functools.partial(Gateway, option="DIAGNOSTICS"))
+    return DiagnosedBench(Build(option="DIAGNOSTICS"))
 
 
 @pytest.mark.rule("MAP-10", "FC-9")
@@ -1033,7 +1032,7 @@ def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str)
     rng = seeded(f"gateway events, {dialect}")
     second = 0
     for _ in range(150):
-        bench = Bench(functools.partial(Gateway, dialect=dialect))
+        bench = Bench(Build(dialect))
         mailbox = bench.mailbox
         committed: list[bytes] = []
         for _ in range(rng.randrange(250)):

@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import ctypes
-import functools
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import pytest
 
@@ -15,9 +14,7 @@ from sw.tools.stack import reserved
 from tb.agents import rtu
 from tb.lib.nightly import first
 from tb.lib.seeds import seeded
-from tb.model.fake_mailbox import FakeMailbox
-from tb.model.firmware import Connected, Gateway, frame_memory, library
-from tb.model.rv32i import Hung, Machine
+from tb.model.firmware import Build, Hung
 from tb.model.whole_card import OVERTAKEN_MS
 
 H = bytes.fromhex
@@ -37,25 +34,22 @@ OVERDUE_MS = 2
 class Bench:
     """Gateway, mailbox and the steps of a scenario; the firmware polls after every event."""
 
-    def __init__(self, firmware: type = Gateway, address: int = 1) -> None:
-        self.mailbox = FakeMailbox(address)
-        self.firmware = firmware
+    def __init__(self, build: Build = Build(), address: int = 1) -> None:  # noqa: B008
+        self.build = build
+        self.mailbox = build.mailbox(address)
         self.restart()
 
     @property
     def places(self) -> int:
         """Committed writes that can wait: a broadcast alone, or another write, too."""
-        return 1 if self.firmware is SmallGateway else 2
+        return 1 if self.build == SMALL else 2
 
     def restart(self) -> None:
         self.mailbox.restart()
-        self.gateway = self.firmware(self.mailbox.read, self.mailbox.write)
+        self.gateway = self.build.start(self.mailbox)
 
     def poll(self) -> None:
-        # One round for the event, one for its consequences.
-        self.gateway.poll()
-        self.gateway.poll()
-        assert not self.mailbox.halted
+        self.wait(0)
 
     def offer(self, pdu: bytes, broadcast: bool = False) -> None:
         """A request until it is a candidate."""
@@ -87,9 +81,8 @@ class Bench:
 
     def wait(self, ms: int) -> None:
         """Two rounds a millisecond: the exchange sees the time that the round before has read."""
-        for _ in range(ms):
-            self.mailbox.time += 1
-            self.poll()
+        self.gateway.run(ms, rounds=2)
+        assert not self.mailbox.halted
 
     def local(self, pdu: bytes) -> None:
         """A local request; checks that the card answers at once."""
@@ -106,23 +99,22 @@ class Bench:
         return self.mailbox.telegrams
 
 
-SmallGateway = functools.partial(Gateway, option="PLACES")
+HOST, SMALL, CARD = Build(), Build(option="PLACES"), Build(on_card=True)
 
 
-@pytest.fixture(params=[Gateway, Machine], ids=["host", "card"])
+@pytest.fixture(params=[HOST, CARD], ids=["host", "card"])
 def two_places(request: pytest.FixtureRequest) -> Bench:
     """The standard card, for scenarios in which writes of both kinds wait."""
     return Bench(request.param)
 
 
-OF_BOTH_CARDS = [Gateway, pytest.param(SmallGateway, marks=pytest.mark.nightly), Machine]
-
-
-@pytest.fixture(params=OF_BOTH_CARDS, ids=["host", "small", "card"])
-def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+@pytest.fixture(params=[HOST, SMALL, CARD], ids=["host", "small", "card"])
+def bench(request: pytest.FixtureRequest) -> Bench:
     """The same sources: for the host as on either card, and the standard card's image on an RV32I machine."""
-    yield Bench(request.param)
-    Connected.move_to(library())  # a machine has no library of its own
+    return Bench(request.param)
+
+
+on_either_host = pytest.mark.parametrize("bench", [HOST, SMALL], ids=["host", "small"], indirect=True)
 
 
 # ---------------------------------------------------------------- prepare early, commit late
@@ -186,11 +178,11 @@ def test_a_telegram_that_differs_in_its_second_pass_is_never_sent(
         passes.append(mailbox.length)
         if len(passes) == 2:
             for place in places:
-                frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(place)] ^= 1 << bit
+                mailbox.frames[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(place)] ^= 1 << bit
         return mailbox.length
 
     mailbox.reads["LENGTH"] = flip
-    if isinstance(bench.gateway, Machine):
+    if bench.build.on_card:
         with pytest.raises(Hung):  # the watchdog would bite
             bench.request(COMMAND)
     else:
@@ -204,7 +196,7 @@ def test_a_telegram_that_differs_in_its_second_pass_is_never_sent(
 # Of the two highest bits the commit alone sees a flip.
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize("bit", range(30))
-@pytest.mark.parametrize("bench", [Gateway], ids=["host"], indirect=True)
+@pytest.mark.parametrize("bench", [HOST], ids=["host"], indirect=True)
 def test_a_flip_of_the_next_guard_word_in_the_second_pass_sends_nothing(bench: Bench, bit: int):
     mailbox, memory = bench.mailbox, bench.gateway.memory
     place = bench.gateway.lib.host_size_of_images() + 4 * GUARD + bit // 8
@@ -244,7 +236,7 @@ def test_a_parameter_write_that_differs_in_its_second_pass_is_not_queued(bench: 
     def flip() -> int:
         passes.append(mailbox.length)
         if len(passes) == 2:
-            frame_memory()[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(5)] ^= 1
+            mailbox.frames[AREAS[f"REQUEST_FRAME_{mailbox.bank}"].at(5)] ^= 1
         return mailbox.length
 
     mailbox.reads["LENGTH"] = flip
@@ -313,32 +305,40 @@ def test_adr_of_a_telegram_is_written_last(request_pdu):
 
     Each of the four bytes of a step has a register of its own, so a skipped store exchanges no two bytes.
     """
+    bench = Bench(CARD)
+    mailbox, machine = bench.mailbox, bench.gateway
     slots = AREAS["TELEGRAM_FRAME"]
-    places = [FRAMES + slots.at(i) for i in range(slots.length)]
-    stored, registers = [], []
+    places = {FRAMES + slots.at(i): i for i in range(slots.length)}
 
-    class Watched(Machine):
-        def _store(self, address: int, size: int, value: int) -> None:
-            if address in places:
-                stored.append((places.index(address), frame_memory()[slots.at(0)]))
-                # rs2 of the store
-                registers.append(self.memory[self.pc - 2] >> 4 | (self.memory[self.pc - 1] & 1) << 4)
-            super()._store(address, size, value)
+    def stores(until: Callable[[], bool]) -> list[tuple[int, int, int]]:
+        """Place, register and ADR of each store to the telegram's place."""
+        found = []
+        while not until():
+            word = int.from_bytes(machine.memory[machine.state.pc : machine.state.pc + 4], "little")
+            offset = (word >> 25 << 5 | word >> 7 & 31) ^ 0x800
+            address = machine.state.x[word >> 15 & 31] + offset - 0x800 & 0xFFFFFFFF
+            if word & 0x7F == 0x23 and address in places:
+                found.append((places[address], word >> 20 & 31, mailbox.memory("TELEGRAM_FRAME", 1)[0]))
+            machine.step()
+        return found
 
-    bench = Bench(Watched)
     bench.request(core_flips.EARLIER)
     bench.telegram_ends()
-    bench.drive(H("0F03 2000"))
-    assert sorted({place for place, _ in stored}) == list(range(32)), "the end of the exchange"
-    stored.clear()
-    registers.clear()
-    bench.offer(request_pdu)
-    order = [place for place, _ in stored]
+    mailbox.drive_data(H("0F03 2000"))
+    bench.poll()
+    mailbox.bcc()
+    mailbox.kicks = 0
+    assert sorted({place for place, _, _ in stores(lambda: mailbox.kicks == 2)}) == list(range(32)), (
+        "the end of the exchange"
+    )
+    mailbox.candidate(request_pdu)
+    stored = stores(lambda: mailbox.telegram_queued)
+    order = [place for place, _, _ in stored]
     # Telegrams of 6 and 14 bytes, in steps of four.
     assert order == list(range(len(order) - 1, -1, -1)) and len(order) in (8, 16)
-    assert {adr for _, adr in stored} == {0xFF}, "ADR must be that of no drive until then"
+    assert {adr for _, _, adr in stored} == {0xFF}, "ADR must be that of no drive until then"
     for step in range(0, len(order), 4):
-        assert len(set(registers[step : step + 4])) == 4
+        assert len({register for _, register, _ in stored[step : step + 4]}) == 4
 
 
 @pytest.mark.rule("FRAME-6")
@@ -1236,10 +1236,9 @@ def test_a_telegram_queued_too_late_frees_the_drive_line(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-3", "LED-4")
-@pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
-def test_a_revoked_telegram_is_no_fault_of_the_drive(firmware: type):
+@on_either_host
+def test_a_revoked_telegram_is_no_fault_of_the_drive(bench: Bench):
     """Even if the round before the revoke took 5 ms."""
-    bench = Bench(firmware)
     bench.wait(100)
     bench.offer(READ_514)
     bench.mailbox.time += 5
@@ -1512,19 +1511,19 @@ IDLE_ROUND = 172  # instructions, at most
 def instructions_until(bench: Bench, happened: str) -> int:
     """Instructions until the mailbox's flag is set, if the poll loop has just missed the event."""
     machine = bench.gateway
-    start = machine.instructions
+    start = machine.state.instructions
     bench.mailbox.time += 1  # so that the LEDs are updated too
     while not getattr(bench.mailbox, happened):
-        machine._step()
-        assert machine.instructions < start + 20000
-    return machine.instructions - start + IDLE_ROUND
+        machine.step()
+        assert machine.state.instructions < start + 20000
+    return machine.state.instructions - start + IDLE_ROUND
 
 
 @pytest.mark.rule("PERF-1", "PERF-2")
 @pytest.mark.parametrize("what", WORST_REQUESTS)
 def test_every_request_is_queued_in_time(what: str):
     """At the highest rates the candidate comes 1500 us before t3.5: 18000 clocks, 5 to 6 per instruction."""
-    bench = Bench(Machine)
+    bench = Bench(CARD)
     bench.local(H("06 0000 0500"))
     bench.mailbox.candidate(WORST_REQUESTS[what])
     to_drive = what in ("32 coils", "last parameter", "text of 20")
@@ -1536,7 +1535,7 @@ def test_every_request_is_queued_in_time(what: str):
 @pytest.mark.rule("PERF-3")
 def test_a_text_reply_is_queued_before_its_bcc():
     """A character of the drive takes 1146 us: 13750 clocks."""
-    bench = Bench(Machine)
+    bench = Bench(CARD)
     bench.local(H("06 0000 0400"))
     bench.request(H("03 1841 000A"))
     bench.telegram_ends()
@@ -1547,25 +1546,25 @@ def test_a_text_reply_is_queued_before_its_bcc():
 
 
 def test_an_idle_round_is_short():
-    bench = Bench(Machine)
+    bench = Bench(CARD)
     longest = 0
     for _ in range(2000):
-        before = bench.gateway.instructions
+        before = bench.gateway.state.instructions
         bench.mailbox.time += 1
         bench.gateway.poll()
-        longest = max(longest, bench.gateway.instructions - before)
+        longest = max(longest, bench.gateway.state.instructions - before)
     print(f"idle round: {longest} instructions")
     assert longest < IDLE_ROUND
 
 
 @pytest.mark.rule("PERF-4")
 def test_the_stack_stays_far_from_the_variables():
-    bench = Bench(Machine)
+    bench = Bench(CARD)
     for request in WORST_REQUESTS.values():
         bench.request(request)
         bench.telegram_ends()
         bench.wait(400)
-    used = len(bench.gateway.memory) - bench.gateway.lowest_sp
+    used = bench.gateway.state.memory_size - bench.gateway.state.lowest_sp
     print(f"stack: {used} bytes")
     assert 0 < used <= reserved()
 
@@ -1720,10 +1719,9 @@ def test_a_broadcast_telegram_is_sent_after_the_pause(bench: Bench):
 
 
 @pytest.mark.rule("LED-5")
-@pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
-def test_the_poll_loop_is_idle_only_without_a_request_or_exchange(firmware: type):
+@on_either_host
+def test_the_poll_loop_is_idle_only_without_a_request_or_exchange(bench: Bench):
     """In an idle round without a new tick the main loop checks a word of the image or the settings."""
-    bench = Bench(firmware)
 
     def idle() -> bool:
         found = bench.gateway.is_idle()
@@ -1749,10 +1747,9 @@ def test_the_poll_loop_is_idle_only_without_a_request_or_exchange(firmware: type
 
 
 @pytest.mark.rule("LOOP-1", "LED-1")
-@pytest.mark.parametrize("firmware", [Gateway, SmallGateway], ids=["host", "small"])
-def test_a_failed_loopback_test_shows_both_leds_red_after_the_power_up_show(firmware: type):
+@on_either_host
+def test_a_failed_loopback_test_shows_both_leds_red_after_the_power_up_show(bench: Bench):
     """Without the pattern on the lines. The LEDs of a card without a master would flash."""
-    bench = Bench(firmware)
     bench.mailbox.loopback = True
     bench.restart()
     assert [state for state, _ in shown(bench, 1990)] == POWER_UP_SHOW
@@ -1777,15 +1774,12 @@ def test_a_flip_in_a_reading_of_the_request_commands_nothing(bit: int):
         bench = Bench()
         readings = 0
 
-        def read(offset: int) -> int:
+        def read() -> int:
             nonlocal readings
-            value = bench.mailbox.read(offset)
-            if offset != REGISTERS["REQUEST"].offset:
-                return value
             readings += 1
-            return value ^ (readings == flipped) << bit
+            return bench.mailbox.read_register("REQUEST") ^ (readings == flipped) << bit
 
-        bench.gateway = Gateway(read, bench.mailbox.write)
+        bench.mailbox.reads["REQUEST"] = read
         bench.offer(H("0F 0000 0020 04 7C 04 11 11"))
         bench.character()
         for pdu in (H("0F 0000 0010 02 3C 04"), H("0F 0010 0010 02 22 22")):
@@ -1830,7 +1824,7 @@ def test_a_refusal_is_a_good_reply_and_updates_the_status(bench: Bench):
 
 @pytest.mark.rule("WDG-1")
 def test_the_watchdog_is_kicked_in_every_state():
-    bench = Bench(Machine)
+    bench = Bench(CARD)
 
     def kicks(ms: int) -> int:
         """In each round; `wait` has two a millisecond."""
@@ -1936,7 +1930,7 @@ READ_CONTROL = H("01 0000 0010")
 @pytest.fixture
 def running() -> Bench:
     """A card with MASTER_LOSS_STOP, 40002 set and the drive started."""
-    bench = Bench(functools.partial(Gateway, option="MASTER_LOSS_STOP"))
+    bench = Bench(Build(option="MASTER_LOSS_STOP"))
     bench.local(SET_TIMEOUT)
     bench.request(START_40)
     answer(bench)
@@ -2068,7 +2062,7 @@ def test_the_image_keeps_the_start_if_the_gate_has_no_licence_any_more(running: 
     def refused(**order: int) -> None:
         if order["stop"]:
             mailbox.since = mailbox.ticks
-            mailbox.time += 10  # a long round
+            mailbox.ticks += 12  # a long round
         mailbox.write_register("TELEGRAM", **order)
 
     mailbox.writes["TELEGRAM"] = refused

@@ -17,9 +17,7 @@ from rtl.sources import ROOT
 from sw.tools.seal import SUMS, seal
 from tb.lib.nightly import first
 from tb.lib.seeds import seeded
-from tb.model.fake_mailbox import FakeMailbox
-from tb.model.firmware import Gateway, library
-from tb.model.rv32i import Hung, Machine, image
+from tb.model.firmware import Build, Hung, Machine, image, library
 
 ORANGE, RED = 0xF, 0b0101
 SHOW_MS, VERDICT_MS = 2000, 12000
@@ -38,25 +36,22 @@ LGE = FRAME[1]
 class BootedFirmware:
     """The firmware with a mailbox, with or without the switch setting of the loop-back test."""
 
-    firmware: type = Machine
+    build = Build(on_card=True)
 
     def __init__(self, loopback: bool = False) -> None:
-        self.mailbox = FakeMailbox()
+        self.mailbox = self.build.mailbox()
         self.mailbox.loopback = loopback
-        self.machine = self.firmware(self.mailbox.read, self.mailbox.write)
+        self.machine = self.build.start(self.mailbox)
 
     def wait(self, ms: int) -> None:
         """Two rounds a millisecond: the round of the tick, and one that has time for other work."""
-        for _ in range(ms):
-            self.mailbox.time += 1
-            self.machine.poll()
-            self.machine.poll()
+        self.machine.run(ms, rounds=2)
 
 
-@pytest.fixture(params=[Gateway, Machine], ids=["host", "card"])
+@pytest.fixture(params=[Build(), Build(on_card=True)], ids=["host", "card"])
 def both(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same sources twice: compiled for the host, and as the card's image on an RV32I machine."""
-    monkeypatch.setattr(BootedFirmware, "firmware", request.param)
+    monkeypatch.setattr(BootedFirmware, "build", request.param)
 
 
 def checked_bits() -> int:
@@ -146,17 +141,6 @@ def test_every_single_bit_and_every_swap_of_words_is_found_at_the_end_of_the_rou
             assert [check.step(words) for _ in range(steps)] == [True] * (steps - 1) + [False]
 
 
-class Halted(Exception):
-    """The supervisor stops the soft core."""
-
-
-class HaltingMailbox(FakeMailbox):
-    def write(self, offset: int, value: int) -> None:
-        super().write(offset, value)
-        if self.halted:
-            raise Halted
-
-
 @pytest.mark.rule("LED-5", "SAFE-4")
 def test_an_image_damaged_before_the_start_halts_before_any_reply():
     """The firmware halts, traps or hangs; the watchdog turns the last two into a halt (WDG-1, LED-5).
@@ -166,24 +150,25 @@ def test_an_image_damaged_before_the_start_halts_before_any_reply():
     rng = seeded("damaged bits")
     ends = {"halted": 0, "stopped": 0, "serves": 0}
     for _ in range(60):
-        mailbox = HaltingMailbox()
+        mailbox = Build().mailbox()
         bit = rng.randrange(checked_bits())
+        program = bytearray(image())
+        program[bit // 8] ^= 1 << bit % 8
         try:
-            machine = Machine(mailbox.read, mailbox.write, damaged_bit=bit)
-            for mailbox.time in range(1, 4):
-                machine.poll()
-        except Halted:
-            ends["halted"] += 1
+            machine = Machine(mailbox, bytes(program))
+            machine.run(3, rounds=1)
         except (AssertionError, Hung):
             ends["stopped"] += 1
-        else:
-            assert not mailbox.telegrams and not mailbox.replies
-            mailbox.candidate(bytes.fromhex("03 0000 0003"))
-            mailbox.commit()
-            machine.poll()
-            machine.poll()
-            assert mailbox.replies == [bytes.fromhex("01 03 06 0000 03E8 000F")], f"bit {bit} of the image"
-            ends["serves"] += 1
+            continue
+        assert not mailbox.telegrams and not mailbox.replies
+        if mailbox.halted:
+            ends["halted"] += 1
+            continue
+        mailbox.candidate(bytes.fromhex("03 0000 0003"))
+        mailbox.commit()
+        machine.run(0, rounds=2)
+        assert mailbox.replies == [bytes.fromhex("01 03 06 0000 03E8 000F")], f"bit {bit} of the image"
+        ends["serves"] += 1
         assert not mailbox.telegrams
     print(ends)
     assert ends["serves"] <= 3
@@ -219,11 +204,6 @@ def test_every_round_kicks_the_watchdog():
 # ---------------------------------------------------------------- the loop-back test
 
 
-def sent_telegrams(card: BootedFirmware) -> list[bytes]:
-    """Every telegram, its BCC as it is."""
-    return [card.mailbox.contents] if card.mailbox.telegrams else []
-
-
 def hear_at_drive(card: BootedFirmware, data: bytes, lge: int = LGE) -> None:
     """What the receiver stores of a telegram that never ends."""
     card.mailbox.store("DRIVE_LGE", bytes([lge]))
@@ -240,9 +220,9 @@ def card_with(
     card = BootedFirmware(loopback=True)
     card.mailbox.bank = bank
     card.wait(LISTEN_MS - 2)
-    assert sent_telegrams(card) == [], "a second of listening comes first"
+    assert card.mailbox.telegrams == [], "a second of listening comes first"
     card.wait(5)
-    assert sent_telegrams(card) == [TELEGRAM + WRONG_BCC]
+    assert card.mailbox.telegrams == [TELEGRAM + WRONG_BCC]
     card.wait(20)
     card.mailbox.telegram_ends()
     card.mailbox.store(f"REQUEST_FRAME_{1 - card.mailbox.bank}", to_network)
@@ -370,12 +350,21 @@ def test_an_image_is_built_again_for_other_options(tmp_path: Path):
     for folder in ("sw", "regs"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "configs.toml", tmp_path)
-    (tmp_path / "build").mkdir()
+    compiler = tmp_path / "fake-gcc"
+    compiler.write_text('#!/bin/sh\necho "$@" >build/firmware.elf\n')
+    compiler.chmod(0o755)
 
     def built(*defines: str) -> str:
-        command = ["make", "-s", "-f", "sw/firmware.mk", "build/firmware.hex", *defines]
-        subprocess.run(command, cwd=tmp_path, check=True)
-        return (tmp_path / "build/firmware.hex").read_text()
+        make = [
+            "make",
+            "-s",
+            "-f",
+            "sw/firmware.mk",
+            f"FIRMWARE_CROSS={tmp_path}/fake-",
+            "build/firmware.elf",
+        ]
+        subprocess.run([*make, *defines], cwd=tmp_path, check=True)
+        return (tmp_path / "build/firmware.elf").read_text()
 
     plain = built()
     assert built("FIRMWARE_DEFINES=-DADR_SHORT=1") != plain

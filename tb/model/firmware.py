@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The firmware's own C sources on the host, through ctypes. No simulator inside.
 
-`Translator` is the translation core (PDU in, PDU or telegram out). `Gateway` is the poll loop with a mailbox
-simulated by the test.
+`Translator` is the translation core (PDU in, PDU or telegram out). `Gateway` is the poll loop with the model
+of the mailbox, `Machine` the same as the card's image on an RV32I machine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from regs.generated.mailbox import FRAMES_BYTES, REGISTERS, STRIDE
+from tb.model.fake_mailbox import FakeMailbox, ReadHook, WriteHook
 from tb.model.fc_telegram import without_bcc
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,9 +26,7 @@ KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
 JUNK = (
     0xA5  # value of every frame byte that the hardware did not write, and of every result before it is made
 )
-
-ReadHook = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
-WriteHook = ctypes.CFUNCTYPE(None, ctypes.c_uint32, ctypes.c_uint32)
+MEMORY = 8192  # bytes of the standard card
 
 
 def build(file: str, *variables: str) -> Path:
@@ -60,42 +58,32 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
     for name, result, *arguments in [
         ("translate_init", None, pointer),
         ("translate_copy_settings", ctypes.c_bool, pointer),
-        ("translate_request", ctypes.c_int, pointer, pointer, pointer, u32, ctypes.c_bool),
+        ("host_request", ctypes.c_int, pointer, pointer, ctypes.c_char_p, u32, u32, ctypes.c_bool),
         ("host_commit", None, pointer),
-        ("translate_drive_reply", ctypes.c_int, pointer, pointer, pointer, u32),
+        ("host_drive_reply", ctypes.c_int, pointer, pointer, ctypes.c_char_p, u32, u32),
         ("translate_drive_commit", None, pointer),
         ("translate_drive_again", None, pointer),
         ("translate_drive_silent", ctypes.c_int, pointer),
         ("gateway_init", None, pointer),
         ("gateway_poll", ctypes.c_bool, pointer),
         ("gateway_is_idle", ctypes.c_bool, pointer),
-        ("host_connect", None, ReadHook, WriteHook),
+        ("host_connect", None, pointer, pointer),
+        ("host_watch", None, u32, u32, ReadHook, WriteHook),
+        ("host_run", ctypes.c_bool, pointer, pointer, u32, u32, u32),
+        ("machine_load", None, pointer, ctypes.c_char_p, u32, u32),
+        ("machine_step", ctypes.c_bool, pointer),
+        ("mailbox_on_read", u32, pointer, u32),
+        ("mailbox_on_write", None, pointer, u32, u32),
         ("host_size_of_translator", u32),
         ("host_size_of_images", u32),
         ("host_size_of_transaction", u32),
         ("host_size_of_gateway", u32),
-        ("host_soil", None, pointer, ctypes.c_uint8),
         ("host_reply", pointer, pointer, ctypes.POINTER(u32)),
         ("host_telegram", pointer, pointer, ctypes.POINTER(u32)),
     ]:
         function = getattr(lib, name)
         function.restype, function.argtypes = result, arguments
     return lib
-
-
-def frame(data: bytes, slots: int = 32) -> ctypes.Array:
-    """Bytes as laid out in the frame memory: one in every four, junk between."""
-    memory = (ctypes.c_uint8 * (STRIDE * slots))(*[JUNK] * (STRIDE * slots))
-    memory[: STRIDE * len(data) : STRIDE] = list(data)
-    return memory
-
-
-def drive_frame(data: bytes) -> ctypes.Array:
-    """Telegram data as stored by the receiver: from byte 24 on, only the last four remain (FC-7)."""
-    kept = frame(data[:24], 28)
-    for i in range(24, len(data)):
-        kept[STRIDE * (24 + i % 4)] = data[i]
-    return kept
 
 
 @dataclass
@@ -128,8 +116,8 @@ class Transaction:
 
     def drive_reply(self, data: bytes, lge: int | None = None) -> int:
         """Passes on the drive's telegram data, without ADR and BCC."""
-        self.outcome = self.translator.lib.translate_drive_reply(
-            self.translator.memory, self.memory, drive_frame(data), len(data) + 2 if lge is None else lge
+        self.outcome = self.translator.lib.host_drive_reply(
+            self.translator.memory, self.memory, data, len(data), len(data) + 2 if lge is None else lge
         )
         return self.outcome
 
@@ -155,6 +143,7 @@ class Translator:
         self.lib = library(option, dialect)
         size = self.lib.host_size_of_translator()
         self.memory = ctypes.create_string_buffer(size)
+        self.size = self.lib.host_size_of_transaction()
         self.lib.translate_init(self.memory)
 
     @property
@@ -163,12 +152,10 @@ class Translator:
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
         """Prepares a request; `length` is the true length if it differs from that of `pdu`."""
-        size = self.lib.host_size_of_transaction()
-        memory = ctypes.create_string_buffer(bytes([JUNK] * size), size)
+        memory = ctypes.create_string_buffer(self.size)
         length = len(pdu) if length is None else length
-        if not self.sound:
-            return Transaction(self, memory, SILENT)
-        outcome = self.lib.translate_request(self.memory, memory, frame(pdu[:KEPT]), length, broadcast)
+        kept = min(len(pdu), KEPT)
+        outcome = self.lib.host_request(self.memory, memory, pdu, kept, length, broadcast)
         return Transaction(self, memory, outcome)
 
     def do(self, pdu: bytes, broadcast: bool = False) -> Transaction:
@@ -180,62 +167,101 @@ class Translator:
         return self.memory.raw[: self.lib.host_size_of_images()]
 
 
-class Connected:
-    """The library of the last Gateway; it holds the frame memory and serves the mailbox (fake_mailbox.py)."""
-
-    lib: ctypes.CDLL | None = None
-    frames: ctypes.Array
-
-    @classmethod
-    def move_to(cls, lib: ctypes.CDLL) -> None:
-        if lib is cls.lib:
-            return
-        frames = (ctypes.c_uint8 * FRAMES_BYTES).in_dll(lib, "host_frames")
-        if cls.lib:
-            frames[:] = cls.frames
-        cls.lib, cls.frames = lib, frames
+class Hung(Exception):
+    """The firmware stopped polling; the card's watchdog would bite."""
 
 
-def connected() -> ctypes.CDLL:
-    """The library connected last, or that of the card."""
-    if not Connected.lib:
-        Connected.move_to(library())
-    return Connected.lib
+class Cpu(ctypes.Structure):
+    """struct machine of sw/port/host/machine.h."""
+
+    _fields_ = [("x", ctypes.c_uint32 * 32)]
+    _fields_ += [
+        (name, ctypes.c_uint32)
+        for name in ("pc", "word_flip", "instructions", "lowest_sp", "memory_size", "reads_time")
+    ]
+    _fields_ += [("memory", ctypes.c_uint8 * MEMORY)]
 
 
-def frame_memory() -> ctypes.Array:
-    """The whole frame memory, readable and writable."""
-    connected()
-    return Connected.frames
+class Firmware:
+    """The firmware with a mailbox (fake_mailbox.py), compiled for the host or as an image of the card."""
+
+    gateway = cpu = None  # references to the C structs; one of them is set
+
+    def __init__(self, mailbox: FakeMailbox) -> None:
+        self.mailbox, self.lib = mailbox, mailbox.lib
+
+    def run(self, ms: int, rounds: int) -> None:
+        """So many rounds after each of the next `ms`, or at once if there are none."""
+        mailbox = self.mailbox
+        mailbox.watch()
+        going_on = self.lib.host_run(self.gateway, self.cpu, mailbox.time, ms, rounds)
+        mailbox.passed(ms)
+        mailbox.check()
+        if not going_on:
+            raise Hung(f"no reading of TIME at {self.state.pc:#x}")
 
 
-class Gateway:
-    """The poll loop; `read(offset)` and `write(offset, value)` simulate the registers."""
+class Gateway(Firmware):
+    """The poll loop on the host."""
 
-    def __init__(
-        self,
-        read: Callable[[int], int],
-        write: Callable[[int, int], None],
-        dialect: str = "card",
-        option: str = "",
-    ) -> None:
-        self.lib = library(option, dialect)
-        Connected.move_to(self.lib)
-
-        def on_read(offset: int) -> int:
-            # The length is read at the beginning of each translation.
-            if offset == REGISTERS["LENGTH"].offset:
-                self.lib.host_soil(self.memory, JUNK)
-            return read(offset)
-
-        self._hooks = ReadHook(on_read), WriteHook(write)  # must outlive the calls
+    def __init__(self, mailbox: FakeMailbox) -> None:
+        super().__init__(mailbox)
         self.memory = ctypes.create_string_buffer(self.lib.host_size_of_gateway())
-        self.lib.host_connect(*self._hooks)
+        self.gateway = ctypes.byref(self.memory)
+        mailbox.watch()
+        self.lib.host_connect(mailbox.pointer, self.gateway)
         self.lib.gateway_init(self.memory)
 
     def poll(self) -> bool:
         """A round; whether it was idle, so that the main loop may check the image."""
-        return self.lib.gateway_poll(self.memory)
+        self.mailbox.watch()
+        idle = self.lib.gateway_poll(self.memory)
+        self.mailbox.check()
+        return idle
 
     def is_idle(self) -> bool:
         return self.lib.gateway_is_idle(self.memory)
+
+
+class Machine(Firmware):
+    """An image on an RV32I machine; a round begins with the reading of TIME."""
+
+    def __init__(self, mailbox: FakeMailbox, program: bytes) -> None:
+        super().__init__(mailbox)
+        self.state = Cpu()
+        self.cpu = ctypes.byref(self.state)
+        self.memory = self.state.memory
+        self.lib.host_connect(mailbox.pointer, None)
+        self.lib.machine_load(self.cpu, program, len(program), MEMORY)
+        # Up to the first reading of TIME, which belongs to the start, and the rest of the first round.
+        self.run(0, 2)
+
+    def poll(self) -> None:
+        self.run(0, 1)
+
+    def step(self) -> None:
+        """One instruction."""
+        self.mailbox.watch()
+        assert self.lib.machine_step(self.cpu), f"no such instruction or access at {self.state.pc - 4:#x}"
+
+
+@functools.cache
+def image(dialect: str = "card") -> bytes:
+    """The firmware image, as loaded into the card."""
+    folder = "build" if dialect == "card" else f"build/{dialect}"
+    return build(f"{folder}/firmware.bin").read_bytes()
+
+
+@dataclass(frozen=True)
+class Build:
+    """A build of the firmware: of the sources for the host, or the image of the card."""
+
+    dialect: str = "card"
+    option: str = ""
+    on_card: bool = False
+
+    def mailbox(self, address: int = 1) -> FakeMailbox:
+        return FakeMailbox(address, library(self.option, self.dialect))
+
+    def start(self, mailbox: FakeMailbox) -> Gateway | Machine:
+        return Machine(mailbox, image(self.dialect)) if self.on_card else Gateway(mailbox)

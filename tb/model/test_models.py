@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests of the reference models against published values and pymodbus."""
 
+import ctypes
 import random
 
 import pytest
@@ -9,6 +10,7 @@ from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMultipleRegistersRequest
 
 from tb.agents import crc16, rtu
+from tb.model.firmware import MEMORY, Cpu, library
 
 
 @pytest.mark.rule("FRAME-4")
@@ -59,3 +61,41 @@ def test_pdus_agree_with_pymodbus():
 def test_silences_are_the_published_ones(baud: int, t15_us: int, t35_us: int):
     assert rtu.t15_ps(baud) / 1e6 == pytest.approx(t15_us, abs=1)
     assert rtu.t35_ps(baud) / 1e6 == pytest.approx(t35_us, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("words", "result"),
+    [
+        ([0x40C58533], 0xFFFFFFF9),  # sub a0,a1,a2: 5 - 12
+        ([0x00C5A533], 1),  # slt a0,a1,a2
+        ([0x00D5B533], 1),  # sltu a0,a1,a3: 5 < FFFFFFF0h
+        ([0x4026D513], 0xFFFFFFFC),  # srai a0,a3,2
+        ([0x0026D513], 0x3FFFFFFC),  # srli a0,a3,2
+        ([0x00C59533], 0x5000),  # sll a0,a1,a2
+        ([0x12345537], 0x12345000),  # lui a0,12345h
+        ([0x10D02023, 0x10000503], 0xFFFFFFF0),  # sw a3,256(zero); lb a0,256(zero)
+        ([0x10D02023, 0x10004503], 0xF0),  # sw a3,256(zero); lbu a0,256(zero)
+        ([0x10D02023, 0x10005503], 0xFFF0),  # sw a3,256(zero); lhu a0,256(zero)
+        ([0x00C5C463, 0x00158513, 0x00858513], 13),  # blt a1,a2,+8; addi a0,a1,1; addi a0,a1,8
+        ([0x00D5C463, 0x00158513], 6),  # blt a1,a3,+8; addi a0,a1,1
+        ([0x0080056F], 4),  # jal a0,+8
+    ],
+)
+def test_the_machine_of_the_images_computes_as_rv32i(words: list[int], result: int):
+    """With a1 = 5, a2 = 12 and a3 = FFFFFFF0h; the result is in a0. Words and results are written by hand."""
+    program = b"".join(word.to_bytes(4, "little") for word in words)
+    cpu, lib = Cpu(), library()
+    lib.machine_load(ctypes.byref(cpu), program, len(program), MEMORY)
+    cpu.x[11:14] = [5, 12, 0xFFFFFFF0]
+    while cpu.pc < len(program):
+        assert lib.machine_step(ctypes.byref(cpu))
+    assert cpu.x[10] == result
+
+
+@pytest.mark.parametrize(
+    ("word", "what"), [(0x02C58533, "mul"), (0x00102503, "lw a0,1(zero)"), (0xFFFFFFFF, "no instruction")]
+)
+def test_the_machine_stops_at_what_the_card_does_not_have(word: int, what: str):
+    cpu, lib = Cpu(), library()
+    lib.machine_load(ctypes.byref(cpu), word.to_bytes(4, "little"), 4, MEMORY)
+    assert not lib.machine_step(ctypes.byref(cpu)), what

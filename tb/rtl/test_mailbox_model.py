@@ -13,7 +13,7 @@ from tb.lib.bench import Strobes
 from tb.lib.nightly import on_verilator
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-from tb.model.fake_mailbox import FakeMailbox
+from tb.model.firmware import Build
 from tb.rtl.test_commit_gate import Gate
 
 HISTORIES, EVENTS = 30, 600
@@ -27,7 +27,7 @@ class Both:
     """A gate and a model with the same history."""
 
     def __init__(self, gate: Gate, rng) -> None:
-        self.gate, self.rng, self.mailbox = gate, rng, FakeMailbox()
+        self.gate, self.rng, self.mailbox = gate, rng, Build().mailbox()
         self.mailbox.store("TELEGRAM_FRAME", TELEGRAM)
         self.started = Strobes(gate.dut, "telegram_start", "telegram_control", "telegram_stop")
         self.telegrams = Counter()  # by licence, and whether it is a repeat

@@ -59,6 +59,7 @@ static void settle(struct mailbox *m)
         m->reply_queued = m->answerable = false;
         m->spent = true;
         m->sent_replies++;
+        mailbox_left(m, false);
         if (m->newest && !m->loopback)
             end_licence(m);
     }
@@ -69,6 +70,7 @@ static void settle(struct mailbox *m)
         m->spent |= m->newest && m->control;
         m->begun = true;
         m->sent_telegrams++;
+        mailbox_left(m, true);
         end_lost_licence(m);
     }
 }
@@ -171,6 +173,7 @@ void mailbox_pause_over(struct mailbox *m)
 void mailbox_telegram_ends(struct mailbox *m)
 {
     if (m->sending) {
+        m->broken |= mailbox_is_touched(m) ? BROKEN_TOUCHED : 0;
         m->sending = false;
         m->listening = !m->no_reply;
     }
@@ -289,6 +292,25 @@ static void order_waiting(struct mailbox *m, bool mine, bool stop, uint32_t to_a
     m->repeatable = m->from_place = stop || !to_all;
 }
 
+/* XOR of STX, LGE, all bytes and BCC. */
+static bool bcc_fits(uint32_t length)
+{
+    uint32_t bcc = 0x02u ^ length;
+
+    while (length-- != 0)
+        bcc ^= mailbox_frame(TELEGRAM_FRAME)[length].byte;
+    return bcc == 0;
+}
+
+static uint32_t broken_by(const struct mailbox *m, uint32_t length, bool stop)
+{
+    const bool starts = mailbox_frame(TELEGRAM_FRAME)[2].byte & 1u << 6; /* bit 6 of the control word */
+
+    if (length < 2 || (!m->loopback && !bcc_fits(length)))
+        return BROKEN_BCC;
+    return stop && (length < 3 || starts) ? BROKEN_STOP : 0;
+}
+
 static void order_telegram(struct mailbox *m, uint32_t value)
 {
     const bool mine = MAILBOX_FIELD(TELEGRAM, TICKET, value) == m->ticket;
@@ -299,8 +321,10 @@ static void order_telegram(struct mailbox *m, uint32_t value)
         order_keep(m, mine);
         return;
     }
-    if (m->sending)
+    if (m->sending) {
+        m->broken |= BROKEN_OVERWRITTEN;
         return;
+    }
     m->started = false;
     end_lost_licence(m);
     if (action == MAILBOX__TELEGRAM__ACTION__REPEAT) {
@@ -308,12 +332,13 @@ static void order_telegram(struct mailbox *m, uint32_t value)
         return;
     }
     m->begun = false;
+    m->telegram_length = MAILBOX_FIELD(TELEGRAM, LENGTH, value);
+    m->broken |= broken_by(m, m->telegram_length, MAILBOX_FIELD(TELEGRAM, STOP, value));
     m->no_reply = MAILBOX_FIELD(TELEGRAM, NO_REPLY, value);
     if (action == MAILBOX__TELEGRAM__ACTION__WAITING)
         order_waiting(m, mine, MAILBOX_FIELD(TELEGRAM, STOP, value), m->no_reply);
     else
         order_first(m, mine);
-    m->telegram_length = MAILBOX_FIELD(TELEGRAM, LENGTH, value);
     for (i = 0; i < m->telegram_length; i++)
         m->telegram[i] = mailbox_frame(TELEGRAM_FRAME)[i].byte;
 }

@@ -23,8 +23,8 @@ enum { MAILBOX_JUNK = 0xA5, MAILBOX_FRAME_MAX = 32 };
     /* time in 1/1200 s; quiet: the pause before a telegram is over (FC-8), and nobody else sends */ \
     /* heard: somebody else's character since power-up (LOOP-1) */ \
     field(ticks) field(quiet) field(heard) field(loopback) \
-    /* registers that the firmware writes; kicks of the watchdog; accesses that the model does not serve */ \
-    field(events) field(led) field(halted) field(kicks) field(unknown) \
+    /* registers that the firmware writes; kicks of the watchdog; accesses that the model does not serve; broken rules */ \
+    field(events) field(led) field(halted) field(kicks) field(unknown) field(broken) \
     /* the newest request; request: the number that the judge gave it; kept: it is to wait after its commit */ \
     field(address) field(ticket) field(bank) field(length) field(request) field(is_broadcast) field(writes_coils) \
     field(is_candidate) field(is_committed) field(answerable) field(spent) field(kept) \
@@ -49,6 +49,14 @@ struct mailbox {
     uint8_t telegram[MAILBOX_FRAME_MAX]; /* as it was when it was queued */
 };
 
+/* Bits of `broken`: orders that no correct firmware gives, and a write to the telegram on the line. */
+enum {
+    BROKEN_OVERWRITTEN = 1, /* a telegram is ordered while another one is on the line */
+    BROKEN_BCC = 2,         /* BCC or length are wrong; the loop-back test's pattern has a wrong BCC (LOOP-1) */
+    BROKEN_STOP = 4,        /* a stop that starts the drive (SAFE-7) */
+    BROKEN_TOUCHED = 8,     /* the telegram changed while it was sent */
+};
+
 extern const char mailbox_fields[]; /* the names of MAILBOX_STATE, with spaces between */
 extern const uint32_t mailbox_size; /* of struct mailbox, in bytes */
 
@@ -69,6 +77,9 @@ void mailbox_pause_over(struct mailbox *m);
 void mailbox_telegram_ends(struct mailbox *m);
 void mailbox_drive_data(struct mailbox *m, const uint8_t *data, uint32_t length, uint32_t lge);
 void mailbox_bcc(struct mailbox *m, uint32_t good);
+
+/* Called with each telegram and reply that leaves; the user of the model defines it. */
+void mailbox_left(const struct mailbox *m, bool telegram);
 
 /* 1 if the telegram in the frame memory differs from the one queued last. */
 uint32_t mailbox_is_touched(const struct mailbox *m);
