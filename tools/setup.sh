@@ -51,7 +51,6 @@ needs=(
   "demo     python  ensurepip                python3-venv"
   "test     command iverilog                 iverilog"
   "test     command tmux                     tmux"
-  "test     header  modbus/modbus.h          libmodbus-dev"
   "test     libpython -                      libpythonX.Y"
   "views    command tshark                   tshark"
   "views    command sigrok-cli               sigrok-cli"

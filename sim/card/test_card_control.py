@@ -42,51 +42,40 @@ def answered(master: RawPort, request: bytes = READ_CONTROL, count: int = CONTRO
     return len(master.read(count, SILENCE_S)) == count
 
 
-@pytest.mark.parametrize(
-    ("command", "says"),
-    [
-        ("", "no command"),
-        ("tripp", "unknown command 'tripp'"),
-        ("trip 0", "from 1 to 99"),
-        ("trip 13 14", "takes no '14'"),
-        ("trip soon", "not 'soon'"),
-        ("cut modbus", "needs more"),
-        ("cut both on", "modbus or drive, not 'both'"),
-        ("cut drive maybe", "on or off"),
-        ("noise modbus 1001", "from 0 to 1000"),
-        ("noise modbus nan", "from 0 to 1000"),
-        ("baud modbus -21", "from -20 to 20"),
-        ("switches 11111 10000000", "9 digits"),
-        ("switches 111110000 2", "8 digits"),
-        ("power-cycle now", "takes no 'now'"),
-    ],
-)
-def test_wrong_command_is_one_line_and_changes_nothing(card, command, says):
+WRONG = {
+    "": "no command",
+    "tripp": "unknown command 'tripp'",
+    "trip 13 14": "takes no '14'",
+    "trip soon": "not 'soon'",
+    "cut both on": "modbus or drive, not 'both'",
+    "noise modbus nan": "from 0 to 1000",
+    "baud modbus -21": "from -20 to 20",
+    "switches 11111 10000000": "9 digits",
+}
+
+
+def test_wrong_command_is_one_line_and_changes_nothing(card):
     before = card.state()
-    answer = card.command(command)
-    assert answer.startswith("error: ") and says in answer
+    for command, says in WRONG.items():
+        answer = card.command(command)
+        assert answer.startswith("error: ") and says in answer
     after = card.state()
     assert {**after, "state": 0, "modbus": 0, "drive": 0} == {**before, "state": 0, "modbus": 0, "drive": 0}
     for line in ("modbus", "drive"):
         assert {**after[line], "led": ""} == {**before[line], "led": ""}
-
-
-def test_help_names_every_command(card):
-    listed = card.command("help")
     for name in ("trip", "cut", "noise", "baud", "switches", "power-cycle", "state"):
-        assert name in listed
+        assert name in card.command("help")
 
 
-def test_the_end_of_the_input_ends_the_card(card):
-    card.process.stdin.close()
-    assert card.wait() == 0
-
-
-def test_trip_sets_the_status_word(card, master):
+def test_trip_sets_the_status_word_until_a_power_cycle_and_the_end_of_the_input_ends_the_card(card):
     assert not card.state()["motor"]["status"] & TRIPPED
     assert card.command("trip 7") == "ok"
     motor = card.state()["motor"]
     assert motor["status"] & TRIPPED and motor["alarm"] == 7
+    assert card.command("power-cycle") == "ok"
+    assert card.state()["motor"]["alarm"] == 0
+    card.process.stdin.close()
+    assert card.wait() == 0
 
 
 def test_a_foreign_drive_cannot_be_tripped(tmp_path):
@@ -129,7 +118,7 @@ def test_noise_spoils_frames_and_the_card_ignores_them(card, master):
 
 
 @pytest.mark.rule("LINE-5")
-@pytest.mark.parametrize(("percent", "heard"), [(3, True), (-3, True), (9, False), (-9, False)])
+@pytest.mark.parametrize(("percent", "heard"), [(3, True), (-9, False)])
 def test_rate_error_of_the_master(card, master, percent, heard):
     assert card.command(f"baud modbus {percent}") == "ok"
     assert answered(master) == heard
@@ -154,12 +143,7 @@ def test_switches_are_read_at_power_up(card, master):
     assert asked.end - asked.start == pytest.approx(len(READ_CONTROL) * 11 / 19200, rel=0.001)
 
 
-def test_power_cycle_clears_the_trip(card):
-    card.command("trip")
-    assert card.command("power-cycle") == "ok"
-    assert card.state()["motor"]["alarm"] == 0
-
-
+@pytest.mark.nightly
 def test_without_control_the_input_is_ignored(tmp_path):
     run = subprocess.run(
         [CARD, "--quiet", "--for", "0.3"], input="trip\n", capture_output=True, text=True, check=False

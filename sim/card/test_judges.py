@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Independent tools must agree with the card's log.
 
-tshark and sigrok-cli decode recordings, sigrok from the bits of the waveform. pymodbus, mbpoll and libmodbus
-are masters of the virtual card.
+tshark and sigrok-cli decode recordings, sigrok from the bits of the waveform. pymodbus and mbpoll, which
+libmodbus speaks for, are masters of the virtual card.
 """
 
 from __future__ import annotations
@@ -321,40 +321,9 @@ def by_mbpoll(link: Path, asked: Operation) -> str:
     return "values " + " ".join(values) if asked.reads else "done"
 
 
-LIBMODBUS = {
-    0x01: "read-coils",
-    0x03: "read-registers",
-    0x05: "write-coil",
-    0x06: "write-register",
-    0x0F: "write-coils",
-    0x10: "write-registers",
-}
-CLIENT = Path("build/host/libmodbus_client")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def client() -> None:
-    command = ["make", "--silent", "--no-print-directory", "-f", "sim/card/judges.mk", str(CLIENT)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-def run_client(link: Path, *words: object) -> str:
-    command = [str(ROOT / CLIENT), str(link), "1", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
-
-
-def by_libmodbus(link: Path, asked: Operation) -> str:
-    rest = (asked.count,) if asked.reads else asked.values
-    return run_client(link, LIBMODBUS[asked.function], asked.address, *rest)
-
-
 MASTERS: dict[str, Callable[[Path, Operation], str]] = {
     "pymodbus": by_pymodbus,
     "mbpoll": by_mbpoll,
-    "libmodbus": by_libmodbus,
 }
 EXPECTED = {
     "start by coils": "done",
@@ -390,20 +359,6 @@ def test_masters_agree_with_the_log(tmp_path, master):
             assert logged == EXPECTED[name], name
             hidden = master != "pymodbus" and logged in ("exception 64", "exception 66")
             assert said == ("exception ?" if hidden else logged), name
-
-
-@pytest.mark.rule("EXC")
-@pytest.mark.parametrize("name", ["ex5-read-514", "bad-function", "bad-address", "ex4-write-104"])
-def test_libmodbus_receives_the_exact_bytes(tmp_path, name):
-    """Raw requests, to see exception codes for which libmodbus has no name."""
-    request, reply = (bytes.fromhex(EXAMPLES[name][part]) for part in ("request", "reply"))
-    with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--quiet") as card:
-        said = run_client(card.link, "raw", *(f"{byte:02X}" for byte in request[:-2]))
-        (logged,) = [
-            f for f in card.wait_for_frames(0, "modbus", "card") if (f.line, f.sender) == ("modbus", "card")
-        ]
-    assert said == f"bytes {reply.hex(' ').upper()}"
-    assert logged.data == reply
 
 
 @pytest.mark.rule("EXC")
