@@ -21,7 +21,7 @@ from rtl.sources import configuration
 from sw.tools.bin2hex import hex_line, with_parity
 from tb.lib.bench import Bench
 from tb.lib.nightly import first
-from tb.lib.runner import ROOT, run
+from tb.lib.runner import ROOT, SIMULATORS, run
 from tb.lib.seeds import seeded
 
 MEMORY = 1024
@@ -310,8 +310,7 @@ def image_file(sim: str, config: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("sim", first(["icarus", "verilator"]))
-@pytest.mark.parametrize("config", ["standard", "tiny"])
+@pytest.mark.parametrize("sim", first(SIMULATORS))
 @pytest.mark.rule("TOP-2", "WDG-1")
 def test_soft_core(sim, config):
     core = configuration(config)
