@@ -30,7 +30,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OBJCACHE := ccache
 # As rtl/cache.py: kept for every checkout, so without the checkout's path.
 export CCACHE_DIR := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/rtu2fc/ccache
-export CCACHE_MAXSIZE := 1G
+export CCACHE_MAXSIZE := 500M
 export CCACHE_BASEDIR := $(CURDIR)
 # The random tests of pytest: the same seed in each run, unless SEED= gives another.
 export COCOTB_RANDOM_SEED := $(SEED)

@@ -21,8 +21,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-KEPT_BYTES, KEPT_S = 500_000_000, 3600  # of each kind; more only while it is young
-CCACHE = {"CCACHE_MAXSIZE": "1G", "CCACHE_BASEDIR": str(ROOT)}
+KEPT_BYTES, KEPT_S = 200_000_000, 3600  # of each kind; more only while it is young
+CCACHE = {"CCACHE_MAXSIZE": "500M", "CCACHE_BASEDIR": str(ROOT)}
 
 
 @functools.cache
