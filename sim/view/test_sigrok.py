@@ -12,7 +12,6 @@ import json
 import os
 import random
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -25,7 +24,6 @@ from vcd import VCDWriter
 from sim.card.example_run import ExampleRun, Recorded
 from sim.card.run_card import ROOT
 from sim.drive.drive_table import read_capacity, read_profile
-from sim.view import fc_tables
 from sim.view.lines_vcd import SAMPLE_S, write_vcd
 from tb.model import fc_telegram
 
@@ -257,12 +255,6 @@ def test_random_telegrams_agree_with_the_model(tmp_path):
     ("word", "said"),
     [
         (0x047C, "start, data valid"),
-        (0x043C, "ramp stop, data valid"),
-        (0x84FC, "start, reset, data valid, reversing"),
-        (0x0474, "coast stop, start, data valid"),
-        (0x046C, "quick stop, start, data valid"),
-        (0x0478, "DC brake, start, data valid"),
-        (0x055C, "freeze, start, jog, data valid"),
         (0x1C7F, "Preset reference LSB, Preset reference MSB, start, data valid, Relay 1, Relay 2"),
         (0x007C, "ignored: data not valid"),
     ],
@@ -309,16 +301,7 @@ def test_a_value_a_refusal_and_an_index_are_said_in_words(tmp_path, request_, re
     assert telegrams(shown)[1].text.startswith(f"Reply: {said}")
 
 
-SIGNED = [
-    (211, 0xFFFF, "-0.01 %"),
-    (211, 0x8000, "-327.68 %"),
-    (211, 0x7FFF, "327.67 %"),
-    (211, 0xFFFFFFFF, "-0.01 %"),
-    (225, 0xFFFFFFFF, "-0.001 Hz"),
-    (225, 0x80000000, "-2147483.648 Hz"),
-    (225, 0x7FFFFFFF, "2147483.647 Hz"),
-    (225, 0xFFFF, "65.535 Hz"),
-]
+SIGNED = [(211, 0xFFFF, "-0.01 %"), (225, 0x80000000, "-2147483.648 Hz"), (225, 0xFFFF, "65.535 Hz")]
 
 
 @pytest.mark.rule("FC-4")
@@ -358,18 +341,11 @@ GAP = ("gap", "Gap of 3.0 characters in a telegram, at most 2")
             id="parity",
         ),
         pytest.param(
-            Sent(STATUS, 2.1, bad_stop=(7,)),
-            "stop bit wrong in byte 8",
-            [("stop-bit", "Stop bit error in A9h")],
-            id="stop bit",
-        ),
-        pytest.param(
             Sent(STATUS, 2.1, gaps=((5, 3.0),)),
             "cut after 5 of 8 bytes",
             [GAP, ("no-stx", "No STX: 20 00 A9")],
             id="gap",
         ),
-        pytest.param(Sent(STATUS[:5], 2.1), "cut after 5 of 8 bytes", [], id="cut"),
         pytest.param(Sent(STATUS[:1], 2.1), "cut after STX", [], id="STX alone"),
         pytest.param(
             Sent(STATUS, 2.1, gaps=((2, 1.5), (4, 1.5), (6, 1.9))),
@@ -377,21 +353,11 @@ GAP = ("gap", "Gap of 3.0 characters in a telegram, at most 2")
             [],
             id="slow",
         ),
-        pytest.param(Sent(sealed("02 05 81 0F 03 20"), 2.1), "LGE 5 is below 6", [], id="short LGE"),
-        pytest.param(
-            Sent(sealed("02 09 81 10 02 00 00 0F 03 20"), 2.1),
-            "LGE 9 fits no kind of telegram",
-            [],
-            id="LGE between",
-        ),
         pytest.param(
             Sent(sealed("02 10 81 12 02 00 00 00 00 00 00 00 00 0F 03 20 00"), 2.1),
             "LGE 16 with AK 1",
             [],
             id="LGE of a text",
-        ),
-        pytest.param(
-            Sent(STATUS[:1] + b"\x07" + STATUS[2:], 2.1), "LGE 7 fits no kind of telegram", [], id="LGE long"
         ),
         pytest.param(Sent(b"\x03" + STATUS[1:], 2.1), None, [("no-stx", None)], id="no STX"),
     ],
@@ -430,7 +396,6 @@ def test_after_a_bad_telegram_the_decoder_waits_for_silence(tmp_path):
     ("reply", "warned"),
     [
         pytest.param([Sent(STATUS, 2.1, gaps=((5, 2.0),))], [], id="gap of 2"),
-        pytest.param([Sent(STATUS, 2.0)], [], id="pause of 2"),
         pytest.param(
             [Sent(STATUS, 1.5)],
             [("gap", "Pause of 1.5 characters before a telegram, at least 2")],
@@ -439,10 +404,6 @@ def test_after_a_bad_telegram_the_decoder_waits_for_silence(tmp_path):
         pytest.param(
             [Sent(b"\x00", 1.0), Sent(STATUS, 0.5)], [("phantom", "Phantom before STX: 00")], id="phantom"
         ),
-        pytest.param(
-            [Sent(b"\xff\x80", 1.0), Sent(STATUS, 2.0)], [("phantom", "Phantom before STX: FF 80")], id="two"
-        ),
-        pytest.param([Sent(b"\xff", 0.2), Sent(STATUS, 3.0)], [("no-stx", "No STX: FF")], id="far from STX"),
     ],
 )
 def test_a_reply_is_good_with_short_gaps_and_after_phantom_characters(tmp_path, reply, warned):
@@ -497,13 +458,8 @@ def test_a_telegram_after_150_ms_is_a_new_request(tmp_path):
     assert sorted(late) == ["no-reply", "request", "request"]
 
 
-def test_the_last_request_may_have_no_reply(tmp_path):
-    assert names_of(tmp_path, [Sent(START)], end=100) == ["request"]
-    assert sorted(names_of(tmp_path, [Sent(START)], end=140)) == ["no-reply", "request"]
-
-
 @pytest.mark.rule("FC-2")
-@pytest.mark.parametrize("adr", [0x80, 0x20, 0x3F])
+@pytest.mark.parametrize("adr", [0x80, 0x3F])
 def test_a_broadcast_has_no_reply(tmp_path, adr):
     to_all = fc_telegram.build_process(0x047C, 0x1999, adr)
     shown = decode(draw(tmp_path / "lines.vcd", [Sent(to_all), Sent(START, 2.1)], end=100))
@@ -532,39 +488,6 @@ def test_the_option_names_the_line_of_the_requests(tmp_path):
 
 
 # ---------------------------------------------------------------- options, tables, installation
-@pytest.mark.parametrize(
-    ("option", "words"),
-    [
-        (
-            "drive=vlt9000",
-            "drive=vlt9000 is unknown; choose one of hvac_basic, vlt2800, vlt5000, vlt6000, vlt8000",
-        ),
-        ("requests=both", "requests=both is unknown; choose one of auto, rx, tx"),
-    ],
-)
-def test_an_unknown_option_is_named_with_its_choices(tmp_path, option, words):
-    done = sigrok_cli(draw(tmp_path / "lines.vcd", [Sent(START)]), f":{option}", "rx=drive")
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.splitlines()[0].endswith(f": {words}")
-
-
-def test_drifted_tables_are_found(tmp_path, monkeypatch, capsys):
-    """A word that changes in regs/fc.toml changes the dissector's and the decoder's tables."""
-    for name in ("regs", "sim/drive"):
-        shutil.copytree(ROOT / name, tmp_path / name)
-    shutil.copytree(DECODERS, tmp_path / "sim/view/sigrok")
-    monkeypatch.setattr(fc_tables, "ROOT", tmp_path)
-    monkeypatch.setattr("sys.argv", ["fc_tables", "--check"])
-    assert fc_tables.main() == 0
-    source = tmp_path / fc_tables.WORDS
-    source.write_text(source.read_text().replace('one = "data valid"', 'one = "word valid"'))
-    assert fc_tables.main() == 1
-    assert [line.split()[0] for line in capsys.readouterr().err.splitlines()] == [
-        "regs/generated/fc_tables.lua",
-        "sim/view/sigrok/vltfc/tables.py",
-    ]
-
-
 def test_the_decoder_has_the_syntax_of_an_old_python():
     files = sorted(DECODERS.rglob("*.py"))
     assert len(files) == 3
@@ -595,62 +518,17 @@ def test_the_command_prints_telegrams_with_times(tmp_path):
     assert len(re.findall("^ +[0-9.]+      BCC [0-9A-F]{2}h right$", fields, re.MULTILINE)) == 3
 
 
-def test_the_command_takes_a_waveform_of_the_card(recorded):
-    done = printed(recorded.wave)
-    frames = [frame for frame in recorded.frames if frame.line == "drive"]
-    assert (done.returncode, done.stderr) == (0, "")
-    assert [float(line.split()[0]) for line in done.stdout.splitlines()] == [
-        pytest.approx(frame.start, abs=1e-4) for frame in frames
-    ]
-
-
 @pytest.mark.parametrize(
-    ("options", "code", "words"),
+    ("options", "words"),
     [
-        (["--channel", "D7"], 2, "no channel D7; there are drive"),
-        (
-            ["--drive", "vlt9000"],
-            2,
-            "no drive vlt9000; choose one of hvac_basic, vlt2800, vlt5000, vlt6000, vlt8000",
-        ),
-        (["--baud", "0"], 2, "0 bit/s is not within 300 and 115200"),
-        (["--baud", "19200"], 2, "no whole telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
-        (["--baud", "4800"], 2, "no whole telegram on drive at 4800 bit/s 8E1; try --baud or --invert"),
-        (["--invert"], 2, "no whole telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
-        (["--invert", "yes"], 2, "no whole telegram on drive at 9600 bit/s 8E1; try --baud or --invert"),
+        (["--channel", "D7"], "no channel D7; there are drive"),
+        (["--baud", "19200"], "no whole telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
     ],
 )
-def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, code, words):
+def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, words):
     vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
     done = printed(vcd, *options)
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", f"telegrams: {vcd}: {words}\n")
-
-
-def test_an_idle_line_has_no_telegram(tmp_path):
-    vcd = draw(tmp_path / "idle.vcd", [Sent(START, on="card")], lines=("card", "drive"))
-    done = printed(vcd)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert (
-        done.stderr
-        == f"telegrams: {vcd}: no whole telegram on drive at 9600 bit/s 8E1; try --baud or --invert\n"
-    )
-
-
-def test_damaged_telegrams_alone_are_shown(tmp_path):
-    done = printed(draw(tmp_path / "bad.vcd", [Sent(START[:-1] + b"\x7c"), Sent(STATUS[:5])]))
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert [line.split("  ")[-1] for line in done.stdout.splitlines()] == [
-        "Bad: BCC 7Ch, 7Dh would be right",
-        "Bad: cut after 5 of 8 bytes",
-    ]
-
-
-def test_parts_of_telegrams_are_no_rows(tmp_path):
-    """As a wrong rate shows them."""
-    vcd = draw(tmp_path / "cut.vcd", [Sent(STATUS[:5]), Sent(START[:1])])
-    done = printed(vcd)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"telegrams: {vcd}: no whole telegram on drive at 9600 bit/s 8E1;")
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {vcd}: {words}\n")
 
 
 def test_a_line_that_is_low_when_idle_is_read_inverted(tmp_path):
@@ -666,28 +544,10 @@ def test_a_line_that_is_low_when_idle_is_read_inverted(tmp_path):
     assert printed(vcd, "--invert", "no").returncode == 2
 
 
-def test_a_folder_is_no_file(tmp_path):
-    done = printed(tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == f"telegrams: {tmp_path}: is a folder, not a file\n"
-
-
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (
-            lambda data: bytes(329) + data[329:],
-            "the waveform is unfinished: its program still runs or was killed",
-        ),
-        (lambda data: data[: len(data) // 2], "failed to load Fst: I/O operation failed"),
-        (lambda data: data[:1] + b"\0" * 7 + b"\x07" + data[9:], "the waveform is damaged"),
-    ],
-    ids=["unfinished", "half", "another header"],
-)
-def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path, spoil, words):
+def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path):
     """The writer of a running card fills in the header at its end."""
-    wave = tmp_path / "card.fst"
-    wave.write_bytes(spoil(recorded.wave.read_bytes()))
+    wave, words = tmp_path / "card.fst", "the waveform is unfinished: its program still runs or was killed"
+    wave.write_bytes(bytes(329) + recorded.wave.read_bytes()[329:])
     done = printed(wave)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {wave}: {words}\n")
     for name, *more in (("lines_vcd", tmp_path / "lines.vcd"), ("waves",)):
@@ -695,33 +555,6 @@ def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path, spoil, w
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{name}: {words}\n")
     assert not (tmp_path / "lines.vcd").exists()
-
-
-def test_a_reader_that_stops_costs_no_message(tmp_path):
-    vcd = draw(tmp_path / "bad.vcd", [Sent(STATUS[:-1] + b"\xa8")])
-    ours, output = os.pipe()
-    os.close(ours)
-    command = [sys.executable, "-m", "sim.view.telegrams", vcd]
-    done = subprocess.run(command, cwd=ROOT, stdout=output, stderr=subprocess.PIPE, text=True, check=False)
-    os.close(output)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert "no good telegram" in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("none.vcd", None, "no such file"),
-        ("no.sr", b"no capture", "sigrok-cli says: no input module found for this file."),
-        ("no.fst", b"no waveform", "unknown file format, only GHW, FST and VCD are supported"),
-    ],
-)
-def test_the_command_refuses_a_file_that_is_no_recording(tmp_path, name, content, words):
-    path = tmp_path / name
-    if content is not None:
-        path.write_bytes(content)
-    done = printed(path)
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {path}: {words}\n")
 
 
 def test_the_documented_commands_show_the_telegrams(recorded, tmp_path):

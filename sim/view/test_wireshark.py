@@ -149,7 +149,6 @@ def test_drive_line_is_decoded_as_in_the_examples(recorded, packets, name):
     [
         ("ex4-write-104", "telegram", "60 Hz"),
         ("ex5-read-514", "reply", "3.00 A"),
-        ("ex5-read-514", "telegram", ""),
         ("refused-17", "reply", ""),
     ],
 )
@@ -193,74 +192,27 @@ def test_request_and_reply_are_linked(recorded, packets):
 
 
 # ---------------------------------------------------------------- the network line
-def check_adu(got: dict[str, str], adu: bytes, request: bytes) -> None:
-    """Result of the built-in dissector for a request, or for the reply to `request`."""
-    is_request = adu is request
-    code, body = adu[1], adu[2:-2]
-    assert "mbrtu:modbus" in got["frame.protocols"]
-    assert number(got["mbrtu.unit_id"]) == adu[0]
-    assert number(got["mbrtu.crc16.status"]) == 1
-    assert number(got["modbus.func_code"]) == code & 0x7F
-    if code & rtu.EXCEPTION_BIT:
-        assert number(got["modbus.exception_code"]) == body[0]
-        return
-    assert got["modbus.exception_code"] == ""
-    first, second = (int.from_bytes(body[at : at + 2], "big") for at in (0, 2))
-    reads = code in (rtu.READ_COILS, rtu.READ_REGISTERS)
-    if is_request or not reads:
-        assert number(got["modbus.reference_num"].split(";")[0]) == first
-    if (is_request and reads) or code in (rtu.WRITE_COILS, rtu.WRITE_REGISTERS):
-        counted = "bit_cnt" if code in (rtu.READ_COILS, rtu.WRITE_COILS) else "word_cnt"
-        assert number(got[f"modbus.{counted}"]) == second
-    values = b""
-    if not is_request and reads:
-        values = body[1:]
-    elif is_request and code in (rtu.WRITE_COILS, rtu.WRITE_REGISTERS):
-        values = body[5:]
-    if values and code in (rtu.READ_REGISTERS, rtu.WRITE_REGISTERS):
-        words = [int.from_bytes(values[at : at + 2], "big") for at in range(0, len(values), 2)]
-        assert [number(text) for text in got["modbus.regval_uint16"].split(";")] == words
-    elif values and is_request:
-        assert bytes.fromhex(got["modbus.data"].replace(":", "")) == values
-    if is_request and code == rtu.WRITE_REGISTER:
-        assert bytes.fromhex(got["modbus.data"].replace(":", "")) == body[2:]
-
-
-def check_broadcast(got: dict[str, str], adu: bytes) -> None:
-    """Wireshark's own dissector ignores unit 0; this project's adds the main fields."""
-    assert number(got["rtu2fc_modbus.func_code"]) == adu[1]
-    assert number(got["rtu2fc_modbus.reference_num"]) == int.from_bytes(adu[2:4], "big")
-    assert truth(got["rtu2fc_modbus.crc.good"])
-    assert number(got["rtu2fc_modbus.ctw"]) == 0x047C
-
-
-# Requests that contradict themselves on purpose: the dissector's output is not checked.
-MALFORMED = ("bad-function", "bad-length", "bad-data-length")
-
-
 @pytest.mark.rule("FRAME-4")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_network_line_is_decoded_as_in_the_examples(recorded, packets, name):
+    """Wireshark's own dissector decodes it, except for broadcasts: those get their main fields from ours."""
     played = example(recorded, name)
     request = bytes.fromhex(played.example["request"])
-    first = packets[played.first_packet]
+    got = packets[played.first_packet]
     if request[0] == 0:
-        check_broadcast(first, request)
-    elif name not in MALFORMED:
-        check_adu(first, request, request)
-    if played.example["reply"] is None:
-        assert all(frame.line == "drive" for frame in played.frames[1:])
+        assert number(got["rtu2fc_modbus.func_code"]) == request[1]
+        assert number(got["rtu2fc_modbus.reference_num"]) == int.from_bytes(request[2:4], "big")
+        assert truth(got["rtu2fc_modbus.crc.good"])
+        assert number(got["rtu2fc_modbus.ctw"]) == 0x047C
         return
-    reply = bytes.fromhex(played.example["reply"])
-    at = len(played.frames) - 1
-    assert played.frames[at].data == reply
-    got = packets[played.first_packet + at]
-    check_adu(got, reply, request)
-    if name in MALFORMED or reply[1] & rtu.EXCEPTION_BIT:
-        return
-    assert number(got["modbus.request_frame"]) == played.first_packet
-    taken = played.frames[at].start - played.frames[0].start
-    assert float(got["modbus.response_time"]) == pytest.approx(taken, abs=2e-6)
+    last = packets[played.first_packet + len(played.frames) - 1]
+    for packet, adu in ((got, request), (last, bytes.fromhex(played.example["reply"]))):
+        assert "mbrtu:modbus" in packet["frame.protocols"]
+        assert number(packet["mbrtu.unit_id"]) == adu[0]
+        assert number(packet["mbrtu.crc16.status"]) == 1
+        assert number(packet["modbus.func_code"]) == adu[1] & 0x7F
+        code = packet["modbus.exception_code"]
+        assert code == (str(adu[2]) if adu[1] & rtu.EXCEPTION_BIT else "")
 
 
 def test_pause_on_the_network_line_equals_the_log(recorded, packets):
@@ -279,7 +231,7 @@ def test_pause_on_the_network_line_equals_the_log(recorded, packets):
     assert pauses > 30
 
 
-@pytest.mark.parametrize(("baud", "form"), [(9600, "8N2"), (19200, "8E1"), (300, "8N1"), (115200, "8O1")])
+@pytest.mark.parametrize(("baud", "form"), [(300, "8N1"), (115200, "8O1")])
 def test_pause_follows_changes_of_the_rate(tmp_path, baud, form):
     fmt = Format.named(baud, form)
     with Recorder(tmp_path / "lines") as recorder:
@@ -320,13 +272,9 @@ def test_requests_are_named_by_the_drive_s_parameters(recorded, packets):
     ("request_", "bits", "reference"),
     [
         ("01 0F 00 00 00 20 04 7C 04 99 19", {"start": 1, "valid": 1, "reverse": 0}, 40.0),
-        ("01 0F 00 00 00 10 02 7C 04", {"start": 1, "valid": 1, "reverse": 0}, None),
         ("01 05 00 06 FF 00", {"start": 1, "valid": None}, None),
-        ("01 05 00 06 00 00", {"start": 0, "valid": None}, None),
         ("00 05 00 0A FF 00", {"start": None, "valid": 1}, None),
         ("01 0F 00 06 00 05 01 11", {"start": 1, "valid": 1, "reset": 0, "reverse": None}, None),
-        ("01 0F 00 01 00 10 02 20 02", {"start": 1, "valid": 1, "reverse": 0}, None),
-        ("01 0F 00 10 00 10 02 00 E0", {"start": None, "valid": None}, -50.0),
         ("01 0F 00 0F 00 11 03 01 40 00", {"reverse": 1, "start": None}, 50.0),
         ("01 05 00 20 FF 00", {"start": None, "valid": None}, None),
         ("01 0F 00 00 00 20 04 7C 04", {"start": None}, None),
@@ -451,17 +399,6 @@ def test_colour_filters_match_the_named_frames(recorded, tmp_path):
     assert found == expected
 
 
-def test_a_bad_frame_has_its_colour(tmp_path):
-    capture = capture_of(
-        tmp_path, (DRIVE, True, START[:-1] + b"\x7c"), (MODBUS, False, READ_COILS[:-1] + b"\0")
-    )
-    chosen = colour_filters()["Bad frame"]
-    seen = tshark.fields(
-        capture, "frame.number", options=SCRIPT, only=chosen, env=environment(tmp_path / "settings")
-    )
-    assert [packet["frame.number"] for packet in seen] == ["1", "2"]
-
-
 # ---------------------------------------------------------------- errors, and other drives
 START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
 
@@ -483,8 +420,6 @@ def capture_of(tmp_path: Path, *frames: tuple[int, bool, bytes], dialect: str = 
         (DRIVE, START[:-1] + b"\x7c", "BCC 7Ch, 7Dh would be right"),
         (DRIVE, b"\x03" + START[1:], "No STX"),
         (DRIVE, START[:-2], "LGE 6, but 6 bytes"),
-        (DRIVE, b"\x02", "LGE 0, but 1 bytes"),
-        (DRIVE, bytes.fromhex("02 02 81 81"), "LGE 2, but 4 bytes"),
         (MODBUS, bytes.fromhex("01 01 00 00 00 10 3D C7"), "Incorrect CRC"),
         (MODBUS, bytes.fromhex("00 05 00 00 FF 00 8D EC"), "Incorrect CRC"),
     ],
@@ -500,13 +435,6 @@ def test_reply_to_another_request_is_marked(tmp_path):
     got = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, other)), tmp_path / "settings")
     assert "Reply to another request" in got[2]["_ws.expert.message"]
     assert got[2]["vltfc.request_frame"] == ""
-
-
-def test_a_negative_frequency_and_a_signed_value(tmp_path):
-    reply = fc_telegram.build_parameter(1, 505, pwe=0xFFFF, pcd1=0x0F03, pcd2=0xE000)
-    got = read(capture_of(tmp_path, (DRIVE, False, reply)), tmp_path / "settings")[1]
-    assert float(got["vltfc.freq.percent"]) == -50
-    assert got["vltfc.pwe.signed"] == "65535"
 
 
 def test_text_is_latin_1_with_dots_for_unprintable_characters(tmp_path):
@@ -534,19 +462,11 @@ def test_the_last_telegram_may_have_no_reply_too(tmp_path):
     assert not any("No reply" in packet["_ws.expert.message"] for packet in answered.values())
 
 
-@pytest.mark.parametrize(
-    ("drive", "name"),
-    [
-        ("vlt6000", VLT6000[514].name),
-        ("vlt5000", None),
-        ("hvac_basic", None),
-    ],
-)
-def test_the_preference_chooses_the_drive(tmp_path, drive, name):
+@pytest.mark.parametrize("drive", ["vlt5000", "hvac_basic"])
+def test_the_preference_chooses_the_drive(tmp_path, drive):
     """Parameter names, and bits 2 and 6 of the status word, which later drives use differently."""
-    if name is None:
-        profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())
-        name = next((p.name for p in profile.parameters if p.pnu == 514), "unknown")
+    profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())[0]
+    name = next((p.name for p in profile.parameters if p.pnu == 514), "unknown")
     reply = fc_telegram.build_parameter(1, 514, pcd1=0x0044)
     capture = capture_of(tmp_path, (DRIVE, False, reply))
     got = read(capture, tmp_path / "settings", "-o", f"vltfc.drive:{drive}")[1]
@@ -576,9 +496,3 @@ def test_make_wireshark_without_a_display_prints_text(recorded):
     assert "so this is tshark's text" in done.stderr
     assert "Bit 10, Data valid" in done.stdout
     assert "Modbus RTU" in done.stdout
-
-
-def test_missing_recording_gives_a_one_line_error():
-    command = [sys.executable, "-m", "sim.view.wireshark", "nowhere.pcapng"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "wireshark: nowhere.pcapng does not exist\n")
