@@ -119,9 +119,6 @@ class Results:
     fingerprint: dict[str, str]  # subject of the measurement, campaigns/bench/fingerprint.py
     outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
     images: dict[str, Image] = field(default_factory=dict)  # by configuration
-    card_clk_hz: int = 0  # of the virtual card
-    # Simulated seconds per second of wall time (of processor time for the bench itself).
-    speeds: dict[str, float] = field(default_factory=dict)
 
     def card(self, config: str) -> CardResults:
         mine = {name: item for name, item in self.outcomes.items() if item[0].build.config == config}
@@ -486,11 +483,6 @@ SPECIFICATION = {
 }
 
 
-def speeds(results: Results) -> str:
-    rows = [[name, f"{speed:.3g}", f"{1 / speed:.3g}"] for name, speed in results.speeds.items()]
-    return rows_of("simulation | simulated s in a wall s | wall s for a simulated s", rows)
-
-
 # ---------------------------------------------------------------- the document
 
 
@@ -507,8 +499,6 @@ def document(results: Results) -> str:
         "phases_at": " and ".join(map(str, PHASES_AT)),
         "missed": "".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
         "early_or_late": early_or_late(results.card("standard")),
-        "card_mhz": f"{results.card_clk_hz / 1e6:g}",
-        "speeds": speeds(results),
     }
     for config in results.images:
         card = results.card(config)

@@ -440,7 +440,7 @@ def test_an_interrupted_run_goes_on_with_what_is_left(monkeypatch, tmp_path) -> 
     def work(_, __, pieces):
         for piece in pieces:
             begun.append(piece.name)
-            yield piece, Outcome(), 1.0
+            yield piece, Outcome()
 
     monkeypatch.setattr(bench, "in_processes", work)
     keep = bench.file_of_ended(bench_report.Results(SEED, {"card": "0"}))
@@ -448,8 +448,8 @@ def test_an_interrupted_run_goes_on_with_what_is_left(monkeypatch, tmp_path) -> 
     assert [next(first)[0].name for _ in range(3)] == begun == [piece.name for piece in asked[:3]]
     first.close()
     keep.write_bytes(keep.read_bytes()[:-1])
-    assert [piece.name for piece, _, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
+    assert [piece.name for piece, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
     assert begun[3:] == [piece.name for piece in asked[2:]]
-    assert [piece.name for piece, _, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
+    assert [piece.name for piece, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
     assert len(begun) == 5
     assert bench.file_of_ended(bench_report.Results(SEED, {"card": "1"})) != keep, "of another card"

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from functools import reduce
 from pathlib import Path
 
 from campaigns.bench import fingerprint
@@ -32,9 +31,7 @@ from tb.lib import bound
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
 # campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
 UNJUDGED = "no unrequested telegram; every last request answered"
-# Part of the record, and the command of its campaign.
 COMMAND = "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"
-PARTS = {"plants": "make fuzz-plants", "core": "make core-flips"}
 
 
 class PageError(Exception):
@@ -90,7 +87,7 @@ def core_count(result: dict, *wanted: str) -> int:
 def in_all(cards: list[dict]) -> str:
     """Flips of all cards, and how often one can do what is forbidden."""
     count = sum(card["flips"] for card in cards)
-    harm = sum(card["forbidden"] for card in cards)
+    harm = sum(entry["what"] in flips.FORBIDDEN for card in cards for entry in card["notable"])
     return (
         f"{count:,} flips of both cards: {harm} unrequested or altered telegrams and stuck drivers, "
         f"at most {bound.words(harm, count)} of the flips at {bound.SURE}"
@@ -111,16 +108,15 @@ def in_words(words: Iterable[str]) -> str:
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def card_flips(part: dict) -> str:
+def card_flips(merged: dict) -> str:
     """The section of one card."""
-    merged = part | {"flips_at": dict(sorted((int(baud), count) for baud, count in part["flips_at"].items()))}
     card, firmware, _ = merged["card"].split()
     return "\n".join(
         [
             f"#### Of the {merged['config']} card",
             "",
             f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
-            f"{len(merged['shards'])} shards, {flips.rates(merged)}, "
+            f"{merged['shards']} shards, {flips.rates(merged)}, "
             f"in {minutes(merged['cpu_s'])} minutes of one core.",
             conditions(merged["config"], list(merged["flips_at"])),
             "",
@@ -131,12 +127,18 @@ def card_flips(part: dict) -> str:
 
 def rare_flips(card: dict) -> str:
     """The rare outcomes of one card."""
-    return "\n".join([f"Of the {card['config']} card:", "", *flips_report.rare(card["rare"])])
+    return "\n".join(
+        [f"Of the {card['config']} card:", "", *flips_report.rare(flips_report.rare_counts(card["notable"]))]
+    )
+
+
+def differing(cards: list[dict]) -> int:
+    return sum(len(card["differences"]) for card in cards)
 
 
 def frames_in_all(cards: list[dict]) -> str:
     """Frames of all cards, and how often one can differ."""
-    differences, judged = (sum(card[key] for card in cards) for key in ("differences", "judged"))
+    differences, judged = differing(cards), sum(card["judged"] for card in cards)
     found = f"differences: {differences}" if differences else "no difference"
     return (
         f"{judged:,} frames of both cards judged to their end, each with the judge of its row: {found}, "
@@ -150,13 +152,13 @@ def random_row(card: dict) -> str:
     cells = [
         f"{card['config']} card `{its_card}`, firmware `{firmware}`",
         f"`{judge}`",
-        ", ".join(card["shards"]),
+        ", ".join(map(str, card["seeds"])),
         f"{card['frames']:,}",
         f"{card['cases']:,}",
         minutes(card["wall_s"]),
         f"{card['judged']:,}",
-        f"{card['differences']}",
-        bound.words(card["differences"], card["judged"]),
+        str(differing([card])),
+        bound.words(differing([card]), card["judged"]),
     ]
     return f"| {' | '.join(cells)} |"
 
@@ -170,104 +172,37 @@ def event_rows(cards: list[dict]) -> str:
     return "\n".join(rows)
 
 
-def random_shard(shard: dict) -> dict:
-    """A shard of the fuzzer, as the record keeps it."""
-    sums = ("frames", "judged", "cases", "wall_s")
-    found = {"card": shard["card"], "differences": len(shard["differences"]), "events": shard["events"]}
-    return found | {key: shard[key] for key in sums}
-
-
-def flips_shard(shard: dict) -> dict:
-    """A shard of flips, as the record keeps it."""
-    return {
-        "card": shard["card"],
-        "flips": shard["flips"],
-        "flips_at": {str(shard["baud"]): shard["flips"]},
-        "bits": {part: [bits] for part, bits in shard["bits"].items()},
-        "counts": shard["counts"],
-        "forbidden": sum(entry["what"] in flips.FORBIDDEN for entry in shard["notable"]),
-        "rare": flips_report.rare_counts(shard["notable"]),
-        "cpu_s": shard["cpu_s"],
-    }
-
-
-def add(total: dict, new: dict) -> dict:
-    """Adds numbers, joins lists, in dictionaries alike; a text is equal in both."""
-    result = dict(total)
-    for key, value in new.items():
-        have = result.get(key)
-        if have is None or isinstance(value, str):
-            result[key] = value
-        elif isinstance(value, dict):
-            result[key] = add(have, value)
-        elif isinstance(value, list):
-            result[key] = sorted({*have, *value})
-        else:
-            result[key] = have + value
-    return result
-
-
-def whole(folder: Path, name: str, part: str, keys: set[str]) -> dict:
-    """The result of a campaign without shards, if it left one."""
-    return read(folder / name, PARTS[part], keys) if (folder / name).exists() else {}
-
-
 def collected(folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> dict:
-    """The results in `folder`.
+    """The results in `folder`, those of each card as one.
 
     They must be of these cards, by configuration: `cards` for the fuzzer, `flipped` for the flips.
     """
-    of_frames: dict[str, dict] = {config: {} for config in cards}
-    for path in sorted(folder.glob("*.json")):
-        if fuzz.RESULT.fullmatch(path.name):
-            shard = fuzz.load(path)
-            of_frames[shard["config"]][str(shard["seed"])] = random_shard(shard)
-    plants = whole(folder, "plants.json", "plants", fuzz_run.PLANTS_KEYS)
-    core_flips = whole(folder, "core-flips.json", "core", core.KEYS)
-    of_flips = {config: {} for config in cards}
-    for shard in flips.load(folder) if any(folder.glob("flips-*.json")) else []:
-        of_flips[shard["config"]][f"{shard['seed']} at {shard['baud']}"] = flips_shard(shard)
-    found = [("standard", plants["card"], cards)] if plants else []
-    for its_shards, its_cards in ((of_frames, cards), (of_flips, flipped)):
-        found += [
-            (config, shard["card"], its_cards)
-            for config, shards in its_shards.items()
-            for shard in shards.values()
-        ]
-    if core_flips:
-        found += [(config, core_flips["cards"].get(config, "none"), flipped) for config in flipped]
+    plants = read(folder / "plants.json", "make fuzz-plants", fuzz_run.PLANTS_KEYS)
+    core_flips = read(folder / "core-flips.json", "make core-flips", core.KEYS)
+    frames = [fuzz.load(path) for path in sorted(folder.glob("*.json")) if fuzz.RESULT.fullmatch(path.name)]
+    of_flips = flips.load(folder) if any(folder.glob("flips-*.json")) else []
+    found = [("standard", plants["card"], cards)]
+    found += [(config, core_flips["cards"].get(config, "none"), flipped) for config in flipped]
+    for shards, its_cards in ((frames, cards), (of_flips, flipped)):
+        found += [(shard["config"], shard["card"], its_cards) for shard in shards]
     for config, card, its_cards in found:
         if card != its_cards[config]:
             raise PageError(f"a result in {folder.name} is of another {config} card, {card}; remove it")
-    parts = {"plants": plants, "core": core_flips}
-    parts |= {f"frames of {config}": shards for config, shards in of_frames.items()}
-    return parts | {f"flips of {config}": shards for config, shards in of_flips.items()}
-
-
-def total(shards: dict) -> dict:
-    """All shards as one, with their names."""
-    return reduce(add, shards.values(), {}) | {
-        "shards": sorted(shards, key=lambda name: int(name.split()[0]))
+    for shards, command in ((frames, "fuzz"), (of_flips, "flips")):
+        if lacking := [config for config in cards if config not in {shard["config"] for shard in shards}]:
+            raise PageError(f"no result of it; run `make {command} CONFIG={lacking[0]}` first")
+    return {
+        "plants": plants,
+        "core": core_flips,
+        "frames": fuzz.merge_each(frames),
+        "flips": flips.merge_each(of_flips),
     }
 
 
-def cards_of(record: dict, what: str) -> list[dict]:
-    """All shards of each card as one."""
-    command = {"frames": "fuzz", "flips": "flips"}[what]
-    for config in configurations():
-        if not record.get(f"{what} of {config}"):
-            raise PageError(f"no {what} of the card {config}; run `make {command} CONFIG={config}` first")
-    return [total(record[f"{what} of {config}"]) | {"config": config} for config in configurations()]
-
-
-def page(record: dict) -> str:
+def page(found: dict) -> str:
     """The text of the page."""
-    for part, command in PARTS.items():
-        if not record.get(part):
-            raise PageError(f"{part}: no result; run `{command}` first")
-    cards, all_flips = cards_of(record, "frames"), cards_of(record, "flips")
-    plants, core_flips = record["plants"], record["core"]
-    differences = any(card["differences"] for card in cards)
+    cards, all_flips = found["frames"], found["flips"]
+    plants, core_flips = found["plants"], found["core"]
     return TEMPLATE.read_text().format(
         sources=f"firmware sources `{host.fingerprint()}`",
         flips_judge=all_flips[0]["card"].split()[-1],
@@ -275,7 +210,7 @@ def page(record: dict) -> str:
         random="\n".join(map(random_row, cards)),
         configs=" | ".join(card["config"] for card in cards),
         events=event_rows(cards),
-        others="the differences above include theirs" if differences else UNJUDGED,
+        others="the differences above include theirs" if differing(cards) else UNJUDGED,
         plants_seed=plants["seed"],
         plants_judge=plants["card"].split()[-1],
         plants_count=f"{plants['count']:,}",
@@ -298,7 +233,7 @@ def main() -> int:
     text = page(found)
     altered = core_count(found["core"], *core.ALTERED)
     said = (
-        f"{frames_in_all(cards_of(found, 'frames'))}.\n{in_all(cards_of(found, 'flips'))}.\n"
+        f"{frames_in_all(found['frames'])}.\n{in_all(found['flips'])}.\n"
         f"{altered:,} of {found['core']['flips']:,} flips in the core alone altered a telegram."
     )
     of = fingerprint.now("standard card", "tiny card", "firmware", "fuzz judge", "flips judge")

@@ -70,7 +70,7 @@ def merge(results: list[dict]) -> dict:
         for what in sorted({what for result in results for what in result["worst"]})
     }
     merged["differences"] = [{"seed": r["seed"], **d} for r in results for d in r["differences"]]
-    merged["shards"], merged["card"] = len(results), results[0]["card"]
+    merged["seeds"], merged["card"] = sorted(result["seed"] for result in results), results[0]["card"]
     merged["config"] = results[0]["config"]
     return merged
 
@@ -83,8 +83,9 @@ def table(title: str, counts: Counter) -> list[str]:
 def report(merged: dict) -> str:
     per_s = merged["frames"] / merged["wall_s"] if merged["wall_s"] else 0.0
     lines = [
-        f"{merged['config']} card {merged['card']}: {merged['shards']} shards, {merged['frames']} network "
-        f"frames in {merged['cases']} cases, {merged['judged']} of them judged to their end: "
+        f"{merged['config']} card {merged['card']}: {len(merged['seeds'])} shards, "
+        f"{merged['frames']} network frames in {merged['cases']} cases, "
+        f"{merged['judged']} of them judged to their end: "
         f"{len(merged['differences'])} differences",
         f"{merged['simulated_s']:.0f} s simulated in {merged['wall_s']:.0f} s of the shards' time, "
         f"{per_s:.0f} frames/s",

@@ -102,14 +102,4 @@ QUANTITIES = {
 }
 
 
-def jitter_left(form: str, error: float) -> float:
-    """Jitter of the first errors when the sender's rate is off as well."""
-    if error >= _fast(form)[0]:
-        return 0.0
-    length = 1 / (1 + error) - 1
-    late = SAMPLE / TICKS - stop_bit(form) * max(length, 0.0)
-    early = (TICKS - SAMPLE - 1) / TICKS - last_end(form) * max(-length, 0.0)
-    return max(0.0, min(late, early) / 2)
-
-
 ALL_FORMS = tuple(sorted(FORMS))

@@ -219,16 +219,3 @@ def measured(
     """All limits of one line. `of_drive`: limits of the drive line; `line` is then the network line."""
     with (DriveProber if of_drive else Prober)(line, target) as prober:
         return [limit(prober, QUANTITIES[name], characters, seed) for name in quantities]
-
-
-def jitter_at(line: LineFormat, error: float, characters: int, seed: int, target: Target = OWN) -> float:
-    """The greatest jitter of a line whose sender's rate is off."""
-    with Prober(line, target) as prober:
-
-        def passes(amount: float) -> bool:
-            bad = Badness(error=error, jitter=amount)
-            return holds(prober, bad, characters, f"{seed}/{line.form}/{error:.4f}/{amount:.6f}")
-
-        if not passes(0.0):
-            return 0.0
-        return halve(passes, 0.0, 0.3, QUANTITIES["jitter"].resolution)

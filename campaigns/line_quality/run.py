@@ -20,16 +20,7 @@ from functools import partial
 from campaigns.bench import fingerprint
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES, Quantity
 from campaigns.line_quality.measure import OWN, Limit
-from campaigns.line_quality.work import (
-    CARD_HZ,
-    EYE_BAUD,
-    EYE_CHARACTERS,
-    EYE_FORMS,
-    FAST,
-    Eye,
-    Piece,
-    whole,
-)
+from campaigns.line_quality.work import CARD_HZ, FAST, Piece, whole
 from rtl.command import Parser, in_processes, run_main
 from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError
@@ -46,24 +37,24 @@ class LineQualityError(Exception):
     """Error for the user, in one line."""
 
 
-def _work(piece: Piece | Eye, seed: int) -> tuple[Piece | Eye, list]:
-    return piece, piece.run(seed)
+def _work(piece: Piece, seed: int) -> list[Limit]:
+    return piece.run(seed)
 
 
-def measure(pieces: list[Piece | Eye], seed: int, jobs: int) -> tuple[list[Limit], list]:
+def measure(pieces: list[Piece], seed: int, jobs: int) -> list[Limit]:
     """Runs the pieces, the longest first."""
-    for clock in sorted({piece.line.clk_hz for piece in pieces if isinstance(piece, Piece)}):
+    for clock in sorted({piece.line.clk_hz for piece in pieces}):
         OWN.library(clock)  # once, not in each process
     limits: list[Limit] = []
-    eyes: list = []
     pieces = sorted(pieces, key=lambda piece: -piece.cost)
-    for done, (piece, found) in enumerate(in_processes(jobs, partial(_work, seed=seed), pieces), 1):
-        (eyes if isinstance(piece, Eye) else limits).extend(found)
+    for done, found in enumerate(in_processes(jobs, partial(_work, seed=seed), pieces), 1):
+        limits += found
         if sys.stderr.isatty():
             print(f"\r{done}/{len(pieces)}", end="\r", file=sys.stderr)
     order = list(QUANTITIES)
-    limits.sort(key=lambda one: (one.line, one.form, one.baud, one.clk_hz, order.index(one.quantity)))
-    return limits, sorted(eyes)
+    return sorted(
+        limits, key=lambda one: (one.line, one.form, one.baud, one.clk_hz, order.index(one.quantity))
+    )
 
 
 def shown(quantity: Quantity, value: float) -> str:
@@ -76,21 +67,12 @@ def row(cells: list[str]) -> str:
 
 def table(limits: list[Limit], line: str, form: str) -> str:
     """Theory in the first row, then a row for each rate and clock."""
-    titles = [quantity.title for quantity in QUANTITIES.values()]
+    every = QUANTITIES.values()
+    titles = [quantity.title for quantity in every]
     rows = [
         row(["bit/s", "clocks a bit", *titles, "characters a point"]),
         row(["---"] * (len(titles) + 3)),
-        row(
-            [
-                "theory",
-                "",
-                *(
-                    " … ".join(shown(q, value) for value in q.theory(form)).replace(" % …", " …")
-                    for q in QUANTITIES.values()
-                ),
-                "",
-            ]
-        ),
+        row(["theory", "", *(" … ".join(shown(q, value) for value in q.theory(form)) for q in every), ""]),
     ]
     lines = sorted({(one.baud, one.clk_hz) for one in limits if (one.line, one.form) == (line, form)})
     for baud, clk_hz in lines:
@@ -120,10 +102,7 @@ def worst(limits: list[Limit]) -> str:
 
 
 def write(kept: dict) -> None:
-    from campaigns.line_quality import pictures  # matplotlib takes its time to load
-
     limits = [Limit(**one) for one in kept["limits"]]
-    pictures.draw(limits, kept["eyes"])
     tables = [f"### {form}\n\n{table(limits, 'network', form)}" for form in ALL_FORMS]
     text = TEMPLATE.read_text().format(
         seed=kept["seed"],
@@ -134,9 +113,6 @@ def write(kept: dict) -> None:
         faults=len(faults(limits)),
         asked=f"{sum(one.asked for one in limits):,}",
         limits=len(limits),
-        eye_baud=EYE_BAUD,
-        eye_forms=" and ".join(EYE_FORMS),
-        eye_characters=EYE_CHARACTERS,
     )
     asked = sum(one.asked for one in limits)
     said = f"{len(limits)} limits, {asked:,} characters; {len(faults(limits))} outside theory and LINE-5."
@@ -165,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
             kept = json.loads(KEPT.read_text())
         else:
             began = time.monotonic()
-            limits, eyes = measure(list(FAST if given.fast else whole()), given.seed, given.jobs)
+            limits = measure(list(FAST if given.fast else whole()), given.seed, given.jobs)
             print(f"seed {given.seed}, {time.monotonic() - began:.0f} s")
             kept = {
                 "seed": given.seed,
@@ -173,7 +149,6 @@ def main(arguments: list[str] | None = None) -> int:
                 "firmware": fingerprint.firmware(),
                 "sources": host.fingerprint(),
                 "limits": [asdict(one) for one in limits],
-                "eyes": eyes,
             }
             if not given.fast:
                 KEPT.parent.mkdir(parents=True, exist_ok=True)

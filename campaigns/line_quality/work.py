@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from campaigns.fuzz.case import clk_hz
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
-from campaigns.line_quality.measure import OWN, Limit, Target, jitter_at, measured
+from campaigns.line_quality.measure import OWN, Limit, Target, measured
 from regs.generated.card_tables import DRIVE_BAUD
 from rtl.sources import configurations
 from sim.harness.pins import BAUDS
@@ -29,8 +29,6 @@ FAST_CHARACTERS, FAST_DRIVE_CHARACTERS = 150, 40
 # Quantities with a promise in LINE-5; at 300 bit/s and 12 MHz, half a million clocks a character, no others.
 PROMISED = tuple(name for name, quantity in QUANTITIES.items() if quantity.promise)
 SLOWEST = 300
-EYE_BAUD, EYE_FORMS, EYE_CHARACTERS = 115200, ("8E1", "8N1"), 300
-EYE_ERRORS = tuple(percent / 100 for percent in (-5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5))
 
 
 @dataclass(frozen=True)
@@ -58,20 +56,6 @@ class Piece:
         )
 
 
-@dataclass(frozen=True)
-class Eye:
-    """The remaining jitter at one error of the sender's rate."""
-
-    form: str
-    error: float
-
-    cost = 0.0
-
-    def run(self, seed: int) -> list[tuple[str, float, float]]:
-        line = LineFormat(EYE_BAUD, self.form, clk_hz(EYE_BAUD))
-        return [(self.form, self.error, jitter_at(line, self.error, EYE_CHARACTERS, seed))]
-
-
 def _piece(baud: int, form: str, clock: int, of_drive: bool = False) -> Piece:
     characters = POINT_CLOCKS / (clock / (DRIVE_BAUD if of_drive else baud) * CHARACTER_BITS)
     quantities = PROMISED if baud == SLOWEST and clock == CARD_HZ else tuple(QUANTITIES)
@@ -80,7 +64,7 @@ def _piece(baud: int, form: str, clock: int, of_drive: bool = False) -> Piece:
     )
 
 
-def whole() -> Iterator[Piece | Eye]:
+def whole() -> Iterator[Piece]:
     for baud in sorted(BAUDS):
         for form in ALL_FORMS:
             yield _piece(baud, form, clk_hz(baud))
@@ -88,9 +72,6 @@ def whole() -> Iterator[Piece | Eye]:
                 yield _piece(baud, form, CARD_HZ)
     for clock in (clk_hz(DRIVE_NETWORK_BAUD), CARD_HZ):
         yield _piece(DRIVE_NETWORK_BAUD, FORM, clock, of_drive=True)
-    for form in EYE_FORMS:
-        for error in EYE_ERRORS:
-            yield Eye(form, error)
 
 
 # 64 clocks a bit; the clocks a bit of 115200 bit/s at 12 MHz; the drive line.
