@@ -113,7 +113,7 @@ def test_a_wrong_command_is_one_line(words, said):
         (("image", "BOARD=icebreaker"), "say which: make image BOARD=name FIRMWARE=file.hex"),
         (("synth", "BOARD=nosuch"), "no board 'nosuch' in constraints/boards.toml; there are: "),
     ],
-    # Without the words of the commands: `make waves TEST=test_release` would choose this test, and run itself.
+    # Without the words of the commands: `make waves TEST=test_release` would choose this very test.
     ids=["waves", "selftest", "replay", "image", "synth"],
 )
 def test_a_command_without_what_it_needs_is_one_line(words, said):
