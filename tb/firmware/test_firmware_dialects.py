@@ -7,9 +7,7 @@ design guide of the VLT HVAC Basic Drive (MG.18.C2.02).
 
 from __future__ import annotations
 
-import random
 import re
-from collections.abc import Iterator
 
 import pytest
 
@@ -27,7 +25,7 @@ from tb.firmware.test_firmware_gateway import (
 from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS as MODEL_DIALECTS
-from tb.model.card import OBJECTS, VERSION, CardModel, without_counts
+from tb.model.card import OBJECTS, VERSION
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Build, Transaction, Translator
 
 GUIDE = ROOT / "docs/guide/dialects.md"
@@ -439,14 +437,9 @@ def bench(request: pytest.FixtureRequest) -> Bench:
 
 def refused_number(bench: Bench, pdu: bytes = READ_TEXT) -> None:
     """Sends a request whose number the drive rejects."""
-    bench.request(pdu)
-    bench.telegram_ends()
-    bench.drive(bytes([0x70 | pdu_head(bench)[0] & 0xF]) + pdu_head(bench)[1:] + H(f"0000 0005 {RUNNING}"))
-
-
-def pdu_head(bench: Bench) -> bytes:
-    """PKE and IND of the last telegram."""
-    return bench.telegrams[-1][1:5]
+    bench.ask_drive(pdu)
+    head = bench.telegrams[-1][1:5]
+    bench.drive(bytes([0x70 | head[0] & 0xF]) + head[1:] + H(f"0000 0005 {RUNNING}"))
 
 
 @pytest.mark.rule("FC-6")
@@ -454,8 +447,7 @@ def test_the_text_is_requested_after_the_number_and_answers_the_request(bench: B
     refused_number(bench)
     assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
     assert bench.replies == []
-    bench.telegram_ends()
-    bench.drive(TELL_TEXT)
+    bench.drive_answers(TELL_TEXT)
     assert bench.replies == [REPLY_TEXT]
     bench.wait(500)
     assert len(bench.telegrams) == 2
@@ -465,15 +457,13 @@ def test_the_text_is_requested_after_the_number_and_answers_the_request(bench: B
 def test_a_text_is_written_after_the_number_was_refused(bench: Bench):
     refused_number(bench, WRITE_TEXT)
     assert bench.telegrams == [H("81 2215 0000 0000 4142 0000 0000"), H("81 F215 0500 4142 0000 0000")]
-    bench.telegram_ends()
-    bench.drive(H(f"F215 0500 4142 {RUNNING}"))
+    bench.drive_answers(H(f"F215 0500 4142 {RUNNING}"))
     assert bench.replies == [H("01 10 14D1 0001")]
 
 
 @pytest.mark.rule("PERF-3")
 def test_the_first_exchange_queues_no_reply(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.mailbox.drive_data(NO_NUMBER)
     bench.poll()
     assert not bench.mailbox.reply_queued
@@ -491,8 +481,7 @@ def test_the_first_exchange_queues_no_reply(bench: Bench):
 
 @pytest.mark.rule("FC-8")
 def test_the_second_telegram_waits_for_its_pause(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.mailbox.quiet = False
     bench.drive(NO_NUMBER)
     assert bench.telegrams == [ASK_NUMBER]
@@ -503,9 +492,7 @@ def test_the_second_telegram_waits_for_its_pause(bench: Bench):
 
 @pytest.mark.rule("FC-8")
 def test_a_refusal_with_a_wrong_bcc_starts_no_second_exchange(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
-    bench.drive(NO_NUMBER, good=False)
+    bench.exchange(READ_TEXT, NO_NUMBER, good=False)
     assert bench.telegrams == [ASK_NUMBER]
     bench.drive(H(f"126D 0000 0000 012C {RUNNING}"))
     assert bench.telegrams == [ASK_NUMBER]
@@ -514,8 +501,7 @@ def test_a_refusal_with_a_wrong_bcc_starts_no_second_exchange(bench: Bench):
 
 @pytest.mark.rule("FRAME-7")
 def test_a_newer_request_ends_the_older_one_before_its_second_exchange(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.local(READ_INDEX)
     bench.drive(NO_NUMBER)
     bench.wait(500)
@@ -527,20 +513,17 @@ def test_a_newer_request_ends_the_older_one_before_its_second_exchange(bench: Be
 
 @pytest.mark.rule("FRAME-7")
 def test_a_newer_request_for_the_drive_is_sent_instead_of_the_second_exchange(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.request(START)
     bench.drive(NO_NUMBER)
     assert bench.telegrams == [ASK_NUMBER, SEND_START]
-    bench.telegram_ends()
-    bench.drive(H(RUNNING))
+    bench.drive_answers(H(RUNNING))
     assert bench.replies == [H("01 05 0006 FF00")]
 
 
 @pytest.mark.rule("FRAME-7", "FRAME-6")
 def test_a_newer_request_that_is_revoked_ends_the_older_one_too(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.offer(START)
     bench.character()
     bench.drive(NO_NUMBER)
@@ -553,8 +536,7 @@ def test_a_newer_request_that_is_revoked_ends_the_older_one_too(bench: Bench):
 @pytest.mark.rule("FRAME-7", "FRAME-6")
 def test_a_newer_request_that_the_firmware_did_not_see_ends_the_older_one_too(bench: Bench):
     """Good BCC, candidate and revoke fall between two rounds of the poll loop."""
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.mailbox.drive_data(NO_NUMBER)
     bench.mailbox.bcc()
     bench.mailbox.character()
@@ -571,15 +553,8 @@ def test_a_newer_request_that_the_firmware_did_not_see_ends_the_older_one_too(be
 def test_a_newer_request_while_the_second_telegram_is_being_queued_drops_it(bench: Bench):
     mailbox = bench.mailbox
 
-    def too_late(**fields: int) -> None:
-        mailbox.writes.clear()
-        mailbox.character()
-        mailbox.candidate(READ_INDEX)
-        mailbox.write_register("TELEGRAM", **fields)
-
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
-    mailbox.writes["TELEGRAM"] = too_late
+    bench.ask_drive(READ_TEXT)
+    bench.before_write("TELEGRAM", lambda: (mailbox.character(), mailbox.candidate(READ_INDEX)))
     bench.drive(NO_NUMBER)
     bench.commit()
     assert bench.telegrams == [ASK_NUMBER]
@@ -591,25 +566,21 @@ def test_a_newer_request_while_the_second_telegram_is_being_queued_drops_it(benc
 @pytest.mark.rule("FRAME-7")
 def test_a_newer_request_during_the_second_exchange_waits_for_it(bench: Bench):
     refused_number(bench)
-    bench.request(START)
-    bench.telegram_ends()
+    bench.ask_drive(START)
     assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
     bench.drive(TELL_TEXT)
     assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, SEND_START]
-    bench.telegram_ends()
-    bench.drive(H(RUNNING))
+    bench.drive_answers(H(RUNNING))
     assert bench.replies == [H("01 05 0006 FF00")]
 
 
 @pytest.mark.rule("FRAME-7")
 def test_an_exchange_whose_reply_was_dropped_is_still_completed(bench: Bench):
-    bench.request(WRITE_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(WRITE_TEXT)
     bench.character()
     bench.drive(H(f"7215 0000 0000 0005 {RUNNING}"))
     assert bench.telegrams[1:] == [H("81 F215 0500 4142 0000 0000")]
-    bench.telegram_ends()
-    bench.drive(H(f"F215 0500 4142 {RUNNING}"))
+    bench.drive_answers(H(f"F215 0500 4142 {RUNNING}"))
     assert bench.replies == []
 
 
@@ -621,8 +592,7 @@ def test_a_silent_drive_gets_one_repeat_and_the_master_no_reply(bench: Bench):
     bench.request(START)
     for attempt in (1, 2):
         assert len(bench.telegrams) == attempt
-        bench.telegram_ends()
-        bench.wait(150 + OVERDUE_MS)
+        bench.drive_is_silent()
     bench.wait(1000)
     assert bench.telegrams == [SEND_START, SEND_START]
     assert bench.replies == []
@@ -632,26 +602,20 @@ def test_a_silent_drive_gets_one_repeat_and_the_master_no_reply(bench: Bench):
 
 @pytest.mark.rule("FC-9")
 def test_the_second_exchange_has_a_repeat_of_its_own(bench: Bench):
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.wait(150 + OVERDUE_MS)
-    bench.telegram_ends()
-    bench.drive(NO_NUMBER)
+    bench.drive_answers(NO_NUMBER)
     assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER, ASK_TEXT]
-    bench.telegram_ends()
-    bench.wait(150 + OVERDUE_MS)
+    bench.drive_is_silent()
     assert bench.telegrams[3:] == [ASK_TEXT]
-    bench.telegram_ends()
-    bench.drive(TELL_TEXT)
+    bench.drive_answers(TELL_TEXT)
     assert bench.replies == [REPLY_TEXT]
 
 
 @pytest.mark.rule("FC-9", "LED-4")
 def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
     refused_number(bench)
-    for _ in range(2):
-        bench.telegram_ends()
-        bench.wait(150 + OVERDUE_MS)
+    bench.drive_is_silent(times=2)
     bench.wait(3000)
     assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, ASK_TEXT]
     assert bench.replies == []
@@ -671,8 +635,7 @@ def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
 def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
     """Two characters of the drive line take 2290 us: 27500 clocks, 5 to 6 per instruction."""
     bench = Bench(Build(dialect, on_card=True))
-    bench.request(READ_TEXT)
-    bench.telegram_ends()
+    bench.ask_drive(READ_TEXT)
     bench.mailbox.drive_data(NO_NUMBER)
     bench.poll()
     bench.mailbox.quiet = False
@@ -680,106 +643,6 @@ def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
     needed = instructions_until(bench, "telegram_queued")
     print(f"{dialect}, second telegram: {needed} instructions")
     assert needed < 2000
-
-
-# ---------------------------------------------------------------- at random
-
-
-def some_number(rng: random.Random) -> int:
-    return rng.choice([0, 1, 2, 3, 8, 9, 10, 11, 32, 64, 65, 128, 129, 0xFF00, rng.randrange(65536)])
-
-
-def some_request(rng: random.Random) -> bytes:
-    """A mostly valid request, sometimes with one error, rarely random bytes."""
-    if rng.random() < 0.05:
-        return rng.randbytes(rng.randint(1, 40))
-    function = rng.choice([1, 3, 3, 5, 6, 0x0F, 0x10, 0x10])
-    address = rng.choice([rng.randrange(12), rng.randrange(68), some_number(rng)])
-    if function in (3, 6, 0x10) and rng.random() < 0.7:
-        address = 10 * rng.choice([rng.randint(1, 2050), rng.randint(2040, 4100)]) - 1
-    operand = rng.choice([1, 2, rng.randint(1, 11), rng.randint(1, 33), some_number(rng)])
-    pdu = bytes([function]) + address.to_bytes(2, "big") + operand.to_bytes(2, "big")
-    if function == 5:
-        pdu = pdu[:3] + rng.choice([H("FF00"), H("0000"), rng.randbytes(2)])
-    if function in (0x0F, 0x10):
-        size = (operand + 7) // 8 if function == 0x0F else 2 * operand
-        size = min(size, 246) if rng.random() < 0.9 else rng.randrange(20)
-        pdu += bytes([size]) + rng.randbytes(size)
-    if rng.random() < 0.05:
-        pdu = pdu[: rng.randint(1, len(pdu))] + rng.randbytes(rng.randrange(3))
-    return pdu
-
-
-def some_drive_replies(rng: random.Random, telegram: bytes) -> Iterator[bytes]:
-    """Telegram data of the drive: first misfits, then nearly always a reply that fits."""
-    head, status = telegram[1:5], rng.randbytes(4)
-    value = rng.choice([bytes(4), b"\xff" * 4, b"\0\0" + rng.randbytes(2), rng.randbytes(4)])
-    fault = bytes(3) + bytes([rng.choice([0, 5, 5, 5, 17, rng.randrange(256)])])
-    text = rng.randbytes(rng.choice([0, 1, 4, 6, 20, 21, rng.randrange(246)]))
-
-    def telling(ak: int, content: bytes) -> bytes:
-        return bytes([ak << 4 | head[0] & 0xF]) + head[1:] + content + status
-
-    while rng.random() < 0.3:
-        misfit = telling(rng.randrange(16), rng.choice([value, text]))
-        yield rng.choice([status, misfit, rng.randbytes(12), bytes([misfit[0] ^ 8]) + misfit[1:]])
-    if rng.random() < 0.1:
-        return
-    if len(telegram) == 5:
-        yield status
-    elif rng.random() < 0.4:
-        yield telling(7, fault)
-    elif head[0] >> 4 == 15:
-        yield telling(15, text)
-    else:
-        yield telling(rng.choice([1, 2]), value)
-
-
-def play_exchange(rng: random.Random, txn: Transaction, model: CardModel, telegram: bytes) -> int:
-    """Plays until the request is answered or the drive falls silent; returns the number of exchanges."""
-    exchanges = 1
-    for data in some_drive_replies(rng, telegram):
-        expected = model.drive_reply(telegram[:1] + data)
-        if expected.telegram:
-            assert txn.drive_reply(data) == EXCHANGE
-            assert txn.drive_commit().drive_again().telegram == expected.telegram
-            return exchanges + play_exchange(rng, txn, model, expected.telegram)
-        if expected.reply:
-            assert txn.drive_reply(data) == REPLY
-            assert txn.drive_commit().reply == expected.reply
-            return exchanges
-        assert txn.drive_reply(data) == NOT_A_REPLY
-    reply, expected = txn.drive_silent(), model.drive_silent().reply
-    assert (reply if txn.outcome == REPLY else None) == expected
-    return exchanges
-
-
-@in_all
-def test_random_requests_agree_with_the_model(card: Translator):
-    rng, model = seeded(f"dialect {card.dialect} against model"), CardModel(name=card.dialect)
-    exchanges = [0, 0, 0]
-    for _ in range(20000):
-        pdu, broadcast = some_request(rng), rng.random() < 0.1
-        txn = card.request(pdu, broadcast=broadcast)
-        if rng.random() < 0.1:  # revoked: must have no effect
-            continue
-        txn.commit()
-        expected = model.request(pdu, broadcast)
-        context = f"{pdu.hex(' ')} broadcast={broadcast} registers={model.registers}"
-        if expected.telegram:
-            assert txn.outcome == EXCHANGE, context
-            assert txn.telegram == expected.telegram, context
-            if not broadcast:
-                exchanges[play_exchange(rng, txn, model, expected.telegram)] += 1
-        elif expected.reply:
-            assert txn.outcome == REPLY, context
-            assert without_counts(txn.reply) == without_counts(expected.reply), context
-        else:
-            assert txn.outcome == SILENT, context
-        status = H("01 0020 0020")
-        assert card.do(status).reply == model.request(status).reply, context
-    assert exchanges[1] > 2000, "too few requests reached the drive to mean anything"
-    assert (exchanges[2] > 100) == (card.dialect != "card")
 
 
 # ---------------------------------------------------------------- diagnostics (MAP-10)
@@ -898,7 +761,7 @@ def diagnosed_card() -> DiagnosedBench:
 def test_an_answer_for_a_silent_drive_is_counted_as_an_exception(diagnosed_card: DiagnosedBench):
     bench = diagnosed_card
     bench.request(H("03 1413 0002"))
-    is_silent(bench)
+    bench.drive_is_silent(times=2)
     assert bench.replies[-1] == H("01 83 FF") and bench.count(13) == 1 and bench.events() == 1
 
 
@@ -906,12 +769,11 @@ def test_an_answer_for_a_silent_drive_is_counted_as_an_exception(diagnosed_card:
 @pytest.mark.parametrize("end", ["silence", "a value", "a refusal"])
 def test_a_request_that_was_overtaken_counts_as_no_reply(diagnosed_card: DiagnosedBench, end: str):
     bench = diagnosed_card
-    bench.request(H("03 1413 0002"))
-    bench.telegram_ends()
+    bench.ask_drive(H("03 1413 0002"))
     assert bench.count(13) == 0 and bench.events() == 1
     replies = len(bench.replies)
     if end == "silence":
-        is_silent(bench)
+        bench.drive_is_silent(times=2)
     else:
         bench.drive(
             H("1202 0000 0000 012C 0F03 2000" if end == "a value" else "7202 0000 0000 0002 0F03 2000")
@@ -932,17 +794,9 @@ def test_a_request_whose_telegram_was_dropped_is_not_counted(diagnosed_card: Dia
 @pytest.mark.rule("MAP-10", "MAP-8")
 def test_a_request_with_two_telegrams_is_counted_once(diagnosed: DiagnosedBench):
     refused_number(diagnosed)
-    diagnosed.telegram_ends()
-    diagnosed.drive(TELL_TEXT)
+    diagnosed.drive_answers(TELL_TEXT)
     assert diagnosed.replies == [REPLY_TEXT]
     assert diagnosed.events() == 1
-
-
-def is_silent(bench: Bench) -> None:
-    """Until the exchange is over, with its one repeat."""
-    for _ in range(2):
-        bench.telegram_ends()
-        bench.wait(200)
 
 
 @pytest.mark.rule("MAP-10")
@@ -961,23 +815,18 @@ def test_the_counters_say_what_was_on_the_line(diagnosed: DiagnosedBench):
     assert bench.count(13) == 2
     assert bench.events() == 9, "neither exceptions nor 0B itself"
     # The drive's answers: a value, a fault, silence.
-    bench.request(H("03 1413 0002"))
-    bench.telegram_ends()
-    bench.drive(H("1202 0000 0000 012C 0F03 2000"))
+    bench.exchange(H("03 1413 0002"), H("1202 0000 0000 012C 0F03 2000"))
     assert bench.events() == 10
-    bench.request(H("06 1413 0002"))
-    bench.telegram_ends()
-    bench.drive(H("7202 0000 0000 0002 0F03 2000"))
+    bench.exchange(H("06 1413 0002"), H("7202 0000 0000 0002 0F03 2000"))
     assert bench.replies[-1] == H("01 86 04") and bench.events() == 10 and bench.count(13) == 3
     bench.request(H("03 1413 0002"))
-    is_silent(bench)
+    bench.drive_is_silent(times=2)
     assert bench.replies[-1][1:3] != H("83 04") and bench.count(13) == 3, "no reply, no count"
     assert bench.count(2) == 0b11_0011_1111 & ~(1 << 6 | 1 << 7)
     # To all: counted as done, as refused, or not at all.
     before, requests = bench.events(), bench.count(14)
     for pdu in ("05 000A FF00", "06 0008 0001"):
-        bench.request(H(pdu), broadcast=True)
-        bench.telegram_ends()
+        bench.ask_drive(H(pdu), broadcast=True)
         bench.wait(10)
     bench.request(H("05 0028 FF00"), broadcast=True)
     bench.request(H("01 0000 0001"), broadcast=True)
@@ -1025,7 +874,7 @@ def test_counts_run_over_to_0(diagnosed: DiagnosedBench):
     "dialect",
     [
         pytest.param("builtin", marks=pytest.mark.rule(RULES["builtin"])),
-        pytest.param("hvac_basic", marks=[pytest.mark.rule(RULES["hvac_basic"]), pytest.mark.nightly]),
+        pytest.param("hvac_basic", marks=pytest.mark.rule(RULES["hvac_basic"])),
     ],
 )
 def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str):
@@ -1071,8 +920,7 @@ def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str)
         replies, telegrams = len(bench.replies), len(bench.telegrams)
         refused_number(bench)
         assert bench.telegrams[telegrams:] == [ASK_NUMBER, ASK_TEXT]
-        bench.telegram_ends()
-        bench.drive(TELL_TEXT)
+        bench.drive_answers(TELL_TEXT)
         assert bench.replies[replies:] == [REPLY_TEXT]
     print(f"{second} second exchanges")
     assert second > 5, "too few second exchanges to mean anything"
