@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import shutil
@@ -64,11 +65,16 @@ def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
     return subprocess.CompletedProcess(words, done.returncode, stdout, stderr)
 
 
-@pytest.fixture
-def sources(config) -> list[str]:
+@functools.cache
+def sources_of(config: str) -> tuple[str, ...]:
     done = command("make", "-s", "sources", *([] if config == "standard" else [f"CONFIG={config}"]))
     assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+    return tuple(done.stdout.splitlines())
+
+
+@pytest.fixture
+def sources(config) -> tuple[str, ...]:
+    return sources_of(config)
 
 
 def one_line(text: str) -> str:
@@ -105,8 +111,8 @@ def test_a_wrong_command_is_one_line(words, said):
     ("words", "said"),
     [
         (
-            ("waves", "TEST=test_release"),
-            "waves: 'test_release' fits no test that simulates the card or a module",
+            ("waves", "TEST=test_metastability"),
+            "waves: 'test_metastability' fits no test that simulates the card or a module",
         ),
         (("selftest", "PORT="), "say which port: make selftest PORT=/dev/ttyUSB0"),
         (("replay", "FILE=bus.sr", "UNIT=1"), "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600"),
