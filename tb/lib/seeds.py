@@ -1,10 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Seeds of the random tests: each test prints its seed; COCOTB_RANDOM_SEED=n repeats it."""
+"""Seeds of the random tests: each test prints its seed; COCOTB_RANDOM_SEED=n repeats it.
+
+`make test` has a fixed seed, with which a long random test draws few cases. With any other it draws many.
+"""
 
 from __future__ import annotations
 
 import os
 import random
+
+# SEED= of make gives another; CI draws one.
+FIXED_SEED = 1104483726
+
+
+def cases(few: int, many: int) -> int:
+    """How many random cases a test draws."""
+    return few if os.environ.get("COCOTB_RANDOM_SEED") == str(FIXED_SEED) else many
 
 
 def seeded(what: str) -> random.Random:

@@ -11,6 +11,7 @@ from cocotb.triggers import Timer
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, FRAMES_BYTES, REGISTERS, STRIDE
 from tb.lib.bench import Bench
+from tb.lib.nightly import first
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
@@ -289,7 +290,7 @@ async def a_reset_clears_ready(dut):
         assert not int(dut.core_ready.value)
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", first(SIZES))
 @pytest.mark.rule("FRAME-5", "SAFE-1", "TOP-2")
 def test_bus_arbiter(sim, size):
     run("bus_arbiter", "tb.rtl.test_bus_arbiter", sim=sim, parameters={"MEMORY_BYTES": size})

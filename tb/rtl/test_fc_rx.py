@@ -16,7 +16,7 @@ from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import WritePort, at_once
 from tb.lib.nightly import on_verilator
 from tb.lib.runner import ROOT, run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, build_parameter, build_process, build_text
 
 CHARACTER = CHARACTER_BITS * TICKS_PER_BIT
@@ -297,7 +297,7 @@ async def the_longest_telegram_is_good_without_gaps_or_just_in_time(dut):
 async def time_limit_expires_while_noise_keeps_the_line_busy(dut):
     """Noise without a character prevents a silence; the time limit must expire all the same."""
     rx = await Receiver(dut).start()
-    for slots in (100, 600, 1000, 1100):
+    for slots in (100, 1100):
         for value in STATUS[:-1]:
             await rx.byte(value)
         await rx.bench.clocks(slots * CHARACTER * 3 // 2)
@@ -410,7 +410,7 @@ async def random_good_and_bad_telegrams_are_distinguished(dut):
     rng = seeded("telegrams")
     rx = await Receiver(dut, delay=lambda: rng.randint(0, 5)).start()
     bad = 0
-    for n in range(120):
+    for n in range(cases(40, 120)):
         telegram = build(rng.randbytes(rng.choice((4, 12, rng.randint(4, 60)))))
         at, good = rng.randrange(2, len(telegram)), rng.random() < 0.6
         if good:

@@ -13,6 +13,7 @@ import pytest
 from rtl.sources import ROOT, needed_files
 from sw.tools.bin2hex import LANE_BITS, WORD_BITS, hex_line, with_parity, without_parity
 from tb.lib.bench import Bench
+from tb.lib.nightly import first
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
@@ -74,12 +75,13 @@ async def image_is_loaded_and_byte_writes_change_only_their_bytes(dut):
         assert await memory.access(n) == as_read(kept[n])
 
 
-SIZES = [48, 1024, pytest.param(3072, marks=pytest.mark.nightly)]
+SIZES = {"banks": 48, "lanes": 1024, "banks_of_lanes": 3072}
 
 
 @pytest.mark.rule("TOP-1", "TOP-2", "SAFE-4")
-@pytest.mark.parametrize("words", SIZES, ids=["banks", "lanes", "banks_of_lanes"])
-def test_firmware_ram(sim, words, tmp_path):
+@pytest.mark.parametrize("size", first(list(SIZES), 2))
+def test_firmware_ram(sim, size, tmp_path):
+    words = SIZES[size]
     hex_file: Path = tmp_path / "image.hex"
     write_image(hex_file, words)
     run(
@@ -93,18 +95,16 @@ def test_firmware_ram(sim, words, tmp_path):
 
 # Words of a memory to its block RAMs in a MachXO2, each of 512 words of 18 bits or 1,024 words of 9 bits.
 BLOCK_RAMS = {
+    1536: 6,  # three banks of 512 whole words, as in the small card
     48: 6,  # three banks of 16 whole words
     512: 2,  # whole words
     1024: 4,  # lanes of one byte
-    1536: 6,  # three banks of 512 whole words, as in the small card
     3072: 12,  # three banks of four lanes
 }
 
 
 @pytest.mark.rule("TOP-2")
-@pytest.mark.parametrize(
-    "words", [pytest.param(words, marks=[pytest.mark.nightly] * (words > 2048)) for words in BLOCK_RAMS]
-)
+@pytest.mark.parametrize("words", first(list(BLOCK_RAMS)))
 def test_memory_fits_into_the_block_rams_that_its_words_need(words):
     """Banks and lanes exist for this alone. A simulation does not show them."""
     folder = (ROOT / "build/tests/firmware_ram").relative_to(ROOT)

@@ -17,7 +17,7 @@ from tb.lib.bench import Bench, Strobes
 from tb.lib.fields import Fields
 from tb.lib.memory_ports import WordMemory
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 
 INPUTS = """
     core_valid core_addr core_wdata core_wstrb
@@ -630,7 +630,7 @@ async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
         for n in range(32):
             traffic.bytes[area, n] = n ^ area.offset
             await mailbox.poke(area, n, n ^ area.offset)
-    for _ in range(8):
+    for _ in range(cases(2, 8)):
         await traffic.round()
         for (area, n), byte in traffic.bytes.items():
             assert await mailbox.peek(area, n) == byte, f"byte {n:02X}h"

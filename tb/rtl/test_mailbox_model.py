@@ -12,11 +12,11 @@ from regs.generated.mailbox import REGISTERS, VALUES
 from tb.lib.bench import Strobes
 from tb.lib.nightly import on_verilator
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 from tb.model.firmware import Build
 from tb.rtl.test_commit_gate import Gate
 
-HISTORIES, EVENTS = 30, 600
+EVENTS = 600
 ACTIONS = VALUES["TELEGRAM", "action"]
 TELEGRAM = bytes.fromhex("81 0000 0000 85")  # with its BCC
 STROBES = ("queue_telegram", "repeat_telegram", "use_waiting", "keep_write")
@@ -162,7 +162,7 @@ async def the_model_decides_as_the_gate(dut):
     rng = seeded("model and gate")
     left = Counter()
     gate = await Gate(dut).start()
-    for history in range(HISTORIES):
+    for history in range(cases(6, 30)):
         await gate.pulse("rst", broadcast=0, writes_coils=0, drive_good=0, drive_quiet=1)
         gate.replies.clear()
         both = Both(gate, rng)

@@ -9,7 +9,7 @@ from cocotb.triggers import Timer
 
 from tb.lib.bench import Bench
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 
 STROBES = ["commits", "watch", "take"]
 LEVELS = {"rights": 1, "writes_coils": 1, "running": 1, "period": 0}
@@ -164,7 +164,7 @@ async def random_histories_agree_with_the_rule(dut):
     rng = seeded("loss of the master")
     loss = await Loss(dut).start()
     armed, since, limit, seen = False, 0, 0, 0
-    for step in range(6000):
+    for step in range(cases(2000, 6000)):
         due = armed and limit != 0 and since > limit
         assert loss.due == due, f"step {step}"
         seen += due
@@ -182,7 +182,7 @@ async def random_histories_agree_with_the_rule(dut):
                 armed = bool(now["running"])
         elif what == "take" and due:
             armed = False
-    assert seen > 100
+    assert seen > 30
 
 
 @pytest.mark.rule("SAFE-7", "SAFE-4")

@@ -22,7 +22,7 @@ from sw.tools.bin2hex import hex_line, with_parity
 from tb.lib.bench import Bench
 from tb.lib.nightly import first
 from tb.lib.runner import ROOT, SIMULATORS, run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 
 MEMORY = 1024
 WRAPPER = ROOT / "tb/rtl/core_and_memory.v"
@@ -259,7 +259,7 @@ async def a_reset_recovers_from_unsupported_instructions(dut, command):
 async def a_reset_at_any_moment_restarts_the_program(dut):
     rng = seeded("moments")
     core = await Core(dut).start()
-    for _ in range(20):
+    for _ in range(cases(4, 20)):
         await core.bench.clocks(rng.randint(1, 2000))
         # A mailbox answer in progress ends within two clocks.
         dut.rst.value = 1

@@ -7,7 +7,7 @@ import pytest
 from tb.agents.uart import Flaws, Format, UartMonitor, UartSource
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 
 FORMATS = ("8N1", "8N2", "8E1", "8O1")
 BAUD = 9600
@@ -197,7 +197,7 @@ async def the_three_samples_of_a_bit_are_a_tick_apart(dut):
     """A pulse shorter than a tick can affect only one of them, wherever it lies."""
     rx = await Receiver(dut, "8E1", clocks_a_tick=8).start()
     data = b"\x35"
-    places = [6 + step / 8 for step in range(32)]
+    places = [6 + step / 8 for step in range(0, 32, cases(3, 1))]
     for place in places:
         await rx.source.send(data, Flaws(glitches=[(bit + place * TICK, 0.9 * TICK) for bit in range(11)]))
         await rx.source.idle(3)
