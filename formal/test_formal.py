@@ -10,6 +10,7 @@ import pytest
 
 from formal import pins as formal_pins
 from formal import prove as formal
+from rtl import cache
 from rtl.sources import ROOT
 
 MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
@@ -148,6 +149,22 @@ def test_a_proof_holds_only_with_its_twin(errors, monkeypatch) -> None:
     formal.run(proof)
     assert proof.passed == (not errors) and proof.errors == errors
     assert formal.run(cover).passed, "a cover needs no twin: it assumes the same as its proof"
+
+
+def test_what_held_is_not_proved_again_and_what_failed_is(monkeypatch, tmp_path) -> None:
+    tried = []
+
+    def run_of(task: formal.Task) -> formal.Task:
+        task.passed = len(tried) > 0
+        tried.append(task.name)
+        return task
+
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(formal, "run", run_of)
+    proof, *_, cover = formal.tasks_of(ROOT / "formal/commit_gate.sby")
+    assert [formal.run_once(proof).passed for _ in range(3)] == [False, True, True]
+    formal.run_once(cover)
+    assert tried == [proof.name, proof.name, cover.name]
 
 
 def test_pin_values_that_a_proof_excludes_are_listed_and_correct(monkeypatch, tmp_path) -> None:
