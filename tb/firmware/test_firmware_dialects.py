@@ -15,12 +15,10 @@ from campaigns.fuzz.traffic import DIALECT_PROFILES
 from rtl.sources import ROOT
 from sw.test.host import DIALECTS as HOST_DIALECTS
 from tb.firmware.test_firmware_gateway import (
-    DRIVE_GREEN,
-    DRIVE_RED,
-    OVERDUE_MS,
     Bench,
     instructions_until,
-    lit,
+    play,
+    scenarios,
 )
 from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
 from tb.lib.seeds import seeded
@@ -442,111 +440,11 @@ def refused_number(bench: Bench, pdu: bytes = READ_TEXT) -> None:
     bench.drive(bytes([0x70 | head[0] & 0xF]) + head[1:] + H(f"0000 0005 {RUNNING}"))
 
 
-@pytest.mark.rule("FC-6")
-def test_the_text_is_requested_after_the_number_and_answers_the_request(bench: Bench):
-    refused_number(bench)
-    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
-    assert bench.replies == []
-    bench.drive_answers(TELL_TEXT)
-    assert bench.replies == [REPLY_TEXT]
-    bench.wait(500)
-    assert len(bench.telegrams) == 2
-    bench.local(READ_INDEX)
-
-
 def test_a_text_is_written_after_the_number_was_refused(bench: Bench):
     refused_number(bench, WRITE_TEXT)
     assert bench.telegrams == [H("81 2215 0000 0000 4142 0000 0000"), H("81 F215 0500 4142 0000 0000")]
     bench.drive_answers(H(f"F215 0500 4142 {RUNNING}"))
     assert bench.replies == [H("01 10 14D1 0001")]
-
-
-@pytest.mark.rule("PERF-3")
-def test_the_first_exchange_queues_no_reply(bench: Bench):
-    bench.ask_drive(READ_TEXT)
-    bench.mailbox.drive_data(NO_NUMBER)
-    bench.poll()
-    assert not bench.mailbox.reply_queued
-    bench.mailbox.bcc()
-    assert bench.telegrams == [ASK_NUMBER], "the firmware has to see it"
-    bench.poll()
-    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
-    bench.telegram_ends()
-    bench.mailbox.drive_data(TELL_TEXT)
-    bench.poll()
-    assert bench.mailbox.reply_queued
-    bench.mailbox.bcc()
-    assert bench.replies == [REPLY_TEXT], "without the firmware having to see it"
-
-
-@pytest.mark.rule("FC-8")
-def test_the_second_telegram_waits_for_its_pause(bench: Bench):
-    bench.ask_drive(READ_TEXT)
-    bench.mailbox.quiet = False
-    bench.drive(NO_NUMBER)
-    assert bench.telegrams == [ASK_NUMBER]
-    bench.wait(3)
-    bench.mailbox.pause_over()
-    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
-
-
-@pytest.mark.rule("FC-8")
-def test_a_refusal_with_a_wrong_bcc_starts_no_second_exchange(bench: Bench):
-    bench.exchange(READ_TEXT, NO_NUMBER, good=False)
-    assert bench.telegrams == [ASK_NUMBER]
-    bench.drive(H(f"126D 0000 0000 012C {RUNNING}"))
-    assert bench.telegrams == [ASK_NUMBER]
-    assert bench.replies == [H("01 03 04 0000 012C")]
-
-
-@pytest.mark.rule("FRAME-7")
-def test_a_newer_request_ends_the_older_one_before_its_second_exchange(bench: Bench):
-    bench.ask_drive(READ_TEXT)
-    bench.local(READ_INDEX)
-    bench.drive(NO_NUMBER)
-    bench.wait(500)
-    assert bench.telegrams == [ASK_NUMBER]
-    assert bench.replies == [REPLY_INDEX]
-    bench.request(START)
-    assert bench.telegrams == [ASK_NUMBER, SEND_START], "and the drive line is free"
-
-
-@pytest.mark.rule("FRAME-7")
-def test_a_newer_request_for_the_drive_is_sent_instead_of_the_second_exchange(bench: Bench):
-    bench.ask_drive(READ_TEXT)
-    bench.request(START)
-    bench.drive(NO_NUMBER)
-    assert bench.telegrams == [ASK_NUMBER, SEND_START]
-    bench.drive_answers(H(RUNNING))
-    assert bench.replies == [H("01 05 0006 FF00")]
-
-
-@pytest.mark.rule("FRAME-7", "FRAME-6")
-def test_a_newer_request_that_is_revoked_ends_the_older_one_too(bench: Bench):
-    bench.ask_drive(READ_TEXT)
-    bench.offer(START)
-    bench.character()
-    bench.drive(NO_NUMBER)
-    bench.wait(500)
-    assert bench.telegrams == [ASK_NUMBER]
-    assert bench.replies == []
-    bench.local(READ_INDEX)
-
-
-@pytest.mark.rule("FRAME-7", "FRAME-6")
-def test_a_newer_request_that_the_firmware_did_not_see_ends_the_older_one_too(bench: Bench):
-    """Good BCC, candidate and revoke fall between two rounds of the poll loop."""
-    bench.ask_drive(READ_TEXT)
-    bench.mailbox.drive_data(NO_NUMBER)
-    bench.mailbox.bcc()
-    bench.mailbox.character()
-    bench.mailbox.candidate(START)
-    bench.mailbox.character()
-    bench.poll()
-    bench.wait(500)
-    assert bench.telegrams == [ASK_NUMBER]
-    bench.request(READ_TEXT)
-    assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER]
 
 
 @pytest.mark.rule("FRAME-7")
@@ -561,27 +459,6 @@ def test_a_newer_request_while_the_second_telegram_is_being_queued_drops_it(benc
     assert bench.replies == [REPLY_INDEX]
     bench.request(READ_TEXT)
     assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER]
-
-
-@pytest.mark.rule("FRAME-7")
-def test_a_newer_request_during_the_second_exchange_waits_for_it(bench: Bench):
-    refused_number(bench)
-    bench.ask_drive(START)
-    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT]
-    bench.drive(TELL_TEXT)
-    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, SEND_START]
-    bench.drive_answers(H(RUNNING))
-    assert bench.replies == [H("01 05 0006 FF00")]
-
-
-@pytest.mark.rule("FRAME-7")
-def test_an_exchange_whose_reply_was_dropped_is_still_completed(bench: Bench):
-    bench.ask_drive(WRITE_TEXT)
-    bench.character()
-    bench.drive(H(f"7215 0000 0000 0005 {RUNNING}"))
-    assert bench.telegrams[1:] == [H("81 F215 0500 4142 0000 0000")]
-    bench.drive_answers(H(f"F215 0500 4142 {RUNNING}"))
-    assert bench.replies == []
 
 
 # ---------------------------------------------------------------- silence
@@ -600,26 +477,49 @@ def test_a_silent_drive_gets_one_repeat_and_the_master_no_reply(bench: Bench):
     bench.local(READ_INDEX)
 
 
-@pytest.mark.rule("FC-9")
-def test_the_second_exchange_has_a_repeat_of_its_own(bench: Bench):
-    bench.ask_drive(READ_TEXT)
-    bench.wait(150 + OVERDUE_MS)
-    bench.drive_answers(NO_NUMBER)
-    assert bench.telegrams == [ASK_NUMBER, ASK_NUMBER, ASK_TEXT]
-    bench.drive_is_silent()
-    assert bench.telegrams[3:] == [ASK_TEXT]
-    bench.drive_answers(TELL_TEXT)
-    assert bench.replies == [REPLY_TEXT]
+SCENARIOS = """
+FC-6: the text is requested after the number and answers the request
+    exchange READ_TEXT NO_NUMBER; sent ASK_NUMBER ASK_TEXT; replied; answers TELL_TEXT;
+    replied REPLY_TEXT; wait 500; sent-count 2; local READ_INDEX
+PERF-3: the first exchange queues no reply
+    ask READ_TEXT; +data NO_NUMBER; poll; not reply_queued; +bcc; sent ASK_NUMBER; poll;
+    sent ASK_NUMBER ASK_TEXT; ends; +data TELL_TEXT; poll; is reply_queued; +bcc; replied REPLY_TEXT
+FC-8: the second telegram waits for its pause
+    ask READ_TEXT; busy; drive NO_NUMBER; sent ASK_NUMBER; wait 3; +free; sent ASK_NUMBER ASK_TEXT
+FC-8: a refusal with a wrong bcc starts no second exchange
+    exchange-bad READ_TEXT NO_NUMBER; sent ASK_NUMBER; drive 126D_0000_0000_012C_0F03_2000;
+    sent ASK_NUMBER; replied 01_03_04_0000_012C
+FRAME-7: a newer request ends the older one before its second exchange
+    ask READ_TEXT; local READ_INDEX; drive NO_NUMBER; wait 500; sent ASK_NUMBER; replied REPLY_INDEX;
+    request START; sent ASK_NUMBER SEND_START
+FRAME-7: a newer request for the drive is sent instead of the second exchange
+    ask READ_TEXT; request START; drive NO_NUMBER; sent ASK_NUMBER SEND_START; answers RUNNING;
+    replied 01_05_0006_FF00
+FRAME-7, FRAME-6: a newer request that is revoked ends the older one too
+    ask READ_TEXT; offer START; character; drive NO_NUMBER; wait 500; sent ASK_NUMBER; replied;
+    local READ_INDEX
+FRAME-7, FRAME-6: a newer request that the firmware did not see ends the older one too
+    # Good BCC, candidate and revoke fall between two rounds of the poll loop.
+    ask READ_TEXT; +data NO_NUMBER; +bcc; +character; +candidate START; +character; poll; wait 500;
+    sent ASK_NUMBER; request READ_TEXT; sent ASK_NUMBER ASK_NUMBER
+FRAME-7: a newer request during the second exchange waits for it
+    exchange READ_TEXT NO_NUMBER; ask START; sent ASK_NUMBER ASK_TEXT; drive TELL_TEXT;
+    sent ASK_NUMBER ASK_TEXT SEND_START; answers RUNNING; replied 01_05_0006_FF00
+FRAME-7: an exchange whose reply was dropped is still completed
+    ask WRITE_TEXT; character; drive 7215_0000_0000_0005_0F03_2000;
+    sent-from 1 81_F215_0500_4142_0000_0000; answers F215_0500_4142_0F03_2000; replied
+FC-9: the second exchange has a repeat of its own
+    ask READ_TEXT; wait 152; answers NO_NUMBER; sent ASK_NUMBER ASK_NUMBER ASK_TEXT; silent;
+    sent-from 3 ASK_TEXT; answers TELL_TEXT; replied REPLY_TEXT
+FC-9, LED-4: a drive silent in the second exchange gives no reply
+    exchange READ_TEXT NO_NUMBER; silent 2; wait 3000; sent ASK_NUMBER ASK_TEXT ASK_TEXT; replied;
+    lit DRIVE_RED
+"""
 
 
-@pytest.mark.rule("FC-9", "LED-4")
-def test_a_drive_silent_in_the_second_exchange_gives_no_reply(bench: Bench):
-    refused_number(bench)
-    bench.drive_is_silent(times=2)
-    bench.wait(3000)
-    assert bench.telegrams == [ASK_NUMBER, ASK_TEXT, ASK_TEXT]
-    assert bench.replies == []
-    assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_RED
+@pytest.mark.parametrize("steps", scenarios(SCENARIOS))
+def test_scenario(bench: Bench, steps: str):
+    play(bench, steps, globals())
 
 
 # ---------------------------------------------------------------- speed of the dialects' images
