@@ -113,26 +113,6 @@ def test_the_fingerprint_follows_verilog_and_promises(monkeypatch, tmp_path):
         assert (flips.fingerprint("fc_tx") == before) == same
 
 
-def test_an_unknown_module_is_one_line(capsys):
-    assert flips.main(["nothing"]) == 2
-    there = "commit_gate, rtu_rx, fc_tx, silence_timer, fc_rx, rtu_tx, uart"
-    assert capsys.readouterr().err == f"formal-flips: no module nothing; there are: {there}\n"
-
-
-def test_the_table_counts_what_is_proved():
-    one = flips.Bit("spent", "cell", 0)
-    found = [
-        flips.Found("fc_tx", one),
-        flips.Found("fc_tx", flips.Bit("state[1]", "cell", 1), "a_stop"),
-        flips.Found("fc_tx", flips.Bit("adr[0]", "cell", 2), apart=True),
-        flips.Found("fc_tx", flips.Bit("adr[1]", "cell", 3), apart=True),
-    ]
-    assert " | 10 | 4 | 2 | 1 | 1 | `" in flips.table(found)
-    assert flips.registers_with("proved", found) == "- `fc_tx`: `spent`."
-    assert flips.registers_with("no path", found) == "- `fc_tx`: `adr` (2 of 2 bits)."
-    assert flips.left(found).startswith("- `fc_tx`: `state[1]`. In the card ")
-
-
 def of_the_gate(*broken: str) -> list[flips.Found]:
     """Results in which the listed bits of the gate, and these bits, are not proved; two others are."""
     listed = flips.known()["commit_gate"]["unproved"]
@@ -157,17 +137,6 @@ def test_a_listed_bit_that_is_proved_or_gone_is_an_error():
         f"commit_gate: {first.bit.name} is proved, but in `unproved`",
         f"commit_gate: it has no flip-flop {second.bit.name}",
     ]
-
-
-def test_the_page_names_proved_registers_and_modules_that_are_only_sampled():
-    assert flips.registers_with("proved", of_the_gate("request_i.fine[1]")) == (
-        "- `commit_gate`: `request_i.fine` (1 of 2 bits)."
-    )
-    sampled = flips.sampled()
-    assert all(f"`{name}`" in sampled for name in ("bus_arbiter", "driver_limit", "supervisor"))
-    assert not any(
-        f"`{name}`" in sampled for name in ("rtu_rx", "uart", "commit_gate", "telegram_slot", "mailbox")
-    )
 
 
 def test_the_state_before_a_flip_is_as_deep_as_each_proof():

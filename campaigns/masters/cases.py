@@ -71,10 +71,6 @@ def register(number: int) -> int:
     return 10 * number - 1
 
 
-def plain(*values: object) -> str:
-    return " ".join(str(value) for value in values)
-
-
 def cases(dialect: str) -> list[Case]:
     """All requests in one dialect."""
     codes = DIALECTS[dialect].codes
@@ -86,80 +82,45 @@ def cases(dialect: str) -> list[Case]:
 
     def text_mode(ind: int) -> dict[str, str]:
         """IND is for `card` alone (MAP-8)."""
-        return (
-            {"before": plain("write-register", 0, ind), "after": "write-register 0 0"}
-            if dialect == "card"
-            else {}
-        )
+        around = {"before": f"write-register 0 {ind}", "after": "write-register 0 0"}
+        return around if dialect == "card" else {}
 
-    word = register(of.word)
-    stop = bits(RAMP_STOP) + bits(0)
+    word, double, absent = register(of.word), register(of.double), register(of.absent)
+    words = [of.double_value >> 16, of.double_value & 0xFFFF]
+    stop = " ".join(map(str, bits(RAMP_STOP) + bits(0)))
+    status, text, back = (
+        {"values": bits(READY)},
+        {"text": of.text_value.ljust(8)},
+        "write-registers 1 1000 15",
+    )
+    write_text = f"write-text {register(of.text_write)} {TEXT.encode().hex()}"
+    old_word, silent = f"write-register {word} {of.word_value}", codes.get("silent", SILENCE)
+    read_word = f"read-registers {word} 1"
     return [
-        Case("write-coils", "write coils 1-32: ramp stop", plain("write-coils", 0, *stop), done),
-        Case("read-coils", "read coils 33-48: status word", "read-coils 32 16", {"values": bits(READY)}),
+        Case("write-coils", "write coils 1-32: ramp stop", f"write-coils 0 {stop}", done),
+        Case("read-coils", "read coils 33-48: status word", "read-coils 32 16", status),
         Case("write-coil", "write coil 65 = 1", "write-coil 64 1", done, after="write-coil 64 0"),
         Case("read-local", "read 40002 and 40003", "read-registers 1 2", {"values": [1000, 15]}),
-        Case(
-            "write-register",
-            "write 40002 = 500",
-            "write-register 1 500",
-            done,
-            after="write-registers 1 1000 15",
-        ),
-        Case(
-            "read-word",
-            "read a parameter of 16 bits",
-            plain("read-registers", word, 1),
-            {"values": [of.word_value]},
-        ),
-        Case(
-            "read-double",
-            "read a parameter of 32 bits",
-            plain("read-registers", register(of.double), 2),
-            {"values": [of.double_value >> 16, of.double_value & 0xFFFF]},
-        ),
-        Case(
-            "write-word",
-            "write a parameter of 16 bits",
-            plain("write-register", word, 60),
-            done,
-            after=plain("write-register", word, of.word_value),
-        ),
+        Case("write-register", "write 40002 = 500", "write-register 1 500", done, after=back),
+        Case("read-word", "read a parameter of 16 bits", read_word, {"values": [of.word_value]}),
+        Case("read-double", "read a parameter of 32 bits", f"read-registers {double} 2", {"values": words}),
+        Case("write-word", "write a parameter of 16 bits", f"write-register {word} 60", done, after=old_word),
         Case(
             "read-text",
             "read a text, 4 registers",
-            plain("read-text", register(of.text), 4),
-            {"text": of.text_value.ljust(8)},
+            f"read-text {register(of.text)} 4",
+            text,
             **text_mode(0x0400),
         ),
-        Case(
-            "write-text",
-            "write a text, 3 registers",
-            plain("write-text", register(of.text_write), TEXT.encode().hex()),
-            done,
-            **text_mode(0x0500),
-        ),
-        Case(
-            "fault-0",
-            "a parameter that does not exist",
-            plain("read-registers", register(of.absent), 1),
-            drive(0),
-        ),
-        Case("fault-2", "a value below the minimum", plain("write-register", word, of.word_low), drive(2)),
+        Case("write-text", "write a text, 3 registers", write_text, done, **text_mode(0x0500)),
+        Case("fault-0", "a parameter that does not exist", f"read-registers {absent} 1", drive(0)),
+        Case("fault-2", "a value below the minimum", f"write-register {word} {of.word_low}", drive(2)),
         Case("value", "40003 = 0", "write-register 2 0", codes["value"]),
         Case("address", "read coil 129", "read-coils 128 1", codes["address"]),
         Case("length", "a frame with a byte too many", "read-coils 0 16", codes["length"], LONGER),
-        Case("quantity", "read 11 registers", plain("read-registers", word, 11), codes["quantity"]),
-        Case(
-            "function", "read input registers, function 04", plain("read-inputs", word, 1), codes["function"]
-        ),
-        Case(
-            "silent",
-            "the drive is cut off",
-            plain("read-registers", word, 1),
-            codes.get("silent", SILENCE),
-            CUT,
-        ),
+        Case("quantity", "read 11 registers", f"read-registers {word} 11", codes["quantity"]),
+        Case("function", "read input registers, function 04", f"read-inputs {word} 1", codes["function"]),
+        Case("silent", "the drive is cut off", read_word, silent, CUT),
     ]
 
 

@@ -16,7 +16,6 @@ from pathlib import Path
 import cocotb
 import pytest
 from cocotb.triggers import Timer
-from vcd.gtkw import GTKWColor
 
 from rtl.sources import needed_files, rtl_files
 from sim.card.run_card import RunningCard
@@ -276,85 +275,6 @@ def named_in_surfer(view: Path) -> list[str]:
     return re.findall(r"^variable_add (\S+)$", view.read_text(), re.MULTILINE)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """Display of a signal. GTKWave: flags, file with names; Surfer: format, none for a bit; colour."""
-
-    name: str
-    flags: int
-    names: str
-    surfer: str
-    colour: str
-
-
-def rows_of(view: Path) -> list[Shown]:
-    """Every row of both views, in order; Surfer's formats are matched by the focused row."""
-    commands = [line.split() for line in view.with_suffix(".sucl").read_text().splitlines()]
-    items = [words[1] for words in commands if words[0] in ("divider_add", "variable_add")]
-    formats: dict[int, str] = {}
-    colours: dict[int, str] = {}
-    place = None
-    for what, word in (words for words in commands if words[0].startswith("item_") and len(words) == 2):
-        if what == "item_focus":
-            place = int("".join(f"{ord(letter) - ord('a'):x}" for letter in word), 16)
-        else:
-            into = {"item_set_format": formats, "item_set_color": colours}[what]
-            assert place not in into, word
-            into[place] = word
-    rows, flags, names, item, colour = [], 0, "", 0, ""
-    for line in view.read_text().splitlines():
-        if line.startswith("@"):
-            flags = int(line[1:], 16)
-        elif line.startswith("^1 "):
-            names = line[3:]
-        elif line.startswith("-"):
-            item += flags == GROUP_BEGIN
-        elif line.startswith("[color] "):
-            colour = GTKWColor(int(line.removeprefix("[color] "))).name
-        elif line and line[0] not in "[*":
-            name = line.split("} ", 1)[-1]
-            assert colours.pop(item).lower().replace("purple", "violet") == colour, "the same colour in both"
-            assert items[item] == name.split("[")[0], "both views have the same rows"
-            rows.append(Shown(name, flags, names, formats.pop(item, ""), colour))
-            names, item, colour = "", item + 1, ""
-    assert item == len(items) and not formats and not colours, "a style on a row that is no signal"
-    return rows
-
-
-# Surfer's own translators, by the names that item_set_format takes.
-BIT, DECIMAL, HEX, ASCII = (0x28, ""), (0x24, "Unsigned"), (0x22, "Hexadecimal"), (0x820, "ASCII")
-GROUP_BEGIN, FILE_FILTER = 0x800200, 0x2000
-CARD_ROWS = {
-    r"\.(modbus|drive)_(rx|tx|de)": (6, BIT),
-    r"\.(candidate|commit|revoke)": (3, BIT),
-    r"\.led_(modbus|drive)_(red|green)": (4, BIT),
-    r"\..*state_name\[\d+:0\]": (6, ASCII),
-    r"\..*last_byte\[7:0\]": (2, HEX),
-    r"\..*silence_i\.halves\[\d+:0\]": (2, DECIMAL),
-    r"\..*\.length\[\d+:0\]": (1, DECIMAL),
-    r"\..*\.ticket\[\d+:0\]": (1, HEX),
-    r"\.core_(wdata|rdata)\[31:0\]": (2, HEX),
-}
-
-
-def check_rows(rows: list[Shown], folder: Path) -> None:
-    """Both programs show states as text, bytes as hexadecimal, counts as numbers, addresses by name."""
-    for pattern, (least, (flags, surfer)) in CARD_ROWS.items():
-        fitting = [row for row in rows if re.search(pattern + "$", row.name)]
-        assert len(fitting) >= least, pattern
-        assert {(row.flags, row.surfer, row.names) for row in fitting} == {(flags, surfer, "")}, pattern
-    (address,) = [row for row in rows if row.name.endswith(".core_addr[31:0]")]
-    assert address.flags == HEX[0] | FILE_FILTER
-    assert address.names == str(folder / "firmware.txt")
-    assert address.surfer == "firmware", "the mapping's name"
-    by_leaf = {re.sub(r"\[.*", "", row.name).rpartition(".")[2]: row.colour for row in rows}
-    wanted = {"revoke": "red", "commit": "blue", "modbus_rx": "green", "state_name": "orange"}
-    wanted |= {"last_byte": "yellow", "led_drive_red": "red", "led_drive_green": "green"}
-    assert {leaf: by_leaf[leaf] for leaf in wanted} == wanted
-    known = {form for _, form in (BIT, DECIMAL, HEX, ASCII)} | {"firmware"}
-    assert {row.surfer for row in rows} <= known
-
-
 def check_views(wave: Path, view: Path) -> list[str]:
     """Every signal named by a view is in the waveform; returns GTKWave's names."""
     there = {s.path: s.width for s in WaveFile(wave).signals.values()}
@@ -383,7 +303,6 @@ def check_card_views(wave: Path) -> None:
         "core_addr[31:0]",
     ):
         assert any(name.endswith(f".{wanted}") for name in shown), wanted
-    check_rows(rows_of(view), wave.parent)
     names = (wave.parent / "firmware.txt").read_text()
     for name in ("main", "REQUEST", "gateway_poll"):
         assert re.search(rf"^[0-9A-F]{{8}} .*\b{name}\b", names, re.MULTILINE), name

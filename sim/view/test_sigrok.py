@@ -481,12 +481,6 @@ def test_another_parameter_is_a_new_request_on_one_wire_and_marked_on_two(tmp_pa
     ]
 
 
-def test_the_option_names_the_line_of_the_requests(tmp_path):
-    vcd = draw(tmp_path / "lines.vcd", [Sent(START), Sent(START)])
-    assert [s.name for s in telegrams(decode(vcd, ":requests=rx"))] == ["request", "request"]
-    assert [s.name for s in telegrams(decode(vcd, ":requests=tx"))] == ["reply", "reply"]
-
-
 # ---------------------------------------------------------------- options, tables, installation
 def test_the_decoder_has_the_syntax_of_an_old_python():
     files = sorted(DECODERS.rglob("*.py"))
