@@ -13,7 +13,6 @@ from campaigns.flips import core as core_flips
 from regs.generated.mailbox import AREAS, FRAMES, REGISTERS
 from sw.tools.stack import reserved
 from tb.agents import rtu
-from tb.lib.seeds import seeded
 from tb.model.firmware import Build, Hung
 from tb.model.whole_card import OVERTAKEN_MS
 
@@ -272,8 +271,56 @@ FRAME-6, FC-9: the wait for a busy drive line begins at the commit
     local 06_0002_0005; busy; offer READ_514; wait 73; commit; wait 40; +free; sent ASK_514
 FC-8, MAP-9: a broadcast telegram is sent after the pause
     busy; request-all 0F_0000_0020_04_3C040000; wait 2; request READ_IND; +free; poll; sent 80_043C_0000
+FRAME-6: a revoked request changes nothing and sends nothing
+    offer 06_0000_0102; character; offer 05_0040_FF00; character; offer 05_000A_FF00; character;
+    local READ_IND; local 01_0000_0041; replied REPLY_IND 01_01_09_000000_000000_000000; sent;
+    count DRIVE_NO_REPLY 0; request READ_514; sent ASK_514
+FRAME-6, WDG-1: a request from before a restart is not served again
+    request 05_000A_FF00; +ends; restart; poll; sent 81_0400_0000; local 01_0000_0010;
+    replied-last 01_01_02_0000
+FC-9: every silent exchange has its own repeat
+    request READ_514; sent-count 1; silent; sent-count 2; silent; replied 01_83_FF;
+    request READ_514; sent-count 3; silent; sent-count 4; silent; replied 01_83_FF*2
+FC-9: misfits do not extend the wait
+    ask READ_514; wait 50; drive STATUS; wait 50; drive STATUS; wait 50; drive STATUS; sent-count 1; wait 2;
+    ends; wait 50; drive STATUS; wait 50; drive STATUS; wait 50; drive STATUS; sent-count 2; wait 2;
+    replied 01_83_FF
+FRAME-7, SAFE-1: an unsent start never follows a newer stop
+    busy; request START; wait 60; request STOP; wait 10; +free; poll; sent 81_043C_0000;
+    answers 0607_0000; wait 400; sent 81_043C_0000; replied 01_0F_0000_0020
+FRAME-7: a newer write takes the place of an older one
+    ask READ_514; request START; request STOP; drive TELL_514; answers STATUS; wait 400;
+    sent ASK_514 US:TELEGRAM_OF_STOP; replied 01_0F_0000_0020
+FRAME-7: a newer broadcast takes the place of an older one
+    ask READ_514; request-all START; request-all STOP; drive TELL_514; ends; wait 400;
+    sent ASK_514 ALL:TELEGRAM_OF_STOP; replied
+FC-9: a stop that waits shortens a wait of 160 ms to 150
+    local 06_0002_0010; ask READ_514; request STOP; wait 152; sent ASK_514 US:TELEGRAM_OF_STOP
+FC-9: a stop that waits shortens a wait of 10 s to 150 ms
+    local 06_0002_03E8; ask READ_514; request STOP; wait 152; sent ASK_514 US:TELEGRAM_OF_STOP
+MAP-10: without the option nothing is counted for diagnostics
+    ask-all START; exchange READ_514 TELL_514; exchange 06_040F_003C 7068_0000_0000_0011_0F03_2000;
+    request 07; replied REPLY_514 01_86_11 01_87_43; count COMPLETED 0; count EXCEPTIONS 0
 """
 STOP_SCENARIOS = """
+SAFE-7: the stop is sent once after the time
+    wait 80; sent SEND_START; wait 5; sent SEND_START SEND_STOP; answers STATUS; replied-count 2; wait 1000;
+    sent SEND_START SEND_STOP; replied-count 2; local READ_CONTROL; replied-last 01_01_02_3C04
+SAFE-7: the stop keeps every other bit of the control word
+    exchange 0F_0000_0010_02_FFFF STATUS; wait 85; sent-from 2 81_FFBF_1999
+SAFE-7: the stop goes to the own drive after broadcasts
+    # A broadcast goes to all drives; the stop must not inherit its address.
+    ask-all START_40; wait 5; ask-all START_40; wait 5; sent-from 1 ALL:TELEGRAM_OF_START*2; wait 85;
+    sent-from 3 SEND_STOP
+SAFE-7, FRAME-7: a reading that waits leaves after the stop
+    # Each transaction is in use: at the drive, both waiting writes, the reading, the stop.
+    ask START_40; request-all START_40; request START_40; request READ_514; wait 160; ends; wait 5;
+    answers STATUS; sent SEND_START*2 ALL:TELEGRAM_OF_START SEND_START SEND_STOP; answers STATUS;
+    sent-from 5 ASK_514
+SAFE-7: a candidate that commits prevents the stop
+    wait 75; offer READ_IND; wait 20; sent SEND_START; commit; wait 20; sent SEND_START
+SAFE-7: a candidate that is revoked delays the stop
+    wait 75; offer READ_IND; wait 20; sent SEND_START; character; wait 20; sent SEND_START SEND_STOP
 SAFE-7: a drive that was stopped gets no stop
     request 0F_0000_0010_02_3C04; answers STATUS; wait 1000; sent SEND_START SEND_STOP
 SAFE-7, FC-9: the stop is repeated once
@@ -542,20 +589,6 @@ def test_adr_of_a_telegram_is_written_last(request_pdu):
         assert len({register for _, register, _ in stored[step : step + 4]}) == 4
 
 
-@pytest.mark.rule("FRAME-6")
-def test_a_revoked_request_changes_nothing_and_sends_nothing(bench: Bench):
-    for pdu in (H("06 0000 0102"), H("05 0040 FF00"), H("05 000A FF00")):
-        bench.offer(pdu)
-        bench.character()
-    bench.local(READ_IND)
-    bench.local(H("01 0000 0041"))
-    assert bench.replies == [REPLY_IND, H("01 01 09") + bytes(9)]
-    assert bench.telegrams == []
-    assert bench.mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "no exchange may time out"
-    bench.request(READ_514)
-    assert bench.telegrams == [ASK_514], "the drive line must be free again"
-
-
 @pytest.mark.rule("FRAME-3", "FRAME-6")
 @pytest.mark.parametrize("pdu", [H("06 0002 0063"), H("05 0040 FF00"), H("0F 0000 0020 04 7C 04 00 20")])
 def test_a_revoked_request_whose_ticket_returns_changes_nothing(bench: Bench, pdu: bytes):
@@ -615,17 +648,6 @@ def test_a_request_replaced_while_it_is_decoded_is_not_answered(bench: Bench):
     bench.poll()
     bench.commit()
     assert bench.replies == [REPLY_IND]
-
-
-@pytest.mark.rule("FRAME-6", "WDG-1")
-def test_a_request_from_before_a_restart_is_not_served_again(bench: Bench):
-    bench.request(H("05 000A FF00"))
-    bench.mailbox.sending = False
-    bench.restart()
-    bench.poll()
-    assert bench.telegrams == [H("81 0400 0000")]
-    bench.local(H("01 0000 0010"))
-    assert bench.replies[-1] == H("01 01 02 0000"), "the control image restarts at 0"
 
 
 @pytest.mark.rule("LINE-7")
@@ -794,29 +816,6 @@ def test_the_wait_is_register_40003(bench: Bench, tens: int):
     assert len(bench.telegrams) == 2
 
 
-@pytest.mark.rule("FC-9")
-def test_every_silent_exchange_has_its_own_repeat(bench: Bench):
-    for exchange in (1, 2, 3):
-        bench.request(READ_514)
-        for attempt in (1, 2):
-            assert len(bench.telegrams) == 2 * (exchange - 1) + attempt
-            bench.drive_is_silent()
-    assert bench.replies == [H("01 83 FF")] * 3
-
-
-@pytest.mark.rule("FC-9")
-def test_misfits_do_not_extend_the_wait(bench: Bench):
-    bench.request(READ_514)
-    for attempt in (1, 2):
-        bench.telegram_ends()
-        for _ in range(5):
-            bench.wait(30)
-            bench.drive(H("0F03 2000"))
-        assert len(bench.telegrams) == attempt
-        bench.wait(OVERDUE_MS)
-    assert bench.replies == [H("01 83 FF")]
-
-
 @pytest.mark.rule("FRAME-7", "LED-4")
 def test_a_drive_whose_repeat_is_refused_has_not_replied(bench: Bench):
     """A newer request is committed just before the firmware orders the repeat."""
@@ -943,21 +942,6 @@ def test_waiting_writes_leave_in_the_order_of_commit(two_places: Bench, first: s
     assert two_places.replies == [REPLY_514], "the newest request is answered"
 
 
-@pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize("unit", ["all", "us"])
-def test_a_newer_write_of_the_same_kind_takes_the_place_of_the_older(bench: Bench, unit: str):
-    bench.ask_drive(READ_514)
-    bench.request(START, broadcast=unit == "all")
-    bench.request(STOP, broadcast=unit == "all")
-    bench.drive(TELL_514)
-    bench.telegram_ends()
-    if unit == "us":
-        bench.drive(H(STATUS))
-    bench.wait(400)
-    assert bench.telegrams == [ASK_514, to(unit, TELEGRAM_OF_STOP)]
-    assert bench.replies == ([H("01 0F 0000 0020")] if unit == "us" else [])
-
-
 @pytest.mark.rule("FRAME-7", "SAFE-4")
 def test_an_older_telegram_has_the_ticket_of_no_candidate_that_comes_soon(bench: Bench):
     """A newer candidate may come before the order. Three requests a round, so every ticket has its turn."""
@@ -1015,16 +999,6 @@ def test_a_dead_drive_holds_up_a_stop_for_150_ms_at_most(bench: Bench, before: s
         bench.telegram_ends()
     assert to(unit, TELEGRAM_OF_STOP) in bench.telegrams[count - 1 : count + 1]
     assert len(bench.telegrams) <= count + 1, "nothing is repeated while it waits"
-
-
-@pytest.mark.rule("FC-9")
-@pytest.mark.parametrize("tens", [16, 1000])
-def test_a_stop_that_waits_shortens_each_longer_wait_to_150_ms(bench: Bench, tens: int):
-    bench.local(bytes([6, 0, 2]) + tens.to_bytes(2, "big"))
-    bench.ask_drive(READ_514)
-    bench.request(STOP)
-    bench.wait(150 + OVERDUE_MS)
-    assert bench.telegrams == [ASK_514, to("us", TELEGRAM_OF_STOP)]
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
@@ -1175,55 +1149,6 @@ def test_drive_led_is_green_again_when_the_repeat_is_answered(bench: Bench):
         assert lit(bench) & (DRIVE_RED | DRIVE_GREEN) == DRIVE_GREEN
 
 
-# ---------------------------------------------------------------- any sequence of events
-
-
-@pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7")
-def test_after_any_sequence_of_events_the_next_request_is_answered():
-    rng = seeded("gateway events")
-    for _ in range(150):
-        bench = Bench()
-        mailbox = bench.mailbox
-        committed: list[bytes] = []
-        for _ in range(rng.randrange(60)):
-            event = rng.randrange(10)
-            if event == 0 and not mailbox.is_candidate:
-                pdu = rng.choice(
-                    [READ_514, READ_IND, H("05 000A FF00"), H("06 040F 003C"), H("07"), H("10 00")]
-                )
-                mailbox.candidate(pdu, broadcast=rng.random() < 0.2)
-            elif event <= 2 and mailbox.is_candidate:
-                mailbox.commit()
-                committed.append(pdu)
-            elif event == 3:
-                mailbox.character()
-            elif event <= 5:
-                mailbox.telegram_ends()
-            elif event == 6:
-                mailbox.drive_data(rng.choice([TELL_514, H(STATUS), rng.randbytes(rng.randint(4, 40))]))
-            elif event == 7:
-                mailbox.bcc(rng.random() < 0.7)
-            elif event == 8:
-                bench.wait(rng.choice([1, 10, 150 + OVERDUE_MS]))
-            else:
-                mailbox.quiet = not mailbox.quiet
-            if rng.random() < 0.7:
-                bench.gateway.poll()
-        assert not (H("81 0400 0000") in bench.telegrams and H("05 000A FF00") not in committed)
-        # Let both lines become idle.
-        mailbox.character()
-        for _ in range(4):
-            mailbox.pause_over()
-            mailbox.telegram_ends()
-            mailbox.bcc(good=False)
-            bench.wait(155)
-        replies, telegrams = len(bench.replies), len(bench.telegrams)
-        bench.request(READ_514)
-        assert bench.telegrams[telegrams:] == [ASK_514]
-        bench.drive_answers(TELL_514)
-        assert bench.replies[replies:] == [REPLY_514]
-
-
 # ---------------------------------------------------------------- speed and stack of the card's image
 
 WORST_REQUESTS = {
@@ -1299,23 +1224,6 @@ def test_the_stack_stays_far_from_the_variables():
 
 
 # ---------------------------------------------------------------- a drive line that is never silent
-
-
-@pytest.mark.rule("FRAME-7", "SAFE-1")
-def test_an_unsent_start_never_follows_a_newer_stop(bench: Bench):
-    start, stop = H("0F 0000 0020 04 7C049919"), H("0F 0000 0020 04 3C040000")
-    bench.mailbox.quiet = False
-    bench.request(start)
-    bench.wait(60)
-    bench.request(stop)
-    bench.wait(10)
-    bench.mailbox.pause_over()
-    bench.poll()
-    assert bench.telegrams == [H("81 043C 0000")]
-    bench.drive_answers(H("0607 0000"))
-    bench.wait(400)
-    assert bench.telegrams == [H("81 043C 0000")]
-    assert bench.replies == [H("01 0F 0000 0020")]
 
 
 @pytest.mark.rule("FRAME-7", "FC-8")
@@ -1497,16 +1405,6 @@ def test_each_event_is_counted_in_its_own_counter(bench: Bench):
     assert bench.mailbox.events == 0
 
 
-@pytest.mark.rule("MAP-10")
-def test_without_the_option_nothing_is_counted_for_diagnostics(bench: Bench):
-    bench.ask_drive(START, broadcast=True)
-    for reply in (TELL_514, H(f"7068 0000 0000 0011 {STATUS}")):
-        bench.exchange(READ_514 if reply == TELL_514 else H("06 040F 003C"), reply)
-    bench.request(H("07"))
-    assert bench.replies == [REPLY_514, H("01 86 11"), H("01 87 43")]
-    assert bench.mailbox.counter("COUNT_COMPLETED") == bench.mailbox.counter("COUNT_EXCEPTIONS") == 0
-
-
 @pytest.mark.rule("FRAME-4")
 def test_an_event_between_reading_and_clearing_is_not_lost(bench: Bench):
     mailbox = bench.mailbox
@@ -1566,29 +1464,9 @@ def running() -> Bench:
 
 
 @pytest.mark.rule("SAFE-7")
-def test_the_stop_is_sent_once_after_the_time(running: Bench):
-    running.wait(TIMEOUT_MS)
-    assert running.telegrams == [SEND_START]
-    running.wait(5)
-    assert running.telegrams == [SEND_START, SEND_STOP]
-    running.drive_answers(H(STATUS))
-    replies = len(running.replies)
-    running.wait(1000)
-    assert running.telegrams == [SEND_START, SEND_STOP]
-    assert len(running.replies) == replies, "nobody asked"
-    running.local(READ_CONTROL)
-    assert running.replies[-1] == H("01 01 02 3C04")
-
-
-@pytest.mark.rule("SAFE-7")
 def test_the_stop_commands_a_drive_whose_last_write_left_bit_10_clear(running: Bench):
     """With bit 10 = 0 a drive ignores the control word; the stop has it set."""
     assert stop_after(running, "7800") == H("81 0438 1999")
-
-
-@pytest.mark.rule("SAFE-7")
-def test_the_stop_keeps_every_other_bit_of_the_control_word(running: Bench):
-    assert stop_after(running, "FFFF") == H("81 FFBF 1999")
 
 
 def stop_after(running: Bench, coils: str) -> bytes:
@@ -1610,18 +1488,6 @@ def test_a_stopped_drive_gets_no_stop_whatever_its_other_bits(running: Bench):
     assert len(running.telegrams) == 2
 
 
-@pytest.mark.rule("SAFE-7")
-def test_the_stop_goes_to_the_own_drive_after_broadcasts(running: Bench):
-    """A broadcast goes to all drives; the stop must not inherit its address."""
-    for _ in range(4):
-        running.ask_drive(START_40, broadcast=True)
-        running.wait(5)
-    everyone = H("80 047C 1999")
-    assert running.telegrams == [SEND_START, *[everyone] * 4]
-    running.wait(TIMEOUT_MS + 5)
-    assert running.telegrams[5:] == [SEND_STOP]
-
-
 @pytest.mark.rule("SAFE-4", "SAFE-7")
 def test_the_stop_goes_to_the_own_drive_after_a_flipped_bit(running: Bench):
     """The stop has a transaction of its own. Its mark of a broadcast is flipped after the first stop."""
@@ -1637,23 +1503,6 @@ def test_the_stop_goes_to_the_own_drive_after_a_flipped_bit(running: Bench):
     running.drive_answers(H(STATUS))
     running.wait(TIMEOUT_MS + 5)
     assert running.telegrams == [SEND_START, SEND_STOP] * 2
-
-
-@pytest.mark.rule("SAFE-7", "FRAME-7")
-def test_a_reading_that_waits_leaves_after_the_stop(running: Bench):
-    """Each transaction is in use: at the drive, both waiting writes, the reading, the stop."""
-    running.ask_drive(START_40)
-    running.request(START_40, broadcast=True)
-    running.request(START_40)
-    running.request(READ_514)
-    running.wait(160)
-    running.telegram_ends()
-    running.wait(5)
-    running.drive_answers(H(STATUS))
-    everyone = H("80 047C 1999")
-    assert running.telegrams == [SEND_START, SEND_START, everyone, SEND_START, SEND_STOP]
-    running.drive_answers(H(STATUS))
-    assert running.telegrams[5:] == [ASK_514]
 
 
 @pytest.mark.rule("SAFE-7")
@@ -1672,21 +1521,6 @@ def test_the_image_keeps_the_start_if_the_gate_has_no_licence_any_more(running: 
     assert mailbox.counter("COUNT_DRIVE_NO_REPLY") == 0, "the drive was not asked"
     running.local(READ_CONTROL)
     assert running.replies[-1] == H("01 01 02 7C04")
-
-
-@pytest.mark.rule("SAFE-7")
-@pytest.mark.parametrize("end", ["commit", "revoke"])
-def test_a_candidate_decides_first(running: Bench, end: str):
-    running.wait(TIMEOUT_MS - 5)
-    running.offer(READ_IND)
-    running.wait(20)
-    assert running.telegrams == [SEND_START]
-    if end == "commit":
-        running.commit()
-    else:
-        running.character()
-    running.wait(20)
-    assert running.telegrams == [SEND_START, SEND_STOP][: 1 + (end == "revoke")]
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-7")
