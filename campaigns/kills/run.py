@@ -45,7 +45,8 @@ FOLDER = ROOT / "build/kills"
 MATRIX = FOLDER / "matrix.json"
 SEED_OF_MUTATE, COUNT_OF_MUTATE, COUNT_OF_FIRMWARE = 1, 40, 60  # what those commands try
 # A mutant that its own bench does not notice goes to these.
-WIDER = (("tb/rtl", *mutate.OF_MODULE), ("tb/card", *mutate.OF_CARD, *mutate.IN_CI))
+OF_CARD = ("tb/card", *mutate.OF_CARD)
+WIDER = (OF_CARD, ("campaigns/fuzz/test_fuzz.py",), ("tb/rtl", *mutate.OF_MODULE), (*OF_CARD, *mutate.IN_CI))
 # Of one row, for the time that is left.
 SECONDS = {"Verilog mutant": 60, "firmware mutant": 15, "planted bug": 30, "fuzzer's bug": 30, "fault": 0.3}
 DECIDED = ("noticed", "unnoticed")
