@@ -42,6 +42,7 @@ from rtl.command import Parser, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
 from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
+from tb.model.firmware import Build
 
 FOLDER = ROOT / "build/mutate/firmware"
 CORPUS = ROOT / "sw/test/corpus"
@@ -434,21 +435,20 @@ class MutationRun:
         return f"test {failed}" if failed else ""
 
 
+def builds_of(item: pytest.Item) -> list[Build]:
+    parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    return [value for value in parameters if isinstance(value, Build)]
+
+
 def of_core(item: pytest.Item) -> bool:
-    return (
-        not {"bench", *POLL_LOOPS} & set(item.fixturenames)
-        and "option" not in names(item)
-        and not item.name.startswith(("test_the_second_telegram", "test_after"))
-    )
+    return not (of_gateway(item) or builds_of(item) or "option" in names(item))
 
 
 def of_gateway(item: pytest.Item) -> bool:
-    """Tests of the poll loop in the host libraries, and of second exchanges. An image has no mutant."""
-    if POLL_LOOPS & set(item.fixturenames):
+    """Tests of the poll loop in the host libraries. An image has no mutant."""
+    if POLL_LOOPS & set(item.fixturenames) or item.name.startswith("test_after"):
         return True
-    if item.path == ROOT / GATEWAY_TESTS:
-        return any(name in item.name for name in ("[host", "[small", "any_sequence"))
-    return item.name.startswith(("test_the_second_telegram", "test_after"))
+    return any(not build.on_card for build in builds_of(item))
 
 
 def names(item: pytest.Item) -> list[str]:
@@ -460,17 +460,9 @@ def evaluated(mutants: list[Mutant], name: str, replay: bool) -> list[dict]:
     os.environ["COCOTB_RANDOM_SEED"] = SEED
     results: list[dict] = []
     run = MutationRun(MutantBuild(FOLDER / name), mutants, results, replay)
-    options = [
-        "-q",
-        "--all",
-        "--capture=no",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-        "-p",
-        "no:faulthandler",
-        "--no-header",
+    options = ["-q", "--all", "--capture=no", "--no-header"]
+    options += [
+        word for plugin in ("cacheprovider", "xdist", "faulthandler") for word in ("-p", f"no:{plugin}")
     ]
     code = pytest.main([*options, *(str(ROOT / test) for test in TESTS)], plugins=[run])
     if len(results) != len(mutants):
