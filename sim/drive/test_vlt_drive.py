@@ -23,7 +23,6 @@ from sim.drive.drive_bench import (
     FULL_SPEED,
     JOG,
     QUICK_STOP,
-    RAMP_2,
     RAMP_STOP,
     RESET,
     REVERSE,
@@ -187,16 +186,6 @@ def test_a_damaged_telegram_is_ignored():
 
 
 # ---- parameters --------------------------------------------------------------------------------
-
-
-def test_each_element_of_a_log_is_read_by_its_own_index():
-    drive = VltDrive()
-    for pnu in range(606, 618):
-        length = 20 if pnu < 615 else 10
-        indices = [*range(1, length + 1)]
-        for index in indices:
-            drive.set(pnu, index, index)
-        assert [ask(drive, fc.AK_READ, pnu, ind=i).pwe for i in indices] == indices
 
 
 def ramping_down() -> VltDrive:
@@ -403,21 +392,6 @@ def test_a_control_word_without_bit_10_is_ignored_with_its_reference():
     for word in (0x0000, COAST & ~0x0400, 0xFBFF):
         assert control(drive, word, 0x1000) == (0x0F03, 0x2000)
     assert (drive.control_word, drive.reference_word) == (START, 0x2000)
-
-
-def test_a_ramp_stop_wins_over_freeze():
-    drive = brought_to(50)
-    control(drive, RAMP_STOP & FREEZE, FULL_SPEED)
-    drive.step(10 * SECOND)
-    assert hertz(drive) == 0
-
-
-def test_bit_9_has_no_function():
-    """A VLT 6000 has one ramp."""
-    drive = VltDrive()
-    control(drive, START | RAMP_2, FULL_SPEED)
-    drive.step(SECOND)
-    assert hertz(drive) == 5
 
 
 def test_a_stop_wins_over_start_jog_and_freeze():
