@@ -115,7 +115,7 @@ def run(
     if top == "rtu2fc":
         parameters.setdefault("FIRMWARE_HEX", str(firmware(config)))
     # The image is no part of a build: each simulation reads it by this name in its own folder.
-    image = {"FIRMWARE_HEX": IMAGE} if top == "rtu2fc" else {}
+    image = {"FIRMWARE_HEX": IMAGE} if "FIRMWARE_HEX" in parameters else {}
     literals = {name: as_sv_literal(value) for name, value in (parameters | image).items()}
     test_name = _test_name()
     run_folder = ROOT / "build/tests" / test_name
