@@ -7,12 +7,9 @@ whatever came after it, and no dead drive holds it up for longer than 150 ms and
 
 from __future__ import annotations
 
-import re
-import subprocess
-
 import pytest
 
-from rtl.sources import ROOT
+from sw.tools.stack import symbols
 from tb.agents import rtu
 from tb.agents.fc_slave import Script
 from tb.lib.card import MS
@@ -160,14 +157,6 @@ def check_stop(config: str, before: str, unit: int) -> None:
 # ---------------------------------------------------------------- a bite in the middle of a telegram
 
 
-def first_variable() -> int:
-    """The word of the memory at which the firmware's variables begin, from its symbols."""
-    listing = subprocess.run(
-        ["riscv64-unknown-elf-nm", ROOT / "build/firmware.elf"], capture_output=True, text=True, check=True
-    ).stdout
-    return int(re.search(r"^(\w+) \w _bss_start$", listing, re.MULTILINE)[1], 16) // 4
-
-
 @pytest.mark.nightly
 @pytest.mark.rule("WDG-1", "FRAME-7")
 @pytest.mark.parametrize("bitten_ms", [1, 5, 12])
@@ -181,8 +170,8 @@ def test_a_write_after_a_bite_follows_the_telegram_on_the_line(bitten_ms: float)
         card.modbus.send(text, 5 * MS)
         assert card.run_until(card.now_ps + 30 * MS, "drive_de")
         card.run(bitten_ms)
-        begin = first_variable()
-        for word in range(begin, begin + 60):
+        variables = symbols()["_bss_start"] // 4
+        for word in range(variables, variables + 60):
             card.flip("ram_i.g_bank[0].g_part.bank_i.words", word, 0)
         card.run(card.boot_ms)
         assert card.drive.driven, "the old telegram is still on the line"

@@ -23,9 +23,6 @@ OVERDUE_MS = 2 + ROUND_MS
 # Time in ms until the telegram of a broadcast has been sent, at any clock: a master's turnaround delay.
 BROADCAST_MS = {"standard": 30, "tiny": 80}[CONFIG]
 
-# Whether the soft core traps on an illegal instruction. Otherwise only the watchdog ends the hang.
-TRAPS = {"picorv32": True, "serv": False}[configuration(CONFIG)["soft_core"]]
-
 
 def own_hz(config: str) -> int:
     """Clock of the real card in Hz."""

@@ -11,7 +11,6 @@ from cocotb.triggers import Timer
 
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
-from tb.lib.seeds import cases, seeded
 
 INPUTS = """
     candidate commit revoke broadcast writes_coils modbus_start_seen modbus_silent modbus_quiet
@@ -112,9 +111,12 @@ async def what_is_queued_for_a_candidate_leaves_at_the_commit_and_not_before(dut
     ticket = await gate.candidate()
     await gate.queue_reply(ticket)
     await gate.queue_telegram(ticket)
-    assert await gate.settle() == (0, 0)
+    assert await gate.settle() == (0, 0) and not int(dut.telegram_started.value)
     await gate.pulse("commit")
-    assert await gate.settle() == (1, 1)
+    assert await gate.settle() == (1, 1) and int(dut.telegram_started.value)
+    dut.drive_quiet.value = 0
+    await gate.queue_telegram(ticket, repeat=1)
+    assert not int(dut.telegram_started.value), "the repeat has not"
 
 
 @cocotb.test()
@@ -256,6 +258,8 @@ async def a_reply_after_the_drive_waits_for_good_and_dies_with_bad(dut):
     assert await gate.settle() == (0, 0)
     dut.drive_good.value = 0
     await gate.queue_reply(ticket, after_drive=1)
+    dut.reply_after_drive.value = 0  # it belongs to the order
+    assert await gate.settle() == (0, 0)
     dut.drive_good.value = 1
     assert await gate.settle() == (1, 0)
 
@@ -501,6 +505,7 @@ async def the_end_of_the_loop_back_test_takes_back_what_is_queued(dut):
     dut.drive_quiet.value = 1
     dut.modbus_quiet.value = 1
     assert await gate.settle() == (0, 0)
+    assert not int(dut.reply_queued.value) and not int(dut.telegram_queued.value)
     await gate.candidate()
     await gate.pulse("commit")
     await gate.queue_telegram(5, repeat=1)
@@ -686,134 +691,6 @@ async def the_open_loop_back_test_needs_no_request_the_closed_one_does(dut):
     assert await gate.settle() == (1, 2)
 
 
-ODDS = {
-    "candidate": 0.08,
-    "commit": 0.12,
-    "revoke": 0.03,
-    "modbus_start_seen": 0.03,
-    "drive_bad": 0.03,
-    "queue_reply": 0.1,
-    "queue_telegram": 0.3,
-    "telegram_touched": 0.05,
-}
-ORDERS = ("queue_telegram", "repeat_telegram", "use_waiting", "keep_write")
-ORDER_ODDS = (4, 3, 3, 3)
-
-
-class Licence:
-    """A committed request's right to one telegram, as far as a history from the inputs alone shows it."""
-
-    def __init__(self, command: int, to_all: int):
-        self.command, self.to_all = command, to_all
-        self.commands = 0  # telegrams with control that it caused, without repeats
-        self.asked = False  # the firmware gave an order for it after the commit
-
-
-@cocotb.test()
-async def no_random_history_lets_anything_out_without_its_commit(dut):
-    """Against the promise, as the inputs alone state it: who may leave in this clock, not who must."""
-    rng = seeded("gate history")
-    gate = await Gate(dut).start()
-    pending, fresh = False, False
-    newest: Licence | None = None  # of the newest request, once it has committed
-    slot: Licence | None = None  # of the telegram in the memory
-    ordered_for_candidate = wish = False
-    sends = 0
-    places: dict[int, Licence | None] = {0: None, 1: None}
-    current = dut.ticket.value.to_unsigned()  # a reset does not set it back
-    left = {"reply": 0, "telegram": 0, "waiting": 0, "command": 0}
-    for step in range(cases(4000, 20_000)):
-        names = {name for name, odds in ODDS.items() if rng.random() < odds}
-        # The receiver never gives two of these at once, and commits only what is pending.
-        fate = [n for n in ("candidate", "commit", "revoke", "modbus_start_seen") if n in names]
-        names -= set(fate[1:])
-        if not pending:
-            names.discard("commit")
-        levels = {name: rng.randint(0, 1) for name in ("modbus_quiet", "drive_quiet", "drive_good")}
-        if "modbus_start_seen" in names:
-            levels["modbus_quiet"] = 0
-        silent = levels["modbus_silent"] = int(
-            "modbus_start_seen" not in names and (levels["modbus_quiet"] or rng.random() < 0.7)
-        )
-        order = rng.choices(ORDERS, ORDER_ODDS)[0] if "queue_telegram" in names else ""
-        names -= {"queue_telegram"} | ({"queue_reply", "telegram_touched"} if order else set())
-        to_all = rng.randint(0, 1)
-        ticket = current if rng.random() < 0.8 else rng.randrange(16)
-        mine = ticket == current
-        # Two rights of one request: which of them counts is shown by other tests.
-        if order == "keep_write" and mine and (ordered_for_candidate or (newest and newest.asked)):
-            order = ""
-        if order == "queue_telegram" and mine and wish:
-            order = ""
-        for name, value in levels.items():
-            getattr(dut, name).value = value
-        dut.queue_ticket.value = ticket
-        dut.waiting_to_all.value = to_all
-        for name in ORDERS:
-            getattr(dut, name).value = int(name == order)
-        if "candidate" in names:
-            dut.writes_coils.value = rng.randint(0, 1)
-            dut.broadcast.value = int(rng.random() < 0.3)
-        dut.reply_after_drive.value = rng.randint(0, 1)
-        dut.reply_empty.value = int(rng.random() < 0.1)
-        for name in ODDS:
-            if name not in ORDERS:
-                getattr(dut, name).value = int(name in names)
-        await Timer(1, unit="ns")
-        reply, telegram = int(dut.reply_start.value), int(dut.telegram_start.value)
-        control = int(dut.telegram_control.value)
-        assert not reply or (fresh and levels["modbus_quiet"]), f"reply in step {step}"
-        if telegram:
-            assert slot and levels["drive_quiet"], f"telegram in step {step}"
-            assert order in ("", "keep_write"), f"telegram in the clock of an order, step {step}"
-            assert sends < (1 if slot.to_all else 2), f"repeat in step {step}"
-            assert control <= slot.command, f"command in step {step}"
-            slot.commands += control and not sends
-            assert slot.commands <= 1, f"second command in step {step}"
-            sends += 1
-            left["telegram"] += 1
-            left["command"] += control
-            left["waiting"] += slot is not newest
-        left["reply"] += reply
-        kind = (int(dut.writes_coils.value), int(dut.broadcast.value))
-        await gate.bench.clocks()
-
-        if reply or "modbus_start_seen" in names:
-            fresh = False
-        commits = "commit" in names and pending and silent
-        if newest and mine and (order or "queue_reply" in names):
-            newest.asked = True
-        if "telegram_touched" in names:
-            slot, ordered_for_candidate = None, False
-        if "candidate" in names:
-            current, pending, fresh, newest = (current + 1) % 16, True, False, None
-            ordered_for_candidate = wish = False
-            if order == "queue_telegram":
-                slot = None
-        elif order == "queue_telegram":
-            slot, ordered_for_candidate, sends = (newest if mine else None), mine and pending, 0
-        elif order == "keep_write" and mine:
-            wish = pending
-            if newest:
-                places[kind[1]] = newest
-        if order == "use_waiting":
-            slot, sends, ordered_for_candidate = places[to_all], 0, False
-            places[to_all] = None
-        if commits:
-            newest, pending, fresh = Licence(*kind), False, True
-            if ordered_for_candidate:
-                slot, sends, newest.asked = newest, 0, True
-            if wish:
-                places[kind[1]], newest.asked = newest, True
-            ordered_for_candidate = wish = False
-        elif {"commit", "revoke", "modbus_start_seen"} & names and pending:
-            pending = ordered_for_candidate = wish = False
-    dut._log.info("%s", left)
-    assert min(left.values()) > cases(5, 40) and left["command"] < left["telegram"] - 5, (
-        "the history was too dull to show anything"
-    )
-
-
 # ---------------------------------------------------------------- committed writes that wait (FRAME-7)
 
 
@@ -994,6 +871,7 @@ async def no_single_bit_makes_a_licence_that_waits(dut, half, writes_coils):
     bit = getattr(dut.broadcast_i.valid_i, half)
     bit.value = 1 - int(bit.value)
     await gate.bench.clocks()
+    assert int(dut.fault.value)
     await gate.use(ticket, to_all=1)
     assert await gate.settle() == (0, 0)
 
@@ -1032,6 +910,16 @@ async def watched(gate, **kind: int) -> int:
 async def use_stop(gate, ticket: int = 0, to_all: int = 0) -> None:
     await gate.pulse("use_waiting", queue_ticket=ticket, waiting_to_all=to_all, waiting_stop=1)
     gate.dut.waiting_stop.value = 0
+
+
+@cocotb.test()
+async def a_gate_without_the_option_has_no_stop(dut):
+    gate = await Gate(dut).start()
+    ticket = await watched(gate)
+    await ticks(gate, 2 * PERIOD)
+    assert not int(dut.stop_due.value)
+    await use_stop(gate, ticket)
+    assert await gate.settle() == (0, 0)
 
 
 @cocotb.test()
