@@ -86,18 +86,6 @@ def test_the_image_check_continues_after_a_revoked_or_committed_request(fate: st
     assert card.mailbox.halted
 
 
-@pytest.mark.rule("LED-5", "SAFE-4")
-def test_an_image_damaged_while_idle_halts_within_one_check():
-    rng = seeded("damaged bits")
-    for _ in range(8):
-        card = BootedFirmware()
-        card.wait(3)
-        # Damage constants, not code, so that the running loop itself is not affected.
-        card.machine.memory[checked_bits() // 8 - 1 - rng.randrange(8)] ^= 1 << rng.randrange(8)
-        card.wait(ONE_CHECK)
-        assert card.mailbox.halted
-
-
 class Check:
     """The image check compiled for the host, on words of the test."""
 
@@ -188,15 +176,6 @@ def test_a_flipped_bit_in_the_settings_hangs_the_firmware_for_the_watchdog():
         with pytest.raises(Hung):
             card.wait(3)
         assert not card.mailbox.halted
-
-
-@pytest.mark.rule("WDG-1")
-def test_every_round_kicks_the_watchdog():
-    card = BootedFirmware()
-    before = card.mailbox.kicks
-    for _ in range(100):
-        card.machine.poll()
-    assert card.mailbox.kicks == before + 100
 
 
 # ---------------------------------------------------------------- the loop-back test

@@ -265,7 +265,7 @@ def test_wrong_length_of_a_plain_request_gets_65(card: Translator, function: int
     assert card.do(pdu).reply == refused(65, function)
 
 
-@pytest.mark.rule("EXC")
+@pytest.mark.rule("EXC", "MAP-1", "MAP-2", "MAP-5", "MAP-6")
 @pytest.mark.parametrize(
     ("pdu", "code", "what"),
     [
@@ -276,96 +276,51 @@ def test_wrong_length_of_a_plain_request_gets_65(card: Translator, function: int
         ("10 0001 0002 04 00 0A 01", 65, "half a register missing"),
         ("10 0001 0002 04 00 0A 01 02 00", 65, "a byte too many"),
         ("10 0001 0002 00", 66, "counts no bytes and has none: the length is right, the count is not"),
-    ],
-)
-def test_length_of_a_counted_request_is_checked_by_its_byte_count(
-    card: Translator, pdu: str, code: int, what: str
-):
-    assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
-
-
-@pytest.mark.rule("EXC", "FRAME-5")
-def test_request_longer_than_the_memory_kept_gets_its_exception(card: Translator):
-    # 123 registers, 246 bytes of data: the byte count is right, so the quantity is wrong.
-    pdu = H("10 1413 007B F6") + bytes(246)
-    assert len(pdu) == 252
-    assert card.do(pdu).reply == refused(66, 0x10)
-    assert card.do(pdu[:-1]).reply == refused(65, 0x10)
-    # 32 bytes of ADU are kept: 10 registers of text are complete, one byte more is not.
-    assert card.request(H("10 1413 000A 14") + bytes(20), length=27).reply == refused(65, 0x10)
-
-
-@pytest.mark.rule("EXC")
-@pytest.mark.parametrize(
-    ("pdu", "what"),
-    [
-        ("01 0000 0000", "no coils"),
-        ("01 0000 0081", "129 coils"),
-        ("01 0000 0100", "256 coils: the high byte counts"),
-        ("01 0000 FFFF", "65535 coils"),
-        ("03 1413 0000", "no registers"),
-        ("03 1413 0003", "three registers of a number"),
-        ("03 1413 0102", "258 registers: the high byte counts"),
-        ("03 0000 0004", "four of the card's own registers"),
-        ("03 0000 8001", "bit 15 counts"),
-        ("0F 0000 0000 00", "no coils to write"),
-        ("0F 0000 0021 05 00 00 00 00 00", "33 coils"),
-        ("0F 0000 0101 01 00", "257 coils"),
-        ("0F 0000 0010 01 FF", "16 coils in one byte"),
-        ("0F 0000 0008 02 FF FF", "8 coils in two bytes"),
-        ("10 1413 0000 00", "no registers to write"),
-        ("10 1413 0003 06 00 00 00 00 00 00", "three registers of a number"),
-        ("10 0000 0004 08 0000 0000 0001 0000", "four of the card's own registers"),
-        ("10 1413 0002 02 00 00", "two registers in two bytes"),
-        ("10 1413 0001 04 00 00 00 00", "one register in four bytes"),
-        ("10 1413 0101 02 00 00", "257 registers"),
-    ],
-)
-def test_quantity_or_byte_count_gets_66(card: Translator, pdu: str, what: str):
-    assert card.do(H(pdu)).reply == refused(66, H(pdu)[0]), what
-
-
-@pytest.mark.rule("EXC", "MAP-1", "MAP-2", "MAP-5", "MAP-6")
-@pytest.mark.parametrize(
-    ("pdu", "what"),
-    [
-        ("01 0080 0001", "coil 129"),
-        ("01 0079 0008", "runs out of the 128 coils"),
-        ("01 FFFF 0001", "the last address"),
-        ("05 0020 FF00", "a status coil"),
-        ("05 003F 0000", "coil 64"),
-        ("05 0041 FF00", "coil 66"),
-        ("05 0080 FF00", "coil 129"),
-        ("0F 001F 0002 01 03", "runs out of coils 1-32"),
-        ("0F 0001 0020 04 00 00 00 00", "32 coils from coil 2"),
-        ("0F 003F 0002 01 03", "runs into coil 65"),
-        ("0F 0040 0002 01 03", "runs out of coil 65"),
-        ("0F FFFF 0001 01 01", "the last address"),
-        ("03 0003 0001", "reserved register 40004"),
-        ("03 0008 0001", "reserved register 40009"),
-        ("03 0001 0003", "runs out of 40001-40003"),
-        ("03 0002 0002", "runs out of 40001-40003"),
-        ("10 0002 0002 04 0001 0001", "runs out of 40001-40003"),
-        ("06 0003 0001", "reserved register 40004"),
-        ("03 000A 0001", "the second register of parameter 1"),
-        ("03 1414 0001", "the second register of parameter 514"),
-        ("03 1412 0001", "one before parameter 514"),
-        ("03 4FFF 0001", "parameter 2048"),
-        ("03 FFFF 0001", "the last address"),
-        ("06 1414 0001", "not aligned"),
-        ("10 1414 0002 04 0000 0001", "not aligned"),
-    ],
-)
-def test_unknown_address_gets_64(card: Translator, pdu: str, what: str):
-    before = card.state()
-    assert card.do(H(pdu)).reply == refused(64, H(pdu)[0]), what
-    assert card.state() == before
-
-
-@pytest.mark.rule("EXC")
-@pytest.mark.parametrize(
-    ("pdu", "code", "what"),
-    [
+        ("01 0000 0000", 66, "no coils"),
+        ("01 0000 0081", 66, "129 coils"),
+        ("01 0000 0100", 66, "256 coils: the high byte counts"),
+        ("01 0000 FFFF", 66, "65535 coils"),
+        ("03 1413 0000", 66, "no registers"),
+        ("03 1413 0003", 66, "three registers of a number"),
+        ("03 1413 0102", 66, "258 registers: the high byte counts"),
+        ("03 0000 0004", 66, "four of the card's own registers"),
+        ("03 0000 8001", 66, "bit 15 counts"),
+        ("0F 0000 0000 00", 66, "no coils to write"),
+        ("0F 0000 0021 05 00 00 00 00 00", 66, "33 coils"),
+        ("0F 0000 0101 01 00", 66, "257 coils"),
+        ("0F 0000 0010 01 FF", 66, "16 coils in one byte"),
+        ("0F 0000 0008 02 FF FF", 66, "8 coils in two bytes"),
+        ("10 1413 0000 00", 66, "no registers to write"),
+        ("10 1413 0003 06 00 00 00 00 00 00", 66, "three registers of a number"),
+        ("10 0000 0004 08 0000 0000 0001 0000", 66, "four of the card's own registers"),
+        ("10 1413 0002 02 00 00", 66, "two registers in two bytes"),
+        ("10 1413 0001 04 00 00 00 00", 66, "one register in four bytes"),
+        ("10 1413 0101 02 00 00", 66, "257 registers"),
+        ("01 0080 0001", 64, "coil 129"),
+        ("01 0079 0008", 64, "runs out of the 128 coils"),
+        ("01 FFFF 0001", 64, "the last address"),
+        ("05 0020 FF00", 64, "a status coil"),
+        ("05 003F 0000", 64, "coil 64"),
+        ("05 0041 FF00", 64, "coil 66"),
+        ("05 0080 FF00", 64, "coil 129"),
+        ("0F 001F 0002 01 03", 64, "runs out of coils 1-32"),
+        ("0F 0001 0020 04 00 00 00 00", 64, "32 coils from coil 2"),
+        ("0F 003F 0002 01 03", 64, "runs into coil 65"),
+        ("0F 0040 0002 01 03", 64, "runs out of coil 65"),
+        ("0F FFFF 0001 01 01", 64, "the last address"),
+        ("03 0003 0001", 64, "reserved register 40004"),
+        ("03 0008 0001", 64, "reserved register 40009"),
+        ("03 0001 0003", 64, "runs out of 40001-40003"),
+        ("03 0002 0002", 64, "runs out of 40001-40003"),
+        ("10 0002 0002 04 0001 0001", 64, "runs out of 40001-40003"),
+        ("06 0003 0001", 64, "reserved register 40004"),
+        ("03 000A 0001", 64, "the second register of parameter 1"),
+        ("03 1414 0001", 64, "the second register of parameter 514"),
+        ("03 1412 0001", 64, "one before parameter 514"),
+        ("03 4FFF 0001", 64, "parameter 2048"),
+        ("03 FFFF 0001", 64, "the last address"),
+        ("06 1414 0001", 64, "not aligned"),
+        ("10 1414 0002 04 0000 0001", 64, "not aligned"),
         ("07 0000 0001 00", 67, "function before length"),
         ("01 0080 0000 00", 65, "length before quantity and address"),
         ("0F 0080 0000 03 00", 65, "length before byte count, quantity and address"),
@@ -380,8 +335,24 @@ def test_unknown_address_gets_64(card: Translator, pdu: str, what: str):
         ("10 0002 0002 04 0000 0000", 64, "address before value"),
     ],
 )
-def test_only_the_first_error_is_reported(card: Translator, pdu: str, code: int, what: str):
+def test_an_invalid_request_gets_the_code_of_its_first_error(
+    card: Translator, pdu: str, code: int, what: str
+):
+    """In the order of EXC: function 67, length 65, quantity 66, address 64."""
+    before = card.state()
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
+    assert card.state() == before
+
+
+@pytest.mark.rule("EXC", "FRAME-5")
+def test_request_longer_than_the_memory_kept_gets_its_exception(card: Translator):
+    # 123 registers, 246 bytes of data: the byte count is right, so the quantity is wrong.
+    pdu = H("10 1413 007B F6") + bytes(246)
+    assert len(pdu) == 252
+    assert card.do(pdu).reply == refused(66, 0x10)
+    assert card.do(pdu[:-1]).reply == refused(65, 0x10)
+    # 32 bytes of ADU are kept: 10 registers of text are complete, one byte more is not.
+    assert card.request(H("10 1413 000A 14") + bytes(20), length=27).reply == refused(65, 0x10)
 
 
 @pytest.mark.rule("EXC", "MAP-8")
@@ -498,11 +469,6 @@ def test_coil_65_is_written_locally_without_a_telegram(card: Translator, on: str
 
 
 # ---------------------------------------------------------------- the card's own registers
-
-
-@pytest.mark.rule("MAP-5")
-def test_local_registers_have_their_defaults(card: Translator):
-    assert same(reply_to(card, "03 0000 0003"), "03 06 0000 03E8 000F")
 
 
 @pytest.mark.rule("MAP-5")
