@@ -34,7 +34,7 @@ from tb.agents.uart import Format
 from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import boot_clocks
-from tb.lib.recorded_line import RecordedLine
+from tb.lib.line_tap import RecordedLine
 from tb.lib.runner import ROOT, WAIVERS, run
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive

@@ -54,8 +54,9 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - .*)?$", re.M)
 # The bench of the whole card is slow on Icarus. Of the others `make test` leaves out a part there.
 OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", *IN_CI]
 # Modules that the bench of another one plays.
-BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram"}
-BENCH_IN |= dict.fromkeys(("reply_slot", "request_fate", "telegram_slot", "waiting_place"), "commit_gate")
+BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram", "crc16_modbus": "rtu_tx"}
+GATE = ("loopback_end", "reply_slot", "request_fate", "telegram_slot", "waiting_place")
+BENCH_IN |= dict.fromkeys(GATE, "commit_gate")
 # The whole card is tested by subject.
 MORE_BENCHES = {
     TOP: [

@@ -410,23 +410,7 @@ async def telegrams_wait_for_two_characters_of_silence_and_have_no_gaps(dut):
     scene.finish()
 
 
-# ---------------------------------------------------------------- power-up, address
-
-
-@cocotb.test()
-async def invalid_address_keeps_the_card_silent_on_both_lines(dut):
-    scene = Scenario(dut, address=0)
-    await scene.card.power_up()
-    for address in (0, 248, 255):
-        await scene.card.reset(faulty=True, sw_addr=address)
-        await scene.card.quiet(40 if address == 0 else 5)
-        for to in (address, 0, 1):
-            await scene.master.send(rtu.build(to, control_pdu(0x047C, 0x1999)[0]))
-            await scene.card.quiet(4)
-    await scene.card.reset(sw_addr=247)
-    done = await scene.request(rtu.build(247, rtu.read_registers(2, 1)))
-    assert done.data == rtu.build(247, bytes.fromhex("03 02 00 0F"))
-    scene.finish()
+# ---------------------------------------------------------------- power-up
 
 
 @cocotb.test()
@@ -512,7 +496,6 @@ NETWORK = [
     "revoked_frame_has_no_effect",
     "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
     "only_the_newest_request_is_answered",
-    "invalid_address_keeps_the_card_silent_on_both_lines",
     "lines_low_at_power_up_have_no_effect",
 ]
 DRIVE = [

@@ -14,8 +14,7 @@ from tb.agents.modbus_master import ModbusMaster
 from tb.agents.uart import Format
 from tb.lib.bench import Bench
 from tb.lib.config import boot_clocks
-from tb.lib.line_tap import tap_leds
-from tb.lib.recorded_line import RecordedLine
+from tb.lib.line_tap import RecordedLine, tap_leds
 
 PARITY_LETTER = {"none": "N", "even": "E", "odd": "O"}
 MS = 1_000_000_000
@@ -88,18 +87,14 @@ class CardBench:
     async def power_up(self) -> None:
         await self.bench.start(reset_clocks=8)
 
-    async def reset(self, faulty: bool = False, **switches: int) -> None:
-        """Sets switches, resets, and waits until the firmware polls for requests.
-
-        `faulty`: the card is expected not to start, so there is no wait.
-        """
+    async def reset(self, **switches: int) -> None:
+        """Sets switches, resets, and waits until the firmware polls for requests."""
         for name, value in switches.items():
             getattr(self.dut, name).value = value
         self.dut.rst_n.value = 0
         await self.bench.clocks(8)
         self.dut.rst_n.value = 1
-        if not faulty:
-            await self._firmware_ready()
+        await self._firmware_ready()
 
     async def _firmware_ready(self) -> None:
         """Waits for the firmware to start, at most as long as BOOT-1 allows at this clock."""

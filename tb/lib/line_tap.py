@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
 
 import cocotb
 from cocotb.handle import LogicObject, SimHandleBase
 from cocotb.triggers import First, ReadOnly, Timer, ValueChange
 
+from tb.agents.rs485 import Rs485Line
 from tb.agents.uart import Format, UartMonitor, now_ps
 from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, PS_PER_MS, Recorder, wanted
-
-if TYPE_CHECKING:
-    from tb.agents.rs485 import Rs485Line
 
 
 class LineTap:
@@ -67,9 +64,18 @@ class LineTap:
             self.end_frame()  # the end of a cocotb test
 
 
-def tap_line(line: Rs485Line, rx: LogicObject, tx: LogicObject) -> LineTap | None:
-    recorder = wanted()
-    return LineTap(line, rx, tx, recorder) if recorder else None
+class RecordedLine(Rs485Line):
+    """The line of tb/agents with two more monitors while a test is recorded."""
+
+    def __init__(self, rx: LogicObject, tx: LogicObject, de: LogicObject, fmt: Format, echo: bool = False):
+        super().__init__(rx, tx, de, fmt, echo)
+        recorder = wanted()
+        self._tap = LineTap(self, rx, tx, recorder) if recorder else None
+
+    def set_format(self, fmt: Format) -> None:
+        super().set_format(fmt)
+        if self._tap:
+            self._tap.use(fmt)
 
 
 async def _watch_led(recorder: Recorder, led: int, red: LogicObject, green: LogicObject) -> None:

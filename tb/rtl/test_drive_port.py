@@ -16,9 +16,9 @@ from tb.agents.fc_slave import CHARACTER_BITS, FAULTS
 from tb.agents.rs485 import DirectionMonitor
 from tb.agents.uart import Flaws, Format, Frame, Sent, now_ps, with_gaps
 from tb.lib.bench import Bench, Strobes
+from tb.lib.line_tap import RecordedLine
 from tb.lib.memory_ports import ReadPort, WritePort, at_once
 from tb.lib.nightly import on_verilator
-from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 from tb.model.fc_telegram import ADR_BROADCAST, build, build_parameter, build_process, build_text

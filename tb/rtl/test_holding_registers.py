@@ -21,8 +21,8 @@ from tb.agents import edges, rtu
 from tb.agents.modbus_master import ModbusMaster
 from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench
+from tb.lib.line_tap import RecordedLine
 from tb.lib.nightly import on_verilator
-from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 

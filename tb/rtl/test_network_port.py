@@ -15,9 +15,9 @@ from tb.agents import rtu
 from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench, Strobes
 from tb.lib.card import baud_switches, switch_word
+from tb.lib.line_tap import RecordedLine
 from tb.lib.memory_ports import ReadPort, WritePort
 from tb.lib.nightly import first, on_verilator
-from tb.lib.recorded_line import RecordedLine
 from tb.lib.runner import ROOT, run
 from tb.lib.seeds import seeded
 
