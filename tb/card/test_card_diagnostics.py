@@ -21,7 +21,7 @@ from tb.lib.nightly import first
 from tb.lib.seeds import seeded
 from tb.model.card import CLEAR, EXCEPTIONS, MESSAGES, REGISTER, REQUESTS, CardModel
 
-pytestmark = pytest.mark.cards("standard")
+pytestmark = pytest.mark.parametrize("config", ["standard"])
 OWN = 1
 FRAMES = 60
 REPLY_MS = 60

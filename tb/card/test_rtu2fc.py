@@ -584,7 +584,7 @@ def test_own_clock(config):
 
 
 @pytest.mark.nightly
-@pytest.mark.cards("tiny")
+@pytest.mark.parametrize("config", ["tiny"])
 @pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
 def test_manual_at_own_clock(config):
     """The bench measures the standard card at its own clock."""

@@ -87,9 +87,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def wanted(item: pytest.Item, config: pytest.Config) -> bool:
     parameters = item.callspec.params if hasattr(item, "callspec") else {}
     sim, card = parameters.get("sim"), parameters.get("config")
-    cards = item.get_closest_marker("cards")
-    if cards and card not in cards.args:
-        return False
     if sim and config.getoption("--sim") not in (None, sim):
         return False
     if config.getoption("--card"):
