@@ -92,8 +92,6 @@ def run(jobs: int) -> bool:
         "pytest",
         "-q",
         "--sim=verilator",
-        "-k",
-        "verilator",
         "-p",
         "no:cacheprovider",
     ]
