@@ -322,7 +322,7 @@ def main(arguments: list[str] | None = None) -> int:
         for done in as_completed([pool.submit(task) for task in tasks(matrix, given.sample)]):
             try:
                 done.result()
-            except (SystemExit, PlantedError, subprocess.CalledProcessError) as error:
+            except (SystemExit, PlantedError) as error:
                 said = str(error).splitlines()
                 broken.append(" ".join(dict.fromkeys((said[0], said[-1]))))
                 print(f"kills: {broken[-1]}", file=sys.stderr, flush=True)

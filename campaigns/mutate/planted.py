@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
@@ -60,9 +59,9 @@ class Planted:
             self.place(text)
             file.write_text(text.replace(self.old, self.new))
             if self.then:
-                subprocess.run(
-                    [sys.executable, "-m", self.then], cwd=copy.root, check=True, capture_output=True
-                )
+                made = copy.run(sys.executable, "-m", self.then)
+                if not made[0]:
+                    raise PlantedError(f"{self.name}: {self.then}: {made[1].splitlines()[-1]}")
             return copy.failing_test(*command)
         finally:
             copy.remove()

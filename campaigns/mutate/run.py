@@ -74,6 +74,7 @@ COPIED = (
     "regs",
     "sim",
     "sw",
+    "docs/example",
     "docs/guide",
     "docs/reference",
     "VERSION",
