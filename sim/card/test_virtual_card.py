@@ -407,17 +407,21 @@ def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path):
 @pytest.mark.rule("SAFE-7")
 @pytest.mark.parametrize("option", first([("--master-loss-stop",), ()]))
 def test_only_with_the_option_a_stop_leaves_when_the_master_is_lost(tmp_path, option):
-    """The master of a motor falls silent for 1.5 s, with 40002 = 20 (200 ms)."""
+    """The master of a motor falls silent for 1.5 s or longer, with 40002 = 20 (200 ms)."""
     log = tmp_path / "log"
     with RunningCard(tmp_path, "--log", str(log), *option) as card:
         client = pymodbus_client(card)
         assert not client.write_register(1, 20, device_id=1).isError()
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        time.sleep(1.5)
-        control = client.read_coils(0, count=16, device_id=1).bits
+        wanted = coils(0x043C if option else 0x047C, 0)[:16]
+        for silence_s in (1.5, 5, 15):  # on a busy machine the card's time passes more slowly
+            time.sleep(silence_s)
+            control = client.read_coils(0, count=16, device_id=1).bits
+            if control == wanted:
+                break
         client.close()
         assert card.stop() == 0
-    assert control == coils(0x043C if option else 0x047C, 0)[:16]
+    assert control == wanted
     frames = [json.loads(line) for line in log.read_text().splitlines()]
     stops = [
         frame for frame in frames if frame.get("bytes", "").replace(" ", "").lower() == "020681043c19993d"
