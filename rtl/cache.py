@@ -97,7 +97,7 @@ def _lock(path: Path) -> Iterator[None]:
 
 
 def _forget_old(kind: Path) -> None:
-    """Removes the builds unused for longest. One used within KEPT_S stays: another process may still load it."""
+    """Removes the builds unused for longest. One used within KEPT_S stays: a process may still load it."""
     found = sorted(((path.stat().st_mtime, path) for path in kind.iterdir() if path.is_dir()), reverse=True)
     size = 0
     for used, path in found:
