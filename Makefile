@@ -77,13 +77,13 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 
 #:
 #: Variables
-#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, fuzz, flips, replay); default: standard
+#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, fuzz, impatient, flips, replay); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, nightly, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, nightly, waves); CARD=name: the whole card's tests as this card
 #:   FOLDERS=names of these folders the tests that are not in make test (nightly)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   SAMPLE=n      mutants, or all (kills); default: 60
-#:   COUNT=n       frames (fuzz, fuzz-plants), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
+#:   COUNT=n       frames (fuzz, fuzz-plants), sequences (impatient), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, formal-flips, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
@@ -225,7 +225,7 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
 
 ##@ Attack
-.PHONY: starts starts-page fuzz fuzz-plants fuzz-report flips flips-report core-flips
+.PHONY: starts starts-page fuzz impatient fuzz-plants fuzz-report flips flips-report core-flips
 starts-page: firmware | setup-test ## build/reports/starts.md from the starts of both cards
 	@$(RUN) campaigns.starts.page
 
@@ -234,6 +234,9 @@ starts: firmware | setup-test ## power-up with random register contents, reset a
 
 fuzz: firmware drive | setup-test ## * random lines and drives against the models (1 min for 2000 frames; COUNT=frames; CONFIG=tiny; REPLAY=case)
 	@$(RUN) campaigns.fuzz.run --config $(CONFIG) $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
+
+impatient: firmware drive | setup-test ## masters that give up and go on: was the drive told what the image shows (COUNT=, SEED=, CONFIG=)
+	@$(RUN) campaigns.fuzz.impatient --config $(CONFIG) $(SEEDED) --jobs $(JOBS)
 
 fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
 	@$(RUN) campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)

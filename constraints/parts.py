@@ -26,8 +26,7 @@ PORT |= {
     "baud_divider",
 }
 MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit"}
-MAILBOX |= {"commit_gate", "request_fate", "reply_slot", "telegram_slot", "waiting_place", "loopback_end"}
-MAILBOX |= {"master_loss"}
+MAILBOX |= {"commit_gate", "request_state", "licences", "reply_slot", "telegram_slot", "master_loss"}
 OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor", "driver_limit"}
 CORE = {"soft_core"}
 MEMORY = {"firmware_ram", "ram_bank", "ram_lane"}

@@ -591,13 +591,11 @@ def config_macros(name: str, entry: dict) -> str:
     lines = [
         banner("//", CONFIGS).rstrip(),
         "//",
-        f"// Configuration {name}: defaults of the top's parameters. Clock in Hz, memory in bytes,",
-        "// PLACES: committed writes that can wait (FRAME-7).",
+        f"// Configuration {name}: defaults of the top's parameters. Clock in Hz, memory in bytes.",
         "",
         f"`define CONFIG_CLK_HZ {entry['clk_hz']}",
         f"`define CONFIG_SOFT_CORE 2'd{entry['soft_core_id']}  // {entry['soft_core']}",
         f"`define CONFIG_MEMORY_BYTES {entry['memory_bytes']}",
-        f"`define CONFIG_PLACES 2'd{entry['waiting_places']}",
     ]
     return "\n".join(lines) + "\n"
 

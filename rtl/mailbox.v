@@ -4,8 +4,8 @@
 // The network port writes requests and reads replies. The drive port reads telegrams and
 // writes the drive's replies. The firmware sees all of it through one bus. The commit gate
 // decides what leaves. Only wires in here. request, telegram, exchange,
-// supervision: vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl. PLACES: of
-// commit_gate, like MASTER_LOSS_STOP. MEMORY_BYTES: of bus_arbiter. core_rst: reset of the soft
+// supervision: vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl.
+// MASTER_LOSS_STOP: of commit_gate. MEMORY_BYTES: of bus_arbiter. core_rst: reset of the soft
 // core; it also empties the commit gate. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
@@ -34,17 +34,19 @@
 `define MBX_REPLY_TICKET_BITS 11:8
 `define MBX_TELEGRAM_NO_REPLY_BITS 5
 `define MBX_TELEGRAM_STOP_BITS 12
+`define MBX_TELEGRAM_EARLY_BITS 13
 `define MBX_LED_BITS 3:0
 `define MBX_SUPERVISOR_RUNNING_BITS 3
 `define MBX_SUPERVISOR_PERIOD_BITS 31:12
-`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_CANDIDATE_BITS 0
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_REQUEST_BROADCAST_BITS 2
 `define CARD_REQUEST_WRITES_COILS_BITS 3
-`define CARD_REQUEST_BANK_BITS 4
-`define CARD_REQUEST_LENGTH_BITS 12:5
-`define CARD_REQUEST_SILENT_BITS 13
+`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
+`define CARD_REQUEST_BANK_BITS 5
+`define CARD_REQUEST_LENGTH_BITS 13:6
+`define CARD_REQUEST_SILENT_BITS 14
 `define CARD_TELEGRAM_BITS 7:0
 `define CARD_TELEGRAM_LENGTH_BITS 4:0
 `define CARD_TELEGRAM_NO_REPLY_BITS 5
@@ -66,7 +68,6 @@
 
 module mailbox #(
     parameter MEMORY_BYTES = 8192,
-    parameter [1:0] PLACES = 2'd2,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire                              clk,
@@ -126,11 +127,10 @@ module mailbox #(
   wire regs_write;
   wire [2:0] regs_word;
   wire [31:0] regs_rdata;
-  wire queue_reply;
-  wire queue_telegram;
-  wire use_waiting;
-  wire repeat_telegram;
-  wire keep_write;
+  wire order_reply;
+  wire order_telegram;
+  wire order_repeat;
+  wire [1:0] order_kind;
   wire watch_master;
   wire telegram_touched;
   wire [3:0] ticket;
@@ -222,11 +222,10 @@ module mailbox #(
       .wdata(core_wdata[7:0]),
       .rdata(regs_rdata),
       // commands
-      .queue_reply(queue_reply),
-      .queue_telegram(queue_telegram),
-      .use_waiting(use_waiting),
-      .repeat_telegram(repeat_telegram),
-      .keep_write(keep_write),
+      .order_reply(order_reply),
+      .order_telegram(order_telegram),
+      .order_repeat(order_repeat),
+      .order_kind(order_kind),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
       .watchdog_kick(supervision[`CARD_SUPERVISION_KICK_BITS]),
@@ -246,7 +245,6 @@ module mailbox #(
   );
 
   commit_gate #(
-      .PLACES(PLACES),
       .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) gate_i (
       .clk(clk),
@@ -258,6 +256,7 @@ module mailbox #(
       .revoke(network_events[`MBX_EVENTS_REVOKED_BITS]),
       .broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
       .writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
+      .writes_parameter(request[`CARD_REQUEST_WRITES_PARAMETER_BITS]),
       .modbus_start_seen(modbus_start_seen),
       .modbus_silent(request[`CARD_REQUEST_SILENT_BITS]),
       .modbus_quiet(modbus_quiet),
@@ -266,22 +265,23 @@ module mailbox #(
       .drive_bad(exchange[`CARD_EXCHANGE_BAD_BITS]),
       .drive_quiet(exchange[`CARD_EXCHANGE_QUIET_BITS] && !drive_sending),
       // firmware
-      .queue_reply(queue_reply),
+      .order_reply(order_reply),
       .reply_empty(core_wdata[`MBX_REPLY_LENGTH_BITS] == 5'd0),
       .reply_after_drive(core_wdata[`MBX_REPLY_AFTER_DRIVE_BITS]),
-      .queue_telegram(queue_telegram),
-      .use_waiting(use_waiting),
-      .waiting_to_all(core_wdata[`MBX_TELEGRAM_NO_REPLY_BITS]),
-      .waiting_stop(core_wdata[`MBX_TELEGRAM_STOP_BITS]),
-      .repeat_telegram(repeat_telegram),
-      .keep_write(keep_write),
+      .order_telegram(order_telegram),
+      .order_kind(order_kind),
+      .order_no_reply(core_wdata[`MBX_TELEGRAM_NO_REPLY_BITS]),
+      .order_stop(core_wdata[`MBX_TELEGRAM_STOP_BITS]),
+      .order_early(core_wdata[`MBX_TELEGRAM_EARLY_BITS]),
+      .order_repeat(order_repeat),
       .telegram_touched(telegram_touched),
-      .queue_ticket(core_wdata[`MBX_REPLY_TICKET_BITS]),
+      .order_ticket(core_wdata[`MBX_REPLY_TICKET_BITS]),
       .watch(watch_master),
       .running(core_wdata[`MBX_SUPERVISOR_RUNNING_BITS]),
       .period(core_wdata[`MBX_SUPERVISOR_PERIOD_BITS]),
-      // configuration
+      // loop-back test
       .loopback_open(loopback_open),
+      .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),

@@ -6,8 +6,8 @@
 // with the events in place of the request. rdata is 0 unless a word was read a clock
 // before: a line may read the memory while a register is written. Any write strobe writes
 // the whole word. An event that comes while its flag is being cleared is kept.
-// queue_telegram, use_waiting, repeat_telegram and keep_write are the actions of TELEGRAM.
-// keep_write needs no line; the others need a drive line on which nothing is sent.
+// order_telegram and order_repeat are the actions of TELEGRAM, which need a drive line on which
+// nothing is sent. kind: of the order, as licences.v has it.
 // rst turns the LEDs off. Event flags and lengths stay: a restart of the firmware loses no event,
 // and a telegram on the wire keeps its length (WDG-1).
 // Clock domain: clk. Rules: FRAME-4, FRAME-5, FRAME-7, FC-8, WDG-1.
@@ -27,8 +27,7 @@
 `define MBX_TELEGRAM_ACTION_BITS 7:6
 `define MBX_TELEGRAM_ACTION_IS_FIRST 2'h0
 `define MBX_TELEGRAM_ACTION_IS_REPEAT 2'h1
-`define MBX_TELEGRAM_ACTION_IS_WAITING 2'h2
-`define MBX_TELEGRAM_ACTION_IS_KEEP 2'h3
+`define MBX_TELEGRAM_ACTION_IS_IMAGE 2'h3
 `define MBX_LED_WORD 3'h4
 `define MBX_LED_BITS 3:0
 `define MBX_LISTEN_WORD 3'h5
@@ -52,11 +51,10 @@ module mailbox_regs (
     input  wire [               7:0] wdata,
     output reg  [              31:0] rdata,
     // commands
-    output wire                      queue_reply,
-    output wire                      queue_telegram,
-    output wire                      use_waiting,
-    output wire                      repeat_telegram,
-    output wire                      keep_write,
+    output wire                      order_reply,
+    output wire                      order_telegram,
+    output wire                      order_repeat,
+    output wire [               1:0] order_kind,
     output wire                      listen_again,
     output wire                      listen_stop,
     output wire                      watchdog_kick,
@@ -75,6 +73,12 @@ module mailbox_regs (
     input  wire [               7:0] ticks
 );
 
+  // Kinds of telegrams, as in licences.v.
+  localparam [1:0] K_NEWEST = 2'd0;
+  localparam [1:0] K_IMAGE = 2'd1;
+  localparam [1:0] K_ONE = 2'd2;
+  localparam [1:0] K_ALL = 2'd3;
+
   reg [7:0] flags = 8'd0;
 
   wire write_now = valid && write;
@@ -87,11 +91,12 @@ module mailbox_regs (
   wire order = write_telegram && !exchange[`MBX_EXCHANGE_SENDING_BITS];
   wire [1:0] action = wdata[`MBX_TELEGRAM_ACTION_BITS];
 
-  assign queue_reply = write_now && word == `MBX_REPLY_WORD;
-  assign queue_telegram = order && action == `MBX_TELEGRAM_ACTION_IS_FIRST;
-  assign use_waiting = order && action == `MBX_TELEGRAM_ACTION_IS_WAITING;
-  assign repeat_telegram = order && action == `MBX_TELEGRAM_ACTION_IS_REPEAT;
-  assign keep_write = write_telegram && action == `MBX_TELEGRAM_ACTION_IS_KEEP;
+  assign order_reply = write_now && word == `MBX_REPLY_WORD;
+  assign order_telegram = order && action != `MBX_TELEGRAM_ACTION_IS_REPEAT;
+  assign order_repeat = order && action == `MBX_TELEGRAM_ACTION_IS_REPEAT;
+  assign order_kind = action == `MBX_TELEGRAM_ACTION_IS_IMAGE ? K_IMAGE :
+      action == `MBX_TELEGRAM_ACTION_IS_FIRST ? K_NEWEST :
+      wdata[`MBX_TELEGRAM_NO_REPLY_BITS] ? K_ALL : K_ONE;
   assign listen_again = write_listen && wdata[`MBX_LISTEN_ON_BITS];
   assign listen_stop = write_listen && !wdata[`MBX_LISTEN_ON_BITS];
   assign halt = write_supervisor && wdata[`MBX_SUPERVISOR_HALT_BITS];
@@ -115,8 +120,8 @@ module mailbox_regs (
 
     flags <= (flags & ~(wdata &{8{clear}})) | events;
 
-    if (queue_reply) reply_length <= wdata[`MBX_REPLY_LENGTH_BITS];
-    if (queue_telegram || use_waiting) begin
+    if (order_reply) reply_length <= wdata[`MBX_REPLY_LENGTH_BITS];
+    if (order_telegram) begin
       telegram_length   <= wdata[`MBX_TELEGRAM_LENGTH_BITS];
       telegram_no_reply <= wdata[`MBX_TELEGRAM_NO_REPLY_BITS];
     end

@@ -31,14 +31,15 @@
 `define CARD_LINE_TWO_STOP_BITS 2
 `define CARD_LINE_HALF_UNEVEN_BITS 3
 `define CARD_LINE_HALF_END_BITS 12:4
-`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_CANDIDATE_BITS 0
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_REQUEST_BROADCAST_BITS 2
 `define CARD_REQUEST_WRITES_COILS_BITS 3
-`define CARD_REQUEST_BANK_BITS 4
-`define CARD_REQUEST_LENGTH_BITS 12:5
-`define CARD_REQUEST_SILENT_BITS 13
+`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
+`define CARD_REQUEST_BANK_BITS 5
+`define CARD_REQUEST_LENGTH_BITS 13:6
+`define CARD_REQUEST_SILENT_BITS 14
 // End of what `make regs` writes.
 
 module network_port #(
@@ -283,6 +284,7 @@ module network_port #(
       .frame_length(request[`CARD_REQUEST_LENGTH_BITS]),
       .frame_broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
       .frame_writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
+      .frame_writes_parameter(request[`CARD_REQUEST_WRITES_PARAMETER_BITS]),
       .frame_bank(request[`CARD_REQUEST_BANK_BITS]),
       .may_break(may_break),
       .count_crc(events[`MBX_EVENTS_CRC_BITS]),

@@ -12,12 +12,11 @@ rtl/fc_rx.v
 rtl/fc_tx.v
 rtl/firmware_ram.v
 rtl/gate/commit_gate.v
-rtl/gate/loopback_end.v
+rtl/gate/licences.v
 rtl/gate/master_loss.v
 rtl/gate/reply_slot.v
-rtl/gate/request_fate.v
+rtl/gate/request_state.v
 rtl/gate/telegram_slot.v
-rtl/gate/waiting_place.v
 rtl/glitch_filter.v
 rtl/mailbox.v
 rtl/mailbox_regs.v

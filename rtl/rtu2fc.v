@@ -7,9 +7,9 @@
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults are those of the configuration standard, or of the file
-// regs/generated/config_<name>.v that was read before. SOFT_CORE: see soft_core. STRICT_T15,
+// regs/generated/config_<name>.v that was read before. SOFT_CORE, LOCKSTEP: see soft_core. STRICT_T15,
 // PREPARE_EARLY: see rtu_rx. MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see
-// firmware_ram. PLACES: committed writes that can wait, see commit_gate. DE_LIMIT: LIMIT of
+// firmware_ram. DE_LIMIT: LIMIT of
 // driver_limit. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the
 // firmware has the option of that name; see master_loss and docs/guide/master-loss.md.
 // BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it; see break_filter.
@@ -25,7 +25,7 @@
 `define MBX_LED_DRIVE_GREEN_BITS 3
 `define CARD_DRIVE_MASK 7'd3
 `define CARD_LINE_BITS 12:0
-`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_CANDIDATE_BITS 0
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_TELEGRAM_BITS 7:0
@@ -43,7 +43,6 @@
 `define CONFIG_CLK_HZ 12000000
 `define CONFIG_SOFT_CORE 2'd0  // picorv32
 `define CONFIG_MEMORY_BYTES 8192
-`define CONFIG_PLACES 2'd2
 `endif
 // End of what `make regs` writes.
 
@@ -51,8 +50,8 @@ module rtu2fc #(
     parameter CLK_HZ = `CONFIG_CLK_HZ,
     parameter FIRMWARE_HEX = "firmware.hex",
     parameter [1:0] SOFT_CORE = `CONFIG_SOFT_CORE,
+    parameter [0:0] LOCKSTEP = 1'b1,
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
-    parameter [1:0] PLACES = `CONFIG_PLACES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] PREPARE_EARLY = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0,
@@ -314,7 +313,6 @@ module rtu2fc #(
 
   mailbox #(
       .MEMORY_BYTES(MEMORY_BYTES),
-      .PLACES(PLACES),
       .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) mailbox_i (
       .clk(clk),
@@ -395,7 +393,8 @@ module rtu2fc #(
   );
 
   soft_core #(
-      .SOFT_CORE(SOFT_CORE)
+      .SOFT_CORE(SOFT_CORE),
+      .LOCKSTEP(LOCKSTEP)
   ) core_i (
       .clk(clk),
       .rst(core_rst),

@@ -68,6 +68,7 @@ module rtu_rx #(
     output reg  [7:0] frame_length,
     output reg        frame_broadcast,
     output reg        frame_writes_coils,
+    output reg        frame_writes_parameter,
     output wire       frame_bank,
     output wire       may_break,
     output wire       count_crc,
@@ -88,7 +89,9 @@ module rtu_rx #(
   localparam [3:0] S_SUSPECT = 4'b1001;  // not good at t1.5 and discarded
 
   localparam [7:0] WRITE_COIL = 8'd5;
+  localparam [7:0] WRITE_REGISTER = 8'd6;
   localparam [7:0] WRITE_COILS = 8'd15;
+  localparam [7:0] WRITE_REGISTERS = 8'd16;
 
   // docs/hardening.md, Unit codes (SAFE-4)
   localparam [2:0] TO_US = 3'b011;
@@ -103,6 +106,7 @@ module rtu_rx #(
   reg begun_bank = 1'b0;
   reg function_next = 1'b0;
   reg writes_coils = 1'b0;
+  reg writes_parameter = 1'b0;
   reg parity_bad = 1'b0;
   reg framing_bad = 1'b0;
   // a character had a parity or framing error; repeats parity_bad and framing_bad
@@ -159,6 +163,7 @@ module rtu_rx #(
     frame_length = 8'd0;
     frame_broadcast = 1'b0;
     frame_writes_coils = 1'b0;
+    frame_writes_parameter = 1'b0;
   end
 
   // A flip between commit and firmware would show an older frame. It ends in bank 0 and reports
@@ -188,7 +193,10 @@ module rtu_rx #(
     if (accept) begin
       storing <= 1'b1;
       function_next <= first;
-      if (function_next) writes_coils <= byte_data == WRITE_COIL || byte_data == WRITE_COILS;
+      if (function_next) begin
+        writes_coils <= byte_data == WRITE_COIL || byte_data == WRITE_COILS;
+        writes_parameter <= byte_data == WRITE_REGISTER || byte_data == WRITE_REGISTERS;
+      end
       if (first) begin
         length <= 9'd0;
         overrun <= 1'b0;
@@ -213,6 +221,7 @@ module rtu_rx #(
       frame_length <= length[7:0];
       frame_broadcast <= unit == TO_ALL;
       frame_writes_coils <= writes_coils;
+      frame_writes_parameter <= writes_parameter;
     end
 
     case (state)

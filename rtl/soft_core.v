@@ -4,13 +4,17 @@
 // SOFT_CORE 0: PicoRV32, 5 to 6 clocks an instruction. 1: SERV, bit-serial, about 60 clocks an
 // instruction. Both are RV32I without interrupts and start at address 0 with undefined
 // registers. bus_valid holds address, data and strobes until bus_ready; bus_wstrb = 0 is a read.
-// trap: PicoRV32 met an illegal instruction or a misaligned access and stopped. SERV has no trap
-// and continues with undefined results; the watchdog and the firmware image check detect that.
-// Clock domain: clk. Rule: TOP-2.
+// LOCKSTEP 1, for PicoRV32 alone: two cores run the same program with the same inputs. An access
+// reaches the bus only while both ask for the same one, so neither core can write anything that the
+// other does not write (SAFE-4). The start-up code loads every register before it reads one.
+// trap: PicoRV32 met an illegal instruction or a misaligned access and stopped, or the two cores
+// differ. SERV has no trap and continues with undefined results; the watchdog and the firmware
+// image check detect that. Clock domain: clk. Rules: TOP-2, SAFE-4.
 `default_nettype none
 
 module soft_core #(
-    parameter [1:0] SOFT_CORE = 2'd0
+    parameter [1:0] SOFT_CORE = 2'd0,
+    parameter [0:0] LOCKSTEP = 1'b0
 ) (
     input  wire        clk,
     input  wire        rst,
@@ -66,6 +70,19 @@ module soft_core #(
           .i_ext_ready(1'b0)
       );
     end else begin : g_picorv32
+      wire first_trap;
+      wire first_valid;
+      wire [31:0] first_addr;
+      wire [31:0] first_wdata;
+      wire [3:0] first_wstrb;
+      wire same;
+
+      assign bus_valid = first_valid && same;
+      assign bus_addr  = first_addr;
+      assign bus_wdata = first_wdata;
+      assign bus_wstrb = first_wstrb;
+      assign trap      = first_trap || !same;
+
       picorv32 #(
           .ENABLE_COUNTERS(0),
           .ENABLE_COUNTERS64(0),
@@ -79,12 +96,12 @@ module soft_core #(
       ) core_i (
           .clk(clk),
           .resetn(!rst),
-          .trap(trap),
-          .mem_valid(bus_valid),
+          .trap(first_trap),
+          .mem_valid(first_valid),
           .mem_ready(bus_ready),
-          .mem_addr(bus_addr),
-          .mem_wdata(bus_wdata),
-          .mem_wstrb(bus_wstrb),
+          .mem_addr(first_addr),
+          .mem_wdata(first_wdata),
+          .mem_wstrb(first_wstrb),
           .mem_rdata(bus_rdata),
           .pcpi_wr(1'b0),
           .pcpi_rd(32'd0),
@@ -92,6 +109,51 @@ module soft_core #(
           .pcpi_ready(1'b0),
           .irq(32'd0)
       );
+
+      if (LOCKSTEP) begin : g_lockstep
+        wire second_trap;
+        wire second_valid;
+        wire [31:0] second_addr;
+        wire [31:0] second_wdata;
+        wire [3:0] second_wstrb;
+
+        // The data of a reading is left over from an earlier access.
+        wire same_data = first_wdata == second_wdata || first_wstrb == 4'd0;
+        wire same_access = first_addr == second_addr && first_wstrb == second_wstrb && same_data;
+
+        assign same = first_valid == second_valid && first_trap == second_trap &&
+            (!first_valid || same_access);
+
+        // No tool may take one core for both.
+        (* keep_hierarchy *) picorv32 #(
+            .ENABLE_COUNTERS(0),
+            .ENABLE_COUNTERS64(0),
+            .TWO_STAGE_SHIFT(1),
+            .BARREL_SHIFTER(0),
+            .CATCH_MISALIGN(1),
+            .CATCH_ILLINSN(1),
+            .ENABLE_IRQ(0),
+            .REGS_INIT_ZERO(1),
+            .PROGADDR_RESET(32'd0)
+        ) second_i (
+            .clk(clk),
+            .resetn(!rst),
+            .trap(second_trap),
+            .mem_valid(second_valid),
+            .mem_ready(bus_ready),
+            .mem_addr(second_addr),
+            .mem_wdata(second_wdata),
+            .mem_wstrb(second_wstrb),
+            .mem_rdata(bus_rdata),
+            .pcpi_wr(1'b0),
+            .pcpi_rd(32'd0),
+            .pcpi_wait(1'b0),
+            .pcpi_ready(1'b0),
+            .irq(32'd0)
+        );
+      end else begin : g_single
+        assign same = 1'b1;
+      end
     end
   endgenerate
   // verilator lint_on PINMISSING

@@ -4,35 +4,35 @@
 
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
-# Each dialect has an image in a folder of its own; the image of the card dialect is in build. The same with
-# STATUS_REFRESH (MAP-1) is below build/refresh, with MASTER_LOSS_STOP (SAFE-7) below build/stop; that of
-# hvac_basic does not fit.
+# Each dialect has an image in a folder of its own; the image of the card dialect is in build. Images with another option
+# are below a folder that names it: refresh and norefresh (MAP-1), stop (SAFE-7), delay5 and delay20 (LINE-9).
 FIRMWARE_DIALECTS := builtin hvac_basic
-FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%)
-FIRMWARE_FOLDERS += $(FIRMWARE_FOLDERS:build%=build/refresh%) build/stop build/stop/builtin
+FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%) build/refresh $(FIRMWARE_DIALECTS:%=build/norefresh/%)
+FIRMWARE_FOLDERS += build/stop build/stop/builtin build/delay5 build/delay20
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
 
-# Bytes of memory, and places of waiting writes, from configs.toml: $(call firmware_config,tiny,waiting_places).
+# Bytes of memory, from configs.toml: $(call firmware_config,tiny,memory_bytes).
 firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
 # Bytes of stack that the linker reserves in every image; sw/tools/stack.py compares them with the use.
 FIRMWARE_STACK := 160
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
-	translate.c coils.c registers.c diagnostics.c telegram.c reply.c guard.c gateway.c leds.c loopback.c image.c)
+	translate.c coils.c registers.c diagnostics.c telegram.c request.c orders.c exchange.c gateway.c \
+	leds.c loopback.c image.c)
 FIRMWARE_CARD := sw/port/card/start.S sw/src/main.c
 FIRMWARE_HOST := $(addprefix sw/port/host/,host.c mailbox_model.c machine.c)
 FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/generated/*.h)
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Iregs/generated
-# Without a C library, loops must not become calls of memcpy and the like. The last five options shorten this code,
-# so that it fits the memory of the small card.
+# Without a C library, loops must not become calls of memcpy and the like. The options from -fira-loop-pressure on
+# shorten this code, so that it fits the memory of the small card.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns -fira-loop-pressure -fno-inline-small-functions -fno-ipa-vrp \
-	-fno-guess-branch-probability -fno-if-conversion
+	-fno-guess-branch-probability -fno-expensive-optimizations -fno-tree-loop-optimize -fno-tree-tail-merge
 FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
@@ -45,27 +45,27 @@ FIRMWARE_LARGE := $(FIRMWARE_DIALECTS:%=build/large/%) build/large
 FIRMWARE_LARGE += $(FIRMWARE_LARGE:build/large%=build/large/all%)
 FIRMWARE_ELFS += $(FIRMWARE_LARGE:%=%/firmware.elf)
 # Linked to be measured only: what the small card would need (sw/tools/fit.py).
-FIRMWARE_FIT := $(addprefix build/fit/,card places builtin hvac_basic refresh stop diagnostics)
+FIRMWARE_FIT := $(addprefix build/fit/,card builtin hvac_basic refresh stop diagnostics)
 FIRMWARE_CONFIG := standard
 build/fit/%: FIRMWARE_CONFIG := tiny
+# The small card has one core (rtl/soft_core.v).
+FIRMWARE_LOCKSTEP = $(if $(filter tiny,$(FIRMWARE_CONFIG)),0,1)
 $(FIRMWARE_TINY).elf $(FIRMWARE_TINY).hex: FIRMWARE_CONFIG := tiny
 FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
 build/large/%: FIRMWARE_MEMORY = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("constraints/boards.toml", "rb"))["card-gw1n-9"]["memory_bytes"])')
 build/fit/%: FIRMWARE_MEMORY := 16384
-FIRMWARE_PLACES = $(call firmware_config,$(FIRMWARE_CONFIG),waiting_places)
-build/fit/places/%: FIRMWARE_PLACES := 2
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 FIRMWARE_DIALECT := CARD
-build/builtin/% build/refresh/builtin/% build/stop/builtin/% build/host/builtin/%: FIRMWARE_DIALECT := BUILTIN
-build/large/builtin/% build/large/all/builtin/%: FIRMWARE_DIALECT := BUILTIN
-build/hvac_basic/% build/refresh/hvac_basic/% build/host/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
-build/large/hvac_basic/% build/large/all/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
-build/fit/builtin/%: FIRMWARE_DIALECT := BUILTIN
-build/fit/hvac_basic/%: FIRMWARE_DIALECT := HVAC_BASIC
+FIRMWARE_OF_BUILTIN := $(addsuffix builtin/%,build/ $(addprefix build/,norefresh/ stop/ host/ large/ large/all/ fit/))
+$(FIRMWARE_OF_BUILTIN): FIRMWARE_DIALECT := BUILTIN
+$(subst builtin,hvac_basic,$(FIRMWARE_OF_BUILTIN)): FIRMWARE_DIALECT := HVAC_BASIC
 build/refresh/% build/fit/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
+build/norefresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=0
 build/stop/% build/fit/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
+build/delay5/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=5
+build/delay20/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=20
 build/fit/diagnostics/%: FIRMWARE_BY_NAME := -DDIAGNOSTICS=1
 build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
@@ -79,7 +79,7 @@ build/firmware.options: firmware-options
 $(FIRMWARE_ELFS) $(FIRMWARE_FIT:%=%/firmware.elf): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
 		regs/generated/frames.ld sw/firmware.mk configs.toml build/firmware.options | $(SETUP)
 	@mkdir -p $(@D)
-	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) -DPLACES=$(FIRMWARE_PLACES) $(FIRMWARE_OPTIONS) \
+	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) -DLOCKSTEP=$(FIRMWARE_LOCKSTEP) $(FIRMWARE_OPTIONS) \
 		$(FIRMWARE_LDFLAGS) \
 		-o $@ $(FIRMWARE_CARD) $(FIRMWARE_SOURCES)
 

@@ -185,6 +185,7 @@ class Bench:
         self.drive_delay_bits = SHORTEST_DELAY_BITS
         # The drive's answers to the next telegrams, in turn. Later telegrams are answered correctly.
         self.drive_answers: list[DriveAnswer] = []
+        self.told: list[tuple[bytes, bool]] = []  # all telegrams, each with whether it had a good reply
         self.unasked: list[str] = []  # traffic of the card while nothing was due
         self._margin_s = build.margin_s
         switches = sum(int(on) << i for i, on in enumerate(line.switches()))
@@ -330,6 +331,7 @@ class Bench:
         talk.de = {name: self.spans(name) for name in DRIVERS}
         talk.marks = {name: [at for at, level in self.edges[name] if level] for name in PROBES}
         talk.wait = self.drive_wait_s * self.clk_hz
+        self.told += [(bytes(c.value for c in e.telegram), e.answered) for e in talk.exchanges]
         for name, line in (("modbus", self.line), ("drive", self.drive_line)):
             wrong = wave.faults(line, self.edges[f"{name}_tx"], talk.de[f"{name}_de"])
             talk.form += [f"{name} line: {fault}" for fault in wrong]

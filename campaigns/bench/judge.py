@@ -17,9 +17,12 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from campaigns.bench.card import MARGIN_BITS, SHORTEST_DELAY_BITS, Bench, Talk
+from campaigns.bench.card import MARGIN_BITS, SHORTEST_DELAY_BITS, UNIT_ADDRESS, Bench, Talk
 from campaigns.bench.wave import BAUD_ERROR, GRAIN, Line
 from regs.generated.card_tables import DRIVE_BAUD
+from tb.agents import rtu
+from tb.model.lines import image_of
+from tb.model.told import not_told
 
 # Limits (PERF-1 to PERF-3): bits of the line, and the ratio to the floor.
 LIMIT_BITS = 1.0
@@ -159,9 +162,12 @@ class Outcome:
             self.check(driven == len(due), f"{where}: {name} rises {driven} times instead of {len(due)}")
 
     def finish(self, bench: Bench) -> Outcome:
-        """Checks at the end that the card sends nothing more."""
+        """Checks at the end that the card sends nothing more, and what the image shows (SAFE-8)."""
         bench.idle_until(bench.next_start() + bench.line.t35 + MARGIN_BITS * bench.line.bit)
         self.check(not bench.unasked, "; ".join(bench.unasked))
+        shown = bench.ask(rtu.build(UNIT_ADDRESS, rtu.read_coils(0, 32))).reply if bench.told else None
+        wrong = not_told(bench.told, image_of(shown)) if shown else ""
+        self.check(not wrong, wrong)
         self.simulated_s += bench.seconds
         bench.close()
         return self

@@ -89,7 +89,7 @@ def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
             after = copy.deepcopy(state)
             step = after.request(frame.data[1:-2], frame.data[0] == 0)
             changed.append(after)
-            again = after.question and after.question.by_text
+            again = after.question and after.question.again
             telegrams |= {fc_telegram.build(t[1:], adr=t[0]) for t in (step.telegram, again) if t}
         frame.telegrams = frozenset(telegrams)
         kept = changed if confirmed else [*states, *changed]

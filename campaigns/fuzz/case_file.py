@@ -89,6 +89,7 @@ CASE = {
     "profile": _one_of(PROFILES),
     "events": lambda value: isinstance(value, list),
 }
+CLOCK = {"clk_hz": _whole(2_000_000, 100_000_000)}
 
 
 def _check(where: str, value: object, fits: dict, needs: tuple[str, ...] = ()) -> dict:
@@ -107,7 +108,7 @@ def _check(where: str, value: object, fits: dict, needs: tuple[str, ...] = ()) -
 
 def check(case: object) -> dict:
     """Returns the case; CaseError names the invalid part."""
-    case = _check("the case", case, CASE, tuple(CASE))
+    case = _check("the case", case, CASE | CLOCK, tuple(CASE))
     anything = {"drive": lambda value: isinstance(value, list), "babble": bool, "interrupt": bool}
     for number, event in enumerate(case["events"]):
         where = f"event {number}"

@@ -174,7 +174,7 @@ def _shrunk(config: str, name: str, case: dict, play: Play, folder: Path) -> dic
 
 def story(case: dict, played: Played, verdict: Verdict, pace: Pace) -> list[str]:
     """All traffic on the two lines, one line each; times in ms."""
-    ms = clk_hz(case["baud"], pace) / 1000
+    ms = case.get("clk_hz", clk_hz(case["baud"], pace)) / 1000
     lines: list[tuple[float, str]] = []
     for line, heard in (("network", played.network), ("drive", played.drive)):
         run_of: list = []

@@ -11,9 +11,10 @@ from pathlib import Path
 
 from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
 from campaigns.fuzz.case import LONG_WAIT, Played, Player, probes
-from rtl.sources import configuration
 from sim.harness.library import Target
 from tb.model.card import DIALECTS, CardModel
+from tb.model.told import Verdict as Told
+from tb.model.told import judge
 from tb.model.whole_card import LineJudge, Verdict
 from tb.model.wire import LineFormat
 
@@ -33,12 +34,28 @@ def run(
         case["address"],
         player.pace.budget_clocks,
         strict_t15,
-        configuration(target.config)["waiting_places"],
     )
     verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
     if verdict.unclear:
         verdict.differences += aftermath(case, played, player.line, verdict, player.wait)
+    verdict.differences += told(case, player, played, strict_t15=strict_t15).differences
     return verdict, played
+
+
+def told(case: dict, player: Player, played: Played, *, strict_t15: bool = True) -> Told:
+    """Whether the image shows what the drive was told, also after the end of the judge (SAFE-8, FRAME-7)."""
+    return judge(
+        played.network,
+        played.drive,
+        played.replies,
+        played.telegrams,
+        played.end,
+        line=player.line,
+        address=case["address"],
+        dialect=case["dialect"],
+        budget=player.pace.budget_clocks,
+        strict_t15=strict_t15,
+    )
 
 
 def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wait: int) -> list[str]:

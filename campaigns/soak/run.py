@@ -33,6 +33,8 @@ from tb.agents.crc16 import with_crc
 from tb.lib.options import at_least
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, DRIVE_TIMEOUT, NETWORK_TIMEOUT, CardModel, Step
+from tb.model.lines import image_of
+from tb.model.told import not_told
 from tb.model.vlt_drive import PROFILES, VltDrive
 
 FOLDER = ROOT / "build/soak"
@@ -62,6 +64,9 @@ class Transaction:
     unit: int
     pdu: bytes
     received: bytes = b""
+
+
+READ_IMAGE = Transaction("read_image", UNIT, b"\x01" + wire(0, 32))  # the last one of a block
 
 
 class Traffic:
@@ -267,6 +272,14 @@ class SoakJudge:
         self.expect("drive", "drive", reply)
         return self.card.drive_reply(reply[2:-1])
 
+    def told(self, image: bytes) -> str:
+        """SAFE-8 from the log, with the answer to a last reading of coils 1-32."""
+        drive = [frame for frame in self.frames if frame.line == "drive"]
+        after = [*(frame.sender == "drive" for frame in drive[1:]), False]
+        return not_told(
+            [(f.data, good) for f, good in zip(drive, after, strict=True) if f.sender == "card"], image
+        )
+
     def check_all(self, transactions: list[Transaction]) -> None:
         for number, asked in enumerate(transactions):
             before = len(self.mismatches)
@@ -280,6 +293,10 @@ class SoakJudge:
         for (line, sender), left in self.seen.items():
             self.mismatches += [f"{line} line, {sender}: not expected: {f.data.hex(' ')}" for f in left]
             self.wrong += len(left)
+        if transactions and transactions[-1].kind == READ_IMAGE.kind and transactions[-1].received:
+            wrong = self.told(image_of(transactions[-1].received))
+            self.mismatches += [wrong] if wrong else []
+            self.wrong += bool(wrong)
 
 
 @dataclass(frozen=True)
@@ -317,7 +334,7 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str, config
         began = time.monotonic()
         try:
             with Pymodbus(card.link) as master:
-                for asked in Traffic(rng, dialect, profile).requests(count):
+                for asked in [*Traffic(rng, dialect, profile).requests(count - 1), READ_IMAGE]:
                     answered = asked.unit == UNIT
                     received = master.send(asked.unit, asked.pdu, answered)
                     if not answered:

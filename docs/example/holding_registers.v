@@ -9,11 +9,11 @@
 
 // Written by `make regs`, the macros of regs/ that this file uses:
 `define CARD_SILENCE_START 9'd18
-`define CARD_REQUEST_BITS 13:0
+`define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_REQUEST_BROADCAST_BITS 2
-`define CARD_REQUEST_LENGTH_BITS 12:5
-`define CARD_REQUEST_SILENT_BITS 13
+`define CARD_REQUEST_LENGTH_BITS 13:6
+`define CARD_REQUEST_SILENT_BITS 14
 // End of what `make regs` writes.
 
 module holding_registers #(

@@ -137,6 +137,7 @@ REGISTERS = {
             "action": Field(6, 2, None),
             "ticket": Field(8, 4, None),
             "stop": Field(12, 1, None),
+            "early": Field(13, 1, None),
         },
     ),
     "LED": Register(
@@ -179,7 +180,7 @@ REGISTERS = {
 
 # Named values of the field of a register.
 VALUES = {
-    ("TELEGRAM", "action"): {"first": 0, "repeat": 1, "waiting": 2, "keep": 3},
+    ("TELEGRAM", "action"): {"first": 0, "repeat": 1, "write": 2, "image": 3},
 }
 
 AREAS = {

@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The place of the one reply that waits to leave.
+// The place of the one reply that waits to leave: empty or queued.
 //
-// queue_reply fills the place, or empties it if the order is for no reply, or for a request
-// that takes none; a newer order replaces an older one. A withdrawn or a newer request empties
-// the place, too. So does a character that begins after the commit (FRAME-7), and the end of
-// the loop-back test. A bad drive reply empties it if the order said after_drive.
-// With after_drive the reply leaves only while the drive's reply is good (PERF-3).
-// start: the reply leaves in this clock. That needs an answerable request, or the open
-// loop-back test (LOOP-1), and a line silent for t3.5.
-// Clock domain: clk. Rules: FRAME-6, FRAME-7, LOOP-1, PERF-3.
+// An order fills the place, or empties it if the reply has no bytes or the newest request takes
+// none; a newer order replaces an older one. The place is emptied by a newer candidate, by a
+// withdrawn one, by a character that begins after the commit (FRAME-7), by the end of the loop-back
+// test, and, if the order said after_drive, by a bad telegram of the drive.
+// start: the reply leaves in this clock. It needs an answerable request, or the open loop-back test
+// (LOOP-1), a line silent for t3.5 and, with after_drive, a good telegram of the drive (PERF-3).
+// Clock domain: clk.
 `default_nettype none
 
 module reply_slot (
     input  wire clk,
     input  wire rst,
     // firmware
-    input  wire queue_reply,
+    input  wire order,
     input  wire empty,
     input  wire after_drive,
     // newest request
@@ -32,7 +31,7 @@ module reply_slot (
     input  wire drive_bad,
     // loop-back test
     input  wire loopback_open,
-    input  wire closing,
+    input  wire loopback_close,
     // stream out
     output wire start,
     // status
@@ -42,18 +41,17 @@ module reply_slot (
   reg  wait_drive = 1'b0;
 
   wire heard = start_seen && is_committed;
-  wire dropped = candidate || withdrawn || heard || closing || (drive_bad && wait_drive);
+  wire dropped = candidate || withdrawn || heard || loopback_close || (drive_bad && wait_drive);
 
-  assign start = queued && (answerable || loopback_open) && quiet && !closing &&
-      (!wait_drive || drive_good);
+  assign start = queued && (answerable || loopback_open) && quiet && (!wait_drive || drive_good);
 
   initial queued = 1'b0;
 
   always @(posedge clk) begin
-    if (queue_reply) wait_drive <= after_drive;
+    if (order) wait_drive <= after_drive;
 
     if (rst || dropped) queued <= 1'b0;
-    else if (queue_reply) queued <= !empty && (loopback_open || takes_reply);
+    else if (order) queued <= !empty && (loopback_open || takes_reply);
     else if (start) queued <= 1'b0;
   end
 

@@ -1,136 +1,128 @@
 // SPDX-License-Identifier: Apache-2.0
-// The place of the one telegram that waits to leave, and its licence.
+// The place of the one telegram in the frame memory.
 //
-// queue and use_place fill the place with a new telegram; again fills it with the one that
-// has left. Only a licence lets a telegram start: a guarded bit (SAFE-1, SAFE-4). For queue a
-// committed request gives it, at once or with the commit. The telegram must then be queued
-// and fresh: it has never left. For use_place the licence comes from a waiting_place, at
-// once; an empty place gives none (FRAME-7). The licence outlives newer requests until the
-// telegram has left. After that it is good for one repeat (docs/hardening.md, Two
-// transmissions). A broadcast has no repeat (FC-9). The repeat is lost with the reply, and
-// with a newer write that waits (others_wait). A newer committed request ends it, too, unless
-// the licence came from a place. A write to the telegram's memory (touched) and the end of the
-// loop-back test end the licence and drop the telegram. While that test is open, every order of
-// queue has a licence, but no command (LOOP-1).
-// control: the licence is that of a write of coils or of the stop, so bit 10 of the control word
-// may be 1.
-// stop: master_loss gave the licence (place_stop), so bit 6, the start, leaves as 0 (SAFE-7).
-// command_left: the write of coils of the newest request leaves in this clock.
-// fault: a half of a guarded bit has flipped (docs/hardening.md, Faults of guarded bits).
-// own: from this clock on the newest request licenses the telegram here.
-// started: the telegram of the last order has started. rst drops licence and telegram.
-// In the clock of any order no telegram starts. Clock domain: clk.
-// Rules: FRAME-6, FC-8, FC-9, LOOP-1, SAFE-1, SAFE-4, SAFE-7.
+//   EMPTY     no telegram, or it was dropped
+//   QUEUED    ordered; if it was made for the candidate (early), it waits for the commit
+//   LICENSED  may leave as soon as the line is quiet
+//   LEFT      on the line, or sent; with a licence it may leave once more (FC-9)
+//
+// An order takes the telegram of `kind` (licences) if its ticket is current. It is dropped when the
+// candidate is withdrawn or a newer one comes, when its kind has no licence, and when its memory is
+// written (touched). A telegram that has not left is also dropped by a commit of its own kind, which
+// it does not contain: the firmware orders the newer one. After it has left, such a commit ends its
+// repeat. Without a reply (no_reply) there is no repeat. control: bit 10 of the control word may be
+// 1. stop: bit 6, the start, leaves as 0 (SAFE-7). used: a licence is used up. In the clock of an
+// order no telegram starts. Clock domain: clk.
 `default_nettype none
 
 module telegram_slot (
-    input  wire clk,
-    input  wire rst,
+    input  wire       clk,
+    input  wire       rst,
     // firmware
-    input  wire queue,
-    input  wire use_place,
-    input  wire again,
-    input  wire touched,
+    input  wire       order,
+    input  wire       again,
+    input  wire       touched,
+    input  wire [1:0] order_kind,
+    input  wire       early,
+    input  wire       no_reply,
     // newest request
-    input  wire current,
-    input  wire takes_telegram,
-    input  wire licenses,
-    input  wire broadcast,
-    input  wire writes_coils,
-    input  wire candidate,
-    input  wire commits,
-    input  wire withdrawn,
-    input  wire reply_left,
-    // waiting writes
-    input  wire place_valid,
-    input  wire place_control,
-    input  wire place_to_all,
-    input  wire place_stop,
-    input  wire others_wait,
+    input  wire       current,
+    input  wire       candidate,
+    input  wire       is_candidate,
+    input  wire       is_committed,
+    input  wire       withdrawn,
+    // licences
+    input  wire       valid,
+    input  wire       renewed,
+    input  wire       free,
+    output reg  [1:0] kind,
+    output wire       used,
     // drive line
-    input  wire quiet,
+    input  wire       quiet,
     // loop-back test
-    input  wire loopback_open,
-    input  wire closing,
+    input  wire       loopback_open,
+    input  wire       loopback_close,
     // stream out
-    output wire start,
-    output reg  control,
-    output reg  stop,
+    output wire       start,
+    output wire       control,
+    output reg        stop,
     // status
-    output wire command_left,
-    output wire own,
-    output reg  queued,
-    output reg  started,
-    output wire fault
+    output wire       queued,
+    output reg        started,
+    output wire       fault
 );
 
-  reg newest = 1'b0;  // no other request was committed since the telegram was queued
-  reg repeatable = 1'b0;  // no broadcast, and no newer commit unless from_place
-  reg from_place = 1'b0;  // the last order used the place of a unicast write
+  localparam [1:0] K_NEWEST = 2'd0;
+  localparam [1:0] K_IMAGE = 2'd1;
+
+  localparam [1:0] S_EMPTY = 2'd0;
+  localparam [1:0] S_QUEUED = 2'd1;
+  localparam [1:0] S_LICENSED = 2'd2;
+  localparam [1:0] S_LEFT = 2'd3;
+
+  reg [1:0] state = S_EMPTY;
+  reg repeatable = 1'b0;
+  reg repeated = 1'b0;
 
   wire licensed;
-  wire fresh;  // it has not left yet; 0 if there is none
-  wire licence_fault;
-  wire fresh_fault;
-  wire order = queue || use_place;
-  wire dropped = (candidate || withdrawn) && (queue || !licensed) && !use_place;
-  wire overtaken = commits && licensed && !order;
-  wire passed_over = others_wait || (overtaken && !from_place);
-  wire ended = touched || closing || (!fresh && !order && passed_over);
-  wire granted = commits && !candidate && !use_place &&
-      (queue ? current : !licensed && queued && fresh);
-  wire at_once = use_place ? place_valid : queue && !candidate && (loopback_open || licenses);
-  wire answered = reply_left && newest && !loopback_open;
-  wire left_last = (start && (!fresh || !repeatable)) || answered;
 
-  assign start = queued && licensed && quiet && !order && !again && !touched && !closing;
-  assign command_left = start && newest && control;
-  assign own = granted || (licensed && newest && !commits);
+  // Made for a candidate that is still there or has committed, or without one. Made without the
+  // candidate that is there, it might leave with the licence that this gives.
+  wire meant = early ? is_candidate || is_committed : !is_candidate;
+  wire accepted = current && !candidate && !withdrawn && meant;
 
-  assign fault = licence_fault || fresh_fault;
+  // The request of a reading need not be the newest one when its telegram leaves.
+  wire outdated = renewed && (kind != K_NEWEST || state == S_LEFT || repeated);
+  wire ended = touched || loopback_close || (!order && state != S_QUEUED && outdated);
+  wire decided = state == S_QUEUED && !is_candidate && !candidate;
+  wire grant = decided && !order && !ended && (valid || loopback_open);
+  wire refused = state == S_QUEUED && (candidate || withdrawn || (decided && !grant));
+  wire last = repeated || !repeatable;
 
-  initial {queued, started, control, stop} = 4'd0;
+  assign start = state == S_LICENSED && licensed && quiet && !order && !again && !ended;
+  assign used = start && !repeated && !loopback_open;
+  assign control = kind == K_IMAGE;
+  assign queued = state == S_QUEUED || state == S_LICENSED;
+
+  initial begin
+    kind = K_NEWEST;
+    stop = 1'b0;
+    started = 1'b0;
+  end
 
   guarded_bit licence_i (
       .clk  (clk),
       .rst  (rst),
       // next value
-      .load (ended || granted || order || left_last),
-      .data (!ended && (granted || at_once)),
+      .load (order || ended || grant || (start && last)),
+      .data (grant),
       // status
       .value(licensed),
-      .fault(licence_fault)
-  );
-
-  guarded_bit fresh_i (
-      .clk  (clk),
-      .rst  (rst),
-      // next value
-      .load (order || start || (!queued && !licensed)),
-      .data (order),
-      // status
-      .value(fresh),
-      .fault(fresh_fault)
+      .fault(fault)
   );
 
   always @(posedge clk) begin
-    if (rst || ended || dropped) queued <= 1'b0;
-    else if (order) queued <= use_place ? place_valid : loopback_open || takes_telegram;
-    else if (again) queued <= licensed && !fresh && repeatable && !answered;
-    else if (start || answered) queued <= 1'b0;
+    case (state)
+      S_QUEUED: if (grant) state <= S_LICENSED;
+      S_LICENSED: if (start) state <= S_LEFT;
+      S_LEFT: if (again && licensed && repeatable) state <= S_LICENSED;
+      default: state <= S_EMPTY;
+    endcase
+    if (refused) state <= S_EMPTY;
+    if (order) state <= accepted || loopback_open ? S_QUEUED : S_EMPTY;
+    if (ended || rst) state <= S_EMPTY;
+
+    if (grant) stop <= kind == K_IMAGE && !free;
+    if (order) begin
+      kind <= loopback_open ? K_NEWEST : order_kind;
+      repeatable <= !no_reply;
+    end
+
+    if (order) repeated <= 1'b0;
+    else if (again && state == S_LEFT) repeated <= 1'b1;
 
     if (rst || order || again) started <= 1'b0;
     else if (start) started <= 1'b1;
-
-    if (queue) {newest, repeatable, from_place} <= {1'b1, !broadcast, 1'b0};
-    else if (use_place)
-      {newest, repeatable, from_place} <= {current && !candidate, {2{!place_to_all}}};
-    else if (overtaken) {newest, repeatable} <= {1'b0, repeatable && from_place};
-
-    if (granted) control <= writes_coils;
-    else if (order) control <= use_place ? place_control : writes_coils && licenses;
-
-    if (order) stop <= use_place && place_stop;
   end
 
 endmodule

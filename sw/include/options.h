@@ -5,9 +5,10 @@
  * DIALECT         register and exception conventions (docs/guide/dialects.md): DIALECT_CARD, those of the option card;
  *                 DIALECT_BUILTIN, those of the Modbus built into VLT 2800, 6000 HVAC and 8000 AQUA;
  *                 DIALECT_HVAC_BASIC, those of the VLT HVAC Basic Drive.
- * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1).
- * PLACES          committed writes that can wait for the end of an exchange (FRAME-7): 2, a broadcast and another
- *                 write; 1, a broadcast only. The same as `waiting_places` in configs.toml.
+ * STATUS_REFRESH  1: a read that touches coils 33-64 first asks the drive for them (MAP-1); default 0 with DIALECT_CARD,
+ *                 else 1, for in those drives the coils are the drive's own.
+ * REPLY_DELAY     ms from t3.5 to the earliest start of a reply, 0 to 250, for masters that need time to turn their
+ *                 driver around (LINE-9); default 0.
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  * MASTER_LOSS_STOP
  *                 1: one stop for the drive after 40002 x 10 ms without a good frame (SAFE-7); the card needs the
@@ -35,14 +36,14 @@
 #endif
 
 #ifndef STATUS_REFRESH
-#define STATUS_REFRESH 0
+#define STATUS_REFRESH (DIALECT != DIALECT_CARD)
 #endif
 
-#ifndef PLACES
-#define PLACES 2
+#ifndef REPLY_DELAY
+#define REPLY_DELAY 0
 #endif
-#if PLACES < 1 || PLACES > 2
-#error "PLACES: 1 or 2"
+#if REPLY_DELAY < 0 || REPLY_DELAY > 250
+#error "REPLY_DELAY: 0 to 250 ms"
 #endif
 
 #ifndef ADR_SHORT
@@ -56,6 +57,9 @@
 #ifndef DIAGNOSTICS
 #define DIAGNOSTICS (DIALECT == DIALECT_HVAC_BASIC)
 #endif
+
+/* A function with one copy, so that the firmware fits the small card. */
+#define ONE_COPY __attribute__((noinline))
 
 #if ADR_SHORT
 #define ADR_DRIVE 0x01u

@@ -12,14 +12,15 @@ enum {
     /* Function, byte count, 10 registers of text; or an identification. */
     REPLY_PDU_MAX = DIAGNOSTICS ? 30 : 22,
     TELEGRAM_MAX = 30,  /* ADR, PKE, IND, 20 characters, PCD1, PCD2, BCC */
-    TELEGRAM_WORDS = (TELEGRAM_MAX + 3) / 4,
 };
 
+/* What a step leads to. A handler may also return EXCEPTION + code: translate.c makes that reply. */
 enum outcome {
     OUTCOME_NOT_A_REPLY, /* the telegram is no reply to the request (FC-8): keep waiting */
     OUTCOME_SILENT,      /* no reply to the master */
     OUTCOME_REPLY,       /* the reply PDU is ready */
     OUTCOME_EXCHANGE,    /* the drive is asked first: telegram ready, or translate_drive_again needed */
+    EXCEPTION = 0x100,
 };
 
 /* Defaults of the local registers, in 10 ms (MAP-5). */
@@ -34,7 +35,6 @@ enum setting {
     LOCAL_REGISTERS,
     CONTROL = LOCAL_REGISTERS, /* coils 1-32: CTW, and REF in the high half */
     EEPROM,                    /* coil 65 */
-    GUARD,                     /* makes the sum 0 (docs/hardening.md, Guarded settings) */
     SETTINGS,
 };
 
@@ -57,11 +57,8 @@ struct translator {
 #define OUT_FRAMES struct
 #endif
 
-/* A telegram from ADR to BCC. The BCC is computed by words, with zeros after the end. */
-union telegram {
-    uint8_t byte[4 * TELEGRAM_WORDS];
-    uint32_t word[TELEGRAM_WORDS];
-};
+/* What the telegram of a request is for, as the actions of the register TELEGRAM. */
+enum target { TARGET_READING = 0, TARGET_PARAMETER = 2, TARGET_IMAGE = 3 };
 
 struct transaction {
     uint16_t address; /* first coil or register, on-wire */
@@ -69,17 +66,16 @@ struct transaction {
     uint16_t pnu;
     uint8_t function;
     uint8_t expects; /* enum expectation */
+    uint8_t target; /* enum target; of a request without a telegram, that of a reading */
     bool broadcast;
+    bool again; /* the second telegram of the request (MAP-8) */
     uint8_t reply_length;
     uint8_t telegram_length;
     OUT_FRAMES
     {
         uint8_t reply[REPLY_PDU_MAX];
-        union telegram telegram;
+        uint8_t telegram[TELEGRAM_MAX]; /* from ADR to BCC */
     } out;
-    /* Of the telegram's bytes and their places; after both passes, the guard word of the settings that the commit brings
-     * (docs/hardening.md, Telegram made twice, Prepared settings). */
-    uint32_t check;
 };
 
 #endif

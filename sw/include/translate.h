@@ -3,7 +3,6 @@
  * Translation between Modbus PDUs and FC telegrams, free of hardware.
  *
  * One request is one transaction. It is prepared early and committed late (FRAME-6), in these calls:
- *   translate_copy_settings checks the settings and copies them to those that translate_request may change
  *   translate_request       decodes the PDU and prepares reply or telegram; takes effect with the commit
  *   translate_commit        applies the settings of a committed request; a revoked request gets no such call
  *   translate_drive_reply   prepares the Modbus reply before the BCC of the drive's telegram arrives
@@ -28,18 +27,11 @@
 /* t is all zero. */
 void translate_init(struct translator *t);
 
-/* Comes before each translate_request, which works on the copy. Between translate_request and its commit it would undo
- * the request. False after a bit of the settings flipped: then no request may be prepared until translate_init
- * (docs/hardening.md, Guarded settings). */
-bool translate_copy_settings(struct translator *t);
-
 /* pdu_length: the length received, even if only the first 31 bytes were stored (FRAME-5). */
 enum outcome translate_request(struct translator *t, struct transaction *txn, frame_byte *pdu,
                                uint32_t pdu_length, bool broadcast);
 
-/* guard: the guard word of the settings that translate_request left, and GUARD_KEY. With another one the settings are
- * those with a flipped bit (docs/hardening.md, Prepared settings). */
-void translate_commit(struct translator *t, uint32_t guard);
+void translate_commit(struct translator *t);
 
 /* data: byte i of the telegram's data at index i, from byte 24 on at 24 + i % 4; lge as received. */
 enum outcome translate_drive_reply(struct translator *t, struct transaction *txn, frame_byte *data,
@@ -47,7 +39,8 @@ enum outcome translate_drive_reply(struct translator *t, struct transaction *txn
 
 void translate_drive_commit(struct translator *t);
 
-/* After OUTCOME_EXCHANGE of translate_drive_reply: asks for the number as text (MAP-8 of some dialects). */
+/* After OUTCOME_EXCHANGE of translate_drive_reply: asks for the number as text, or the other way (MAP-8 of some
+ * dialects). */
 void translate_drive_again(struct transaction *txn);
 
 enum outcome translate_drive_silent(struct transaction *txn);
@@ -55,8 +48,10 @@ enum outcome translate_drive_silent(struct transaction *txn);
 /* The start bit of the control image is 1 (SAFE-7). */
 bool translate_is_running(const struct translator *t);
 
-/* Prepares the stop: the control image with the start bit 0 and the data-valid bit 1, which translate_commit makes
- * valid. No request may be prepared. False if a bit of the settings flipped (SAFE-7). */
-bool translate_stop(struct translator *t, struct transaction *txn);
+/* The control image with the start bit 0 and the data-valid bit 1 (SAFE-7). */
+uint32_t translate_stopped(const struct translator *t);
+
+/* Makes the telegram of this control image (FRAME-7): CTW, and REF in the high half. */
+void translate_image(struct transaction *txn, uint32_t control, bool broadcast);
 
 #endif

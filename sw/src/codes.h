@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Codes of both protocols, shared by the files of the translation core. Includes and calls go one way: translate calls
- * coils, registers and diagnostics; these four call reply; translate, coils and registers also call telegram and guard. */
+ * coils, registers and diagnostics; translate, coils and registers call telegram. */
 #ifndef CODES_H
 #define CODES_H
 
@@ -17,6 +17,11 @@ enum function_code {
     WRITE_REGISTER = 0x06,
     WRITE_COILS = 0x0F,
     WRITE_REGISTERS = 0x10,
+    /* With the option DIAGNOSTICS (MAP-10). */
+    DIAGNOSTIC = 0x08,
+    EVENT_COUNTER = 0x0B,
+    SERVER_ID = 0x11,
+    ENCAPSULATED = 0x2B,
 };
 
 /* Bits of the control word: coils 7 and 11 (SAFE-7). */
@@ -30,8 +35,7 @@ enum {
     AK_READ = 1,
     AK_WRITE_WORD = 2,
     AK_WRITE_DOUBLE = 3,
-    AK_STORE_DOUBLE = 13,
-    AK_STORE_WORD = 14,
+    AK_STORE = 16, /* less the AK of the same write to RAM alone */
     AK_TEXT = 15,
     AK_IS_WORD = 1,
     AK_IS_DOUBLE = 2,
@@ -50,7 +54,17 @@ static inline uint16_t word_at(frame_byte *bytes)
     return (uint16_t)(bytes[0].byte << 8 | bytes[1].byte);
 }
 
-/* Handles one function code. data: the PDU after address and quantity. */
-typedef enum outcome handler(struct translator *t, struct transaction *txn, frame_byte *data);
+/* Puts a word, high byte first. */
+static inline void put_word(uint8_t *at, uint32_t value)
+{
+    at[0] = (uint8_t)(value >> 8);
+    at[1] = (uint8_t)value;
+}
+
+/* Handles one function code; returns an outcome, or EXCEPTION + code. data: the PDU after address and quantity. */
+typedef uint32_t handler(struct translator *t, struct transaction *txn, frame_byte *data);
+
+/* Makes the reply that confirms a write: 05 and 06 echo address and value, 0F and 10 address and quantity. */
+uint32_t confirm(struct transaction *txn);
 
 #endif

@@ -5,9 +5,9 @@
 
 #include "codes.h"
 
-handler coils_read, coil_write, coils_write;
+handler coils_read, coils_write;
 
 /* The reply to 01; status: coils 33-64. */
-enum outcome coils_answer(const struct translator *t, struct transaction *txn, uint32_t status);
+uint32_t coils_answer(const struct translator *t, struct transaction *txn, uint32_t status);
 
 #endif

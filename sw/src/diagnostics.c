@@ -7,10 +7,9 @@
 
 #include "dialect.h"
 #include "mailbox_port.h"
-#include "reply.h"
 #include "version.h"
 
-enum { DIAGNOSTIC = 0x08, EVENT_COUNTER = 0x0B, SERVER_ID = 0x11, ENCAPSULATED = 0x2B, IDENTIFICATION = 0x0E };
+enum { IDENTIFICATION = 0x0E };
 
 enum sub_function {
     SUB_ECHO = 0,
@@ -96,48 +95,46 @@ static uint32_t value_of(uint32_t sub)
     }
 }
 
-static enum outcome finish(struct transaction *txn, uint32_t length)
+static uint32_t finish(struct transaction *txn, uint32_t length)
 {
     txn->out.reply[0] = txn->function;
     txn->reply_length = (uint8_t)length;
     return OUTCOME_REPLY;
 }
 
-static void put_word(struct transaction *txn, uint32_t at, uint32_t value)
-{
-    txn->out.reply[at] = (uint8_t)(value >> 8);
-    txn->out.reply[at + 1] = (uint8_t)value;
-}
-
-static enum outcome echo(struct transaction *txn, frame_byte *pdu, uint32_t length)
+static void echo(struct transaction *txn, frame_byte *pdu, uint32_t length)
 {
     uint32_t i;
 
-    for (i = AT_SUB; i < length; i++) /* at most 28 turns: an echo of 29 bytes without its function */
+    for (i = AT_SUB; i < length; i++) /* at most 29 turns: an echo of 30 bytes without its function */
         txn->out.reply[i] = pdu[i].byte;
-    return finish(txn, length);
+    (void)finish(txn, length);
 }
 
-static enum outcome diagnose(struct transaction *txn, frame_byte *pdu, uint32_t length)
+static bool is_sub_function(uint32_t sub)
 {
+    return sub <= SUB_REGISTER || (sub >= SUB_CLEAR && sub <= SUB_REQUESTS);
+}
+
+uint32_t diagnose(struct translator *t, struct transaction *txn, frame_byte *pdu)
+{
+    const uint32_t length = txn->operand;
     uint32_t data;
 
+    (void)t;
     if (length < PDU_DIAGNOSTIC)
-        return reply_exception(txn, TRAITS.bad_length);
+        return EXCEPTION + TRAITS.bad_length;
     txn->address = word_at(pdu + AT_SUB);
     data = word_at(pdu + AT_DATA);
-    if (txn->address == SUB_ECHO)
-        return length <= REPLY_PDU_MAX && length & 1u ? echo(txn, pdu, length)
-                                                      : reply_exception(txn, TRAITS.bad_length);
-    if (txn->address > SUB_REQUESTS || (txn->address > SUB_REGISTER && txn->address < SUB_CLEAR))
-        return reply_exception(txn, TRAITS.bad_function);
-    if (length != PDU_DIAGNOSTIC)
-        return reply_exception(txn, TRAITS.bad_length);
-    if (data != 0 && !(txn->address == SUB_RESTART && data == 0xFF00))
-        return reply_exception(txn, TRAITS.bad_value);
-    (void)echo(txn, pdu, length);
-    if (txn->address != SUB_RESTART && txn->address != SUB_CLEAR)
-        put_word(txn, AT_DATA, value_of(txn->address));
+    if (!is_sub_function(txn->address))
+        return EXCEPTION + TRAITS.bad_function;
+    if (txn->address == SUB_ECHO ? length > REPLY_PDU_MAX || !(length & 1u) : length != PDU_DIAGNOSTIC)
+        return EXCEPTION + TRAITS.bad_length;
+    if (txn->address != SUB_ECHO && data != 0 && !(txn->address == SUB_RESTART && data == 0xFF00))
+        return EXCEPTION + TRAITS.bad_value;
+    echo(txn, pdu, length);
+    if (txn->address >= SUB_MESSAGES || txn->address == SUB_REGISTER)
+        put_word(txn->out.reply + AT_DATA, value_of(txn->address));
     return OUTCOME_REPLY;
 }
 
@@ -145,63 +142,68 @@ static uint32_t put_text(struct transaction *txn, uint32_t at, const char *text,
 {
     uint32_t i;
 
-    for (i = 0; i < length; i++) /* at most 13 turns: server_id */
+    for (i = 0; i < length; i++) /* at most 20 turns: server_id */
         txn->out.reply[at + i] = (uint8_t)text[i];
     return at + length;
 }
 
-static enum outcome identify(struct transaction *txn, frame_byte *pdu)
+static uint32_t put_objects(struct transaction *txn, uint32_t id, uint32_t end)
 {
-    const uint32_t code = pdu[2].byte;
-    uint32_t id = pdu[3].byte;
     uint32_t at = AT_OBJECTS;
-    uint32_t end = OBJECTS;
 
-    if (pdu[1].byte != IDENTIFICATION)
-        return reply_exception(txn, TRAITS.bad_function);
-    if (code < READ_BASIC || code > READ_ONE)
-        return reply_exception(txn, TRAITS.bad_value);
-    if (id >= OBJECTS) {
-        if (code == READ_ONE)
-            return reply_exception(txn, TRAITS.bad_address);
-        id = 0;
-    }
-    if (code == READ_ONE)
-        end = id + 1;
-    txn->out.reply[1] = IDENTIFICATION;
-    txn->out.reply[2] = (uint8_t)code;
-    txn->out.reply[3] = CONFORMITY;
-    txn->out.reply[6] = (uint8_t)(end - id);
     for (; id < end; id++) { /* at most 3 turns: OBJECTS */
         txn->out.reply[at] = (uint8_t)id;
         txn->out.reply[at + 1] = objects[id].length;
         at = put_text(txn, at + 2, objects[id].text, objects[id].length);
     }
-    put_word(txn, 4, 0); /* nothing follows */
-    return finish(txn, at);
+    return at;
 }
 
-enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_t pdu_length)
+uint32_t identify(struct translator *t, struct transaction *txn, frame_byte *pdu)
 {
-    const uint32_t fixed = txn->function == ENCAPSULATED ? PDU_IDENTIFICATION : PDU_CODE_ONLY;
+    const uint32_t length = txn->operand;
+    const uint32_t code = pdu[2].byte;
+    uint32_t id = pdu[3].byte;
 
-    if (txn->function != DIAGNOSTIC && txn->function != EVENT_COUNTER && txn->function != SERVER_ID &&
-        txn->function != ENCAPSULATED)
-        return reply_exception(txn, TRAITS.bad_function);
-    if (txn->broadcast)
-        return OUTCOME_SILENT; /* no write (MAP-9) */
-    if (txn->function == DIAGNOSTIC)
-        return diagnose(txn, pdu, pdu_length);
-    if (pdu_length != fixed)
-        return reply_exception(txn, TRAITS.bad_length);
-    if (txn->function == ENCAPSULATED)
-        return identify(txn, pdu);
-    if (txn->function == SERVER_ID) {
-        txn->out.reply[1] = sizeof server_id - 1;
-        return finish(txn, put_text(txn, 2, server_id, sizeof server_id - 1));
+    (void)t;
+    /* Another MEI type, or none, is another function (MAP-10). */
+    if (length < PDU_CODE_ONLY + 1 || pdu[1].byte != IDENTIFICATION)
+        return EXCEPTION + TRAITS.bad_function;
+    if (length != PDU_IDENTIFICATION)
+        return EXCEPTION + TRAITS.bad_length;
+    if (code < READ_BASIC || code > READ_ONE)
+        return EXCEPTION + TRAITS.bad_value;
+    if (id >= OBJECTS) {
+        if (code == READ_ONE)
+            return EXCEPTION + TRAITS.bad_address;
+        id = 0;
     }
-    put_word(txn, 1, 0); /* not busy */
-    put_word(txn, 3, *mailbox_counter(COUNT_COMPLETED));
+    txn->out.reply[1] = IDENTIFICATION;
+    txn->out.reply[2] = (uint8_t)code;
+    txn->out.reply[3] = CONFORMITY;
+    put_word(txn->out.reply + 4, 0); /* nothing follows */
+    txn->out.reply[6] = (uint8_t)(code == READ_ONE ? 1 : OBJECTS - id);
+    return finish(txn, put_objects(txn, id, code == READ_ONE ? id + 1 : OBJECTS));
+}
+
+uint32_t report_server(struct translator *t, struct transaction *txn, frame_byte *pdu)
+{
+    (void)t;
+    (void)pdu;
+    if (txn->operand != PDU_CODE_ONLY)
+        return EXCEPTION + TRAITS.bad_length;
+    txn->out.reply[1] = sizeof server_id - 1;
+    return finish(txn, put_text(txn, 2, server_id, sizeof server_id - 1));
+}
+
+uint32_t report_events(struct translator *t, struct transaction *txn, frame_byte *pdu)
+{
+    (void)t;
+    (void)pdu;
+    if (txn->operand != PDU_CODE_ONLY)
+        return EXCEPTION + TRAITS.bad_length;
+    put_word(txn->out.reply + 1, 0); /* not busy */
+    put_word(txn->out.reply + 3, *mailbox_counter(COUNT_COMPLETED));
     return finish(txn, 5);
 }
 

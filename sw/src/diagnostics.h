@@ -5,8 +5,8 @@
 
 #include "codes.h"
 
-/* Serves a function that is in no other table, or refuses it (EXC 1). pdu_length: the length received. */
-enum outcome diagnostics_serve(struct transaction *txn, frame_byte *pdu, uint32_t pdu_length);
+/* Each gets the PDU from its function code on, and its length as txn->operand. */
+handler diagnose, identify, report_server, report_events;
 
 /* Counts a committed request, and its reply if that needs no drive. Clears the counters if it asked for that. */
 void diagnostics_commit(const struct transaction *txn);

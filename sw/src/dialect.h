@@ -66,4 +66,10 @@ static const struct traits dialects[] = {
 
 #define TRAITS (dialects[DIALECT])
 
+/* The exception code for a fault number of the drive (AK 7). */
+static inline uint32_t drive_fault(uint32_t fault)
+{
+    return TRAITS.drive_fault ? TRAITS.drive_fault : fault;
+}
+
 #endif

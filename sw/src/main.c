@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Start and poll loop: image check, watchdog kicks, gateway, check of the settings (LED-5, WDG-1, SAFE-4). */
+/* Start and poll loop: image check, watchdog kicks, gateway (LED-5, WDG-1). */
 #include "gateway.h"
 #include "image.h"
 #include "mailbox_port.h"
@@ -17,7 +17,6 @@ static void check(struct image *image, uint32_t words)
         mailbox_write(SUPERVISOR, MAILBOX__SUPERVISOR__HALT_bm);
 }
 
-/* (docs/hardening.md, Watchdog) */
 static void kick(void)
 {
     mailbox_write(WATCHDOG, MAILBOX__WATCHDOG__KEY_reset);
@@ -30,25 +29,14 @@ int main(void)
     struct gateway *g = &gateway;
 
     image_begin(&image, _start);
-    /* The whole image first (docs/hardening.md, Firmware image check). */
     do { /* at most 24 turns: the words of the smallest memory, START_WORDS in each turn */
         check(&image, START_WORDS);
         kick();
     } while (image.at != _start);
-    /* One register for the settings and for all else: their check finds a flipped bit of it (SAFE-4). */
-    __asm__("" : "+r"(g));
     gateway_init(g);
     for (;;) { /* endless: the poll loop, under the watchdog */
         kick();
-        if (!gateway_poll(g))
-            continue;
-        /* A candidate waits for the work of a tick or for one of these checks, never for two (PERF-2). */
-        if (g->now & 1u) {
+        if (gateway_poll(g))
             check(&image, IDLE_WORDS);
-        } else {
-            /* endless: until the watchdog restarts the firmware (docs/hardening.md, Guarded settings) */
-            while (!translate_copy_settings(&g->translator)) {
-            }
-        }
     }
 }

@@ -6,11 +6,9 @@
 #include "registers.h"
 
 #include "dialect.h"
-#include "guard.h"
-#include "reply.h"
 #include "telegram.h"
 
-enum { LIMIT_NUMBER = 2, LIMIT_TEXT = 10, PWE_BYTES = 4 };
+enum { LIMIT_NUMBER = 2, LIMIT_TEXT = 10 };
 
 static bool is_local(const struct transaction *txn)
 {
@@ -41,7 +39,6 @@ static bool is_text(const struct translator *t, const struct transaction *txn)
 
 uint32_t registers_limit(const struct translator *t, struct transaction *txn)
 {
-    /* The telegram's kind follows from this, too. Never that of an older request (SAFE-4). */
     txn->expects = EXPECT_NUMBER;
     if (is_local(txn))
         return LOCAL_REGISTERS;
@@ -70,120 +67,92 @@ static bool find_parameter(struct transaction *txn)
     return rest == 0 && tenth <= TRAITS.pnu_max; /* n is not 0, so tenth is not */
 }
 
-/* Puts a register at offset `at` of the reply; returns the offset after it. */
-static uint32_t put_register(struct transaction *txn, uint32_t at, uint32_t value)
-{
-    txn->out.reply[at] = (uint8_t)(value >> 8);
-    txn->out.reply[at + 1] = (uint8_t)value;
-    return at + 2;
-}
-
-/* Function code, byte count and length of a reply to 03. */
-static void begin_answer(struct transaction *txn)
+/* Function code, byte count and length of a reply to 03. Returns the first register. */
+ONE_COPY static uint8_t *begin_answer(struct transaction *txn)
 {
     const uint32_t bytes = (uint32_t)txn->operand << 1;
 
     txn->out.reply[0] = txn->function;
     txn->out.reply[1] = (uint8_t)bytes;
     txn->reply_length = (uint8_t)(2 + bytes);
+    return txn->out.reply + 2;
 }
 
-enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low)
+uint32_t registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low)
 {
-    uint32_t at = 2;
-
-    if (txn->operand == 2)
-        at = put_register(txn, at, high);
-    else if (high != 0 && !(high == 0xFFFF && low >= 0x8000))
-        return reply_fault(txn, FAULT_TYPE); /* a value is never truncated (MAP-7) */
-    put_register(txn, at, low);
-    begin_answer(txn);
-    return OUTCOME_REPLY;
-}
-
-enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters)
-{
+    uint8_t *at = begin_answer(txn);
     uint32_t i;
 
-    begin_answer(txn);
-    for (i = 0; i < txn->out.reply[1]; i++) /* at most 20 turns: 10 registers of 2 characters */
-        txn->out.reply[2 + i] = i < characters ? text[i].byte : ' ';
+    if (txn->operand == 1) {
+        if (high != 0 && !(high == 0xFFFF && low >= 0x8000))
+            return EXCEPTION + drive_fault(FAULT_TYPE); /* a value is never truncated (MAP-7) */
+        put_word(at, low);
+        return OUTCOME_REPLY;
+    }
+    put_word(at, high);
+    put_word(at + 2, low);
+    for (i = 2; i < txn->operand; i++) /* at most 8 turns: asked for as a text (MAP-8) */
+        put_word(at + 2 * i, 0);
     return OUTCOME_REPLY;
 }
 
-static enum outcome read_local(const struct translator *t, struct transaction *txn)
+uint32_t registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters)
+{
+    uint8_t *at = begin_answer(txn);
+    uint32_t i;
+
+    for (i = 0; i < txn->out.reply[1]; i++) /* at most 20 turns: 10 registers of 2 characters */
+        at[i] = i < characters ? text[i].byte : ' ';
+    return OUTCOME_REPLY;
+}
+
+static uint32_t read_local(const struct translator *t, struct transaction *txn)
 {
     uint32_t i = find_local(txn, txn->operand);
     const uint32_t end = i + txn->operand;
-    uint32_t at = 2;
+    uint8_t *at = begin_answer(txn);
 
     if (i == LOCAL_REGISTERS)
-        return reply_exception(txn, TRAITS.bad_address);
-    for (; i < end; i++) /* at most 3 turns: LOCAL_REGISTERS */
-        at = put_register(txn, at, t->settings.word[i]);
-    begin_answer(txn);
+        return EXCEPTION + TRAITS.bad_address;
+    for (; i < end; i++, at += 2) /* at most 3 turns: LOCAL_REGISTERS */
+        put_word(at, t->settings.word[i]);
     return OUTCOME_REPLY;
 }
 
-enum outcome registers_read(struct translator *t, struct transaction *txn, frame_byte *data)
+uint32_t registers_read(struct translator *t, struct transaction *txn, frame_byte *data)
 {
-    uint32_t ind = t->settings.word[LOCAL_IND] & IND_INDEX;
-    uint32_t ak = AK_READ;
-
     if (is_local(txn))
         return read_local(t, txn);
     if (!find_parameter(txn))
-        return reply_exception(txn, TRAITS.bad_address);
-    if (txn->expects == EXPECT_TEXT) {
-        ak = AK_TEXT;
-        ind |= IND_TEXT_READ;
-    }
-    return telegram_parameter(txn, ak, PWE_BYTES, ind, 0, data);
+        return EXCEPTION + TRAITS.bad_address;
+    return telegram_parameter(txn, AK_READ, t->settings.word[LOCAL_IND] & IND_INDEX, 0, data);
 }
 
-static enum outcome write_local(struct translator *t, struct transaction *txn, frame_byte *data, uint32_t quantity)
+static uint32_t write_local(struct translator *t, struct transaction *txn, frame_byte *data, uint32_t quantity)
 {
     uint32_t i = find_local(txn, quantity);
     const uint32_t end = i + quantity;
 
     if (i == LOCAL_REGISTERS)
-        return reply_exception(txn, TRAITS.bad_address);
+        return EXCEPTION + TRAITS.bad_address;
     /* The drive time-out, never 0, is the last local register, so it ends the run. */
     if (end == LOCAL_REGISTERS && word_at(data + (quantity << 1) - 2) == 0)
-        return reply_exception(txn, TRAITS.bad_value);
+        return EXCEPTION + TRAITS.bad_value;
     for (; i < end; i++, data += 2) /* at most 3 turns: LOCAL_REGISTERS */
-        guard_set_local(&t->next, i, word_at(data));
-    return reply_confirm(txn);
+        t->next.word[i] = word_at(data);
+    return confirm(txn);
 }
 
-/* Writes `quantity` registers from data, to the card or to a parameter. */
-static enum outcome write_run(struct translator *t, struct transaction *txn, frame_byte *data,
-                              uint32_t quantity)
+uint32_t registers_write(struct translator *t, struct transaction *txn, frame_byte *data)
 {
-    const uint32_t index = t->settings.word[LOCAL_IND] & IND_INDEX;
-    const bool store = t->settings.word[EEPROM] != 0;
-    const uint32_t bytes = quantity << 1;
-    uint32_t ak;
+    const uint32_t quantity = txn->function == WRITE_REGISTER ? 1 : txn->operand;
+    uint32_t ak = quantity == 1 ? AK_WRITE_WORD : AK_WRITE_DOUBLE;
 
     if (is_local(txn))
         return write_local(t, txn, data, quantity);
     if (!find_parameter(txn))
-        return reply_exception(txn, TRAITS.bad_address);
-    if (txn->expects == EXPECT_TEXT)
-        return telegram_parameter(txn, AK_TEXT, 0, IND_TEXT_WRITE | index, bytes, data);
-    if (quantity == 1)
-        ak = store ? AK_STORE_WORD : AK_WRITE_WORD;
-    else
-        ak = store ? AK_STORE_DOUBLE : AK_WRITE_DOUBLE;
-    return telegram_parameter(txn, ak, PWE_BYTES - bytes, index, bytes, data);
-}
-
-enum outcome register_write(struct translator *t, struct transaction *txn, frame_byte *data)
-{
-    return write_run(t, txn, data, 1);
-}
-
-enum outcome registers_write(struct translator *t, struct transaction *txn, frame_byte *data)
-{
-    return write_run(t, txn, data, txn->operand);
+        return EXCEPTION + TRAITS.bad_address;
+    if (t->settings.word[EEPROM] != 0)
+        ak = AK_STORE - ak; /* 14 for a word, 13 for a double word */
+    return telegram_parameter(txn, ak, t->settings.word[LOCAL_IND] & IND_INDEX, quantity << 1, data);
 }

@@ -5,15 +5,15 @@
 
 #include "codes.h"
 
-handler registers_read, register_write, registers_write;
+handler registers_read, registers_write;
 
-/* The largest quantity at txn->address (EXC 3). For a parameter, also decides between number and text. */
+/* Decides what a parameter at txn->address is: a number or a text. Returns the largest quantity (EXC 3). */
 uint32_t registers_limit(const struct translator *t, struct transaction *txn);
 
 /* The reply to 03 after the drive sent a number: the two words of PWE. */
-enum outcome registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low);
+uint32_t registers_answer_number(struct transaction *txn, uint16_t high, uint16_t low);
 
 /* The reply to 03 after the drive sent a text, padded with spaces. */
-enum outcome registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters);
+uint32_t registers_answer_text(struct transaction *txn, frame_byte *text, uint32_t characters);
 
 #endif

@@ -3,96 +3,77 @@
 
 #include "options.h"
 
-/* Words go out high byte first. Returns the place after the word. */
-static uint8_t *put_word(uint8_t *at, uint32_t value)
-{
-    at[0] = (uint8_t)(value >> 8);
-    at[1] = (uint8_t)value;
-    return at + 2;
-}
-
-static uint8_t *begin(struct transaction *txn)
-{
-    txn->out.telegram.byte[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
-    return txn->out.telegram.byte + 1;
-}
-
-/* Adds PCD and BCC, which end every telegram (docs/hardening.md, BCC made with the telegram). */
-static enum outcome end(struct transaction *txn, uint8_t *at, uint32_t pcd1, uint32_t pcd2)
-{
-    const uint32_t *from = txn->out.telegram.word;
-    uint32_t check = 0;
-    uint32_t bcc;
-
-    at = put_word(put_word(at, pcd1), pcd2);
-    txn->telegram_length = (uint8_t)(at - txn->out.telegram.byte + 1);
-    bcc = (uint32_t)STX ^ txn->telegram_length;
-    /* By words, which is faster (PERF-2): the last one ends with zeros. */
-    at[0] = 0;
-    at[1] = 0;
-    at[2] = 0;
-    do { /* at most 8 turns: TELEGRAM_WORDS */
-        bcc ^= *from;
-        check += check + bcc;
-        from++;
-        __asm__("" : "+r"(from)); /* or the compiler computes its last value anew */
-    } while ((const uint8_t *)from < at);
-    bcc ^= bcc >> 16;
-    *at = (uint8_t)(bcc ^ bcc >> 8);
-    /* The last word once more, with BCC: a BCC at another place leaves the sum of all bytes as it is. For the shift see
-     * guard_of(). */
-    txn->check = check + (from[-1] >> 3);
-    return OUTCOME_EXCHANGE;
-}
-
 /* Offsets in a telegram with a parameter field, and bytes of PWE. */
 enum { AT_PKE = 1, AT_IND = 3, AT_VALUE = 5, PWE_BYTES = 4 };
 
-enum outcome telegram_process(struct transaction *txn, uint32_t control)
+ONE_COPY static uint32_t finish(struct transaction *txn, uint32_t pcd_at, uint32_t pcd1, uint32_t pcd2)
+{
+    uint8_t *telegram = txn->out.telegram;
+    const uint32_t end = pcd_at + 4;
+    uint32_t bcc = STX ^ (end + 1);
+    uint32_t i;
+
+    telegram[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
+    put_word(telegram + pcd_at, pcd1);
+    put_word(telegram + pcd_at + 2, pcd2);
+    for (i = 0; i < end; i++) /* at most 29 turns: TELEGRAM_MAX without BCC */
+        bcc ^= telegram[i];
+    telegram[end] = (uint8_t)bcc;
+    txn->telegram_length = (uint8_t)(end + 1);
+    return OUTCOME_EXCHANGE;
+}
+
+uint32_t telegram_process(struct transaction *txn, uint32_t control, enum target target)
 {
     txn->expects = EXPECT_PROCESS;
-    return end(txn, begin(txn), control, control >> 16);
+    txn->target = (uint8_t)target;
+    return finish(txn, AT_PKE, control, control >> 16);
 }
 
-enum outcome telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t zeros, uint32_t ind,
-                                uint32_t bytes, frame_byte *data)
+uint32_t telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t index, uint32_t bytes, frame_byte *data)
 {
-    uint8_t *at = begin(txn);
-    uint8_t *to;
+    uint8_t *const telegram = txn->out.telegram;
+    uint32_t at = AT_VALUE;
+    uint32_t i;
 
-    at = put_word(put_word(at, ak << 12 | txn->pnu), ind);
-    at[0] = 0;
-    at[1] = 0;
-    at[2] = 0;
-    at[3] = 0;
-    at += zeros;
-    /* Four bytes a step (PERF-2). Up to two bytes after the data come along; PCD takes their place. */
-    to = at + bytes;
-    if (at != to)
-        do { /* at most 5 turns: 10 registers of 2 characters, 4 a turn */
-            at[0] = data[0].byte;
-            at[1] = data[1].byte;
-            at[2] = data[2].byte;
-            at[3] = data[3].byte;
-            at += 4;
-            data += 4;
-        } while (at < to);
+    txn->target = bytes == 0 ? TARGET_READING : TARGET_PARAMETER;
+    if (txn->expects == EXPECT_TEXT) {
+        ak = AK_TEXT;
+        index |= bytes == 0 ? IND_TEXT_READ : IND_TEXT_WRITE;
+    }
+    put_word(telegram + AT_PKE, ak << 12 | txn->pnu);
+    put_word(telegram + AT_IND, index);
+    /* A number ends its four bytes, a text begins them. */
+    put_word(telegram + AT_VALUE, 0);
+    put_word(telegram + AT_VALUE + 2, 0);
+    if (txn->expects == EXPECT_NUMBER)
+        at += PWE_BYTES - bytes;
+    for (i = 0; i < bytes; i++) /* at most 20 turns: 10 registers of 2 characters */
+        telegram[at++] = data[i].byte;
+    if (bytes == 0)
+        at = AT_VALUE + PWE_BYTES;
     /* Bit 10 of the control word is 0: the drive ignores the process data (FC-5). */
-    return end(txn, to, 0, 0);
+    return finish(txn, at, 0, 0);
 }
 
-void telegram_as_text(struct transaction *txn)
+void telegram_as_other(struct transaction *txn)
 {
     const bool read = txn->function == READ_REGISTERS;
     const uint32_t bytes = read ? PWE_BYTES : (uint32_t)txn->operand << 1;
-    uint8_t *at = txn->out.telegram.byte + AT_VALUE;
+    uint8_t *telegram = txn->out.telegram;
     uint32_t i;
 
-    txn->expects = EXPECT_TEXT;
-    txn->out.telegram.byte[AT_PKE] |= AK_TEXT << 4;
-    txn->out.telegram.byte[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
+    if (txn->expects == EXPECT_TEXT) {
+        txn->expects = EXPECT_NUMBER;
+        telegram[AT_PKE] = (uint8_t)((telegram[AT_PKE] & 0x0Fu) | AK_READ << 4);
+        telegram[AT_IND] = 0;
+    } else {
+        txn->expects = EXPECT_TEXT;
+        telegram[AT_PKE] |= AK_TEXT << 4;
+        telegram[AT_IND] = (read ? IND_TEXT_READ : IND_TEXT_WRITE) >> 8;
+    }
     /* A text has no leading zeros. */
-    for (i = PWE_BYTES - bytes; i < PWE_BYTES; i++) /* at most 4 turns: PWE */
-        *at++ = txn->out.telegram.byte[AT_VALUE + i];
-    end(txn, at, 0, 0);
+    for (i = 0; i < bytes; i++) /* at most 4 turns: PWE */
+        telegram[AT_VALUE + i] = telegram[AT_VALUE + PWE_BYTES - bytes + i];
+    (void)finish(txn, AT_VALUE + bytes, 0, 0);
 }

@@ -5,30 +5,34 @@
 #include "coils.h"
 #include "diagnostics.h"
 #include "dialect.h"
-#include "guard.h"
 #include "registers.h"
-#include "reply.h"
 #include "telegram.h"
 
 enum form {
     FORM_READ,    /* address, quantity */
     FORM_SINGLE,  /* address, value */
     FORM_COUNTED, /* address, quantity, byte count, data */
+    FORM_OWN,     /* the handler checks the length */
 };
 
-/* Searched from the front: the requests that take longest come first (PERF-2). */
 static const struct function {
     uint8_t code;
     uint8_t form;
     uint8_t coils; /* largest quantity of coils; 0: registers (registers_limit) */
     handler *handle;
 } functions[] = {
-    {WRITE_REGISTERS, FORM_COUNTED, 0, registers_write},
-    {WRITE_COILS, FORM_COUNTED, 32, coils_write},
-    {WRITE_REGISTER, FORM_SINGLE, 0, register_write},
-    {WRITE_COIL, FORM_SINGLE, 1, coil_write},
-    {READ_REGISTERS, FORM_READ, 0, registers_read},
     {READ_COILS, FORM_READ, 128, coils_read},
+    {READ_REGISTERS, FORM_READ, 0, registers_read},
+    {WRITE_COIL, FORM_SINGLE, 1, coils_write},
+    {WRITE_REGISTER, FORM_SINGLE, 0, registers_write},
+    {WRITE_COILS, FORM_COUNTED, 32, coils_write},
+    {WRITE_REGISTERS, FORM_COUNTED, 0, registers_write},
+#if DIAGNOSTICS
+    {DIAGNOSTIC, FORM_OWN, 0, diagnose},
+    {EVENT_COUNTER, FORM_OWN, 0, report_events},
+    {SERVER_ID, FORM_OWN, 0, report_server},
+    {ENCAPSULATED, FORM_OWN, 0, identify},
+#endif
 };
 
 /* Offsets in a PDU, and the length of a PDU without a byte count. */
@@ -38,15 +42,14 @@ void translate_init(struct translator *t)
 {
     t->settings.word[LOCAL_NETWORK_TIMEOUT] = DEFAULT_NETWORK_TIMEOUT;
     t->settings.word[LOCAL_DRIVE_TIMEOUT] = DEFAULT_DRIVE_TIMEOUT;
-    t->settings.word[GUARD] = 0u - DEFAULT_NETWORK_TIMEOUT - DEFAULT_DRIVE_TIMEOUT - guard_addresses(t);
 }
 
-bool translate_copy_settings(struct translator *t)
+ONE_COPY static void copy_settings(struct settings *to, const struct settings *from)
 {
-    const uint32_t sum = guard_copy(&t->next, &t->settings);
+    uint32_t i;
 
-    t->next.word[GUARD] -= GUARD_KEY;
-    return sum == 0;
+    for (i = 0; i < SETTINGS; i++) /* at most 5 turns: SETTINGS */
+        to->word[i] = from->word[i];
 }
 
 static const struct function *find_function(uint32_t code)
@@ -75,26 +78,41 @@ static bool quantity_fits(const struct translator *t, struct transaction *txn,
     return function->form != FORM_COUNTED || pdu[AT_COUNT].byte == bytes;
 }
 
-static enum outcome decode(struct translator *t, struct transaction *txn, frame_byte *pdu,
-                           uint32_t pdu_length)
+static uint32_t decode(struct translator *t, struct transaction *txn, frame_byte *pdu, uint32_t pdu_length)
 {
     const struct function *function = find_function(txn->function);
     uint32_t expected = PDU_PLAIN;
 
+    /* A function code of 80h and above is the echo of an exception, not a request. */
     if (!function)
-        return DIAGNOSTICS ? diagnostics_serve(txn, pdu, pdu_length) : reply_exception(txn, TRAITS.bad_function);
-    if (txn->broadcast && function->form == FORM_READ)
+        return txn->function & 0x80u ? OUTCOME_SILENT : EXCEPTION + TRAITS.bad_function;
+    if (txn->broadcast && (function->form == FORM_READ || function->form == FORM_OWN))
         return OUTCOME_SILENT;
+    if (function->form == FORM_OWN) {
+        txn->operand = (uint16_t)pdu_length;
+        return function->handle(t, txn, pdu);
+    }
     /* Too short for a byte count is too short for any value that is read in its place. */
     if (function->form == FORM_COUNTED)
         expected = AT_DATA + pdu[AT_COUNT].byte;
     if (pdu_length != expected)
-        return reply_exception(txn, TRAITS.bad_length);
+        return EXCEPTION + TRAITS.bad_length;
     txn->address = word_at(pdu + AT_ADDRESS);
     txn->operand = word_at(pdu + AT_OPERAND);
     if (!quantity_fits(t, txn, function, pdu))
-        return reply_exception(txn, TRAITS.bad_quantity);
+        return EXCEPTION + TRAITS.bad_quantity;
     return function->handle(t, txn, pdu + (function->form == FORM_SINGLE ? AT_OPERAND : AT_DATA));
+}
+
+/* The one place that makes an exception (EXC); any other outcome passes. */
+ONE_COPY static enum outcome outcome_of(struct transaction *txn, uint32_t result)
+{
+    if (!(result & EXCEPTION))
+        return (enum outcome)result;
+    txn->out.reply[0] = txn->function | 0x80u;
+    txn->out.reply[1] = (uint8_t)result;
+    txn->reply_length = 2;
+    return OUTCOME_REPLY;
 }
 
 enum outcome translate_request(struct translator *t, struct transaction *txn, frame_byte *pdu,
@@ -102,21 +120,20 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
 {
     enum outcome outcome;
 
+    copy_settings(&t->next, &t->settings);
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
-    if (DIAGNOSTICS)
-        txn->reply_length = 0; /* without a reply there is none to count (MAP-10) */
-    outcome = decode(t, txn, pdu, pdu_length);
+    txn->target = TARGET_READING;
+    txn->again = false;
+    txn->reply_length = 0;
+    outcome = outcome_of(txn, decode(t, txn, pdu, pdu_length));
     /* A broadcast is never answered (MAP-9). */
     return broadcast && outcome == OUTCOME_REPLY ? OUTCOME_SILENT : outcome;
 }
 
-void translate_commit(struct translator *t, uint32_t guard)
+void translate_commit(struct translator *t)
 {
-    t->next.word[GUARD] = guard;
-    __asm__("" ::: "memory"); /* or the compiler mixes this with the copy (SAFE-4) */
-    if (guard_copy(&t->settings, &t->next) != 0)
-        t->settings.word[GUARD] = NEVER_INTACT;
+    copy_settings(&t->settings, &t->next);
 }
 
 /* The PCD at the end of the data: STW, and MAV in the high half. */
@@ -133,20 +150,40 @@ static uint32_t status_of(frame_byte *data, uint32_t length)
     return (uint32_t)pcd[2] << 24 | (uint32_t)pcd[3] << 16 | (uint32_t)pcd[0] << 8 | pcd[1];
 }
 
-static enum outcome answer_process(const struct translator *t, struct transaction *txn, uint32_t lge)
+/* Confirms a write: 05 and 06 echo address and value, 0F and 10 address and quantity. */
+ONE_COPY uint32_t confirm(struct transaction *txn)
+{
+    txn->out.reply[0] = txn->function;
+    put_word(txn->out.reply + 1, txn->address);
+    put_word(txn->out.reply + 3, txn->operand);
+    txn->reply_length = 5;
+    return OUTCOME_REPLY;
+}
+
+static uint32_t answer_process(const struct translator *t, struct transaction *txn, uint32_t lge)
 {
     if (lge != LGE_PROCESS)
         return OUTCOME_NOT_A_REPLY;
-    return STATUS_REFRESH && txn->function == READ_COILS ? coils_answer(t, txn, t->next_status) : reply_confirm(txn);
+    return STATUS_REFRESH && txn->target == TARGET_READING ? coils_answer(t, txn, t->next_status) : confirm(txn);
 }
 
-/* The parameter may be a text although a number was asked for. 06 never writes text. */
-static bool may_be_text(const struct transaction *txn, uint32_t fault)
+/* What the drive refuses by type may be there as the other kind: a number of 1 or 2 registers as a text, a text of 3 to
+ * 10 registers as a number (MAP-8). 06 never writes text, and only a reading falls back to the number. */
+static bool may_be_other(const struct transaction *txn, uint32_t fault)
 {
-    return fault == FAULT_TYPE && txn->expects == EXPECT_NUMBER && txn->function != WRITE_REGISTER;
+    if (fault != FAULT_TYPE || txn->again)
+        return false;
+    return txn->expects == EXPECT_NUMBER ? txn->function != WRITE_REGISTER : txn->function == READ_REGISTERS;
 }
 
-static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, uint32_t lge)
+static uint32_t refused(const struct transaction *txn, uint32_t fault)
+{
+    if (TRAITS.text_by_size && may_be_other(txn, fault))
+        return OUTCOME_EXCHANGE;
+    return EXCEPTION + drive_fault(fault);
+}
+
+static uint32_t answer_parameter(struct transaction *txn, frame_byte *data, uint32_t lge)
 {
     const uint32_t ak = (uint32_t)data->byte >> 4;
     const bool read = txn->function == READ_REGISTERS;
@@ -155,24 +192,22 @@ static enum outcome answer_parameter(struct transaction *txn, frame_byte *data, 
     if (lge < LGE_TEXT || (word_at(data) & 0x0FFF) != txn->pnu)
         return OUTCOME_NOT_A_REPLY;
     if (txn->expects == EXPECT_TEXT && ak == AK_TEXT)
-        return read ? registers_answer_text(txn, data + 4, lge - LGE_TEXT) : reply_confirm(txn);
+        return read ? registers_answer_text(txn, data + 4, lge - LGE_TEXT) : confirm(txn);
     if (lge != LGE_PARAMETER)
         return OUTCOME_NOT_A_REPLY;
     if (ak == AK_REFUSED)
-        return TRAITS.text_by_size && may_be_text(txn, data[7].byte) ? OUTCOME_EXCHANGE
-                                                                     : reply_fault(txn, data[7].byte);
+        return refused(txn, data[7].byte);
     if (txn->expects != EXPECT_NUMBER || (ak != AK_IS_WORD && ak != AK_IS_DOUBLE))
         return OUTCOME_NOT_A_REPLY;
-    return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : reply_confirm(txn);
+    return read ? registers_answer_number(txn, word_at(data + 4), word_at(data + 6)) : confirm(txn);
 }
 
 enum outcome translate_drive_reply(struct translator *t, struct transaction *txn, frame_byte *data,
                                    uint32_t lge)
 {
     t->next_status = status_of(data, lge - 2);
-    if (txn->expects == EXPECT_PROCESS)
-        return answer_process(t, txn, lge);
-    return answer_parameter(txn, data, lge);
+    return outcome_of(txn, txn->expects == EXPECT_PROCESS ? answer_process(t, txn, lge)
+                                                          : answer_parameter(txn, data, lge));
 }
 
 void translate_drive_commit(struct translator *t)
@@ -182,12 +217,13 @@ void translate_drive_commit(struct translator *t)
 
 void translate_drive_again(struct transaction *txn)
 {
-    telegram_as_text(txn);
+    txn->again = true;
+    telegram_as_other(txn);
 }
 
 enum outcome translate_drive_silent(struct transaction *txn)
 {
-    return TRAITS.drive_silent ? reply_exception(txn, TRAITS.drive_silent) : OUTCOME_SILENT;
+    return outcome_of(txn, TRAITS.drive_silent ? EXCEPTION + TRAITS.drive_silent : OUTCOME_SILENT);
 }
 
 bool translate_is_running(const struct translator *t)
@@ -195,15 +231,13 @@ bool translate_is_running(const struct translator *t)
     return (t->settings.word[CONTROL] & CONTROL_START) != 0;
 }
 
-bool translate_stop(struct translator *t, struct transaction *txn)
+uint32_t translate_stopped(const struct translator *t)
 {
-    const uint32_t control = (t->settings.word[CONTROL] & ~(uint32_t)CONTROL_START) | CONTROL_VALID;
+    return (t->settings.word[CONTROL] & ~(uint32_t)CONTROL_START) | CONTROL_VALID;
+}
 
-    if (!translate_copy_settings(t))
-        return false; /* (docs/hardening.md, Guarded settings) */
-    guard_set_coils(&t->next, CONTROL, control);
-    txn->function = WRITE_COIL;
-    txn->broadcast = false;
-    telegram_process(txn, control);
-    return true;
+void translate_image(struct transaction *txn, uint32_t control, bool broadcast)
+{
+    txn->broadcast = broadcast;
+    (void)telegram_process(txn, control, TARGET_IMAGE);
 }

@@ -7,8 +7,9 @@
  * Checked: a process telegram carries the coils of its own committed request, and is sent twice at most. No other
  * telegram carries coils. A write that waits in its place leaves unless a newer one of its kind replaces it. A held
  * telegram does not leave long after the commit of a newer one. A reply fits its request, confirms only commands that
- * the drive has answered, and never answers a broadcast. The settings are those of the committed requests. After the
- * last event a new request is answered and reaches the drive.
+ * the drive has answered, and never answers a broadcast. The settings are those of the committed requests. At rest the
+ * last process telegram carries coils 1-32, and without a write of them there was none (SAFE-8). After the last event a
+ * new request is answered and reaches the drive.
  */
 #include <string.h>
 
@@ -49,6 +50,8 @@ static uint16_t counted[EVENT_FLAGS], repeats;
 static uint8_t reply[MAILBOX_FRAME_MAX]; /* that left last */
 static uint32_t replies, telegrams;      /* judged; they left */
 static uint32_t sent_at;                 /* when the last telegram left */
+static uint32_t told[2];                 /* control word and reference of the last process telegram */
+static bool is_told, written;            /* since the start: there was one; coils 1-32 were written */
 static uint32_t held; /* ticks that the queued telegram was held after the commit of a newer request */
 static bool polled;   /* the firmware has had its rounds since the last candidate, commit or restart */
 /* Rounds in which the firmware must see the commit: one prepares, the next commits. */
@@ -95,6 +98,9 @@ static void check_telegram(void)
         HOLDS(at_drive->intent == INTENT_PROCESS);
         HOLDS(control == model_word(&at_drive->after, 0) && reference == model_word(&at_drive->after, 16));
         HOLDS(at_drive->sent <= 2);
+        told[0] = control;
+        told[1] = reference;
+        is_told = true;
     } else {
         HOLDS(at_drive->intent == INTENT_READ || at_drive->intent == INTENT_WRITE);
         HOLDS(control == 0 && reference == 0);
@@ -176,6 +182,7 @@ static void event_commit(void)
     newest->committed = true;
     if (!newest->ignored) {
         model = newest->after;
+        written |= newest->intent == INTENT_PROCESS;
         rounds_to_commit = polled ? 1 : 2;
     }
     polled = false;
@@ -383,7 +390,7 @@ static void restart(void)
     }
     model_init(&model);
     memset(&g, 0, sizeof g);
-    polled = false;
+    polled = is_told = written = false;
     rounds_to_commit = 0;
     race_in = 0;
     image_begin(&image, image_words);
@@ -520,6 +527,8 @@ static void come_to_rest(void)
     }
     HOLDS(!m.loopback && gateway_is_idle(&g));
     HOLDS(!m.telegram_queued && !m.sending && !m.waiting[0] && !m.waiting[1]);
+    HOLDS(is_told == written);
+    HOLDS(!is_told || (told[0] == model_word(&model, 0) && told[1] == model_word(&model, 16)));
 }
 
 /* Plays a committed request made from the bytes of pdu; returns the number of replies sent. */

@@ -14,13 +14,14 @@ from pathlib import Path
 
 from rtl.report_page import publish
 from rtl.sources import without_comments
+from tb.model.firmware import OPTION_VALUES
 
 ROOT = Path(__file__).resolve().parents[2]
 DIALECTS = ("card", "builtin", "hvac_basic")
 # Name and preprocessor symbols of each build.
 BUILDS = {name: [f"-DDIALECT=DIALECT_{name.upper()}"] for name in DIALECTS} | {
-    option: ["-DDIALECT=DIALECT_CARD", f"-D{option}=1"]
-    for option in ("STATUS_REFRESH", "ADR_SHORT", "DIAGNOSTICS", "MASTER_LOSS_STOP", "PLACES")
+    option: ["-DDIALECT=DIALECT_CARD", f"-D{option}={OPTION_VALUES.get(option, 1)}"]
+    for option in ("STATUS_REFRESH", "ADR_SHORT", "DIAGNOSTICS", "MASTER_LOSS_STOP", "REPLY_DELAY")
 }
 # The translation core: the files that decide the content of telegrams and replies.
 CORE = (
@@ -28,8 +29,6 @@ CORE = (
     "coils.c",
     "registers.c",
     "telegram.c",
-    "reply.c",
-    "guard.c",
     "codes.h",
     "dialect.h",
 )

@@ -29,6 +29,8 @@ from tb.lib.seeds import seeded
 from tb.model import fc_telegram
 from tb.model.card import CardModel
 from tb.model.examples import EXAMPLES
+from tb.model.lines import image_of
+from tb.model.told import not_told
 
 LOWEST_HZ = 2_000_000  # TOP-1
 BAUD = 38_400
@@ -83,6 +85,7 @@ class Scenario:
 
     async def read_control(self) -> bytes:
         done = await self.request(rtu.build(1, rtu.read_coils(0, 32)))
+        assert not_told(self.card.told(), image_of(done.data)) == ""
         return rtu.parse(done.data).pdu[2:]
 
     def finish(self) -> None:

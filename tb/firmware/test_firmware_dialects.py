@@ -26,7 +26,16 @@ from tb.firmware.test_firmware_gateway import (
     play,
     scenarios,
 )
-from tb.firmware.test_firmware_translate import RUNNING, H, answered, refused, reply_to, same, sent_for
+from tb.firmware.test_firmware_translate import (
+    RUNNING,
+    H,
+    answered,
+    refused,
+    reply_to,
+    same,
+    sent_for,
+    status,
+)
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS as MODEL_DIALECTS
 from tb.model.card import OBJECTS, VERSION
@@ -93,9 +102,10 @@ def test_every_list_names_the_same_dialects():
 
 
 @in_builtin
-def test_s2_reads_the_status_word(card: Translator):
-    answered(card, "05 0006 FF00", "AA55 2000")
-    assert same(reply_to(card, "01 0020 0010"), "01 02 55 AA")
+@pytest.mark.rule("MAP-1")
+def test_s2_reads_the_status_word_as_the_first_request(card: Translator):
+    assert same(sent_for(card, "01 0020 0010"), "81 0000 0000")
+    assert answered(card, "01 0020 0010", "AA55 2000") == H("01 02 55 AA")
 
 
 @in_builtin
@@ -119,9 +129,9 @@ def test_s2_reads_an_array_by_the_index_in_register_9(card: Translator):
 
 
 @in_hvac_basic
-def test_s3_reads_the_status_word_0607(card: Translator):
-    answered(card, "0F 0000 0020 04 7C 04 99 19", "0607 2000")
-    assert same(reply_to(card, "01 0020 0010"), "01 02 07 06")
+def test_s3_reads_the_status_word_0607_as_the_first_request(card: Translator):
+    assert same(sent_for(card, "01 0020 0010"), "81 0000 0000")
+    assert answered(card, "01 0020 0010", "0607 2000") == H("01 02 07 06")
 
 
 @in_hvac_basic
@@ -319,11 +329,35 @@ def test_1_or_2_registers_that_the_drive_refuses_with_5_are_tried_as_text(
         number = {"2": "E", "3": "D"}.get(number[0], number[0]) + number[1:]
     txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
     assert txn.telegram == H(f"81 {text} 0000 0000")
-    assert same(reply_to(card, "01 0020 0020"), "01 04 03 0F 00 20"), "the refusal was a good reply"
+    assert status(card) == H("03 0F 00 20"), "the refusal was a good reply"
     assert txn.drive_reply(H(f"F215 {text[5:9]} 5859 0607 1234")) == REPLY
     assert txn.reply == H(reply)
     txn.drive_commit()
-    assert same(reply_to(card, "01 0020 0020"), "01 04 07 06 34 12")
+    assert status(card) == H("07 06 34 12")
+
+
+@in_later
+@pytest.mark.parametrize("registers", range(3, 11))
+def test_a_text_that_the_drive_refuses_by_type_is_read_as_the_number_and_filled_with_zeros(
+    card: Translator, registers: int
+):
+    reply_to(card, "06 0008 0003")
+    txn = card.do(H(f"03 14D1 {registers:04x}"))
+    assert txn.telegram == H("81 F215 0403 0000 0000 0000 0000")
+    assert txn.drive_reply(H(f"7215 0403 0000 0005 {RUNNING}")) == EXCHANGE
+    assert txn.drive_commit().drive_again().telegram == H("81 1215 0003 0000 0000 0000 0000")
+    assert txn.drive_reply(H(f"2215 0003 1234 5678 {RUNNING}")) == REPLY
+    assert txn.reply == bytes([3, 2 * registers]) + H("1234 5678") + bytes(2 * registers - 4)
+
+
+@in_later
+@pytest.mark.parametrize("fault", [0, 5, 130])
+def test_a_number_that_is_refused_after_the_text_is_not_tried_again(card: Translator, fault: int):
+    txn = card.do(H("03 14D1 0003"))
+    assert txn.drive_reply(H(f"7215 0400 0000 0005 {RUNNING}")) == EXCHANGE
+    txn.drive_commit().drive_again()
+    assert txn.drive_reply(H(f"7215 0000 0000 00{fault:02x} {RUNNING}")) == REPLY
+    assert txn.reply == refused(4 if card.dialect == "hvac_basic" else fault, 3)
 
 
 @in_later
@@ -341,7 +375,6 @@ def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, f
     ("pdu", "why"),
     [
         ("06 14D1 4142", "06 writes numbers only"),
-        ("03 14D1 0003", "it was a text already"),
         ("10 14D1 0003 06 414243444546", "it was a text already"),
     ],
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import re
 import shutil
 import struct
 import subprocess
@@ -159,23 +158,6 @@ def test_an_image_damaged_before_the_start_halts_before_any_reply():
     print(ends)
     assert ends["serves"] <= 3
     assert ends["halted"] > 40
-
-
-# ---------------------------------------------------------------- the watchdog
-
-
-@pytest.mark.rule("WDG-1", "SAFE-4")
-def test_a_flipped_bit_in_the_settings_hangs_the_firmware_for_the_watchdog():
-    command = ["riscv64-unknown-elf-nm", ROOT / "build/firmware.elf"]
-    symbols = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    settings = int(re.search(r"^(\w+) b gateway\.", symbols, re.MULTILINE).group(1), 16)
-    for at in range(24):
-        card = BootedFirmware()
-        card.wait(3)
-        card.machine.memory[settings + at] ^= 0x10
-        with pytest.raises(Hung):
-            card.wait(3)
-        assert not card.mailbox.halted
 
 
 # ---------------------------------------------------------------- the loop-back test

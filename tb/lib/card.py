@@ -77,6 +77,7 @@ class CardBench:
         tap_leds(dut)
         self.master = ModbusMaster(self.modbus)
         self.slave = FcSlave(self.drive, model or (lambda telegram: None), manner)
+        self._before_reset = 0  # number of telegrams that the drive heard
 
     async def boot(self) -> CardBench:
         """Powers up and waits until the firmware polls for requests."""
@@ -91,6 +92,7 @@ class CardBench:
         """Sets switches, resets, and waits until the firmware polls for requests."""
         for name, value in switches.items():
             getattr(self.dut, name).value = value
+        self._before_reset = len(self.slave.heard)
         self.dut.rst_n.value = 0
         await self.bench.clocks(8)
         self.dut.rst_n.value = 1
@@ -119,6 +121,10 @@ class CardBench:
         await Timer(round(ms * MS), unit="ps")
         after = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
         assert after == before, f"after {what}: DE rises (modbus, drive) went from {before} to {after}"
+
+    def told(self) -> list[tuple[bytes, bool]]:
+        """Each telegram since the last reset, and whether the drive replied: for told.not_told (SAFE-8)."""
+        return [(heard.telegram, heard.reply is not None) for heard in self.slave.heard[self._before_reset :]]
 
     def check_lines(self) -> None:
         """Checks DE on both lines, as after any scenario."""

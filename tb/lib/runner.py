@@ -114,6 +114,8 @@ def run(
     sources = [*sources, *extra_sources]
     if top == "rtu2fc":
         parameters.setdefault("FIRMWARE_HEX", str(firmware(config)))
+        # One core: nothing fails in these benches.
+        parameters.setdefault("LOCKSTEP", 0)
     # The image is no part of a build: each simulation reads it by this name in its own folder.
     image = {"FIRMWARE_HEX": IMAGE} if "FIRMWARE_HEX" in parameters else {}
     literals = {name: as_sv_literal(value) for name, value in (parameters | image).items()}

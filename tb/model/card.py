@@ -103,7 +103,8 @@ class Question:
     operand: int
     kind: str  # process, number, text
     pnu: int = 0
-    by_text: bytes | None = None  # the telegram to try next if the drive reports a wrong data type
+    other: str = ""  # the kind to try next if the drive reports a wrong data type, number or text
+    again: bytes | None = None  # and its telegram
 
 
 def word(data: bytes, at: int = 0) -> int:
@@ -125,7 +126,7 @@ class CardModel:
 
     adr: int = 0x81
     adr_broadcast: int = 0x80
-    status_refresh: bool = False
+    status_refresh: bool | None = None  # MAP-1; None: as the dialect has it
     name: str = "card"  # key of DIALECTS
     coils: list[int] = field(default_factory=lambda: [0] * COILS)
     registers: dict[int, int] = field(init=False)  # the card's own
@@ -138,6 +139,8 @@ class CardModel:
         self.dialect = DIALECTS[self.name]
         if self.diagnostics is None:
             self.diagnostics = self.name == "hvac_basic"
+        if self.status_refresh is None:
+            self.status_refresh = self.name != "card"
         self.registers = {self.dialect.index_register: 0, NETWORK_TIMEOUT: 1000, DRIVE_TIMEOUT: 15}
 
     # ------------------------------------------------------------ requests
@@ -146,7 +149,7 @@ class CardModel:
         """Serves a committed request."""
         self.question = None
         ignored = READS | DIAGNOSTICS if self.diagnostics else READS
-        if broadcast and pdu[0] in ignored:
+        if pdu[0] >= 0x80 or (broadcast and pdu[0] in ignored):  # 80h and above: an exception's echo (EXC 1)
             self.counts["requests"] += 1
             return Step()
         try:
@@ -180,6 +183,8 @@ class CardModel:
         """MAP-10, from the Modbus application protocol, 6.8, 6.9, 6.13, 6.21."""
         if pdu[0] == DIAGNOSTIC:
             return self._diagnostic(pdu)
+        if pdu[0] == IDENTIFICATION and pdu[1:2] != b"\x0e":
+            raise Refused("function")  # another MEI type is another function (MAP-10)
         if len(pdu) != (4 if pdu[0] == IDENTIFICATION else 1):
             raise Refused("length")
         if pdu[0] == EVENT_COUNTER:
@@ -187,9 +192,7 @@ class CardModel:
         if pdu[0] == SERVER_ID:
             text = b"rtu2fc " + VERSION.encode() + b"\xff"
             return pdu + bytes([len(text)]) + text
-        _, kind, code, first = pdu
-        if kind != 0x0E:
-            raise Refused("function")
+        _, _, code, first = pdu
         if not 1 <= code <= 4:
             raise Refused("value")
         if code == 4 and first >= len(OBJECTS):
@@ -317,14 +320,17 @@ class CardModel:
 
         reads = function == 0x03
         by_text = telegram(15, (0x400 if reads else 0x500) | index, bytes(4) if reads else data)
+        by_number = telegram(1, index, bytes(4))
         if self._by_text(function, count):
             self.question.kind = "text"
+            if self.dialect.text_by_size and reads:
+                self.question.other, self.question.again = "number", by_number
             return Step(telegram=by_text)
         self.question.kind = "number"
         if self.dialect.text_by_size and function != 0x06:
-            self.question.by_text = by_text
+            self.question.other, self.question.again = "text", by_text
         if reads:
-            return Step(telegram=telegram(1, index, bytes(4)))
+            return Step(telegram=by_number)
         stored = self.coils[EEPROM]
         ak = {(1, 0): 2, (2, 0): 3, (1, 1): 14, (2, 1): 13}[count, stored]
         return Step(telegram=telegram(ak, index, data.rjust(4, b"\0")))
@@ -345,8 +351,8 @@ class CardModel:
         try:
             reply = self._answer(q, data)
         except Refused as refusal:
-            if refusal.why == TYPE_MISMATCH and q.by_text and data[0] >> 4 == 7:
-                q.kind, telegram, q.by_text = "text", q.by_text, None
+            if refusal.why == TYPE_MISMATCH and q.again and data[0] >> 4 == 7:
+                q.kind, telegram, q.again = q.other, q.again, None
                 return Step(telegram=telegram)
             reply = bytes([q.function | 0x80, self.dialect.code(refusal.why)])
         self.question = None
@@ -390,7 +396,7 @@ class CardModel:
             if not (unsigned <= 0xFFFF or -0x8000 <= signed <= 0x7FFF):
                 raise Refused(TYPE_MISMATCH)
             value = value[2:]
-        return bytes([3, size]) + value
+        return bytes([3, size]) + value.ljust(size, b"\0")  # more registers were asked for as a text (MAP-8)
 
     def _echo_of(self, q: Question) -> bytes:
         self.question = q

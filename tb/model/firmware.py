@@ -27,6 +27,7 @@ JUNK = (
     0xA5  # value of every frame byte that the hardware did not write, and of every result before it is made
 )
 MEMORY = 8192  # bytes of the standard card
+OPTION_VALUES = {"REPLY_DELAY": 20}  # ms; the value of any other option is 1
 
 
 def build(file: str, *variables: str) -> Path:
@@ -40,7 +41,7 @@ def build(file: str, *variables: str) -> Path:
 
 @functools.cache
 def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
-    """The host library of a dialect, or of the card's dialect with `option` of sw/include/options.h set to 1.
+    """The host library of a dialect, or of the card's dialect with `option` of sw/include/options.h.
 
     FIRMWARE_LIBRARIES=folder: use measured or mutated libraries from there instead of the present sources.
     """
@@ -51,13 +52,14 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
         file = build(f"build/host/{dialect}/libtranslate.so")
     else:
         folder = f"build/host/{option}" if option else "build/host"
-        defines = f"FIRMWARE_DEFINES=-D{option}=1" if option else "FIRMWARE_DEFINES="
+        defines = (
+            f"FIRMWARE_DEFINES=-D{option}={OPTION_VALUES.get(option, 1)}" if option else "FIRMWARE_DEFINES="
+        )
         file = build(f"{folder}/libtranslate.so", f"FIRMWARE_HOST_DIR={folder}", defines)
     lib = ctypes.CDLL(str(file))
     pointer, u32 = ctypes.c_void_p, ctypes.c_uint32
     for name, result, *arguments in [
         ("translate_init", None, pointer),
-        ("translate_copy_settings", ctypes.c_bool, pointer),
         ("host_request", ctypes.c_int, pointer, pointer, ctypes.c_char_p, u32, u32, ctypes.c_bool),
         ("host_commit", None, pointer),
         ("host_drive_reply", ctypes.c_int, pointer, pointer, ctypes.c_char_p, u32, u32),
@@ -145,10 +147,6 @@ class Translator:
         self.memory = ctypes.create_string_buffer(size)
         self.size = self.lib.host_size_of_transaction()
         self.lib.translate_init(self.memory)
-
-    @property
-    def sound(self) -> bool:
-        return self.lib.translate_copy_settings(self.memory)
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
         """Prepares a request; `length` is the true length if it differs from that of `pdu`."""

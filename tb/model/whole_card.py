@@ -5,8 +5,8 @@
 the content, `wire` the framing. This module adds the commit (FRAME-6) and the one reply (FRAME-7, FRAME-8).
 It also adds the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served.
 
-Committed writes keep their places while an exchange runs, and leave in the order of commit (FRAME-7).
-Where the rules allow a choice, the judge accepts any allowed one and continues from it. A reading's telegram
+While an exchange runs, a committed write of coils waits as the control image, which leaves before all else as
+it is then, and a parameter write keeps its place; these leave in the order of commit (FRAME-7). Where the rules allow a choice, the judge accepts any allowed one and continues from it. A reading's telegram
 that a newer request overtakes before its start may be sent or not. A drive's reply within a few ms of the end
 of its wait may count or not. Unit of time: clocks.
 """
@@ -69,10 +69,22 @@ class Request:
     waited: bool = False  # for the end of an exchange (FRAME-7)
     committed: float = NEVER
     replaced: Request | None = None  # the write whose place it took
+    to_one: bool = False  # the image: one of the writes that it stands for was for this card alone
 
     @property
     def writes(self) -> bool:
         return self.pdu[0] not in READS
+
+    @property
+    def kind(self) -> str:
+        """A newer one of the same kind takes its place."""
+        if self.pdu[0] in (0x05, 0x0F):
+            return "image"
+        return "read" if not self.writes else "write to all" if self.broadcast else "write"
+
+    @property
+    def to_all(self) -> bool:
+        return self.broadcast and not self.to_one
 
 
 @dataclass
@@ -111,17 +123,13 @@ class Difference(Exception):
 
 @dataclass
 class LineJudge:
-    """`budget`: largest time in clocks from a frame or a drive's reply to the firmware's own reply.
-
-    `places`: 2, a broadcast and another write can wait; 1, a broadcast only (FRAME-7).
-    """
+    """`budget`: largest time in clocks from a frame or a drive's reply to the firmware's own reply."""
 
     card: CardModel
     line: LineFormat
     address: int
     budget: float
     strict_t15: bool = True
-    places: int = 2
 
     def __post_init__(self) -> None:
         self.drive = drive_line(self.line.clk_hz)
@@ -131,6 +139,7 @@ class LineJudge:
         self.queue: list[Request] = []  # their telegrams wait for the end of the exchange, in this order
         self.exchange: Exchange | None = None
         self.candidate_at = 0.0
+        self.pending = False  # the candidate is neither committed nor revoked
         self.status_changed = -NEVER
         self.status_before = [0] * len(STATUS)
         self.dropped: Request | None = None  # the last reading that lost its place
@@ -218,15 +227,19 @@ class LineJudge:
             return
         self._count(event.what)
         if event.what == "candidate":
-            self.candidate_at = event.at
+            self.candidate_at, self.pending = event.at, True
             for request in self.queue:
                 request.overtaken = not self._keeps_place(request)
             if self.exchange:
                 self.exchange.second_overtaken = True
                 if not self._keeps_place(self.exchange.request):
                     self.exchange.overtaken, self.exchange.settled = True, NEVER
-        elif self.exchange and self.exchange.overtaken:
-            self.exchange.settled = event.at
+        else:
+            self.pending = False
+            if self.exchange and self.exchange.overtaken:
+                self.exchange.settled = event.at
+            if self.exchange and self.exchange.queued_by == NEVER:
+                self.exchange.queued_by = event.at + event.slack + self.late
         if event.what == "commit":
             if self._next_was_queued(event.at):
                 self._after_wait(self.exchange, event.at)
@@ -239,7 +252,7 @@ class LineJudge:
             self._commit(event.frame, event.at)
 
     def _keeps_place(self, request: Request) -> bool:
-        return request.broadcast or (request.writes and self.places > 1)
+        return request.writes
 
     def _is_replaced(self, exchange: Exchange) -> bool:
         """A write whose telegram never left, for a busy line, has lost its place to a newer one (FRAME-7)."""
@@ -247,7 +260,7 @@ class LineJudge:
         return (
             exchange.sends == 0
             and older.writes
-            and any(newer.writes and newer.broadcast == older.broadcast for newer in self.queue)
+            and any(newer.kind in (older.kind, "image") for newer in self.queue)
         )
 
     def _was_abandoned(self, exchange: Exchange, burst: Burst) -> bool:
@@ -293,17 +306,17 @@ class LineJudge:
         return in_time and left.data == self.queue[0].telegram != exchange.request.telegram
 
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
-        """A write that waited may be repeated after a newer request without a telegram (FC-9, FRAME-7).
+        """A write may be repeated after a newer request without a telegram (FC-9, FRAME-7).
 
-        It need not be: the exchange before it may have ended before the firmware gave it a place.
+        It need not be: for the gate a local write is of the same kind.
         """
         request = exchange.request
-        return request.waited and self._keeps_place(request) and not request.broadcast and not self.queue
+        return self._keeps_place(request) and not request.to_all and not self.queue
 
     def _was_repeated_just_then(self, exchange: Exchange, burst: Burst) -> bool:
-        """The firmware repeated a write that waited before it saw the commit of a newer telegram."""
+        """The firmware repeated a write before it saw the commit of a newer telegram."""
         request = exchange.request
-        kept = request.waited and self._keeps_place(request) and not request.broadcast
+        kept = self._keeps_place(request) and not request.to_all
         in_time = all(burst.rise <= newer.committed + self.budget for newer in self.queue)
         return kept and in_time and burst.data == request.telegram
 
@@ -314,12 +327,38 @@ class LineJudge:
     def _wait_behind(self, exchange: Exchange, request: Request, at: float) -> None:
         """A newer write takes the place of an older one of its kind; a reading waits for nothing newer."""
         kept = [older for older in self.queue if self._keeps_place(older)]
-        same = [older for older in kept if request.writes and older.broadcast == request.broadcast]
+        same = [older for older in kept if older.kind == request.kind]
         self.queue = [older for older in kept if older not in same]
         request.replaced = same[0] if same else None
         request.waited = True
-        self.queue.append(request)
-        exchange.wanted = min(exchange.wanted, at)
+        if request.kind != "image":
+            self.queue.append(request)
+        else:
+            self._join(request, same)
+            self.queue.insert(0, request)
+            if exchange.phase == "line" and exchange.sends == 0:
+                self._image_first(exchange, request, at)
+        if self.exchange is exchange:
+            exchange.wanted = min(exchange.wanted, at)
+
+    def _join(self, image: Request, older: list[Request]) -> None:
+        """One telegram tells the drive all changes of the image, and goes to all only if each of them does."""
+        image.to_one = not image.broadcast or any(one.to_one or not one.broadcast for one in older)
+        if image.broadcast and image.to_one:  # the drive confirms it, and nobody is answered
+            image.question = Question(image.pdu[0], 0, 0, "process")
+        adr = fc_telegram.ADR if image.to_one else fc_telegram.ADR_BROADCAST
+        image.telegram = fc_telegram.build(image.telegram[3:-1], adr=adr)
+
+    def _image_first(self, exchange: Exchange, image: Request, at: float) -> None:
+        """The telegram that waits for the line gives way to the image; it may have left just before that."""
+        before = exchange.request
+        self.queue.remove(image)
+        if before.kind == "image":
+            self._join(image, [before])
+        elif before.writes:
+            self.queue.insert(0, before)
+        image.replaced = before
+        self._start(image, max(exchange.queued_from, at), at + self.late)
 
     def _commit(self, frame: NetworkFrame, at: float) -> None:
         pdu = frame.data[1:-2]
@@ -534,8 +573,9 @@ class LineJudge:
             self._abandon(exchange, burst.rise)
             exchange = self.exchange
         if exchange and exchange.phase == "line" and self._left_before_its_replacement(exchange, data):
-            self.queue.insert(0, exchange.request)
-            self._start(exchange.request.replaced, exchange.queued_from, exchange.queued_by)
+            older = exchange.request.replaced
+            self.queue = [exchange.request, *(one for one in self.queue if one is not older)]
+            self._start(older, exchange.queued_from, exchange.queued_by)
             exchange = self.exchange
         if exchange is None or exchange.phase != "line":
             self._fail(burst.rise, f"telegram {data.hex(' ')} without a request (SAFE-1)")
@@ -559,7 +599,7 @@ class LineJudge:
         if exchange.sends == 1:
             self._measure("telegram", burst.start - max(exchange.queued_from, before + pause))
         self._count("telegram" if exchange.sends == 1 else "telegram repeated")
-        if exchange.request.broadcast:
+        if exchange.request.to_all:
             self._done(float(burst.fall))
         else:
             exchange.receiver = DriveReceiver(self.drive, data[2], last_end=float(burst.fall))
@@ -631,7 +671,7 @@ class LineJudge:
             self._start(request, at, at + self.budget)
             self._overtake(exchange, at)
             return
-        if request is self.newest and step.reply is not None:
+        if request is self.newest and step.reply is not None and not request.broadcast:
             early = STOP_BITS * self.drive.bit
             self._answer(
                 request, "drive's reply", step.reply, at - early, at + self.budget + 1.3 * self.line.bit
@@ -655,7 +695,9 @@ class LineJudge:
         held = self.exchange.held
         self.exchange = None
         if self.queue:
-            self._start(self.queue.pop(0), at if since is None else since, at + self.budget)
+            # While a candidate decides, what waits is not ordered.
+            by = NEVER if self.pending and self.queue[0].writes else at + self.budget
+            self._start(self.queue.pop(0), at if since is None else since, by)
             self.exchange.held_before = held
 
     # ------------------------------------------------------------ time
@@ -692,6 +734,9 @@ class LineJudge:
             self._count("telegram overtaken")
             self._done(until, exchange.queued_from)
         else:
+            image = exchange.request if exchange.sends == 0 and exchange.request.kind == "image" else None
+            if image:
+                self.queue.insert(0, image)  # the image stays to be told (FRAME-7)
             self._abandon(exchange, until)
         return True
 

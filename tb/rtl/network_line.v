@@ -46,6 +46,7 @@ module network_line #(
     output wire [7:0] frame_length,
     output wire       frame_broadcast,
     output wire       frame_writes_coils,
+    output wire       frame_writes_parameter,
     output wire       frame_bank,
     output wire       silent,
     output wire       count_crc,
@@ -107,7 +108,14 @@ module network_line #(
       .quiet(quiet),
       .start_seen(start_seen),
       .request({
-        silent, frame_length, frame_bank, frame_writes_coils, frame_broadcast, commit, candidate
+        silent,
+        frame_length,
+        frame_bank,
+        frame_writes_parameter,
+        frame_writes_coils,
+        frame_broadcast,
+        commit,
+        candidate
       }),
       .events({
         count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc

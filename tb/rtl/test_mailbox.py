@@ -268,7 +268,7 @@ async def what_was_prepared_for_a_candidate_leaves_at_its_commit(dut):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
     await mailbox.write("REPLY", length=17, ticket=ticket)
-    await mailbox.write("TELEGRAM", length=13, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=13, early=1, ticket=ticket)
     assert int(mailbox.dut.reply_queued.value) and (await mailbox.read("EXCHANGE"))["queued"]
     assert await mailbox.settle() == (0, 0)
     await mailbox.pulse("request_commit")
@@ -286,7 +286,7 @@ async def a_revoke_takes_everything_back(dut):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
     await mailbox.write("REPLY", length=6, ticket=ticket)
-    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
+    await mailbox.write("TELEGRAM", length=5, early=1, ticket=ticket)
     await mailbox.pulse("network_events_revoked")
     request, exchange = await mailbox.read("REQUEST"), await mailbox.read("EXCHANGE")
     assert not request["candidate"] and not request["committed"]
@@ -309,27 +309,46 @@ async def a_stale_ticket_sends_nothing(dut):
     assert old != new and await mailbox.settle() == (0, 0)
     await mailbox.write("REPLY", length=0, ticket=new)
     assert await mailbox.settle() == (0, 0), "length 0 is no reply"
-    await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=new)
+    await mailbox.write("TELEGRAM", length=5, ticket=new)
     await mailbox.write("REPLY", length=6, ticket=new)
     assert await mailbox.settle() == (1, 1)
-    assert mailbox.telegrams.values == [(5, 1, 0)]
-    mailbox.dut.request_writes_coils.value = 1
-    newest = await mailbox.request()
-    await mailbox.pulse("request_commit")
-    await mailbox.write("TELEGRAM", length=6, no_reply=0, ticket=newest)
-    await mailbox.settle()
-    assert mailbox.telegrams.values[1:] == [(6, 0, 1)]
+    assert mailbox.telegrams.values == [(5, 0, 0)]
 
 
 @cocotb.test()
-async def a_broadcast_gets_a_telegram_but_no_reply(dut):
+@cocotb.parametrize(
+    kind=[
+        ("image", {"writes_coils": 1}),
+        ("image", {"writes_coils": 1, "broadcast": 1}),
+        ("write", {"writes_parameter": 1}),
+        ("write", {"writes_parameter": 1, "broadcast": 1}),
+    ]
+)
+async def each_kind_of_write_licenses_its_telegram_also_after_newer_requests(dut, kind):
+    """It waits for a running exchange. Only the image commands the drive, a broadcast has no reply (FRAME-7)."""
+    action, request = kind
+    to_all = request.get("broadcast", 0)
     mailbox = await Mailbox(dut).start()
-    mailbox.dut.request_broadcast.value = 1
+    mailbox.dut.exchange_sending.value = 1
+    for name, value in request.items():
+        getattr(mailbox.dut, f"request_{name}").value = value
     ticket = await mailbox.request()
     await mailbox.pulse("request_commit")
-    await mailbox.write("TELEGRAM", length=5, no_reply=1, ticket=ticket)
     await mailbox.write("REPLY", length=6, ticket=ticket)
-    assert await mailbox.settle() == (0, 1)
+    await mailbox.write("TELEGRAM", action=ACTIONS[action], length=9, no_reply=to_all, ticket=ticket)
+    assert not (await mailbox.read("EXCHANGE"))["queued"], "over the telegram on the line"
+    for name in request:
+        getattr(mailbox.dut, f"request_{name}").value = 0
+    ticket = await mailbox.request()
+    await mailbox.pulse("request_commit")
+    mailbox.dut.exchange_sending.value = 0
+    for other, no_reply in (("image", 0), ("write", 0), ("write", 1)):
+        if other != action or (action == "write" and no_reply != to_all):
+            await mailbox.write("TELEGRAM", action=ACTIONS[other], length=9, no_reply=no_reply, ticket=ticket)
+    assert await mailbox.settle() == (1 - to_all, 0), "no licence of another kind"
+    await mailbox.write("TELEGRAM", action=ACTIONS[action], length=6, no_reply=to_all, ticket=ticket)
+    assert await mailbox.settle() == (1 - to_all, 1)
+    assert mailbox.telegrams.values == [(6, to_all, int(action == "image"))]
 
 
 @cocotb.test()
@@ -357,8 +376,8 @@ async def each_line_holds_back_what_has_to_wait_for_its_silence(dut):
     mailbox.dut.modbus_quiet.value = 1
     assert await mailbox.settle() == (1, 0)
     ticket = await mailbox.request()
-    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
     await mailbox.pulse("request_commit")
+    await mailbox.write("TELEGRAM", length=5, ticket=ticket)
     assert await mailbox.settle() == (1, 0)
     mailbox.dut.exchange_quiet.value = mailbox.dut.exchange_sending.value = 1
     assert await mailbox.settle() == (1, 0), "the telegram before it is not over"
@@ -425,9 +444,9 @@ async def lamps_show_what_the_firmware_wrote_until_it_restarts(dut):
 async def a_changed_telegram_needs_a_new_licence(dut):
     mailbox = await Mailbox(dut).start()
     ticket = await mailbox.request()
+    await mailbox.pulse("request_commit")
     await mailbox.put(TELEGRAM, bytes(13))
     await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (0, 1)
     mailbox.dut.exchange_sending.value = 1
     await mailbox.poke(TELEGRAM, 12, 4)
@@ -435,41 +454,11 @@ async def a_changed_telegram_needs_a_new_licence(dut):
     await mailbox.write("TELEGRAM", action=1)
     assert await mailbox.settle() == (0, 2), "nothing was changed while it was sent"
     assert mailbox.telegrams.values[1] == (13, 0, 0), "a repeat is the same telegram"
-    ticket = await mailbox.request()
     await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    await mailbox.pulse("request_commit")
     assert await mailbox.settle() == (0, 3)
     await mailbox.poke(TELEGRAM, 12, 4)
     await mailbox.write("TELEGRAM", action=1)
     assert await mailbox.settle() == (0, 3)
-
-
-@cocotb.test()
-@cocotb.parametrize(to_all=[0, 1])
-async def a_write_waits_for_a_running_exchange_and_leaves_after_newer_requests(dut, to_all):
-    """FRAME-7, with the licence that the firmware keeps while a telegram is on the line."""
-    mailbox = await Mailbox(dut).start()
-    ticket = await mailbox.request()
-    await mailbox.write("TELEGRAM", length=13, ticket=ticket)
-    await mailbox.pulse("request_commit")
-    assert await mailbox.settle() == (0, 1)
-    mailbox.dut.exchange_sending.value = 1
-    mailbox.dut.request_broadcast.value, mailbox.dut.request_writes_coils.value = to_all, 1
-    ticket = await mailbox.request()
-    await mailbox.pulse("request_commit")
-    await mailbox.write("TELEGRAM", action=ACTIONS["keep"], length=9, ticket=ticket)
-    exchange = await mailbox.read("EXCHANGE")
-    assert exchange["sending"] and exchange["started"] and not exchange["queued"]
-    mailbox.dut.request_broadcast.value = mailbox.dut.request_writes_coils.value = 0
-    await mailbox.request()
-    await mailbox.pulse("request_commit")
-    mailbox.dut.exchange_sending.value = 0
-    await mailbox.put(TELEGRAM, bytes(6))
-    await mailbox.write("TELEGRAM", action=ACTIONS["waiting"], length=6, no_reply=1 - to_all, ticket=ticket)
-    assert await mailbox.settle() == (0, 1), "of the other kind none waits"
-    await mailbox.write("TELEGRAM", action=ACTIONS["waiting"], length=6, no_reply=to_all, ticket=ticket)
-    assert await mailbox.settle() == (0, 2)
-    assert mailbox.telegrams.values == [(13, 0, 0), (6, to_all, 1)]
 
 
 @cocotb.test()
@@ -481,7 +470,9 @@ async def stop_leaves_when_the_master_is_lost_and_not_before(dut):
     mailbox.dut.request_writes_coils.value = 1
     ticket = await mailbox.request()
     await mailbox.pulse("request_commit")
-    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["waiting"], stop=1, ticket=ticket ^ 8)
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["image"], ticket=ticket)
+    assert await mailbox.settle() == (0, 1)
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["image"], stop=1, ticket=ticket)
     # The supervisor is written for other things, too.
     await mailbox.write("SUPERVISOR", running=1, period=1, ticket=ticket)
     for beat in range(2 * period):
@@ -491,15 +482,15 @@ async def stop_leaves_when_the_master_is_lost_and_not_before(dut):
     await mailbox.write("SUPERVISOR", watch=1, running=1, period=period, ticket=ticket)
     for _ in range(period + 1):
         assert not (await mailbox.read("EXCHANGE"))["stop_due"], "before its time"
-        assert await mailbox.settle() == (0, 0)
+        assert await mailbox.settle() == (0, 1)
         mailbox.dut.ticks.value = mailbox.dut.ticks.value.to_unsigned() ^ 1
         await mailbox.bench.clocks(2)
     assert (await mailbox.read("EXCHANGE"))["stop_due"]
-    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["waiting"], stop=0, ticket=ticket ^ 8)
-    assert await mailbox.settle() == (0, 0), "a write that waits is not the stop"
-    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["waiting"], stop=1, ticket=ticket ^ 8)
-    assert await mailbox.settle() == (0, 1)
-    assert stops.values == [(1, 1)]
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["image"], ticket=ticket)
+    assert await mailbox.settle() == (0, 1), "nothing was committed"
+    await mailbox.write("TELEGRAM", length=6, action=ACTIONS["image"], stop=1, ticket=ticket)
+    assert await mailbox.settle() == (0, 2)
+    assert stops.values == [(1, 0), (1, 1)]
 
 
 @cocotb.test()
@@ -509,9 +500,9 @@ async def a_telegram_is_never_changed_in_the_moment_of_its_start(dut):
     for clocks in range(-3, 4):
         mailbox.dut.exchange_quiet.value = 0
         ticket = await mailbox.request()
+        await mailbox.pulse("request_commit")
         await mailbox.poke(TELEGRAM, 1, 0x00)
         await mailbox.write("TELEGRAM", length=5, ticket=ticket)
-        await mailbox.pulse("request_commit")
         before = len(mailbox.telegrams)
         write = None
         for now in range(-4, 6):
@@ -538,9 +529,9 @@ async def a_restart_of_the_firmware_drops_what_it_queued_and_nothing_else(dut):
     await mailbox.put(REPLY, bytes(range(32)))
     mailbox.dut.exchange_quiet.value = mailbox.dut.modbus_quiet.value = 0
     ticket = await mailbox.request()
+    await mailbox.pulse("request_commit")
     await mailbox.write("REPLY", length=6, ticket=ticket)
     await mailbox.write("TELEGRAM", length=5, ticket=ticket)
-    await mailbox.pulse("request_commit")
     await mailbox.pulse("core_rst", "network_events_crc")
     mailbox.dut.exchange_quiet.value = mailbox.dut.modbus_quiet.value = 1
     await mailbox.write("TELEGRAM", action=1)

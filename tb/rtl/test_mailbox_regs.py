@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import cocotb
 import pytest
 from cocotb.triggers import RisingEdge
@@ -22,8 +24,8 @@ SOURCES = {
 READ = {name: register for name, register in REGISTERS.items() if register.size == 1}
 EVENTS = REGISTERS["EVENTS"].fields
 COMMANDS = """
-    queue_reply queue_telegram use_waiting repeat_telegram keep_write
-    listen_again listen_stop watchdog_kick halt loopback_close watch_master
+    order_reply order_telegram order_repeat listen_again listen_stop
+    watchdog_kick halt loopback_close watch_master
 """.split()  # noqa: SIM905
 ACTIONS = VALUES["TELEGRAM", "action"]
 KEY = REGISTERS["WATCHDOG"].fields["key"].reset
@@ -176,36 +178,41 @@ async def each_command_comes_once_and_from_its_register_alone(dut):
         return {name: len(strobe) for name, strobe in strobes.items() if len(strobe)}
 
     await firmware.write("REPLY", length=9, ticket=3)
-    assert seen() == {"queue_reply": 1} and int(dut.reply_length.value) == 9
+    assert seen() == {"order_reply": 1} and int(dut.reply_length.value) == 9
     await firmware.write("TELEGRAM", length=13, no_reply=1)
-    assert seen() == {"queue_reply": 1, "queue_telegram": 1}
-    assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
-    for action in (ACTIONS["repeat"], ACTIONS["keep"]):  # the same telegram: its length and kind stay
-        await firmware.write("TELEGRAM", action=action)
-        assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1
-    await firmware.write("TELEGRAM", action=ACTIONS["waiting"], length=7)
-    assert int(dut.telegram_length.value) == 7 and int(dut.telegram_no_reply.value) == 0
+    assert seen() == {"order_reply": 1, "order_telegram": 1}
+    await firmware.write("TELEGRAM", action=ACTIONS["repeat"])
+    assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 1, "the same telegram"
     await firmware.write("LISTEN", on=1)
     await firmware.write("LISTEN", on=0)
-    orders = {"queue_telegram": 1, "use_waiting": 1, "repeat_telegram": 1, "keep_write": 1}
-    assert seen() == {"queue_reply": 1, **orders, "listen_again": 1, "listen_stop": 1}
+    orders = {"order_reply": 1, "order_telegram": 1, "order_repeat": 1, "listen_again": 1, "listen_stop": 1}
+    assert seen() == orders
     for name in READ:
         await firmware.read(name)
-    assert seen() == {"queue_reply": 1, **orders, "listen_again": 1, "listen_stop": 1}
+    assert seen() == orders
 
 
 @cocotb.test()
-async def while_a_telegram_is_sent_only_keep_counts(dut):
+async def an_order_names_its_kind_with_its_length(dut):
     firmware = await Firmware(dut).start()
-    strobes = {name: Strobes(dut, name) for name in COMMANDS}
+    orders = Strobes(dut, "order_telegram", "order_kind")
+    kinds = {"first": (0, 0), "image": (1, 1), "write": (2, 3)}
+    actions = list(itertools.product(kinds, (0, 1)))
+    for length, (action, no_reply) in enumerate(actions, start=6):
+        await firmware.write("TELEGRAM", action=ACTIONS[action], length=length, no_reply=no_reply)
+        assert int(dut.telegram_length.value) == length and int(dut.telegram_no_reply.value) == no_reply
+    assert orders.values == [(kinds[action][no_reply],) for action, no_reply in actions]
+
+
+@cocotb.test()
+async def while_a_telegram_is_sent_none_is_ordered(dut):
+    firmware = await Firmware(dut).start()
+    strobes = [Strobes(dut, name) for name in ("order_telegram", "order_repeat")]
     await firmware.write("TELEGRAM", length=13)
     dut.exchange.value = REGISTERS["EXCHANGE"].pack(sending=1)
     for action in ACTIONS.values():
         await firmware.write("TELEGRAM", action=action, length=5, no_reply=1)
-    assert {name: len(strobe) for name, strobe in strobes.items() if len(strobe)} == {
-        "queue_telegram": 1,
-        "keep_write": 1,
-    }
+    assert [len(strobe) for strobe in strobes] == [1, 0]
     assert int(dut.telegram_length.value) == 13 and int(dut.telegram_no_reply.value) == 0
 
 
@@ -233,17 +240,6 @@ async def the_supervisor_is_told_one_thing_at_a_time(dut):
     assert len(watches) == 1
     await firmware.write("SUPERVISOR", halt=1)
     assert (len(halts), len(closes)) == (1, 1)
-
-
-@cocotb.test()
-async def no_telegram_is_queued_over_the_one_on_the_wire(dut):
-    firmware = await Firmware(dut).start()
-    queued = Strobes(dut, "queue_telegram")
-    await firmware.write("TELEGRAM", length=13)
-    dut.exchange.value = REGISTERS["EXCHANGE"].pack(sending=1)
-    await firmware.write("TELEGRAM", length=5, no_reply=1)
-    assert len(queued) == 1
-    assert int(dut.telegram_length.value) == 13 and not int(dut.telegram_no_reply.value)
 
 
 @pytest.mark.rule("SAFE-1", "FRAME-4", "WDG-1", "LED-5", "LOOP-1")

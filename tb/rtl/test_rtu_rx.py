@@ -122,6 +122,10 @@ class Receiver:
     def outcome(self) -> tuple[int, int, int]:
         return len(self.candidates), len(self.commits), len(self.revokes)
 
+    def writes(self) -> tuple[int, int]:
+        """What the newest candidate writes: coils, a parameter."""
+        return int(self.dut.frame_writes_coils.value), int(self.dut.frame_writes_parameter.value)
+
 
 def flip(register, bit: int) -> None:
     register.value = int(register.value) ^ 1 << bit
@@ -202,23 +206,23 @@ async def foreign_address_is_ignored_and_broadcast_is_marked(dut):
 
 
 @cocotb.test()
-async def only_functions_05_and_15_write_coils(dut):
-    """The flag comes with the candidate and holds until the next one, with any traffic between (SAFE-1).
+async def only_05_and_15_write_coils_and_06_and_16_a_parameter(dut):
+    """Each flag comes with the candidate and holds until the next one, with any traffic between (SAFE-1).
 
     `make test` tries these functions and those that differ by a bit.
     """
     rng = seeded("rest of the frame")
-    near = {function ^ bit for function in (5, 15) for bit in (0, *(1 << n for n in range(8)))}
+    near = {function ^ bit for function in (5, 6, 15, 16) for bit in (0, *(1 << n for n in range(8)))}
     functions = (sorted(near), range(256))[cases(0, 1)]
     rx = await Receiver(dut).start()
     for address in (OWN, 0):
         for function in functions:
             await rx.frame(with_crc(bytes([address, function]) + rng.randbytes(4)))
-            writes_coils = int(dut.frame_writes_coils.value)
-            assert writes_coils == (function in (5, 15)), f"function {function}"
+            writes = (function in (5, 15), function in (6, 16))
+            assert rx.writes() == writes, f"function {function}"
             await rx.frame(with_crc(bytes([OWN ^ 1, 20 - function % 21]) + rng.randbytes(4)))
-            await rx.bytes(bytes([OWN, 15 if not writes_coils else 3]))
-            assert int(dut.frame_writes_coils.value) == writes_coils, f"function {function}, later"
+            await rx.bytes(bytes([OWN, 3 if any(writes) else rng.choice((15, 16))]))
+            assert rx.writes() == writes, f"function {function}, later"
             await rx.silence()
     assert rx.outcome() == (2 * len(functions), 2 * len(functions), 0)
 

@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "guard.h"
 #include "mailbox_port.h"
 #include "ticks.h"
 
@@ -122,7 +121,7 @@ int host_request(struct translator *t, struct transaction *txn, const uint8_t *p
     memset(txn, MAILBOX_JUNK, sizeof *txn);
     for (i = 0; i < kept; i++)
         bank[i].byte = pdu[i];
-    return translate_copy_settings(t) ? (int)translate_request(t, txn, bank, length, broadcast) : OUTCOME_SILENT;
+    return (int)translate_request(t, txn, bank, length, broadcast);
 }
 
 int host_drive_reply(struct translator *t, struct transaction *txn, const uint8_t *data, uint32_t length, uint32_t lge)
@@ -138,7 +137,7 @@ int host_drive_reply(struct translator *t, struct transaction *txn, const uint8_
 
 void host_commit(struct translator *t)
 {
-    translate_commit(t, t->next.word[GUARD] + GUARD_KEY);
+    translate_commit(t);
 }
 
 const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)
@@ -150,5 +149,5 @@ const uint8_t *host_reply(const struct transaction *txn, uint32_t *length)
 const uint8_t *host_telegram(const struct transaction *txn, uint32_t *length)
 {
     *length = txn->telegram_length;
-    return txn->out.telegram.byte;
+    return txn->out.telegram;
 }

@@ -42,8 +42,7 @@ uint32_t host_size_of_images(void); /* settings and status, the first in struct 
 uint32_t host_size_of_transaction(void);
 uint32_t host_size_of_gateway(void);
 
-/* translate_request() with a PDU of `kept` bytes as laid out in a bank, in a transaction full of MAILBOX_JUNK. If the settings
- * are damaged, the outcome is OUTCOME_SILENT. */
+/* translate_request() with a PDU of `kept` bytes as laid out in a bank, in a transaction full of MAILBOX_JUNK. */
 int host_request(struct translator *t, struct transaction *txn, const uint8_t *pdu, uint32_t kept, uint32_t length,
                  bool broadcast);
 

@@ -6,7 +6,8 @@
 #include "mailbox_port.h"
 #include "options.h"
 
-enum { ADDRESS_AND_CRC = 3, DRIVE_BYTES = 28, WRITE_COIL = 0x05, WRITE_COILS = 0x0F };
+enum { ADDRESS_AND_CRC = 3, DRIVE_BYTES = 28 };
+enum { WRITE_COIL = 0x05, WRITE_REGISTER = 0x06, WRITE_COILS = 0x0F, WRITE_REGISTERS = 0x10 };
 
 #define MAILBOX_NAME(name) #name " "
 const char mailbox_fields[] = MAILBOX_STATE(MAILBOX_NAME);
@@ -23,7 +24,7 @@ static void soil(volatile struct frame_slot *frame, uint32_t bytes)
 
 /* ---- what leaves (telegram_slot.v, reply_slot.v) */
 
-static void end_licence(struct mailbox *m)
+static void drop(struct mailbox *m)
 {
     m->telegram_queued = m->licensed = false;
 }
@@ -38,14 +39,41 @@ uint32_t mailbox_is_touched(const struct mailbox *m)
     return false;
 }
 
-/* A write to the telegram's memory ends the licence; here it shows by the changed bytes. A telegram that has left
- * gives way to a write that waits. */
-static void end_lost_licence(struct mailbox *m)
+/* A write to the telegram's memory drops it; here it shows by the changed bytes. */
+static void drop_if_touched(struct mailbox *m)
 {
-    if (!m->telegram_queued && !m->licensed)
+    if ((m->telegram_queued || m->licensed) && mailbox_is_touched(m))
+        drop(m);
+}
+
+/* Decides on a telegram that was ordered, once no candidate is pending. */
+static void license(struct mailbox *m)
+{
+    const bool newest = m->is_committed && !m->answered && !m->is_broadcast;
+
+    if (!m->telegram_queued || m->licensed || (m->is_candidate && !m->loopback))
         return;
-    if ((m->begun && (m->waiting[0] || m->waiting[1])) || mailbox_is_touched(m))
-        end_licence(m);
+    if (m->loopback || (m->kind == KIND_NEWEST ? newest : m->valid[m->kind])) {
+        m->licensed = true;
+        m->asker = m->loopback || m->kind == KIND_NEWEST ? m->request : m->given_by[m->kind];
+        m->without_start = m->kind == KIND_IMAGE && !m->free;
+    } else {
+        drop(m);
+    }
+}
+
+static void telegram_leaves(struct mailbox *m)
+{
+    m->telegram_queued = m->listening = m->drive_candidate = m->drive_good = false;
+    m->started = m->sending = true;
+    m->licensed = m->repeatable && !m->again;
+    if (!m->left && !m->loopback) {
+        m->valid[m->kind] = false;
+        m->free &= m->kind != KIND_IMAGE;
+    }
+    m->left = true;
+    m->sent_telegrams++;
+    mailbox_left(m, true);
 }
 
 /* Reply and telegram may leave in one clock. */
@@ -53,29 +81,20 @@ static void settle(struct mailbox *m)
 {
     bool starts;
 
-    end_lost_licence(m);
+    drop_if_touched(m);
+    license(m);
     starts = m->telegram_queued && m->licensed && m->quiet && !m->sending;
     if (m->reply_queued && (m->answerable || m->loopback) && (!m->wait_drive || m->drive_good)) {
         m->reply_queued = m->answerable = false;
-        m->spent = true;
+        m->answered = true;
         m->sent_replies++;
         mailbox_left(m, false);
-        if (m->newest && !m->loopback)
-            end_licence(m);
     }
-    if (starts) {
-        m->telegram_queued = m->listening = m->drive_candidate = m->drive_good = false;
-        m->started = m->sending = true;
-        m->licensed &= m->repeatable && !m->begun;
-        m->spent |= m->newest && m->control;
-        m->begun = true;
-        m->sent_telegrams++;
-        mailbox_left(m, true);
-        end_lost_licence(m);
-    }
+    if (starts)
+        telegram_leaves(m);
 }
 
-/* ---- the newest request (request_fate.v, waiting_place.v) */
+/* ---- the newest request (request_state.v, licences.v) */
 
 void mailbox_init(struct mailbox *m)
 {
@@ -88,11 +107,11 @@ void mailbox_init(struct mailbox *m)
 /* The lines go on: a telegram that is being sent, and the receiver (rtl/rtu2fc.v). */
 void mailbox_restart(struct mailbox *m)
 {
-    end_licence(m);
-    m->is_candidate = m->is_committed = m->answerable = m->spent = m->kept = false;
-    m->reply_queued = m->started = m->begun = m->armed = false;
+    drop(m);
+    m->is_candidate = m->is_committed = m->answerable = m->answered = false;
+    m->reply_queued = m->started = m->armed = m->free = false;
     m->led = m->asker = 0;
-    memset(m->waiting, 0, sizeof m->waiting);
+    memset(m->valid, 0, sizeof m->valid);
 }
 
 void mailbox_candidate(struct mailbox *m, uint32_t number, const uint8_t *pdu, uint32_t length, uint32_t broadcast)
@@ -113,40 +132,35 @@ void mailbox_candidate(struct mailbox *m, uint32_t number, const uint8_t *pdu, u
     m->ticket = (m->ticket + 1) & MAILBOX__REQUEST__TICKET_bm;
     m->is_broadcast = broadcast;
     m->writes_coils = length != 0 && (*pdu == WRITE_COIL || *pdu == WRITE_COILS);
+    m->writes_parameter = length != 0 && (*pdu == WRITE_REGISTER || *pdu == WRITE_REGISTERS);
     m->is_candidate = true;
-    m->is_committed = m->answerable = m->reply_queued = m->kept = false;
+    m->is_committed = m->answerable = m->answered = m->reply_queued = false;
     m->telegram_queued &= m->licensed;
 }
 
-/* The licence of the newest request moves to the place of its kind. */
-static void keep(struct mailbox *m)
+static uint32_t kind_of_newest(const struct mailbox *m)
 {
-    m->waiting[m->is_broadcast] = m->request;
-    m->waiting_control[m->is_broadcast] = m->writes_coils;
-    m->spent |= m->writes_coils;
+    if (m->writes_coils)
+        return KIND_IMAGE;
+    return !m->writes_parameter ? KIND_NEWEST : m->is_broadcast ? KIND_ALL : KIND_ONE;
 }
 
+/* A telegram of the same kind that was made before this commit may not leave any more. */
 void mailbox_commit(struct mailbox *m)
 {
-    const bool granted = !m->licensed && m->telegram_queued;
+    const uint32_t kind = kind_of_newest(m);
+    const bool reading_left = m->kind == KIND_NEWEST && m->left;
 
     if (!m->is_candidate)
         return;
-    m->is_candidate = m->spent = false;
+    m->is_candidate = false;
     m->is_committed = m->answerable = true;
     m->since = m->ticks;
-    if (granted) {
-        m->licensed = true;
-        m->control = m->writes_coils;
-    } else if (m->licensed) {
-        m->newest = false;
-        m->repeatable &= m->from_place;
-        if (m->begun && !m->from_place)
-            end_licence(m);
-    }
-    if (m->kept && !granted)
-        keep(m);
-    m->kept = false;
+    m->valid[kind] = kind != KIND_NEWEST;
+    m->given_by[kind] = m->request;
+    m->free |= m->writes_coils;
+    if (m->licensed && ((m->kind == kind && kind != KIND_NEWEST) || reading_left))
+        drop(m);
     settle(m);
 }
 
@@ -157,7 +171,7 @@ void mailbox_character(struct mailbox *m)
         m->reply_queued = false;
     m->answerable = false;
     if (m->is_candidate) {
-        m->is_candidate = m->kept = false;
+        m->is_candidate = false;
         m->telegram_queued &= m->licensed;
     }
 }
@@ -221,7 +235,7 @@ uint32_t mailbox_on_read(struct mailbox *m, uint32_t offset)
                SHOWN(REQUEST, COMMITTED, m->is_committed) | SHOWN(REQUEST, BROADCAST, m->is_broadcast) |
                SHOWN(REQUEST, BANK, m->bank);
     case offsetof(MAILBOX_t, EXCHANGE):
-        end_lost_licence(m);
+        drop_if_touched(m);
         return SHOWN(EXCHANGE, QUEUED, m->telegram_queued) | SHOWN(EXCHANGE, SENDING, m->sending) |
                SHOWN(EXCHANGE, STARTED, m->started) | SHOWN(EXCHANGE, CANDIDATE, m->drive_candidate) |
                SHOWN(EXCHANGE, GOOD, m->drive_good) | SHOWN(EXCHANGE, LOOPBACK, m->loopback) |
@@ -247,49 +261,39 @@ static void order_reply(struct mailbox *m, uint32_t value)
     m->reply_length = MAILBOX_FIELD(REPLY, LENGTH, value);
     m->wait_drive = MAILBOX_FIELD(REPLY, AFTER_DRIVE, value);
     m->reply_queued = m->reply_length != 0 && (takes || m->loopback);
-    m->spent |= mine && m->is_broadcast;
 }
 
-/* The newest request licenses once: the telegram that is queued, or its place. */
-static void order_keep(struct mailbox *m, bool mine)
+static void order_repeat(struct mailbox *m)
 {
-    if (!mine || (PLACES == 1 && !m->is_broadcast))
+    if (m->left && m->licensed) {
+        m->again = true;
+        m->telegram_queued = true;
+    }
+}
+
+static uint32_t kind_of(uint32_t value)
+{
+    switch (MAILBOX_FIELD(TELEGRAM, ACTION, value)) {
+    case MAILBOX__TELEGRAM__ACTION__IMAGE:
+        return KIND_IMAGE;
+    case MAILBOX__TELEGRAM__ACTION__WRITE:
+        return MAILBOX_FIELD(TELEGRAM, NO_REPLY, value) ? KIND_ALL : KIND_ONE;
+    default:
+        return KIND_NEWEST;
+    }
+}
+
+/* The stop gives the image a licence, if it has none (master_loss.v). */
+static void take_stop(struct mailbox *m)
+{
+    if (!stop_is_due(m))
         return;
-    if (m->is_candidate)
-        m->kept = true;
-    else if (m->is_committed && !m->spent && !(m->licensed && m->newest))
-        keep(m);
-}
-
-static void order_first(struct mailbox *m, bool mine)
-{
-    const bool licenses = mine && m->is_committed && !m->spent;
-
-    m->licensed = licenses || m->loopback;
-    m->telegram_queued = m->licensed || (mine && m->is_candidate);
-    m->control = m->writes_coils && licenses;
-    m->newest = true;
-    m->repeatable = !m->is_broadcast;
-    m->from_place = false;
-    if (m->telegram_queued)
-        m->asker = m->request;
-}
-
-static void order_waiting(struct mailbox *m, bool mine, bool stop, uint32_t to_all)
-{
-    const uint32_t number = m->waiting[to_all];
-
-    m->licensed = stop ? stop_is_due(m) : number != 0;
-    m->control = stop || m->waiting_control[to_all];
-    if (m->licensed)
-        m->asker = stop ? 0 : number;
-    if (stop)
-        m->armed &= !m->licensed;
-    else
-        m->waiting[to_all] = 0;
-    m->telegram_queued = m->licensed;
-    m->newest = mine;
-    m->repeatable = m->from_place = stop || !to_all;
+    m->armed = false;
+    if (m->valid[KIND_IMAGE])
+        return;
+    m->valid[KIND_IMAGE] = true;
+    m->given_by[KIND_IMAGE] = 0;
+    m->free = false;
 }
 
 /* XOR of STX, LGE, all bytes and BCC. */
@@ -314,31 +318,29 @@ static uint32_t broken_by(const struct mailbox *m, uint32_t length, bool stop)
 static void order_telegram(struct mailbox *m, uint32_t value)
 {
     const bool mine = MAILBOX_FIELD(TELEGRAM, TICKET, value) == m->ticket;
-    const uint32_t action = MAILBOX_FIELD(TELEGRAM, ACTION, value);
+    const bool meant =
+        MAILBOX_FIELD(TELEGRAM, EARLY, value) ? m->is_candidate || m->is_committed : !m->is_candidate;
     uint32_t i;
 
-    if (action == MAILBOX__TELEGRAM__ACTION__KEEP) {
-        order_keep(m, mine);
-        return;
-    }
     if (m->sending) {
         m->broken |= BROKEN_OVERWRITTEN;
         return;
     }
     m->started = false;
-    end_lost_licence(m);
-    if (action == MAILBOX__TELEGRAM__ACTION__REPEAT) {
-        m->telegram_queued = m->licensed && m->begun && m->repeatable;
+    drop_if_touched(m);
+    if (MAILBOX_FIELD(TELEGRAM, ACTION, value) == MAILBOX__TELEGRAM__ACTION__REPEAT) {
+        order_repeat(m);
         return;
     }
-    m->begun = false;
+    m->licensed = m->left = m->again = false;
     m->telegram_length = MAILBOX_FIELD(TELEGRAM, LENGTH, value);
     m->broken |= broken_by(m, m->telegram_length, MAILBOX_FIELD(TELEGRAM, STOP, value));
+    m->kind = m->loopback ? KIND_NEWEST : kind_of(value);
     m->no_reply = MAILBOX_FIELD(TELEGRAM, NO_REPLY, value);
-    if (action == MAILBOX__TELEGRAM__ACTION__WAITING)
-        order_waiting(m, mine, MAILBOX_FIELD(TELEGRAM, STOP, value), m->no_reply);
-    else
-        order_first(m, mine);
+    m->repeatable = !m->no_reply;
+    m->telegram_queued = m->loopback || (mine && meant);
+    if (m->kind == KIND_IMAGE && mine && !m->is_candidate && MAILBOX_FIELD(TELEGRAM, STOP, value))
+        take_stop(m);
     for (i = 0; i < m->telegram_length; i++)
         m->telegram[i] = mailbox_frame(TELEGRAM_FRAME)[i].byte;
 }
@@ -355,7 +357,7 @@ static void supervise(struct mailbox *m, uint32_t value)
     }
     if (MAILBOX_FIELD(SUPERVISOR, LOOPBACK, value) && m->loopback) {
         m->loopback = m->reply_queued = false;
-        end_licence(m);
+        drop(m);
     }
 }
 

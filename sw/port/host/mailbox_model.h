@@ -18,6 +18,9 @@
 
 enum { MAILBOX_JUNK = 0xA5, MAILBOX_FRAME_MAX = 32 };
 
+/* What a telegram needs a licence for (rtl/gate/licences.v). */
+enum mailbox_kind { KIND_NEWEST, KIND_IMAGE, KIND_ONE, KIND_ALL, MAILBOX_KINDS };
+
 /* State of one number each, most of them 0 or 1. mailbox_fields names them for Python. */
 #define MAILBOX_STATE(field) \
     /* time in 1/1200 s; quiet: the pause before a telegram is over (FC-8), and nobody else sends */ \
@@ -25,16 +28,16 @@ enum { MAILBOX_JUNK = 0xA5, MAILBOX_FRAME_MAX = 32 };
     field(ticks) field(quiet) field(heard) field(loopback) \
     /* registers that the firmware writes; kicks of the watchdog; accesses that the model does not serve; broken rules */ \
     field(events) field(led) field(halted) field(kicks) field(unknown) field(broken) \
-    /* the newest request; request: the number that the judge gave it; kept: it is to wait after its commit */ \
+    /* the newest request; request: the number that the judge gave it */ \
     field(address) field(ticket) field(bank) field(length) field(request) field(is_broadcast) field(writes_coils) \
-    field(is_candidate) field(is_committed) field(answerable) field(spent) field(kept) \
+    field(writes_parameter) field(is_candidate) field(is_committed) field(answerable) field(answered) \
     /* the reply; how many have left */ \
     field(reply_queued) field(wait_drive) field(reply_length) field(sent_replies) \
     /* the telegram, and the number of the request that gave its licence; how many have left */ \
     field(telegram_queued) field(licensed) field(started) field(sending) field(no_reply) field(telegram_length) \
     field(asker) field(sent_telegrams) \
-    /* begun: it has left. newest: no other request was committed since. control: its request writes coils */ \
-    field(begun) field(newest) field(repeatable) field(from_place) field(control) \
+    /* its kind (enum mailbox_kind); left: it has left; again: its repeat is ordered or has left; without_start */ \
+    field(kind) field(left) field(repeatable) field(again) field(without_start) \
     /* the drive's telegram */ \
     field(listening) field(drive_candidate) field(drive_good) \
     /* the stop (SAFE-7): limit and the time of the last commit in ticks */ \
@@ -43,9 +46,10 @@ enum { MAILBOX_JUNK = 0xA5, MAILBOX_FRAME_MAX = 32 };
 #define MAILBOX_MEMBER(name) uint32_t name;
 struct mailbox {
     MAILBOX_STATE(MAILBOX_MEMBER)
-    /* Committed writes that wait, unicast and broadcast: number of the request or 0, and whether it writes coils. */
-    uint32_t waiting[2];
-    uint32_t waiting_control[2];
+    /* By enum mailbox_kind: a commit gave the licence and no telegram has used it; the number of that request. */
+    uint32_t valid[MAILBOX_KINDS];
+    uint32_t given_by[MAILBOX_KINDS];
+    uint32_t free; /* the image's licence is of a write of coils, so its start bit may be 1 */
     uint8_t telegram[MAILBOX_FRAME_MAX]; /* as it was when it was queued */
 };
 

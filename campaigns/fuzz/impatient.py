@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Impatient masters: each request follows after a time-out, whatever card and drive still do (SAFE-8).
+
+    make impatient [CONFIG=tiny] [SEED=N] [COUNT=SEQUENCES] [JOBS=N], or
+    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N]
+
+A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
+write of a parameter. The drive answers after 3 to 120 ms, too late or never. Then both lines come to rest,
+and the master reads coils 1-32. tb/model/told.py judges. Of the first differences the smallest case found is
+kept: `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an invalid command line or a
+missing tool.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import random
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+from campaigns.fuzz.case import CLK_HZ, DRIVE_DELAY_BITS, Player
+from campaigns.fuzz.shrink import shrink
+from campaigns.fuzz.traffic import DIALECT_PROFILES
+from campaigns.fuzz.trial import told
+from campaigns.soak.run import Traffic, wire
+from regs.generated.card_tables import DRIVE_BAUD
+from rtl.command import Parser, run_main
+from rtl.sources import ROOT, SourcesError, configuration, configurations
+from sim.harness.library import BuildError, Target
+from sim.harness.pins import BAUDS, FORMS
+from tb.agents import rtu
+from tb.agents.crc16 import with_crc
+from tb.lib.bound import SURE, words
+from tb.lib.options import at_least
+from tb.model.card import DRIVE_TIMEOUT, EEPROM
+from tb.model.told import Verdict
+from tb.model.wire import LineFormat
+
+FOLDER = ROOT / "build/fuzz"
+RATES = {
+    "standard": {9600: 47, 19200: 47, 115200: 4, 1200: 1},
+    "tiny": {9600: 80, 19200: 16, 115200: 2, 1200: 1},  # a slower line needs a slower clock, see SLOWER
+}
+FORMATS = ("8N1", "8E1")
+OWN_CLOCK = 20  # one sequence in so many runs at the card's own clock, which takes longer to simulate
+# The other ones run at a part of that clock at which the firmware is still ready before the next request.
+SLOWER = {"standard": {1200: 6, 9600: 6, 19200: 6, 115200: 6}, "tiny": {1200: 4, 9600: 4, 19200: 2}}
+START, STOP = 0x047C, 0x043C
+LONG_WAIT = 25  # of register 40003: above, a silent drive costs much simulated time
+KEPT_MAX = 3  # differences whose cases are made smaller and kept
+SHRINK_TRIES = 40
+READ_IMAGE = rtu.read_coils(0, 32)
+
+
+class Maker:
+    """One sequence, as a case of the fuzzer (campaigns/fuzz/case.py)."""
+
+    def __init__(self, seed: str, config: str, own_clock: bool) -> None:
+        self.rng = rng = random.Random(seed)
+        rates = {baud: weight for baud, weight in RATES[config].items() if baud in BAUDS}
+        (self.baud,) = rng.choices(list(rates), rates.values())
+        forms = [form for form in FORMATS if form in FORMS] if rng.random() < 0.95 else list(FORMS)
+        self.form = rng.choice(forms)
+        self.dialect = rng.choices(list(DIALECT_PROFILES), (3, 1, 1))[0] if config == "standard" else "card"
+        self.profile = rng.choice(DIALECT_PROFILES[self.dialect])
+        self.traffic = Traffic(rng, self.dialect, self.profile)
+        self.clk_hz = configuration(config)["clk_hz"]
+        if not own_clock:
+            self.clk_hz = max(CLK_HZ.get(self.baud, 0), self.clk_hz // SLOWER[config].get(self.baud, 1))
+        self.wait = 15  # register 40003
+        # A master and a drive keep their pace, more or less.
+        self.timeout_ms = 5 * 80 ** (rng.random() ** 2)
+        self.drive_ms = 3 * 40 ** rng.random()
+
+    def case(self) -> dict:
+        rng = self.rng
+        asked = [self._wait(rng.choice((rng.randint(1, 100), 5, 10, 13, 20)))] if rng.random() < 0.3 else []
+        while len(asked) < 12 and (len(asked) < 4 or rng.random() < 0.8):
+            asked += self._stop_behind_a_reading() if rng.random() < 0.25 else self._one()
+        events = [self._event(unit, pdu) for unit, pdu in asked[:12]]
+        events[0]["gap"] = ["idle", 30.0]
+        line = LineFormat(self.baud, self.form, self.clk_hz)
+        rest = {"what": "image", "gap": ["idle", round(20 + 0.01 * line.baud)], "pdu": READ_IMAGE.hex()}
+        return {
+            "baud": self.baud,
+            "form": self.form,
+            "address": 1,
+            "dialect": self.dialect,
+            "profile": self.profile,
+            "clk_hz": self.clk_hz,
+            "events": [*events, rest],
+        }
+
+    def _event(self, unit: int, pdu: bytes) -> dict:
+        rng, line = self.rng, LineFormat(self.baud, self.form, self.clk_hz)
+        timeout_ms = min(400, max(5, self.timeout_ms * rng.choice((1, 1, 1, rng.uniform(0.5, 2)))))
+        bits = max(timeout_ms * self.baud / 1000, line.t35_bits + 1.5)
+        data = with_crc(bytes([unit]) + pdu)
+        manners = [self._manner() for _ in range(3)]
+        return {"what": "impatient", "gap": ["own", round(bits, 2)], "bytes": data.hex(), "drive": manners}
+
+    def _manner(self) -> dict:
+        rng = self.rng
+        how = rng.random()
+        if how < (0.1 if self.wait <= LONG_WAIT else 0.02):
+            return {"silent": True}
+        late_ms = 10 * self.wait + rng.uniform(-10, 40)
+        delay_ms = late_ms if how < 0.15 else self.drive_ms * rng.choice((1, 1, rng.uniform(0.5, 1.5)))
+        return {"gap": round(max(DRIVE_DELAY_BITS, min(delay_ms, 1500) * DRIVE_BAUD / 1000), 2)}
+
+    # ------------------------------------------------------------ requests: unit and PDU
+
+    def _command(self, control: int) -> tuple[int, bytes]:
+        bits = control | self.rng.choice((0, 0x2000, self.rng.randrange(0x10000))) << 16
+        count = self.rng.choice((16, 32))
+        unit = 0 if self.rng.random() < 0.2 else 1
+        return unit, rtu.write_coils(0, [bool(bits >> i & 1) for i in range(count)])
+
+    def _write(self) -> tuple[int, bytes]:
+        unit = 0 if self.rng.random() < 0.2 else 1
+        return unit, self.traffic.write_number()[0][1]
+
+    def _wait(self, tens: int) -> tuple[int, bytes]:
+        self.wait = tens
+        return 1, b"\x06" + wire(DRIVE_TIMEOUT, tens)
+
+    def _stop_behind_a_reading(self) -> list[tuple[int, bytes]]:
+        (reading,) = self.traffic.read_number()
+        return [self._command(START), reading, self._command(STOP), self._write()]
+
+    def _one(self) -> list[tuple[int, bytes]]:
+        rng, traffic = self.rng, self.traffic
+        kinds = {
+            self._write: 6,
+            lambda: self._command(rng.choice((START, STOP, 0, rng.randrange(0x10000)))): 5,
+            lambda: (0 if rng.random() < 0.2 else 1, traffic.write_coils()[0][1]): 4,
+            lambda: traffic.read_number()[0]: 4,
+            lambda: traffic.read_coils()[0]: 1,
+            lambda: (1, rtu.write_coil(EEPROM, rng.random() < 0.5)): 1,
+            lambda: (1, b"\x03" + wire(0, 3)): 1,
+            lambda: self._wait(rng.choice((rng.randint(1, 100), 3, 13, 15, 20))): 1,
+        }
+        if rng.random() < 0.1:
+            return traffic.text()
+        (kind,) = rng.choices(list(kinds), kinds.values())
+        return [kind()]
+
+
+def play(case: dict, config: str) -> Verdict:
+    player = Player(case, Target(config=config))
+    return told(case, player, player.play(probed=False))
+
+
+def make(seed: int, number: int, config: str) -> dict:
+    return Maker(f"impatient/{seed}/{number}", config, number % OWN_CLOCK == OWN_CLOCK - 1).case()
+
+
+def trial(number: int, seed: int, config: str) -> Verdict:
+    return play(make(seed, number, config), config)
+
+
+def keep(seed: int, number: int, config: str) -> str:
+    case = make(seed, number, config)
+    case = shrink(case, lambda tried: bool(play(tried, config).differences), SHRINK_TRIES)
+    path = FOLDER / f"case-impatient-{config}-{seed}-{number}.json"
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(case, indent=1) + "\n")
+    return f"make fuzz {'' if config == 'standard' else f'CONFIG={config} '}REPLAY={path.relative_to(ROOT)}"
+
+
+def main() -> int:
+    parser = Parser(prog="impatient", description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
+    parser.add_argument("--count", type=at_least(1), default=100, help="sequences; default 100")
+    parser.add_argument("--config", choices=configurations(), default="standard")
+    parser.add_argument("--jobs", type=at_least(1), default=2)
+    options = parser.parse_args()
+    print(f"impatient: {options.config} card, seed {options.seed}, {options.count} sequences", flush=True)
+    began, wrong, asked, restless = time.monotonic(), 0, 0, 0
+    with ProcessPoolExecutor(options.jobs) as pool:
+        run = functools.partial(trial, seed=options.seed, config=options.config)
+        for number, outcome in enumerate(pool.map(run, range(options.count))):
+            asked, restless = asked + outcome.asked, restless + outcome.restless
+            if not outcome.differences:
+                continue
+            wrong += 1
+            print(f"impatient: DIFFERENCE in sequence {number}: {'; '.join(outcome.differences)}", flush=True)
+            if wrong <= KEPT_MAX:
+                print(f"impatient:   {keep(options.seed, number, options.config)}", flush=True)
+    took = time.monotonic() - began
+    print(
+        f"impatient: seed {options.seed}, {options.count} sequences, {wrong} with a difference (with {SURE} "
+        f"confidence at most {words(wrong, options.count)} of all); {asked} readings of the image judged, "
+        f"{restless} not at rest; {options.count / took:.2f} sequences/s"
+    )
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    run_main("impatient", main, BuildError, SourcesError)

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The exchange with the drive: which telegram leaves next, its repeat and its end (FRAME-7, FC-9). */
+#ifndef EXCHANGE_H
+#define EXCHANGE_H
+
+#include "gateway.h"
+
+/* Follows the exchange one step, and begins the next one if the drive line is free. */
+void exchange_poll(struct gateway *g);
+
+#endif

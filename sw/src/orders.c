@@ -1,0 +1,161 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "orders.h"
+
+#include "mailbox_port.h"
+#include "request.h"
+
+#define ACTION(name) (MAILBOX__TELEGRAM__ACTION__##name << MAILBOX__TELEGRAM__ACTION_bp)
+
+#if MAILBOX__TELEGRAM__ACTION__FIRST != 0 || MAILBOX__TELEGRAM__ACTION__WRITE != 2 || MAILBOX__TELEGRAM__ACTION__IMAGE != 3
+#error "enum target is not as the register TELEGRAM has it"
+#endif
+
+/* ---- what waits */
+
+/* A newer write of the same kind takes the place of one that has not left (FRAME-7). */
+static void keep_write(struct gateway *g)
+{
+    struct transaction **const waiting = g->waiting;
+
+    if (waiting[0] && waiting[0]->broadcast == g->newest->broadcast) {
+        waiting[0] = waiting[1];
+        waiting[1] = 0;
+    }
+    waiting[waiting[0] ? 1 : 0] = g->newest;
+}
+
+/* The image has changed. A telegram of the earlier image has left before this commit, or the gate has dropped it. */
+static void keep_image(struct gateway *g)
+{
+    if (g->tells_image && mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STARTED_bm)
+        g->image_change = 0;
+    g->image_change |= g->newest->broadcast ? IMAGE_FOR_ALL : IMAGE_FOR_ONE;
+    g->tells_image = g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;
+}
+
+/* The image is a level, a parameter write has a place; its telegram may be ordered already. A reading waits as the newest
+ * request. */
+void orders_keep(struct gateway *g)
+{
+    if (g->newest->target == TARGET_READING)
+        return;
+    g->asks_drive = false;
+    if (g->newest->target == TARGET_IMAGE)
+        keep_image(g);
+    else
+        keep_write(g);
+}
+
+ONE_COPY void orders_stop_waiting(struct gateway *g)
+{
+    if (g->waiting[0] != g->at_drive)
+        return;
+    g->waiting[0] = g->waiting[1];
+    g->waiting[1] = 0;
+}
+
+/* A candidate decides first: with its commit the master is back (SAFE-7). */
+static bool stop_is_due(const struct gateway *g)
+{
+    return MASTER_LOSS_STOP && !g->network_online && g->state != REQUEST_PREPARED &&
+           translate_is_running(&g->translator) && mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STOP_DUE_bm;
+}
+
+bool orders_wait(const struct gateway *g)
+{
+    return (g->image_change != 0 && !g->tells_image) || (g->waiting[0] && g->waiting[0] != g->at_drive) ||
+           g->waiting[1] || (g->asks_drive && g->state == REQUEST_COMMITTED) || stop_is_due(g);
+}
+
+/* ---- the order */
+
+/* The ticket shows the gate that no request came since the one on which this telegram is based. Made for a candidate, it
+ * needs its commit. */
+ONE_COPY static void order(struct gateway *g, uint32_t action)
+{
+    mailbox_write(TELEGRAM, action | (uint32_t)g->ticket << MAILBOX__TELEGRAM__TICKET_bp |
+                                (g->state == REQUEST_PREPARED ? MAILBOX__TELEGRAM__EARLY_bm : 0u));
+    g->reply_outcome = OUTCOME_NOT_A_REPLY;
+    g->exchange = EXCHANGE_LEAVING;
+    g->wait_start = g->now;
+}
+
+static void start(struct gateway *g, struct transaction *txn, uint32_t action)
+{
+    volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME);
+    uint32_t i;
+
+    for (i = 0; i < txn->telegram_length; i++) /* at most 30 turns: TELEGRAM_MAX */
+        frame[i].byte = txn->out.telegram[i];
+    g->at_drive = txn;
+    g->repeated = false;
+    order(g, (uint32_t)txn->telegram_length << MAILBOX__TELEGRAM__LENGTH_bp |
+                 (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u) | action);
+}
+
+void orders_repeat(struct gateway *g)
+{
+    g->repeated = true;
+    mailbox_count(mailbox_counter(COUNT_DRIVE_REPEAT));
+    order(g, ACTION(REPEAT));
+}
+
+bool orders_take_back(void)
+{
+    mailbox_frame(TELEGRAM_FRAME)->byte = 0;
+    return !(mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STARTED_bm);
+}
+
+/* ---- the next telegram */
+
+/* One telegram for all writes that changed the image. It answers the newest request if that is one of them. */
+static void start_image(struct gateway *g)
+{
+    const bool to_all = g->image_change == IMAGE_FOR_ALL;
+    struct transaction *txn = g->newest;
+
+    if (g->state != REQUEST_COMMITTED || txn->target != TARGET_IMAGE || txn->broadcast != to_all)
+        txn = request_spare(g);
+    translate_image(txn, g->translator.settings.word[CONTROL], to_all);
+    start(g, txn, ACTION(IMAGE));
+    g->tells_image = true;
+}
+
+/* SAFE-7: the image shows the stop only if the gate took the order: with a commit just now its licence is gone. */
+static void start_stop(struct gateway *g)
+{
+    struct transaction *txn = request_spare(g);
+    const uint32_t control = translate_stopped(&g->translator);
+
+    translate_image(txn, control, false);
+    start(g, txn, ACTION(IMAGE) | MAILBOX__TELEGRAM__STOP_bm);
+    if (!(mailbox_read(EXCHANGE) & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__STARTED_bm)))
+        return;
+    g->translator.settings.word[CONTROL] = control;
+    g->image_change = IMAGE_FOR_ONE;
+    g->tells_image = true;
+}
+
+/* The second telegram of a request has no licence but that of the newest request. */
+static uint32_t action_of(const struct gateway *g)
+{
+    return g->state == REQUEST_PREPARED ? (uint32_t)g->newest->target << MAILBOX__TELEGRAM__ACTION_bp : ACTION(FIRST);
+}
+
+/* The image or the stop, the writes in the order of commit, the newest request (FRAME-7). While a candidate decides, only
+ * its own telegram may be ordered: what waits may look different after its commit. */
+void orders_next(struct gateway *g)
+{
+    if (g->state == REQUEST_PREPARED && (g->image_change != 0 || g->waiting[0]))
+        return;
+    if (g->image_change != 0)
+        start_image(g);
+    else if (stop_is_due(g))
+        start_stop(g);
+    else if (g->waiting[0])
+        start(g, g->waiting[0], ACTION(WRITE));
+    else if (g->asks_drive) {
+        g->asks_drive = false;
+        start(g, g->newest, action_of(g));
+    }
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What waits for the drive line, and the order of the telegram that is next (FRAME-7, SAFE-7). */
+#ifndef ORDERS_H
+#define ORDERS_H
+
+#include "gateway.h"
+
+/* At the commit of the newest request, which has a telegram: what the drive is to be told. */
+void orders_keep(struct gateway *g);
+
+/* The write at the drive waits no more: it has left, or was answered with the drive's silence. */
+void orders_stop_waiting(struct gateway *g);
+
+/* Something committed waits for the drive line, apart from the telegram at the drive. */
+bool orders_wait(const struct gateway *g);
+
+/* The drive line is free: orders the next telegram, if there is one. */
+void orders_next(struct gateway *g);
+
+/* Orders the telegram at the drive once more (FC-9). */
+void orders_repeat(struct gateway *g);
+
+/* Takes an ordered telegram back. False if it left just then. */
+bool orders_take_back(void);
+
+#endif
