@@ -34,27 +34,37 @@ ONE_COPY static void end(struct gateway *g)
 }
 
 /* The request at the drive is over; if it is the newest one, its outcome counts (MAP-10). */
-static void finish(struct gateway *g, bool counts)
+static void finish(struct gateway *g)
 {
     if (!is_newest(g))
         return;
-    if (DIAGNOSTICS && counts)
+    if (DIAGNOSTICS)
         diagnostics_done(g->at_drive);
     g->state = REQUEST_DONE;
 }
 
-/* The drive gave no good reply (FC-9). An image that has not left stays changed. */
+/* The newest request gets its answer in another transaction: its telegram may still have to leave. */
+static void answer_silence(struct gateway *g)
+{
+    struct transaction *answer = request_spare(g);
+
+    answer->function = g->at_drive->function;
+    g->newest = answer;
+    g->state = REQUEST_DONE;
+    if (g->at_drive->broadcast || translate_drive_silent(answer) != OUTCOME_REPLY)
+        return;
+    request_reply(g, answer, 0);
+    if (DIAGNOSTICS)
+        diagnostics_done(answer);
+}
+
+/* The drive gave no good reply (FC-9). An image that has not left stays changed, a parameter write stays in its place. */
 static void abandon(struct gateway *g)
 {
-    bool answered;
-
     mailbox_count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
     g->drive_online = false;
-    orders_stop_waiting(g);
-    answered = translate_drive_silent(g->at_drive) == OUTCOME_REPLY;
-    if (answered)
-        request_reply(g, g->at_drive, 0);
-    finish(g, answered);
+    if (is_newest(g))
+        answer_silence(g);
     end(g);
 }
 
@@ -98,7 +108,7 @@ static void left(struct gateway *g)
     g->exchange = EXCHANGE_WAITING;
     if (!g->at_drive->broadcast)
         return;
-    finish(g, true);
+    finish(g);
     end(g);
 }
 
@@ -137,7 +147,7 @@ static void take_reply(struct gateway *g)
         return;
     }
     request_confirm_reply(g);
-    finish(g, true);
+    finish(g);
 }
 
 static void poll_waiting(struct gateway *g, uint32_t state)

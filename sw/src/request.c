@@ -31,10 +31,11 @@ void request_reply(struct gateway *g, const struct transaction *txn, uint32_t fl
 
 void request_cancel_reply(struct gateway *g)
 {
+    if (g->at_drive != g->newest)
+        return;
     if (REPLY_DELAY > 0)
         g->held_reply = 0;
-    if (g->at_drive == g->newest)
-        order_reply(g, 0);
+    order_reply(g, 0);
 }
 
 void request_confirm_reply(struct gateway *g)
