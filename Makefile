@@ -225,7 +225,7 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
 
 ##@ Attack
-.PHONY: starts starts-page fuzz impatient fuzz-plants fuzz-report flips flips-report core-flips
+.PHONY: starts starts-page fuzz impatient fuzz-plants fuzz-report flips flips-report
 starts-page: firmware | setup-test ## build/reports/starts.md from the starts of both cards
 	@$(RUN) campaigns.starts.page
 
@@ -250,11 +250,8 @@ flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=,
 flips-report: | setup-test ## all shards of flips in build/fuzz as one table
 	@$(RUN) campaigns.flips.run --report
 
-core-flips: firmware | setup-test ## every flip of the core while it serves a request (30 s)
-	@$(RUN) campaigns.flips.core --jobs $(JOBS)
-
 .PHONY: fuzz-page
-fuzz-page: | setup-test ## build/reports/fuzz.md from the results of fuzz, fuzz-plants, core-flips and flips
+fuzz-page: | setup-test ## build/reports/fuzz.md from the results of fuzz, fuzz-plants and flips
 	@$(RUN) campaigns.fuzz.page
 
 ##@ Firmware

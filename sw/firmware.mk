@@ -109,9 +109,3 @@ $(addsuffix /libtranslate.so,$(FIRMWARE_HOST_DIR) $(addprefix build/host/,$(FIRM
 	@mkdir -p $(@D)
 	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O1 -fPIC -shared -o $@ \
 		$(FIRMWARE_SOURCES) $(FIRMWARE_HOST)
-
-# The images on a machine, with flips (campaigns/flips/core.py).
-build/host/libcore.so: campaigns/flips/core_machine.c $(FIRMWARE_SOURCES) $(FIRMWARE_HOST) $(FIRMWARE_HEADERS) sw/firmware.mk | $(SETUP)
-	@mkdir -p $(@D)
-	$(CC) $(FIRMWARE_CFLAGS) -Isw/port/host $(FIRMWARE_OPTIONS) -g -O2 -fno-strict-aliasing -fPIC -shared -o $@ \
-		campaigns/flips/core_machine.c $(FIRMWARE_SOURCES) $(FIRMWARE_HOST)

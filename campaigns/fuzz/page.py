@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes build/reports/fuzz.md from the results of four campaigns; `make fuzz-page`.
+"""Writes build/reports/fuzz.md from the results of three campaigns; `make fuzz-page`.
 
     python -m campaigns.fuzz.page
 
-The campaigns are the fuzzer, the planted bugs, the flips of the core alone, and those of each whole card.
-Their results are in build/fuzz. Exit 2: a result is missing, or is of another card than the present one.
+The campaigns are the fuzzer, the planted bugs, and the flips of each card. Their results are in build/fuzz. Exit 2: a result is missing, or is of another card than the present one.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from campaigns.flips import core
 from campaigns.flips import report as flips_report
 from campaigns.flips import run as flips
 from campaigns.flips.trial import PACES
@@ -31,7 +29,7 @@ from tb.lib import bound
 TEMPLATE = ROOT / "campaigns/fuzz/fuzz.md.in"
 # campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
 UNJUDGED = "no unrequested telegram; every last request answered"
-COMMAND = "make fuzz, fuzz-plants, flips (of both cards), core-flips and fuzz-page"
+COMMAND = "make fuzz, fuzz-plants, flips (of both cards) and fuzz-page"
 
 
 class PageError(Exception):
@@ -68,22 +66,6 @@ def plant_rows(found: dict[str, int | None]) -> list[str]:
     ]
 
 
-def core_table(config: str, results: dict[str, dict[str, int]]) -> list[str]:
-    """A row for each request, a column for each result."""
-    rows = [
-        f"| {name} | " + " | ".join(f"{found.get(what, 0):,}" for what in core.RESULTS) + " |"
-        for name, found in results.items()
-    ]
-    titles = f"| scenario on the {config} card | {' | '.join(core.RESULTS)} |"
-    return [titles, f"|---|{'---:|' * len(core.RESULTS)}", *rows]
-
-
-def core_count(result: dict, *wanted: str) -> int:
-    """Flips of the core with these results, in all scenarios of both cards."""
-    scenarios = [found for of_card in result["results"].values() for found in of_card.values()]
-    return sum(found.get(what, 0) for found in scenarios for what in wanted)
-
-
 def in_all(cards: list[dict]) -> str:
     """Flips of all cards, and how often one can do what is forbidden."""
     count = sum(card["flips"] for card in cards)
@@ -113,7 +95,7 @@ def card_flips(merged: dict) -> str:
     card, firmware, _ = merged["card"].split()
     return "\n".join(
         [
-            f"#### Of the {merged['config']} card",
+            f"### Of the {merged['config']} card",
             "",
             f"{merged['config']} card `{card}`, firmware `{firmware}`: {merged['flips']:,} flips in "
             f"{merged['shards']} shards, {flips.rates(merged)}, "
@@ -178,11 +160,9 @@ def collected(folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> d
     They must be of these cards, by configuration: `cards` for the fuzzer, `flipped` for the flips.
     """
     plants = read(folder / "plants.json", "make fuzz-plants", fuzz_run.PLANTS_KEYS)
-    core_flips = read(folder / "core-flips.json", "make core-flips", core.KEYS)
     frames = [fuzz.load(path) for path in sorted(folder.glob("*.json")) if fuzz.RESULT.fullmatch(path.name)]
     of_flips = flips.load(folder) if any(folder.glob("flips-*.json")) else []
     found = [("standard", plants["card"], cards)]
-    found += [(config, core_flips["cards"].get(config, "none"), flipped) for config in flipped]
     for shards, its_cards in ((frames, cards), (of_flips, flipped)):
         found += [(shard["config"], shard["card"], its_cards) for shard in shards]
     for config, card, its_cards in found:
@@ -193,7 +173,6 @@ def collected(folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> d
             raise PageError(f"no result of it; run `make {command} CONFIG={lacking[0]}` first")
     return {
         "plants": plants,
-        "core": core_flips,
         "frames": fuzz.merge_each(frames),
         "flips": flips.merge_each(of_flips),
     }
@@ -202,7 +181,7 @@ def collected(folder: Path, cards: dict[str, str], flipped: dict[str, str]) -> d
 def page(found: dict) -> str:
     """The text of the page."""
     cards, all_flips = found["frames"], found["flips"]
-    plants, core_flips = found["plants"], found["core"]
+    plants = found["plants"]
     return TEMPLATE.read_text().format(
         sources=f"firmware sources `{host.fingerprint()}`",
         flips_judge=all_flips[0]["card"].split()[-1],
@@ -215,11 +194,6 @@ def page(found: dict) -> str:
         plants_judge=plants["card"].split()[-1],
         plants_count=f"{plants['count']:,}",
         plants="\n".join(plant_rows(plants["frames"])),
-        core_flips=f"{core_flips['flips']:,}",
-        core_altered=f"{core_count(core_flips, *core.ALTERED):,}",
-        core_altered_1=f"{core_count(core_flips, core.ALTERED[0]):,}",
-        core_altered_0=f"{core_count(core_flips, core.ALTERED[1]):,}",
-        core="\n\n".join("\n".join(core_table(*each)) for each in core_flips["results"].items()),
         flips=in_all(all_flips),
         flips_tables="\n\n".join(map(card_flips, all_flips)),
         rare="\n\n".join(map(rare_flips, all_flips)),
@@ -231,11 +205,7 @@ def main() -> int:
     flipped = {config: fingerprint.flips(config) for config in configurations()}
     found = collected(fuzz.FOLDER, cards, flipped)
     text = page(found)
-    altered = core_count(found["core"], *core.ALTERED)
-    said = (
-        f"{frames_in_all(found['frames'])}.\n{in_all(found['flips'])}.\n"
-        f"{altered:,} of {found['core']['flips']:,} flips in the core alone altered a telegram."
-    )
+    said = f"{frames_in_all(found['frames'])}.\n{in_all(found['flips'])}."
     of = fingerprint.now("standard card", "tiny card", "firmware", "fuzz judge", "flips judge")
     keep = ["Random frames", *(f"Of the {config} card" for config in configurations())]
     publish("fuzz", text, COMMAND, of, said, keep)

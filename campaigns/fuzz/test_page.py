@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of the fuzzer and the flips, from the result files of all four campaigns."""
+"""The report of the fuzzer and the flips, from the result files of all campaigns."""
 
 from __future__ import annotations
 
@@ -26,16 +26,13 @@ def keep_frames(folder: Path, seed: int, frames: int, config: str = "standard", 
 
 @pytest.fixture
 def folder(tmp_path) -> Path:
-    """Result files of fuzz, plants, core-flips and flips."""
+    """Result files of fuzz, plants and flips."""
     keep_frames(tmp_path, 7, 7000)
     keep_frames(tmp_path, 8, 8000)
     keep_frames(tmp_path, 7, 900, "tiny")
     frames = {plant.name: 33 for plant in PLANTS} | {"cut-value": 12345, "wrong-order": None}
     plants = {"seed": 5, "count": 20000, "card": CARDS["standard"], "frames": frames}
     (tmp_path / "plants.json").write_text(json.dumps(plants))
-    results = {"standard": {"05": {"as asked": 990, "altered, bit 10 = 1": 7}}, "tiny": {"06": {"none": 1}}}
-    core = {"cards": FLIPPED, "flips": 4000, "results": results}
-    (tmp_path / "core-flips.json").write_text(json.dumps(core))
     for config, card in FLIPPED.items():
         shard = {"seed": 9, "config": config, "card": card, "baud": 9600, "flips": 4, "cpu_s": 120.0}
         shard |= {"bits": dict.fromkeys(PARTS, 8), "counts": {"card: no effect": 4}, "notable": []}
@@ -51,14 +48,13 @@ def test_the_report_states_the_results_of_all_campaigns(folder):
     text = text_of(folder)
     for said in (
         "20,000 frames each, with judge `three`.",
-        "Judge of both campaigns below: `six`.",
+        "Judge of the flips: `six`.",
         "15,897 frames of both cards judged to their end, each with the judge of its row: no difference, "
         "at most 2.90e-04 of the frames",
         "| standard card `one`, firmware `two` | `three` | 7, 8 | 15,000 | 4 | 0 | 14,998 | 0 | 3.08e-04 |",
         "| legal | 15,000 | 900 |",
         "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |",
         "| wrong-order | EXC: address before quantity | not found |",
-        "7 of them altered a telegram: 7 with bit 10 = 1, 0 with bit 10 = 0.",
         "8 flips of both cards: 0 unrequested or altered telegrams and stuck drivers, at most 4.38e-01",
         "tiny card `four`, firmware `five`: 4 flips",
     ):
@@ -74,7 +70,7 @@ def test_the_command_records_the_counts(folder, written, monkeypatch):
     monkeypatch.setattr(page.fingerprint, "flips", FLIPPED.get)
     assert page.main() == 0
     entry = report_page.evidence()["fuzz"]
-    assert "7 of 4,000 flips in the core alone altered a telegram." in entry["said"]
+    assert "8 flips of both cards: 0 unrequested" in entry["said"]
     assert len(entry["tables"]["Random frames"]) == 3 and "Of the tiny card" in entry["tables"]
 
 
@@ -82,8 +78,8 @@ def test_the_command_records_the_counts(folder, written, monkeypatch):
     ("file", "content", "complaint"),
     [
         ("plants.json", None, "run `make fuzz-plants` first"),
-        ("core-flips.json", {"flips": 2, "cards": {}, "results": {}}, "another standard card, none"),
-        ("core-flips.json", {"seed": 1}, "no result of `make core-flips`"),
+        ("plants.json", {"frames": {}, "seed": 1, "count": 2, "card": "none"}, "another standard card, none"),
+        ("plants.json", {"seed": 1}, "no result of `make fuzz-plants`"),
         ("flips-tiny-9-9600.json", None, "run `make flips CONFIG=tiny` first"),
         ("fuzz-tiny-7.json", None, "run `make fuzz CONFIG=tiny` first"),
     ],
