@@ -17,7 +17,7 @@ initial assume (rst);
 
 wire [4:0] g_address = {word, 2'b00};
 wire g_write = valid && write;
-wire g_order = g_write && g_address == 5'h0C;
+wire g_order = g_write && g_address == 5'h0C && !telegram_sending;
 
 // One event, whichever: how it stands follows from what happened to it last.
 (* anyconst *) reg [2:0] g_kind;
@@ -49,7 +49,7 @@ always @(posedge clk) begin
     request
   };
   if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];
-  if (g_order && !telegram_sending && !wdata[6]) g_telegram <= wdata[5:0];
+  if (g_order && wdata[7:6] != 2'd1) g_telegram <= wdata[5:0];
   if (g_write && g_address == 5'h10) g_lamps <= wdata[3:0];
   if (rst) g_lamps <= 4'd0;
   g_telegram_kept <= telegram_sending || !g_write;
@@ -66,20 +66,20 @@ always @(posedge clk) begin
     a_status : assert (!g_read || rdata[31:8] == g_seen[31:8]);
     a_quiet : assert (g_read || rdata == 32'd0);
     // Commands: in the clock of the write and for nothing else. A bus access is one clock (bus_arbiter).
-    a_reply : assert (queue_reply == (g_write && g_address == 5'h08));
-    a_telegram : assert (queue_telegram == (g_order && !telegram_sending && wdata[7:6] == 2'd0));
-    a_repeat : assert (repeat_telegram == (g_order && !telegram_sending && wdata[7:6] == 2'd1));
-    a_waiting : assert (use_waiting == (g_order && !telegram_sending && wdata[7:6] == 2'd2));
-    a_keep : assert (keep_write == (g_order && wdata[7:6] == 2'd3));
+    a_reply : assert (order_reply == (g_write && g_address == 5'h08));
+    a_telegram : assert (order_telegram == (g_order && wdata[7:6] != 2'd1));
+    a_repeat : assert (order_repeat == (g_order && wdata[7:6] == 2'd1));
+    a_newest : assert (!order_telegram || (order_kind == 2'd0) == (wdata[7:6] == 2'd0));
+    a_image : assert (!order_telegram || (order_kind == 2'd1) == (wdata[7:6] == 2'd3));
+    a_to_all : assert (!order_telegram || wdata[7:6] != 2'd2 || order_kind == {1'b1, wdata[5]});
     a_listen : assert (listen_again == (g_write && g_address == 5'h14 && wdata[0]));
     a_stop : assert (listen_stop == (g_write && g_address == 5'h14 && !wdata[0]));
     a_kick : assert (watchdog_kick == (g_write && g_address == 5'h18 && wdata == 8'hA5));
     a_halt : assert (halt == (g_write && g_address == 5'h1C && wdata[0]));
     a_close : assert (loopback_close == (g_write && g_address == 5'h1C && wdata[1]));
     a_watch : assert (watch_master == (g_write && g_address == 5'h1C && wdata[2]));
-    a_one_command : assert ({2'd0, queue_reply} + {2'd0, queue_telegram} + {2'd0, use_waiting} +
-        {2'd0, repeat_telegram} + {2'd0, keep_write} + {2'd0, listen_again} +
-        {2'd0, listen_stop} + {2'd0, watchdog_kick} + {2'd0, halt || loopback_close || watch_master} <= 3'd1);
+    a_one_command : assert ({2'd0, order_reply} + {2'd0, order_telegram} + {2'd0, order_repeat} +
+        {2'd0, listen_again} + {2'd0, listen_stop} + {2'd0, watchdog_kick} + {2'd0, halt || loopback_close || watch_master} <= 3'd1);
     // What is written is kept until the next such write; a telegram's length while it is on the wire (FC-1).
     a_reply_length : assert (reply_length == g_reply_length);
     a_telegram_length : assert ({telegram_no_reply, telegram_length} == g_telegram);

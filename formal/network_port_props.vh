@@ -27,6 +27,7 @@
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_REQUEST_BROADCAST_BITS 2
 `define CARD_REQUEST_WRITES_COILS_BITS 3
+`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
 `define CARD_REQUEST_BANK_BITS 5
 `define CARD_REQUEST_LENGTH_BITS 13:6
 `define CARD_REQUEST_SILENT_BITS 14
@@ -38,6 +39,7 @@ wire commit = request[`CARD_REQUEST_COMMIT_BITS];
 wire g_line_silent = request[`CARD_REQUEST_SILENT_BITS];
 wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
 wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
+wire frame_writes_parameter = request[`CARD_REQUEST_WRITES_PARAMETER_BITS];
 wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
 wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
 wire revoke = events[`MBX_EVENTS_REVOKED_BITS];
@@ -75,6 +77,7 @@ initial assume (rst);
 (* hierconn *) wire [7:0] \rtu_rx_i.frame_length ;
 (* hierconn *) wire \rtu_rx_i.frame_broadcast ;
 (* hierconn *) wire \rtu_rx_i.frame_writes_coils ;
+(* hierconn *) wire \rtu_rx_i.frame_writes_parameter ;
 (* hierconn *) wire \rtu_rx_i.frame_bank ;
 (* hierconn *) wire \rtu_rx_i.bank_i.held ;
 (* hierconn *) wire \rtu_rx_i.bank_i.opposite ;
@@ -126,8 +129,8 @@ wire g_driving = \uart_i.driving ;
 wire g_loaded = \uart_i.loaded ;
 wire [3:0] g_lead = \dir_i.lead ;
 // The outputs of rtu_rx about a frame.
-wire [13:0] g_reported = {\rtu_rx_i.candidate , \rtu_rx_i.commit , \rtu_rx_i.revoke , \rtu_rx_i.frame_length ,
-    \rtu_rx_i.frame_broadcast , \rtu_rx_i.frame_writes_coils , \rtu_rx_i.frame_bank };
+wire [14:0] g_reported = {\rtu_rx_i.candidate , \rtu_rx_i.commit , \rtu_rx_i.revoke , \rtu_rx_i.frame_length ,
+    \rtu_rx_i.frame_broadcast , \rtu_rx_i.frame_writes_coils , \rtu_rx_i.frame_writes_parameter , \rtu_rx_i.frame_bank };
 localparam [2:0] G_IDLE = 3'd0, G_FETCH = 3'd1, G_SEND = 3'd2, G_CRC_LOW = 3'd3, G_CRC_HIGH = 3'd4, G_DRAIN = 3'd5;
 // Ticks: 11 bits of 16, or 10 bits.
 wire [15:0] g_character = parity_enable || two_stop ? 16'd176 : 16'd160;
@@ -227,7 +230,8 @@ always @(posedge clk) begin
     a_start_not_silent : assert (!(start_seen && g_line_silent));
     a_not_quiet : assert (!(de || g_on_line || rx_valid) || !g_line_silent);
     // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
-    a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils, frame_bank} == g_reported);
+    a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils,
+        frame_writes_parameter, frame_bank} == g_reported);
     a_reset : assert (!g_rst || !(de || sending || g_line_silent || candidate || commit || revoke));
   end
 end

@@ -73,6 +73,7 @@ reg g_parity = 1'b0;  // at least one of its characters had the error
 reg g_framing = 1'b0;
 reg [7:0] g_address = 8'd0;
 reg g_coils = 1'b0;  // its second character is function 05 or 15
+reg g_parameter = 1'b0;  // 06 or 16
 reg g_bank = 1'b0;  // bank that its characters are written to
 reg [8:0] g_summed = 9'd0;  // characters in the CRC unit, up to 257
 
@@ -112,7 +113,10 @@ always @(posedge clk) begin
     g_parity  <= byte_parity_error || (g_parity && !g_first);
     g_framing <= byte_framing_error || (g_framing && !g_first);
     if (g_first) g_address <= byte_data;
-    else if (g_count == 9'd1) g_coils <= byte_data == 8'h05 || byte_data == 8'h0F;
+    else if (g_count == 9'd1) begin
+      g_coils <= byte_data == 8'h05 || byte_data == 8'h0F;
+      g_parameter <= byte_data == 8'h06 || byte_data == 8'h10;
+    end
   end
   if (short_reached && g_count != 9'd0 && !g_good && !g_forgotten) begin
     g_good <= g_whole;
@@ -151,6 +155,7 @@ reg g_rst = 1'b1;
 reg [7:0] g_length = 8'd0;
 reg g_broadcast = 1'b0;
 reg g_writes_coils = 1'b0;
+reg g_writes_parameter = 1'b0;
 `ifdef EARLY
 wire g_raise = g_raise_early;
 `else
@@ -165,6 +170,7 @@ always @(posedge clk) begin
     g_length <= g_count[7:0];
     g_broadcast <= g_address == 8'd0;
     g_writes_coils <= g_coils;
+    g_writes_parameter <= g_parameter;
     g_held_bank <= g_bank;
     g_held <= 1'b1;
   end
@@ -224,6 +230,7 @@ always @(posedge clk) begin
     a_broadcast : assert (frame_broadcast == g_broadcast);
     // SAFE-1
     a_writes_coils : assert (frame_writes_coils == g_writes_coils);
+    a_writes_parameter : assert (frame_writes_parameter == g_writes_parameter);
     a_bank : assert (!g_held || frame_bank == g_held_bank);
     // The CRC covers exactly this frame's characters.
     a_summed : assert (!(g_raise || g_good) || g_summed == g_count);
@@ -277,7 +284,7 @@ always @(posedge clk) begin
         unit == (g_address == 8'd0 ? TO_ALL : g_address == own_address ? TO_US : TO_OTHERS));
     i_begun : assert (g_count == 9'd0 || begun_bank == (frame_bank ^ (PREPARE_EARLY && (g_good || g_early) && g_ours)));
     i_function : assert (g_count == 9'd0 || function_next == (g_count == 9'd1));
-    i_coils : assert (g_count < 9'd2 || writes_coils == g_coils);
+    i_coils : assert (g_count < 9'd2 || (writes_coils == g_coils && writes_parameter == g_parameter));
     i_storing : assert (storing == g_pending && (!storing || kept == (g_index < 9'd32)));
     i_pending : assert (!storing || g_index >= 9'd32 || g_index == length);
     i_place : assert (g_count == 9'd0 || !storing || g_index == (overrun ? 9'd257 : length));
