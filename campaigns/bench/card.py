@@ -31,7 +31,7 @@ from tb.model.vlt_drive import VltDrive
 # Outputs, then probes.
 SIGNALS = (
     *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
-    *("candidate", "commit", "queue_reply", "queue_telegram", "drive_candidate"),
+    *("candidate", "commit", "order_reply", "order_telegram", "drive_candidate"),
 )
 MODBUS, DRIVE = 0, 1
 UNIT_ADDRESS, BROADCAST_ADDRESS = 1, 0

@@ -229,12 +229,12 @@ def measure(bench: Bench, talk: Talk, case: str, error: float = 0.0) -> Sample:
         sample.local = sample.after_t35[0]
     elif talk.answers and last.answered:
         sample.answer = (talk.reply_start - last.end) / line.bit
-        sample.answer_clocks = talk.clocks("drive_candidate", "queue_reply") if not sample.repeats else None
+        sample.answer_clocks = talk.clocks("drive_candidate", "order_reply") if not sample.repeats else None
     elif talk.answers:
         sample.gave_up = (talk.reply_start - due) * milliseconds
     # A telegram that was never sent was revoked, so its queueing has no limit.
     if last is not None or talk.answers:
-        sample.decode_clocks = talk.clocks("candidate", "queue_reply" if last is None else "queue_telegram")
+        sample.decode_clocks = talk.clocks("candidate", "order_reply" if last is None else "order_telegram")
     held_up = last is not None and talk.quiet_since + pause > committed
     if talk.answers and not sample.repeats and not held_up and (last is None or last.answered):
         sample.total = (talk.reply_end - talk.request_start) / bench.clk_hz

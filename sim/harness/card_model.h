@@ -80,8 +80,8 @@ enum Signal : unsigned {
   kCandidate,
   kCommit,
   kRevoke,
-  kQueueReply,
-  kQueueTelegram,
+  kOrderReply,
+  kOrderTelegram,
   kReplyQueued,
   kTelegramQueued,
   kDriveCandidate,
@@ -169,8 +169,8 @@ class CardModel {
     const Vrtu2fc___024root& root = *top_->rootp;
     return unsigned{root.rtu2fc__DOT__candidate} << kCandidate | unsigned{root.rtu2fc__DOT__commit} << kCommit |
            unsigned{root.rtu2fc__DOT__revoke} << kRevoke |
-           unsigned{root.rtu2fc__DOT__mailbox_i__DOT__order_reply} << kQueueReply |
-           unsigned{root.rtu2fc__DOT__mailbox_i__DOT__order_telegram} << kQueueTelegram |
+           unsigned{root.rtu2fc__DOT__mailbox_i__DOT__order_reply} << kOrderReply |
+           unsigned{root.rtu2fc__DOT__mailbox_i__DOT__order_telegram} << kOrderTelegram |
            unsigned{root.rtu2fc__DOT__mailbox_i__DOT__reply_queued} << kReplyQueued |
            unsigned{root.rtu2fc__DOT__mailbox_i__DOT__telegram_queued} << kTelegramQueued |
            unsigned{root.rtu2fc__DOT__drive_candidate} << kDriveCandidate |

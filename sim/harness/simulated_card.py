@@ -17,7 +17,7 @@ from pathlib import Path
 SIGNALS = (
     *("modbus_tx", "modbus_de", "drive_tx", "drive_de"),
     *("led_modbus_red", "led_modbus_green", "led_drive_red", "led_drive_green"),
-    *("modbus_rx", "drive_rx", "candidate", "commit", "revoke", "queue_reply", "queue_telegram"),
+    *("modbus_rx", "drive_rx", "candidate", "commit", "revoke", "order_reply", "order_telegram"),
     *("reply_queued", "telegram_queued", "drive_candidate", "drive_good"),
 )
 INPUTS = (

@@ -30,7 +30,7 @@ from tb.lib.config import SLOW_HZ, boot_clocks
 from tb.lib.runner import firmware
 from tb.lib.seeds import seeded
 
-OUTPUTS = tuple(name for name in simulated_card.SIGNALS if name not in ("queue_reply", "queue_telegram"))
+OUTPUTS = tuple(name for name in simulated_card.SIGNALS if name not in ("order_reply", "order_telegram"))
 LEDS = OUTPUTS[4:8]
 COLOURS = {(0, 0): "off", (1, 0): "red", (0, 1): "green", (1, 1): "orange"}
 RESET_CLOCKS = 10  # SAFE-5
