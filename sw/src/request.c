@@ -138,6 +138,7 @@ void request_poll(struct gateway *g)
     const uint32_t ticket = request & MAILBOX__REQUEST__TICKET_bm;
 
     if (!(request & (MAILBOX__REQUEST__CANDIDATE_bm | MAILBOX__REQUEST__COMMITTED_bm))) {
+        g->ticket = (uint8_t)ticket; /* for what was committed before */
         g->state = REQUEST_NONE;
         g->asks_drive = false;
     } else if (ticket != g->ticket || g->state == REQUEST_NONE) {

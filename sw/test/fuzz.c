@@ -186,6 +186,8 @@ static enum intent write_coils(struct model *m, uint32_t first, uint32_t quantit
 static enum intent write_registers(struct model *m, uint32_t first, uint32_t quantity, const uint8_t *data)
 {
     uint16_t *const places[3] = {BY_SIZE ? NULL : &m->ind, &m->network_timeout, &m->drive_timeout};
+    /* A text may be longer than a number; 06 writes one register. */
+    const uint32_t limit = BY_SIZE || m->ind >> 8 == 5 ? 10 : 2;
     uint32_t i;
 
     if (first == INDEX_REGISTER && quantity == 1)
@@ -195,7 +197,7 @@ static enum intent write_registers(struct model *m, uint32_t first, uint32_t qua
             return INTENT_LOCAL;
         for (i = 0; i < quantity; i++)
             *places[first + i] = word_of(data + (size_t)2 * i);
-    } else if (first > 8 && first % 10 == 9)
+    } else if (first > 8 && first % 10 == 9 && (first + 1) / 10 <= PNU_MAX && quantity <= limit)
         return INTENT_WRITE;
     return INTENT_LOCAL;
 }
@@ -207,7 +209,7 @@ enum intent model_request(struct model *m, const uint8_t *pdu, uint32_t length)
     const uint8_t on = 1;
     const uint8_t off = 0;
 
-    if (length == 5 && pdu[0] == 0x03)
+    if (length == 5 && (pdu[0] == 0x03 || (STATUS_REFRESH && pdu[0] == 0x01)))
         return INTENT_READ;
     if (length == 5 && pdu[0] == 0x05 && (operand == 0xFF00 || operand == 0))
         return write_coils(m, address, 1, operand ? &on : &off);

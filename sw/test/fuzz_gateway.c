@@ -4,12 +4,12 @@
  * between two register accesses of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the
  * loop-back test. Here is what makes the events and what judges. The image check runs as in main.c.
  *
- * Checked: a process telegram carries the coils of its own committed request, and is sent twice at most. No other
- * telegram carries coils. A write that waits in its place leaves unless a newer one of its kind replaces it. A held
- * telegram does not leave long after the commit of a newer one. A reply fits its request, confirms only commands that
- * the drive has answered, and never answers a broadcast. The settings are those of the committed requests. At rest the
- * last process telegram carries coils 1-32, and without a write of them there was none (SAFE-8). After the last event a
- * new request is answered and reaches the drive.
+ * Checked: a process telegram carries coils 1-32 as they are, and goes to all only if each write that it stands for does.
+ * No other telegram carries coils. When both lines rest, the last process telegram carries coils 1-32 (SAFE-8). A changed
+ * image leaves before all else; a committed parameter write leaves unless a newer one of its kind replaces it or the line
+ * is never silent (FRAME-7). A telegram is sent twice at most. A reply fits its request, confirms only what the drive has
+ * answered, and never answers a broadcast. The settings are those of the committed requests. After the last event a new
+ * request is answered and reaches the drive.
  */
 #include <string.h>
 
@@ -22,10 +22,10 @@
 #include "ticks.h"
 
 enum { EVENTS = 300, ADDRESS = 85, EVENT_FLAGS = 8 };
-/* Ticks. FC-9 gives up a telegram 150 ms after a newer one waits. A telegram of 32 bytes takes 37 ms. */
-enum { HELD = TICKS(150) + 6, SENDING = TICKS(40) };
-/* Requests at once: at the drive, one in each place, the newest, and one that it replaced. */
-enum { REQUESTS = PLACES + 3 };
+enum { SENDING = TICKS(40) }; /* a telegram of 32 bytes takes 37 ms */
+/* Requests at once: at the drive, in the telegram's place, two writes that wait, the last of coils, the newest, one more. */
+enum { REQUESTS = 7 };
+enum { FOR_ONE, FOR_ALL, UNITS };
 /* As in main.c, with a smaller image. */
 enum { IMAGE_WORDS = 300, IDLE_WORDS = 1, START_WORDS = 64 };
 
@@ -50,9 +50,16 @@ static uint16_t counted[EVENT_FLAGS], repeats;
 static uint8_t reply[MAILBOX_FRAME_MAX]; /* that left last */
 static uint32_t replies, telegrams;      /* judged; they left */
 static uint32_t sent_at;                 /* when the last telegram left */
-static uint32_t told[2];                 /* control word and reference of the last process telegram */
-static bool is_told, written;            /* since the start: there was one; coils 1-32 were written */
-static uint32_t held; /* ticks that the queued telegram was held after the commit of a newer request */
+static struct request *at_drive;      /* of the last telegram that left */
+static struct request *writes[UNITS]; /* committed parameter writes that have not left */
+static uint32_t commits, order[UNITS]; /* how many; that of each of these */
+static uint32_t commits_before;       /* the last telegram left for the first time */
+static struct request *of_coils;      /* the last write of coils that was committed */
+static bool changed[UNITS];           /* writes of coils were committed since the last telegram of the image left */
+static bool due;                      /* and the firmware has seen it */
+static bool writes_due;               /* likewise of parameter writes */
+static bool told;                     /* since the start a telegram of the image has left */
+static uint32_t last_image;           /* its words */
 static bool polled;   /* the firmware has had its rounds since the last candidate, commit or restart */
 /* Rounds in which the firmware must see the commit: one prepares, the next commits. */
 static uint32_t rounds_to_commit;
@@ -73,39 +80,83 @@ static bool is_write(const struct request *request)
     return request->intent == INTENT_PROCESS || request->intent == INTENT_WRITE;
 }
 
+static bool image_changed(void)
+{
+    return changed[FOR_ONE] || changed[FOR_ALL];
+}
+
+static uint32_t image_words_of_model(void)
+{
+    return model_word(&model, 16) << 16 | model_word(&model, 0);
+}
+
+/* The request of a telegram that leaves for the first time. */
+static struct request *request_of_telegram(void)
+{
+    const uint32_t unit = m.kind == KIND_ALL ? FOR_ALL : FOR_ONE;
+    struct request *request = writes[unit];
+
+    if (m.kind == KIND_IMAGE)
+        return of_coils;
+    if (m.kind == KIND_NEWEST)
+        return by_number(m.asker);
+    HOLDS(request && (!writes[!unit] || order[unit] < order[!unit]));
+    writes[unit] = NULL;
+    return request;
+}
+
+static void check_image(uint32_t words)
+{
+    HOLDS(words == image_words_of_model());
+    HOLDS(m.again || m.no_reply == !changed[FOR_ONE]);
+    HOLDS(m.again || image_changed());
+    changed[FOR_ONE] = changed[FOR_ALL] = due = false;
+    told = true;
+    last_image = words;
+}
+
+static void check_parameter(void)
+{
+    const uint32_t pnu = (m.telegram[1] & 0x0Fu) << 8 | m.telegram[2];
+
+    HOLDS(at_drive->intent == INTENT_READ || at_drive->intent == INTENT_WRITE);
+    HOLDS(at_drive->intent == INTENT_WRITE || m.telegram[1] >> 4 == 1 || m.telegram[1] >> 4 == 15);
+    HOLDS(10 * pnu - 1 == ((uint32_t)at_drive->pdu[1] << 8 | at_drive->pdu[2]));
+}
+
 static void check_telegram(void)
 {
-    struct request *at_drive = by_number(m.asker);
     const uint8_t *pcd = m.telegram + m.telegram_length - 5;
-    const uint32_t control = (uint32_t)pcd[0] << 8 | pcd[1];
-    const uint32_t reference = (uint32_t)pcd[2] << 8 | pcd[3];
+    const uint32_t words = (uint32_t)pcd[2] << 24 | (uint32_t)pcd[3] << 16 | (uint32_t)pcd[0] << 8 | pcd[1];
 
     HOLDS(bcc_fits(m.telegram, m.telegram_length) == !m.loopback);
     if (m.loopback) {
-        HOLDS(m.telegram_length == 14 && !(control & 0x0400));
+        HOLDS(m.telegram_length == 14 && !(words & 0x0400));
         HOLDS(m.telegram[1] == 0); /* AK 0 */
         return;
     }
-    HOLDS(at_drive && at_drive->committed && !at_drive->ignored);
-    HOLDS(m.telegram[0] == (at_drive->broadcast ? ADR_BROADCAST : ADR_DRIVE));
-    HOLDS(m.no_reply == at_drive->broadcast);
-    HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
-    HOLDS(held <= HELD);
-    /* A repeat is never a broadcast. That of a reading never follows the commit of a newer request. */
-    HOLDS(at_drive->sent == 1 || !at_drive->broadcast);
-    HOLDS(at_drive->sent == 1 || BY_SIZE || at_drive == newest || !newest->committed || is_write(at_drive));
-    if (m.telegram_length == 6) {
-        HOLDS(at_drive->intent == INTENT_PROCESS);
-        HOLDS(control == model_word(&at_drive->after, 0) && reference == model_word(&at_drive->after, 16));
-        HOLDS(at_drive->sent <= 2);
-        told[0] = control;
-        told[1] = reference;
-        is_told = true;
-    } else {
-        HOLDS(at_drive->intent == INTENT_READ || at_drive->intent == INTENT_WRITE);
-        HOLDS(control == 0 && reference == 0);
-        HOLDS(at_drive->intent == INTENT_WRITE || m.telegram[1] >> 4 == 1 || m.telegram[1] >> 4 == 15);
+    if (!m.again) {
+        at_drive = request_of_telegram();
+        commits_before = commits;
     }
+    HOLDS(at_drive && at_drive->committed && !at_drive->ignored);
+    HOLDS(m.telegram[0] == (m.no_reply ? ADR_BROADCAST : ADR_DRIVE));
+    HOLDS(m.kind == KIND_IMAGE || m.no_reply == at_drive->broadcast);
+    HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
+    /* A repeat is never a broadcast. That of a reading does not follow a commit since it left. */
+    HOLDS(!m.again || !m.no_reply);
+    HOLDS(!m.again || commits == commits_before || is_write(at_drive));
+    if (m.kind == KIND_IMAGE) {
+        HOLDS(m.telegram_length == 6 && at_drive->sent <= 2);
+        check_image(words);
+        return;
+    }
+    HOLDS(words == 0 && !due);
+    HOLDS(!writes_due || at_drive == newest || is_write(at_drive));
+    if (m.telegram_length == 6)
+        HOLDS(STATUS_REFRESH && at_drive->pdu[0] == 0x01);
+    else
+        check_parameter();
 }
 
 static void check_reply(void)
@@ -131,7 +182,7 @@ static void check_reply(void)
     HOLDS(newest->drive_answered || newest->sent == 0);
 }
 
-/* Checks what left with the last event, and whose telegrams wait. */
+/* Checks what left with the last event. */
 static void judge(void)
 {
     uint32_t i;
@@ -147,8 +198,6 @@ static void judge(void)
         sent_at = m.ticks;
         check_telegram();
     }
-    for (i = 0; i < 2; i++)
-        HOLDS(m.waiting[i] == 0 || is_write(by_number(m.waiting[i])));
 }
 
 /* ---- events */
@@ -157,7 +206,8 @@ static uint32_t free_request(void)
 {
     uint32_t number = 1;
 
-    while (number == m.asker || number == m.waiting[0] || number == m.waiting[1])
+    while (number == m.asker || by_number(number) == at_drive || by_number(number) == of_coils ||
+           by_number(number) == writes[FOR_ONE] || by_number(number) == writes[FOR_ALL])
         number++;
     return number;
 }
@@ -179,11 +229,21 @@ static void event_candidate(void)
 
 static void event_commit(void)
 {
+    const uint32_t unit = newest->broadcast ? FOR_ALL : FOR_ONE;
+
     newest->committed = true;
+    commits++;
     if (!newest->ignored) {
         model = newest->after;
-        written |= newest->intent == INTENT_PROCESS;
         rounds_to_commit = polled ? 1 : 2;
+    }
+    if (!newest->ignored && newest->intent == INTENT_WRITE) {
+        writes[unit] = newest;
+        order[unit] = commits;
+    }
+    if (!newest->ignored && newest->intent == INTENT_PROCESS) {
+        changed[unit] = true;
+        of_coils = newest;
     }
     polled = false;
     mailbox_commit(&m);
@@ -198,8 +258,8 @@ static void event_telegram_ends(void)
 
 static void event_bcc(bool good)
 {
-    if (m.drive_candidate && good && m.asker)
-        by_number(m.asker)->drive_answered = true;
+    if (m.drive_candidate && good && at_drive && !m.loopback)
+        at_drive->drive_answered = true;
     mailbox_bcc(&m, good);
     judge();
 }
@@ -331,10 +391,9 @@ static void check_write(uint32_t offset, uint32_t value)
         for (i = 0; i < EVENT_FLAGS; i++)
             counted[i] = (uint16_t)(counted[i] + (value >> i & 1));
     }
-    if (offset != offsetof(MAILBOX_t, TELEGRAM) || action == MAILBOX__TELEGRAM__ACTION__KEEP)
+    if (offset != offsetof(MAILBOX_t, TELEGRAM))
         return;
     HOLDS(!m.sending);
-    held = 0;
     if (action == MAILBOX__TELEGRAM__ACTION__REPEAT)
         repeats++;
     else
@@ -355,7 +414,7 @@ static void on_write(uint32_t offset, uint32_t value)
 static struct image image;
 static uint32_t image_words[IMAGE_WORDS + 2];
 
-static bool check_image(uint32_t words)
+static bool check_words(uint32_t words)
 {
     return image_step(&image, image_words, image_words + IMAGE_WORDS, words);
 }
@@ -390,7 +449,9 @@ static void restart(void)
     }
     model_init(&model);
     memset(&g, 0, sizeof g);
-    polled = is_told = written = false;
+    writes[FOR_ONE] = writes[FOR_ALL] = of_coils = NULL;
+    changed[FOR_ONE] = changed[FOR_ALL] = due = writes_due = told = false;
+    polled = false;
     rounds_to_commit = 0;
     race_in = 0;
     image_begin(&image, image_words);
@@ -401,25 +462,26 @@ static void poll(void)
 {
     const uint32_t to_see = rounds_to_commit;
     const struct settings *s = &g.translator.settings;
+    const uint16_t no_replies = *mailbox_counter(COUNT_DRIVE_NO_REPLY);
+    const uint32_t kind = m.kind;
+    const bool held = m.telegram_queued && !m.left && kind >= KIND_ONE;
 
     if (gateway_poll(&g))
-        HOLDS(check_image(IDLE_WORDS));
+        HOLDS(check_words(IDLE_WORDS));
+    if (held && *mailbox_counter(COUNT_DRIVE_NO_REPLY) != no_replies) /* given up on a line that was not silent (FC-9) */
+        writes[kind == KIND_ALL ? FOR_ALL : FOR_ONE] = NULL;
     if (rounds_to_commit != 0 && to_see != 0)
         rounds_to_commit--;
     polled = rounds_to_commit == 0;
     if (!polled)
         return;
+    due = image_changed();
+    writes_due = writes[FOR_ONE] || writes[FOR_ALL];
     check_counters();
-    HOLDS((s->word[CONTROL] & 0xFFFF) == model_word(&model, 0));
-    HOLDS(s->word[CONTROL] >> 16 == model_word(&model, 16));
+    HOLDS(s->word[CONTROL] == image_words_of_model());
     HOLDS(s->word[EEPROM] == (model.coils[64] ? 1u : 0u) && s->word[LOCAL_IND] == model.ind);
     HOLDS(s->word[LOCAL_NETWORK_TIMEOUT] == model.network_timeout);
     HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == model.drive_timeout);
-    /* The check copies the settings over those of a candidate. */
-    if (gateway_is_idle(&g))
-        HOLDS(translate_copy_settings(&g.translator));
-    /* (docs/hardening.md, Licence ends with the exchange) */
-    HOLDS(g.exchange != EXCHANGE_IDLE || m.loopback || !m.licensed || mailbox_is_touched(&m));
 }
 
 /* Lets time pass as if idle polls had followed it. */
@@ -433,8 +495,6 @@ static void wait(uint32_t polls, uint32_t step)
 {
     for (; polls != 0; polls--) {
         m.ticks += step;
-        if (step != 0 && m.telegram_queued && m.waiting[g.next == PLACE_BROADCAST] && !rounds_to_commit)
-            held += step;
         if (m.sending && m.ticks - sent_at > SENDING)
             event_telegram_ends();
         poll();
@@ -492,7 +552,7 @@ static void event(uint32_t how)
         break;
     case 13:
         image_begin(&image, image_words);
-        HOLDS(check_image(START_WORDS));
+        HOLDS(check_words(START_WORDS));
         break;
     case 14:
     case 15:
@@ -516,7 +576,7 @@ static void come_to_rest(void)
 
     race_in = 0;
     mailbox_character(&m);
-    for (round = 0; round < 12; round++) {
+    for (round = 0; round < 16; round++) {
         mailbox_pause_over(&m);
         judge();
         poll();
@@ -526,9 +586,9 @@ static void come_to_rest(void)
         wait(3, 1);
     }
     HOLDS(!m.loopback && gateway_is_idle(&g));
-    HOLDS(!m.telegram_queued && !m.sending && !m.waiting[0] && !m.waiting[1]);
-    HOLDS(is_told == written);
-    HOLDS(!is_told || (told[0] == model_word(&model, 0) && told[1] == model_word(&model, 16)));
+    HOLDS(!m.telegram_queued && !m.sending);
+    HOLDS(!image_changed() && (!told || last_image == image_words_of_model())); /* SAFE-8 */
+    HOLDS(!writes[FOR_ONE] && !writes[FOR_ALL]);
 }
 
 /* Plays a committed request made from the bytes of pdu; returns the number of replies sent. */
@@ -589,7 +649,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     m.address = ADDRESS;
     memset(requests, 0, sizeof requests);
     memset(counted, 0, sizeof counted);
-    repeats = 0;
+    repeats = commits = 0;
+    at_drive = NULL;
     replies = telegrams = 0;
     input = &in;
     start = take(input);
