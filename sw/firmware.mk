@@ -28,11 +28,13 @@ FIRMWARE_HEADERS := $(wildcard sw/include/*.h sw/src/*.h sw/port/*/*.h regs/gene
 
 FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict-prototypes \
 	-Wmissing-prototypes -Isw/include -Isw/src -Iregs/generated
-# Without a C library, loops must not become calls of memcpy and the like. The options from -fira-loop-pressure on
-# shorten this code, so that it fits the memory of the small card.
+# Without a C library, loops must not become calls of memcpy and the like. Without jump tables sw/tools/stack.py knows
+# the target of each jump. The options from -fira-loop-pressure on shorten this code, so that it fits the memory of the
+# small card.
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
-	-fno-tree-loop-distribute-patterns -fira-loop-pressure -fno-inline-small-functions -fno-ipa-vrp \
-	-fno-guess-branch-probability -fno-expensive-optimizations -fno-tree-loop-optimize -fno-tree-tail-merge
+	-fno-tree-loop-distribute-patterns -fno-jump-tables -fira-loop-pressure -fno-inline-small-functions \
+	-fno-ipa-vrp -fno-guess-branch-probability -fno-expensive-optimizations -fno-tree-loop-optimize \
+	-fno-tree-tail-merge
 FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 

@@ -56,14 +56,18 @@ static void release_reply(struct gateway *g)
 
 /* ---- candidate */
 
-/* Of four transactions at most three are in use: the line is free while an image needs one, and a candidate replaces
- * the newest request. */
+static bool is_in_use(const struct gateway *g, const struct transaction *txn)
+{
+    return txn == g->newest || txn == g->waiting[0] || txn == g->waiting[1] ||
+           (txn == g->at_drive && g->exchange != EXCHANGE_IDLE);
+}
+
+/* The line is free while an image needs one, and a candidate replaces the newest request. */
 struct transaction *request_spare(struct gateway *g)
 {
     struct transaction *txn = g->transactions;
 
-    while (txn == g->newest || txn == g->waiting[0] || txn == g->waiting[1] ||
-           (txn == g->at_drive && g->exchange != EXCHANGE_IDLE)) /* at most 3 turns: of four transactions one is in no use */
+    while (is_in_use(g, txn)) /* at most 3 turns: of four transactions one is in no use */
         txn++;
     return txn;
 }

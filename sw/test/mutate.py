@@ -7,8 +7,8 @@
     python -m sw.test.mutate --list           every mutant, a line each
     --count N                                        mutants of each file; 0: all
 
-A mutant is one small change in a file of the core or in gateway.c. It is caught if the fuzzer's corpus or a
-host test fails or does not end. One that is not caught survives, and one survivor fails the command. A mutant
+A mutant is one small change in a file of the core or of the poll loop. It is caught if the fuzzer's corpus or
+a host test fails or does not end. One that is not caught survives, and one survivor fails the command. A mutant
 that compiles to the same code, or that sw/test/survivors.toml excuses, is not counted.
 
 Results: build/mutate/firmware/*.json.
@@ -46,9 +46,8 @@ from tb.model.firmware import Build
 
 FOLDER = ROOT / "build/mutate/firmware"
 CORPUS = ROOT / "sw/test/corpus"
-GATEWAY = "gateway.c"
-BY_GATEWAY = ("guard_of",)  # functions of the core that only the poll loop calls
-FILES = (*CORE, GATEWAY)
+POLL_LOOP = ("gateway.c", "request.c", "orders.c", "exchange.c")
+FILES = (*CORE, *POLL_LOOP)
 SEED = "1"  # of the random tests, so that the result for a mutant is repeatable
 EXCUSED = "excused"
 NOT_COUNTED = ("does not compile", "same code", EXCUSED)
@@ -57,8 +56,8 @@ LEAST_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
 SLOW = ("random", "any_sequence", "parameters_end", "no_other_register")
-# Fixtures of the tests with MASTER_LOSS_STOP and with DIAGNOSTICS: poll loops of other builds.
-POLL_LOOPS = {"running", "diagnosed", "diagnosed_card"}
+# Fixtures of the tests with MASTER_LOSS_STOP, REPLY_DELAY and DIAGNOSTICS: poll loops of other builds.
+FIXTURES = {"running", "delayed", "diagnosed", "diagnosed_card"}
 GATEWAY_TESTS = "tb/firmware/test_firmware_gateway.py"
 TESTS = ["tb/firmware/test_firmware_translate.py", "tb/firmware/test_firmware_dialects.py", GATEWAY_TESTS]
 
@@ -338,7 +337,7 @@ class MutantBuild:
 
 
 def fuzzer_of(mutant: Mutant) -> str:
-    return "gateway" if mutant.file == GATEWAY or mutant.function in BY_GATEWAY else "translate"
+    return "gateway" if mutant.file in POLL_LOOP else "translate"
 
 
 def replay_fails(make_replayer: Callable[[str, str], Path], fuzzer: str) -> str:
@@ -446,7 +445,7 @@ def of_core(item: pytest.Item) -> bool:
 
 def of_gateway(item: pytest.Item) -> bool:
     """Tests of the poll loop in the host libraries. An image has no mutant."""
-    if POLL_LOOPS & set(item.fixturenames) or item.name.startswith("test_after"):
+    if FIXTURES & set(item.fixturenames) or item.name.startswith("test_after"):
         return True
     return any(not build.on_card for build in builds_of(item))
 
