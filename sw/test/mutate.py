@@ -7,9 +7,9 @@
     python -m sw.test.mutate --list           every mutant, a line each
     --count N                                        mutants of each file; 0: all
 
-A mutant is one small change in a file of the core or of the poll loop. It is caught if the fuzzer's corpus or
-a host test fails or does not end. One that is not caught survives, and one survivor fails the command. A mutant
-that compiles to the same code, or that sw/test/survivors.toml excuses, is not counted.
+A mutant is one small change in a file of the core or of the poll loop. It is caught if the fuzzer's corpus
+or a host test fails or does not end. One that is not caught survives, and one survivor fails the command. A
+mutant that compiles to the same code, or that sw/test/survivors.toml excuses, is not counted.
 
 Results: build/mutate/firmware/*.json.
 """
