@@ -14,13 +14,14 @@ from tb.lib.nightly import on_verilator
 from tb.lib.runner import run
 from tb.lib.seeds import cases, seeded
 from tb.model.firmware import Build
-from tb.rtl.test_commit_gate import Gate
+from tb.rtl.test_commit_gate import ALL, IMAGE, NEWEST, ONE, Gate
 
 EVENTS = 600
 ACTIONS = VALUES["TELEGRAM", "action"]
 TELEGRAM = bytes.fromhex("81 0000 0000 85")  # with its BCC
-STROBES = ("queue_telegram", "repeat_telegram", "use_waiting", "keep_write")
-ORDERS = dict(zip(("first", "repeat", "waiting", "keep"), STROBES, strict=True))
+ORDERS = {NEWEST: "first", IMAGE: "image", ONE: "write", ALL: "write"}
+# Function code, writes_coils, writes_parameter.
+REQUESTS = [(3, 0, 0), (5, 1, 0), (5, 1, 0), (6, 0, 1)]
 
 
 class Both:
@@ -30,16 +31,18 @@ class Both:
         self.gate, self.rng, self.mailbox = gate, rng, Build().mailbox()
         self.mailbox.store("TELEGRAM_FRAME", TELEGRAM)
         self.started = Strobes(gate.dut, "telegram_start", "telegram_control", "telegram_stop")
-        self.telegrams = Counter()  # by licence, and whether it is a repeat
-        self.stop = self.again = False
+        self.telegrams = Counter()  # by kind, and whether it is a repeat
 
     def a_ticket(self) -> int:
         return self.mailbox.ticket ^ self.rng.choice([0, 0, 0, 0, 1, 8])
 
     async def candidate(self) -> None:
-        broadcast, coils = self.rng.random() < 0.3, self.rng.random() < 0.6
-        self.mailbox.candidate(b"\x05" if coils else b"\x03", broadcast)
-        await self.gate.candidate(broadcast, coils)
+        broadcast = self.rng.random() < 0.3
+        function, coils, parameter = self.rng.choice(REQUESTS)
+        self.mailbox.candidate(bytes([function]), broadcast)
+        await self.gate.candidate(
+            {"broadcast": int(broadcast), "writes_coils": coils, "writes_parameter": parameter}
+        )
 
     async def commit(self) -> None:
         self.mailbox.commit()
@@ -47,29 +50,34 @@ class Both:
 
     async def character(self) -> None:
         self.mailbox.character()
-        await self.gate.pulse("modbus_start_seen")
+        await self.gate.character()
 
     async def order_reply(self) -> None:
         order = {"length": self.rng.choice([0, 3, 3]), "after_drive": self.rng.getrandbits(1)}
         ticket = self.a_ticket()
         self.mailbox.write_register("REPLY", ticket=ticket, **order)
-        await self.gate.queue_reply(ticket, order["after_drive"], not order["length"])
+        await self.gate.reply(order["after_drive"], int(not order["length"]), ticket)
 
     async def order_telegram(self) -> None:
-        action = self.rng.choice(list(ORDERS))
-        if self.mailbox.licensed and self.mailbox.begun and self.rng.random() < 0.7:
-            action = "repeat"
-        ticket, to_all = self.a_ticket(), self.rng.getrandbits(1)
-        if self.mailbox.sending and action != "keep":  # mailbox_regs holds these back
+        mailbox = self.mailbox
+        if mailbox.sending:  # mailbox_regs holds these back
             return
-        stop = action == "waiting" and self.rng.random() < 0.7
-        if action != "keep":
-            self.again = action == "repeat"
-        if action in ("first", "waiting"):
-            self.stop = stop
-        fields = {"no_reply": to_all, "action": ACTIONS[action], "ticket": ticket, "stop": stop}
-        self.mailbox.write_register("TELEGRAM", length=len(TELEGRAM), **fields)
-        await self.gate.pulse(ORDERS[action], queue_ticket=ticket, waiting_to_all=to_all, waiting_stop=stop)
+        if mailbox.licensed and mailbox.left and self.rng.random() < 0.7:
+            mailbox.write_register("TELEGRAM", action=ACTIONS["repeat"], ticket=self.a_ticket())
+            await self.gate.repeat()
+            return
+        kind = self.rng.choice(list(ORDERS))
+        fields = {"early": self.rng.getrandbits(1), "stop": int(kind == IMAGE and self.rng.random() < 0.7)}
+        ticket = self.a_ticket()
+        mailbox.write_register(
+            "TELEGRAM",
+            length=len(TELEGRAM),
+            no_reply=int(kind == ALL),
+            action=ACTIONS[ORDERS[kind]],
+            ticket=ticket,
+            **fields,
+        )
+        await self.gate.order(kind, **fields, ticket=ticket)
 
     async def touch(self) -> None:
         if self.mailbox.sending:  # bus_arbiter holds the write back
@@ -83,7 +91,7 @@ class Both:
         order = {"running": self.rng.random() < 0.9, "period": self.rng.choice([0, 1, 1, 1, 2])}
         ticket = self.a_ticket()
         self.mailbox.write_register("SUPERVISOR", watch=1, ticket=ticket, **order)
-        await self.gate.pulse("watch", queue_ticket=ticket, **order)
+        await self.gate.pulse("watch", order_ticket=ticket, **order)
 
     async def tick(self) -> None:
         self.mailbox.ticks += 1
@@ -113,8 +121,9 @@ class Both:
         if self.rng.random() < 0.3:
             self.mailbox.restart()
             await self.gate.pulse("rst")
-        elif self.rng.random() < 0.3:
+        elif self.rng.random() < 0.3 and self.mailbox.loopback:
             self.mailbox.write_register("SUPERVISOR", loopback=1)
+            await self.gate.pulse("loopback_close", loopback_open=0)
 
     async def step(self) -> str:
         """One event; returns its name."""
@@ -128,8 +137,7 @@ class Both:
         telegrams = mailbox.sent_telegrams
         await event()
         if mailbox.sent_telegrams > telegrams:
-            kind = "stop" if self.stop else "place" if mailbox.from_place else "first"
-            self.telegrams[kind, self.again] += 1
+            self.telegrams[mailbox.kind, mailbox.without_start, mailbox.again] += 1
         # The drive line reacts one clock after a telegram starts: it is no longer quiet, and the drive's last
         # reply is forgotten.
         dut.drive_quiet.value = int(mailbox.quiet and not (sent_before and mailbox.sending))
@@ -153,7 +161,7 @@ class Both:
         of_gate = {name: int(getattr(dut, name).value) for name in [*same, "telegram_started", "stop_due"]}
         of_gate |= {"replies": len(self.gate.replies), "telegrams": len(self.started)}
         if mailbox.started:
-            of_model["last"], of_gate["last"] = (mailbox.control, int(self.stop)), last
+            of_model["last"], of_gate["last"] = (int(mailbox.kind == IMAGE), mailbox.without_start), last
         return of_model, of_gate
 
 
@@ -163,7 +171,7 @@ async def the_model_decides_as_the_gate(dut):
     left = Counter()
     gate = await Gate(dut).start()
     for history in range(cases(6, 30)):
-        await gate.pulse("rst", broadcast=0, writes_coils=0, drive_good=0, drive_quiet=1)
+        await gate.pulse("rst", broadcast=0, writes_coils=0, writes_parameter=0, drive_good=0, drive_quiet=1)
         gate.replies.clear()
         both = Both(gate, rng)
         both.mailbox.ticket = int(dut.ticket.value)
@@ -177,7 +185,7 @@ async def the_model_decides_as_the_gate(dut):
             assert of_model == of_gate, f"{', '.join(differ)} after {', '.join(events[-12:])}"
         left.update({"replies": len(both.mailbox.replies)} | both.telegrams)
     cocotb.log.info("left: %s", dict(left))
-    assert len(left) >= 6, "replies, and telegrams of each licence, repeated; the repeat of a stop is rare"
+    assert len(left) >= 8, "replies; each kind, the stop, and repeats; that of a stop is rare"
 
 
 @on_verilator

@@ -51,7 +51,7 @@ static void license(struct mailbox *m)
 {
     const bool newest = m->is_committed && !m->answered && !m->is_broadcast;
 
-    if (!m->telegram_queued || m->licensed || (m->is_candidate && !m->loopback))
+    if (!m->telegram_queued || m->licensed || m->is_candidate)
         return;
     if (m->loopback || (m->kind == KIND_NEWEST ? newest : m->valid[m->kind])) {
         m->licensed = true;
