@@ -51,10 +51,10 @@ static void answer_silence(struct gateway *g)
     answer->function = g->at_drive->function;
     g->newest = answer;
     g->state = REQUEST_DONE;
-    if (g->at_drive->broadcast || translate_drive_silent(answer) != OUTCOME_REPLY)
+    if (translate_drive_silent(answer) != OUTCOME_REPLY)
         return;
-    request_reply(g, answer, 0);
-    if (DIAGNOSTICS)
+    request_reply(g, answer, 0); /* the hardware answers no broadcast */
+    if (DIAGNOSTICS && !g->at_drive->broadcast)
         diagnostics_done(answer);
 }
 

@@ -67,7 +67,8 @@ class Both:
             await self.gate.repeat()
             return
         kind = self.rng.choice(list(ORDERS))
-        fields = {"early": self.rng.getrandbits(1), "stop": int(kind == IMAGE and self.rng.random() < 0.7)}
+        stop = kind == IMAGE and not mailbox.loopback and self.rng.random() < 0.7
+        fields = {"early": self.rng.getrandbits(1), "stop": int(stop)}
         ticket = self.a_ticket()
         mailbox.write_register(
             "TELEGRAM",
