@@ -462,14 +462,9 @@ static void poll(void)
 {
     const uint32_t to_see = rounds_to_commit;
     const struct settings *s = &g.translator.settings;
-    const uint16_t no_replies = *mailbox_counter(COUNT_DRIVE_NO_REPLY);
-    const uint32_t kind = m.kind;
-    const bool held = m.telegram_queued && !m.left && kind >= KIND_ONE;
 
     if (gateway_poll(&g))
         HOLDS(check_words(IDLE_WORDS));
-    if (held && *mailbox_counter(COUNT_DRIVE_NO_REPLY) != no_replies) /* given up on a line that was not silent (FC-9) */
-        writes[kind == KIND_ALL ? FOR_ALL : FOR_ONE] = NULL;
     if (rounds_to_commit != 0 && to_see != 0)
         rounds_to_commit--;
     polled = rounds_to_commit == 0;
