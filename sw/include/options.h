@@ -18,8 +18,7 @@
  * The small card runs DIALECT_CARD only: build/firmware.elf must fit the smallest memory of configs.toml, and
  * STATUS_REFRESH, MASTER_LOSS_STOP and DIAGNOSTICS do not fit there. The images of build/large are for boards with
  * 16 KiB; build/large/all has all options. Every other image must fit the standard card's memory. The linker reports an
- * error if one does not. build/refresh has the images with STATUS_REFRESH, one for each dialect. build/stop has those
- * with MASTER_LOSS_STOP, without hvac_basic: with DIAGNOSTICS they do not fit 8 KiB.
+ * error if one does not. sw/firmware.mk names the images with one other option.
  */
 #ifndef OPTIONS_H
 #define OPTIONS_H

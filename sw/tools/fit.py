@@ -20,7 +20,6 @@ from sw.tools.stack import reserved
 CONFIG = "tiny"
 SHOWN = {
     "card": "dialect `card`",
-    "places": "`card` with a place for a unicast write that waits (FRAME-7)",
     "builtin": "dialect `builtin`",
     "hvac_basic": "dialect `hvac_basic`, which has DIAGNOSTICS",
     "refresh": "`card` with STATUS_REFRESH",
