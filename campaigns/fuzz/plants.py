@@ -97,9 +97,9 @@ PLANTS = (
     Plant(
         "reply-into-traffic",
         ("FRAME-7",),
-        "rtl/gate/request_fate.v",
-        "else if (candidate || reply_left || (start_seen && is_committed)) answerable <= 1'b0;",
-        "else if (candidate || reply_left) answerable <= 1'b0;",
+        "rtl/gate/request_state.v",
+        "else if (start_seen) state <= S_HEARD;",
+        "",
         description="FRAME-7: the gate no longer drops a reply after a newer character",
     ),
     Plant(
@@ -228,8 +228,8 @@ PLANTS = (
     Plant(
         "no-repeat",
         ("FC-9",),
-        "sw/src/gateway.c",
-        "if (g->repeated || drive_is_wanted(g)) {",
+        "sw/src/exchange.c",
+        "if (g->repeated || orders_wait(g)) {",
         "if (1) {",
         description="FC-9: no repeat",
     ),
@@ -237,14 +237,14 @@ PLANTS = (
         "command-in-a-parameter",
         ("SAFE-1",),
         "sw/src/telegram.c",
-        "    return end(txn, to, 0, 0);",
-        "    return end(txn, to, 0x047C, 0);",
+        "    return finish(txn, at, 0, 0);",
+        "    return finish(txn, at, 0x047C, 0);",
         description="SAFE-1: every parameter telegram starts the motor; the gate takes bit 10 away",
     ),
     Plant(
         "endless-repeat",
         ("FC-9",),
-        "sw/src/gateway.c",
+        "sw/src/orders.c",
         "g->repeated = true;",
         "g->repeated = false;",
         description="FC-9: repeats without end",
@@ -268,7 +268,7 @@ PLANTS = (
     Plant(
         "newest-not-served",
         ("FRAME-7",),
-        "sw/src/gateway.c",
+        "sw/src/request.c",
         "    if (txn != g->newest)\n        return;\n",
         "",
         description="FRAME-7: an older reply takes the place of the newer one",
@@ -276,17 +276,17 @@ PLANTS = (
     Plant(
         "one-waiting-place",
         ("FRAME-7",),
-        "sw/src/gateway.c",
-        "txn->broadcast ? PLACE_BROADCAST : PLACE_UNICAST",
-        "txn ? PLACE_BROADCAST : PLACE_UNICAST",
+        "sw/src/orders.c",
+        "waiting[0] && waiting[0]->broadcast == g->newest->broadcast",
+        "waiting[0]",
         description="FRAME-7: a write to all and one to the card take each other's place",
     ),
     Plant(
         "newest-leaves-first",
         ("FRAME-7",),
-        "sw/src/gateway.c",
-        "(g->waiting[other(place)] ? other(place) : place)",
-        "place",
+        "sw/src/orders.c",
+        "    waiting[waiting[0] ? 1 : 0] = g->newest;",
+        "    if (waiting[0])\n        waiting[1] = waiting[0];\n    waiting[0] = g->newest;",
         description="FRAME-7: of two waiting writes the newer one leaves first",
     ),
     Plant(
@@ -301,10 +301,9 @@ PLANTS = (
     Plant(
         "changed-before-commit",
         ("FRAME-6",),
-        "sw/src/gateway.c",
-        "    g->uncommitted = true;\n",
-        "    g->uncommitted = true;\n    uint32_t *word = g->translator.settings.word;\n"
-        "    word[GUARD] += word[LOCAL_IND];\n    word[LOCAL_IND] = 0;\n",
+        "sw/src/request.c",
+        "    g->state = REQUEST_PREPARED;\n",
+        "    g->state = REQUEST_PREPARED;\n    g->translator.settings.word[LOCAL_IND] = 0;\n",
         description="FRAME-6: a register changes with the candidate",
     ),
     Plant(
