@@ -55,7 +55,7 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - .*)?$", re.M)
 OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", *IN_CI]
 # Modules that the bench of another one plays.
 BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram", "crc16_modbus": "rtu_tx"}
-GATE = ("loopback_end", "reply_slot", "request_fate", "telegram_slot", "waiting_place")
+GATE = ("licences", "reply_slot", "request_state", "telegram_slot")
 BENCH_IN |= dict.fromkeys(GATE, "commit_gate")
 # The whole card is tested by subject.
 MORE_BENCHES = {

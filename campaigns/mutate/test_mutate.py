@@ -136,7 +136,12 @@ CHANGES = {
     "another value at power-up": ("start_watch", "lows = 4'd0;", "lows = 4'd1;", False),
     "a memory that keeps something else": ("ram_lane", "words[place] <= ", "words[place] <= ~", False),
     "another rate at 2 MHz": ("baud_base", "64'd65536", "64'd65535", False),
-    "another result on the small card": ("commit_gate", "|| PLACES == 2'd1)", "|| 1'b0)", False),
+    "another result on the small card": (
+        "bus_arbiter",
+        "(LAST[WORD_BITS-2] || !core_addr[WORD_BITS+1])",
+        "1'b1",
+        False,
+    ),
     "another result with an option": ("rtu_rx", "|| held || state == S_WAIT", "|| held", False),
     "a fault that only a flipped bit makes": (
         "guarded_bit",
@@ -145,9 +150,9 @@ CHANGES = {
         False,
     ),
     "both faults in place of either": (
-        "telegram_slot",
-        "licence_fault || fresh_fault",
-        "licence_fault && fresh_fault",
+        "licences",
+        "image_fault || free_fault",
+        "image_fault && free_fault",
         False,
     ),
     "an undefined bit": ("bcc", "value == 8'h00", "value[7] == 1'bx", False),
