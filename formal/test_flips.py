@@ -13,7 +13,7 @@ from formal import flips
 from formal import prove as formal
 from rtl.sources import ROOT
 
-ABOUT = {"task": "prove", "promises": ["a_caused", "a_command"], "clocks": 3}
+ABOUT = {"task": "prove", "promises": ["a_licence", "a_command"], "clocks": 3}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -37,15 +37,15 @@ def bit(gate: dict, name: str) -> flips.Bit:
 
 def test_only_the_gate_s_own_registers_flip(gate):
     names = {one.name for one in flips.bits(gate, "commit_gate")}
-    assert {"request_i.spent", "telegram_i.licence_i.held", "g_unicast.unicast_i.control"} <= names
-    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 30
+    assert {"request_i.state[2]", "telegram_i.licence_i.held", "licences_i.all_i.opposite"} <= names
+    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 29
     assert not any(name.startswith("g_") and "." not in name for name in names)
 
 
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize(
     ("name", "broken"),
-    [(None, ""), ("request_i.committed_i.held", ""), ("telegram_i.control", "a_command")],
+    [(None, ""), ("licences_i.image_i.held", ""), ("licences_i.kind[0]", "a_command")],
 )
 def test_a_guarded_bit_may_flip_and_a_lone_one_may_not(gate, name, broken):
     found = flips.check(gate, "commit_gate", ABOUT, name and bit(gate, name))
@@ -53,10 +53,10 @@ def test_a_guarded_bit_may_flip_and_a_lone_one_may_not(gate, name, broken):
 
 
 def test_a_promise_that_never_held_is_an_error(gate, monkeypatch):
-    """`a_kept`, turned round, has no run at all: nothing would be proved."""
+    """`a_stays`, turned round, has no run at all: nothing would be proved."""
     entry = gate["modules"]["commit_gate"]["cells"]
     impossible = {"A": ["0"], "EN": ["1"]}
-    monkeypatch.setitem(entry["a_kept"], "connections", impossible)
+    monkeypatch.setitem(entry["a_stays"], "connections", impossible)
     with pytest.raises(flips.FlipError, match="no flip: "):
         flips.check(gate, "commit_gate", ABOUT, None)
 
@@ -72,8 +72,8 @@ def test_what_never_happens_is_an_error(monkeypatch, capsys):
 
 
 def test_a_register_without_a_path_to_the_promise_is_not_proved(gate):
-    """The gate's `stop` ends in the telegram's bits, of which a_caused says nothing."""
-    leading = flips.leading_to(gate, "commit_gate", ["a_caused", "a_command"])
+    """The gate's `stop` ends in the telegram's bits, of which a_licence says nothing."""
+    leading = flips.leading_to(gate, "commit_gate", ["a_licence", "a_command"])
     apart = {one.name for one in flips.bits(gate, "commit_gate") if (one.cell, one.at) not in leading}
     assert apart == {"telegram_i.stop", "telegram_i.started"}
 
@@ -119,7 +119,7 @@ def of_the_gate(*broken: str) -> list[flips.Found]:
     bad = (*listed, *broken)
     names = [*listed, "request_i.fine[0]", "request_i.fine[1]"]
     return [
-        flips.Found("commit_gate", flips.Bit(name, "cell", 0), "a_caused" if name in bad else "")
+        flips.Found("commit_gate", flips.Bit(name, "cell", 0), "a_licence" if name in bad else "")
         for name in names
     ]
 
