@@ -35,12 +35,13 @@ from campaigns.flips.trial import (
     PARTS,
     Outcome,
     Places,
+    flipped_card,
     trial,
 )
 from campaigns.fuzz.run import FOLDER, FuzzError, refuse_to_lose_a_longer_result, story
 from rtl.command import Parser, run_main
 from rtl.sources import configurations
-from sim.harness.library import BuildError, Target
+from sim.harness.library import BuildError
 from sim.harness.registers import RegistersError
 from tb.lib import bound
 from tb.lib.options import at_least
@@ -210,7 +211,7 @@ def main() -> int:
             parser.error(f"--trial {options.trial}: SEED/NUMBER")
         if options.seed is not None or options.count is not None:
             parser.error("--trial is one flip: no --seed, no --count")
-        return tell(options.trial, Places(Target(config=options.config), options.baud))
+        return tell(options.trial, Places(flipped_card(options.config), options.baud))
     if options.report:
         merged = merge_each(load(FOLDER))
     else:
@@ -220,7 +221,7 @@ def main() -> int:
         refuse_to_lose_a_longer_result(path, count, fingerprint.flips(options.config), "flips")
         about = f"{count} flips at {options.baud} bit/s, {options.config} card"
         print(f"flips: seed {seed}, {about}", flush=True)
-        merged = [merge([shard(seed, count, Places(Target(config=options.config), options.baud))])]
+        merged = [merge([shard(seed, count, Places(flipped_card(options.config), options.baud))])]
     print("\n\n".join(map(report, merged)))
     return int(any(entry["what"] in FORBIDDEN for card in merged for entry in card["notable"]))
 

@@ -45,6 +45,7 @@ BYTES_PER_WORD = 4
 # Words of register x0 in the register file. SERV's file has words of two bits.
 CORE_X0_WORDS = {"standard": 1, "tiny": 16}
 START = rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)])
+COIL_WRITES = {0x05, 0x0F}
 CLEAR_BITS = 0.5  # FRAME-1 permits a quarter of a bit either way
 VALID = 0x0400  # bit 10 of the control word: the drive takes the process data (FC-5)
 # The watchdog bites 80 ms after the last kick at the latest, and the firmware starts in 25 ms.
@@ -109,11 +110,16 @@ class Outcome:
     recovered: bool = True
 
 
+def flipped_card(config: str = "standard") -> Target:
+    """The card as the boards have it: other simulations run one core of the standard card."""
+    return Target(config=config, parameters=(("LOCKSTEP", 1),) if config == "standard" else ())
+
+
 @dataclass
 class Places:
     """All bits that can flip, by part. `code` and `data` divide the firmware's memory."""
 
-    target: Target = field(default_factory=Target)
+    target: Target = field(default_factory=flipped_card)
     baud: int = BAUDS[0]
 
     def __post_init__(self) -> None:
@@ -212,7 +218,6 @@ class FlipPlayer(Player):
     def __init__(self, case: dict, target: Target, flip: Flip | None) -> None:
         super().__init__(case, target, extra="flips", pace=PACES[target.config])
         self.flip = flip
-        self.places = configuration(target.config)["waiting_places"]
         names = {name: number for number, (name, _, _) in enumerate(self.pins.variables())}
         self.pins.watch(names[f"TOP.{registers.TOP}.core_rst"])
         self.variable = names[f"TOP.{registers.TOP}.{flip.path}"] if flip else 0
@@ -249,7 +254,7 @@ class FlipPlayer(Player):
 
     def outcome(self, flip: Flip) -> tuple[Outcome, Played, Verdict]:
         lit, played = self.pins.lit(), self.played()
-        judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks, places=self.places)
+        judge = LineJudge(CardModel(), self.line, ADDRESS, self.pace.budget_clocks)
         verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
         outcome = classify(flip, played, verdict, self, lit)
         if outcome.what in FORBIDDEN and (began := self._began_again()) < NEVER:
@@ -447,27 +452,28 @@ def _requested_by(
     """Number of the request that this telegram may belong to: the newest, or a write that waited.
 
     A telegram leaves once, and is repeated once: not after the reply, and none to all drives (FC-9). A write
-    may have waited for an exchange (FRAME-7): the newest of its kind, or one of those after `turn`. It has a
-    repeat only if it left after the newer request: a telegram that had left before is not repeated.
+    may have waited for an exchange (FRAME-7): the newest of its kind, or one of those after `turn`. It is
+    repeated while no newer request has a telegram.
     """
-    passed: set[bool] = set()  # kinds of the newer writes: to all, or not
+    passed: set[str] = set()  # kinds of the newer writes
     for number in range(len(wanted) - 1, -1, -1):
         _, end, adu = frames[number]
         newest = number == len(wanted) - 1
-        to_all = adu[0] == 0
+        to_all = data[2] == fc_telegram.ADR_BROADCAST
+        kind = "image" if adu[1] in COIL_WRITES else "write to all" if adu[0] == 0 else "write"
         write = adu[1] not in READS and bool(wanted[number])  # not one that the card refuses
-        if (newest or (write and to_all not in passed)) and data in wanted[number]:
-            newer_start, newer_end, _ = frames[number + 1] if number + 1 < len(frames) else (at, at, b"")
+        if (newest or (write and kind not in passed)) and data in wanted[number]:
+            newer_start = frames[number + 1][0] if number + 1 < len(frames) else at
             reply_sent = any(
                 end < reply.rise < min(at, newer_start) and _answers(reply.data, adu)
                 for reply in played.replies
             )
             left = sent[number]
-            repeat = len(left) == 1 and not to_all and (newest or left[0] > newer_end)
+            repeat = len(left) == 1 and not to_all and not any(wanted[number + 1 :])
             if not reply_sent and (not left or repeat):
                 return number
         if write and end < turn:
-            passed.add(to_all)
+            passed.add(kind)
     return None
 
 
@@ -498,9 +504,11 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played, reset_fro
     """Telegrams that each request may cause.
 
     An unconfirmed request may have changed the control image or not. From the clock `reset_from` on the card
-    may have restarted, with an image of zeros (WDG-1).
+    may have restarted, with an image of zeros (WDG-1). The image of a write to all goes to the card's own drive
+    if it also stands for an older write to the card alone (FRAME-7).
     """
     images, causes = [[0] * 32], []
+    to_one = False
     for n, (_, end, data) in enumerate(frames):
         until = frames[n + 1][0] if n + 1 < len(frames) else float("inf")
         replies = [reply.data for reply in played.replies if end < reply.rise < until]
@@ -515,7 +523,10 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played, reset_fro
             step = card.request(data[1:-2], data[0] == 0)
             changed.append(card.coils[:32])
             if step.telegram is not None:
-                found.add(fc_telegram.build(step.telegram[1:], adr=step.telegram[0]))
+                adrs = {step.telegram[0]} | ({fc_telegram.ADR} if to_one and data[1] in COIL_WRITES else set())
+                found |= {fc_telegram.build(step.telegram[1:], adr=adr) for adr in adrs}
+        if found and data[1] in COIL_WRITES:
+            to_one = not confirmed and (to_one or data[0] == ADDRESS)
         images = changed if confirmed else [*images, *changed]
         images = [list(image) for image in {tuple(image) for image in images}]
         causes.append(found)
