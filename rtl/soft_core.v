@@ -9,7 +9,7 @@
 // other does not write (SAFE-4). The start-up code loads every register before it reads one.
 // trap: PicoRV32 met an illegal instruction or a misaligned access and stopped, or the two cores
 // differ. SERV has no trap and continues with undefined results; the watchdog and the firmware
-// image check detect that. Clock domain: clk. Rules: TOP-2, SAFE-4.
+// image check detect that. docs/hardening.md, Two cores. Clock domain: clk. Rules: TOP-2, SAFE-4.
 `default_nettype none
 
 module soft_core #(

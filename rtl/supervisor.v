@@ -14,7 +14,7 @@
 // loopback_heard: since the reset a character began on a line while neither port was sending
 // (driven), so somebody else sent it.
 // Units: beat changes every 32/1200 s, so the watchdog bites 53 to 80 ms after the last kick.
-// Clock domain: clk.
+// docs/hardening.md, Watchdog (SAFE-4). Clock domain: clk.
 `default_nettype none
 
 module supervisor #(

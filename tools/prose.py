@@ -4,8 +4,8 @@
     python -m tools.prose
 
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of
-that page. A page that code cites must exist. So must a heading of docs/hardening.md that code cites, as in
-"docs/hardening.md, Guarded bits". Card or firmware must cite each such heading. Each page of docs/ needs a
+that page. A page that code cites must exist. So must a row of docs/hardening.md that code cites, as in
+"docs/hardening.md, Guarded bits". Card or firmware must cite each such row. Each page of docs/ needs a
 link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. A list has an empty line
 before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and
 each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that
@@ -124,11 +124,11 @@ def lost_lists(page: Path) -> list[str]:
 
 
 def mechanisms() -> tuple[str, ...]:
-    return tuple(re.findall(r"^## (.*)$", HARDENING.read_text(), re.MULTILINE))
+    return tuple(re.findall(r'^\| <a id="[^"]*"></a>(.*?) \|', HARDENING.read_text(), re.MULTILINE))
 
 
 def cited_mechanisms(text: str) -> set[str]:
-    """Headings of docs/hardening.md that a comment cites, also several in one list."""
+    """Rows of docs/hardening.md that a comment cites, also several in one list."""
     joined = WRAPPED.sub(" ", text)
     found = set()
     for citation in MECHANISM.finditer(joined):
@@ -138,7 +138,7 @@ def cited_mechanisms(text: str) -> set[str]:
 
 
 def uncited_mechanisms(texts: list[str]) -> list[str]:
-    """Headings of docs/hardening.md that no comment of card or firmware cites."""
+    """Rows of docs/hardening.md that no comment of card or firmware cites."""
     cited = set().union(*map(cited_mechanisms, texts))
     return [f"docs/hardening.md: no code cites '{name}'" for name in mechanisms() if name not in cited]
 
@@ -189,7 +189,7 @@ def dead_citations(name: str, text: str, known: set[Path]) -> list[str]:
     for citation in MECHANISM.finditer(joined):
         cited = joined[citation.end() : citation.end() + 40]
         if not cited.startswith(mechanisms()):
-            wrong.append(f"{name}: docs/hardening.md, {cited.strip()}: no such heading")
+            wrong.append(f"{name}: docs/hardening.md, {cited.strip()}: no such row")
     return wrong
 
 
