@@ -273,8 +273,8 @@ def test_after_a_flip_the_next_start_is_watched_as_ever():
 
 GATE = "mailbox_i.gate_i."
 PAIRS = (
-    *(f"{GATE}{pair}" for pair in ("request_i.committed_i", "telegram_i.licence_i", "telegram_i.fresh_i")),
-    *(f"{GATE}{pair}" for pair in ("broadcast_i.valid_i", "g_unicast.unicast_i.valid_i")),
+    *(f"{GATE}{pair}" for pair in ("request_i.committed_i", "telegram_i.licence_i")),
+    *(f"{GATE}licences_i.{pair}" for pair in ("image_i", "free_i", "one_i", "all_i")),
     *(f"{LICENCE}{pair}" for pair in ("armed_i", "over_i")),
     "network_i.rtu_rx_i.bank_i",
 )

@@ -88,19 +88,48 @@ def test_no_unicast_write_is_lost_after_an_exchange(after: str):
             assert process(control, ASKED) in [data[:5] for data in sent(card)], f"write {number} was lost"
 
 
-@pytest.mark.rule("FRAME-7")
+def parameter(value: int, unit: int) -> bytes:
+    return rtu.build(unit, rtu.write_register(2049, value))
+
+
+def parameter_writes(telegrams: list[bytes]) -> list[tuple[int, int]]:
+    """Address and value of each, without repeats."""
+    found = [(data[2], int.from_bytes(data[9:11], "big")) for data in telegrams if data[1] == 14 and data[3] >> 4 == 2]
+    return list(dict.fromkeys(found))
+
+
+@pytest.mark.rule("FRAME-7", "SAFE-8")
 @pytest.mark.parametrize("units", [(0, 1), (1, 0)])
-def test_both_kinds_wait_and_leave_in_the_order_of_commit(units: tuple[int, int]):
+def test_one_telegram_tells_the_image_of_both_kinds_of_writes(units: tuple[int, int]):
+    """One of them was for the card alone, so the drive is asked, and confirms it."""
     with FastCard(baud=19_200) as card:
         card.run(card.boot_ms)
         end = finish(card, [READ, coils(0x0401, units[0]), coils(0x0402, units[1]), LOCAL])
         card.run_until(end + 800 * MS)
+        assert [data[:5] for data in sent(card) if data[1] == 6] == [process(0x0402, ASKED)]
+        assert [frame.data for frame in card.modbus.frames()] == [REPLY_LOCAL], "the newest request is answered"
+
+
+@pytest.mark.rule("FRAME-7")
+@pytest.mark.parametrize("config", first(["standard", "tiny"]))
+@pytest.mark.parametrize("units", [(0, 1), (1, 0)])
+def test_parameter_writes_of_both_kinds_wait_and_leave_in_the_order_of_commit(config: str, units: tuple[int, int]):
+    with FastCard(baud=19_200, config=config, clk_hz=clock(config)) as card:
+        card.run(card.boot_ms)
+        end = finish(card, [READ, parameter(7, units[0]), parameter(8, units[1]), LOCAL])
+        card.run_until(end + 800 * MS)
         adrs = [BROADCAST if unit == 0 else ASKED for unit in units]
-        writes = [data[:5] for data in sent(card) if data[1] == 6]
-        assert list(dict.fromkeys(writes)) == [process(0x0401, adrs[0]), process(0x0402, adrs[1])]
-        assert [frame.data for frame in card.modbus.frames()] == [REPLY_LOCAL], (
-            "the newest request is answered"
-        )
+        assert parameter_writes(sent(card)) == [(adrs[0], 7), (adrs[1], 8)]
+
+
+@pytest.mark.rule("FRAME-7")
+def test_the_image_leaves_before_an_older_parameter_write():
+    with FastCard(baud=19_200) as card:
+        card.run(card.boot_ms)
+        end = finish(card, [READ, parameter(7, 1), coils(0x043C, 1), LOCAL])
+        card.run_until(end + 800 * MS)
+        kinds = [(data[1], data[3] >> 4) for data in sent(card)]
+        assert kinds == [(14, 1), (6, 0), (14, 2)], kinds
 
 
 @pytest.mark.rule("FRAME-7")
@@ -108,10 +137,11 @@ def test_both_kinds_wait_and_leave_in_the_order_of_commit(units: tuple[int, int]
 def test_a_newer_write_of_its_kind_takes_the_place(unit: int):
     with FastCard(baud=19_200) as card:
         card.run(card.boot_ms)
-        end = finish(card, [READ, coils(0x047C, unit), coils(0x043C, unit)])
+        end = finish(card, [READ, coils(0x047C, unit), coils(0x043C, unit), parameter(7, unit), parameter(8, unit)])
         card.run_until(end + 800 * MS)
-        writes = {data[:5] for data in sent(card) if data[1] == 6}
-        assert writes == {process(0x043C, BROADCAST if unit == 0 else ASKED)}
+        adr = BROADCAST if unit == 0 else ASKED
+        assert {data[:5] for data in sent(card) if data[1] == 6} == {process(0x043C, adr)}
+        assert parameter_writes(sent(card)) == [(adr, 8)]
 
 
 BEFORE = {"a reading": [READ], "a text": [READ_TEXT], "a write": [coils(0x047C, 1)]}
