@@ -529,11 +529,14 @@ def test_judge_requires_one_repeat_of_the_newest_request_only():
     third = burst(DRIVE, telegram.data, again.fall + 150 * LINE.clk_hz / 1000 + 1000)
     differences = verdict_on(asked, [], [telegram, again, third], until=third.fall).differences[0]
     assert "without a request (SAFE-1)" in differences
+    newer = heard(LINE, rtu.build(1, rtu.read_registers(5139, 2)), telegram.fall + 1000)
+    differences = verdict_on(asked + newer, [], [telegram, again], until=again.fall).differences[0]
+    assert "expected 02 0e 81 12 02" in differences
+    # A newer request without a telegram leaves a write its repeat (FRAME-7), which need not be sent.
     newer = heard(LINE, READ, telegram.fall + 1000)
     answer = burst(LINE, rtu.build(1, bytes.fromhex("01 02 7C 04")), newer[-1].end + T35)
-    differences = verdict_on(asked + newer, [answer], [telegram, again], until=again.fall).differences[0]
-    assert "without a request (SAFE-1)" in differences
-    assert not verdict_on(asked + newer, [answer], [telegram], until=again.fall + wait).differences
+    for telegrams in ([telegram], [telegram, again]):
+        assert not verdict_on(asked + newer, [answer], telegrams, until=again.fall + wait).differences
     to_all = heard(LINE, rtu.build(0, START[1:-2]), 1e5)
     telegram = burst(DRIVE, build_process(0x047C, 0, ADR_BROADCAST), to_all[-1].end + T35)
     again = burst(DRIVE, telegram.data, telegram.fall + 24 * DRIVE.bit)

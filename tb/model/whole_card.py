@@ -726,6 +726,9 @@ class LineJudge:
             surely = -NEVER
         start_by = self._starts_by(exchange.queued_by)
         if start_by < min(to, surely):
+            if exchange.sends == 1 and exchange.request is not self.newest:
+                self._abandon(exchange, start_by)  # its repeat: see _keeps_its_repeat()
+                return True
             data = exchange.request.telegram
             self._fail(start_by, f"no telegram; expected {data.hex(' ')}")
         if until >= to:
