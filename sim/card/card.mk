@@ -23,7 +23,7 @@ CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_d
 CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
 
 # The program reads the image when it starts: from its own folder, the folder of the dialect below, or the same below
-# refresh or stop. A new image needs no new build. The small card has one image.
+# refresh, norefresh or stop. A new image needs no new build. The small card has one image.
 CARD_FIRMWARE := firmware.hex
 CARD_IMAGES := $(CARD_FOLDER)/$(CARD_FIRMWARE)
 ifeq ($(CARD_FOLDER),build)

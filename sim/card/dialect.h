@@ -16,8 +16,10 @@ struct Dialect {
   bool standard_exceptions;  // codes 1 to 4 mean what the Modbus standard says
 };
 
-// The images with STATUS_REFRESH (MAP-1), relative to this program's folder, dialect by dialect below it.
+// Below this program's folder: the image of the dialect card with STATUS_REFRESH, and those of the other dialects
+// without it (MAP-1).
 constexpr const char* kStatusRefreshFolder = "/refresh";
+constexpr const char* kNoStatusRefreshFolder = "/norefresh";
 // Those with MASTER_LOSS_STOP (SAFE-7).
 constexpr const char* kMasterLossStopFolder = "/stop";
 

@@ -123,9 +123,11 @@ void run(const Options& options) {
   const std::unique_ptr<FarEnd> drive = open_drive(options);
   const std::string dialect_folder = options.dialect->image_folder;
   // The images of the other dialects refresh the status by themselves (MAP-1).
-  const char* const option_folder = options.status_refresh && dialect_folder.empty() ? kStatusRefreshFolder
-                                    : options.master_loss_stop                       ? kMasterLossStopFolder
-                                                                                     : "";
+  const bool refreshes = !dialect_folder.empty();
+  const char* const option_folder = options.status_refresh && !refreshes     ? kStatusRefreshFolder
+                                    : options.no_status_refresh && refreshes ? kNoStatusRefreshFolder
+                                    : options.master_loss_stop               ? kMasterLossStopFolder
+                                                                             : "";
   const std::string firmware = own_folder() + option_folder + dialect_folder;
   CardSetup setup{kClock, options.sw_baud, options.sw_addr, firmware, options.wave_file};
   VirtualCard virtual_card(

@@ -76,8 +76,10 @@ void check_together(const Options& options) {
     throw UserError("--drive and --drive-device exclude each other");
   if (options.trip_seconds > 0 && !(options.drive_link.empty() && options.drive_device.empty()))
     throw UserError("--trip is for the simulated drive");
-  if (options.status_refresh && options.master_loss_stop)
-    throw UserError("--status-refresh and --master-loss-stop exclude each other: no image has both");
+  if (options.status_refresh && options.no_status_refresh)
+    throw UserError("--status-refresh and --no-status-refresh exclude each other");
+  if ((options.status_refresh || options.no_status_refresh) && options.master_loss_stop)
+    throw UserError("--master-loss-stop takes the status refresh of the dialect: no image has another one");
   if (options.master_loss_stop && options.dialect->name == std::string("hvac_basic"))
     throw UserError("--master-loss-stop has no image for the dialect hvac_basic");
   if (!options.real_time && (!options.modbus_device.empty() || !options.drive_device.empty()))
@@ -123,6 +125,7 @@ Options parse_options(int argc, char** argv) {
       {"--profile", true, [&](const std::string& v) { options.profile = profile("--profile", v); }},
       {"--dialect", true, [&](const std::string& v) { options.dialect = dialect("--dialect", v); }},
       {"--status-refresh", false, flag(options.status_refresh)},
+      {"--no-status-refresh", false, flag(options.no_status_refresh)},
       {"--master-loss-stop", false, flag(options.master_loss_stop)},
       {"--sw-baud", true,
        [&](const std::string& v) { options.sw_baud = baud_switches("--sw-baud", v); }},
@@ -186,7 +189,9 @@ const char* help_text() {
          "  --dialect NAME         firmware of the card: card (default, the option card's own), builtin\n"
          "                         (as VLT 2800, 6000, 8000 with Modbus built in), hvac_basic (as the VLT\n"
          "                         HVAC Basic Drive)\n"
-         "  --status-refresh       a read of coils 33-64 asks the drive first (an image of its own)\n"
+         "  --status-refresh       a read of coils 33-64 asks the drive first (default with the dialects\n"
+         "                         builtin and hvac_basic)\n"
+         "  --no-status-refresh    it reads the status of the drive's last reply (default with card)\n"
          "  --master-loss-stop     the drive is stopped when no good frame comes for the time of 40002 (an\n"
          "                         image of its own; not hvac_basic)\n"
          "  --sw-baud 111110000    rate and parity switches, switch 1 first, 1 = ON (default 9600 8N2)\n"

@@ -19,7 +19,9 @@ struct Options {
   double trip_seconds = 0;  // when the simulated drive trips, 0: never
   std::string drive_device;
   const Dialect* dialect = nullptr;
-  bool status_refresh = false;  // the image that asks the drive for coils 33-64 (MAP-1)
+  // The image that asks the drive for coils 33-64, or the one that does not; neither: as the dialect does (MAP-1).
+  bool status_refresh = false;
+  bool no_status_refresh = false;
   bool master_loss_stop = false;  // the image that stops the drive when the master is lost (SAFE-7)
   const drive_profile_t* profile = nullptr;
   unsigned sw_baud = 0;  // bit n-1 = switch n, 1 = ON

@@ -42,6 +42,7 @@ OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
     *(
         "--status-refresh",
+        "--no-status-refresh",
         "--master-loss-stop",
         "--dialect",
         "--profile",
@@ -371,6 +372,15 @@ def test_the_drive_trips_on_demand(tmp_path):
     assert readings[-1][1] == 0
 
 
+REFRESHED = first(
+    [
+        *(("builtin", ()), ("card", ("--status-refresh",)), ("hvac_basic", ())),
+        *(("builtin", ("--status-refresh",)), ("hvac_basic", ("--status-refresh",))),
+    ],
+    2,
+)
+
+
 def read_status_coils(client) -> int:
     reply = client.read_coils(32, count=16, device_id=1)
     assert not reply.isError()
@@ -378,9 +388,10 @@ def read_status_coils(client) -> int:
 
 
 @pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize("dialect", first(["card", "builtin", "hvac_basic"]))
-def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_path, dialect):
-    options = ("--dialect", dialect, "--profile", "vlt6000", "--status-refresh")
+@pytest.mark.parametrize(("dialect", "option"), REFRESHED)
+def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_path, dialect, option):
+    """The drives with Modbus built in show their own status, so their dialects refresh it by default."""
+    options = ("--dialect", dialect, "--profile", "vlt6000", *option)
     with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5", *options) as card:
         client = pymodbus_client(card)
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
@@ -392,10 +403,24 @@ def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_pa
     assert status & 0x0808 == 8, "tripped, not running"
 
 
+@pytest.mark.rule("MAP-1")
+def test_the_first_request_after_power_up_reads_the_status_of_the_drive(tmp_path):
+    """S2 p28 and S3 p75: coils 33-48 are the status word as it is."""
+    with RunningCard(tmp_path, "--speed", "max", "--dialect", "builtin") as card:
+        client = pymodbus_client(card)
+        assert read_status_coils(client) == 0x0607, "ready, not running"
+        client.close()
+
+
+WITHOUT = [("card",), ("builtin", "--no-status-refresh"), ("hvac_basic", "--no-status-refresh")]
+
+
 @pytest.mark.nightly
 @pytest.mark.rule("MAP-1")
-def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path):
-    with RunningCard(tmp_path, "--speed", "max", "--trip", "0.5", "--log", str(tmp_path / "log")) as card:
+@pytest.mark.parametrize("dialect", WITHOUT)
+def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path, dialect):
+    options = ("--profile", "vlt6000", "--trip", "0.5", "--log", str(tmp_path / "log"), "--dialect", *dialect)
+    with RunningCard(tmp_path, "--speed", "max", *options) as card:
         client = pymodbus_client(card)
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
         for _ in range(100):
