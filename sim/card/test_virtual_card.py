@@ -373,11 +373,7 @@ def test_the_drive_trips_on_demand(tmp_path):
 
 
 REFRESHED = first(
-    [
-        *(("builtin", ()), ("card", ("--status-refresh",)), ("hvac_basic", ())),
-        *(("builtin", ("--status-refresh",)), ("hvac_basic", ("--status-refresh",))),
-    ],
-    2,
+    [("builtin",), ("card", "--status-refresh"), ("hvac_basic",), ("hvac_basic", "--status-refresh")], 2
 )
 
 
@@ -388,10 +384,10 @@ def read_status_coils(client) -> int:
 
 
 @pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize(("dialect", "option"), REFRESHED)
-def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_path, dialect, option):
+@pytest.mark.parametrize("dialect", REFRESHED, ids=" ".join)
+def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_path, dialect):
     """The drives with Modbus built in show their own status, so their dialects refresh it by default."""
-    options = ("--dialect", dialect, "--profile", "vlt6000", *option)
+    options = ("--profile", "vlt6000", "--dialect", *dialect)
     with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5", *options) as card:
         client = pymodbus_client(card)
         assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
@@ -417,7 +413,7 @@ WITHOUT = [("card",), ("builtin", "--no-status-refresh"), ("hvac_basic", "--no-s
 
 @pytest.mark.nightly
 @pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize("dialect", WITHOUT)
+@pytest.mark.parametrize("dialect", WITHOUT, ids=" ".join)
 def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path, dialect):
     options = ("--profile", "vlt6000", "--trip", "0.5", "--log", str(tmp_path / "log"), "--dialect", *dialect)
     with RunningCard(tmp_path, "--speed", "max", *options) as card:
