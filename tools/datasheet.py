@@ -62,7 +62,7 @@ MEANING = {
     "FIRMWARE_HEX": "firmware image",
     "SOFT_CORE": "0 PicoRV32, 1 SERV",
     "MEMORY_BYTES": "firmware memory",
-    "PLACES": "writes that can wait",
+    "LOCKSTEP": "1: two PicoRV32 in lockstep",
     "STRICT_T15": "0: no t1.5 inside a frame",
     "PREPARE_EARLY": "0: firmware begins at t3.5",
     "BREAK_TOLERANT": "1: low after a frame is silence",
@@ -211,7 +211,6 @@ def configuration_rows() -> str:
         ["clock", *(f"{entry['clk_hz'] / 1e6:g} MHz" for entry in names.values())],
         ["firmware memory", *(f"{entry['memory_bytes'] // 1024} KiB" for entry in names.values())],
         ["first answer after reset", *(f"{entry['boot_ms']} ms" for entry in names.values())],
-        ["committed writes that can wait", *(str(entry["waiting_places"]) for entry in names.values())],
     ]
     return as_html(["", *(f"`{name}`" for name in names)], rows)
 

@@ -177,7 +177,6 @@ def test_file_list_sets_the_parameters_of_the_configuration(sources, config, tmp
         "CLK_HZ": entry["clk_hz"],
         "SOFT_CORE": entry["soft_core_id"],
         "MEMORY_BYTES": entry["memory_bytes"],
-        "PLACES": entry["waiting_places"],
     }
     assert {name: int(found[name], 2) for name in wanted} == wanted
 
