@@ -323,7 +323,9 @@ PLANTS = (
     Plant(
         "status-asked",
         ("MAP-1",),
-        defines="-DSTATUS_REFRESH=1",
+        "sw/include/options.h",
+        "#define STATUS_REFRESH (DIALECT != DIALECT_CARD)",
+        "#define STATUS_REFRESH 1",
         description="MAP-1: a firmware built with another option",
     ),
 )
