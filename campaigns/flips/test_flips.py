@@ -151,7 +151,8 @@ def test_no_flip_of_a_core_makes_a_telegram(places, core, each: int):
     _, _, played, _ = trial("test", places, NO_FLIP, events)
     end = played.network[12].end
     path = f"core_i.g_picorv32.{core}."
-    aimed = [register for register in places.registers if register.path.startswith(path) and not register.memory]
+    in_core = [register for register in places.registers if register.path.startswith(path)]
+    aimed = [register for register in in_core if not register.memory]
     bits = [(register.path, bit) for register in aimed for bit in register.bits]
     assert len(bits) > 400
     for path, bit in bits[:: 5 * each]:

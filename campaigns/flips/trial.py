@@ -504,8 +504,8 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played, reset_fro
     """Telegrams that each request may cause.
 
     An unconfirmed request may have changed the control image or not. From the clock `reset_from` on the card
-    may have restarted, with an image of zeros (WDG-1). The image of a write to all goes to the card's own drive
-    if it also stands for an older write to the card alone (FRAME-7).
+    may have restarted, with an image of zeros (WDG-1). The image of a write to all goes to the card's own
+    drive if it also stands for an older write to the card alone (FRAME-7).
     """
     images, causes = [[0] * 32], []
     to_one = False
@@ -523,7 +523,7 @@ def expected(frames: list[tuple[float, float, bytes]], played: Played, reset_fro
             step = card.request(data[1:-2], data[0] == 0)
             changed.append(card.coils[:32])
             if step.telegram is not None:
-                adrs = {step.telegram[0]} | ({fc_telegram.ADR} if to_one and data[1] in COIL_WRITES else set())
+                adrs = {step.telegram[0], *([fc_telegram.ADR] if to_one and data[1] in COIL_WRITES else [])}
                 found |= {fc_telegram.build(step.telegram[1:], adr=adr) for adr in adrs}
         if found and data[1] in COIL_WRITES:
             to_one = not confirmed and (to_one or data[0] == ADDRESS)

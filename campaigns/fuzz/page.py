@@ -3,7 +3,8 @@
 
     python -m campaigns.fuzz.page
 
-The campaigns are the fuzzer, the planted bugs, and the flips of each card. Their results are in build/fuzz. Exit 2: a result is missing, or is of another card than the present one.
+The campaigns are the fuzzer, the planted bugs, and the flips of each card. Their results are in build/fuzz.
+Exit 2: a result is missing, or is of another card than the present one.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ def parameter(value: int, unit: int) -> bytes:
 
 def parameter_writes(telegrams: list[bytes]) -> list[tuple[int, int]]:
     """Address and value of each, without repeats."""
-    found = [(data[2], int.from_bytes(data[9:11], "big")) for data in telegrams if data[1] == 14 and data[3] >> 4 == 2]
-    return list(dict.fromkeys(found))
+    writes = [data for data in telegrams if data[1] == 14 and data[3] >> 4 == 2]
+    return list(dict.fromkeys((data[2], int.from_bytes(data[9:11], "big")) for data in writes))
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-8")
@@ -107,13 +107,16 @@ def test_one_telegram_tells_the_image_of_both_kinds_of_writes(units: tuple[int, 
         end = finish(card, [READ, coils(0x0401, units[0]), coils(0x0402, units[1]), LOCAL])
         card.run_until(end + 800 * MS)
         assert {data[:5] for data in sent(card) if data[1] == 6} == {process(0x0402, ASKED)}
-        assert [frame.data for frame in card.modbus.frames()] == [REPLY_LOCAL], "the newest request is answered"
+        replies = [frame.data for frame in card.modbus.frames()]
+        assert replies == [REPLY_LOCAL], "the newest request is answered"
 
 
 @pytest.mark.rule("FRAME-7")
 @pytest.mark.parametrize("config", first(["standard", "tiny"]))
 @pytest.mark.parametrize("units", [(0, 1), (1, 0)])
-def test_parameter_writes_of_both_kinds_wait_and_leave_in_the_order_of_commit(config: str, units: tuple[int, int]):
+def test_parameter_writes_of_both_kinds_wait_and_leave_in_the_order_of_commit(
+    config: str, units: tuple[int, int]
+):
     with FastCard(baud=19_200, config=config, clk_hz=clock(config)) as card:
         card.run(card.boot_ms)
         end = finish(card, [READ, parameter(7, units[0]), parameter(8, units[1]), LOCAL])
@@ -137,7 +140,8 @@ def test_the_image_leaves_before_an_older_parameter_write():
 def test_a_newer_write_of_its_kind_takes_the_place(unit: int):
     with FastCard(baud=19_200) as card:
         card.run(card.boot_ms)
-        end = finish(card, [READ, coils(0x047C, unit), coils(0x043C, unit), parameter(7, unit), parameter(8, unit)])
+        writes = [coils(0x047C, unit), coils(0x043C, unit), parameter(7, unit), parameter(8, unit)]
+        end = finish(card, [READ, *writes])
         card.run_until(end + 800 * MS)
         adr = BROADCAST if unit == 0 else ASKED
         assert {data[:5] for data in sent(card) if data[1] == 6} == {process(0x043C, adr)}
