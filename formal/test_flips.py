@@ -72,7 +72,7 @@ def test_what_never_happens_is_an_error(monkeypatch, capsys):
 
 
 def test_a_register_without_a_path_to_the_promise_is_not_proved(gate):
-    """The gate's `stop`, and `free` before it, end in the telegram's bits, of which a_licence says nothing."""
+    """The gate's `stop`, and `free` before it, end in the telegram's bits, which a_licence leaves open."""
     leading = flips.leading_to(gate, "commit_gate", ["a_licence", "a_command"])
     apart = {one.name for one in flips.bits(gate, "commit_gate") if (one.cell, one.at) not in leading}
     free = {"licences_i.free_i.held", "licences_i.free_i.opposite"}

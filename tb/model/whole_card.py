@@ -6,9 +6,10 @@ the content, `wire` the framing. This module adds the commit (FRAME-6) and the o
 It also adds the exchange with the drive, its repeat and its end (FC-8, FC-9), and which request is served.
 
 While an exchange runs, a committed write of coils waits as the control image, which leaves before all else as
-it is then, and a parameter write keeps its place; these leave in the order of commit (FRAME-7). Where the rules allow a choice, the judge accepts any allowed one and continues from it. A reading's telegram
-that a newer request overtakes before its start may be sent or not. A drive's reply within a few ms of the end
-of its wait may count or not. Unit of time: clocks.
+it is then. Committed parameter writes wait, too, and leave in the order of commit (FRAME-7). Where the rules
+allow a choice, the judge accepts any allowed one and continues from it. A reading's telegram that a newer
+request overtakes before its start may be sent or not. A drive's reply within a few ms of the end of its wait
+may count or not. Unit of time: clocks.
 """
 
 from __future__ import annotations
@@ -342,7 +343,7 @@ class LineJudge:
             exchange.wanted = min(exchange.wanted, at)
 
     def _join(self, image: Request, older: list[Request]) -> None:
-        """One telegram tells the drive all changes of the image, and goes to all only if each of them does."""
+        """One telegram tells the drive all changes of the image. It goes to all only if each of them does."""
         image.to_one = not image.broadcast or any(one.to_one or not one.broadcast for one in older)
         if image.broadcast and image.to_one:  # the drive confirms it, and nobody is answered
             image.question = Question(image.pdu[0], 0, 0, "process")

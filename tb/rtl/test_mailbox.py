@@ -325,7 +325,7 @@ async def a_stale_ticket_sends_nothing(dut):
     ]
 )
 async def each_kind_of_write_licenses_its_telegram_also_after_newer_requests(dut, kind):
-    """It waits for a running exchange. Only the image commands the drive, a broadcast has no reply (FRAME-7)."""
+    """It waits for a running exchange. Only the image commands; a broadcast has no reply (FRAME-7)."""
     action, request = kind
     to_all = request.get("broadcast", 0)
     mailbox = await Mailbox(dut).start()
