@@ -394,7 +394,7 @@ module rtu2fc #(
 
   soft_core #(
       .SOFT_CORE(SOFT_CORE),
-      .LOCKSTEP(LOCKSTEP)
+      .LOCKSTEP (LOCKSTEP)
   ) core_i (
       .clk(clk),
       .rst(core_rst),

@@ -14,7 +14,7 @@
 
 module soft_core #(
     parameter [1:0] SOFT_CORE = 2'd0,
-    parameter [0:0] LOCKSTEP = 1'b0
+    parameter [0:0] LOCKSTEP  = 1'b0
 ) (
     input  wire        clk,
     input  wire        rst,
@@ -125,7 +125,8 @@ module soft_core #(
             (!first_valid || same_access);
 
         // No tool may take one core for both.
-        (* keep_hierarchy *) picorv32 #(
+        (* keep_hierarchy *)
+        picorv32 #(
             .ENABLE_COUNTERS(0),
             .ENABLE_COUNTERS64(0),
             .TWO_STAGE_SHIFT(1),

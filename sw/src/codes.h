@@ -61,8 +61,9 @@ static inline void put_word(uint8_t *at, uint32_t value)
     at[1] = (uint8_t)value;
 }
 
-/* Handles one function code; returns an outcome, or EXCEPTION + code. data: the PDU after address and quantity. */
-typedef uint32_t handler(struct translator *t, struct transaction *txn, frame_byte *data);
+/* Handles one function code; returns an outcome, or EXCEPTION + code. The last argument is the PDU after address and
+ * quantity, or for the functions of diagnostics the whole PDU. */
+typedef uint32_t handler(struct translator *, struct transaction *, frame_byte *);
 
 /* Makes the reply that confirms a write: 05 and 06 echo address and value, 0F and 10 address and quantity. */
 uint32_t confirm(struct transaction *txn);

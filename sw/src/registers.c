@@ -91,8 +91,8 @@ uint32_t registers_answer_number(struct transaction *txn, uint16_t high, uint16_
     }
     put_word(at, high);
     put_word(at + 2, low);
-    for (i = 2; i < txn->operand; i++) /* at most 8 turns: asked for as a text (MAP-8) */
-        put_word(at + 2 * i, 0);
+    for (i = 4; i < 2 * txn->operand; i += 2) /* at most 8 turns: asked for as a text (MAP-8) */
+        put_word(at + i, 0);
     return OUTCOME_REPLY;
 }
 

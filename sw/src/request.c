@@ -48,7 +48,7 @@ void request_confirm_reply(struct gateway *g)
 static void release_reply(struct gateway *g)
 {
     if (g->held_reply == 0 || g->held_reply & MAILBOX__REPLY__AFTER_DRIVE_bm || g->state < REQUEST_COMMITTED ||
-        g->now - g->committed_at <= TICKS(REPLY_DELAY))
+        g->now - g->committed_at < TICKS(REPLY_DELAY) + 1)
         return;
     order_reply(g, g->held_reply);
     g->held_reply = 0;

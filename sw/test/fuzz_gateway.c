@@ -30,15 +30,15 @@ enum { FOR_ONE, FOR_ALL, UNITS };
 enum { IMAGE_WORDS = 300, IDLE_WORDS = 1, START_WORDS = 64 };
 
 struct request {
-    uint8_t pdu[PDU_MAX];
     uint32_t length;
-    struct model after;
+    uint32_t sent;
     enum intent intent;
+    struct model after;
+    uint8_t pdu[PDU_MAX];
     bool broadcast;
     bool committed;
     bool ignored;        /* came during the loop-back test or before a restart */
     bool drive_answered; /* the drive sent a good telegram after ours */
-    uint32_t sent;
 };
 
 static struct mailbox m;
@@ -185,9 +185,9 @@ static void check_reply(void)
 /* Checks what left with the last event. */
 static void judge(void)
 {
-    uint32_t i;
-
     if (m.sent_replies != replies) {
+        uint32_t i;
+
         replies++;
         for (i = 0; i < m.reply_length; i++)
             reply[i] = mailbox_frame(REPLY_FRAME)[i].byte;

@@ -193,16 +193,17 @@ static void request(struct bench *b, struct input *in, uint32_t how)
 
 static void second_telegram(const struct bench *b, struct slot *slot)
 {
-    const bool was_text = slot->telegram[1] >> 4 == AK_TEXT;
     struct model now = b->model;
+    uint32_t first_ak;
 
     /* The index is that of the first telegram, even if it was written since. */
     now.ind = slot->txn->out.telegram[4];
     HOLDS(BY_SIZE && !slot->again);
+    first_ak = slot->telegram[1] >> 4;
     slot->again = true;
     translate_drive_again(slot->txn);
     check_telegram(slot, &now, slot->pdu[0] == READ_REGISTERS ? INTENT_READ : INTENT_WRITE);
-    HOLDS(slot->txn->out.telegram[1] >> 4 == (was_text ? AK_READ : AK_TEXT));
+    HOLDS(slot->txn->out.telegram[1] >> 4 == (first_ak == AK_TEXT ? AK_READ : AK_TEXT));
     keep_telegram(slot);
 }
 
