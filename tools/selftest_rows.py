@@ -250,9 +250,16 @@ def state_rows() -> tuple[Row, ...]:
     )
 
 
+def all_coils_rows() -> tuple[Row, ...]:
+    """With Modbus built in, a reading of coils 33-64 asks the drive first."""
+    title = "01 reads 128 coils, 66-128 are 0"
+    asks = (Ask(read_coils(0, 128), has_128_coils),)
+    return (Row("MAP-1", title, asks, "", CARD), Row("MAP-1", title, asks, "drive", BUILT_IN))
+
+
 ROWS: tuple[Row, ...] = (
+    *all_coils_rows(),
     # Functions, on what the card itself holds: no telegram goes to the drive.
-    Row("MAP-1", "01 reads 128 coils, 66-128 are 0", (Ask(read_coils(0, 128), has_128_coils),)),
     Row(
         "MAP-2",
         "05 sets and clears coil 65",
