@@ -184,7 +184,7 @@ kills: firmware | setup-synth setup-firmware ## which test notices each planted 
 ##@ Measure
 # Built by content: at once if nothing has changed.
 .PHONY: bench-card bench-tiny
-bench-card: firmware | setup-test ## the simulated cards of the bench, with and without "prepare early"
+bench-card: firmware | setup-test ## the simulated card of the bench
 	@$(RUN) sim.harness.library bench
 
 bench-tiny: firmware | setup-test ## the same of the small card

@@ -5,7 +5,7 @@
 // No flipped bit is modelled here: fault stays low, and the bank's halves stay opposite.
 //
 // The ghosts follow the line by the rules: the number of characters of the frame, the errors of any of them, and the
-// silences after it. EARLY: PREPARE_EARLY = 1.
+// silences after it.
 //
 // Assumed of the neighbours: a character begins with start_seen and ends with byte_valid; no limit of silence is
 // reached within a character nor in the clock before, because the vote on a start bit takes time; no two limits
@@ -85,11 +85,7 @@ wire g_resumed = g_early && start_seen;
 wire g_take = byte_valid && !g_lost;
 wire g_unjudged = g_count != 9'd0 && !g_good && !g_early && !g_forgotten;
 
-`ifdef EARLY
 wire g_raise_early = (half_reached || short_reached) && g_unjudged && g_whole && g_ours;
-`else
-wire g_raise_early = 1'b0;
-`endif
 
 always @(posedge clk) begin
   if (start_seen) g_character <= 1'b1;
@@ -156,11 +152,7 @@ reg [7:0] g_length = 8'd0;
 reg g_broadcast = 1'b0;
 reg g_writes_coils = 1'b0;
 reg g_writes_parameter = 1'b0;
-`ifdef EARLY
 wire g_raise = g_raise_early;
-`else
-wire g_raise = long_reached && g_good && g_ours;
-`endif
 always @(posedge clk) begin
   g_rst <= rst;
   g_candidate <= g_raise && !rst;
@@ -174,9 +166,7 @@ always @(posedge clk) begin
     g_held_bank <= g_bank;
     g_held <= 1'b1;
   end
-`ifdef EARLY
   if ((g_continued && g_ours) || g_resumed) g_held <= 1'b0;
-`endif
   if (rst) g_held <= 1'b0;
 end
 
@@ -208,8 +198,8 @@ always @(posedge clk) if (g_past) c_spoilt : cover (count_crc || count_parity ||
 
 always @(posedge clk) begin
   if (g_past) begin
-    // FRAME-4, FRAME-5: candidate after half a character of silence (PREPARE_EARLY = 0: at t3.5) if and only if the
-    // frame is good and for this card.
+    // FRAME-4, FRAME-5: candidate after half a character of silence if and only if the frame is good and for this
+    // card.
     a_candidate : assert (candidate == g_candidate);
     // FRAME-6: committed at t3.5 if and only if no character came in between.
     a_commit : assert (commit == g_commit);
@@ -217,12 +207,8 @@ always @(posedge clk) begin
     a_not_both : assert (!revoke || !(commit || candidate));
     // SAFE-1: no commit without its candidate, after a revoke, or twice.
     a_no_commit_alone : assert (!commit || g_open || candidate);
-`ifdef EARLY
     a_no_revoke_alone : assert (!revoke || g_open);
     a_commit_later : assert (!commit || !candidate);
-`else
-    a_commit_at_once : assert (commit == candidate);
-`endif
     // commit_gate relies on this: a newer request has begun with a start bit.
     a_begun : assert (!candidate || !g_over);
     // FRAME-5: full length, address and bank, valid from the candidate to the next one.
@@ -282,7 +268,7 @@ always @(posedge clk) begin
     i_faults : assert (g_count == 9'd0 || (parity_bad == g_parity && framing_bad == g_framing));
     i_ours : assert (g_count == 9'd0 ||
         unit == (g_address == 8'd0 ? TO_ALL : g_address == own_address ? TO_US : TO_OTHERS));
-    i_begun : assert (g_count == 9'd0 || begun_bank == (frame_bank ^ (PREPARE_EARLY && (g_good || g_early) && g_ours)));
+    i_begun : assert (g_count == 9'd0 || begun_bank == (frame_bank ^ ((g_good || g_early) && g_ours)));
     i_function : assert (g_count == 9'd0 || function_next == (g_count == 9'd1));
     i_coils : assert (g_count < 9'd2 || (writes_coils == g_coils && writes_parameter == g_parameter));
     i_storing : assert (storing == g_pending && (!storing || kept == (g_index < 9'd32)));
@@ -290,15 +276,10 @@ always @(posedge clk) begin
     i_place : assert (g_count == 9'd0 || !storing || g_index == (overrun ? 9'd257 : length));
     i_was_good : assert (!g_good || (g_count >= 9'd4 && g_count <= 9'd256 && !g_pending && !g_parity && !g_framing));
     // All bytes of a frame other than the held one are in the other bank.
-`ifdef EARLY
     i_bank : assert (g_count == 9'd0 || ((g_good || g_early) && g_ours) || (g_count == 9'd1 && g_pending) ||
         g_bank == !frame_bank);
     i_good_held : assert (!((g_good || g_early) && g_ours) || (g_held && g_bank == frame_bank));
     i_open : assert (!((g_good || g_early) && g_ours) || g_open || candidate);
-`else
-    i_never_early : assert (!g_early);
-    i_bank : assert (g_count == 9'd0 || (g_count == 9'd1 && g_pending) || g_bank == !frame_bank);
-`endif
     i_held : assert (!g_held || frame_bank == g_held_bank);
     i_summed : assert (g_count == 9'd0 || g_first || g_summed == g_count);
     i_new : assert (!g_character || !g_first || g_summed == 9'd0);
@@ -327,7 +308,4 @@ end
 `endif
 `ifdef COVER_LENIENT
 always @(posedge clk) c_grown : cover (g_past && !rst && commit && frame_length == 8'd5 && $past(revoke, 4));
-`endif
-`ifdef COVER_LATE
-always @(posedge clk) c_at_once : cover (g_past && !rst && candidate && commit);
 `endif

@@ -44,7 +44,6 @@
 
 module network_port #(
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0
 ) (
     input  wire                      clk,
@@ -252,7 +251,6 @@ module network_port #(
 
   rtu_rx #(
       .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY),
       .BREAK_TOLERANT(BREAK_TOLERANT)
   ) rtu_rx_i (
       .clk(clk),

@@ -8,7 +8,7 @@
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults are those of the configuration standard, or of the file
 // regs/generated/config_<name>.v that was read before. SOFT_CORE, LOCKSTEP: see soft_core. STRICT_T15,
-// PREPARE_EARLY: see rtu_rx. MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see
+// MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see
 // firmware_ram. DE_LIMIT: LIMIT of
 // driver_limit. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the
 // firmware has the option of that name; see master_loss and docs/guide/master-loss.md.
@@ -53,7 +53,6 @@ module rtu2fc #(
     parameter [0:0] LOCKSTEP = 1'b1,
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0,
     parameter [0:0] DE_LIMIT = 1'b1,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
@@ -217,7 +216,6 @@ module rtu2fc #(
 
   network_port #(
       .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY),
       .BREAK_TOLERANT(BREAK_TOLERANT)
   ) network_i (
       .clk(clk),

@@ -18,7 +18,6 @@
 // STRICT_T15 = 1: a frame that is not good at t1.5 is discarded, and the next byte is an address
 // (FRAME-2). A character after a good frame spoils everything up to the next t3.5 (FRAME-3).
 // STRICT_T15 = 0: a frame grows until t3.5.
-// PREPARE_EARLY = 0: candidate and commit come together at t3.5.
 //
 // line_start: start_seen, but in time for the CRC of a character whose start_seen break_filter
 // delays. may_break: level, a break may follow: the frame is good up to its last character and no
@@ -36,7 +35,6 @@
 
 module rtu_rx #(
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0
 ) (
     input  wire       clk,
@@ -139,13 +137,13 @@ module rtu_rx #(
   endgenerate
 
   // High for the clock in which a good frame becomes the candidate.
-  wire raise_early = state == S_RECEIVE && (half_reached || short_reached) && good;
-  wire raise = mine && in_place && (PREPARE_EARLY ? raise_early : state == S_HOLD && long_reached);
+  wire judged = state == S_RECEIVE && (half_reached || short_reached);
+  wire raise = judged && good && mine && in_place;
   // docs/hardening.md, Revoke twice (SAFE-4)
   wire continued = start_seen || byte_valid;
   wire spoilt = state == S_HOLD && continued;
   wire resumed = state == S_EARLY && continued;
-  wire next_bank = raise || (spoilt && mine && PREPARE_EARLY) || resumed;
+  wire next_bank = raise || (spoilt && mine) || resumed;
 
   // A bad frame is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
@@ -181,7 +179,7 @@ module rtu_rx #(
 
   always @(posedge clk) begin
     candidate <= raise;
-    commit <= state == S_HOLD && long_reached && mine && in_place != PREPARE_EARLY;
+    commit <= state == S_HOLD && long_reached && mine && !in_place;
     revoke <= spoilt && mine;
 
     if (stored) begin

@@ -64,7 +64,6 @@ MEANING = {
     "MEMORY_BYTES": "firmware memory",
     "LOCKSTEP": "1: two PicoRV32 in lockstep",
     "STRICT_T15": "0: no t1.5 inside a frame",
-    "PREPARE_EARLY": "0: firmware begins at t3.5",
     "BREAK_TOLERANT": "1: low after a frame is silence",
     "DE_LIMIT": "1: limits the time of DE",
     "MASTER_LOSS_STOP": "1: may stop the drive",

@@ -41,8 +41,8 @@ SHORTEST_DELAY_BITS = DRIVE_PAUSE_TICKS / TICKS_PER_BIT
 # Silence that the master adds to t3.5: the tolerance of FRAME-1. conformance.py measures the limit itself.
 EXTRA_SILENCE_BITS = 0.25
 DRIVERS, PROBES = ("modbus_de", "drive_de"), SIGNALS[4:]
-# The bench waits this long after the card's deadline, in bits of the network line and in s. Without 'prepare
-# early', or with a slower core, the firmware's time comes on top.
+# The bench waits this long after the card's deadline, in bits of the network line and in s. With a
+# slower core, the firmware's time comes on top.
 MARGIN_BITS = 4
 MARGIN_S, SLOW_MARGIN_S = 0.0003, 0.005
 # The card counts the wait of FC-9 in ticks of 1/1200 s, and the repeat may have to wait for the pause.
@@ -58,10 +58,9 @@ class BenchError(Exception):
 
 @dataclass(frozen=True)
 class Build:
-    """A card to measure: a configuration of configs.toml, with 'prepare early' or without."""
+    """A card to measure: a configuration of configs.toml."""
 
     config: str = "standard"
-    early: bool = True
 
     @property
     def clk_hz(self) -> int:
@@ -70,8 +69,7 @@ class Build:
     @functools.cached_property
     def library(self) -> Path:
         """The library with the card. It is built when it is missing or its sources have changed."""
-        parameters = {} if self.early else {"PREPARE_EARLY": 0}
-        return library.build(self.clk_hz, config=self.config, parameters=parameters)
+        return library.build(self.clk_hz, config=self.config)
 
     @property
     def image_folder(self) -> Path:
@@ -89,7 +87,7 @@ class Build:
         return MARGIN_S if self == STANDARD else SLOW_MARGIN_S
 
 
-STANDARD, LATE, TINY = Build(), Build(early=False), Build("tiny")
+STANDARD, TINY = Build(), Build("tiny")
 
 
 @dataclass(frozen=True)

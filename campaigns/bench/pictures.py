@@ -25,7 +25,7 @@ from campaigns.plots import save, use_style
 
 WIRE, SILENCE = "#7f9bb3", "#d5dbe1"
 DRIVE_WIRE, DELAY, DRIVE_REPLY = "#8fb08a", "#ece5cf", "#b9cfae"
-OURS, CARD, LATE = "#c62828", "#2e7d32", "#e39b33"
+OURS, CARD = "#c62828", "#2e7d32"
 
 
 def draw(results: Results) -> None:
@@ -37,17 +37,14 @@ def draw(results: Results) -> None:
 def _latency(results: CardResults):
     """From the request's end to the reply's first bit: this card and other slaves."""
 
-    def ours(kind: str) -> float:
-        found = samples(results, kind, case=LOCAL[0], baud=SHOWN_BAUD, form=FORM)
-        return legal + statistics.median(values(found, "local"))
-
     legal = Line.of(SHOWN_BAUD, FORM).t35_bits
-    bars = {"rtu2fc": ours("turnaround"), "rtu2fc, prepare early off": ours("late")}
+    found = samples(results, "turnaround", case=LOCAL[0], baud=SHOWN_BAUD, form=FORM)
+    bars = {"rtu2fc": legal + statistics.median(values(found, "local"))}
     for name, latency in zip(RIVALS, RIVAL_ROWS["latency"], strict=True):
         bars[name.split("/")[0]] = float(latency.strip("*"))
     figure, panel = subplots(figsize=(8, 3.6))
     for at, (name, bits) in enumerate(reversed(bars.items())):
-        colour = CARD if name == "rtu2fc" else LATE if name.startswith("rtu2fc") else WIRE
+        colour = CARD if name == "rtu2fc" else WIRE
         panel.barh(at, bits, height=0.6, color=colour if bits >= legal else SILENCE)
         panel.text(bits + 0.6, at, f"{bits:.1f}" + (" too early" if bits < legal - 4 else ""), va="center")
     panel.axvline(legal, color="black", linewidth=0.8, linestyle="--")
@@ -56,8 +53,7 @@ def _latency(results: CardResults):
     panel.tick_params(axis="y", length=0)
     panel.set_xlabel(f"bits from the request's end to the reply's first bit, {SHOWN_BAUD} bit/s")
     panel.set_title("Reply latency: this card and other open Modbus RTU slaves", loc="left", pad=16)
-    known = {CARD: "this card", LATE: "this card without early preparation", WIRE: "another design"}
-    known[SILENCE] = "answers before t3.5"
+    known = {CARD: "this card", WIRE: "another design", SILENCE: "answers before t3.5"}
     handles = [Patch(color=colour, label=text) for colour, text in known.items()]
     figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False, fontsize=9)
     figure.tight_layout(rect=(0, 0.07, 1, 1))

@@ -23,7 +23,7 @@ from campaigns.bench.judge import (
     de_grain,
 )
 from campaigns.bench.traffic import REFUSED, UNFIT
-from campaigns.bench.wave import BAUDS, CLK_HZ, FORMAT_NAMES, Line
+from campaigns.bench.wave import BAUDS, FORMAT_NAMES, Line
 from campaigns.bench.work import FORM, PHASES, PHASES_AT, Piece
 from rtl.sources import ROOT
 from sw.test import host
@@ -34,7 +34,6 @@ REPORT_TABLES = (
     "The targets",
     "Turnaround, rate by rate",
     "Whole transactions, ms",
-    "Early preparation",
     "Conformance",
     "Targets of the small card",
     "Turnaround of the small card",
@@ -44,7 +43,6 @@ MEASURED_ON = "Measured on"
 LOCAL = tuple(name for name, case in CASES.items() if case.local)
 EXCHANGES = tuple(name for name, case in CASES.items() if not (case.local or case.to_all))
 SHOWN_BAUD = 19200
-DRIVE_LINE = Line.of_drive()
 OF_CASES = ("turnaround", "sizes", "phases")
 JUDGED = (*OF_CASES, "random", "drive_faults", "gate", "overtaken", "conformance")
 
@@ -86,7 +84,7 @@ class Image:
 
 @dataclass
 class CardResults:
-    """Data of one card; `late`: of the standard card without early preparation."""
+    """Data of one card."""
 
     config: str
     outcomes: dict[str, tuple[Piece, Outcome]]
@@ -281,48 +279,6 @@ def table(results: Results) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def early_or_late(results: CardResults) -> str:
-    rows = []
-    for baud in BAUDS:
-        bit_us = 1e6 / baud
-        early = samples(results, "turnaround", baud=baud, form=FORM)
-        late = samples(results, "late", baud=baud)
-        for what, attribute, unit_us in (
-            ("reply", "local", bit_us),
-            ("telegram", "telegram", 1e6 / DRIVE_LINE.baud),
-        ):
-            ours, theirs = (
-                [unit_us * value for value in values(found, attribute)] for found in (early, late)
-            )
-            software = [1e6 * clocks / CLK_HZ for clocks in values(with_kind(late, what), "decode_clocks")]
-            if not ours or not theirs:
-                continue
-            a, b = statistics.median(ours), statistics.median(theirs)
-            t35_us = 1e6 * Line.of(baud, FORM).t35_bits / baud
-            rows.append(
-                [
-                    baud if what == "reply" else "",
-                    what,
-                    f"{a:.0f} ({max(ours):.0f})",
-                    f"{b:.0f} ({max(theirs):.0f})",
-                    f"{statistics.median(software):.0f}",
-                    f"{b - a:.0f}",
-                    f"{b / a:.0f} x" if a > 0 else "-",
-                    f"{(t35_us + b) / (t35_us + a):.3f}",
-                ]
-            )
-    return rows_of(
-        "bit/s | first bit of | ours, µs after t3.5: median (worst) | prepare early off | "
-        "wait, then think: the firmware's clocks alone | gain, µs | lost, off / ours | "
-        "turnaround, off / ours",
-        rows,
-    )
-
-
-def with_kind(found: list[Sample], what: str) -> list[Sample]:
-    return [s for s in found if (s.telegram is not None) == (what == "telegram")]
-
-
 def firmware(results: CardResults) -> str:
     """Clocks from an event for the firmware to its queued answer."""
     early, chance = samples(results, OF_CASES), samples(results, "random")
@@ -498,7 +454,6 @@ def document(results: Results) -> str:
         "phases": PHASES,
         "phases_at": " and ".join(map(str, PHASES_AT)),
         "missed": "".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
-        "early_or_late": early_or_late(results.card("standard")),
     }
     for config in results.images:
         card = results.card(config)

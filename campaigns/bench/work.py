@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from campaigns.bench.card import LATE, STANDARD, TINY, Build
+from campaigns.bench.card import STANDARD, TINY, Build
 from campaigns.bench.cases import (
     CASES,
     EXTREMES,
@@ -78,7 +78,7 @@ class Piece:
 
 CARDS = (STANDARD, TINY)
 KINDS_OF_WORK = (
-    *("turnaround", "sizes", "phases", "late", "random"),
+    *("turnaround", "sizes", "phases", "random"),
     *("drive_faults", "gate", "overtaken", "conformance"),
 )
 
@@ -114,11 +114,9 @@ def _random(baud: int, seed: int, build: Build) -> Iterator[Piece]:
 
 
 def whole(seed: int) -> Iterator[Piece]:
-    """The same for each card, and the standard card without early preparation."""
+    """The same for each card."""
     for build in CARDS:
         yield from _card(seed, build)
-    for baud in BAUDS:
-        yield _turnaround("late", baud, FORM, seed, REPEATS.get(baud, REPEATS_ELSE), tuple(CASES), LATE)
 
 
 def _card(seed: int, build: Build) -> Iterator[Piece]:

@@ -221,8 +221,6 @@ def main(kind: str, *words: str) -> None:
     config = "tiny" if kind == "tiny" else "standard"
     clk_hz = configurations()[config]["clk_hz"]
     build(clk_hz, config=config)
-    if kind == "bench":
-        build(clk_hz, config=config, parameters={"PREPARE_EARLY": 0})
 
 
 if __name__ == "__main__":

@@ -564,19 +564,15 @@ def test_telegrams_leave_in_time():
 
 @pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
-@pytest.mark.parametrize("variant", ["STRICT_T15", "PREPARE_EARLY"])
-def test_variants(variant):
-    """Each variant sets one parameter to 0. On Verilator only: rtu_rx tests both on both simulators.
-
-    `make test` has both on the whole card, too: in campaigns/fuzz and in campaigns/bench.
-    """
+def test_without_t15():
+    """On Verilator only: rtu_rx is tested on both. `make test` has it on the whole card in campaigns/fuzz."""
     what = [
         "frame_with_gaps_of_1_4_characters_is_accepted",
         "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
         "only_the_newest_request_is_answered",
         "silent_drive_gets_the_telegram_twice_and_is_then_reported",
     ]
-    run_card("verilator", "standard", what, **{variant: 0})
+    run_card("verilator", "standard", what, STRICT_T15=0)
 
 
 @pytest.mark.nightly

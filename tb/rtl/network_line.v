@@ -9,7 +9,6 @@
 
 module network_line #(
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0
 ) (
     input  wire       clk,
@@ -81,7 +80,6 @@ module network_line #(
 
   network_port #(
       .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY),
       .BREAK_TOLERANT(BREAK_TOLERANT)
   ) port_i (
       .clk(clk),

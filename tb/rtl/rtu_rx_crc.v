@@ -3,8 +3,7 @@
 `default_nettype none
 
 module rtu_rx_crc #(
-    parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] PREPARE_EARLY = 1'b1
+    parameter [0:0] STRICT_T15 = 1'b1
 ) (
     input  wire       clk,
     input  wire       rst,
@@ -57,8 +56,7 @@ module rtu_rx_crc #(
   );
 
   rtu_rx #(
-      .STRICT_T15(STRICT_T15),
-      .PREPARE_EARLY(PREPARE_EARLY)
+      .STRICT_T15(STRICT_T15)
   ) rx_i (
       .clk(clk),
       .rst(rst),

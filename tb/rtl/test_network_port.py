@@ -687,13 +687,12 @@ def test_network_port_on_a_bus_without_bias(sim):
 
 @pytest.mark.nightly
 @pytest.mark.rule("LINE-5")
-@pytest.mark.parametrize("variant", ["PREPARE_EARLY", "STRICT_T15"])
-def test_a_pulse_at_the_commit_of_a_variant(variant):
+def test_a_pulse_at_the_commit_without_t15():
     run(
         "network_line",
         "tb.rtl.test_network_port",
         sim="verilator",
         extra_sources=[WRAPPER],
-        parameters={variant: 0},
+        parameters={"STRICT_T15": 0},
         testcase="a_pulse_at_the_commit_leaves_the_line_silent",
     )

@@ -552,27 +552,8 @@ async def lenient_cut_off_frame_is_one_bad_frame_at_t35(dut):
     assert rx.outcome() == (1, 1, 0)
 
 
-# ---------------------------------------------------------------- PREPARE_EARLY = 0
-
-
-@cocotb.test()
-async def late_candidate_and_commit_come_together_at_t35(dut):
-    rx = await Receiver(dut).start()
-    await rx.bytes(GOOD)
-    await rx.short()
-    assert rx.outcome() == (0, 0, 0)
-    await rx.long()
-    assert rx.outcome() == (1, 1, 0) and rx.candidates.times_ps == rx.commits.times_ps
-    assert rx.stored(len(GOOD)) == GOOD
-    await rx.bytes(OTHER)
-    await rx.short()
-    await rx.byte(0)
-    await rx.long()
-    assert rx.outcome()[:2] == (1, 1)
-
-
 # Tests without a setting in their name run with every setting.
-COMMON = r"(?!strict_|lenient_|late_)\w+"
+COMMON = r"(?!strict_|lenient_)\w+"
 
 
 def run_receiver(sim: str, testcase: list[str], **parameters: int) -> None:
@@ -596,8 +577,3 @@ def test_rtu_rx(sim):
 @pytest.mark.rule("FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6")
 def test_rtu_rx_lenient(sim):
     run_receiver(sim, [COMMON, "lenient_.*"], STRICT_T15=0)
-
-
-@pytest.mark.rule("FRAME-6")
-def test_rtu_rx_late(sim):
-    run_receiver(sim, ["late_.*"], PREPARE_EARLY=0)
