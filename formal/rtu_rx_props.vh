@@ -83,6 +83,7 @@ wire g_first = !g_lost && (g_count == 9'd0 || g_forgotten);
 wire g_continued = g_good && start_seen;
 wire g_resumed = g_early && start_seen;
 wire g_take = byte_valid && !g_lost;
+wire g_undriven = BREAK_TOLERANT && g_take && byte_framing_error;  // perhaps a line that nobody drives
 wire g_unjudged = g_count != 9'd0 && !g_good && !g_early && !g_forgotten;
 
 wire g_raise_early = (half_reached || short_reached) && g_unjudged && g_whole && g_ours;
@@ -118,12 +119,12 @@ always @(posedge clk) begin
     g_good <= g_whole;
     g_forgotten <= !g_whole && STRICT_T15;
   end
-  if (long_reached || deaf || rst) begin
+  if (long_reached || g_undriven || deaf || rst) begin
     g_count <= 9'd0;
     g_good <= 1'b0;
     g_early <= 1'b0;
     g_forgotten <= 1'b0;
-    g_lost <= deaf || rst;
+    g_lost <= g_undriven || deaf || rst;
   end
   if (rst) g_character <= 1'b0;
 end
@@ -227,7 +228,7 @@ always @(posedge clk) begin
     a_one_bank : assert (!write_valid || g_index == 9'd0 || write_addr[5] == g_bank);
     a_not_held : assert (!write_valid || !g_held || write_addr[5] != g_held_bank);
     // A discarded frame is counted once, under the first of its faults.
-    a_framing : assert (count_framing == (g_ended && g_framing));
+    a_framing : assert (count_framing == ((g_undriven && !count_t15) || (g_ended && g_framing)));
     a_parity : assert (count_parity == (g_ended && !g_framing && g_parity));
     a_overrun : assert (count_overrun == (g_ended && !g_framing && !g_parity && g_count == 9'd257));
     a_crc : assert (count_crc == (g_ended && !g_framing && !g_parity && g_count != 9'd257));

@@ -17,8 +17,8 @@
 // line_start: the start bit as the UART sees it, in the clock of a start bit that is held back too.
 // watched_start: the one of start_watch, which comes for each low of ten ticks.
 // may_break: level, the frame up to the last character is good, or the receiver drops everything,
-// as after the card's own reply. Otherwise a bus that is low most of the time would never be silent
-// again. sending: level, DE.
+// as after the card's own reply and after a character without a stop bit. Otherwise a bus that is
+// low most of the time would never be silent again. sending: level, DE.
 // fault: the halves of in_break disagree. A flipped bit ends a break then, and never makes one
 // (docs/hardening.md, Break filter, SAFE-4).
 // Clock domain: clk. Rules: FRAME-3, FRAME-6, SAFE-2, SAFE-4.

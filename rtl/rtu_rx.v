@@ -21,7 +21,8 @@
 //
 // line_start: start_seen, but in time for the CRC of a character whose start_seen break_filter
 // delays. may_break: level, a break may follow: the frame is good up to its last character and no
-// other has begun, or everything up to the next t3.5 is dropped. 0 without BREAK_TOLERANT.
+// other has begun, or everything up to the next t3.5 is dropped. 0 without BREAK_TOLERANT. With it,
+// a character without a stop bit ends its frame, which counts a framing error at once.
 //
 // Each discarded frame counts one event, for the first that applies of framing error, parity
 // error, over-length and CRC error. With STRICT_T15 = 1 a character between t1.5 and t3.5 counts
@@ -127,6 +128,10 @@ module rtu_rx #(
   assign write_valid = storing && kept;
   assign write_addr  = {!frame_bank, length[4:0]};
 
+  // A character without a stop bit may be a line that nobody drives. Its low is no silence, so the
+  // frame ends here; from the next high on each low is a break, and t3.5 comes.
+  wire undriven = BREAK_TOLERANT && accept && byte_framing_error;
+
   generate
     if (BREAK_TOLERANT) begin : g_breaks
       wire held = state == S_EARLY || state == S_HOLD;
@@ -147,7 +152,7 @@ module rtu_rx #(
 
   // A bad frame is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
-  assign count_framing = ended_bad && framing_bad;
+  assign count_framing = (undriven && !count_t15) || (ended_bad && framing_bad);
   assign count_parity = ended_bad && parity_bad && !framing_bad;
   assign count_overrun = ended_bad && overrun && !parity_bad && !framing_bad;
   assign count_crc = ended_bad && clean;
@@ -243,7 +248,7 @@ module rtu_rx #(
       default: state <= S_WAIT;
     endcase
 
-    if (deaf) state <= S_WAIT;
+    if (deaf || undriven) state <= S_WAIT;
     if (rst) begin
       state <= S_WAIT;
       storing <= 1'b0;
