@@ -2,8 +2,8 @@
 """After any rubbish on the network line the third good request is answered (SAFE-3).
 
 Each piece of rubbish is followed by three requests of a master that waits for its time-out. The line rests
-high, or, with BREAK_TOLERANT = 1, low whenever nobody drives it. The master's driver then holds it high from 2
-to 40 bits before a frame to 3 bits after it.
+high, or, with BREAK_TOLERANT = 1, low whenever nobody drives it. A driver holds it high from 2 to 40 bits
+before a frame to at most 3 bits after it.
 """
 
 from __future__ import annotations
