@@ -54,8 +54,9 @@ struct gateway {
     uint8_t ticket;               /* of newest */
     uint8_t state;                /* enum request_state */
     bool asks_drive;              /* the newest request has a telegram, still to be ordered */
-    uint8_t image_change;         /* of enum image_change; 0: the drive was told the image */
-    bool tells_image;             /* the telegram at the drive carries the image as it is */
+    uint8_t image_change;         /* of enum image_change: no telegram of it is ordered */
+    uint8_t image_ordered;        /* likewise: its telegram is ordered and has not left */
+    bool image_is_newer;          /* than each parameter write that waits (FC-9) */
     uint8_t exchange;             /* enum exchange_stage */
     uint8_t reply_outcome;        /* enum outcome: of the telegram received for at_drive */
     bool repeated;                /* the repeat of FC-9 has been ordered */

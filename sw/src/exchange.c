@@ -30,7 +30,8 @@ static bool timed_out(const struct gateway *g)
 ONE_COPY static void end(struct gateway *g)
 {
     g->exchange = EXCHANGE_IDLE;
-    g->tells_image = false;
+    g->image_change |= g->image_ordered;
+    g->image_ordered = 0;
 }
 
 /* The request at the drive is over; if it is the newest one, its outcome counts (MAP-10). */
@@ -81,28 +82,22 @@ static void repeat_or_abandon(struct gateway *g)
 
 /* ---- a telegram that leaves */
 
-/* Only a line that is not silent holds a telegram back. The image goes before all else, and all that is committed before
- * a reading that is not the newest request any more. */
-static void poll_queued(struct gateway *g)
+/* Only a line that is not silent holds a telegram back. The image goes before all else, and whatever is committed before
+ * a reading that is not the newest request any more, and before a repeat. */
+static bool is_to_wait(struct gateway *g)
 {
-    const bool image_first = g->image_change != 0 && !g->tells_image;
-    const bool overtaken = g->at_drive->target == TARGET_READING && !is_newest(g) && orders_wait(g);
-
-    if (is_newest(g) && g->state == REQUEST_PREPARED)
+    if (is_newest(g) && g->state == REQUEST_PREPARED) {
         g->wait_start = g->now;
-    else if (timed_out(g)) {
-        if (orders_take_back())
-            abandon(g);
-    } else if ((image_first || overtaken) && orders_take_back()) {
-        end(g);
+        return true;
     }
+    if (timed_out(g) || g->image_change != 0)
+        return false;
+    return !((g->repeated || (g->at_drive->target == TARGET_READING && !is_newest(g))) && orders_wait(g));
 }
 
 static void left(struct gateway *g)
 {
-    if (g->tells_image)
-        g->image_change = 0;
-    g->tells_image = false;
+    g->image_ordered = 0;
     orders_stop_waiting(g);
     g->wait_start = g->now;
     g->exchange = EXCHANGE_WAITING;
@@ -112,16 +107,26 @@ static void left(struct gateway *g)
     end(g);
 }
 
+/* Taken back, or dropped with its candidate or for a commit of its own kind. What waits is ordered anew, and so is the
+ * repeat of a write if that commit asks the drive for nothing (FC-9). */
+static void dropped(struct gateway *g)
+{
+    if (timed_out(g) || (g->repeated && (g->at_drive->target == TARGET_READING || orders_wait(g))))
+        abandon(g);
+    else if (!g->repeated)
+        end(g);
+    else if (g->state != REQUEST_PREPARED)
+        orders_repeat_anew(g);
+}
+
 static void poll_leaving(struct gateway *g, uint32_t state)
 {
-    if (state & MAILBOX__EXCHANGE__QUEUED_bm)
-        poll_queued(g);
-    else if (state & MAILBOX__EXCHANGE__STARTED_bm)
+    if (state & MAILBOX__EXCHANGE__QUEUED_bm && (is_to_wait(g) || !orders_take_back()))
+        return;
+    if (state & MAILBOX__EXCHANGE__STARTED_bm)
         left(g);
-    else if (g->repeated)
-        abandon(g);
     else
-        end(g); /* dropped with its candidate, or for a newer commit; what waits is ordered anew */
+        dropped(g);
 }
 
 /* ---- the drive's reply */

@@ -21,16 +21,21 @@ static void keep_write(struct gateway *g)
         waiting[0] = waiting[1];
         waiting[1] = 0;
     }
-    waiting[waiting[0] ? 1 : 0] = g->newest;
+    if (waiting[0])
+        waiting[1] = g->newest;
+    else
+        waiting[0] = g->newest;
+    g->image_is_newer = false;
 }
 
-/* The image has changed. A telegram of the earlier image has left before this commit, or the gate has dropped it. */
+/* If its telegram is ordered already, this stands for the newest image. */
 static void keep_image(struct gateway *g)
 {
-    if (g->tells_image && mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STARTED_bm)
-        g->image_change = 0;
-    g->image_change |= g->newest->broadcast ? IMAGE_FOR_ALL : IMAGE_FOR_ONE;
-    g->tells_image = g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;
+    const bool is_ordered = g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;
+    uint8_t *const change = is_ordered ? &g->image_ordered : &g->image_change;
+
+    g->image_is_newer = true;
+    *change |= g->newest->broadcast ? IMAGE_FOR_ALL : IMAGE_FOR_ONE;
 }
 
 /* The image is a level, a parameter write has a place; its telegram may be ordered already. A reading waits as the newest
@@ -46,12 +51,13 @@ void orders_keep(struct gateway *g)
         keep_write(g);
 }
 
-ONE_COPY void orders_stop_waiting(struct gateway *g)
+void orders_stop_waiting(struct gateway *g)
 {
     if (g->waiting[0] != g->at_drive)
         return;
     g->waiting[0] = g->waiting[1];
     g->waiting[1] = 0;
+    g->image_is_newer = false;
 }
 
 /* A candidate decides first: with its commit the master is back (SAFE-7). */
@@ -61,10 +67,15 @@ static bool stop_is_due(const struct gateway *g)
            translate_is_running(&g->translator) && mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STOP_DUE_bm;
 }
 
+static bool newer_write_waits(const struct gateway *g)
+{
+    return !g->image_is_newer && (g->waiting[1] || (g->waiting[0] && g->waiting[0] != g->at_drive));
+}
+
 bool orders_wait(const struct gateway *g)
 {
-    return (g->image_change != 0 && !g->tells_image) || (g->waiting[0] && g->waiting[0] != g->at_drive) ||
-           g->waiting[1] || (g->asks_drive && g->state == REQUEST_COMMITTED) || stop_is_due(g);
+    return g->image_change != 0 || newer_write_waits(g) || (g->asks_drive && g->state == REQUEST_COMMITTED) ||
+           stop_is_due(g);
 }
 
 /* ---- the order */
@@ -77,7 +88,6 @@ ONE_COPY static void order(struct gateway *g, uint32_t action)
                                 (g->state == REQUEST_PREPARED ? MAILBOX__TELEGRAM__EARLY_bm : 0u));
     g->reply_outcome = OUTCOME_NOT_A_REPLY;
     g->exchange = EXCHANGE_LEAVING;
-    g->wait_start = g->now;
 }
 
 static void start(struct gateway *g, struct transaction *txn, uint32_t action)
@@ -89,6 +99,7 @@ static void start(struct gateway *g, struct transaction *txn, uint32_t action)
         frame[i].byte = txn->out.telegram[i];
     g->at_drive = txn;
     g->repeated = false;
+    g->wait_start = g->now;
     order(g, (uint32_t)txn->telegram_length << MAILBOX__TELEGRAM__LENGTH_bp |
                  (txn->broadcast ? MAILBOX__TELEGRAM__NO_REPLY_bm : 0u) | action);
 }
@@ -96,8 +107,15 @@ static void start(struct gateway *g, struct transaction *txn, uint32_t action)
 void orders_repeat(struct gateway *g)
 {
     g->repeated = true;
+    g->wait_start = g->now;
     mailbox_count(mailbox_counter(COUNT_DRIVE_REPEAT));
     order(g, ACTION(REPEAT));
+}
+
+void orders_repeat_anew(struct gateway *g)
+{
+    order(g, (uint32_t)g->at_drive->telegram_length << MAILBOX__TELEGRAM__LENGTH_bp |
+                 (uint32_t)g->at_drive->target << MAILBOX__TELEGRAM__ACTION_bp);
 }
 
 bool orders_take_back(void)
@@ -118,7 +136,8 @@ static void start_image(struct gateway *g)
         txn = request_spare(g);
     translate_image(txn, g->translator.settings.word[CONTROL], to_all);
     start(g, txn, ACTION(IMAGE));
-    g->tells_image = true;
+    g->image_ordered = g->image_change;
+    g->image_change = 0;
 }
 
 /* SAFE-7: the image shows the stop only if the gate took the order: with a commit just now its licence is gone. */
@@ -132,8 +151,7 @@ static void start_stop(struct gateway *g)
     if (!(mailbox_read(EXCHANGE) & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__STARTED_bm)))
         return;
     g->translator.settings.word[CONTROL] = control;
-    g->image_change = IMAGE_FOR_ONE;
-    g->tells_image = true;
+    g->image_ordered = IMAGE_FOR_ONE;
 }
 
 /* The second telegram of a request has no licence but that of the newest request. */

@@ -11,7 +11,7 @@ void orders_keep(struct gateway *g);
 /* The write at the drive waits no more: it has left, or was answered with the drive's silence. */
 void orders_stop_waiting(struct gateway *g);
 
-/* Something committed waits for the drive line, apart from the telegram at the drive. */
+/* Something committed after the request at the drive waits for the drive line, too (FC-9). */
 bool orders_wait(const struct gateway *g);
 
 /* The drive line is free: orders the next telegram, if there is one. */
@@ -19,6 +19,9 @@ void orders_next(struct gateway *g);
 
 /* Orders the telegram at the drive once more (FC-9). */
 void orders_repeat(struct gateway *g);
+
+/* The same after a commit that ended the repeat, and whose licence is of no other use. */
+void orders_repeat_anew(struct gateway *g);
 
 /* Takes an ordered telegram back. False if it left just then. */
 bool orders_take_back(void);

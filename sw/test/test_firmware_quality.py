@@ -86,7 +86,11 @@ BUGS = [
     ),
     (
         "a held telegram that is not taken back for the image",
-        *("gateway", "exchange.c", "(image_first || overtaken)", "(image_first && overtaken)"),
+        *("gateway", "exchange.c", "timed_out(g) || g->image_change != 0", "timed_out(g)"),
+    ),
+    (
+        "an old repeat that leaves with the licence of a newer command",
+        *("gateway", "exchange.c", "else if (g->state != REQUEST_PREPARED)", "else"),
     ),
     (
         "an image that waits behind a parameter write",
@@ -97,8 +101,8 @@ BUGS = [
     (
         "an earlier image that takes the mark of a newer one away",
         *("gateway", "orders.c"),
-        "    g->tells_image = g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;",
-        "    g->tells_image |= g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;",
+        "is_ordered = g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;",
+        "is_ordered = g->exchange == EXCHANGE_LEAVING;",
     ),
     (
         "a broadcast of what was for this card alone",

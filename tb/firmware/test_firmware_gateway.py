@@ -270,6 +270,35 @@ FRAME-7: a newer write takes the place of an older one
 FRAME-7: a newer broadcast takes the place of an older one
     ask READ_514; request-all START; request-all STOP; drive TELL_514; ends; wait 400;
     sent ASK_514 ALL:TELEGRAM_OF_STOP; replied
+FC-9: a parameter write older than a command takes nothing of its repeat
+    ask READ_514; request SET_207; request START; drive TELL_514; silent 2;
+    sent ASK_514 US:TELEGRAM_OF_START*2 US:TELEGRAM_OF_207; replied 01_8F_FF
+FC-9: a parameter write older than a command does not shorten its wait
+    local 06_0002_0014; ask READ_514; request SET_207; request START; drive TELL_514; ends; wait 195;
+    sent ASK_514 US:TELEGRAM_OF_START; wait 7; sent-count 3
+FC-9: a parameter write newer than a command takes its repeat
+    ask READ_514; request START; request SET_207; drive TELL_514; silent;
+    sent ASK_514 US:TELEGRAM_OF_START US:TELEGRAM_OF_207
+FC-9: a parameter write that came after a command left takes its repeat
+    ask START; request SET_207; wait 152; sent US:TELEGRAM_OF_START US:TELEGRAM_OF_207
+FC-9: of two parameter writes that waited the newer takes the repeat
+    ask READ_514; request SET_207; request-all SET_207; request START; drive TELL_514; answers STATUS; silent;
+    sent ASK_514 US:TELEGRAM_OF_START US:TELEGRAM_OF_207 ALL:TELEGRAM_OF_207
+FC-9: a request for the card alone takes no repeat from a parameter write
+    ask SET_207; local READ_IND; wait 152; sent US:TELEGRAM_OF_207*2
+FC-9: a write for the card alone takes no repeat from a parameter write
+    ask SET_207; local 06_0000_0102; wait 154; sent US:TELEGRAM_OF_207*2; silent; wait 400; sent-count 2
+FC-9: coil 65 takes no repeat from a command
+    ask START; local 05_0040_FF00; wait 154; sent US:TELEGRAM_OF_START*2; silent; wait 400; sent-count 2
+FC-9: a write for the card alone takes no repeat that waits for a free line
+    ask SET_207; busy; wait 152; local 06_0000_0102; wait 5; sent-count 1; +free; poll;
+    sent US:TELEGRAM_OF_207*2
+FC-9, FRAME-6: a candidate does not turn an old repeat into a newer command
+    ask START; busy; wait 152; offer 05_0040_FF00; commit; offer STOP; +commit; +free; poll;
+    sent US:TELEGRAM_OF_START US:TELEGRAM_OF_STOP
+FC-9: a repeat that waits for a free line gives way to a newer telegram
+    ask SET_207; busy; wait 152; request SET_207_AGAIN; +free; poll;
+    sent US:TELEGRAM_OF_207 US:TELEGRAM_OF_207_AGAIN
 FC-9: a stop that waits shortens a wait of 160 ms to 150
     local 06_0002_0010; ask READ_514; request STOP; wait 152; sent ASK_514 US:TELEGRAM_OF_STOP
 FC-9: a stop that waits shortens a wait of 10 s to 150 ms

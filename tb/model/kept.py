@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tb.model.fc_telegram import ADR, ADR_BROADCAST, build, is_broadcast
-from tb.model.lines import DEFAULT_WAIT, LATE_MS, NOTHING, Commit, Said, words_of
+from tb.model.lines import DEFAULT_WAIT, LATE_MS, NEVER, NOTHING, Commit, Said, words_of
 from tb.model.wire import PAUSE_BITS, LineFormat
 
 
@@ -29,6 +29,7 @@ class Order:
         self.waiting: list[Commit] = []
         self.asked: list[Commit] = []
         self.last: Said | None = None
+        self.image_lo = -NEVER  # the newest write that the last telegram stands for, if it carries the image
         self.sends = 0
 
     def commit(self, new: Commit) -> None:
@@ -44,7 +45,7 @@ class Order:
         """The first of those that have to leave must have left when the line was free for it."""
         must = sorted((one for one in self.waiting if one.must), key=lambda one: one.kind)  # an image first
         for one in must[:1]:
-            free = max(one.hi, self._exchange_over(one.hi))
+            free = max(one.hi, self._exchange_over(one))
             while free < (quiet := self._quiet_after(min(free, now))):
                 free = quiet
             if now > free + self.budget:
@@ -53,11 +54,13 @@ class Order:
     def _quiet_after(self, at: float) -> float:
         return max((end for start, end in self.busy if start < at), default=0.0) + self.pause
 
-    def _exchange_over(self, wanted: float) -> float:
-        """A dead drive holds up nobody for longer than 150 ms (FC-9)."""
+    def _exchange_over(self, waiting: Commit) -> float:
+        """A dead drive holds up nothing newer for longer than 150 ms (FC-9)."""
         if self.last is None or self.last.good:
             return self.last.over if self.last else 0.0
-        given_up = max(self.last.end + 10 * DEFAULT_WAIT * self.ms, wanted)
+        if waiting.lo < self.image_lo:
+            return self.last.over + self.budget
+        given_up = max(self.last.end + 10 * DEFAULT_WAIT * self.ms, waiting.hi)
         return min(self.last.over, given_up + LATE_MS * self.ms) + self.budget
 
     def telegram(self, said: Said) -> None:
@@ -70,12 +73,15 @@ class Order:
         fitting = self._images(data, at) if len(data) == 8 else self._writes(data, at)
         fitting = [one for one in fitting if len(data) != 8 or not images or one.lo >= images[-1].lo]
         read = self._reading(data, at)
-        # What has to leave before this telegram: an image before all, an older write before a newer one.
+        # What has to leave before this telegram: an image before all, an older write before a newer one, and
+        # before a repeat what is newer than it (FC-9).
         first = images or [
             one
             for one in sure
             if (
-                one.lo < fitting[0].lo if fitting and len(data) != 8 else again or (read and one.hi < read.lo)
+                one.lo < fitting[0].lo
+                if fitting and len(data) != 8
+                else (again and one.lo > self.image_lo) or (read and one.hi < read.lo)
             )
         ]
         if first and not (images and fitting and len(data) == 8):
@@ -87,9 +93,12 @@ class Order:
                 wanted = build(words_of(images[-1].telegram), adr=ADR if alone else ADR_BROADCAST)
             raise Lost(at, f"{data.hex(' ')} before {wanted.hex(' ')} (FRAME-7)")
         if fitting:
+            self.image_lo = fitting[-1].lo if len(data) == 8 else -NEVER
             self._left(fitting, at, again)
         elif not (again or read or words_of(data) == NOTHING):
             raise Lost(at, f"{data.hex(' ')}, which no write that waits asks for (FRAME-7)")
+        if not (fitting or again):
+            self.image_lo = -NEVER
         self.sends = 2 if again and not fitting else 1
         self.last = said
 

@@ -233,6 +233,8 @@ class LineJudge:
                 request.overtaken = not self._keeps_place(request)
             if self.exchange:
                 self.exchange.second_overtaken = True
+                if self._is_repeat_of_a_write(self.exchange):
+                    self.exchange.queued_by = NEVER  # a commit of its kind makes the card order it anew
                 if not self._keeps_place(self.exchange.request):
                     self.exchange.overtaken, self.exchange.settled = True, NEVER
         else:
@@ -248,36 +250,42 @@ class LineJudge:
                 self.exchange.superseded = min(
                     self.exchange.superseded, event.at + event.slack + UNSURE_BITS * self.line.bit
                 )
-                if self._repeat_is_held(self.exchange):
-                    self.exchange.overtaken, self.exchange.settled = True, event.at
             self._commit(event.frame, event.at)
+            if self.exchange and self._repeat_is_held(self.exchange):
+                self.exchange.overtaken, self.exchange.settled = True, event.at
 
     def _keeps_place(self, request: Request) -> bool:
         return request.writes
 
-    def _is_replaced(self, exchange: Exchange) -> bool:
-        """A write whose telegram never left, for a busy line, has lost its place to a newer one (FRAME-7)."""
-        older = exchange.request
-        return (
-            exchange.sends == 0
-            and older.writes
-            and any(newer.kind in (older.kind, "image") for newer in self.queue)
-        )
+    def _newer(self, exchange: Exchange) -> list[Request]:
+        return [one for one in self.queue if one.committed > exchange.request.committed]
+
+    def _is_repeat_of_a_write(self, exchange: Exchange) -> bool:
+        return exchange.phase == "line" and exchange.sends == 1 and self._keeps_place(exchange.request)
 
     def _was_abandoned(self, exchange: Exchange, burst: Burst) -> bool:
-        """The line was busy for the whole wait, and this is the telegram of the next request."""
-        next_one = self.queue and burst.data == self.queue[0].telegram != exchange.request.telegram
-        return exchange.phase == "line" and next_one and burst.rise >= self._abandoned_from(exchange)
+        """The line was busy for the whole wait, and this is the telegram of the next request.
 
-    def _left_before_its_replacement(self, exchange: Exchange, data: bytes) -> bool:
+        A write that has not left keeps its turn (FRAME-7).
+        """
+        next_one = self.queue and burst.data == self.queue[0].telegram != exchange.request.telegram
+        may_go = exchange.sends == 1 or not self._keeps_place(exchange.request)
+        over = may_go and exchange.phase == "line" and burst.rise >= self._abandoned_from(exchange)
+        return bool(next_one and over)
+
+    def _left_before_its_replacement(self, exchange: Exchange, data: bytes) -> Request | None:
         """The drive line became free while the firmware still looked at the newer write of the same kind."""
-        older = exchange.request.replaced
-        just_then = exchange.queued_from - exchange.request.committed < self.late
-        if exchange.sends > 0 or older is None or not just_then or data != older.telegram:
-            return False
-        if data == exchange.request.telegram:
-            raise Unclear(exchange.queued_from, "a telegram that fits either of two requests")
-        return True
+        if exchange.sends > 0:
+            return None
+        for newer in (exchange.request, *self.queue):
+            older = newer.replaced
+            just_then = exchange.queued_from - newer.committed < self.late
+            if older is None or not just_then or data != older.telegram:
+                continue
+            if data == exchange.request.telegram:
+                raise Unclear(exchange.queued_from, "a telegram that fits either of two requests")
+            return older
+        return None
 
     def _left_as_it_was_dropped(self, exchange: Exchange, data: bytes, at: float) -> bool:
         """The drive line became free while the firmware still looked at the request that drops this reading.
@@ -307,12 +315,9 @@ class LineJudge:
         return in_time and left.data == self.queue[0].telegram != exchange.request.telegram
 
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
-        """A write may be repeated after a newer request without a telegram (FC-9, FRAME-7).
-
-        It need not be: for the gate a local write is of the same kind.
-        """
+        """A write is repeated after a newer request, unless that waits with a telegram (FC-9, FRAME-7)."""
         request = exchange.request
-        return self._keeps_place(request) and not request.to_all and not self.queue
+        return self._keeps_place(request) and not request.to_all and not self._newer(exchange)
 
     def _was_repeated_just_then(self, exchange: Exchange, burst: Burst) -> bool:
         """The firmware repeated a write before it saw the commit of a newer telegram."""
@@ -337,8 +342,12 @@ class LineJudge:
         else:
             self._join(request, same)
             self.queue.insert(0, request)
-            if exchange.phase == "line" and exchange.sends == 0:
+        if exchange.phase == "line" and exchange.sends == 0:
+            if request.kind == "image":
                 self._image_first(exchange, request, at)
+            elif request.kind == exchange.request.kind != "read":
+                request.replaced = exchange.request
+                self._start(self.queue.pop(0), max(exchange.queued_from, at), at + self.late)
         if self.exchange is exchange:
             exchange.wanted = min(exchange.wanted, at)
 
@@ -465,7 +474,7 @@ class LineJudge:
         self.exchange = Exchange(request, at, by, waits=(wait, wait), overtaken=request.overtaken)
         if request.overtaken:
             self.exchange.settled = at
-        if self.queue:  # newer requests, committed before this telegram could leave
+        if self._newer(self.exchange):  # committed before this telegram could leave
             self.exchange.wanted = self.exchange.superseded = at
 
     def _ms(self, tens: int) -> float:
@@ -562,19 +571,18 @@ class LineJudge:
         may_repeat = not repeats or self._keeps_its_repeat(exchange)
         if held and not may_repeat and burst.rise > exchange.superseded and not self.queue:
             self._fail(burst.rise, f"telegram {data.hex(' ')} repeated after a newer request (FC-9)")
-        replaced = exchange and exchange.phase == "line" and self._is_replaced(exchange)
         same = self.queue and exchange and data == exchange.request.telegram == self.queue[0].telegram
-        if (held or replaced) and same:
+        if held and same:
             raise Unclear(burst.rise, "a telegram that fits either of two requests")
-        if (held or replaced) and self.queue and data != exchange.request.telegram:
+        if held and self.queue and data != exchange.request.telegram:
             # The older telegram was withdrawn for the newer request.
             self._start(self.queue.pop(0), exchange.queued_from, burst.rise)
             exchange = self.exchange
         if exchange and self._was_abandoned(exchange, burst):
             self._abandon(exchange, burst.rise)
             exchange = self.exchange
-        if exchange and exchange.phase == "line" and self._left_before_its_replacement(exchange, data):
-            older = exchange.request.replaced
+        line = exchange and exchange.phase == "line"
+        if line and (older := self._left_before_its_replacement(exchange, data)):
             self.queue = [exchange.request, *(one for one in self.queue if one is not older)]
             self._start(older, exchange.queued_from, exchange.queued_by)
             exchange = self.exchange
@@ -727,9 +735,6 @@ class LineJudge:
             surely = -NEVER
         start_by = self._starts_by(exchange.queued_by)
         if start_by < min(to, surely):
-            if exchange.sends == 1 and exchange.request is not self.newest:
-                self._abandon(exchange, start_by)  # its repeat: see _keeps_its_repeat()
-                return True
             data = exchange.request.telegram
             self._fail(start_by, f"no telegram; expected {data.hex(' ')}")
         if until >= to:
@@ -738,16 +743,13 @@ class LineJudge:
             self._count("telegram overtaken")
             self._done(until, exchange.queued_from)
         else:
-            image = exchange.request if exchange.sends == 0 and exchange.request.kind == "image" else None
-            if image:
-                self.queue.insert(0, image)  # the image stays to be told (FRAME-7)
             self._abandon(exchange, until)
         return True
 
     def _after_wait(self, exchange: Exchange, at: float, repeated: bool = False) -> None:
         """The wait ended without a reply: repeat once, but not after a newer request, or abandon (FC-9)."""
-        superseded = at > exchange.superseded
-        if exchange.sends == 1 and (not superseded or repeated or self._keeps_its_repeat(exchange)):
+        superseded = at > exchange.superseded and not self._keeps_its_repeat(exchange)
+        if exchange.sends == 1 and (not superseded or repeated):
             exchange.overtaken |= superseded
             exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
             exchange.phase, exchange.receiver = "line", None
@@ -757,6 +759,8 @@ class LineJudge:
     def _abandon(self, exchange: Exchange, at: float) -> None:
         self._count("exchange given up")
         request = exchange.request
+        if exchange.sends == 0 and self._keeps_place(request):
+            self.queue.insert(0, request)  # until it has left (FRAME-7)
         if not request.broadcast:
             self.card.question = request.question
             step = self.card.drive_silent()
