@@ -121,11 +121,9 @@ static void dropped(struct gateway *g)
 
 static void poll_leaving(struct gateway *g, uint32_t state)
 {
-    if (state & MAILBOX__EXCHANGE__QUEUED_bm && (is_to_wait(g) || !orders_take_back()))
-        return;
     if (state & MAILBOX__EXCHANGE__STARTED_bm)
         left(g);
-    else
+    else if (!(state & MAILBOX__EXCHANGE__QUEUED_bm) || (!is_to_wait(g) && orders_take_back()))
         dropped(g);
 }
 

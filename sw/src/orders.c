@@ -57,7 +57,6 @@ void orders_stop_waiting(struct gateway *g)
         return;
     g->waiting[0] = g->waiting[1];
     g->waiting[1] = 0;
-    g->image_is_newer = false;
 }
 
 /* A candidate decides first: with its commit the master is back (SAFE-7). */
@@ -170,9 +169,10 @@ void orders_next(struct gateway *g)
         start_image(g);
     else if (stop_is_due(g))
         start_stop(g);
-    else if (g->waiting[0])
+    else if (g->waiting[0]) {
+        g->image_is_newer = false; /* no matter: the other one that waits is newer than this one */
         start(g, g->waiting[0], ACTION(WRITE));
-    else if (g->asks_drive) {
+    } else if (g->asks_drive) {
         g->asks_drive = false;
         start(g, g->newest, action_of(g));
     }

@@ -284,6 +284,9 @@ FC-9: a parameter write that came after a command left takes its repeat
 FC-9: of two parameter writes that waited the newer takes the repeat
     ask READ_514; request SET_207; request-all SET_207; request START; drive TELL_514; answers STATUS; silent;
     sent ASK_514 US:TELEGRAM_OF_START US:TELEGRAM_OF_207 ALL:TELEGRAM_OF_207
+FC-9: a command during a parameter write is newer than the one that still waits
+    ask READ_514; request SET_207; request-all SET_207; drive TELL_514; request START; silent 3;
+    sent ASK_514 US:TELEGRAM_OF_207 US:TELEGRAM_OF_START*2 ALL:TELEGRAM_OF_207
 FC-9: a request for the card alone takes no repeat from a parameter write
     ask SET_207; local READ_IND; wait 152; sent US:TELEGRAM_OF_207*2
 FC-9: a write for the card alone takes no repeat from a parameter write
