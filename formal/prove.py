@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the proofs of formal/ and prints a table; exit 1 if one fails or a cover is not reached.
 
-    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--known] [--write]
+    python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write]
 
 formal/X_props.vh states the promises of rtl/X.v. Both are joined to one module in build/formal/joined, where
 the properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever from
 reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
-formal/pins.py, which checks that the assumptions let every pin move. --known does not repeat what held before
-for the same Verilog, promises, settings and tools. --write puts the table of a full run into
-build/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
+formal/pins.py, which checks that the assumptions let every pin move. --write puts the table of a full run
+into build/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
 """
 
 import contextlib
@@ -127,7 +126,10 @@ def join(module: str) -> None:
     joined = f"{before}\n{(FOLDER / f'{module}_props.vh').read_text()}\nendmodule\n{after}"
     path = ROOT / WORK / f"joined/{module}.v"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(joined)
+    # In one step: tests join a module while a proof of another process reads it.
+    mine = path.with_suffix(f".{os.getpid()}")
+    mine.write_text(joined)
+    mine.replace(path)
 
 
 def fingerprint(module: str) -> str:
@@ -244,7 +246,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--jobs", type=at_least(1), default=os.cpu_count() or 1)
     parser.add_argument("--task", help="only the tasks whose name starts with this")
     parser.add_argument("--write", action="store_true", help="put the table into build/reports/proofs.md")
-    parser.add_argument("--known", action="store_true", help="do not repeat what held before")
     options = parser.parse_args(arguments)
     known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
     for module in options.modules:
@@ -261,7 +262,7 @@ def main(arguments: list[str] | None = None) -> int:
         join(module)
     began = time.monotonic()
     with threads(options.jobs) as pool:
-        for task in pool.map(run_once if options.known else run, tasks):
+        for task in pool.map(run, tasks):
             verdict = "holds" if task.passed else "FAILS"
             print(f"{task.module:<16} {task.name:<6} {verdict} {task.seconds:6.1f} s", flush=True)
             if not task.passed:

@@ -13,7 +13,6 @@ from formal import prove as formal
 from rtl import cache
 from rtl.sources import ROOT
 
-MODULES = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
 RULES = {
     "bcc": ["FC-1"],
     "break_filter": ["FRAME-3", "FRAME-6"],
@@ -39,31 +38,34 @@ RULES = {
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "uart": ["LINE-1", "LINE-3", "LINE-5", "FRAME-4", "FC-1"],
 }
-
-
-def holds(module: str, task: str) -> bool:
-    """In CI each proof is proved anew."""
-    known = [] if os.environ.get("CI") else ["--known"]
-    return formal.main([module, "--task", task, "--jobs", "1", *known]) == 0
-
-
 # `make test` proves what decides that something leaves; `make formal`, CI and `make nightly` prove all.
 DECIDING = ("commit_gate", "soft_core", "master_loss", "supervisor", "bcc")
+TASKS = [task for path in sorted((ROOT / "formal").glob("*.sby")) for task in formal.tasks_of(path)]
+
+
+def name_of(task: formal.Task) -> str:
+    return f"{task.module}-{task.name}"
 
 
 def marks(module: str) -> list[pytest.MarkDecorator]:
     return [pytest.mark.rule(*RULES[module]), *([] if module in DECIDING else [pytest.mark.nightly])]
 
 
-@pytest.mark.parametrize("module", [pytest.param(module, marks=marks(module)) for module in MODULES])
-def test_promises_hold(module: str) -> None:
-    assert holds(module, "prove")
+@pytest.mark.parametrize(
+    "task", [pytest.param(task, marks=marks(task.module)) for task in TASKS if task.proves], ids=name_of
+)
+def test_promises_hold(task: formal.Task) -> None:
+    """In CI each promise is proved anew."""
+    formal.join(task.module)
+    prove = formal.run if os.environ.get("CI") else formal.run_once
+    assert prove(task).passed, task.errors
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("module", MODULES)
-def test_every_cover_is_reached(module: str) -> None:
-    assert holds(module, "cover")
+@pytest.mark.parametrize("task", [task for task in TASKS if not task.proves], ids=name_of)
+def test_every_cover_is_reached(task: formal.Task) -> None:
+    formal.join(task.module)
+    assert formal.run_once(task).passed, task.errors
 
 
 # Promise that breaks, file of the gate, the code and what it becomes.
