@@ -138,12 +138,13 @@ def _card(seed: int, build: Build) -> Iterator[Piece]:
 
 
 def fast(seed: int) -> Iterator[Piece]:
-    """The part in `make test`: the standard card, a few of everything."""
+    """The part in the tests: a few of everything, and each case once on the small card."""
 
-    def few(baud: int, form: str, names: tuple[str, ...]) -> Piece:
-        return _turnaround("turnaround", baud, form, seed, 1, names, STANDARD)
+    def few(baud: int, form: str, names: tuple[str, ...], build: Build = STANDARD) -> Piece:
+        return _turnaround("turnaround", baud, form, seed, 1, names, build)
 
     names = tuple(CASES)
+    yield few(9600, FORM, names, TINY)
     for baud in BAUDS:
         yield Piece("gate", baud, FORM, gate, {"quick": True}, 3 / baud)
         if baud < 2400:

@@ -8,12 +8,12 @@ own clock.
 
 import cocotb
 import pytest
-from cocotb.triggers import RisingEdge, Timer, with_timeout
+from cocotb.triggers import RisingEdge, with_timeout
 
 from tb.agents import rtu
 from tb.agents.fc_slave import FAULTS, Manner, Script
 from tb.agents.modbus_master import Transaction
-from tb.agents.uart import Flaws, now_ps, sleep_until
+from tb.agents.uart import Flaws, sleep_until
 from tb.lib.bench import Strobes
 from tb.lib.card import MS, CardBench
 from tb.lib.config import (
@@ -21,7 +21,6 @@ from tb.lib.config import (
     CLK_HZ,
     OVERDUE_MS,
     SLOW_HZ,
-    boot_clocks,
     own_hz,
 )
 from tb.lib.runner import run
@@ -35,7 +34,6 @@ from tb.model.told import not_told
 LOWEST_HZ = 2_000_000  # TOP-1
 BAUD = 38_400
 CHARACTER = 11  # bits
-LATEST_BITS = 1  # of reply and telegram, at the clock of the card (PERF-1 to PERF-3)
 # A character time in the silences of FRAME-1, in bits; longer than a character above 19200 bit/s.
 SILENCE = rtu.t15_ps(BAUD) / 1.5 / rtu.bit_ps(BAUD)
 
@@ -430,42 +428,6 @@ async def lines_low_at_power_up_have_no_effect(dut):
     scene.finish()
 
 
-# ---------------------------------------------------------------- the card's own clock
-
-
-@cocotb.test()
-async def manual_examples_at_9600_meet_all_turnarounds(dut):
-    """Also BOOT-1: the first request ends with the boot time and is answered."""
-    scene = Scenario(dut, baud=9600)
-    await scene.card.power_up()
-    begin = now_ps()
-    request = bytes.fromhex(EXAMPLES["bad-address"]["request"])
-    boot_ps = round(boot_clocks() * scene.card.bench.period_ps)
-    await Timer(boot_ps - round(len(request) * rtu.character_ps(9600)), unit="ps")
-    await play(scene, EXAMPLES["bad-address"])
-    print(f"answered {(now_ps() - begin) / MS:.1f} ms after the reset")
-    for name in ("ex1-start-40", "ex5-read-514", "ex6b-text-533", "refused-17"):
-        await play_with_setup(scene, name)
-    local = await scene.request(rtu.build(1, rtu.read_coils(0, 32)))
-    t35 = 3.5 * CHARACTER
-    assert t35 - 0.25 <= local.gap_bits <= t35 + LATEST_BITS, f"{local.gap_bits:.2f} bits"
-    # Both lines run at 9600 bit/s here, so their bits are equal.
-    for request, exchanges in (
-        (rtu.build(1, control_pdu(0x047C, 0)[0]), [process(0x047C, 0)]),
-        *(
-            (bytes.fromhex(EXAMPLES[name]["request"]), exchanges_of(EXAMPLES[name]))
-            for name in ("ex4-write-104", "ex5-read-514")
-        ),
-    ):
-        asked = await scene.request(request, exchanges)
-        exchange = scene.card.slave.heard[-1]
-        forth = (exchange.frame.start_ps - asked.sent.end_ps) / rtu.bit_ps(9600)
-        back = (asked.reply.start_ps - exchange.reply_sent.end_ps) / rtu.bit_ps(9600)
-        assert t35 - 0.25 <= forth <= t35 + LATEST_BITS, f"telegram after {forth:.2f} bits"
-        assert 0 < back <= LATEST_BITS, f"reply after {back:.2f} bits"
-    scene.finish()
-
-
 @cocotb.test()
 async def back_to_back_broadcast_writes_all_take_effect(dut):
     """Broadcasts get no reply, so the master leaves the firmware no more time than its own pause."""
@@ -530,9 +492,6 @@ def run_card(
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("sim", "config"), [("verilator", "standard"), ("verilator", "tiny"), ("icarus", "standard")]
-)
 @pytest.mark.rule(
     *("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "FC-7", "FC-9", "MAP-3", "MAP-9", "EXC", "TOP-2")
 )
@@ -580,11 +539,3 @@ def test_without_t15():
 def test_own_clock(config):
     """On Verilator only: so many clocks take minutes on Icarus, and both agree at a slow clock."""
     run_card("verilator", config, QUICK, own_hz(config))
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("config", ["tiny"])
-@pytest.mark.rule("BOOT-1", "PERF-1", "PERF-2", "PERF-3", "LINE-2", "TOP-2")
-def test_manual_at_own_clock(config):
-    """The bench measures the standard card at its own clock."""
-    run_card("verilator", config, ["manual_examples_at_9600_meet_all_turnarounds"], own_hz(config))

@@ -13,5 +13,10 @@ def first(cases: Sequence, count: int = 1) -> list:
     return [*cases[:count], *(pytest.param(case, marks=pytest.mark.nightly) for case in cases[count:])]
 
 
+def both(simulator: str, other: str) -> list:
+    """A bench on one simulator, and at night on the other. CI leaves out the tests named `at-night`."""
+    return [simulator, pytest.param(other, marks=pytest.mark.nightly, id=f"{other}-at-night")]
+
+
 # Icarus takes too long for these benches; the others run on it, and at night on Verilator.
-on_verilator = pytest.mark.parametrize("sim", first(["verilator", "icarus"]))
+on_verilator = pytest.mark.parametrize("sim", both("verilator", "icarus"))

@@ -15,7 +15,7 @@ import pytest
 
 from rtl import report_page
 from rtl.sources import commit, configurations
-from tb.lib.nightly import first
+from tb.lib.nightly import both, first
 from tb.lib.runner import ROOT, SIMULATORS, recordings
 from tb.lib.seeds import FIXED_SEED
 
@@ -67,7 +67,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "sim" in asked and whole and sim == "icarus":
         metafunc.parametrize("sim", [pytest.param(sim, marks=pytest.mark.nightly)])
     elif "sim" in asked:
-        metafunc.parametrize("sim", [sim] if sim else ["verilator"] if whole else first(SIMULATORS))
+        metafunc.parametrize("sim", [sim] if sim else ["verilator"] if whole else both(*SIMULATORS))
     if "config" in asked:
         cards = list(configurations())
         metafunc.parametrize("config", [card] if card else cards[:1] if sim == "icarus" else first(cards))

@@ -20,7 +20,7 @@ from regs.generated.mailbox import BASE
 from rtl.sources import configuration
 from sw.tools.bin2hex import hex_line, with_parity
 from tb.lib.bench import Bench
-from tb.lib.nightly import first
+from tb.lib.nightly import both
 from tb.lib.runner import ROOT, SIMULATORS, run
 from tb.lib.seeds import cases, seeded
 
@@ -310,7 +310,7 @@ def image_file(sim: str, config: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("sim", first(SIMULATORS))
+@pytest.mark.parametrize("sim", both(*SIMULATORS))
 @pytest.mark.rule("TOP-2", "WDG-1")
 def test_soft_core(sim, config):
     core = configuration(config)
