@@ -300,6 +300,6 @@ def test_holding_registers_at_one_clock_a_tick(sim):
 
 
 @pytest.mark.nightly
-def test_holding_registers_at_the_highest_rate(sim):
+def test_holding_registers_at_the_highest_rate():
     """Above 19200 bit/s the silences are fixed."""
-    simulate(sim, 115_200)
+    simulate("verilator", 115_200)

@@ -639,8 +639,8 @@ def test_network_port(sim):
 
 @pytest.mark.nightly
 @pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-6", "LINE-5", "SAFE-4")
-def test_network_port_at_length(sim):
-    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=LONG)
+def test_network_port_at_length():
+    run("network_line", "tb.rtl.test_network_port", sim="verilator", extra_sources=[WRAPPER], testcase=LONG)
 
 
 @pytest.mark.rule("LINE-2", "FRAME-1")
@@ -674,11 +674,11 @@ def test_network_port_lenient(sim):
 
 @pytest.mark.nightly
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-8", "SAFE-2")
-def test_network_port_on_a_bus_without_bias(sim):
+def test_network_port_on_a_bus_without_bias():
     run(
         "network_line",
         "tb.rtl.test_network_port",
-        sim=sim,
+        sim="verilator",
         extra_sources=[WRAPPER],
         parameters={"BREAK_TOLERANT": 1},
         testcase=["tolerant_.*", "a_pulse_at_the_commit_leaves_the_line_silent"],

@@ -170,11 +170,11 @@ PIN_TESTS = [
 ]
 
 
-def run_line(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> None:
+def run_line(clk_hz: int, testcase: str | list[str], **env: str) -> None:
     run(
         "uart_chain",
         "tb.rtl.test_uart_chain",
-        sim=sim,
+        sim="verilator",
         extra_sources=[HERE / "uart_chain.v"],
         parameters={"CLK_HZ": clk_hz},
         extra_env={"CLK_HZ": str(clk_hz), **env},
@@ -184,11 +184,10 @@ def run_line(sim: str, clk_hz: int, testcase: str | list[str], **env: str) -> No
 
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize("rates", first([(2_000_000, 19_200, 19_200), *MORE_RATES]), ids=str)
-def test_baud_error(sim, rates):
+def test_baud_error(rates):
     """In the last case the clock is 64 times the fastest rate, the least that the rule allows."""
     clk_hz, slowest, fastest = rates
     run_line(
-        sim,
         clk_hz,
         "sender_with_a_rate_error_of_four_percent_is_received",
         SLOWEST=str(slowest),
@@ -197,8 +196,8 @@ def test_baud_error(sim, rates):
 
 
 @pytest.mark.rule("LINE-5")
-def test_bad_lines(sim):
-    run_line(sim, 2_000_000, PIN_TESTS)
+def test_bad_lines():
+    run_line(2_000_000, PIN_TESTS)
 
 
 @pytest.mark.rule("LINE-2", "LINE-4")
@@ -214,14 +213,11 @@ def test_bad_lines(sim):
     ),
     ids=lambda case: f"{case[0]}-{case[1]}",
 )
-def test_bit_time(sim, case):
+def test_bit_time(case):
     clk_hz, slowest, forms = case
-    run(
-        "uart_chain",
-        "tb.rtl.test_uart_chain",
-        sim=sim,
-        extra_sources=[HERE / "uart_chain.v"],
-        parameters={"CLK_HZ": clk_hz},
-        extra_env={"CLK_HZ": str(clk_hz), "SLOWEST": str(slowest), "FORMS": " ".join(forms)},
-        testcase="bit_time_on_the_pin_is_right_at_every_rate",
+    run_line(
+        clk_hz,
+        "bit_time_on_the_pin_is_right_at_every_rate",
+        SLOWEST=str(slowest),
+        FORMS=" ".join(forms),
     )
