@@ -146,6 +146,7 @@ def test_images_of_every_dialect_and_option():
     assert large == {f"{name}{end}" for name in ("card", "builtin", "hvac-basic") for end in ("", "-all")}
 
 
+@pytest.mark.nightly
 def test_every_image_speaks_its_dialect():
     """Each has a code of its own for the value 0 of 40003. The names alone would not show the wrong one."""
     for image in firmware_images():

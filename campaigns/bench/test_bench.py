@@ -38,7 +38,6 @@ FORMS = ("8N1", "8N2", "8E1", "8O1")
 DAILY = (
     *("standard-turnaround-19200-8E1", "standard-turnaround-115200-8E1", "standard-random-1200-8N1"),
     *("standard-gate-19200-8E1", "standard-gate-115200-8E1", "standard-overtaken-115200-8E1"),
-    "standard-conformance-19200-8E1",
 )
 
 

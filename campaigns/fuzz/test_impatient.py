@@ -10,9 +10,10 @@ import pytest
 
 from campaigns.fuzz import case_file
 from campaigns.fuzz.impatient import OWN_CLOCK, make, trial
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 
-SEQUENCES = {"standard": 60, "tiny": 6}  # a sequence of the small card takes as long as 8 of the other's
+# A sequence of the small card takes as long as 8 of the other's.
+SEQUENCES = {"standard": cases(15, 60), "tiny": 6}
 
 
 @pytest.mark.rule("SAFE-8", "FRAME-7", "FC-9", "MAP-3")

@@ -11,7 +11,6 @@ import pytest
 from constraints.boards import board
 from tb.agents import rtu
 from tb.lib.fast_card import FastCard
-from tb.lib.nightly import first
 from tb.model.fc_telegram import build_process
 
 PARAMETERS = (("MEMORY_BYTES", board("card-gw1n-9").memory_bytes), ("MASTER_LOSS_STOP", 1))
@@ -38,8 +37,9 @@ class Drive:
 DIALECTS = ("", "builtin", "hvac_basic")
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("MAP-10", "SAFE-7", "TOP-2")
-@pytest.mark.parametrize("dialect", first(DIALECTS), ids=lambda dialect: dialect or "card")
+@pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: dialect or "card")
 def test_all_options_work_together(dialect):
     drive = Drive()
     with FastCard(drive=drive, dialect=f"large/all/{dialect}", parameters=PARAMETERS) as card:

@@ -256,6 +256,7 @@ def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
             master.heard()
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("SAFE-4")
 def test_after_a_flip_the_next_start_is_watched_as_ever():
     """The flip of a half restarts the firmware."""

@@ -105,20 +105,20 @@ def check_broadcasts(clk_hz: int, baud: int, form: str) -> None:
     ("form", "baud"), [pytest.param("8E1", 19_200, marks=pytest.mark.nightly), ("8N2", 9600)]
 )
 def test_a_pulse_after_a_request_costs_no_reply(form, baud):
-    assert check_replies(2_400_000, baud, form, step=40) > 60
+    assert check_replies(2_000_000, baud, form, step=40) > 60
 
 
 @pytest.mark.rule("LINE-5", "FRAME-6")
 def test_a_pulse_at_the_commit_costs_no_broadcast():
-    check_broadcasts(2_400_000, 19_200, "8E1")
+    check_broadcasts(2_000_000, 19_200, "8E1")
 
 
 # Each format and each kind of rate once, at the lowest clock; one case at a card's clock.
 EVERY = [
-    (4800, 4, 2_400_000, "8N2"),
-    (19_200, 1, 2_400_000, "8E1"),
-    (38_400, 2, 2_400_000, "8O1"),
-    (115_200, 5, 2_400_000, "8N1"),
+    (4800, 4, 2_000_000, "8N2"),
+    (19_200, 1, 2_000_000, "8E1"),
+    (38_400, 2, 2_000_000, "8O1"),
+    (115_200, 5, 2_000_000, "8N1"),
     pytest.param(19_200, 5, 12_000_000, "8E1", marks=pytest.mark.nightly),
 ]
 
@@ -132,7 +132,7 @@ def test_every_pulse_after_a_request_costs_no_reply(form, baud, step, clk_hz):
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     ("baud", "clk_hz", "form"),
-    [(4800, 2_400_000, "8N2"), (38_400, 12_000_000, "8O1"), (115_200, 12_000_000, "8N1")],
+    [(4800, 2_000_000, "8N2"), (38_400, 12_000_000, "8O1"), (115_200, 12_000_000, "8N1")],
 )
 def test_a_pulse_at_the_commit_costs_no_broadcast_at_any_rate(form, baud, clk_hz):
     check_broadcasts(clk_hz, baud, form)

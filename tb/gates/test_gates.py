@@ -16,6 +16,7 @@ from constraints.parts import COUNTED_ON
 from rtl.sources import bench_file
 from tb.gates import ice40, machxo2
 from tb.gates.netlists import cells, netlist, with_fast_tables, with_joined_flip_flops
+from tb.lib.nightly import first
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 from tb.rtl import test_firmware_ram as ram
@@ -25,14 +26,8 @@ from tb.rtl.test_uart import UNIT_TESTS
 BY_PORTS = r"(?!no_single_bit|small_|stop_)\w+"
 
 each_family = pytest.mark.parametrize("family", COUNTED_ON)
-# `make test` runs the benches of modules on the cells of one family.
-first_family = pytest.mark.parametrize(
-    "family",
-    [
-        pytest.param(family, marks=[pytest.mark.nightly] if number else [])
-        for number, family in enumerate(COUNTED_ON)
-    ],
-)
+# One family is enough for the benches of modules.
+first_family = pytest.mark.parametrize("family", first([*COUNTED_ON]))
 
 
 def run_gates(family: str, top: str, parameters=None, config: str = "standard", **more) -> None:
@@ -43,6 +38,7 @@ def run_gates(family: str, top: str, parameters=None, config: str = "standard", 
     run(top, bench, sim="icarus", config=config, parameters=parameters, sources=sources, **more)
 
 
+@pytest.mark.nightly
 @pytest.mark.rule("FRAME-6", "FRAME-7")
 @first_family
 def test_commit_gate_in_cells(family):
