@@ -44,7 +44,12 @@ IN_BOTH = [
         "01 0F 00 00 00 20 54 13",
         (("02 06 81 04 7C 19 99 7D", "02 06 81 06 07 20 00 A4"),),
     ),
-    Example("S3: read coils 33-48, the status word", "01 01 00 20 00 10 3C 0C", "01 01 02 07 06 3B CE"),
+    Example(
+        "S3: read coils 33-48, the status word, which the drive is asked for",
+        "01 01 00 20 00 10 3C 0C",
+        "01 01 02 07 06 3B CE",
+        (("02 06 81 00 00 00 00 85", "02 06 81 06 07 00 00 84"),),
+    ),
     Example(
         "S2: write 105 by 10",
         "01 10 04 19 00 02 04 00 00 02 E2 81 20",
