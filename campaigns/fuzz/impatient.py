@@ -6,9 +6,9 @@
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
 write of a parameter. The drive answers after 3 to 120 ms, too late or never. Then both lines come to rest,
-and the master reads coils 1-32. tb/model/told.py judges. Of the first differences the smallest case found is
-kept: `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an invalid command line or a
-missing tool.
+and the master reads coils 1-32. tb/model/told.py and whole_card.py judge. Of the first differences the
+smallest case found is kept: `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an
+invalid command line or a missing tool.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from concurrent.futures import ProcessPoolExecutor
 from campaigns.fuzz.case import CLK_HZ, DRIVE_DELAY_BITS, Player
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.traffic import DIALECT_PROFILES
-from campaigns.fuzz.trial import told
+from campaigns.fuzz.trial import followed, told
 from campaigns.soak.run import Traffic, wire
 from regs.generated.card_tables import DRIVE_BAUD
 from rtl.command import Parser, run_main
@@ -149,7 +149,10 @@ class Maker:
 
 def play(case: dict, config: str) -> Verdict:
     player = Player(case, Target(config=config))
-    return told(case, player, player.play(probed=False))
+    played = player.play(probed=False)
+    verdict = told(case, player, played)
+    verdict.differences += followed(case, player, played).differences
+    return verdict
 
 
 def make(seed: int, number: int, config: str) -> dict:

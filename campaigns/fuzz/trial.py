@@ -28,18 +28,18 @@ def run(
 ) -> tuple[Verdict, Played]:
     player = Player(case, target, wave)
     played = player.play()
-    judge = LineJudge(
-        CardModel(name=case["dialect"]),
-        player.line,
-        case["address"],
-        player.pace.budget_clocks,
-        strict_t15,
-    )
-    verdict = judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
+    verdict = followed(case, player, played, strict_t15=strict_t15)
     if verdict.unclear:
         verdict.differences += aftermath(case, played, player.line, verdict, player.wait)
     verdict.differences += told(case, player, played, strict_t15=strict_t15).differences
     return verdict, played
+
+
+def followed(case: dict, player: Player, played: Played, *, strict_t15: bool = True) -> Verdict:
+    """Each reply and each telegram, up to where the rules leave the outcome open."""
+    card, budget = CardModel(name=case["dialect"]), player.pace.budget_clocks
+    judge = LineJudge(card, player.line, case["address"], budget, strict_t15)
+    return judge.evaluate(played.network, played.drive, played.replies, played.telegrams, played.end)
 
 
 def told(case: dict, player: Player, played: Played, *, strict_t15: bool = True) -> Told:

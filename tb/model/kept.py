@@ -81,7 +81,7 @@ class Order:
             if (
                 one.lo < fitting[0].lo
                 if fitting and len(data) != 8
-                else (again and one.lo > self.image_lo) or (read and one.hi < read.lo)
+                else (again and not fitting and one.lo > self.image_lo) or (read and one.hi < read.lo)
             )
         ]
         if first and not (images and fitting and len(data) == 8):

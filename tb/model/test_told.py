@@ -117,6 +117,12 @@ FIRST, FREE = (69.5, process(START)), 232.0
         ),
         ([*ASKED, (150, coils(START, 0))], [(FREE, process(START)), (394, write(60))], ""),
         # A write older than the command takes nothing of its repeat, a newer one does (FC-9).
+        # The telegram may be that of a newer command with the same words.
+        (
+            [*ASKED, (375, coils(STOP))],
+            [(at, process(STOP)) for at in (FREE, 394, 556)] + [(718, write(60))],
+            "",
+        ),
         (OLDER, [(FREE, process(STOP)), (394, process(STOP)), (556, write(60))], ""),
         (ASKED, [(FREE, process(STOP)), (394, process(STOP)), (556, write(60))], "before 02 0e 81 20 68"),
         (
