@@ -143,8 +143,9 @@ always @* begin
 `ifdef SHORT_SILENCE
   assume (half_end == 9'd18 && !half_uneven && tick16 && rx);
 `else
-  assume ((half_end == 9'd105 && !half_uneven) || (half_end == 9'd171 && half_uneven) ||
-          (half_end == 9'd478 && half_uneven) || (half_end == 9'd18 && !half_uneven));
+  assume ((half_end == 9'd105 && !half_uneven) || (half_end == 9'd97 && !half_uneven) ||
+          (half_end == 9'd171 && half_uneven) || (half_end == 9'd478 && half_uneven) ||
+          (half_end == 9'd18 && !half_uneven));
 `endif
   assume (!(parity_enable && two_stop));
   assume (!reply_start || (quiet && !sending));
@@ -201,9 +202,9 @@ wire g_break_start = 1'b0;
 wire g_break_watch = 1'b0;
 `endif
 
-// Ticks of 3.5 characters: of 11 bits, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit two ticks are
+// Ticks of 3.5 characters: of 11 bits, with 8N1 of 10, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit two ticks are
 // added, the rest of that bit, and the second stop bit.
-wire [12:0] g_limit = half_end == 9'd18 ? 13'd7 : half_end == 9'd105 ? 13'd616 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
+wire [12:0] g_limit = half_end == 9'd18 ? 13'd7 : half_end == 9'd105 ? 13'd616 : half_end == 9'd97 ? 13'd560 : half_end == 9'd171 ? 13'd1075 : 13'd3224;
 wire [12:0] g_head = g_own ? 13'd0 : two_stop ? 13'd18 : 13'd2;
 always @(posedge clk) begin
   if (g_past) begin

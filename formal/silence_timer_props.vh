@@ -8,12 +8,12 @@ reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
-// The settings of the ports: every rate of card_tables, or the drive's rate.
+// The settings of the ports: every rate and format of card_tables, or the drive's rate.
 `ifdef DRIVE
 always @* assume (half_end == 9'd106 && !half_uneven && !two_stop);
 `else
-always @* assume ((half_end == 9'd105 && !half_uneven) || (half_end == 9'd171 && half_uneven) ||
-                  (half_end == 9'd478 && half_uneven));
+always @* assume ((half_end == 9'd105 && !half_uneven) || (half_end == 9'd97 && !half_uneven) ||
+                  (half_end == 9'd171 && half_uneven) || (half_end == 9'd478 && half_uneven));
 `endif
 always @(posedge clk) begin
   if (g_past) begin

@@ -312,9 +312,21 @@ class CardTables:
         self.drive = data["drive"]
         self.vectors = data["vectors"]
         self.rates = {self.switch_bits(text, 3): rate for text, rate in data["baud"].items()}
-        self.formats = {self.switch_bits(text, 2): entry for text, entry in data["format"].items()}
+        self.formats = {
+            self.switch_bits(text, 2): self.whole(entry) for text, entry in data["format"].items()
+        }
         if sorted(self.rates) != list(range(8)) or sorted(self.formats) != list(range(4)):
             sys.exit(f"{CARD}: every switch pattern must be listed once")
+        more = data["extended"]
+        # With EXTENDED_SWITCHES = 1.
+        self.extended_rates = self.rates | {self.switch_bits(k, 3): rate for k, rate in more["baud"].items()}
+        self.extended_formats = self.formats | {
+            self.switch_bits(text, 2): self.whole(entry) for text, entry in more["format"].items()
+        }
+
+    def whole(self, entry: dict) -> dict:
+        """A format with the bits of its character time."""
+        return {"character_bits": self.line["character_bits"], **entry}
 
     @staticmethod
     def switch_bits(text: str, width: int) -> int:
@@ -341,23 +353,23 @@ class CardTables:
             sys.exit(f"{CARD}: {rate} bit/s is neither the base nor 3 x a power of 2 up to 128 slower")
         return max(halvings - 1, 0)
 
-    def exact_silence_ticks(self, rate: int, name: str) -> float:
+    def exact_silence_ticks(self, rate: int, name: str, character_bits: int) -> float:
         """t15 or t35 in oversampling ticks (FRAME-1)."""
         if rate > self.line["fast_above_baud"]:
             return self.line[f"fast_{name}_us"] * rate * self.line["ticks_per_bit"] / 1e6
-        return self.line[f"{name}_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
+        return self.line[f"{name}_characters"] * character_bits * self.line["ticks_per_bit"]
 
-    def silence_ticks(self, rate: int, name: str) -> int:
+    def silence_ticks(self, rate: int, name: str, character_bits: int) -> int:
         """t15 or t35, rounded up to a whole tick."""
-        return math.ceil(self.exact_silence_ticks(rate, name))
+        return math.ceil(self.exact_silence_ticks(rate, name, character_bits))
 
-    def half_ticks(self, rate: int) -> tuple[int, bool]:
+    def half_ticks(self, rate: int, character_bits: int) -> tuple[int, bool]:
         """Half a character of FRAME-1 in oversampling ticks: a third of t1.5, a seventh of t3.5.
 
         Rounded up. True: the exact value is no whole number, and every second half is a tick shorter.
         """
-        exact = self.exact_silence_ticks(rate, "t15") / 3
-        if not math.isclose(exact, self.exact_silence_ticks(rate, "t35") / 7):
+        exact = self.exact_silence_ticks(rate, "t15", character_bits) / 3
+        if not math.isclose(exact, self.exact_silence_ticks(rate, "t35", character_bits) / 7):
             sys.exit(f"{CARD}: t1.5 and t3.5 are not 3 and 7 halves of the same length at {rate} bit/s")
         return math.ceil(exact), not exact.is_integer()
 
@@ -418,47 +430,69 @@ def with_macros(text: str) -> str:
     return f"{header}\n{block}" + text[len(header) :].lstrip("\n")
 
 
-def verilog_case(select: str, width: int, outputs: dict[str, int], rows: dict[int, dict]) -> list[str]:
-    """An always block with a case of all patterns of `width` switch bits for all outputs."""
+def verilog_case(select: str, width: int, rows: dict[int, dict[str, str]]) -> list[str]:
+    """An always block with a case of all patterns of `width` switch bits; a row has the values."""
     lines = ["  always @* begin", f"    case ({select})"]
     for bits, row in sorted(rows.items()):
         label = "default" if bits == max(rows) else f"{width}'b{bits:0{width}b}"
         lines.append(f"      {label}: begin")
-        for name, size in outputs.items():
-            lines.append(f"        {name} = {size}'{'b' if size == 1 else 'd'}{row[name]};")
+        lines += [f"        {name} = {value};" for name, value in row.items()]
         lines.append("      end")
     return [*lines, "    endcase", "  end"]
 
 
+def either(extended: dict[str, str], old: dict[str, str]) -> dict[str, str]:
+    """The values of a row, by EXTENDED_SWITCHES where they differ."""
+    return {
+        name: value if value == old[name] else f"EXTENDED_SWITCHES ? {value} : {old[name]}"
+        for name, value in extended.items()
+    }
+
+
+def verilog_rate(card: CardTables, rate: int) -> dict[str, str]:
+    half, uneven = card.half_ticks(rate, card.line["character_bits"])
+    fast = rate > card.line["fast_above_baud"]
+    return {
+        "baud_undivided": f"1'b{int(card.ratio(rate) == 1)}",
+        "baud_mask": f"7'd{card.mask(rate)}",
+        "half_end": f"9'd{SILENCE_START + half - 1}" if fast else "character_half",
+        "half_uneven": f"1'b{int(uneven)}",
+    }
+
+
+def verilog_format(card: CardTables, entry: dict) -> dict[str, str]:
+    half, _ = card.half_ticks(card.line["fast_above_baud"], entry["character_bits"])
+    return {
+        "parity_enable": f"1'b{int(entry['parity'] != 'none')}",
+        "parity_odd": f"1'b{int(entry['parity'] == 'odd')}",
+        "two_stop": f"1'b{int(entry['stop_bits'] == 2)}",
+        "character_half": f"9'd{SILENCE_START + half - 1}",
+    }
+
+
 def card_verilog(card: CardTables) -> str:
-    rates = {}
-    for bits, rate in card.rates.items():
-        half, uneven = card.half_ticks(rate)
-        rates[bits] = {
-            "baud_undivided": int(card.ratio(rate) == 1),
-            "baud_mask": card.mask(rate),
-            "half_end": SILENCE_START + half - 1,
-            "half_uneven": int(uneven),
-        }
+    rates = {
+        bits: either(verilog_rate(card, rate), verilog_rate(card, card.rates[bits]))
+        for bits, rate in card.extended_rates.items()
+    }
     formats = {
-        bits: {
-            "parity_enable": int(entry["parity"] != "none"),
-            "parity_odd": int(entry["parity"] == "odd"),
-            "two_stop": int(entry["stop_bits"] == 2),
-        }
-        for bits, entry in card.formats.items()
+        bits: either(verilog_format(card, entry), verilog_format(card, card.formats[bits]))
+        for bits, entry in card.extended_formats.items()
     }
     lines = [
         banner("//", CARD).rstrip(),
         "//",
         "// Settings of the network line by the baud and parity switches. Combinational; 1 = ON.",
+        "// EXTENDED_SWITCHES = 0: the positions of the old card. 1: also 38400 and 115200 bit/s and 8N1.",
         "// Index = switch. Rate by baud_divider (LINE-2), format (LINE-1, LINE-3). half_end: end value of",
         "// silence_timer's count of half a character (FRAME-1); half_uneven: every second half is one tick",
-        "// shorter.",
+        "// shorter. character_half: half_end of the rates whose silences are characters.",
         "",
         "`default_nettype none",
         "",
-        "module card_tables (",
+        "module card_tables #(",
+        "    parameter [0:0] EXTENDED_SWITCHES = 1'b0",
+        ") (",
         "    input  wire [ 5:1] sw_baud,",
         "    output reg         baud_undivided,",
         "    output reg  [ 6:0] baud_mask,",
@@ -470,14 +504,13 @@ def card_verilog(card: CardTables) -> str:
         "  reg       parity_enable;",
         "  reg       parity_odd;",
         "  reg       two_stop;",
+        "  reg [8:0] character_half;",
         "",
         *(f"  assign line[`CARD_LINE_{field.upper()}_BITS] = {field};" for field in card.vectors["line"]),
         "",
-        *verilog_case(
-            "sw_baud[3:1]", 3, {"baud_undivided": 1, "baud_mask": 7, "half_end": 9, "half_uneven": 1}, rates
-        ),
+        *verilog_case("sw_baud[3:1]", 3, rates),
         "",
-        *verilog_case("sw_baud[5:4]", 2, {"parity_enable": 1, "parity_odd": 1, "two_stop": 1}, formats),
+        *verilog_case("sw_baud[5:4]", 2, formats),
         "",
         "endmodule",
         "",
@@ -489,55 +522,76 @@ def card_verilog(card: CardTables) -> str:
 def card_python(card: CardTables) -> str:
     lines = [
         banner("#", CARD).rstrip(),
-        '"""Rates, formats, silences by switches, first switch first, 1 = ON (LINE-2, LINE-3, FRAME-1)."""',
+        '"""Rates, formats, silences by switches, first switch first, 1 = ON (LINE-2, LINE-3, FRAME-1).',
+        "",
+        "RATES, FORMATS: positions of the old card. EXTENDED_...: of a card with EXTENDED_SWITCHES = 1.",
+        '"""',
         "",
         "from dataclasses import dataclass",
         "",
         "",
         "@dataclass(frozen=True)",
         "class Rate:",
-        '    """baud in bit/s; ratio in base ticks per tick; t15, t35, half: in ticks of 1/16 bit.',
-        "",
-        "    mask: count mask of baud_divider for the ratio; 0 for ratio 1.",
-        "    half_ticks: half a character of FRAME-1.",
-        "    half_uneven: the second, fourth ... half is a tick shorter.",
-        '    """',
+        '    """baud in bit/s; ratio in base ticks per tick; mask of baud_divider, 0 for ratio 1."""',
         "",
         "    baud: int",
         "    ratio: int",
         "    mask: int",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Format:",
+        '    """character_bits: length of a character time."""',
+        "",
+        "    parity: str",
+        "    stop_bits: int",
+        "    character_bits: int",
+        "",
+        "",
+        "@dataclass(frozen=True)",
+        "class Silences:",
+        '    """In ticks of 1/16 bit; half: half a character of FRAME-1.',
+        "",
+        "    half_uneven: the second, fourth ... half is a tick shorter.",
+        '    """',
+        "",
         "    t15_ticks: int",
         "    t35_ticks: int",
         "    half_ticks: int",
         "    half_uneven: bool",
         "",
         "",
-        "@dataclass(frozen=True)",
-        "class Format:",
-        "    parity: str",
-        "    stop_bits: int",
-        "",
-        "",
         f"BASE_HZ = {card.line['base_hz']}",
         f"TICKS_PER_BIT = {card.line['ticks_per_bit']}",
         f"CHARACTER_BITS = {card.line['character_bits']}",
         f"DRIVE_BAUD = {card.drive['baud']}",
-        f'DRIVE_FORMAT = Format("{card.drive["parity"]}", {card.drive["stop_bits"]})',
+        f"DRIVE_FORMAT = {python_format(card.whole(card.drive))}",
         f"DRIVE_PAUSE_TICKS = {card.drive_pause_ticks}",
         f"SILENCE_START = {SILENCE_START}",
-        "",
-        "# switches 1, 2, 3",
-        "RATES = {",
     ]
-    for bits, rate in sorted(card.rates.items(), key=lambda item: item[1]):
-        t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
-        row = rate, card.ratio(rate), card.mask(rate), t15, t35, *card.half_ticks(rate)
-        lines.append(f'    "{card.switch_text(bits, 3)}": Rate({", ".join(map(str, row))}),')
-    lines += ["}", "", "# switches 4, 5", "FORMATS = {"]
-    for bits, entry in sorted(card.formats.items()):
-        lines.append(f'    "{card.switch_text(bits, 2)}": Format("{entry["parity"]}", {entry["stop_bits"]}),')
+    for name, rates in (("RATES", card.rates), ("EXTENDED_RATES", card.extended_rates)):
+        lines += ["", "# switches 1, 2, 3", f"{name} = {{"]
+        for bits, rate in sorted(rates.items(), key=lambda item: item[1]):
+            row = rate, card.ratio(rate), card.mask(rate)
+            lines.append(f'    "{card.switch_text(bits, 3)}": Rate({", ".join(map(str, row))}),')
+        lines.append("}")
+    for name, formats in (("FORMATS", card.formats), ("EXTENDED_FORMATS", card.extended_formats)):
+        lines += ["", "# switches 4, 5", f"{name} = {{"]
+        for bits, entry in sorted(formats.items()):
+            lines.append(f'    "{card.switch_text(bits, 2)}": {python_format(entry)},')
+        lines.append("}")
+    lines += ["", "# bit/s, bits of a character time", "SILENCES = {"]
+    for rate in sorted(set(card.extended_rates.values())):
+        for bits in sorted({entry["character_bits"] for entry in card.extended_formats.values()}):
+            t15, t35 = (card.silence_ticks(rate, name, bits) for name in ("t15", "t35"))
+            row = t15, t35, *card.half_ticks(rate, bits)
+            lines.append(f"    ({rate}, {bits}): Silences({', '.join(map(str, row))}),")
     lines.append("}")
     return "\n".join(lines) + "\n"
+
+
+def python_format(entry: dict) -> str:
+    return f'Format("{entry["parity"]}", {entry["stop_bits"]}, {entry["character_bits"]})'
 
 
 def card_cpp(card: CardTables) -> str:
@@ -545,7 +599,7 @@ def card_cpp(card: CardTables) -> str:
     lines = [
         banner("//", CARD).rstrip(),
         "//",
-        "// Rate, silences and format of the network line by switch bits, first switch = bit 0 (LINE-2,",
+        "// Rate, format and silences of the network line by switches 1 to 5, first switch = bit 0 (LINE-2,",
         "// LINE-3, FRAME-1), and of the drive line (FC-1, FC-8).",
         "",
         "#ifndef CARD_TABLES_H",
@@ -553,35 +607,40 @@ def card_cpp(card: CardTables) -> str:
         "",
         "namespace card_tables {",
         "",
-        "struct Rate {",
-        "  int baud;       // bit/s",
+        "struct Format {",
+        "  char parity;         // 'N', 'O' or 'E'",
+        "  int stop_bits;       // stop bits that are sent",
+        "  int character_bits;  // bits of a character time",
+        "};",
+        "",
+        "struct Line {",
+        "  int baud;  // bit/s",
+        "  Format format;",
         "  int t15_ticks;  // silences in ticks of 1/kTicksPerBit bit",
         "  int t35_ticks;",
         "};",
         "",
-        "struct Format {",
-        "  char parity;    // 'N', 'O' or 'E'",
-        "  int stop_bits;  // stop bits that are sent",
-        "};",
-        "",
         f"constexpr int kTicksPerBit = {card.line['ticks_per_bit']};",
-        f"constexpr int kCharacterBits = {card.line['character_bits']};",
         f"constexpr int kDriveBaud = {card.drive['baud']};  // bit/s",
         f"constexpr int kDrivePauseTicks = {card.drive_pause_ticks};",
-        f"constexpr Format kDriveFormat = {{'{letters[card.drive['parity']]}', {card.drive['stop_bits']}}};",
-        "",
-        "// index: switches 1, 2, 3",
-        "constexpr Rate kRate[8] = {",
+        f"constexpr Format kDriveFormat = {cpp_format(card.whole(card.drive), letters)};",
     ]
-    for _, rate in sorted(card.rates.items()):
-        t15, t35 = (card.silence_ticks(rate, name) for name in ("t15", "t35"))
-        lines.append(f"    {{{rate}, {t15}, {t35}}},")
-    lines += ["};", "", "// index: switches 4, 5", "constexpr Format kFormat[4] = {"]
-    for bits in range(4):
-        entry = card.formats[bits]
-        lines.append(f"    {{'{letters[entry['parity']]}', {entry['stop_bits']}}},")
-    lines += ["};", "", "}  // namespace card_tables", "", "#endif"]
+    for about, name, rates, formats in (
+        ("positions of the old card", "kLine", card.rates, card.formats),
+        ("EXTENDED_SWITCHES = 1", "kExtendedLine", card.extended_rates, card.extended_formats),
+    ):
+        lines += ["", f"// index: switches 1 to 5; {about}", f"constexpr Line {name}[32] = {{"]
+        for bits in range(32):
+            rate, entry = rates[bits & 7], formats[bits >> 3]
+            t15, t35 = (card.silence_ticks(rate, text, entry["character_bits"]) for text in ("t15", "t35"))
+            lines.append(f"    {{{rate}, {cpp_format(entry, letters)}, {t15}, {t35}}},")
+        lines.append("};")
+    lines += ["", "}  // namespace card_tables", "", "#endif"]
     return "\n".join(lines) + "\n"
+
+
+def cpp_format(entry: dict, letters: dict[str, str]) -> str:
+    return f"{{'{letters[entry['parity']]}', {entry['stop_bits']}, {entry['character_bits']}}}"
 
 
 # ---------------------------------------------------------------- configurations

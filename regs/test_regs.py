@@ -95,10 +95,13 @@ def test_the_map_ends_with_the_address_space():
 @pytest.mark.rule("LINE-2", "LINE-4")
 def test_rates_of_the_manual_and_exact_division():
     """The rates of LINE-2 by switch pattern; each divides the base exactly (LINE-4)."""
-    rates = {pattern: rate.baud for pattern, rate in card_tables.RATES.items()}
     manual = {"000": 300, "001": 1200, "010": 2400, "011": 4800, "111": 9600, "101": 19200}
-    assert rates == manual | {"100": 38400, "110": 115200}
-    for rate in card_tables.RATES.values():
+    for table, more in (
+        (card_tables.RATES, {"100": 9600, "110": 9600}),
+        (card_tables.EXTENDED_RATES, {"100": 38400, "110": 115200}),
+    ):
+        assert {pattern: rate.baud for pattern, rate in table.items()} == manual | more
+    for rate in card_tables.EXTENDED_RATES.values():
         assert rate.ratio * rate.baud * card_tables.TICKS_PER_BIT == card_tables.BASE_HZ
         assert rate.ratio in (1, 3 * (rate.mask + 1))
         assert rate.mask < 1 << 7
@@ -106,17 +109,22 @@ def test_rates_of_the_manual_and_exact_division():
 
 @pytest.mark.rule("LINE-3")
 def test_formats_of_the_manual():
-    formats = {pattern: (entry.parity, entry.stop_bits) for pattern, entry in card_tables.FORMATS.items()}
-    assert formats == {"11": ("none", 2), "01": ("odd", 1), "00": ("even", 1), "10": ("none", 1)}
+    manual = {"11": ("none", 2, 11), "01": ("odd", 1, 11), "00": ("even", 1, 11)}
+    for table, more in (
+        (card_tables.FORMATS, ("none", 2, 11)),
+        (card_tables.EXTENDED_FORMATS, ("none", 1, 10)),
+    ):
+        found = {pattern: (f.parity, f.stop_bits, f.character_bits) for pattern, f in table.items()}
+        assert found == manual | {"10": more}
 
 
 @pytest.mark.rule("FRAME-1")
 def test_silences_within_a_quarter_bit():
-    """11-bit characters up to 19200 bit/s, 750 and 1750 microseconds above; never too short."""
-    for rate in card_tables.RATES.values():
-        bit = 1 / rate.baud
-        t15, t35 = (750e-6, 1750e-6) if rate.baud > 19200 else (16.5 * bit, 38.5 * bit)
-        for ticks, wanted in ((rate.t15_ticks, t15), (rate.t35_ticks, t35)):
+    """1.5 and 3.5 characters up to 19200 bit/s, 750 and 1750 microseconds above; never too short."""
+    for (baud, bits), silences in card_tables.SILENCES.items():
+        bit = 1 / baud
+        t15, t35 = (750e-6, 1750e-6) if baud > 19200 else (1.5 * bits * bit, 3.5 * bits * bit)
+        for ticks, wanted in ((silences.t15_ticks, t15), (silences.t35_ticks, t35)):
             assert 0 <= ticks * bit / 16 - wanted <= bit / 4 + 1e-12
             assert ticks < 1 << 12
 
@@ -124,11 +132,11 @@ def test_silences_within_a_quarter_bit():
 @pytest.mark.rule("FRAME-1")
 def test_three_and_seven_half_characters_are_the_silences():
     """Within 2 ticks of 1/16 bit, half of the tolerance of the rule."""
-    for rate in card_tables.RATES.values():
-        for halves, limit_us, bits in ((3, 750, 16.5), (7, 1750, 38.5)):
-            exact = limit_us * rate.baud * 16 / 1e6 if rate.baud > 19200 else 16 * bits
-            ticks = halves * rate.half_ticks - rate.half_uneven * (halves // 2)
-            assert abs(ticks - exact) <= 2, f"{rate.baud} bit/s"
+    for (baud, bits), silences in card_tables.SILENCES.items():
+        for halves, limit_us in ((3, 750), (7, 1750)):
+            exact = limit_us * baud * 16 / 1e6 if baud > 19200 else 16 * bits * halves / 2
+            ticks = halves * silences.half_ticks - silences.half_uneven * (halves // 2)
+            assert abs(ticks - exact) <= 2, f"{baud} bit/s"
 
 
 @pytest.mark.rule("FC-1", "FC-8")

@@ -13,6 +13,7 @@
 // driver_limit. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the
 // firmware has the option of that name; see master_loss and docs/guide/master-loss.md.
 // BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it; see break_filter.
+// EXTENDED_SWITCHES: 1, three switch positions are 38400 and 115200 bit/s and 8N1; see card_tables.
 // Rules: TOP-1, TOP-2.
 `default_nettype none
 
@@ -55,7 +56,8 @@ module rtu2fc #(
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0,
     parameter [0:0] DE_LIMIT = 1'b1,
-    parameter [0:0] MASTER_LOSS_STOP = 1'b0
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0,
+    parameter [0:0] EXTENDED_SWITCHES = 1'b0
 ) (
     input  wire       clk,
     input  wire       rst_n,
@@ -173,7 +175,9 @@ module rtu2fc #(
       .tick_base(tick_base)
   );
 
-  card_tables tables_i (
+  card_tables #(
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
+  ) tables_i (
       .sw_baud(baud[5:1]),
       .baud_undivided(baud_undivided),
       .baud_mask(baud_mask),

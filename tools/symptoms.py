@@ -96,7 +96,7 @@ class Bus(FastCard):
 
     def characters(self, ms: float) -> float:
         """Number of network characters in `ms`."""
-        return ms * rtu.character_ps(self.modbus.fmt.baud) / MS
+        return ms * rtu.CHARACTER_BITS * rtu.bit_ps(self.modbus.fmt.baud) / MS
 
 
 # ---------------------------------------------------------------- from the pins to the files

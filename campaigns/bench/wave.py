@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-from regs.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_FORMAT, FORMATS, RATES
+from regs.generated.card_tables import DRIVE_BAUD, DRIVE_FORMAT, EXTENDED_FORMATS, EXTENDED_RATES
 from rtl.sources import configurations
 
 CLK_HZ = configurations()["standard"]["clk_hz"]
 NAMES = {"none1": "8N1", "none2": "8N2", "even1": "8E1", "odd1": "8O1"}
-FORMAT_NAMES = tuple(NAMES[f"{form.parity}{form.stop_bits}"] for form in FORMATS.values())
-BAUDS = tuple(sorted(rate.baud for rate in RATES.values()))
+FORMAT_NAMES = tuple(NAMES[f"{form.parity}{form.stop_bits}"] for form in EXTENDED_FORMATS.values())
+BAUDS = tuple(sorted(rate.baud for rate in EXTENDED_RATES.values()))
 BAUD_ERROR = 0.001  # LINE-4
 # Uncertainty of an edge and of its reference: one cycle of the clock.
 GRAIN = 1.0
@@ -57,7 +57,7 @@ class Line:
 
     @property
     def t15_bits(self) -> float:
-        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * CHARACTER_BITS
+        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * self.character_bits
 
     @property
     def half_bits(self) -> float:
@@ -65,16 +65,17 @@ class Line:
 
     @property
     def t35_bits(self) -> float:
-        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * CHARACTER_BITS
+        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * self.character_bits
 
     @property
     def t35(self) -> float:
         return self.t35_bits * self.bit
 
     def switches(self) -> str:
-        rate = next(key for key, rate in RATES.items() if rate.baud == self.baud)
-        form = next(k for k, f in FORMATS.items() if (f.parity, f.stop_bits) == (self.parity, self.stop_bits))
-        return rate + form
+        """Of a card with EXTENDED_SWITCHES = 1."""
+        rate = next(key for key, rate in EXTENDED_RATES.items() if rate.baud == self.baud)
+        own = (self.parity, self.stop_bits)
+        return rate + next(k for k, f in EXTENDED_FORMATS.items() if (f.parity, f.stop_bits) == own)
 
     def parity_bit(self, byte: int) -> int:
         return byte.bit_count() & 1 ^ (self.parity == "odd")

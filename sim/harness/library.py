@@ -3,7 +3,7 @@
 
     python -m sim.harness.library bench            the libraries of the measuring bench: `make bench-card`
     python -m sim.harness.library tiny             the tiny card of the measuring bench
-    python -m sim.harness.library model CONFIG CLK_HZ FOLDER
+    python -m sim.harness.library model CONFIG CLK_HZ EXTENDED_SWITCHES FOLDER
                                                    the model of the virtual card, copied to FOLDER
 
 A build lies in the cache of rtl/cache.py under a hash of everything that it was made from. So nothing stale
@@ -129,13 +129,14 @@ def build(
     return folder / "libcard.so"
 
 
-def model(clk_hz: int, config: str) -> Path:
+def model(clk_hz: int, config: str, extended_switches: int) -> Path:
     """The folder with headers and archives of the virtual card's model.
 
     The firmware alone decides there whether the loss of the master stops the drive (SAFE-7).
     """
-    stop = {"MASTER_LOSS_STOP": 1} if config == "standard" else None
-    return _folder(clk_hz, config, None, stop, "program", library=False)
+    stop = {"MASTER_LOSS_STOP": 1} if config == "standard" else {}
+    parameters = {"EXTENDED_SWITCHES": extended_switches, **stop}
+    return _folder(clk_hz, config, None, parameters, "program", library=False)
 
 
 def _folder(
@@ -148,7 +149,8 @@ def _folder(
 ) -> Path:
     sources = list(sources or card_files(config))
     # One core runs twice as fast as two in lockstep. A card whose core may fail gets both by `parameters`.
-    settings = {"CLK_HZ": clk_hz, "LOCKSTEP": 0, **(parameters or {})}
+    # EXTENDED_SWITCHES, because many benches run at 38400 or 115200 bit/s or with 8N1.
+    settings = {"CLK_HZ": clk_hz, "LOCKSTEP": 0, "EXTENDED_SWITCHES": 1, **(parameters or {})}
     waivers = list(WAIVERS)
     if extra == "flips":
         more = tuple(sorted((parameters or {}).items()))
@@ -215,8 +217,8 @@ def _tool(*command: object) -> str:
 
 def main(kind: str, *words: str) -> None:
     if kind == "model":
-        config, clk_hz, name = words
-        shutil.copytree(model(int(clk_hz), config), name, dirs_exist_ok=True)
+        config, clk_hz, extended, name = words
+        shutil.copytree(model(int(clk_hz), config, int(extended)), name, dirs_exist_ok=True)
         return
     config = "tiny" if kind == "tiny" else "standard"
     clk_hz = configurations()[config]["clk_hz"]

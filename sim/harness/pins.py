@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from regs.generated.card_tables import FORMATS, RATES
+from regs.generated.card_tables import EXTENDED_FORMATS, EXTENDED_RATES
 from sim.harness import simulated_card
 from sim.harness.simulated_card import SimulatedCard
 from tb.model.wire import Burst, CardCharacter, LineFormat, drive_line
@@ -22,8 +22,8 @@ DE = {NETWORK: SIGNALS.index("modbus_de"), DRIVE: SIGNALS.index("drive_de")}
 DRIVERS = sum(1 << signal for signal in DE.values())
 LEDS = SIGNALS[4:]
 LETTERS = {"none": "N", "even": "E", "odd": "O"}
-FORMS = {f"8{LETTERS[form.parity]}{form.stop_bits}": switches for switches, form in FORMATS.items()}
-BAUDS = {rate.baud: switches for switches, rate in RATES.items()}
+FORMS = {f"8{LETTERS[form.parity]}{form.stop_bits}": switches for switches, form in EXTENDED_FORMATS.items()}
+BAUDS = {rate.baud: switches for switches, rate in EXTENDED_RATES.items()}
 
 
 @dataclass

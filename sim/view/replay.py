@@ -28,7 +28,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from regs.generated.card_tables import CHARACTER_BITS
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
 from rtl.command import Parser, run_main, stop_printing
 from rtl.sources import configuration, configurations
@@ -159,7 +158,7 @@ class Replay:
         self.line, self.unit = line, unit
         target = Target(parameters=parameters, config=config)
         config = configuration(config)
-        self.character = CHARACTER_BITS * line.bit
+        self.character = line.character_bits * line.bit
         self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD_CHARACTERS * self.character)
         edges = [(at + self.origin, level) for at, level in edges]
         self.fates = self._fates(pieces(characters(edges, line), line), replies)

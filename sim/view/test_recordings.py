@@ -33,7 +33,7 @@ pytestmark = pytest.mark.nightly("views")
 
 BAUD = 9600
 PS_PER_S = 1_000_000_000_000
-CHARACTER_PS = rtu.character_ps(BAUD)
+CHARACTER_PS = rtu.CHARACTER_BITS * rtu.bit_ps(BAUD)
 READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
 CONTROL_IS_0 = with_crc(bytes.fromhex("01 01 04 00 00 00 00"))
 START = bytes.fromhex("02 06 81 04 7C 19 99 7D")

@@ -127,7 +127,7 @@ def judge(
         faults.append(f"rate off by {100 * found.rate:+.2f} %, limit {100 * limits.rate:g} %")
     if limits.edge_bits is not None and found.worst_edge_bits > limits.edge_bits:
         faults.append(f"an edge {found.worst_edge_bits:.2f} bits off its place, limit {limits.edge_bits:g}")
-    longest = rtu.t15_ps(fmt.baud) / fmt.bit_ps
+    longest = rtu.t15_ps(fmt.baud, fmt.bits) / fmt.bit_ps
     if found.largest_gap_bits > longest:
         faults.append(f"a gap of {found.largest_gap_bits:.1f} bits inside the frame, limit {longest:.1f}")
     if limits.early_bits is not None and request_end_ps is not None:
@@ -139,7 +139,7 @@ def judge(
 
 def _early(fmt: Format, frame: Frame, request_end_ps: float, allowed_bits: float) -> list[str]:
     after = (frame.start_ps - request_end_ps) / fmt.bit_ps
-    due = rtu.t35_ps(fmt.baud) / fmt.bit_ps
+    due = rtu.t35_ps(fmt.baud, fmt.bits) / fmt.bit_ps
     return (
         [f"starts {after:.1f} bits after the request, t3.5 is {due:.1f}"]
         if after < due - allowed_bits

@@ -22,19 +22,14 @@ def bit_ps(baud: int) -> float:
     return PS_PER_S / baud
 
 
-def character_ps(baud: int) -> float:
-    """A character time is 11 bits in every format (FRAME-1, LINE-3)."""
-    return CHARACTER_BITS * bit_ps(baud)
-
-
-def t15_ps(baud: int) -> float:
+def t15_ps(baud: int, character_bits: int = CHARACTER_BITS) -> float:
     """Longest silence inside a frame: 1.5 characters, 750 us above 19200 baud (FRAME-1)."""
-    return 750e6 if baud > 19200 else 1.5 * character_ps(baud)
+    return 750e6 if baud > 19200 else 1.5 * character_bits * bit_ps(baud)
 
 
-def t35_ps(baud: int) -> float:
+def t35_ps(baud: int, character_bits: int = CHARACTER_BITS) -> float:
     """Shortest silence between frames: 3.5 characters, 1750 us above 19200 baud (FRAME-1)."""
-    return 1750e6 if baud > 19200 else 3.5 * character_ps(baud)
+    return 1750e6 if baud > 19200 else 3.5 * character_bits * bit_ps(baud)
 
 
 @dataclass(frozen=True)

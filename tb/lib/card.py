@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from cocotb.triggers import ReadOnly, RisingEdge, Timer, with_timeout
 
-from regs.generated.card_tables import DRIVE_BAUD, FORMATS, RATES
+from regs.generated.card_tables import DRIVE_BAUD, EXTENDED_FORMATS, EXTENDED_RATES
 from regs.generated.mailbox import REGISTERS
 from tb.agents.fc_slave import FcSlave, Manner
 from tb.agents.modbus_master import ModbusMaster
@@ -22,12 +22,12 @@ MS = 1_000_000_000
 
 def line_formats() -> dict[str, str]:
     """Format name, for example 8E1, to the positions of switches 4 and 5."""
-    return {f"8{PARITY_LETTER[f.parity]}{f.stop_bits}": key for key, f in FORMATS.items()}
+    return {f"8{PARITY_LETTER[f.parity]}{f.stop_bits}": key for key, f in EXTENDED_FORMATS.items()}
 
 
 def baud_switches(baud: int, form: str, rest: str = "0000") -> str:
-    """Positions of switches 1 to 9, first switch first, 1 = ON."""
-    rate = next(key for key, entry in RATES.items() if entry.baud == baud)
+    """Positions of switches 1 to 9 of a card with EXTENDED_SWITCHES = 1, first switch first, 1 = ON."""
+    rate = next(key for key, entry in EXTENDED_RATES.items() if entry.baud == baud)
     return rate + line_formats()[form] + rest
 
 

@@ -114,8 +114,9 @@ def run(
     sources = [*sources, *extra_sources]
     if top == "rtu2fc":
         parameters.setdefault("FIRMWARE_HEX", str(firmware(config)))
-        # One core: nothing fails in these benches.
-        parameters.setdefault("LOCKSTEP", 0)
+    if top == "rtu2fc" and not netlist:
+        # One core: nothing fails in these benches. Many run at 38400 or 115200 bit/s or with 8N1.
+        parameters = {"LOCKSTEP": 0, "EXTENDED_SWITCHES": 1, **parameters}
     # The image is no part of a build: each simulation reads it by this name in its own folder.
     image = {"FIRMWARE_HEX": IMAGE} if "FIRMWARE_HEX" in parameters else {}
     literals = {name: as_sv_literal(value) for name, value in (parameters | image).items()}

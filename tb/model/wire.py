@@ -12,7 +12,7 @@ import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from regs.generated.card_tables import CHARACTER_BITS, DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from regs.generated.card_tables import DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from tb.agents.crc16 import crc_good
 from tb.model.fc_telegram import ADR, STX, TelegramError, bcc, is_broadcast, parse
 
@@ -57,7 +57,7 @@ class LineFormat:
 
     @functools.cached_property
     def t15_bits(self) -> float:
-        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * CHARACTER_BITS
+        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * self.character_bits
 
     @functools.cached_property
     def half_bits(self) -> float:
@@ -66,7 +66,7 @@ class LineFormat:
 
     @functools.cached_property
     def t35_bits(self) -> float:
-        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * CHARACTER_BITS
+        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * self.character_bits
 
     def parity_bit(self, byte: int) -> int:
         return byte.bit_count() & 1 ^ (self.form[1] == "O")
@@ -340,7 +340,7 @@ class DriveReceiver:
 
     def _in_time(self, count: int) -> bool:
         took = self.characters[-1].end - self.characters[0].start
-        limit = 1.5 * CHARACTER_BITS * count * self.line.bit
+        limit = 1.5 * self.line.character_bits * count * self.line.bit
         if abs(took - limit) < 1.5 * self.line.bit:
             raise Unclear(self.characters[-1].end, "a telegram at 1.5 times its nominal time")
         return took < limit

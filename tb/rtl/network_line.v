@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the network port with the tables of the switches, as on the card. The vectors
-// come out field by field.
+// Bench wrapper: the network port with the tables of the switches, as on the card, by default with
+// EXTENDED_SWITCHES for every rate and format. The vectors come out field by field.
 `default_nettype none
 
 // Written by `make regs`, the macros of regs/ that this file uses:
@@ -9,7 +9,8 @@
 
 module network_line #(
     parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] BREAK_TOLERANT = 1'b0
+    parameter [0:0] BREAK_TOLERANT = 1'b0,
+    parameter [0:0] EXTENDED_SWITCHES = 1'b1
 ) (
     input  wire       clk,
     input  wire       rst,
@@ -62,7 +63,9 @@ module network_line #(
   wire [6:0] mask;
   wire [`CARD_LINE_BITS] format;
 
-  card_tables tables_i (
+  card_tables #(
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
+  ) tables_i (
       .sw_baud(sw_baud),
       .baud_undivided(undivided),
       .baud_mask(mask),

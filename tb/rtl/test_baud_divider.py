@@ -4,7 +4,7 @@
 import cocotb
 import pytest
 
-from regs.generated.card_tables import BASE_HZ, DRIVE_BAUD, RATES, TICKS_PER_BIT, Rate
+from regs.generated.card_tables import BASE_HZ, DRIVE_BAUD, EXTENDED_RATES, TICKS_PER_BIT, Rate
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import cases, seeded
@@ -16,7 +16,7 @@ DRIVE = 12
 async def ticks_since_power_up_follow_the_count(dut):
     """Runs first: there is no reset, and the count starts at 0 at power-up. Base ticks are random."""
     rng = seeded("since power-up")
-    rates = list(RATES.values())
+    rates = list(EXTENDED_RATES.values())
     bench = await Bench(dut, **levels(rates[0], tick_base=0)).start()
     await bench.clocks(3)
     base = 0
@@ -35,7 +35,7 @@ async def ticks_since_power_up_follow_the_count(dut):
 
 @cocotb.test()
 async def every_rate_divides_the_base_evenly(dut):
-    for rate in RATES.values():
+    for rate in EXTENDED_RATES.values():
         assert rate.ratio * rate.baud * TICKS_PER_BIT == BASE_HZ
 
 
@@ -44,7 +44,7 @@ def levels(rate: Rate, **more: int) -> dict[str, int]:
 
 
 @cocotb.test()
-@cocotb.parametrize(rate=list(RATES.values()))
+@cocotb.parametrize(rate=list(EXTENDED_RATES.values()))
 async def ticks_come_every_ratio_base_ticks(dut, rate):
     bench = await Bench(dut, **levels(rate, tick_base=1)).start()
     for ticks, ratio in ((Strobes(dut, "tick16_modbus"), rate.ratio), (Strobes(dut, "tick16_drive"), DRIVE)):
@@ -56,9 +56,9 @@ async def ticks_come_every_ratio_base_ticks(dut, rate):
 @cocotb.test()
 async def drive_ticks_do_not_depend_on_the_switches(dut):
     assert DRIVE * DRIVE_BAUD * TICKS_PER_BIT == BASE_HZ
-    bench = await Bench(dut, **levels(RATES["000"], tick_base=1)).start()
+    bench = await Bench(dut, **levels(EXTENDED_RATES["000"], tick_base=1)).start()
     ticks = Strobes(dut, "tick16_drive")
-    for rate in RATES.values():
+    for rate in EXTENDED_RATES.values():
         for name, level in levels(rate).items():
             getattr(dut, name).value = level
         await bench.clocks(50)
@@ -69,7 +69,7 @@ async def drive_ticks_do_not_depend_on_the_switches(dut):
 @cocotb.test()
 async def divider_counts_uneven_base_ticks(dut):
     rng = seeded("base ticks")
-    bench = await Bench(dut, **levels(RATES["100"], tick_base=0)).start()
+    bench = await Bench(dut, **levels(EXTENDED_RATES["100"], tick_base=0)).start()
     ticks, given = Strobes(dut, "tick16_modbus"), 0
     for _ in range(300):
         level = rng.randint(0, 1)

@@ -10,7 +10,7 @@ import cocotb
 import pytest
 from cocotb.triggers import FallingEdge
 
-from regs.generated.card_tables import BASE_HZ, RATES
+from regs.generated.card_tables import BASE_HZ, EXTENDED_RATES
 from tb.agents import rtu
 from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench, Strobes
@@ -71,7 +71,7 @@ class Port:
     def bits(self, characters: float) -> float:
         """Converts character times of FRAME-1 to bits at the present rate."""
         fmt = self.line.fmt
-        return characters * rtu.t15_ps(fmt.baud) / 1.5 / fmt.bit_ps
+        return characters * rtu.t15_ps(fmt.baud, fmt.bits) / 1.5 / fmt.bit_ps
 
     async def send(self, data: bytes, flaws: Flaws | None = None) -> int:
         """Sends characters; returns the end of the last stop bit in ps."""
@@ -110,15 +110,16 @@ def late_bits(port: Port, strobes: Strobes, end_ps: int, limit_ps: float) -> flo
 
 
 @cocotb.test()
-@cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
+@cocotb.parametrize(baud=[rate.baud for rate in EXTENDED_RATES.values()])
 async def both_silences_are_exact_from_the_pin_at_every_rate(dut, baud):
     """In every format at the fast rates; in one at the slow rates, to save simulation time."""
     port = await Port(dut, 115_200).start()
     for form in FORMATS if baud >= 9600 else ("8O1",) if baud > 300 else ("8N2",):
         await use(port, baud, form)
         end = await port.frame(SHORT)
-        half = late_bits(port, port.candidates, end, rtu.t15_ps(baud) / 3)
-        long = late_bits(port, port.commits, end, rtu.t35_ps(baud))
+        bits = port.line.fmt.bits
+        half = late_bits(port, port.candidates, end, rtu.t15_ps(baud, bits) / 3)
+        long = late_bits(port, port.commits, end, rtu.t35_ps(baud, bits))
         print(f"{port.line.fmt}: candidate {half:+.3f} bits, commit {long:+.3f} bits after their limits")
         assert abs(half) <= ACCURACY and abs(long) <= ACCURACY, port.line.fmt
         port.clear()
@@ -530,7 +531,8 @@ async def first_bit_of_a_reply_is_never_early_for_any_sender(dut, baud):
                 await port.bench.clocks()
             await port.bench.strobe(dut.reply_start)
             reply = await port.line.monitor.frame(1e12, gap_bits=3)
-            early = (end + rtu.t35_ps(baud) - reply.start_ps) / port.line.fmt.bit_ps
+            fmt = port.line.fmt
+            early = (end + rtu.t35_ps(baud, fmt.bits) - reply.start_ps) / fmt.bit_ps
             print(f"{port.line.fmt}, sender {ppm / 10_000:+.0f} %: first bit {-early:+.3f} bits after t3.5")
             assert early <= 0, f"{port.line.fmt}, {ppm} ppm"
             await port.silence(4)

@@ -7,7 +7,7 @@ test_network_port.py and test_drive_port.py measure the limits from the pin.
 import cocotb
 import pytest
 
-from regs.generated.card_tables import RATES, SILENCE_START
+from regs.generated.card_tables import SILENCE_START, SILENCES
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 
@@ -128,14 +128,14 @@ async def silence_counts_from_the_end_of_the_cards_own_reply(dut, two_stop):
 
 
 @cocotb.test()
-@cocotb.parametrize(baud=[rate.baud for rate in RATES.values()])
-async def limits_of_every_rate_match_the_table(dut, baud):
-    """1.5 and 3.5 characters, above 19200 bit/s 750 and 1750 us, to two ticks."""
-    rate = next(rate for rate in RATES.values() if rate.baud == baud)
-    levels = {"half_end": half_end(rate.half_ticks), "half_uneven": rate.half_uneven}
+@cocotb.parametrize(line=list(SILENCES))
+async def limits_of_every_rate_match_the_table(dut, line):
+    """1.5 and 3.5 characters of 11 or 10 bits, above 19200 bit/s 750 and 1750 us, to two ticks."""
+    silences = SILENCES[line]
+    levels = {"half_end": half_end(silences.half_ticks), "half_uneven": silences.half_uneven}
     timer = await Timer(dut, 1, **levels).start()
-    await timer.bench.clocks(rate.t35_ticks + 100)
-    for strobes, limit in ((timer.short, rate.t15_ticks), (timer.long, rate.t35_ticks)):
+    await timer.bench.clocks(silences.t35_ticks + 100)
+    for strobes, limit in ((timer.short, silences.t15_ticks), (timer.long, silences.t35_ticks)):
         (ticks,) = timer.ticks(strobes)
         assert abs(ticks - TWO_STOP_TICKS - limit) <= 2
 

@@ -2,7 +2,7 @@
 """The judge of edges on drawn edges: each limit from its rule, just inside and just outside.
 
 Rules: 1 % of the rate ("MODBUS over Serial Line" V1.02, page 20); 1.5 and 3.5 characters of 11 bits, above
-19200 bit/s 750 and 1750 us (page 13); the other limits are those of `Limits`.
+19200 bit/s 750 and 1750 us (page 13). A character of 8N1 has 10 bits. The other limits are those of `Limits`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ START_PS = 5_000_000_000
 LINES = [
     (9600, "8E1", 16.5, 38.5),
     (19200, "8O1", 16.5, 38.5),
-    (19200, "8N1", 16.5, 38.5),
+    (19200, "8N1", 15, 35),
     (1200, "8N2", 16.5, 38.5),
     (38400, "8E1", 28.8, 67.2),
     (115200, "8N2", 86.4, 201.6),
