@@ -13,7 +13,7 @@ import json
 import re
 import sys
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +22,8 @@ from rtl.sources import ROOT, SourcesError, configurations, without_comments
 
 FOLDER = ROOT / "constraints"
 TABLE = FOLDER / "boards.toml"
+# End of a board's name: the same board with EXTENDED_SWITCHES = 1 (LINE-2, LINE-3).
+EXTENDED = "-extended"
 CARD = ROOT / "rtl/rtu2fc.v"
 CARD_INSTANCE = "card_i"
 PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf", "gowin": "cst"}
@@ -105,7 +107,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class Board:
-    """An entry of boards.toml; `name` is its key."""
+    """An entry of boards.toml; `name` is its key, with EXTENDED after it for the board of that kind."""
 
     name: str
     title: str
@@ -122,16 +124,24 @@ class Board:
     banks_1v8: tuple[int, ...] = ()
 
     @property
+    def folder(self) -> Path:
+        return FOLDER / self.name.removesuffix(EXTENDED)
+
+    @property
+    def extended_switches(self) -> int:
+        return int(self.name.endswith(EXTENDED))
+
+    @property
     def top(self) -> str:
-        return self.name.replace("-", "_")
+        return self.folder.name.replace("-", "_")
 
     @property
     def wrapper(self) -> Path:
-        return FOLDER / self.name / f"{self.top}.v"
+        return self.folder / f"{self.top}.v"
 
     @property
     def pin_file(self) -> Path:
-        return FOLDER / self.name / f"{self.top}.{PIN_FILES[self.family]}"
+        return self.folder / f"{self.top}.{PIN_FILES[self.family]}"
 
     @property
     def memory_words(self) -> int:
@@ -183,11 +193,17 @@ def boards() -> dict[str, Board]:
     }
 
 
+def extended(entry: Board) -> Board:
+    return replace(entry, name=f"{entry.name}{EXTENDED}")
+
+
 def board(name: str) -> Board:
+    """A board by its name, of either kind."""
     known = boards()
-    if name not in known:
-        raise SourcesError(f"no board {name!r} in {TABLE.relative_to(ROOT)}; there are: {', '.join(known)}")
-    return known[name]
+    if name.removesuffix(EXTENDED) not in known:
+        there = f"there are: {', '.join(known)}, each with {EXTENDED} after it, too"
+        raise SourcesError(f"no board {name!r} in {TABLE.relative_to(ROOT)}; {there}")
+    return replace(known[name.removesuffix(EXTENDED)], name=name)
 
 
 def ports(path: Path) -> dict[str, str]:
@@ -368,6 +384,8 @@ def problems(entry: Board) -> list[str]:
         wrong.append(
             f"the wrapper's MEMORY_BYTES is not the {entry.memory_bytes or 'default'} of boards.toml"
         )
+    if ".EXTENDED_SWITCHES(EXTENDED_SWITCHES)" not in code:
+        wrong.append("the wrapper does not pass EXTENDED_SWITCHES to the card")
     if entry.clk_hz < configurations()[entry.config]["clk_hz"]:
         wrong.append(f"{entry.clk_hz} Hz are too slow for the configuration {entry.config}")
 

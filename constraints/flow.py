@@ -171,6 +171,7 @@ def synthesise(entry: Board, folder: Path, firmware: Path, name: str) -> dict[st
     script = f"""
 read_verilog -defer {sources}
 chparam -set CLK_HZ {entry.clk_hz} -set FIRMWARE_HEX "{sandboxed(firmware)}" {entry.top}
+chparam -set EXTENDED_SWITCHES {entry.extended_switches} {entry.top}
 {mapping(entry.family, yosys_device(entry), entry.top)}
 select -assert-none t:$dlatch t:$adlatch t:$dlatchsr t:$_DLATCH*
 check -noinit -assert
@@ -274,7 +275,7 @@ def made_from(entry: Board) -> str:
     content = hashlib.sha256()
     for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
         content.update(bare(path))
-    row = [entry.part, entry.family, entry.device, entry.clk_hz, entry.memory_words]
+    row = [entry.part, entry.family, entry.device, entry.clk_hz, entry.memory_words, entry.extended_switches]
     content.update(repr([*row, SYNTHESIS[entry.family], tool_versions()]).encode())
     return content.hexdigest()
 

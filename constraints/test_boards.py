@@ -46,7 +46,7 @@ synth = pytest.mark.nightly("synth")
 CONSTANT = {"wifi_gpio0": 1}
 # The wrappers run at a low clock; a finished bitstream has the board's own.
 CLK_HZ = int(os.environ.get("BOARD_CLK_HZ", "2000000"))
-BAUD = 38_400
+BAUD = 19_200  # without EXTENDED_SWITCHES
 BOARDS = boards()
 each_board = pytest.mark.parametrize("name", BOARDS)
 # The card is the same on each board. CI starts it on the boards to own alone.
@@ -501,6 +501,10 @@ FAULTS = [
     ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
     ("icebreaker", ".v", ".drive_de(drive_de)", ".drive_de()", "the card's port drive_de is not connected"),
     ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
+    (
+        *("icebreaker", ".v", ".EXTENDED_SWITCHES(EXTENDED_SWITCHES)", ".STRICT_T15(1'b1)"),
+        "the wrapper does not pass EXTENDED_SWITCHES to the card",
+    ),
     ("card-gw1n-9", ".v", "BYTES(16384)", "BYTES(8192)", "the wrapper's MEMORY_BYTES is not the 16384"),
     ("ulx3s-25", ".lpf", 'COMP "drive_de"', 'COMP "clk"', "port clk has two pins"),
     ("ulx3s-25", ".lpf", 'PORT "wifi_gpio0"', 'PORT "x"', "port wifi_gpio0 has no buffer line"),

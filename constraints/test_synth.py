@@ -415,6 +415,13 @@ def counts(cells: dict[str, int]) -> dict:
     return {family: {flow: {"cells": cells[family], "brams": 0} for flow in FLOWS} for family in COUNTED_ON}
 
 
+def test_a_board_of_either_kind_is_a_design_of_its_own():
+    old, extended = board("icebreaker"), board("icebreaker-extended")
+    assert (old.extended_switches, extended.extended_switches) == (0, 1)
+    assert flow.pattern_file(old) != flow.pattern_file(extended) and old.wrapper == extended.wrapper
+    assert flow.made_from(old) != flow.made_from(extended)
+
+
 def test_the_whole_card_has_every_module():
     """A module that is missing in WHOLE would be cut out, and its cells with it."""
     assert {path.stem for path in rtl_files()} - parts.WHOLE == {"rtu2fc", "break_filter"}, (

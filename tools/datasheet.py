@@ -25,6 +25,7 @@ from campaigns.bench import fingerprint
 from campaigns.line_quality.limits import QUANTITIES
 from constraints import image
 from constraints.boards import boards
+from regs.generated.card_tables import RATES
 from rtl.command import VERSION, Parser, run_main
 from rtl.report_page import evidence
 from rtl.sources import ROOT, SourcesError, configurations, without_comments
@@ -67,6 +68,7 @@ MEANING = {
     "BREAK_TOLERANT": "1: low after a frame is silence",
     "DE_LIMIT": "1: limits the time of DE",
     "MASTER_LOSS_STOP": "1: may stop the drive",
+    "EXTENDED_SWITCHES": "1: 38400, 115200, 8N1",
     "rst_n": "reset, active low",
     "sw_baud": "baud switches",
     "sw_addr": "address switches",
@@ -357,9 +359,17 @@ def images() -> str:
     for name, entry in boards().items():
         firmware = "card"
         if entry.config == "standard":
-            more = "all" if entry.memory_bytes else "refresh"
             dialects = ("card", "builtin", "hvac-basic")
-            firmware = ", ".join([*dialects, *(f"{dialect}-{more}" for dialect in dialects)])
+            more = [
+                "card-refresh",
+                "builtin-norefresh",
+                "hvac-basic-norefresh",
+                "card-delay5",
+                "card-delay20",
+            ]
+            if entry.memory_bytes:
+                more = [f"{dialect}-all" for dialect in dialects]
+            firmware = ", ".join([*dialects, *more])
         suffix = image.result_suffix(entry)
         rows.append(
             [f"`{name}`", entry.part, f"{suffix}, .jed" if entry.family == "machxo2" else suffix, firmware]
@@ -384,13 +394,15 @@ def page() -> str:
     facts = tomllib.loads(FACTS.read_text())
     resource_table, design = resources()
     turnaround, line = table("results", "Turnaround, rate by rate"), table("line-quality", "")
+    rates = sorted({rate.baud for rate in RATES.values()})
     measured = "`, firmware `".join(of("results", subject) for subject in ("standard card", "firmware"))
     content = {
         "version": VERSION.read_text().strip(),
         "card": fingerprint.card(),
         "tiny": fingerprint.card("tiny"),
-        "rates": ", ".join(map(str, sorted(BAUDS))),
-        "formats": ", ".join(FORMS),
+        "rates": ", ".join(map(str, rates)),
+        "formats": ", ".join(form for form in sorted(FORMS) if form != "8N1"),
+        "more_rates": " and ".join(map(str, sorted(set(BAUDS) - set(rates)))),
         "functions": hexadecimal(FUNCTIONS),
         "more_functions": hexadecimal(DIAGNOSTICS).replace("2B", "2B/0E"),
         "dialects": ", ".join(f"<code>{name}</code>" for name in DIALECTS),

@@ -4,9 +4,9 @@
     python -m tools.release [--tag v1.2.3] [--draft] [--board NAME ...]   default: every board
     python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
-Bitstreams of every board with every firmware image that fits it, the images, data sheet, report, site of the
-documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are (build/synth); a
-missing or older one is placed and routed first.
+Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, data sheet,
+report, site of the documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are
+(build/synth); a missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
 files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
@@ -30,7 +30,7 @@ from pathlib import Path
 
 from campaigns.bench import fingerprint
 from constraints import flow, image, synth
-from constraints.boards import Board, board, boards
+from constraints.boards import Board, board, boards, extended
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
 from tools import datasheet, figures, report, trace
@@ -44,7 +44,7 @@ CHANGELOG = ROOT / "CHANGELOG.md"
 # Folders of build/ that the site shows; their commands have written them before.
 SHOWN = ("reports", "pictures", "diagrams")
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
-OPTIONS = ("all", "refresh", "stop")
+OPTIONS = ("all", "refresh", "norefresh", "stop", "delay5", "delay20")
 # The date of every file in the archive, the first that zip knows.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16
@@ -208,6 +208,11 @@ def add_firmware(dist: Dist, images: list[Image]) -> None:
         dist.add(f"firmware-{memory}-{one.name}", ".hex", one.path.read_bytes(), text)
 
 
+def both_kinds() -> list[Board]:
+    """Every board, without and with EXTENDED_SWITCHES."""
+    return [kind for entry in boards().values() for kind in (entry, extended(entry))]
+
+
 def design(entry: Board) -> None:
     """Builds the board's placed and routed design, unless it is up to date."""
     finished = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
@@ -330,7 +335,9 @@ def copy_sources(target: Path) -> None:
 
 def other_boards(names: Iterable[str], version: str, chosen: list[Board]) -> list[str]:
     """Boards that are in DIST or in `chosen`, but not in both."""
-    there = {name for name in boards() if any(file.startswith(f"rtu2fc-{version}-{name}-") for file in names)}
+    known = sorted((entry.name for entry in both_kinds()), key=len)
+    of = [[name for name in known if file.startswith(f"rtu2fc-{version}-{name}-")] for file in names]
+    there = {fitting[-1] for fitting in of if fitting}
     return sorted(there ^ {entry.name for entry in chosen})
 
 
@@ -384,7 +391,7 @@ def main() -> int:
     if args.unchecked and ROOT.name != AGAIN.name:
         parser.error("--unchecked is for the second build of --check")
     version = VERSION.read_text().strip()
-    chosen = [board(name) for name in args.board] or list(boards().values())
+    chosen = [board(name) for name in args.board] or both_kinds()
     words = ["--draft"] * args.draft + [word for name in args.board for word in ("--board", name)]
     if not args.draft and not args.unchecked and (wrong := refusals(version, args.tag)):
         for reason in wrong:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from constraints.boards import boards
+from constraints.boards import board, boards
 from rtl.command import VERSION, version
 from rtl.sources import ROOT, configurations
 from tb.agents.rtu import build, write_register
@@ -140,8 +140,9 @@ def firmware_images() -> list[Image]:
 def test_images_of_every_dialect_and_option():
     found = firmware_images()
     names = sorted(image.name for image in found if image.path.parts[1] != "large")
-    options = ("builtin", "builtin-refresh", "builtin-stop", "card", "card", "card-refresh", "card-stop")
-    assert names == sorted([*options, "hvac-basic", "hvac-basic-refresh"])
+    of_card = ["card", "card", *(f"card-{option}" for option in ("refresh", "stop", "delay5", "delay20"))]
+    of_builtin = ["builtin", "builtin-norefresh", "builtin-stop"]
+    assert names == sorted([*of_card, *of_builtin, "hvac-basic", "hvac-basic-norefresh"])
     large = {image.name for image in found if image.path.parts[1] == "large"}
     assert large == {f"{name}{end}" for name in ("card", "builtin", "hvac-basic") for end in ("", "-all")}
 
@@ -274,6 +275,22 @@ def test_the_second_build_has_every_file_but_ignored_ones(monkeypatch, tmp_path)
     (tree / "kept").write_text("changed")
     release.copy_sources(target)
     assert (target / "build/results.json").exists() and (target / "kept").read_text() == "changed"
+
+
+def test_a_release_has_each_board_with_either_kind_of_switches(releasable, monkeypatch):
+    assert started(monkeypatch) == 0 and releasable == [(False, 2 * len(boards()))]
+    assert started(monkeypatch, "--draft", "--board", "icebreaker-extended") == 0
+    assert releasable[1:] == [(True, 1)]
+
+
+def test_check_distinguishes_the_two_kinds_of_a_board():
+    one, other = board("icebreaker"), board("icebreaker-extended")
+    for entry in (one, other):
+        files = [f"rtu2fc-9.9.9-{entry.name}-{name}.bin" for name in ("card", "builtin-refresh")]
+        assert release.other_boards([*files, "SHA256SUMS"], "9.9.9", [entry]) == []
+        assert release.other_boards(files, "9.9.9", [one, other]) == [
+            each.name for each in (one, other) if each != entry
+        ]
 
 
 def test_check_needs_a_whole_release(dist):

@@ -13,6 +13,7 @@
 module card_gw1n_9 #(
     parameter CLK_HZ = 12_000_000,
     parameter FIRMWARE_HEX = "firmware.hex",
+    parameter [0:0] EXTENDED_SWITCHES = 1'b0,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,
@@ -48,6 +49,7 @@ module card_gw1n_9 #(
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
       .FIRMWARE_HEX(FIRMWARE_HEX),
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES),
       .MEMORY_BYTES(16384),
       .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) card_i (

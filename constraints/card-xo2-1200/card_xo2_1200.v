@@ -11,7 +11,8 @@
 
 module card_xo2_1200 #(
     parameter CLK_HZ = 34_368_000,
-    parameter FIRMWARE_HEX = "firmware.hex"
+    parameter FIRMWARE_HEX = "firmware.hex",
+    parameter [0:0] EXTENDED_SWITCHES = 1'b0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -45,7 +46,8 @@ module card_xo2_1200 #(
 
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
-      .FIRMWARE_HEX(FIRMWARE_HEX)
+      .FIRMWARE_HEX(FIRMWARE_HEX),
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (
       .clk(clk),
       .rst_n(1'b1),

@@ -12,6 +12,7 @@
 module tang_nano_9k #(
     parameter CLK_HZ = 27_000_000,
     parameter FIRMWARE_HEX = "firmware.hex",
+    parameter [0:0] EXTENDED_SWITCHES = 1'b0,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
     input  wire       clk,
@@ -47,6 +48,7 @@ module tang_nano_9k #(
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
       .FIRMWARE_HEX(FIRMWARE_HEX),
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES),
       .MEMORY_BYTES(16384),
       .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
   ) card_i (

@@ -10,7 +10,8 @@
 
 module ulx3s_25 #(
     parameter CLK_HZ = 25_000_000,
-    parameter FIRMWARE_HEX = "firmware.hex"
+    parameter FIRMWARE_HEX = "firmware.hex",
+    parameter [0:0] EXTENDED_SWITCHES = 1'b0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -37,7 +38,8 @@ module ulx3s_25 #(
 
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
-      .FIRMWARE_HEX(FIRMWARE_HEX)
+      .FIRMWARE_HEX(FIRMWARE_HEX),
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (
       .clk(clk),
       .rst_n(1'b1),

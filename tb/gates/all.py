@@ -23,7 +23,7 @@ NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), (
 @pytest.mark.parametrize(("family", "card"), NETLISTS)
 def test_every_example(family, card):
     """At the slowest clock that the mapper takes (GATES_HZ)."""
-    parameters = {"CLK_HZ": GATES_HZ[family], "FIRMWARE_HEX": str(firmware(card))}
+    parameters = {"CLK_HZ": GATES_HZ[family], "FIRMWARE_HEX": str(firmware(card)), "EXTENDED_SWITCHES": 1}
     run_gates(
         family,
         "rtu2fc",
@@ -67,6 +67,7 @@ def run_examples(name: str, image: Path) -> None:
         parameters={"CLK_HZ": entry.clk_hz, "FIRMWARE_HEX": str(entry.firmware)},
         sources=[image, world(entry)],
         testcase=EXAMPLES,
+        extra_env={"CARD_BAUD": "19200"},
     )
 
 
