@@ -140,11 +140,12 @@ def test_the_guide_has_the_bits_of_every_port(port):
 
 
 def test_the_guide_has_the_format_of_each_rate(tmp_path):
-    """As card_tables makes it from the switches."""
+    """As card_tables makes it from the switches, with EXTENDED_SWITCHES = 1."""
     bench = tmp_path / "bench.v"
     bench.write_text(
         "module bench; reg [5:1] switches; wire [12:0] line; integer i;\n"
-        "card_tables tables (.sw_baud(switches), .baud_undivided(), .baud_mask(), .line(line));\n"
+        "card_tables #(.EXTENDED_SWITCHES(1)) tables (.sw_baud(switches), .line(line),\n"
+        ".baud_undivided(), .baud_mask());\n"
         "initial for (i = 0; i < 32; i = i + 1) begin\n"
         '  switches = i[4:0]; #1 $display("%0d %h", i, line);\nend\nendmodule\n'
     )
