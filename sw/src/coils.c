@@ -26,8 +26,7 @@ uint32_t coils_answer(const struct translator *t, struct transaction *txn, uint3
             bits |= word[1] << (32 - shift);
         txn->out.reply[2 + i] = (uint8_t)bits;
     }
-    if (txn->operand & 7u)
-        txn->out.reply[1 + bytes] &= (uint8_t)((1u << (txn->operand & 7u)) - 1u);
+    txn->out.reply[1 + bytes] &= (uint8_t)(0xFFu >> (-(uint32_t)txn->operand & 7u));
     txn->reply_length = (uint8_t)(2 + bytes);
     return OUTCOME_REPLY;
 }

@@ -83,16 +83,15 @@ uint32_t registers_answer_number(struct transaction *txn, uint16_t high, uint16_
     uint8_t *at = begin_answer(txn);
     uint32_t i;
 
-    if (txn->operand == 1) {
-        if (high != 0 && !(high == 0xFFFF && low >= 0x8000))
-            return EXCEPTION + drive_fault(FAULT_TYPE); /* a value is never truncated (MAP-7) */
-        put_word(at, low);
-        return OUTCOME_REPLY;
+    if (txn->operand != 1) {
+        put_word(at, high);
+        at += 2;
+    } else if (high != 0 && !(high == 0xFFFF && low >= 0x8000)) {
+        return EXCEPTION + drive_fault(FAULT_TYPE); /* a value is never truncated (MAP-7) */
     }
-    put_word(at, high);
-    put_word(at + 2, low);
-    for (i = 4; i < 2 * txn->operand; i += 2) /* at most 8 turns: asked for as a text (MAP-8) */
-        put_word(at + i, 0);
+    put_word(at, low);
+    for (i = 2; i < txn->operand; i++) /* at most 8 turns: asked for as a text (MAP-8) */
+        put_word(at += 2, 0);
     return OUTCOME_REPLY;
 }
 

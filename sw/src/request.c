@@ -92,7 +92,7 @@ static void prepare(struct gateway *g, uint8_t ticket)
     g->state = REQUEST_PREPARED;
     if (REPLY_DELAY > 0)
         g->held_reply = 0;
-    mailbox_put(&mailbox_frame(REPLY_FRAME)->byte, mailbox_byte(&adu->byte));
+    mailbox_frame(REPLY_FRAME)->byte = adu->byte;
     /* LENGTH shows an ADU of 256 bytes as 0. */
     outcome = translate_request(&g->translator, g->newest, adu + 1, (mailbox_read(LENGTH) - ADDRESS_AND_CRC) & 0xFF,
                                 adu->byte == 0);

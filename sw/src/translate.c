@@ -139,15 +139,12 @@ void translate_commit(struct translator *t)
 /* The PCD at the end of the data: STW, and MAV in the high half. */
 static uint32_t status_of(frame_byte *data, uint32_t length)
 {
-    uint8_t pcd[4];
-    uint32_t i;
+    uint32_t pcd = 0;
+    uint32_t at;
 
-    for (i = 0; i < 4; i++) { /* at most 4 turns: PCD */
-        const uint32_t at = length - 4 + i;
-
-        pcd[i] = data[at < 24 ? at : 24 + (at & 3u)].byte;
-    }
-    return (uint32_t)pcd[2] << 24 | (uint32_t)pcd[3] << 16 | (uint32_t)pcd[0] << 8 | pcd[1];
+    for (at = length - 4; at != length; at++) /* at most 4 turns: PCD */
+        pcd = pcd << 8 | data[at < 24 ? at : 24 + (at & 3u)].byte;
+    return pcd << 16 | pcd >> 16;
 }
 
 /* Confirms a write: 05 and 06 echo address and value, 0F and 10 address and quantity. */

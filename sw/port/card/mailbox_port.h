@@ -16,12 +16,6 @@ static inline __attribute__((always_inline)) uint32_t mailbox_byte(const volatil
     return value;
 }
 
-/* SB stores the lowest 8 bits. Before a volatile byte the compiler would clear the others. */
-static inline __attribute__((always_inline)) void mailbox_put(volatile uint8_t *at, uint32_t value)
-{
-    __asm__ volatile("sb %1, %0" : "=m"(*at) : "r"(value));
-}
-
 /* One event more. After its addition the compiler would clear the upper bits, which SH does not store. */
 static inline __attribute__((always_inline)) void mailbox_count(volatile uint16_t *counter)
 {

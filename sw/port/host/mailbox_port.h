@@ -18,11 +18,6 @@ static inline uint32_t mailbox_byte(const volatile uint8_t *at)
     return *at;
 }
 
-static inline void mailbox_put(volatile uint8_t *at, uint32_t value)
-{
-    *at = (uint8_t)value;
-}
-
 static inline void mailbox_count(volatile uint16_t *counter)
 {
     ++*counter;
