@@ -445,12 +445,12 @@ static void seal_image(void)
 static void restart(void)
 {
     const bool committed = m.is_committed;
-    const bool again = m.is_candidate || committed;
+    const bool returns = m.is_candidate || committed;
 
     if (m.loopback)
         event_telegram_ends();
     mailbox_restart(&m);
-    if (again) {
+    if (returns) {
         newest->ignored = true;
         mailbox_candidate(&m, m.request, newest->pdu, newest->length, newest->broadcast);
         if (committed)
