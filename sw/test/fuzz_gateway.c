@@ -51,7 +51,7 @@ static uint8_t reply[MAILBOX_FRAME_MAX]; /* that left last */
 static uint32_t replies, telegrams;      /* judged; they left */
 static uint32_t sent_at;                 /* when the last telegram left */
 static struct request *at_drive;      /* of the last telegram that left */
-static bool again;                    /* that was the repeat of the one before it */
+static bool repeated;                 /* that was the repeat of the one before it */
 static uint8_t last[TELEGRAM_MAX];    /* its bytes */
 static struct request *writes[UNITS]; /* committed parameter writes that have not left */
 static uint32_t commits, order[UNITS]; /* how many; that of each of these */
@@ -118,7 +118,7 @@ static bool is_repeat(void)
 static void check_image(uint32_t words)
 {
     HOLDS(words == image_words_of_model());
-    HOLDS(again || m.no_reply == !changed[FOR_ONE]);
+    HOLDS(repeated || m.no_reply == !changed[FOR_ONE]);
     changed[FOR_ONE] = changed[FOR_ALL] = due = false;
     told = true;
     last_image = words;
@@ -144,8 +144,8 @@ static void check_telegram(void)
         HOLDS(m.telegram[1] == 0); /* AK 0 */
         return;
     }
-    again = is_repeat();
-    if (!again) {
+    repeated = is_repeat();
+    if (!repeated) {
         at_drive = request_of_telegram();
         commits_before = commits;
     }
@@ -154,8 +154,8 @@ static void check_telegram(void)
     HOLDS(m.kind == KIND_IMAGE || m.no_reply == at_drive->broadcast);
     HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
     /* A repeat is never a broadcast. That of a reading does not follow a commit since it left. */
-    HOLDS(!again || (!m.no_reply && !memcmp(m.telegram, last, m.telegram_length)));
-    HOLDS(!again || commits == commits_before || is_write(at_drive));
+    HOLDS(!repeated || (!m.no_reply && !memcmp(m.telegram, last, m.telegram_length)));
+    HOLDS(!repeated || commits == commits_before || is_write(at_drive));
     memcpy(last, m.telegram, m.telegram_length);
     if (m.kind == KIND_IMAGE) {
         HOLDS(m.telegram_length == 6 && at_drive->sent <= 2);
