@@ -13,7 +13,6 @@ from rtl.sources import ROOT, card_files, configurations, rtl_files
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
     "guarded_bit",
-    "start_watch",
     "parity_guard",
     "card_tables",
     "crc16_modbus",

@@ -34,7 +34,7 @@ reg g_zero = 1'b0;  // since that start bit the line was low in every clock
 reg g_passed = 1'b0;  // the present character's start bit was passed on
 wire g_is_break = line_byte && g_follower && g_zero;
 always @(posedge clk) begin
-  if (any_start_seen) g_follows <= 1'b0;
+  if (start_seen) g_follows <= 1'b0;
   else if (may_break) g_follows <= 1'b1;
   if (line_start) {g_follower, g_zero, g_passed} <= {g_follows, !line, start_seen};
   else begin
@@ -62,7 +62,6 @@ always @(posedge clk) begin
     a_once : assert (!start_seen || line_start || (g_character && !g_passed));
     a_at_once : assert (!line_start || g_follows || start_seen);
     a_first_high : assert (!(g_character && !line_byte && line) || start_seen || g_passed);
-    a_any : assert (any_start_seen == (start_seen || (watched_start && !(g_character && !g_passed))));
     // No silence is counted while a character is on the line, nor while it may be one.
     a_busy : assert (!(g_character || line_start) || busy);
     a_receiving : assert (busy == (receiving && !in_break));

@@ -81,8 +81,6 @@ initial assume (rst);
 (* hierconn *) wire \rtu_rx_i.frame_bank ;
 (* hierconn *) wire \rtu_rx_i.bank_i.held ;
 (* hierconn *) wire \rtu_rx_i.bank_i.opposite ;
-(* hierconn *) wire [3:0] \watch_i.lows ;
-(* hierconn *) wire \watch_i.low_seen ;
 (* hierconn *) wire \silence_i.long_over ;
 `ifdef BREAKS
 (* hierconn *) wire \rtu_rx_i.may_break ;
@@ -196,10 +194,8 @@ end
 `ifdef BREAKS
 // A reply starts in a break: the UART leaves it with the tick after DE has risen.
 wire g_break_start = (g_uart == 5'b10000 || g_uart == 5'd0) && !g_driving && g_high <= 16'd1;
-wire g_break_watch = \watch_i.lows == 4'd10 && g_high <= 16'd1;
 `else
 wire g_break_start = 1'b0;
-wire g_break_watch = 1'b0;
 `endif
 
 // Ticks of 3.5 characters: of 11 bits, with 8N1 of 10, from 38400 on 1750 us (FRAME-1). After the vote on a stop bit two ticks are
@@ -227,8 +223,6 @@ always @(posedge clk) begin
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_deaf : assert (!de || !(rx_valid || start_seen));
-    // request_fate relies on this, for the start bits that the UART saw and for those that start_watch saw.
-    a_start_not_silent : assert (!(start_seen && g_line_silent));
     a_not_quiet : assert (!(de || g_on_line || rx_valid) || !g_line_silent);
     // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
     a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils,
@@ -310,13 +304,7 @@ always @(posedge clk) begin
     i_own : assert (!(g_calm && !long_silent) || !g_own);
     i_long : assert (!\silence_i.long_over || long_silent);
     i_bank_halves : assert (\rtu_rx_i.bank_i.opposite == !\rtu_rx_i.bank_i.held );
-    i_watch : assert (\watch_i.lows < 4'd2 || g_rst || (g_uart != 5'd0 && !g_driving && (line || g_votes == 2'b00)));
-    i_watch_start : assert (!g_start || \watch_i.lows <= 4'd3 || g_break_watch);
-    i_watch_de : assert (!de || g_break_watch || \watch_i.lows <= (g_high <= 16'd2 ? 4'd4 + {2'd0, g_high[1:0]} : 4'd0));
-    i_watch_vote : assert (\watch_i.lows == 4'd0 || !g_votes[0]);
     i_driving_deaf : assert (!g_driving || line);
-    i_low_seen : assert (!\watch_i.low_seen || (g_uart != 5'd0 && !g_driving && !de));
-    i_calm_watch : assert (!g_calm || \watch_i.lows == 4'd0);
     i_short : assert (!short_reached || (g_halves == 3'd3 && !long_silent));
     i_commit : assert (!(g_calm && commit) || long_silent);
     i_hold : assert (!(g_calm && g_rtu_hold) || !long_silent || long_reached);
@@ -335,7 +323,6 @@ end
 wire g_rtu_ours = \rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101;
 wire g_voted = g_uart[1] || g_uart[2] || g_uart[3];
 wire g_first_bit = g_uart[1] && g_bits == 3'd0;
-wire [3:0] g_voted_ticks = g_phase ^ 4'd8;  // since the vote on the start bit, in the first bit
 always @(posedge clk) begin
   if (g_past) begin
     // FRAME-3: only a character of zeros without a stop bit is a break.
@@ -354,7 +341,6 @@ always @(posedge clk) begin
         (!rx_valid && !g_undecided && !uart_start && !g_driving && (g_uart == 5'd0 || g_uart == 5'b10000 || (g_uart[0] && g_phase == 4'd0))));
     i_in_place : assert (!g_rtu_receive || \rtu_rx_i.begun_bank == frame_bank);
     i_in_early : assert (!g_rtu_early || \rtu_rx_i.begun_bank != frame_bank);
-    i_lows : assert (\watch_i.lows <= 4'd10);
     i_zero_votes : assert (!g_undecided || g_votes == 2'b00 || (g_first_bit && g_phase == 4'd8 && g_votes != 2'b11) ||
         (g_first_bit && g_phase == 4'd9 && !g_votes[0]));
     i_zero_bits : assert (!(g_undecided && g_uart[1]) || g_shift >> (4'd8 - {1'b0, g_bits}) == 8'd0);
@@ -363,9 +349,6 @@ always @(posedge clk) begin
     i_zero_wrong : assert (!(g_undecided && (g_uart[3] || rx_valid)) || \uart_i.parity_wrong == (parity_enable && parity_odd));
     i_zero_stop : assert (!(g_undecided && rx_valid) || (\uart_i.stop_missing && g_uart == 5'b10000));
     i_zero_format : assert (!(g_undecided && g_uart[2]) || parity_enable);
-    i_zero_watch : assert (!g_undecided || \watch_i.lows == 4'd10 || (g_first_bit && \watch_i.lows >= g_voted_ticks));
-    i_zero_seen : assert (!(g_undecided && \watch_i.low_seen ) || (g_first_bit && g_voted_ticks <= 4'd12));
-    i_low_watch : assert (!(g_in_break && !line) || (\watch_i.lows == 4'd10 && !\watch_i.low_seen ));
     i_since : assert (!(g_rtu_hold || g_rtu_early) || !g_rtu_ours || \rtu_rx_i.begun_bank == frame_bank || g_since || candidate);
   end
 end

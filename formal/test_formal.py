@@ -34,7 +34,6 @@ RULES = {
     "rtu_tx": ["FRAME-4", "SAFE-2", "SAFE-4"],
     "silence_timer": ["FRAME-1", "FC-8"],
     "soft_core": ["SAFE-4"],
-    "start_watch": ["FRAME-6", "SAFE-4"],
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "uart": ["LINE-1", "LINE-3", "LINE-5", "FRAME-4", "FC-1"],
 }

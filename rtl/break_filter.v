@@ -15,7 +15,6 @@
 // in_break: level, the line is low and the low is a break. A reply may start then.
 //
 // line_start: the start bit as the UART sees it, in the clock of a start bit that is held back too.
-// watched_start: the one of start_watch, which comes for each low of ten ticks.
 // may_break: level, the frame up to the last character is good, or the receiver drops everything,
 // as after the card's own reply and after a character without a stop bit. Otherwise a bus that is
 // low most of the time would never be silent again. sending: level, DE.
@@ -31,14 +30,12 @@ module break_filter (
     input  wire line,
     input  wire receiving,
     input  wire line_start,
-    input  wire watched_start,
     input  wire line_byte,
     // frame
     input  wire may_break,
     input  wire sending,
     // status
     output wire start_seen,
-    output wire any_start_seen,
     output wire byte_valid,
     output wire busy,
     output wire in_break,
@@ -52,7 +49,6 @@ module break_filter (
   wire is_break = held && line_byte;
 
   assign start_seen = released || (line_start && (line || !after_frame));
-  assign any_start_seen = start_seen || (watched_start && !held);
   assign byte_valid = line_byte && !held;
   assign busy = receiving && !in_break;
 
@@ -68,7 +64,7 @@ module break_filter (
   );
 
   always @(posedge clk) begin
-    if (any_start_seen) after_frame <= 1'b0;
+    if (start_seen) after_frame <= 1'b0;
     else if (may_break) after_frame <= 1'b1;
 
     if (line || line_byte || sending) held <= 1'b0;

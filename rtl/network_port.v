@@ -7,8 +7,6 @@
 // silent: t3.5 is over and no character has begun, which a commit asks for. A pulse below a
 // quarter bit stops the count of silence and does not end it, so it costs no commit (LINE-5).
 // quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
-// start_seen: the UART or start_watch saw a start bit, so one flipped bit hides none from the
-// gate. It comes up to twice for a start bit, and at each later low of ten ticks in a character.
 // fault: see rtu_rx and break_filter.
 // BREAK_TOLERANT = 1, for a bus without bias: the low of a character or more after a good frame is
 // silence (FRAME-3). silent and quiet then hold in such a low, too. See break_filter.
@@ -103,9 +101,7 @@ module network_port #(
   wire line_request;
   wire line_ready;
   wire uart_start;
-  wire low_seen;
   wire may_break;
-  wire byte_start;
   wire byte_valid;
   wire busy;
   wire in_break;
@@ -174,16 +170,6 @@ module network_port #(
       .start_seen(uart_start)
   );
 
-  start_watch watch_i (
-      .clk(clk),
-      .rst(rst),
-      .tick16(tick16),
-      // line activity
-      .line(line),
-      // status
-      .low_seen(low_seen)
-  );
-
   generate
     if (BREAK_TOLERANT) begin : g_breaks
       break_filter breaks_i (
@@ -193,22 +179,19 @@ module network_port #(
           .line(line),
           .receiving(rx_busy),
           .line_start(uart_start),
-          .watched_start(low_seen),
           .line_byte(rx_valid),
           // frame
           .may_break(may_break),
           .sending(de),
           // status
-          .start_seen(byte_start),
-          .any_start_seen(start_seen),
+          .start_seen(start_seen),
           .byte_valid(byte_valid),
           .busy(busy),
           .in_break(in_break),
           .fault(break_fault)
       );
     end else begin : g_no_breaks
-      assign byte_start = uart_start;
-      assign start_seen = uart_start || low_seen;
+      assign start_seen = uart_start;
       assign byte_valid = rx_valid;
       assign busy = rx_busy;
       assign in_break = 1'b0;
@@ -261,7 +244,7 @@ module network_port #(
       .byte_parity_error(rx_parity_error),
       .byte_framing_error(rx_framing_error),
       .line_start(uart_start),
-      .start_seen(byte_start),
+      .start_seen(start_seen),
       .half_reached(half_reached),
       .short_reached(short_reached),
       .long_reached(long_reached),

@@ -32,7 +32,6 @@ rtl/rtu_rx.v
 rtl/rtu_tx.v
 rtl/silence_timer.v
 rtl/soft_core.v
-rtl/start_watch.v
 rtl/supervisor.v
 rtl/switch_sampler.v
 rtl/sync_2ff.v

@@ -178,9 +178,9 @@ PLANTS = (
         "pulse-drops-reply",
         ("LINE-5",),
         "rtl/network_port.v",
-        "assign start_seen = uart_start || low_seen;",
-        "assign start_seen = uart_start || low_seen || !synced;",
-        description="LINE-5: a pulse after the commit drops the reply",
+        "assign start_seen = uart_start;",
+        "assign start_seen = uart_start || !synced;",
+        description="LINE-5: a pulse counts as a start bit and drops the reply",
     ),
     Plant(
         "drive-gap-forgiven",

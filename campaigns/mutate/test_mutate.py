@@ -133,7 +133,7 @@ CHANGES = {
     "an input that nothing reads": ("drive_port", ".check_bit(1'b0)", ".check_bit(1'b1)", True),
     "an input that is read": ("drive_port", ".two_stop(`CARD_DRIVE_TWO_STOP)", ".two_stop(1'b1)", False),
     "either of two damaged bytes": ("firmware_ram", "odd[1] <= 1'b1", "odd[0] <= 1'b1", True),
-    "another value at power-up": ("start_watch", "lows = 4'd0;", "lows = 4'd1;", False),
+    "another value at power-up": ("driver_limit", "beats = 4'd0;", "beats = 4'd1;", False),
     "a memory that keeps something else": ("ram_lane", "words[place] <= ", "words[place] <= ~", False),
     "another rate at 2 MHz": ("baud_base", "64'd65536", "64'd65535", False),
     "another result on the small card": (
