@@ -14,8 +14,7 @@ A bit from which no wire leads to a promise cannot break it. It is counted apart
 Prints a line for each bit, and a table. --write, for all modules, puts it into build/reports/proved-flips.md.
 flips.toml lists the bits that are not proved. Exit 1: a bit is not proved and not listed, or listed and
 proved; a promise does not hold without a flip, no flip breaks it, or what it is about never happens in these
-clocks (`happens`). If no flip of the module breaks a promise, a fault is planted (`plant`), and a flip must
-break it then. Exit 2: unknown module, or a tool is missing.
+clocks (`happens`). Exit 2: unknown module, or a tool is missing.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ GOOD_CLOCKS = 4  # before the flip: the depth of the deepest induction of these 
 COUNT_BITS = 6
 LONGEST_S = 600
 NO_PATH = "no path"
-WORDS = ("says", "left", "plant")  # of flips.toml; they leave the proofs as they are
+WORDS = ("says", "left")  # of flips.toml; they leave the proofs as they are
 OPTIONAL = ("break_filter", "master_loss")  # options that are off in both cards
 # Each property has one clock of delay then, and no flip-flop has an enable or a reset of its own.
 LOWER = ("flatten", "async2sync", "chformal -lower", "dffunmap", "setattr -unset init w:*", "opt_clean")
@@ -101,10 +100,10 @@ def read_files(module: str) -> dict[str, str]:
     return {Path(name).name: name for name in text.partition("[files]")[2].split()}
 
 
-def script(module: str, task: str, other: Sequence[Path] = ()) -> list[str]:
-    """Yosys commands of a task of formal/MODULE.sby, with the places of its files. `other`: instead."""
+def script(module: str, task: str) -> list[str]:
+    """Yosys commands of a task of formal/MODULE.sby, with the places of its files."""
     text = (FOLDER / f"{module}.sby").read_text()
-    files = read_files(module) | {path.name: str(path) for path in other}
+    files = read_files(module)
     lines = text.partition("[script]")[2].partition("[files]")[0].splitlines()
     commands = []
     for line in lines:
@@ -128,11 +127,11 @@ def yosys(*commands: str) -> None:
         raise FlipError(f"yosys fails: {(done.stderr or done.stdout).strip().splitlines()[-1]}")
 
 
-def netlist(module: str, task: str, other: Sequence[Path] = ()) -> dict:
+def netlist(module: str, task: str) -> dict:
     join(module)
     folder = WORK / module
     (ROOT / folder).mkdir(parents=True, exist_ok=True)
-    yosys(*script(module, task, other), *LOWER, f"write_json {folder}/good.json")
+    yosys(*script(module, task), *LOWER, f"write_json {folder}/good.json")
     return json.loads((ROOT / folder / "good.json").read_text())
 
 
@@ -325,33 +324,6 @@ def check(design: dict, module: str, about: dict, bit: Bit | None, happens: Sequ
     return ", ".join(dict.fromkeys(failed))
 
 
-def planted(module: str) -> Found:
-    """The result for a bit whose flip must break a promise after a fault was planted."""
-    about = known()[module]
-    plant = about["plant"]
-    join(module)
-    text = (ROOT / read_files(module)[plant["file"]]).read_text()
-    if text.count(plant["code"]) != 1:
-        raise FlipError(f"{module}: {plant['file']} has not once {plant['code']!r}")
-    path = WORK / module / plant["file"]
-    (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
-    (ROOT / path).write_text(text.replace(plant["code"], plant["becomes"]))
-    design = netlist(module, about["task"], [path])
-    bit = next(one for one in bits(design, module) if one.name == plant["bit"])
-    return Found(module, bit, check(design, module, about, bit))
-
-
-def unbroken(module: str, found: Sequence[Found]) -> list[str]:
-    """Promises that none of these flips breaks, and a flip with the planted fault neither."""
-    about = known()[module]
-    left = [name for name in about["promises"] if not any(name in one.broken.split(", ") for one in found)]
-    if left and "plant" in about:
-        result = planted(module)
-        print(f"{module:12} {result.bit.name:32} {result.result}, with a planted fault", flush=True)
-        left = [name for name in left if name not in result.broken.split(", ")]
-    return left
-
-
 def prove(module: str, jobs: int) -> list[Found]:
     about = known()[module]
     design = netlist(module, about["task"])
@@ -372,7 +344,8 @@ def prove(module: str, jobs: int) -> list[Found]:
         for result in pool.map(result_of, bits(design, module)):
             found.append(result)
             print(f"{module:12} {result.bit.name:32} {result.result}", flush=True)
-    if never := unbroken(module, found):
+    broken = {name for one in found for name in one.broken.split(", ")}
+    if never := [name for name in about["promises"] if name not in broken]:
         raise FlipError(f"{module}: no flip breaks {never[0]}, which may say nothing")
     return found
 

@@ -57,7 +57,6 @@ initial assume (rst);
 // first clock is a reset.
 (* hierconn *) wire [8:0] \silence_i.ticks ;
 (* hierconn *) wire [2:0] \silence_i.halves ;
-(* hierconn *) wire \silence_i.damaged ;
 (* hierconn *) wire [2:0] \rtu_tx_i.state ;
 (* hierconn *) wire [4:0] \rtu_tx_i.index ;
 (* hierconn *) wire [4:0] \uart_i.state ;
@@ -116,7 +115,6 @@ wire g_byte = rx_valid && !g_is_break;  // the last clock of a character that is
 wire g_on_line = rx_busy && !g_in_break;  // a character, or what may be one
 wire [8:0] g_ticks = \silence_i.ticks ;
 wire [2:0] g_halves = \silence_i.halves ;
-wire g_damaged = \silence_i.damaged ;
 wire [2:0] g_sender = \rtu_tx_i.state ;
 wire [4:0] g_index = \rtu_tx_i.index ;
 wire [4:0] g_uart = \uart_i.state ;
@@ -360,7 +358,6 @@ wire [12:0] g_over = g_halves * g_half - (half_uneven ? {10'd0, g_halves} >> 1 :
 wire [12:0] g_first = 13'd18 + (half_uneven && g_halves[0]);
 always @(posedge clk) begin
   if (g_past) begin
-    i_parity : assert (!g_damaged);
     i_limit : assert (!long_silent || g_silent >= 13'd7 * g_half - (half_uneven ? 13'd3 : 13'd0) + g_head);
     if (!long_silent) begin
       i_halves : assert (g_halves < 3'd7 && g_ticks <= half_end);

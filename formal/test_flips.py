@@ -96,11 +96,6 @@ def test_a_promise_that_no_flip_breaks_is_an_error(monkeypatch, capsys):
         flips.prove("fc_tx", 1)
 
 
-@pytest.mark.rule("SAFE-4")
-def test_a_planted_fault_lets_a_flip_break_the_promise_of_the_silence_timer():
-    assert flips.planted("silence_timer").broken == "f_never_early"
-
-
 def test_a_telegram_happens_in_the_clocks_of_the_proof(gate):
     assert flips.check(gate, "commit_gate", ABOUT, None, ("c_command",)) == "c_command"
 

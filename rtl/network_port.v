@@ -200,9 +200,7 @@ module network_port #(
     end
   endgenerate
 
-  silence_timer #(
-      .GUARDED(1'b1)
-  ) silence_i (
+  silence_timer silence_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),

@@ -16,8 +16,7 @@
 // count; sending holds it at its start.
 // half_reached, short_reached, long_reached: one clock. long_silent: level, until the next restart.
 // half_end: the count in the last tick of a half. half_uneven takes one tick off the second,
-// fourth and sixth half. GUARDED = 1: a flipped bit in the count restarts it, so that a frame
-// never ends before t3.5 (docs/hardening.md, Silence timer parity, SAFE-4).
+// fourth and sixth half.
 // WIDTH: bits of the count. SHORT_HALVES, LONG_HALVES: the two limits, in halves.
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8, SAFE-4.
 `default_nettype none
@@ -28,7 +27,6 @@
 
 module silence_timer #(
     parameter WIDTH = 9,
-    parameter [0:0] GUARDED = 1'b0,
     parameter [2:0] SHORT_HALVES = 3'd3,
     parameter [2:0] LONG_HALVES = 3'd7
 ) (
@@ -57,34 +55,12 @@ module silence_timer #(
 
   reg [WIDTH-1:0] ticks = START;
   reg [2:0] halves = 3'd0;  // halves that are over
-  reg [WIDTH-1:0] ticks_next;
-  reg [2:0] halves_next;
   reg long_over = 1'b0;  // one clock: the long limit was reached
-  wire damaged;
 
   wire counting = tick16 && !busy && !long_silent;
   wire half_over = counting && ticks == half_end;
   wire shorter = half_uneven && !halves[0];  // the next half
-  wire again = restart || sending || rst || damaged;
-
-  generate
-    if (GUARDED) begin : g_guarded
-      parity_guard #(
-          .WIDTH  (WIDTH + 3),
-          .INITIAL(^START)
-      ) guard_i (
-          .clk(clk),
-          // guarded register
-          .load(1'b1),
-          .next({ticks_next, halves_next}),
-          .value({ticks, halves}),
-          // status
-          .damaged(damaged)
-      );
-    end else begin : g_unguarded
-      assign damaged = 1'b0;
-    end
-  endgenerate
+  wire again = restart || sending || rst;
 
   initial begin
     half_reached  = 1'b0;
@@ -95,28 +71,19 @@ module silence_timer #(
   // docs/hardening.md, End of silence (SAFE-4)
   assign long_reached = long_over && long_silent;
 
-  always @* begin
-    ticks_next  = ticks;
-    halves_next = halves;
-    if (counting) ticks_next = ticks + 1'b1;
-    if (half_over) begin
-      ticks_next  = START | {{(WIDTH - 1) {1'b0}}, shorter};
-      halves_next = halves + 3'd1;
-    end
-    if (again) begin
-      ticks_next  = sending ? START : START - STOP_LEFT - (two_stop ? SECOND_STOP : 0);
-      halves_next = 3'd0;
-    end
-  end
-
   always @(posedge clk) begin
-    ticks <= ticks_next;
-    halves <= halves_next;
+    if (counting) ticks <= ticks + 1'b1;
+    if (half_over) begin
+      ticks  <= START | {{(WIDTH - 1) {1'b0}}, shorter};
+      halves <= halves + 3'd1;
+    end
     half_reached <= half_over && halves == 3'd0;
     short_reached <= half_over && halves == SHORT_HALVES - 3'd1;
     long_over <= half_over && halves == LONG_HALVES - 3'd1;
     if (half_over && halves == LONG_HALVES - 3'd1) long_silent <= 1'b1;
     if (again) begin
+      ticks         <= sending ? START : START - STOP_LEFT - (two_stop ? SECOND_STOP : 0);
+      halves        <= 3'd0;
       half_reached  <= 1'b0;
       short_reached <= 1'b0;
       long_over     <= 1'b0;
