@@ -249,10 +249,6 @@ always @(posedge clk) begin
     i_known : assert (state == S_WAIT || state == S_IDLE || state == S_RECEIVE || state == S_HOLD || state == S_SUSPECT ||
         state == S_EARLY);
     i_halves : assert (\bank_i.opposite == !\bank_i.held );
-    i_flawed : assert (g_count == 9'd0 || flawed == (g_parity || g_framing));
-    // Characters that began: those of the frame, and the present one.
-    i_starts : assert (g_count == 9'd0 || g_first || g_count == 9'd257 || starts == g_count[7:0] + {7'd0, g_character});
-    i_first_start : assert (!(g_first && g_character) || starts == 8'd1);
     i_wait : assert ((state == S_WAIT) == g_lost);
     i_idle : assert ((state == S_IDLE) == (!g_lost && g_count == 9'd0));
     i_hold : assert ((state == S_HOLD) == g_good);
@@ -285,6 +281,7 @@ always @(posedge clk) begin
     i_summed : assert (g_count == 9'd0 || g_first || g_summed == g_count);
     i_new : assert (!g_character || !g_first || g_summed == 9'd0);
 `ifdef BREAKS
+    i_line : assert (\g_breaks.begun == g_character);
     i_withheld : assert (!g_withheld || (!g_character && (!g_first || g_summed == 9'd0)));
 `endif
     i_over : assert (!g_over || (g_count == 9'd0 && !g_character));

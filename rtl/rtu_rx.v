@@ -12,9 +12,6 @@
 // candidate exists, or before a start bit has ended this one. So the firmware never reads a
 // mixture of two frames.
 //
-// A frame is good only if as many characters began (start_seen) as were stored, so a byte that
-// a flipped bit loses or repeats spoils it. docs/hardening.md, Characters counted twice (SAFE-4)
-//
 // STRICT_T15 = 1: a frame that is not good at t1.5 is discarded, and the next byte is an address
 // (FRAME-2). A character after a good frame spoils everything up to the next t3.5 (FRAME-3).
 // STRICT_T15 = 0: a frame grows until t3.5.
@@ -99,7 +96,6 @@ module rtu_rx #(
 
   reg [3:0] state = S_WAIT;
   reg [8:0] length = 9'd0;
-  reg [7:0] starts = 8'd0;  // characters of the frame that have begun
   reg storing = 1'b0;
   reg [2:0] unit = TO_OTHERS;
   reg begun_bank = 1'b0;
@@ -108,13 +104,10 @@ module rtu_rx #(
   reg writes_parameter = 1'b0;
   reg parity_bad = 1'b0;
   reg framing_bad = 1'b0;
-  // a character had a parity or framing error; repeats parity_bad and framing_bad
-  reg flawed = 1'b0;
   reg overrun = 1'b0;
 
   wire clean = !parity_bad && !framing_bad && !overrun;
-  wire whole = starts == length[7:0] && length[8:2] != 7'd0;
-  wire good = crc_good && clean && !flawed && whole;
+  wire good = crc_good && clean && length[8:2] != 7'd0;
   wire mine = unit == TO_US || unit == TO_ALL;
   // docs/hardening.md, Frame bank (SAFE-4)
   wire in_place = frame_bank == begun_bank;
@@ -134,8 +127,15 @@ module rtu_rx #(
 
   generate
     if (BREAK_TOLERANT) begin : g_breaks
+      reg  begun = 1'b0;  // a character is on the line
+      wire received = state == S_RECEIVE && good && !begun && !storing;
       wire held = state == S_EARLY || state == S_HOLD;
-      assign may_break = (state == S_RECEIVE && good) || held || state == S_WAIT;
+      assign may_break = received || held || state == S_WAIT;
+      always @(posedge clk) begin
+        if (start_seen) begun <= 1'b1;
+        else if (byte_valid) begun <= 1'b0;
+        if (rst) begun <= 1'b0;
+      end
     end else begin : g_no_breaks
       assign may_break = 1'b0;
     end
@@ -192,7 +192,6 @@ module rtu_rx #(
       if (length[8]) overrun <= 1'b1;
       else length <= length + 9'd1;
     end
-    if (start_seen) starts <= first ? 8'd1 : starts + 8'd1;
     if (accept) begin
       storing <= 1'b1;
       function_next <= first;
@@ -207,11 +206,9 @@ module rtu_rx #(
         begun_bank <= frame_bank;
         parity_bad <= byte_parity_error;
         framing_bad <= byte_framing_error;
-        flawed <= byte_parity_error || byte_framing_error;
       end else begin
         if (byte_parity_error) parity_bad <= 1'b1;
         if (byte_framing_error) framing_bad <= 1'b1;
-        if (byte_parity_error || byte_framing_error) flawed <= 1'b1;
       end
     end
     // A 00 byte appended to a good frame leaves the CRC remainder good, so a flipped state could
