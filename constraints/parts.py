@@ -13,7 +13,6 @@ from rtl.sources import ROOT, card_files, configurations, rtl_files
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
     "guarded_bit",
-    "parity_guard",
     "card_tables",
     "crc16_modbus",
     "rtu_rx",
@@ -26,7 +25,7 @@ PORT |= {
 }
 MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit"}
 MAILBOX |= {"commit_gate", "request_state", "licences", "reply_slot", "telegram_slot", "master_loss"}
-OTHERS = {"reset_sync", "switch_sampler", "parity_guard", "card_time", "supervisor", "driver_limit"}
+OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor", "driver_limit"}
 CORE = {"soft_core"}
 MEMORY = {"firmware_ram", "ram_bank", "ram_lane"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | MEMORY

@@ -27,7 +27,6 @@ RULES = {
     "master_loss": ["SAFE-7", "SAFE-4"],
     "mailbox": ["SAFE-1", "SAFE-7", "FRAME-5", "FRAME-6", "FRAME-7", "FC-8"],
     "mailbox_regs": ["FRAME-4", "FC-8"],
-    "parity_guard": ["SAFE-4"],
     "network_port": ["SAFE-2", "FRAME-1", "FRAME-6", "FRAME-8", "LINE-5", "LINE-6"],
     "rs485_dir": ["LINE-6", "FC-10"],
     "rtu_rx": ["FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6"],

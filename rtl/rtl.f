@@ -22,7 +22,6 @@ rtl/mailbox.v
 rtl/mailbox_regs.v
 rtl/network_port.v
 rtl/prim/guarded_bit.v
-rtl/prim/parity_guard.v
 rtl/ram_bank.v
 rtl/ram_lane.v
 rtl/reset_sync.v

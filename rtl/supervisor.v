@@ -51,7 +51,7 @@ module supervisor #(
   reg loopback_closed = 1'b0;
   reg drive_was_good = 1'b0;
   // fault, one clock later. Without it the longest path of the card goes from the switches'
-  // parity to the soft core's bus.
+  // address to the soft core's bus.
   reg stopped = 1'b0;
 
   initial loopback_heard = 1'b0;

@@ -360,19 +360,6 @@ def test_no_flip_commits_a_revoked_frame(baud, revoked_at, by, each):
         assert outcome.what not in FORBIDDEN and outcome.recovered, outcome
 
 
-@pytest.mark.rule("SAFE-4", "LED-5")
-@PARTLY
-def test_a_flipped_switch_halts_the_card(places, each: int):
-    at = int(0.07 * clk_hz(BAUD))
-    flips = []
-    for name in ("addr", "baud", "guard_i.odd"):
-        register = next(register for register in places.registers if register.path == f"switches_i.{name}")
-        flips += [Flip(at, register.path, 0, bit, "card") for bit in register.bits]
-    for flip in flips[::each]:
-        outcome, *_ = trial("test", places, flip)
-        assert outcome.what == "halted, both LEDs red", outcome
-
-
 # ---------------------------------------------------------------- verdicts
 
 

@@ -68,21 +68,6 @@ async def addresses_1_to_247_are_valid(dut):
         assert int(dut.addr_valid.value) == (1 <= addr <= 247), addr
 
 
-@cocotb.test()
-async def a_flipped_bit_makes_the_address_invalid_until_the_next_reset(dut):
-    bench = await running(dut)
-    # On Verilator a write to a register that is a port is lost.
-    ports = [] if cocotb.SIM_NAME == "Verilator" else [dut.baud, dut.addr]
-    for register in (dut.guard_i.odd, *ports):
-        for bit in range(len(register)):
-            await sample(dut, bench, 0b0_0001_0111, 17)
-            assert int(dut.addr_valid.value) == 1
-            register.value = int(register.value) ^ 1 << bit
-            for clocks in (1, 50):
-                await bench.clocks(clocks)
-                assert int(dut.addr_valid.value) == 0, f"{register._name} bit {bit}"
-
-
-@pytest.mark.rule("LINE-7", "LINE-8", "SAFE-4")
+@pytest.mark.rule("LINE-7", "LINE-8")
 def test_switch_sampler(sim):
     run("switch_sampler", "tb.rtl.test_switch_sampler", sim=sim)
