@@ -34,7 +34,7 @@ end
 // ---- helpers for induction
 always @(posedge clk) begin
   if (g_past) begin
-    i_beats : assert (g_limit.beats == g_beats && g_limit.tick_before == g_tick);
+    i_beats : assert (beats == g_beats && tick_before == g_tick);
     i_off : assert (!g_off || g_beats == 4'd15);
   end
 end

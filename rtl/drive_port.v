@@ -4,8 +4,8 @@
 // Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, rs485_dir,
 // uart. The receiver listens after a telegram that expects a reply. Character format: 9600 8E1,
 // fixed (FC-1). This module only wires; network_port has the same shape. telegram and exchange:
-// vectors of regs/card.toml. PAUSE_TICKS: two characters, in 1/16 bit. listen_again: forget the
-// received reply and listen anew. listen_stop and telegram_start end the listening.
+// vectors of regs/card.toml. listen_again: forget the received reply and listen
+// anew. listen_stop and telegram_start end the listening.
 // Clock domain: clk.
 // Rules: FC-1, FC-8, FC-10.
 `default_nettype none
@@ -30,9 +30,7 @@
 `define CARD_EXCHANGE_START_SEEN_BITS 5
 // End of what `make regs` writes.
 
-module drive_port #(
-    parameter [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS
-) (
+module drive_port (
     input  wire                       clk,
     input  wire                       rst,
     input  wire                       tick16,
@@ -61,7 +59,7 @@ module drive_port #(
 );
 
   // A gap of exactly 2 characters is allowed, so the limit is 1/4 bit later.
-  localparam [11:0] GAP_TICKS = PAUSE_TICKS + 12'd4;
+  localparam [11:0] GAP_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
   localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + GAP_TICKS / 12'd4 - 12'd1;
 
   wire synced;
@@ -184,9 +182,7 @@ module drive_port #(
       .good(bcc_good)
   );
 
-  fc_rx #(
-      .PAUSE_TICKS(PAUSE_TICKS)
-  ) fc_rx_i (
+  fc_rx fc_rx_i (
       .clk(clk),
       .rst(rst),
       .tick16(tick16),

@@ -1,19 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The last gate before DE: off in reset without a clock, and off after the longest frame.
 //
-// de follows driven. With rst, which may rise without a clock, it is 0 (SAFE-6). With LIMIT = 1 it
-// falls 14 to 15 beats after driven rose, and stays 0 until driven falls. A beat is (mask + 1) /
-// 1200 s: mask is that of baud_divider, so a beat is 32 bits at every rate up to 38400 bit/s and 96
+// de follows driven. With rst, which may rise without a clock, it is 0 (SAFE-6). It falls 14 to 15
+// beats after driven rose, and stays 0 until driven falls. A beat is (mask + 1) / 1200 s: mask is
+// that of baud_divider, so a beat is 32 bits at every rate up to 38400 bit/s and 96
 // bits at 115200. The longest frame is 375 bits; 14 beats are 448. No counter of a sender is in it
 // (SAFE-2). The beat comes from card_time, which counts the tick of the drive line's sender.
-// LIMIT = 0 leaves the count out.
 // Clock domain: clk.
 // docs/hardening.md, Time limit of DE (SAFE-4)
 `default_nettype none
 
-module driver_limit #(
-    parameter [0:0] LIMIT = 1'b1
-) (
+module driver_limit (
     input  wire       clk,
     input  wire       rst,
     // time, in 1/1200 s
@@ -26,29 +23,19 @@ module driver_limit #(
     output wire       de
 );
 
-  wire over;
+  reg tick_before = 1'b0;
+  reg [3:0] beats = 4'd0;
+
+  wire beat = ticks[0] != tick_before && &(ticks | ~mask);
+  wire over = beats == 4'd15;
 
   assign de = driven && !over && !rst;
 
-  generate
-    if (LIMIT) begin : g_limit
-      reg tick_before = 1'b0;
-      reg [3:0] beats = 4'd0;
-
-      wire beat = ticks[0] != tick_before && &(ticks | ~mask);
-
-      assign over = beats == 4'd15;
-
-      always @(posedge clk) begin
-        tick_before <= ticks[0];
-        if (!driven) beats <= 4'd0;
-        else if (beat && !over) beats <= beats + 4'd1;
-      end
-    end else begin : g_none
-      assign over = 1'b0;
-      wire unused = &{1'b0, clk, ticks, mask};
-    end
-  endgenerate
+  always @(posedge clk) begin
+    tick_before <= ticks[0];
+    if (!driven) beats <= 4'd0;
+    else if (beat && !over) beats <= beats + 4'd1;
+  end
 
 endmodule
 

@@ -13,7 +13,7 @@
 // until listen_start or listen_stop.
 // Data byte i is stored at address i, from 24 on at 24 + (i mod 4). A text of more than 20
 // characters is received to its end, and the last four bytes, PCD1 and PCD2, are always kept
-// (FC-7). LGE is stored at address 28. PAUSE_TICKS: two characters.
+// (FC-7). LGE is stored at address 28.
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FC-1, FC-2, FC-7, FC-8.
 `default_nettype none
 
@@ -21,9 +21,7 @@
 `define CARD_DRIVE_PAUSE_TICKS 12'd352
 // End of what `make regs` writes.
 
-module fc_rx #(
-    parameter [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS
-) (
+module fc_rx (
     input  wire       clk,
     input  wire       rst,
     input  wire       tick16,
@@ -57,6 +55,7 @@ module fc_rx #(
   localparam [4:0] LGE_ADDR = 5'd28;
   // The pause is two characters. Each character of a telegram may take a slot of 1.5 characters.
   // Counting begins after STX, when one character of the first slot has passed.
+  localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS;
   localparam [8:0] CHARACTER_TICKS = PAUSE_TICKS[9:1];
   localparam [8:0] SLOT_TICKS = CHARACTER_TICKS + CHARACTER_TICKS / 9'd2;
 

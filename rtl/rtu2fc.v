@@ -7,11 +7,10 @@
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults are those of the configuration standard, or of the file
-// regs/generated/config_<name>.v that was read before. SOFT_CORE, LOCKSTEP: see soft_core. STRICT_T15,
-// MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see
-// firmware_ram. DE_LIMIT: LIMIT of
-// driver_limit. MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the
-// firmware has the option of that name; see master_loss and docs/guide/master-loss.md.
+// regs/generated/config_<name>.v that was read before. SOFT_CORE, LOCKSTEP: see soft_core. STRICT_T15:
+// see rtu_rx. MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see firmware_ram.
+// MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the firmware has the
+// option of that name; see master_loss and docs/guide/master-loss.md.
 // BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it; see break_filter.
 // EXTENDED_SWITCHES: 1, three switch positions are 38400 and 115200 bit/s and 8N1; see card_tables.
 // Rules: TOP-1, TOP-2.
@@ -55,7 +54,6 @@ module rtu2fc #(
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0,
-    parameter [0:0] DE_LIMIT = 1'b1,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0,
     parameter [0:0] EXTENDED_SWITCHES = 1'b0
 ) (
@@ -283,9 +281,7 @@ module rtu2fc #(
       .exchange(exchange)
   );
 
-  driver_limit #(
-      .LIMIT(DE_LIMIT)
-  ) modbus_limit_i (
+  driver_limit modbus_limit_i (
       .clk(clk),
       .rst(rst_pin),
       // time, in 1/1200 s
@@ -298,9 +294,7 @@ module rtu2fc #(
       .de(modbus_de)
   );
 
-  driver_limit #(
-      .LIMIT(DE_LIMIT)
-  ) drive_limit_i (
+  driver_limit drive_limit_i (
       .clk(clk),
       .rst(rst_pin),
       // time, in 1/1200 s

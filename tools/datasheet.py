@@ -66,7 +66,6 @@ MEANING = {
     "LOCKSTEP": "1: two PicoRV32 in lockstep",
     "STRICT_T15": "0: no t1.5 inside a frame",
     "BREAK_TOLERANT": "1: low after a frame is silence",
-    "DE_LIMIT": "1: limits the time of DE",
     "MASTER_LOSS_STOP": "1: may stop the drive",
     "EXTENDED_SWITCHES": "1: 38400, 115200, 8N1",
     "rst_n": "reset, active low",

@@ -82,14 +82,6 @@ async def driver_follows_each_shorter_request_at_once(dut):
 
 
 @cocotb.test()
-async def a_request_without_a_limit_lasts(dut):
-    driver = await Driver(dut, 3).start()
-    dut.driven.value = 1
-    for _ in range(4 * (LIMIT_BEATS[1] + 1)):
-        assert await driver.unit()
-
-
-@cocotb.test()
 async def reset_switches_off_without_a_clock(dut):
     driver = await Driver(dut, 3).start()
     dut.driven.value = 1
@@ -103,19 +95,4 @@ async def reset_switches_off_without_a_clock(dut):
 
 @pytest.mark.rule("SAFE-2", "SAFE-6")
 def test_driver_limit(sim):
-    run("driver_limit", "tb.rtl.test_driver_limit", sim=sim, testcase=r"(?!\w*without_a_limit)\w+")
-
-
-@pytest.mark.rule("SAFE-6")
-def test_driver_without_limit(sim):
-    run(
-        "driver_limit",
-        "tb.rtl.test_driver_limit",
-        sim=sim,
-        parameters={"LIMIT": 0},
-        testcase=[
-            "driver_follows_each_shorter_request_at_once",
-            "a_request_without_a_limit_lasts",
-            "reset_switches_off_without_a_clock",
-        ],
-    )
+    run("driver_limit", "tb.rtl.test_driver_limit", sim=sim)
