@@ -320,10 +320,13 @@ class LineJudge:
         return self._keeps_place(request) and not request.to_all and not self._newer(exchange)
 
     def _was_repeated_just_then(self, exchange: Exchange, burst: Burst) -> bool:
-        """The firmware repeated a write before it saw the commit of a newer telegram."""
+        """The firmware repeated a write before it saw the commit of a newer telegram.
+
+        Or the newer one was a reading, and a candidate had taken its turn.
+        """
         request = exchange.request
         kept = self._keeps_place(request) and not request.to_all
-        in_time = all(burst.rise <= newer.committed + self.budget for newer in self.queue)
+        in_time = all(newer.overtaken or burst.rise <= newer.committed + self.budget for newer in self.queue)
         return kept and in_time and burst.data == request.telegram
 
     def _repeat_is_held(self, exchange: Exchange) -> bool:
