@@ -285,8 +285,8 @@ PLANTS = (
         "newest-leaves-first",
         ("FRAME-7",),
         "sw/src/orders.c",
-        "    waiting[waiting[0] ? 1 : 0] = g->newest;",
-        "    if (waiting[0])\n        waiting[1] = waiting[0];\n    waiting[0] = g->newest;",
+        "        waiting[1] = g->newest;\n    else\n        waiting[0] = g->newest;",
+        "        waiting[1] = waiting[0];\n    waiting[0] = g->newest;",
         description="FRAME-7: of two waiting writes the newer one leaves first",
     ),
     Plant(
@@ -294,7 +294,7 @@ PLANTS = (
         ("EXC",),
         "sw/src/translate.c",
         "    if (!quantity_fits(",
-        "    if (txn->address >> 15) return reply_exception(txn, TRAITS.bad_address);\n"
+        "    if (txn->address >> 15) return EXCEPTION + TRAITS.bad_address;\n"
         "    if (!quantity_fits(",
         description="EXC: address before quantity",
     ),
