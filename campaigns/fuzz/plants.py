@@ -294,8 +294,7 @@ PLANTS = (
         ("EXC",),
         "sw/src/translate.c",
         "    if (!quantity_fits(",
-        "    if (txn->address >> 15) return EXCEPTION + TRAITS.bad_address;\n"
-        "    if (!quantity_fits(",
+        "    if (txn->address >> 15) return EXCEPTION + TRAITS.bad_address;\n    if (!quantity_fits(",
         description="EXC: address before quantity",
     ),
     Plant(
