@@ -94,6 +94,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
+#:   EXTENDED_SWITCHES=1   38400 and 115200 bit/s and 8N1 (card); BOARD=name-extended likewise (synth, image, release)
 #:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
 #:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
 #:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again

@@ -243,6 +243,8 @@ def _became(request: Request, due: Due, talk: Talk) -> str:
         return "silence: another unit's"
     if request.address == 0:
         return "silence: broadcast, sent on to the drive" if due.telegrams else "silence: broadcast"
+    if request.pdu[0] & rtu.EXCEPTION_BIT:
+        return "silence: an exception, not a request"
     by = "by the card"
     if due.telegrams:
         answered = bool(talk.exchanges) and talk.exchanges[-1].answered

@@ -351,7 +351,8 @@ def test_characters_of_every_format() -> None:
     assert Line.of(9600, "8O1").character(0x01)[9:] == [0, 1]
     assert Line.of(9600, "8E1").character(0x01, bad_parity=True)[9:] == [0, 1]
     assert Line.of(9600, "8E1").character(0x01, bad_stop=True)[9:] == [1, 0]
-    assert (Line.of(19200, "8N1").t35_bits, Line.of(38400, "8E1").t35_bits) == (38.5, 67.2)
+    assert (Line.of(19200, "8N1").t35_bits, Line.of(38400, "8E1").t35_bits) == (35.0, 67.2)
+    assert Line.of(19200, "8N2").t35_bits == 38.5
 
 
 # ---------------------------------------------------------------- fingerprints of results
