@@ -124,8 +124,8 @@ always @(posedge clk) begin
   g_status <= {
     ticks,
     frame_length,
-    stop_due, loopback_heard, loopback_open, drive_good, drive_candidate, telegram_started, drive_sending,
-    telegram_queued,
+    core_addr[2] ? restarts : {stop_due, loopback_heard, loopback_open, drive_good, drive_candidate, telegram_started,
+    drive_sending, telegram_queued},
     core_addr[2] ? g_events : {frame_bank, frame_broadcast, is_committed, is_candidate, ticket}
   };
   g_events <= (g_write && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[7:0] : g_events) |

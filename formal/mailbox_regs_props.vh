@@ -45,7 +45,7 @@ always @(posedge clk) begin
   g_seen <= {
     ticks,
     request_length,
-    exchange,
+    word[0] ? restarts : exchange,
     request
   };
   if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];

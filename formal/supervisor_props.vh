@@ -15,6 +15,7 @@ reg [1:0] g_bites = 2'd0;  // bites since the last exchange
 reg g_halted = 1'b0;
 reg g_closed = 1'b0;
 reg g_heard = 1'b0;  // a character that no port of the card sent
+reg [7:0] g_restarts = 8'd0;  // since the reset, up to 255
 reg g_good = 1'b0;
 reg g_fault = 1'b0;  // a fault in the clock before
 
@@ -31,6 +32,7 @@ always @(posedge clk) begin
   else if (beat != g_beat) g_beats <= g_beats + 2'd1;
   if (g_bite && !fault) g_bites <= g_bites + 2'd1;
   else if (!fault && (reply_start || (drive_good && !g_good))) g_bites <= 2'd0;
+  if (g_bite && g_restarts != 8'd255) g_restarts <= g_restarts + 8'd1;
   g_halted <= g_halted || halt;
   g_closed <= g_closed || loopback_close;
   g_heard <= g_heard || (start_seen && !driven);
@@ -41,6 +43,7 @@ always @(posedge clk) begin
     g_halted <= 1'b0;
     g_closed <= 1'b0;
     g_heard <= 1'b0;
+    g_restarts <= 8'd0;
   end
 end
 
@@ -57,6 +60,8 @@ always @(posedge clk) begin
     // LOOP-1
     a_loopback : assert (loopback_open == (!g_closed && sw_baud == LOOPBACK_SWITCHES));
     a_heard : assert (loopback_heard == g_heard);
+    // MAP-10
+    a_counted : assert (restarts == g_restarts);
   end
 end
 

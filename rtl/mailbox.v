@@ -29,6 +29,7 @@
 `define MBX_EVENTS_BITS 7:0
 `define MBX_EVENTS_REVOKED_BITS 5
 `define MBX_EVENTS_DRIVE_BAD_BITS 7
+`define MBX_RESTARTS_BITS 7:0
 `define MBX_REPLY_LENGTH_BITS 4:0
 `define MBX_REPLY_AFTER_DRIVE_BITS 5
 `define MBX_REPLY_TICKET_BITS 11:8
@@ -118,6 +119,7 @@ module mailbox #(
     output wire [    `CARD_SUPERVISION_BITS] supervision,
     input  wire                              loopback_open,
     input  wire                              loopback_heard,
+    input  wire [        `MBX_RESTARTS_BITS] restarts,
     // status
     input  wire [                       7:0] ticks,
     output wire [             `MBX_LED_BITS] leds
@@ -240,6 +242,7 @@ module mailbox #(
       .events(events),
       .request(request_status),
       .exchange(exchange_status),
+      .restarts(restarts),
       .request_length(request[`CARD_REQUEST_LENGTH_BITS]),
       .ticks(ticks)
   );

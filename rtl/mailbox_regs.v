@@ -3,7 +3,7 @@
 //
 // The map is written in regs/mailbox.rdl alone. Readable bytes fill two words, which
 // repeat over the whole map: word 0 with request, exchange, length and time, word 1
-// with the events in place of the request. rdata is 0 unless a word was read a clock
+// with the events and the restarts in place of the request and the exchange. rdata is 0 unless a word was read a clock
 // before: a line may read the memory while a register is written. Any write strobe writes
 // the whole word. An event that comes while its flag is being cleared is kept.
 // order_telegram and order_repeat are the actions of TELEGRAM, which need a drive line on which
@@ -19,6 +19,7 @@
 `define MBX_EXCHANGE_SENDING_BITS 1
 `define MBX_EVENTS_WORD 3'h1
 `define MBX_EVENTS_BITS 7:0
+`define MBX_RESTARTS_BITS 7:0
 `define MBX_REPLY_WORD 3'h2
 `define MBX_REPLY_LENGTH_BITS 4:0
 `define MBX_TELEGRAM_WORD 3'h3
@@ -69,6 +70,7 @@ module mailbox_regs (
     input  wire [  `MBX_EVENTS_BITS] events,
     input  wire [ `MBX_REQUEST_BITS] request,
     input  wire [`MBX_EXCHANGE_BITS] exchange,
+    input  wire [`MBX_RESTARTS_BITS] restarts,
     input  wire [               7:0] request_length,
     input  wire [               7:0] ticks
 );
@@ -86,7 +88,7 @@ module mailbox_regs (
   wire write_led = write_now && word == `MBX_LED_WORD;
   wire write_listen = write_now && word == `MBX_LISTEN_WORD;
   wire write_supervisor = write_now && word == `MBX_SUPERVISOR_WORD;
-  wire show_events = word[0] == 1'b1;
+  wire [15:0] shown = word[0] ? {restarts, flags} : {exchange, request};
   wire write_telegram = write_now && word == `MBX_TELEGRAM_WORD;
   wire order = write_telegram && !exchange[`MBX_EXCHANGE_SENDING_BITS];
   wire [1:0] action = wdata[`MBX_TELEGRAM_ACTION_BITS];
@@ -115,7 +117,7 @@ module mailbox_regs (
   end
 
   always @(posedge clk) begin
-    if (valid && !write) rdata <= {ticks, request_length, exchange, show_events ? flags : request};
+    if (valid && !write) rdata <= {ticks, request_length, shown};
     else rdata <= 32'd0;
 
     flags <= (flags & ~(wdata &{8{clear}})) | events;

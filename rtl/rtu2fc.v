@@ -143,6 +143,7 @@ module rtu2fc #(
   wire network_fault;
   wire loopback_open;
   wire loopback_heard;
+  wire [7:0] restarts;
   wire fault;
   wire modbus_driven;
   wire drive_driven;
@@ -359,6 +360,7 @@ module rtu2fc #(
       .supervision(supervision),
       .loopback_open(loopback_open),
       .loopback_heard(loopback_heard),
+      .restarts(restarts),
       // status
       .ticks(ticks),
       .leds(lit)
@@ -385,7 +387,8 @@ module rtu2fc #(
       .core_rst(core_rst),
       .fault(fault),
       .loopback_open(loopback_open),
-      .loopback_heard(loopback_heard)
+      .loopback_heard(loopback_heard),
+      .restarts(restarts)
   );
 
   soft_core #(

@@ -6,6 +6,7 @@
 // core and the queued reply and telegram. The lines and the switch settings are not reset, so a
 // telegram on the wire is finished. Three bites are a fault if in between neither a reply was
 // sent nor a good telegram came from the drive.
+// restarts: the bites since the reset, up to 255.
 // Fault (LED-5): an invalid unit address (not while the loop-back test is open), halt (the
 // firmware found a wrong sum of its image), or the third bite. Until the next reset the soft core
 // is stopped, both ports are in reset (both DE low) and both LEDs are red.
@@ -40,7 +41,8 @@ module supervisor #(
     output wire       core_rst,
     output wire       fault,
     output wire       loopback_open,
-    output reg        loopback_heard
+    output reg        loopback_heard,
+    output reg  [7:0] restarts
 );
 
   reg beat_before = 1'b0;
@@ -54,7 +56,10 @@ module supervisor #(
   // address to the soft core's bus.
   reg stopped = 1'b0;
 
-  initial loopback_heard = 1'b0;
+  initial begin
+    loopback_heard = 1'b0;
+    restarts = 8'd0;
+  end
 
   wire bite = (idle_beats == 2'd3 || core_trap) && restarting == 2'b00;
 
@@ -72,6 +77,7 @@ module supervisor #(
     stopped <= fault;
     if (!fault && (reply_start || (drive_good && !drive_was_good))) bites <= 2'd0;
     if (bite && !fault) bites <= bites + 2'd1;
+    if (bite && restarts != 8'hFF) restarts <= restarts + 8'd1;
     if (halt) halted <= 1'b1;
     if (loopback_close) loopback_closed <= 1'b1;
     if (start_seen && !driven) loopback_heard <= 1'b1;
@@ -82,6 +88,7 @@ module supervisor #(
       halted <= 1'b0;
       loopback_closed <= 1'b0;
       loopback_heard <= 1'b0;
+      restarts <= 8'd0;
     end
   end
 

@@ -143,6 +143,12 @@ extern "C" {
 #define MAILBOX__EVENTS__DRIVE_BAD_bw 1
 #define MAILBOX__EVENTS__DRIVE_BAD_reset 0x0
 
+// reg - MAILBOX.RESTARTS
+#define MAILBOX__RESTARTS__COUNT_bm 0xff
+#define MAILBOX__RESTARTS__COUNT_bp 0
+#define MAILBOX__RESTARTS__COUNT_bw 8
+#define MAILBOX__RESTARTS__COUNT_reset 0x0
+
 // reg - MAILBOX.REPLY
 #define MAILBOX__REPLY__LENGTH_bm 0x1f
 #define MAILBOX__REPLY__LENGTH_bp 0
@@ -230,7 +236,8 @@ typedef struct {
     uint8_t LENGTH;
     uint8_t TIME;
     uint8_t EVENTS;
-    uint8_t RESERVED_5_7[0x3];
+    uint8_t RESTARTS;
+    uint8_t RESERVED_6_7[0x2];
     uint32_t REPLY;
     uint32_t TELEGRAM;
     uint32_t LED;

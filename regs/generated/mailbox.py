@@ -119,6 +119,13 @@ REGISTERS = {
             "drive_bad": Field(7, 1, 0x0),
         },
     ),
+    "RESTARTS": Register(
+        0x05,
+        1,
+        {
+            "count": Field(0, 8, 0x0),
+        },
+    ),
     "REPLY": Register(
         0x08,
         4,

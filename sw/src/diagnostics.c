@@ -53,17 +53,17 @@ static uint32_t errors(void)
            *mailbox_counter(COUNT_T15) + *mailbox_counter(COUNT_OVERRUN) + *mailbox_counter(COUNT_REVOKED);
 }
 
-/* The diagnostic register: bit i is 1 if counter i is not 0, for the faults of both lines. */
+/* The diagnostic register: restarts since the reset, and a bit for each kind of fault that was counted. */
 static uint32_t faults(void)
 {
-    const uint32_t foreign = (COUNT_FOREIGN_address - COUNT_CRC_address) / FRAME_STRIDE;
-    const uint32_t end = (COUNT_DRIVE_REPEAT_address - COUNT_CRC_address) / FRAME_STRIDE + 1;
-    uint32_t found = 0;
+    uint32_t found = mailbox_read(RESTARTS) << 8;
     uint32_t i;
 
-    for (i = 0; i < end; i++) /* at most 10 turns: the counters of faults, and the one of other units */
-        if (i != foreign && *counter_at(i) != 0)
+    for (i = 0; i < 8; i++) /* at most 8 turns: the counters of EVENTS */
+        if (i != MAILBOX__EVENTS__FOREIGN_bp && *counter_at(i) != 0)
             found |= 1u << i;
+    if (*mailbox_counter(COUNT_DRIVE_NO_REPLY) != 0 || *mailbox_counter(COUNT_DRIVE_REPEAT) != 0)
+        found |= 1u << MAILBOX__EVENTS__FOREIGN_bp; /* no fault, so its bit says: no good reply */
     return found;
 }
 

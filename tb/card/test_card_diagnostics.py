@@ -15,10 +15,12 @@ import pytest
 
 from tb.agents import rtu
 from tb.agents.uart import Flaws
+from tb.lib.card import MS
 from tb.lib.config import own_hz
 from tb.lib.fast_card import FastCard
 from tb.lib.nightly import first
 from tb.lib.seeds import seeded
+from tb.lib.supervision import WatchedCard
 from tb.model.card import CLEAR, EXCEPTIONS, MESSAGES, REGISTER, REQUESTS, CardModel
 
 pytestmark = pytest.mark.parametrize("config", ["standard"])
@@ -153,3 +155,14 @@ def test_the_counters_are_those_of_the_line(config: str, line: tuple[int, str]):
         traffic = play(card, rng, FRAMES)
         print(dict(traffic.sent), dict(traffic.model.counts))
         assert len(traffic.sent) == 10, "every kind"
+
+
+@pytest.mark.rule("MAP-10", "WDG-1")
+def test_a_master_reads_how_often_the_watchdog_bit(config: str):
+    """A clear of the counters leaves this number alone."""
+    with WatchedCard(config, dialect="hvac_basic").boot() as card:
+        for restarts in range(3):
+            reply = card.request(rtu.build(OWN, bytes([8, 0, REGISTER, 0, 0])), REPLY_MS)
+            assert reply.data[4] == restarts
+            card.request(rtu.build(OWN, bytes([8, 0, CLEAR, 0, 0])), REPLY_MS)
+            card.run_until(card.bite_now() + card.boot_ms * MS)

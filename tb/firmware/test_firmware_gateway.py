@@ -32,7 +32,7 @@ class Bench:
     def __init__(self, build: Build = Build(), address: int = 1) -> None:  # noqa: B008
         self.build = build
         self.mailbox = build.mailbox(address)
-        self.restart()
+        self.gateway = build.start(self.mailbox)
 
     def restart(self) -> None:
         self.mailbox.restart()

@@ -27,7 +27,7 @@ COUNTED_BY_SUB = {REGISTER, MESSAGES, ERRORS, EXCEPTIONS, REQUESTS}
 # Faults of both lines and their bits in the diagnostic register. Sub-function 12 adds up the first six.
 FAULTS = {
     **{"crc": 0, "parity": 1, "framing": 2, "t15": 3, "overrun": 4, "revoked": 5},
-    **{"drive_bad": 7, "drive_silent": 8, "repeat": 9},
+    **{"drive_silent": 6, "repeat": 6, "drive_bad": 7},
 }
 VERSION = (Path(__file__).resolve().parents[2] / "VERSION").read_text().strip()
 OBJECTS = (b"rtu2fc", b"card", VERSION.encode())
@@ -132,7 +132,7 @@ class CardModel:
     registers: dict[int, int] = field(init=False)  # the card's own
     question: Question | None = None
     diagnostics: bool | None = None  # MAP-10; None: as the dialect has it
-    # What was counted: faults, "foreign", "requests", "exceptions", "completed".
+    # What was counted: faults, "foreign", "requests", "exceptions", "completed", "restarts".
     counts: Counter = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
@@ -220,7 +220,8 @@ class CardModel:
             return pdu
         requests = self.counts["requests"] + 1  # this one included
         value = {
-            REGISTER: sum(1 << bit for name, bit in FAULTS.items() if self.counts[name]),
+            REGISTER: sum({1 << bit for name, bit in FAULTS.items() if self.counts[name]})
+            + (self.counts["restarts"] << 8),
             MESSAGES: requests + self.counts["foreign"],
             ERRORS: sum(self.counts[name] for name, bit in FAULTS.items() if bit < 6),
             EXCEPTIONS: self.counts["exceptions"],

@@ -24,7 +24,7 @@ INPUTS = """
     modbus_write_valid modbus_write_addr modbus_write_data modbus_read_valid modbus_read_addr
     modbus_quiet modbus_start_seen request network_events
     drive_write_valid drive_write_addr drive_write_data drive_read_valid drive_read_addr
-    exchange loopback_open loopback_heard ticks
+    exchange loopback_open loopback_heard restarts ticks
 """.split()  # noqa: SIM905 (a table reads better than a list)
 VECTORS = {
     "request": "request",
@@ -44,6 +44,7 @@ SOURCES = {
     ("EXCHANGE", "good"): "exchange_good",
     ("EXCHANGE", "loopback"): "loopback_open",
     ("EXCHANGE", "heard"): "loopback_heard",
+    ("RESTARTS", "count"): "restarts",
 }
 # What is flagged by hardware, and the strobe that says so.
 EVENTS = {

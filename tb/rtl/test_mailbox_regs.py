@@ -20,6 +20,7 @@ SOURCES = {
     "REQUEST": "request",
     "LENGTH": "request_length",
     "EXCHANGE": "exchange",
+    "RESTARTS": "restarts",
 }
 READ = {name: register for name, register in REGISTERS.items() if register.size == 1}
 EVENTS = REGISTERS["EVENTS"].fields

@@ -75,6 +75,7 @@ async def a_silent_firmware_is_reset_once_at_the_third_beat(dut):
     assert await watched.beats(10, kicking=True) == 0, "the firmware runs on"
     assert await watched.beats(BITES_AT - 1) == 0, "beats count from the last kick"
     assert await watched.beats(1) == 1
+    assert int(dut.restarts.value) == 2
 
 
 @cocotb.test()

@@ -108,6 +108,7 @@ void mailbox_init(struct mailbox *m)
 void mailbox_restart(struct mailbox *m)
 {
     drop(m);
+    m->restarts += m->restarts != MAILBOX__RESTARTS__COUNT_bm;
     m->is_candidate = m->is_committed = m->answerable = m->answered = false;
     m->reply_queued = m->started = m->armed = m->free = false;
     m->led = m->asker = 0;
@@ -247,6 +248,8 @@ uint32_t mailbox_on_read(struct mailbox *m, uint32_t offset)
         return m->ticks & MAILBOX__TIME__TICKS_bm;
     case offsetof(MAILBOX_t, EVENTS):
         return m->events;
+    case offsetof(MAILBOX_t, RESTARTS):
+        return m->restarts;
     default:
         m->unknown++;
         return 0;

@@ -27,7 +27,7 @@ enum mailbox_kind { KIND_NEWEST, KIND_IMAGE, KIND_ONE, KIND_ALL, MAILBOX_KINDS }
     /* heard: somebody else's character since power-up (LOOP-1) */ \
     field(ticks) field(quiet) field(heard) field(loopback) \
     /* registers that the firmware writes; kicks of the watchdog; accesses that the model does not serve; broken rules */ \
-    field(events) field(led) field(halted) field(kicks) field(unknown) field(broken) \
+    field(events) field(led) field(halted) field(kicks) field(restarts) field(unknown) field(broken) \
     /* the newest request; request: the number that the judge gave it */ \
     field(address) field(ticket) field(bank) field(length) field(request) field(is_broadcast) field(writes_coils) \
     field(writes_parameter) field(is_candidate) field(is_committed) field(answerable) field(answered) \
