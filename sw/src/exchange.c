@@ -145,8 +145,10 @@ static void take_reply(struct gateway *g)
     end(g);
     if (TRAITS.text_by_size && g->reply_outcome == OUTCOME_EXCHANGE) {
         /* Only the newest request gets its second telegram (MAP-8): the gate licenses no other. */
-        translate_drive_again(g->at_drive);
-        g->asks_drive = is_newest(g);
+        if (is_newest(g)) {
+            translate_drive_again(g->at_drive);
+            g->asks_drive = true;
+        }
         return;
     }
     request_confirm_reply(g);

@@ -534,6 +534,10 @@ FRAME-7: a newer request ends the older one before its second exchange
 FRAME-7: a newer request for the drive is sent instead of the second exchange
     ask READ_TEXT; request START; drive NO_NUMBER; sent ASK_NUMBER SEND_START; answers RUNNING;
     replied 01_05_0006_FF00
+FRAME-7: a newer reading is sent instead of the second exchange
+    ask WRITE_TEXT; request READ_514; drive 7215_0000_0000_0005_0F03_2000;
+    sent-from 1 81_1202_0000_0000_0000_0000_0000; answers 1202_0000_0000_012C_0F03_2000;
+    replied 01_03_04_0000_012C
 FRAME-7, FRAME-6: a newer request that is revoked ends the older one too
     ask READ_TEXT; offer START; character; drive NO_NUMBER; wait 500; sent ASK_NUMBER; replied;
     local READ_INDEX
