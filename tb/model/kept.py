@@ -137,9 +137,10 @@ class Order:
         for one in fitting:
             one.must &= one.hi <= at
         left = fitting[0]
-        if again and left.hi > at:
-            return
         older = [one for one in self.waiting if one.kind == left.kind == "image" and one.lo < left.lo]
+        # It may be the repeat of equal words, but not while an older image has to leave.
+        if again and left.hi > at and not any(one.must and one.hi <= at for one in older):
+            return
         self.waiting = [one for one in self.waiting if one is not left and one not in older]
 
 
