@@ -33,6 +33,7 @@ WRITES = (
     fc_telegram.AK_EEPROM_DOUBLE,
     fc_telegram.AK_EEPROM_WORD,
 )
+COIL_WRITES = (0x05, 0x0F)
 STATES_MAX = 64  # possible states of the card; above, the checks end
 EXCHANGE_S = 0.04  # the longest telegram
 
@@ -49,8 +50,8 @@ class Possible:
     sent: Counter = field(default_factory=Counter)  # number of each telegram
 
     @property
-    def most(self) -> int:
-        return 1 if self.data[0] == 0 else 2
+    def writes_coils(self) -> bool:
+        return self.data[1] in COIL_WRITES
 
 
 def possible_frames(network: list[FarCharacter], line: LineFormat, address: int) -> list[Possible]:
@@ -91,12 +92,19 @@ def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
             changed.append(after)
             again = after.question and after.question.again
             telegrams |= {fc_telegram.build(t[1:], adr=t[0]) for t in (step.telegram, again) if t}
+            # One telegram may stand for this write to all and for an earlier one to this card (FRAME-7).
+            if step.telegram and frame.writes_coils and any(to_one(earlier) for earlier in frames[:number]):
+                telegrams.add(fc_telegram.build(step.telegram[1:], adr=fc_telegram.ADR))
         frame.telegrams = frozenset(telegrams)
         kept = changed if confirmed else [*states, *changed]
         states = list({(tuple(c.coils), tuple(c.registers.items())): c for c in kept}.values())
         if len(states) > STATES_MAX:
             return False
     return True
+
+
+def to_one(frame: Possible) -> bool:
+    return frame.writes_coils and frame.data[0] != 0
 
 
 def acts(data: bytes) -> bool:
@@ -123,7 +131,7 @@ def unasked(
             frame
             for frame in before
             if data in frame.telegrams
-            and frame.sent[data] < frame.most
+            and frame.sent[data] < (1 if fc_telegram.is_broadcast(data[2]) else 2)
             and (frame.end > newest_answered or (frame.data[1] not in READS and at < frame.end + waits))
             and frame.answered >= at
         ]
