@@ -302,6 +302,11 @@ FC-9, FRAME-6: a candidate does not turn an old repeat into a newer command
 FC-9: a repeat that waits for a free line gives way to a newer telegram
     ask SET_207; busy; wait 152; request SET_207_AGAIN; +free; poll;
     sent US:TELEGRAM_OF_207 US:TELEGRAM_OF_207_AGAIN
+FC-9: a repeat that waits for a free line gives way to a newer reading
+    ask SET_207; busy; wait 152; request READ_514; +free; poll; sent US:TELEGRAM_OF_207 ASK_514
+FC-9: a repeat that waits for a free line gives way to a newer write to all
+    ask SET_207; busy; wait 152; request-all SET_207; +free; poll;
+    sent US:TELEGRAM_OF_207 ALL:TELEGRAM_OF_207
 FC-9: a stop that waits shortens a wait of 160 ms to 150
     local 06_0002_0010; ask READ_514; request STOP; wait 152; sent ASK_514 US:TELEGRAM_OF_STOP
 FC-9: a stop that waits shortens a wait of 10 s to 150 ms
@@ -1230,6 +1235,21 @@ def test_an_unsent_write_keeps_its_place_against_other_requests(bench: Bench, ne
     bench.mailbox.pause_over()
     bench.poll()
     assert bench.telegrams == [H("81 047C 1999")]
+
+
+@pytest.mark.rule("FC-9", "SAFE-1")
+def test_an_old_repeat_does_not_leave_with_the_licence_of_a_newer_candidate(bench: Bench):
+    """The candidate comes just before the firmware orders the repeat of the start anew."""
+    mailbox = bench.mailbox
+    bench.ask_drive(START)
+    mailbox.quiet = False
+    bench.request(H("05 0040 FF00"))
+    bench.before_write("TELEGRAM", lambda: bench.before_write("TELEGRAM", lambda: mailbox.candidate(STOP)))
+    bench.wait(155)
+    mailbox.pause_over()
+    bench.commit()
+    bench.telegram_ends()
+    assert bench.telegrams[1:] == [to("us", TELEGRAM_OF_STOP)]
 
 
 @pytest.mark.rule("FC-9", "MAP-9")
