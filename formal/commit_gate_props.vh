@@ -3,8 +3,8 @@
 //
 // The ghosts (g_*) follow the rules from the strobes alone: the newest request, the licences that commits gave and
 // telegrams used, and the telegram that was ordered last. STOP: MASTER_LOSS_STOP = 1.
-// Assumed of rtu_rx, and proved there: no revoke together with candidate or commit, no commit with a candidate; a newer
-// candidate began with a start bit; what the request is stays until the next candidate. Assumed of network_port: a line
+// Assumed of rtu_rx, and proved there: no revoke together with candidate or commit, and no commit with a candidate. A start
+// bit comes before each candidate. broadcast and writes_* change with a candidate only. Assumed of network_port: a line
 // on which a character begins is not silent, a quiet line is. Assumed of mailbox_regs: one order in a clock. Assumed of
 // the supervisor: the loop-back test ends in the clock after its order, and never begins again.
 
@@ -216,6 +216,9 @@ wire [1:0] g_slot = \telegram_i.state ;
 (* hierconn *) wire \g_loss.loss_i.over_i.held ;
 (* hierconn *) wire \g_loss.loss_i.over_i.opposite ;
 initial assume (!\g_loss.loss_i.beat_before );
+// The ordered stop gets its licence: a candidate in the clock after the order drops it, and it stays due.
+wire g_grants_stop = g_telegram == G_QUEUED && !order_telegram && !telegram_touched && !loopback_close && !candidate &&
+    !g_pending && g_kind == 2'd1 && g_image && !g_free && stop_due;
 wire g_watch = watch && order_ticket == g_ticket && g_committed && !candidate;
 reg g_beat = 1'b0;
 reg g_start = 1'b0;  // a write of coils with the start bit 1 was committed, and no stop was licensed since
@@ -226,7 +229,7 @@ always @(posedge clk) begin
   g_beat <= beat;
   if (g_watch) {g_known, g_limit} <= {1'b1, period};
   if (g_watch && writes_coils) g_start <= running;
-  else if (g_stops) g_start <= 1'b0;
+  else if (g_grants_stop) g_start <= 1'b0;
   if (g_commits || g_watch) g_since <= 21'd0;
   else if (beat != g_beat && !g_since[20]) g_since <= g_since + 21'd1;
   if (rst) {g_known, g_start} <= 2'b00;

@@ -81,6 +81,7 @@ module commit_gate #(
   wire renewed;
   wire free;
   wire used;
+  wire grants_stop;
   wire request_fault;
   wire licences_fault;
   wire telegram_fault;
@@ -89,8 +90,7 @@ module commit_gate #(
   wire current = order_ticket == ticket;
   wire takes_reply = current && !broadcast && (is_candidate || answerable);
   wire decided = current && !candidate && !is_candidate;
-  wire wants_stop = order_telegram && order_stop && order_kind == K_IMAGE && decided;
-  wire take_stop = wants_stop && stop_due;
+  wire take_stop = order_telegram && order_stop && order_kind == K_IMAGE && decided && stop_due;
 
   assign fault = request_fault || licences_fault || telegram_fault || loss_fault;
 
@@ -170,6 +170,7 @@ module commit_gate #(
       .stop(telegram_stop),
       // status
       .queued(telegram_queued),
+      .grants_stop(grants_stop),
       .started(telegram_started),
       .fault(telegram_fault)
   );
@@ -216,7 +217,7 @@ module commit_gate #(
           .watch(watch),
           .running(running),
           .period(period),
-          .take(wants_stop),
+          .take(grants_stop),
           // status
           .due(stop_due),
           .fault(loss_fault)
@@ -224,7 +225,7 @@ module commit_gate #(
     end else begin : g_no_loss
       assign stop_due   = 1'b0;
       assign loss_fault = 1'b0;
-      wire unused = &{1'b0, beat, watch, running, period};
+      wire unused = &{1'b0, beat, watch, running, period, grants_stop};
     end
   endgenerate
 

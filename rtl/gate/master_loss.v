@@ -4,7 +4,8 @@
 // watch, with rights: the firmware gives period and, for a write of coils, whether it leaves the
 // start bit at 1 (running). running = 1 arms, running = 0 disarms; other requests change neither.
 // commits and watch restart the wait. due: armed, and more than period has passed since the last
-// of both; never with period 0. take while due disarms, until a write of coils arms again.
+// of both; never with period 0. take, the licence of the stop while due, disarms until a write of
+// coils arms again.
 // armed and over are guarded bits. The count is not guarded: the firmware measures the same time,
 // and both must agree (docs/hardening.md, Loss of the master).
 // rights: the order is for the newest request, which is committed. rights and commits never come

@@ -11,8 +11,9 @@
 // written (touched). A telegram that has not left is also dropped by a commit of its own kind, which
 // it does not contain: the firmware orders the newer one. After it has left, such a commit ends its
 // repeat. Without a reply (no_reply) there is no repeat. control: bit 10 of the control word may be
-// 1. stop: bit 6, the start, leaves as 0 (SAFE-7). used: a licence is used up. In the clock of an
-// order no telegram starts. Clock domain: clk.
+// 1. stop: bit 6, the start, leaves as 0 (SAFE-7). grants_stop: such a telegram gets its licence;
+// from then on no candidate drops it. used: a licence is used up. In the clock of an order no
+// telegram starts. Clock domain: clk.
 `default_nettype none
 
 module telegram_slot (
@@ -48,6 +49,7 @@ module telegram_slot (
     output reg        stop,
     // status
     output wire       queued,
+    output wire       grants_stop,
     output reg        started,
     output wire       fault
 );
@@ -81,6 +83,7 @@ module telegram_slot (
 
   assign start = state == S_LICENSED && licensed && quiet && !order && !again && !ended;
   assign used = start && !repeated && !loopback_open;
+  assign grants_stop = grant && kind == K_IMAGE && !free;
   assign control = kind == K_IMAGE;
   assign queued = state == S_QUEUED || state == S_LICENSED;
 
@@ -112,7 +115,7 @@ module telegram_slot (
     if (order) state <= accepted || loopback_open ? S_QUEUED : S_EMPTY;
     if (ended || rst) state <= S_EMPTY;
 
-    if (grant) stop <= kind == K_IMAGE && !free;
+    if (grant) stop <= grants_stop;
     if (order) begin
       kind <= loopback_open ? K_NEWEST : order_kind;
       repeatable <= !no_reply;

@@ -723,6 +723,25 @@ async def stop_has_no_licence_without_a_committed_start_and_its_time(dut, withou
 
 
 @cocotb.test()
+@cocotb.parametrize(clocks=[0, 1, 2, 5])
+async def stop_outlives_a_frame_that_is_revoked(dut, clocks):
+    """Noise that resembles a frame begins at any clock after the order."""
+    gate = await Gate(dut).start()
+    await watched(gate)
+    await ticks(gate, PERIOD + 1)
+    dut.drive_quiet.value = 0
+    await gate.order(IMAGE, stop=1)
+    await gate.bench.clocks(clocks)
+    await gate.candidate(READING)
+    await gate.character()
+    dut.drive_quiet.value = 1
+    if await gate.settle() == (0, 1):
+        assert int(dut.stop_due.value), "it was dropped, and may be ordered again"
+        await gate.order(IMAGE, stop=1)
+    assert await gate.settle() == (0, 2) and gate.telegrams.values[1:] == [(1, 1)]
+
+
+@cocotb.test()
 async def stop_does_not_take_the_start_from_an_image_that_waits(dut):
     """A write was committed and has not left: the firmware orders it as it is, and its start is its own."""
     gate = await Gate(dut).start()

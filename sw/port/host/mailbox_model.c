@@ -46,6 +46,12 @@ static void drop_if_touched(struct mailbox *m)
         drop(m);
 }
 
+/* At most one tick more than limit passes (master_loss.v). */
+static bool stop_is_due(const struct mailbox *m)
+{
+    return m->armed && m->limit != 0 && m->ticks - m->since > m->limit;
+}
+
 /* Decides on a telegram that was ordered, once no candidate is pending. */
 static void license(struct mailbox *m)
 {
@@ -57,6 +63,8 @@ static void license(struct mailbox *m)
         m->licensed = true;
         m->asker = m->loopback || m->kind == KIND_NEWEST ? m->request : m->given_by[m->kind];
         m->without_start = m->kind == KIND_IMAGE && !m->free;
+        /* A stop is licensed once; one that was dropped stays due (SAFE-7). */
+        m->armed &= !(m->without_start && stop_is_due(m));
     } else {
         drop(m);
     }
@@ -222,12 +230,6 @@ void mailbox_bcc(struct mailbox *m, uint32_t good)
 
 /* ---- registers (mailbox_regs.v) */
 
-/* At most one tick more than limit passes (master_loss.v). */
-static bool stop_is_due(const struct mailbox *m)
-{
-    return m->armed && m->limit != 0 && m->ticks - m->since > m->limit;
-}
-
 uint32_t mailbox_on_read(struct mailbox *m, uint32_t offset)
 {
     switch (offset) {
@@ -289,10 +291,7 @@ static uint32_t kind_of(uint32_t value)
 /* The stop gives the image a licence, if it has none (master_loss.v). */
 static void take_stop(struct mailbox *m)
 {
-    if (!stop_is_due(m))
-        return;
-    m->armed = false;
-    if (m->valid[KIND_IMAGE])
+    if (!stop_is_due(m) || m->valid[KIND_IMAGE])
         return;
     m->valid[KIND_IMAGE] = true;
     m->given_by[KIND_IMAGE] = 0;
