@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Arbiter, registers and gate, wired. What the gate promises at its pins (commit_gate_props.vh) it promises for the
-// mailbox: each of its pins is the field of the bus or of a vector that it stands for, and a write to any byte of the
-// telegram is told to it before it is in the memory. So no telegram starts unless a committed request caused just that
-// one, every byte and its length, and none of it changes on the wire; no reply leaves but to the newest request
-// (SAFE-1, SAFE-7, FRAME-6, FRAME-7).
+// mailbox: each pin of the gate is the field of the bus or of a vector that it stands for. The gate hears of each write to
+// a byte of the telegram before that byte changes in the memory. So each telegram was caused by a committed request, with
+// all its bytes and its length, and no byte changes while it is sent. Only the newest request gets a reply (SAFE-1,
+// SAFE-7, FRAME-6, FRAME-7).
 //
 // Assumed of the ports: neither line reads and writes at once, the drive port sends after a start only, and a quiet
 // line is silent. Nothing is assumed of the firmware.

@@ -43,7 +43,7 @@ def followed(case: dict, player: Player, played: Played, *, strict_t15: bool = T
 
 
 def told(case: dict, player: Player, played: Played, *, strict_t15: bool = True) -> Told:
-    """Whether the image shows what the drive was told, also after the end of the judge (SAFE-8, FRAME-7)."""
+    """Differences of SAFE-8 and FRAME-7, also behind the point where the judge of the lines had to stop."""
     return judge(
         played.network,
         played.drive,

@@ -44,24 +44,24 @@ enum { WAITING = 2 };
 struct gateway {
     struct translator translator;
     struct transaction transactions[WAITING + 2];
-    struct transaction *newest;          /* the newest request */
-    struct transaction *at_drive;        /* the last one sent to the drive, maybe the newest */
+    struct transaction *newest;           /* the newest request */
+    struct transaction *at_drive;         /* the last one sent to the drive, maybe the newest */
     struct transaction *waiting[WAITING]; /* committed parameter writes that have not left, in order; 0: none */
-    uint32_t now;                 /* ticks (ticks.h), as the next two */
-    uint32_t committed_at;        /* last commit */
-    uint32_t wait_start;          /* start of the wait for the line, then for the drive */
-    uint32_t held_reply;          /* value for REPLY that REPLY_DELAY holds back; 0: none */
-    uint8_t ticket;               /* of newest */
-    uint8_t state;                /* enum request_state */
-    bool asks_drive;              /* the newest request has a telegram, still to be ordered */
-    uint8_t image_change;         /* of enum image_change: no telegram of it is ordered */
-    uint8_t image_ordered;        /* likewise: its telegram is ordered and has not left */
-    bool image_is_newer;          /* than each parameter write that waits (FC-9) */
-    uint8_t exchange;             /* enum exchange_stage */
-    uint8_t reply_outcome;        /* enum outcome: of the telegram received for at_drive */
-    bool repeated;                /* the repeat of FC-9 has been ordered */
-    bool network_online;          /* LED-3 */
-    bool drive_online;            /* LED-4 */
+    uint32_t now;                         /* ticks (ticks.h), as the next two */
+    uint32_t committed_at;                /* last commit */
+    uint32_t wait_start;                  /* start of the wait for the line, then for the drive */
+    uint32_t held_reply;                  /* value for REPLY that REPLY_DELAY holds back; 0: none */
+    uint8_t ticket;                       /* of newest */
+    uint8_t state;                        /* enum request_state */
+    bool asks_drive;                      /* the newest request has a telegram, still to be ordered */
+    uint8_t image_change;                 /* of enum image_change: no telegram of it is ordered */
+    uint8_t image_ordered;                /* likewise: its telegram is ordered and has not left */
+    bool image_is_newer;                  /* than each parameter write that waits (FC-9) */
+    uint8_t exchange;                     /* enum exchange_stage */
+    uint8_t reply_outcome;                /* enum outcome: of the telegram received for at_drive */
+    bool repeated;                        /* the repeat of FC-9 has been ordered */
+    bool network_online;                  /* LED-3 */
+    bool drive_online;                    /* LED-4 */
     struct leds leds;
     struct loopback loopback;
 };

@@ -170,7 +170,7 @@ void orders_next(struct gateway *g)
     else if (stop_is_due(g))
         start_stop(g);
     else if (g->waiting[0]) {
-        g->image_is_newer = false; /* no matter: the other one that waits is newer than this one */
+        g->image_is_newer = false; /* what else waits is newer than this write */
         start(g, g->waiting[0], ACTION(WRITE));
     } else if (g->asks_drive) {
         g->asks_drive = false;

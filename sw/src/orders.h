@@ -5,10 +5,10 @@
 
 #include "gateway.h"
 
-/* At the commit of the newest request, which has a telegram: what the drive is to be told. */
+/* Called once at the commit of a request with a telegram: keeps what the drive must be told. */
 void orders_keep(struct gateway *g);
 
-/* The write at the drive waits no more: it has left, or was answered with the drive's silence. */
+/* The telegram at the drive has left: if it is a parameter write, that waits no more. */
 void orders_stop_waiting(struct gateway *g);
 
 /* Something committed after the request at the drive waits for the drive line, too (FC-9). */
@@ -20,7 +20,7 @@ void orders_next(struct gateway *g);
 /* Orders the telegram at the drive once more (FC-9). */
 void orders_repeat(struct gateway *g);
 
-/* The same after a commit that ended the repeat, and whose licence is of no other use. */
+/* The same after a commit that ended the repeat but asks the drive for nothing, so its licence is free for this. */
 void orders_repeat_anew(struct gateway *g);
 
 /* Takes an ordered telegram back. False if it left just then. */
