@@ -141,7 +141,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 
 ##@ Test
 .PHONY: test nightly test-all test-gates lint format trace report
-test: | setup-test ## * every rule of the card, each test of a few seconds (3 min, 9.5 min from a clean clone; TEST=name: a part)
+test: | setup-test ## * every rule of the card, each test of a few seconds (4 min from a clean clone, 9.5 min without the build cache; TEST=name: a part)
 	@$(call named,test)
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) $(if $(TEST),--all)
