@@ -73,7 +73,7 @@ BUGS = {
         *("early ? is_candidate || is_committed : !is_candidate", "1'b1"),
     ),
     "the image as it was": ("a_as_it_is", "telegram_slot", "state != S_QUEUED && outdated", "1'b0"),
-    "a start bit in the stop": ("a_no_start", "telegram_slot", "kind == K_IMAGE && !free", "1'b0"),
+    "a start bit in the stop": ("a_no_start", "telegram_slot", "stop <= grants_stop;", "stop <= 1'b0;"),
     "a telegram that was written": (
         *("a_untouched", "commit_gate"),
         *(".touched(telegram_touched),", ".touched(1'b0),"),
