@@ -18,11 +18,6 @@
 
 // Written by `make regs`, the macros of regs/ that this file uses:
 `define MBX_EVENTS_REVOKED_BITS 5
-`define CARD_LINE_PARITY_ENABLE_BITS 0
-`define CARD_LINE_PARITY_ODD_BITS 1
-`define CARD_LINE_TWO_STOP_BITS 2
-`define CARD_LINE_HALF_UNEVEN_BITS 3
-`define CARD_LINE_HALF_END_BITS 12:4
 `define CARD_REQUEST_CANDIDATE_BITS 0
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_REQUEST_BROADCAST_BITS 2
@@ -43,11 +38,6 @@ wire frame_writes_parameter = request[`CARD_REQUEST_WRITES_PARAMETER_BITS];
 wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
 wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
 wire revoke = events[`MBX_EVENTS_REVOKED_BITS];
-wire parity_enable = format[`CARD_LINE_PARITY_ENABLE_BITS];
-wire parity_odd = format[`CARD_LINE_PARITY_ODD_BITS];
-wire two_stop = format[`CARD_LINE_TWO_STOP_BITS];
-wire half_uneven = format[`CARD_LINE_HALF_UNEVEN_BITS];
-wire [8:0] half_end = format[`CARD_LINE_HALF_END_BITS];
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;

@@ -140,9 +140,8 @@ def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
                 ("", ""),
                 ("always @* assume (!tick16);", "the assumptions never allow tick16 = 1"),
                 (
-                    "always @* assume "
-                    "(format[`CARD_LINE_TWO_STOP_BITS] == format[`CARD_LINE_PARITY_ENABLE_BITS]);",
-                    "never allow format_parity_enable = 1\n",
+                    "always @* assume (two_stop == parity_enable);",
+                    "never allow parity_enable = 1\n",
                 ),
                 ("always @* assume (rx && !rx);", "never allow request_commit = 0\n"),
                 (

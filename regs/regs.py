@@ -379,22 +379,11 @@ class CardTables:
 
 
 def card_macros(card: CardTables) -> dict[str, str]:
-    """Verilog macros of the lines: the fixed format of the drive line (FC-1, FC-8), vectors between modules.
+    """Verilog macros of the vectors between modules.
 
-    CARD_DRIVE_PAUSE_TICKS in 1/16 bit, CARD_DRIVE_MASK of baud_divider. CARD_SILENCE_START: what the count of
-    silence_timer begins a half character with; the ends in card_tables.v count from it. CARD_x_BITS: all bits
-    of vector x; CARD_x_y_BITS: its field y, a bit select.
+    CARD_x_BITS: all bits of vector x; CARD_x_y_BITS: its field y, a bit select.
     """
-    drive = card.drive
-    macros = {
-        "CARD_BASE_HZ": f"{card.line['base_hz']}",
-        "CARD_DRIVE_MASK": f"7'd{card.mask(drive['baud'])}",
-        "CARD_DRIVE_PAUSE_TICKS": f"12'd{card.drive_pause_ticks}",
-        "CARD_DRIVE_PARITY_ENABLE": f"1'b{int(drive['parity'] != 'none')}",
-        "CARD_DRIVE_PARITY_ODD": f"1'b{int(drive['parity'] == 'odd')}",
-        "CARD_DRIVE_TWO_STOP": f"1'b{int(drive['stop_bits'] == 2)}",
-        "CARD_SILENCE_START": f"9'd{SILENCE_START}",
-    }
+    macros = {}
     for vector, fields in card.vectors.items():
         macros[f"CARD_{vector.upper()}_BITS"] = f"{sum(fields.values()) - 1}:0"
         low = 0
@@ -496,17 +485,14 @@ def card_verilog(card: CardTables) -> str:
         "    input  wire [ 5:1] sw_baud,",
         "    output reg         baud_undivided,",
         "    output reg  [ 6:0] baud_mask,",
-        "    output wire [`CARD_LINE_BITS] line",
+        "    output reg         parity_enable,",
+        "    output reg         parity_odd,",
+        "    output reg         two_stop,",
+        "    output reg  [ 8:0] half_end,",
+        "    output reg         half_uneven",
         ");",
         "",
-        "  reg [8:0] half_end;",
-        "  reg       half_uneven;",
-        "  reg       parity_enable;",
-        "  reg       parity_odd;",
-        "  reg       two_stop;",
         "  reg [8:0] character_half;",
-        "",
-        *(f"  assign line[`CARD_LINE_{field.upper()}_BITS] = {field};" for field in card.vectors["line"]),
         "",
         *verilog_case("sw_baud[3:1]", 3, rates),
         "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -21,11 +22,15 @@ STATUS = """Control ready, Drive ready, Stand by / Coasting, Trip, Not in use, N
 Not in use / Trip lock, Warning, Speed = reference, Serial control, Frequency in range, Running, No function,
 Voltage warning, Current limit, Thermal warning"""
 
+# The drive line's rate is also one of the network line.
+(DRIVE_RATE,) = {rate for rate in card_tables.RATES.values() if rate.baud == card_tables.DRIVE_BAUD}
 
-def verilog_value(literal: str) -> int:
-    """12'd352 -> 352, 9'h00a -> 10, 16 -> 16."""
-    _, quote, rest = literal.partition("'")
-    return int(rest[1:], {"h": 16, "d": 10, "b": 2}[rest[0]]) if quote else int(literal)
+
+def localparams(path: Path) -> dict[str, int]:
+    """Name to value of each localparam that is a plain number, such as 12'd352 or 1_843_200."""
+    number = r"(?:\d+'([hdb]))?([\da-fA-F_]+)"
+    found = re.findall(rf"localparam (?:\[[^]]+\] )?(\w+) = {number};", path.read_text())
+    return {name: int(digits, {"h": 16, "b": 2}.get(base, 10)) for name, base, digits in found}
 
 
 def test_generated_files_are_up_to_date():
@@ -139,17 +144,34 @@ def test_three_and_seven_half_characters_are_the_silences():
             assert abs(ticks - exact) <= 2, f"{baud} bit/s"
 
 
+@pytest.mark.parametrize(
+    ("file", "constants"),
+    {
+        "rtl/baud_base.v": {"BASE_HZ": card_tables.BASE_HZ},
+        "rtl/baud_divider.v": {"DRIVE_MASK": DRIVE_RATE.mask},
+        "rtl/rtu2fc.v": {"DRIVE_MASK": DRIVE_RATE.mask},
+        "rtl/fc_rx.v": {"PAUSE_TICKS": card_tables.DRIVE_PAUSE_TICKS},
+        "rtl/silence_timer.v": {"SILENCE_START": card_tables.SILENCE_START},
+        "rtl/drive_port.v": {
+            "PAUSE_TICKS": card_tables.DRIVE_PAUSE_TICKS,
+            "SILENCE_START": card_tables.SILENCE_START,
+            "PARITY_ENABLE": card_tables.DRIVE_FORMAT.parity != "none",
+            "PARITY_ODD": card_tables.DRIVE_FORMAT.parity == "odd",
+            "TWO_STOP": card_tables.DRIVE_FORMAT.stop_bits == 2,
+        },
+    }.items(),
+)
+def test_constants_in_verilog_are_those_of_the_table(file, constants):
+    assert localparams(ROOT / file).items() >= constants.items()
+
+
 @pytest.mark.rule("FC-1", "FC-8")
-def test_drive_line_constants():
-    macros = regs.card_macros(regs.CardTables())
-    values = {name: verilog_value(text) for name, text in macros.items() if not name.endswith("_BITS")}
-    assert values["CARD_BASE_HZ"] == 16 * 9600 * 3 * (values["CARD_DRIVE_MASK"] + 1)
-    assert values["CARD_DRIVE_PAUSE_TICKS"] == 22 * 16
-    assert (values["CARD_DRIVE_PARITY_ENABLE"], values["CARD_DRIVE_PARITY_ODD"]) == (1, 0)
-    assert values["CARD_DRIVE_TWO_STOP"] == 0
+def test_drive_line_is_9600_8e1_with_a_pause_of_two_characters():
+    assert (9600, card_tables.Format("even", 1, 11)) == (card_tables.DRIVE_BAUD, card_tables.DRIVE_FORMAT)
+    assert card_tables.DRIVE_PAUSE_TICKS == 22 * 16
 
 
-@pytest.mark.parametrize("vector", ["LINE", "REQUEST", "TELEGRAM", "EXCHANGE"])
+@pytest.mark.parametrize("vector", ["REQUEST", "TELEGRAM", "EXCHANGE"])
 def test_the_fields_of_a_vector_fill_it_and_no_two_share_bits(vector):
     macros = regs.card_macros(regs.CardTables())
     whole = f"CARD_{vector}_BITS"

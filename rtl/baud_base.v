@@ -8,10 +8,6 @@
 // Clock domain: clk.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_BASE_HZ 1843200
-// End of what `make regs` writes.
-
 module baud_base #(
     parameter CLK_HZ = 12_000_000
 ) (
@@ -21,7 +17,8 @@ module baud_base #(
     output reg  tick_base
 );
 
-  localparam [63:0] STEP_EXACT = (64'd65536 * `CARD_BASE_HZ + CLK_HZ / 2) / CLK_HZ;
+  localparam [63:0] BASE_HZ = 1_843_200;
+  localparam [63:0] STEP_EXACT = (64'd65536 * BASE_HZ + CLK_HZ / 2) / CLK_HZ;
   localparam [15:0] STEP = STEP_EXACT[15:0];
 
   reg  [15:0] phase = 16'd0;

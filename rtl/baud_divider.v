@@ -9,10 +9,6 @@
 // Clock domain: clk. Rules: LINE-2, LINE-4, FC-1.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_DRIVE_MASK 7'd3
-// End of what `make regs` writes.
-
 module baud_divider (
     input  wire       clk,
     // stream in
@@ -25,7 +21,7 @@ module baud_divider (
     input  wire [6:0] modbus_mask
 );
 
-  localparam [6:0] DRIVE_MASK = `CARD_DRIVE_MASK;
+  localparam [6:0] DRIVE_MASK = 7'd3;
 
   reg [1:0] thirds = 2'd0;
   reg [6:0] count = 7'd0;

@@ -11,11 +11,6 @@
 `default_nettype none
 
 // Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_DRIVE_PAUSE_TICKS 12'd352
-`define CARD_DRIVE_PARITY_ENABLE 1'b1
-`define CARD_DRIVE_PARITY_ODD 1'b0
-`define CARD_DRIVE_TWO_STOP 1'b0
-`define CARD_SILENCE_START 9'd18
 `define CARD_TELEGRAM_BITS 7:0
 `define CARD_TELEGRAM_LENGTH_BITS 4:0
 `define CARD_TELEGRAM_NO_REPLY_BITS 5
@@ -59,8 +54,13 @@ module drive_port (
 );
 
   // A gap of exactly 2 characters is allowed, so the limit is 1/4 bit later.
-  localparam [11:0] GAP_TICKS = `CARD_DRIVE_PAUSE_TICKS + 12'd4;
-  localparam [11:0] HALF_END = {3'd0, `CARD_SILENCE_START} + GAP_TICKS / 12'd4 - 12'd1;
+  localparam [11:0] PAUSE_TICKS = 12'd352;
+  localparam [11:0] GAP_TICKS = PAUSE_TICKS + 12'd4;
+  localparam [11:0] SILENCE_START = 12'd18;  // of silence_timer
+  localparam [11:0] HALF_END = SILENCE_START + GAP_TICKS / 12'd4 - 12'd1;
+  localparam [0:0] PARITY_ENABLE = 1'b1;
+  localparam [0:0] PARITY_ODD = 1'b0;
+  localparam [0:0] TWO_STOP = 1'b0;
 
   wire synced;
   wire line;
@@ -140,9 +140,9 @@ module drive_port (
       // direction
       .line_ready(line_ready),
       // configuration
-      .parity_enable(`CARD_DRIVE_PARITY_ENABLE),
-      .parity_odd(`CARD_DRIVE_PARITY_ODD),
-      .two_stop(`CARD_DRIVE_TWO_STOP),
+      .parity_enable(PARITY_ENABLE),
+      .parity_odd(PARITY_ODD),
+      .two_stop(TWO_STOP),
       // status
       .receiving(rx_busy),
       .sending(tx_busy),
@@ -164,7 +164,7 @@ module drive_port (
       // configuration
       .half_end(HALF_END[6:0]),
       .half_uneven(1'b0),
-      .two_stop(`CARD_DRIVE_TWO_STOP),
+      .two_stop(TWO_STOP),
       // status
       .half_reached(half_reached),
       .short_reached(short_reached),

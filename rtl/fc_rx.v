@@ -17,10 +17,6 @@
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FC-1, FC-2, FC-7, FC-8.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_DRIVE_PAUSE_TICKS 12'd352
-// End of what `make regs` writes.
-
 module fc_rx (
     input  wire       clk,
     input  wire       rst,
@@ -55,7 +51,7 @@ module fc_rx (
   localparam [4:0] LGE_ADDR = 5'd28;
   // The pause is two characters. Each character of a telegram may take a slot of 1.5 characters.
   // Counting begins after STX, when one character of the first slot has passed.
-  localparam [11:0] PAUSE_TICKS = `CARD_DRIVE_PAUSE_TICKS;
+  localparam [11:0] PAUSE_TICKS = 12'd352;
   localparam [8:0] CHARACTER_TICKS = PAUSE_TICKS[9:1];
   localparam [8:0] SLOT_TICKS = CHARACTER_TICKS + CHARACTER_TICKS / 9'd2;
 

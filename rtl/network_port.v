@@ -10,7 +10,8 @@
 // fault: see rtu_rx and break_filter.
 // BREAK_TOLERANT = 1, for a bus without bias: the low of a character or more after a good frame is
 // silence (FRAME-3). silent and quiet then hold in such a low, too. See break_filter.
-// format and request: vectors of regs/card.toml. events: the bits of EVENTS that this line sets.
+// parity_enable to half_uneven: format and silences of the line, see uart and silence_timer. request: a
+// vector of regs/card.toml. events: the bits of EVENTS that this line sets.
 // loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
 `default_nettype none
@@ -23,12 +24,6 @@
 `define MBX_EVENTS_OVERRUN_BITS 4
 `define MBX_EVENTS_REVOKED_BITS 5
 `define MBX_EVENTS_FOREIGN_BITS 6
-`define CARD_LINE_BITS 12:0
-`define CARD_LINE_PARITY_ENABLE_BITS 0
-`define CARD_LINE_PARITY_ODD_BITS 1
-`define CARD_LINE_TWO_STOP_BITS 2
-`define CARD_LINE_HALF_UNEVEN_BITS 3
-`define CARD_LINE_HALF_END_BITS 12:4
 `define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_CANDIDATE_BITS 0
 `define CARD_REQUEST_COMMIT_BITS 1
@@ -65,7 +60,11 @@ module network_port #(
     output wire                      tx,
     output wire                      de,
     // configuration
-    input  wire [   `CARD_LINE_BITS] format,
+    input  wire                      parity_enable,
+    input  wire                      parity_odd,
+    input  wire                      two_stop,
+    input  wire [               8:0] half_end,
+    input  wire                      half_uneven,
     input  wire [               7:0] own_address,
     input  wire                      loopback_open,
     // status
@@ -161,9 +160,9 @@ module network_port #(
       // direction
       .line_ready(line_ready),
       // configuration
-      .parity_enable(format[`CARD_LINE_PARITY_ENABLE_BITS]),
-      .parity_odd(format[`CARD_LINE_PARITY_ODD_BITS]),
-      .two_stop(format[`CARD_LINE_TWO_STOP_BITS]),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
       // status
       .receiving(rx_busy),
       .sending(tx_busy),
@@ -209,9 +208,9 @@ module network_port #(
       .sending(de),
       .busy(busy || !(synced || in_break)),
       // configuration
-      .half_end(format[`CARD_LINE_HALF_END_BITS]),
-      .half_uneven(format[`CARD_LINE_HALF_UNEVEN_BITS]),
-      .two_stop(format[`CARD_LINE_TWO_STOP_BITS]),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
+      .two_stop(two_stop),
       // status
       .half_reached(half_reached),
       .short_reached(short_reached),

@@ -23,8 +23,6 @@
 `define MBX_LED_MODBUS_GREEN_BITS 1
 `define MBX_LED_DRIVE_RED_BITS 2
 `define MBX_LED_DRIVE_GREEN_BITS 3
-`define CARD_DRIVE_MASK 7'd3
-`define CARD_LINE_BITS 12:0
 `define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_CANDIDATE_BITS 0
 `define CARD_REQUEST_COMMIT_BITS 1
@@ -77,6 +75,8 @@ module rtu2fc #(
     output wire       led_drive_green
 );
 
+  localparam [6:0] DRIVE_MASK = 7'd3;  // 9600 bit/s, see baud_divider
+
   // Ports, supervisor and soft core wait in reset for the switches (LINE-8).
   wire rst_pin;
   wire sw_ready;
@@ -88,7 +88,11 @@ module rtu2fc #(
   wire [7:0] ticks;
   wire baud_undivided;
   wire [6:0] baud_mask;
-  wire [`CARD_LINE_BITS] format;
+  wire parity_enable;
+  wire parity_odd;
+  wire two_stop;
+  wire [8:0] half_end;
+  wire half_uneven;
   wire [9:1] baud;
   wire [8:1] addr;
   wire addr_valid;
@@ -180,7 +184,11 @@ module rtu2fc #(
       .sw_baud(baud[5:1]),
       .baud_undivided(baud_undivided),
       .baud_mask(baud_mask),
-      .line(format)
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .half_end(half_end),
+      .half_uneven(half_uneven)
   );
 
   baud_divider divider_i (
@@ -242,7 +250,11 @@ module rtu2fc #(
       .tx(modbus_tx),
       .de(modbus_driven),
       // configuration
-      .format(format),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
       .own_address(addr),
       .loopback_open(loopback_open),
       // status
@@ -301,7 +313,7 @@ module rtu2fc #(
       // time, in 1/1200 s
       .ticks(ticks[6:0]),
       // configuration
-      .mask(`CARD_DRIVE_MASK),
+      .mask(DRIVE_MASK),
       // direction
       .driven(drive_driven),
       // pin

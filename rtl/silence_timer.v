@@ -21,10 +21,6 @@
 // Units: tick16 = 1/16 bit. Clock domain: clk. Rules: FRAME-1, FC-8, SAFE-4.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_SILENCE_START 9'd18
-// End of what `make regs` writes.
-
 module silence_timer #(
     parameter WIDTH = 9,
     parameter [2:0] SHORT_HALVES = 3'd3,
@@ -48,7 +44,7 @@ module silence_timer #(
     output reg              long_silent
 );
 
-  localparam [8:0] SILENCE_START = `CARD_SILENCE_START;
+  localparam [8:0] SILENCE_START = 9'd18;
   localparam [WIDTH-1:0] START = SILENCE_START[WIDTH-1:0];
   localparam [WIDTH-1:0] STOP_LEFT = 2;
   localparam [WIDTH-1:0] SECOND_STOP = 16;

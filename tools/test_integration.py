@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from regs.generated.card_tables import SILENCE_START, SILENCES
 from rtl.sources import ROOT, core_files
-from sim.harness.pins import BAUDS, FORMS
 from tb.lib.runner import firmware
 from tools import launcher
 
@@ -116,14 +116,12 @@ def rows_after(title: str, header: str) -> list[list[str]]:
 
 
 def test_the_guide_has_the_places_of_every_field():
-    """The tables of format, request, telegram, exchange and events, and the start of the silence timer."""
+    """The tables of request, telegram, exchange and events."""
     verilog = "\n".join(path.read_text() for path in sorted((ROOT / "rtl").glob("*.v")))
     defined = dict(re.findall(r"`define (CARD_\w+_BITS) ([\d:]+)", verilog))
     stated = dict(re.findall(r"^\| `(CARD_\w+_BITS)` \| ([\d-]+) \|", GUIDE, re.MULTILINE))
-    assert len(stated) > 20
+    assert len(stated) > 15
     assert stated == {name: defined[name].replace(":", "-") for name in stated}
-    (start,) = set(re.findall(r"`define CARD_SILENCE_START 9'd(\d+)", verilog))
-    assert f"`CARD_SILENCE_START` is {start}," in GUIDE
     macros = re.findall(r"`define (MBX_EVENTS_\w+) (\d+)$", (ROOT / "rtl/network_port.v").read_text(), re.M)
     events = rows_after("### events", "| field | bit | the frame is dropped because |")
     assert [(row[0].strip("`"), row[1]) for row in events] == macros and len(macros) == 7
@@ -144,23 +142,10 @@ def test_the_guide_has_the_bits_of_every_port(port):
     assert shown == declared and len(declared) > 15
 
 
-def test_the_guide_has_the_format_of_each_rate(tmp_path):
-    """As card_tables makes it from the switches, with EXTENDED_SWITCHES = 1."""
-    bench = tmp_path / "bench.v"
-    bench.write_text(
-        "module bench; reg [5:1] switches; wire [12:0] line; integer i;\n"
-        "card_tables #(.EXTENDED_SWITCHES(1)) tables (.sw_baud(switches), .line(line),\n"
-        ".baud_undivided(), .baud_mask());\n"
-        "initial for (i = 0; i < 32; i = i + 1) begin\n"
-        '  switches = i[4:0]; #1 $display("%0d %h", i, line);\nend\nendmodule\n'
-    )
-    files = [bench, ROOT / "regs/generated/card_tables.v"]
-    subprocess.run(["iverilog", "-g2005", "-o", tmp_path / "sim", *files], check=True, capture_output=True)
-    done = subprocess.run([tmp_path / "sim"], capture_output=True, text=True, check=True)
-    made = {int(number): int(value, 16) for number, value in map(str.split, done.stdout.splitlines())}
-    rows = rows_after("### format", "| bit/s | 8N1 | 8N2 | 8E1 | 8O1 |")
-    assert sorted(int(row[0]) for row in rows) == sorted(BAUDS) and len(rows) == 8
-    for baud, *values in rows:
-        for form, value in zip(("8N1", "8N2", "8E1", "8O1"), values, strict=True):
-            switches = sum(int(on) << i for i, on in enumerate(BAUDS[int(baud)] + FORMS[form]))
-            assert int(value.strip("`"), 16) == made[switches], (baud, form)
+def test_the_guide_has_the_silences_of_each_rate():
+    header = "| bit/s | `half_end` with 8N1 | with any other format | `half_uneven` |"
+    shown = {row[0].split()[-1]: list(map(int, row[1:])) for row in rows_after("### Silences", header)}
+    for (baud, bits), silences in SILENCES.items():
+        shorter, longer, uneven = shown[str(max(baud, 19_200))]
+        assert (shorter if bits == 10 else longer) == SILENCE_START - 1 + silences.half_ticks, (baud, bits)
+        assert uneven == silences.half_uneven

@@ -131,7 +131,7 @@ CHANGES = {
     "another number of a state": ("rtu_tx", "S_DRAIN = 3'd5", "S_DRAIN = 3'd6", True),
     "a number that two states have": ("rtu_tx", "S_DRAIN = 3'd5", "S_DRAIN = 3'd4", False),
     "an input that nothing reads": ("drive_port", ".check_bit(1'b0)", ".check_bit(1'b1)", True),
-    "an input that is read": ("drive_port", ".two_stop(`CARD_DRIVE_TWO_STOP)", ".two_stop(1'b1)", False),
+    "an input that is read": ("drive_port", ".two_stop(TWO_STOP)", ".two_stop(1'b1)", False),
     "either of two damaged bytes": ("firmware_ram", "odd[1] <= 1'b1", "odd[0] <= 1'b1", True),
     "another value at power-up": ("driver_limit", "beats = 4'd0;", "beats = 4'd1;", False),
     "a memory that keeps something else": ("ram_lane", "words[place] <= ", "words[place] <= ~", False),

@@ -8,7 +8,6 @@
 `default_nettype none
 
 // Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_SILENCE_START 9'd18
 `define CARD_REQUEST_BITS 14:0
 `define CARD_REQUEST_COMMIT_BITS 1
 `define CARD_REQUEST_BROADCAST_BITS 2
@@ -31,7 +30,7 @@ module holding_registers #(
   // 16 ticks a bit. Half a character is 5.5 bits, above 19200 bit/s 250 us.
   localparam [63:0] STEP = ((64'd1 << 24) * 16 * BAUD + CLK_HZ / 2) / CLK_HZ;
   localparam [31:0] HALF = BAUD > 19_200 ? (BAUD + 125) / 250 : 88;
-  localparam [8:0] HALF_END = `CARD_SILENCE_START + HALF[8:0] - 9'd1;
+  localparam [8:0] HALF_END = HALF[8:0] + 9'd17;
   reg [ 24:0] phase;
 
   // The request: its first eight bytes, and its data in the places of their registers.
@@ -93,7 +92,11 @@ module holding_registers #(
       .rx(rx),
       .tx(tx),
       .de(de),
-      .format({HALF_END, 4'b0001}),
+      .parity_enable(1'b1),
+      .parity_odd(1'b0),
+      .two_stop(1'b0),
+      .half_end(HALF_END),
+      .half_uneven(1'b0),
       .own_address(UNIT),
       .loopback_open(1'b0),
       .sending(),

@@ -9,36 +9,20 @@
 
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_LINE_BITS 12:0
-`define CARD_LINE_PARITY_ENABLE_BITS 0
-`define CARD_LINE_PARITY_ODD_BITS 1
-`define CARD_LINE_TWO_STOP_BITS 2
-`define CARD_LINE_HALF_UNEVEN_BITS 3
-`define CARD_LINE_HALF_END_BITS 12:4
-// End of what `make regs` writes.
-
 module card_tables #(
     parameter [0:0] EXTENDED_SWITCHES = 1'b0
 ) (
     input  wire [ 5:1] sw_baud,
     output reg         baud_undivided,
     output reg  [ 6:0] baud_mask,
-    output wire [`CARD_LINE_BITS] line
+    output reg         parity_enable,
+    output reg         parity_odd,
+    output reg         two_stop,
+    output reg  [ 8:0] half_end,
+    output reg         half_uneven
 );
 
-  reg [8:0] half_end;
-  reg       half_uneven;
-  reg       parity_enable;
-  reg       parity_odd;
-  reg       two_stop;
   reg [8:0] character_half;
-
-  assign line[`CARD_LINE_PARITY_ENABLE_BITS] = parity_enable;
-  assign line[`CARD_LINE_PARITY_ODD_BITS] = parity_odd;
-  assign line[`CARD_LINE_TWO_STOP_BITS] = two_stop;
-  assign line[`CARD_LINE_HALF_UNEVEN_BITS] = half_uneven;
-  assign line[`CARD_LINE_HALF_END_BITS] = half_end;
 
   always @* begin
     case (sw_baud[3:1])

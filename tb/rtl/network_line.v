@@ -3,10 +3,6 @@
 // EXTENDED_SWITCHES for every rate and format. The vectors come out field by field.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_LINE_BITS 12:0
-// End of what `make regs` writes.
-
 module network_line #(
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0,
@@ -61,7 +57,11 @@ module network_line #(
   wire tick16;
   wire undivided;
   wire [6:0] mask;
-  wire [`CARD_LINE_BITS] format;
+  wire parity_enable;
+  wire parity_odd;
+  wire two_stop;
+  wire [8:0] half_end;
+  wire half_uneven;
 
   card_tables #(
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
@@ -69,7 +69,11 @@ module network_line #(
       .sw_baud(sw_baud),
       .baud_undivided(undivided),
       .baud_mask(mask),
-      .line(format)
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .half_end(half_end),
+      .half_uneven(half_uneven)
   );
 
   baud_divider divider_i (
@@ -102,7 +106,11 @@ module network_line #(
       .rx(rx),
       .tx(tx),
       .de(de),
-      .format(format),
+      .parity_enable(parity_enable),
+      .parity_odd(parity_odd),
+      .two_stop(two_stop),
+      .half_end(half_end),
+      .half_uneven(half_uneven),
       .own_address(own_address),
       .loopback_open(loopback_open),
       .sending(sending),

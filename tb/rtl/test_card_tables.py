@@ -17,7 +17,6 @@ from regs.generated.card_tables import (
     SILENCE_START,
     SILENCES,
 )
-from tb.lib.fields import Fields
 from tb.lib.runner import run
 
 
@@ -31,15 +30,14 @@ async def every_switch_pattern_selects_its_table_entry(dut):
         await Timer(1, unit="ns")
         rate, entry = rates[switches[:3]], formats[switches[3:]]
         silences = SILENCES[rate.baud, entry.character_bits]
-        pins = Fields(dut, line="line")
         shown = [
-            pins.baud_undivided,
-            pins.baud_mask,
-            pins.line_half_end,
-            pins.line_half_uneven,
-            pins.line_parity_enable,
-            pins.line_parity_odd,
-            pins.line_two_stop,
+            dut.baud_undivided,
+            dut.baud_mask,
+            dut.half_end,
+            dut.half_uneven,
+            dut.parity_enable,
+            dut.parity_odd,
+            dut.two_stop,
         ]
         wanted = [rate.ratio == 1, rate.mask, SILENCE_START + silences.half_ticks - 1, silences.half_uneven]
         wanted += [entry.parity != "none", entry.parity == "odd", entry.stop_bits == 2]

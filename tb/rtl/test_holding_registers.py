@@ -253,7 +253,7 @@ async def a_character_at_the_commit_is_never_answered_late(dut):
 
 def test_example_is_short():
     """Without the macros, which `make regs` writes."""
-    assert len(regs.MACRO_BLOCK.sub("", EXAMPLE.read_text()).splitlines()) < 100
+    assert len(regs.MACRO_BLOCK.sub("", EXAMPLE.read_text()).splitlines()) < 120
 
 
 @pytest.mark.nightly
