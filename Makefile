@@ -299,7 +299,7 @@ portability: firmware | setup-synth ## the card in other people's tools: Yosys's
 	@$(RUN) constraints.portability
 
 ##@ Write what is generated
-.PHONY: regs regs-check diagrams symptoms docs datasheet panel-picture
+.PHONY: regs regs-check diagrams symptoms docs datasheet pictures
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
 	@$(RUN) sim.view.fc_tables
@@ -316,7 +316,8 @@ diagrams: firmware | setup-test ## timing diagrams from runs of the card: build/
 symptoms: firmware | setup-test ## the recordings of the debugging guide, from runs of the card
 	@$(RUN) tools.symptoms
 
-panel-picture: | setup-demo ## the picture of the panel in the README (2 s)
+pictures: | setup-test ## the pictures of the pages and docs/switches.html, from the tables of the pages (4 s)
+	@$(RUN) tools.pictures
 	@$(RUN) tools.panel_picture
 
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)

@@ -23,12 +23,25 @@ from tools.handbook_examples import HandbookError, example_list, worked_examples
 
 GUIDES = ROOT / "docs/guide"
 BLOCK = re.compile(r"^<!-- generated: (\S+) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
+HANDBOOK = GUIDES / "handbook"
 NOTE = "<!-- by `make regs`: change the source, not the page -->"
 BLOCKS: dict[str, Callable[[], str]] = {
     "example-list": example_list,
     "examples": worked_examples,
     **masters.tables(),
 }
+
+
+def rows(page: str, head: str, after: str = "# ") -> list[dict[str, str]]:
+    """The rows of the first table with this head, or its beginning, after a text of a handbook's page."""
+    text = (HANDBOOK / f"{page}.md").read_text().partition(after)[2]
+    table = re.search(rf"^\| {re.escape(head)}.*\n(?:\|.*\n)*", text, re.MULTILINE)
+    if table is None:
+        raise HandbookError(f"{page}.md has no table that begins with '{head}'")
+    heads, _, *lines = (
+        [cell.strip() for cell in line.strip("|").split("|")] for line in table[0].splitlines()
+    )
+    return [dict(zip(heads, line, strict=True)) for line in lines]
 
 
 def with_blocks(text: str) -> str:

@@ -46,7 +46,7 @@ LAYERS = (
     ("rtl",),
     ("tb.agents",),  # a package of its own: it imports nothing of ours
 )
-GENERATORS = ("regs.regs", "sim.view.fc_tables", "constraints.boards", "tools.handbook")
+GENERATORS = ("regs.regs", "sim.view.fc_tables", "constraints.boards", "tools.handbook", "tools.pictures")
 SUFFIXES = {
     ".v",
     ".vh",

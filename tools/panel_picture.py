@@ -74,7 +74,7 @@ def main() -> int:
         PICTURE.write_text(text)
         print(f"wrote {name}")
     elif not PICTURE.exists() or PICTURE.read_text() != text:
-        print(f"{name} differs from the panel; run `make panel-picture`", file=sys.stderr)
+        print(f"{name} differs from the panel; run `make pictures`", file=sys.stderr)
         return 1
     return 0
 

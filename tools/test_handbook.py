@@ -26,19 +26,12 @@ from tb.agents import rtu
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
 from tb.model.examples import EXAMPLES
 from tools import handbook, handbook_examples
+from tools.handbook import rows
 
 PAGES = ROOT / "docs/guide/handbook"
 FC = tomllib.loads((ROOT / "regs/fc.toml").read_text())
 Row = dict[str, str]
 MINUS = "\N{MINUS SIGN}"
-
-
-def rows(page: str, head: str, after: str = "# ") -> list[Row]:
-    """The rows of the first table with this head, or beginning of a head, after a text of the page."""
-    text = (PAGES / f"{page}.md").read_text().partition(after)[2]
-    table = re.search(rf"^\| {re.escape(head)}.*\n(?:\|.*\n)*", text, re.MULTILINE)[0]
-    heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
-    return [dict(zip(heads, line, strict=True)) for line in lines]
 
 
 def switch_rows(head: str) -> list[Row]:

@@ -11,7 +11,7 @@ from tools import panel_picture
 
 def test_the_picture_is_the_panel():
     text = panel_picture.picture()
-    assert text == panel_picture.PICTURE.read_text(), "run `make panel-picture`"
+    assert text == panel_picture.PICTURE.read_text(), "run `make pictures`"
     ElementTree.fromstring(text)
     for shown in ("running", "unit&#160;1:&#160;exception", "t&#160;trip"):
         assert shown in text

@@ -1,0 +1,488 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draws the pictures of the owner's pages, and the page that shows switch positions.
+
+    python -m tools.pictures            writes docs/pictures/*.svg and docs/switches.html
+    python -m tools.pictures --check    exits 1 and names every outdated picture
+
+Rates and formats come from regs/card.toml, wires, pins and LED states from the tables of the handbook, and
+the pins of a board from its pin file. So a picture cannot differ from the text beside it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from regs.generated.card_tables import EXTENDED_FORMATS, EXTENDED_RATES, FORMATS, RATES, Format
+from rtl.command import Parser, run_main
+from rtl.sources import ROOT
+from tools.handbook import rows
+from tools.svg import WIDTH, Picture, PictureError
+
+PICTURES = ROOT / "docs/pictures"
+PAGE = ROOT / "docs/switches.html"
+TEMPLATE = ROOT / "tools/switches.html.in"
+# What the original generally has: 9600 bit/s, no parity, address 1, termination.
+USUAL_RATE, USUAL_ADDRESS = "111110000", "100000001"
+PITCH = 30
+MINUS = "\N{MINUS SIGN}"
+MIDDLE = WIDTH / 2
+
+
+def short(form: Format) -> str:
+    return f"8{form.parity[0].upper()}{form.stop_bits}"
+
+
+def block(picture: Picture, x: float, y: float, on: str, numbers: bool = True) -> None:
+    """DIP switches, '1' = ON: the lever is at the upper end."""
+    picture.box(x, y, PITCH * len(on), 44, "part")
+    for place, position in enumerate(on):
+        left = x + PITCH * place + 8
+        picture.box(left, y + 5, 14, 34, "slot", 2)
+        picture.box(left + 2, y + (7 if position == "1" else 23), 10, 14, "lever", 1)
+        if numbers:
+            picture.text(left + 7, y + 56, str(place + 1), "s", "middle")
+
+
+def under(picture: Picture, x: float, y: float, first: int, last: int, text: str) -> None:
+    """A bracket below some switches of a block, with its meaning."""
+    left, right = x + PITCH * (first - 1) + 5, x + PITCH * last - 5
+    picture.line("thin", (left, y), (left, y + 5), (right, y + 5), (right, y))
+    picture.text((left + right) / 2, y + 16, text, "s", "middle")
+
+
+def drive_pins() -> list[tuple[str, str, str]]:
+    """Pin, signal and terminals of the 6-pin connector; the two spare pins each by itself."""
+    found = []
+    for row in rows("installing", "6-pin connector (drive)"):
+        for pin in row["6-pin connector (drive)"].split(", "):
+            found.append((pin, row["signal"], row["VLT terminal"]))
+    return found
+
+
+def network_pins() -> list[tuple[str, str]]:
+    return [
+        (row["3-pin connector (network)"], row["signal"])
+        for row in rows("installing", "3-pin connector (network)")
+    ]
+
+
+def pin(picture: Picture, x: float, y: float, number: str) -> None:
+    """A connector's pin with its number; pin 1 is filled."""
+    picture.box(x - 11, y - 11, 22, 22, "first" if number == "1" else "pin", 2)
+    picture.text(x, y, number, "b inv" if number == "1" else "b", "middle")
+
+
+# ---------------------------------------------------------------- the card and its wires
+
+
+def card() -> Picture:
+    picture = Picture("The card: two LEDs, two blocks of nine switches, two connectors with pin 1", 468)
+    x, right = 30, 30 + 9 * PITCH
+    picture.box(14, 14, 320, 364)
+    for at, name in ((44, "drive LED"), (190, "network LED")):
+        picture.dot(at, 40, 9, "green")
+        picture.text(at + 16, 40, name)
+    picture.text(x, 72, "RATE AND PARITY", "b")
+    picture.text(right, 72, "up is ON", "s m", "end")
+    block(picture, x, 84, USUAL_RATE)
+    under(picture, x, 150, 1, 3, "rate")
+    under(picture, x, 150, 4, 5, "parity")
+    under(picture, x, 150, 6, 9, "not all ON")
+    picture.text(x, 198, "ADDRESS", "b")
+    picture.text(right, 198, "TERMINATION", "b", "end")
+    block(picture, x, 210, USUAL_ADDRESS)
+    for place in range(8):
+        picture.text(x + PITCH * place + 15, 282, str(1 << place), "s m", "middle")
+    picture.text(x, 304, "Address: add the numbers below ON. 9: 120 Ω", "s m")
+    picture.text(44, 330, "6-pin connector: drive", "b")
+    picture.box(44, 344, 6 * 42, 34, "part")
+    for place, (number, signal, _) in enumerate(drive_pins()):
+        at, level = 65 + 42 * place, 400 + 20 * (place % 2)
+        pin(picture, at, 361, number)
+        picture.line("thin", (at, 378), (at, level - 9))
+        picture.text(at, level, signal.split(",")[0], "s", "middle")
+    picture.box(318, 196, 32, 3 * 34, "part")
+    picture.lines(342, 164, "3-pin\nnetwork", "b s")
+    for place, (number, signal) in enumerate(network_pins()):
+        pin(picture, 334, 213 + 34 * place, number)
+        picture.text(358, 213 + 34 * place, signal, "s")
+    picture.text(14, 450, "Filled square: pin 1. An old card may differ.", "s m")
+    return picture
+
+
+def wiring() -> Picture:
+    """Six pins to the drive's terminals, three to the network cable."""
+    picture = Picture("Wires from the 6-pin connector to the drive's terminals, and the 3-pin connector", 452)
+    pins = drive_pins()
+    ends = {"1": ["12"], "2": ["69"], "3": ["39", "61"], "4": ["68"]}
+    picture.text(16, 24, "6-pin connector", "b")
+    picture.text(404, 24, "terminals of the drive", "b", "end")
+    picture.box(110, 40, 34, 6 * 40, "part")
+    terminals = ["12", "13", "39", "61", "68", "69"]
+    wired = {pin: text.replace("or", "and").split(" and ") for pin, _, text in pins if text}
+    if wired != {**ends, "1": ["12", "13"]}:
+        raise PictureError(f"wiring: the table has other terminals than the picture: {wired}")
+    picture.box(340, 40, 44, 6 * 40, "part")
+    place = {terminal: 60 + 40 * number for number, terminal in enumerate(terminals)}
+    for number, (name, signal, _) in enumerate(pins):
+        y = 60 + 40 * number
+        picture.lines(104, y if "," not in signal else y - 8, signal.replace(", ", "\n"), "s", "end")
+        bend = {"1": 250, "2": 190, "3": 280, "4": 220}.get(name)
+        for to in ends.get(name, ()):
+            picture.line(f"wire w{name}", (138, y), (bend, y), (bend, place[to]), (346, place[to]))
+        pin(picture, 127, y, name)
+    for terminal, y in place.items():
+        picture.box(346, y - 11, 32, 22, "pin", 2)
+        picture.text(362, y, terminal, "b", "middle")
+    picture.line("wire w1 dash", (250, 60), (250, 100), (346, 100))
+    picture.text(258, 88, "or 13", "s")
+    picture.text(16, 304, "The drive must have been off for 14 minutes.", "b")
+    picture.text(16, 338, "3-pin connector", "b")
+    picture.text(404, 338, "network cable", "b", "end")
+    picture.box(110, 350, 34, 3 * 30, "part")
+    for number, (name, signal) in enumerate(network_pins()):
+        y = 365 + 30 * number
+        kind = ("w4", "w3", "w2")[number]
+        picture.line(f"wire {kind}", (138, y), (290, y))
+        picture.text(104, y, signal, "s", "end")
+        pin(picture, 127, y, name)
+        picture.text(298, y, ("+ wire", "common", f"{MINUS} wire")[number], "s")
+    return picture
+
+
+def loopback() -> Picture:
+    picture = Picture("Wires of the loop-back test, on the bench, with the card out of the drive", 330)
+    joined = {
+        row["6-pin connector"]: row["3-pin connector"] for row in rows("switches-and-leds", "6-pin connector")
+    }
+    picture.text(16, 24, "6-pin connector", "b")
+    picture.text(404, 24, "3-pin connector", "b", "end")
+    picture.box(120, 40, 34, 6 * 40, "part")
+    picture.box(320, 60, 34, 3 * 40, "part")
+    bends = {"2": 250, "3": 215, "4": 285}
+    for name, to in joined.items():
+        y, end = 20 + 40 * int(name), 40 + 40 * int(to)
+        picture.line(f"wire w{name}", (148, y), (bends[name], y), (bends[name], end), (326, end))
+    for number in range(1, 7):
+        pin(picture, 137, 20 + 40 * number, str(number))
+    for number in range(1, 4):
+        pin(picture, 337, 40 + 40 * number, str(number))
+    picture.line("wire w1", (64, 60), (126, 60))
+    picture.line("wire w3", (64, 140), (126, 140))
+    picture.box(14, 44, 50, 112)
+    picture.text(39, 60, "+", "b", "middle")
+    picture.text(39, 140, MINUS, "b", "middle")
+    picture.lines(39, 92, "24 V\nbench", "s", "middle")
+    picture.text(16, 308, "Nothing else is connected: 3-2 joins both commons.", "s")
+    return picture
+
+
+# ---------------------------------------------------------------- switches
+
+
+def switches() -> Picture:
+    picture = Picture("Switch positions of every rate and of every parity, lever up is ON", 402)
+    picture.text(16, 22, "Rate: switches 1-3", "b")
+    picture.text(220, 22, "Parity: switches 4-5", "b")
+    for place, (on, rate) in enumerate(sorted(RATES.items(), key=lambda row: (row[1].baud, row[0]))):
+        block(picture, 16, 38 + 44 * place, on, numbers=False)
+        picture.text(116, 60 + 44 * place, f"{rate.baud}" + (" (usual)" if USUAL_RATE.startswith(on) else ""))
+    for place, (on, form) in enumerate(FORMATS.items()):
+        block(picture, 220, 38 + 44 * place, on, numbers=False)
+        stops = "1 stop bit" if form.stop_bits == 1 else "2 stop bits"
+        picture.lines(290, 51 + 44 * place, f"{form.parity} ({short(form)})\n{stops}", "s")
+    picture.text(220, 240, "9600 8N2, address 1", "b")
+    picture.text(220, 262, "Rate and parity", "s")
+    small(picture, 220, 272, USUAL_RATE)
+    picture.text(220, 322, "Address, termination ON", "s")
+    small(picture, 220, 332, USUAL_ADDRESS)
+    return picture
+
+
+def small(picture: Picture, x: float, y: float, on: str) -> None:
+    picture.box(x, y, 20 * 9, 34, "part")
+    for place, position in enumerate(on):
+        picture.box(x + 20 * place + 5, y + 4, 10, 26, "slot", 2)
+        picture.box(x + 20 * place + 6, y + (5 if position == "1" else 17), 8, 12, "lever", 1)
+
+
+def page() -> str:
+    """The page on which one clicks switches, with the tables inside: it needs no network."""
+    tables = {
+        kind: {
+            "rates": {on: rate.baud for on, rate in rates.items()},
+            "formats": {on: f"{form.parity}, {short(form)}" for on, form in formats.items()},
+        }
+        for kind, rates, formats in (
+            ("usual", RATES, FORMATS),
+            ("extended", EXTENDED_RATES, EXTENDED_FORMATS),
+        )
+    }
+    return TEMPLATE.read_text().replace("TABLES", json.dumps(tables))
+
+
+# ---------------------------------------------------------------- network, cassette, LEDs
+
+
+def network() -> Picture:
+    picture = Picture("The network: a master with bias, cards on one pair, a terminator at each end", 330)
+    for x, kind in ((60, "w4"), (78, "w2"), (96, "w3 dash")):
+        picture.line(f"wire {kind}", (x, 40), (x, 296))
+    for x, name in ((60, "+"), (78, MINUS), (96, "com")):
+        picture.text(x if name != "com" else 106, 24, name, "b", "middle")
+    units = [
+        (60, "Master", "120 Ω at this end; bias here only"),
+        (130, "Card, address 1", "switch 9 OFF"),
+        (200, "Card, address 2", "switch 9 OFF"),
+        (270, "Last card", "switch 9 ON: 120 Ω"),
+    ]
+    for y, name, note in units:
+        for x, kind, shift in ((60, "w4", -10), (78, "w2", 0), (96, "w3", 10)):
+            picture.line(f"wire {kind}", (x, y + shift), (160, y + shift))
+            picture.dot(x, y + shift, 4, "first")
+        picture.box(160, y - 24, 244, 48)
+        picture.text(170, y - 10, name, "b")
+        picture.text(170, y + 9, note, "s")
+    for y in (60, 270):
+        picture.box(20, y - 16, 14, 32, "orange", 2)
+        picture.line("thin", (27, y - 16), (27, y - 24), (60, y - 24))
+        picture.line("thin", (27, y + 16), (27, y + 24), (78, y + 24))
+        picture.dot(60, y - 24, 4, "first")
+        picture.dot(78, y + 24, 4, "first")
+    picture.text(16, 314, "One line, no branches; 120 Ω at both ends only.", "s")
+    return picture
+
+
+def cassette() -> Picture:
+    picture = Picture("The cassette in three steps: free it, take it out, fasten the card", 576)
+    for y, title in (
+        (16, "1  Free the cassette"),
+        (206, "2  Take it out"),
+        (396, "3  Fasten the card (back)"),
+    ):
+        picture.text(16, y, title, "b")
+    picture.box(16, 30, 190, 150)
+    for number in range(8):
+        picture.box(38 + 18 * number, 128, 14, 18, "pin", 2)
+    label(picture, 111, 104, "A")
+    for x in (54, 168):
+        picture.box(x - 20, 154, 40, 14, "part")
+        picture.dot(x - 12, 161, 3, "first")
+        picture.dot(x + 12, 161, 3, "first")
+    label(picture, 111, 161, "B")
+    for x in (34, 188):
+        picture.dot(x, 50, 6, "part")
+        picture.line("thin", (x - 4, 50), (x + 4, 50))
+    for x in (40, 182):
+        picture.line("thin", (111, 50), (x, 50))
+    label(picture, 111, 50, "C")
+    legend(picture, 48, "A", "Unplug the control\nterminals.")
+    legend(picture, 94, "B", "Remove the clamps,\nkeep the screws.")
+    legend(picture, 140, "C", "Loosen the two\ncaptive screws.")
+    picture.box(26, 230, 170, 16, "part")
+    picture.box(40, 250, 142, 104)
+    picture.arrow("wire w1", (111, 374), (111, 322))
+    for x, name in ((74, "A"), (148, "B")):
+        picture.line("wire w3", (x, 246), (x, 296))
+        label(picture, x, 304, name)
+    legend(picture, 238, "", "Lift at the bottom.")
+    legend(picture, 268, "A", "Mark and unplug the\nfirst ribbon cable.")
+    legend(picture, 314, "B", "Then the second one.")
+    legend(picture, 344, "", "Unhinge at the top.")
+    picture.box(16, 412, 190, 150)
+    picture.box(30, 430, 10, 112, "slot", 2)
+    picture.box(36, 440, 140, 92, "part")
+    label(picture, 60, 486, "A")
+    for y in (458, 514):
+        picture.dot(166, y, 6, "first")
+    label(picture, 140, 486, "B")
+    legend(picture, 440, "A", "Push this edge into\nthe slot.")
+    legend(picture, 486, "B", "Two self-tapping\nscrews and washers,\nT-10, 0.90 N·m.")
+    return picture
+
+
+def label(picture: Picture, x: float, y: float, letter: str) -> None:
+    picture.dot(x, y, 11, "lever")
+    picture.text(x, y, letter, "b inv", "middle")
+
+
+def legend(picture: Picture, y: float, letter: str, text: str) -> None:
+    if letter:
+        label(picture, 228, y, letter)
+    picture.lines(246, y, text)
+
+
+# Colours of each LED state of the handbook's table, each with its length in quarters of a second.
+POWER_UP = "red, green, orange, off, 250 ms each, once"
+STEPS = {
+    "green, flashing, 1 Hz": ["green", "green", "off", "off"] * 4,
+    "red, flashing, 1 Hz": ["red", "red", "off", "off"] * 4,
+    "red, steady, both LEDs": ["red"] * 16,
+    "orange, steady, both LEDs, 12 s": ["orange"] * 16,
+}
+SAYS = {
+    "green, flashing, 1 Hz": "Green, flashing: works",
+    "red, flashing, 1 Hz": "Red, flashing: nobody asks or answers",
+    "red, steady, both LEDs": "Both red, steady: fault, the card is halted",
+    "orange, steady, both LEDs, 12 s": "Both orange, 12 s: loop-back test passed",
+}
+
+
+def leds() -> Picture:
+    picture = Picture("What the LEDs show in the four seconds after power-up, and in each state", 420)
+    known = [row["shows"] for row in rows("switches-and-leds", "shows")]
+    if missing := [state for state in (POWER_UP, *STEPS) if state not in known]:
+        raise PictureError(f"leds: the handbook's table has no state '{missing[0]}'")
+    show = [colour.strip() for colour in POWER_UP.split(",")[:4]]
+    flash = STEPS["red, flashing, 1 Hz"]
+    picture.text(16, 22, "After power-up", "b")
+    lane(picture, 54, "drive", show + ["off"] * 4 + flash[:8])
+    lane(picture, 88, "network", ["off"] * 4 + show + flash[:8])
+    for second in range(5):
+        picture.text(82 + 80 * second, 114, f"{second} s", "s m", "middle")
+    for place, (state, colours) in enumerate(STEPS.items()):
+        y = 148 + 68 * place
+        picture.text(16, y, SAYS[state], "b")
+        lane(picture, y + 28, "", colours)
+    return picture
+
+
+def lane(picture: Picture, y: float, name: str, colours: list[str]) -> None:
+    if name:
+        picture.text(16, y, name, "s")
+    start = 0
+    while start < len(colours):
+        length = 1
+        while start + length < len(colours) and colours[start + length] == colours[start]:
+            length += 1
+        colour, x = colours[start], 82 + 20 * start
+        picture.box(x, y - 11, 20 * length, 22, colour, 0)
+        if colour != "off":
+            picture.text(x + 10 * length, y, colour[0].upper() if length < 4 else colour, "s w", "middle")
+        start += length
+
+
+# ---------------------------------------------------------------- block diagrams, boards
+
+
+def stage(picture: Picture, y: float, high: float, title: str, text: str = "", kind: str = "box") -> None:
+    picture.box(30, y, 360, high, kind)
+    picture.text(MIDDLE, y + 18, title, "b", "middle")
+    if text:
+        picture.lines(MIDDLE, y + 38, text, "s", "middle")
+
+
+def between(picture: Picture, y: float, name: str) -> None:
+    """The two directions of a line between two stages."""
+    picture.arrow("wire w2", (190, y), (190, y + 34))
+    picture.arrow("wire w5", (230, y + 34), (230, y))
+    picture.text(246, y + 17, name, "s m")
+
+
+def blocks() -> Picture:
+    picture = Picture("From the Modbus master through the card to the drive", 494)
+    stage(picture, 12, 52, "Modbus master", "PLC, building control, PC; EIA-485")
+    between(picture, 66, "300-19200 bit/s")
+    picture.box(14, 104, 392, 288, "thin", 8)
+    picture.text(24, 120, "rtu2fc", "b")
+    stage(picture, 134, 52, "network_port", "bytes, silences, CRC: finds frames in time", "part")
+    between(picture, 188, "commit; reply")
+    stage(
+        picture,
+        224,
+        70,
+        "mailbox and RISC-V firmware",
+        "firmware translates, the commit gate\nlets nothing leave too early",
+        "part",
+    )
+    between(picture, 296, "telegram; drive's reply")
+    stage(picture, 332, 52, "drive_port", "bytes, pauses, BCC of the FC protocol", "part")
+    between(picture, 394, "9600 8E1")
+    stage(picture, 430, 52, "VLT 6000", "FC protocol, address 1; EIA-485")
+    return picture
+
+
+def modules() -> Picture:
+    picture = Picture("The modules: the same chain on both lines, the mailbox between them", 646)
+    sides = ((110, "w2"), (310, "w5"))
+    for x, name in ((110, "network_port"), (310, "drive_port")):
+        picture.box(x - 96, 10, 192, 256, "thin", 8)
+        picture.box(x - 96, 404, 192, 232, "thin", 8)
+        picture.text(x, 28, name, "b", "middle")
+        picture.text(x, 622, name, "b", "middle")
+    inward = [
+        (44, "modbus_rx", "drive_rx"),
+        (84, "sync_2ff", "sync_2ff"),
+        (124, "glitch_filter", "glitch_filter"),
+        (164, "uart", "uart"),
+        (204, "rtu_rx", "fc_rx"),
+    ]
+    outward = [
+        (428, "rtu_tx", "fc_tx"),
+        (478, "uart, rs485_dir", "uart, rs485_dir"),
+        (528, "driver_limit (DE)", "driver_limit (DE)"),
+        (578, "modbus_tx, modbus_de", "drive_tx, drive_de"),
+    ]
+    for chain in (inward, outward):
+        for place, (y, *names) in enumerate(chain):
+            for (x, kind), name in zip(sides, names, strict=True):
+                if not name.startswith(("modbus", "drive_")):
+                    picture.box(x - 80, y, 160, 26, "part")
+                if place:
+                    above = chain[place - 1][0] + 26
+                    picture.arrow(f"wire {kind}", (x, above), (x, y))
+                picture.text(x, y + 13, name, "", "middle")
+    for x, checks in ((110, "silence_timer, crc16_modbus"), (310, "silence_timer, bcc")):
+        picture.text(x, 246, checks, "s m", "middle")
+    for x, kind in sides:
+        picture.arrow(f"wire {kind}", (x, 256), (x, 292))
+        picture.arrow(f"wire {kind}", (x, 338), (x, 428))
+    picture.text(MIDDLE, 279, "commit, good", "s", "middle")
+    picture.box(14, 292, 392, 46, "box")
+    picture.text(MIDDLE, 306, "mailbox", "b", "middle")
+    picture.text(MIDDLE, 324, "commit_gate, mailbox_regs, bus_arbiter", "", "middle")
+    picture.box(122, 358, 176, 26, "box")
+    picture.text(MIDDLE, 371, "soft_core, firmware_ram", "s", "middle")
+    picture.arrow("wire w3", (MIDDLE, 338), (MIDDLE, 358))
+    picture.arrow("wire w3", (MIDDLE, 358), (MIDDLE, 338))
+    picture.text(MIDDLE, 395, "reply, telegram start", "s", "middle")
+    return picture
+
+
+DRAWINGS: dict[str, Callable[[], Picture]] = {
+    "card": card,
+    "wiring": wiring,
+    "loopback": loopback,
+    "switches": switches,
+    "network": network,
+    "cassette": cassette,
+    "leds": leds,
+    "blocks": blocks,
+    "modules": modules,
+}
+
+
+def files() -> dict[Path, str]:
+    return {PAGE: page()} | {PICTURES / f"{name}.svg": draw().svg() for name, draw in DRAWINGS.items()}
+
+
+def main() -> int:
+    parser = Parser(prog="pictures", description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    check = parser.parse_args().check
+    old = [path for path, text in files().items() if not path.exists() or path.read_text() != text]
+    for path in old:
+        name = path.relative_to(ROOT)
+        if check:
+            print(f"{name} differs from its tables; run `make pictures`", file=sys.stderr)
+        else:
+            path.write_text(files()[path])
+            print(f"wrote {name}")
+    return 1 if old and check else 0
+
+
+if __name__ == "__main__":
+    run_main("pictures", main, PictureError)

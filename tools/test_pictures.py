@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pictures of the pages: current, each word in its place in every font; the page of switch positions."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from regs.generated.card_tables import EXTENDED_RATES, FORMATS, RATES
+from rtl.sources import ROOT
+from tools import chromium, pictures
+from tools.svg import STYLE, WIDTH, Picture, PictureError
+from tools.test_diagrams import FONTS, misplaced
+
+PAGES = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+
+
+def test_pictures_are_current():
+    for path, text in pictures.files().items():
+        assert path.read_text() == text, f"{path.name}: run `make pictures`"
+
+
+def test_every_picture_is_in_a_page():
+    shown = set(re.findall(r"pictures/([\w-]+)\.svg\)", "".join(page.read_text() for page in PAGES)))
+    assert set(pictures.DRAWINGS) <= shown
+
+
+def test_every_colour_of_the_light_picture_has_one_for_the_dark():
+    light, dark = STYLE.split("@media")
+    coloured = {name for name, rules in re.findall(r"(\.\w+)\{([^}]*)\}", light) if "#" in rules}
+    # The lit LEDs and the words on them are the same in both.
+    assert coloured - {".red", ".green", ".orange", ".w"} <= set(re.findall(r"\.\w+", dark)) - {".w"}
+
+
+def test_a_word_without_room_is_found():
+    picture = Picture("a picture", 60)
+    picture.text(10, 20, "words")
+    with pytest.raises(PictureError, match="'more' lies on 'words'"):
+        picture.text(30, 24, "more")
+    with pytest.raises(PictureError, match="leaves the picture"):
+        picture.text(WIDTH - 20, 50, "too far")
+
+
+def test_a_table_with_other_wires_is_found(monkeypatch):
+    pins = [(pin, signal, to.replace("69", "68")) for pin, signal, to in pictures.drive_pins()]
+    monkeypatch.setattr(pictures, "drive_pins", lambda: pins)
+    with pytest.raises(PictureError, match="other terminals"):
+        pictures.wiring()
+
+
+@pytest.mark.nightly("pages")
+def test_every_word_is_in_its_place_in_every_font(tmp_path):
+    drawn = {name: draw().svg() for name, draw in pictures.DRAWINGS.items()}
+    # The words of an arrow are a matter of the timing diagrams, whose check this is.
+    wrong = [line for line in misplaced(drawn, tmp_path, (*FONTS, "Arial")) if "its arrow" not in line]
+    assert wrong == []
+
+
+CLICKED = """
+const at = id => document.getElementById(id), seen = {};
+const on = id => [...at(id).children].map(b => b.getAttribute("aria-pressed") == "true" ? "1" : "0").join("");
+const pick = (id, text) => {
+  for (const o of at(id).options) o.selected = o.text == text;
+  at(id).onchange(); };
+for (const extended of [false, true]) {
+  at("extended").checked = extended; at("extended").onchange();
+  for (const name of [...at("rate").options].map(o => o.text)) {
+    pick("rate", name); seen[`${extended} ${name}`] = on("baud").slice(0, 3); }
+  for (const name of [...at("format").options].map(o => o.text)) {
+    pick("format", name); seen[`${extended} ${name}`] = on("baud").slice(3, 5); }
+}
+at("extended").checked = false; at("extended").onchange();
+at("address").value = 85; at("address").oninput();
+seen.address = on("unit"); seen.says = at("says").value;
+at("unit").children[0].click();
+seen.clicked = at("says").value;
+for (let i = 0; i < 9; i++) if (on("baud")[i] != "111001111"[i]) at("baud").children[i].click();
+seen.test = at("warning").textContent;
+seen.wide = document.documentElement.scrollWidth;
+return seen;
+"""
+
+
+@pytest.mark.rule("LINE-2", "LINE-3", "LINE-7")
+@pytest.mark.nightly("pages")
+def test_the_page_of_switch_positions(tmp_path):
+    """Every rate and format that one chooses shows switches of the rules, and clicks are read back."""
+    seen = chromium.evaluate(pictures.PAGE.read_text(), CLICKED, tmp_path, width=390).found
+    for kind, rates in (("false", RATES), ("true", EXTENDED_RATES)):
+        for rate in {rate.baud for rate in rates.values()}:
+            assert rates[seen[f"{kind} {rate} bit/s"]].baud == rate
+    for form in ("none, 8N2", "odd, 8O1", "even, 8E1"):
+        assert FORMATS[seen[f"false {form}"]].parity == form.split(",")[0]
+    assert seen["address"] == "101010101" and ", address 85, termination ON" in seen["says"]
+    assert ", address 84," in seen["clicked"]
+    assert "loop-back test" in seen["test"]
+    assert seen["wide"] <= 500  # Chromium's narrowest window; a phone's page is no wider than its column
