@@ -108,7 +108,8 @@ def test_the_pin_is_the_only_clock(config):
 
 
 @pytest.mark.rule("TOP-1")
-def test_reset_pin_goes_only_to_the_reset_synchroniser(config):
+def test_reset_pin_clears_the_drivers_and_the_synchroniser_alone(config):
+    """Everything else has a reset that moves at clock edges: no other flip-flop has an asynchronous input."""
     module = card(config)
     (pin,) = module["ports"]["rst_n"]["bits"]
     users = {
@@ -117,7 +118,15 @@ def test_reset_pin_goes_only_to_the_reset_synchroniser(config):
         for port, bits in cell["connections"].items()
         if pin in bits and cell["port_directions"][port] == "input"
     }
-    assert {kind for _, kind in users} == {"$adff"} and all("reset_i" in name for name, _ in users), users
+    assert {kind for _, kind in users} == {"$adff"}
+    assert {name for name, _ in users} == {
+        name for name, cell in module["cells"].items() if {"ARST", "ALOAD", "SET"} & {*cell["connections"]}
+    }
+    driven = {bit for name, _ in users for bit in module["cells"][name]["connections"]["Q"]}
+    de = {bit for line in ("modbus", "drive") for bit in module["ports"][f"{line}_de"]["bits"]}
+    (asked,) = driven - de
+    assert de < driven
+    assert asked in module["netnames"]["reset_i.released"]["bits"]
 
 
 # Registers with each start value, and with a reset to the same or the other value, or with none.

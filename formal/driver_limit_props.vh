@@ -11,23 +11,25 @@ reg g_tick = 1'b0;
 reg [3:0] g_beats = 4'd0;  // since driven rose, up to 15
 reg g_off = 1'b0;  // switched off in this frame
 wire g_beat = ticks[0] != g_tick && (ticks & mask) == mask;
+wire g_reset = !rst_n || rst;
 
 always @(posedge clk) begin
   g_tick <= ticks[0];
   if (!driven) g_beats <= 4'd0;
   else if (g_beat && g_beats != 4'd15) g_beats <= g_beats + 4'd1;
-  g_off <= driven && (g_off || (g_past && !rst && !de));
+  g_off <= driven && (g_off || (g_past && !g_reset && $fell(de) && $past(driven && !g_reset)));
 end
 
 // From the first moment on and without a clock.
-always @* a_reset : assert (!rst || !de);
-always @* a_only : assert (!de || driven);
+always @* a_reset : assert (rst_n || !de);
 
 always @(posedge clk) begin
+  if (!g_past) a_power_up : assert (!de);
   if (g_past) begin
-    a_follows : assert (rst || g_beats == 4'd15 || de == driven);
-    a_limit : assert (g_beats != 4'd15 || !driven || !de);
-    a_stays_off : assert (!g_off || !driven || !de);
+    a_only : assert (!de || $past(driven && !g_reset));
+    a_follows : assert (!rst_n || $past(g_reset) || $past(g_beats) == 4'd15 || de == $past(driven));
+    a_limit : assert ($past(g_beats) != 4'd15 || !de);
+    a_stays_off : assert (!g_off || !de);
   end
 end
 
@@ -41,6 +43,6 @@ end
 
 // ---- covers
 always @(posedge clk) begin
-  c_off : cover (g_past && driven && !rst && !de && mask == 7'd1);
-  c_again : cover (g_past && de && $past(!driven) && g_tick);
+  c_off : cover (g_past && g_off && mask == 7'd1);
+  c_again : cover (g_past && $rose(de) && g_tick);
 end

@@ -3,7 +3,7 @@
 // other, a soft core with firmware between them.
 //
 // This module only wires; docs/guide/architecture.md follows a frame through the modules.
-// clk: CLK_HZ, 2 to 100 MHz. rst_n: asserts at once, is released synchronously to clk.
+// clk: CLK_HZ, 2 to 100 MHz. rst_n: at any moment. It clears both DE at once, all else by the clock.
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
 // The parameters' defaults are those of the configuration standard, or of the file
@@ -78,6 +78,7 @@ module rtu2fc #(
   localparam [6:0] DRIVE_MASK = 7'd3;  // 9600 bit/s, see baud_divider
 
   // Ports, supervisor and soft core wait in reset for the switches (LINE-8).
+  wire rst_asked;
   wire rst_pin;
   wire sw_ready;
   wire rst = rst_pin || !sw_ready;
@@ -166,6 +167,7 @@ module rtu2fc #(
       .clk  (clk),
       .rst_n(rst_n),
       // status
+      .asked(rst_asked),
       .rst  (rst_pin)
   );
 
@@ -296,7 +298,8 @@ module rtu2fc #(
 
   driver_limit modbus_limit_i (
       .clk(clk),
-      .rst(rst_pin),
+      .rst_n(rst_n),
+      .rst(rst_asked),
       // time, in 1/1200 s
       .ticks(ticks[6:0]),
       // configuration
@@ -309,7 +312,8 @@ module rtu2fc #(
 
   driver_limit drive_limit_i (
       .clk(clk),
-      .rst(rst_pin),
+      .rst_n(rst_n),
+      .rst(rst_asked),
       // time, in 1/1200 s
       .ticks(ticks[6:0]),
       // configuration

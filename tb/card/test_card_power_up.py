@@ -69,12 +69,12 @@ def test_boot(config):
 
 @cocotb.test()
 async def reset_switches_both_drivers_off_without_a_clock(dut):
-    """The registers behind DE may hold anything when there was no clock yet (SAFE-6)."""
+    """The flip-flops of DE may hold anything when there was no clock yet (SAFE-6)."""
     bench = await Bench(dut, CLK_HZ, sw_baud=0, sw_addr=1, modbus_rx=1, drive_rx=1).start(reset_clocks=10)
     await bench.clocks(10)
     for drivers in ((1, 0), (0, 1), (1, 1)):
         bench.clock.stop()
-        dut.network_i.dir_i.de.value, dut.drive_i.dir_i.de.value = drivers
+        dut.modbus_limit_i.de.value, dut.drive_limit_i.de.value = drivers
         await Timer(1, unit="ns")
         assert (int(dut.modbus_de.value), int(dut.drive_de.value)) == drivers
         # The clock stands still.

@@ -33,9 +33,9 @@ from tb.model.card import DIALECTS
 
 SIMULATORS = ("icarus", "verilator")
 WAIVERS = ROOT / "tools/verilator.vlt"
-# A simulator clears reset_sync by an edge of rst_n only, and a bench begins with rst_n at 0. The monitors
-# follow tx from the first moment on, with DE or without.
-KEEP_VALUES = ("reset_sync", "uart")
+# A simulator clears reset_sync and driver_limit by an edge of rst_n only, and a bench begins with rst_n at 0.
+# The monitors follow tx from the first moment on, with DE or without.
+KEEP_VALUES = ("reset_sync", "driver_limit", "uart")
 POWER_UP = ROOT / "sim/harness/power_up.py"
 PUBLIC = ROOT / "tb/lib/public.vlt"
 PUBLIC_PORTS = ROOT / "tb/gates/ports.vlt"

@@ -22,20 +22,19 @@ MASKS = {rate.baud: max(0, 38_400 // rate.baud - 1) for rate in EXTENDED_RATES.v
 class Driver:
     def __init__(self, dut, mask: int):
         self.dut = dut
-        self.bench = Bench(dut, UNITS_HZ * CLOCKS, ticks=0, mask=mask, driven=0)
+        self.bench = Bench(dut, UNITS_HZ * CLOCKS, rst=0, ticks=0, mask=mask, driven=0)
         self.units = 0
 
     async def start(self) -> Driver:
         await self.bench.start()
-        self.dut.rst.value = 0
         return self
 
     async def unit(self) -> int:
         """The time of a unit; returns DE at its end."""
-        await self.bench.clocks(CLOCKS - 1)
+        await self.bench.clocks(CLOCKS - 2)
         self.units += 1
         self.dut.ticks.value = self.units % 128
-        await self.bench.clocks()
+        await self.bench.clocks(2)
         return int(self.dut.de.value)
 
     async def on_for(self, most: int) -> int:
@@ -67,18 +66,21 @@ async def a_request_that_does_not_end_is_cut_after_the_longest_frame(dut, baud):
 
 
 @cocotb.test()
-async def driver_follows_each_shorter_request_at_once(dut):
+async def driver_follows_each_shorter_request_one_clock_later(dut):
     driver = await Driver(dut, 3).start()
     for length in (1, 2, 20, 55, 1):
         dut.driven.value = 1
         await Timer(1, unit="ns")
+        assert not int(dut.de.value)
+        await driver.bench.clocks()
         assert int(dut.de.value)
         for _ in range(length):
             assert await driver.unit()
         dut.driven.value = 0
         await Timer(1, unit="ns")
-        assert not int(dut.de.value)
+        assert int(dut.de.value)
         await driver.bench.clocks()
+        assert not int(dut.de.value)
 
 
 @cocotb.test()
@@ -88,9 +90,24 @@ async def reset_switches_off_without_a_clock(dut):
     await driver.unit()
     driver.bench.clock.stop()
     assert int(dut.de.value)
-    dut.rst.value = 1
+    dut.rst_n.value = 0
     await Timer(1, unit="ns")
     assert not int(dut.de.value)
+
+
+@cocotb.test()
+async def driver_stays_off_as_long_as_the_reset_is_asked_for(dut):
+    driver = await Driver(dut, 3).start()
+    dut.driven.value = 1
+    await driver.unit()
+    dut.rst.value = 1
+    dut.rst_n.value = 0
+    await Timer(1, unit="ns")
+    dut.rst_n.value = 1
+    for _ in range(3):
+        assert not await driver.unit()
+    dut.rst.value = 0
+    assert await driver.unit()
 
 
 @pytest.mark.rule("SAFE-2", "SAFE-6")
