@@ -267,7 +267,7 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 ##@ Build for hardware
-.PHONY: synth image pins sources portability selftest metastability
+.PHONY: synth image pins sources portability selftest serial-drive metastability
 synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
@@ -288,6 +288,10 @@ selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a
 # --name "value" for a variable that was given to make itself: the environment's START or ROW starts nothing.
 given = $(if $(filter command,$(origin $(2))),--$(1) "$($(2))")
 upper = $(shell tr a-z A-Z <<<'$(1)')
+
+serial-drive: drive | setup-demo ## a simulated drive on a serial port, for a card without a drive (PORT=/dev/ttyUSB1)
+	@[ -n "$(PORT)" ] || { echo "say which port: make serial-drive PORT=/dev/ttyUSB1" >&2; exit 2; }
+	@$(RUN) sim.drive.serial_drive "$(PORT)"
 
 metastability: | setup-demo ## how seldom the two flip-flops of an input are not enough, by clock
 	@$(RUN) constraints.metastability

@@ -13,8 +13,10 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+from constraints.boards import Board, boards
 from regs.generated.card_tables import EXTENDED_FORMATS, EXTENDED_RATES, FORMATS, RATES, Format
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT
@@ -452,6 +454,66 @@ def modules() -> Picture:
     return picture
 
 
+def connection(entry: Board, port: str) -> tuple[str, str]:
+    """Connector and pin of a port on a development board: the remark of the pin file names them."""
+    found = next(one for one in entry.pins() if one.port == port)
+    connector, _, number = found.remark.partition(", pin ")
+    return connector, number or found.site
+
+
+def build(name: str) -> Picture:
+    """The wires of a development board to two transceiver modules and to switches, from its pin file."""
+    entry = boards()[name]
+    picture = Picture(
+        f"Wires of the {entry.title.split(',')[0]}: two EIA-485 modules, two switch blocks", 640
+    )
+    picture.text(16, 22, entry.title.split(",")[0], "b")
+    picture.text(404, 22, "isolated modules", "b", "end")
+    for y, line, title, right in (
+        (40, "modbus", "network", ("A  +", f"B  {MINUS}", "com")),
+        (188, "drive", "drive", ("A  68", "B  69", "39, 61")),
+    ):
+        picture.box(16, y, 104, 132, "part")
+        picture.box(190, y, 130, 132)
+        picture.text(255, y + 14, title, "b", "middle")
+        for number, (port, module) in enumerate((("rx", "RXD"), ("tx", "TXD"), ("de", "DE"))):
+            level = y + 36 + 25 * number
+            picture.line(f"wire w{(2, 5, 4)[number]}", (120, level), (196, level))
+            picture.text(112, level, " ".join(connection(entry, f"{line}_{port}")), "s", "end")
+            picture.text(204, level, module, "s")
+        picture.text(112, y + 111, "GND", "s", "end")
+        picture.line("wire w3", (120, y + 111), (196, y + 111))
+        picture.text(204, y + 111, "GND, RE", "s")
+        for number, word in enumerate(right):
+            level = y + 36 + 34 * number
+            picture.line(f"wire w{(4, 2, 3)[number]}", (314, level), (346, level))
+            picture.text(352, level, word, "s")
+        picture.line("thin dash", (284, y + 26), (284, y + 126))
+    picture.text(16, 338, "DE: 4.7 kΩ to GND each. 3.3 V, 1 A to both modules.", "s")
+    for y, text, ports in (
+        (362, "Rate and parity", [f"sw_baud_n[{n}]" for n in range(1, 10)]),
+        (472, "Address", [f"sw_addr_n[{n}]" for n in range(1, 9)]),
+    ):
+        there = {one.port for one in entry.pins()}
+        wired = [port for port in ports if port in there]
+        picture.text(16, y, f"{text}: to GND. Below: pins of {connection(entry, wired[0])[0]}", "s")
+        on = USUAL_RATE if text.startswith("Rate") else USUAL_ADDRESS
+        block(picture, 16, y + 12, on[: len(wired)])
+        for number, port in enumerate(wired):
+            picture.text(31 + PITCH * number, y + 86, connection(entry, port)[1], "s b", "middle")
+    picture.text(16, 584, "LEDs", "b")
+    for number, port in enumerate(("led_modbus", "led_drive")):
+        words = []
+        for colour in ("red", "green"):
+            there = next(one.port for one in entry.pins() if one.port.startswith(f"{port}_{colour}"))
+            connector, pin_ = connection(entry, there)
+            where = connector if connector.startswith(("LED", "on the")) else f"{connector} {pin_}"
+            words.append(f"{colour} {where}")
+        title = ("network", "drive")[number]
+        picture.text(16, 604 + 18 * number, f"{title}: {', '.join(words)}", "s")
+    return picture
+
+
 DRAWINGS: dict[str, Callable[[], Picture]] = {
     "card": card,
     "wiring": wiring,
@@ -462,6 +524,8 @@ DRAWINGS: dict[str, Callable[[], Picture]] = {
     "leds": leds,
     "blocks": blocks,
     "modules": modules,
+    "tang-nano-9k": partial(build, "tang-nano-9k"),
+    "icebreaker": partial(build, "icebreaker"),
 }
 
 
