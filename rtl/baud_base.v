@@ -26,6 +26,13 @@ module baud_base #(
 
   initial tick_base = 1'b0;
 
+  // A module that does not exist stops every tool and names the mistake.
+  generate
+    if (CLK_HZ < 2_000_000 || CLK_HZ > 100_000_000) begin : g_mistake
+      CLK_HZ_is_not_between_2_and_100_MHz mistake_i ();
+    end
+  endgenerate
+
   always @(posedge clk) begin
     phase <= phase_next[15:0];
     tick_base <= phase_next[16];

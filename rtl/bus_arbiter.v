@@ -79,6 +79,14 @@ module bus_arbiter #(
   localparam [5:0] REPLY = `MBX_REPLY_FRAME_SLOT;
   localparam [5:0] DRIVE = `MBX_DRIVE_FRAME_SLOT;
 
+  // A module that does not exist stops every tool and names the mistake.
+  localparam THIRD = MEMORY_BYTES % 3 == 0 ? MEMORY_BYTES / 3 : MEMORY_BYTES;
+  generate
+    if (MEMORY_BYTES < 1024 || (THIRD & (THIRD - 1)) != 0) begin : g_mistake
+      MEMORY_BYTES_is_neither_a_power_of_two_nor_three_quarters_of_one mistake_i ();
+    end
+  endgenerate
+
   wire modbus_valid = modbus_write_valid || modbus_read_valid;
   wire drive_valid = drive_write_valid || drive_read_valid;
   wire line_valid = modbus_valid || drive_valid;

@@ -47,13 +47,13 @@
 module rtu2fc #(
     parameter CLK_HZ = `CONFIG_CLK_HZ,
     parameter FIRMWARE_HEX = "firmware.hex",
-    parameter [1:0] SOFT_CORE = `CONFIG_SOFT_CORE,
-    parameter [0:0] LOCKSTEP = 1'b1,
+    parameter SOFT_CORE = `CONFIG_SOFT_CORE,
+    parameter LOCKSTEP = 1,
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
-    parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] BREAK_TOLERANT = 1'b0,
-    parameter [0:0] MASTER_LOSS_STOP = 1'b0,
-    parameter [0:0] EXTENDED_SWITCHES = 1'b0
+    parameter STRICT_T15 = 1,
+    parameter BREAK_TOLERANT = 0,
+    parameter MASTER_LOSS_STOP = 0,
+    parameter EXTENDED_SWITCHES = 0
 ) (
     input  wire       clk,
     input  wire       rst_n,
@@ -181,7 +181,7 @@ module rtu2fc #(
   );
 
   card_tables #(
-      .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES == 1)
   ) tables_i (
       .sw_baud(baud[5:1]),
       .baud_undivided(baud_undivided),
@@ -228,8 +228,8 @@ module rtu2fc #(
   );
 
   network_port #(
-      .STRICT_T15(STRICT_T15),
-      .BREAK_TOLERANT(BREAK_TOLERANT)
+      .STRICT_T15(STRICT_T15 == 1),
+      .BREAK_TOLERANT(BREAK_TOLERANT == 1)
   ) network_i (
       .clk(clk),
       .rst(rst || fault),
@@ -326,7 +326,7 @@ module rtu2fc #(
 
   mailbox #(
       .MEMORY_BYTES(MEMORY_BYTES),
-      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP == 1)
   ) mailbox_i (
       .clk(clk),
       .core_rst(core_rst),
@@ -438,6 +438,22 @@ module rtu2fc #(
       // status
       .damaged(ram_damaged)
   );
+
+  // A module that does not exist stops every tool and names the mistake.
+  generate
+    if (STRICT_T15 != 0 && STRICT_T15 != 1) begin : g_strict_mistake
+      STRICT_T15_is_neither_0_nor_1 mistake_i ();
+    end
+    if (BREAK_TOLERANT != 0 && BREAK_TOLERANT != 1) begin : g_break_mistake
+      BREAK_TOLERANT_is_neither_0_nor_1 mistake_i ();
+    end
+    if (MASTER_LOSS_STOP != 0 && MASTER_LOSS_STOP != 1) begin : g_loss_mistake
+      MASTER_LOSS_STOP_is_neither_0_nor_1 mistake_i ();
+    end
+    if (EXTENDED_SWITCHES != 0 && EXTENDED_SWITCHES != 1) begin : g_switches_mistake
+      EXTENDED_SWITCHES_is_neither_0_nor_1 mistake_i ();
+    end
+  endgenerate
 
   // For waveforms and benches only.
   wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];

@@ -13,8 +13,8 @@
 `default_nettype none
 
 module soft_core #(
-    parameter [1:0] SOFT_CORE = 2'd0,
-    parameter [0:0] LOCKSTEP  = 1'b0
+    parameter SOFT_CORE = 0,
+    parameter LOCKSTEP  = 0
 ) (
     input  wire        clk,
     input  wire        rst,
@@ -29,7 +29,8 @@ module soft_core #(
     output wire        trap
 );
 
-  localparam [1:0] SERV = 2'd1;
+  localparam PICORV32 = 0;
+  localparam SERV = 1;
 
   // verilator lint_off PINMISSING
   generate
@@ -110,7 +111,7 @@ module soft_core #(
           .irq(32'd0)
       );
 
-      if (LOCKSTEP) begin : g_lockstep
+      if (LOCKSTEP == 1) begin : g_lockstep
         wire second_trap;
         wire second_valid;
         wire [31:0] second_addr;
@@ -155,6 +156,13 @@ module soft_core #(
       end else begin : g_single
         assign same = 1'b1;
       end
+    end
+    // A module that does not exist stops every tool and names the mistake.
+    if (SOFT_CORE != PICORV32 && SOFT_CORE != SERV) begin : g_core_mistake
+      SOFT_CORE_is_neither_0_nor_1 mistake_i ();
+    end
+    if (LOCKSTEP != 0 && LOCKSTEP != 1) begin : g_lockstep_mistake
+      LOCKSTEP_is_neither_0_nor_1 mistake_i ();
     end
   endgenerate
   // verilator lint_on PINMISSING

