@@ -26,6 +26,9 @@ TABLE = FOLDER / "boards.toml"
 EXTENDED = "-extended"
 CARD = ROOT / "rtl/rtu2fc.v"
 CARD_INSTANCE = "card_i"
+# The parameters of the card in its own file, and their values in a wrapper.
+CARD_PARAMETER = re.compile(r"^ *parameter (?:\[[^]]*\] )?(\w+) =", re.MULTILINE)
+CONNECTED = re.compile(r"\.(\w+)\(([^)]*)\)")
 PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf", "gowin": "cst"}
 DOCS = ROOT / "docs/reference/pins.md"
 
@@ -118,6 +121,7 @@ class Board:
     clk_hz: int
     cells: int
     brams: int
+    lockstep: int
     seeds: tuple[int, ...]
     memory_bytes: int = 0
     firmware_hex: str = ""
@@ -379,24 +383,37 @@ def problems(entry: Board) -> list[str]:
         wrong.append(f"the pin file asks for a clock of {clocks} Hz, boards.toml for {entry.clk_hz}")
     if default is None or int(default[1]) != entry.clk_hz:
         wrong.append(f"the wrapper's CLK_HZ is not the {entry.clk_hz} of boards.toml")
-    memory = re.search(r"\.MEMORY_BYTES\(([\d_]+)\)", code := without_comments(entry.wrapper))
-    if (int(memory[1]) if memory else 0) != entry.memory_bytes:
-        wrong.append(
-            f"the wrapper's MEMORY_BYTES is not the {entry.memory_bytes or 'default'} of boards.toml"
-        )
-    if ".EXTENDED_SWITCHES(EXTENDED_SWITCHES)" not in code:
-        wrong.append("the wrapper does not pass EXTENDED_SWITCHES to the card")
     if entry.clk_hz < configurations()[entry.config]["clk_hz"]:
         wrong.append(f"{entry.clk_hz} Hz are too slow for the configuration {entry.config}")
 
-    body = re.search(rf"\brtu2fc\s*#.*?\)\s*{CARD_INSTANCE}\s*\((.*?)\);", code, re.DOTALL)
-    joined = re.findall(r"\.(\w+)\(([^)]*)\)", body[1]) if body else []
+    code = without_comments(entry.wrapper)
+    instance = re.search(rf"\brtu2fc\s*#(.*?)\)\s*{CARD_INSTANCE}\s*\((.*?)\);", code, re.DOTALL)
+    settings, body = instance.groups() if instance else ("", "")
+    wrong += wrong_settings(entry, dict(CONNECTED.findall(settings)))
+    joined = CONNECTED.findall(body)
     card_ports = {port.split("[")[0] for port in ports(CARD)}
     wrong += [
         f"the card's port {port} is not connected"
         for port in sorted(card_ports - {p for p, w in joined if w})
     ]
     return [f"{entry.name}: {line}" for line in wrong]
+
+
+def wrong_settings(entry: Board, settings: dict[str, str]) -> list[str]:
+    """Parameters of the card that the wrapper leaves open, or sets to another value than boards.toml."""
+    wanted = {name: name for name in ("CLK_HZ", "FIRMWARE_HEX", "EXTENDED_SWITCHES")}
+    wanted |= {
+        "SOFT_CORE": str(configurations()[entry.config]["soft_core_id"]),
+        "LOCKSTEP": str(entry.lockstep),
+        "MEMORY_BYTES": str(4 * entry.memory_words),
+    }
+    named = CARD_PARAMETER.findall(without_comments(CARD))
+    wrong = [f"the wrapper leaves the card's {name} open" for name in named if name not in settings]
+    return wrong + [
+        f"the wrapper's {name} is {settings[name]} and not {value}"
+        for name, value in wanted.items()
+        if settings.get(name, value) != value
+    ]
 
 
 # ---------------------------------------------------------------- docs/reference/pins.md

@@ -13,8 +13,8 @@
 module card_gw1n_9 #(
     parameter CLK_HZ = 12_000_000,
     parameter FIRMWARE_HEX = "firmware.hex",
-    parameter [0:0] EXTENDED_SWITCHES = 1'b0,
-    parameter [0:0] MASTER_LOSS_STOP = 1'b0
+    parameter EXTENDED_SWITCHES = 0,
+    parameter MASTER_LOSS_STOP = 0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -49,9 +49,13 @@ module card_gw1n_9 #(
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
       .FIRMWARE_HEX(FIRMWARE_HEX),
-      .EXTENDED_SWITCHES(EXTENDED_SWITCHES),
+      .SOFT_CORE(0),
+      .LOCKSTEP(1),
       .MEMORY_BYTES(16384),
-      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
+      .STRICT_T15(1),
+      .BREAK_TOLERANT(0),
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP),
+      .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (
       .clk(clk),
       .rst_n(1'b1),

@@ -12,7 +12,7 @@
 module card_xo2_1200 #(
     parameter CLK_HZ = 34_368_000,
     parameter FIRMWARE_HEX = "firmware.hex",
-    parameter [0:0] EXTENDED_SWITCHES = 1'b0
+    parameter EXTENDED_SWITCHES = 0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -47,6 +47,12 @@ module card_xo2_1200 #(
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
       .FIRMWARE_HEX(FIRMWARE_HEX),
+      .SOFT_CORE(1),
+      .LOCKSTEP(0),
+      .MEMORY_BYTES(6144),
+      .STRICT_T15(1),
+      .BREAK_TOLERANT(0),
+      .MASTER_LOSS_STOP(0),
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (
       .clk(clk),

@@ -11,7 +11,7 @@
 module hx8k_breakout #(
     parameter CLK_HZ = 12_000_000,
     parameter FIRMWARE_HEX = "firmware.hex",
-    parameter [0:0] EXTENDED_SWITCHES = 1'b0
+    parameter EXTENDED_SWITCHES = 0
 ) (
     input  wire       clk,
     // switches, to ground
@@ -35,6 +35,12 @@ module hx8k_breakout #(
   rtu2fc #(
       .CLK_HZ(CLK_HZ),
       .FIRMWARE_HEX(FIRMWARE_HEX),
+      .SOFT_CORE(0),
+      .LOCKSTEP(1),
+      .MEMORY_BYTES(8192),
+      .STRICT_T15(1),
+      .BREAK_TOLERANT(0),
+      .MASTER_LOSS_STOP(0),
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (
       .clk(clk),
