@@ -281,7 +281,7 @@ pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
 
 selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; starts no motor without START=)
 	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }
-	@$(RUN) tools.selftest "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
+	@$(RUN) sw.rtu2fc check "$(PORT)" $(foreach option,unit baud format dialect drive boot start row,\
 		$(call given,$(option),$(call upper,$(option)))) || \
 		{ code=$$?; [ $$code = 130 ] || exit $$code; } # after Ctrl-C make adds no line of its own
 

@@ -18,10 +18,10 @@ from tools.lint import name, source_files
 
 MAIN = re.compile(r'^if __name__ == "__main__":\n(.+)', re.DOTALL | re.MULTILINE)
 
-# Steps of a build and the agents' example start as files, outside the project's packages. The selftest stops
-# a motor first.
+# Steps of a build and the agents' example start as files, outside the project's packages. `rtu2fc`
+# stops a motor first.
 OTHERS = ("sim/drive/drive_table.py", "sw/tools/bin2hex.py", "sw/tools/seal.py", "sw/tools/stack.py")
-OTHERS += ("tools/selftest.py", "tb/agents/example/run.py")
+OTHERS += ("sw/rtu2fc/__main__.py", "tb/agents/example/run.py")
 # Two workers and more work than they do in a minute. Each piece says that it begins, with one write.
 POOL = """import subprocess, sys, time
 from rtl.command import in_processes, run_main, threads
@@ -112,13 +112,13 @@ run_main("trace", trace.collect)"""
 
 
 def test_every_command_has_its_version():
-    """By run_main, which is in every command; the selftest has its own end."""
+    """By run_main, which is in every command; `rtu2fc` has its own end."""
     number = (ROOT / "VERSION").read_text().strip()
-    for words, its_name in ((("-m", "tools.prose"), "prose"), (("-m", "tools.selftest"), "selftest")):
+    for words, its_name in ((("-m", "tools.prose"), ", prose"), (("-m", "sw.rtu2fc"), "")):
         done = subprocess.run(
             [sys.executable, *words, "--version"], cwd=ROOT, capture_output=True, text=True, check=False
         )
-        assert (done.returncode, done.stdout, done.stderr) == (0, f"rtu2fc {number}, {its_name}\n", "")
+        assert (done.returncode, done.stdout, done.stderr) == (0, f"rtu2fc {number}{its_name}\n", "")
 
 
 def test_every_command_ends_by_the_same_function():

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from regs.generated.card_tables import EXTENDED_FORMATS, EXTENDED_RATES
 from sim.harness import simulated_card
 from sim.harness.simulated_card import SimulatedCard
+from sw.rtu2fc.switches import BAUDS, FORMS
 from tb.model.wire import Burst, CardCharacter, LineFormat, drive_line
 
 SIGNALS = simulated_card.SIGNALS[:8]
@@ -21,9 +21,6 @@ TX = {NETWORK: SIGNALS.index("modbus_tx"), DRIVE: SIGNALS.index("drive_tx")}
 DE = {NETWORK: SIGNALS.index("modbus_de"), DRIVE: SIGNALS.index("drive_de")}
 DRIVERS = sum(1 << signal for signal in DE.values())
 LEDS = SIGNALS[4:]
-LETTERS = {"none": "N", "even": "E", "odd": "O"}
-FORMS = {f"8{LETTERS[form.parity]}{form.stop_bits}": switches for switches, form in EXTENDED_FORMATS.items()}
-BAUDS = {rate.baud: switches for switches, rate in EXTENDED_RATES.items()}
 
 
 @dataclass

@@ -12,6 +12,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sw.rtu2fc.dialects import DIALECTS
+
 CONTROL, STATUS, EEPROM, COILS = range(0, 32), range(32, 64), 64, 128
 NETWORK_TIMEOUT, DRIVE_TIMEOUT = 1, 2
 FUNCTIONS = {0x01, 0x03, 0x05, 0x06, 0x0F, 0x10}
@@ -47,43 +49,6 @@ class Refused(Exception):
 
     def __init__(self, why: str | int) -> None:
         self.why = why
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """The differences between the manuals."""
-
-    codes: dict[str, int]  # exception code for each error; "drive" if not the fault number itself
-    index_register: int
-    highest_pnu: int
-    text_by_size: bool
-
-    def code(self, why: str | int) -> int:
-        if isinstance(why, str):
-            return self.codes[why]
-        return self.codes.get("drive", why)
-
-
-DIALECTS = {
-    "card": Dialect(
-        {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 2, "silent": 255},
-        index_register=0,
-        highest_pnu=2047,
-        text_by_size=False,
-    ),
-    "builtin": Dialect(
-        {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 66},
-        index_register=8,
-        highest_pnu=2047,
-        text_by_size=True,
-    ),
-    "hvac_basic": Dialect(
-        {"function": 1, "length": 3, "quantity": 3, "address": 2, "value": 3, "drive": 4},
-        index_register=8,
-        highest_pnu=4095,
-        text_by_size=True,
-    ),
-}
 
 
 @dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`make selftest`: each row can be a tick and a cross; whatever goes wrong outside is one line.
+"""`rtu2fc check`: each row can be a tick and a cross; whatever goes wrong outside is one line.
 
 ModelLine stands in for the serial port: the models of card and drive answer at once. The virtual card answers
 where the port itself, time or faults of the lines matter.
@@ -7,9 +7,9 @@ where the port itself, time or faults of the lines matter.
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
-import select
 import signal
 import subprocess
 import sys
@@ -19,14 +19,18 @@ import time
 import pytest
 
 from sim.card.run_card import ROOT, RunningCard
-from sim.harness import serial_port
+from sw.rtu2fc import check as program
+from sw.rtu2fc import check_rows
+from sw.rtu2fc.card import ANSWER_S, Card
+from sw.rtu2fc.check import Check
+from sw.rtu2fc.check_rows import ROWS, Unexpected
+from sw.rtu2fc.port import SLACK_S, Line, SerialPort
+from sw.rtu2fc.problem import NoAnswer
+from sw.rtu2fc.screen import Screen
 from tb.agents.crc16 import crc_good, with_crc
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
 from tb.model.vlt_drive import VltDrive
-from tools import selftest, selftest_rows
-from tools.selftest import Card, Options, PortError, Selftest
-from tools.selftest_rows import ROWS
 
 T35_S, CHARACTER_S = 0.004, 0.001
 DRIVES = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}
@@ -35,23 +39,30 @@ READ_40003 = with_crc(bytes([UNIT, 3, 0, 2, 0, 1]))
 STARTS, STOPS = bytes.fromhex("0F 0000 0020 04 7C04 6606"), bytes.fromhex("0F 0000 0020 04 3C04 0000")
 
 
-def options(**given: object) -> Options:
-    usual = {"port": "port", "unit": UNIT, "baud": 9600, "format": "8N2", "dialect": "card", "row": ""}
-    return Options(**usual | {"drive": False, "boot": False, "start": 0} | given)
+def options(**given: object) -> argparse.Namespace:
+    usual = {"row": "", "with_drive": False, "boot": False, "start": 0}
+    return argparse.Namespace(**usual | given)
+
+
+def checks(line: object, dialect: str = "card", unit: int = 5, **given: object) -> Check:
+    return Check(Card(line, unit, dialect), options(**given), Screen())
 
 
 class ModelLine:
-    """As selftest.Line, with a card and its drive behind it. `lie` changes a reply's PDU."""
+    """As Line, with a card and its drive behind it. `lie` changes a reply's PDU."""
 
     def __init__(self, dialect: str, drive: VltDrive | None, unit: int = UNIT, lie=lambda pdu: pdu) -> None:
         self.card, self.drive, self.unit, self.lie = CardModel(name=dialect), drive, unit, lie
         self.character_s, self.t35_s = CHARACTER_S, T35_S
-        self.echoes, self.stray = False, b""
-        self.took_s = T35_S
+        self.echoes, self.stray, self.at = False, b"", 0.0
+        self.name, self.baud, self.form, self.took_s = "port", 9600, "8N2", T35_S
         self.asked: list[bytes] = []
         self.waits_s: list[float] = []
 
     def exchange(self, frame: bytes, wait_s: float) -> tuple[bytes, float]:
+        self.at += T35_S
+        if not frame:
+            return b"", 0.0
         self.asked.append(frame)
         self.waits_s.append(wait_s)
         if not crc_good(frame):
@@ -69,9 +80,6 @@ class ModelLine:
         answer = self.lie(step.reply) if step and step.reply and frame[0] else None
         return (with_crc(bytes([self.unit]) + answer) if answer else b""), self.took_s
 
-    def stray_after(self, seconds: float) -> bytes:
-        return self.stray
-
 
 def rows_of(output: str) -> dict[str, str]:
     """Title and remark of each printed row to its mark."""
@@ -81,13 +89,13 @@ def rows_of(output: str) -> dict[str, str]:
 def refused(function, *arguments: object) -> bool:
     try:
         function(*arguments)
-    except selftest.Unexpected:
+    except (Unexpected, NoAnswer):
         return True
     return False
 
 
 def ask(line: ModelLine, **given: object) -> None:
-    Selftest(Card(line, options(**given))).rows()
+    checks(line, **given).all_rows()
 
 
 def with_drive(dialect: str) -> VltDrive:
@@ -100,7 +108,7 @@ def with_drive(dialect: str) -> VltDrive:
 @pytest.mark.parametrize("drive", [False, True])
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_the_models_pass_every_row(dialect, drive, capsys):
-    ask(ModelLine(dialect, with_drive(dialect) if drive else None), dialect=dialect, drive=drive)
+    ask(ModelLine(dialect, with_drive(dialect) if drive else None), dialect=dialect, with_drive=drive)
     marks = list(rows_of(capsys.readouterr().out).values())
     needs = "no drive" if drive else "drive"
     asked = [row for row in ROWS if dialect in row.dialects and row.needs != needs]
@@ -115,7 +123,7 @@ def test_no_row_commands_a_motor(dialect, capsys):
     line = ModelLine(dialect, drive)
     drive_telegram, telegrams = drive.telegram, []
     drive.telegram = lambda telegram: telegrams.append(telegram) or drive_telegram(telegram)
-    ask(line, dialect=dialect, drive=True)
+    ask(line, dialect=dialect, with_drive=True)
     assert telegrams
     assert {telegram[-5:-1] for telegram in telegrams} == {bytes(4)}, "control word and reference"
     writes = [
@@ -141,51 +149,51 @@ def test_every_row_is_a_cross_for_a_card_that_does_otherwise(dialect):
             return with_crc(other), took
 
         line.exchange = lying
-        test = Selftest(Card(line, options(dialect=dialect)))
+        test = checks(line, dialect)
         assert refused(test.table_row, row), f"{row.title}, request {wrong + 1}"
 
 
 WRONG = {
-    selftest_rows.has_128_coils: (
+    check_rows.has_128_coils: (
         "01 0F" + 15 * " 00",  # 120 coils
         "01 10" + 8 * " 00" + " 02" + 7 * " 00",  # coil 66
         "01 10" + 15 * " 00" + " 80",  # coil 128
     ),
-    selftest_rows.has_language: ("03 03 00 00 00", "03 02 00", "03 00", "01 02 00 00"),
-    selftest_rows.has_text: ("03 04 00 01 41 42", "03 02 20 20", "03 02 C4 41", "03 04 41 42"),
-    selftest_rows.has_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
-    selftest_rows.has_fc_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
-    selftest_rows.has_server_id: (
+    check_rows.has_language: ("03 03 00 00 00", "03 02 00", "03 00", "01 02 00 00"),
+    check_rows.has_text: ("03 04 00 01 41 42", "03 02 20 20", "03 02 C4 41", "03 04 41 42"),
+    check_rows.has_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
+    check_rows.has_fc_status: ("01 04 00 00 00 00", "01 04 07 06", "01 03 07 06 00"),
+    check_rows.has_server_id: (
         "11 0B" + b"rtu2fc 0.2".hex() + "00",  # not running
         "11 0B" + b"other! 0.2".hex() + "FF",
         "11 0C" + b"rtu2fc 0.2".hex() + "FF",
     ),
-    selftest_rows.has_identification: (
+    check_rows.has_identification: (
         "2B 0E 01 81 00 00 03 00 01 41 01 01 42 02 01 43",
         "2B 0E 01 81 00 00 03 00 06" + b"rtu2fc".hex() + "01 01 42",
         "2B 0E 01 01 00 00 03 00 06" + b"rtu2fc".hex() + "01 01 42 02 01 43",
     ),
-    selftest_rows.has_drive_timeout: ("03 02 00 00", "03 04 00 0F 00 0F", "03 00", "04 02 00 0F"),
+    check_rows.has_drive_timeout: ("03 02 00 00", "03 04 00 0F 00 0F", "03 00", "04 02 00 0F"),
 }
 
 
 def test_a_check_refuses_wrong_content():
     """Each check, but for `echo`, which the program makes of a card's reply itself."""
     used = {ask.reply for row in ROWS for ask in row.asks if callable(ask.reply)}
-    assert used - {selftest_rows.echo} == set(WRONG)
+    assert used - {check_rows.echo} == set(WRONG)
     for check, replies in WRONG.items():
         for reply in replies:
             assert refused(check, bytes.fromhex(reply)), f"{check.__name__}: {reply}"
 
 
 def test_an_answer_with_a_wrong_crc_is_damaged():
-    test = Selftest(Card(line := ModelLine("card", None), options()))
+    test = checks(line := ModelLine("card", None))
     exchange = line.exchange
     line.exchange = lambda frame, wait_s: (
         exchange(frame, wait_s)[0][:-1] + b"\0" if frame[0] == UNIT else b"",
         T35_S,
     )
-    with pytest.raises(selftest.Unexpected, match="damaged answer 05 03 04 03 e8 00 0f"):
+    with pytest.raises(NoAnswer, match="damaged answer 05 03 04 03 e8 00 0f"):
         test.answers()
 
 
@@ -195,10 +203,10 @@ def test_a_long_time_out_of_the_drive_is_waited_for(dialect, reply):
     """The request and its repeat, each as long as 40003 says."""
     line = ModelLine(dialect, None)
     line.card.registers[2] = 100
-    test = Selftest(Card(line, options(dialect=dialect)))
+    test = checks(line, dialect)
     test.answers()
-    test.card.ask(selftest.Ask(selftest_rows.parameter(1, 1), reply))
-    assert line.waits_s[-1] > 2 * 100 * 0.01 + selftest.SLACK_S
+    test.ask(check_rows.Ask(check_rows.parameter(1, 1), reply))
+    assert line.waits_s[-1] > 2 * 100 * 0.01 + SLACK_S
 
 
 NEIGHBOURS = {4, 7, 1, 13, 21, 37, 69, 133}  # of unit 5, one switch each
@@ -210,7 +218,7 @@ NEIGHBOURS = {4, 7, 1, 13, 21, 37, 69, 133}  # of unit 5, one switch each
 )
 def test_each_switch_of_the_address_is_tried(before, asked):
     """If the unit is silent, also each switch alone and the reverse order."""
-    test = Selftest(Card(line := ModelLine("card", None), options()))
+    test = checks(line := ModelLine("card", None))
     test.before = before
     assert test.other_units() == ", ".join(map(str, sorted(asked)))
     assert [frame[0] for frame in line.asked] == sorted(asked)
@@ -225,20 +233,18 @@ def test_a_wrong_unit_address_is_found(unit, capsys):
     """Switch 3 is stuck, one switch alone is on, the switches are in the reverse order."""
     ask(ModelLine("card", None, unit=unit))
     output = capsys.readouterr().out
-    assert crosses(output) == ["unit 5 answers: no answer", f"{selftest.OTHERS}: unit {unit} answers"]
+    assert crosses(output) == ["unit 5 answers: no answer", f"{program.OTHERS}: unit {unit} answers"]
     assert len(rows_of(output)) == 2, "the other rows are not asked"
-    assert output.endswith(f"  read: {selftest.PAGE_NO_ANSWER}\n")
-    for page, title in (("bring-up", "### 4. If nothing answers"), ("debugging", "## No answer")):
-        assert f"docs/guide/{page}.md" in selftest.PAGE_NO_ANSWER
-        assert f"\n{title}\n" in (ROOT / f"docs/guide/{page}.md").read_text()
+    assert output.endswith(f"  read: {program.NO_ANSWER_PAGE}\n")
+    page, title = program.NO_ANSWER_PAGE.split(", ")
+    assert f"\n## {title}\n" in (ROOT / page).read_text()
 
 
 @pytest.mark.parametrize("asked", DIALECTS)
 @pytest.mark.parametrize("spoken", DIALECTS)
 def test_a_card_of_another_dialect_is_one_line(spoken, asked, capsys):
     ask(ModelLine(spoken, None), dialect=asked)
-    answer = f"the card speaks {spoken}, not {asked}: run make selftest with DIALECT={spoken}"
-    expected = [f"the card speaks this dialect: {answer}"]
+    expected = [f"the card speaks this dialect: the card speaks {spoken}, not {asked}"]
     assert crosses(capsys.readouterr().out) == ([] if spoken == asked else expected)
 
 
@@ -246,7 +252,7 @@ def test_a_drive_that_is_not_announced_is_a_cross(capsys):
     ask(ModelLine("card", with_drive("card")))
     (cross,) = crosses(capsys.readouterr().out)
     assert cross.endswith(
-        "instead of exception 255 (no answer from the drive); if a drive is connected, ask with DRIVE=yes"
+        "instead of exception 255 (no answer from the drive); if a drive is connected, ask with --drive yes"
     )
 
 
@@ -268,7 +274,7 @@ def test_lost_answers_and_stray_bytes_are_a_cross(capsys):
     exchange, turn = line.exchange, iter(range(10_000))
 
     def lossy(frame: bytes, wait_s: float) -> tuple[bytes, float]:
-        if frame == READ_40003 and wait_s < selftest.ANSWER_S and next(turn) % 25 == 10:
+        if frame == READ_40003 and wait_s < ANSWER_S and next(turn) % 25 == 10:
             return b"", 0
         return exchange(frame, wait_s)
 
@@ -284,8 +290,8 @@ def test_lost_answers_and_stray_bytes_are_a_cross(capsys):
 def test_the_card_is_left_as_it_was_found(capsys):
     line = ModelLine("card", None)
     line.card.registers[1], line.card.registers[2] = 500, 40
-    test = Selftest(Card(line, options()))
-    test.rows()
+    test = checks(line)
+    test.all_rows()
     assert line.card.registers[1] != 500
     test.write_back()
     assert line.card.registers == {0: 0, 1: 500, 2: 40}
@@ -296,9 +302,9 @@ def test_the_card_is_left_as_it_was_found(capsys):
 
 
 def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
-    monkeypatch.setattr(selftest, "TURN_S", 0.1)
+    monkeypatch.setattr(program, "TURN_S", 0.1)
     line = ModelLine("card", with_drive("card"))
-    ask(line, drive=True, start=40)
+    ask(line, with_drive=True, start=40)
     output = capsys.readouterr().out
     assert crosses(output) == []
     assert re.search(
@@ -314,11 +320,11 @@ def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
 
 
 def test_a_motor_that_does_not_turn_gets_its_stop(capsys, monkeypatch):
-    monkeypatch.setattr(selftest, "TURN_S", 0.1)
+    monkeypatch.setattr(program, "TURN_S", 0.1)
     drive = with_drive("card")
     drive.trip(13)
     line = ModelLine("card", drive)
-    ask(line, drive=True, start=10)
+    ask(line, with_drive=True, start=10)
     (cross,) = crosses(capsys.readouterr().out)
     assert re.match(r"the motor turns: status word [0-9A-F]{4}h \(.*\btrip\b.*\), output frequency", cross)
     assert line.asked[-1][1:-2] == STOPS or STOPS in [frame[1:-2] for frame in line.asked[-4:]]
@@ -326,7 +332,7 @@ def test_a_motor_that_does_not_turn_gets_its_stop(capsys, monkeypatch):
 
 def test_a_stop_that_nobody_answers_is_said(monkeypatch):
     line = ModelLine("card", None)
-    test = Selftest(Card(line, options(drive=True, start=10)))
+    test = checks(line, with_drive=True, start=10)
     assert test.stop_motor() == "THE MOTOR'S STOP WAS NOT ANSWERED: use the drive's own stop"
     assert [frame[1:-2] for frame in line.asked] == [STOPS] * 3
 
@@ -365,7 +371,7 @@ class Adapter(threading.Thread):
         os.close(self.ours)
 
 
-def start(*arguments: object, how: tuple[str, ...] = ("-m", "tools.selftest")) -> subprocess.Popen:
+def start(*arguments: object, how: tuple[str, ...] = ("-m", "sw.rtu2fc", "check")) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, *how, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -396,53 +402,15 @@ def test_an_adapter_that_echoes_is_understood():
 
 def test_bytes_between_the_frames_are_kept():
     ours, port = os.openpty()
-    line = selftest.Line(options(port=os.ttyname(port)))
+    line = Line(SerialPort(os.ttyname(port)), 9600, "8N2")
     os.write(ours, b"\0")
-    assert select.select([line.port], [], [], 5)[0], "a pty takes a moment"
+    time.sleep(0.1)  # a pty takes a moment
     assert line.exchange(READ_40003, 0.01)[0] == b""
     os.write(ours, b"\xff")
-    assert line.stray_after(0.2) == b"\0\xff"
+    assert (line.stray, line.exchange(b"", 0.2)[0]) == (b"\0", b"\xff")
     line.close()
     os.close(port)
     os.close(ours)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["no/such/port"], "there is no no/such/port"),
-        (["/dev/null"], "/dev/null is no serial port that can be opened"),
-        (["p", "--unit", "248"], "the unit is 1 to 247, not '248'"),
-        (["p", "--format", "7E1"], "the format is 8E1, 8N1, 8O1, 8N2, not '7E1'"),
-        (["p", "--drive", "perhaps"], "--drive is yes or no, not 'perhaps'"),
-        (["p", "--start", "10"], "START=10 turns the motor of a drive: add DRIVE=yes (--drive yes)"),
-        (["p", "--start", "10", "--drive", "no"], "START=10 turns the motor of a drive: add DRIVE=yes"),
-        (["p", "--start", "101", "--drive", "yes"], "the speed is 1 to 100, not '101'"),
-    ],
-)
-def test_wrong_options_and_ports_are_one_line(arguments, says, capsys, monkeypatch):
-    monkeypatch.setattr(selftest.signal, "signal", lambda *_: None)
-    try:
-        code = selftest.main(arguments)
-    except SystemExit as ended:
-        code = ended.code
-    output, errors = capsys.readouterr()
-    assert (code, output, errors.count("\n")) == (2, "", 1)
-    assert errors.startswith("selftest: ") and says in errors
-
-
-def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
-    def refuses(number: int):
-        def opens(*_: object, **__: object):
-            raise OSError(number, "")
-
-        return opens
-
-    for number, says in ((13, "no permission for port"), (22, "port refuses 9600 8N2"), (16, "in use")):
-        monkeypatch.setattr(serial_port.serial, "Serial", refuses(number))
-        with pytest.raises(PortError, match=says) as refused:
-            selftest.Line(options())
-        assert "\n" not in str(refused.value)
 
 
 # ---------------------------------------------------------------- against the virtual card
@@ -454,7 +422,9 @@ def test_the_virtual_card_passes(tmp_path, dialect, drive):
     """But for lateness: the virtual card falls behind on a busy machine."""
     line = ("--drive", str(tmp_path / "drive")) if drive == "no" else ()
     with RunningCard(tmp_path, "--dialect", dialect, "--quiet", *line) as card:
-        code, output, errors = run(card.link, "--dialect", dialect, "--drive", drive)
+        code, output, errors = run(
+            card.link, *(("--dialect", dialect) if dialect == "card" else ()), "--drive", drive
+        )
         assert errors == ""
         assert [text for text in crosses(output) if "too late" not in text] == []
         assert code == (1 if crosses(output) else 0)
@@ -496,11 +466,11 @@ def test_a_coil_that_is_1_after_the_power_up_is_a_cross(coil):
         return exchange(frame, wait_s)
 
     line.exchange = off_and_on
-    test = Selftest(Card(line, options(boot=True)))
+    test = checks(line, boot=True)
     if coil is None:
         assert test.boot().startswith("40002 = 1000, 40003 = 15, all coils 0; silent for")
     else:
-        with pytest.raises(selftest.Unexpected, match="instead of 01 10" + " 00" * 16):
+        with pytest.raises(Unexpected, match="instead of 01 10" + " 00" * 16):
             test.boot()
 
 
@@ -510,9 +480,9 @@ def test_a_port_that_goes_away_is_one_line(tmp_path):
         test = start_until("this dialect", card.link)
         card.stop(signal.SIGKILL)
         _, errors = test.communicate(timeout=30)
-        assert (test.returncode, errors.count("\n")) == (2, 1)
+        assert (test.returncode, errors.count("\n")) == (3, 1)
         assert errors.startswith(
-            f"{card.link} went away, not written back: 40002 and 40003, the index, coil 65: "
+            f"rtu2fc check: {card.link} went away, not written back: 40002 and 40003, the index, coil 65: "
         )
 
 
@@ -521,9 +491,9 @@ def test_ctrl_c_is_one_line_and_writes_back():
     test = start_until("unknown function", adapter.name)
     assert adapter.line.card.registers[1] != 1000
     test.send_signal(signal.SIGINT)
-    output, errors = test.communicate(timeout=30)
-    assert (test.returncode, errors) == (130, "")
-    assert re.fullmatch(r"stopped by Ctrl-C: \d+ passed, 0 failed, 0 not asked", output.splitlines()[-1])
+    _, errors = test.communicate(timeout=30)
+    assert test.returncode == 130
+    assert re.fullmatch(r"rtu2fc check: stopped by Ctrl-C: \d+ passed, 0 failed, 0 not asked\n", errors)
     assert adapter.line.card.registers[1] == 1000
     adapter.close()
 
@@ -536,9 +506,9 @@ def test_ctrl_c_stops_the_motor(tmp_path, how):
             assert test.poll() is None
             time.sleep(0.05)
         test.send_signal(how)
-        output, _ = test.communicate(timeout=30)
+        _, errors = test.communicate(timeout=30)
         by = "Ctrl-C" if how == signal.SIGINT else "a signal"
-        assert f"stopped by {by}, the motor's stop was sent and answered" in output
+        assert f"stopped by {by}, the motor's stop was sent and answered" in errors
         card.stop()  # its log is complete then
         commands = [f.what for f in card.frames() if (f.line, f.sender) == ("drive", "card")]
         assert any("control 043Ch, reference 0000h" in what for what in commands[-1:])
@@ -552,9 +522,9 @@ def test_ctrl_c_after_a_cross_does_not_hold_up_the_motors_stop():
 
     adapter = Adapter(line=ModelLine("card", with_drive("card"), unit=1, lie=lie))
     program = """import sys
-from tools import selftest
-selftest.TURN_S = selftest.RAMP_S = 0.2
-sys.exit(selftest.main(sys.argv[1:]))"""
+from sw.rtu2fc import check, cli
+check.TURN_S = check.RAMP_S = 0.2
+sys.exit(cli.main(["check", *sys.argv[1:]]))"""
     words = (adapter.name, "--drive", "yes", "--start", "10", "--row", "motor")
     test = start_until("the motor stops by its ramp", *words, how=("-c", program))
     time.sleep(0.01)  # the stop and its answers take 40 ms and more

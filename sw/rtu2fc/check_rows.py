@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rows of `make selftest`: each asks a card what one of its documents promises.
+"""The rows of `rtu2fc check`: each asks a card what one of its documents promises.
 
 A row is one declaration. Its asks run in order; the first unexpected answer makes the row a cross. Requests
 are PDUs with on-wire numbers (coil 65 is 64, register 40003 is 2). `needs` names the row's other condition:
@@ -13,14 +13,12 @@ No row here has the start bit or bit 10 of the control word = 1, so none starts 
 
 from __future__ import annotations
 
-import functools
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sim.drive.drive_table import read_capacity, read_profile
-from sim.view.fc_tables import DRIVES, ROOT, WORDS, kinds, phrase
-from tb.agents.rtu import (
+from .card import DRIVE_TIMEOUT, EEPROM, IND, INDEX, NETWORK_TIMEOUT, UNKNOWN_FUNCTION, status_in_words
+from .dialects import DIALECTS
+from .rtu import (
     exception,
     read_coils,
     read_registers,
@@ -29,21 +27,17 @@ from tb.agents.rtu import (
     write_register,
     write_registers,
 )
-from tb.model.card import DIALECTS, EEPROM
 
-# On-wire register numbers.
-IND, NETWORK_TIMEOUT, DRIVE_TIMEOUT, INDEX, RESERVED = 0, 1, 2, 8, 3
-UNKNOWN_FUNCTION = 0x41
+RESERVED = 3  # register 40004
 LANGUAGE = 1  # parameter "language", in every drive of these documents
 NO_PARAMETER = 2047  # in no drive of these documents
-DRIVE = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}  # of sim/drive
 DRIVE_TYPE = {"card": 621, "builtin": 621, "hvac_basic": 1540}  # text parameter with the drive's type
 VALUES = (0x04D2, 0x0010)  # written to 40002 and 40003 and taken back
 TEXT_REGISTERS = 10
 
 # Takes the reply's PDU. Returns a remark to print, or raises Unexpected.
 Check = Callable[[bytes], str]
-Request = bytes | Callable[[bytes], bytes]  # made from the reply before, if that decides
+Request = "bytes | Callable[[bytes], bytes]"  # made from the reply before, if that decides
 
 
 class Unexpected(Exception):
@@ -54,7 +48,7 @@ class Unexpected(Exception):
 class Ask:
     """A request and its promised reply.
 
-    The reply is a PDU, `echo` of the request, an error of tb/model/card.py by its name, a fault of the drive
+    The reply is a PDU, `echo` of the request, an error of dialects.py by its name, a fault of the drive
     by its number, a check, or None for silence.
     """
 
@@ -135,21 +129,6 @@ def has_text(reply: bytes) -> str:
     return f"'{text.decode().strip()}'"
 
 
-@functools.cache
-def status_bits(dialect: str) -> tuple[tuple[int, str, str], ...]:
-    """Number of each bit of the status word, and its phrases for 0 and 1; an empty one says nothing."""
-    profile = read_profile(ROOT / DRIVES / f"{DRIVE[dialect]}.csv", read_capacity())
-    bits = tomllib.loads((ROOT / WORDS).read_text())["status"].values()
-    there = [bit for bit in bits if bit.get("only") in (None, *kinds(profile))]
-    return tuple((bit["bit"], phrase(bit, bit["zero"]), phrase(bit, bit["one"])) for bit in there)
-
-
-def status_word(word: int, dialect: str) -> str:
-    """The status word in hexadecimal and in words."""
-    said = [(zero, one)[word >> bit & 1] for bit, zero, one in status_bits(dialect)]
-    return f"status word {word:04X}h ({', '.join(filter(None, said))})"
-
-
 def has_status(reply: bytes) -> str:
     return status_of(reply, "card")
 
@@ -164,7 +143,7 @@ def status_of(reply: bytes, dialect: str) -> str:
     status, frequency = (int.from_bytes(reply[at : at + 2], "little") for at in (2, 4))
     if status == 0:
         raise Unexpected("the status word is 0000h")
-    return f"{status_word(status, dialect)}, output frequency {frequency:04X}h"
+    return f"{status_in_words(status, DIALECTS[dialect].drive)}, output frequency {frequency:04X}h"
 
 
 def has_server_id(reply: bytes) -> str:

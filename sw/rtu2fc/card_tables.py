@@ -1,0 +1,1 @@
+../../regs/generated/card_tables.py

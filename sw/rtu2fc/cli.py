@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of `rtu2fc`.
+
+Exit codes: 0 done; 1 a cross, a failed test, or a motor that does not run; 2 wrong option or file; 3 no such
+port, or it is busy; 4 no good answer; 5 refused by the card or the drive; 6 another dialect; 130 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from . import VERSION, check, commands, scan, watch
+from .card import Card
+from .dialects import DIALECTS
+from .port import Line, Replay, SerialPort
+from .problem import MISUSE, STOPPED, Problem
+from .screen import Screen
+from .switches import BAUDS, FORMS
+from .tables import DRIVES
+
+SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+class Parser(argparse.ArgumentParser):
+    """One line for a wrong option, and exit code 2."""
+
+    def error(self, message: str) -> None:
+        self.exit(MISUSE, f"{self.prog}: {message}\n")
+
+
+def number(low: int, high: int, what: str) -> Callable[[str], int]:
+    def read(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"{what} is {low} to {high}, not '{text}'")
+        return int(text)
+
+    return read
+
+
+def one_of(values: tuple, what: str) -> Callable[[str], object]:
+    def read(text: str) -> object:
+        found = {str(value).lower(): value for value in values}.get(text.lower())
+        if found is None:
+            raise argparse.ArgumentTypeError(f"{what} is {', '.join(map(str, values))}, not '{text}'")
+        return found
+
+    return read
+
+
+def seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1
+    if not 0 < value < 1e9:
+        raise argparse.ArgumentTypeError(f"seconds are above 0, not '{text}'")
+    return value
+
+
+def yes_no(text: str) -> bool:
+    return one_of(("yes", "no"), "the answer")(text) == "yes"
+
+
+baud, form = one_of(tuple(BAUDS), "the rate"), one_of(tuple(FORMS), "the format")
+unit = number(1, 247, "the unit")
+
+
+def drive_option(parser: argparse.ArgumentParser) -> None:
+    names = one_of(("auto", *sorted(DRIVES)), "the drive")
+    parser.add_argument("--drive-type", dest="drive", metavar="NAME", type=names, default="auto",
+                        help=f"whose parameters and words: {', '.join(sorted(DRIVES))}")  # fmt: skip
+
+
+def line_options() -> argparse.ArgumentParser:
+    """Of every command that talks to a card."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("port", help="port of the EIA-485 adapter: COM3, /dev/ttyUSB0")
+    parser.add_argument("--unit", type=unit, default=1, help="address switches; default: 1")
+    parser.add_argument("--baud", type=baud, default=9600, help="baud switches 1-3; default: 9600")
+    parser.add_argument("--format", type=form, default="8N2", help="baud switches 4-5; default: 8N2")
+    dialect = one_of(("auto", *DIALECTS), "the dialect")
+    parser.add_argument(
+        "--dialect", type=dialect, default="auto", help=f"{', '.join(DIALECTS)}; default: auto"
+    )
+    drive_option(parser)
+    parser.add_argument("--record", type=Path, metavar="FILE", help="all bytes and their times into a file")
+    parser.add_argument("--replay", type=Path, metavar="FILE", help="a recorded line instead of the port")
+    return parser
+
+
+def build() -> argparse.ArgumentParser:
+    parser = Parser(
+        prog="rtu2fc",
+        allow_abbrev=False,
+        description="Asks, checks and watches a Modbus RTU card of a VLT drive.",
+        epilog=__doc__.split("\n", 2)[2],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"rtu2fc {VERSION}")
+    shared = argparse.ArgumentParser(add_help=False)
+    shared.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    every, line = parser.add_subparsers(dest="command", metavar="COMMAND", required=True), line_options()
+
+    def add(
+        name: str, run: Callable, text: str, *parents: argparse.ArgumentParser
+    ) -> argparse.ArgumentParser:
+        one = every.add_parser(
+            name, help=text, description=text, parents=[*parents, shared], allow_abbrev=False
+        )
+        one.set_defaults(run=partial(on_line, run) if line in parents else run)
+        return one
+
+    add("ports", commands.ports, "the serial ports of this computer")
+    add(
+        "status",
+        commands.status,
+        "control and status word in words, reference, output frequency, alarms",
+        line,
+    )
+
+    def percent(text: str) -> float:
+        with contextlib.suppress(ValueError):
+            return commands.share(text)
+        raise argparse.ArgumentTypeError(f"the reference is -199 to 199 %, not '{text}'")
+
+    for name, run, text in (
+        ("start", commands.start, "starts the motor, after a question"),
+        ("reference", commands.reference, "another reference; a running motor follows, after a question"),
+    ):
+        one = add(name, run, text, line)
+        one.add_argument("percent", type=percent, metavar="PERCENT", help="of the maximum reference")
+        one.add_argument("--yes", action="store_true", help="no question")
+    add("stop", commands.stop, "stops the motor by its ramp", line)
+    add("coast", commands.coast, "lets the motor coast to a stop", line)
+    add("reset", commands.reset, "resets a trip; starts no motor", line)
+
+    one = add("read", commands.read, "parameters of the drive, with unit and conversion", line)
+    one.add_argument("parameters", nargs="+", metavar="PARAMETER", help="number, part of the name, or 615[2]")
+    one = add("write", commands.write, "a parameter of the drive", line)
+    one.add_argument("parameter", metavar="PARAMETER", help="number, part of the name, or 615[2]")
+    one.add_argument("value", metavar="VALUE", help="in its unit, with decimals; or a text")
+    one.add_argument("--store", action="store_true", help="into the drive's EEPROM too (coil 65)")
+    one = add("watch", watch.watch, "parameters again and again: table, CSV, plot", line)
+    one.add_argument("parameters", nargs="+", metavar="PARAMETER", help="number, part of the name, or 615[2]")
+    one.add_argument("--every", type=seconds, default=1.0, metavar="S", help="default: 1")
+    one.add_argument(
+        "--for", dest="seconds", type=seconds, default=float("inf"), metavar="S", help="then it ends"
+    )
+    one.add_argument("--csv", type=Path, metavar="FILE", help="log of all values")
+    one.add_argument("--plot", type=Path, metavar="FILE.svg", help="picture of all values, at the end")
+    one = add("parameters", commands.table, "the table of a drive's parameters, without a port")
+    one.add_argument("word", nargs="?", default="", help="only those with this in number or name")
+    drive_option(one)
+
+    one = add("check", check.check, "a tick or a cross for each promise of the card; starts no motor", line)
+    check.add_options(one, number, yes_no)
+    one = add("switches", commands.switch_positions, "the positions of the card's switches, as a picture")
+    one.add_argument("baud", type=baud)
+    one.add_argument("format", type=form)
+    one.add_argument("unit", type=unit)
+    one = add("scan", scan.scan, "rate, format and unit of a bus that one does not know; it only reads")
+    one.add_argument("port", help="port of the EIA-485 adapter")
+    one.add_argument("--baud", type=baud, help="at this rate alone")
+    one.add_argument("--format", type=form, help="in this format alone")
+    one.add_argument("--units", metavar="1-10,17", help="these units alone; default: 1-10, then 11-247")
+    one.add_argument("--all", action="store_true", help="go on after the first answer")
+    one = add("simulate", commands.simulate, "the virtual card's program, where it is built")
+    one.add_argument("--program", metavar="FILE", help="default: build/card")
+    one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION", help="of that program")
+    return parser
+
+
+def stop_command(args: argparse.Namespace) -> str:
+    return f"rtu2fc stop {args.port} --unit {args.unit} --baud {args.baud} --format {args.format}"
+
+
+def on_line(run: Callable, args: argparse.Namespace, screen: Screen) -> int:
+    """Opens the port, finds the dialect, and runs a command with the card."""
+    if args.replay:
+        line: Line = Replay(args.replay)
+    else:
+        line = Line(SerialPort(args.port, args.baud, args.format), args.baud, args.format, args.record)
+    card = Card(line, args.unit, args.dialect, args.drive)
+    try:
+        if run is not check.check:
+            card.hello()
+        return run(args, screen, card)
+    except BaseException:
+        if card.motor_may_turn:
+            screen.motor = f"THE MOTOR MAY TURN. To stop it: {stop_command(args)}"
+        raise
+    finally:
+        line.close()
+
+
+def stop_by_signal(signum: int, frame: object) -> None:
+    """The first signal ends the command; what must happen after it is not interrupted."""
+    for one in SIGNALS:
+        signal.signal(one, signal.SIG_IGN)
+    raise KeyboardInterrupt("stopped by Ctrl-C" if signum == signal.SIGINT else "stopped by a signal")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    args = build().parse_args(arguments)
+    screen = Screen(args.json)
+    for one in SIGNALS:
+        signal.signal(one, stop_by_signal)
+    try:
+        code = args.run(args, screen)
+    except Problem as problem:
+        code = problem.code
+        screen.problem(args.command, problem)
+    except KeyboardInterrupt as stopped:
+        code = STOPPED
+        print(f"rtu2fc {args.command}: {stopped or 'stopped by Ctrl-C'}", file=sys.stderr)
+    except BrokenPipeError:  # the reader of the output has stopped
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    if screen.motor:
+        print(screen.motor, file=sys.stderr)
+        screen.result["motor"] = screen.motor
+    screen.finish(code)
+    return code

@@ -1,0 +1,1 @@
+../../sim/view/sigrok/vltfc/tables.py

@@ -1,0 +1,440 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The short commands of `rtu2fc`, against the virtual card, and what a clumsy user sees of each mistake."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import tty
+from pathlib import Path
+
+import pytest
+
+from sim.card.run_card import ROOT, RunningCard
+from sim.drive.drive_table import read_capacity, read_profile
+from sw.rtu2fc import cli, port, scan
+from sw.rtu2fc.card import parameter, parameters, raw_of
+from sw.rtu2fc.dialects import DIALECTS, meaning
+from sw.rtu2fc.problem import PortError, Problem
+from sw.rtu2fc.switches import BAUDS, FORMS
+from tb.agents.crc16 import with_crc
+from tb.lib.card import baud_switches
+from tb.lib.nightly import first
+
+PACKAGE = ROOT / "sw/rtu2fc"
+POSIX_ONLY = {"termios", "fcntl", "pty", "tty", "pwd", "grp", "resource", "select", "tomllib"}
+
+
+class Card(RunningCard):
+    def ask(self, command: str, *words: object, code: int = 0) -> dict:
+        """The command's JSON object; the port follows the command's name."""
+        done = run(command, self.link, *words, "--json")
+        assert done.returncode == code, (done.stdout, done.stderr)
+        return json.loads(done.stdout)
+
+    def controls(self) -> list[str]:
+        """Control words that the drive was told, in hexadecimal."""
+        said = [frame.what for frame in self.frames() if (frame.line, frame.sender) == ("drive", "card")]
+        words = [re.search(r"control ([0-9A-F]{4})h", what)[1] for what in said]
+        return [word for word in words if word != "0000"]
+
+
+def run(*words: object, env: dict[str, str] | None = None, stdin: str = "") -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "sw.rtu2fc", *map(str, words)],
+        cwd=ROOT,
+        input=stdin,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ | {"COLUMNS": "80"} | (env or {}),
+    )
+
+
+@pytest.fixture(scope="module")
+def card(tmp_path_factory):
+    with Card(tmp_path_factory.mktemp("card"), "--quiet") as running:
+        yield running
+
+
+# ---------------------------------------------------------------- the package itself
+
+
+def test_the_package_needs_no_posix():
+    """Its modules import nothing that Windows or Python 3.10 lacks, and nothing else of the project."""
+    files = sorted(PACKAGE.glob("*.py"))
+    assert len(files) > 15
+    for path in files:
+        tree = ast.parse(path.read_text(), str(path), feature_version=(3, 10))
+        for node in ast.walk(tree):
+            names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module]
+            tops = {name.split(".")[0] for name in names}
+            assert tops <= sys.stdlib_module_names | {"serial", "rich"}, path
+            assert not tops & POSIX_ONLY, path
+            called = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+            assert called not in ("os.fork", "os.openpty", "os.killpg", "os.getuid"), path
+
+
+def test_every_module_is_part_of_the_wheel_and_links_lead_into_the_project():
+    for path in PACKAGE.iterdir():
+        assert path.resolve().is_relative_to(ROOT), path
+
+
+# ---------------------------------------------------------------- the drive's state and the motor
+
+
+def test_status_shows_the_drive_in_words(card):
+    done = run("status", card.link)
+    assert done.returncode == 0 and "unit 1, dialect card, words of vlt6000" in done.stdout
+    assert re.search(r"status word 0[67]0[37]h \(Control ready, Drive ready, ", done.stdout)
+    assert "529 Readout: Alarm word hex = 00000000h" in done.stdout
+    assert "615[1] Fault log: Error code = 0" in done.stdout
+
+
+@pytest.mark.parametrize("dialect", first(list(DIALECTS)))
+def test_the_motor_starts_follows_and_stops(tmp_path, dialect):
+    """Each command sends the word that it shows, and the drive does it."""
+    with Card(tmp_path, "--quiet", "--dialect", dialect) as card:
+        started = card.ask("start", 40, "--yes")
+        assert (started["sent_control_word"], started["sent_reference"]) == (0x047C, 0x1999)
+        assert started["status_word"] & 0x0800 and started["output_frequency_percent"] > 0
+        assert card.ask("reference", 20, "--yes")["sent_reference"] == 0x0CCC
+        card.ask("stop")
+        card.ask("coast")
+        assert not card.ask("status")["status_word"] & 0x0800
+        card.ask("reset")
+        card.stop()
+        assert card.controls() == ["047C", "047C", "043C", "0434", "043C", "04BC", "043C"]
+
+
+def test_no_motor_starts_without_a_yes(tmp_path):
+    with Card(tmp_path, "--quiet") as card:
+        done = run("start", card.link, 40)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+        assert "the motor of unit 1 will turn at 40 %; nobody can be asked" in done.stderr
+        card.ask("start", 0, "--yes")
+        assert run("reference", card.link, 10).returncode == 2, "the start bit is set: the motor would follow"
+        card.stop()
+        assert card.controls() == ["047C"]
+
+
+def test_a_drive_that_tripped_is_said_and_reset(tmp_path):
+    with Card(tmp_path, "--quiet", "--control") as card:
+        assert card.command("trip 13") == "ok"
+        done = run("start", card.link, 40, "--yes")
+        assert done.returncode == 1 and "The motor does not run" in done.stdout and "trip" in done.stdout
+        assert "615[1] Fault log: Error code = 13" in run("status", card.link).stdout
+        run("stop", card.link)
+        assert not card.ask("reset")["status_word"] & 8
+
+
+def test_ctrl_c_tells_of_a_motor_that_was_started(tmp_path):
+    """The drive has tripped, so that the command waits for it to run."""
+    with Card(tmp_path, "--quiet", "--control") as card:
+        card.command("trip")
+        words = [sys.executable, "-m", "sw.rtu2fc", "start", str(card.link), "40", "--yes"]
+        command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        while "047C" not in card.controls():
+            assert command.poll() is None
+            time.sleep(0.05)
+        time.sleep(0.3)
+        command.send_signal(signal.SIGINT)
+        _, errors = command.communicate(timeout=30)
+    stop = f"rtu2fc stop {card.link} --unit 1 --baud 9600 --format 8N2"
+    assert command.returncode == 130
+    assert errors == f"rtu2fc start: stopped by Ctrl-C\nTHE MOTOR MAY TURN. To stop it: {stop}\n"
+
+
+def test_a_reference_without_a_control_word_is_refused(tmp_path):
+    with Card(tmp_path, "--quiet") as card:
+        done = run("reference", card.link, 20)
+        assert done.returncode == 2 and "the control word in the card is 0000h" in done.stderr
+        card.stop()
+        assert card.controls() == []
+
+
+# ---------------------------------------------------------------- parameters
+
+
+def test_a_parameter_is_found_by_number_and_name():
+    assert parameter("vlt6000", "514").name == "Readout: Motor current"
+    assert parameter("vlt6000", "readout: motor current").number == 514
+    assert parameter("vlt6000", "615[2]").index == 2
+    assert parameter("vlt6000", "2000").type == ""
+    with pytest.raises(Problem, match="parameters of vlt6000 have 'motor' in their name") as many:
+        parameter("vlt6000", "motor")
+    assert "  104 Motor frequency fM,N" in many.value.advice
+    for wrong in ("0", "2048", "514[x]", "514[256]", "no such name"):
+        with pytest.raises(Problem):
+            parameter("vlt6000", wrong)
+
+
+def test_the_table_of_a_drive_is_that_of_the_simulated_one():
+    for path in sorted((ROOT / "sim/drive").glob("*.csv")):
+        rows = read_profile(path, read_capacity()).parameters
+        found = [(p.number, p.name, p.type, p.conversion, p.unit) for p in parameters(path.stem).values()]
+        assert found == [(p.pnu, p.name, p.type, p.conversion, p.unit) for p in rows]
+
+
+@pytest.mark.parametrize(
+    ("pnu", "text", "raw"),
+    [
+        ("104", "60", 60),
+        ("105", "3.25", 325),
+        ("105", "3,25", 325),
+        ("225", "-1.5", -1500),
+    ],
+)
+def test_a_value_is_scaled_by_its_conversion_index(pnu, text, raw):
+    assert raw_of(parameter("vlt6000", pnu), text) == raw
+
+
+@pytest.mark.parametrize("text", ["60.5", "70000", "x"])
+def test_a_value_that_cannot_be_sent_is_refused(text):
+    with pytest.raises(Problem):
+        raw_of(parameter("vlt6000", "104"), text)
+
+
+@pytest.mark.parametrize("dialect", first(list(DIALECTS)))
+def test_parameters_are_read_and_written(tmp_path, dialect):
+    """Number, array and text; the index register is what it was before."""
+    number, text, array = {"hvac_basic": ("302", "37", "1530[1]")}.get(dialect, ("225", "533", "615[2]"))
+    with Card(tmp_path, "--quiet", "--dialect", dialect) as card:
+        found = card.ask("write", number, "1.5")
+        assert (found["raw"], found["after"]) == (1500, "1.500 Hz")
+        assert card.ask("write", text, "PUMP 3")["after"] == "'PUMP 3'"
+        first_, second, third = card.ask("read", number, text, array)["parameters"]
+        assert (first_["value"], second["value"], third["raw"]) == ("1.500 Hz", "'PUMP 3'", 0)
+        if dialect != "hvac_basic":
+            assert card.ask("write", "225", "-2")["after"] == "-2.000 Hz"
+        card.stop()  # its log is complete then
+        register = {"card": "40001"}.get(dialect, "40009")
+        said = [
+            f.what for f in card.frames() if f.line == "modbus" and f"write register {register}" in f.what
+        ]
+        assert said and said[-1].endswith("= 0000h"), "as it was before"
+
+
+def test_an_eeprom_write_leaves_coil_65_as_it_was(card):
+    card.ask("write", 104, 55, "--store")
+    said = [frame.what for frame in card.frames()]
+    asked = [
+        frame.data[3] >> 4 for frame in card.frames() if frame.sender == "card" and len(frame.data) == 16
+    ]
+    assert 14 in asked, "AK: word into RAM and EEPROM"
+    assert [what for what in said if "write coil 65" in what][-1].endswith("= off")
+
+
+def test_refusals_are_in_words(card):
+    done = run("read", card.link, 1999, 104)
+    assert done.returncode == 5
+    assert "exception 0: the drive: parameter does not exist" in done.stdout and "104 Motor" in done.stdout
+    done = run("write", card.link, 514, 1)
+    assert (done.returncode, done.stdout) == (5, "")
+    assert done.stderr == "rtu2fc write: exception 1: the drive: no write access\n"
+
+
+def test_each_exception_of_the_handbook_has_words():
+    assert meaning(67, "card") == "unknown function"
+    assert meaning(2, "card") == "value refused by the card"
+    assert meaning(2, "card", of_drive=True) == "the drive: value exceeds limits"
+    assert meaning(2, "hvac_basic", of_drive=True) == "no such coil or register, or it cannot be written"
+    assert meaning(255, "card") == "no answer from the drive"
+    assert meaning(99, "card") == "no code of this dialect"
+
+
+# ---------------------------------------------------------------- what goes wrong
+
+
+@pytest.mark.parametrize("dialect", first(["card", "builtin"]))
+def test_a_silent_drive_is_no_silent_card(tmp_path, dialect):
+    options = ("--dialect", dialect, "--drive", str(tmp_path / "drive"))
+    with Card(tmp_path, "--quiet", *options) as card:
+        done = run("status", card.link)
+    assert done.returncode == 4
+    assert done.stderr.startswith("rtu2fc status: the card answers, but its drive does not\n")
+
+
+def test_no_answer_says_what_was_tried_and_what_is_next(card):
+    done = run("status", card.link, "--unit", 3)
+    assert done.returncode == 4
+    first_, *advice = done.stderr.splitlines()
+    assert first_ == "rtu2fc status: no answer"
+    assert advice[0] == f"  Tried: unit 3 at 9600 8N2 on {card.link}, 1.5 s."
+    assert f"  Rate, format or unit not known: rtu2fc scan {card.link}" in advice
+    page, title = re.search(r"Read: (\S+), (.+)", done.stderr).groups()
+    assert f"\n## {title}\n" in (ROOT / page).read_text()
+
+
+def test_another_dialect_is_found_out(card):
+    done = run("status", card.link, "--dialect", "builtin")
+    assert done.returncode == 6
+    assert done.stderr.startswith("rtu2fc status: the card speaks card, not builtin\n")
+
+
+def test_a_busy_port_is_one_line(card):
+    with port.SerialPort(str(card.link)):
+        done = run("status", card.link)
+    assert done.returncode == 3
+    assert done.stderr.startswith(f"rtu2fc status: {card.link} is in use by another program\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (["status", "no/such/port"], 3, "there is no no/such/port\n  Ports of this computer: "),
+        (["status", "/dev/null"], 3, "rtu2fc status: /dev/null is no serial port that can be opened"),
+        (["check", "p", "--unit", "248"], 2, "the unit is 1 to 247, not '248'"),
+        (["check", "p", "--format", "7E1"], 2, "the format is 8E1, 8N1, 8O1, 8N2, not '7E1'"),
+        (["check", "p", "--drive", "perhaps"], 2, "the answer is yes, no, not 'perhaps'"),
+        (["check", "p", "--start", "101", "--drive", "yes"], 2, "the speed is 1 to 100, not '101'"),
+        (["start", "p", "nan"], 2, "the reference is -199 to 199 %, not 'nan'"),
+        (["watch", "p", "1", "--every", "0"], 2, "seconds are above 0, not '0'"),
+        (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
+        (["status", "p", "--replay", "nowhere.json"], 2, "rtu2fc status: nowhere.json: No such file"),
+        (["status", "p", "--replay", "VERSION"], 2, "rtu2fc status: VERSION is no record of rtu2fc"),
+        (["parameters", "--drive-type", "x"], 2, "the drive is auto, hvac_basic, vlt2800"),
+        (["simulate", "--program", "none"], 2, "the virtual card's program is not here: none"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line(words, code, says, capsys, monkeypatch):
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    try:
+        found = cli.main(words)
+    except SystemExit as ended:
+        found = ended.code
+    output, errors = capsys.readouterr()
+    assert (found, output) == (code, "") and says in errors
+    assert "Traceback" not in errors and errors.count("\n") <= 2
+
+
+def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
+    def refuses(number: int, text: str = ""):
+        def opens(*_: object, **__: object):
+            raise OSError(number, text)
+
+        return opens
+
+    for number, says in ((13, "no permission for port"), (22, "port refuses 9600 8N2"), (16, "in use")):
+        monkeypatch.setattr(port.serial, "serial_for_url", refuses(number))
+        with pytest.raises(PortError, match=says) as refused:
+            port.SerialPort("port")
+        assert "\n" not in str(refused.value)
+    monkeypatch.setattr(port.sys, "platform", "win32")
+    for text, says in (
+        ("could not open port 'COM3': PermissionError(13, 'Access is denied.', None, 5)", "COM3 is in use"),
+        ("could not open port 'COM3': FileNotFoundError(2, 'The system cannot ...', None, 2)", "no COM3"),
+    ):
+        monkeypatch.setattr(port.serial, "serial_for_url", refuses(0, text))
+        with pytest.raises(PortError, match=says):
+            port.SerialPort("COM3")
+
+
+def test_a_reader_that_stops_is_no_error(card):
+    words = [sys.executable, "-m", "sw.rtu2fc", "parameters"]
+    command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    command.stdout.close()
+    assert (command.wait(30), command.stderr.read()) == (1, b"")
+
+
+def test_an_old_code_page_has_its_marks(card):
+    done = run("check", card.link, "--row", "40004", env={"PYTHONIOENCODING": "cp1252"})
+    assert "  ok LINE-7   unit 1 answers" in done.stdout
+
+
+# ---------------------------------------------------------------- switches, record and replay, watch, scan
+
+
+@pytest.mark.rule("LINE-2", "LINE-3", "LINE-7")
+def test_the_switches_are_those_of_the_card(capsys):
+    for baud, form in itertools.product(BAUDS, FORMS):
+        assert cli.main(["switches", str(baud), form, "23", "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["baud_switches"] == baud_switches(baud, form, rest="")
+        assert found["address_switches"] == "11101000"
+    lines = run("switches", 19200, "8E1", 17).stdout.splitlines()
+    assert "       ON  | #  .  #  .  .  .  .  .  . |" in lines and all(len(line) <= 80 for line in lines)
+
+
+def test_a_recorded_line_is_replayed_without_a_port(card, tmp_path):
+    record = tmp_path / "line.jsonl"
+    said = card.ask("read", "104", "615[2]", "621", "--record", record)
+    again = json.loads(run("read", "nowhere", "104", "615[2]", "621", "--replay", record, "--json").stdout)
+    assert again == said
+    done = run("read", "nowhere", "105", "--replay", record)
+    assert done.returncode == 2 and "the record has 01 03 " in done.stderr
+
+
+def test_watch_writes_a_table_a_log_and_a_plot(card, tmp_path):
+    files = {"--csv": tmp_path / "w.csv", "--plot": tmp_path / "w.svg"}
+    options = [word for pair in files.items() for word in pair]
+    done = run("watch", card.link, 514, 533, "--every", 0.2, "--for", 0.7, *options)
+    assert done.returncode == 0, done.stderr
+    rows = files["--csv"].read_text().splitlines()
+    assert rows[0] == "seconds,514 Readout: Motor current A,533 Display text 1" and len(rows) >= 4
+    assert re.search(r"^ +0\.\d s  514 = 0\.00 A  533 = '", done.stdout, re.MULTILINE)
+    assert files["--plot"].read_text().count("<polyline") == 2
+
+
+def test_ctrl_c_is_the_usual_end_of_watch(card):
+    words = [sys.executable, "-m", "sw.rtu2fc", "watch", str(card.link), "514", "--every", "0.2"]
+    command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert "514 = " in command.stdout.readline()
+    command.send_signal(signal.SIGINT)
+    output, errors = command.communicate(timeout=30)
+    assert (command.returncode, errors) == (0, "")
+    assert "514 Readout: Motor current: 0 to 0 A" in output
+
+
+def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
+    """A pty has no rate: the first setting is answered."""
+    monkeypatch.setattr(scan, "LISTEN_S", 0.1)
+    with Card(tmp_path, "--quiet", "--sw-addr", "11100000") as card:
+        found = card.ask("scan", "--units", "5-8", "--baud", 9600, "--format", "8N2")
+        assert found["found"] == [{"baud": 9600, "format": "8N2", "unit": 7, "heard": False}]
+        card.stop()
+        asked = {frame.data[1] for frame in card.frames() if frame.sender == "master"}
+    assert asked == {3}, "it only reads"
+
+
+def test_frames_are_found_among_other_bytes():
+    good = bytes.fromhex("01 03 14 13 00 02 30 3E")
+    assert scan.frames_in(b"\0" + good + b"\xff" + good) == [good, good]
+    assert scan.frames_in(bytes(20)) == []
+    assert scan.units_of("1-3,17") == [1, 2, 3, 17]
+    for wrong in ("0", "3-1", "248", "x"):
+        with pytest.raises(Problem):
+            scan.units_of(wrong)
+
+
+def test_scan_only_listens_while_another_master_asks(tmp_path):
+    ours, port_ = os.openpty()
+    tty.setraw(port_)
+    name = os.ttyname(port_)
+    words = [sys.executable, "-m", "sw.rtu2fc", "scan", name, "--json"]
+    command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    while command.poll() is None:
+        os.write(ours, with_crc(bytes.fromhex("09 03 14 13 00 02")))
+        time.sleep(0.05)
+    assert json.loads(command.stdout.read())["found"][0] == {"baud": 9600, "unit": 9, "heard": True}
+    os.set_blocking(ours, False)
+    with pytest.raises(BlockingIOError):
+        os.read(ours, 1)
+    for fd in (ours, port_):
+        os.close(fd)
+
+
+def test_the_virtual_card_is_started(tmp_path):
+    done = run("simulate", "--program", ROOT / "build/card", "--", "--version")
+    assert done.returncode == 0 and "rtu2fc" in done.stdout
+    assert Path(ROOT / "build/card").exists()
