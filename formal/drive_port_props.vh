@@ -11,27 +11,6 @@
 // Assumed: a telegram starts on a quiet line only and keeps its length while it is sent (proved for mailbox); the
 // memory answers within two clocks (bus_arbiter: within one). The length may have any value.
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_TELEGRAM_LENGTH_BITS 4:0
-`define CARD_TELEGRAM_NO_REPLY_BITS 5
-`define CARD_TELEGRAM_CONTROL_BITS 6
-`define CARD_TELEGRAM_STOP_BITS 7
-`define CARD_EXCHANGE_SENDING_BITS 0
-`define CARD_EXCHANGE_CANDIDATE_BITS 2
-`define CARD_EXCHANGE_GOOD_BITS 3
-`define CARD_EXCHANGE_BAD_BITS 4
-// End of what `make regs` writes.
-
-// The fields of the vectors.
-wire sending = exchange[`CARD_EXCHANGE_SENDING_BITS];
-wire candidate = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
-wire good = exchange[`CARD_EXCHANGE_GOOD_BITS];
-wire bad = exchange[`CARD_EXCHANGE_BAD_BITS];
-wire [4:0] telegram_length = telegram[`CARD_TELEGRAM_LENGTH_BITS];
-wire telegram_no_reply = telegram[`CARD_TELEGRAM_NO_REPLY_BITS];
-wire telegram_control = telegram[`CARD_TELEGRAM_CONTROL_BITS];
-wire telegram_stop = telegram[`CARD_TELEGRAM_STOP_BITS];
-
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 

@@ -9,47 +9,13 @@
 // line is silent. Nothing is assumed of the firmware.
 
 // Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_EVENTS_REVOKED_BITS 5
-`define CARD_REQUEST_CANDIDATE_BITS 0
-`define CARD_REQUEST_COMMIT_BITS 1
-`define CARD_REQUEST_BROADCAST_BITS 2
-`define CARD_REQUEST_WRITES_COILS_BITS 3
-`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
-`define CARD_REQUEST_BANK_BITS 5
-`define CARD_REQUEST_LENGTH_BITS 13:6
-`define CARD_REQUEST_SILENT_BITS 14
-`define CARD_TELEGRAM_LENGTH_BITS 4:0
-`define CARD_TELEGRAM_NO_REPLY_BITS 5
-`define CARD_TELEGRAM_CONTROL_BITS 6
-`define CARD_TELEGRAM_STOP_BITS 7
 `define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
-`define CARD_EXCHANGE_QUIET_BITS 1
-`define CARD_EXCHANGE_CANDIDATE_BITS 2
-`define CARD_EXCHANGE_GOOD_BITS 3
-`define CARD_EXCHANGE_BAD_BITS 4
 // End of what `make regs` writes.
 
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
 
 // The fields of the vectors.
-wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
-wire commit = request[`CARD_REQUEST_COMMIT_BITS];
-wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
-wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
-wire frame_writes_parameter = request[`CARD_REQUEST_WRITES_PARAMETER_BITS];
-wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
-wire modbus_silent = request[`CARD_REQUEST_SILENT_BITS];
-wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
-wire revoke = network_events[`MBX_EVENTS_REVOKED_BITS];
-wire drive_quiet = exchange[`CARD_EXCHANGE_QUIET_BITS];
-wire drive_candidate = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
-wire drive_good = exchange[`CARD_EXCHANGE_GOOD_BITS];
-wire drive_bad = exchange[`CARD_EXCHANGE_BAD_BITS];
-wire [4:0] telegram_length = telegram[`CARD_TELEGRAM_LENGTH_BITS];
-wire telegram_no_reply = telegram[`CARD_TELEGRAM_NO_REPLY_BITS];
-wire telegram_control = telegram[`CARD_TELEGRAM_CONTROL_BITS];
-wire telegram_stop = telegram[`CARD_TELEGRAM_STOP_BITS];
 wire loopback_close = supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS];
 
 reg g_past = 1'b0;
@@ -129,7 +95,7 @@ always @(posedge clk) begin
     core_addr[2] ? g_events : {frame_bank, frame_broadcast, is_committed, is_candidate, ticket}
   };
   g_events <= (g_write && core_addr[4:2] == 3'd1 ? g_events & ~core_wdata[7:0] : g_events) |
-      {drive_bad, network_events};
+      {drive_bad, count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc};
 end
 
 always @* begin

@@ -16,29 +16,6 @@
 // Assumed: a reply starts on a quiet line only (proved for mailbox), the memory answers within two clocks (bus_arbiter:
 // within one), switches do not move. The reply's length may have any value and may change at any time.
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_EVENTS_REVOKED_BITS 5
-`define CARD_REQUEST_CANDIDATE_BITS 0
-`define CARD_REQUEST_COMMIT_BITS 1
-`define CARD_REQUEST_BROADCAST_BITS 2
-`define CARD_REQUEST_WRITES_COILS_BITS 3
-`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
-`define CARD_REQUEST_BANK_BITS 5
-`define CARD_REQUEST_LENGTH_BITS 13:6
-`define CARD_REQUEST_SILENT_BITS 14
-// End of what `make regs` writes.
-
-// The fields of the vectors.
-wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
-wire commit = request[`CARD_REQUEST_COMMIT_BITS];
-wire g_line_silent = request[`CARD_REQUEST_SILENT_BITS];
-wire frame_broadcast = request[`CARD_REQUEST_BROADCAST_BITS];
-wire frame_writes_coils = request[`CARD_REQUEST_WRITES_COILS_BITS];
-wire frame_writes_parameter = request[`CARD_REQUEST_WRITES_PARAMETER_BITS];
-wire frame_bank = request[`CARD_REQUEST_BANK_BITS];
-wire [7:0] frame_length = request[`CARD_REQUEST_LENGTH_BITS];
-wire revoke = events[`MBX_EVENTS_REVOKED_BITS];
-
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
@@ -195,10 +172,10 @@ always @(posedge clk) begin
     // SAFE-2: a quiet line is silent and has been for 3.5 characters.
     a_silent : assert (!quiet || ((synced || g_in_break) && g_silent >= g_limit + g_head));
     // FRAME-6: and so is the line at a commit, whose pin may be low for a moment (LINE-5).
-    a_commit_silent : assert (!g_line_silent || g_silent >= g_limit + g_head);
+    a_commit_silent : assert (!silent || g_silent >= g_limit + g_head);
     // commit_gate relies on these.
-    a_begun : assert (!(start_seen && g_line_silent));
-    a_quiet : assert (quiet == (g_line_silent && (synced || g_in_break)));
+    a_begun : assert (!(start_seen && silent));
+    a_quiet : assert (quiet == (silent && (synced || g_in_break)));
     // DE rises only two clocks after a start, and that start was in such a silence.
     a_rises : assert (!de || g_de || (g_start_before && g_silent_start >= g_limit));
     // DE falls with the reply, and the receiver is deaf to the reply (LINE-6).
@@ -211,11 +188,11 @@ always @(posedge clk) begin
     a_covers : assert (!tx_busy || de);
     a_at_rest : assert (de || tx);
     a_deaf : assert (!de || !(rx_valid || start_seen));
-    a_not_quiet : assert (!(de || g_on_line || rx_valid) || !g_line_silent);
+    a_not_quiet : assert (!(de || g_on_line || rx_valid) || !silent);
     // SAFE-1: the mailbox gets the outputs of rtu_rx (proved there) unchanged, frame_writes_coils above all.
     a_reported : assert ({candidate, commit, revoke, frame_length, frame_broadcast, frame_writes_coils,
         frame_writes_parameter, frame_bank} == g_reported);
-    a_reset : assert (!g_rst || !(de || sending || g_line_silent || candidate || commit || revoke));
+    a_reset : assert (!g_rst || !(de || sending || silent || candidate || commit || revoke));
   end
 end
 
@@ -279,7 +256,7 @@ always @(posedge clk) begin
     // t3.5 is over after at most 9/5 of its ticks and four more.
     a_calm_bound : assert (long_silent || g_ticks_5 <= g_most_5);
     // The commit comes on a silent line, two clocks after t3.5 at the latest.
-    a_calm_commit : assert (!commit || g_line_silent);
+    a_calm_commit : assert (!commit || silent);
     a_calm_in_time : assert (!(g_awaits && !commit) || !g_long);
     i_calm_state : assert (g_uart == 5'd0 && !g_driving && !sending && g_pulses(g_samples));
     i_calm_highs : assert (long_silent || g_silent == g_highs);
@@ -317,7 +294,7 @@ always @(posedge clk) begin
     a_break : assert (!g_is_break || (rx_data == 8'd0 && rx_framing_error && rx_parity_error == (parity_enable && parity_odd)));
     // FRAME-3, FRAME-6: no commit after any other character, and none while the line may be in one.
     a_no_character : assert (!commit || ((candidate || g_since) && !g_undecided));
-    a_undecided : assert (!g_undecided || (!g_line_silent && !quiet && !half_reached && !short_reached && !long_reached));
+    a_undecided : assert (!g_undecided || (!silent && !quiet && !half_reached && !short_reached && !long_reached));
     i_break_held : assert (\g_breaks.breaks_i.held == g_undecided);
     i_break_after : assert (\g_breaks.breaks_i.after_frame == g_follows);
     i_break_low : assert (\g_breaks.breaks_i.break_i.held == g_in_break && \g_breaks.breaks_i.break_i.opposite == !g_in_break);

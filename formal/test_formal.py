@@ -143,7 +143,7 @@ def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
                     "always @* assume (two_stop == parity_enable);",
                     "never allow parity_enable = 1\n",
                 ),
-                ("always @* assume (rx && !rx);", "never allow request_commit = 0\n"),
+                ("always @* assume (rx && !rx);", "never allow commit = 0\n"),
                 (
                     "always @(posedge clk) if (g_past) assume (!rx_valid && !sending);",
                     "never allow de = 1",

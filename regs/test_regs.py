@@ -171,7 +171,7 @@ def test_drive_line_is_9600_8e1_with_a_pause_of_two_characters():
     assert card_tables.DRIVE_PAUSE_TICKS == 22 * 16
 
 
-@pytest.mark.parametrize("vector", ["REQUEST", "TELEGRAM", "EXCHANGE"])
+@pytest.mark.parametrize("vector", ["SUPERVISION"])
 def test_the_fields_of_a_vector_fill_it_and_no_two_share_bits(vector):
     macros = regs.card_macros(regs.CardTables())
     whole = f"CARD_{vector}_BITS"

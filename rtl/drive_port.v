@@ -3,54 +3,47 @@
 //
 // Receive: sync_2ff, glitch_filter, uart, silence_timer, bcc, fc_rx. Send: fc_tx, rs485_dir,
 // uart. The receiver listens after a telegram that expects a reply. Character format: 9600 8E1,
-// fixed (FC-1). This module only wires; network_port has the same shape. telegram and exchange:
-// vectors of regs/card.toml. listen_again: forget the received reply and listen
+// fixed (FC-1). This module only wires; network_port has the same shape. telegram_length to
+// telegram_stop: see fc_tx and commit_gate. listen_again: forget the received reply and listen
 // anew. listen_stop and telegram_start end the listening.
 // Clock domain: clk.
 // Rules: FC-1, FC-8, FC-10.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_TELEGRAM_BITS 7:0
-`define CARD_TELEGRAM_LENGTH_BITS 4:0
-`define CARD_TELEGRAM_NO_REPLY_BITS 5
-`define CARD_TELEGRAM_CONTROL_BITS 6
-`define CARD_TELEGRAM_STOP_BITS 7
-`define CARD_EXCHANGE_BITS 5:0
-`define CARD_EXCHANGE_SENDING_BITS 0
-`define CARD_EXCHANGE_QUIET_BITS 1
-`define CARD_EXCHANGE_CANDIDATE_BITS 2
-`define CARD_EXCHANGE_GOOD_BITS 3
-`define CARD_EXCHANGE_BAD_BITS 4
-`define CARD_EXCHANGE_START_SEEN_BITS 5
-// End of what `make regs` writes.
-
 module drive_port (
-    input  wire                       clk,
-    input  wire                       rst,
-    input  wire                       tick16,
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick16,
     // frame memory
-    output wire                       write_valid,
-    input  wire                       write_ready,
-    output wire [                4:0] write_addr,
-    output wire [                7:0] write_data,
-    output wire                       read_valid,
-    input  wire                       read_ready,
-    output wire [                4:0] read_addr,
-    input  wire [                7:0] read_data,
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [4:0] write_addr,
+    output wire [7:0] write_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
     // stream in
-    input  wire                       telegram_start,
-    input  wire [`CARD_TELEGRAM_BITS] telegram,
+    input  wire       telegram_start,
+    input  wire [4:0] telegram_length,
+    input  wire       telegram_no_reply,
+    input  wire       telegram_control,
+    input  wire       telegram_stop,
     // pins
-    input  wire                       rx,
-    output wire                       tx,
-    output wire                       de,
+    input  wire       rx,
+    output wire       tx,
+    output wire       de,
     // configuration
-    input  wire                       listen_again,
-    input  wire                       listen_stop,
+    input  wire       listen_again,
+    input  wire       listen_stop,
     // status
-    output wire                       listening,
-    output wire [`CARD_EXCHANGE_BITS] exchange
+    output wire       listening,
+    output wire       sending,
+    output wire       quiet,
+    output wire       start_seen,
+    output wire       candidate,
+    output wire       good,
+    output wire       bad
 );
 
   // A gap of exactly 2 characters is allowed, so the limit is 1/4 bit later.
@@ -69,7 +62,6 @@ module drive_port (
   wire rx_parity_error;
   wire rx_framing_error;
   wire rx_busy;
-  wire start_seen;
   wire half_reached;
   wire short_reached;
   wire long_reached;
@@ -88,10 +80,7 @@ module drive_port (
   wire [7:0] adr;
 
   assign write_data = rx_data;
-  wire quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
-
-  assign exchange[`CARD_EXCHANGE_QUIET_BITS] = quiet;
-  assign exchange[`CARD_EXCHANGE_START_SEEN_BITS] = start_seen;
+  assign quiet = long_silent && !rx_busy && !rx_valid && synced && !de;
 
   sync_2ff #(
       .RESET_VALUE(1'b1)
@@ -201,14 +190,14 @@ module drive_port (
       .check_clear(bcc_clear),
       .check_good(bcc_good),
       // configuration
-      .listen_start((sent && !telegram[`CARD_TELEGRAM_NO_REPLY_BITS]) || listen_again),
+      .listen_start((sent && !telegram_no_reply) || listen_again),
       .listen_stop(telegram_start || listen_stop),
       .adr(adr),
       // status
       .listening(listening),
-      .candidate(exchange[`CARD_EXCHANGE_CANDIDATE_BITS]),
-      .good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
-      .bad(exchange[`CARD_EXCHANGE_BAD_BITS])
+      .candidate(candidate),
+      .good(good),
+      .bad(bad)
   );
 
   fc_tx fc_tx_i (
@@ -216,9 +205,9 @@ module drive_port (
       .rst(rst),
       // stream in
       .start(telegram_start),
-      .length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
-      .control(telegram[`CARD_TELEGRAM_CONTROL_BITS]),
-      .stop(telegram[`CARD_TELEGRAM_STOP_BITS]),
+      .length(telegram_length),
+      .control(telegram_control),
+      .stop(telegram_stop),
       // frame memory
       .read_valid(read_valid),
       .read_ready(read_ready),
@@ -232,7 +221,7 @@ module drive_port (
       .line_request(line_request),
       .line_busy(tx_busy),
       // status
-      .sending(exchange[`CARD_EXCHANGE_SENDING_BITS]),
+      .sending(sending),
       .sent(sent),
       .adr(adr)
   );

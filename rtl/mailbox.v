@@ -3,8 +3,8 @@
 //
 // The network port writes requests and reads replies. The drive port reads telegrams and
 // writes the drive's replies. The firmware sees all of it through one bus. The commit gate
-// decides what leaves. Only wires in here. request, telegram, exchange,
-// supervision: vectors of regs/card.toml; events, leds: registers of regs/mailbox.rdl.
+// decides what leaves. Only wires in here. supervision: a vector of
+// regs/card.toml; leds: a register of regs/mailbox.rdl.
 // MASTER_LOSS_STOP: of commit_gate. MEMORY_BYTES: of bus_arbiter. core_rst: reset of the soft
 // core; it also empties the commit gate. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
@@ -27,8 +27,6 @@
 `define MBX_EXCHANGE_HEARD_BITS 6
 `define MBX_EXCHANGE_STOP_DUE_BITS 7
 `define MBX_EVENTS_BITS 7:0
-`define MBX_EVENTS_REVOKED_BITS 5
-`define MBX_EVENTS_DRIVE_BAD_BITS 7
 `define MBX_RESTARTS_BITS 7:0
 `define MBX_REPLY_LENGTH_BITS 4:0
 `define MBX_REPLY_AFTER_DRIVE_BITS 5
@@ -39,32 +37,11 @@
 `define MBX_LED_BITS 3:0
 `define MBX_SUPERVISOR_RUNNING_BITS 3
 `define MBX_SUPERVISOR_PERIOD_BITS 31:12
-`define CARD_REQUEST_BITS 14:0
-`define CARD_REQUEST_CANDIDATE_BITS 0
-`define CARD_REQUEST_COMMIT_BITS 1
-`define CARD_REQUEST_BROADCAST_BITS 2
-`define CARD_REQUEST_WRITES_COILS_BITS 3
-`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
-`define CARD_REQUEST_BANK_BITS 5
-`define CARD_REQUEST_LENGTH_BITS 13:6
-`define CARD_REQUEST_SILENT_BITS 14
-`define CARD_TELEGRAM_BITS 7:0
-`define CARD_TELEGRAM_LENGTH_BITS 4:0
-`define CARD_TELEGRAM_NO_REPLY_BITS 5
-`define CARD_TELEGRAM_CONTROL_BITS 6
-`define CARD_TELEGRAM_STOP_BITS 7
 `define CARD_SUPERVISION_BITS 3:0
 `define CARD_SUPERVISION_KICK_BITS 0
 `define CARD_SUPERVISION_HALT_BITS 1
 `define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
 `define CARD_SUPERVISION_FAULT_BITS 3
-`define CARD_EXCHANGE_BITS 5:0
-`define CARD_EXCHANGE_SENDING_BITS 0
-`define CARD_EXCHANGE_QUIET_BITS 1
-`define CARD_EXCHANGE_CANDIDATE_BITS 2
-`define CARD_EXCHANGE_GOOD_BITS 3
-`define CARD_EXCHANGE_BAD_BITS 4
-`define CARD_EXCHANGE_START_SEEN_BITS 5
 // End of what `make regs` writes.
 
 module mailbox #(
@@ -98,8 +75,21 @@ module mailbox #(
     output wire [                       4:0] reply_length,
     input  wire                              modbus_quiet,
     input  wire                              modbus_start_seen,
-    input  wire [        `CARD_REQUEST_BITS] request,
-    input  wire [                       6:0] network_events,
+    input  wire                              modbus_silent,
+    input  wire                              candidate,
+    input  wire                              commit,
+    input  wire                              revoke,
+    input  wire [                       7:0] frame_length,
+    input  wire                              frame_broadcast,
+    input  wire                              frame_writes_coils,
+    input  wire                              frame_writes_parameter,
+    input  wire                              frame_bank,
+    input  wire                              count_crc,
+    input  wire                              count_parity,
+    input  wire                              count_framing,
+    input  wire                              count_t15,
+    input  wire                              count_overrun,
+    input  wire                              count_foreign,
     // drive port
     input  wire                              drive_write_valid,
     output wire                              drive_write_ready,
@@ -109,10 +99,17 @@ module mailbox #(
     output wire                              drive_read_ready,
     input  wire [                       4:0] drive_read_addr,
     output wire                              telegram_start,
-    output wire [       `CARD_TELEGRAM_BITS] telegram,
+    output wire [                       4:0] telegram_length,
+    output wire                              telegram_no_reply,
+    output wire                              telegram_control,
+    output wire                              telegram_stop,
     output wire                              listen_again,
     output wire                              listen_stop,
-    input  wire [       `CARD_EXCHANGE_BITS] exchange,
+    input  wire                              drive_sending,
+    input  wire                              drive_quiet,
+    input  wire                              drive_candidate,
+    input  wire                              drive_good,
+    input  wire                              drive_bad,
     // both ports
     output wire [                       7:0] read_data,
     // supervisor
@@ -147,22 +144,28 @@ module mailbox #(
   reg [`MBX_REQUEST_BITS] request_status;
   reg [`MBX_EXCHANGE_BITS] exchange_status;
 
-  wire drive_sending = exchange[`CARD_EXCHANGE_SENDING_BITS];
-
   // What the firmware reads.
   always @* begin
-    events[6:0] = network_events;
-    events[`MBX_EVENTS_DRIVE_BAD_BITS] = exchange[`CARD_EXCHANGE_BAD_BITS];
+    events = {
+      drive_bad,
+      count_foreign,
+      revoke,
+      count_overrun,
+      count_t15,
+      count_framing,
+      count_parity,
+      count_crc
+    };
     request_status[`MBX_REQUEST_TICKET_BITS] = ticket;
     request_status[`MBX_REQUEST_CANDIDATE_BITS] = is_candidate;
     request_status[`MBX_REQUEST_COMMITTED_BITS] = is_committed;
-    request_status[`MBX_REQUEST_BROADCAST_BITS] = request[`CARD_REQUEST_BROADCAST_BITS];
-    request_status[`MBX_REQUEST_BANK_BITS] = request[`CARD_REQUEST_BANK_BITS];
+    request_status[`MBX_REQUEST_BROADCAST_BITS] = frame_broadcast;
+    request_status[`MBX_REQUEST_BANK_BITS] = frame_bank;
     exchange_status[`MBX_EXCHANGE_QUEUED_BITS] = telegram_queued;
     exchange_status[`MBX_EXCHANGE_SENDING_BITS] = drive_sending;
     exchange_status[`MBX_EXCHANGE_STARTED_BITS] = telegram_started;
-    exchange_status[`MBX_EXCHANGE_CANDIDATE_BITS] = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
-    exchange_status[`MBX_EXCHANGE_GOOD_BITS] = exchange[`CARD_EXCHANGE_GOOD_BITS];
+    exchange_status[`MBX_EXCHANGE_CANDIDATE_BITS] = drive_candidate;
+    exchange_status[`MBX_EXCHANGE_GOOD_BITS] = drive_good;
     exchange_status[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
     exchange_status[`MBX_EXCHANGE_HEARD_BITS] = loopback_heard;
     exchange_status[`MBX_EXCHANGE_STOP_DUE_BITS] = stop_due;
@@ -235,15 +238,15 @@ module mailbox #(
       .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
       .watch_master(watch_master),
       .reply_length(reply_length),
-      .telegram_length(telegram[`CARD_TELEGRAM_LENGTH_BITS]),
-      .telegram_no_reply(telegram[`CARD_TELEGRAM_NO_REPLY_BITS]),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
       .leds(leds),
       // status, as the registers show it
       .events(events),
       .request(request_status),
       .exchange(exchange_status),
       .restarts(restarts),
-      .request_length(request[`CARD_REQUEST_LENGTH_BITS]),
+      .request_length(frame_length),
       .ticks(ticks)
   );
 
@@ -254,19 +257,19 @@ module mailbox #(
       .rst(core_rst),
       .beat(ticks[0]),
       // network request
-      .candidate(request[`CARD_REQUEST_CANDIDATE_BITS]),
-      .commit(request[`CARD_REQUEST_COMMIT_BITS]),
-      .revoke(network_events[`MBX_EVENTS_REVOKED_BITS]),
-      .broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
-      .writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
-      .writes_parameter(request[`CARD_REQUEST_WRITES_PARAMETER_BITS]),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .broadcast(frame_broadcast),
+      .writes_coils(frame_writes_coils),
+      .writes_parameter(frame_writes_parameter),
       .modbus_start_seen(modbus_start_seen),
-      .modbus_silent(request[`CARD_REQUEST_SILENT_BITS]),
+      .modbus_silent(modbus_silent),
       .modbus_quiet(modbus_quiet),
       // drive line
-      .drive_good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
-      .drive_bad(exchange[`CARD_EXCHANGE_BAD_BITS]),
-      .drive_quiet(exchange[`CARD_EXCHANGE_QUIET_BITS] && !drive_sending),
+      .drive_good(drive_good),
+      .drive_bad(drive_bad),
+      .drive_quiet(drive_quiet && !drive_sending),
       // firmware
       .order_reply(order_reply),
       .reply_empty(core_wdata[`MBX_REPLY_LENGTH_BITS] == 5'd0),
@@ -288,8 +291,8 @@ module mailbox #(
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),
-      .telegram_control(telegram[`CARD_TELEGRAM_CONTROL_BITS]),
-      .telegram_stop(telegram[`CARD_TELEGRAM_STOP_BITS]),
+      .telegram_control(telegram_control),
+      .telegram_stop(telegram_stop),
       // status
       .ticket(ticket),
       .is_candidate(is_candidate),
@@ -301,8 +304,8 @@ module mailbox #(
       .fault(supervision[`CARD_SUPERVISION_FAULT_BITS])
   );
 
-  // reply_queued is for waveforms; the supervisor reads START_SEEN.
-  wire unused = &{1'b0, reply_queued, exchange[`CARD_EXCHANGE_START_SEEN_BITS]};
+  // For waveforms.
+  wire unused = &{1'b0, reply_queued};
 
 endmodule
 

@@ -10,70 +10,65 @@
 // fault: see rtu_rx and break_filter.
 // BREAK_TOLERANT = 1, for a bus without bias: the low of a character or more after a good frame is
 // silence (FRAME-3). silent and quiet then hold in such a low, too. See break_filter.
-// parity_enable to half_uneven: format and silences of the line, see uart and silence_timer. request: a
-// vector of regs/card.toml. events: the bits of EVENTS that this line sets.
 // loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
 `default_nettype none
-
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_EVENTS_CRC_BITS 0
-`define MBX_EVENTS_PARITY_BITS 1
-`define MBX_EVENTS_FRAMING_BITS 2
-`define MBX_EVENTS_T15_BITS 3
-`define MBX_EVENTS_OVERRUN_BITS 4
-`define MBX_EVENTS_REVOKED_BITS 5
-`define MBX_EVENTS_FOREIGN_BITS 6
-`define CARD_REQUEST_BITS 14:0
-`define CARD_REQUEST_CANDIDATE_BITS 0
-`define CARD_REQUEST_COMMIT_BITS 1
-`define CARD_REQUEST_BROADCAST_BITS 2
-`define CARD_REQUEST_WRITES_COILS_BITS 3
-`define CARD_REQUEST_WRITES_PARAMETER_BITS 4
-`define CARD_REQUEST_BANK_BITS 5
-`define CARD_REQUEST_LENGTH_BITS 13:6
-`define CARD_REQUEST_SILENT_BITS 14
-// End of what `make regs` writes.
 
 module network_port #(
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0
 ) (
-    input  wire                      clk,
-    input  wire                      rst,
-    input  wire                      tick16,
+    input  wire       clk,
+    input  wire       rst,
+    input  wire       tick16,
     // frame memory
-    output wire                      write_valid,
-    input  wire                      write_ready,
-    output wire [               5:0] write_addr,
-    output wire [               7:0] write_data,
-    output wire                      read_valid,
-    input  wire                      read_ready,
-    output wire [               4:0] read_addr,
-    input  wire [               7:0] read_data,
-    input  wire                      read_damaged,
+    output wire       write_valid,
+    input  wire       write_ready,
+    output wire [5:0] write_addr,
+    output wire [7:0] write_data,
+    output wire       read_valid,
+    input  wire       read_ready,
+    output wire [4:0] read_addr,
+    input  wire [7:0] read_data,
+    input  wire       read_damaged,
     // stream in
-    input  wire                      reply_start,
-    input  wire [               4:0] reply_length,
+    input  wire       reply_start,
+    input  wire [4:0] reply_length,
     // pins
-    input  wire                      rx,
-    output wire                      tx,
-    output wire                      de,
+    input  wire       rx,
+    output wire       tx,
+    output wire       de,
+    // format and silences, see uart and silence_timer
+    input  wire       parity_enable,
+    input  wire       parity_odd,
+    input  wire       two_stop,
+    input  wire [8:0] half_end,
+    input  wire       half_uneven,
     // configuration
-    input  wire                      parity_enable,
-    input  wire                      parity_odd,
-    input  wire                      two_stop,
-    input  wire [               8:0] half_end,
-    input  wire                      half_uneven,
-    input  wire [               7:0] own_address,
-    input  wire                      loopback_open,
+    input  wire [7:0] own_address,
+    input  wire       loopback_open,
     // status
-    output wire                      sending,
-    output wire                      quiet,
-    output wire                      start_seen,
-    output wire [`CARD_REQUEST_BITS] request,
-    output wire [               6:0] events,
-    output wire                      fault
+    output wire       sending,
+    output wire       quiet,
+    output wire       start_seen,
+    output wire       silent,
+    output wire       fault,
+    // newest frame, see rtu_rx
+    output wire       candidate,
+    output wire       commit,
+    output wire       revoke,
+    output wire [7:0] frame_length,
+    output wire       frame_broadcast,
+    output wire       frame_writes_coils,
+    output wire       frame_writes_parameter,
+    output wire       frame_bank,
+    // dropped frames, see rtu_rx
+    output wire       count_crc,
+    output wire       count_parity,
+    output wire       count_framing,
+    output wire       count_t15,
+    output wire       count_overrun,
+    output wire       count_foreign
 );
 
   wire synced;
@@ -108,10 +103,9 @@ module network_port #(
   wire break_fault;
 
   assign write_data = rx_data;
-  wire silent = long_silent && !busy && !byte_valid && !de;
+  assign silent = long_silent && !busy && !byte_valid && !de;
   assign quiet = silent && (synced || in_break);
   assign fault = receiver_fault || break_fault;
-  assign request[`CARD_REQUEST_SILENT_BITS] = silent;
 
   sync_2ff #(
       .RESET_VALUE(1'b1)
@@ -256,21 +250,21 @@ module network_port #(
       .deaf(de),
       .own_address(own_address),
       // status
-      .candidate(request[`CARD_REQUEST_CANDIDATE_BITS]),
-      .commit(request[`CARD_REQUEST_COMMIT_BITS]),
-      .revoke(events[`MBX_EVENTS_REVOKED_BITS]),
-      .frame_length(request[`CARD_REQUEST_LENGTH_BITS]),
-      .frame_broadcast(request[`CARD_REQUEST_BROADCAST_BITS]),
-      .frame_writes_coils(request[`CARD_REQUEST_WRITES_COILS_BITS]),
-      .frame_writes_parameter(request[`CARD_REQUEST_WRITES_PARAMETER_BITS]),
-      .frame_bank(request[`CARD_REQUEST_BANK_BITS]),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_writes_coils(frame_writes_coils),
+      .frame_writes_parameter(frame_writes_parameter),
+      .frame_bank(frame_bank),
       .may_break(may_break),
-      .count_crc(events[`MBX_EVENTS_CRC_BITS]),
-      .count_parity(events[`MBX_EVENTS_PARITY_BITS]),
-      .count_framing(events[`MBX_EVENTS_FRAMING_BITS]),
-      .count_t15(events[`MBX_EVENTS_T15_BITS]),
-      .count_overrun(events[`MBX_EVENTS_OVERRUN_BITS]),
-      .count_foreign(events[`MBX_EVENTS_FOREIGN_BITS]),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun),
+      .count_foreign(count_foreign),
       .fault(receiver_fault)
   );
 

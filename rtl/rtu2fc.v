@@ -17,26 +17,16 @@
 `default_nettype none
 
 // Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_EVENTS_REVOKED_BITS 5
 `define MBX_LED_BITS 3:0
 `define MBX_LED_MODBUS_RED_BITS 0
 `define MBX_LED_MODBUS_GREEN_BITS 1
 `define MBX_LED_DRIVE_RED_BITS 2
 `define MBX_LED_DRIVE_GREEN_BITS 3
-`define CARD_REQUEST_BITS 14:0
-`define CARD_REQUEST_CANDIDATE_BITS 0
-`define CARD_REQUEST_COMMIT_BITS 1
-`define CARD_TELEGRAM_BITS 7:0
 `define CARD_SUPERVISION_BITS 3:0
 `define CARD_SUPERVISION_KICK_BITS 0
 `define CARD_SUPERVISION_HALT_BITS 1
 `define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
 `define CARD_SUPERVISION_FAULT_BITS 3
-`define CARD_EXCHANGE_BITS 5:0
-`define CARD_EXCHANGE_CANDIDATE_BITS 2
-`define CARD_EXCHANGE_GOOD_BITS 3
-`define CARD_EXCHANGE_BAD_BITS 4
-`define CARD_EXCHANGE_START_SEEN_BITS 5
 `ifndef CONFIG_CLK_HZ
 `define CONFIG_CLK_HZ 12000000
 `define CONFIG_SOFT_CORE 2'd0  // picorv32
@@ -125,8 +115,21 @@ module rtu2fc #(
   wire modbus_sending;
   wire modbus_quiet;
   wire modbus_start_seen;
-  wire [`CARD_REQUEST_BITS] request;
-  wire [6:0] network_events;
+  wire modbus_silent;
+  wire candidate;
+  wire commit;
+  wire revoke;
+  wire [7:0] frame_length;
+  wire frame_broadcast;
+  wire frame_writes_coils;
+  wire frame_writes_parameter;
+  wire frame_bank;
+  wire count_crc;
+  wire count_parity;
+  wire count_framing;
+  wire count_t15;
+  wire count_overrun;
+  wire count_foreign;
 
   wire drive_write_valid;
   wire drive_write_ready;
@@ -136,11 +139,19 @@ module rtu2fc #(
   wire drive_read_ready;
   wire [4:0] drive_read_addr;
   wire telegram_start;
-  wire [`CARD_TELEGRAM_BITS] telegram;
+  wire [4:0] telegram_length;
+  wire telegram_no_reply;
+  wire telegram_control;
+  wire telegram_stop;
   wire listen_again;
   wire listen_stop;
-  wire [`CARD_EXCHANGE_BITS] exchange;
   wire drive_listening;
+  wire drive_sending;
+  wire drive_quiet;
+  wire drive_start_seen;
+  wire drive_candidate;
+  wire drive_good;
+  wire drive_bad;
 
   wire [7:0] frame_read_data;
 
@@ -263,9 +274,24 @@ module rtu2fc #(
       .sending(modbus_sending),
       .quiet(modbus_quiet),
       .start_seen(modbus_start_seen),
-      .request(request),
-      .events(network_events),
-      .fault(network_fault)
+      .silent(modbus_silent),
+      .fault(network_fault),
+      // newest frame
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_writes_coils(frame_writes_coils),
+      .frame_writes_parameter(frame_writes_parameter),
+      .frame_bank(frame_bank),
+      // dropped frames
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun),
+      .count_foreign(count_foreign)
   );
 
   drive_port drive_i (
@@ -283,7 +309,10 @@ module rtu2fc #(
       .read_data(frame_read_data),
       // stream in
       .telegram_start(telegram_start),
-      .telegram(telegram),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
+      .telegram_control(telegram_control),
+      .telegram_stop(telegram_stop),
       // pins
       .rx(drive_rx),
       .tx(drive_tx),
@@ -293,7 +322,12 @@ module rtu2fc #(
       .listen_stop(listen_stop),
       // status
       .listening(drive_listening),
-      .exchange(exchange)
+      .sending(drive_sending),
+      .quiet(drive_quiet),
+      .start_seen(drive_start_seen),
+      .candidate(drive_candidate),
+      .good(drive_good),
+      .bad(drive_bad)
   );
 
   driver_limit modbus_limit_i (
@@ -355,8 +389,21 @@ module rtu2fc #(
       .reply_length(reply_length),
       .modbus_quiet(modbus_quiet),
       .modbus_start_seen(modbus_start_seen),
-      .request(request),
-      .network_events(network_events),
+      .modbus_silent(modbus_silent),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_writes_coils(frame_writes_coils),
+      .frame_writes_parameter(frame_writes_parameter),
+      .frame_bank(frame_bank),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun),
+      .count_foreign(count_foreign),
       // drive port
       .drive_write_valid(drive_write_valid),
       .drive_write_ready(drive_write_ready),
@@ -366,10 +413,17 @@ module rtu2fc #(
       .drive_read_ready(drive_read_ready),
       .drive_read_addr(drive_read_addr),
       .telegram_start(telegram_start),
-      .telegram(telegram),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
+      .telegram_control(telegram_control),
+      .telegram_stop(telegram_stop),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .exchange(exchange),
+      .drive_sending(drive_sending),
+      .drive_quiet(drive_quiet),
+      .drive_candidate(drive_candidate),
+      .drive_good(drive_good),
+      .drive_bad(drive_bad),
       // both ports
       .read_data(frame_read_data),
       // supervisor
@@ -392,14 +446,14 @@ module rtu2fc #(
       .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
       .core_trap(core_trap || flipped),
       // line activity
-      .start_seen(modbus_start_seen || exchange[`CARD_EXCHANGE_START_SEEN_BITS]),
+      .start_seen(modbus_start_seen || drive_start_seen),
       .driven(modbus_driven || drive_driven),
       // configuration
       .sw_baud(baud),
       .address_valid(addr_valid),
       // status
       .reply_start(reply_start),
-      .drive_good(exchange[`CARD_EXCHANGE_GOOD_BITS]),
+      .drive_good(drive_good),
       .core_rst(core_rst),
       .fault(fault),
       .loopback_open(loopback_open),
@@ -456,14 +510,7 @@ module rtu2fc #(
   endgenerate
 
   // For waveforms and benches only.
-  wire candidate = request[`CARD_REQUEST_CANDIDATE_BITS];
-  wire commit = request[`CARD_REQUEST_COMMIT_BITS];
-  wire revoke = network_events[`MBX_EVENTS_REVOKED_BITS];
-  wire drive_candidate = exchange[`CARD_EXCHANGE_CANDIDATE_BITS];
-  wire drive_good = exchange[`CARD_EXCHANGE_GOOD_BITS];
-  wire drive_bad = exchange[`CARD_EXCHANGE_BAD_BITS];
-  wire strobes = |{candidate, commit, revoke, drive_candidate, drive_good, drive_bad};
-  wire unused = &{1'b0, modbus_sending, drive_listening, strobes};
+  wire unused = &{1'b0, modbus_sending, drive_listening};
 
 endmodule
 

@@ -31,7 +31,6 @@ from fontTools.agl import UV2AGL
 from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
-from regs import regs
 from regs.generated.card_tables import CHARACTER_BITS
 from rtl.command import run_main
 from rtl.sources import ROOT
@@ -367,18 +366,8 @@ class Run(FastCard):
         return Recorded(self)
 
 
-VECTORS = {
-    name.removeprefix("CARD_").removesuffix("_BITS").lower(): int(bit)
-    for name, bit in regs.macros().items()
-    if name.startswith("CARD_") and name.endswith("_BITS") and bit.isdecimal()
-}
-
-
 class Port(Recorded):
-    """The ports of one module of the card during a request, from a waveform; `clock`: length of a clock.
-
-    Bits of vectors are signals of their own, such as `request_commit`.
-    """
+    """The ports of one module of the card during a request, from a waveform; `clock`: length of a clock."""
 
     def __init__(self, instance: str, request: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -403,9 +392,6 @@ class Port(Recorded):
                 later = [change for change in changes if change[0] > booted]
                 self.values[signal.rpartition(".")[2]] = [(booted, before[-1]), *later]
         self.edges = dict(self.values)
-        for name, bit in VECTORS.items():
-            if (vector := name.split("_")[0]) in self.values:
-                self.edges[name] = [(at, value >> bit & 1) for at, value in self.values[vector]]
 
     def value(self, name: str, when: float) -> int:
         return next(value for at, value in reversed(self.values[name]) if at <= when)
@@ -692,11 +678,11 @@ def network_port() -> Drawing:
     seen.memory(drawing, "read", FROM_CARD)
     drawing.group("request")
     for name in ("candidate", "commit", "silent"):
-        drawing.level(name, seen.edges[f"request_{name}"])
+        drawing.level(name, seen.edges[name])
     drawing.group("control")
     for name in ("start_seen", "quiet", "reply_start", "sending"):
         drawing.level(name, seen.edges[name])
-    candidate, committed = (seen.after(f"request_{name}", end) for name in ("candidate", "commit"))
+    candidate, committed = (seen.after(name, end) for name in ("candidate", "commit"))
     started = seen.after("reply_start", end)
     half = drawing.say("candidate after the request", bits(candidate - end))
     t35 = drawing.say("commit after the request", bits(committed - end))
@@ -741,7 +727,7 @@ def drive_port() -> Drawing:
     seen = Port("drive_i", START)
     telegram, answer = seen.characters("tx"), seen.characters("rx")
     started = seen.after("telegram_start", 0)
-    good = next(at for at, level in seen.edges["exchange_good"] if level)
+    good = next(at for at, level in seen.edges["good"] if level)
     drawing = Drawing(
         "drive_port: a telegram and its reply",
         started - 12 * BIT,
@@ -758,7 +744,7 @@ def drive_port() -> Drawing:
     seen.memory(drawing, "write", FROM_OUTSIDE)
     drawing.group("exchange")
     for name in ("sending", "quiet", "candidate", "good"):
-        drawing.level(name, seen.edges[f"exchange_{name}"])
+        drawing.level(name, seen.edges[name])
     drawing.group("control")
     for name in ("telegram_start", "listening"):
         drawing.level(name, seen.edges[name])

@@ -131,9 +131,9 @@ def test_late_strobe_changes_picture_and_figure(figure, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "signal", "figure"),
     [
-        ("network-port", "network_i.request", "candidate after the request"),
+        ("network-port", "network_i.candidate", "candidate after the request"),
         ("network-port", "network_i.reply_start", "first bit after reply_start"),
-        ("drive-port", "drive_i.exchange", "good before the end of the reply"),
+        ("drive-port", "drive_i.good", "good before the end of the reply"),
     ],
 )
 def test_late_signal_of_a_port_changes_picture_and_figure(name, signal, figure, monkeypatch):

@@ -7,14 +7,6 @@
 // Clock domain: clk, CLK_HZ, at least 16 * BAUD. network_port: docs/guide/integration.md.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_REQUEST_BITS 14:0
-`define CARD_REQUEST_COMMIT_BITS 1
-`define CARD_REQUEST_BROADCAST_BITS 2
-`define CARD_REQUEST_LENGTH_BITS 13:6
-`define CARD_REQUEST_SILENT_BITS 14
-// End of what `make regs` writes.
-
 module holding_registers #(
     parameter CLK_HZ = 12_000_000,
     parameter BAUD = 19_200,
@@ -39,18 +31,19 @@ module holding_registers #(
   wire write_valid, start_seen, quiet;
   wire [5:0] write_addr;
   wire [7:0] write_data;
-  wire [`CARD_REQUEST_BITS] request;
+  wire committing, silent, broadcast;
+  wire [7:0] frame_length;
   wire [7:0] code = head[15:8];
   wire reads = code == 8'd3, single = code == 8'd6, many = code == 8'd16;
   wire [31:0] first = {16'd0, head[23:16], head[31:24]};
   wire [31:0] count = single ? 32'd1 : {16'd0, head[39:32], head[47:40]};
   wire [4:0] place = {1'b0, first[2:0], 1'b0} + write_addr[4:0] - (single ? 5'd4 : 5'd7);
   wire [7:0] length = many ? head[55:48] + 8'd9 : 8'd8;
-  wire fits = request[`CARD_REQUEST_LENGTH_BITS] == length && count != 0 &&
+  wire fits = frame_length == length && count != 0 &&
       (many ? count <= 123 && {24'd0, head[55:48]} == 2 * count : count <= 125);
   wire [7:0] error = !(reads || single || many) ? 1 : !fits ? 3 : first + count > 8 ? 2 : 0;
   wire [7:0] chosen = error != 0 || reads ? 0 : ((8'd1 << count[3:0]) - 8'd1) << first[2:0];
-  wire commit = request[`CARD_REQUEST_COMMIT_BITS] && request[`CARD_REQUEST_SILENT_BITS];
+  wire commit = committing && silent;
 
   // The reply: read_data belongs to the read_addr of the clock before.
   reg waiting;
@@ -69,8 +62,7 @@ module holding_registers #(
     else if (reads && read_addr == 2) read_data <= {count[6:0], 1'b0};
     else if (reads && read_addr > 2) read_data <= registers[{from^4'd1, 3'd0}+:8];
     else read_data <= head[{read_addr[2:0], 3'd0}+:8];
-    waiting <= commit ? !request[`CARD_REQUEST_BROADCAST_BITS] :
-        waiting && !start_seen && !reply_start;
+    waiting <= commit ? !broadcast : waiting && !start_seen && !reply_start;
     if (rst) {registers, phase, waiting} <= 154'd0;
   end
 
@@ -102,9 +94,22 @@ module holding_registers #(
       .sending(),
       .quiet(quiet),
       .start_seen(start_seen),
-      .request(request),
-      .events(),
-      .fault()
+      .silent(silent),
+      .fault(),
+      .candidate(),
+      .commit(committing),
+      .revoke(),
+      .frame_length(frame_length),
+      .frame_broadcast(broadcast),
+      .frame_writes_coils(),
+      .frame_writes_parameter(),
+      .frame_bank(),
+      .count_crc(),
+      .count_parity(),
+      .count_framing(),
+      .count_t15(),
+      .count_overrun(),
+      .count_foreign()
   );
 endmodule
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the drive port with the base tick made from the clock, as on the card, and its
-// vectors field by field.
+// Bench wrapper: the drive port with the base tick made from the clock, as on the card.
 `default_nettype none
 
 module drive_line #(
@@ -72,14 +71,22 @@ module drive_line #(
       .read_addr(read_addr),
       .read_data(read_data),
       .telegram_start(telegram_start),
-      .telegram({telegram_stop, telegram_control, telegram_no_reply, telegram_length}),
+      .telegram_length(telegram_length),
+      .telegram_no_reply(telegram_no_reply),
+      .telegram_control(telegram_control),
+      .telegram_stop(telegram_stop),
       .rx(rx),
       .tx(tx),
       .de(de),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
       .listening(listening),
-      .exchange({bad, good, candidate, quiet, sending})
+      .sending(sending),
+      .quiet(quiet),
+      .start_seen(),
+      .candidate(candidate),
+      .good(good),
+      .bad(bad)
   );
 
 endmodule

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bench wrapper: the network port with the tables of the switches, as on the card, by default with
-// EXTENDED_SWITCHES for every rate and format. The vectors come out field by field.
+// EXTENDED_SWITCHES for every rate and format.
 `default_nettype none
 
 module network_line #(
@@ -116,20 +116,22 @@ module network_line #(
       .sending(sending),
       .quiet(quiet),
       .start_seen(start_seen),
-      .request({
-        silent,
-        frame_length,
-        frame_bank,
-        frame_writes_parameter,
-        frame_writes_coils,
-        frame_broadcast,
-        commit,
-        candidate
-      }),
-      .events({
-        count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc
-      }),
-      .fault(fault)
+      .silent(silent),
+      .fault(fault),
+      .candidate(candidate),
+      .commit(commit),
+      .revoke(revoke),
+      .frame_length(frame_length),
+      .frame_broadcast(frame_broadcast),
+      .frame_writes_coils(frame_writes_coils),
+      .frame_writes_parameter(frame_writes_parameter),
+      .frame_bank(frame_bank),
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun),
+      .count_foreign(count_foreign)
   );
 
 endmodule
