@@ -8,15 +8,8 @@
 // Assumed of the ports: neither line reads and writes at once, the drive port sends after a start only, and a quiet
 // line is silent. Nothing is assumed of the firmware.
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
-// End of what `make regs` writes.
-
 localparam G_WORD_BITS = $clog2(MEMORY_BYTES / 4);
 localparam [31:0] G_LAST = MEMORY_BYTES / 4 - 1;
-
-// The fields of the vectors.
-wire loopback_close = supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS];
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -167,7 +160,7 @@ always @(posedge clk) begin
     a_which : assert (!regs_valid || (core_addr[31] && !core_addr[10]));
     // A restart of the firmware drops its reply and telegram and turns the LEDs off (WDG-1).
     a_restart : assert (!g_core_rst || !(reply_start || telegram_start || telegram_queued || reply_queued || core_ready));
-    a_dark : assert (!g_core_rst || leds == 4'd0);
+    a_dark : assert (!g_core_rst || {lit_drive_green, lit_drive_red, lit_modbus_green, lit_modbus_red} == 4'd0);
   end
 end
 

@@ -4,25 +4,19 @@
 //
 // Nothing is assumed. The addresses are those of regs/mailbox.rdl, as bytes.
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_EXCHANGE_SENDING_BITS 1
-// End of what `make regs` writes.
-
-// The fields of the vectors.
-wire telegram_sending = exchange[`MBX_EXCHANGE_SENDING_BITS];
-
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
 initial assume (rst);
 
 wire [4:0] g_address = {word, 2'b00};
 wire g_write = valid && write;
-wire g_order = g_write && g_address == 5'h0C && !telegram_sending;
+wire g_order = g_write && g_address == 5'h0C && !drive_sending;
 
 // One event, whichever: how it stands follows from what happened to it last.
 (* anyconst *) reg [2:0] g_kind;
 reg g_due = 1'b0;  // it happened, and was not cleared since
-wire g_happens = events[g_kind];
+wire [7:0] g_all = {drive_bad, count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc};
+wire g_happens = g_all[g_kind];
 wire g_cleared = g_write && g_address == 5'h04 && wdata[g_kind];
 
 reg g_read = 1'b0;  // in the clock before
@@ -44,15 +38,16 @@ always @(posedge clk) begin
   g_was_due <= g_due;
   g_seen <= {
     ticks,
-    request_length,
-    word[0] ? restarts : exchange,
-    request
+    frame_length,
+    word[0] ? restarts : {stop_due, loopback_heard, loopback_open, drive_good, drive_candidate, telegram_started,
+    drive_sending, telegram_queued},
+    {frame_bank, frame_broadcast, is_committed, is_candidate, ticket}
   };
   if (g_write && g_address == 5'h08) g_reply_length <= wdata[4:0];
   if (g_order && wdata[7:6] != 2'd1) g_telegram <= wdata[5:0];
   if (g_write && g_address == 5'h10) g_lamps <= wdata[3:0];
   if (rst) g_lamps <= 4'd0;
-  g_telegram_kept <= telegram_sending || !g_write;
+  g_telegram_kept <= drive_sending || !g_write;
   g_telegram_was <= {telegram_no_reply, telegram_length};
 end
 
@@ -74,7 +69,7 @@ always @(posedge clk) begin
     a_to_all : assert (!order_telegram || wdata[7:6] != 2'd2 || order_kind == {1'b1, wdata[5]});
     a_listen : assert (listen_again == (g_write && g_address == 5'h14 && wdata[0]));
     a_stop : assert (listen_stop == (g_write && g_address == 5'h14 && !wdata[0]));
-    a_kick : assert (watchdog_kick == (g_write && g_address == 5'h18 && wdata == 8'hA5));
+    a_kick : assert (watchdog_kick == (g_write && g_address == 5'h18 && wdata[7:0] == 8'hA5));
     a_halt : assert (halt == (g_write && g_address == 5'h1C && wdata[0]));
     a_close : assert (loopback_close == (g_write && g_address == 5'h1C && wdata[1]));
     a_watch : assert (watch_master == (g_write && g_address == 5'h1C && wdata[2]));
@@ -84,7 +79,12 @@ always @(posedge clk) begin
     a_reply_length : assert (reply_length == g_reply_length);
     a_telegram_length : assert ({telegram_no_reply, telegram_length} == g_telegram);
     a_while_sending : assert (!g_telegram_kept || {telegram_no_reply, telegram_length} == g_telegram_was);
-    a_lamps : assert (leds == g_lamps);
+    a_lamps : assert ({lit_drive_green, lit_drive_red, lit_modbus_green, lit_modbus_red} == g_lamps);
+    // The fields of an order, in the clock of its write.
+    a_order_fields : assert (!g_write || ({order_no_reply, order_stop, order_early, order_ticket} ==
+        {wdata[5], wdata[12], wdata[13], wdata[11:8]}));
+    a_reply_fields : assert (!g_write || ({reply_empty, reply_after_drive} == {wdata[4:0] == 5'd0, wdata[5]}));
+    a_watch_fields : assert (!g_write || ({period, running} == {wdata[31:12], wdata[3]}));
   end
 end
 

@@ -12,34 +12,16 @@ import re
 import tomllib
 from pathlib import Path
 
-from regs.regs import macros
-
 ROOT = Path(__file__).resolve().parents[1]
 UNSEEN = ROOT / "formal/unseen.toml"
-PORT = re.compile(r"^    (?:input|output)\s+(?:wire|reg)\s*(?:\[\s*([^\]]*)\])?\s*(\w+),?$", re.M)
-VECTOR = re.compile(r"`(\w+)_BITS$")  # a vector with named fields
+PORT = re.compile(r"^    (?:input|output)\s+(?:wire|reg)\s*(?:\[[^\]]*\])?\s*(\w+),?$", re.M)
 STEPS = 3  # any state, the next state, and one more
 # Steps count from the first one, in which every other register may have any value.
 FIRST = "state 0\nassume (= [g_step] #b00)\n"
 
 
-def pins(rtl: str) -> dict[str, str]:
-    """Pin to its Verilog expression; a vector with named fields counts as one pin a field."""
-    fields = [name.removesuffix("_BITS") for name in macros() if name.endswith("_BITS")]
-    found = {}
-    for bits, pin in PORT.findall(re.sub(r"\s*//.*", "", rtl)):
-        vector = VECTOR.match(bits.strip())
-        named = [name for name in fields if vector and name.startswith(f"{vector[1]}_")]
-        for name in named:
-            found[f"{pin}_{name.removeprefix(f'{vector[1]}_').lower()}"] = (
-                f"{pin}[{macros()[f'{name}_BITS']}]"
-            )
-        if pin.endswith("events") and not named:
-            count = int(bits.split(":")[0]) + 1
-            found |= {f"{pin}_{bit}": f"{pin}[{bit}]" for bit in range(count)}
-        elif not named and pin != "clk":
-            found[pin] = pin
-    return found
+def pins(rtl: str) -> list[str]:
+    return [pin for pin in PORT.findall(re.sub(r"\s*//.*", "", rtl)) if pin != "clk"]
 
 
 def values(rtl: str) -> list[str]:
@@ -54,11 +36,9 @@ def unseen(module: str, task: str) -> set[str]:
 def with_covers(joined: str, rtl: str) -> str:
     """The module with its properties and a cover for each value."""
     lines = ["reg [1:0] g_step;", "always @(posedge clk) g_step <= g_step + 2'd1;"]
-    expressions = pins(rtl)
     for value in values(rtl):
         pin, level = value.split(" = ")
-        signal = expressions[pin]
-        taken = f"|{signal}" if level == "1" else f"!(&{signal})"
+        taken = f"|{pin}" if level == "1" else f"!(&{pin})"
         running = "" if pin == "rst" else " && !rst"
         # Covered one clock later, after the assumptions of this clock have been checked at its end.
         lines.append(f"reg g_{pin}_{level};\nalways @(posedge clk) g_{pin}_{level} <= {taken}{running};")

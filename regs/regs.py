@@ -6,7 +6,6 @@
 
 From the mailbox map: C header, linker symbols, Python constants, Markdown page.
 From the card tables: Verilog table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
-From both: the block of macros in each Verilog file that uses them.
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 From the list of Verilog files: the lists in the .core files for FuseSoC.
 From the version of the release: a C header (MAP-10), the versions in the .core files and of tb/agents.
@@ -20,7 +19,6 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Iterable
-from functools import cache
 from pathlib import Path
 
 from peakrdl_cheader.c_standards import CStandard
@@ -40,12 +38,6 @@ VERSION = "VERSION"
 AGENTS = "tb/agents/pyproject.toml"
 EXAMPLE = "docs/example/holding_registers.core"
 WORD_BYTES = 4
-# The Verilog files that may use macros, and the block that has them there.
-WITH_MACROS = ("rtl/**/*.v", "tb/rtl/*.v", "docs/example/*.v", "formal/*_props.vh")
-MACROS_BEGIN = "// Written by `make regs`, the macros of regs/ that this file uses:"
-MACROS_END = "// End of what `make regs` writes."
-MACRO_BLOCK = re.compile(rf"^{re.escape(MACROS_BEGIN)}\n(.*\n)*?{re.escape(MACROS_END)}\n\n", re.MULTILINE)
-NETTYPE = "`default_nettype none\n\n"
 # Start value of silence_timer's count at each half character; the module gives the reason.
 SILENCE_START = 18
 
@@ -180,32 +172,6 @@ def squeeze(text: str) -> str:
     return " ".join(text.split())
 
 
-def mailbox_macros(registers: Map) -> dict[str, str]:
-    """Verilog macros of the mailbox.
-
-    MBX_x_WORD: word address of register x inside the mailbox, 3 bits. MBX_x_BITS: all bits of register x that
-    have a field. MBX_x_y_BITS, _WIDTH, _RESET: field y of x as a bit select, its width and its reset value.
-    MBX_x_y_IS_z: value z of field y of x. MBX_x_SLOT, _LANE: word inside the frame memory, 6 bits, and byte
-    of the word where x begins.
-    """
-    macros: dict[str, str] = {}
-    for reg in registers.registers:
-        macros[f"MBX_{reg.inst_name}_WORD"] = f"3'h{reg.address_offset // WORD_BYTES:x}"
-        macros[f"MBX_{reg.inst_name}_BITS"] = f"{max(field.high for field in reg.fields())}:0"
-        for field in reg.fields():
-            name = f"MBX_{reg.inst_name}_{field.inst_name.upper()}"
-            macros[f"{name}_BITS"] = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
-            macros[f"{name}_WIDTH"] = f"{field.width}"
-            if (reset := field_reset(field)) is not None:
-                macros[f"{name}_RESET"] = f"{field.width}'h{reset:x}"
-            for value, number, _ in enum_members(field):
-                macros[f"{name}_IS_{value.upper()}"] = f"{field.width}'h{number:x}"
-    for area in registers.areas:
-        slot, lane = divmod(area.raw_absolute_address, WORD_BYTES)
-        macros |= {f"MBX_{area.inst_name}_SLOT": f"6'h{slot:02x}", f"MBX_{area.inst_name}_LANE": f"{lane}"}
-    return macros
-
-
 def python_constants(registers: Map) -> str:
     lines = [
         banner("#", RDL).rstrip(),
@@ -310,7 +276,6 @@ class CardTables:
         data = tomllib.loads((ROOT / CARD).read_text())
         self.line = data["line"]
         self.drive = data["drive"]
-        self.vectors = data["vectors"]
         self.rates = {self.switch_bits(text, 3): rate for text, rate in data["baud"].items()}
         self.formats = {
             self.switch_bits(text, 2): self.whole(entry) for text, entry in data["format"].items()
@@ -376,47 +341,6 @@ class CardTables:
     @property
     def drive_pause_ticks(self) -> int:
         return self.drive["pause_characters"] * self.line["character_bits"] * self.line["ticks_per_bit"]
-
-
-def card_macros(card: CardTables) -> dict[str, str]:
-    """Verilog macros of the vectors between modules.
-
-    CARD_x_BITS: all bits of vector x; CARD_x_y_BITS: its field y, a bit select.
-    """
-    macros = {}
-    for vector, fields in card.vectors.items():
-        macros[f"CARD_{vector.upper()}_BITS"] = f"{sum(fields.values()) - 1}:0"
-        low = 0
-        for field, width in fields.items():
-            bits = f"{low + width - 1}:{low}" if width > 1 else f"{low}"
-            macros[f"CARD_{vector.upper()}_{field.upper()}_BITS"] = bits
-            low += width
-    return macros
-
-
-@cache
-def macros() -> dict[str, str]:
-    return mailbox_macros(Map()) | card_macros(CardTables())
-
-
-def with_macros(text: str) -> str:
-    """A Verilog file with the macros that it uses.
-
-    They stand in each file, so that the files can be read in any order and in any folder. A localparam cannot
-    give the width of a port, and an `include needs a path.
-    """
-    text = MACRO_BLOCK.sub("", text)
-    used = set(re.findall(r"`(\w+)", re.sub(r"//.*", "", text)))
-    found = [f"`define {name} {value}\n" for name, value in macros().items() if name in used]
-    if any(name.startswith("CONFIG_") for name in used):
-        found += standard_unless_another()
-    if not found:
-        return text
-    block = f"{MACROS_BEGIN}\n{''.join(found)}{MACROS_END}\n\n"
-    if NETTYPE in text:
-        return text.replace(NETTYPE, NETTYPE + block, 1)
-    header = re.match(r"(//.*\n)*", text)[0]  # properties, which are joined to a module
-    return f"{header}\n{block}" + text[len(header) :].lstrip("\n")
 
 
 def verilog_case(select: str, width: int, rows: dict[int, dict[str, str]]) -> list[str]:
@@ -645,13 +569,6 @@ def config_macros(name: str, entry: dict) -> str:
     return "\n".join(lines) + "\n"
 
 
-def standard_unless_another() -> list[str]:
-    """The defaults of the top, if no file of another configuration was read before it."""
-    text = config_macros("standard", tomllib.loads((ROOT / CONFIGS).read_text())["standard"])
-    defines = re.findall(r"^`define .*\n", text, re.MULTILINE)
-    return ["`ifndef CONFIG_CLK_HZ\n", *defines, "`endif\n"]
-
-
 def release_version() -> str:
     return (ROOT / VERSION).read_text().strip()
 
@@ -706,7 +623,7 @@ def generate() -> dict[str, str]:
         "regs/generated/frames.ld": linker_script(registers),
         "regs/generated/mailbox.py": python_constants(registers),
         "docs/reference/registers.md": markdown_page(registers),
-        "regs/generated/card_tables.v": with_macros(card_verilog(card)),
+        "regs/generated/card_tables.v": card_verilog(card),
         "regs/generated/card_tables.py": card_python(card),
         "regs/generated/card_tables.h": card_cpp(card),
         "regs/generated/version.h": version_header(),
@@ -718,9 +635,7 @@ def generate() -> dict[str, str]:
     lists = core_lists()
     for path in (*sorted(ROOT.glob("*.core")), ROOT / EXAMPLE):
         files[str(path.relative_to(ROOT))] = with_version_and_list(path, lists.get(path.stem))
-    # Of these files `make regs` writes the macros only.
-    written = [path for folder in WITH_MACROS for path in sorted(ROOT.glob(folder))]
-    return files | {str(path.relative_to(ROOT)): with_macros(path.read_text()) for path in written}
+    return files
 
 
 def main() -> int:

@@ -171,13 +171,36 @@ def test_drive_line_is_9600_8e1_with_a_pause_of_two_characters():
     assert card_tables.DRIVE_PAUSE_TICKS == 22 * 16
 
 
-@pytest.mark.parametrize("vector", ["SUPERVISION"])
-def test_the_fields_of_a_vector_fill_it_and_no_two_share_bits(vector):
-    macros = regs.card_macros(regs.CardTables())
-    whole = f"CARD_{vector}_BITS"
-    bits = []
-    for name, text in macros.items():
-        if name.startswith(f"CARD_{vector}_") and name != whole:
-            high, _, low = text.partition(":")
-            bits += range(int(low or high), int(high) + 1)
-    assert macros[whole] == f"{len(bits) - 1}:0" and bits == list(range(len(bits)))
+def test_the_decoder_of_the_registers_has_the_numbers_of_the_map():
+    """Words, lowest bits of fields, named values, the key; the width of a field where it is used."""
+    wanted = {name: register.offset // 4 for name, register in mailbox.REGISTERS.items()}
+    widths = {}
+    for name, register in mailbox.REGISTERS.items():
+        for field, place in register.fields.items():
+            wanted[f"{name}_{field.upper()}"] = place.bit
+            widths[f"{name}_{field.upper()}"] = str(place.width)
+    values = mailbox.VALUES["TELEGRAM", "action"].items()
+    wanted |= {f"ACTION_{name.upper()}": value for name, value in values}
+    wanted["KEY"] = mailbox.REGISTERS["WATCHDOG"].fields["key"].reset
+    path = ROOT / "rtl/mailbox_regs.v"
+    found = {name: value for name, value in localparams(path).items() if not name.startswith("K_")}
+    assert found == {name: wanted[name] for name in found}
+    written = {name for name, register in mailbox.REGISTERS.items() if register.size == 4}
+    assert found.keys() >= written
+    used = re.findall(r"\bwdata\[(\w+)(?:\+:(\d+))?\]", path.read_text())
+    assert {name for name, _ in used} == found.keys() & widths.keys()
+    assert all(widths[name] == (width or "1") for name, width in used)
+    tickets = [mailbox.REGISTERS[name].fields["ticket"] for name in ("REPLY", "TELEGRAM", "SUPERVISOR")]
+    assert len(set(tickets)) == 1
+
+
+def test_the_arbiter_has_the_frames_of_the_map():
+    found = localparams(ROOT / "rtl/bus_arbiter.v")
+    assert found == {name: mailbox.AREAS[f"{name}_FRAME"].slot for name in ("TELEGRAM", "REPLY", "DRIVE")}
+
+
+def test_defaults_of_the_top_are_the_standard_configuration():
+    """Where the macros of another configuration were not read before."""
+    top, standard = (ROOT / name for name in ("rtl/rtu2fc.v", "regs/generated/config_standard.v"))
+    defaults, wanted = (re.findall(r"^`define .*", path.read_text(), re.M) for path in (top, standard))
+    assert defaults == wanted

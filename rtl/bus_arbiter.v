@@ -21,12 +21,6 @@
 // Clock domain: clk. Rules: FRAME-5, SAFE-1, SAFE-5.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_REPLY_FRAME_SLOT 6'h00
-`define MBX_TELEGRAM_FRAME_SLOT 6'h20
-`define MBX_DRIVE_FRAME_SLOT 6'h00
-// End of what `make regs` writes.
-
 module bus_arbiter #(
     parameter MEMORY_BYTES = 8192
 ) (
@@ -75,9 +69,10 @@ module bus_arbiter #(
 
   localparam WORD_BITS = $clog2(MEMORY_BYTES / 4);
   localparam [31:0] LAST = MEMORY_BYTES / 4 - 1;
-  localparam [5:0] TELEGRAM = `MBX_TELEGRAM_FRAME_SLOT;
-  localparam [5:0] REPLY = `MBX_REPLY_FRAME_SLOT;
-  localparam [5:0] DRIVE = `MBX_DRIVE_FRAME_SLOT;
+  // First words of the frames (regs/mailbox.rdl).
+  localparam [5:0] TELEGRAM = 6'h20;
+  localparam [5:0] REPLY = 6'h00;
+  localparam [5:0] DRIVE = 6'h00;
 
   // A module that does not exist stops every tool and names the mistake.
   localparam THIRD = MEMORY_BYTES % 3 == 0 ? MEMORY_BYTES / 3 : MEMORY_BYTES;

@@ -3,46 +3,11 @@
 //
 // The network port writes requests and reads replies. The drive port reads telegrams and
 // writes the drive's replies. The firmware sees all of it through one bus. The commit gate
-// decides what leaves. Only wires in here. supervision: a vector of
-// regs/card.toml; leds: a register of regs/mailbox.rdl.
+// decides what leaves. Only wires in here.
 // MASTER_LOSS_STOP: of commit_gate. MEMORY_BYTES: of bus_arbiter. core_rst: reset of the soft
 // core; it also empties the commit gate. Clock domain: clk.
 // Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
-
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_REQUEST_BITS 7:0
-`define MBX_REQUEST_TICKET_BITS 3:0
-`define MBX_REQUEST_CANDIDATE_BITS 4
-`define MBX_REQUEST_COMMITTED_BITS 5
-`define MBX_REQUEST_BROADCAST_BITS 6
-`define MBX_REQUEST_BANK_BITS 7
-`define MBX_EXCHANGE_BITS 7:0
-`define MBX_EXCHANGE_QUEUED_BITS 0
-`define MBX_EXCHANGE_SENDING_BITS 1
-`define MBX_EXCHANGE_STARTED_BITS 2
-`define MBX_EXCHANGE_CANDIDATE_BITS 3
-`define MBX_EXCHANGE_GOOD_BITS 4
-`define MBX_EXCHANGE_LOOPBACK_BITS 5
-`define MBX_EXCHANGE_HEARD_BITS 6
-`define MBX_EXCHANGE_STOP_DUE_BITS 7
-`define MBX_EVENTS_BITS 7:0
-`define MBX_RESTARTS_BITS 7:0
-`define MBX_REPLY_LENGTH_BITS 4:0
-`define MBX_REPLY_AFTER_DRIVE_BITS 5
-`define MBX_REPLY_TICKET_BITS 11:8
-`define MBX_TELEGRAM_NO_REPLY_BITS 5
-`define MBX_TELEGRAM_STOP_BITS 12
-`define MBX_TELEGRAM_EARLY_BITS 13
-`define MBX_LED_BITS 3:0
-`define MBX_SUPERVISOR_RUNNING_BITS 3
-`define MBX_SUPERVISOR_PERIOD_BITS 31:12
-`define CARD_SUPERVISION_BITS 3:0
-`define CARD_SUPERVISION_KICK_BITS 0
-`define CARD_SUPERVISION_HALT_BITS 1
-`define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
-`define CARD_SUPERVISION_FAULT_BITS 3
-// End of what `make regs` writes.
 
 module mailbox #(
     parameter MEMORY_BYTES = 8192,
@@ -113,13 +78,20 @@ module mailbox #(
     // both ports
     output wire [                       7:0] read_data,
     // supervisor
-    output wire [    `CARD_SUPERVISION_BITS] supervision,
+    output wire                              watchdog_kick,
+    output wire                              halt,
+    output wire                              loopback_close,
+    output wire                              fault,
     input  wire                              loopback_open,
     input  wire                              loopback_heard,
-    input  wire [        `MBX_RESTARTS_BITS] restarts,
+    input  wire [                       7:0] restarts,
     // status
     input  wire [                       7:0] ticks,
-    output wire [             `MBX_LED_BITS] leds
+    // LEDs
+    output wire                              lit_modbus_red,
+    output wire                              lit_modbus_green,
+    output wire                              lit_drive_red,
+    output wire                              lit_drive_green
 );
 
   wire regs_valid;
@@ -131,6 +103,14 @@ module mailbox #(
   wire order_repeat;
   wire [1:0] order_kind;
   wire watch_master;
+  wire [3:0] order_ticket;
+  wire reply_empty;
+  wire reply_after_drive;
+  wire order_no_reply;
+  wire order_stop;
+  wire order_early;
+  wire running;
+  wire [19:0] period;
   wire telegram_touched;
   wire [3:0] ticket;
   wire is_candidate;
@@ -139,37 +119,6 @@ module mailbox #(
   wire telegram_queued;
   wire telegram_started;
   wire stop_due;
-
-  reg [`MBX_EVENTS_BITS] events;
-  reg [`MBX_REQUEST_BITS] request_status;
-  reg [`MBX_EXCHANGE_BITS] exchange_status;
-
-  // What the firmware reads.
-  always @* begin
-    events = {
-      drive_bad,
-      count_foreign,
-      revoke,
-      count_overrun,
-      count_t15,
-      count_framing,
-      count_parity,
-      count_crc
-    };
-    request_status[`MBX_REQUEST_TICKET_BITS] = ticket;
-    request_status[`MBX_REQUEST_CANDIDATE_BITS] = is_candidate;
-    request_status[`MBX_REQUEST_COMMITTED_BITS] = is_committed;
-    request_status[`MBX_REQUEST_BROADCAST_BITS] = frame_broadcast;
-    request_status[`MBX_REQUEST_BANK_BITS] = frame_bank;
-    exchange_status[`MBX_EXCHANGE_QUEUED_BITS] = telegram_queued;
-    exchange_status[`MBX_EXCHANGE_SENDING_BITS] = drive_sending;
-    exchange_status[`MBX_EXCHANGE_STARTED_BITS] = telegram_started;
-    exchange_status[`MBX_EXCHANGE_CANDIDATE_BITS] = drive_candidate;
-    exchange_status[`MBX_EXCHANGE_GOOD_BITS] = drive_good;
-    exchange_status[`MBX_EXCHANGE_LOOPBACK_BITS] = loopback_open;
-    exchange_status[`MBX_EXCHANGE_HEARD_BITS] = loopback_heard;
-    exchange_status[`MBX_EXCHANGE_STOP_DUE_BITS] = stop_due;
-  end
 
   bus_arbiter #(
       .MEMORY_BYTES(MEMORY_BYTES)
@@ -224,30 +173,64 @@ module mailbox #(
       .valid(regs_valid),
       .write(regs_write),
       .word(regs_word),
-      .wdata(core_wdata[7:0]),
+      .wdata(core_wdata),
       .rdata(regs_rdata),
-      // commands
+      // orders
       .order_reply(order_reply),
       .order_telegram(order_telegram),
       .order_repeat(order_repeat),
-      .order_kind(order_kind),
       .listen_again(listen_again),
       .listen_stop(listen_stop),
-      .watchdog_kick(supervision[`CARD_SUPERVISION_KICK_BITS]),
-      .halt(supervision[`CARD_SUPERVISION_HALT_BITS]),
-      .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
+      .watchdog_kick(watchdog_kick),
+      .halt(halt),
+      .loopback_close(loopback_close),
       .watch_master(watch_master),
+      // fields of an order
+      .order_ticket(order_ticket),
+      .reply_empty(reply_empty),
+      .reply_after_drive(reply_after_drive),
+      .order_kind(order_kind),
+      .order_no_reply(order_no_reply),
+      .order_stop(order_stop),
+      .order_early(order_early),
+      .running(running),
+      .period(period),
+      // kept until the next order
       .reply_length(reply_length),
       .telegram_length(telegram_length),
       .telegram_no_reply(telegram_no_reply),
-      .leds(leds),
-      // status, as the registers show it
-      .events(events),
-      .request(request_status),
-      .exchange(exchange_status),
+      .lit_modbus_red(lit_modbus_red),
+      .lit_modbus_green(lit_modbus_green),
+      .lit_drive_red(lit_drive_red),
+      .lit_drive_green(lit_drive_green),
+      // newest request
+      .ticket(ticket),
+      .is_candidate(is_candidate),
+      .is_committed(is_committed),
+      .frame_broadcast(frame_broadcast),
+      .frame_bank(frame_bank),
+      .frame_length(frame_length),
+      // exchange with the drive
+      .telegram_queued(telegram_queued),
+      .telegram_started(telegram_started),
+      .drive_sending(drive_sending),
+      .drive_candidate(drive_candidate),
+      .drive_good(drive_good),
+      // supervision
+      .loopback_open(loopback_open),
+      .loopback_heard(loopback_heard),
+      .stop_due(stop_due),
       .restarts(restarts),
-      .request_length(frame_length),
-      .ticks(ticks)
+      .ticks(ticks),
+      // events
+      .count_crc(count_crc),
+      .count_parity(count_parity),
+      .count_framing(count_framing),
+      .count_t15(count_t15),
+      .count_overrun(count_overrun),
+      .revoke(revoke),
+      .count_foreign(count_foreign),
+      .drive_bad(drive_bad)
   );
 
   commit_gate #(
@@ -272,22 +255,22 @@ module mailbox #(
       .drive_quiet(drive_quiet && !drive_sending),
       // firmware
       .order_reply(order_reply),
-      .reply_empty(core_wdata[`MBX_REPLY_LENGTH_BITS] == 5'd0),
-      .reply_after_drive(core_wdata[`MBX_REPLY_AFTER_DRIVE_BITS]),
+      .reply_empty(reply_empty),
+      .reply_after_drive(reply_after_drive),
       .order_telegram(order_telegram),
       .order_kind(order_kind),
-      .order_no_reply(core_wdata[`MBX_TELEGRAM_NO_REPLY_BITS]),
-      .order_stop(core_wdata[`MBX_TELEGRAM_STOP_BITS]),
-      .order_early(core_wdata[`MBX_TELEGRAM_EARLY_BITS]),
+      .order_no_reply(order_no_reply),
+      .order_stop(order_stop),
+      .order_early(order_early),
       .order_repeat(order_repeat),
       .telegram_touched(telegram_touched),
-      .order_ticket(core_wdata[`MBX_REPLY_TICKET_BITS]),
+      .order_ticket(order_ticket),
       .watch(watch_master),
-      .running(core_wdata[`MBX_SUPERVISOR_RUNNING_BITS]),
-      .period(core_wdata[`MBX_SUPERVISOR_PERIOD_BITS]),
+      .running(running),
+      .period(period),
       // loop-back test
       .loopback_open(loopback_open),
-      .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
+      .loopback_close(loopback_close),
       // stream out
       .reply_start(reply_start),
       .telegram_start(telegram_start),
@@ -301,7 +284,7 @@ module mailbox #(
       .telegram_queued(telegram_queued),
       .telegram_started(telegram_started),
       .stop_due(stop_due),
-      .fault(supervision[`CARD_SUPERVISION_FAULT_BITS])
+      .fault(fault)
   );
 
   // For waveforms.

@@ -16,23 +16,12 @@
 // Rules: TOP-1, TOP-2.
 `default_nettype none
 
-// Written by `make regs`, the macros of regs/ that this file uses:
-`define MBX_LED_BITS 3:0
-`define MBX_LED_MODBUS_RED_BITS 0
-`define MBX_LED_MODBUS_GREEN_BITS 1
-`define MBX_LED_DRIVE_RED_BITS 2
-`define MBX_LED_DRIVE_GREEN_BITS 3
-`define CARD_SUPERVISION_BITS 3:0
-`define CARD_SUPERVISION_KICK_BITS 0
-`define CARD_SUPERVISION_HALT_BITS 1
-`define CARD_SUPERVISION_LOOPBACK_CLOSE_BITS 2
-`define CARD_SUPERVISION_FAULT_BITS 3
+// The configuration standard (configs.toml), unless the file of another one was read before.
 `ifndef CONFIG_CLK_HZ
 `define CONFIG_CLK_HZ 12000000
 `define CONFIG_SOFT_CORE 2'd0  // picorv32
 `define CONFIG_MEMORY_BYTES 8192
 `endif
-// End of what `make regs` writes.
 
 module rtu2fc #(
     parameter CLK_HZ = `CONFIG_CLK_HZ,
@@ -155,7 +144,10 @@ module rtu2fc #(
 
   wire [7:0] frame_read_data;
 
-  wire [`CARD_SUPERVISION_BITS] supervision;
+  wire watchdog_kick;
+  wire halt;
+  wire loopback_close;
+  wire gate_fault;
   wire network_fault;
   wire loopback_open;
   wire loopback_heard;
@@ -163,16 +155,19 @@ module rtu2fc #(
   wire fault;
   wire modbus_driven;
   wire drive_driven;
-  wire [`MBX_LED_BITS] lit;
+  wire lit_modbus_red;
+  wire lit_modbus_green;
+  wire lit_drive_red;
+  wire lit_drive_green;
 
   // docs/hardening.md, Faults of guarded bits, Memory parity (SAFE-4)
-  wire flipped = ram_damaged || network_fault || supervision[`CARD_SUPERVISION_FAULT_BITS];
+  wire flipped = ram_damaged || network_fault || gate_fault;
 
   // On a fault both LEDs are red, whatever the firmware has set (LED-5).
-  assign led_modbus_red = lit[`MBX_LED_MODBUS_RED_BITS] || fault;
-  assign led_modbus_green = lit[`MBX_LED_MODBUS_GREEN_BITS] && !fault;
-  assign led_drive_red = lit[`MBX_LED_DRIVE_RED_BITS] || fault;
-  assign led_drive_green = lit[`MBX_LED_DRIVE_GREEN_BITS] && !fault;
+  assign led_modbus_red = lit_modbus_red || fault;
+  assign led_modbus_green = lit_modbus_green && !fault;
+  assign led_drive_red = lit_drive_red || fault;
+  assign led_drive_green = lit_drive_green && !fault;
 
   reset_sync reset_i (
       .clk  (clk),
@@ -427,13 +422,20 @@ module rtu2fc #(
       // both ports
       .read_data(frame_read_data),
       // supervisor
-      .supervision(supervision),
+      .watchdog_kick(watchdog_kick),
+      .halt(halt),
+      .loopback_close(loopback_close),
+      .fault(gate_fault),
       .loopback_open(loopback_open),
       .loopback_heard(loopback_heard),
       .restarts(restarts),
       // status
       .ticks(ticks),
-      .leds(lit)
+      // LEDs
+      .lit_modbus_red(lit_modbus_red),
+      .lit_modbus_green(lit_modbus_green),
+      .lit_drive_red(lit_drive_red),
+      .lit_drive_green(lit_drive_green)
   );
 
   supervisor supervisor_i (
@@ -441,9 +443,9 @@ module rtu2fc #(
       .rst(rst),
       .beat(ticks[5]),
       // firmware
-      .kick(supervision[`CARD_SUPERVISION_KICK_BITS]),
-      .halt(supervision[`CARD_SUPERVISION_HALT_BITS]),
-      .loopback_close(supervision[`CARD_SUPERVISION_LOOPBACK_CLOSE_BITS]),
+      .kick(watchdog_kick),
+      .halt(halt),
+      .loopback_close(loopback_close),
       .core_trap(core_trap || flipped),
       // line activity
       .start_seen(modbus_start_seen || drive_start_seen),
