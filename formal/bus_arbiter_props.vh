@@ -3,7 +3,8 @@
 // (FRAME-5, SAFE-1). The soft core reaches memory by every address that is not a register, and nothing while it is
 // in reset, whatever its bus shows (SAFE-5).
 //
-// Assumed: the soft core holds an access until ready; a line never reads and writes at once.
+// Assumed: the soft core holds an access until ready; a line never reads and writes at once; the registers' data is 0
+// in the clock after any other than their reading (proved for mailbox).
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
@@ -15,6 +16,8 @@ reg [31:0] g_wdata = 32'd0;
 reg [3:0] g_wstrb = 4'd0;
 reg g_served = 1'b0;  // memory or registers took the soft core's access in the clock before
 reg g_rst = 1'b1;
+reg g_line_read = 1'b0;  // a line read the memory in the clock before
+reg g_regs_read = 1'b0;  // so did the soft core a register
 
 wire g_modbus_asks = modbus_read_valid || modbus_write_valid;
 wire g_drive_asks = drive_read_valid || drive_write_valid;
@@ -26,6 +29,8 @@ wire g_core_has_ram = ram_enable && !g_modbus_asks && !g_drive_asks;
 
 always @(posedge clk) begin
   g_rst <= rst;
+  g_line_read <= modbus_read_ready || drive_read_ready;
+  g_regs_read <= regs_valid && !regs_write;
   g_waiting <= core_valid && !core_ready && !rst;
   g_addr <= core_addr;
   g_wdata <= core_wdata;
@@ -36,6 +41,7 @@ end
 always @* begin
   assume (!(modbus_read_valid && modbus_write_valid));
   assume (!(drive_read_valid && drive_write_valid));
+  assume (!g_past || g_regs_read || regs_rdata == 32'd0);
   if (g_past && g_waiting) begin
     assume (core_valid);
     assume (core_addr == g_addr && core_wdata == g_wdata && core_wstrb == g_wstrb);
@@ -82,6 +88,11 @@ always @(posedge clk) begin
     a_reads_write_nothing : assert (!(modbus_read_ready || drive_read_ready) || ram_wstrb == 4'b0000);
     a_reply : assert (!modbus_read_ready || ram_word[5:0] == {REPLY[5], modbus_read_addr});
     a_telegram : assert (!drive_read_ready || ram_word[5:0] == {TELEGRAM[5], drive_read_addr});
+    a_not_asked : assert (modbus_write_ready <= modbus_write_valid && modbus_read_ready <= modbus_read_valid &&
+        drive_write_ready <= drive_write_valid && drive_read_ready <= drive_read_valid);
+    // What a line gets is the memory's answer, with nothing of the registers in it; so does the soft core.
+    a_read : assert (!g_line_read || read_data == ram_rdata[7:0]);
+    a_core_read : assert (!core_ready || g_regs_read || core_rdata == ram_rdata);
     // SAFE-1: a write to the telegram is reported or dropped, by whatever address it comes.
     a_touched : assert (!g_to_telegram || telegram_touched);
     a_not_while_sending : assert (!telegram_sending || !g_to_telegram);

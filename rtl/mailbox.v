@@ -1,103 +1,74 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mailbox: registers, commit gate and the way into the memory, wired together.
+// The mailbox: registers and commit gate, wired together.
 //
-// The network port writes requests and reads replies. The drive port reads telegrams and
-// writes the drive's replies. The firmware sees all of it through one bus. The commit gate
-// decides what leaves. Only wires in here.
-// MASTER_LOSS_STOP: of commit_gate. MEMORY_BYTES: of bus_arbiter. core_rst: reset of the soft
-// core; it also empties the commit gate. Clock domain: clk.
-// Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
+// The firmware sees both ports through the registers and orders replies and telegrams there; the
+// commit gate decides what leaves. The frames themselves are in the memory, see bus_arbiter.
+// MASTER_LOSS_STOP: of commit_gate. core_rst: reset of the soft core; it also empties the commit
+// gate. Only wires in here. Clock domain: clk. Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
 
 module mailbox #(
-    parameter MEMORY_BYTES = 8192,
     parameter [0:0] MASTER_LOSS_STOP = 1'b0
 ) (
-    input  wire                              clk,
-    input  wire                              core_rst,
-    // soft core
-    input  wire                              core_valid,
-    output wire                              core_ready,
-    input  wire [                      31:0] core_addr,
-    input  wire [                      31:0] core_wdata,
-    input  wire [                       3:0] core_wstrb,
-    output wire [                      31:0] core_rdata,
-    // memory
-    output wire                              ram_enable,
-    output wire [$clog2(MEMORY_BYTES/4)-1:0] ram_word,
-    output wire [                      31:0] ram_wdata,
-    output wire [                       3:0] ram_wstrb,
-    input  wire [                      31:0] ram_rdata,
+    input  wire        clk,
+    input  wire        core_rst,
+    // registers, by bus_arbiter
+    input  wire        regs_valid,
+    input  wire        regs_write,
+    input  wire [ 2:0] regs_word,
+    input  wire [31:0] regs_wdata,
+    output wire [31:0] regs_rdata,
+    input  wire        telegram_touched,
     // network port
-    input  wire                              modbus_write_valid,
-    output wire                              modbus_write_ready,
-    input  wire [                       5:0] modbus_write_addr,
-    input  wire [                       7:0] modbus_write_data,
-    input  wire                              modbus_read_valid,
-    output wire                              modbus_read_ready,
-    input  wire [                       4:0] modbus_read_addr,
-    output wire                              reply_start,
-    output wire [                       4:0] reply_length,
-    input  wire                              modbus_quiet,
-    input  wire                              modbus_start_seen,
-    input  wire                              modbus_silent,
-    input  wire                              candidate,
-    input  wire                              commit,
-    input  wire                              revoke,
-    input  wire [                       7:0] frame_length,
-    input  wire                              frame_broadcast,
-    input  wire                              frame_writes_coils,
-    input  wire                              frame_writes_parameter,
-    input  wire                              frame_bank,
-    input  wire                              count_crc,
-    input  wire                              count_parity,
-    input  wire                              count_framing,
-    input  wire                              count_t15,
-    input  wire                              count_overrun,
-    input  wire                              count_foreign,
+    output wire        reply_start,
+    output wire [ 4:0] reply_length,
+    input  wire        modbus_quiet,
+    input  wire        modbus_start_seen,
+    input  wire        modbus_silent,
+    input  wire        candidate,
+    input  wire        commit,
+    input  wire        revoke,
+    input  wire [ 7:0] frame_length,
+    input  wire        frame_broadcast,
+    input  wire        frame_writes_coils,
+    input  wire        frame_writes_parameter,
+    input  wire        frame_bank,
+    input  wire        count_crc,
+    input  wire        count_parity,
+    input  wire        count_framing,
+    input  wire        count_t15,
+    input  wire        count_overrun,
+    input  wire        count_foreign,
     // drive port
-    input  wire                              drive_write_valid,
-    output wire                              drive_write_ready,
-    input  wire [                       4:0] drive_write_addr,
-    input  wire [                       7:0] drive_write_data,
-    input  wire                              drive_read_valid,
-    output wire                              drive_read_ready,
-    input  wire [                       4:0] drive_read_addr,
-    output wire                              telegram_start,
-    output wire [                       4:0] telegram_length,
-    output wire                              telegram_no_reply,
-    output wire                              telegram_control,
-    output wire                              telegram_stop,
-    output wire                              listen_again,
-    output wire                              listen_stop,
-    input  wire                              drive_sending,
-    input  wire                              drive_quiet,
-    input  wire                              drive_candidate,
-    input  wire                              drive_good,
-    input  wire                              drive_bad,
-    // both ports
-    output wire [                       7:0] read_data,
+    output wire        telegram_start,
+    output wire [ 4:0] telegram_length,
+    output wire        telegram_no_reply,
+    output wire        telegram_control,
+    output wire        telegram_stop,
+    output wire        listen_again,
+    output wire        listen_stop,
+    input  wire        drive_sending,
+    input  wire        drive_quiet,
+    input  wire        drive_candidate,
+    input  wire        drive_good,
+    input  wire        drive_bad,
     // supervisor
-    output wire                              watchdog_kick,
-    output wire                              halt,
-    output wire                              loopback_close,
-    output wire                              fault,
-    input  wire                              loopback_open,
-    input  wire                              loopback_heard,
-    input  wire [                       7:0] restarts,
+    output wire        watchdog_kick,
+    output wire        halt,
+    output wire        loopback_close,
+    output wire        fault,
+    input  wire        loopback_open,
+    input  wire        loopback_heard,
+    input  wire [ 7:0] restarts,
     // status
-    input  wire [                       7:0] ticks,
+    input  wire [ 7:0] ticks,
     // LEDs
-    output wire                              lit_modbus_red,
-    output wire                              lit_modbus_green,
-    output wire                              lit_drive_red,
-    output wire                              lit_drive_green
+    output wire        lit_modbus_red,
+    output wire        lit_modbus_green,
+    output wire        lit_drive_red,
+    output wire        lit_drive_green
 );
 
-  wire regs_valid;
-  wire regs_write;
-  wire [2:0] regs_word;
-  wire [31:0] regs_rdata;
   wire order_reply;
   wire order_telegram;
   wire order_repeat;
@@ -111,7 +82,6 @@ module mailbox #(
   wire order_early;
   wire running;
   wire [19:0] period;
-  wire telegram_touched;
   wire [3:0] ticket;
   wire is_candidate;
   wire is_committed;
@@ -120,52 +90,6 @@ module mailbox #(
   wire telegram_started;
   wire stop_due;
 
-  bus_arbiter #(
-      .MEMORY_BYTES(MEMORY_BYTES)
-  ) arbiter_i (
-      .clk(clk),
-      .rst(core_rst),
-      // soft core
-      .core_valid(core_valid),
-      .core_ready(core_ready),
-      .core_addr(core_addr),
-      .core_wdata(core_wdata),
-      .core_wstrb(core_wstrb),
-      .core_rdata(core_rdata),
-      // network line
-      .modbus_write_valid(modbus_write_valid),
-      .modbus_write_ready(modbus_write_ready),
-      .modbus_write_addr(modbus_write_addr),
-      .modbus_write_data(modbus_write_data),
-      .modbus_read_valid(modbus_read_valid),
-      .modbus_read_ready(modbus_read_ready),
-      .modbus_read_addr(modbus_read_addr),
-      // drive line
-      .drive_write_valid(drive_write_valid),
-      .drive_write_ready(drive_write_ready),
-      .drive_write_addr(drive_write_addr),
-      .drive_write_data(drive_write_data),
-      .drive_read_valid(drive_read_valid),
-      .drive_read_ready(drive_read_ready),
-      .drive_read_addr(drive_read_addr),
-      // both lines
-      .read_data(read_data),
-      // memory
-      .ram_enable(ram_enable),
-      .ram_word(ram_word),
-      .ram_wdata(ram_wdata),
-      .ram_wstrb(ram_wstrb),
-      .ram_rdata(ram_rdata),
-      // registers
-      .regs_valid(regs_valid),
-      .regs_write(regs_write),
-      .regs_word(regs_word),
-      .regs_rdata(regs_rdata),
-      // status
-      .telegram_sending(drive_sending),
-      .telegram_touched(telegram_touched)
-  );
-
   mailbox_regs regs_i (
       .clk(clk),
       .rst(core_rst),
@@ -173,7 +97,7 @@ module mailbox #(
       .valid(regs_valid),
       .write(regs_write),
       .word(regs_word),
-      .wdata(core_wdata),
+      .wdata(regs_wdata),
       .rdata(regs_rdata),
       // orders
       .order_reply(order_reply),

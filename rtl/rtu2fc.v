@@ -143,6 +143,11 @@ module rtu2fc #(
   wire drive_bad;
 
   wire [7:0] frame_read_data;
+  wire regs_valid;
+  wire regs_write;
+  wire [2:0] regs_word;
+  wire [31:0] regs_rdata;
+  wire telegram_touched;
 
   wire watchdog_kick;
   wire halt;
@@ -354,32 +359,18 @@ module rtu2fc #(
   );
 
   mailbox #(
-      .MEMORY_BYTES(MEMORY_BYTES),
       .MASTER_LOSS_STOP(MASTER_LOSS_STOP == 1)
   ) mailbox_i (
       .clk(clk),
       .core_rst(core_rst),
-      // soft core
-      .core_valid(core_valid),
-      .core_ready(core_ready),
-      .core_addr(core_addr),
-      .core_wdata(core_wdata),
-      .core_wstrb(core_wstrb),
-      .core_rdata(core_rdata),
-      // memory
-      .ram_enable(ram_enable),
-      .ram_word(ram_word),
-      .ram_wdata(ram_wdata),
-      .ram_wstrb(ram_wstrb),
-      .ram_rdata(ram_rdata),
+      // registers
+      .regs_valid(regs_valid),
+      .regs_write(regs_write),
+      .regs_word(regs_word),
+      .regs_wdata(core_wdata),
+      .regs_rdata(regs_rdata),
+      .telegram_touched(telegram_touched),
       // network port
-      .modbus_write_valid(modbus_write_valid),
-      .modbus_write_ready(modbus_write_ready),
-      .modbus_write_addr(modbus_write_addr),
-      .modbus_write_data(modbus_write_data),
-      .modbus_read_valid(modbus_read_valid),
-      .modbus_read_ready(modbus_read_ready),
-      .modbus_read_addr(modbus_read_addr),
       .reply_start(reply_start),
       .reply_length(reply_length),
       .modbus_quiet(modbus_quiet),
@@ -400,13 +391,6 @@ module rtu2fc #(
       .count_overrun(count_overrun),
       .count_foreign(count_foreign),
       // drive port
-      .drive_write_valid(drive_write_valid),
-      .drive_write_ready(drive_write_ready),
-      .drive_write_addr(drive_write_addr),
-      .drive_write_data(drive_write_data),
-      .drive_read_valid(drive_read_valid),
-      .drive_read_ready(drive_read_ready),
-      .drive_read_addr(drive_read_addr),
       .telegram_start(telegram_start),
       .telegram_length(telegram_length),
       .telegram_no_reply(telegram_no_reply),
@@ -419,8 +403,6 @@ module rtu2fc #(
       .drive_candidate(drive_candidate),
       .drive_good(drive_good),
       .drive_bad(drive_bad),
-      // both ports
-      .read_data(frame_read_data),
       // supervisor
       .watchdog_kick(watchdog_kick),
       .halt(halt),
@@ -478,6 +460,52 @@ module rtu2fc #(
       .bus_rdata(core_rdata),
       // status
       .trap(core_trap)
+  );
+
+  bus_arbiter #(
+      .MEMORY_BYTES(MEMORY_BYTES)
+  ) arbiter_i (
+      .clk(clk),
+      .rst(core_rst),
+      // soft core
+      .core_valid(core_valid),
+      .core_ready(core_ready),
+      .core_addr(core_addr),
+      .core_wdata(core_wdata),
+      .core_wstrb(core_wstrb),
+      .core_rdata(core_rdata),
+      // network line
+      .modbus_write_valid(modbus_write_valid),
+      .modbus_write_ready(modbus_write_ready),
+      .modbus_write_addr(modbus_write_addr),
+      .modbus_write_data(modbus_write_data),
+      .modbus_read_valid(modbus_read_valid),
+      .modbus_read_ready(modbus_read_ready),
+      .modbus_read_addr(modbus_read_addr),
+      // drive line
+      .drive_write_valid(drive_write_valid),
+      .drive_write_ready(drive_write_ready),
+      .drive_write_addr(drive_write_addr),
+      .drive_write_data(drive_write_data),
+      .drive_read_valid(drive_read_valid),
+      .drive_read_ready(drive_read_ready),
+      .drive_read_addr(drive_read_addr),
+      // both lines
+      .read_data(frame_read_data),
+      // memory
+      .ram_enable(ram_enable),
+      .ram_word(ram_word),
+      .ram_wdata(ram_wdata),
+      .ram_wstrb(ram_wstrb),
+      .ram_rdata(ram_rdata),
+      // registers
+      .regs_valid(regs_valid),
+      .regs_write(regs_write),
+      .regs_word(regs_word),
+      .regs_rdata(regs_rdata),
+      // status
+      .telegram_sending(drive_sending),
+      .telegram_touched(telegram_touched)
   );
 
   firmware_ram #(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""mailbox as a whole: the firmware on its bus, both ports at their sides, and the gate between them."""
+"""mailbox and bus_arbiter: the firmware on its bus, both ports at their sides, the gate between them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cocotb.triggers import Timer
 from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, VALUES, Area
 from tb.lib.bench import Bench, Strobes
 from tb.lib.memory_ports import WordMemory
-from tb.lib.runner import run
+from tb.lib.runner import ROOT, run
 from tb.lib.seeds import cases, seeded
 
 INPUTS = """
@@ -264,14 +264,14 @@ async def what_was_prepared_for_a_candidate_leaves_at_its_commit(dut):
     ticket = await mailbox.request()
     await mailbox.write("REPLY", length=17, ticket=ticket)
     await mailbox.write("TELEGRAM", length=13, early=1, ticket=ticket)
-    assert int(mailbox.dut.reply_queued.value) and (await mailbox.read("EXCHANGE"))["queued"]
+    assert int(mailbox.dut.mailbox_i.reply_queued.value) and (await mailbox.read("EXCHANGE"))["queued"]
     assert await mailbox.settle() == (0, 0)
     await mailbox.pulse("commit")
     assert await mailbox.settle() == (1, 1)
     assert mailbox.replies.values == [(17,)] and mailbox.telegrams.values == [(13, 0, 0)]
     exchange = await mailbox.read("EXCHANGE")
     assert exchange["started"] and not exchange["queued"]
-    assert not int(mailbox.dut.reply_queued.value)
+    assert not int(mailbox.dut.mailbox_i.reply_queued.value)
     request = await mailbox.read("REQUEST")
     assert request["committed"] and not request["candidate"] and request["ticket"] == ticket
 
@@ -624,16 +624,25 @@ async def nothing_is_lost_when_lines_and_firmware_meet_in_the_memory(dut):
     assert traffic.waits["drive_write"] + traffic.waits["drive_read"] > 0, "they never met"
 
 
+def simulate(sim: str, testcase: str, **more: int) -> None:
+    run(
+        "mailbox_bus",
+        "tb.rtl.test_mailbox",
+        sim=sim,
+        extra_sources=[ROOT / "tb/rtl/mailbox_bus.v"],
+        parameters={"MEMORY_BYTES": MEMORY_BYTES, **more},
+        testcase=testcase,
+    )
+
+
 @pytest.mark.rule("FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FC-9", "MAP-9", "SAFE-1", "LOOP-1", "WDG-1")
 def test_mailbox(sim):
-    settings = {"MEMORY_BYTES": MEMORY_BYTES}
-    run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters=settings, testcase=r"(?!stop_)\w+")
+    simulate(sim, r"(?!stop_)\w+")
 
 
 @pytest.mark.rule("SAFE-7")
 def test_mailbox_with_the_stop_of_a_lost_master(sim):
-    settings = {"MEMORY_BYTES": MEMORY_BYTES, "MASTER_LOSS_STOP": 1}
-    run("mailbox", "tb.rtl.test_mailbox", sim=sim, parameters=settings, testcase=r"stop_\w+")
+    simulate(sim, r"stop_\w+", MASTER_LOSS_STOP=1)
 
 
 def test_every_field_that_is_read_has_a_source():
