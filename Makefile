@@ -104,7 +104,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   V=1           show the commands
 
 ##@ Use the card
-.PHONY: demo run card firmware
+.PHONY: demo run card firmware wheels
 demo: card ## * the manual's examples, asked by real Modbus masters (15 s)
 	@$(RUN) sim.card.demo
 
@@ -112,6 +112,9 @@ run: card ## * the virtual card with a simulated drive: a panel in the terminal 
 	@exec $(RUN) sim.card.panel --modbus $(MODBUS_LINK) $(CARD_ARGS)
 
 card: ## * build/card, the virtual card as a program; build/card --help (25 s after a change)
+
+wheels: | setup-test ## the command rtu2fc for any computer, and the agents, as Python packages: build/wheels (10 s)
+	@$(RUN) tools.wheels
 
 firmware: $(BUILD)/firmware.hex ## the firmware images: both cards, each dialect, each option, boards with 16 KiB
 

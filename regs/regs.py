@@ -8,7 +8,8 @@ From the mailbox map: C header, linker symbols, Python constants, Markdown page.
 From the card tables: Verilog table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 From the list of Verilog files: the lists in the .core files for FuseSoC.
-From the version of the release: a C header (MAP-10), the versions in the .core files and of tb/agents.
+From the version of the release: a C header (MAP-10), the versions in the .core files and of the Python
+packages.
 """
 
 import argparse
@@ -35,7 +36,8 @@ RDL = "regs/mailbox.rdl"
 CARD = "regs/card.toml"
 CONFIGS = "configs.toml"
 VERSION = "VERSION"
-AGENTS = "tb/agents/pyproject.toml"
+# Files of the Python packages, and their line of the version.
+PACKAGES = {"tb/agents/pyproject.toml": r'^(version = )".*"$', "sw/rtu2fc/__init__.py": r'^(VERSION = )".*"$'}
 EXAMPLE = "docs/example/holding_registers.core"
 WORD_BYTES = 4
 # Start value of silence_timer's count at each half character; the module gives the reason.
@@ -608,9 +610,10 @@ def with_version_and_list(path: Path, files: set[str] | None) -> str:
     return re.sub(fileset, rf"\g<1>{listed}", text, count=1, flags=re.MULTILINE)
 
 
-def package_of_agents() -> str:
-    text = (ROOT / AGENTS).read_text()
-    return re.sub(r'^version = ".*"$', f'version = "{release_version()}"', text, flags=re.MULTILINE)
+def with_version(name: str, pattern: str) -> str:
+    """A file of a Python package with the version of the release."""
+    text = (ROOT / name).read_text()
+    return re.sub(pattern, rf'\g<1>"{release_version()}"', text, flags=re.MULTILINE)
 
 
 def generate() -> dict[str, str]:
@@ -627,11 +630,11 @@ def generate() -> dict[str, str]:
         "regs/generated/card_tables.py": card_python(card),
         "regs/generated/card_tables.h": card_cpp(card),
         "regs/generated/version.h": version_header(),
-        AGENTS: package_of_agents(),
     }
     files |= {
         f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()
     }
+    files |= {name: with_version(name, pattern) for name, pattern in PACKAGES.items()}
     lists = core_lists()
     for path in (*sorted(ROOT.glob("*.core")), ROOT / EXAMPLE):
         files[str(path.relative_to(ROOT))] = with_version_and_list(path, lists.get(path.stem))

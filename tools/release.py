@@ -4,9 +4,9 @@
     python -m tools.release [--tag v1.2.3] [--draft] [--board NAME ...]   default: every board
     python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
-Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, data sheet,
-report, site of the documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are
-(build/synth); a missing or older one is placed and routed first.
+Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
+packages, data sheet, report, site of the documentation, a list of contents and SHA256SUMS. Finished designs
+are taken as they are (build/synth); a missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
 files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
@@ -33,7 +33,7 @@ from constraints import flow, image, synth
 from constraints.boards import Board, board, boards, extended
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
-from tools import datasheet, figures, report, trace
+from tools import datasheet, figures, report, trace, wheels
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
@@ -54,7 +54,8 @@ class ReleaseError(Exception):
     """Error for the user, in one line."""
 
 
-ERRORS = (ReleaseError, SourcesError, flow.SynthError, image.ImageError, datasheet.DatasheetError, OSError)
+ERRORS = (ReleaseError, SourcesError, flow.SynthError, image.ImageError, datasheet.DatasheetError)
+ERRORS += (wheels.WheelError, OSError)
 
 
 # ---------------------------------------------------------------- whether it may be released
@@ -116,7 +117,9 @@ class Dist:
         return f"rtu2fc-{self.version}-{what}{'-draft' * self.draft}{suffix}"
 
     def add(self, what: str, suffix: str, content: bytes, description: str) -> None:
-        name = self.name(what, suffix)
+        self.put(self.name(what, suffix), content, description)
+
+    def put(self, name: str, content: bytes, description: str) -> None:
         (self.folder / name).write_bytes(content)
         self.described[name] = description
         print(f"  {name}", flush=True)
@@ -287,6 +290,15 @@ def add_documents(dist: Dist) -> None:
         dist.add("docs", ".zip", packed, "the documentation as a site: open index.html")
 
 
+def add_wheels(dist: Dist) -> None:
+    """A wheel's name has a fixed form: a draft is its build tag there."""
+    with tempfile.TemporaryDirectory() as folder:
+        for path in wheels.build(Path(folder)):
+            package, version, *tags = path.stem.split("-")
+            name = "-".join([package, version, *["0draft"] * dist.draft, *tags])
+            dist.put(f"{name}.whl", path.read_bytes(), f"Python package {package} (`pip install`)")
+
+
 def build(draft: bool, chosen: list[Board], version: str) -> None:
     """Builds everything. The former files of DIST stay until all is built."""
     DIST.parent.mkdir(exist_ok=True)
@@ -294,6 +306,7 @@ def build(draft: bool, chosen: list[Board], version: str) -> None:
         dist = Dist(Path(folder) / DIST.name, version, draft)
         dist.folder.mkdir()
         add_documents(dist)
+        add_wheels(dist)
         images = firmware()
         add_firmware(dist, images)
         for entry in chosen:

@@ -19,7 +19,7 @@ import pytest
 
 from sim.card.run_card import ROOT, RunningCard
 from sim.drive.drive_table import read_capacity, read_profile
-from sw.rtu2fc import cli, port, scan
+from sw.rtu2fc import cli, port, problem, scan
 from sw.rtu2fc.card import parameter, parameters, raw_of
 from sw.rtu2fc.dialects import DIALECTS, meaning
 from sw.rtu2fc.problem import PortError, Problem
@@ -438,3 +438,14 @@ def test_the_virtual_card_is_started(tmp_path):
     done = run("simulate", "--program", ROOT / "build/card", "--", "--version")
     assert done.returncode == 0 and "rtu2fc" in done.stdout
     assert Path(ROOT / "build/card").exists()
+
+
+# ---------------------------------------------------------------- the page
+
+
+def test_the_page_names_every_command_and_exit_code():
+    text = (ROOT / "docs/reference/rtu2fc.md").read_text()
+    known = set(cli.build()._subparsers._group_actions[0].choices)
+    assert set(re.findall(r"^\| `rtu2fc (\w+)", text, re.MULTILINE)) == known
+    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", text, re.MULTILINE)}
+    assert codes == {value for name, value in vars(problem).items() if name.isupper()}

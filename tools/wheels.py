@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds the Python packages of this project as wheels, into build/wheels: the same bytes at any place.
+
+python -m tools.wheels [FOLDER]
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from rtl.command import run_main
+from rtl.sources import ROOT
+
+PACKAGES = ("sw/rtu2fc", "tb/agents")
+DATE = "315532800"  # 1980, the first year that a zip file knows
+IGNORED = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
+
+
+class WheelError(Exception):
+    """Error for the user, in one line."""
+
+
+def build(folder: Path) -> list[Path]:
+    """The wheels of all packages, each from a copy, in which links are files and no mode is the user's."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as work:
+        for package in PACKAGES:
+            source = Path(work) / Path(package).name
+            shutil.copytree(ROOT / package, source, ignore=IGNORED)
+            shutil.copy(ROOT / "LICENSE", source)
+            for path in source.rglob("*"):
+                path.chmod(0o755 if path.is_dir() else 0o644)
+            command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
+            done = subprocess.run(
+                [*command, "-w", folder, source],
+                env=os.environ | {"SOURCE_DATE_EPOCH": DATE},
+                capture_output=True,
+                text=True,
+                check=False,
+                umask=0o022,
+            )
+            if done.returncode:
+                raise WheelError(f"{package}: {(done.stderr.strip() or 'pip failed').splitlines()[-1]}")
+    return sorted(folder.glob("*.whl"))
+
+
+def main() -> int:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build/wheels"
+    for path in build(folder):
+        print(path)
+    return 0
+
+
+if __name__ == "__main__":
+    run_main("wheels", main, WheelError)
