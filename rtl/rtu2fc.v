@@ -10,7 +10,7 @@
 // regs/generated/config_<name>.v that was read before. SOFT_CORE, LOCKSTEP: see soft_core. STRICT_T15:
 // see rtu_rx. MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see firmware_ram.
 // MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the firmware has the
-// option of that name; see master_loss and docs/guide/master-loss.md.
+// option of that name; see master_loss and docs/guide/dialects.md.
 // BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it; see break_filter.
 // EXTENDED_SWITCHES: 1, three switch positions are 38400 and 115200 bit/s and 8N1; see card_tables.
 // Rules: TOP-1, TOP-2.

@@ -35,11 +35,12 @@ BLOCKS: dict[str, Callable[[], str]] = {
 def rows(page: str, head: str, after: str = "# ") -> list[dict[str, str]]:
     """The rows of the first table with this head, or its beginning, after a text of a handbook's page."""
     text = (HANDBOOK / f"{page}.md").read_text().partition(after)[2]
-    table = re.search(rf"^\| {re.escape(head)}.*\n(?:\|.*\n)*", text, re.MULTILINE)
+    table = re.search(rf"^ *\| {re.escape(head)}.*\n(?: *\|.*\n)*", text, re.MULTILINE)
     if table is None:
         raise HandbookError(f"{page}.md has no table that begins with '{head}'")
     heads, _, *lines = (
-        [cell.strip() for cell in line.strip("|").split("|")] for line in table[0].splitlines()
+        [cell.strip() for cell in line.strip().removeprefix("|").removesuffix("|").split("|")]
+        for line in table[0].splitlines()
     )
     return [dict(zip(heads, line, strict=True)) for line in lines]
 

@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The worked examples of the owner's handbook, from tb/model/examples.json (tools/handbook.py).
+"""The worked examples of the owner's handbook (tools/handbook.py).
 
-Each frame with its bytes and its meaning, and the call or command by which pymodbus and mbpoll make the
-request. tools/test_handbook.py runs both masters.
+The requests are here. The models of card and drive (tb/model) give telegrams and replies, so a drive does
+what it was asked. Each frame stands with its bytes and its meaning, and with the call or command by which
+pymodbus and mbpoll make the request. tools/test_handbook.py plays the examples on the card with its firmware,
+and runs both masters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 from sim.card.masters import as_pymodbus_call, words
-from tb.agents.crc16 import crc_good
+from tb.agents import rtu
 from tb.model import fc_telegram
-from tb.model.card import COUNTED, READS
-from tb.model.examples import EXAMPLES
+from tb.model.card import COUNTED, READS, CardModel
+from tb.model.vlt_drive import VltDrive
 from tools.prose import slug
 
 FUNCTIONS = {
@@ -27,8 +32,169 @@ MBPOLL = "mbpoll -m rtu -a {unit} -b 9600 -P none -s 2"
 PORT = "/dev/ttyUSB0"
 
 
+UNIT = 1
+STATE_COIL = 32  # of coil 33, on the wire
+
+
 class HandbookError(Exception):
     """A source or a page that does not fit; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A request (PDU), `wait` seconds after the step before it; `silent`: the drive does not answer."""
+
+    what: str
+    pdu: bytes
+    wait: float = 0
+    silent: bool = False
+    to_all: bool = False
+
+
+@dataclass(frozen=True)
+class Example:
+    title: str
+    source: str
+    steps: tuple[Step, ...]
+    note: str = ""
+    before: Callable[[VltDrive], None] = lambda drive: None
+
+
+def command(word: int, reference: int | None = None) -> bytes:
+    """0F to coils 1-16, or 1-32 with a reference."""
+    data = word.to_bytes(2, "little") + (b"" if reference is None else reference.to_bytes(2, "little"))
+    return bytes([0x0F, 0, 0, 0, 8 * len(data), len(data)]) + data
+
+
+def registers(first: int, text: str) -> bytes:
+    return bytes([0x10]) + first.to_bytes(2) + bytes([0, len(text) // 2, len(text)]) + text.encode()
+
+
+START = Step("start at 40 %", command(0x047C, 0x1999))
+CURRENT = rtu.read_registers(5139, 2)
+RUNS = Step("ten seconds later: read the motor current", CURRENT, wait=10)
+STANDS = Step("ten seconds later: read the motor current", CURRENT, wait=10)
+STATE = Step("read status word and output frequency", rtu.read_coils(STATE_COIL, 32))
+INDEX = 0  # register 40001 on the wire
+EXAMPLES = (
+    Example("Start at 40 %", "manual p19", (START, RUNS, STATE), "the motor runs at its reference"),
+    Example(
+        "Ramp stop",
+        "manual p20",
+        (START, Step("ten seconds later: ramp stop", command(0x043C, 0), wait=10), STANDS, STATE),
+        "the motor has stopped, and the drive is ready",
+    ),
+    Example(
+        "Coast stop",
+        "manual p20",
+        (START, Step("ten seconds later: coast stop", command(0x2C20, 0), wait=10), STANDS, STATE),
+        "the drive has let go of the motor",
+    ),
+    Example(
+        "Reset of a trip",
+        "MG.61.B5.02 p163",
+        (
+            Step("stop, with the reset bit 0", command(0x043C)),
+            STATE,
+            Step("the cause is gone: reset bit 1", command(0x04BC)),
+            Step("reset bit 0 again", command(0x043C)),
+            STATE,
+        ),
+        "the drive had tripped; it is ready again, and the motor stands",
+        lambda drive: drive.trip(13),
+    ),
+    Example("Read the motor current, parameter 514", "manual p21", (START, RUNS), "index -2"),
+    Example(
+        "Write the motor frequency, parameter 104",
+        "manual p21",
+        (Step("60 Hz", rtu.write_register(1039, 60)), Step("read it back", rtu.read_registers(1039, 1))),
+        "the motor stands",
+    ),
+    Example(
+        "Write a display text, parameter 533",
+        "manual p22",
+        (
+            Step("IND = 0500h: texts are written", rtu.write_register(INDEX, 0x0500)),
+            Step("the text", registers(5329, "1234567890")),
+            Step("IND = 0400h: texts are read", rtu.write_register(INDEX, 0x0400)),
+            Step("read it back", rtu.read_registers(5329, 5)),
+            Step("IND = 0: numbers again", rtu.write_register(INDEX, 0)),
+        ),
+    ),
+    Example(
+        "Set both time-outs of the card",
+        "manual p18",
+        (
+            Step("40002 = 500 (5 s), 40003 = 20 (200 ms)", bytes.fromhex("10 00 01 00 02 04 01 F4 00 14")),
+            Step("read the card's own registers", rtu.read_registers(0, 3)),
+        ),
+        "no drive is asked",
+    ),
+    Example(
+        "Keep parameters over a power-off: coil 65",
+        "manual p18",
+        (
+            Step("set coil 65", rtu.write_coil(64, True)),
+            Step("a parameter, to RAM and EEPROM", rtu.write_register(1039, 50)),
+            Step("clear coil 65", rtu.write_coil(64, False)),
+        ),
+    ),
+    Example(
+        "Stop all drives by a broadcast",
+        "manual p14",
+        (Step("ramp stop to all units", command(0x043C, 0), to_all=True),),
+        "no reply on either line",
+    ),
+    Example(
+        "A write that the drive refuses",
+        "manual p23",
+        (START, Step("ten seconds later: write parameter 104", rtu.write_register(1039, 60), wait=10)),
+        "some parameters need a stopped motor",
+    ),
+    Example(
+        "A register where no parameter starts",
+        "manual p23",
+        (Step("read register 5141", rtu.read_registers(5140, 2)),),
+    ),
+    Example(
+        "A drive that does not answer",
+        "manual p23",
+        (Step("read parameter 514", CURRENT, silent=True),),
+        "the telegram is repeated once",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Played:
+    """What was on the lines at a step: request, telegrams with the drive's replies, reply."""
+
+    step: Step
+    request: bytes
+    drive: tuple[tuple[bytes, bytes | None], ...]
+    reply: bytes | None
+
+
+def play(example: Example) -> list[Played]:
+    """The example on the models, from the power-up of both."""
+    card, drive = CardModel(), VltDrive()
+    example.before(drive)
+    played = []
+    for step in example.steps:
+        drive.step(round(1e6 * step.wait))
+        asked = card.request(step.pdu, broadcast=step.to_all)
+        heard: list[tuple[bytes, bytes | None]] = []
+        while asked.telegram is not None:
+            telegram = fc_telegram.build(asked.telegram[1:], adr=asked.telegram[0])
+            answer = None if step.silent else drive.telegram(telegram)
+            heard += [(telegram, answer)] * (2 if step.silent else 1)
+            if step.to_all:
+                break
+            asked = card.drive_silent() if answer is None else card.drive_reply(answer[2:-1])
+        request = rtu.build(0 if step.to_all else UNIT, step.pdu)
+        reply = None if asked.reply is None else rtu.build(UNIT, asked.reply)
+        played.append(Played(step, request, tuple(heard), reply))
+    return played
 
 
 def table(head: list[str], rows: list[list[object]]) -> str:
@@ -76,16 +242,6 @@ def reply_words(adu: bytes) -> str:
     if adu[1] in (1, 3):
         return f"unit {adu[0]}; {adu[1]:02X}; {adu[2]} bytes: {spaced(adu[3:-2])}; {crc}"
     return f"unit {adu[0]}; {adu[1]:02X} done; {spaced(adu[2:-2])}; {crc}"
-
-
-def is_plain(adu: bytes) -> bool:
-    """A request that every master can make: to one unit, with a length, quantity and function that fit."""
-    if adu[0] == 0 or adu[1] not in FUNCTIONS:
-        return False
-    if adu[1] not in COUNTED:
-        return len(adu) == 8
-    quantity = words(adu[4:6])[0]
-    return adu[6] == len(adu) - 9 == (-(-quantity // 8) if adu[1] in COIL_FUNCTIONS else 2 * quantity)
 
 
 def pymodbus_call(adu: bytes) -> str:
@@ -142,62 +298,49 @@ def telegram_words(telegram: bytes) -> str:
     return f"control word {word(parts.pcd1)}, reference {word(parts.pcd2)}: {meaning}"
 
 
-def exchange_lines(step: dict) -> list[str]:
+def exchange_lines(one: Played) -> list[str]:
     """One request with all frames that follow, as a block of text."""
     rows: list[tuple[str, str]] = []
 
     def frame(label: str, data: bytes, meaning: str) -> None:
         rows.extend([(label, spaced(data)), ("", meaning)])
 
-    request = bytes.fromhex(step["request"])
-    frame("request", request, request_words(request))
-    for exchange in step["drive"]:
-        telegram = bytes.fromhex(exchange["telegram"])
+    frame("request", one.request, request_words(one.request))
+    for telegram, answer in one.drive:
         frame("telegram", telegram, telegram_words(telegram))
-        if exchange["reply"] is None:
-            rows.append(("drive", "no reply"))
-        else:
-            answer = bytes.fromhex(exchange["reply"])
+        if answer is not None:
             frame("drive", answer, fc_telegram.describe(answer, reply=True))
-    if step["reply"] is None:
+        elif not one.step.to_all:
+            rows.append(("drive", "no reply"))
+    if one.reply is None:
         rows.append(("reply", "none"))
     else:
-        reply = bytes.fromhex(step["reply"])
-        if not crc_good(request) or not crc_good(reply):
-            raise HandbookError(f"tb/model/examples.json: wrong CRC in '{step['what']}'")
-        frame("reply", reply, reply_words(reply))
-        if is_plain(request):
-            rows += [("pymodbus", pymodbus_call(request)), ("", f"→ {pymodbus_shows(request, reply)}")]
-            rows += [("mbpoll", " ".join(mbpoll_call(request))), ("", f"→ {mbpoll_shows(request, reply)}")]
+        frame("reply", one.reply, reply_words(one.reply))
+        if one.step.pdu == STATE.pdu:
+            status, frequency = (int.from_bytes(one.reply[at : at + 2], "little") for at in (3, 5))
+            rows.append(("", fc_telegram.describe_status(status, frequency)))
+        rows += [
+            ("pymodbus", pymodbus_call(one.request)),
+            ("", f"→ {pymodbus_shows(one.request, one.reply)}"),
+        ]
+        rows += [
+            ("mbpoll", " ".join(mbpoll_call(one.request))),
+            ("", f"→ {mbpoll_shows(one.request, one.reply)}"),
+        ]
     return [f"{label:<9} {text}".rstrip() for label, text in rows]
 
 
-def title(example: dict) -> str:
-    what = example["what"]
-    return what[0].upper() + what[1:]
-
-
 def example_list() -> str:
-    rows = []
-    for example in EXAMPLES.values():
-        link = f"[{title(example)}](#{slug(title(example))})"
-        rows.append([link, f"{int(example['request'][3:5], 16):02X}", example["source"]])
-    return table(["example", "function", "document"], rows)
+    rows = [[f"[{one.title}](#{slug(one.title)})", one.note, one.source] for one in EXAMPLES]
+    return table(["example", "note", "document"], rows)
 
 
 def worked_examples() -> str:
     parts = []
-    for example in EXAMPLES.values():
-        lines = [f"### {title(example)}", "", f"`{example['id']}`, {example['source']}."]
-        if "after" in example:
-            before = title(EXAMPLES[example["after"]])
-            lines[-1] += f" After [{before}](#{slug(before)})."
-        if "note" in example:
-            lines[-1] += f" Note: {example['note']}."
-        steps = [*example.get("setup", []), example]
-        for number, step in enumerate(steps, 1):
-            if len(steps) > 1:
-                lines += ["", f"{number}. {title(step)}:"]
-            lines += ["", "```", *exchange_lines(step), "```"]
+    for example in EXAMPLES:
+        lines = [f"### {example.title}"]
+        for number, one in enumerate(play(example), 1):
+            lines += ["", f"{number}. {one.step.what[0].upper()}{one.step.what[1:]}:"]
+            lines += ["", "```", *exchange_lines(one), "```"]
         parts.append("\n".join(lines))
     return "\n\n".join(parts)

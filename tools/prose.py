@@ -6,7 +6,7 @@
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of
 that page. A page that code cites must exist. So must a row of docs/hardening.md that code cites, as in
 "docs/hardening.md, Guarded bits". Card or firmware must cite each such row. Each page of docs/ needs a
-link in docs/pages.md or in the handbook, and a place in tools/site/mkdocs.yml. A list has an empty line
+place in tools/site/mkdocs.yml. A list has an empty line
 before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and
 each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that
 codespell does not know. Prints one line for each mistake; exit 1 if there is one.
@@ -38,7 +38,6 @@ UNPARTED = re.compile(r"^(?![-*+] |\d+\. |[\s|#>]).+\n(?=(?:[-*+]|1\.) )", re.MU
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 HARDENING = ROOT / "docs/hardening.md"
-LISTS = tuple(ROOT / "docs" / name for name in ("pages.md", "guide/handbook.md"))
 SITE = ROOT / "tools/site/mkdocs.yml"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 MECHANISM = re.compile(r"docs/hardening\.md, ")
@@ -143,20 +142,6 @@ def uncited_mechanisms(texts: list[str]) -> list[str]:
     return [f"docs/hardening.md: no code cites '{name}'" for name in mechanisms() if name not in cited]
 
 
-def unlisted_pages(pages: list[Path], lists: tuple[Path, ...]) -> list[str]:
-    """Pages of docs/ to which no list of pages has a link."""
-    linked = {
-        (page.parent / unquote(link[1]).partition("#")[0]).resolve()
-        for page in lists
-        for link in LINK.finditer(page.read_text())
-    }
-    return [
-        f"{page.relative_to(ROOT)}: no link in {' or '.join(str(one.relative_to(ROOT)) for one in lists)}"
-        for page in pages
-        if page.resolve() not in linked and page not in lists
-    ]
-
-
 def without_place(pages: list[Path], site: str) -> list[str]:
     """Pages of docs/ without a place on the documentation site; `make docs` refuses them, too."""
     placed = set(re.findall(r"([\w./-]+\.md)$", site, re.MULTILINE))
@@ -208,7 +193,6 @@ def check() -> list[str]:
         [(ROOT / name).read_text() for name in names if re.match(r"(rtl|sw)/.*\.(v|c|h|py)$", name)]
     )
     documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
-    wrong += unlisted_pages(documents, LISTS)
     wrong += without_place(documents, SITE.read_text())
     return wrong + unlisted_parts(names, ARCHITECTURE.read_text())
 

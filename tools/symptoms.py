@@ -5,8 +5,8 @@
 
 Each recording is a run of the whole card with its firmware (tb/lib/fast_card.py), the simulated drive and a
 master that does one thing wrong. The pins are sampled bit by bit for the recorder of the virtual card, which
-writes docs/recordings/NAME.jsonl and NAME.pcapng. Then the blocks of docs/guide/debugging.md that begin with
-`$ sim/view/frames.py docs/recordings/...` are filled with the output of that command. The same sources give
+writes docs/recordings/NAME.jsonl and NAME.pcapng. Then the blocks of GUIDES that begin with a command of
+sim/view are filled with its output. The same sources give
 the same files. Times are in ps since power-up. Exit code 2 for an unknown name.
 """
 
@@ -19,6 +19,7 @@ import subprocess
 import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from rtl.command import run_main
@@ -32,6 +33,7 @@ from tb.model.vlt_drive import VltDrive
 
 RECORDINGS = ROOT / "docs/recordings"
 GUIDE = ROOT / "docs/guide/debugging.md"
+GUIDES = (GUIDE, ROOT / "docs/guide/recordings.md")
 COMMAND = re.compile(
     r"^```\n\$ \.venv/bin/python (-m sim\.view\.(?:frames docs/recordings|replay tb/captures)/.*)\n"
     r"(?:.*\n)*?```$",
@@ -43,10 +45,12 @@ PAUSE_MS = 20.0  # silence of a correct master before a request
 PS_PER_US = 1_000_000
 # Register addresses on the wire; the reference numbers are one higher.
 ENERGY = 10 * 514 - 1
+MAX_REFERENCE = 10 * 205 - 1
 RUN_TIME_OUT = 1
 START, SPEED = 0x047C, 0x1999
 START_40 = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
 READ_STATUS = rtu.build(1, rtu.read_coils(32, 16))
+READ_STATE = rtu.build(1, rtu.read_coils(32, 32))
 READ_CONTROL = rtu.build(1, rtu.read_coils(0, 32))
 READ_ENERGY = rtu.build(1, rtu.read_registers(ENERGY, 2))
 
@@ -58,12 +62,21 @@ def word_coils(word: int) -> list[bool]:
 class Bus(FastCard):
     """The card after its start, a drive in the card's time, and a master that may break the rules."""
 
-    def __init__(self, baud: int = 9600, form: str = "8E1", address: int = 1, example: bool = True) -> None:
+    def __init__(
+        self,
+        baud: int = 9600,
+        form: str = "8E1",
+        address: int = 1,
+        example: bool = True,
+        image: str = "",
+    ) -> None:
         self.vlt = VltDrive(example=example)
         self.drive_spoils: Callable[[bytes], bytes | None] = lambda reply: reply
         self._lived_us = 0
         self._said_ps = 0.0
-        super().__init__(baud=baud, form=form, address=address, drive=self._drive, seed=SHOWN_SEED)
+        super().__init__(
+            baud=baud, form=form, address=address, drive=self._drive, seed=SHOWN_SEED, dialect=image
+        )
         self.run(BOOTED_MS)
 
     def _drive(self, telegram: bytes) -> bytes | None:
@@ -233,6 +246,65 @@ def usb_adapter() -> Bus:
     return card
 
 
+def fast_reply(image: str = "") -> Bus:
+    """A correct request and its reply, which a master with a slow driver does not hear."""
+    card = Bus(image=image)
+    card.ask(READ_CONTROL)
+    card.ask(READ_CONTROL)
+    return card
+
+
+def own_echo() -> Bus:
+    """A write to a unit that is not there, whose echo looks like its reply; then the right unit."""
+    card = Bus()
+    card.ask(rtu.build(2, rtu.write_register(RUN_TIME_OUT, 500)))
+    card.ask(rtu.build(1, rtu.write_register(RUN_TIME_OUT, 500)))
+    return card
+
+
+def old_values() -> Bus:
+    """A master that reads only coils after a start, and then a parameter."""
+    card = Bus(example=False)
+    card.ask(START_40)
+    card.run(1500)
+    card.ask(READ_STATE)
+    card.run(1500)
+    card.ask(READ_STATE)
+    card.ask(READ_ENERGY)
+    card.ask(READ_STATE)
+    return card
+
+
+def word_order() -> Bus:
+    """A value of 32 bits, written with its words exchanged, and then in order."""
+    card = Bus(example=False)
+    card.ask(rtu.build(1, rtu.read_registers(MAX_REFERENCE, 2)))
+    for high, low in ((40_000, 0), (0, 40_000)):
+        data = bytes([0x10]) + MAX_REFERENCE.to_bytes(2) + bytes([0, 2, 4])
+        card.ask(rtu.build(1, data + high.to_bytes(2) + low.to_bytes(2)))
+    return card
+
+
+def merged_reads() -> Bus:
+    """One request for two parameters, one for all registers between, then a request for each parameter."""
+    card = Bus()
+    card.ask(rtu.build(1, rtu.read_registers(ENERGY, 12)))
+    card.ask(rtu.build(1, rtu.read_registers(ENERGY, 4)))
+    card.ask(READ_ENERGY)
+    card.ask(rtu.build(1, rtu.read_registers(ENERGY + 10, 2)))
+    return card
+
+
+def rtu_over_tcp() -> Bus:
+    """A gateway that cuts a frame, then one that sends the next request right after the reply."""
+    card = Bus()
+    card.ask(START_40, flaws=Flaws(gaps={8: 8 * MS / card.modbus.fmt.bit_ps}))
+    card.ask(READ_CONTROL)
+    card.ask(READ_CONTROL, pause_ms=1.0)
+    card.ask(READ_CONTROL)
+    return card
+
+
 def led_states() -> Bus:
     """Power-up, a master, a drive, the drive lost, the drive back, the master lost."""
     card = Bus()
@@ -264,6 +336,13 @@ SYMPTOMS: dict[str, Callable[[], Bus]] = {
     "no-start": no_start,
     "off-by-one": off_by_one,
     "usb-adapter": usb_adapter,
+    "rtu-over-tcp": rtu_over_tcp,
+    "fast-reply": fast_reply,
+    "delayed-reply": partial(fast_reply, "delay20"),
+    "own-echo": own_echo,
+    "old-values": old_values,
+    "word-order": word_order,
+    "merged-reads": merged_reads,
     "led-states": led_states,
     "led-fault": led_fault,
 }
@@ -297,8 +376,8 @@ def main() -> int:
         return 2
     for name in args.names or SYMPTOMS:
         print(make(name).relative_to(ROOT))
-    if GUIDE.exists():
-        GUIDE.write_text(with_outputs(GUIDE.read_text()))
+    for guide in GUIDES:
+        guide.write_text(with_outputs(guide.read_text()))
     return 0
 
 

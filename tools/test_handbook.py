@@ -23,10 +23,11 @@ from regs.generated.card_tables import EXTENDED_RATES, RATES
 from rtl.sources import ROOT
 from sim.card.masters import Pymodbus, as_pymodbus_call
 from tb.agents import rtu
+from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
-from tb.model.examples import EXAMPLES
 from tools import handbook, handbook_examples
 from tools.handbook import rows
+from tools.symptoms import Bus
 
 PAGES = ROOT / "docs/guide/handbook"
 FC = tomllib.loads((ROOT / "regs/fc.toml").read_text())
@@ -136,7 +137,7 @@ def test_every_state_of_the_leds_has_its_row():
 
 @pytest.mark.rule("FC-1")
 def test_drive_parameters_are_those_of_the_manual():
-    found = {row["parameter"]: row["value"] for row in rows("drive-parameters", "parameter")}
+    found = {row["parameter"]: row["value"] for row in rows("installing", "parameter")}
     assert found == {"500": "FC protocol", "501": "1", "502": "9600 baud"}
 
 
@@ -163,7 +164,7 @@ def test_every_coil_has_one_row_with_its_access():
 
 
 def test_every_function_has_its_row():
-    found = {int(row["function, hex (decimal)"][:2], 16): row for row in rows("functions", "function, hex")}
+    found = {int(row["function, hex (decimal)"][:2], 16): row for row in rows("exceptions", "function, hex")}
     assert set(found) == FUNCTIONS
     for function, build in (
         (0x01, rtu.read_coils),
@@ -217,7 +218,7 @@ def test_every_local_register_has_its_row_with_its_default():
             assert row["at power-up"] == str(model.registers[wire])
         else:
             assert row["note"] == "refused with exception 64"
-    defaults = {row["value"]: row["at power-up"] for row in rows("time-outs", "value")}
+    defaults = {row["value"]: row["at power-up"] for row in rows("exceptions", "value")}
     assert defaults["40002, network time-out"] == "1000 (10 s)"
     assert defaults["40003, drive time-out"] == "15 (150 ms)"
 
@@ -259,7 +260,7 @@ def test_each_reason_has_the_code_of_the_model(dialect):
 
 
 def test_times_of_the_card_are_those_of_the_rules():
-    values = {row["time"]: row["value"] for row in rows("time-outs", "time")}
+    values = {row["time"]: row["value"] for row in rows("exceptions", "time")}
     assert values["start"] == "20 ms, small card 60 ms"
     assert values["pause on the drive line"] == "2.29 ms"
     assert values["wait for the drive"] == "40003 \N{MULTIPLICATION SIGN} 10 ms, 150 ms by default"
@@ -274,10 +275,40 @@ def shown(label: str) -> list[str]:
     return re.findall(rf"^{label} +(.*)$", EXAMPLE_BLOCK, re.MULTILINE)
 
 
-def plain_steps() -> list[dict]:
-    """Requests with a line for the masters, in the page's order."""
-    steps = [step for example in EXAMPLES.values() for step in [*example.get("setup", []), example]]
-    return [s for s in steps if s["reply"] and handbook_examples.is_plain(bytes.fromhex(s["request"]))]
+PLAYED = [one for example in handbook_examples.EXAMPLES for one in handbook_examples.play(example)]
+ANSWERED = [one for one in PLAYED if one.reply is not None]
+
+
+def ends_in(title: str) -> str:
+    """The state in the drive's last reply of an example."""
+    example = next(one for one in handbook_examples.EXAMPLES if one.title == title)
+    status = fc_telegram.parse(handbook_examples.play(example)[-2].drive[-1][1], reply=True)
+    return fc_telegram.describe_status(status.pcd1, status.pcd2)
+
+
+def test_the_drive_does_what_it_was_asked():
+    assert ends_in("Start at 40 %").startswith("running, on reference, output frequency 40.0 %")
+    for title in ("Ramp stop", "Coast stop", "Reset of a trip"):
+        assert ends_in(title) == "stopped, output frequency 0.0 %"
+
+
+@pytest.mark.parametrize("example", handbook_examples.EXAMPLES, ids=lambda one: one.title)
+def test_the_card_does_the_examples(example):
+    """The whole card with its firmware and the simulated drive: the bytes of the page."""
+    with Bus(example=False) as card:
+        example.before(card.vlt)
+        for one in handbook_examples.play(example):
+            card.vlt.step(round(1e6 * one.step.wait))
+            card.drive_spoils = (lambda reply: None) if one.step.silent else (lambda reply: reply)
+            before = len(card.modbus.frames()), len(card.drive.frames())
+            card.ask(one.request, wait_ms=500)
+            card.run(20)
+            assert [frame.data for frame in card.modbus.frames()[before[0] :]] == [one.reply] * bool(
+                one.reply
+            )
+            assert [frame.data for frame in card.drive.frames()[before[1] :]] == [
+                sent for sent, _ in one.drive
+            ]
 
 
 class Recorder:
@@ -291,8 +322,8 @@ class Recorder:
 
 
 def test_the_calls_of_pymodbus_make_the_requests():
-    for text, step in zip(shown("pymodbus"), plain_steps(), strict=True):
-        request = bytes.fromhex(step["request"])
+    for text, step in zip(shown("pymodbus"), ANSWERED, strict=True):
+        request = step.request
         called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
         assert called == (request[0], *as_pymodbus_call(request)), text
 
@@ -324,8 +355,8 @@ class Answers:
 def test_masters_send_and_show_what_the_page_says():
     """Real masters, without a card: pymodbus and mbpoll get the reply of the example."""
     results = re.findall(r"^(pymodbus|mbpoll) +(.*)\n +→ (.*)$", EXAMPLE_BLOCK, re.MULTILINE)
-    for place, step in enumerate(plain_steps()):
-        request, reply = bytes.fromhex(step["request"]), bytes.fromhex(step["reply"])
+    for place, step in enumerate(ANSWERED):
+        request, reply = step.request, step.reply
         (_, _, by_pymodbus), (_, command, by_mbpoll) = results[2 * place], results[2 * place + 1]
 
         far = Answers(reply, len(request))
@@ -340,3 +371,9 @@ def test_masters_send_and_show_what_the_page_says():
         assert far.close() == request
         output = (done.stdout + done.stderr).replace("\t", "")
         assert all(part in output for part in by_mbpoll.split(", ")), output
+
+
+def test_owners_read_no_rule_ids():
+    rules = "LINE|FRAME|FC|MAP|EXC|LED|LOOP|BOOT|WDG|SAFE|PERF|TOP"
+    pages = [*PAGES.glob("*.md"), PAGES.with_suffix(".md"), ROOT / "docs/guide/build.md"]
+    assert not [page.name for page in pages if re.search(rf"\b(?:{rules})-\d", page.read_text())]

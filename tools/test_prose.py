@@ -95,14 +95,6 @@ def test_each_mechanism_is_cited(monkeypatch, tmp_path):
     assert len(prose.uncited_mechanisms(["// Frame bank, Guarded bits"])) == 3
 
 
-def test_each_page_is_listed(monkeypatch, pages: Path):
-    monkeypatch.setattr(prose, "ROOT", pages)
-    lists = (pages / "page.md",)
-    every = [pages / "page.md", pages / "other.md"]
-    assert prose.unlisted_pages(every, lists) == []
-    assert prose.unlisted_pages([*every, pages / "third.md"], lists) == ["third.md: no link in page.md"]
-
-
 def test_each_page_has_a_place_on_the_site(monkeypatch, tmp_path):
     monkeypatch.setattr(prose, "ROOT", tmp_path)
     monkeypatch.setattr(prose, "SITE", tmp_path / "mkdocs.yml")

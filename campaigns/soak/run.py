@@ -393,7 +393,7 @@ def main() -> int:
     parser.add_argument("--dialect", choices=DIALECTS, help="this one only")
     parser.add_argument("--profile", choices=PROFILES, help="drive, instead of the dialect's own")
     options = parser.parse_args()
-    # Only the standard card has images of the other dialects (docs/guide/limits.md).
+    # Only the standard card has images of the other dialects (docs/guide/dialects.md).
     chosen = options.dialect if options.config == "standard" else "card"
     if options.dialect not in (None, chosen):
         raise CardError(f"the card {options.config} has no dialect {options.dialect}")

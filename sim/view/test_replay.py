@@ -293,7 +293,7 @@ def test_a_bus_without_bias_is_suspected(tmp_path, capsys):
 
 
 def test_the_guide_explains_every_fate_and_suspicion():
-    guide = (ROOT / "docs/guide/debugging.md").read_text()
+    guide = (ROOT / "docs/guide/recordings.md").read_text()
     for text in (*REASONS.values(), UNHEARD, IGNORED, replay.LEFT_OUT, "not answered in time", "revoked"):
         word = text.split(":")[0] if text in (UNHEARD, IGNORED, replay.LEFT_OUT) else text
         assert re.search(rf"^\| `{re.escape(word)}` \|", guide, re.MULTILINE), text

@@ -12,7 +12,7 @@
  * ADR_SHORT       0: ADR 81h, broadcast 80h (address format 1-126); 1: 01h and 20h (format 1-31) (FC-2).
  * MASTER_LOSS_STOP
  *                 1: one stop for the drive after 40002 x 10 ms without a good frame (SAFE-7); the card needs the
- *                 parameter MASTER_LOSS_STOP of rtl/rtu2fc.v, too (docs/guide/master-loss.md).
+ *                 parameter MASTER_LOSS_STOP of rtl/rtu2fc.v, too (docs/guide/dialects.md).
  * DIAGNOSTICS     1: the functions 08, 0B, 11 and 2B/0E (MAP-10); default 1 with DIALECT_HVAC_BASIC, else 0.
  *
  * The small card runs DIALECT_CARD only: build/firmware.elf must fit the smallest memory of configs.toml, and

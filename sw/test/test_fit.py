@@ -10,4 +10,4 @@ from sw.tools import fit
 @pytest.mark.nightly
 @pytest.mark.rule("PERF-4")
 def test_the_table_of_the_limits_is_of_this_firmware():
-    assert "\n".join(fit.table()) in (ROOT / "docs/guide/limits.md").read_text()
+    assert "\n".join(fit.table()) in (ROOT / "docs/guide/dialects.md").read_text()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes that each dialect and each option needs on the small card: the table of docs/guide/limits.md.
+"""Bytes that each dialect and each option needs on the small card: the table of docs/guide/dialects.md.
 
     python -m sw.tools.fit
 
