@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from campaigns.conformance.cases import BYTES, EDGES, PARITY, PINS, REASONS, Heard, Profile, Send, own_codes
+from sw.rtu2fc.cases import BYTES, EDGES, PARITY, PINS, REASONS, Heard, Profile, Send, own_codes
 from tb.agents import rtu
 from tb.agents.edges import Trace
 from tb.agents.rs485 import Pulse

@@ -16,8 +16,8 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
-from campaigns.conformance.engine import NoAnswer, Verdict
 from rtl.sources import ROOT, needed_files
+from sw.rtu2fc.engine import NoAnswer, Verdict
 
 HERE = Path(__file__).parent
 BUILD = ROOT / "build/conformance"

@@ -7,7 +7,7 @@ transmission to a model receiver, and returns the edges of the reply.
 
 from __future__ import annotations
 
-from campaigns.conformance.cases import (
+from sw.rtu2fc.cases import (
     BYTES,
     EDGES,
     FUNCTIONS,

@@ -17,8 +17,8 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import First, Timer, ValueChange
 
-from campaigns.conformance.cases import BYTES, CASES, EDGES, LONGEST_FRAME, PARITY, PINS, Heard, Profile, Send
-from campaigns.conformance.engine import NoAnswer, presence, steps
+from sw.rtu2fc.cases import BYTES, CASES, EDGES, LONGEST_FRAME, PARITY, PINS, Heard, Profile, Send
+from sw.rtu2fc.engine import NoAnswer, presence, steps
 from tb.agents import rtu
 from tb.agents.edges import Trace
 from tb.agents.rs485 import Rs485Line

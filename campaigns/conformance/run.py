@@ -28,17 +28,20 @@ from pathlib import Path
 from campaigns.bench import fingerprint
 from campaigns.conformance import designs, libraries
 from campaigns.conformance.card import PROFILE, CardDriver
-from campaigns.conformance.cases import CASES, FUNCTIONS, Profile
 from campaigns.conformance.designs import BUILD, DesignError, named
-from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
 from campaigns.conformance.fixture import FAULTS, ModelLine
 from campaigns.conformance.fixture import PROFILE as MODEL
-from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
+from campaigns.conformance.ports import PtyPort
 from rtl.command import Parser, run_main
 from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError
 from sim.card.run_card import CardError, RunningCard
 from sim.harness.library import BuildError
+from sw.rtu2fc.cases import CASES, FUNCTIONS, Profile
+from sw.rtu2fc.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
+from sw.rtu2fc.grade import ByteDriver
+from sw.rtu2fc.port import Line, SerialPort
+from sw.rtu2fc.problem import PortError
 from sw.test import host
 from tb.agents.uart import Format
 from tb.lib.card import baud_switches
@@ -85,7 +88,7 @@ def card_pty(config: str) -> list[Verdict]:
         RunningCard(Path(folder), *switches, program=ROOT / CARDS[config]) as card,
         SerialPort(str(card.link), PTY_BAUD, PTY_FORM) as port,
     ):
-        return grade(ByteDriver(port, PTY_BAUD, CARD_TIMEOUT_S), profile)
+        return grade(ByteDriver(Line(port, PTY_BAUD, PTY_FORM), CARD_TIMEOUT_S), profile)
 
 
 def library(name: str) -> list[Verdict]:
@@ -94,7 +97,7 @@ def library(name: str) -> list[Verdict]:
     command = [sys.executable, "-m", "campaigns.conformance.libraries", name]
     with PtyPort() as port, open(BUILD / f"{name}.log", "w") as log:
         server = subprocess.Popen([*command, port.name, str(UNIT)], cwd=ROOT, stdout=log, stderr=log)
-        driver = ByteDriver(port, PTY_BAUD, LIBRARY_TIMEOUT_S)
+        driver = ByteDriver(Line(port, PTY_BAUD, PTY_FORM), LIBRARY_TIMEOUT_S)
         profile = Profile(
             unit=UNIT,
             fmt=Format.named(PTY_BAUD, PTY_FORM),

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from campaigns.conformance.cases import BYTES, CASES, Heard, Profile, Send
-from campaigns.conformance.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, grade
 from campaigns.conformance.fixture import FAULTS, MANNERS, ModelLine
 from campaigns.conformance.fixture import PROFILE as PLAIN
+from sw.rtu2fc.cases import BYTES, CASES, Heard, Profile, Send
+from sw.rtu2fc.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, grade
 from tb.agents.crc16 import with_crc
 from tb.agents.uart import Format
 

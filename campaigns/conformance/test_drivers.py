@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import os
+import json
 import threading
 import time
 from collections.abc import Callable
@@ -11,16 +11,20 @@ from dataclasses import replace
 
 import pytest
 
-from campaigns.conformance import run, serial
+from campaigns.conformance import run
 from campaigns.conformance.card import PROFILE, CardDriver
-from campaigns.conformance.cases import CASES
 from campaigns.conformance.designs import Design, DesignError, designs, fetched
 from campaigns.conformance.designs import grade as grade_design
-from campaigns.conformance.engine import FAIL, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
 from campaigns.conformance.fixture import PROFILE as PLAIN
 from campaigns.conformance.fixture import Slave
-from campaigns.conformance.ports import ByteDriver, PortError, PtyPort, SerialPort
+from campaigns.conformance.ports import PtyPort
 from rtl.sources import ROOT
+from sw.rtu2fc import cli
+from sw.rtu2fc.cases import CASES
+from sw.rtu2fc.engine import FAIL, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
+from sw.rtu2fc.grade import ByteDriver
+from sw.rtu2fc.port import Line
+from sw.rtu2fc.problem import PortError
 from tb.agents import rtu
 
 BY_NUMBER = {case.number: case for case in CASES}
@@ -60,52 +64,50 @@ CODE_2 = "sends exception 2 for a wrong quantity"
     ("fault", "words", "code", "said"),
     [
         (None, [], 0, "0 failed; 14 tests need the pins"),
-        (CODE_2, ["--own-codes", "quantity=2"], 0, "own code   AP-4  "),
+        (CODE_2, ["--own-codes", "quantity=2"], 0, "✓ own code AP-4  "),
         pytest.param(
-            *("06 does not write", [], 1, "fail       AP-2   after 06: the register holds 42439"),
+            *("06 does not write", [], 1, "✗ fail     AP-2   after 06: the register holds 42439"),
             marks=pytest.mark.nightly,
         ),
     ],
 )
-def test_the_command_names_what_a_port_shows(fault, words, code, said, capsys):
+def test_the_command_names_what_a_port_shows(fault, words, code, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
     with PtySlave(fault) as slave:
-        times = ["--timeout", str(SHORT_S), "--gap", "0.02", "--functions", "3,6"]
-        result = serial.main(["--port", slave.port.name, "--unit", "17", "--format", "8N1", *times, *words])
+        place = ["grade", slave.port.name, "--unit", "17", "--baud", "19200", "--format", "8N1", *words]
+        place += ["--timeout", str(SHORT_S), "--gap", "0.02", "--functions", "3,6"]
+        result = cli.main([*place, "--report", str(tmp_path / "report.json")])
+        assert cli.main([*place, "--report", str(tmp_path / "report.html")]) == code
     shown = capsys.readouterr().out
     assert result == code and said in shown
-    assert shown.startswith("pass       SL-1\n") and "n.a.       AP-3   no function 16" in shown
-
-
-def test_a_port_that_is_busy_or_not_there_is_one_line():
-    with pytest.raises(PortError, match=r"^there is no /dev/no-such-port$"):
-        SerialPort("/dev/no-such-port")
-    with pytest.raises(PortError, match="no serial port"):
-        SerialPort(os.devnull)
-    with (
-        PtyPort() as port,
-        SerialPort(port.name),
-        pytest.raises(PortError, match=r"in use by another program$"),
-    ):
-        SerialPort(port.name)
+    assert shown.startswith("  ✓ pass     SL-1\n") and "  - n.a.     AP-3   no function 16" in shown
+    tests = json.loads((tmp_path / "report.json").read_text())["tests"]
+    assert [one["number"] for one in tests] == list(BY_NUMBER) and tests[0]["must"] == CASES[0].must
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("<tr class=") == len(CASES) and ("<tr class=fail>" in page) == bool(code)
 
 
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["--unit", "0"], "0 is not from 1 to 247"),
+        (["--unit", "0"], "the unit is 1 to 247, not '0'"),
         (["--values", "5"], "--values takes two values that differ"),
         (["--functions", "5,6"], "neither 1 nor 3"),
-        (["--gap", "nan"], "--timeout and --gap must be more than 0"),
+        (["--gap", "nan"], "seconds are above 0, not 'nan'"),
+        (["--report", "x.pdf"], "--report x.pdf: its name ends in .html or .json"),
         (["--own-codes", "parity=3"], "no reason 'parity'; there are function, address"),
         (["--coil", "65530", "--no-coil", "1"], "--coil 65530 and --coils 10 go beyond address 65535"),
         (["--no-register", "1"], "--no-register 1 is one of those to write"),
     ],
 )
-def test_a_wrong_option_is_one_line(words, reason, capsys):
-    with pytest.raises(SystemExit) as end:
-        serial.main(["--port", "nowhere", *words])
+def test_a_wrong_option_is_one_line(words, reason, capsys, monkeypatch):
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    try:
+        code = cli.main(["grade", "nowhere", *words])
+    except SystemExit as end:
+        code = end.code
     shown = capsys.readouterr().err
-    assert end.value.code == 2 and reason in shown and shown.count("\n") == 1
+    assert code == 2 and reason in shown and shown.count("\n") == 1
 
 
 class LatePort:
@@ -154,12 +156,12 @@ class Noise:
             LatePort(lambda request: 0, echo=True),
             "the port hears its own requests; switch the echo of the adapter off",
         ),
-        (Noise(), "port is never silent; check its rate and the bias of the line"),
+        (Noise(), "port is never silent"),
     ],
 )
 def test_a_line_without_a_slave_that_can_be_graded_is_one_line(port, said):
     with pytest.raises((NoAnswer, PortError)) as error:
-        grade(ByteDriver(port, 19200, SHORT_S, 0.01), PLAIN)
+        grade(ByteDriver(Line(port, 19200, "8E1"), SHORT_S, 0.01), PLAIN)
     assert str(error.value) == said
 
 
@@ -168,7 +170,9 @@ def test_a_late_reply_fails_its_own_test_and_not_the_next_one():
     wait_s = 4 * SHORT_S
     port = LatePort(lambda request: 1.5 * wait_s if request[0] == 0 else 0.0)
     profile, chosen = replace(PLAIN, functions=frozenset({3, 6})), ("SL-4", "SL-1", "AP-2")
-    found = grade(ByteDriver(port, 19200, wait_s, 0.01), profile, [BY_NUMBER[number] for number in chosen])
+    found = grade(
+        ByteDriver(Line(port, 19200, "8E1"), wait_s, 0.01), profile, [BY_NUMBER[number] for number in chosen]
+    )
     assert [verdict.outcome for verdict in found] == [FAIL, PASS, PASS]
     assert found[0].text.startswith("a reply after the longest wait: 11 03 00")
 

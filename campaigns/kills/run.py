@@ -30,14 +30,14 @@ from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from campaigns.conformance.cases import CASES
-from campaigns.conformance.engine import FAIL, grade
 from campaigns.conformance.fixture import FAULTS, PROFILE, ModelLine
 from campaigns.fuzz.plants import PLANTS, Plant
 from campaigns.mutate import run as mutate
 from campaigns.mutate.planted import Planted, PlantedError, planted
 from rtl.command import Parser, run_main, threads
 from rtl.sources import ROOT
+from sw.rtu2fc.cases import CASES
+from sw.rtu2fc.engine import FAIL, grade
 from sw.test import mutate as firmware
 from tb.lib.options import at_least
 

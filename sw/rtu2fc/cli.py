@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from . import VERSION, check, commands, scan, watch
+from . import VERSION, check, commands, grade, scan, watch
 from .card import Card
 from .dialects import DIALECTS
 from .port import Line, Replay, SerialPort
@@ -78,20 +78,26 @@ def drive_option(parser: argparse.ArgumentParser) -> None:
                         help=f"whose parameters and words: {', '.join(sorted(DRIVES))}")  # fmt: skip
 
 
-def line_options() -> argparse.ArgumentParser:
-    """Of every command that talks to a card."""
+def slave_options() -> argparse.ArgumentParser:
+    """Of every command that talks to a slave."""
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("port", help="port of the EIA-485 adapter: COM3, /dev/ttyUSB0")
     parser.add_argument("--unit", type=unit, default=1, help="address switches; default: 1")
     parser.add_argument("--baud", type=baud, default=9600, help="baud switches 1-3; default: 9600")
     parser.add_argument("--format", type=form, default="8N2", help="baud switches 4-5; default: 8N2")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="all bytes and their times into a file")
+    parser.add_argument("--replay", type=Path, metavar="FILE", help="a recorded line instead of the port")
+    return parser
+
+
+def card_options(slave: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Of every command that talks to a card."""
+    parser = argparse.ArgumentParser(add_help=False, parents=[slave])
     dialect = one_of(("auto", *DIALECTS), "the dialect")
     parser.add_argument(
         "--dialect", type=dialect, default="auto", help=f"{', '.join(DIALECTS)}; default: auto"
     )
     drive_option(parser)
-    parser.add_argument("--record", type=Path, metavar="FILE", help="all bytes and their times into a file")
-    parser.add_argument("--replay", type=Path, metavar="FILE", help="a recorded line instead of the port")
     return parser
 
 
@@ -106,7 +112,8 @@ def build() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"rtu2fc {VERSION}")
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument("--json", action="store_true", help="one JSON object instead of text")
-    every, line = parser.add_subparsers(dest="command", metavar="COMMAND", required=True), line_options()
+    every, slave = parser.add_subparsers(dest="command", metavar="COMMAND", required=True), slave_options()
+    line = card_options(slave)
 
     def add(
         name: str, run: Callable, text: str, *parents: argparse.ArgumentParser
@@ -161,6 +168,8 @@ def build() -> argparse.ArgumentParser:
 
     one = add("check", check.check, "a tick or a cross for each promise of the card; starts no motor", line)
     check.add_options(one, number, yes_no)
+    one = add("grade", graded, "the numbered tests of any Modbus RTU slave; they write", slave)
+    grade.add_options(one, seconds)
     one = add("switches", commands.switch_positions, "the positions of the card's switches, as a picture")
     one.add_argument("baud", type=baud)
     one.add_argument("format", type=form)
@@ -181,12 +190,22 @@ def stop_command(args: argparse.Namespace) -> str:
     return f"rtu2fc stop {args.port} --unit {args.unit} --baud {args.baud} --format {args.format}"
 
 
+def opened(args: argparse.Namespace) -> Line:
+    if args.replay:
+        return Replay(args.replay)
+    return Line(SerialPort(args.port, args.baud, args.format), args.baud, args.format, args.record)
+
+
+def graded(args: argparse.Namespace, screen: Screen) -> int:
+    """Any slave, so without the dialects of the card."""
+    grade.profile_of(args)  # a wrong option comes before a wrong port
+    with contextlib.closing(opened(args)) as line:
+        return grade.run(args, screen, line)
+
+
 def on_line(run: Callable, args: argparse.Namespace, screen: Screen) -> int:
     """Opens the port, finds the dialect, and runs a command with the card."""
-    if args.replay:
-        line: Line = Replay(args.replay)
-    else:
-        line = Line(SerialPort(args.port, args.baud, args.format), args.baud, args.format, args.record)
+    line = opened(args)
     card = Card(line, args.unit, args.dialect, args.drive)
     try:
         if run is not check.check:

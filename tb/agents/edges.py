@@ -10,10 +10,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from . import rtu
-from .rs485 import Pulse
-from .uart import Character, Format, Frame, UartMonitor
+from .line import Character, Format, Frame, Pulse
+
+if TYPE_CHECKING:
+    from .uart import UartMonitor  # needs cocotb; a Trace does not
 
 
 class Trace:

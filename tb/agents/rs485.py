@@ -7,24 +7,15 @@ DE against LINE-6 and FC-10. With `echo` the device hears itself while DE is hig
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cocotb
 from cocotb.handle import LogicObject
 from cocotb.triggers import First, ValueChange
 
-from .uart import Format, UartMonitor, UartSource, now_ps
+from .line import Format, Pulse
+from .uart import UartMonitor, UartSource, now_ps
 
 # DE edges are compared with bit boundaries, which drift with the device's own bit clock (LINE-4).
 TOLERANCE_BITS = 0.02
-
-
-@dataclass(frozen=True)
-class Pulse:
-    """DE high from rise to fall; fall is None while DE is high."""
-
-    rise_ps: int
-    fall_ps: int | None
 
 
 class DirectionMonitor:

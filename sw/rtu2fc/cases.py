@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from tb.agents import rtu
-from tb.agents.edges import Limits, Trace, judge
-from tb.agents.rs485 import Pulse
-from tb.agents.uart import Flaws, Format
+from . import rtu
+from .edges import Limits, Trace, judge
+from .line import Flaws, Format, Pulse
 
 BYTES, EDGES, PARITY, PINS = "bytes", "edges", "parity", "DE"
 LONGEST_FRAME = 256

@@ -7,13 +7,14 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from campaigns.conformance.cases import CASES, PARITY, Case, Fault, Heard, Missing, Profile, Send, Session
+from . import problem
+from .cases import CASES, PARITY, Case, Fault, Heard, Missing, Profile, Send, Session
 
 PASS, FAIL, OWN_CODE, NONE, HIDDEN = "pass", "fail", "own code", "n.a.", "not visible"
 TRIES = 3
 
 
-class NoAnswer(Exception):
+class NoAnswer(problem.NoAnswer):
     """The slave does not answer; the text is one line for the user."""
 
 
