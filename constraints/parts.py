@@ -31,7 +31,7 @@ MEMORY = {"firmware_ram", "ram_bank", "ram_lane"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | MEMORY
 FRONT_END = "**front end**: both ports, framing and mailbox"
 # Limits of its cells in either flow: fewer than the smallest slave with one port, no parity and no t1.5. That
-# one takes 1030 and 1010 (docs/guide/resources.md).
+# one takes 1030 and 1010 (docs/guide/integration.md).
 TARGETS = {"machxo2": 1029, "ice40": 1009}
 # Label, configuration, modules that stay.
 PARTS = [

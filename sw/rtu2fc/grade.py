@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`rtu2fc grade`: the numbered tests of a Modbus RTU slave, by its bytes alone; each test prints one line.
 
-The tests write --values to --register and change --coil. docs/guide/conformance.md explains them.
+The tests write --values to --register and change --coil. docs/guide/testing.md explains them.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def run(args: argparse.Namespace, screen: Screen, line: Line) -> int:
         ) from None
     counts = Counter(one.outcome for one in verdicts)
     own = f"{counts[OWN_CODE]} with the slave's own code; " if counts[OWN_CODE] else ""
-    summary = f"{counts[FAIL]} failed; {own}{counts[HIDDEN]} tests need the pins (docs/guide/conformance.md)."
+    summary = f"{counts[FAIL]} failed; {own}{counts[HIDDEN]} tests need the pins (docs/guide/testing.md)."
     screen.say(summary)
     found = entries(verdicts)
     screen.result |= {"slave": f"unit {profile.unit}, {profile.fmt}", "failed": counts[FAIL], "tests": found}
