@@ -86,7 +86,7 @@ def without_reset(config: str) -> dict[str, set[str]]:
     """Registers of our modules that start with a value and no reset sets, by module."""
     where = f"{BUILD.relative_to(ROOT)}/flip_flops_{config}"
     script = f"{read_card(config)}hierarchy -top {TOP}\nproc\nopt\nwrite_json {where}.json\n"
-    yosys(f"flip_flops_{config}", script.replace("read_verilog", "read_verilog -DSYNTHESIS"))
+    yosys(f"flip_flops_{config}", script)
     design = json.loads((ROOT / f"{where}.json").read_text())["modules"]
     own, found = {path.stem for path in rtl_files()}, defaultdict(set)
     for name, module in design.items():

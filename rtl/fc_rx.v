@@ -139,18 +139,6 @@ module fc_rx (
     if (rst) storing <= 1'b0;
   end
 
-`ifndef SYNTHESIS
-  wire [8*4-1:0] state_name =
-      state == S_HUNT ? "HUNT" :
-      state == S_LGE ? "LGE" :
-      state == S_ADR ? "ADR" :
-      state == S_DATA ? "DATA" :
-      state == S_BCC ? "BCC" :
-      state == S_GOOD ? "GOOD" :
-      state == S_BAD ? "BAD" :
-      "OFF";
-`endif
-
 endmodule
 
 `default_nettype wire

@@ -98,16 +98,6 @@ module fc_tx (
     if (rst || (!begun && state != S_IDLE)) state <= S_IDLE;
   end
 
-`ifndef SYNTHESIS
-  wire [8*5-1:0] state_name =
-      state == S_STX ? "STX" :
-      state == S_LGE ? "LGE" :
-      state == S_FETCH ? "FETCH" :
-      state == S_SEND ? "SEND" :
-      state == S_DRAIN ? "DRAIN" :
-      "IDLE";
-`endif
-
 endmodule
 
 `default_nettype wire

@@ -255,17 +255,6 @@ module rtu_rx #(
     end
   end
 
-`ifndef SYNTHESIS
-  wire [8*7-1:0] state_name =
-      state == S_WAIT ? "WAIT" :
-      state == S_IDLE ? "IDLE" :
-      state == S_RECEIVE ? "RECEIVE" :
-      state == S_EARLY ? "EARLY" :
-      state == S_HOLD ? "HOLD" :
-      state == S_SUSPECT ? "SUSPECT" :
-      "UNDEF";
-`endif
-
 endmodule
 
 `default_nettype wire

@@ -78,16 +78,6 @@ module rtu_tx (
     if (rst) state <= S_IDLE;
   end
 
-`ifndef SYNTHESIS
-  wire [8*8-1:0] state_name =
-      state == S_FETCH ? "FETCH" :
-      state == S_SEND ? "SEND" :
-      state == S_CRC_LOW ? "CRC_LOW" :
-      state == S_CRC_HIGH ? "CRC_HIGH" :
-      state == S_DRAIN ? "DRAIN" :
-      "IDLE";
-`endif
-
 endmodule
 
 `default_nettype wire

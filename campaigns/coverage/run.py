@@ -41,8 +41,6 @@ WHOLE_CARD = ("rtu2fc", "rtu2fc_dialects")
 VARIABLES = {"RTL_COVERAGE": str(COUNTS), "COCOTB_RANDOM_SEED": "1"}
 # Verilator's names of branch ways; all other points are blocks.
 WAYS = ("if", "else", "elsif", "case", "cond_then", "cond_else")
-# State names for waveforms, which do not exist in hardware.
-NO_HARDWARE = "state_name["
 POINT = re.compile(r"C '(.*)' (\d+)$")
 
 
@@ -119,8 +117,6 @@ def count(texts: Iterable[str], root: Path = ROOT) -> dict[str, Module]:
                 continue
             module = found[file]
             number, hits = int(key["l"]), int(point[2])
-            if key["t"] == "toggle" and key["o"].startswith(NO_HARDWARE):
-                continue
             if key["t"] == "toggle":
                 module.toggles[number, key["n"], key["o"]] += hits
                 continue

@@ -35,7 +35,6 @@ def counts(root, taken: int, other: int) -> str:
             point(file, 4, "branch", "else", other, "5", column=2),
             point(file, 1, "toggle", "a:0->1", 1),
             point(file, 1, "toggle", "a:1->0", 0),
-            point(file, 6, "toggle", "state_name[7]:0->1", 0),
             point(f"{root}/regs/generated/tables.v", 1, "line", "block", 1, "1-3"),
             point("elsewhere/core.v", 1, "line", "block", 0, "1"),
         ]

@@ -125,7 +125,7 @@ def elaborate(config: str, option: str, folder: Path, side: str, changed: Path |
     image = configurations()[config]["firmware_hex"]
     setting = f"-set {option}" if option else ""
     script = (
-        f"read_verilog -defer -DSYNTHESIS {' '.join(names)}",
+        f"read_verilog -defer {' '.join(names)}",
         f'chparam -set FIRMWARE_HEX "{image}" {setting} {TOP}',
         f"hierarchy -top {TOP}",
         f"write_rtlil {(folder / side).relative_to(ROOT)}.il",

@@ -20,7 +20,7 @@ def test_changes_affect_only_code():
     input wire clk
 );
   // a == b
-`ifndef SYNTHESIS
+`ifdef FORMAL
   initial if (a == b) c = 1'b0;
 `endif
   reg [1:0] z = 2'd2;

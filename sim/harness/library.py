@@ -28,6 +28,7 @@ from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configuration, configurations
 from sim.harness import registers
 from sim.harness.power_up import copies_without_values
+from sim.harness.wave_rows import ROW_FILES, copies_with_rows
 
 HERE = ROOT / "sim/harness"
 LIBRARY = HERE / "card_library.cpp"
@@ -160,7 +161,7 @@ def _folder(
     if extra == "program":
         waivers.append(HERE / "wave.vlt")
     recipe = LINK if library else ()
-    files = (*sources, *waivers, POWER_UP, *((LIBRARY, *HEADERS) if library else ()))
+    files = (*sources, *waivers, POWER_UP, *ROW_FILES, *((LIBRARY, *HEADERS) if library else ()))
     name = cache.key(
         sorted(settings.items()),
         *(extra, FLAGS, EXTRA[extra], recipe),
@@ -170,7 +171,10 @@ def _folder(
     )
 
     def make(folder: Path) -> list[Path]:
-        _verilate(folder, [*waivers, *copies_without_values(sources, folder / "sources")], settings, extra)
+        copies = copies_without_values(sources, folder / "sources")
+        if "--trace-fst" in EXTRA[extra]:
+            copies = copies_with_rows(copies, folder / "sources")
+        _verilate(folder, [*waivers, *copies], settings, extra)
         if library:
             return [_link(folder, extra)]
         return [path for path in folder.iterdir() if path.suffix in (".h", ".a")]

@@ -81,7 +81,7 @@ def _yosys(work: Path, sources: Sequence[Path], settings: Mapping[str, int]) -> 
         copies.append(folder / f"{number:02}-{path.name}")
         (ROOT / copies[-1]).write_bytes(path.read_bytes())
     given = " ".join(f"-set {name} {value}" for name, value in settings.items())
-    script = [f"read_verilog -defer -DSYNTHESIS {copy}" for copy in copies]
+    script = [f"read_verilog -defer {copy}" for copy in copies]
     script += [
         f'chparam {given} -set FIRMWARE_HEX "{folder}/empty.hex" {TOP}',
         f"hierarchy -top {TOP}",

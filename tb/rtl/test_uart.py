@@ -4,9 +4,10 @@
 import cocotb
 import pytest
 
+from sim.harness.wave_rows import copies_with_rows
 from tb.agents.uart import Flaws, Format, UartMonitor, UartSource
 from tb.lib.bench import Bench, Strobes
-from tb.lib.runner import run
+from tb.lib.runner import ROOT, run
 from tb.lib.seeds import cases, seeded
 
 FORMATS = ("8N1", "8N2", "8E1", "8O1")
@@ -392,7 +393,7 @@ UNIT_TESTS = [
     "late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary",
     "reset_while_sending_returns_the_line_to_idle",
 ]
-# A netlist has no rows for waveforms.
+# With uart_text.vh.
 ROWS = [
     "error_rows_of_a_waveform_are_high_with_a_flawed_byte_alone",
     "frame_row_of_a_waveform_shows_the_bytes_of_one_frame",
@@ -401,4 +402,9 @@ ROWS = [
 
 @pytest.mark.rule("LINE-1", "LINE-3", "LINE-5", "FC-1", "FC-8")
 def test_uart(sim):
-    run("uart", "tb.rtl.test_uart", sim=sim, testcase=[*UNIT_TESTS, *ROWS])
+    run("uart", "tb.rtl.test_uart", sim=sim, testcase=UNIT_TESTS)
+
+
+def test_rows_of_a_waveform(sim, tmp_path):
+    sources = copies_with_rows([ROOT / "rtl/uart.v"], tmp_path)
+    run("uart", "tb.rtl.test_uart", sim=sim, sources=sources, testcase=ROWS)
