@@ -6,13 +6,6 @@
 // clk: CLK_HZ, 2 to 100 MHz. rst_n: at any moment. It clears both DE at once, all else by the clock.
 // Switches: index = number on the card, 1 = ON, read once after reset. LEDs: 1 = lit; red and
 // green together are orange. Serial lines idle at 1, DE drives at 1.
-// The parameters' defaults are those of the configuration standard, or of the file
-// regs/generated/config_<name>.v that was read before. SOFT_CORE, LOCKSTEP: see soft_core. STRICT_T15:
-// see rtu_rx. MEMORY_BYTES: bytes of the memory, see bus_arbiter. FIRMWARE_HEX: see firmware_ram.
-// MASTER_LOSS_STOP: 1, the card may stop the drive when the master is lost, if the firmware has the
-// option of that name; see master_loss and docs/guide/dialects.md.
-// BREAK_TOLERANT: 1, for a bus that falls low when nobody drives it; see break_filter.
-// EXTENDED_SWITCHES: 1, three switch positions are 38400 and 115200 bit/s and 8N1; see card_tables.
 // Rules: TOP-1, TOP-2.
 `default_nettype none
 
@@ -24,15 +17,15 @@
 `endif
 
 module rtu2fc #(
-    parameter CLK_HZ = `CONFIG_CLK_HZ,
-    parameter FIRMWARE_HEX = "firmware.hex",
-    parameter SOFT_CORE = `CONFIG_SOFT_CORE,
-    parameter LOCKSTEP = 1,
-    parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,
-    parameter STRICT_T15 = 1,
-    parameter BREAK_TOLERANT = 0,
-    parameter MASTER_LOSS_STOP = 0,
-    parameter EXTENDED_SWITCHES = 0
+    parameter CLK_HZ = `CONFIG_CLK_HZ,  // of clk
+    parameter FIRMWARE_HEX = "firmware.hex",  // the image of `make firmware`, see firmware_ram
+    parameter SOFT_CORE = `CONFIG_SOFT_CORE,  // 0: PicoRV32, 1: SERV
+    parameter LOCKSTEP = 1,  // 1: PicoRV32 twice, and any difference restarts both (SAFE-4)
+    parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,  // program, data and frames, see bus_arbiter
+    parameter STRICT_T15 = 1,  // 0: a frame may have gaps below t3.5, for USB adapters (FRAME-3)
+    parameter BREAK_TOLERANT = 0,  // 1: for a bus that falls low when nobody drives it (FRAME-3)
+    parameter MASTER_LOSS_STOP = 0,  // 1: firmware with that option may stop the drive (SAFE-7)
+    parameter EXTENDED_SWITCHES = 0  // 1: 38400, 115200 bit/s and 8N1 (LINE-2, LINE-3)
 ) (
     input  wire       clk,
     input  wire       rst_n,

@@ -1,33 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 // Receives Modbus RTU frames: finds their ends by silence and checks them.
 //
-// A frame starts with a character after t3.5 of silence. A frame is good if CRC, parity and stop
-// bits are correct and it has 4 to 256 bytes. A good frame for this card or for all becomes the
-// candidate after half a character of silence, and is committed at t3.5. The start bit of a
-// character between the two ends the candidate (FRAME-6). Before t1.5 the frame then goes on;
-// from t1.5 on it is revoked (FRAME-3). Without the half character, a frame whose last byte is
-// 00 would be a candidate twice.
-// The first 32 bytes go to the frame memory; frame_length is the full length, modulo 256
-// (FRAME-5). Two banks alternate. The bank of the newest candidate is not written before a newer
-// candidate exists, or before a start bit has ended this one. So the firmware never reads a
-// mixture of two frames.
+//   state    the line            a character      half a character  t1.5          t3.5
+//   WAIT     rubbish             ignored                                          IDLE
+//   IDLE     silence             RECEIVE
+//   RECEIVE  in a frame          RECEIVE          ours: EARLY       good: HOLD    IDLE
+//                                                                   bad: SUSPECT
+//   EARLY    the candidate       RECEIVE                            HOLD          IDLE
+//   HOLD     good until t1.5     WAIT, revoked                                    IDLE, committed
+//   SUSPECT  bad at t1.5         RECEIVE                                          IDLE
 //
-// STRICT_T15 = 1: a frame that is not good at t1.5 is discarded, and the next byte is an address
-// (FRAME-2). A character after a good frame spoils everything up to the next t3.5 (FRAME-3).
-// STRICT_T15 = 0: a frame grows until t3.5.
+// The character that leaves IDLE or SUSPECT is an address (FRAME-1, FRAME-2). A frame is good if CRC,
+// parity and stop bits are right and it has 4 to 256 bytes; ours, if it is also for this card or for
+// all. It becomes the candidate as it leaves RECEIVE. In EARLY and HOLD the start bit of a character
+// counts already (FRAME-6, FRAME-3). Without EARLY a frame that ends in 00 would be a candidate twice.
+// STRICT_T15 = 0: a frame grows until t3.5, so there is no SUSPECT, and HOLD is left to RECEIVE.
+// BREAK_TOLERANT = 1: a character without a stop bit ends its frame in WAIT and counts at once.
+// may_break: level, a break may follow: the frame is good and no other character has begun, or all is
+// dropped. line_start: start_seen, but not delayed by break_filter, in time for the CRC.
+// The first 32 bytes go to the frame memory; frame_length is the full length, modulo 256 (FRAME-5).
+// Two banks alternate: the bank of the newest candidate is written again only when a newer one exists
+// or a start bit has ended this one. So the firmware never reads a mixture of two frames.
 //
-// line_start: start_seen, but in time for the CRC of a character whose start_seen break_filter
-// delays. may_break: level, a break may follow: the frame is good up to its last character and no
-// other has begun, or everything up to the next t3.5 is dropped. 0 without BREAK_TOLERANT. With it,
-// a character without a stop bit ends its frame, which counts a framing error at once.
-//
-// Each discarded frame counts one event, for the first that applies of framing error, parity
-// error, over-length and CRC error. With STRICT_T15 = 1 a character between t1.5 and t3.5 counts
-// count_t15 instead, but after a good frame for this card it gives revoke. count_foreign: a good
-// frame for another unit. frame_writes_coils: the function is 05 or 15, the only ones that may
-// command the drive.
-// fault: the halves of frame_bank disagree; the newest frame must be dropped. One clock: bank_i
-// ends in 0.
+// Each dropped frame counts one event, the first that applies of framing, parity, length and CRC. A
+// character between t1.5 and t3.5 counts count_t15 instead, or revokes a candidate. count_foreign: a
+// good frame for another unit. frame_writes_coils: function 05 or 15, the only ones that may command
+// the drive. fault: one clock, the halves of frame_bank disagree; the newest frame must be dropped.
 // Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.
 `default_nettype none
 
@@ -141,7 +139,6 @@ module rtu_rx #(
     end
   endgenerate
 
-  // High for the clock in which a good frame becomes the candidate.
   wire judged = state == S_RECEIVE && (half_reached || short_reached);
   wire raise = judged && good && mine && in_place;
   // docs/hardening.md, Revoke twice (SAFE-4)
@@ -150,7 +147,6 @@ module rtu_rx #(
   wire resumed = state == S_EARLY && continued;
   wire next_bank = raise || (spoilt && mine) || resumed;
 
-  // A bad frame is counted under the first of its faults.
   wire ended_bad = long_reached && (state == S_RECEIVE || state == S_SUSPECT);
   assign count_framing = (undriven && !count_t15) || (ended_bad && framing_bad);
   assign count_parity = ended_bad && parity_bad && !framing_bad;
@@ -159,15 +155,8 @@ module rtu_rx #(
   assign count_t15 = (byte_valid && state == S_SUSPECT) || (spoilt && STRICT_T15 && !mine);
   assign count_foreign = state == S_HOLD && long_reached && !spoilt && !mine;
 
-  initial begin
-    candidate = 1'b0;
-    commit = 1'b0;
-    revoke = 1'b0;
-    frame_length = 8'd0;
-    frame_broadcast = 1'b0;
-    frame_writes_coils = 1'b0;
-    frame_writes_parameter = 1'b0;
-  end
+  initial {candidate, commit, revoke, frame_length} = 11'd0;
+  initial {frame_broadcast, frame_writes_coils, frame_writes_parameter} = 3'd0;
 
   // A flip between commit and firmware would show an older frame. It ends in bank 0 and reports
   // a fault, which restarts the firmware. docs/hardening.md, Frame bank (SAFE-4)

@@ -1,30 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// Receives and sends characters on a half-duplex line: start bit, 8 data bits LSB first, parity
-// or none, stop bits. One direction at a time: both share shift register, bit counter and
-// parity. The receiver ignores the line while the UART sends.
+// Receives and sends the characters of a half-duplex line: start bit, 8 data bits LSB first, parity
+// or none, stop bits. One direction at a time, with one state, shift register and parity for both;
+// the receiver ignores the line while the UART sends (driving).
 //
-// Receiving. The line is sampled 16 times a bit. Each bit is the majority of three samples
-// around its middle. A start bit that fails its vote is ignored. Only the first stop bit is
-// checked, so 8N2, 8N1 and a sender without a second stop bit are received alike. The samples
-// are taken 6, 7 and 8 ticks after the first low tick. That tick comes up to one tick late. On
-// average the samples are in the middle, with equal margin on both sides at +-4 %.
-// byte_valid: one clock, at the vote on the first stop bit (half a bit before its end), with
-// data and errors of the same character. A missing stop bit is a framing error; after it the
-// receiver waits for the line to rise (break). byte_parity_error is also set if the stored byte
-// does not match the parity of the bits received, in formats without a parity bit, too.
-// receiving: level, from the first low tick to byte_valid or to the end of the break.
-// start_seen: one clock, when a start bit passed its vote. It never comes from a character that
-// is being sent, because the port holds the line high then.
+//   state    receiving                           sending
+//   idle     until a tick sees the line low      until a byte is loaded and line_ready
+//   START    vote high: idle, it was noise       one bit
+//   DATA     eight votes                         eight bits, of send_data or with send_check check_bit
+//   PARITY   one vote, if parity_enable          one bit, if parity_enable
+//   STOP     byte_valid; vote low: REST          one bit; a loaded byte follows without a gap (FC-8)
+//   REST     a break, until the line rises       the second stop bit, if two_stop
 //
-// Sending. A byte is accepted while the line is idle, or after the last data bit of the previous
-// character. A byte that is offered within one bit leaves no gap (FC-8, LINE-1). Its
-// character begins at the next tick with line_ready. Every bit lasts exactly 16 ticks. sending:
-// level, from the first start bit to the end of the last stop bit on the pin. With send_check
-// the data bits come from check_bit in place of send_data.
+// A received bit ends at its vote, the majority of the samples 6, 7 and 8 ticks after the first low
+// tick of its start bit. That tick comes up to one tick late, so on average the samples are in the
+// middle, with equal margin on both sides at +-4 %. A sent bit lasts exactly 16 ticks.
+// Only the first stop bit is checked: 8N2, 8N1 and a sender without a second one are received alike.
 //
-// bit_valid, bit_data: each data bit of either direction, for the check unit. parity_enable and
-// two_stop are never both set. Units: tick16 = 1/16 bit. Clock domain: clk.
-// Rules: LINE-1, LINE-3, LINE-4, LINE-5, FC-1, SAFE-4.
+// byte_valid: one clock, half a bit before the end of the stop bit. byte_framing_error: that bit was
+// missing. byte_parity_error is also set if the stored byte does not match the parity of its bits,
+// without a parity bit, too. receiving: level, to byte_valid or the end of the break. start_seen: one
+// clock, a start bit passed its vote; never of a sent character, because the port holds the line high.
+// send_ready: no byte waits, and the data bits of the last one are out. sending: level, from the first
+// start bit to the end of the last stop bit on the pin. bit_valid, bit_data: each data bit of either
+// direction, for the check unit. parity_enable and two_stop are never both set.
+// Units: tick16 = 1/16 bit. Clock domain: clk. Rules: LINE-1, LINE-3 ... LINE-5, FC-1, SAFE-4.
 `default_nettype none
 
 module uart (
@@ -60,13 +59,12 @@ module uart (
     output reg        start_seen
 );
 
-  // One-hot state, because each state is tested in many places. All zeros: idle, the line is
-  // high or went low less than a tick ago.
-  localparam S_START = 0;  // the start bit, before its vote
-  localparam S_DATA = 1;  // eight data bits
-  localparam S_PARITY = 2;  // the parity bit, if there is one
-  localparam S_STOP = 3;  // the first stop bit
-  localparam S_REST = 4;  // the second stop bit, or a break: wait for the line to rise
+  // One-hot, because each state is tested in many places; idle is 0.
+  localparam S_START = 0;
+  localparam S_DATA = 1;
+  localparam S_PARITY = 2;
+  localparam S_STOP = 3;
+  localparam S_REST = 4;
 
   reg [4:0] state = 5'd0;
   reg [3:0] phase = 4'd0;  // ticks since the bit began
