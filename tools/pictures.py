@@ -445,11 +445,12 @@ def modules() -> Picture:
     picture.text(MIDDLE, 279, "commit, good", "s", "middle")
     picture.box(14, 292, 392, 46, "box")
     picture.text(MIDDLE, 306, "mailbox", "b", "middle")
-    picture.text(MIDDLE, 324, "commit_gate, mailbox_regs, bus_arbiter", "", "middle")
-    picture.box(122, 358, 176, 26, "box")
-    picture.text(MIDDLE, 371, "soft_core, firmware_ram", "s", "middle")
-    picture.arrow("wire w3", (MIDDLE, 338), (MIDDLE, 358))
-    picture.arrow("wire w3", (MIDDLE, 358), (MIDDLE, 338))
+    picture.text(MIDDLE, 324, "commit_gate, mailbox_regs", "", "middle")
+    picture.box(122, 354, 176, 32, "box")
+    picture.text(MIDDLE, 363, "soft_core, bus_arbiter,", "s", "middle")
+    picture.text(MIDDLE, 377, "firmware_ram", "s", "middle")
+    picture.arrow("wire w3", (MIDDLE, 338), (MIDDLE, 354))
+    picture.arrow("wire w3", (MIDDLE, 354), (MIDDLE, 338))
     picture.text(MIDDLE, 395, "reply, telegram start", "s", "middle")
     return picture
 
