@@ -9,7 +9,8 @@ that page. A page that code cites must exist. So must a row of docs/hardening.md
 place in tools/site/mkdocs.yml. A list has an empty line
 before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and
 each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that
-codespell does not know. Prints one line for each mistake; exit 1 if there is one.
+codespell does not know. All pages have at most WORDS_AT_MOST words. Prints one line for each mistake; exit 1
+if there is one.
 """
 
 import re
@@ -41,6 +42,11 @@ HARDENING = ROOT / "docs/hardening.md"
 SITE = ROOT / "tools/site/mkdocs.yml"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 MECHANISM = re.compile(r"docs/hardening\.md, ")
+# All pages together must stay readable: words written by hand, outside code and generated parts.
+WORDS_AT_MOST, PAGES_AT_MOST = 45_000, 30
+GENERATED_PAGES = tuple(ROOT / f"docs/reference/{name}.md" for name in ("pins", "registers"))
+GENERATED = re.compile(r"<!-- generated:.*?<!-- end -->", re.DOTALL)
+WORD = re.compile(r"\w[\w'.-]*")
 WRAPPED = re.compile(r"[ \t]*\n[ \t]*(?://|\*|#)?[ \t]*")
 SOURCES = {".v", ".vh", ".c", ".h", ".cpp", ".S", ".py", ".rdl", ".toml", ".mk", ".lua", ".sh"}
 
@@ -122,6 +128,18 @@ def lost_lists(page: Path) -> list[str]:
     ]
 
 
+def written(pages: list[Path]) -> int:
+    """Words of the pages that people wrote."""
+    texts = [page.read_text() for page in pages if page not in GENERATED_PAGES]
+    return sum(len(WORD.findall(FENCE.sub("", GENERATED.sub("", text)))) for text in texts)
+
+
+def too_much(pages: list[Path]) -> list[str]:
+    documents = sum(page.is_relative_to(ROOT / "docs") for page in pages)
+    found = (("words by hand", written(pages), WORDS_AT_MOST), ("pages in docs/", documents, PAGES_AT_MOST))
+    return [f"{number} {what}, at most {most}" for what, number, most in found if number > most]
+
+
 def mechanisms() -> tuple[str, ...]:
     return tuple(re.findall(r'^\| <a id="[^"]*"></a>(.*?) \|', HARDENING.read_text(), re.MULTILINE))
 
@@ -194,6 +212,7 @@ def check() -> list[str]:
     )
     documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
     wrong += without_place(documents, SITE.read_text())
+    wrong += too_much([page for page in pages if ".github" not in page.parts])
     return wrong + unlisted_parts(names, ARCHITECTURE.read_text())
 
 

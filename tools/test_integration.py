@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from constraints.boards import board
 from regs.generated.card_tables import SILENCE_START, SILENCES
 from rtl.sources import ROOT, core_files
 from tb.lib.runner import firmware
@@ -134,3 +135,35 @@ def test_the_guide_has_the_silences_of_each_rate():
         shorter, longer, uneven = shown[str(max(baud, 19_200))]
         assert (shorter if bits == 10 else longer) == SILENCE_START - 1 + silences.half_ticks, (baud, bits)
         assert uneven == silences.half_uneven
+
+
+# ---------------------------------------------------------------- the example on two boards
+NETWORK_PINS = {
+    "clk": "clk",
+    "rx": "modbus_rx",
+    "tx": "modbus_tx",
+    "de": "modbus_de",
+    "led_n": "led_modbus_red_n",
+}
+
+
+@pytest.mark.parametrize("name", ["icebreaker", "tang-nano-9k"])
+def test_the_example_has_the_pins_of_the_cards_network_line(name):
+    entry = board(name)
+    wanted = {pin.port: pin.site for pin in entry.pins()}
+    file = ROOT / f"docs/example/{entry.top}{entry.pin_file.suffix}"
+    line = r"^set_io(?: -\S+ \S+)* (\w+) (\w+)$" if file.suffix == ".pcf" else r'^IO_LOC "(\w+)" (\w+);'
+    sites = dict(re.findall(line, file.read_text(), re.MULTILINE))
+    assert sites == {port: wanted[card] for port, card in NETWORK_PINS.items()}
+
+
+@pytest.mark.nightly("synth")
+@pytest.mark.parametrize(("name", "file"), [("icebreaker", "slave.bin"), ("tang-nano-9k", "slave.fs")])
+def test_the_example_becomes_a_bitstream(name, file):
+    made = ROOT / "build/example" / name / file
+    made.unlink(missing_ok=True)
+    done = subprocess.run(
+        ["docs/example/bitstream.sh", name], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert made.stat().st_size > 50_000 and done.stdout.split()[-1].endswith(file)

@@ -95,6 +95,19 @@ def test_each_mechanism_is_cited(monkeypatch, tmp_path):
     assert len(prose.uncited_mechanisms(["// Frame bank, Guarded bits"])) == 3
 
 
+def test_too_many_words_and_pages_are_found(monkeypatch, tmp_path):
+    page = tmp_path / "docs/page.md"
+    page.parent.mkdir()
+    page.write_text(
+        "Five words, one of two-parts.\n\n```\nno word\n```\n<!-- generated: a -->\nno\n<!-- end -->\n"
+    )
+    monkeypatch.setattr(prose, "ROOT", tmp_path)
+    assert prose.written([page]) == 5 and prose.too_much([page] * 30) == []
+    monkeypatch.setattr(prose, "WORDS_AT_MOST", 4)
+    assert prose.too_much([page]) == ["5 words by hand, at most 4"]
+    assert prose.too_much([page] * 31)[1:] == ["31 pages in docs/, at most 30"]
+
+
 def test_each_page_has_a_place_on_the_site(monkeypatch, tmp_path):
     monkeypatch.setattr(prose, "ROOT", tmp_path)
     monkeypatch.setattr(prose, "SITE", tmp_path / "mkdocs.yml")
