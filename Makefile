@@ -99,8 +99,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 #:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
 #:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
 #:                 and compare; TAG=v1.2.3: refused unless it is that of VERSION (release)
-#:   CHANNEL=name, INVERT=yes, BAUD=n   the drive line's (telegrams); TELEGRAMS_ARGS=...   more of its options: --drive,
-#:                 --fields
+#:   CHANNEL=name, INVERT=yes   the drive line's (telegrams); TELEGRAMS_ARGS=...   more options of rtu2fc decode
 #:   V=1           show the commands
 
 ##@ Use the card
@@ -130,10 +129,11 @@ waves: firmware | setup-test ## * waveform, capture and log of a test: make wave
 wireshark: | setup-views ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
 	@$(RUN) sim.view.wireshark $(FILE)
 
-telegrams: | setup-views ## the FC telegrams of a waveform or a logic analyser's file: make telegrams FILE=card.fst
+telegrams: | setup-test ## the FC telegrams of a waveform or a logic analyser's file: make telegrams FILE=card.fst
 	@[ -n "$(FILE)" ] || { echo "say which file: make telegrams FILE=card.fst" >&2; exit 2; }
-	@$(RUN) sim.view.telegrams "$(FILE)" $(foreach option,channel invert baud,\
-		$(call given,$(option),$(call upper,$(option)))) $(TELEGRAMS_ARGS)
+	@file="$(FILE)"; \
+	case "$$file" in *.fst) file=$(BUILD)/lines.vcd; $(RUN) sim.view.lines_vcd "$(FILE)" $$file;; esac; \
+	$(RUN) sw.rtu2fc decode "$$file" --drive-line $(or $(CHANNEL),drive) $(if $(filter yes,$(INVERT)),--invert) $(TELEGRAMS_ARGS)
 
 replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
 	@[ -n "$(FILE)" ] && [ -n '$(call given,unit,UNIT)' ] && [ -n '$(call given,baud,BAUD)' ] || \

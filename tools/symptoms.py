@@ -35,7 +35,8 @@ RECORDINGS = ROOT / "docs/recordings"
 GUIDE = ROOT / "docs/guide/debugging.md"
 GUIDES = (GUIDE, ROOT / "docs/guide/recordings.md")
 COMMAND = re.compile(
-    r"^```\n\$ \.venv/bin/python (-m sim\.view\.(?:frames docs/recordings|replay tb/captures)/.*)\n"
+    r"^```\n\$ \.venv/bin/python"
+    r" (-m (?:sw\.rtu2fc decode docs/recordings|sim\.view\.replay tb/captures)/.*)\n"
     r"(?:.*\n)*?```$",
     re.MULTILINE,
 )

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rtl.sources import ROOT
-from sim.view import frames, tshark
+from sim.view import tshark
 from sim.view.wireshark import SCRIPT, environment
 from tools import symptoms
 from tools.symptoms import COMMAND, GUIDE, GUIDES, RECORDINGS, SYMPTOMS, with_outputs
@@ -119,7 +119,7 @@ def test_every_symptom_has_a_section_that_names_its_recording():
     assert [name for names in SECTIONS.values() for name in names] == list(SYMPTOMS)
     for title, names in SECTIONS.items():
         shown = re.findall(
-            r"^\$ \.venv/bin/python -m sim\.view\.frames docs/recordings/([\w-]+)\.jsonl",
+            r"^\$ \.venv/bin/python -m sw\.rtu2fc decode docs/recordings/([\w-]+)\.jsonl",
             guide[title],
             re.MULTILINE,
         )
@@ -152,29 +152,8 @@ def test_filters_of_the_guide_find_exactly_the_fault():
 # ---------------------------------------------------------------- the commands
 
 
-def test_table_of_a_log():
-    recorded = entries("crc-errors")
-    rows = list(frames.table(recorded))
-    assert len(rows) == 1 + len(recorded)
-    assert len(list(frames.table(recorded, frames_only=True))) == 1 + len(frames_of("crc-errors"))
-    bad = list(frames.table(recorded, bad_only=True))
-    assert len(bad) == 1 + 3 and all(" BAD " in row for row in bad[1:])
-    assert bad[2].split()[1] == "60.00"  # silence since the previous frame, even if that is not shown
-    assert len(list(frames.table(recorded, frames_only=True, with_bytes=True))) == 1 + 2 * len(
-        frames_of("crc-errors")
-    )
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["-m", "tools.symptoms", "no-anser"], "'no-anser'"),
-        (["-m", "sim.view.frames", "docs/recordings/nothing.jsonl"], "No such file"),
-        (["-m", "sim.view.frames", "docs/recordings/no-start.pcapng"], "no log"),
-        (["-m", "sim.view.frames", "tb/model/examples.json"], "no log"),
-    ],
-)
-def test_wrong_name_gives_one_line_and_exit_2(words, says):
+def test_wrong_name_gives_one_line_and_exit_2():
+    words = ["-m", "tools.symptoms", "no-anser"]
     run = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 2
-    assert run.stdout == "" and run.stderr.count("\n") == 1 and says in run.stderr
+    assert run.stdout == "" and run.stderr.count("\n") == 1 and "'no-anser'" in run.stderr

@@ -86,7 +86,7 @@ def fuzz_judge() -> str:
     """Actions of the fuzzer on the card, and its verdicts."""
     traffic = [
         ROOT / "campaigns/soak/run.py",
-        ROOT / "sim/view/capture.py",
+        ROOT / "sw/rtu2fc/capture.py",
         ROOT / "tb/lib/recorded_buses.py",
     ]
     captures = [(path.name, path.read_bytes().hex()) for path in sorted((ROOT / "tb/captures").glob("*.sr"))]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-from sim.view.capture import characters, pieces
+from sw.rtu2fc.capture import characters, pieces
 from tb.lib.recorded_buses import BUSES, Bus
 from tb.model.wire import LineFormat
 

@@ -34,7 +34,8 @@ from rtl.sources import configuration, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
-from sim.view.capture import CaptureError, Piece, characters, open_capture, pieces
+from sw.rtu2fc.capture import CaptureError, Piece, characters, open_capture, pieces
+from sw.rtu2fc.words import is_reply
 from tb.agents.crc16 import crc_good
 from tb.model.card import DIALECTS
 from tb.model.vlt_drive import VltDrive
@@ -64,12 +65,8 @@ LATE_CHARACTERS = 3
 # Time in s after t3.5 for the last exchange.
 REST_S = 0.1
 DRIVE_DELAY_BITS = 24.0  # FC-8
-READS = {1: 8, 2: 8, 3: 0.5, 4: 0.5}  # function: values that one byte of its reply holds
-ECHOES, COUNTED_WRITES = (5, 6), (15, 16)
-HEAD = 6  # bytes that the reply to a write of several repeats
 WIDTH = 42
 SAMPLES_A_BIT = 16  # with fewer an edge is off by more than the receiver's own step
-EXCEPTION, EXCEPTION_BYTES = 0x80, 5
 LEFT_OUT = "left out: the recorded slave's reply"
 UNHEARD = "not heard: the card was sending"
 IGNORED = "ignored: no 3.5 characters before it"
@@ -118,23 +115,6 @@ def suspicion(piece: Piece) -> str:
             is_low = character.fault == "stop bit" and character.byte == 0
             return LOW if is_low and number >= FRAME_MIN and crc_good(data[:number]) else ""
     return ""
-
-
-def is_reply(request: bytes, data: bytes) -> bool:
-    """Whether a good frame fits the one before it as its reply. No slave can know it for certain."""
-    code = request[1]
-    if data[0] != request[0]:
-        return False
-    if data[1] == code | EXCEPTION and not code & EXCEPTION:
-        return len(data) == EXCEPTION_BYTES
-    if data[1] != code:
-        return False
-    if code in READS and len(request) == 8:
-        size = -(-int.from_bytes(request[4:6], "big") // READS[code])
-        return data[2] == size and len(data) == size + EXCEPTION_BYTES
-    if code in COUNTED_WRITES:
-        return len(data) == HEAD + 2 < len(request) and data[:HEAD] == request[:HEAD]
-    return code in ECHOES and data == request
 
 
 class Replay:

@@ -21,8 +21,8 @@ from vcd import VCDWriter
 from rtl.sources import ROOT
 from sim.harness.library import Target
 from sim.view import replay
-from sim.view.capture import characters, open_capture, pieces
 from sim.view.replay import IGNORED, REASONS, UNHEARD, main
+from sw.rtu2fc.capture import characters, open_capture, pieces
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.lib.nightly import first

@@ -489,61 +489,11 @@ def test_the_decoder_has_the_syntax_of_an_old_python():
         ast.parse(path.read_text(), str(path), feature_version=(3, 4))
 
 
-# ---------------------------------------------------------------- the command
-def printed(*options: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "sim.view.telegrams", *map(str, options)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-
-
-def test_the_command_prints_telegrams_with_times(tmp_path):
-    spoilt = Sent(STATUS[:5], 2.1)
-    vcd = draw(
-        tmp_path / "mine.vcd", [Sent(START, at=0.1), spoilt, Sent(READ_514, at=1.0), Sent(IS_300, 2.1)]
-    )
-    done = printed(vcd)
-    assert (done.returncode, done.stderr) == (0, "")
-    lines = done.stdout.splitlines()
-    assert lines[0] == "    0.1000  Request: control 047Ch (start, data valid), reference 40.0 %"
-    assert lines[1] == "    0.1000  ! No reply"
-    assert lines[2].endswith("  Bad: cut after 5 of 8 bytes")
-    assert lines[3].startswith("    1.0000  Request: read 514 Readout: Motor current; ")
-    assert "  Reply: double word 514 Readout: Motor current = 3.00 A; " in lines[4] and len(lines) == 5
-    fields = printed(vcd, "--fields", "--drive", "vlt5000").stdout
-    assert len(re.findall("^ +[0-9.]+      BCC [0-9A-F]{2}h right$", fields, re.MULTILINE)) == 3
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--channel", "D7"], "no channel D7; there are drive"),
-        (["--baud", "19200"], "no whole telegram on drive at 19200 bit/s 8E1; try --baud or --invert"),
-    ],
-)
-def test_the_command_refuses_bad_input_with_one_line(tmp_path, options, words):
-    vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
-    done = printed(vcd, *options)
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {vcd}: {words}\n")
-
-
-def test_a_line_that_is_low_when_idle_is_read_inverted(tmp_path):
-    vcd = draw(tmp_path / "mine.vcd", [Sent(START), Sent(STATUS, 2.1)])
-    before = printed(vcd)
-    levels = re.sub(
-        r"^([01])(?=\S+$)", lambda found: "10"[int(found[1])], vcd.read_text(), flags=re.MULTILINE
-    )
-    vcd.write_text(levels)
-    for options in (["--invert"], ["--invert", "yes"]):
-        done = printed(vcd, *options)
-        assert (done.returncode, done.stdout) == (0, before.stdout)
-    assert printed(vcd, "--invert", "no").returncode == 2
-
-
+# ---------------------------------------------------------------- the waveform's lines
 def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path):
     """The writer of a running card fills in the header at its end."""
     wave, words = tmp_path / "card.fst", "the waveform is unfinished: its program still runs or was killed"
     wave.write_bytes(bytes(329) + recorded.wave.read_bytes()[329:])
-    done = printed(wave)
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"telegrams: {wave}: {words}\n")
     for name, *more in (("lines_vcd", tmp_path / "lines.vcd"), ("waves",)):
         command = [sys.executable, "-m", f"sim.view.{name}", wave, *more]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

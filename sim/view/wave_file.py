@@ -18,8 +18,9 @@ from pathlib import Path
 
 from pywellen import Waveform
 
+from sw.rtu2fc.capture import UNITS
+
 ROOT = Path(__file__).resolve().parents[2]
-UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
 
 
 @contextlib.contextmanager

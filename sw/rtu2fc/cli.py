@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from . import VERSION, check, commands, grade, scan, watch
+from . import VERSION, check, commands, decode, grade, scan, watch
 from .card import Card
 from .dialects import DIALECTS
 from .port import Line, Replay, SerialPort
@@ -70,6 +70,7 @@ def yes_no(text: str) -> bool:
 
 baud, form = one_of(tuple(BAUDS), "the rate"), one_of(tuple(FORMS), "the format")
 unit = number(1, 247, "the unit")
+dialect = one_of(("auto", *DIALECTS), "the dialect")
 
 
 def drive_option(parser: argparse.ArgumentParser) -> None:
@@ -93,7 +94,6 @@ def slave_options() -> argparse.ArgumentParser:
 def card_options(slave: argparse.ArgumentParser) -> argparse.ArgumentParser:
     """Of every command that talks to a card."""
     parser = argparse.ArgumentParser(add_help=False, parents=[slave])
-    dialect = one_of(("auto", *DIALECTS), "the dialect")
     parser.add_argument(
         "--dialect", type=dialect, default="auto", help=f"{', '.join(DIALECTS)}; default: auto"
     )
@@ -168,6 +168,12 @@ def build() -> argparse.ArgumentParser:
 
     one = add("check", check.check, "a tick or a cross for each promise of the card; starts no motor", line)
     check.add_options(one, number, yes_no)
+    one = add("decode", decode.decode, "a recording of a bus or of both lines in words, without a port")
+    decode.add_options(one)
+    one.add_argument("--baud", type=baud, help="of the network line; default: found")
+    one.add_argument("--format", type=form, help="of the network line; default: found")
+    one.add_argument("--dialect", type=dialect, default="auto", help="whose exceptions; default: card")
+    drive_option(one)
     one = add("grade", graded, "the numbered tests of any Modbus RTU slave; they write", slave)
     grade.add_options(one, seconds)
     one = add("switches", commands.switch_positions, "the positions of the card's switches, as a picture")

@@ -152,7 +152,10 @@ def _after(screen: Screen, card: Card, want_running: bool | None = None) -> int:
     screen.result |= {"status_word": word, "output_frequency_percent": _share(frequency)}
     screen.say(f"{status_in_words(word, card.drive)}, output frequency {fc.percent(frequency)}")
     if want_running and not word & RUNNING:
-        screen.say("The motor does not run. Read: docs/guide/debugging.md, Drive does not start", "bold red")
+        screen.say(
+            "The motor does not run. Read: docs/guide/debugging.md, Drive does not start though written",
+            "bold red",
+        )
         return FAILED
     return DONE
 

@@ -17,8 +17,8 @@ from rtl.sources import ROOT, configuration
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
-from sim.view.capture import open_capture
 from sim.view.replay import STROBES, Replay
+from sw.rtu2fc.capture import open_capture
 from tb.agents import rtu
 from tb.lib.config import SLOW_HZ
 from tb.model.wire import UNSURE_BITS, Burst, LineFormat

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rtl.sources import ROOT
-from sim.view.capture import open_capture
+from sw.rtu2fc.capture import open_capture
 
 CAPTURES = ROOT / "tb/captures"
 

@@ -8,15 +8,14 @@ limit) they raise Unclear. Unit of time: clocks, as floats.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from regs.generated.card_tables import DRIVE_BAUD, DRIVE_PAUSE_TICKS, TICKS_PER_BIT
+from sw.rtu2fc.capture import FRAME_MAX, FRAME_MIN, FarCharacter, LineFormat
 from tb.agents.crc16 import crc_good
 from tb.model.fc_telegram import ADR, STX, TelegramError, bcc, is_broadcast, parse
 
-FRAME_MIN, FRAME_MAX = 4, 256
 LGE_MIN = 6  # ADR, PCD1, PCD2, BCC
 # Silences this near to a limit in bits are unclear: a quarter bit (FRAME-1), plus the sampling of the pin in
 # clocks.
@@ -34,64 +33,8 @@ class Unclear(Exception):
         self.at = at
 
 
-@dataclass(frozen=True)
-class LineFormat:
-    """Rate and format of one line. `bit`: length of a bit in clocks. Silences are in bits (FRAME-1)."""
-
-    baud: int
-    form: str
-    clk_hz: int
-
-    @functools.cached_property
-    def bit(self) -> float:
-        return self.clk_hz / self.baud
-
-    @functools.cached_property
-    def parity(self) -> bool:
-        return self.form[1] != "N"
-
-    @functools.cached_property
-    def character_bits(self) -> int:
-        """Length in bits of a sent character, start and stop bits included."""
-        return 1 + 8 + self.parity + int(self.form[2])
-
-    @functools.cached_property
-    def t15_bits(self) -> float:
-        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * self.character_bits
-
-    @functools.cached_property
-    def half_bits(self) -> float:
-        """Half a character of silence, as silence_timer counts it."""
-        return self.t15_bits / 3
-
-    @functools.cached_property
-    def t35_bits(self) -> float:
-        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * self.character_bits
-
-    def parity_bit(self, byte: int) -> int:
-        return byte.bit_count() & 1 ^ (self.form[1] == "O")
-
-    def levels(self, byte: int, flaw: str = "") -> list[int]:
-        """Levels of a character, one for each bit. Flaws: `parity`, `stop` (the first stop bit is 0)."""
-        bits = [0, *(byte >> i & 1 for i in range(8))]
-        if self.parity:
-            bits.append(self.parity_bit(byte) ^ (flaw == "parity"))
-        return bits + [int(flaw != "stop")] + [1] * (int(self.form[2]) - 1)
-
-
 def drive_line(clk_hz: int) -> LineFormat:
     return LineFormat(DRIVE_BAUD, "8E1", clk_hz)
-
-
-@dataclass(frozen=True)
-class FarCharacter:
-    """A character sent to the card. `slack`: uncertainty, in clocks, of its end as seen by the card."""
-
-    start: float
-    end: float
-    byte: int
-    good: bool = True  # parity and stop bit
-    slack: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -449,3 +449,11 @@ def test_the_page_names_every_command_and_exit_code():
     assert set(re.findall(r"^\| `rtu2fc (\w+)", text, re.MULTILINE)) == known
     codes = {int(code) for code in re.findall(r"^\| (\d+) \|", text, re.MULTILINE)}
     assert codes == {value for name, value in vars(problem).items() if name.isupper()}
+
+
+def test_every_page_that_a_message_names_is_there():
+    text = "\n".join(path.read_text() for path in PACKAGE.glob("*.py"))
+    named = set(re.findall(r"(docs/[\w/-]+\.md)(?:, ([A-Z][\w ]+))?", text))
+    assert len(named) > 4
+    for page, title in named:
+        assert not title or f"\n## {title}\n" in (ROOT / page).read_text(), (page, title)

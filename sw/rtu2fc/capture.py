@@ -14,6 +14,7 @@ line. Rules: LINE-1, FRAME-1.
 from __future__ import annotations
 
 import configparser
+import functools
 import itertools
 import math
 import re
@@ -23,10 +24,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.view.wave_file import UNITS
-from tb.agents.crc16 import crc_good
-from tb.model.wire import FRAME_MAX, FRAME_MIN, FarCharacter, LineFormat
+from .crc16 import crc_good
+from .problem import Problem
 
+FRAME_MIN, FRAME_MAX = 4, 256
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
 HERTZ = {"Hz": 1, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}
 DATA_BITS = 8
 DUMPS = ("$dumpvars", "$dumpall", "$dumpon", "$dumpoff", "$end")  # they only group levels of a VCD file
@@ -37,7 +39,7 @@ ENOUGH_MOMENTS = 30  # times in a VCD file from which its sample rate follows
 WHOLE_BITS = 2.5  # a VCD file with fewer steps a bit was drawn bit by bit: nothing samples a line so seldom
 
 
-class CaptureError(Exception):
+class CaptureError(Problem):
     """Error for the user, in one line."""
 
 
@@ -110,7 +112,7 @@ class VcdFile:
         self._codes: dict[str, str] = {}  # by name
         self._changes: dict[str, list[tuple[float, int]]] = {}  # by code
         try:
-            words = (found[0] for found in re.finditer(r"\S+", path.read_text()))
+            words = (found[0] for found in re.finditer(r"\S+", path.read_text(encoding="utf-8")))
             self._read_levels(words, self._read_header(words))
         except (*DAMAGED, IndexError, StopIteration):
             raise CaptureError(f"{path}: no readable VCD file") from None
@@ -220,6 +222,62 @@ def open_capture(path: Path) -> Capture:
 
 
 # ---------------------------------------------------------------- characters and frames
+
+
+@dataclass(frozen=True)
+class LineFormat:
+    """Rate and format of one line. `bit`: length of a bit in clocks. Silences are in bits (FRAME-1)."""
+
+    baud: int
+    form: str
+    clk_hz: int
+
+    @functools.cached_property
+    def bit(self) -> float:
+        return self.clk_hz / self.baud
+
+    @functools.cached_property
+    def parity(self) -> bool:
+        return self.form[1] != "N"
+
+    @functools.cached_property
+    def character_bits(self) -> int:
+        """Length in bits of a sent character, start and stop bits included."""
+        return 1 + 8 + self.parity + int(self.form[2])
+
+    @functools.cached_property
+    def t15_bits(self) -> float:
+        return 750e-6 * self.baud if self.baud > 19200 else 1.5 * self.character_bits
+
+    @functools.cached_property
+    def half_bits(self) -> float:
+        """Half a character of silence, as silence_timer counts it."""
+        return self.t15_bits / 3
+
+    @functools.cached_property
+    def t35_bits(self) -> float:
+        return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * self.character_bits
+
+    def parity_bit(self, byte: int) -> int:
+        return byte.bit_count() & 1 ^ (self.form[1] == "O")
+
+    def levels(self, byte: int, flaw: str = "") -> list[int]:
+        """Levels of a character, one for each bit. Flaws: `parity`, `stop` (the first stop bit is 0)."""
+        bits = [0, *(byte >> i & 1 for i in range(8))]
+        if self.parity:
+            bits.append(self.parity_bit(byte) ^ (flaw == "parity"))
+        return bits + [int(flaw != "stop")] + [1] * (int(self.form[2]) - 1)
+
+
+@dataclass(frozen=True)
+class FarCharacter:
+    """A character sent to the card. `slack`: uncertainty, in clocks, of its end as seen by the card."""
+
+    start: float
+    end: float
+    byte: int
+    good: bool = True  # parity and stop bit
+    slack: float = 0.0
 
 
 @dataclass(frozen=True)
