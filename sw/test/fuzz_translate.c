@@ -11,6 +11,7 @@
 
 #include "codes.h"
 #include "fuzz.h"
+#include "host.h"
 #include "mailbox_model.h"
 #include "translate.h"
 
@@ -262,10 +263,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+    static struct mailbox m; /* the diagnostics read the number of restarts */
     struct input in = {data, data + size};
     struct bench b;
     uint32_t step;
 
+    host_connect(&m, 0);
     memset(&b, PATTERN, sizeof b);
     memset(&b.t, 0, sizeof b.t);
     /* Separate blocks, so that the sanitizer sees an access beyond one. */
