@@ -82,7 +82,8 @@ def asked(frames: list[Possible], replies: list[Burst], dialect: str) -> bool:
     for number, frame in enumerate(frames):
         until = frames[number + 1].start if number + 1 < len(frames) else float("inf")
         here = [reply for reply in replies if frame.end < reply.rise < until]
-        if here:
+        # After exception 255 a write still leaves when the line is free at last (FRAME-7).
+        if here and (frame.data[1] in READS or here[0].data[1:3] != bytes([0x80 | frame.data[1], 255])):
             frame.answered = here[0].rise
         confirmed = frame.data[0] != 0 and bool(here) and here[0].data[:2] == frame.data[:2]
         changed, telegrams = [], set()
@@ -115,11 +116,20 @@ def acts(data: bytes) -> bool:
 
 
 def unasked(
-    frames: list[Possible], telegrams: list[Burst], clk_hz: int, since: float, wait: int
+    frames: list[Possible],
+    telegrams: list[Burst],
+    drive: list[FarCharacter],
+    clk_hz: int,
+    since: float,
+    wait: int,
 ) -> list[str]:
     """Telegrams from `since` on that no frame explains; `wait`: last value of register 40003."""
-    # A write may wait for the exchange before it, with its repeat, and for another write (FRAME-7).
+    # A write may wait for the exchange before it, with its repeat, for another write, and for the line (FRAME-7).
     waits = 4 * (wait / 100 + EXCHANGE_S) * clk_hz
+
+    def waits_from(start: float, at: float) -> float:
+        return start + waits + sum(heard.end - heard.start for heard in drive if start < heard.start < at)
+
     found = []
     seen, _ = taken_by_a_drive(telegrams, drive_line(clk_hz))
     for at, data in seen:
@@ -132,7 +142,9 @@ def unasked(
             for frame in before
             if data in frame.telegrams
             and frame.sent[data] < (1 if fc_telegram.is_broadcast(data[2]) else 2)
-            and (frame.end > newest_answered or (frame.data[1] not in READS and at < frame.end + waits))
+            and (
+                frame.end > newest_answered or (frame.data[1] not in READS and at < waits_from(frame.end, at))
+            )
             and frame.answered >= at
         ]
         if rightful:

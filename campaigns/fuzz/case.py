@@ -9,6 +9,8 @@ other; each event sets the drive's behaviour from then on.
        "flaws": {"2": "parity"}, "error": 0.01, "glitches": [[4.2, 0.2]], "pulses": [2.0, 1.5],
        "drive": [{"gap": 23, "edit": [[2, 255]], ...}], "babble": {"gap": 10, "bytes": "55", "gaps": {}}}]}
 
+`stale`: the drive sends the answer to the telegram before.
+
 `clk_hz`: clock of the card, if it is not the one for the rate. `gap`: start of the event. ["idle", n]: n bits
 after t3.5, when the card has no more to send; ["own", n]: n bits after the last character from outside,
 regardless of the card. `pulses`: instead of bytes, low and high for so many bits. After the last event come
@@ -127,6 +129,7 @@ class Player:
         self.network_start = self.network_end = self.drive_end = 0.0
         self.stepped_us = 0
         self.manners: list[dict] = []
+        self.reply_before: bytes | None = None
         self.interrupt: dict | None = None
         self.rude = False  # sends on while the card is sending
         self.wait = 15  # register 40003
@@ -335,6 +338,7 @@ class Player:
         self.settle_by = max(self.settle_by, waited + self.pace.settle_clocks)
         self.drive_awaited = True
         end = self._answer(burst, reply, manner)
+        self.reply_before = reply
         if not manner and reply is not None:
             self.settle_by = end + self.pace.settle_clocks + 3 * self.line.bit
             self.drive_awaited = False
@@ -344,6 +348,7 @@ class Player:
         parts = manner.get("parts", [manner])
         for part in parts:
             data = bytes.fromhex(part["bytes"]) if "bytes" in part else reply
+            data = self.reply_before if part.get("stale") else data
             if part.get("silent") or data is None:
                 continue
             data = spoilt(data, part)

@@ -5,8 +5,8 @@
     python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N]
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
-write of a parameter. The drive answers after 3 to 120 ms, too late or never. Then both lines come to rest,
-and the master reads coils 1-32. tb/model/told.py and whole_card.py judge. Of the first differences the
+write of a parameter. The drive answers after 3 to 120 ms, too late, never, or once more to the telegram before,
+and sometimes it keeps its line busy. Then both lines come to rest, and the master reads coils 1-32. tb/model/told.py and whole_card.py judge. Of the first differences the
 smallest case found is kept: `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an
 invalid command line or a missing tool.
 """
@@ -98,15 +98,22 @@ class Maker:
         bits = max(timeout_ms * self.baud / 1000, line.t35_bits + 1.5)
         data = with_crc(bytes([unit]) + pdu)
         manners = [self._manner() for _ in range(3)]
-        return {"what": "impatient", "gap": ["own", round(bits, 2)], "bytes": data.hex(), "drive": manners}
+        event = {"what": "impatient", "gap": ["own", round(bits, 2)], "bytes": data.hex(), "drive": manners}
+        if rng.random() < 0.04:
+            jam_ms = rng.choice((rng.uniform(5, 100), rng.uniform(100, 600)))
+            count = round(jam_ms * DRIVE_BAUD / 11000)
+            event["babble"] = {"gap": round(rng.uniform(1, 400), 1), "bytes": "55" * count, "rude": True}
+        return event
 
     def _manner(self) -> dict:
         rng = self.rng
         how = rng.random()
         if how < (0.1 if self.wait <= LONG_WAIT else 0.02):
             return {"silent": True}
+        if how < 0.13:
+            return {"parts": [{"stale": True, "gap": DRIVE_DELAY_BITS}, {"gap": DRIVE_DELAY_BITS}]}
         late_ms = 10 * self.wait + rng.uniform(-10, 40)
-        delay_ms = late_ms if how < 0.15 else self.drive_ms * rng.choice((1, 1, rng.uniform(0.5, 1.5)))
+        delay_ms = late_ms if how < 0.18 else self.drive_ms * rng.choice((1, 1, rng.uniform(0.5, 1.5)))
         return {"gap": round(max(DRIVE_DELAY_BITS, min(delay_ms, 1500) * DRIVE_BAUD / 1000), 2)}
 
     # ------------------------------------------------------------ requests: unit and PDU

@@ -63,7 +63,7 @@ def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wa
     found = []
     frames = possible_frames(played.network, line, case["address"])
     if asked(frames, played.replies, case["dialect"]):
-        found += unasked(frames, played.telegrams, line.clk_hz, verdict.until, wait)
+        found += unasked(frames, played.telegrams, played.drive, line.clk_hz, verdict.until, wait)
     else:
         verdict.counts["too much possible behind the judge"] += 1
     # An exchange with a wait beyond the end of the case has no end to check. If the wait is too short for the

@@ -70,7 +70,7 @@ struct transaction {
     bool broadcast;
     bool again; /* the second telegram of the request (MAP-8) */
     uint8_t reply_length;
-    uint8_t telegram_length;
+    uint8_t telegram_length; /* 0: the request asks the drive for nothing */
     OUT_FRAMES
     {
         uint8_t reply[REPLY_PDU_MAX];

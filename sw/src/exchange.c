@@ -52,6 +52,7 @@ static void answer_silence(struct gateway *g)
     answer->function = g->at_drive->function;
     g->newest = answer;
     g->state = REQUEST_DONE;
+    g->asks_drive = false;
     if (translate_drive_silent(answer) != OUTCOME_REPLY)
         return;
     request_reply(g, answer, 0); /* the hardware answers no broadcast */
@@ -107,11 +108,21 @@ static void left(struct gateway *g)
     end(g);
 }
 
+/* The line was busy for the whole wait: the newest request is held up as well, whichever telegram is next to leave. */
+static void give_up_line(struct gateway *g)
+{
+    if (g->state == REQUEST_COMMITTED && g->newest->telegram_length != 0)
+        g->at_drive = g->newest;
+    abandon(g);
+}
+
 /* Taken back, or dropped with its candidate or for a commit of its own kind. What waits is ordered anew, and so is the
  * repeat of a write if that commit asks the drive for nothing (FC-9). */
 static void dropped(struct gateway *g)
 {
-    if (timed_out(g) || (g->repeated && (g->at_drive->target == TARGET_READING || orders_wait(g))))
+    if (timed_out(g))
+        give_up_line(g);
+    else if (g->repeated && (g->at_drive->target == TARGET_READING || orders_wait(g)))
         abandon(g);
     else if (!g->repeated)
         end(g);

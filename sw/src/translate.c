@@ -124,6 +124,7 @@ enum outcome translate_request(struct translator *t, struct transaction *txn, fr
     txn->function = pdu->byte;
     txn->broadcast = broadcast;
     txn->target = TARGET_READING;
+    txn->telegram_length = 0;
     txn->again = false;
     txn->reply_length = 0;
     outcome = outcome_of(txn, decode(t, txn, pdu, pdu_length));

@@ -188,6 +188,30 @@ def check_stop(config: str, before: str, unit: int) -> None:
         assert stop in late, f"no stop: {late}"
 
 
+WRITE, BROADCAST_WRITE, STOP = parameter(7, 1), parameter(7, 0), coils(0x043C, 1)
+# What an impatient master has given up, and what it asks then.
+HELD_UP = [(WRITE, READ), (BROADCAST_WRITE, WRITE), (READ, STOP), (STOP, READ)]
+
+
+@pytest.mark.rule("FC-9", "FRAME-7", "EXC")
+@pytest.mark.parametrize("config", first(["standard", "tiny"]))
+def test_a_jammed_drive_line_leaves_no_request_without_its_answer(config: str):
+    """Something on the drive line sends without end; when it stops, the committed writes leave (FRAME-7)."""
+    with FastCard(baud=19_200, config=config, clk_hz=clock(config)) as card:
+        card.run(card.boot_ms)
+        free = card.drive.send(bytes([0x55]) * (len(HELD_UP) * (2 * GIVE_UP_MS + 100)))
+        card.run(5)
+        for given_up, asked in HELD_UP:
+            finish(card, [given_up])
+            card.run(40)
+            answer = card.request(asked, 2 * GIVE_UP_MS + MARGIN_MS)
+            assert answer and answer.data[1:3] == bytes([0x80 | asked[1], 255]), (given_up.hex(), asked.hex())
+        assert not sent(card) and card.now_ps < free
+        card.run_until(free + 500 * MS)
+        assert parameter_writes(sent(card)) == [(BROADCAST, 7), (ASKED, 7)]
+        assert sent(card)[0][:5] == process(0x043C, ASKED)
+
+
 # ---------------------------------------------------------------- a bite in the middle of a telegram
 
 

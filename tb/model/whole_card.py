@@ -424,7 +424,8 @@ class LineJudge:
         if request and request in self.queue and not request.answers:
             self._finish_exchange_before(burst.rise)
         exchange = self.exchange
-        waits = exchange and exchange.request is request and not request.answers
+        held_up = exchange and exchange.phase == "line" and request in self.queue
+        waits = exchange and (exchange.request is request or held_up) and not request.answers
         if waits and burst.rise >= self._abandoned_from(exchange):
             self._check_line_was_busy(exchange, burst.rise)
             self._abandon(exchange, burst.rise)
@@ -761,14 +762,23 @@ class LineJudge:
 
     def _abandon(self, exchange: Exchange, at: float) -> None:
         self._count("exchange given up")
-        request = exchange.request
+        request, newest, since = exchange.request, self.newest, self._abandoned_from(exchange)
         if exchange.sends == 0 and self._keeps_place(request):
             self.queue.insert(0, request)  # until it has left (FRAME-7)
-        if not request.broadcast:
-            self.card.question = request.question
-            step = self.card.drive_silent()
-            self.card.question = self.newest.question if self.newest else None
-        if request is self.newest and not request.broadcast and step.reply is not None:
-            by = at + self.budget + 1.3 * self.line.bit
-            self._answer(request, "given up", step.reply, self._abandoned_from(exchange), by)
-        self._done(at, self._abandoned_from(exchange))
+        # A line that was busy for the whole wait holds up the newest request as well.
+        held_up = exchange.phase == "line" and newest in self.queue and not newest.answers
+        if held_up and since < newest.committed + self.late:
+            raise Unclear(at, "a wait for the line that ends as a request is committed")
+        if request is newest or held_up:
+            self._answer_silence(newest, since, at)
+        if held_up and not self._keeps_place(newest):
+            self.queue.remove(newest)
+        self._done(at, since)
+
+    def _answer_silence(self, request: Request, since: float, at: float) -> None:
+        if request.broadcast:
+            return
+        self.card.question = request.question
+        step = self.card.drive_silent()
+        if step.reply is not None:
+            self._answer(request, "given up", step.reply, since, at + self.budget + 1.3 * self.line.bit)
