@@ -124,11 +124,12 @@ def unasked(
     wait: int,
 ) -> list[str]:
     """Telegrams from `since` on that no frame explains; `wait`: last value of register 40003."""
-    # A write may wait for the exchange before it, with its repeat, for another write, and for the line (FRAME-7).
+    # A write may wait for the exchange before it, with its repeat, for another write and the line (FRAME-7).
     waits = 4 * (wait / 100 + EXCHANGE_S) * clk_hz
 
-    def waits_from(start: float, at: float) -> float:
-        return start + waits + sum(heard.end - heard.start for heard in drive if start < heard.start < at)
+    def may_wait(frame: Possible, at: float) -> bool:
+        busy = sum(heard.end - heard.start for heard in drive if frame.end < heard.start < at)
+        return frame.data[1] not in READS and at < frame.end + waits + busy
 
     found = []
     seen, _ = taken_by_a_drive(telegrams, drive_line(clk_hz))
@@ -142,9 +143,7 @@ def unasked(
             for frame in before
             if data in frame.telegrams
             and frame.sent[data] < (1 if fc_telegram.is_broadcast(data[2]) else 2)
-            and (
-                frame.end > newest_answered or (frame.data[1] not in READS and at < waits_from(frame.end, at))
-            )
+            and (frame.end > newest_answered or may_wait(frame, at))
             and frame.answered >= at
         ]
         if rightful:

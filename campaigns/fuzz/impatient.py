@@ -5,10 +5,11 @@
     python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N]
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
-write of a parameter. The drive answers after 3 to 120 ms, too late, never, or once more to the telegram before,
-and sometimes it keeps its line busy. Then both lines come to rest, and the master reads coils 1-32. tb/model/told.py and whole_card.py judge. Of the first differences the
-smallest case found is kept: `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an
-invalid command line or a missing tool.
+write of a parameter. The drive answers after 3 to 120 ms, too late, never, or again to the telegram before,
+and sometimes it keeps its line busy. Then both lines come to rest, and the master reads coils 1-32.
+tb/model/told.py and whole_card.py judge. Of the first differences the smallest case found is kept:
+`make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an invalid command line or a
+missing tool.
 """
 
 from __future__ import annotations

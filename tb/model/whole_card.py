@@ -782,3 +782,5 @@ class LineJudge:
         step = self.card.drive_silent()
         if step.reply is not None:
             self._answer(request, "given up", step.reply, since, at + self.budget + 1.3 * self.line.bit)
+        else:
+            request.answered = True  # some dialects are silent, also when its telegram leaves after all
