@@ -145,8 +145,11 @@ def exchanges(
                         good = in_time or (None if character.end < over else False)
                         over = character.end if good else over
                         break
-                    # The firmware is busy for a while after what does not fit.
-                    doubt |= bool(reply) or character.slack >= GARBLED_BITS * line.bit
+                    # The firmware is busy for a while after what does not fit, and a reply may be among
+                    # characters that the card found at a bit that is no start bit.
+                    garbled = character.slack >= GARBLED_BITS * line.bit
+                    doubt |= bool(reply) or garbled
+                    good = None if garbled else good
         except Unclear:
             good = None
         yield Said(float(burst.rise), end, data, good, over)
