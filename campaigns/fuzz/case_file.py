@@ -64,6 +64,7 @@ ANSWER = CHARACTERS | {
     "gap": _number,
     "bytes": _hex,
     "silent": _flag,
+    "stale": _flag,
     "raw": _flag,
     "fault": _whole(0, 0xFFFFFFFF),
     "pwe": _whole(0, 0xFFFFFFFF),
