@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import io
+import re
+
 import matplotlib
 from matplotlib.figure import Figure
 
@@ -10,6 +13,8 @@ from rtl.sources import ROOT
 
 PICTURES = ROOT / "build/pictures"
 IN_README = ROOT / "docs/pictures"  # what README.md shows is part of the repository
+# A white picture glares on a dark page. `svg:root` leaves the page alone into which a picture is copied.
+DARK = "@media(prefers-color-scheme:dark){svg:root{filter:invert(.9) hue-rotate(180deg)}}"
 STYLE = {
     "svg.hashsalt": "rtu2fc",  # fixed, so that equal numbers give equal files
     "svg.fonttype": "none",
@@ -31,4 +36,10 @@ def save(name: str, figure: Figure, description: str | None = None) -> None:
     folder = IN_README if (IN_README / f"{name}.svg").exists() else PICTURES
     folder.mkdir(parents=True, exist_ok=True)
     about = {"Date": None} | ({"Description": description} if description else {})
-    figure.savefig(folder / f"{name}.svg", metadata=about, bbox_inches="tight")
+    drawn = io.StringIO()
+    figure.savefig(drawn, format="svg", metadata=about, bbox_inches="tight")
+    (folder / f"{name}.svg").write_text(for_dark_pages(drawn.getvalue()))
+
+
+def for_dark_pages(picture: str) -> str:
+    return re.sub(r"<style[^>]*>", lambda found: found[0] + DARK, picture, count=1)

@@ -31,6 +31,7 @@ from fontTools.agl import UV2AGL
 from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
+from campaigns.plots import for_dark_pages
 from regs.generated.card_tables import CHARACTER_BITS
 from rtl.command import run_main
 from rtl.sources import ROOT
@@ -294,7 +295,7 @@ def svg(drawing: Drawing) -> str:
     ground = ElementTree.Element(f"{{{SVG}}}rect", width="100%", height="100%", fill="#fff")
     root.insert(0, ground)
     ElementTree.indent(root, " ")
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
+    return for_dark_pages(ElementTree.tostring(root, encoding="unicode")) + "\n"
 
 
 # ---------------------------------------------------------------- reading a recording
