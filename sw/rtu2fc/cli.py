@@ -235,8 +235,7 @@ def stop_by_signal(signum: int, frame: object) -> None:
 def main(arguments: list[str] | None = None) -> int:
     args = build().parse_args(arguments)
     screen = Screen(args.json)
-    for one in SIGNALS:
-        signal.signal(one, stop_by_signal)
+    before = {one: signal.signal(one, stop_by_signal) for one in SIGNALS}
     try:
         code = args.run(args, screen)
     except Problem as problem:
@@ -248,6 +247,9 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of the output has stopped
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
     if screen.motor:
         print(screen.motor, file=sys.stderr)
         screen.result["motor"] = screen.motor

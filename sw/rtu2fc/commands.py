@@ -126,7 +126,7 @@ def _share(word: int) -> float:
 def _told(screen: Screen, card: Card, word: int, reference: int | None) -> None:
     said = control_in_words(word, card.drive)
     share = "" if reference is None else f", reference {reference:04X}h ({fc.percent(reference)})"
-    screen.say(f"sends {said}{share}")
+    screen.say(f"telegram: {said}{share}")
     screen.result |= {"sent_control_word": word, "sent_reference": reference}
 
 

@@ -6,10 +6,11 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
+import time
 
 from .card import DRIVE_TIMEOUT
 from .crc16 import crc_good
-from .port import POLL_S, Line, SerialPort
+from .port import Line, SerialPort
 from .problem import DONE, NoAnswer, Problem
 from .rtu import build, parse, read_registers
 from .screen import Screen
@@ -67,23 +68,23 @@ class Scan:
             line = self.line(baud, "8N2")
             if line is None:
                 continue
-            heard = b""
-            for _ in range(round(LISTEN_S / POLL_S) if baud >= 2400 or heard_any else 1):
-                heard += line.exchange(b"", POLL_S)[0]
+            heard, until = b"", time.monotonic() + LISTEN_S
+            while (left := until - time.monotonic()) > 0:
+                heard += line.port.read(left)
             line.close()
-            heard_any |= bool(heard)
+            if not heard and not heard_any:
+                return False  # at a wrong rate there would be wrong bytes
+            heard_any = True
             if units := sorted({frame[0] for frame in frames_in(heard)}):
                 said = ", ".join(map(str, units))
                 self.screen.say(f"{baud:6}      traffic of another master with unit {said}", "green")
                 self.screen.say("The parity cannot be heard: an adapter takes any. Ask with the master off.")
                 self.found += [{"baud": baud, "unit": unit, "heard": True} for unit in units]
                 return True
-        if heard_any:
-            raise NoAnswer(
-                "bytes are heard, but no good frame at any rate",
-                "Another protocol, noise, or the wires A and B are swapped.",
-            )
-        return False
+        raise NoAnswer(
+            "bytes are heard, but no good frame at any rate",
+            "Another protocol, noise, or the wires A and B are swapped.",
+        )
 
     def ask(self, baud: int, form: str, units: list[int]) -> None:
         line = self.line(baud, form)

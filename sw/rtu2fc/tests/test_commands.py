@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import io
 import itertools
 import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 import tty
 from pathlib import Path
@@ -19,12 +23,13 @@ import pytest
 
 from sim.card.run_card import ROOT, RunningCard
 from sim.drive.drive_table import read_capacity, read_profile
-from sw.rtu2fc import cli, port, problem, scan
+from sw.rtu2fc import cli, commands, port, problem, scan
 from sw.rtu2fc.card import parameter, parameters, raw_of
 from sw.rtu2fc.dialects import DIALECTS, meaning
 from sw.rtu2fc.problem import PortError, Problem
 from sw.rtu2fc.switches import BAUDS, FORMS
 from tb.agents.crc16 import with_crc
+from tb.agents.rtu import build, read_registers
 from tb.lib.card import baud_switches
 from tb.lib.nightly import first
 
@@ -35,9 +40,16 @@ POSIX_ONLY = {"termios", "fcntl", "pty", "tty", "pwd", "grp", "resource", "selec
 class Card(RunningCard):
     def ask(self, command: str, *words: object, code: int = 0) -> dict:
         """The command's JSON object; the port follows the command's name."""
-        done = run(command, self.link, *words, "--json")
-        assert done.returncode == code, (done.stdout, done.stderr)
-        return json.loads(done.stdout)
+        found, output = self.told(command, *words, "--json")
+        assert found == code, output
+        return json.loads(output)
+
+    def told(self, command: str, *words: object) -> tuple[int, str]:
+        """Exit code and all output, in this process: a second interpreter takes longer than the card."""
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+            code = cli.main([command, str(self.link), *map(str, words)])
+        return code, output.getvalue()
 
     def controls(self) -> list[str]:
         """Control words that the drive was told, in hexadecimal."""
@@ -94,11 +106,11 @@ def test_every_module_is_part_of_the_wheel_and_links_lead_into_the_project():
 
 
 def test_status_shows_the_drive_in_words(card):
-    done = run("status", card.link)
-    assert done.returncode == 0 and "unit 1, dialect card, words of vlt6000" in done.stdout
-    assert re.search(r"status word 0[67]0[37]h \(Control ready, Drive ready, ", done.stdout)
-    assert "529 Readout: Alarm word hex = 00000000h" in done.stdout
-    assert "615[1] Fault log: Error code = 0" in done.stdout
+    code, output = card.told("status")
+    assert code == 0 and "unit 1, dialect card, words of vlt6000" in output
+    assert re.search(r"status word 0[67]0[37]h \(Control ready, Drive ready, ", output)
+    assert "529 Readout: Alarm word hex = 00000000h" in output
+    assert "615[1] Fault log: Error code = 0" in output
 
 
 @pytest.mark.parametrize("dialect", first(list(DIALECTS)))
@@ -123,18 +135,19 @@ def test_no_motor_starts_without_a_yes(tmp_path):
         assert done.returncode == 2 and done.stderr.count("\n") == 1
         assert "the motor of unit 1 will turn at 40 %; nobody can be asked" in done.stderr
         card.ask("start", 0, "--yes")
-        assert run("reference", card.link, 10).returncode == 2, "the start bit is set: the motor would follow"
+        assert card.told("reference", 10)[0] == 2, "the start bit is set: the motor would follow"
         card.stop()
         assert card.controls() == ["047C"]
 
 
-def test_a_drive_that_tripped_is_said_and_reset(tmp_path):
+def test_a_drive_that_tripped_is_said_and_reset(tmp_path, monkeypatch):
+    monkeypatch.setattr(commands, "TURN_S", 0.5)
     with Card(tmp_path, "--quiet", "--control") as card:
         assert card.command("trip 13") == "ok"
-        done = run("start", card.link, 40, "--yes")
-        assert done.returncode == 1 and "The motor does not run" in done.stdout and "trip" in done.stdout
-        assert "615[1] Fault log: Error code = 13" in run("status", card.link).stdout
-        run("stop", card.link)
+        code, output = card.told("start", 40, "--yes")
+        assert code == 1 and "The motor does not run" in output and "trip" in output
+        assert "615[1] Fault log: Error code = 13" in card.told("status")[1]
+        card.ask("stop")
         assert not card.ask("reset")["status_word"] & 8
 
 
@@ -157,8 +170,8 @@ def test_ctrl_c_tells_of_a_motor_that_was_started(tmp_path):
 
 def test_a_reference_without_a_control_word_is_refused(tmp_path):
     with Card(tmp_path, "--quiet") as card:
-        done = run("reference", card.link, 20)
-        assert done.returncode == 2 and "the control word in the card is 0000h" in done.stderr
+        code, output = card.told("reference", 20)
+        assert code == 2 and "the control word in the card is 0000h" in output
         card.stop()
         assert card.controls() == []
 
@@ -236,12 +249,10 @@ def test_an_eeprom_write_leaves_coil_65_as_it_was(card):
 
 
 def test_refusals_are_in_words(card):
-    done = run("read", card.link, 1999, 104)
-    assert done.returncode == 5
-    assert "exception 0: the drive: parameter does not exist" in done.stdout and "104 Motor" in done.stdout
-    done = run("write", card.link, 514, 1)
-    assert (done.returncode, done.stdout) == (5, "")
-    assert done.stderr == "rtu2fc write: exception 1: the drive: no write access\n"
+    code, output = card.told("read", 1999, 104)
+    assert code == 5
+    assert "exception 0: the drive: parameter does not exist" in output and "104 Motor" in output
+    assert card.told("write", 514, 1) == (5, "rtu2fc write: exception 1: the drive: no write access\n")
 
 
 def test_each_exception_of_the_handbook_has_words():
@@ -260,33 +271,45 @@ def test_each_exception_of_the_handbook_has_words():
 def test_a_silent_drive_is_no_silent_card(tmp_path, dialect):
     options = ("--dialect", dialect, "--drive", str(tmp_path / "drive"))
     with Card(tmp_path, "--quiet", *options) as card:
-        done = run("status", card.link)
-    assert done.returncode == 4
-    assert done.stderr.startswith("rtu2fc status: the card answers, but its drive does not\n")
+        code, output = card.told("status")
+    assert code == 4 and output.startswith("rtu2fc status: the card answers, but its drive does not\n")
 
 
 def test_no_answer_says_what_was_tried_and_what_is_next(card):
-    done = run("status", card.link, "--unit", 3)
-    assert done.returncode == 4
-    first_, *advice = done.stderr.splitlines()
+    code, output = card.told("status", "--unit", 3)
+    assert code == 4
+    first_, *advice = output.splitlines()
     assert first_ == "rtu2fc status: no answer"
     assert advice[0] == f"  Tried: unit 3 at 9600 8N2 on {card.link}, 1.5 s."
     assert f"  Rate, format or unit not known: rtu2fc scan {card.link}" in advice
-    page, title = re.search(r"Read: (\S+), (.+)", done.stderr).groups()
+    page, title = re.search(r"Read: (\S+), (.+)", output).groups()
     assert f"\n## {title}\n" in (ROOT / page).read_text()
 
 
+def test_a_bad_line_is_said(tmp_path):
+    """Flipped bits, then a broken wire."""
+    with Card(tmp_path, "--quiet", "--control") as card:
+        card.command("noise modbus 400")
+        code, output = card.told("read", *range(100, 106))
+        assert code == 4 and re.match(
+            r"rtu2fc read: (no answer|damaged answer [0-9a-f ]+)\n  Tried: ", output
+        )
+        card.command("noise modbus 0")
+        card.command("cut modbus on")
+        assert card.told("status")[1].startswith("rtu2fc status: no answer\n")
+        card.command("cut modbus off")
+        card.ask("status")
+
+
 def test_another_dialect_is_found_out(card):
-    done = run("status", card.link, "--dialect", "builtin")
-    assert done.returncode == 6
-    assert done.stderr.startswith("rtu2fc status: the card speaks card, not builtin\n")
+    code, output = card.told("status", "--dialect", "builtin")
+    assert code == 6 and output.startswith("rtu2fc status: the card speaks card, not builtin\n")
 
 
 def test_a_busy_port_is_one_line(card):
     with port.SerialPort(str(card.link)):
-        done = run("status", card.link)
-    assert done.returncode == 3
-    assert done.stderr.startswith(f"rtu2fc status: {card.link} is in use by another program\n")
+        code, output = card.told("status")
+    assert code == 3 and output.startswith(f"rtu2fc status: {card.link} is in use by another program\n")
 
 
 @pytest.mark.parametrize(
@@ -352,6 +375,29 @@ def test_an_old_code_page_has_its_marks(card):
     assert "  ok LINE-7   unit 1 answers" in done.stdout
 
 
+def test_an_adapter_on_the_network_is_a_port():
+    """A URL of pyserial, with the bytes as they are (RTU over TCP)."""
+    request, reply = build(1, read_registers(2, 1)), build(1, bytes.fromhex("03 02 000F"))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            with server.accept()[0] as link:
+                heard = b""
+                while len(heard) < len(request):
+                    heard += link.recv(64)
+                link.sendall(reply if heard == request else b"?")
+                link.recv(1)  # until the other end closes
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        line = port.Line(port.SerialPort(name), 9600, "8N2")
+        assert line.exchange(request, 5)[0] == reply
+        line.close()
+        thread.join(5)
+        assert not thread.is_alive()
+
+
 # ---------------------------------------------------------------- switches, record and replay, watch, scan
 
 
@@ -362,7 +408,8 @@ def test_the_switches_are_those_of_the_card(capsys):
         found = json.loads(capsys.readouterr().out)
         assert found["baud_switches"] == baud_switches(baud, form, rest="")
         assert found["address_switches"] == "11101000"
-    lines = run("switches", 19200, "8E1", 17).stdout.splitlines()
+    assert cli.main(["switches", "19200", "8E1", "17"]) == 0
+    lines = capsys.readouterr().out.splitlines()
     assert "       ON  | #  .  #  .  .  .  .  .  . |" in lines and all(len(line) <= 80 for line in lines)
 
 
