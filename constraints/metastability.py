@@ -3,7 +3,7 @@
 
     python -m constraints.metastability      the table of docs/guide/bring-up.md
 
-The first flip-flop of rtl/sync_2ff.v may hang between 0 and 1 when its pin changes with the clock. A
+The first flip-flop of rtl/prim/sync_2ff.v may hang between 0 and 1 when its pin changes with the clock. A
 failure is a flip-flop that is still undecided when the second one reads it. The mean time between failures
 in seconds, as vendors give it:
 

@@ -13,6 +13,8 @@ from rtl.sources import ROOT, card_files, configurations, rtl_files
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
 PORT |= {
     "guarded_bit",
+    "guarded_half",
+    "sparse_state",
     "card_tables",
     "crc16_modbus",
     "rtu_rx",
@@ -23,7 +25,7 @@ PORT |= {
     "baud_base",
     "baud_divider",
 }
-MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit"}
+MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit", "guarded_half"}
 MAILBOX |= {"commit_gate", "request_state", "licences", "reply_slot", "telegram_slot", "master_loss"}
 OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor", "driver_limit"}
 CORE = {"soft_core"}
@@ -95,6 +97,7 @@ opt_clean"""
 read_verilog -defer {" ".join(flow.sandboxed(path) for path in card_files(config))}
 chparam -set FIRMWARE_HEX "{relative}/pattern.hex" rtu2fc
 hierarchy -top rtu2fc
+{flow.OPEN_HALVES}
 {cut}
 {commands or PLAIN[family].format(device=device, top="rtu2fc")}
 write_json {relative}/part.json

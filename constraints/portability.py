@@ -3,9 +3,9 @@
 
     python -m constraints.portability
 
-Compares the memories of each flow with constraints/portability.toml, and the flip-flops that start with a
-value but have no reset with the list there. Prints one line for each tool; exit 1
-if one disagrees.
+Compares the memories of each flow with constraints/portability.toml, the flip-flops that start with a value
+but have no reset with the list there, and the guarded bits after each flow that merges flip-flops with those
+of the Verilog. Prints one line for each tool; exit 1 if one disagrees.
 No part is placed: the flows show that they read the Verilog, and that memories stay memories.
 """
 
@@ -15,21 +15,22 @@ import json
 import re
 import sys
 import tomllib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 
-from constraints.flow import SynthError, sandboxed, tool
+from constraints.flow import OPEN_HALVES, SynthError, sandboxed, tool
 from rtl.command import run_main
-from rtl.sources import ROOT, card_files, configurations, rtl_files
+from rtl.sources import ROOT, card_files, configurations, needed_files, rtl_files
 
 LISTS = ROOT / "constraints/portability.toml"
 BUILD = ROOT / "build/portability"
 TOP = "rtu2fc"
+YOSYS_CELL = re.compile(r"\$\w+")  # no module, whose outputs may be registers
 FLIP_FLOP = re.compile(r"\$[as]*dffs?r?(?:c?e)?")
 # The smallest memory, the core's registers, has 1024 bits; the rest of the card has some 900 flip-flops.
 MOST_FLIP_FLOPS = 1000
 MEMORY_CELL = re.compile(r"RAM|M10K|MLAB|^DP|^SP|^SDP|SC16K")
-FLIP_FLOP_CELL = re.compile(r"FD[A-Z1]|DFF|MISTRAL_FF|CC_DFF|EFX_FF")
+FLIP_FLOP_CELL = re.compile(r"FD[A-Z1]|DFF|SB_DFF|TRELLIS_FF|MISTRAL_FF|CC_DFF|EFX_FF|SLE$")
 RESETS = {"rst", "core_rst", "rst_n"}
 
 
@@ -82,6 +83,42 @@ def flip_flops(found: dict[str, int]) -> int:
 # ---------------------------------------------------------------- flip-flops
 
 
+def flip_flops_by_kind(flow: str, top: str, opened: bool = False) -> dict[bool, int]:
+    """Flip-flops of a module after a stock flow: those of guarded bits, and all others.
+
+    `top`: module, parameter, value. `opened`: the flow may look into the halves of guarded bits.
+    """
+    module, parameter, value = top.split()
+    name = re.sub(r"\W+", "_", f"{flow}_{module}")
+    script = f"""read_verilog -defer {" ".join(sandboxed(path) for path in needed_files(module))}
+chparam -set {parameter} {value} {module}
+hierarchy -check -top {module}
+{OPEN_HALVES if opened else ""}
+{flow} -top {module}
+write_json {BUILD.relative_to(ROOT)}/{name}.json
+"""
+    yosys(name, script)
+    modules = json.loads((BUILD / f"{name}.json").read_text())["modules"]
+    cells = {kind: [cell["type"] for cell in entry["cells"].values()] for kind, entry in modules.items()}
+    times = Counter(kind for kinds in cells.values() for kind in kinds)
+    found = {True: 0, False: 0}
+    for kind, inside in cells.items():
+        count = sum(bool(FLIP_FLOP_CELL.match(cell)) for cell in inside)
+        found["guarded_half" in kind] += count * (times[kind] or kind == module)
+    return found
+
+
+def merged_pairs(flow: str) -> list[str]:
+    """One line for each module in which the flow has lost a half of a guarded bit."""
+    pairs = lists()["merging"]["pairs"]
+    left = {top: (flip_flops_by_kind(flow, top)[True], 2 * pairs[top]) for top in pairs}
+    return [
+        f"{flow}: {found} flip-flops in the guarded bits of {top.split()[0]}, but {wanted} are in the Verilog"
+        for top, (found, wanted) in left.items()
+        if found != wanted
+    ]
+
+
 def without_reset(config: str) -> dict[str, set[str]]:
     """Registers of our modules that start with a value and no reset sets, by module."""
     where = f"{BUILD.relative_to(ROOT)}/flip_flops_{config}"
@@ -110,7 +147,7 @@ def unreset_registers(module: dict) -> set[str]:
     driver = {
         bit: cell
         for cell in cells
-        if not FLIP_FLOP.fullmatch(cell["type"])
+        if YOSYS_CELL.fullmatch(cell["type"]) and not FLIP_FLOP.fullmatch(cell["type"])
         for port, bits in cell["connections"].items()
         if cell.get("port_directions", {}).get(port) == "output"
         for bit in bits
@@ -185,6 +222,9 @@ def main() -> int:
         shown = ", ".join(f"{count} {cell}" for cell, count in memories(found).items())
         print(f"{flow:9} {shown}; {flip_flops(found)} flip-flops", flush=True)
         wrong += compare_cells(flow, found, entry["memories"])
+    for flow in lists()["merging"]["flows"]:
+        wrong += (lost := merged_pairs(flow))
+        print(f"{flow}: {'pairs lost' if lost else 'all guarded bits are pairs'}", flush=True)
     registers = of_both_cards()
     print(f"registers with a start value and no reset: {sum(map(len, registers.values()))}", flush=True)
     wrong += compare_registers(registers, lists()["without_reset"])

@@ -56,6 +56,22 @@ def test_slang_takes_the_sources_in_any_order(capfd):
     assert portability.slang([path for path in card_files() if path.stem != "uart"]) != []
 
 
+@pytest.mark.nightly("synth")
+@pytest.mark.rule("SAFE-4")
+@pytest.mark.parametrize("flow", LISTS["merging"]["flows"])
+def test_no_stock_flow_merges_a_guarded_bit(flow):
+    assert portability.merged_pairs(flow) == []
+
+
+@pytest.mark.nightly("synth")
+def test_a_merged_pair_is_found():
+    """The same flow makes one flip-flop of each pair, if it may open the halves."""
+    flow, (top, pairs) = LISTS["merging"]["flows"][0], next(iter(LISTS["merging"]["pairs"].items()))
+    kept, opened = (portability.flip_flops_by_kind(flow, top, opened) for opened in (False, True))
+    assert kept[True] == 2 * pairs
+    assert sum(kept.values()) - sum(opened.values()) >= pairs
+
+
 VENDORS = sorted(path.stem for path in (ROOT / "constraints/vendor").glob("*.tcl") if path.stem != "card")
 
 

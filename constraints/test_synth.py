@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from constraints import flow, parts, synth
-from constraints.boards import board, boards
+from constraints.boards import board, boards, ports
 from constraints.flow import SynthError, frozen, mapping, sandboxed, tool, unsafe, without_loose_inputs
 from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
 from constraints.parts import COUNTED_ON, FLOWS, TARGETS, over_target
@@ -45,6 +45,7 @@ def elaborated(name: str, sources: list[Path], top: str) -> dict:
     chparam = f'chparam -set FIRMWARE_HEX "{sandboxed(firmware)}" {top}\n' if top == "rtu2fc" else ""
     (folder / "design.ys").write_text(f"""read_verilog -defer {" ".join(map(sandboxed, sources))}
 {chparam}hierarchy -check -top {top}
+{flow.OPEN_HALVES}
 proc
 flatten
 opt
@@ -99,6 +100,18 @@ def test_no_flip_flops_are_merged(family, module):
     cells = json.loads((folder / "raw.json").read_text())["modules"][module]["cells"].values()
     there = sum(cell["type"] in MAPPED[family] for cell in cells)
     assert there == sum(int(width, 2) for width in registers)
+
+
+@pytest.mark.rule("TOP-1")
+def test_a_board_has_pads_at_its_pins_alone():
+    """The second soft core stays a module. Pads in it, which Gowin's flow makes, are refused by nextpnr."""
+    entry = board("card-gw1n-9")
+    folder = ROOT / "build/tests/synth-pads"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "pattern.hex").write_text(flow.pattern(entry.memory_words))
+    cells = flow.synthesise(entry, folder, folder / "pattern.hex", "pads")
+    ways = list(ports(entry.wrapper).values())
+    assert (cells["IBUF"], cells["OBUF"]) == (ways.count("input"), ways.count("output"))
 
 
 @pytest.mark.rule("TOP-1")

@@ -22,9 +22,12 @@ rtl/mailbox.v
 rtl/mailbox_regs.v
 rtl/network_port.v
 rtl/prim/guarded_bit.v
+rtl/prim/guarded_half.v
+rtl/prim/reset_sync.v
+rtl/prim/sparse_state.v
+rtl/prim/sync_2ff.v
 rtl/ram_bank.v
 rtl/ram_lane.v
-rtl/reset_sync.v
 rtl/rs485_dir.v
 rtl/rtu2fc.v
 rtl/rtu_rx.v
@@ -33,5 +36,4 @@ rtl/silence_timer.v
 rtl/soft_core.v
 rtl/supervisor.v
 rtl/switch_sampler.v
-rtl/sync_2ff.v
 rtl/uart.v

@@ -81,21 +81,16 @@ module rtu_rx #(
   localparam [3:0] S_EARLY = 4'b1010;  // the candidate, before t1.5
   localparam [3:0] S_HOLD = 4'b0110;  // good at t1.5, ends at t3.5
   localparam [3:0] S_SUSPECT = 4'b1001;  // not good at t1.5 and discarded
-
-  localparam [7:0] WRITE_COIL = 8'd5;
-  localparam [7:0] WRITE_REGISTER = 8'd6;
-  localparam [7:0] WRITE_COILS = 8'd15;
-  localparam [7:0] WRITE_REGISTERS = 8'd16;
-
   // docs/hardening.md, Unit codes (SAFE-4)
   localparam [2:0] TO_US = 3'b011;
   localparam [2:0] TO_ALL = 3'b101;
   localparam [2:0] TO_OTHERS = 3'b110;
 
-  reg [3:0] state = S_WAIT;
+  reg [3:0] next_state;
+  wire [3:0] state;
   reg [8:0] length = 9'd0;
   reg storing = 1'b0;
-  reg [2:0] unit = TO_OTHERS;
+  (* fsm_encoding = "none", syn_preserve = 1 *) reg [2:0] unit = TO_OTHERS;  // as in sparse_state
   reg begun_bank = 1'b0;
   reg function_next = 1'b0;
   reg writes_coils = 1'b0;
@@ -155,6 +150,42 @@ module rtu_rx #(
   assign count_t15 = (byte_valid && state == S_SUSPECT) || (spoilt && STRICT_T15 && !mine);
   assign count_foreign = state == S_HOLD && long_reached && !spoilt && !mine;
 
+  always @* begin
+    next_state = state;
+    case (state)
+      S_WAIT: if (long_reached) next_state = S_IDLE;
+      S_RECEIVE:
+      if (short_reached && good) next_state = S_HOLD;
+      else if (short_reached && STRICT_T15) next_state = S_SUSPECT;
+      else if (long_reached) next_state = S_IDLE;
+      else if (raise) next_state = S_EARLY;
+      S_EARLY:
+      if (resumed) next_state = S_RECEIVE;
+      else if (short_reached) next_state = S_HOLD;
+      else if (long_reached) next_state = S_IDLE;
+      S_HOLD:
+      if (spoilt) next_state = STRICT_T15 ? S_WAIT : S_RECEIVE;
+      else if (long_reached) next_state = S_IDLE;
+      S_SUSPECT:
+      if (byte_valid) next_state = S_RECEIVE;
+      else if (long_reached) next_state = S_IDLE;
+      S_IDLE: if (byte_valid) next_state = S_RECEIVE;
+      default: next_state = S_WAIT;
+    endcase
+    if (deaf || undriven) next_state = S_WAIT;
+  end
+
+  sparse_state #(
+      .WIDTH(4),
+      .START(S_WAIT)
+  ) state_i (
+      .clk  (clk),
+      .rst  (rst),
+      .next (next_state),
+      // status
+      .state(state)
+  );
+
   initial {candidate, commit, revoke, frame_length} = 11'd0;
   initial {frame_broadcast, frame_writes_coils, frame_writes_parameter} = 3'd0;
 
@@ -185,20 +216,17 @@ module rtu_rx #(
       storing <= 1'b1;
       function_next <= first;
       if (function_next) begin
-        writes_coils <= byte_data == WRITE_COIL || byte_data == WRITE_COILS;
-        writes_parameter <= byte_data == WRITE_REGISTER || byte_data == WRITE_REGISTERS;
+        writes_coils <= byte_data == 8'd5 || byte_data == 8'd15;  // one coil, several
+        writes_parameter <= byte_data == 8'd6 || byte_data == 8'd16;  // one register, several
       end
       if (first) begin
         length <= 9'd0;
         overrun <= 1'b0;
         unit <= byte_data == 8'd0 ? TO_ALL : byte_data == own_address ? TO_US : TO_OTHERS;
         begun_bank <= frame_bank;
-        parity_bad <= byte_parity_error;
-        framing_bad <= byte_framing_error;
-      end else begin
-        if (byte_parity_error) parity_bad <= 1'b1;
-        if (byte_framing_error) framing_bad <= 1'b1;
       end
+      parity_bad  <= byte_parity_error || (parity_bad && !first);
+      framing_bad <= byte_framing_error || (framing_bad && !first);
     end
     // A 00 byte appended to a good frame leaves the CRC remainder good, so a flipped state could
     // accept a revoked frame again. docs/hardening.md, Revoke twice (SAFE-4)
@@ -213,35 +241,7 @@ module rtu_rx #(
       frame_writes_parameter <= writes_parameter;
     end
 
-    case (state)
-      S_WAIT: if (long_reached) state <= S_IDLE;
-      S_RECEIVE:
-      if (short_reached && good) state <= S_HOLD;
-      else if (short_reached && STRICT_T15) state <= S_SUSPECT;
-      else if (long_reached) state <= S_IDLE;
-      else if (raise) state <= S_EARLY;
-      S_EARLY:
-      if (resumed) state <= S_RECEIVE;
-      else if (short_reached) state <= S_HOLD;
-      else if (long_reached) state <= S_IDLE;
-      S_HOLD:
-      if (spoilt) state <= STRICT_T15 ? S_WAIT : S_RECEIVE;
-      else if (long_reached) state <= S_IDLE;
-      S_SUSPECT:
-      if (byte_valid) state <= S_RECEIVE;
-      else if (long_reached) state <= S_IDLE;
-      S_IDLE: if (byte_valid) state <= S_RECEIVE;
-      default: state <= S_WAIT;
-    endcase
-
-    if (deaf || undriven) state <= S_WAIT;
-    if (rst) begin
-      state <= S_WAIT;
-      storing <= 1'b0;
-      candidate <= 1'b0;
-      commit <= 1'b0;
-      revoke <= 1'b0;
-    end
+    if (rst) {storing, candidate, commit, revoke} <= 4'd0;
   end
 
 endmodule

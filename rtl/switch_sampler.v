@@ -21,7 +21,7 @@ module switch_sampler (
     output wire       addr_valid
 );
 
-  reg [16:0] stage = 17'd0;
+  (* async_reg = "true", syn_preserve = 1 *) reg [16:0] stage = 17'd0;
 
   // 0 is the broadcast address, 248 to 255 are reserved.
   assign addr_valid = addr != 8'd0 && addr[8:4] != 5'b11111;

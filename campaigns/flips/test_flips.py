@@ -188,7 +188,9 @@ def test_a_reset_before_the_traffic_counts(places, part_of_boot):
 def test_a_flip_in_the_small_card_has_an_effect():
     """Half of a guarded bit restarts the firmware, whatever it does just then."""
     places = Places(Target(config="tiny"))
-    bank = next(register for register in places.registers if register.path.endswith("rtu_rx_i.bank_i.held"))
+    bank = next(
+        register for register in places.registers if register.path.endswith("rtu_rx_i.bank_i.held_i.half")
+    )
     at = int((PACES["tiny"].boot_s + 0.06) * places.line.clk_hz)
     outcome, *_ = trial("test", places, Flip(at, bank.path, 0, bank.bits[0], "card"))
     assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
@@ -233,7 +235,12 @@ def test_no_flip_of_the_receiver_changes_a_command(places, each: int):
     starts = [h.start for n, h in enumerate(played.network) if n % 13 == 0]
     character = LINE.character_bits * LINE.bit
     flips = []
-    for path in ("uart_i.shift", "rtu_rx_i.unit", "rtu_rx_i.begun_bank", "rtu_rx_i.bank_i.held"):
+    for path in (
+        "uart_i.shift",
+        "rtu_rx_i.unit",
+        "rtu_rx_i.begun_bank",
+        "rtu_rx_i.bank_i.held_i.half",
+    ):
         register = next(register for register in places.registers if register.path == f"network_i.{path}")
         moments = [moment * character for moment in (3.2, 9.3, 13.0 + 2.5 * 11 / LINE.character_bits)]
         if path == "uart_i.shift":
@@ -287,7 +294,7 @@ def test_no_flip_of_the_gate_or_the_sender_makes_a_command(places, moment, each:
 
 
 @pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize("half", ["held", pytest.param("opposite", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("half", ["held_i", pytest.param("opposite_i", marks=pytest.mark.nightly)])
 @PARTLY
 def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, half, each: int):
     """A start, a stop, then the reference alone: that telegram must not carry the start again.
@@ -300,7 +307,7 @@ def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, hal
         *commands((1, 0x1111)),
         *({"what": "", "gap": ["idle", 20.0], "bytes": data.hex()} for data in (stop, reference)),
     ]
-    path = f"mailbox_i.gate_i.request_i.committed_i.{half}"
+    path = f"mailbox_i.gate_i.request_i.committed_i.{half}.half"
     _, _, played, _ = trial("test", places, Flip(10**9, path, 0, 0, "card"), events)
     end = played.network[13 + 10].end
     assert played.telegrams[1].rise > end and len(played.telegrams) == 4, "the last one is that of the probe"

@@ -46,6 +46,7 @@ SIDES = ("original", "changed")
 READ = """read_rtlil {folder}/{side}.il
 hierarchy -top {variant}
 proc
+setattr -mod -unset keep_hierarchy *
 flatten
 opt_expr
 opt_clean

@@ -3,8 +3,7 @@
 //
 // value: 1 only while both halves say so. fault: the halves disagree, which only a
 // flipped bit brings about; the next load or reset ends it. load takes data at the
-// clock edge; rst clears and has priority. Power-up value 0. No tool may merge the
-// halves: `make test` counts the flip-flops after synthesis. docs/hardening.md, Guarded bits.
+// clock edge; rst clears and has priority. Power-up value 0. docs/hardening.md, Guarded bits.
 // Width: 1 bit. Clock domain: clk. Rule: SAFE-4.
 `default_nettype none
 
@@ -19,21 +18,35 @@ module guarded_bit (
     output wire fault
 );
 
-  reg held = 1'b0;
-  reg opposite = 1'b1;
+  wire held;
+  wire opposite;
 
   assign value = held && !opposite;
   assign fault = held == opposite;
 
-  always @(posedge clk) begin
-    if (rst) begin
-      held <= 1'b0;
-      opposite <= 1'b1;
-    end else if (load) begin
-      held <= data;
-      opposite <= !data;
-    end
-  end
+  guarded_half #(
+      .RESET_VALUE(1'b0)
+  ) held_i (
+      .clk  (clk),
+      .rst  (rst),
+      // next value
+      .load (load),
+      .data (data),
+      // status
+      .value(held)
+  );
+
+  guarded_half #(
+      .RESET_VALUE(1'b1)
+  ) opposite_i (
+      .clk  (clk),
+      .rst  (rst),
+      // next value
+      .load (load),
+      .data (!data),
+      // status
+      .value(opposite)
+  );
 
 endmodule
 

@@ -229,7 +229,7 @@ def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
 
 
 LICENCE = "mailbox_i.gate_i.g_loss.loss_i."
-HALVES = ("armed_i.held", "armed_i.opposite", "over_i.held", "over_i.opposite")
+HALVES = ("armed_i.held_i.half", "armed_i.opposite_i.half", "over_i.held_i.half", "over_i.opposite_i.half")
 COUNTS = ("left", "limit")
 
 
@@ -239,7 +239,10 @@ COUNTS = ("left", "limit")
 def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
     """Both halves of a pair at once, too: then the firmware's clock alone holds the stop back."""
     with Master(extra="flips") as master:
-        pairs = [("armed_i.held", "armed_i.opposite"), ("over_i.held", "over_i.opposite")]
+        pairs = [
+            ("armed_i.held_i.half", "armed_i.opposite_i.half"),
+            ("over_i.held_i.half", "over_i.opposite_i.half"),
+        ]
         flips = [*((half,) for half in HALVES), *pairs, *((count,) for count in COUNTS)]
         for names in flips:
             master.set_wait(TENS)  # the flip of one half restarted the firmware
@@ -287,8 +290,8 @@ def test_a_flipped_half_of_any_guarded_bit_restarts_the_firmware(pair: str):
     """Register 40002 then has its default again."""
     option = pair.startswith(LICENCE)
     with Master(option=option, image="stop" if option else "", extra="flips") as master:
-        for half in ("held", "opposite"):
+        for half in ("held_i", "opposite_i"):
             master.set_wait(TENS)
-            master.card.flip(f"{pair}.{half}", 0, 0)
+            master.card.flip(f"{pair}.{half}.half", 0, 0)
             master.card.run(master.card.boot_ms)
             assert master.ask(bytes.fromhex("03 0001 0001"))[2:] == (1000).to_bytes(2, "big"), half

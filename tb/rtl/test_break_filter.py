@@ -92,7 +92,7 @@ async def without_a_good_frame_a_low_is_a_character(dut):
 async def a_flipped_half_ends_a_break_and_is_a_fault(dut):
     line = await Line(dut).start()
     await line.character(LENGTH)
-    dut.break_i.opposite.value = 1
+    dut.break_i.opposite_i.half.value = 1
     await line.bench.clocks()
     assert dut.in_break.value == 0 and dut.busy.value == 1 and dut.fault.value == 1
 

@@ -477,7 +477,7 @@ PAIRS = ["request_i.committed_i", "telegram_i.licence_i"] + [
     f"licences_i.{name}_i" for name in ("image", "free", "one", "all")
 ]
 STATES = [("request_i.state", bit) for bit in range(3)] + [("telegram_i.state", bit) for bit in range(2)]
-FLIPS = [(f"{pair}.{half}", 0) for pair in PAIRS for half in ("held", "opposite")] + STATES
+FLIPS = [(f"{pair}.{half}.half", 0) for pair in PAIRS for half in ("held_i", "opposite_i")] + STATES
 
 
 @cocotb.test()
@@ -500,11 +500,11 @@ async def no_single_bit_sends_what_is_not_committed(dut, flip, when, revoked):
 
 
 @cocotb.test()
-@cocotb.parametrize(pair=PAIRS, half=["held", "opposite"])
+@cocotb.parametrize(pair=PAIRS, half=["held_i", "opposite_i"])
 async def a_flipped_half_is_a_fault(dut, pair, half):
     gate = await Gate(dut).start()
     assert not int(dut.fault.value)
-    await gate.flip(f"{pair}.{half}")
+    await gate.flip(f"{pair}.{half}.half")
     assert int(dut.fault.value)
 
 
@@ -771,7 +771,8 @@ async def stop_is_refused_when_the_master_is_back(dut, by):
 
 @cocotb.test()
 @cocotb.parametrize(
-    bit=["armed_i.held", "armed_i.opposite", "over_i.held", "over_i.opposite"], started=[False, True]
+    bit=["armed_i.held_i.half", "armed_i.opposite_i.half", "over_i.held_i.half", "over_i.opposite_i.half"],
+    started=[False, True],
 )
 async def stop_is_not_licensed_by_a_single_bit(dut, bit, started):
     gate = await Gate(dut).start()

@@ -11,7 +11,7 @@ from tb.lib.bench import Bench
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
-HALVES = ["held", "opposite"]
+HALVES = ["held_i", "opposite_i"]
 
 
 def outputs(dut) -> tuple[int, int]:
@@ -29,7 +29,7 @@ async def load(bench: Bench, data: int) -> None:
 
 
 async def flip(dut, half: str) -> None:
-    bit = getattr(dut, half)
+    bit = getattr(dut, half).half
     bit.value = 1 - int(bit.value)
     await Timer(1, unit="ps")
 

@@ -346,7 +346,7 @@ async def receiver_recovers_from_any_state(dut):
     """Including undefined states (SAFE-3, SAFE-4)."""
     rx = await Receiver(dut).start()
     for state in range(16):
-        dut.rx_i.state.value = state
+        dut.rx_i.state_i.code.value = state
         await Timer(1, unit="ps")
         await rx.silence()
         await rx.bytes(GOOD)
@@ -367,7 +367,7 @@ async def strict_no_flip_of_the_state_accepts_a_revoked_frame(dut):
         await rx.short()
         await rx.byte(0)
         assert rx.outcome() == (1, 0, 1)
-        flip(dut.rx_i.state, bit)
+        flip(dut.rx_i.state_i.code, bit)
         await rx.silence()
         await rx.silence()
         assert rx.outcome() == (1, 0, 1), f"bit {bit}"
@@ -382,7 +382,7 @@ async def strict_no_flip_of_the_state_ends_a_revoked_frame_early(dut):
         await rx.short()
         await rx.byte(0)
         rx.clear()
-        flip(dut.rx_i.state, bit)
+        flip(dut.rx_i.state_i.code, bit)
         await rx.bytes(OTHER)
         await rx.silence()
         assert rx.outcome() == (0, 0, 0), f"bit {bit}"
@@ -393,13 +393,13 @@ async def a_flipped_bank_is_a_fault_and_ends_by_itself(dut):
     """The firmware would see an older frame; instead it restarts (SAFE-4)."""
     rx = await Receiver(dut).start()
     faults = Strobes(dut, "fault")
-    for half in ("held", "opposite"):
+    for half in ("held_i", "opposite_i"):
         for _ in range(2):
             rx.clear()
             faults.clear()
             await rx.frame(GOOD)
             assert rx.outcome() == (1, 1, 0) and not len(faults)
-            flip(getattr(dut.rx_i.bank_i, half), 0)
+            flip(getattr(dut.rx_i.bank_i, half).half, 0)
             await rx.bench.clocks(4)
             assert len(faults) == 1, f"{half}: one clock"
     await rx.frame(GOOD)

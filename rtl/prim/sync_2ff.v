@@ -2,7 +2,9 @@
 // Synchronizes one asynchronous pin with two flip-flops.
 //
 // Delay: 2 clocks. RESET_VALUE is 1 for serial lines, so that an idle line does not look like a
-// start bit during reset. Clock domain of synced: clk. Rule: LINE-5.
+// start bit during reset. The attributes keep both flip-flops apart from all others and close to each
+// other; docs/guide/integration.md has the sentences of the manuals.
+// Clock domain of synced: clk. Rule: LINE-5.
 `default_nettype none
 
 module sync_2ff #(
@@ -16,7 +18,7 @@ module sync_2ff #(
     output wire synced
 );
 
-  (* async_reg = "true" *) reg [1:0] stage = {2{RESET_VALUE}};
+  (* async_reg = "true", syn_preserve = 1 *) reg [1:0] stage = {2{RESET_VALUE}};
 
   always @(posedge clk) begin
     stage <= {stage[0], raw};
