@@ -14,10 +14,10 @@ import pytest
 
 from rtl.sources import ROOT, needed_files
 from tb.lib.seeds import seeded
+from tools import wheels
 
 AGENTS = ROOT / "tb/agents"
 MODULES = sorted(path.stem for path in AGENTS.glob("*.py"))
-PIP = [sys.executable, "-m", "pip"]
 EXAMPLE = str(AGENTS / "example/run.py")
 OPTIONS = ["--top", "holding_registers", "--clk-hz", "500000", "--baud", "19200", "--build", "build"]
 LINE = "registers[16*n+:16] <= data[16*n+:16]"
@@ -25,17 +25,13 @@ LINE = "registers[16*n+:16] <= data[16*n+:16]"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
-    """The folder into which the package is installed: its wheel is built from a copy."""
+    """The folder into which the package is installed from its wheel."""
     folder = tmp_path_factory.mktemp("agents")
-    source, installed = folder / "source", folder / "site"
-    shutil.copytree(AGENTS, source, ignore=shutil.ignore_patterns("build", "*.egg-info"))
-    for command in (
-        ["wheel", "-q", "--no-deps", "--no-build-isolation", "-w", folder, source],
-        ["install", "-q", "--no-deps", "--no-index", "--find-links", folder, "--target", installed],
-    ):
-        wheels = list(folder.glob("*.whl")) if command[0] == "install" else []
-        done = subprocess.run([*PIP, *command, *wheels], capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+    (wheel,) = (path for path in wheels.build(folder) if path.name.startswith("cocotbext_rtu-"))
+    installed = folder / "site"
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target"]
+    done = subprocess.run([*command, installed, wheel], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
     return installed
 
 
@@ -48,7 +44,7 @@ def alone(site: Path, script: str, folder: Path) -> subprocess.CompletedProcess:
 
 @pytest.mark.nightly
 def test_the_wheel_holds_every_module_and_each_is_imported_alone(site, tmp_path):
-    with zipfile.ZipFile(next(site.parent.glob("*.whl"))) as archive:
+    with zipfile.ZipFile(next(site.parent.glob("cocotbext_rtu-*.whl"))) as archive:
         code = sorted(name for name in archive.namelist() if name.endswith(".py"))
     assert code == [f"cocotbext/rtu/{stem}.py" for stem in MODULES]
     script = f"""import importlib

@@ -119,6 +119,7 @@ class Card:
         self.silence_s = line.t35_s + 8 * line.character_s + SLACK_S
         self.drive_timeout = 15  # 40003
         self.motor_may_turn = False
+        self._index: int | None = None  # as it was found
 
     @property
     def drive(self) -> str:
@@ -252,15 +253,16 @@ class Card:
     def _indexed(self, value: int) -> Iterator[None]:
         """The index register holds `value` meanwhile, and its former value after it."""
         register = DIALECTS[self.dialect].index_register
-        was = int.from_bytes(self.registers(register, 1), "big")
-        if was == value:
+        if self._index is None:  # nobody else writes it: no other master is on the bus
+            self._index = int.from_bytes(self.registers(register, 1), "big")
+        if self._index == value:
             yield
             return
         self.ask(write_register(register, value))
         try:
             yield
         finally:
-            self.ask(write_register(register, was), tries=2)
+            self.ask(write_register(register, self._index), tries=2)
 
     def read(self, one: Parameter) -> int | str:
         """The raw number, or the text."""

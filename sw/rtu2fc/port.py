@@ -112,6 +112,21 @@ def _refused(error: Exception, name: str, baud: int, form: str) -> PortError:
 # ---------------------------------------------------------------- frames
 
 
+def complete(answer: bytes) -> bool:
+    """Whether it is a good frame of the length that its function says; of others only a silence is the end.
+
+    The CRC alone is not enough: a frame whose CRC ends in 00 is good without its last byte, too.
+    """
+    if len(answer) < 5 or not crc_good(answer):
+        return False
+    code = answer[1]
+    if code & 0x80:
+        return len(answer) == 5
+    if code in (1, 2, 3, 4, 0x11):
+        return len(answer) == 5 + answer[2]
+    return code in (5, 6, 8, 0x0B, 15, 16) and len(answer) == 8
+
+
 class Line:
     """Frames out, and the answer or silence back. `record`: all bytes and their times go into this file.
 
@@ -177,7 +192,7 @@ class Line:
             if not (more := self.port.read(left)):
                 continue
             heard, last = self._within(heard + more), time.monotonic()
-            if whole and len(heard) > own + 4 and crc_good(heard[own:]):
+            if whole and complete(heard[own:]):
                 break
             if len(heard) > own:
                 end = last + quiet_s + 4 * self.character_s

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 
 from .card import Card, Parameter, parameter
-from .problem import DONE, Problem, Refused
+from .problem import DONE, NoAnswer, Problem, Refused
 from .screen import Screen
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -34,10 +34,10 @@ class Series:
     def add(self, at: float, card: Card) -> None:
         try:
             raw = card.read(self.one)
-        except Refused as refused:
+        except (Refused, NoAnswer) as problem:  # the next one may come
             self.times.append(at)
             self.values.append(None)
-            self.shown = str(refused)
+            self.shown = str(problem)
             return
         self.times.append(at)
         self.shown = card.shown(self.one, raw)

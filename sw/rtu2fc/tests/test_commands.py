@@ -446,6 +446,7 @@ def test_ctrl_c_is_the_usual_end_of_watch(card):
 def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
     """A pty has no rate: the first setting is answered."""
     monkeypatch.setattr(scan, "LISTEN_S", 0.1)
+    monkeypatch.setattr(scan, "ANSWER_S", 1.0)  # the virtual card falls behind on a busy machine
     with Card(tmp_path, "--quiet", "--sw-addr", "11100000") as card:
         found = card.ask("scan", "--units", "5-8", "--baud", 9600, "--format", "8N2")
         assert found["found"] == [{"baud": 9600, "format": "8N2", "unit": 7, "heard": False}]
