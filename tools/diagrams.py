@@ -413,9 +413,9 @@ class Port(Recorded):
         drawing.level(f"{kind}_valid", self.edges[f"{kind}_valid"])
         long = 10.5 * BIT
         blocks = [
-            Block(at, at + long, f"{place}:{byte:02X}", fill) for at, place, byte in self.accesses(kind)
+            Block(at, at + long, f"{place}: {byte:02X}h", fill) for at, place, byte in self.accesses(kind)
         ]
-        drawing.blocks(f"{kind}, place:byte", blocks, between="0")
+        drawing.blocks(f"{kind}, place: byte", blocks, between="0")
 
 
 # ---------------------------------------------------------------- the diagrams
