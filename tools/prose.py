@@ -212,7 +212,8 @@ def check() -> list[str]:
     )
     documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
     wrong += without_place(documents, SITE.read_text())
-    wrong += too_much([page for page in pages if ".github" not in page.parts])
+    # The list of changes grows with each release.
+    wrong += too_much([page for page in pages if ".github" not in page.parts and page.name != "CHANGELOG.md"])
     return wrong + unlisted_parts(names, ARCHITECTURE.read_text())
 
 
