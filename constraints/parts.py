@@ -29,7 +29,7 @@ MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit", "guarded_hal
 MAILBOX |= {"commit_gate", "request_state", "licences", "reply_slot", "telegram_slot", "master_loss"}
 OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor", "driver_limit"}
 CORE = {"soft_core"}
-MEMORY = {"firmware_ram", "ram_bank", "ram_lane"}
+MEMORY = {"firmware_ram", "ram_bank", "ram_lane", "word_parity"}
 WHOLE = PORT | MAILBOX | OTHERS | CORE | MEMORY
 FRONT_END = "**front end**: both ports, framing and mailbox"
 # Limits of its cells in either flow: fewer than the smallest slave with one port, no parity and no t1.5. That

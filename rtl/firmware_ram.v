@@ -4,9 +4,8 @@
 // BYTES: any multiple of 4. One 32-bit port with byte writes. rdata is the word that was
 // enabled in the clock before. After any other clock it is 0, so that it can be ORed with other
 // read data. A written word is not read in the same clock.
-// Each byte is stored with an even parity bit above it, in the ninth bit of a block RAM lane.
-// damaged: one clock after rdata; a byte of that word does not match its parity. Two wrong bits
-// in one byte are not detected (docs/hardening.md, Memory parity, SAFE-4).
+// Each byte is stored with its parity above it, in the ninth bit of a block RAM lane. damaged: one
+// clock after rdata; see word_parity.
 // A bank of more than 512 words is four lanes of one byte: not every tool maps byte writes to block
 // RAMs. A smaller one takes fewer block RAMs as whole words.
 // A memory that is not a power of two has banks, because ORed banks need fewer cells and less
@@ -41,23 +40,22 @@ module firmware_ram #(
   localparam LANES = BANK_WORDS > 512 ? 4 : 1;
   localparam PARTS = BANKS * LANES;
 
-  wire [35:0] wlanes = {
-    ^wdata[31:24],
-    wdata[31:24],
-    ^wdata[23:16],
-    wdata[23:16],
-    ^wdata[15:8],
-    wdata[15:8],
-    ^wdata[7:0],
-    wdata[7:0]
-  };
+  wire [35:0] wlanes;
   wire [36*PARTS+35:0] sums;  // from bit 36 * (n + 1): the parts 0 to n, ORed
   wire [35:0] read = sums[36*PARTS+:36];
-  // One tree per byte: abc9 does not cope with one tree of 36 inputs.
-  reg [3:0] odd = 4'd0;
 
-  assign rdata = {read[34:27], read[25:18], read[16:9], read[7:0]};
-  assign damaged = odd != 4'd0;
+  word_parity parity_i (
+      .clk(clk),
+      // to the memory
+      .data(wdata),
+      .coded(wlanes),
+      // from the memory
+      .read(read),
+      .rdata(rdata),
+      // status
+      .damaged(damaged)
+  );
+
   assign sums[35:0] = 36'd0;
 
   genvar n;
@@ -108,16 +106,6 @@ module firmware_ram #(
       end
     end
   endgenerate
-
-  always @(posedge clk) begin
-    // With `if`, an X in a simulator does not count as damage. The soft core saves registers
-    // to memory before it has written them.
-    odd <= 4'd0;
-    if (^read[8:0]) odd[0] <= 1'b1;
-    if (^read[17:9]) odd[1] <= 1'b1;
-    if (^read[26:18]) odd[2] <= 1'b1;
-    if (^read[35:27]) odd[3] <= 1'b1;
-  end
 
 endmodule
 

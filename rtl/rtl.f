@@ -26,6 +26,7 @@ rtl/prim/guarded_half.v
 rtl/prim/reset_sync.v
 rtl/prim/sparse_state.v
 rtl/prim/sync_2ff.v
+rtl/prim/word_parity.v
 rtl/ram_bank.v
 rtl/ram_lane.v
 rtl/rs485_dir.v

@@ -54,7 +54,8 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - .*)?$", re.M)
 # The bench of the whole card is slow on Icarus. Of the others `make test` leaves out a part there.
 OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", *IN_CI]
 # Modules that the bench of another one plays.
-BENCH_IN = {"ram_bank": "firmware_ram", "ram_lane": "firmware_ram", "crc16_modbus": "rtu_tx"}
+BENCH_IN = dict.fromkeys(("ram_bank", "ram_lane", "word_parity"), "firmware_ram")
+BENCH_IN |= {"crc16_modbus": "rtu_tx", "guarded_half": "guarded_bit", "sparse_state": "rtu_rx"}
 GATE = ("licences", "reply_slot", "request_state", "telegram_slot")
 BENCH_IN |= dict.fromkeys(GATE, "commit_gate")
 # The whole card is tested by subject.

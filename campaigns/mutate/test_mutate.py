@@ -132,7 +132,7 @@ CHANGES = {
     "a number that two states have": ("rtu_tx", "S_DRAIN = 3'd5", "S_DRAIN = 3'd4", False),
     "an input that nothing reads": ("drive_port", ".check_bit(1'b0)", ".check_bit(1'b1)", True),
     "an input that is read": ("drive_port", ".two_stop(TWO_STOP)", ".two_stop(1'b1)", False),
-    "either of two damaged bytes": ("firmware_ram", "odd[1] <= 1'b1", "odd[0] <= 1'b1", True),
+    "either of two damaged bytes": ("word_parity", "odd[i] <= 1'b1", "odd[3-i] <= 1'b1", True),
     "another value at power-up": ("driver_limit", "beats = 4'd0;", "beats = 4'd1;", False),
     "a memory that keeps something else": ("ram_lane", "words[place] <= ", "words[place] <= ~", False),
     "another rate at 2 MHz": ("baud_base", "64'd65536", "64'd65535", False),
