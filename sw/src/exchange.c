@@ -108,10 +108,12 @@ static void left(struct gateway *g)
     end(g);
 }
 
-/* The line was busy for the whole wait: the newest request is held up as well, whichever telegram is next to leave. */
+/* The line was busy for the whole wait. It held up the newest request as well, if that was committed before, whichever
+ * telegram is next to leave. */
 static void give_up_line(struct gateway *g)
 {
-    if (g->state == REQUEST_COMMITTED && g->newest->telegram_length != 0)
+    if (g->state == REQUEST_COMMITTED && g->newest->telegram_length != 0 &&
+        (int32_t)(g->wait_start - g->committed_at) >= 0)
         g->at_drive = g->newest;
     abandon(g);
 }

@@ -765,10 +765,11 @@ class LineJudge:
         request, newest, since = exchange.request, self.newest, self._abandoned_from(exchange)
         if exchange.sends == 0 and self._keeps_place(request):
             self.queue.insert(0, request)  # until it has left (FRAME-7)
-        # A line that was busy for the whole wait holds up the newest request as well.
-        held_up = exchange.phase == "line" and newest in self.queue and not newest.answers
-        if held_up and since < newest.committed + self.late:
-            raise Unclear(at, "a wait for the line that ends as a request is committed")
+        # A line that was busy for the whole wait held up the newest request as well, if that was there before.
+        waits = exchange.phase == "line" and newest in self.queue and not newest.answers
+        held_up = waits and newest.committed < exchange.queued_by + TICK_MS * self.ms
+        if held_up and exchange.queued_from < newest.committed + self.late + TICK_MS * self.ms:
+            raise Unclear(at, "a wait for the line that begins as a request is committed")
         if request is newest or held_up:
             self._answer_silence(newest, since, at)
         if held_up and not self._keeps_place(newest):
