@@ -193,7 +193,8 @@ end
 (* hierconn *) wire \licences_i.one_i.opposite ;
 (* hierconn *) wire \licences_i.all_i.held ;
 (* hierconn *) wire \licences_i.all_i.opposite ;
-(* hierconn *) wire [1:0] \telegram_i.state ;
+(* hierconn *) wire [3:0] \telegram_i.state ;
+(* hierconn *) wire \request_i.ticket_is_odd ;
 (* hierconn *) wire \telegram_i.repeatable ;
 (* hierconn *) wire \telegram_i.repeated ;
 (* hierconn *) wire \telegram_i.licence_i.held ;
@@ -205,7 +206,10 @@ wire licences_i_free = \licences_i.free_i.held ;
 wire one_valid = \licences_i.one_i.held ;
 wire all_valid = \licences_i.all_i.held ;
 wire g_held = \telegram_i.licence_i.held ;
-wire [1:0] g_slot = \telegram_i.state ;
+// Its place as long as its telegram may still leave or be repeated: 0 none, 1 queued, 2 licensed, 3 left.
+wire [1:0] g_slot = \telegram_i.state == 4'b0011 ? 2'd1 : \telegram_i.state == 4'b0101 ? 2'd2 :
+    \telegram_i.state == 4'b1001 ? 2'd3 : 2'd0;
+wire g_over = \telegram_i.state == 4'b1010;
 // ---- the stop when the master is lost (SAFE-7)
 `ifdef STOP
 (* hierconn *) wire \g_loss.loss_i.beat_before ;
@@ -266,6 +270,9 @@ always @(posedge clk) begin
         \request_i.committed_i.opposite == !g_committed && \licences_i.image_i.opposite == !g_image &&
         \licences_i.free_i.opposite == !g_free && \licences_i.one_i.opposite == !g_one &&
         \licences_i.all_i.opposite == !g_all && \telegram_i.licence_i.opposite == !g_held);
+    i_codes : assert (g_slot != 2'd0 || g_over || \telegram_i.state == 4'd0);
+    i_started : assert (g_started == (g_slot == 2'd3 || g_over));
+    i_ticket : assert (\request_i.ticket_is_odd == ^ticket);
     i_either : assert (!(g_pending && (g_committed || g_heard || g_answered)) && (!g_free || g_image));
     i_waits : assert (\reply_i.wait_drive == g_reply_waits);
     i_reply : assert (reply_queued == g_reply_due || g_open || (reply_queued && g_answered));

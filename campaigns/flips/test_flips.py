@@ -320,8 +320,8 @@ def test_a_flip_at_the_commit_of_a_stop_brings_no_older_command_back(places, hal
         assert later and all(data[3:5] in (b"\x04\x3c", b"\0\0") for data in later), what
 
 
-# Modules that detect the end of a frame and react to it.
-ENDS = ("mailbox_i.gate_i.", "network_i.silence_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
+# Modules that receive a frame and react to its end. A flip of the silence timer may end it too early.
+ENDS = ("mailbox_i.gate_i.", "network_i.rtu_rx_i.", "network_i.uart_i.")
 
 
 @pytest.mark.rule("SAFE-4", "SAFE-1", "FRAME-6")

@@ -10,7 +10,8 @@
 // Each candidate gets the next ticket, modulo 16. It ends with a revoke, with the start bit of any
 // character, and with a commit on a line that is not silent (withdrawn). is_committed is a guarded
 // bit, since licences depend on it. rst ends the request but leaves the ticket, which the firmware
-// reads after its start. commits and withdrawn are strobes. Clock domain: clk.
+// reads after its start. fault: a half of that bit or a bit of the ticket is flipped, for with
+// another ticket the firmware would serve the request twice. commits and withdrawn are strobes. Clock domain: clk.
 `default_nettype none
 
 module request_state (
@@ -42,11 +43,16 @@ module request_state (
   localparam [2:0] S_ANSWERED = 3'd4;
 
   reg [2:0] state = S_NONE;
+  reg ticket_is_odd = 1'b0;
+
+  wire committed_fault;
+  wire [3:0] next_ticket = ticket + 4'd1;
 
   assign is_candidate = state == S_CANDIDATE;
   assign answerable = is_committed && state == S_ANSWERABLE;
   assign unanswered = is_committed && (state == S_ANSWERABLE || state == S_HEARD);
   assign commits = commit && silent && is_candidate;
+  assign fault = committed_fault || ^ticket != ticket_is_odd;
   assign withdrawn = is_candidate && (revoke || start_seen || (commit && !silent));
 
   initial ticket = 4'd0;
@@ -59,11 +65,13 @@ module request_state (
       .data (commits),
       // status
       .value(is_committed),
-      .fault(fault)
+      .fault(committed_fault)
   );
 
   always @(posedge clk) begin
-    if (candidate) ticket <= ticket + 4'd1;
+    if (candidate) ticket <= next_ticket;
+    if (rst) ticket_is_odd <= ^ticket;
+    if (candidate) ticket_is_odd <= ^next_ticket;
     case (state)
       S_CANDIDATE:
       if (commits) state <= S_ANSWERABLE;

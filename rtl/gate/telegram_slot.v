@@ -5,6 +5,10 @@
 //   QUEUED    ordered; if it was made for the candidate (early), it waits for the commit
 //   LICENSED  may leave as soon as the line is quiet
 //   LEFT      on the line, or sent; with a licence it may leave once more (FC-9)
+//   OVER      sent, and its repeat has ended
+//
+// docs/hardening.md, State of the telegram: codes differ in two bits; fault: one is flipped. started:
+// LEFT or OVER.
 //
 // An order takes the telegram of `kind` (licences) if its ticket is current. It is dropped when the
 // candidate is withdrawn or a newer one comes, when its kind has no licence, and when its memory is
@@ -50,23 +54,26 @@ module telegram_slot (
     // status
     output wire       queued,
     output wire       grants_stop,
-    output reg        started,
+    output wire       started,
     output wire       fault
 );
 
   localparam [1:0] K_NEWEST = 2'd0;
   localparam [1:0] K_IMAGE = 2'd1;
 
-  localparam [1:0] S_EMPTY = 2'd0;
-  localparam [1:0] S_QUEUED = 2'd1;
-  localparam [1:0] S_LICENSED = 2'd2;
-  localparam [1:0] S_LEFT = 2'd3;
+  localparam [3:0] S_EMPTY = 4'b0000;
+  localparam [3:0] S_QUEUED = 4'b0011;
+  localparam [3:0] S_LICENSED = 4'b0101;
+  localparam [3:0] S_LEFT = 4'b1001;
+  localparam [3:0] S_OVER = 4'b1010;
 
-  reg [1:0] state = S_EMPTY;
+  wire [3:0] state;
+  reg [3:0] next;
   reg repeatable = 1'b0;
   reg repeated = 1'b0;
 
   wire licensed;
+  wire licence_fault;
 
   // Made for a candidate that is still there or has committed, or without one. Made without the
   // candidate that is there, it might leave with the licence that this gives.
@@ -86,12 +93,24 @@ module telegram_slot (
   assign grants_stop = grant && kind == K_IMAGE && !free;
   assign control = kind == K_IMAGE;
   assign queued = state == S_QUEUED || state == S_LICENSED;
+  assign started = state == S_LEFT || state == S_OVER;
+  assign fault = licence_fault || ^state;
 
   initial begin
     kind = K_NEWEST;
     stop = 1'b0;
-    started = 1'b0;
   end
+
+  sparse_state #(
+      .WIDTH(4),
+      .START(S_EMPTY)
+  ) state_i (
+      .clk  (clk),
+      .rst  (rst),
+      .next (next),
+      // status
+      .state(state)
+  );
 
   guarded_bit licence_i (
       .clk  (clk),
@@ -101,20 +120,24 @@ module telegram_slot (
       .data (grant),
       // status
       .value(licensed),
-      .fault(fault)
+      .fault(licence_fault)
   );
 
-  always @(posedge clk) begin
+  always @* begin
+    next = state;
     case (state)
-      S_QUEUED: if (grant) state <= S_LICENSED;
-      S_LICENSED: if (start) state <= S_LEFT;
-      S_LEFT: if (again && licensed && repeatable) state <= S_LICENSED;
-      default: state <= S_EMPTY;
+      S_QUEUED:
+      if (refused) next = S_EMPTY;
+      else if (grant) next = S_LICENSED;
+      S_LICENSED: if (start) next = S_LEFT;
+      S_LEFT, S_OVER: if (again) next = licensed && repeatable ? S_LICENSED : S_EMPTY;
+      default: next = S_EMPTY;
     endcase
-    if (refused) state <= S_EMPTY;
-    if (order) state <= accepted || loopback_open ? S_QUEUED : S_EMPTY;
-    if (ended || rst) state <= S_EMPTY;
+    if (order) next = accepted || loopback_open ? S_QUEUED : S_EMPTY;
+    if (ended) next = started && !order && !again ? S_OVER : S_EMPTY;
+  end
 
+  always @(posedge clk) begin
     if (grant) stop <= grants_stop;
     if (order) begin
       kind <= loopback_open ? K_NEWEST : order_kind;
@@ -123,9 +146,6 @@ module telegram_slot (
 
     if (order) repeated <= 1'b0;
     else if (again && state == S_LEFT) repeated <= 1'b1;
-
-    if (rst || order || again) started <= 1'b0;
-    else if (start) started <= 1'b1;
   end
 
 endmodule

@@ -23,7 +23,7 @@ from tb.rtl import test_firmware_ram as ram
 from tb.rtl.test_uart import UNIT_TESTS
 
 # All tests of the gate except those that flip a register by its name in the Verilog.
-BY_PORTS = r"(?!no_single_bit|a_flipped_half|stop_)\w+"
+BY_PORTS = r"(?!no_single_bit|a_flipped|stop_)\w+"
 
 each_family = pytest.mark.parametrize("family", COUNTED_ON)
 # One family is enough for the benches of modules.

@@ -765,7 +765,7 @@ class LineJudge:
         request, newest, since = exchange.request, self.newest, self._abandoned_from(exchange)
         if exchange.sends == 0 and self._keeps_place(request):
             self.queue.insert(0, request)  # until it has left (FRAME-7)
-        # A line that was busy for the whole wait held up the newest request as well, if that was there before.
+        # A line that was busy for the whole wait held up the newest request as well, if it was there before.
         waits = exchange.phase == "line" and newest in self.queue and not newest.answers
         held_up = waits and newest.committed < exchange.queued_by + TICK_MS * self.ms
         if held_up and exchange.queued_from < newest.committed + self.late + TICK_MS * self.ms:

@@ -8,6 +8,7 @@ from functools import reduce
 
 import cocotb
 import pytest
+from cocotb.triggers import ReadOnly
 
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
@@ -97,10 +98,14 @@ class Gate:
         await self.bench.clocks(5)
         return len(self.replies), len(self.telegrams)
 
-    async def flip(self, path: str, bit: int = 0) -> None:
+    async def flip(self, path: str, bit: int = 0) -> int:
+        """Returns whether that is a fault in the same clock."""
         register = reduce(getattr, path.split("."), self.dut)
         register.value = int(register.value) ^ 1 << bit
+        await ReadOnly()
+        fault = int(self.dut.fault.value)
         await self.bench.clocks()
+        return fault
 
 
 # ------------------------------------------------------ prepare early, commit late (FRAME-6)
@@ -476,7 +481,8 @@ async def the_open_loop_back_test_needs_no_request_and_commands_nothing(dut):
 PAIRS = ["request_i.committed_i", "telegram_i.licence_i"] + [
     f"licences_i.{name}_i" for name in ("image", "free", "one", "all")
 ]
-STATES = [("request_i.state", bit) for bit in range(3)] + [("telegram_i.state", bit) for bit in range(2)]
+SLOT = [("telegram_i.state_i.code", bit) for bit in range(4)]
+STATES = [("request_i.state", bit) for bit in range(3)] + SLOT
 FLIPS = [(f"{pair}.{half}.half", 0) for pair in PAIRS for half in ("held_i", "opposite_i")] + STATES
 
 
@@ -497,6 +503,22 @@ async def no_single_bit_sends_what_is_not_committed(dut, flip, when, revoked):
         await gate.order(kind)
         assert await gate.settle() == (0, 0)
     assert not int(dut.is_committed.value), "nor is the firmware told so"
+
+
+@cocotb.test()
+@cocotb.parametrize(flip=[*SLOT, *(("request_i.ticket", bit) for bit in range(4))], sends=[0, 1])
+async def a_flipped_state_or_ticket_is_a_fault_and_sends_nothing(dut, flip, sends):
+    """Also no repeat that nobody ordered."""
+    gate = await Gate(dut).start()
+    await gate.committed(COILS)
+    if sends:
+        await gate.order(IMAGE)
+    assert await gate.settle() == (0, sends)
+    assert not int(dut.fault.value)
+    assert await gate.flip(*flip)
+    assert await gate.settle() == (0, sends)
+    await gate.pulse("rst")
+    assert not int(dut.fault.value)
 
 
 @cocotb.test()
