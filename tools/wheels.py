@@ -16,7 +16,7 @@ from pathlib import Path
 from rtl.command import run_main
 from rtl.sources import ROOT
 
-PACKAGES = ("sw/rtu2fc", "tb/agents")
+PACKAGES = ("sw/rtu2fc", "sw/conformance", "tb/agents")
 DATE = "315532800"  # 1980, the first year that a zip file knows
 IGNORED = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
 

@@ -73,6 +73,28 @@ def test_the_wheel_works_with_no_checkout_in_sight(wheel, tmp_path, which):
         assert "no answer" in run(command, "read", card.link, 514, "--unit", 9, code=4)
 
 
+def test_the_cases_need_nothing_else(wheel, tmp_path):
+    """The example of their README, on a slave of one register that refuses all but a read of it."""
+    (cases,) = wheel.parent.glob("modbus_rtu_conformance-*.whl")
+    (text,) = re.findall(r"```python\n(.*?)```", (ROOT / "sw/conformance/README.md").read_text(), re.DOTALL)
+    script = f"""import sys
+sys.path.insert(0, {str(cases)!r})
+from modbus_rtu_conformance import rtu
+read = bytes.fromhex("03 0000 0001")
+my_slave = lambda frame: {{
+    rtu.build(17, read): rtu.build(17, bytes.fromhex("03 02 0000"))
+}}.get(frame, rtu.build(17, bytes([frame[1] | 128, 1])) if frame[:1] == bytes([17]) else b"")
+{text}
+assert not [name for name in sys.modules if name.split(".")[0] in ("rtu2fc", "sw", "tb", "serial", "cocotb")]
+"""
+    done = subprocess.run(
+        [pythons()[0], "-I", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    said = dict(re.findall(r"^(\S+) (pass|fail)", done.stdout, re.MULTILINE))
+    assert [said[number] for number in ("SL-1", "AP-15", "AP-2")] == ["pass", "pass", "fail"]
+
+
 def test_each_build_has_the_same_bytes(wheel, tmp_path, monkeypatch):
     """From another folder, with other modes of the user's files."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))

@@ -1,0 +1,1 @@
+../../tb/agents/crc16.py

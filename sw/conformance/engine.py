@@ -1,0 +1,1 @@
+../rtu2fc/engine.py
