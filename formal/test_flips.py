@@ -37,15 +37,19 @@ def bit(gate: dict, name: str) -> flips.Bit:
 
 def test_only_the_gate_s_own_registers_flip(gate):
     names = {one.name for one in flips.bits(gate, "commit_gate")}
-    assert {"request_i.state[2]", "telegram_i.licence_i.held", "licences_i.all_i.opposite"} <= names
-    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 29
+    assert {
+        "request_i.state[2]",
+        "telegram_i.licence_i.held_i.half",
+        "licences_i.all_i.opposite_i.half",
+    } <= names
+    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 31
     assert not any(name.startswith("g_") and "." not in name for name in names)
 
 
 @pytest.mark.rule("SAFE-4")
 @pytest.mark.parametrize(
     ("name", "broken"),
-    [(None, ""), ("licences_i.image_i.held", ""), ("licences_i.kind[0]", "a_command")],
+    [(None, ""), ("licences_i.image_i.held_i.half", ""), ("licences_i.kind[0]", "a_command")],
 )
 def test_a_guarded_bit_may_flip_and_a_lone_one_may_not(gate, name, broken):
     found = flips.check(gate, "commit_gate", ABOUT, name and bit(gate, name))
@@ -75,8 +79,8 @@ def test_a_register_without_a_path_to_the_promise_is_not_proved(gate):
     """The gate's `stop`, and `free` before it, end in the telegram's bits, which a_licence leaves open."""
     leading = flips.leading_to(gate, "commit_gate", ["a_licence", "a_command"])
     apart = {one.name for one in flips.bits(gate, "commit_gate") if (one.cell, one.at) not in leading}
-    free = {"licences_i.free_i.held", "licences_i.free_i.opposite"}
-    assert apart == {"telegram_i.stop", "telegram_i.started"} | free
+    free = {"licences_i.free_i.held_i.half", "licences_i.free_i.opposite_i.half"}
+    assert apart == {"telegram_i.stop", "request_i.ticket_is_odd"} | free
 
 
 def test_a_promise_that_no_flip_breaks_is_an_error(monkeypatch, capsys):

@@ -155,7 +155,7 @@ def verilog_mutant(plant: Plant) -> mutate.Mutant:
     if not file:
         ((parameter, value),) = plant.parameters
         file = "rtl/rtu2fc.v"
-        old, new = f"parameter [0:0] {parameter} = 1'b1", f"parameter [0:0] {parameter} = 1'b{value}"
+        old, new = f"parameter {parameter} = 1,", f"parameter {parameter} = {value},"
     place = one_place(plant.name, (ROOT / file).read_text(), old)
     return mutate.Mutant(Path(file).stem, 0, old, new, place, place + len(old), new)
 
