@@ -13,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.utils import parse_wheel_filename
 
 from constraints.boards import board, boards
 from rtl.command import VERSION, version
@@ -21,7 +22,7 @@ from tb.agents.rtu import build, write_register
 from tb.card.test_card_large_memory import PARAMETERS
 from tb.lib.fast_card import FastCard
 from tb.model.card import DIALECTS, OBJECTS
-from tools import datasheet, figures, release, trace
+from tools import datasheet, figures, release, trace, wheels
 from tools.release import Image
 from tools.trace import Result
 
@@ -219,6 +220,15 @@ def dist(monkeypatch, tmp_path):
     files.add("firmware", ".hex", b"image", "an image")
     files.write_sums()
     return files
+
+
+@pytest.mark.nightly
+def test_a_draft_of_a_wheel_has_a_build_tag(tmp_path):
+    """The form of a wheel's name is fixed: installers refuse another one."""
+    files = release.Dist(tmp_path, "9.9.9", draft=True)
+    release.add_wheels(files)
+    builds = {name: parse_wheel_filename(name)[2] for name in files.described}
+    assert len(builds) == len(wheels.PACKAGES) and set(builds.values()) == {(0, "draft")}
 
 
 def test_files_of_a_draft_say_so(dist):

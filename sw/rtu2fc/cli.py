@@ -233,7 +233,11 @@ def stop_by_signal(signum: int, frame: object) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    args = build().parse_args(arguments)
+    parser, words = build(), sys.argv[1:] if arguments is None else arguments
+    if not words:
+        parser.print_help(sys.stderr)
+        return MISUSE
+    args = parser.parse_args(words)
     screen = Screen(args.json)
     before = {one: signal.signal(one, stop_by_signal) for one in SIGNALS}
     try:

@@ -363,6 +363,13 @@ def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
             port.SerialPort("COM3")
 
 
+def test_without_a_command_the_commands_are_listed(capsys):
+    assert cli.main([]) == 2
+    output, errors = capsys.readouterr()
+    assert output == "" and "parameters of the drive, with unit and conversion" in errors
+    assert max(map(len, errors.splitlines())) <= 110
+
+
 def test_a_reader_that_stops_is_no_error(card):
     words = [sys.executable, "-m", "sw.rtu2fc", "parameters"]
     command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -505,3 +512,12 @@ def test_every_page_that_a_message_names_is_there():
     assert len(named) > 4
     for page, title in named:
         assert not title or f"\n## {title}\n" in (ROOT / page).read_text(), (page, title)
+
+
+def test_the_example_of_the_readme_reads_a_parameter(card, capsys):
+    text = (PACKAGE / "README.md").read_text()
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(example.replace("from rtu2fc.", "from sw.rtu2fc.").replace("COM3", str(card.link)), {})
+    assert capsys.readouterr().out == "0\n", "the motor stands"
+    known = set(cli.build()._subparsers._group_actions[0].choices)
+    assert set(re.findall(r"^rtu2fc (\w+)", text, re.MULTILINE)) <= known
