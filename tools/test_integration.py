@@ -84,11 +84,12 @@ def test_synth_target(top, library):
     modules = json.loads(netlist.read_text())["modules"]
     assert {"clk", "modbus_rx" if top == "rtu2fc" else "rx"} <= set(modules[top]["ports"])
     types = {cell["type"] for cell in modules[top]["cells"].values()} - {"$scopeinfo"}
-    # The second core keeps its hierarchy, so that no tool takes one core for both (SAFE-4).
+    # They keep their hierarchy, so that no tool takes one core or one half of a pair for both (SAFE-4).
     cores = {name for name in types if name.endswith("picorv32")}
-    assert len(cores) == (top == "rtu2fc")
-    inside = {cell["type"] for core in cores for cell in modules[core]["cells"].values()}
-    used = (types | inside) - cores - {"$scopeinfo"}
+    halves = {name for name in types if "guarded_half" in name}
+    assert (len(cores), len(halves)) == (top == "rtu2fc", 0 if top == "drive_port" else 2)
+    inside = {cell["type"] for module in cores | halves for cell in modules[module]["cells"].values()}
+    used = (types | inside) - cores - halves - {"$scopeinfo"}
     assert {"SB_LUT4", "SB_CARRY", "SB_DFFESR"} <= used
     assert all(cell.startswith("SB_") for cell in used), sorted(used)
     assert ("SB_RAM40_4K" in used) == (top == "rtu2fc")
