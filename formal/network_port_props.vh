@@ -171,6 +171,8 @@ always @(posedge clk) begin
   if (g_past) begin
     // SAFE-2: a quiet line is silent and has been for 3.5 characters.
     a_silent : assert (!quiet || ((synced || g_in_break) && g_silent >= g_limit + g_head));
+    // SAFE-3: t3.5 comes on each silent line, and the receiver is then ready for a frame (a_candidate of rtu_rx).
+    a_t35_comes : assert (long_silent || rst || g_silent <= g_limit_most + g_head);
     // FRAME-6: and so is the line at a commit, whose pin may be low for a moment (LINE-5).
     a_commit_silent : assert (!silent || g_silent >= g_limit + g_head);
     // commit_gate relies on these.
@@ -273,7 +275,7 @@ always @(posedge clk) begin
     i_short : assert (!short_reached || (g_halves == 3'd3 && !long_silent));
     i_commit : assert (!(g_calm && commit) || long_silent);
     i_hold : assert (!(g_calm && g_rtu_hold) || !long_silent || long_reached);
-    i_early : assert (!(g_rtu_receive || g_rtu_early) || (g_halves < 3'd3 && !long_silent) || short_reached);
+    i_early : assert (!((g_rtu_receive && STRICT_T15) || g_rtu_early) || (g_halves < 3'd3 && !long_silent) || short_reached);
     i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || start_seen || ((g_rtu_hold || g_rtu_early) &&
         (\rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101) && \rtu_rx_i.begun_bank != frame_bank));
   end
@@ -281,6 +283,12 @@ end
 
 // ---- breaks
 `ifdef BREAKS
+reg [7:0] g_low = 8'd0;  // ticks since the vote on the start bit of what may be a break
+wire [3:0] g_turn = g_phase - 4'd8;
+wire [7:0] g_received = (g_uart[1] ? {1'b0, g_bits, 4'd0} : g_uart[3] && parity_enable ? 8'd144 : 8'd128) + {4'd0, g_turn};
+always @(posedge clk)
+  if (uart_start) g_low <= {7'd0, tick16};
+  else if (tick16 && g_undecided) g_low <= g_low + 8'd1;
 reg g_since = 1'b0;  // since the newest candidate there was no character, in the UART's view, but breaks
 always @(posedge clk) begin
   g_since <= (candidate || g_since) && !g_byte && !rst;
@@ -295,6 +303,9 @@ always @(posedge clk) begin
     // FRAME-3, FRAME-6: no commit after any other character, and none while the line may be in one.
     a_no_character : assert (!commit || ((candidate || g_since) && !g_undecided));
     a_undecided : assert (!g_undecided || (!silent && !quiet && !half_reached && !short_reached && !long_reached));
+    // SAFE-3: a line that falls while all is dropped, and stays low, is silent within a character.
+    a_break_comes : assert (!g_undecided || {8'd0, g_low} <= g_character);
+    i_break_place : assert (!g_undecided || rx_valid || g_low == g_received);
     i_break_held : assert (\g_breaks.breaks_i.held == g_undecided);
     i_break_after : assert (\g_breaks.breaks_i.after_frame == g_follows);
     i_break_low : assert (\g_breaks.breaks_i.break_i.held == g_in_break && \g_breaks.breaks_i.break_i.opposite == !g_in_break);
@@ -305,7 +316,8 @@ always @(posedge clk) begin
     i_limit_idle : assert (!(half_reached || short_reached || \silence_i.long_over ) ||
         (!rx_valid && !g_undecided && !uart_start && !g_driving && (g_uart == 5'd0 || g_uart == 5'b10000 || (g_uart[0] && g_phase == 4'd0))));
     i_in_place : assert (!g_rtu_receive || \rtu_rx_i.begun_bank == frame_bank);
-    i_in_early : assert (!g_rtu_early || \rtu_rx_i.begun_bank != frame_bank);
+    i_in_hold : assert (!g_rtu_hold || (\rtu_rx_i.begun_bank == frame_bank) == !g_rtu_ours);
+    i_in_early : assert (!g_rtu_early || (g_rtu_ours && \rtu_rx_i.begun_bank != frame_bank));
     i_zero_votes : assert (!g_undecided || g_votes == 2'b00 || (g_first_bit && g_phase == 4'd8 && g_votes != 2'b11) ||
         (g_first_bit && g_phase == 4'd9 && !g_votes[0]));
     i_zero_bits : assert (!(g_undecided && g_uart[1]) || g_shift >> (4'd8 - {1'b0, g_bits}) == 8'd0);
