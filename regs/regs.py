@@ -39,7 +39,7 @@ VERSION = "VERSION"
 # Files of the Python packages, and their line of the version.
 PACKAGES = {"tb/agents/pyproject.toml": r'^(version = )".*"$', "sw/rtu2fc/__init__.py": r'^(VERSION = )".*"$'}
 PACKAGES["sw/conformance/__init__.py"] = PACKAGES["sw/rtu2fc/__init__.py"]
-EXAMPLE = "docs/example/holding_registers.core"
+EXAMPLE = "docs/example/modbus_slave.core"
 WORD_BYTES = 4
 # Start value of silence_timer's count at each half character; the module gives the reason.
 SILENCE_START = 18

@@ -30,7 +30,7 @@ from rtl.sources import (
 )
 
 TOP = "rtu2fc"
-EXAMPLE = ROOT / "docs/example/holding_registers.v"
+EXAMPLE = [ROOT / f"docs/example/{name}.v" for name in ("holding_registers", "modbus_slave")]
 FOLDERS = ("campaigns", "constraints", "docs", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
 # From the top down: a module may import what stands below it or in its own line.
 LAYERS = (
@@ -123,8 +123,8 @@ def verilator() -> list[str]:
     for config in configurations():
         files = [ROOT / "tools/verilator.vlt", *card_files(config)]
         wrong += [f"{config}: {line}" for line in tool(*command, *files)]
-    files = [ROOT / "tools/verilator.vlt", *needed_files("network_port"), EXAMPLE]
-    return wrong + tool(*command[:-1], EXAMPLE.stem, *files)
+    files = [ROOT / "tools/verilator.vlt", *needed_files("network_port"), *EXAMPLE]
+    return wrong + tool(*command[:-1], EXAMPLE[0].stem, *files)
 
 
 def icarus() -> list[str]:

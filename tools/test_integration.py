@@ -21,7 +21,7 @@ from rtl.sources import ROOT, core_files
 from tb.lib.runner import firmware
 from tools import launcher
 
-TOPS = ("network_port", "drive_port", "holding_registers", "rtu2fc")
+TOPS = ("network_port", "drive_port", "modbus_slave", "rtu2fc")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def library(tmp_path_factory) -> Path:
     FuseSoC refuses an empty entry of PicoRV32's own core file.
     """
     folder = tmp_path_factory.mktemp("library")
-    for path in (*ROOT.glob("*.core"), ROOT / "docs/example/holding_registers.core"):
+    for path in (*ROOT.glob("*.core"), ROOT / "docs/example/modbus_slave.core"):
         core = yaml.safe_load(path.read_text().split("\n", 1)[1])  # the line CAPI=2: is no YAML
         listed = [file for fileset in core["filesets"].values() for file in fileset["files"]]
         for file in (
@@ -92,7 +92,7 @@ def test_synth_target(top, library):
     used = (types | inside) - cores - halves - {"$scopeinfo"}
     assert {"SB_LUT4", "SB_CARRY", "SB_DFFESR"} <= used
     assert all(cell.startswith("SB_") for cell in used), sorted(used)
-    assert ("SB_RAM40_4K" in used) == (top == "rtu2fc")
+    assert ("SB_RAM40_4K" in used) == (top in ("rtu2fc", "modbus_slave"))
 
 
 @pytest.mark.nightly("synth")

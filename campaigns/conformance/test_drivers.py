@@ -197,17 +197,29 @@ def test_the_card_on_its_pins_fails_nothing(config):
     assert none == {"AP-23", "AP-24", "AP-28", "AP-33", "AP-34", "AP-35"}
 
 
+def slow_example(name: str, **changed: object) -> Design:
+    """The example with half its clock."""
+    entry = designs()["holding_registers"].entry
+    slow = {"clk_hz": 500_000, "parameters": entry["parameters"] | {"CLK_HZ": 500_000}}
+    return Design(name, entry | slow | changed)
+
+
 @pytest.mark.nightly
-def test_a_design_is_graded_on_its_pins(tmp_path):
-    """The example, and the example with an unconnected DE."""
-    design = designs()["holding_registers"]
+def test_the_slave_on_its_pins_fails_nothing():
+    found = grade_design(slow_example("slow_example"))
+    assert {verdict.outcome for verdict in found} == {PASS, NONE}
+    graded = {verdict.number for verdict in found if verdict.outcome == PASS}
+    assert {"SL-1", "SL-24", "AP-5"} <= graded and len(graded) > 40
+
+
+@pytest.mark.nightly
+def test_a_slave_with_an_unconnected_de_fails(tmp_path):
     text = (ROOT / "docs/example/holding_registers.v").read_text()
     assert ".de(de)" in text
     broken = tmp_path / "holding_registers.v"
     broken.write_text(text.replace(".de(de)", ".de()"))
-    slow = {"clk_hz": 500_000, "parameters": design.entry["parameters"] | {"CLK_HZ": 500_000}}
-    entry = design.entry | slow | {"files": [str(broken)]}
-    found = grade_design(Design("broken_example", entry), ["SL-1", "SL-24", "AP-9"])
+    files = ["docs/example/modbus_slave.v", str(broken)]
+    found = grade_design(slow_example("broken_example", files=files), ["SL-1", "SL-24", "AP-9"])
     assert {verdict.number: verdict.outcome for verdict in found} == {
         "SL-1": PASS,
         "SL-24": FAIL,

