@@ -108,6 +108,12 @@ static void left(struct gateway *g)
     end(g);
 }
 
+/* The telegram of a reading, and the second one of a write, leave only with the licence of the newest request. */
+static bool has_no_licence_of_its_own(const struct transaction *txn)
+{
+    return txn->target == TARGET_READING || (TRAITS.text_by_size && txn->again);
+}
+
 /* The line was busy for the whole wait. It held up the newest request as well, if that was committed before, whichever
  * telegram is next to leave. */
 static void give_up_line(struct gateway *g)
@@ -124,7 +130,7 @@ static void dropped(struct gateway *g)
 {
     if (timed_out(g))
         give_up_line(g);
-    else if (g->repeated && (g->at_drive->target == TARGET_READING || orders_wait(g)))
+    else if (g->repeated && (has_no_licence_of_its_own(g->at_drive) || orders_wait(g)))
         abandon(g);
     else if (!g->repeated)
         end(g);

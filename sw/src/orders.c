@@ -151,6 +151,7 @@ static void start_stop(struct gateway *g)
         return;
     g->translator.settings.word[CONTROL] = control;
     g->image_ordered = IMAGE_FOR_ONE;
+    g->image_is_newer = true;
 }
 
 /* The second telegram of a request has no licence but that of the newest request. */

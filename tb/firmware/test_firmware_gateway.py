@@ -228,6 +228,13 @@ FC-8, FC-9, LED-4: a telegram that cannot be sent is abandoned after the wait
 FRAME-7, FC-9: a line that is never silent holds a parameter write, which leaves after its 255
     busy; request SET_207; wait 160; replied 01_86_FF; wait 400; sent; +free; poll; sent US:TELEGRAM_OF_207;
     answers TELL_207; wait 400; sent-count 1; replied-count 1
+FRAME-7, SAFE-8: two changes of the image on a busy line, the last for all, are told to this drive
+    busy; request START; request-all STOP; +free; poll; sent US:TELEGRAM_OF_STOP
+FRAME-6, FRAME-7: a stop that waits leaves although a later frame is revoked
+    ask READ_514; request STOP; +candidate 05_0001_FF00; +character; poll; drive TELL_514; wait 5;
+    sent ASK_514 US:TELEGRAM_OF_STOP
+FC-9: a request just before the end of an older telegram's wait has a wait of its own
+    busy; request SET_207; wait 145; request READ_514; wait 10; replied; wait 155; replied 01_83_FF
 FRAME-7: only a newer write of its kind takes the place of a parameter write after its 255
     busy; request SET_207; request-all SET_207; wait 320; request SET_207_AGAIN; +free; poll;
     sent ALL:TELEGRAM_OF_207; ends; poll; sent-from 1 US:TELEGRAM_OF_207_AGAIN; answers TELL_207; wait 400;

@@ -70,6 +70,9 @@ class Request:
     waited: bool = False  # for the end of an exchange (FRAME-7)
     committed: float = NEVER
     replaced: Request | None = None  # the write whose place it took
+    second: bool = (
+        False  # its second telegram is under way, which only the newest request may ask for (MAP-8)
+    )
     to_one: bool = False  # the image: one of the writes that it stands for was for this card alone
 
     @property
@@ -317,7 +320,8 @@ class LineJudge:
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
         """A write is repeated after a newer request, unless that waits with a telegram (FC-9, FRAME-7)."""
         request = exchange.request
-        return self._keeps_place(request) and not request.to_all and not self._newer(exchange)
+        keeps = self._keeps_place(request) and not request.second
+        return keeps and not request.to_all and not self._newer(exchange)
 
     def _was_repeated_just_then(self, exchange: Exchange, burst: Burst) -> bool:
         """The firmware repeated a write before it saw the commit of a newer telegram.
@@ -681,6 +685,7 @@ class LineJudge:
                 raise Unclear(at, "a late reply of the drive that leads to a second telegram if it counts")
             # The second telegram reads or writes the parameter as a text (MAP-8 of some dialects).
             request.question, request.telegram = self.card.question, self._built(step.telegram)
+            request.second = True
             self._start(request, at, at + self.budget)
             self._overtake(exchange, at)
             return
