@@ -143,7 +143,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
-.PHONY: test nightly test-all test-gates lint format trace report
+.PHONY: test nightly test-all test-gates lint format trace
 test: | setup-test ## * every rule of the card, each test of a few seconds (4 min from a clean clone, 9.5 min without the build cache; TEST=name: a part)
 	@$(call named,test)
 	@$(MAKE) -j$(JOBS) $(TESTED)
@@ -167,9 +167,6 @@ format: | setup-lint ## * lay out Verilog and Python (3 s)
 
 trace: | setup-test ## * which test shows which rule, and its last result (8 s)
 	@$(RUN) tools.trace
-
-report: | setup-test ## * tests, rules, figures and pictures in one page: build/report.html (13 s)
-	@$(RUN) tools.report
 
 ##@ Prove
 .PHONY: formal formal-flips mutate kills

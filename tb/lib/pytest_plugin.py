@@ -98,7 +98,7 @@ def wanted(item: pytest.Item, config: pytest.Config) -> bool:
     return [mark.name for mark in marks].count("nightly") < 2
 
 
-# Last result of every test with commit and time, for `make trace` and `make report`. Each run updates its
+# Last result of every test with commit and time, for `make trace`. Each run updates its
 # own tests and keeps the rest.
 RESULTS = ROOT / "build/results.json"
 results: dict[str, str] = {}
