@@ -219,6 +219,16 @@ def test_waveform_without_lines_is_refused_in_one_line(tmp_path):
     assert "this is no waveform of a whole card" in done.stderr
 
 
+def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path):
+    """The writer of a running card fills in the header at its end."""
+    wave, words = tmp_path / "card.fst", "the waveform is unfinished: its program still runs or was killed"
+    wave.write_bytes(bytes(329) + recorded.wave.read_bytes()[329:])
+    for name, *more in (("lines_vcd", tmp_path / "lines.vcd"), ("waves",)):
+        command = [sys.executable, "-m", f"sim.view.{name}", wave, *more]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{name}: {words}\n")
+
+
 # ---------------------------------------------------------------- independent masters
 @dataclass(frozen=True)
 class Operation:

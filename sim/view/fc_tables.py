@@ -5,7 +5,7 @@
     python -m sim.view.fc_tables --check    exits 1 and names every outdated file
 
 Sources: regs/fc.toml and the drives' parameter tables sim/drive/*.csv. Results: the tables of the Wireshark
-dissector and of the sigrok decoder, and the fault names of the virtual card.
+dissector and of `rtu2fc decode`, and the fault names of the virtual card.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ from sim.drive.drive_table import Profile, read_capacity, read_profile
 ROOT = Path(__file__).resolve().parents[2]
 WORDS = "regs/fc.toml"
 DRIVES = "sim/drive"
-# The decoder's tables lie in its folder: libsigrokdecode loads a decoder as one folder.
-SIGROK = "sim/view/sigrok/vltfc/tables.py"
 # Texts of a bit that mean nothing without its name, and those that only deny.
 BARE = ("1", "yes", "on", "ready", "possible", "warning", "at the limit", "in range")
 DENIALS = ("0", "off", "out of range")
@@ -154,7 +152,7 @@ def generate() -> dict[str, str]:
     return {
         "regs/generated/fc_tables.lua": lua(words),
         "regs/generated/fc_words.h": cpp(words),
-        SIGROK: python(words),
+        "sw/rtu2fc/tables.py": python(words),
     }
 
 

@@ -123,16 +123,15 @@ class DriveLine(fc.Telegrams):
         self.begin(drive)
         self.name, self.rows = name, []
 
-    def annotate(self, name: str, ss: float, es: float, *texts: str) -> None:
+    def annotate(self, name: str, ss: float, es: float, text: str) -> None:
         kind = "frame" if name in fc.TELEGRAMS else "field" if name in fc.FIELDS else "warning"
-        said = texts[0].removeprefix("Request: ").removeprefix("Reply: ").removeprefix("Bad: ")
+        said = text.removeprefix("Request: ").removeprefix("Reply: ").removeprefix("Bad: ")
         sender = SENDERS.get(name, "")
         self.rows.append(Row(ss / TICKS_HZ, es / TICKS_HZ, self.name, sender, said, name == "bad", kind=kind))
 
     def decode(self, edges: Sequence[tuple[int, int]]) -> list[Row]:
-        flaws = {"": None, "parity": "parity", "stop bit": "INVALID STOPBIT"}
         for heard in characters(edges, DRIVE_LINE):
-            self.character(0, fc.Character(heard.start, heard.end, heard.byte, flaws[heard.fault]))
+            self.character(fc.Character(heard.start, heard.end, heard.byte, heard.fault))
         self.end()
         return self.rows
 

@@ -1,1 +1,332 @@
-../../sim/view/sigrok/vltfc/fc.py
+# SPDX-License-Identifier: Apache-2.0
+"""FC telegrams in words, from characters (FC-1 to FC-4, FC-7, FC-8).
+
+Times are in any unit, such as sample numbers. Silences are in characters, of the length that the caller
+reports, so that they hold at any rate.
+"""
+
+from . import tables
+
+STX = 0x02
+AROUND_DATA = 4  # STX, LGE, ADR, BCC
+PROCESS, PARAMETER, AROUND_TEXT = 4, 12, 8  # bytes of data; of a text telegram without the text
+LGE_MIN = PROCESS + 2
+FULL_SCALE = 0x4000  # 100 %
+DATA_VALID = 0x0400
+AK_READ, AK_REFUSED, AK_TEXT, IND_TEXT_WRITE = 1, 7, 15, 0x05
+# FC-8, in characters. The tolerance is that of the samples.
+GAP_MAX = PAUSE_MIN = 2.0
+TOLERANCE = 0.03
+TIME_MAX = 1.5  # of the nominal time
+REPLY_WITHIN = 131  # 150 ms at 9600 bit/s, the wait of the card (FC-9)
+
+FIELDS = ("stx", "lge", "adr", "pke", "ind", "pwe", "text", "pcd1", "pcd2", "bcc-right", "bcc-wrong")
+TELEGRAMS = ("request", "reply", "bad")
+
+
+class Character:
+    """A character on a line, with its first and last sample."""
+
+    def __init__(self, ss, es, value, flaw):
+        self.ss, self.es, self.value, self.flaw = ss, es, value, flaw
+
+    @property
+    def length(self):
+        return self.es - self.ss
+
+
+# ---------------------------------------------------------------- words
+def word_of(data):
+    return int.from_bytes(data, "big")
+
+
+def percent(word):
+    signed = word - 0x10000 if word & 0x8000 else word
+    return "%.1f %%" % (100.0 * signed / FULL_SCALE)
+
+
+def is_broadcast(adr):
+    return adr == 0x80 or adr & 0xA0 == 0x20
+
+
+def latin1(data):
+    """Texts are Latin-1; unprintable characters become dots."""
+    return "".join(chr(code) if 0x20 <= code < 0x7F or code >= 0xA0 else "." for code in data)
+
+
+def scaled(drive, pnu, raw):
+    """A transferred value with decimals and unit; signed by the parameter's type."""
+    if pnu not in drive["parameters"]:
+        return str(raw)
+    _, kind, conversion, unit = drive["parameters"][pnu]
+    if kind == "int32" and raw >= 0x80000000:
+        raw -= 0x100000000
+    elif kind == "int16":
+        raw &= 0xFFFF
+        raw -= 0x10000 if raw >= 0x8000 else 0
+    text = str(raw)
+    if -6 < conversion < 0:
+        text = "%.*f" % (-conversion, raw * 10.0**conversion)
+    elif 0 < conversion < 6:
+        text = str(raw * 10**conversion)
+    return text + " " + unit if unit else text
+
+
+def bits_in_words(word, bits, drive):
+    """The bits that say something, in words."""
+    said = []
+    for bit, only, zero, one in bits:
+        text = one if word >> bit & 1 else zero
+        if text and (only is None or only in drive["kinds"]):
+            said.append(text)
+    return ", ".join(said)
+
+
+class Meaning:
+    """The parts of a telegram: fields as (class, first byte, byte after the last, text), and its words.
+
+    `data` may be a cut telegram; then only whole fields are there. Lengths follow LGE, not the data.
+    """
+
+    def __init__(self, data, reply, drive):
+        self.fields = []
+        self.fault = None  # why LGE fits no telegram
+        self.words = ""
+        self._data, self._reply, self._drive = data, reply, drive
+        self._add("stx", 0, 1, "STX")
+        if len(data) < 2:
+            return
+        lge = data[1]
+        self._add("lge", 1, 2, "LGE %d" % lge)
+        self._address()
+        inside = lge - 2
+        if lge < LGE_MIN:
+            self.fault = "LGE %d is below %d" % (lge, LGE_MIN)
+            return
+        if PROCESS < inside < AROUND_TEXT:
+            self.fault = "LGE %d fits no kind of telegram" % lge
+            return
+        parameter = self._parameter(inside) if inside >= AROUND_TEXT else ""
+        process = self._process(3 + inside - PROCESS)
+        self.words = "; ".join(part for part in (parameter, process) if part)
+        self._bcc(lge + 1)
+
+    def _add(self, name, first, after, text):
+        if after <= len(self._data):
+            self.fields.append((name, first, after, text))
+
+    def _address(self):
+        if len(self._data) < 3:
+            return
+        adr = self._data[2]
+        number = adr & (0x7F if adr & 0x80 else 0x1F)
+        who = "all" if is_broadcast(adr) else "drive %d" % number
+        self._add("adr", 2, 3, "ADR %02Xh: %s" % (adr, who))
+
+    def _parameter(self, inside):
+        data, drive = self._data[3:], self._drive
+        if len(data) < 4:
+            return ""
+        pke, ind = word_of(data[0:2]), word_of(data[2:4])
+        ak, pnu = pke >> 12, pke & drive["pnu_mask"]
+        words = (tables.REPLY if self._reply else tables.REQUEST).get(ak, "unknown AK %d" % ak)
+        name = drive["parameters"].get(pnu, ("unknown",))[0]
+        self._add("pke", 3, 5, "PKE %04Xh: AK %d %s, PNU %d %s" % (pke, ak, words, pnu, name))
+        index = ind & 0xFF
+        self._add("ind", 5, 7, "IND %04Xh" % ind)
+        what = "%s %d %s" % (words, pnu, name) + (" [%d]" % index if index else "")
+        after = 3 + inside - PROCESS
+        is_text = ak == AK_TEXT and (self._reply or ind >> 8 == IND_TEXT_WRITE)
+        if is_text:
+            text = latin1(self._data[7:after])
+            self._add("text", 7, after, "Text '%s'" % text)
+            return "%s = '%s'" % (what, text)
+        if inside != PARAMETER:
+            self.fault = "LGE %d with AK %d" % (self._data[1], ak)
+            return what
+        value = word_of(self._data[7:11])
+        shown = scaled(drive, pnu, value)
+        if self._reply and ak == AK_REFUSED:
+            shown = tables.FAULT.get(value & 0xFFFF, "fault %d" % (value & 0xFFFF))
+            what += ": " + shown
+        elif ak in (0, AK_TEXT) or (ak == AK_READ and not self._reply):
+            shown = "no value"
+        else:
+            what += " = " + shown
+        self._add("pwe", 7, 11, "PWE %08Xh: %s" % (value, shown))
+        return what
+
+    def _process(self, at):
+        if len(self._data) < at + PROCESS:
+            return ""
+        first, second = word_of(self._data[at : at + 2]), word_of(self._data[at + 2 : at + 4])
+        if self._reply:
+            names, bits = ("status", "frequency"), tables.STATUS
+        else:
+            names, bits = ("control", "reference"), tables.CONTROL
+        said = bits_in_words(first, bits, self._drive)
+        if not self._reply and not first & DATA_VALID:
+            said = "ignored: data not valid"
+        word = "%s %04Xh" % (names[0], first) + (" (%s)" % said if said else "")
+        share = "%s %s" % (names[1], percent(second))
+        self._add("pcd1", at, at + 2, "PCD1 " + word)
+        self._add("pcd2", at + 2, at + 4, "PCD2 %04Xh: %s" % (second, share))
+        return word + ", " + share
+
+    def _bcc(self, at):
+        if len(self._data) <= at:
+            return
+        right = 0
+        for byte in self._data[:at]:
+            right ^= byte
+        bcc = self._data[at]
+        if bcc == right:
+            self._add("bcc-right", at, at + 1, "BCC %02Xh right" % bcc)
+        else:
+            text = "BCC %02Xh, %02Xh would be right" % (bcc, right)
+            self.fault = self.fault or text
+            self._add("bcc-wrong", at, at + 1, text)
+
+
+class Request:
+    """A request that waits for its reply."""
+
+    def __init__(self, data, ss, es):
+        self.data, self.ss, self.es = data, ss, es
+
+
+def same_task(request, reply, drive):
+    """A reply has the kind and the parameter of its request (FC-8), as far as it goes."""
+    process = bytes([PROCESS + 2])
+    if process in (request[1:2], reply[1:2]):
+        return request[1:2] == reply[1:2]
+    return len(reply) < 5 or (word_of(request[3:5]) ^ word_of(reply[3:5])) & drive["pnu_mask"] == 0
+
+
+# ---------------------------------------------------------------- telegrams on a line
+class Telegrams:
+    """Finds the telegrams of one line, which carries both directions, in its characters.
+
+    A subclass takes what is found by `annotate(name, first, last, text)`: a field, a telegram or a warning.
+    """
+
+    def begin(self, drive):
+        self.drive = tables.DRIVES[drive]
+        self.telegram = []  # under way
+        self.outside = []  # characters outside of any telegram
+        self.deaf = False  # after a bad telegram, up to the next silence (FC-8)
+        self.cut = None  # last character of a telegram that ended early
+        self.last = None
+        self.pending = None
+        self.last_end = None  # end of the last telegram
+
+    def silence(self):
+        """More than 2 characters of silence: what is not complete never will be."""
+        if self.telegram:
+            self.finish()
+        if self.outside:
+            self.end_of_outside("no-stx")
+        self.deaf = False
+
+    def character(self, char):
+        if self.last and char.ss - self.last.es > (GAP_MAX + TOLERANCE) * char.length:
+            self.silence()
+        if char.flaw:
+            name = char.flaw.replace(" ", "-")
+            self.annotate(name, char.ss, char.es, "%s error in %02Xh" % (char.flaw.capitalize(), char.value))
+        self.last = char
+        if self.telegram:
+            self.telegram.append(char)
+        elif char.value == STX and not self.deaf:
+            if self.outside:
+                self.end_of_outside("phantom")
+            self.cut = None
+            if self.pending and char.ss - self.pending.es > REPLY_WITHIN * char.length:
+                self.no_reply()  # it can no longer begin
+            self.telegram = [char]
+        else:
+            self.outside.append(char)
+        if len(self.telegram) > 1:
+            lge = self.telegram[1].value
+            if lge >= LGE_MIN and len(self.telegram) == lge + 2:
+                self.finish()
+
+    def end_of_outside(self, name):
+        """Characters outside of any telegram. After one that ended early they are its rest: it had a gap."""
+        chars, self.outside = self.outside, []
+        shown = " ".join("%02X" % char.value for char in chars)
+        text = "Phantom before STX: " if name == "phantom" else "No STX: "
+        self.annotate(name, chars[0].ss, chars[-1].es, text + shown)
+        if name == "no-stx" and self.cut:
+            gap = (chars[0].ss - self.cut.es) / self.cut.length
+            text = "Gap of %.1f characters in a telegram, at most 2" % gap
+            self.annotate("gap", self.cut.es, chars[0].ss, text)
+        self.cut = None
+
+    # ------------------------------------------------------------ a telegram
+    def is_reply(self, data, ss, length):
+        """By the request before. No device can know it for certain."""
+        if len(data) == AROUND_DATA + PARAMETER and data[3] >> 4 == AK_REFUSED:
+            return True
+        asked = self.pending
+        if not asked or data == asked.data or ss - asked.es > REPLY_WITHIN * length:
+            return False
+        return data[2:3] == asked.data[2:3] and same_task(asked.data, data, self.drive)
+
+    def finish(self):
+        """Shows a telegram that is complete, or has ended early."""
+        chars, self.telegram = self.telegram, []
+        data = bytes(char.value & 0xFF for char in chars)
+        ss, es, length = chars[0].ss, chars[-1].es, chars[0].length
+        if self.last_end is not None and ss - self.last_end < (PAUSE_MIN - TOLERANCE) * length:
+            pause = (ss - self.last_end) / length
+            text = "Pause of %.1f characters before a telegram, at least 2" % pause
+            self.annotate("gap", self.last_end, ss, text)
+        self.last_end = es
+        reply = self.is_reply(data, ss, length)
+        meaning = Meaning(data, reply, self.drive)
+        for name, first, after, text in meaning.fields:
+            self.annotate(name, chars[first].ss, chars[after - 1].es, text)
+        faults = self.faults(chars, meaning)
+        if faults:
+            self.cut = chars[-1] if len(data) < 2 or len(data) < data[1] + 2 else None
+            self.deaf = len(data) > 1 and len(data) == data[1] + 2
+            self.annotate("bad", ss, es, "Bad: " + ", ".join(faults))
+            return
+        if reply:
+            self.annotate("reply", ss, es, "Reply: " + meaning.words)
+            if self.pending and not same_task(self.pending.data, data, self.drive):
+                self.annotate("other-reply", ss, es, "Reply to another request")
+            else:
+                self.pending = None
+            return
+        self.no_reply()
+        broadcast = is_broadcast(data[2])
+        self.annotate("request", ss, es, ("To all" if broadcast else "Request") + ": " + meaning.words)
+        self.pending = None if broadcast else Request(data, ss, es)
+
+    def faults(self, chars, meaning):
+        """Why a telegram is bad, the first reason first; none for a good one."""
+        there = len(chars)
+        found = ["%s wrong in byte %d" % (char.flaw, at) for at, char in enumerate(chars, 1) if char.flaw]
+        whole = chars[1].value + 2 if there > 1 else 0
+        if there < 2:
+            found.append("cut after STX")
+        elif meaning.fault:
+            found.append(meaning.fault)
+        elif there < whole:
+            found.append("cut after %d of %d bytes" % (there, whole))
+        took = (chars[-1].es - chars[0].ss) / (there * chars[0].length)
+        if took > TIME_MAX * (1 + TOLERANCE / 10):
+            found.append("took %.2f times its nominal time, at most 1.5" % took)
+        return found
+
+    def no_reply(self):
+        if self.pending:
+            self.annotate("no-reply", self.pending.ss, self.pending.es, "No reply")
+            self.pending = None
+
+    def end(self):
+        """Nothing follows: shows what is not complete."""
+        self.silence()
+        self.no_reply()
