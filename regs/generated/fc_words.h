@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Generated from regs/fc.toml and sim/drive by `make regs`; edit those, not this one.
+// Generated from regs/fc.toml by `make regs`; edit that, not this one.
 
 #ifndef FC_WORDS_H
 #define FC_WORDS_H

@@ -8,20 +8,55 @@
 --                the capture (a reply to 05 and 06 looks like its request), and with names of the drive's
 --                parameters and process words.
 --
--- Load it with -X lua_script:fc.lua, or put it and regs/generated/fc_tables.lua into the folder of personal Lua plugins.
+-- Load it with -X lua_script:fc.lua, or put it, regs/generated/fc_tables.lua and sim/drive/*.csv into the folder of
+-- personal Lua plugins.
 -- Needs Wireshark 4.0 or newer, and in its preferences mbrtu.tcp.port = MODBUS_PORT below (wireshark_profile/preferences).
 
 local folder = debug.getinfo(1, "S").source:match("^@(.*[/\\])") or ""
--- The tables lie beside this file in a plugin folder, in regs/generated in the project.
+local unpack_table = table.unpack or unpack
+-- The tables lie beside this file in a plugin folder, in regs/generated and sim/drive in the project.
 local function there(path)
   local file = io.open(path)
   if file then file:close() end
   return file ~= nil
 end
-local beside = folder .. "fc_tables.lua"
-local tables = dofile(there(beside) and beside or folder .. "../../regs/generated/fc_tables.lua")
+local beside = there(folder .. "fc_tables.lua")
+local tables = dofile(folder .. (beside and "" or "../../regs/generated/") .. "fc_tables.lua")
+
+-- The cells of a row of a CSV file; quotes stand around a cell with commas.
+local function cells(row)
+  local found, at = {}, 1
+  while at <= #row + 1 do
+    local quoted = row:match('^"([^"]*)"', at)
+    local cell = quoted or row:match("^[^,]*", at)
+    found[#found + 1], at = cell, at + #cell + (quoted and 3 or 1)
+  end
+  return found
+end
+
+-- A drive: the mask of its parameter numbers, which bits with `only` it has, its parameters by number.
+local function drive_table(name)
+  local drive = { pnu_mask = 0x7FF, kinds = { vlt_status = true, one_ramp = true }, parameters = {} }
+  for row in io.lines(folder .. (beside and "" or "../drive/") .. name .. ".csv") do
+    local key, setting = row:match("^#: (%S+) = (%S+)")
+    local pnu, label, kind, conversion, _, _, _, _, _, _, unit, role = unpack_table(cells(row))
+    if key == "pnu_bits" then
+      drive.pnu_mask = setting == "12" and 0xFFF or 0x7FF
+    elseif key == "fc_status" and setting == "1" then
+      drive.kinds.fc_status, drive.kinds.vlt_status = true, nil
+    elseif tonumber(pnu) then
+      drive.parameters[tonumber(pnu)] = { label, kind, tonumber(conversion), unit }
+      if role == "ramp_up_2" then drive.kinds.two_ramps, drive.kinds.one_ramp = true, nil end
+    end
+  end
+  return drive
+end
+
+tables.drives = {}
+for _, name in ipairs({ "hvac_basic", "vlt2800", "vlt5000", "vlt6000", "vlt8000" }) do
+  tables.drives[name] = drive_table(name)
+end
 local bits = bit or bit32 -- Wireshark's Lua is 5.2 or 5.4
-local unpack_table = table.unpack or unpack
 
 local STX = 0x02
 local CHARACTER_BITS, BAUD = 11, 9600

@@ -4,8 +4,7 @@
     python -m sim.view.fc_tables            writes the generated files
     python -m sim.view.fc_tables --check    exits 1 and names every outdated file
 
-Sources: regs/fc.toml and the drives' parameter tables sim/drive/*.csv. Results: the tables of the Wireshark
-dissector and of `rtu2fc decode`, and the fault names of the virtual card.
+Source: regs/fc.toml. Results: words of the Wireshark dissector, of `rtu2fc decode` and of the virtual card.
 """
 
 from __future__ import annotations
@@ -16,11 +15,9 @@ import tomllib
 from pathlib import Path
 
 from rtl.command import run_main
-from sim.drive.drive_table import Profile, read_capacity, read_profile
 
 ROOT = Path(__file__).resolve().parents[2]
 WORDS = "regs/fc.toml"
-DRIVES = "sim/drive"
 # Texts of a bit that mean nothing without its name, and those that only deny.
 BARE = ("1", "yes", "on", "ready", "possible", "warning", "at the limit", "in range")
 DENIALS = ("0", "off", "out of range")
@@ -29,30 +26,13 @@ DENIALS = ("0", "off", "out of range")
 def banner(comment: str) -> str:
     return (
         f"{comment} SPDX-License-Identifier: Apache-2.0\n"
-        f"{comment} Generated from {WORDS} and {DRIVES} by `make regs`; edit those, not this one.\n"
+        f"{comment} Generated from {WORDS} by `make regs`; edit that, not this one.\n"
     )
 
 
 def quoted(text: str) -> str:
     """String literal for Lua and C."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def profiles() -> list[Profile]:
-    return [read_profile(path, read_capacity()) for path in sorted((ROOT / DRIVES).glob("*.csv"))]
-
-
-def kinds(profile: Profile) -> tuple[str, str]:
-    """Which of the bits with `only` the drive has."""
-    two_ramps = any(p.role == "ramp_up_2" for p in profile.parameters)
-    return (
-        "fc_status" if profile.setting("fc_status") else "vlt_status",
-        "two_ramps" if two_ramps else "one_ramp",
-    )
-
-
-def pnu_mask(profile: Profile) -> int:
-    return (1 << profile.setting("pnu_bits")) - 1
 
 
 def phrase(bit: dict, text: str) -> str:
@@ -79,17 +59,7 @@ def lua(words: dict) -> str:
                 f"zero = {quoted(bit['zero'])}, one = {quoted(bit['one'])}{only} }},"
             )
         lines += ["}", ""]
-    lines += ["-- Parameters: number, then name, type, conversion index, unit.", "t.drives = {"]
-    for profile in profiles():
-        lines.append(f"  {profile.name} = {{")
-        lines.append(f"    pnu_mask = {pnu_mask(profile)},")
-        lines.append("    kinds = { " + ", ".join(f"{kind} = true" for kind in kinds(profile)) + " },")
-        lines.append("    parameters = {")
-        for p in profile.parameters:
-            row = f"{quoted(p.name)}, {quoted(p.type)}, {p.conversion}, {quoted(p.unit)}"
-            lines.append(f"      [{p.pnu}] = {{ {row} }},")
-        lines += ["    },", "  },"]
-    lines += ["}", "", "return t"]
+    lines += ["return t"]
     return "\n".join(lines) + "\n"
 
 
@@ -107,18 +77,7 @@ def python(words: dict) -> str:
             phrases = ", ".join(quoted(phrase(bit, bit[value])) for value in ("zero", "one"))
             lines.append(f"    ({bit['bit']}, {only}, {phrases}),")
         lines += [")", ""]
-    lines += ["# Parameters: number, then name, type, conversion index, unit.", "DRIVES = {"]
-    for profile in profiles():
-        lines.append(f"    {quoted(profile.name)}: {{")
-        lines.append(f'        "pnu_mask": {pnu_mask(profile)},')
-        lines.append(f'        "kinds": ({", ".join(map(quoted, kinds(profile)))}),')
-        lines.append('        "parameters": {')
-        for p in profile.parameters:
-            row = f"{quoted(p.name)}, {quoted(p.type)}, {p.conversion}, {quoted(p.unit)}"
-            lines.append(f"            {p.pnu}: ({row}),")
-        lines += ["        },", "    },"]
-    lines.append("}")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def cpp(words: dict) -> str:

@@ -14,6 +14,7 @@ from decimal import Decimal, InvalidOperation
 from . import fc, tables
 from .crc16 import crc_good
 from .dialects import DIALECTS, meaning
+from .drives import DRIVES
 from .port import SLACK_S, Line
 from .problem import NoAnswer, Problem, Refused, WrongDialect
 from .rtu import (
@@ -58,7 +59,7 @@ class Parameter:
 
 
 def parameters(drive: str) -> dict[int, Parameter]:
-    return {pnu: Parameter(pnu, *row) for pnu, row in tables.DRIVES[drive]["parameters"].items()}
+    return {pnu: Parameter(pnu, *row) for pnu, row in DRIVES[drive]["parameters"].items()}
 
 
 def parameter(drive: str, word: str) -> Parameter:
@@ -69,7 +70,7 @@ def parameter(drive: str, word: str) -> Parameter:
     known = parameters(drive)
     if word.isdecimal():
         number = int(word)
-        most = tables.DRIVES[drive]["pnu_mask"]
+        most = DRIVES[drive]["pnu_mask"]
         if not 1 <= number <= most:
             raise Problem(f"a parameter of {drive} has a number from 1 to {most}, not {number}")
         found = known.get(number, Parameter(number))
@@ -103,12 +104,12 @@ def percent_word(share: float) -> int:
 
 
 def control_in_words(word: int, drive: str) -> str:
-    said = fc.bits_in_words(word, tables.CONTROL, tables.DRIVES[drive])
+    said = fc.bits_in_words(word, tables.CONTROL, DRIVES[drive])
     return f"control word {word:04X}h ({said})"
 
 
 def status_in_words(word: int, drive: str) -> str:
-    return f"status word {word:04X}h ({fc.bits_in_words(word, tables.STATUS, tables.DRIVES[drive])})"
+    return f"status word {word:04X}h ({fc.bits_in_words(word, tables.STATUS, DRIVES[drive])})"
 
 
 class Card:
@@ -318,4 +319,4 @@ class Card:
         """A value with decimals and unit."""
         if isinstance(value, str):
             return f"'{value}'"
-        return fc.scaled(tables.DRIVES[self.drive], one.number, value & 0xFFFFFFFF)
+        return fc.scaled(DRIVES[self.drive], one.number, value & 0xFFFFFFFF)

@@ -19,11 +19,11 @@ from pathlib import Path
 from . import VERSION, check, commands, decode, grade, scan, watch
 from .card import Card
 from .dialects import DIALECTS
+from .drives import DRIVES
 from .port import Line, Replay, SerialPort
 from .problem import MISUSE, STOPPED, Problem
 from .screen import Screen
 from .switches import BAUDS, FORMS
-from .tables import DRIVES
 
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 

@@ -31,6 +31,7 @@ from .card import (
     percent_word,
     status_in_words,
 )
+from .drives import DRIVES
 from .port import known_ports
 from .problem import DONE, FAILED, NoAnswer, Problem, Refused
 from .screen import Screen
@@ -102,7 +103,7 @@ def status(args: argparse.Namespace, screen: Screen, card: Card) -> int:
         "control_word": control,
         "reference_percent": _share(reference),
         "status_word": word,
-        "status": fc.bits_in_words(word, tables.STATUS, tables.DRIVES[card.drive]).split(", "),
+        "status": fc.bits_in_words(word, tables.STATUS, DRIVES[card.drive]).split(", "),
         "output_frequency_percent": _share(frequency),
         "alarms": alarms,
     }

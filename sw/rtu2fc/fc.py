@@ -6,6 +6,7 @@ reports, so that they hold at any rate.
 """
 
 from . import tables
+from .drives import DRIVES
 
 STX = 0x02
 AROUND_DATA = 4  # STX, LGE, ADR, BCC
@@ -211,7 +212,7 @@ class Telegrams:
     """
 
     def begin(self, drive):
-        self.drive = tables.DRIVES[drive]
+        self.drive = DRIVES[drive]
         self.telegram = []  # under way
         self.outside = []  # characters outside of any telegram
         self.deaf = False  # after a bad telegram, up to the next silence (FC-8)

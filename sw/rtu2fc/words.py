@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from . import fc, tables
+from . import fc
 from .dialects import meaning
+from .drives import DRIVES
 
 READ_COILS, READ_REGISTERS, WRITE_COIL, WRITE_REGISTER, WRITE_COILS, WRITE_REGISTERS = 1, 3, 5, 6, 15, 16
 EXCEPTION, EXCEPTION_BYTES, HEAD = 0x80, 5, 6
@@ -35,7 +36,7 @@ class Words:
     """The frames of one line, one after the other: a reply is named by its request."""
 
     def __init__(self, drive: str, dialect: str) -> None:
-        self.drive, self.dialect = tables.DRIVES[drive], dialect
+        self.drive, self.dialect = DRIVES[drive], dialect
         self.request = b""
 
     def said(self, frame: bytes, reply: bool | None = None) -> tuple[bool, str]:

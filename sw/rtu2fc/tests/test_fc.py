@@ -70,7 +70,7 @@ def test_random_telegrams_agree_with_the_model():
     for number in range(400):
         reply = number % 2 == 1
         data = some_telegram(rng, reply)
-        parts, got = fc_telegram.parse(data, reply), fc.Meaning(data, reply, fc.tables.DRIVES["vlt6000"])
+        parts, got = fc_telegram.parse(data, reply), fc.Meaning(data, reply, fc.DRIVES["vlt6000"])
         fields = {name: text for name, _, _, text in got.fields}
         assert got.fault is None and fields["bcc-right"] == f"BCC {data[-1]:02X}h right"
         assert f" {parts.pcd1:04X}h" in fields["pcd1"] and fields["pcd2"].endswith(percent(parts.pcd2))
