@@ -42,4 +42,6 @@ def save(name: str, figure: Figure, description: str | None = None) -> None:
 
 
 def for_dark_pages(picture: str) -> str:
+    """With the style for them; a path is one line."""
+    picture = re.sub(r' d="[^"]*"', lambda found: found[0].replace(" \n", " ").replace("\n", ""), picture)
     return re.sub(r"<style[^>]*>", lambda found: found[0] + DARK, picture, count=1)

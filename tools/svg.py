@@ -34,6 +34,7 @@ text{fill:#e6edf3}.m{fill:#9da7b3}.w{fill:#fff}.inv{fill:#0d1117}
 }
 """
 WIDTH = 420
+LINE = 200  # characters of the file: some parts a line
 SIZES = {"s": 12.0, "": 13.0}
 Box = tuple[float, float, float, float]
 
@@ -117,4 +118,10 @@ class Picture:
             f'<rect class="ground" x="0.5" y="0.5" width="{WIDTH - 1}" height="{self.height - 1}" rx="8"/>'
         )
         title = f"<title>{escape(self.title)}</title>"
-        return "\n".join([head, title, f"<style>{STYLE}</style>", ground, *self.parts, "</svg>", ""])
+        lines = [head, title, f"<style>{STYLE}</style>", ground]
+        for part in self.parts:
+            if lines[-1] != ground and len(lines[-1]) + len(part) <= LINE:
+                lines[-1] += part
+            else:
+                lines.append(part)
+        return "\n".join([*lines, "</svg>", ""])
