@@ -5,7 +5,7 @@
     python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
-packages, data sheet, report, site of the documentation, a list of contents and SHA256SUMS. Finished designs
+packages, data sheet, site of the documentation, a list of contents and SHA256SUMS. Finished designs
 are taken as they are (build/synth); a missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
@@ -33,7 +33,7 @@ from constraints import flow, image, synth
 from constraints.boards import Board, board, boards, extended
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
-from tools import datasheet, figures, report, trace, wheels
+from tools import datasheet, figures, trace, wheels
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
@@ -272,13 +272,6 @@ def add_documents(dist: Dist) -> None:
     dist.add("datasheet", ".html", page.encode(), "data sheet")
     with tempfile.TemporaryDirectory() as folder:
         dist.add("datasheet", ".pdf", datasheet.pdf(page, Path(folder)), "data sheet, two pages")
-    if trace.RESULTS.exists():
-        found = trace.collect()
-        text = report.build(report.Run(trace.read_results(), found.all, found.tests))
-        dist.add("report", ".html", text.encode(), "tests, rules, figures and pictures in one page")
-    else:
-        # Only a draft comes here: the tests of a release have passed.
-        print("  no report: no test has run yet (`make test`)", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         try:
             wrong = site.build(Path(folder) / "site")
@@ -332,13 +325,12 @@ def differences(one: dict[str, str], other: dict[str, str]) -> list[str]:
 
 
 def copy_sources(target: Path) -> None:
-    """The files of this tree, but for those that git ignores; the results of the tests, reports, pictures."""
+    """The files of this tree, but for those that git ignores; reports, pictures."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ReleaseError("the check needs a git repository")
     names = [name for name in done.stdout.split("\0") if name and (ROOT / name).is_file()]
-    names += [str(trace.RESULTS.relative_to(ROOT))] * trace.RESULTS.exists()
     for folder in SHOWN:
         names += [str(path.relative_to(ROOT)) for path in (ROOT / "build" / folder).glob("*.*")]
     for name in names:
