@@ -210,10 +210,7 @@ soak: card drive | setup-test ## long mixed traffic over the virtual card, again
 soak-page: firmware | setup-test ## build/reports/soak.md from the soaks of both cards
 	@$(RUN) campaigns.soak.page
 
-conformance: | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
-	@[ -z "$(SLAVE)" ] || $(RUN) campaigns.conformance.run --check '$(SLAVE)'
-	@$(MAKE) firmware card drive
-	@$(MAKE) card CONFIG=tiny
+conformance: firmware drive | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
 	@$(RUN) campaigns.conformance.run $(if $(SLAVE),--only '$(SLAVE)')
 
 agents-example: | setup-test ## the example of tb/agents on another project's slave, fetched by its commit
@@ -226,7 +223,7 @@ coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that 
 	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
 
 ##@ Attack
-.PHONY: starts starts-page fuzz impatient fuzz-plants fuzz-report flips flips-report
+.PHONY: starts starts-page fuzz impatient fuzz-plants flips flips-report
 starts-page: firmware | setup-test ## build/reports/starts.md from the starts of both cards
 	@$(RUN) campaigns.starts.page
 
@@ -241,9 +238,6 @@ impatient: firmware drive | setup-test ## masters that give up and go on: was th
 
 fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
 	@$(RUN) campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
-
-fuzz-report: | setup-test ## all shards of fuzz in build/fuzz as one
-	@$(RUN) campaigns.fuzz.report
 
 flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=, BAUD=, CONFIG=; TRIAL=one flip)
 	@$(RUN) campaigns.flips.run --config $(CONFIG) $(SEEDED) $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))

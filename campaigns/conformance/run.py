@@ -3,8 +3,6 @@
 
     python -m campaigns.conformance.run                 every slave
     python -m campaigns.conformance.run --only NAME     one slave; prints its faults, own codes and reasons
-    python -m campaigns.conformance.run --check NAME    whether there is such a slave
-    python -m campaigns.conformance.run --report        the page of the kept results
 
 Results are kept in build/conformance/results.json. The page is written when every slave has a result. A slave
 that cannot be graded gets one line and keeps its last result; the other slaves are graded, and the exit code
@@ -15,46 +13,29 @@ from __future__ import annotations
 
 import json
 import re
-import signal
-import subprocess
 import sys
-import tempfile
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from campaigns.conformance import designs, libraries
+from campaigns.conformance import designs
 from campaigns.conformance.card import PROFILE, CardDriver
 from campaigns.conformance.designs import BUILD, DesignError, named
 from campaigns.conformance.fixture import FAULTS, ModelLine
 from campaigns.conformance.fixture import PROFILE as MODEL
-from campaigns.conformance.ports import PtyPort
 from rtl.command import Parser, run_main
 from rtl.report_page import publish
-from rtl.sources import ROOT, SourcesError
-from sim.card.run_card import CardError, RunningCard
+from rtl.sources import SourcesError
 from sim.harness.library import BuildError
-from sw.rtu2fc.cases import CASES, FUNCTIONS, Profile
+from sw.rtu2fc.cases import CASES
 from sw.rtu2fc.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
-from sw.rtu2fc.grade import ByteDriver
-from sw.rtu2fc.port import Line, SerialPort
-from sw.rtu2fc.problem import PortError
 from sw.test import host
-from tb.agents.uart import Format
-from tb.lib.card import baud_switches
 
 KEPT = BUILD / "results.json"
 TEMPLATE = Path(__file__).parent / "conformance.md.in"
-CARDS = {"standard": "build/card", "tiny": "build/tiny/card"}
-UNIT = 17
-UNIT_SWITCHES = "10001000"
-# A pty has no parity, so the switches of the virtual card choose a format without parity.
-PTY_BAUD, PTY_FORM = 19200, "8N2"
-CARD_TIMEOUT_S, LIBRARY_TIMEOUT_S = 1.0, 0.4
-LIBRARY_START_S = 20.0
+CARDS = ("standard", "tiny")
 MARKS = {PASS: "✓", OWN_CODE: "own code", FAIL: "**✗**", NONE: "n.a.", HIDDEN: ""}
 
 
@@ -79,54 +60,6 @@ def card_pins(config: str) -> list[Verdict]:
         return grade(driver, PROFILE)
 
 
-def card_pty(config: str) -> list[Verdict]:
-    """The virtual card, as a program of its own on a pty."""
-    switches = ["--sw-baud", baud_switches(PTY_BAUD, PTY_FORM), "--sw-addr", UNIT_SWITCHES, "--quiet"]
-    profile = replace(PROFILE, unit=UNIT, fmt=Format.named(PTY_BAUD, PTY_FORM))
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        RunningCard(Path(folder), *switches, program=ROOT / CARDS[config]) as card,
-        SerialPort(str(card.link), PTY_BAUD, PTY_FORM) as port,
-    ):
-        return grade(ByteDriver(Line(port, PTY_BAUD, PTY_FORM), CARD_TIMEOUT_S), profile)
-
-
-def library(name: str) -> list[Verdict]:
-    """The slave of a Python library, as a program of its own on a pty."""
-    BUILD.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "campaigns.conformance.libraries", name]
-    with PtyPort() as port, open(BUILD / f"{name}.log", "w") as log:
-        server = subprocess.Popen([*command, port.name, str(UNIT)], cwd=ROOT, stdout=log, stderr=log)
-        driver = ByteDriver(Line(port, PTY_BAUD, PTY_FORM), LIBRARY_TIMEOUT_S)
-        profile = Profile(
-            unit=UNIT,
-            fmt=Format.named(PTY_BAUD, PTY_FORM),
-            functions=frozenset(FUNCTIONS),
-            registers=libraries.REGISTERS,
-            coils=libraries.COILS,
-            no_register=libraries.REGISTERS,
-            no_coil=libraries.COILS,
-            # Discrete inputs and input registers are not equally many. This address is beyond both.
-            no_input=libraries.COILS,
-        )
-        try:
-            until = time.monotonic() + LIBRARY_START_S
-            while True:
-                try:
-                    return grade(driver, profile)
-                except NoAnswer:
-                    if server.poll() is not None or time.monotonic() > until:
-                        log_name = f"{named(BUILD)}/{name}.log"
-                        raise ConformanceError(f"{name} does not start; {log_name} says why") from None
-        finally:
-            server.send_signal(signal.SIGINT)
-            try:
-                server.wait(5)
-            except subprocess.TimeoutExpired:
-                server.kill()
-                server.wait()
-
-
 STATED = re.compile(r"(\w+ card) `(\w+)`, firmware sources `(\w+)`")
 
 
@@ -140,20 +73,6 @@ def subjects() -> dict[str, Subject]:
     for config in CARDS:
         stated = partial(own_card, config)
         found.append(Subject(config, f"{config} card", "pins", partial(card_pins, config), True, stated))
-        found.append(
-            Subject(
-                f"{config}-pty",
-                f"{config} card",
-                "virtual card, pty",
-                partial(card_pty, config),
-                True,
-                stated,
-            )
-        )
-    for name in libraries.SLAVES:
-        found.append(
-            Subject(name, name, "pty", partial(library, name), stated=partial(libraries.title, name))
-        )
     for design in designs.designs().values():
         # A pinned commit, or `ours`.
         stated = partial(lambda design: design.commit[:7] if design.commit else "ours", design)
@@ -286,24 +205,13 @@ def main(arguments: list[str] | None = None) -> int:
     every = subjects()
     parser = Parser(prog="conformance", description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=list(every), metavar="NAME", help=f"one of {', '.join(every)}")
-    parser.add_argument("--check", metavar="NAME", help="grade nothing; whether there is such a slave")
-    parser.add_argument("--report", action="store_true", help="write the page of the kept results")
     given = parser.parse_args(arguments)
-    if given.check is not None:
-        if given.check not in every:
-            raise ConformanceError(f"there is no slave {given.check!r}; there are {', '.join(every)}")
-        return 0
-    kept = results()
-    if given.report and not kept:
-        raise ConformanceError("no slave was graded yet; run `make conformance`")
-    wrong = 0
-    for subject in () if given.report else [every[given.only]] if given.only else every.values():
+    kept, wrong = results(), 0
+    for subject in [every[given.only]] if given.only else every.values():
         print(f"{subject.title}, {subject.way} ...", end=" ", flush=True)
         try:
             verdicts = subject.graded()
-        except (
-            *(BuildError, CardError, ConformanceError, DesignError, NoAnswer, PortError, SourcesError),
-        ) as error:
+        except (BuildError, ConformanceError, DesignError, NoAnswer, SourcesError) as error:
             wrong += 1
             print("not graded")
             print(f"conformance: {error}", file=sys.stderr)

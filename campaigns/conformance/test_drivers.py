@@ -247,8 +247,6 @@ def test_the_page_waits_for_every_slave(monkeypatch, written, capsys):
     monkeypatch.setattr(run, "subjects", lambda: subjects)
     monkeypatch.setattr(run, "named", lambda path: path.name)
     monkeypatch.setattr(run, "KEPT", written / "KEPT")
-    with pytest.raises(run.ConformanceError, match=r"^there is no slave 'other'; there are one, ours$"):
-        run.main(["--check", "other"])
     assert run.main(["--only", "one"]) == 1, "it fails a test"
     shown = capsys.readouterr().out
     assert "  fail       SL-1   no reply\n" in shown
@@ -260,4 +258,4 @@ def test_the_page_waits_for_every_slave(monkeypatch, written, capsys):
     assert "- SL-1: no reply\n" in page and "| SL-1 | **✗** | ✓ |\n| SL-2 | n.a. | ✓ |" in page
     run.KEPT.write_text("{}}")
     with pytest.raises(run.ConformanceError, match=r"^KEPT is damaged; delete it and grade"):
-        run.main(["--report"])
+        run.main([])

@@ -1,20 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Merges the result files of any number of fuzz shards into one table; `make fuzz-report`.
-
-    python -m campaigns.fuzz.report [FOLDER | FILE.json ...]     default: build/fuzz
-
-Exit 0: no shard found anything; 1: one did; 2: no results, an invalid file, or shards of different cards.
-"""
+"""Reads and merges the result files of any number of fuzz shards, for the page (campaigns/fuzz/page.py)."""
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 from collections import Counter
 from pathlib import Path
 
-from rtl.command import run_main
 from rtl.sources import ROOT
 
 FOLDER = ROOT / "build/fuzz"
@@ -39,18 +32,6 @@ def load(path: Path) -> dict:
     return result
 
 
-def find(arguments: list[str]) -> list[Path]:
-    found = []
-    for path in map(Path, arguments or [FOLDER]):
-        if not path.exists():
-            raise ReportError(f"{path} does not exist; run `make fuzz` first")
-        inside = sorted(p for p in path.iterdir() if RESULT.fullmatch(p.name)) if path.is_dir() else [path]
-        found += inside
-    if not found:
-        raise ReportError("no results of fuzz shards; run `make fuzz` first")
-    return found
-
-
 def merge_each(results: list[dict]) -> list[dict]:
     """The results of each card as one."""
     configs = sorted({result["config"] for result in results})
@@ -73,41 +54,3 @@ def merge(results: list[dict]) -> dict:
     merged["seeds"], merged["card"] = sorted(result["seed"] for result in results), results[0]["card"]
     merged["config"] = results[0]["config"]
     return merged
-
-
-def table(title: str, counts: Counter) -> list[str]:
-    rows = sorted(counts.items(), key=lambda row: -row[1])
-    return ["", f"| {title} | |", "|---|---|", *(f"| {what} | {count} |" for what, count in rows)]
-
-
-def report(merged: dict) -> str:
-    per_s = merged["frames"] / merged["wall_s"] if merged["wall_s"] else 0.0
-    lines = [
-        f"{merged['config']} card {merged['card']}: {len(merged['seeds'])} shards, "
-        f"{merged['frames']} network frames in {merged['cases']} cases, "
-        f"{merged['judged']} of them judged to their end: "
-        f"{len(merged['differences'])} differences",
-        f"{merged['simulated_s']:.0f} s simulated in {merged['wall_s']:.0f} s of the shards' time, "
-        f"{per_s:.0f} frames/s",
-    ]
-    titles = {
-        "events": "made",
-        "outcomes": "seen",
-        "rates": "frames at",
-        "unclear": "judged in part because of",
-    }
-    for key, title in titles.items():
-        lines += table(title, merged[key])
-    for found in merged["differences"]:
-        lines.append(f"DIFFERENCE case {found['case']} {found.get('file', '')}: {'; '.join(found['what'])}")
-    return "\n".join(lines)
-
-
-def main() -> int:
-    merged = merge_each([load(path) for path in find(sys.argv[1:])])
-    print("\n\n".join(map(report, merged)))
-    return int(any(card["differences"] for card in merged))
-
-
-if __name__ == "__main__":
-    run_main("fuzz-report", main, ReportError)

@@ -8,7 +8,7 @@
 
 A run is a stateless shard: the same seed and count make the same cases anywhere. During the run it writes
 build/fuzz/fuzz-CONFIG-SEED.json. For each difference it writes the smallest case found and its waveform,
-case-CONFIG-SEED-N.json and .fst. `make fuzz-report` merges the results of any number of shards. Exit 0: no
+case-CONFIG-SEED-N.json and .fst. `make fuzz-page` merges the results of any number of shards. Exit 0: no
 difference; 1: differences; 2: an invalid command line or a missing tool.
 """
 

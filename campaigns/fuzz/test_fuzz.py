@@ -553,9 +553,6 @@ def test_shards_of_one_card_alone_are_merged():
     two = one | {"seed": 2, "worst": {"reply": 2.0}, "differences": [{"case": "2/1", "what": ["no reply"]}]}
     merged = fuzz_report.merge([one, one, two])
     assert merged["frames"] == 20 and merged["worst"] == {"reply": 2.0}, "no shard counts twice"
-    shown = fuzz_report.report(merged)
-    assert "2 shards, 20 network frames in 0 cases, 18 of them judged to their end: 1 differences" in shown
-    assert "DIFFERENCE case 2/1 : no reply" in shown and "| legal | 20 |" in shown
     with pytest.raises(fuzz_report.ReportError, match="different cards"):
         fuzz_report.merge([one, two | {"card": "another"}])
 
