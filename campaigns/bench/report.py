@@ -33,10 +33,8 @@ from tb.lib import bound
 REPORT_TABLES = (
     "The targets",
     "Turnaround, rate by rate",
-    "Whole transactions, ms",
     "Conformance",
     "Targets of the small card",
-    "Turnaround of the small card",
 )
 TEMPLATE = ROOT / "campaigns/bench/results.md.in"
 MEASURED_ON = "Measured on"

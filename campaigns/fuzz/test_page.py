@@ -71,7 +71,7 @@ def test_the_command_records_the_counts(folder, written, monkeypatch):
     assert page.main() == 0
     entry = report_page.evidence()["fuzz"]
     assert "8 flips of both cards: 0 unrequested" in entry["said"]
-    assert len(entry["tables"]["Random frames"]) == 3 and "Of the tiny card" in entry["tables"]
+    assert len(entry["tables"]["Random frames"]) == 3
 
 
 @pytest.mark.parametrize(
