@@ -524,7 +524,7 @@ class LineJudge:
     def _check_line_was_busy(self, exchange: Exchange, at: float) -> None:
         """Checks an exchange abandoned before its telegram left: the line must have been busy until then."""
         if exchange.phase == "line" or exchange.sends == 1:
-            start_by = self._starts_by(at - self._line_wait(exchange.waits[0]))
+            start_by = self._starts_by(at - self._line_wait(self._least(exchange)))
             if start_by < at:
                 wanted = exchange.request.telegram.hex(" ")
                 self._fail(start_by, f"no telegram on a free line; expected {wanted}")
@@ -771,8 +771,8 @@ class LineJudge:
         if exchange.sends == 0 and self._keeps_place(request):
             self.queue.insert(0, request)  # until it has left (FRAME-7)
         # A line that was busy for the whole wait held up the newest request as well, if it was there before.
-        waits = exchange.phase == "line" and newest in self.queue and not newest.answers
-        held_up = waits and newest.committed < exchange.queued_by + TICK_MS * self.ms
+        waits = exchange.phase == "line" and request is not newest and newest in self.queue
+        held_up = waits and not newest.answers and newest.committed < exchange.queued_by + TICK_MS * self.ms
         if held_up and exchange.queued_from < newest.committed + self.late + TICK_MS * self.ms:
             raise Unclear(at, "a wait for the line that begins as a request is committed")
         if request is newest or held_up:
