@@ -191,7 +191,7 @@ bench-card: firmware | setup-test ## the simulated card of the bench
 bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
 
-.PHONY: bench bench-fast line-quality soak soak-page masters conformance agents-example coverage-rtl figures
+.PHONY: bench bench-fast line-quality soak soak-page masters conformance coverage-rtl figures
 bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes build/reports/results.md (60 min)
 	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
@@ -212,9 +212,6 @@ soak-page: firmware | setup-test ## build/reports/soak.md from the soaks of both
 
 conformance: firmware drive | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
 	@$(RUN) campaigns.conformance.run $(if $(SLAVE),--only '$(SLAVE)')
-
-agents-example: | setup-test ## the example of tb/agents on another project's slave, fetched by its commit
-	@$(RUN) campaigns.conformance.example
 
 masters: card | setup-masters ## eleven Modbus masters ask the virtual card; downloads them (MASTER=, DIALECT=: a part)
 	@$(RUN) campaigns.masters.run $(foreach option,master dialect,$(call given,$(option),$(call upper,$(option))))
@@ -261,7 +258,7 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 ##@ Build for hardware
-.PHONY: synth image pins sources portability selftest serial-drive metastability
+.PHONY: synth image pins sources portability selftest serial-drive
 synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
@@ -286,9 +283,6 @@ upper = $(shell tr a-z A-Z <<<'$(1)')
 serial-drive: drive | setup-demo ## a simulated drive on a serial port, for a card without a drive (PORT=/dev/ttyUSB1)
 	@[ -n "$(PORT)" ] || { echo "say which port: make serial-drive PORT=/dev/ttyUSB1" >&2; exit 2; }
 	@$(RUN) sim.drive.serial_drive "$(PORT)"
-
-metastability: | setup-demo ## how seldom the two flip-flops of an input are not enough, by clock
-	@$(RUN) constraints.metastability
 
 sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFIG=)
 	@$(RUN) rtl.sources $(CONFIG)

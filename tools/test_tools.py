@@ -111,8 +111,8 @@ def test_a_wrong_command_is_one_line(words, said):
     ("words", "said"),
     [
         (
-            ("waves", "TEST=test_metastability"),
-            "waves: 'test_metastability' fits no test that simulates the card or a module",
+            ("waves", "TEST=test_figures"),
+            "waves: 'test_figures' fits no test that simulates the card or a module",
         ),
         (("selftest", "PORT="), "say which port: make selftest PORT=/dev/ttyUSB0"),
         (("replay", "FILE=bus.sr", "UNIT=1"), "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600"),
