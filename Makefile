@@ -143,7 +143,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
-.PHONY: test nightly test-all test-gates lint format trace
+.PHONY: test nightly test-gates lint format trace
 test: | setup-test ## * every rule of the card, each test of a few seconds (4 min from a clean clone, 9.5 min without the build cache; TEST=name: a part)
 	@$(call named,test)
 	@$(MAKE) -j$(JOBS) $(TESTED)
@@ -153,8 +153,6 @@ nightly: | setup-test ## * every test: both cards, both simulators, boards, page
 	@$(if $(TEST),$(call named,nightly),tools/setup.sh all)
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) --all $(if $(FOLDERS),-m nightly $(FOLDERS))
-
-test-all: nightly ## the older name of make nightly
 
 test-gates: firmware | setup-synth ## the manual's examples on netlists and finished images (1 to 4 minutes each; TEST=)
 	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(NAMED)')

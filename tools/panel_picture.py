@@ -28,6 +28,7 @@ UNTIL_S, STATES_UNTIL_S = 7.2, 6.4
 SIZE = (80, 24)
 TITLE = "make run: the virtual card with a simulated VLT 6000"
 WEB_FONT = re.compile(r"\s*@font-face \{.*?\n\s*\}", re.DOTALL)
+CLIP = re.compile(r">\s+<(rect x=\"0\"|/clipPath)")  # one line each
 FONT = re.compile(r"Fira Code, monospace")
 
 
@@ -62,7 +63,8 @@ def picture() -> str:
     finally:
         os.environ.update({name: value for name, value in terminal.items() if value is not None})
     text = FONT.sub("DejaVu Sans Mono, Liberation Mono, monospace", WEB_FONT.sub("", text))
-    return "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+    text = CLIP.sub(r"><\1", text)
+    return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"
 
 
 def main() -> int:
