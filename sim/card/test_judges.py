@@ -164,7 +164,7 @@ def test_sigrok_modbus_agrees_with_the_log(network, lines_vcd):
 def shell(recorded, tmp_path) -> Callable[[str], str]:
     """Runs a documented command in a plain shell without the tools of .venv; returns its output."""
     shutil.copy(recorded.wave, tmp_path / "card.fst")
-    for name in (".venv", "regs", "rtl", "sim"):
+    for name in (".venv", "regs", "rtl", "sim", "sw"):
         (tmp_path / name).symlink_to(ROOT / name)
 
     def run(command: str) -> str:
