@@ -23,8 +23,14 @@ class Lost(Exception):
 class Order:
     """The writes that wait, followed through all commits and telegrams in order of time."""
 
-    def __init__(self, busy: Sequence[tuple[float, float]], line: LineFormat, budget: float) -> None:
-        self.busy, self.budget, self.ms = busy, budget, line.clk_hz / 1000
+    def __init__(
+        self,
+        busy: Sequence[tuple[float, float]],
+        deciding: Sequence[tuple[float, float]],
+        line: LineFormat,
+        budget: float,
+    ) -> None:
+        self.busy, self.deciding, self.budget, self.ms = busy, deciding, budget, line.clk_hz / 1000
         self.pause = (PAUSE_BITS + 1.5) * line.bit
         self.waiting: list[Commit] = []
         self.asked: list[Commit] = []
@@ -46,13 +52,21 @@ class Order:
         must = sorted((one for one in self.waiting if one.must), key=lambda one: one.kind)  # an image first
         for one in must[:1]:
             free = max(one.hi, self._exchange_over(one))
-            while free < (quiet := self._quiet_after(min(free, now))):
+            while free < (quiet := self._quiet_after(min(free, now))) or free < (
+                quiet := self._decided_after(free)
+            ):
                 free = quiet
             if now > free + self.budget:
                 raise Lost(free, f"{one.telegram.hex(' ')} is not on the free line (FRAME-7)")
 
     def _quiet_after(self, at: float) -> float:
         return max((end for start, end in self.busy if start < at), default=0.0) + self.pause
+
+    def _decided_after(self, at: float) -> float:
+        """While a candidate decides, what waits is not ordered: its commit may change the image (FRAME-6)."""
+        return max(
+            (end for start, end in self.deciding if start < at + self.budget and at < end), default=0.0
+        )
 
     def _exchange_over(self, waiting: Commit) -> float:
         """A dead drive holds up nothing newer for longer than 150 ms (FC-9)."""
@@ -153,7 +167,7 @@ def kept(
     budget: float,
 ) -> list[str]:
     """The first violation before `until`; `line`: the drive's, `busy`: when someone sends on it."""
-    order = Order(busy, line, budget)
+    order = Order(busy, [(c.candidate, c.hi) for c in committed], line, budget)
     events = [(c.lo, 0, order.commit, c) for c in committed] + [(s.start, 1, order.telegram, s) for s in said]
     try:
         for at, _, follow, item in sorted(events, key=lambda event: event[:2]):

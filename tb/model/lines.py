@@ -37,6 +37,7 @@ class Commit:
     """A committed request. The card knows of it at `lo` at the earliest, at `hi` at the latest.
 
     `telegram`: what it asks of the drive; `again`: as a text, if the drive refuses the number (section 8).
+    `candidate`: from then on the card decided on it, and ordered nothing that waited.
     `must`: its telegram has to leave. `gone`: from then on it must not, for a newer one has taken its place.
     """
 
@@ -47,6 +48,7 @@ class Commit:
     telegram: bytes
     again: bytes
     wait: int  # register 40003 from then on
+    candidate: float = NEVER
     must: bool = True
     gone: float = NEVER
 
@@ -74,9 +76,11 @@ def image_of(reply: bytes) -> bytes:
 
 def commits(events: Iterable, dialect: str, line: LineFormat, budget: float) -> tuple[list[Commit], float]:
     """All commits, and the time from which the rules leave the rest of them open."""
-    model, found = CardModel(name=dialect), []
+    model, found, candidate = CardModel(name=dialect), [], NEVER
     try:
         for event in events:
+            if event.what == "candidate":
+                candidate = event.at - event.slack - UNSURE_BITS * line.bit
             if event.what != "commit":
                 continue
             pdu, broadcast = event.frame.data[1:-2], event.frame.broadcast
@@ -88,7 +92,10 @@ def commits(events: Iterable, dialect: str, line: LineFormat, budget: float) -> 
             unsure = event.slack + UNSURE_BITS * line.bit
             wait = model.registers[DRIVE_TIMEOUT]
             found.append(
-                Commit(event.at - unsure, event.at + unsure + budget, kind, broadcast, telegram, again, wait)
+                Commit(
+                    *(event.at - unsure, event.at + unsure + budget, kind),
+                    *(broadcast, telegram, again, wait, candidate),
+                )
             )
     except Unclear as unclear:
         return found, unclear.at

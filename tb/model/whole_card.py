@@ -567,6 +567,10 @@ class LineJudge:
 
     def _telegram(self, burst: Burst) -> None:
         data, exchange = burst.data, self.exchange
+        held_up = exchange and exchange.phase == "line" and self.newest in self.queue
+        mute = "silent" not in self.card.dialect.codes
+        if held_up and mute and burst.rise >= self._abandoned_from(exchange):
+            raise Unclear(burst.rise, "a wait for the line whose end a silent dialect does not show")
         if exchange and self._left_as_it_was_dropped(exchange, data, burst.rise):
             self._start(self.dropped, exchange.queued_from, burst.rise)
             exchange = self.exchange
