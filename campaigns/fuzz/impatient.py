@@ -2,12 +2,12 @@
 """Impatient masters: each request follows after a time-out, whatever card and drive still do (SAFE-8).
 
     make impatient [CONFIG=tiny] [SEED=N] [COUNT=SEQUENCES] [JOBS=N], or
-    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N]
+    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N] [--jams]
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
-write of a parameter. The drive answers after 3 to 120 ms, too late, never, or again to the telegram before,
-and sometimes it keeps its line busy. Then both lines come to rest, and the master reads coils 1-32.
-tb/model/told.py and whole_card.py judge. Of the first differences the smallest case found is kept:
+write of a parameter. The drive answers after 3 to 120 ms, too late, never, or again to the telegram before;
+with --jams something keeps its line busy at times. Then both lines come to rest, and the master reads coils
+1-32. tb/model/told.py and whole_card.py judge. Of the first differences the smallest case found is kept:
 `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an invalid command line or a
 missing tool.
 """
@@ -47,6 +47,7 @@ FORMATS = ("8N1", "8E1")
 OWN_CLOCK = 20  # one sequence in so many runs at the card's own clock, which takes longer to simulate
 # The other ones run at a part of that clock at which the firmware is still ready before the next request.
 SLOWER = {"standard": {1200: 6, 9600: 6, 19200: 6, 115200: 6}, "tiny": {1200: 4, 9600: 4, 19200: 2}}
+JAMS = 0.04  # of the requests, if asked for: then something keeps the drive line busy for up to 600 ms
 START, STOP = 0x047C, 0x043C
 LONG_WAIT = 25  # of register 40003: above, a silent drive costs much simulated time
 KEPT_MAX = 3  # differences whose cases are made smaller and kept
@@ -57,7 +58,7 @@ READ_IMAGE = rtu.read_coils(0, 32)
 class Maker:
     """One sequence, as a case of the fuzzer (campaigns/fuzz/case.py)."""
 
-    def __init__(self, seed: str, config: str, own_clock: bool) -> None:
+    def __init__(self, seed: str, config: str, own_clock: bool, jams: bool) -> None:
         self.rng = rng = random.Random(seed)
         rates = {baud: weight for baud, weight in RATES[config].items() if baud in BAUDS}
         (self.baud,) = rng.choices(list(rates), rates.values())
@@ -70,6 +71,7 @@ class Maker:
         if not own_clock:
             self.clk_hz = max(CLK_HZ.get(self.baud, 0), self.clk_hz // SLOWER[config].get(self.baud, 1))
         self.wait = 15  # register 40003
+        self.jams = jams
         # A master and a drive keep their pace, more or less.
         self.timeout_ms = 5 * 80 ** (rng.random() ** 2)
         self.drive_ms = 3 * 40 ** rng.random()
@@ -100,7 +102,7 @@ class Maker:
         data = with_crc(bytes([unit]) + pdu)
         manners = [self._manner() for _ in range(3)]
         event = {"what": "impatient", "gap": ["own", round(bits, 2)], "bytes": data.hex(), "drive": manners}
-        if rng.random() < 0.04:
+        if self.jams and rng.random() < JAMS:
             jam_ms = rng.choice((rng.uniform(5, 100), rng.uniform(100, 600)))
             count = round(jam_ms * DRIVE_BAUD / 11000)
             event["babble"] = {"gap": round(rng.uniform(1, 400), 1), "bytes": "55" * count, "rude": True}
@@ -163,16 +165,16 @@ def play(case: dict, config: str) -> Verdict:
     return verdict
 
 
-def make(seed: int, number: int, config: str) -> dict:
-    return Maker(f"impatient/{seed}/{number}", config, number % OWN_CLOCK == OWN_CLOCK - 1).case()
+def make(seed: int, number: int, config: str, jams: bool = False) -> dict:
+    return Maker(f"impatient/{seed}/{number}", config, number % OWN_CLOCK == OWN_CLOCK - 1, jams).case()
 
 
-def trial(number: int, seed: int, config: str) -> Verdict:
-    return play(make(seed, number, config), config)
+def trial(number: int, seed: int, config: str, jams: bool = False) -> Verdict:
+    return play(make(seed, number, config, jams), config)
 
 
-def keep(seed: int, number: int, config: str) -> str:
-    case = make(seed, number, config)
+def keep(seed: int, number: int, config: str, jams: bool) -> str:
+    case = make(seed, number, config, jams)
     case = shrink(case, lambda tried: bool(play(tried, config).differences), SHRINK_TRIES)
     path = FOLDER / f"case-impatient-{config}-{seed}-{number}.json"
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -185,12 +187,13 @@ def main() -> int:
     parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
     parser.add_argument("--count", type=at_least(1), default=100, help="sequences; default 100")
     parser.add_argument("--config", choices=configurations(), default="standard")
+    parser.add_argument("--jams", action="store_true", help="something keeps the drive line busy at times")
     parser.add_argument("--jobs", type=at_least(1), default=2)
     options = parser.parse_args()
     print(f"impatient: {options.config} card, seed {options.seed}, {options.count} sequences", flush=True)
     began, wrong, asked, restless = time.monotonic(), 0, 0, 0
     with ProcessPoolExecutor(options.jobs) as pool:
-        run = functools.partial(trial, seed=options.seed, config=options.config)
+        run = functools.partial(trial, seed=options.seed, config=options.config, jams=options.jams)
         for number, outcome in enumerate(pool.map(run, range(options.count))):
             asked, restless = asked + outcome.asked, restless + outcome.restless
             if not outcome.differences:
@@ -198,7 +201,7 @@ def main() -> int:
             wrong += 1
             print(f"impatient: DIFFERENCE in sequence {number}: {'; '.join(outcome.differences)}", flush=True)
             if wrong <= KEPT_MAX:
-                print(f"impatient:   {keep(options.seed, number, options.config)}", flush=True)
+                print(f"impatient:   {keep(options.seed, number, options.config, options.jams)}", flush=True)
     took = time.monotonic() - began
     print(
         f"impatient: seed {options.seed}, {options.count} sequences, {wrong} with a difference (with {SURE} "
