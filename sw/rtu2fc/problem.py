@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors for the user: a line that says what is wrong, lines of advice, and the exit code."""
+"""What the user sees of an error: one line that names it, advice below, and the exit code."""
 
 from __future__ import annotations
 
