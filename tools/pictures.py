@@ -87,7 +87,7 @@ def card() -> Picture:
     for at, name in ((44, "drive LED"), (190, "network LED")):
         picture.dot(at, 40, 9, "green")
         picture.text(at + 16, 40, name)
-    picture.text(x, 72, "RATE AND PARITY", "b")
+    picture.text(x, 72, "BAUD", "b")
     picture.text(right, 72, "up is ON", "s m", "end")
     block(picture, x, 84, USUAL_RATE)
     under(picture, x, 150, 1, 3, "rate")
@@ -111,7 +111,7 @@ def card() -> Picture:
     for place, (number, signal) in enumerate(network_pins()):
         pin(picture, 334, 213 + 34 * place, number)
         picture.text(358, 213 + 34 * place, signal, "s")
-    picture.text(14, 450, "Filled square: pin 1. An old card may differ.", "s m")
+    picture.text(14, 450, "Filled square: pin 1. An old card may look different.", "s m")
     return picture
 
 
@@ -156,7 +156,7 @@ def wiring() -> Picture:
 
 
 def loopback() -> Picture:
-    picture = Picture("Wires of the loop-back test, on the bench, with the card out of the drive", 330)
+    picture = Picture("Wires of the loop-back test, on the bench, with the card out of the drive", 352)
     joined = {
         row["6-pin connector"]: row["3-pin connector"] for row in rows("switches-and-leds", "6-pin connector")
     }
@@ -178,7 +178,8 @@ def loopback() -> Picture:
     picture.text(39, 60, "+", "b", "middle")
     picture.text(39, 140, MINUS, "b", "middle")
     picture.lines(39, 92, "24 V\nbench", "s", "middle")
-    picture.text(16, 308, "Nothing else is connected: 3-2 joins both commons.", "s")
+    picture.text(16, 308, "Never inside a drive.", "b")
+    picture.text(16, 330, "Nothing else is connected: 3-2 joins both commons.", "s")
     return picture
 
 
@@ -197,9 +198,9 @@ def switches() -> Picture:
         stops = "1 stop bit" if form.stop_bits == 1 else "2 stop bits"
         picture.lines(290, 51 + 44 * place, f"{form.parity} ({short(form)})\n{stops}", "s")
     picture.text(220, 240, "9600 8N2, address 1", "b")
-    picture.text(220, 262, "Rate and parity", "s")
+    picture.text(220, 262, "Baud switches", "s")
     small(picture, 220, 272, USUAL_RATE)
-    picture.text(220, 322, "Address, termination ON", "s")
+    picture.text(220, 322, "Address switches, 9 ON", "s")
     small(picture, 220, 332, USUAL_ADDRESS)
     return picture
 
@@ -233,8 +234,8 @@ def network() -> Picture:
     picture = Picture("The network: a master with bias, cards on one pair, a terminator at each end", 330)
     for x, kind in ((60, "w4"), (78, "w2"), (96, "w3 dash")):
         picture.line(f"wire {kind}", (x, 40), (x, 296))
-    for x, name in ((60, "+"), (78, MINUS), (96, "com")):
-        picture.text(x if name != "com" else 106, 24, name, "b", "middle")
+    for x, name in ((60, "+"), (78, MINUS), (96, "common")):
+        picture.text(x if name != "common" else 124, 24, name, "b", "middle")
     units = [
         (60, "Master", "120 Ω at this end; bias here only"),
         (130, "Card, address 1", "switch 9 OFF"),
@@ -259,11 +260,11 @@ def network() -> Picture:
 
 
 def cassette() -> Picture:
-    picture = Picture("The cassette in three steps: free it, take it out, fasten the card", 576)
+    picture = Picture("The cassette in three steps: free it, take it out, fasten the card", 606)
     for y, title in (
-        (16, "1  Free the cassette"),
-        (206, "2  Take it out"),
-        (396, "3  Fasten the card (back)"),
+        (16, "Step 4: free the cassette"),
+        (206, "Step 5: take it out"),
+        (396, "Step 7: fasten the card (back)"),
     ):
         picture.text(16, y, title, "b")
     picture.box(16, 30, 190, 150)
@@ -302,7 +303,8 @@ def cassette() -> Picture:
         picture.dot(166, y, 6, "first")
     label(picture, 140, 486, "B")
     legend(picture, 440, "A", "Push this edge into\nthe slot.")
-    legend(picture, 486, "B", "Two self-tapping\nscrews and washers,\nT-10, 0.90 N·m.")
+    legend(picture, 486, "B", "Two self-tapping\nscrews and washers,\nT-10, 8 in-lbs\n(0.90 N·m).")
+    picture.text(16, 584, "The drive must have been off for 14 minutes.", "b")
     return picture
 
 
@@ -324,17 +326,19 @@ STEPS = {
     "red, flashing, 1 Hz": ["red", "red", "off", "off"] * 4,
     "red, steady, both LEDs": ["red"] * 16,
     "orange, steady, both LEDs, 12 s": ["orange"] * 16,
+    "red, steady, both LEDs, 12 s, then flashing": ["red"] * 16,
 }
 SAYS = {
     "green, flashing, 1 Hz": "Green, flashing: works",
-    "red, flashing, 1 Hz": "Red, flashing: nobody asks or answers",
+    "red, flashing, 1 Hz": "Red, flashing: no request, or no reply of the drive",
     "red, steady, both LEDs": "Both red, steady: fault, the card is halted",
     "orange, steady, both LEDs, 12 s": "Both orange, 12 s: loop-back test passed",
+    "red, steady, both LEDs, 12 s, then flashing": "Both red, 12 s: loop-back test failed",
 }
 
 
 def leds() -> Picture:
-    picture = Picture("What the LEDs show in the four seconds after power-up, and in each state", 420)
+    picture = Picture("What the LEDs show in the four seconds after power-up, and in each state", 488)
     known = [row["shows"] for row in rows("switches-and-leds", "shows")]
     if missing := [state for state in (POWER_UP, *STEPS) if state not in known]:
         raise PictureError(f"leds: the handbook's table has no state '{missing[0]}'")
@@ -492,13 +496,13 @@ def build(name: str) -> Picture:
         picture.line("thin dash", (284, y + 26), (284, y + 126))
     picture.text(16, 338, "DE: 4.7 kΩ to GND each. 3.3 V, 1 A to both modules.", "s")
     for y, text, ports in (
-        (362, "Rate and parity", [f"sw_baud_n[{n}]" for n in range(1, 10)]),
+        (362, "Baud", [f"sw_baud_n[{n}]" for n in range(1, 10)]),
         (472, "Address", [f"sw_addr_n[{n}]" for n in range(1, 9)]),
     ):
         there = {one.port for one in entry.pins()}
         wired = [port for port in ports if port in there]
         picture.text(16, y, f"{text}: to GND. Below: pins of {connection(entry, wired[0])[0]}", "s")
-        on = USUAL_RATE if text.startswith("Rate") else USUAL_ADDRESS
+        on = USUAL_RATE if text == "Baud" else USUAL_ADDRESS
         block(picture, 16, y + 12, on[: len(wired)])
         for number, port in enumerate(wired):
             picture.text(31 + PITCH * number, y + 86, connection(entry, port)[1], "s b", "middle")
