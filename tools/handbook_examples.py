@@ -34,6 +34,7 @@ PORT = "/dev/ttyUSB0"
 
 UNIT = 1
 STATE_COIL = 32  # of coil 33, on the wire
+MINUS = "\N{MINUS SIGN}"
 
 
 class HandbookError(Exception):
@@ -58,6 +59,7 @@ class Example:
     steps: tuple[Step, ...]
     note: str = ""
     before: Callable[[VltDrive], None] = lambda drive: None
+    after: str = ""
 
 
 def command(word: int, reference: int | None = None) -> bytes:
@@ -72,43 +74,66 @@ def registers(first: int, text: str) -> bytes:
 
 START = Step("start at 40 %", command(0x047C, 0x1999))
 CURRENT = rtu.read_registers(5139, 2)
-RUNS = Step("ten seconds later: read the motor current", CURRENT, wait=10)
-STANDS = Step("ten seconds later: read the motor current", CURRENT, wait=10)
+LATER = Step("ten seconds later: read the motor current", CURRENT, wait=10)
 STATE = Step("read status word and output frequency", rtu.read_coils(STATE_COIL, 32))
 INDEX = 0  # register 40001 on the wire
+RUNS_ON = "**The motor still runs.** Stop it as in [ramp stop](#ramp-stop)."
+
+
+def runs(drive: VltDrive) -> None:
+    """The motor runs at 40 %, started ten seconds ago."""
+    drive.telegram(fc_telegram.build_process(0x047C, 0x1999))
+    drive.step(10_000_000)
+
+
 EXAMPLES = (
-    Example("Start at 40 %", "manual p19", (START, RUNS, STATE), "the motor runs at its reference"),
+    Example(
+        "Start at 40 %",
+        "manual p19",
+        (START, LATER, STATE),
+        "the motor runs at its reference",
+        after=RUNS_ON,
+    ),
     Example(
         "Ramp stop",
         "manual p20",
-        (START, Step("ten seconds later: ramp stop", command(0x043C, 0), wait=10), STANDS, STATE),
+        (Step("ramp stop", command(0x043C, 0)), LATER, STATE),
         "the motor has stopped, and the drive is ready",
+        runs,
     ),
     Example(
         "Coast stop",
         "manual p20",
-        (START, Step("ten seconds later: coast stop", command(0x2C20, 0), wait=10), STANDS, STATE),
+        (Step("coast stop", command(0x2C20, 0)), LATER, STATE),
         "the drive has let go of the motor",
+        runs,
+        "The drive says *stopped* at once. The shaft may still turn: look at it.",
     ),
     Example(
         "Reset of a trip",
         "MG.61.B5.02 p163",
         (
-            Step("stop, with the reset bit 0", command(0x043C)),
+            Step("stop: bit 6 (start) = 0, bit 7 (reset) = 0", command(0x043C)),
             STATE,
-            Step("the cause is gone: reset bit 1", command(0x04BC)),
-            Step("reset bit 0 again", command(0x043C)),
+            Step("the cause is gone: set bit 7 (reset) to 1", command(0x04BC)),
+            Step("set bit 7 (reset) to 0 again", command(0x043C)),
             STATE,
         ),
         "the drive had tripped; it is ready again, and the motor stands",
         lambda drive: drive.trip(13),
     ),
-    Example("Read the motor current, parameter 514", "manual p21", (START, RUNS), "index -2"),
+    Example(
+        "Read the motor current, parameter 514",
+        "manual p21",
+        (Step("read the motor current", CURRENT),),
+        f"the motor runs; conversion index {MINUS}2: 347 is 3.47 A",
+        runs,
+    ),
     Example(
         "Write the motor frequency, parameter 104",
         "manual p21",
         (Step("60 Hz", rtu.write_register(1039, 60)), Step("read it back", rtu.read_registers(1039, 1))),
-        "the motor stands",
+        "the motor stands; the number is that of the motor's nameplate, not its speed",
     ),
     Example(
         "Write a display text, parameter 533",
@@ -128,7 +153,7 @@ EXAMPLES = (
             Step("40002 = 500 (5 s), 40003 = 20 (200 ms)", bytes.fromhex("10 00 01 00 02 04 01 F4 00 14")),
             Step("read the card's own registers", rtu.read_registers(0, 3)),
         ),
-        "no drive is asked",
+        "without the drive",
     ),
     Example(
         "Keep parameters over a power-off: coil 65",
@@ -142,14 +167,18 @@ EXAMPLES = (
     Example(
         "Stop all drives by a broadcast",
         "manual p14",
-        (Step("ramp stop to all units", command(0x043C, 0), to_all=True),),
-        "no reply on either line",
+        (Step("ramp stop to all units", command(0x043C, 0), to_all=True), LATER, STATE),
+        "no reply to the broadcast, so each drive is read",
+        runs,
+        "Read the others in the same way. Send each drive that still runs a stop of its own.",
     ),
     Example(
         "A write that the drive refuses",
         "manual p23",
-        (START, Step("ten seconds later: write parameter 104", rtu.write_register(1039, 60), wait=10)),
+        (Step("write parameter 104", rtu.write_register(1039, 60)),),
         "some parameters need a stopped motor",
+        runs,
+        RUNS_ON,
     ),
     Example(
         "A register where no parameter starts",
@@ -342,5 +371,6 @@ def worked_examples() -> str:
         for number, one in enumerate(play(example), 1):
             lines += ["", f"{number}. {one.step.what[0].upper()}{one.step.what[1:]}:"]
             lines += ["", "```", *exchange_lines(one), "```"]
+        lines += ["", example.after] if example.after else []
         parts.append("\n".join(lines))
     return "\n\n".join(parts)

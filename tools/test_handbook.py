@@ -170,10 +170,10 @@ def test_every_function_has_its_row():
         (0x01, rtu.read_coils),
         (0x0F, lambda start, n: rtu.write_coils(start, [False] * n)),
     ):
-        most = int(found[function]["most items"])
+        most = int(found[function]["items at most"])
         assert serves(build(0, most)) and not serves(build(0, most + 1))
     for function in (0x03, 0x10):
-        assert found[function]["most items"] == "2 of a number, 10 of a text, 3 of 40001-40003"
+        assert found[function]["items at most"] == "2 of a number, 10 of a text, 3 of 40001-40003"
     for function, row in found.items():
         assert row["as a broadcast"] == ("ignored" if function in (0x01, 0x03) else "carried out")
 
@@ -279,17 +279,26 @@ PLAYED = [one for example in handbook_examples.EXAMPLES for one in handbook_exam
 ANSWERED = [one for one in PLAYED if one.reply is not None]
 
 
-def ends_in(title: str) -> str:
-    """The state in the drive's last reply of an example."""
-    example = next(one for one in handbook_examples.EXAMPLES if one.title == title)
-    status = fc_telegram.parse(handbook_examples.play(example)[-2].drive[-1][1], reply=True)
+def ends_in(example: handbook_examples.Example) -> str:
+    """The state in the drive's last reply of an example, or nothing."""
+    replies = [reply for one in handbook_examples.play(example) for _, reply in one.drive if reply]
+    if not replies:
+        return ""
+    status = fc_telegram.parse(replies[-1], reply=True)
     return fc_telegram.describe_status(status.pcd1, status.pcd2)
 
 
 def test_the_drive_does_what_it_was_asked():
-    assert ends_in("Start at 40 %").startswith("running, on reference, output frequency 40.0 %")
-    for title in ("Ramp stop", "Coast stop", "Reset of a trip"):
-        assert ends_in(title) == "stopped, output frequency 0.0 %"
+    found = {example.title: ends_in(example) for example in handbook_examples.EXAMPLES}
+    assert found["Start at 40 %"].startswith("running, on reference, output frequency 40.0 %")
+    for title in ("Ramp stop", "Coast stop", "Stop all drives by a broadcast", "Reset of a trip"):
+        assert found[title] == "stopped, output frequency 0.0 %"
+
+
+def test_an_example_that_leaves_a_motor_running_tells_how_to_stop_it():
+    for example in handbook_examples.EXAMPLES:
+        if ends_in(example).startswith("running"):
+            assert "runs" in example.note or "#ramp-stop" in example.after, example.title
 
 
 @pytest.mark.parametrize("example", handbook_examples.EXAMPLES, ids=lambda one: one.title)
