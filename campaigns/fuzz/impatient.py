@@ -47,6 +47,8 @@ FORMATS = ("8N1", "8E1")
 OWN_CLOCK = 20  # one sequence in so many runs at the card's own clock, which takes longer to simulate
 # The other ones run at a part of that clock at which the firmware is still ready before the next request.
 SLOWER = {"standard": {1200: 6, 9600: 6, 19200: 6, 115200: 6}, "tiny": {1200: 4, 9600: 4, 19200: 2}}
+REVOKED = 0.05  # of the requests
+FAULTS = (0, 1, 2, 3, 4, 5, 17, 130)  # the last two say that the drive does not take it now
 JAMS = 0.04  # of the requests, if asked for: then something keeps the drive line busy for up to 600 ms
 START, STOP = 0x047C, 0x043C
 LONG_WAIT = 25  # of register 40003: above, a silent drive costs much simulated time
@@ -81,7 +83,7 @@ class Maker:
         asked = [self._wait(rng.choice((rng.randint(1, 100), 5, 10, 13, 20)))] if rng.random() < 0.3 else []
         while len(asked) < 12 and (len(asked) < 4 or rng.random() < 0.8):
             asked += self._stop_behind_a_reading() if rng.random() < 0.25 else self._one()
-        events = [self._event(unit, pdu) for unit, pdu in asked[:12]]
+        events = [event for unit, pdu in asked[:12] for event in self._events(unit, pdu)]
         events[0]["gap"] = ["idle", 30.0]
         line = LineFormat(self.baud, self.form, self.clk_hz)
         rest = {"what": "image", "gap": ["idle", round(20 + 0.01 * line.baud)], "pdu": READ_IMAGE.hex()}
@@ -108,6 +110,15 @@ class Maker:
             event["babble"] = {"gap": round(rng.uniform(1, 400), 1), "bytes": "55" * count, "rude": True}
         return event
 
+    def _events(self, unit: int, pdu: bytes) -> list[dict]:
+        """The request, and sometimes a character behind it that revokes it (FRAME-3)."""
+        event = self._event(unit, pdu)
+        if self.rng.random() >= REVOKED:
+            return [event]
+        line = LineFormat(self.baud, self.form, self.clk_hz)
+        bits = self.rng.uniform(line.t15_bits + 1.5, line.t35_bits - 1.5)
+        return [event, {"what": "impatient", "gap": ["own", round(bits, 2)], "bytes": "55"}]
+
     def _manner(self) -> dict:
         rng = self.rng
         how = rng.random()
@@ -117,7 +128,10 @@ class Maker:
             return {"parts": [{"stale": True, "gap": DRIVE_DELAY_BITS}, {"gap": DRIVE_DELAY_BITS}]}
         late_ms = 10 * self.wait + rng.uniform(-10, 40)
         delay_ms = late_ms if how < 0.18 else self.drive_ms * rng.choice((1, 1, rng.uniform(0.5, 1.5)))
-        return {"gap": round(max(DRIVE_DELAY_BITS, min(delay_ms, 1500) * DRIVE_BAUD / 1000), 2)}
+        gap = {"gap": round(max(DRIVE_DELAY_BITS, min(delay_ms, 1500) * DRIVE_BAUD / 1000), 2)}
+        if how < 0.22:
+            return gap | {"bcc": 1 << rng.randrange(8)}
+        return gap | {"fault": rng.choice(FAULTS)} if how < 0.27 else gap
 
     # ------------------------------------------------------------ requests: unit and PDU
 

@@ -36,5 +36,5 @@ def test_sequences_are_cases_of_the_fuzzer(tmp_path):
         case = make(1, number, "standard")
         path.write_text(json.dumps(case))
         assert case_file.read(path) == case
-        assert 4 <= len(case["events"]) - 1 <= 12
+        assert 4 <= len(case["events"]) - 1 <= 24
     assert case == make(1, number, "standard")

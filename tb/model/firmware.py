@@ -143,6 +143,7 @@ class Translator:
 
     def __init__(self, option: str = "", dialect: str = "card") -> None:
         self.lib = library(option, dialect)
+        self.lib.host_connect(None, None)
         size = self.lib.host_size_of_translator()
         self.memory = ctypes.create_string_buffer(size)
         self.size = self.lib.host_size_of_transaction()
@@ -206,8 +207,8 @@ class Gateway(Firmware):
         super().__init__(mailbox)
         self.memory = ctypes.create_string_buffer(self.lib.host_size_of_gateway())
         self.gateway = ctypes.byref(self.memory)
-        mailbox.watch()
         self.lib.host_connect(mailbox.pointer, self.gateway)
+        mailbox.watch()
         self.lib.gateway_init(self.memory)
 
     def poll(self) -> bool:
