@@ -40,6 +40,7 @@ from .check_rows import (
     registers,
     words,
 )
+from .commands import STOP_S, TURN_S, agreed
 from .crc16 import crc_good
 from .dialects import DIALECTS
 from .port import LONGEST_FRAME, SLACK_S
@@ -52,7 +53,6 @@ READS = 50
 TRIES = 3
 BOOT_S = 120.0  # for a person to switch the card off and on
 POWER_UP = (1000, 15)  # 40002 and 40003 (MAP-5)
-TURN_S, RAMP_S = 3.0, 120.0
 PAGE_DIALECT = "docs/guide/dialects.md"
 SPEAKS = "the card speaks this dialect"
 OTHERS = "other addresses are silent"
@@ -67,6 +67,7 @@ def add_options(parser: argparse.ArgumentParser, number: Callable, yes_no: Calla
     parser.add_argument("--boot", **ask, help="asks a person to switch the card off and on")
     speed = number(1, 100, "the speed")
     parser.add_argument("--start", type=speed, default=0, help="START THE MOTOR at this percentage")
+    parser.add_argument("--yes", action="store_true", help="no question")
     parser.add_argument("--row", default="", help="only rows with this in their title")
 
 
@@ -252,13 +253,13 @@ class Check:
 
     def motor_stops(self) -> str:
         began, shown = self.line.at, ""
-        while self.line.at < began + RAMP_S:
+        while self.line.at < began + STOP_S:
             status, frequency = self.control(RAMP_STOP, 0)
             shown = status_in_words(status, self.card.drive)
             if frequency == 0 and not status & RUNNING:
                 self.card.motor_may_turn = False
                 return f"{shown} after {self.line.at - began:.1f} s"
-        raise Unexpected(f"{shown} after {RAMP_S:.0f} s: use the drive's own stop")
+        raise Unexpected(f"{shown} after {STOP_S:.0f} s: use the drive's own stop")
 
     def stop_motor(self) -> str:
         """Stops the motor after a cross or Ctrl-C."""
@@ -346,8 +347,11 @@ def check(args: argparse.Namespace, screen: Screen, card: Card) -> int:
     drive = "with" if args.with_drive else "without"
     screen.say(f"check: unit {card.unit} at {line.name}, {line.baud} {line.form}, {drive} a drive")
     screen.say(f"Switches for that, 1 = ON: {positions}, address 1-8 {switches.address(card.unit)}.")
-    motor = f"The motor will turn at {args.start} %. Ctrl-C stops it."
-    screen.say(motor if args.start else "No row starts a motor.")
+    if args.start:
+        screen.say(f"The motor will turn at {args.start} %. Ctrl-C stops it.")
+        agreed(args, f"the motor of unit {card.unit} will turn at {args.start} %")
+    else:
+        screen.say("No row starts a motor.")
     ended: list[str] = []
     failure: BaseException | None = None
     try:

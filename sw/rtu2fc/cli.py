@@ -144,9 +144,9 @@ def build() -> argparse.ArgumentParser:
         one = add(name, run, text, line)
         one.add_argument("percent", type=percent, metavar="PERCENT", help="of the maximum reference")
         one.add_argument("--yes", action="store_true", help="no question")
-    add("stop", commands.stop, "stops the motor by its ramp", line)
+    add("stop", commands.stop, "stops the motor by its ramp, and waits until it has stopped", line)
     add("coast", commands.coast, "lets the motor coast to a stop", line)
-    add("reset", commands.reset, "resets a trip; starts no motor", line)
+    add("reset", commands.reset, "resets a trip; stops a motor that runs", line)
 
     one = add("read", commands.read, "parameters of the drive, with unit and conversion", line)
     one.add_argument("parameters", nargs="+", metavar="PARAMETER", help="number, part of the name, or 615[2]")
@@ -196,6 +196,10 @@ def stop_command(args: argparse.Namespace) -> str:
     return f"rtu2fc stop {args.port} --unit {args.unit} --baud {args.baud} --format {args.format}"
 
 
+def motor(card: Card, args: argparse.Namespace) -> str:
+    return f"THE MOTOR MAY TURN. To stop it: {stop_command(args)}" if card.motor_may_turn else ""
+
+
 def opened(args: argparse.Namespace) -> Line:
     if args.replay:
         return Replay(args.replay)
@@ -216,10 +220,13 @@ def on_line(run: Callable, args: argparse.Namespace, screen: Screen) -> int:
     try:
         if run is not check.check:
             card.hello()
-        return run(args, screen, card)
+        code = run(args, screen, card)
+        if said := motor(card, args):
+            screen.say(said)
+            screen.result["motor"] = said
+        return code
     except BaseException:
-        if card.motor_may_turn:
-            screen.motor = f"THE MOTOR MAY TURN. To stop it: {stop_command(args)}"
+        screen.motor = motor(card, args)
         raise
     finally:
         line.close()

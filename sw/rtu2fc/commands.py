@@ -37,6 +37,7 @@ from .problem import DONE, FAILED, NoAnswer, Problem, Refused
 from .screen import Screen
 
 TURN_S = 3.0  # until a started motor must turn
+STOP_S = 120.0  # until a motor must have stopped by its ramp
 VIRTUAL_CARD = "RTU2FC_CARD"
 FIRST = {"hvac_basic": 0}  # index of the first element of an array, if not 1
 
@@ -131,9 +132,9 @@ def _told(screen: Screen, card: Card, word: int, reference: int | None) -> None:
     screen.result |= {"sent_control_word": word, "sent_reference": reference}
 
 
-def _agreed(args: argparse.Namespace, what: str) -> None:
-    """A motor moves after `yes` only."""
-    if args.yes:
+def agreed(args: argparse.Namespace, what: str) -> None:
+    """A motor moves after `yes` only; the motor of a recorded line does not move."""
+    if args.yes or args.replay:
         return
     if not sys.stdin.isatty():
         raise Problem(f"{what}; nobody can be asked without a terminal: add --yes")
@@ -142,52 +143,87 @@ def _agreed(args: argparse.Namespace, what: str) -> None:
         raise Problem("not confirmed, nothing was sent")
 
 
-def _after(screen: Screen, card: Card, want_running: bool | None = None) -> int:
-    """Shows the drive's state; with `want_running` as soon as it runs or after TURN_S."""
-    until = time.monotonic() + TURN_S
-    while True:
-        word, frequency = card.process_words()
-        if not want_running or (word & RUNNING and frequency) or time.monotonic() > until:
-            break
-        card.read(_alarms(card.drive)[0])  # refreshes the image
+def _state(screen: Screen, card: Card) -> tuple[int, int]:
+    word, frequency = card.process_words()
     screen.result |= {"status_word": word, "output_frequency_percent": _share(frequency)}
+    return word, frequency
+
+
+def _show(screen: Screen, card: Card, word: int, frequency: int) -> None:
     screen.say(f"{status_in_words(word, card.drive)}, output frequency {fc.percent(frequency)}")
-    if want_running and not word & RUNNING:
-        screen.say(
-            "The motor does not run. Read: docs/guide/debugging.md, Drive does not start though written",
-            "bold red",
-        )
-        return FAILED
-    return DONE
+
+
+def _refresh(card: Card) -> None:
+    """Reads a parameter, whose answer brings the status image up to date."""
+    card.read(_alarms(card.drive)[0])
+
+
+def _until_it_runs(screen: Screen, card: Card) -> int:
+    until = time.monotonic() + TURN_S
+    word, frequency = _state(screen, card)
+    while not (word & RUNNING and frequency) and time.monotonic() < until:
+        _refresh(card)
+        word, frequency = _state(screen, card)
+    _show(screen, card, word, frequency)
+    if word & RUNNING:
+        return DONE
+    page = "docs/guide/debugging.md, Drive does not start though written"
+    screen.say(f"The motor does not run. Read: {page}", "bold red")
+    return FAILED
+
+
+def _until_it_stops(screen: Screen, card: Card) -> int:
+    """The reply to a stop comes before the ramp, and says that the motor runs."""
+    began, shown = time.monotonic(), None
+    card.motor_may_turn = True
+    while True:
+        _refresh(card)
+        word, frequency = _state(screen, card)
+        stands, late = not (word & RUNNING or frequency), time.monotonic() - began > STOP_S
+        if stands or late or shown is None or time.monotonic() - shown > 2:
+            shown = time.monotonic()
+            _show(screen, card, word, frequency)
+        if stands:
+            card.motor_may_turn = False
+            screen.say("stopped")
+            return DONE
+        if late:
+            screen.say(f"THE MOTOR STILL TURNS after {STOP_S:g} s. Use the drive's own stop.", "bold red")
+            return FAILED
 
 
 def start(args: argparse.Namespace, screen: Screen, card: Card) -> int:
     reference = percent_word(args.percent)
     _told(screen, card, START, reference)
-    _agreed(args, f"the motor of unit {card.unit} will turn at {args.percent:g} %")
+    agreed(args, f"the motor of unit {card.unit} will turn at {args.percent:g} %")
     card.control(START, reference)
-    return _after(screen, card, want_running=args.percent != 0)
+    if args.percent:
+        return _until_it_runs(screen, card)
+    _show(screen, card, *_state(screen, card))
+    return DONE
 
 
 def stop(args: argparse.Namespace, screen: Screen, card: Card) -> int:
     """By the ramp; the reference stays."""
     _told(screen, card, RAMP_STOP, None)
     card.control(RAMP_STOP)
-    return _after(screen, card)
+    return _until_it_stops(screen, card)
 
 
 def coast(args: argparse.Namespace, screen: Screen, card: Card) -> int:
     _told(screen, card, COAST, None)
     card.control(COAST)
-    return _after(screen, card)
+    code = _until_it_stops(screen, card)
+    screen.say("The drive gives no output; a motor with a heavy load turns on until friction stops it.")
+    return code
 
 
 def reset(args: argparse.Namespace, screen: Screen, card: Card) -> int:
-    """The change of bit 7 resets a trip. The start bit is 0, so that no motor starts."""
+    """The change of bit 7 resets a trip. The start bit is 0: a motor that runs is stopped."""
     for word in (RAMP_STOP, RESET, RAMP_STOP):
         _told(screen, card, word, None)
         card.control(word)
-    return _after(screen, card)
+    return _until_it_stops(screen, card)
 
 
 def reference(args: argparse.Namespace, screen: Screen, card: Card) -> int:
@@ -200,9 +236,10 @@ def reference(args: argparse.Namespace, screen: Screen, card: Card) -> int:
             f"Start the motor with this reference: rtu2fc start {card.line.name} {args.percent:g}",
         )
     if word & START_BIT:
-        _agreed(args, f"the motor of unit {card.unit} will turn at {args.percent:g} %")
+        agreed(args, f"the motor of unit {card.unit} will turn at {args.percent:g} %")
     card.control(word, value)
-    return _after(screen, card)
+    _show(screen, card, *_state(screen, card))
+    return DONE
 
 
 # ---------------------------------------------------------------- parameters

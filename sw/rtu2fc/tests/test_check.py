@@ -528,7 +528,7 @@ def test_ctrl_c_is_one_line_and_writes_back():
 @pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_ctrl_c_stops_the_motor(tmp_path, how):
     with RunningCard(tmp_path, "--quiet") as card:
-        test = start(card.link, "--drive", "yes", "--start", "40", "--row", "motor turns")
+        test = start(card.link, "--drive", "yes", "--start", "40", "--yes", "--row", "motor turns")
         while not any("control 047Ch" in frame.what for frame in card.frames()):
             assert test.poll() is None
             time.sleep(0.05)
@@ -552,7 +552,7 @@ def test_ctrl_c_after_a_cross_does_not_hold_up_the_motors_stop():
 from sw.rtu2fc import check, cli
 check.TURN_S = check.RAMP_S = 0.2
 sys.exit(cli.main(["check", *sys.argv[1:]]))"""
-    words = (adapter.name, "--drive", "yes", "--start", "10", "--row", "motor")
+    words = (adapter.name, "--drive", "yes", "--start", "10", "--yes", "--row", "motor")
     test = start_until("the motor stops by its ramp", *words, how=("-c", program))
     time.sleep(0.01)  # the stop and its answers take 40 ms and more
     test.send_signal(signal.SIGINT)

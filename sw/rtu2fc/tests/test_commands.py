@@ -121,12 +121,23 @@ def test_the_motor_starts_follows_and_stops(tmp_path, dialect):
         assert (started["sent_control_word"], started["sent_reference"]) == (0x047C, 0x1999)
         assert started["status_word"] & 0x0800 and started["output_frequency_percent"] > 0
         assert card.ask("reference", 20, "--yes")["sent_reference"] == 0x0CCC
-        card.ask("stop")
-        card.ask("coast")
-        assert not card.ask("status")["status_word"] & 0x0800
-        card.ask("reset")
+        for command in ("stop", "coast", "reset"):
+            ended = card.ask(command)
+            assert not ended["status_word"] & 0x0800 and ended["output_frequency_percent"] == 0
         card.stop()
         assert card.controls() == ["047C", "047C", "043C", "0434", "043C", "04BC", "043C"]
+
+
+def test_a_stop_ends_in_stopped_or_says_that_the_motor_turns(tmp_path, monkeypatch):
+    with Card(tmp_path, "--quiet") as card:
+        card.ask("start", 40, "--yes")
+        monkeypatch.setattr(commands, "STOP_S", 0.0)
+        code, output = card.told("stop")
+        assert code == 1 and "THE MOTOR STILL TURNS after 0 s. Use the drive's own stop." in output
+        assert f"To stop it: rtu2fc stop {card.link}" in output
+        monkeypatch.undo()
+        code, output = card.told("stop")
+        assert code == 0 and output.endswith("output frequency 0.0 %\nstopped\n")
 
 
 def test_no_motor_starts_without_a_yes(tmp_path):
@@ -136,6 +147,8 @@ def test_no_motor_starts_without_a_yes(tmp_path):
         assert "the motor of unit 1 will turn at 40 %; nobody can be asked" in done.stderr
         card.ask("start", 0, "--yes")
         assert card.told("reference", 10)[0] == 2, "the start bit is set: the motor would follow"
+        code, output = card.told("check", "--drive", "yes", "--start", 10)
+        assert code == 2 and "the motor of unit 1 will turn at 10 %; nobody can be asked" in output
         card.stop()
         assert card.controls() == ["047C"]
 

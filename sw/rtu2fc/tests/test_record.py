@@ -11,7 +11,7 @@ import pytest
 from sw.rtu2fc import cli
 
 RECORDED = Path(__file__).parent / "recorded/check.jsonl"
-CHECK = ["--drive", "yes", "--start", "40"]
+CHECK = ["--drive", "yes", "--start", "40", "--yes"]
 
 
 def replayed(file: Path, capsys: pytest.CaptureFixture) -> tuple[int, dict]:
