@@ -1101,6 +1101,15 @@ def test_a_character_during_the_delay_drops_the_reply(delayed: Bench, unseen: bo
     assert delayed.replies == [REPLY_IND]
 
 
+@pytest.mark.rule("LINE-9", "FRAME-7")
+def test_a_newer_request_does_not_get_the_reply_that_is_held(delayed: Bench):
+    delayed.request(READ_IND)
+    delayed.wait(DELAY_MS - 5)
+    delayed.request(READ_514)
+    delayed.wait(DELAY_MS + OVERDUE_MS)
+    assert delayed.replies == []
+
+
 @pytest.mark.rule("LINE-9")
 @pytest.mark.parametrize("drive_ms", [5, DELAY_MS + 10])
 def test_the_reply_to_an_exchange_leaves_after_delay_and_bcc(delayed: Bench, drive_ms: int):
