@@ -74,7 +74,18 @@ CODE_2 = "sends exception 2 for a wrong quantity"
 def test_the_command_names_what_a_port_shows(fault, words, code, said, capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
     with PtySlave(fault) as slave:
-        place = ["grade", slave.port.name, "--unit", "17", "--baud", "19200", "--format", "8N1", *words]
+        place = [
+            "grade",
+            slave.port.name,
+            "--unit",
+            "17",
+            "--baud",
+            "19200",
+            "--format",
+            "8N1",
+            "--yes",
+            *words,
+        ]
         place += ["--timeout", str(SHORT_S), "--gap", "0.02", "--functions", "3,6"]
         result = cli.main([*place, "--report", str(tmp_path / "report.json")])
         assert cli.main([*place, "--report", str(tmp_path / "report.html")]) == code
@@ -103,7 +114,7 @@ def test_the_command_names_what_a_port_shows(fault, words, code, said, capsys, t
 def test_a_wrong_option_is_one_line(words, reason, capsys, monkeypatch):
     monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
     try:
-        code = cli.main(["grade", "nowhere", *words])
+        code = cli.main(["grade", "nowhere", "--yes", *words])
     except SystemExit as end:
         code = end.code
     shown = capsys.readouterr().err

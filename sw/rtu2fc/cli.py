@@ -209,6 +209,9 @@ def opened(args: argparse.Namespace) -> Line:
 def graded(args: argparse.Namespace, screen: Screen) -> int:
     """Any slave, so without the dialects of the card."""
     grade.profile_of(args)  # a wrong option comes before a wrong port
+    commands.agreed(
+        args, f"the tests write coils and registers of unit {args.unit}: a motor behind it may start"
+    )
     with contextlib.closing(opened(args)) as line:
         return grade.run(args, screen, line)
 

@@ -100,6 +100,7 @@ def add_options(parser: argparse.ArgumentParser, seconds: Callable) -> None:
     add("--unknown", type=number(1, 127), default=45, help=unknown)
     codes = f"exception codes of the slave's own document, for {', '.join(REASONS)}"
     add("--own-codes", type=list_of(own_code), default=(), metavar="REASON=CODE,...", help=codes)
+    add("--yes", action="store_true", help="no question")
     add("--report", type=Path, metavar="FILE", help="a page (.html) or data (.json) with every test")
 
 

@@ -149,6 +149,8 @@ def test_no_motor_starts_without_a_yes(tmp_path):
         assert card.told("reference", 10)[0] == 2, "the start bit is set: the motor would follow"
         code, output = card.told("check", "--drive", "yes", "--start", 10)
         assert code == 2 and "the motor of unit 1 will turn at 10 %; nobody can be asked" in output
+        code, output = card.told("grade")
+        assert code == 2 and "a motor behind it may start; nobody can be asked" in output
         card.stop()
         assert card.controls() == ["047C"]
 
