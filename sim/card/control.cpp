@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
+#include <utility>
 
 #include "options.h"
 #include "user_error.h"
@@ -23,6 +24,7 @@ constexpr const char* kHelp =
 constexpr int kOvercurrent = 13, kLastAlarm = 99;
 constexpr int kThousand = 1000;
 constexpr double kMostBaudError = 20;  // percent
+constexpr std::size_t kLongestCommand = 512;
 
 void expect(const std::vector<std::string>& words, std::size_t least, std::size_t most) {
   if (words.size() - 1 < least) throw UserError("'" + words[0] + "' needs more: " + kHelp);
@@ -156,20 +158,18 @@ std::string Control::state() const {
 
 CommandInput::CommandInput(int fd) : fd_(fd) {}
 
+// One reading a call: whatever else is written waits in the pipe, and so does its writer.
 std::vector<std::string> CommandInput::take() {
   pollfd descriptor{fd_, POLLIN, 0};
-  while (!ended_ && poll(&descriptor, 1, 0) > 0) {
-    char buffer[512];
-    const ssize_t count = read(fd_, buffer, sizeof buffer);
-    if (count <= 0) {
-      ended_ = true;
-    } else {
-      rest_.append(buffer, static_cast<std::size_t>(count));
-    }
-  }
+  if (ended_ || poll(&descriptor, 1, 0) <= 0) return {};
+  char buffer[kLongestCommand];
+  const ssize_t count = read(fd_, buffer, sizeof buffer);
+  ended_ = count <= 0;
+  if (!ended_) rest_.append(buffer, static_cast<std::size_t>(count));
   std::vector<std::string> lines;
   for (std::size_t end; (end = rest_.find('\n')) != std::string::npos; rest_.erase(0, end + 1))
     lines.push_back(rest_.substr(0, end));
+  if (rest_.size() > kLongestCommand) lines.push_back(std::exchange(rest_, ""));
   return lines;
 }
 

@@ -43,7 +43,7 @@ class Control {
   Switches read_;      // position at the last power-up
 };
 
-// Reads complete lines from a descriptor; never blocks.
+// Reads complete lines from a descriptor; never blocks, and holds a line or two however many there are.
 class CommandInput {
  public:
   explicit CommandInput(int fd);

@@ -35,10 +35,15 @@ constexpr int kStepUs = 500;                  // between two readings of the wal
 constexpr double kWarnBelow = 0.98;           // x real time
 constexpr int kWarnEvery = 10;                // simulated seconds
 constexpr int kOversampling = 64;             // clocks a bit (LINE-5)
+constexpr unsigned kEndSeconds = 5;           // from a signal to the end of the files
 
 volatile sig_atomic_t stop_requested = 0;
 
-void request_stop(int) { stop_requested = 1; }
+// An output that nobody reads holds up the last lines, and must not hold up the end.
+void request_stop(int) {
+  stop_requested = 1;
+  alarm(kEndSeconds);
+}
 
 void catch_signals() {
   struct sigaction action{};

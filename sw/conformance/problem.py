@@ -1,1 +1,0 @@
-../rtu2fc/problem.py

@@ -1,1 +1,0 @@
-../../tb/agents/rtu.py

@@ -1,1 +1,0 @@
-../../regs/generated/card_tables.py

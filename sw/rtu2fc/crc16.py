@@ -1,1 +1,0 @@
-../../tb/agents/crc16.py
