@@ -17,6 +17,7 @@ from rtl.command import run_main
 from rtl.sources import ROOT
 
 PACKAGES = ("sw/rtu2fc", "sw/conformance", "tb/agents")
+SHARED = ("regs/generated", "sim/drive")  # more folders of which a package takes files
 DATE = "315532800"  # 1980, the first year that a zip file knows
 IGNORED = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
 
@@ -26,18 +27,19 @@ class WheelError(Exception):
 
 
 def build(folder: Path) -> list[Path]:
-    """The wheels of all packages, each from a copy, in which links are files and no mode is the user's."""
+    """The wheels of all packages, from a copy in which no mode is the user's."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as work:
+        for name in (*PACKAGES, *SHARED):
+            shutil.copytree(ROOT / name, Path(work, name), ignore=IGNORED)
         for package in PACKAGES:
-            source = Path(work) / Path(package).name
-            shutil.copytree(ROOT / package, source, ignore=IGNORED)
-            shutil.copy(ROOT / "LICENSE", source)
-            for path in source.rglob("*"):
-                path.chmod(0o755 if path.is_dir() else 0o644)
+            shutil.copy(ROOT / "LICENSE", Path(work, package))
+        for path in Path(work).rglob("*"):
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        for package in PACKAGES:
             command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
             done = subprocess.run(
-                [*command, "-w", folder, source],
+                [*command, "-w", folder, Path(work, package)],
                 env=os.environ | {"SOURCE_DATE_EPOCH": DATE},
                 capture_output=True,
                 text=True,

@@ -6,12 +6,15 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from . import __path__
+
 NAMES = ("hvac_basic", "vlt2800", "vlt5000", "vlt6000", "vlt8000")
 
 
 def _drive(name: str) -> dict:
     """`parameters`: number, then name, type, conversion index, unit. Lines `#:` are settings of the drive."""
-    lines = (Path(__file__).parent / f"{name}.csv").read_text(encoding="ascii").splitlines()
+    (table,) = (found for folder in __path__ if (found := Path(folder, f"{name}.csv")).exists())
+    lines = table.read_text(encoding="ascii").splitlines()
     settings = dict(line[2:].split(" = ") for line in lines if line.startswith("#:"))
     settings = {key.strip(): int(value, 0) for key, value in settings.items()}
     rows = list(csv.DictReader(line for line in lines if line and not line.startswith("#")))
