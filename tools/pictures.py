@@ -394,18 +394,18 @@ def blocks() -> Picture:
     between(picture, 66, "300-19200 bit/s")
     picture.box(14, 104, 392, 288, "thin", 8)
     picture.text(24, 120, "rtu2fc", "b")
-    stage(picture, 134, 52, "network_port", "bytes, silences, CRC: finds frames in time", "part")
-    between(picture, 188, "commit; reply")
+    stage(picture, 134, 52, "network port", "bytes, silences, CRC: finds frames in time", "part")
+    between(picture, 188, "good request; reply")
     stage(
         picture,
         224,
         70,
-        "mailbox and RISC-V firmware",
-        "firmware translates, the commit gate\nlets nothing leave too early",
+        "mailbox and firmware",
+        "a RISC-V processor translates; nothing leaves\nbefore the request is complete",
         "part",
     )
     between(picture, 296, "telegram; drive's reply")
-    stage(picture, 332, 52, "drive_port", "bytes, pauses, BCC of the FC protocol", "part")
+    stage(picture, 332, 52, "drive port", "bytes, pauses, BCC of the FC protocol", "part")
     between(picture, 394, "9600 8E1")
     stage(picture, 430, 52, "VLT 6000", "FC protocol, address 1; EIA-485")
     return picture
