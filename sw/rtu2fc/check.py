@@ -303,7 +303,7 @@ class Check:
         how = (
             "needs a drive (--drive yes)"
             if row.needs == "drive"
-            else "needs the drive's wires off (--drive no)"
+            else "for the bench, without a drive (--drive no)"
         )
         self.asked_for((row.rule, row.title), not missing, how, lambda: self.table_row(row))
 

@@ -83,7 +83,7 @@ def slave_options() -> argparse.ArgumentParser:
     """Of every command that talks to a slave."""
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("port", help="port of the EIA-485 adapter: COM3, /dev/ttyUSB0")
-    parser.add_argument("--unit", type=unit, default=1, help="address switches; default: 1")
+    parser.add_argument("--unit", type=unit, default=1, help="Modbus address, switches 1-8; default: 1")
     parser.add_argument("--baud", type=baud, default=9600, help="baud switches 1-3; default: 9600")
     parser.add_argument("--format", type=form, default="8N2", help="baud switches 4-5; default: 8N2")
     parser.add_argument("--record", type=Path, metavar="FILE", help="all bytes and their times into a file")
@@ -156,9 +156,14 @@ def build() -> argparse.ArgumentParser:
     one.add_argument("--store", action="store_true", help="into the drive's EEPROM too (coil 65)")
     one = add("watch", watch.watch, "parameters again and again: table, CSV, plot", line)
     one.add_argument("parameters", nargs="+", metavar="PARAMETER", help="number, part of the name, or 615[2]")
-    one.add_argument("--every", type=seconds, default=1.0, metavar="S", help="default: 1")
+    one.add_argument("--every", type=seconds, default=1.0, metavar="S", help="seconds; default: 1")
     one.add_argument(
-        "--for", dest="seconds", type=seconds, default=float("inf"), metavar="S", help="then it ends"
+        "--for",
+        dest="seconds",
+        type=seconds,
+        default=float("inf"),
+        metavar="S",
+        help="ends after so many seconds",
     )
     one.add_argument("--csv", type=Path, metavar="FILE", help="log of all values")
     one.add_argument("--plot", type=Path, metavar="FILE.svg", help="picture of all values, at the end")
@@ -177,9 +182,9 @@ def build() -> argparse.ArgumentParser:
     one = add("grade", graded, "the numbered tests of any Modbus RTU slave; they write", slave)
     grade.add_options(one, seconds)
     one = add("switches", commands.switch_positions, "the positions of the card's switches, as a picture")
-    one.add_argument("baud", type=baud)
-    one.add_argument("format", type=form)
-    one.add_argument("unit", type=unit)
+    one.add_argument("baud", type=baud, help="bit/s")
+    one.add_argument("format", type=form, help="data bits, parity, stop bits: 8N2")
+    one.add_argument("unit", type=unit, help="Modbus address, 1 to 247")
     one = add("scan", scan.scan, "rate, format and unit of a bus that one does not know; it only reads")
     one.add_argument("port", help="port of the EIA-485 adapter")
     one.add_argument("--baud", type=baud, help="at this rate alone")

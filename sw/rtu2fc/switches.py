@@ -32,7 +32,7 @@ def picture(title: str, positions: str, fixed: str = "") -> list[str]:
 def lines(baud: int, form: str, unit: int) -> list[str]:
     said = [
         *picture(
-            "Baud switches: 1-3 rate, 4-5 format, 6-9 without effect", BAUDS[baud] + FORMS[form], "0000"
+            "Baud switches: 1-3 rate, 4-5 format, leave one of 6-9 OFF", BAUDS[baud] + FORMS[form], "0000"
         ),
         "",
         *picture(
@@ -40,6 +40,7 @@ def lines(baud: int, form: str, unit: int) -> list[str]:
         ),
         "",
         "# is the position of the switch. The card reads them at power-up only.",
+        "Inside a drive: switch it off and wait 14 minutes before you touch them.",
     ]
     if baud in EXTENDED or form in EXTENDED:
         said.append(f"{baud} {form} needs a card with EXTENDED_SWITCHES = 1.")
