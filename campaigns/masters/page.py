@@ -7,6 +7,7 @@ import json
 from functools import cache
 from pathlib import Path
 
+from campaigns.masters import faults
 from campaigns.masters.cases import Case, cases
 from campaigns.masters.judge import CRASH, NUMBER, TIME_OUT, how
 from campaigns.masters.masters import BY_ID, HERE, MASTERS, Master
@@ -181,8 +182,8 @@ def page(results: dict) -> str:
 
 
 def tables() -> dict[str, object]:
-    """For tools/handbook.py: the generated block of docs/guide/handbook/masters.md."""
-    return {"masters-time-outs": lambda: own_time_outs(load())}
+    """For tools/handbook.py: the generated blocks of docs/guide/handbook/masters.md."""
+    return {"masters-time-outs": lambda: own_time_outs(load()), "masters-faults": faults.table}
 
 
 def own_time_outs(results: dict) -> str:

@@ -42,7 +42,7 @@ TYPE_MISMATCH = 5
 SIZES = {"uint8": (0, 0xFF), "int16": (-0x8000, 0x7FFF), "uint16": (0, 0xFFFF)}
 SIZES |= {"int32": (-0x80000000, 0x7FFFFFFF), "uint32": (0, 0xFFFFFFFF)}
 MEANING = {255: " (no answer from the drive)"}
-NO_ANSWER_PAGE = "docs/guide/debugging.md, No answer"
+SILENT, NO_ANSWER_PAGE = "no answer", "docs/guide/debugging.md, No answer"
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class Card:
         """PDU of this unit's undamaged answer."""
         heard, _ = self.line.exchange(frame, self.answer_s)
         if not heard:
-            raise NoAnswer("no answer", *self.advice())
+            raise NoAnswer(SILENT, *self.advice())
         if len(heard) < 5 or not crc_good(heard) or heard[0] != frame[0]:
             raise NoAnswer(self.described(heard), *self.advice())
         return parse(heard).pdu
@@ -166,15 +166,20 @@ class Card:
 
     def ask(self, pdu: bytes, tries: int = 1) -> bytes:
         """The reply's PDU. An exception is Refused; a reading may be asked again."""
-        frame = build(self.unit, pdu)
+        frame, silent = build(self.unit, pdu), False
         while True:
             tries -= 1
             try:
                 reply = self.reply(frame)
                 break
-            except NoAnswer:
+            except NoAnswer as lost:
+                silent |= str(lost) == SILENT
                 if tries < 1:
                     raise
+        if (
+            silent
+        ):  # it may be the late reply to the first request: the next question must not get the other one
+            self.line.exchange(b"", 2 * self.answer_s)
         if reply[0] == pdu[0]:
             return reply
         if len(reply) != 2 or reply[0] != pdu[0] | 0x80:
@@ -192,10 +197,13 @@ class Card:
             pass  # another maker's card may not have it
         try:
             spoken = self.spoken()
-        except WrongDialect:
-            if self.dialect == "auto":
+        except (NoAnswer, WrongDialect) as problem:
+            if self.dialect != "auto":
+                return  # another maker's card, whose dialect the user knows
+            if isinstance(problem, WrongDialect):
                 raise
-            return  # another maker's card, whose dialect the user knows
+            names = f"If another maker's slave has none: --dialect {', '.join(DIALECTS)}"
+            raise NoAnswer(f"{problem} to an unknown function", *problem.advice, names) from None
         if self.dialect not in ("auto", spoken):
             advice = f"Leave --dialect out, or say --dialect {spoken}."
             raise WrongDialect(f"the card speaks {spoken}, not {self.dialect}", advice)
