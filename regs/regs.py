@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates all files derived from regs/mailbox.rdl, regs/card.toml, configs.toml, rtl/rtl.f and VERSION.
+"""Generates what is derived from regs/*.rdl, regs/*.toml, configs.toml, rtl/rtl.f and VERSION.
 
     python -m regs.regs            writes the files
     python -m regs.regs --check    exits 1 and names every file that is not up to date
 
 From the mailbox map: C header, linker symbols, Python constants, Markdown page.
 From the card tables: Verilog table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+From the dialects: the rows of regs/dialects.py in other files.
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 From the list of Verilog files: the lists in the .core files for FuseSoC.
 From the version of the release: a C header (MAP-10), the versions in the .core files and of the Python
@@ -28,6 +29,7 @@ from peakrdl_markdown import MarkdownExporter
 from systemrdl import RDLCompiler
 from systemrdl.node import FieldNode, RegNode
 
+from regs import dialects
 from rtl.command import run_main
 from rtl.sources import needed_files, rtl_files
 
@@ -636,6 +638,7 @@ def generate() -> dict[str, str]:
         f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()
     }
     files |= {name: with_version(name, pattern) for name, pattern in PACKAGES.items()}
+    files |= dialects.generate()
     lists = core_lists()
     for path in (*sorted(ROOT.glob("*.core")), ROOT / EXAMPLE):
         files[str(path.relative_to(ROOT))] = with_version_and_list(path, lists.get(path.stem))

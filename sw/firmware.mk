@@ -5,10 +5,29 @@
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
 # Each dialect has an image in a folder of its own; the image of the card dialect is in build. Images with another option
-# are below a folder that names it: refresh and norefresh (MAP-1), stop (SAFE-7), delay5 and delay20 (LINE-9).
+# are below a folder that names it. FIRMWARE_FIT: linked to be measured only, what the small card would need
+# (sw/tools/fit.py).
+# From regs/dialects.toml by make regs: images
 FIRMWARE_DIALECTS := builtin hvac_basic
-FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%) build/refresh $(FIRMWARE_DIALECTS:%=build/norefresh/%)
-FIRMWARE_FOLDERS += build/stop build/stop/builtin build/delay5 build/delay20
+FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%)
+FIRMWARE_LARGE := build/large $(FIRMWARE_DIALECTS:%=build/large/%)
+FIRMWARE_FIT := $(addprefix build/fit/,card builtin hvac_basic STATUS_REFRESH MASTER_LOSS_STOP DIAGNOSTICS)
+FIRMWARE_FOLDERS += build/refresh
+build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
+FIRMWARE_FOLDERS += build/norefresh/builtin build/norefresh/hvac_basic
+build/norefresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=0
+FIRMWARE_FOLDERS += build/stop build/stop/builtin
+build/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
+FIRMWARE_FOLDERS += build/delay5
+build/delay5/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=5
+FIRMWARE_FOLDERS += build/delay20
+build/delay20/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=20
+FIRMWARE_LARGE += build/large/all build/large/all/builtin build/large/all/hvac_basic
+build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
+build/fit/STATUS_REFRESH/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
+build/fit/MASTER_LOSS_STOP/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
+build/fit/DIAGNOSTICS/%: FIRMWARE_BY_NAME := -DDIAGNOSTICS=1
+# end of images
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
 FIRMWARE_HOST_DIR ?= build/host
@@ -43,11 +62,7 @@ FIRMWARE_TINY := build/tiny/firmware
 FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
 # The boards with a larger memory run images of their own. All options at once, below build/large/all, fit there
 # in every dialect.
-FIRMWARE_LARGE := $(FIRMWARE_DIALECTS:%=build/large/%) build/large
-FIRMWARE_LARGE += $(FIRMWARE_LARGE:build/large%=build/large/all%)
 FIRMWARE_ELFS += $(FIRMWARE_LARGE:%=%/firmware.elf)
-# Linked to be measured only: what the small card would need (sw/tools/fit.py).
-FIRMWARE_FIT := $(addprefix build/fit/,card builtin hvac_basic refresh stop diagnostics)
 FIRMWARE_CONFIG := standard
 build/fit/%: FIRMWARE_CONFIG := tiny
 # The small card has one core (rtl/soft_core.v).
@@ -59,17 +74,8 @@ build/large/%: FIRMWARE_MEMORY = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; 
 build/fit/%: FIRMWARE_MEMORY := 16384
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
-FIRMWARE_DIALECT := CARD
-FIRMWARE_OF_BUILTIN := $(addsuffix builtin/%,build/ $(addprefix build/,norefresh/ stop/ host/ large/ large/all/ fit/))
-$(FIRMWARE_OF_BUILTIN): FIRMWARE_DIALECT := BUILTIN
-$(subst builtin,hvac_basic,$(FIRMWARE_OF_BUILTIN)): FIRMWARE_DIALECT := HVAC_BASIC
-build/refresh/% build/fit/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
-build/norefresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=0
-build/stop/% build/fit/stop/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
-build/delay5/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=5
-build/delay20/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=20
-build/fit/diagnostics/%: FIRMWARE_BY_NAME := -DDIAGNOSTICS=1
-build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
+# A folder with the name of a dialect has its image, any other folder that of the dialect card.
+FIRMWARE_DIALECT = $(shell echo $(or $(filter $(FIRMWARE_DIALECTS),$(notdir $(@D))),card) | tr a-z A-Z)
 FIRMWARE_OPTIONS = -DDIALECT=DIALECT_$(FIRMWARE_DIALECT) $(FIRMWARE_BY_NAME) $(FIRMWARE_DEFINES)
 
 # Written only when it changes: other options are a reason to build.

@@ -6,26 +6,30 @@
 #define DIALECT_H
 
 #include <string>
+#include <vector>
 
 namespace card {
 
-struct Dialect {
+// An option that chooses an image.
+struct Flag {
   const char* name;
-  const char* image_folder;  // relative to this program's folder
-  const char* profile;       // default drive profile of sim/drive
-  bool standard_exceptions;  // codes 1 to 4 mean what the Modbus standard says
+  const char* help;
 };
 
-// Below this program's folder: the image of the dialect card with STATUS_REFRESH, and those of the other dialects
-// without it (MAP-1).
-constexpr const char* kStatusRefreshFolder = "/refresh";
-constexpr const char* kNoStatusRefreshFolder = "/norefresh";
-// Those with MASTER_LOSS_STOP (SAFE-7).
-constexpr const char* kMasterLossStopFolder = "/stop";
+struct Dialect {
+  const char* name;
+  const char* about;
+  const char* profile;       // default drive profile of sim/drive
+  bool standard_exceptions;  // codes 1 to 4 mean what the Modbus standard says
+  // Folders of its images, relative to this program's folder: without a flag, then with each of flags(). nullptr: no
+  // such image.
+  std::vector<const char*> images;
+};
 
+const std::vector<Flag>& flags();
+const std::vector<Dialect>& dialects();  // the first is the default
 // nullptr when there is no such dialect.
 const Dialect* find_dialect(const std::string& name);
-const Dialect& default_dialect();
 
 }  // namespace card
 

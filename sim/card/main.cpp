@@ -126,14 +126,7 @@ void run(const Options& options) {
   recording.network_line(network.name());
   const std::unique_ptr<FarEnd> master = open_master(options);
   const std::unique_ptr<FarEnd> drive = open_drive(options);
-  const std::string dialect_folder = options.dialect->image_folder;
-  // The images of the other dialects refresh the status by themselves (MAP-1).
-  const bool refreshes = !dialect_folder.empty();
-  const char* const option_folder = options.status_refresh && !refreshes     ? kStatusRefreshFolder
-                                    : options.no_status_refresh && refreshes ? kNoStatusRefreshFolder
-                                    : options.master_loss_stop               ? kMasterLossStopFolder
-                                                                             : "";
-  const std::string firmware = own_folder() + option_folder + dialect_folder;
+  const std::string firmware = own_folder() + options.dialect->images[options.image];
   CardSetup setup{kClock, options.sw_baud, options.sw_addr, firmware, options.wave_file};
   VirtualCard virtual_card(
       setup, [&](const Frame& frame) { recording.frame(frame); },
@@ -200,7 +193,7 @@ int main(int argc, char** argv) {
   try {
     const Options options = parse_options(argc, argv);
     if (options.help) {
-      std::fputs(help_text(), stdout);
+      std::fputs(help_text().c_str(), stdout);
     } else if (options.version) {
       std::printf("rtu2fc " CARD_VERSION ", virtual card of %lld Hz\n", static_cast<long long>(kClock.hz));
     } else {

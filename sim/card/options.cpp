@@ -17,8 +17,6 @@ namespace {
 
 constexpr const char* kDefaultBaudSwitches = "111110000";  // 9600 8N2
 constexpr const char* kDefaultAddrSwitches = "10000000";   // address 1
-constexpr const char* kDialects = "card, builtin or hvac_basic";
-constexpr const char* kProfiles = "vlt6000, vlt5000, vlt2800, vlt8000 or hvac_basic";
 constexpr std::size_t kBaudSwitches = 9;
 constexpr std::size_t kAddrSwitches = 8;
 
@@ -44,15 +42,34 @@ bool is_real(const std::string& option, const std::string& text) {
   return text == "real";
 }
 
+// "a, b or c"
+std::string listed(const std::vector<std::string>& names) {
+  std::string text = names[0];
+  for (std::size_t i = 1; i < names.size(); ++i) text += (i + 1 < names.size() ? ", " : " or ") + names[i];
+  return text;
+}
+
+std::string dialect_names() {
+  std::vector<std::string> names;
+  for (const Dialect& dialect : dialects()) names.emplace_back(dialect.name);
+  return listed(names);
+}
+
+std::string profile_names() {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; drive_profile_name(i) != nullptr; ++i) names.emplace_back(drive_profile_name(i));
+  return listed(names);
+}
+
 const Dialect* dialect(const std::string& option, const std::string& text) {
   const Dialect* const found = find_dialect(text);
-  if (found == nullptr) throw UserError(option + " is " + kDialects + ", not '" + text + "'");
+  if (found == nullptr) throw UserError(option + " is " + dialect_names() + ", not '" + text + "'");
   return found;
 }
 
 const drive_profile_t* profile(const std::string& option, const std::string& text) {
   const drive_profile_t* const found = drive_profile(text.c_str());
-  if (found == nullptr) throw UserError(option + " is " + kProfiles + ", not '" + text + "'");
+  if (found == nullptr) throw UserError(option + " is " + profile_names() + ", not '" + text + "'");
   return found;
 }
 
@@ -76,12 +93,9 @@ void check_together(const Options& options) {
     throw UserError("--drive and --drive-device exclude each other");
   if (options.trip_seconds > 0 && !(options.drive_link.empty() && options.drive_device.empty()))
     throw UserError("--trip is for the simulated drive");
-  if (options.status_refresh && options.no_status_refresh)
-    throw UserError("--status-refresh and --no-status-refresh exclude each other");
-  if ((options.status_refresh || options.no_status_refresh) && options.master_loss_stop)
-    throw UserError("--master-loss-stop takes the status refresh of the dialect: no image has another one");
-  if (options.master_loss_stop && options.dialect->name == std::string("hvac_basic"))
-    throw UserError("--master-loss-stop has no image for the dialect hvac_basic");
+  if (options.dialect->images[options.image] == nullptr)
+    throw UserError(std::string(flags()[options.image - 1].name) + " has no image for the dialect " +
+                    options.dialect->name);
   if (!options.real_time && (!options.modbus_device.empty() || !options.drive_device.empty()))
     throw UserError("--speed max does not go with a real serial port");
   if (!options.modbus_link.empty() && options.modbus_link == options.drive_link)
@@ -91,6 +105,34 @@ void check_together(const Options& options) {
     for (std::size_t j = i + 1; j < 3; ++j)
       if (!files[i]->empty() && same_file(*files[i], *files[j]))
         throw UserError("--wave, --pcap and --log need different files, not twice '" + *files[i] + "'");
+}
+
+// One line of the help below an option or its value.
+std::string help_line(const std::string& name, const std::string& text) {
+  return "  " + name + std::string(name.size() < 22 ? 23 - name.size() : 1, ' ') + text + "\n";
+}
+
+std::string dialect_help() {
+  std::string text;
+  for (const Dialect& dialect : dialects())
+    text += help_line("", std::string(dialect.name) + ": " + dialect.about + ", drive " + dialect.profile);
+  return text;
+}
+
+std::string flag_help() {
+  std::string text;
+  for (std::size_t i = 1; i <= flags().size(); ++i) {
+    std::string usual;
+    std::string missing;
+    for (const Dialect& dialect : dialects()) {
+      if (dialect.images[i] == nullptr)
+        missing += std::string(", not with ") + dialect.name;
+      else if (std::string(dialect.images[i]) == dialect.images[0])
+        usual += std::string(", default with ") + dialect.name;
+    }
+    text += help_line(flags()[i - 1].name, flags()[i - 1].help + usual + missing);
+  }
+  return text;
 }
 
 }  // namespace
@@ -105,14 +147,14 @@ unsigned addr_switches(const std::string& option, const std::string& text) {
 
 Options parse_options(int argc, char** argv) {
   Options options;
-  options.dialect = &default_dialect();
+  options.dialect = &dialects()[0];
   options.sw_baud = switches("--sw-baud", kDefaultBaudSwitches, kBaudSwitches);
   options.sw_addr = switches("--sw-addr", kDefaultAddrSwitches, kAddrSwitches);
   const auto text = [](std::string& target) {
     return [&target](const std::string& value) { target = value; };
   };
   const auto flag = [](bool& target) { return [&target](const std::string&) { target = true; }; };
-  const std::vector<Option> known = {
+  std::vector<Option> known = {
       {"--modbus", true, text(options.modbus_link)},
       {"--modbus-device", true, text(options.modbus_device)},
       {"--drive", true,
@@ -124,9 +166,6 @@ Options parse_options(int argc, char** argv) {
       {"--drive-device", true, text(options.drive_device)},
       {"--profile", true, [&](const std::string& v) { options.profile = profile("--profile", v); }},
       {"--dialect", true, [&](const std::string& v) { options.dialect = dialect("--dialect", v); }},
-      {"--status-refresh", false, flag(options.status_refresh)},
-      {"--no-status-refresh", false, flag(options.no_status_refresh)},
-      {"--master-loss-stop", false, flag(options.master_loss_stop)},
       {"--sw-baud", true,
        [&](const std::string& v) { options.sw_baud = baud_switches("--sw-baud", v); }},
       {"--sw-addr", true,
@@ -141,6 +180,13 @@ Options parse_options(int argc, char** argv) {
       {"--help", false, flag(options.help)},
       {"--version", false, flag(options.version)},
   };
+  for (std::size_t i = 1; i <= flags().size(); ++i)
+    known.push_back({flags()[i - 1].name, false, [&options, i](const std::string&) {
+                       if (options.image != 0 && options.image != i)
+                         throw UserError(std::string(flags()[options.image - 1].name) + " and " +
+                                         flags()[i - 1].name + " exclude each other: no image has both");
+                       options.image = i;
+                     }});
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     const std::size_t equals = argument.find('=');
@@ -168,7 +214,7 @@ Options parse_options(int argc, char** argv) {
   return options;
 }
 
-const char* help_text() {
+std::string help_text() {
   return "usage: card [options]\n"
          "The virtual card: the Verilated rtu2fc card with its firmware and two serial lines.\n"
          "\n"
@@ -183,17 +229,9 @@ const char* help_text() {
          "  --drive LINK           a pty for a foreign drive\n"
          "  --drive-device DEV     use a real serial port\n"
          "  --profile NAME         the simulated drive, and the names of a drive's parameters in words:\n"
-         "                         vlt6000 (default), vlt5000, vlt2800, vlt8000, hvac_basic (default with\n"
-         "                         the dialect of that name)\n"
+         "                         " + profile_names() + "\n"
          "card\n"
-         "  --dialect NAME         firmware of the card: card (default, the option card's own), builtin\n"
-         "                         (as VLT 2800, 6000, 8000 with Modbus built in), hvac_basic (as the VLT\n"
-         "                         HVAC Basic Drive)\n"
-         "  --status-refresh       a read of coils 33-64 asks the drive first (default with the dialects\n"
-         "                         builtin and hvac_basic)\n"
-         "  --no-status-refresh    it reads the status of the drive's last reply (default with card)\n"
-         "  --master-loss-stop     the drive is stopped when no good frame comes for the time of 40002 (an\n"
-         "                         image of its own; not hvac_basic)\n"
+         "  --dialect NAME         firmware of the card, by default the first one:\n" + dialect_help() + flag_help() +
          "  --sw-baud 111110000    rate and parity switches, switch 1 first, 1 = ON (default 9600 8N2)\n"
          "  --sw-addr 10000000     address switches, switch 1 first, 1 = ON (default address 1)\n"
          "time\n"

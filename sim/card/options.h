@@ -19,10 +19,7 @@ struct Options {
   double trip_seconds = 0;  // when the simulated drive trips, 0: never
   std::string drive_device;
   const Dialect* dialect = nullptr;
-  // The image that asks the drive for coils 33-64, or the one that does not; neither: as the dialect does (MAP-1).
-  bool status_refresh = false;
-  bool no_status_refresh = false;
-  bool master_loss_stop = false;  // the image that stops the drive when the master is lost (SAFE-7)
+  std::size_t image = 0;  // of Dialect::images
   const drive_profile_t* profile = nullptr;
   unsigned sw_baud = 0;  // bit n-1 = switch n, 1 = ON
   unsigned sw_addr = 0;
@@ -44,7 +41,7 @@ Options parse_options(int argc, char** argv);
 unsigned baud_switches(const std::string& option, const std::string& text);
 unsigned addr_switches(const std::string& option, const std::string& text);
 
-const char* help_text();
+std::string help_text();
 
 }  // namespace card
 

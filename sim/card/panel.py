@@ -36,6 +36,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal
 from textual.widgets import Static
 
+from regs.dialects import DEFAULT, DIALECTS
 from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.card.run_card import CARD
@@ -549,8 +550,8 @@ def main() -> int:
         if not card.ready:
             print("\n".join(card.said), file=sys.stderr)
             return card.stop()
-        dialect_drive = {"hvac_basic": "hvac_basic"}.get(option(options, "--dialect") or "", "vlt6000")
-        view = View(link, option(options, "--profile") or dialect_drive)
+        dialect = DIALECTS[option(options, "--dialect") or DEFAULT]
+        view = View(link, option(options, "--profile") or dialect.profiles[0])
         ended = Panel(card, view).run()
         code = card.stop()
         if ended not in (0, None) and view.message:

@@ -22,6 +22,7 @@ from resource import RLIMIT_FSIZE, setrlimit
 import pytest
 from pymodbus.client import ModbusSerialClient
 
+from regs.dialects import FLAGS, STANDARD
 from rtl.sources import ROOT
 from sim.card.run_card import CARD, Frame, RunningCard
 from tb.agents.crc16 import with_crc
@@ -41,20 +42,8 @@ MANUAL = [
 ]
 OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
-    *(
-        "--status-refresh",
-        "--no-status-refresh",
-        "--master-loss-stop",
-        "--dialect",
-        "--profile",
-        "--speed",
-        "--for",
-        "--wave",
-        "--pcap",
-        "--log",
-        "--quiet",
-        "--control",
-    ),
+    *("--dialect", "--profile", "--speed", "--wave", "--pcap", "--log", "--quiet", "--control", "--for"),
+    *(image.flag for image in FLAGS),
 ]
 READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
 CHARACTER_S = 11 / 9600
@@ -163,10 +152,11 @@ def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProce
         (["--bogus"], "--bogus"),
         (["--modbus"], "--modbus needs a value"),
         (["--sw-baud", "11111000x"], "--sw-baud takes 9 digits"),
-        (["--dialect", "klingon"], "card, builtin or hvac_basic, not 'klingon'"),
+        (["--dialect", "klingon"], f"builtin or {STANDARD}, not 'klingon'"),
         (["--for", "soon"], "--for"),
         (["--drive", "example", "--drive-device", "b"], "exclude"),
-        (["--dialect", "hvac_basic", "--master-loss-stop"], "no image"),
+        (["--dialect", STANDARD, "--master-loss-stop"], f"no image for the dialect {STANDARD}"),
+        (["--status-refresh", "--no-status-refresh"], "exclude each other"),
         (["--modbus-device", "/dev/null"], "/dev/null is not a serial port"),
         (["--modbus", "/no/such/folder/link"], "/no/such/folder/link"),
         (["--wave", "/no/such/folder/wave"], "/no/such/folder/wave"),
@@ -374,7 +364,7 @@ def test_the_drive_trips_on_demand(tmp_path):
 
 
 REFRESHED = first(
-    [("builtin",), ("card", "--status-refresh"), ("hvac_basic",), ("hvac_basic", "--status-refresh")], 2
+    [("builtin",), ("card", "--status-refresh"), (STANDARD,), (STANDARD, "--status-refresh")], 2
 )
 
 
@@ -409,7 +399,7 @@ def test_the_first_request_after_power_up_reads_the_status_of_the_drive(tmp_path
         client.close()
 
 
-WITHOUT = [("card",), ("builtin", "--no-status-refresh"), ("hvac_basic", "--no-status-refresh")]
+WITHOUT = [("card",), ("builtin", "--no-status-refresh"), (STANDARD, "--no-status-refresh")]
 
 
 @pytest.mark.nightly
@@ -455,7 +445,7 @@ def test_only_with_the_option_a_stop_leaves_when_the_master_is_lost(tmp_path, op
 def test_pymodbus_reads_every_diagnosis(tmp_path):
     """Its own requests, as any master sends them."""
     version = VERSION
-    with RunningCard(tmp_path, "--speed", "max", "--dialect", "hvac_basic") as card:
+    with RunningCard(tmp_path, "--speed", "max", "--dialect", STANDARD) as card:
         client = pymodbus_client(card)
         assert client.diag_query_data(b"\x12\x34", device_id=1).message in (b"\x12\x34", [0x1234], 0x1234)
         assert not client.diag_clear_counters(device_id=1).isError()

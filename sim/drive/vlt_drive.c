@@ -72,6 +72,10 @@ const drive_profile_t *drive_profile(const char *name) {
   return NULL;
 }
 
+const char *drive_profile_name(size_t index) {
+  return index < sizeof drive_profiles / sizeof drive_profiles[0] ? drive_profiles[index].name : NULL;
+}
+
 /* Index of a parameter in the profile's table, NOWHERE if there is none. */
 static uint16_t find(const drive_t *d, uint16_t pnu) {
   uint16_t low = 0;

@@ -199,9 +199,11 @@ typedef struct {
   uint64_t run_us;
 } drive_t;
 
-/* Finds a profile by name: "vlt6000" (the card's own drive), "vlt5000", "vlt2800", "vlt8000",
- * "hvac_basic". NULL if unknown. */
+/* Finds a profile by name, which is that of its table in this folder. NULL if unknown. */
 const drive_profile_t *drive_profile(const char *name);
+
+/* The names of all profiles; NULL after the last. */
+const char *drive_profile_name(size_t index);
 
 /* Power the drive up with every parameter at its default: motor stopped, no trip, status word 0607h. */
 void drive_init(drive_t *d, const drive_profile_t *profile);

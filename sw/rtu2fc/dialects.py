@@ -14,9 +14,9 @@ class Dialect:
 
     codes: dict[str, int]  # exception code for each error; "drive" if not the fault number itself
     index_register: int
-    highest_pnu: int
     text_by_size: bool
     drive: str
+    options: tuple[str, ...] = ()  # build options that are on
 
     def code(self, why: str | int) -> int:
         if isinstance(why, str):
@@ -24,29 +24,31 @@ class Dialect:
         return self.codes.get("drive", why)
 
 
+# From regs/dialects.toml by make regs: dialects
 DIALECTS = {
     "card": Dialect(
         {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 2, "silent": 255},
         index_register=0,
-        highest_pnu=2047,
         text_by_size=False,
         drive="vlt6000",
+        options=(),
     ),
     "builtin": Dialect(
         {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 66},
         index_register=8,
-        highest_pnu=2047,
         text_by_size=True,
         drive="vlt6000",
+        options=("STATUS_REFRESH",),
     ),
     "hvac_basic": Dialect(
         {"function": 1, "length": 3, "quantity": 3, "address": 2, "value": 3, "drive": 4},
         index_register=8,
-        highest_pnu=4095,
         text_by_size=True,
         drive="hvac_basic",
+        options=("STATUS_REFRESH", "DIAGNOSTICS"),
     ),
 }
+# end of dialects
 WORDS = {
     "function": "unknown function",
     "length": "wrong length of the message",

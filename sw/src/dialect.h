@@ -25,6 +25,7 @@ struct traits {
     uint8_t drive_silent; /* 0: no reply to the master */
 };
 
+/* From regs/dialects.toml by make regs: dialects */
 static const struct traits dialects[] = {
     [DIALECT_CARD] = {
         .pnu_max = 2047,
@@ -63,6 +64,7 @@ static const struct traits dialects[] = {
         .drive_silent = 0,
     },
 };
+/* end of dialects */
 
 #define TRAITS (dialects[DIALECT])
 

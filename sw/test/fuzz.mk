@@ -11,7 +11,7 @@ FUZZ_FLAGS ?= -O1
 FUZZ_SANITIZERS := -fsanitize=fuzzer,address,undefined,implicit-conversion -fno-sanitize-recover=all
 FUZZ_CFLAGS := -std=c99 -g -Wall -Wextra -Werror -Wconversion -Wstrict-prototypes -Wmissing-prototypes \
 	-I$(FUZZ_TREE)/sw/include -I$(FUZZ_TREE)/sw/src -Iregs/generated -I$(FUZZ_TREE)/sw/port/host -Isw/test
-FUZZ_DIALECTS := card builtin hvac_basic
+FUZZ_DIALECTS := $(shell sed -n 's/^\[dialect\.\(.*\)\]/\1/p' regs/dialects.toml)
 FUZZERS := $(foreach dialect,$(FUZZ_DIALECTS),$(addprefix $(FUZZ_DIR)/$(dialect)/fuzz_,translate gateway))
 # main.c runs on the card alone.
 FUZZ_SOURCES := $(filter-out %/main.c,$(wildcard $(FUZZ_TREE)/sw/src/*.c)) $(wildcard $(FUZZ_TREE)/sw/port/host/*.c) \

@@ -12,16 +12,14 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
+from regs.dialects import DIALECTS, OPTIONS
 from rtl.report_page import publish
 from rtl.sources import without_comments
-from tb.model.firmware import OPTION_VALUES
 
 ROOT = Path(__file__).resolve().parents[2]
-DIALECTS = ("card", "builtin", "hvac_basic")
 # Name and preprocessor symbols of each build.
-BUILDS = {name: [f"-DDIALECT=DIALECT_{name.upper()}"] for name in DIALECTS} | {
-    option: ["-DDIALECT=DIALECT_CARD", f"-D{option}={OPTION_VALUES.get(option, 1)}"]
-    for option in ("STATUS_REFRESH", "ADR_SHORT", "DIAGNOSTICS", "MASTER_LOSS_STOP", "REPLY_DELAY")
+BUILDS = {name: [f"-DDIALECT={dialect.macro}"] for name, dialect in DIALECTS.items()} | {
+    name: ["-DDIALECT=DIALECT_CARD", f"-D{name}={option.tried}"] for name, option in OPTIONS.items()
 }
 # The translation core: the files that decide the content of telegrams and replies.
 CORE = (

@@ -13,18 +13,14 @@ import subprocess
 import sys
 import tomllib
 
+from regs.dialects import DEFAULT, DIALECTS, OPTIONS
 from rtl.command import run_main
 from rtl.sources import ROOT
 from sw.tools.stack import reserved
 
 CONFIG = "tiny"
-SHOWN = {
-    "card": "dialect `card`",
-    "builtin": "dialect `builtin`",
-    "hvac_basic": "dialect `hvac_basic`, which has DIAGNOSTICS",
-    "refresh": "`card` with STATUS_REFRESH",
-    "stop": "`card` with MASTER_LOSS_STOP",
-    "diagnostics": "`card` with DIAGNOSTICS",
+SHOWN = {name: f"dialect `{name}`" for name in DIALECTS} | {
+    name: f"`{DEFAULT}` with {name}" for name, option in OPTIONS.items() if not option.small
 }
 
 

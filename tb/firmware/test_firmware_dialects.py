@@ -11,9 +11,8 @@ import re
 
 import pytest
 
-from campaigns.fuzz.traffic import DIALECT_PROFILES
+from regs.dialects import DIALECTS, STANDARD, having
 from rtl.sources import ROOT
-from sw.test.host import DIALECTS as HOST_DIALECTS
 from tb.firmware.test_firmware_gateway import (
     ASK_514,
     OVERDUE_MS,
@@ -42,22 +41,26 @@ from tb.model.card import OBJECTS, VERSION
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Build, Transaction, Translator
 
 GUIDE = ROOT / "docs/guide/dialects.md"
-RULES = {"card": "DIALECT-CARD", "builtin": "DIALECT-BUILTIN", "hvac_basic": "DIALECT-HVAC-BASIC"}
+
+
+def rule_of(dialect: str) -> str:
+    return f"DIALECT-{dialect.upper().replace('_', '-')}"
 
 
 def spoken_in(*dialects: str) -> pytest.MarkDecorator:
     """Runs the test in these dialects and marks it with their rules."""
     return pytest.mark.parametrize(
         "card",
-        [pytest.param(name, marks=pytest.mark.rule(RULES[name]), id=name) for name in dialects],
+        [pytest.param(name, marks=pytest.mark.rule(rule_of(name)), id=name) for name in dialects],
         indirect=True,
     )
 
 
-in_all = spoken_in("card", "builtin", "hvac_basic")
-in_later = spoken_in("builtin", "hvac_basic")
+LATER = having(text_by_size=True)
+in_all = spoken_in(*DIALECTS)
+in_later = spoken_in(*LATER)
 in_builtin = spoken_in("builtin")
-in_hvac_basic = spoken_in("hvac_basic")
+in_standard = spoken_in(STANDARD)
 
 
 @pytest.fixture
@@ -77,25 +80,8 @@ def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
     return txn.drive_commit().drive_again()
 
 
-def test_every_list_names_the_same_dialects():
-    """The places where CONTRIBUTING.md adds a dialect. The card dialect is the default of some of them."""
-
-    def words(path: str, pattern: str) -> set[str]:
-        found = re.findall(pattern, (ROOT / path).read_text(), re.MULTILINE)
-        return {word.lower() for line in found for word in line.split()}
-
-    found = {
-        "options.h": words("sw/include/options.h", r"^#define DIALECT_(\w+) \d+$"),
-        "dialect.h": words("sw/src/dialect.h", r"^    \[DIALECT_(\w+)\] = "),
-        "firmware.mk": {"card"} | words("sw/firmware.mk", r"^FIRMWARE_DIALECTS := (.*)$"),
-        "rules of firmware.mk": words("sw/firmware.mk", r"FIRMWARE_DIALECT := (\w+)$"),
-        "fuzz.mk": words("sw/test/fuzz.mk", r"^FUZZ_DIALECTS := (.*)$"),
-        "dialect.cpp": words("sim/card/dialect.cpp", r'^    \{"(\w+)", '),
-        "host.py": set(HOST_DIALECTS),
-        "traffic.py": set(DIALECT_PROFILES),
-        "rules": set(RULES),
-    }
-    assert found == {name: set(MODEL_DIALECTS) for name in found}
+def test_the_model_and_the_table_know_the_same_dialects():
+    assert list(MODEL_DIALECTS) == list(DIALECTS)
 
 
 # ---------------------------------------------------------------- the documents' examples
@@ -128,13 +114,13 @@ def test_s2_reads_an_array_by_the_index_in_register_9(card: Translator):
     assert answered(card, "03 17C9 0001", f"1261 0008 0000 0019 {RUNNING}") == H("03 02 0019")
 
 
-@in_hvac_basic
+@in_standard
 def test_s3_reads_the_status_word_0607_as_the_first_request(card: Translator):
     assert same(sent_for(card, "01 0020 0010"), "81 0000 0000")
     assert answered(card, "01 0020 0010", "0607 2000") == H("01 02 07 06")
 
 
-@in_hvac_basic
+@in_standard
 def test_s3_forces_coil_65(card: Translator):
     assert same(sent_for(card, "06 040F 003C"), "81 2068 0000 0000 003C 0000 0000")
     assert same(reply_to(card, "05 0040 FF00"), "05 0040 FF00")
@@ -195,7 +181,7 @@ def test_an_invalid_request_gets_the_code_of_the_dialect(
     card: Translator, pdu: str, codes: tuple[int, int, int], what: str
 ):
     before = card.state()
-    code = dict(zip(RULES, codes, strict=True))[card.dialect]
+    code = dict(zip(DIALECTS, codes, strict=True))[card.dialect]
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
     assert card.state() == before
 
@@ -204,13 +190,13 @@ def test_an_invalid_request_gets_the_code_of_the_dialect(
 @pytest.mark.parametrize("fault", [0, 1, 2, 3, 4, 6, 7, 11, 17, 18, 130, 131, 254, 255])
 @pytest.mark.parametrize("pdu", ["03 1413 0001", "06 1413 0001", "10 1413 0002 04 0000 0001"])
 def test_a_drive_fault_is_reported_unchanged_or_as_4(card: Translator, fault: int, pdu: str):
-    code = 4 if card.dialect == "hvac_basic" else fault
+    code = 4 if card.dialect == STANDARD else fault
     assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(code, H(pdu)[0])
 
 
 @in_all
 def test_a_double_word_that_does_not_fit_is_a_fault_of_type(card: Translator):
-    code = 4 if card.dialect == "hvac_basic" else 5
+    code = 4 if card.dialect == STANDARD else 5
     assert answered(card, "03 1413 0001", f"2202 0000 0001 0000 {RUNNING}") == refused(code, 3)
     assert answered(card, "03 1413 0002", f"2202 0000 0001 0000 {RUNNING}") == H("03 04 0001 0000")
 
@@ -261,7 +247,7 @@ def test_the_index_is_in_register_9_and_the_time_outs_keep_their_registers(card:
 )
 def test_no_other_register_below_10_exists(card: Translator, pdu: str):
     before = card.state()
-    code = {"builtin": 64, "hvac_basic": 2}[card.dialect]
+    code = 2 if card.dialect == STANDARD else 64
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0])
     assert card.state() == before
 
@@ -357,7 +343,7 @@ def test_a_number_that_is_refused_after_the_text_is_not_tried_again(card: Transl
     assert txn.drive_reply(H(f"7215 0400 0000 0005 {RUNNING}")) == EXCHANGE
     txn.drive_commit().drive_again()
     assert txn.drive_reply(H(f"7215 0000 0000 00{fault:02x} {RUNNING}")) == REPLY
-    assert txn.reply == refused(4 if card.dialect == "hvac_basic" else fault, 3)
+    assert txn.reply == refused(4 if card.dialect == STANDARD else fault, 3)
 
 
 @in_later
@@ -367,7 +353,7 @@ def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, f
     number = {"03": "1215 0000 0000 0000", "10": "3215 0000 4142 4344"}[pdu[:2]]
     txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
     assert txn.drive_reply(H(f"7215 0400 0000 00{fault:02x} {RUNNING}")) == REPLY
-    assert txn.reply == refused(4 if card.dialect == "hvac_basic" else fault, H(pdu)[0])
+    assert txn.reply == refused(4 if card.dialect == STANDARD else fault, H(pdu)[0])
 
 
 @in_later
@@ -379,7 +365,7 @@ def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, f
     ],
 )
 def test_fault_5_is_reported_when_no_text_can_be_tried(card: Translator, pdu: str, why: str):
-    code = 4 if card.dialect == "hvac_basic" else 5
+    code = 4 if card.dialect == STANDARD else 5
     assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(code, H(pdu)[0]), why
 
 
@@ -424,15 +410,15 @@ def test_a_broadcast_of_1_or_2_registers_is_a_number_and_of_more_a_text(card: Tr
 
 @in_all
 def test_parameters_end_with_the_bits_of_pnu(card: Translator):
-    highest = 4095 if card.dialect == "hvac_basic" else 2047
+    highest = 4095 if card.dialect == STANDARD else 2047
     (row,) = re.findall(r"^\| parameter numbers \|(.*)\|$", GUIDE.read_text(), re.MULTILINE)
-    stated = dict(zip(("card", "builtin", "hvac_basic"), row.split("|"), strict=True))
+    stated = dict(zip(DIALECTS, row.split("|"), strict=True))
     assert stated[card.dialect].split()[0] == f"1…{highest}"
     starts = [a for a in range(9, 65536) if card.request(H(f"03 {a:04x} 0001")).outcome == EXCHANGE]
     assert starts == [10 * pnu - 1 for pnu in range(1, highest + 1)]
 
 
-@in_hvac_basic
+@in_standard
 @pytest.mark.parametrize("pnu", [2047, 2048, 2049, 3039, 4094, 4095])
 def test_bit_11_belongs_to_pnu(card: Translator, pnu: int):
     address = f"{10 * pnu - 1:04x}"
@@ -461,9 +447,9 @@ START, SEND_START = H("05 0006 FF00"), H("81 0040 0000")
 @pytest.fixture(
     params=[
         pytest.param(
-            Build(dialect, on_card=on_card), marks=pytest.mark.rule(RULES[dialect]), id=f"{dialect}-{name}"
+            Build(dialect, on_card=on_card), marks=pytest.mark.rule(rule_of(dialect)), id=f"{dialect}-{name}"
         )
-        for dialect in ("builtin", "hvac_basic")
+        for dialect in LATER
         for name, on_card in (("host", False), ("card", True))
     ]
 )
@@ -570,10 +556,7 @@ def test_scenario(bench: Bench, steps: str):
 
 @pytest.mark.parametrize(
     "dialect",
-    [
-        pytest.param(d, marks=pytest.mark.rule(RULES[d], "PERF-2", "PERF-3"))
-        for d in ("builtin", "hvac_basic")
-    ],
+    [pytest.param(d, marks=pytest.mark.rule(rule_of(d), "PERF-2", "PERF-3")) for d in LATER],
 )
 def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
     """Two characters of the drive line take 2290 us: 27500 clocks, 5 to 6 per instruction."""
@@ -595,7 +578,7 @@ DIAGNOSTIC_REQUESTS = ("08 0000 1234", "08 0002 0000", "08 000B 0000", "0B", "11
 
 @pytest.mark.rule("MAP-10", "EXC")
 @pytest.mark.parametrize("pdu", DIAGNOSTIC_REQUESTS)
-@pytest.mark.parametrize("dialect", ["card", "builtin"])
+@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != STANDARD])
 def test_without_the_option_diagnostics_are_unknown_functions(dialect: str, pdu: str):
     txn = Translator(dialect=dialect).do(H(pdu))
     assert txn.outcome == REPLY and txn.reply == bytes([H(pdu)[0] | 0x80, 67])
@@ -606,7 +589,7 @@ def diagnosing(option: str) -> Translator:
 
 
 @pytest.mark.rule("MAP-10")
-@pytest.mark.parametrize("option", ["card", "hvac_basic"])
+@pytest.mark.parametrize("option", ["card", STANDARD])
 def test_the_version_is_that_of_the_release(option: str):
     card = diagnosing(option)
     identity = b"".join(
@@ -647,9 +630,9 @@ def test_the_version_is_that_of_the_release(option: str):
         ("2B 0E 04 03", "address", "no such object"),
     ],
 )
-@pytest.mark.parametrize("option", ["card", "hvac_basic"])
+@pytest.mark.parametrize("option", ["card", STANDARD])
 def test_wrong_diagnostics_get_the_dialects_exceptions(option: str, pdu: str, kind: str, what: str):
-    codes = {"card": (67, 65, 2, 64), "hvac_basic": (1, 3, 3, 2)}[option]
+    codes = (1, 3, 3, 2) if option == STANDARD else (67, 65, 2, 64)
     code = dict(zip(("function", "length", "value", "address"), codes, strict=True))[kind]
     assert diagnosing(option).do(H(pdu)).reply == bytes([H(pdu)[0] | 0x80, code]), what
 
@@ -658,13 +641,13 @@ def test_wrong_diagnostics_get_the_dialects_exceptions(option: str, pdu: str, ki
 def test_an_echo_returns_up_to_27_bytes():
     for size in range(2, 28, 2):
         pdu = H("08 0000") + bytes(range(size))
-        assert diagnosing("hvac_basic").do(pdu).reply == pdu
+        assert diagnosing(STANDARD).do(pdu).reply == pdu
 
 
 @pytest.mark.rule("MAP-10", "MAP-9")
 @pytest.mark.parametrize("pdu", [*DIAGNOSTIC_REQUESTS, "08 0001 0000", "08 000A 0000"])
 def test_diagnostics_to_all_are_ignored(pdu: str):
-    assert diagnosing("hvac_basic").do(H(pdu), broadcast=True).outcome == SILENT
+    assert diagnosing(STANDARD).do(H(pdu), broadcast=True).outcome == SILENT
 
 
 class DiagnosedBench(Bench):
@@ -691,7 +674,7 @@ class DiagnosedBench(Bench):
 
 @pytest.fixture
 def diagnosed() -> DiagnosedBench:
-    return DiagnosedBench(Build("hvac_basic"))
+    return DiagnosedBench(Build(STANDARD))
 
 
 @pytest.fixture
@@ -839,7 +822,7 @@ BY_SIZE = (
 
 @pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7")
 @pytest.mark.parametrize(
-    "dialect", [pytest.param(name, marks=pytest.mark.rule(RULES[name])) for name in RULES]
+    "dialect", [pytest.param(name, marks=pytest.mark.rule(rule_of(name))) for name in DIALECTS]
 )
 def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str):
     rng = seeded(f"gateway events, {dialect}")

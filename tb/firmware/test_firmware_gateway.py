@@ -8,10 +8,11 @@ from collections.abc import Callable
 
 import pytest
 
+from regs.dialects import OPTIONS
 from regs.generated.mailbox import REGISTERS
 from sw.tools.stack import reserved
 from tb.agents import rtu
-from tb.model.firmware import OPTION_VALUES, Build
+from tb.model.firmware import Build
 from tb.model.whole_card import OVERTAKEN_MS
 
 H = bytes.fromhex
@@ -1066,7 +1067,7 @@ def test_drive_led_is_green_again_when_the_repeat_is_answered(bench: Bench):
 
 # ---------------------------------------------------------------- a reply that is held back
 
-DELAY_MS = OPTION_VALUES["REPLY_DELAY"]
+DELAY_MS = OPTIONS["REPLY_DELAY"].tried
 
 
 @pytest.fixture

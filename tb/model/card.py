@@ -12,8 +12,35 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sw.rtu2fc.dialects import DIALECTS
 
+@dataclass(frozen=True)
+class Dialect:
+    """The differences between the manuals, typed from them: regs/dialects.toml must say the same."""
+
+    codes: dict[str, int]  # exception code for each error; "drive" if not the fault number itself
+    index_register: int = 8
+    highest_pnu: int = 2047
+    text_by_size: bool = True
+    refreshes: bool = True  # a read of the status asks the drive first
+    diagnoses: bool = False
+
+    def code(self, why: str | int) -> int:
+        if isinstance(why, str):
+            return self.codes[why]
+        return self.codes.get("drive", why)
+
+
+CARD = {"function": 67, "length": 65, "quantity": 66, "address": 64}  # 23-6130-00 p23
+DIALECTS = {
+    "card": Dialect(CARD | {"value": 2, "silent": 255}, 0, text_by_size=False, refreshes=False),
+    "builtin": Dialect(CARD | {"value": 66}),  # MG.10.S2.02 p28, p31
+    # MG.18.C2.02 p75
+    "hvac_basic": Dialect(
+        {"function": 1, "address": 2, "length": 3, "quantity": 3, "value": 3, "drive": 4},
+        highest_pnu=4095,
+        diagnoses=True,
+    ),
+}
 CONTROL, STATUS, EEPROM, COILS = range(0, 32), range(32, 64), 64, 128
 NETWORK_TIMEOUT, DRIVE_TIMEOUT = 1, 2
 FUNCTIONS = {0x01, 0x03, 0x05, 0x06, 0x0F, 0x10}
@@ -103,9 +130,9 @@ class CardModel:
     def __post_init__(self) -> None:
         self.dialect = DIALECTS[self.name]
         if self.diagnostics is None:
-            self.diagnostics = self.name == "hvac_basic"
+            self.diagnostics = self.dialect.diagnoses
         if self.status_refresh is None:
-            self.status_refresh = self.name != "card"
+            self.status_refresh = self.dialect.refreshes
         self.registers = {self.dialect.index_register: 0, NETWORK_TIMEOUT: 1000, DRIVE_TIMEOUT: 15}
 
     # ------------------------------------------------------------ requests

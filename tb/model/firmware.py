@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from regs.dialects import OPTIONS
 from tb.model.fake_mailbox import FakeMailbox, ReadHook, WriteHook
 from tb.model.fc_telegram import without_bcc
 
@@ -27,7 +28,6 @@ JUNK = (
     0xA5  # value of every frame byte that the hardware did not write, and of every result before it is made
 )
 MEMORY = 8192  # bytes of the standard card
-OPTION_VALUES = {"REPLY_DELAY": 20}  # ms; the value of any other option is 1
 
 
 def build(file: str, *variables: str) -> Path:
@@ -52,9 +52,7 @@ def library(option: str = "", dialect: str = "card") -> ctypes.CDLL:
         file = build(f"build/host/{dialect}/libtranslate.so")
     else:
         folder = f"build/host/{option}" if option else "build/host"
-        defines = (
-            f"FIRMWARE_DEFINES=-D{option}={OPTION_VALUES.get(option, 1)}" if option else "FIRMWARE_DEFINES="
-        )
+        defines = "FIRMWARE_DEFINES=" + (f"-D{option}={OPTIONS[option].tried}" if option else "")
         file = build(f"{folder}/libtranslate.so", f"FIRMWARE_HOST_DIR={folder}", defines)
     lib = ctypes.CDLL(str(file))
     pointer, u32 = ctypes.c_void_p, ctypes.c_uint32
