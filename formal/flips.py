@@ -3,7 +3,7 @@
 
     python -m formal.flips [MODULE ...] [--jobs N] [--write]
 
-formal/flips.toml names the modules and their promises. The netlist of formal/MODULE.sby, joined with the
+formal/flips.toml names the modules and their promises. The netlist of their proof, joined with the
 properties of formal/MODULE_props.vh, loses its power-up values. In its first clocks all properties are
 assumed: it is in any state that they allow. Then one bit of one register flips, and only the promises of
 flips.toml are asserted, for so many clocks. The registers of the properties (g_*) never flip. FLIPPED is
@@ -86,33 +86,18 @@ def known() -> dict[str, dict]:
 
 def fingerprint(module: str) -> str:
     """Hash of Verilog, properties, settings and bits that are not proved. Comments do not count."""
-    files = (FOLDER / f"{module}.sby").read_text().partition("[files]")[2].split()
-    paths = [ROOT / name for name in files if name.startswith("rtl/")]
-    paths += [source(module), FOLDER / f"{module}_props.vh"]
+    paths = [*formal.modules_in(module), source(module), FOLDER / f"{module}_props.vh"]
     code = [" ".join(without_comments(path).split()) for path in paths]
     about = {key: value for key, value in known()[module].items() if key not in WORDS}
     return hashlib.sha256(json.dumps([GOOD_CLOCKS, code, about], sort_keys=True).encode()).hexdigest()[:12]
 
 
-def read_files(module: str) -> dict[str, str]:
-    """The files that formal/MODULE.sby reads, by their names; the joined one where `join` writes it."""
-    text = (FOLDER / f"{module}.sby").read_text().replace("build/formal/joined", f"{formal.WORK}/joined")
-    return {Path(name).name: name for name in text.partition("[files]")[2].split()}
-
-
 def script(module: str, task: str) -> list[str]:
-    """Yosys commands of a task of formal/MODULE.sby, with the places of its files."""
-    text = (FOLDER / f"{module}.sby").read_text()
-    files = read_files(module)
-    lines = text.partition("[script]")[2].partition("[files]")[0].splitlines()
-    commands = []
-    for line in lines:
-        label, colon, rest = line.partition(": ")
-        command = rest if colon and re.fullmatch(r"\w+", label) else line
-        if (command is line or label == task) and command.strip() and not command.startswith("#"):
-            command = re.sub(r"\b[\w]+\.v\b", lambda found: files[found[0]], command)
-            commands.append(command.replace("-DFORMAL", "-DFORMAL -DFLIPPED"))
-    return commands
+    """Yosys commands of a task, with the places of its files."""
+    commands, _, files = formal.script(module, task).partition("[script]\n")[2].partition("\n[files]\n")
+    places = {Path(name).name: name for name in files.split()}
+    text = re.sub(r"\b\w+\.v\b", lambda found: places[found[0]], commands)
+    return text.replace("-DFORMAL", "-DFORMAL -DFLIPPED").splitlines()
 
 
 def yosys(*commands: str) -> None:

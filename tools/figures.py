@@ -28,7 +28,7 @@ def mutants() -> dict[str, str]:
 # Reports whose subjects are modules or designs of their own.
 SUBJECTS: dict[str, Callable[[], dict[str, str]]] = {
     "mutants": mutants,
-    "proofs": lambda: {path.stem: prove.fingerprint(path.stem) for path in prove.FOLDER.glob("*.sby")},
+    "proofs": lambda: {name: prove.fingerprint(name) for name in prove.known()},
     "proved-flips": lambda: {name: flips.fingerprint(name) for name in flips.known()},
     "synthesis": lambda: {"design": synth.measured_from()},
 }

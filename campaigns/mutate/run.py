@@ -7,8 +7,8 @@
     ... --write                          also writes it into build/reports/mutants.md
 
 A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
-removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if
-formal/MODULE.sby no longer holds, or if tb/*/test_MODULE.py or a bench of MORE_BENCHES fails, or if one of
+removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if a
+proof of the module no longer holds, or if tb/*/test_MODULE.py or a bench of MORE_BENCHES fails, or if one of
 them takes far longer than on the unchanged module. Tests run on Icarus, or on Verilator if a test runs only
 there. A mutant that is not caught is the same if campaigns/mutate/same.py proves that it behaves like the
 original, and survives otherwise. Each module writes build/mutate/MODULE.json, from which an interrupted run
@@ -338,7 +338,7 @@ class Tree(Copy):
             return self.failing_test(*bench_arguments(self.module))
         proof = ("-m", "formal.prove", self.module, "--task", "prove", "--jobs", "1")
         passed, output = self.run(sys.executable, *proof)
-        return "" if passed or (changed and "ERROR" in output) else f"formal/{self.module}.sby, task prove"
+        return "" if passed or (changed and "ERROR" in output) else f"make formal MODULE={self.module}"
 
     def same(self, mutant: Mutant) -> bool:
         folder = ROOT / "build/mutate" / f"same-{self.root.name}"
@@ -355,7 +355,7 @@ class Tree(Copy):
         """Runs all checks on the unchanged module, which must pass; sorts them by time."""
         if not self.compiles():
             raise SystemExit(f"mutate: {self.module} does not compile unchanged")
-        checks = ["test", *["proof"] * (ROOT / f"formal/{self.module}.sby").exists()]
+        checks = ["test", *["proof"] * (self.module in prove.known())]
         times = {}
         for name in checks:
             began = time.monotonic()
@@ -391,11 +391,11 @@ class Tree(Copy):
 
 def fingerprint(path: Path) -> str:
     """Hash of a module's code and its promises, without comments, and without those of formal/flips.py."""
-    proof = [ROOT / f"formal/{path.stem}{end}" for end in ("_props.vh", ".sby")]
-    promises = [
-        re.sub(r"(//|#).*", "", prove.not_flipped(file.read_text())) for file in proof if file.exists()
-    ]
-    words = " ".join(" ".join([code_only(path.read_text()), *promises]).split())
+    words = code_only(path.read_text())
+    if path.stem in prove.known():
+        promises = prove.not_flipped((prove.FOLDER / f"{path.stem}_props.vh").read_text())
+        words += re.sub(r"//.*", "", promises) + str(prove.known()[path.stem])
+    words = " ".join(words.split())
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 

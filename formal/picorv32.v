@@ -1,29 +1,7 @@
-# SPDX-License-Identifier: Apache-2.0
-[tasks]
-prove
-cover
+// SPDX-License-Identifier: Apache-2.0
+// Stands for the soft core in the proof of soft_core.v: a core that does anything in any clock.
+`default_nettype none
 
-[options]
-prove: mode prove
-prove: depth 2
-cover: mode cover
-cover: depth 3
-
-[engines]
-smtbmc z3
-
-[script]
-read_verilog -formal picorv32.v
-read_verilog -formal -DFORMAL soft_core.v
-chparam -set LOCKSTEP 1 soft_core
-hierarchy -check -top soft_core
-proc
-setattr -unset keep_hierarchy c:*
-flatten
-prep -top soft_core
-
-# A core that does anything in any clock.
-[file picorv32.v]
 module picorv32 #(
     parameter ENABLE_COUNTERS = 1,
     parameter ENABLE_COUNTERS64 = 1,
@@ -58,5 +36,4 @@ module picorv32 #(
   (* keep *) wire [31:0] seen_data = mem_rdata;
 endmodule
 
-[files]
-build/formal/joined/soft_core.v
+`default_nettype wire
