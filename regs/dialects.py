@@ -76,6 +76,7 @@ def having(**traits: int | bool) -> tuple[str, ...]:
 
 
 (STANDARD,) = having(bad_function=1)  # the dialect with the exception codes of the Modbus standard
+STANDARD_DRIVE = DIALECTS[STANDARD].profiles[0]
 
 
 def c_options() -> list[str]:

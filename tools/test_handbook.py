@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pytest
 
+from regs.dialects import STANDARD
 from regs.generated.card_tables import EXTENDED_RATES, RATES
 from rtl.sources import ROOT
 from sim.card.masters import Pymodbus, as_pymodbus_call
@@ -239,7 +240,7 @@ def test_every_exception_code_has_its_row_with_cause_and_cure():
         assert set(map(int, column)) == own | of_drive
     drive = {int(row["`card`"].strip("*")): row for row in found if row["meaning"].startswith("drive: ")}
     assert set(drive) == set(map(int, FC["fault"]))
-    silent = [row for row in found if row["`builtin`"] == row["`hvac_basic`"] == "silence"]
+    silent = [row for row in found if row["`builtin`"] == row[f"`{STANDARD}`"] == "silence"]
     assert [row["`card`"] for row in silent] == ["**255**"]
 
 

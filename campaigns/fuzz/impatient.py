@@ -22,9 +22,9 @@ from concurrent.futures import ProcessPoolExecutor
 
 from campaigns.fuzz.case import CLK_HZ, DRIVE_DELAY_BITS, Player
 from campaigns.fuzz.shrink import shrink
-from campaigns.fuzz.traffic import DIALECT_PROFILES
 from campaigns.fuzz.trial import followed, told
 from campaigns.soak.run import Traffic, wire
+from regs.dialects import DEFAULT, DIALECTS
 from regs.generated.card_tables import DRIVE_BAUD
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT, SourcesError, configuration, configurations
@@ -66,8 +66,9 @@ class Maker:
         (self.baud,) = rng.choices(list(rates), rates.values())
         forms = [form for form in FORMATS if form in FORMS] if rng.random() < 0.95 else list(FORMS)
         self.form = rng.choice(forms)
-        self.dialect = rng.choices(list(DIALECT_PROFILES), (3, 1, 1))[0] if config == "standard" else "card"
-        self.profile = rng.choice(DIALECT_PROFILES[self.dialect])
+        weights = [3, *[1] * (len(DIALECTS) - 1)]
+        self.dialect = rng.choices(list(DIALECTS), weights)[0] if config == "standard" else DEFAULT
+        self.profile = rng.choice(DIALECTS[self.dialect].profiles)
         self.traffic = Traffic(rng, self.dialect, self.profile)
         self.clk_hz = configuration(config)["clk_hz"]
         if not own_clock:

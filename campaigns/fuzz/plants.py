@@ -13,6 +13,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+from regs.dialects import DEFAULT, DIALECTS
 from rtl.sources import ROOT, card_files, configurations
 from sim.harness.library import Target
 
@@ -73,7 +74,7 @@ class Plant:
         (folder / CONFIGS.name).write_text(roomy)
         if self.file:
             (folder / self.file).write_text(self._changed())
-        dialects = [f"build/{dialect}/firmware.hex" for dialect in ("builtin", "hvac_basic")]
+        dialects = [f"build/{dialect}/firmware.hex" for dialect in DIALECTS if dialect != DEFAULT]
         command = ["make", "--silent", "-f", "sw/firmware.mk", "SETUP=", "build/firmware.hex", *dialects]
         done = subprocess.run(
             [*command, f"FIRMWARE_DEFINES={self.defines}"],

@@ -12,6 +12,7 @@ import random
 from campaigns.fuzz.case import DRIVE_DELAY_BITS, clk_hz, own_pace
 from campaigns.fuzz.recorded import recorded_frames
 from campaigns.soak.run import Traffic, wire
+from regs.dialects import DIALECTS
 from regs.generated.card_tables import CHARACTER_BITS
 from sim.harness.pins import BAUDS, FORMS
 from tb.agents.crc16 import with_crc
@@ -29,11 +30,6 @@ RATES = {
     2400: (0.9, 6),
     1200: (0.4, 4),
     300: (0.12, 2),
-}
-DIALECT_PROFILES = {
-    "card": ("vlt6000", "vlt5000"),
-    "builtin": ("vlt8000", "vlt2800"),
-    "hvac_basic": ("hvac_basic",),
 }
 WAITS = (3, 3, 3, 4, 4, 2)  # register 40003, in 10 ms: short, because a silent drive costs simulation time
 # Of register 40003: beyond the 150 ms after which a waiting telegram ends an exchange (FC-9).
@@ -81,10 +77,10 @@ class Maker:
         self.form = rng.choice(list(FORMS))
         self.line = LineFormat(self.baud, self.form, clk_hz(self.baud, own_pace(config)))
         self.address = rng.choice((1, 1, 247, rng.randint(1, 247)))
-        self.dialect = rng.choices(list(DIALECT_PROFILES), (8, 2, 1))[0]
+        self.dialect = rng.choices(list(DIALECTS), [8, 2, *[1] * (len(DIALECTS) - 2)])[0]
         if config != "standard":
             self.dialect = "card"  # the small card has no image of another dialect
-        self.profile = rng.choice(DIALECT_PROFILES[self.dialect])
+        self.profile = rng.choice(DIALECTS[self.dialect].profiles)
         self.traffic = FuzzTraffic(rng, self.dialect, self.profile)
         self.kinds = {
             self.legal: 40,

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from regs.dialects import DIALECTS as TABLE
+from regs.dialects import STANDARD_DRIVE
 from tb.agents import rtu
 from tb.model.card import DIALECTS
 
 # The drive of each dialect.
-PROFILES = {"card": "vlt6000", "builtin": "vlt6000", "hvac_basic": "hvac_basic"}
+PROFILES = {name: dialect.profiles[0] for name, dialect in TABLE.items()}
 RAMP_STOP, READY = 0x043C, 0x0607  # control word; status word of a drive that is stopped and ready
 SILENCE = "silence"
 LONGER, CUT = "longer", "cut"
@@ -37,7 +39,7 @@ class Parameters:
 
 PARAMETERS = {
     "vlt6000": Parameters(104, 50, 20, 5, 10000, 621, "VLT600", 533, 32),
-    "hvac_basic": Parameters(123, 50, 10, 1500, 1234, 1540, "FC-101", 37, 1999),
+    STANDARD_DRIVE: Parameters(123, 50, 10, 1500, 1234, 1540, "FC-101", 37, 1999),
 }
 TEXT = "PUMP 1"
 

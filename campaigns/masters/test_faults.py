@@ -14,6 +14,7 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from campaigns.masters.faults import FAULTS, TRAFFIC, Fault, Traffic
+from regs.dialects import STANDARD
 from sim.card.run_card import RunningCard
 from sim.card.test_virtual_card import RawPort
 from sw.rtu2fc import card, cli, port
@@ -115,7 +116,7 @@ def read(slave, capsys, monkeypatch):
 
     def run() -> tuple[int, list[str]]:
         # pymodbus has no exception for an unknown function, so that it does not tell its dialect.
-        code = cli.main(["read", f"socket://127.0.0.1:{slave.port}", "302", "303", "--dialect", "hvac_basic"])
+        code = cli.main(["read", f"socket://127.0.0.1:{slave.port}", "302", "303", "--dialect", STANDARD])
         output, errors = capsys.readouterr()
         return code, (output + errors).splitlines()
 

@@ -23,6 +23,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
+from regs.dialects import DEFAULT
+from regs.dialects import DIALECTS as TABLE
 from regs.generated.card_tables import FORMATS, RATES
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT, configurations
@@ -41,7 +43,10 @@ FOLDER = ROOT / "build/soak"
 BLOCK = 500  # transactions at one rate and in one format
 COUNT = 3000
 # Dialect, drive, share of the transactions.
-RUNS = (("card", "vlt6000", 4), ("builtin", "vlt8000", 1), ("hvac_basic", "hvac_basic", 1))
+RUNS = [
+    (name, one.profiles[0 if name == DEFAULT else -1], 4 if name == DEFAULT else 1)
+    for name, one in TABLE.items()
+]
 UNIT, OTHER_UNIT, BROADCAST = 1, 7, 0
 # Switches 1-3 of rates that suit the clock of the virtual card and are not too slow.
 SWIFT = [bits for bits, rate in RATES.items() if rate.baud >= 9600]

@@ -78,4 +78,6 @@ t.status = {
   { id = "thermal_warning", bit = 15, name = "Thermal warning", zero = "no warning", one = "warning" },
 }
 
+t.drive_names = { "hvac_basic", "vlt2800", "vlt5000", "vlt6000", "vlt8000" }
+
 return t

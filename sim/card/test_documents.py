@@ -4,7 +4,7 @@
 S0  option card manual, VLT 6000               dialect card         drive vlt6000
 S1  the same manual as issued for the VLT 5000  dialect card         drive vlt5000
 S2  Modbus built into VLT 2800, 6000, 8000      dialect builtin      drives vlt2800, vlt8000
-S3  design guide of the VLT HVAC Basic Drive    dialect hvac_basic   drive hvac_basic
+S3  design guide of the VLT HVAC Basic Drive    its dialect and drive
 
 The drive keeps the state of its document's examples (--drive example), unless a motor has to run. Requests
 and replies are written as the documents print them, without CRC; telegrams without framing
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from regs.dialects import STANDARD, STANDARD_DRIVE
 from sim.card.masters import Pymodbus
 from sim.card.run_card import RunningCard
 from tb.agents.crc16 import with_crc
@@ -211,7 +212,7 @@ TYPE_CODE = b"FC-101P2K2T4E20H4XXC"  # first 20 characters of parameter 15-44
 
 
 @pytest.mark.rule("DIALECT-HVAC-BASIC")
-def test_hvac_basic_drive_status_word_and_coil_65(tmp_path):
+def test_basic_drive_status_word_and_coil_65(tmp_path):
     """Status word 0607; coil 65 decides between RAM and EEPROM."""
     steps = [
         Step("16-03, status word", "01 03 3E 9D 00 01", "01 03 02 06 07", (read(1603),)),
@@ -223,11 +224,11 @@ def test_hvac_basic_drive_status_word_and_coil_65(tmp_path):
         Step("coil 65 off", "01 05 00 40 00 00", "01 05 00 40 00 00"),
         Step("1-23 = 50 Hz", "01 06 04 CD 00 32", "01 06 04 CD 00 32", (fc.build_parameter(2, 123, pwe=50),)),
     ]
-    talk(tmp_path, "hvac_basic", "hvac_basic", steps)
+    talk(tmp_path, STANDARD, STANDARD_DRIVE, steps)
 
 
 @pytest.mark.rule("DIALECT-HVAC-BASIC")
-def test_hvac_basic_drive_reads_of_1_to_10_registers(tmp_path):
+def test_basic_drive_reads_of_1_to_10_registers(tmp_path):
     """One register of a word, two of a double word, up to 10 of a text; a number above 2047."""
     as_text = fc.build_text_read(1544)
     steps = [
@@ -250,11 +251,11 @@ def test_hvac_basic_drive_reads_of_1_to_10_registers(tmp_path):
             (fc.build_text_read(1540),),
         ),
     ]
-    talk(tmp_path, "hvac_basic", "hvac_basic", steps)
+    talk(tmp_path, STANDARD, STANDARD_DRIVE, steps)
 
 
 @pytest.mark.rule("DIALECT-HVAC-BASIC")
-def test_hvac_basic_drive_exceptions_of_the_standard(tmp_path):
+def test_basic_drive_exceptions_of_the_standard(tmp_path):
     steps = [
         Step("1: function 07", "01 07", "01 87 01", wrong=True),
         Step("2: coil 129", "01 01 00 80 00 01", "01 81 02"),
@@ -262,7 +263,7 @@ def test_hvac_basic_drive_exceptions_of_the_standard(tmp_path):
         Step("4: no parameter 19-99", "01 03 4E 15 00 01", "01 83 04", (read(1999),)),
         Step("4: 16-30 is read-only", "01 06 3F AB 00 01", "01 86 04", (fc.build_parameter(2, 1630, pwe=1),)),
     ]
-    talk(tmp_path, "hvac_basic", "hvac_basic", steps)
+    talk(tmp_path, STANDARD, STANDARD_DRIVE, steps)
 
 
 # ---------------------------------------------------------------- no drive
@@ -271,7 +272,7 @@ def test_hvac_basic_drive_exceptions_of_the_standard(tmp_path):
     [
         pytest.param("card", "01 83 FF", marks=pytest.mark.rule("DIALECT-CARD", "FC-9")),
         pytest.param("builtin", None, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]),
-        pytest.param("hvac_basic", None, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
+        pytest.param(STANDARD, None, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
     ],
 )
 def test_a_drive_that_does_not_answer(tmp_path, dialect, reply):

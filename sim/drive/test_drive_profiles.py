@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import pytest
 
+from regs.dialects import DIALECTS, STANDARD_DRIVE
 from sim.drive.drive_bench import (
     ACCESS_FAULT,
     COAST,
@@ -38,8 +39,8 @@ from sim.drive.drive_bench import (
 from tb.model import fc_telegram as fc
 from tb.model.vlt_drive import PROFILES, VltDrive
 
-FC_STATUS = ("vlt2800", "hvac_basic")
-TWO_RAMPS = ("vlt5000", "vlt2800", "hvac_basic")
+FC_STATUS = ("vlt2800", STANDARD_DRIVE)
+TWO_RAMPS = ("vlt5000", "vlt2800", STANDARD_DRIVE)
 
 
 each_drive = pytest.mark.parametrize("profile", PROFILES)
@@ -55,9 +56,9 @@ def write_setting(drive: VltDrive, profile: str, role: str, value: int, index: i
 # ---- each profile agrees with its table --------------------------------------------------------
 
 
-def test_there_are_five_drives():
-    assert set(PROFILES) == {"vlt6000", "vlt5000", "vlt2800", "vlt8000", "hvac_basic"}
-    with pytest.raises(ValueError, match="no drive profile 'vlt7000', only hvac_basic, vlt2800, "):
+def test_every_drive_has_its_dialect():
+    assert set(PROFILES) == {profile for one in DIALECTS.values() for profile in one.profiles}
+    with pytest.raises(ValueError, match=r"no drive profile 'vlt7000', only .*vlt2800, "):
         VltDrive("vlt7000")
 
 
@@ -141,7 +142,7 @@ def test_texts_have_their_own_length_and_are_written_where_allowed(profile: str)
         fault = write_text(drive, pnu, b"NEW").fault
         assert (fault, read_text(drive, pnu)) == ((None, b"NEW") if row["access"] == "rw" else (1, old)), pnu
         writable |= {pnu} if fault is None else set()
-    wanted = {"vlt6000": {533, 534}, "vlt8000": {533, 534}, "hvac_basic": {37, 38, 39}}
+    wanted = {"vlt6000": {533, 534}, "vlt8000": {533, 534}, STANDARD_DRIVE: {37, 38, 39}}
     assert writable == wanted.get(profile, set())
 
 
@@ -149,14 +150,14 @@ def test_texts_have_their_own_length_and_are_written_where_allowed(profile: str)
 
 
 def test_older_drives_ignore_bit_11_of_pke():
-    for profile in set(PROFILES) - {"hvac_basic"}:
+    for profile in set(PROFILES) - {STANDARD_DRIVE}:
         reply = VltDrive(profile).telegram(fc.build_parameter(fc.AK_READ, 0x800 | 104))
         assert reply[3:5] == bytes.fromhex("10 68"), profile
 
 
-def test_the_hvac_basic_drive_uses_bit_11_of_pke():
+def test_the_basic_drive_uses_bit_11_of_pke():
     """3022 = BCEh, and 974 (the same number without bit 11) does not exist."""
-    drive = VltDrive("hvac_basic")
+    drive = VltDrive(STANDARD_DRIVE)
     assert ask(drive, fc.AK_WRITE_WORD, 3022, 1).fault is None
     reply = drive.telegram(fc.build_parameter(fc.AK_READ, 3022))
     assert (reply[3:5], reply[7:11]) == (bytes.fromhex("1B CE"), bytes(3) + b"\x01")
@@ -165,8 +166,8 @@ def test_the_hvac_basic_drive_uses_bit_11_of_pke():
     assert (greatest.pnu, greatest.fault) == (4095, 0)
 
 
-def test_arrays_of_the_hvac_basic_drive_count_from_0():
-    drive = VltDrive("hvac_basic")
+def test_arrays_of_the_basic_drive_count_from_0():
+    drive = VltDrive(STANDARD_DRIVE)
     for index in range(8):
         assert ask(drive, fc.AK_WRITE_WORD, 310, 100 * index, index).fault is None
     assert [ask(drive, fc.AK_READ, 310, ind=i).pwe for i in range(8)] == [100 * i for i in range(8)]
@@ -176,7 +177,7 @@ def test_arrays_of_the_hvac_basic_drive_count_from_0():
 
 
 def test_logs_of_the_older_drives_count_from_1():
-    for profile in set(PROFILES) - {"hvac_basic"}:
+    for profile in set(PROFILES) - {STANDARD_DRIVE}:
         drive = VltDrive(profile)
         drive.trip(14)
         assert (ask(drive, fc.AK_READ, 615, ind=1).pwe, ask(drive, fc.AK_READ, 615, ind=0).fault) == (14, 3)
@@ -299,7 +300,7 @@ def test_quick_stop_has_its_own_selector(profile: str):
     [
         *((name, [(211, 0), (212, 0), (213, 0), (214, 0)]) for name in ("vlt6000", "vlt8000")),
         *((name, [(215, 0), (216, 0), (217, 0), (218, 0)]) for name in ("vlt5000", "vlt2800")),
-        ("hvac_basic", [(310, 0), (310, 1), (310, 2), (310, 3)]),
+        (STANDARD_DRIVE, [(310, 0), (310, 1), (310, 2), (310, 3)]),
     ],
 )
 def test_bits_0_and_1_choose_the_drives_own_presets(profile: str, places: list):
@@ -312,7 +313,7 @@ def test_bits_0_and_1_choose_the_drives_own_presets(profile: str, places: list):
         assert hertz(drive) == both, f"sum of bus and preset {choice}"
 
 
-@pytest.mark.parametrize(("profile", "seconds"), [("vlt2800", 1), ("vlt8000", 60), ("hvac_basic", 1)])
+@pytest.mark.parametrize(("profile", "seconds"), [("vlt2800", 1), ("vlt8000", 60), (STANDARD_DRIVE, 1)])
 def test_bus_timeout_is_detected(profile: str, seconds: int):
     drive = brought_to(25, profile)
     write_setting(drive, profile, "bus_time_function", 5)
@@ -373,7 +374,7 @@ def test_the_design_guides_write_examples():
     for profile, request_pke, value, reply_pke in (
         ("vlt2800", 0xE0CA, 0x03E8, 0x10CA),  # 202 = 100.0 Hz
         ("vlt6000", 0xE19F, 0x0014, 0x119F),  # 415 = choice 20
-        ("hvac_basic", 0xE19E, 0x03E8, 0x119E),  # 4-14 = 100.0 Hz
+        (STANDARD_DRIVE, 0xE19E, 0x03E8, 0x119E),  # 4-14 = 100.0 Hz
     ):
         drive = VltDrive(profile)
         reply = drive.telegram(fc.build(fc.words(request_pke, 0, 0, value, 0, 0)))
@@ -382,9 +383,9 @@ def test_the_design_guides_write_examples():
         assert drive.get(request_pke & 0x07FF) == value, "E: kept in EEPROM"
 
 
-def test_reads_of_1_to_10_registers_find_their_data_on_the_hvac_basic_drive():
+def test_reads_of_1_to_10_registers_find_their_data_on_the_basic_drive():
     """Word in one register, double word in two, text of 2 to 20 characters in 1 to 10."""
-    drive = VltDrive("hvac_basic", example=True)
+    drive = VltDrive(STANDARD_DRIVE, example=True)
     for pnu, ak, value in ((1613, 1, 0x0123), (1614, 2, 0x01234567)):
         drive.set(pnu, value)
         reply = ask(drive, fc.AK_READ, pnu)

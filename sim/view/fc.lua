@@ -53,7 +53,7 @@ local function drive_table(name)
 end
 
 tables.drives = {}
-for _, name in ipairs({ "hvac_basic", "vlt2800", "vlt5000", "vlt6000", "vlt8000" }) do
+for _, name in ipairs(tables.drive_names) do
   tables.drives[name] = drive_table(name)
 end
 local bits = bit or bit32 -- Wireshark's Lua is 5.2 or 5.4

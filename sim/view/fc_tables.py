@@ -59,7 +59,8 @@ def lua(words: dict) -> str:
                 f"zero = {quoted(bit['zero'])}, one = {quoted(bit['one'])}{only} }},"
             )
         lines += ["}", ""]
-    lines += ["return t"]
+    drives = ", ".join(quoted(path.stem) for path in sorted((ROOT / "sim/drive").glob("*.csv")))
+    lines += [f"t.drive_names = {{ {drives} }}", "", "return t"]
     return "\n".join(lines) + "\n"
 
 

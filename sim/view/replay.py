@@ -28,6 +28,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from regs.dialects import DIALECTS as TABLE
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
 from rtl.command import Parser, run_main, stop_printing
 from rtl.sources import configuration, configurations
@@ -46,8 +47,6 @@ FACTORY = "8N2"  # the format of the original from the factory
 STROBES = ("candidate", "commit", "revoke")
 YES_NO = ("yes", "no")
 PARAMETERS = {"strict-t15": "STRICT_T15", "break-tolerant": "BREAK_TOLERANT"}
-# The simulated drive of a dialect.
-DRIVES = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}
 # Counter and its words. Revoked candidates have a strobe.
 REASONS = {
     "COUNT_CRC": "dropped: CRC wrong",
@@ -147,7 +146,7 @@ class Replay:
         self.drive_sent: list[FarCharacter] = []
         self.pins = Pins(target.library(line.clk_hz), target.image_folder(dialect), line, unit, more=STROBES)
         self.pins.play(NETWORK, edges)
-        self.model, self._stepped_us = VltDrive(DRIVES[dialect]), 0
+        self.model, self._stepped_us = VltDrive(TABLE[dialect].profiles[0]), 0
         self._first_counter = config["memory_bytes"] // STRIDE - FRAMES_BYTES // STRIDE
         self._taken: dict[str, int] = dict.fromkeys(STROBES, 0)
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 from vcd import VCDWriter
 
+from regs.dialects import STANDARD
 from rtl.sources import ROOT
 from sim.harness.library import Target
 from sim.view import replay
@@ -340,7 +341,7 @@ def test_a_break_tolerant_card_serves_a_bus_without_bias(options, replies, tmp_p
 @pytest.mark.parametrize(
     ("options", "answer"),
     [
-        (["--dialect", "hvac_basic"], "01 C1 01 B0 50"),
+        (["--dialect", STANDARD], "01 C1 01 B0 50"),
         another_card(["--config", "tiny"], "01 C1 43 30 61"),
     ],
 )

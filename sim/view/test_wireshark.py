@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from regs.dialects import STANDARD, STANDARD_DRIVE
 from sim.card.example_run import EXAMPLES, Played, Recorded, record
 from sim.card.run_card import ROOT, Frame
 from sim.drive.drive_table import read_capacity, read_profile
@@ -468,7 +469,7 @@ def test_the_last_telegram_may_have_no_reply_too(tmp_path):
     assert not any("No reply" in packet["_ws.expert.message"] for packet in answered.values())
 
 
-@pytest.mark.parametrize("drive", ["vlt5000", "hvac_basic"])
+@pytest.mark.parametrize("drive", ["vlt5000", STANDARD_DRIVE])
 def test_the_preference_chooses_the_drive(tmp_path, drive):
     """Parameter names, and bits 2 and 6 of the status word, which later drives use differently."""
     profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())
@@ -477,14 +478,14 @@ def test_the_preference_chooses_the_drive(tmp_path, drive):
     capture = capture_of(tmp_path, (DRIVE, False, reply))
     got = read(capture, tmp_path / "settings", "-o", f"vltfc.drive:{drive}")[1]
     assert got["vltfc.pnu.name"] == name
-    assert (got["vltfc.stw.stand_by"] == "") == (drive == "hvac_basic")
+    assert (got["vltfc.stw.stand_by"] == "") == (drive == STANDARD_DRIVE)
 
 
 def test_capture_names_its_drive(tmp_path):
-    profile = read_profile(ROOT / "sim/drive/hvac_basic.csv", read_capacity())
+    profile = read_profile(ROOT / f"sim/drive/{STANDARD_DRIVE}.csv", read_capacity())
     motor = next(p for p in profile.parameters if p.pnu > 2047)
     reply = fc_telegram.build_parameter(1, motor.pnu)
-    got = read(capture_of(tmp_path, (DRIVE, False, reply), dialect="hvac_basic"), tmp_path / "settings")[1]
+    got = read(capture_of(tmp_path, (DRIVE, False, reply), dialect=STANDARD), tmp_path / "settings")[1]
     assert (got["vltfc.pnu"], got["vltfc.pnu.name"]) == (str(motor.pnu), motor.name)
 
 

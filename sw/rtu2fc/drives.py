@@ -8,7 +8,7 @@ from pathlib import Path
 
 from . import __path__
 
-NAMES = ("hvac_basic", "vlt2800", "vlt5000", "vlt6000", "vlt8000")
+NAMES = sorted({path.stem for folder in __path__ for path in Path(folder).glob("*.csv")})
 
 
 def _drive(name: str) -> dict:

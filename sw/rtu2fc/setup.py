@@ -9,7 +9,7 @@ from setuptools.command.build_py import build_py
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = [f"tb/agents/{name}.py" for name in ("crc16", "edges", "line", "rtu")]
 SHARED += ["regs/generated/card_tables.py"]
-SHARED += [f"sim/drive/{name}.csv" for name in ("hvac_basic", "vlt2800", "vlt5000", "vlt6000", "vlt8000")]
+SHARED += [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("sim/drive/*.csv"))]
 
 
 class WithShared(build_py):

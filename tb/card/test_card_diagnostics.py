@@ -2,7 +2,8 @@
 """The counters of MAP-10 against the traffic on the network line, at the pins of the card.
 
 A model counts every frame that the traffic sends. The card must report the same counts. Frames follow
-each other as closely as the standard allows. The image is `hvac_basic`, which has diagnostics by default.
+each other as closely as the standard allows. The image is that of the HVAC Basic Drive,
+which has diagnostics by default.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Callable
 
 import pytest
 
+from regs.dialects import STANDARD
 from tb.agents import rtu
 from tb.agents.uart import Flaws
 from tb.lib.card import MS
@@ -37,7 +39,7 @@ class Traffic:
 
     def __init__(self, card: FastCard, rng: random.Random):
         self.card, self.rng = card, rng
-        self.model = CardModel(name="hvac_basic")
+        self.model = CardModel(name=STANDARD)
         self.fmt = card.modbus.fmt
         # A little more than t3.5 from the end of one frame to the start of the next.
         self.pause_ps = 1.05 * rtu.t35_ps(self.fmt.baud)
@@ -151,7 +153,7 @@ def test_the_counters_are_those_of_the_line(config: str, line: tuple[int, str]):
     baud, form = line
     clk_hz = own_hz(config) if baud > 19200 else None
     rng = seeded(f"diagnostics at {baud} bit/s")
-    with FastCard(baud=baud, form=form, config=config, clk_hz=clk_hz, dialect="hvac_basic") as card:
+    with FastCard(baud=baud, form=form, config=config, clk_hz=clk_hz, dialect=STANDARD) as card:
         traffic = play(card, rng, FRAMES)
         print(dict(traffic.sent), dict(traffic.model.counts))
         assert len(traffic.sent) == 10, "every kind"
@@ -160,7 +162,7 @@ def test_the_counters_are_those_of_the_line(config: str, line: tuple[int, str]):
 @pytest.mark.rule("MAP-10", "WDG-1")
 def test_a_master_reads_how_often_the_watchdog_bit(config: str):
     """A clear of the counters leaves this number alone."""
-    with WatchedCard(config, dialect="hvac_basic").boot() as card:
+    with WatchedCard(config, dialect=STANDARD).boot() as card:
         for restarts in range(3):
             reply = card.request(rtu.build(OWN, bytes([8, 0, REGISTER, 0, 0])), REPLY_MS)
             assert reply.data[4] == restarts

@@ -9,6 +9,7 @@ from __future__ import annotations
 import pytest
 
 from constraints.boards import board
+from regs.dialects import DIALECTS, IMAGES
 from tb.agents import rtu
 from tb.lib.fast_card import FastCard
 from tb.model.fc_telegram import build_process
@@ -34,15 +35,15 @@ class Drive:
         return ANSWER
 
 
-DIALECTS = ("", "builtin", "hvac_basic")
-
-
 @pytest.mark.nightly
 @pytest.mark.rule("MAP-10", "SAFE-7", "TOP-2")
-@pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: dialect or "card")
+@pytest.mark.parametrize(
+    "dialect",
+    DIALECTS,
+)
 def test_all_options_work_together(dialect):
     drive = Drive()
-    with FastCard(drive=drive, dialect=f"large/all/{dialect}", parameters=PARAMETERS) as card:
+    with FastCard(drive=drive, dialect=IMAGES["large/all"].folder(dialect), parameters=PARAMETERS) as card:
         card.run(card.boot_ms)
 
         def ask(pdu: bytes) -> bytes:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import pytest
 
+from regs.dialects import STANDARD, STANDARD_DRIVE
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.agents.uart import Flaws
@@ -21,15 +22,16 @@ SILENCE = ""
 SILENT_MS = 60
 TRIP = "the drive trips"
 
+HVAC = (STANDARD, STANDARD_DRIVE)
 # Name: rule, image, drive, rows.
 SESSIONS: dict[str, tuple[str, str, str, list[tuple[str, str]]]] = {
     # MG.18.C2.02 p75, and a thread on an FC 360: in Auto coil 42 is 1. The simulated drive is in Auto, 0607h.
-    "hvac_basic: coil 42 is the first request": (
-        *("MAP-1", "hvac_basic", "hvac_basic"),
+    "HVAC Basic: coil 42 is the first request": (
+        *("MAP-1", *HVAC),
         [("01 01 00 29 00 01", "01 01 01 01")],
     ),
-    "hvac_basic: the status word is the first request": (
-        *("MAP-1", "hvac_basic", "hvac_basic"),
+    "HVAC Basic: the status word is the first request": (
+        *("MAP-1", *HVAC),
         [("01 01 00 20 00 10", "01 01 02 07 06")],
     ),
     "builtin: the status word is the first request": (
@@ -49,8 +51,8 @@ SESSIONS: dict[str, tuple[str, str, str, list[tuple[str, str]]]] = {
         *("MAP-1", "builtin", "vlt2800"),
         [("01 01 00 23 00 01", "01 01 01 00"), (TRIP, ""), ("01 01 00 23 00 01", "01 01 01 01")],
     ),
-    "hvac_basic: a master that only reads coils sees a trip": (
-        *("MAP-1", "hvac_basic", "hvac_basic"),
+    "HVAC Basic: a master that only reads coils sees a trip": (
+        *("MAP-1", *HVAC),
         [("01 01 00 23 00 01", "01 01 01 00"), (TRIP, ""), ("01 01 00 23 00 01", "01 01 01 01")],
     ),
     # A gateway that hears its own exceptions, or another slave's, sends them as requests.
@@ -58,21 +60,21 @@ SESSIONS: dict[str, tuple[str, str, str, list[tuple[str, str]]]] = {
         *("EXC", "", "vlt6000"),
         [("01 83 02", SILENCE), ("01 FF 00 00 00 01", SILENCE), ("01 03 00 02 00 01", "01 03 02 00 0F")],
     ),
-    "hvac_basic: an exception is no request": (
-        *("EXC", "hvac_basic", "hvac_basic"),
+    "HVAC Basic: an exception is no request": (
+        *("EXC", *HVAC),
         [("01 83 02", SILENCE), ("01 AB 01", SILENCE), ("01 01 00 00 00 08", "01 01 01 00")],
     ),
     "card: 2B is unknown": (
         *("EXC", "", "vlt6000"),
         [("01 2B 0E 01 00", "01 AB 43"), ("01 2B 0D 01 00", "01 AB 43")],
     ),
-    "hvac_basic: 2B with another MEI type is an unknown function": (
-        *("MAP-10", "hvac_basic", "hvac_basic"),
+    "HVAC Basic: 2B with another MEI type is an unknown function": (
+        *("MAP-10", *HVAC),
         [("01 2B 0D 01 00", "01 AB 01")],
     ),
     # An S7-1200 reads three registers of a number; documents list 1 to 10 registers below the standard types.
-    "hvac_basic: three and ten registers of a number": (
-        *("DIALECT-HVAC-BASIC", "hvac_basic", "hvac_basic"),
+    "HVAC Basic: three and ten registers of a number": (
+        *("DIALECT-HVAC-BASIC", *HVAC),
         [
             ("01 03 0B D5 00 03", "01 03 06 00 00 C3 50 00 00"),
             ("01 03 0B D5 00 0A", "01 03 14 00 00 C3 50" + " 00" * 16),

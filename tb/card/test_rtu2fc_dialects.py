@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cocotb
 import pytest
 
+from regs.dialects import STANDARD
 from tb.card.test_rtu2fc import WAIT_MS, Scenario
 from tb.lib.config import SLOW_HZ
 from tb.lib.runner import run
@@ -117,7 +118,7 @@ IN_ONE = {
         Example("a coil neither on nor off", "01 05 00 00 12 34 C0 BD", "01 85 42 C2 A1"),
         Example("parameter 4095", "01 03 9F F5 00 01 BA 2C", "01 83 40 40 C0"),
     ],
-    "hvac_basic": [
+    STANDARD: [
         Example("an access that the drive refuses", "01 03 17 C9 00 01 51 80", "01 83 04 40 F3", REFUSED_6),
         Example("no parameter starts there", "01 03 18 42 00 01 22 BE", "01 83 02 C0 F1"),
         Example("a coil neither on nor off", "01 05 00 00 12 34 C0 BD", "01 85 03 02 91"),
@@ -205,7 +206,7 @@ spoken_in_each = pytest.mark.parametrize(
     "dialect",
     [
         pytest.param("builtin", marks=pytest.mark.rule("DIALECT-BUILTIN")),
-        pytest.param("hvac_basic", marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
+        pytest.param(STANDARD, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
     ],
 )
 
