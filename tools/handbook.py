@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what programs make in the owner's handbook: the worked examples, and what masters printed.
+"""Writes what programs make in the guides: examples, what masters printed, tables of the dialects.
 
     python -m tools.handbook            writes the blocks into the pages of docs/guide/handbook
     python -m tools.handbook --check    exits 1 and names every outdated page
 
 A block stands in a page between `<!-- generated: NAME -->` and `<!-- end -->`, and each name of BLOCKS once.
-All other tables of the handbook are written by hand, and tools/test_handbook.py compares them with the card.
+It also writes the codes of the exceptions. All other tables are written by hand, and tools/test_handbook.py
+compares them with the card.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pathlib import Path
 from campaigns.masters import page as masters
 from rtl.command import run_main
 from rtl.sources import ROOT
+from tools import dialect_tables
 from tools.handbook_examples import HandbookError, example_list, worked_examples
 
 GUIDES = ROOT / "docs/guide"
@@ -29,6 +31,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "example-list": example_list,
     "examples": worked_examples,
     **masters.tables(),
+    **dialect_tables.BLOCKS,
 }
 
 
@@ -54,7 +57,7 @@ def with_blocks(text: str) -> str:
             raise HandbookError(f"no block '{name}'")
         return f"<!-- generated: {name} -->\n{NOTE}\n\n{BLOCKS[name]()}\n\n<!-- end -->"
 
-    return BLOCK.sub(fresh, text)
+    return dialect_tables.with_codes(BLOCK.sub(fresh, text))
 
 
 def pages() -> dict[Path, str]:
@@ -65,7 +68,7 @@ def pages() -> dict[Path, str]:
         raise HandbookError(
             f"block '{wrong[0]}' stands {names.count(wrong[0])} times in the pages instead of once"
         )
-    return {path: with_blocks(text) for path, text in texts.items() if BLOCK.search(text)}
+    return {path: with_blocks(text) for path, text in texts.items()}
 
 
 def main() -> int:
